@@ -1,0 +1,112 @@
+"""Everything jacokin raises on purpose.
+
+    JacokinError
+    ├── InvalidInputError (ValueError)         an argument is wrong; the message names it and its value
+    │   ├── UnknownNameError                   a name that does not exist; lists the valid ones
+    │   └── RepresentationSingularity          an analytical Jacobian does not exist at this orientation
+    ├── ModelError (ValueError)                a robot description cannot be used
+    │   └── StructureError                     the closed form does not fit this robot
+    ├── SolveError                             raised by ``IKResult.raise_for_status()``
+    ├── PhysicsError (RuntimeError)            the simulation is not usable or has diverged
+    └── MissingExtraError (ImportError)        an optional package is needed; gives the install command
+
+Not reaching a pose is a status of the result, never an exception.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+class JacokinError(Exception):
+    """Base of every error that jacokin raises on purpose."""
+
+
+class InvalidInputError(JacokinError, ValueError):
+    """An argument has the wrong shape, type or value."""
+
+
+class UnknownNameError(InvalidInputError):
+    """A name does not exist; carries the valid ones.
+
+    Attributes:
+        kind: what was looked up, for example ``"frame"``.
+        given: the name that was asked for.
+        valid: the names that exist.
+    """
+
+    def __init__(self, kind: str, given: str, valid: Iterable[str]) -> None:
+        """Build the message from the kind of thing, the name given and the valid names."""
+        self.kind = kind
+        self.given = given
+        self.valid = tuple(valid)
+        close = difflib.get_close_matches(str(given), self.valid, n=1)
+        hint = f" Did you mean {close[0]!r}?" if close else ""
+        super().__init__(f"unknown {kind} {given!r}.{hint} Valid: {', '.join(self.valid) or '(none)'}")
+
+
+class RepresentationSingularity(InvalidInputError):  # noqa: N818 - the public name says what it is
+    """The rate of an orientation representation is not a function of the joint rates here.
+
+    Attributes:
+        representation: ``"rpy"`` or ``"rotation_vector"``.
+        angle: the angle at fault [rad].
+    """
+
+    def __init__(self, representation: str, name: str, angle: float) -> None:
+        """Name the representation, the angle and its value [rad]."""
+        self.representation = representation
+        self.angle = angle
+        super().__init__(
+            f"the {representation} Jacobian does not exist here: {name} = {angle:.17g} rad is a singularity of "
+            f"the representation. Use the geometric Jacobian or representation='quaternion'."
+        )
+
+
+class ModelError(JacokinError, ValueError):
+    """A robot description is missing, malformed, or not usable as an arm."""
+
+
+class StructureError(ModelError):
+    """The closed form needs axes that meet or are parallel, and this robot's are not.
+
+    Attributes:
+        axes: the pair of joint names at fault.
+        misfit: how far off the pair is.
+        unit: unit of the misfit, ``"m"`` or ``"rad"``.
+    """
+
+    def __init__(self, message: str, axes: tuple[str, str] = ("", ""), misfit: float = 0.0, unit: str = "m") -> None:
+        """Keep the pair of axes and its misfit beside the message."""
+        self.axes = axes
+        self.misfit = misfit
+        self.unit = unit
+        super().__init__(message)
+
+
+class SolveError(JacokinError):
+    """A pose was not reached and the caller asked for an exception; carries the result.
+
+    Attributes:
+        result: the ``IKResult`` that was not a success.
+    """
+
+    def __init__(self, message: str, result: object) -> None:
+        """Keep the result beside the message."""
+        self.result = result
+        super().__init__(message)
+
+
+class PhysicsError(JacokinError, RuntimeError):
+    """The simulation is not usable: diverged, not compiled, or changed behind its back."""
+
+
+class MissingExtraError(JacokinError, ImportError):
+    """An optional package is not installed; the message is the command that installs it."""
+
+    def __init__(self, package: str, extra: str) -> None:
+        """Name the package and the extra of jacokin that brings it."""
+        self.package = package
+        self.extra = extra
+        super().__init__(f"{package} is needed for this. Install it with: pip install 'jacokin[{extra}]'")
