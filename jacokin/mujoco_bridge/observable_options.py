@@ -1,0 +1,99 @@
+"""The options of an observable: their types, and the checks of their values."""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any, TypedDict
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from jacokin.errors import InvalidInputError, UnknownNameError
+
+RandomState = np.random.RandomState | np.random.Generator | None
+Steps = int | Callable[..., int]  # physics steps, or a callable of random_state= that draws them
+Aggregator = Callable[[NDArray[Any]], ArrayLike]  # (buffer_size, ...) -> one observation
+Corruptor = Callable[..., ArrayLike]  # corruptor(value, random_state=...) -> value
+
+AGGREGATORS: Mapping[str, Aggregator] = {
+    "min": partial(np.min, axis=0),
+    "max": partial(np.max, axis=0),
+    "mean": partial(np.mean, axis=0),
+    "median": partial(np.median, axis=0),
+    "sum": partial(np.sum, axis=0),
+}
+
+
+class UnknownObservableError(UnknownNameError, KeyError):
+    """No observable, option or aggregator has this name; also a ``KeyError``."""
+
+    __str__ = Exception.__str__  # KeyError would print the message in quotes
+
+
+class Options(TypedDict, total=False):
+    """The options every observable has; see ``observable.Observable``."""
+
+    update_interval: Steps
+    buffer_size: int | None
+    delay: Steps | None
+    aggregator: str | Aggregator | None
+    corruptor: Corruptor | None
+    enabled: bool
+
+
+class CameraOptions(Options, total=False):
+    """The options of a camera observable; see ``cameras.MJCFCamera``."""
+
+    height: int
+    width: int
+
+
+def whole_number(name: str, value: Any, lowest: int) -> int:
+    """Return value as an int of at least ``lowest``, or raise ``InvalidInputError``."""
+    try:
+        number = operator.index(value)
+    except TypeError:
+        number = lowest - 1
+    if isinstance(value, bool) or number < lowest:
+        raise InvalidInputError(f"{name} must be a whole number of at least {lowest}, got {value!r}")
+    return number
+
+
+def _check_steps(name: str, value: Any, lowest: int) -> Steps:
+    return value if callable(value) else whole_number(name, value, lowest)
+
+
+def _check_aggregator(name: str, value: Any) -> str | Aggregator | None:
+    if isinstance(value, str) and value not in AGGREGATORS:
+        raise UnknownObservableError(name, value, AGGREGATORS)
+    return value if isinstance(value, str) else _check_callable(name, value)
+
+
+def _check_callable(name: str, value: Any) -> Any:
+    if value is not None and not callable(value):
+        raise InvalidInputError(f"{name} must be None or callable, got {value!r}")
+    return value
+
+
+def _check_flag(name: str, value: Any) -> bool:
+    if not isinstance(value, bool | np.bool_):
+        raise InvalidInputError(f"{name} must be True or False, got {value!r}")
+    return bool(value)
+
+
+# What each option's value passes through when it is set: check(name, value) -> value.
+CHECKS: Mapping[str, Callable[[str, Any], Any]] = {
+    "update_interval": lambda name, value: _check_steps(name, value, 1),
+    "buffer_size": lambda name, value: None if value is None else whole_number(name, value, 1),
+    "delay": lambda name, value: None if value is None else _check_steps(name, value, 0),
+    "aggregator": _check_aggregator,
+    "corruptor": _check_callable,
+    "enabled": _check_flag,
+}
+CAMERA_CHECKS: Mapping[str, Callable[[str, Any], Any]] = {
+    **CHECKS,
+    "height": lambda name, value: whole_number(name, value, 1),
+    "width": lambda name, value: whole_number(name, value, 1),
+}

@@ -1,0 +1,106 @@
+"""Which observables are on, and with which options, by category.
+
+The categories are ``proprio`` (joint positions and velocities, pose of the hand), ``ftt`` (force,
+torque and touch), ``prop_pose`` (poses and velocities of free props) and ``camera``.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from jacokin.mujoco_bridge.observable_options import Aggregator, Corruptor, RandomState, Steps
+
+
+class ObservableSpec(NamedTuple):
+    """Options of an observable; see ``observable.Observable``."""
+
+    enabled: bool
+    update_interval: Steps  # [physics steps]
+    buffer_size: int | None
+    delay: Steps | None  # [physics steps]
+    aggregator: str | Aggregator | None
+    corruptor: Corruptor | None
+
+
+class CameraObservableSpec(NamedTuple):
+    """Options of a camera observable; see ``cameras.MJCFCamera``."""
+
+    height: int  # [pixels]
+    width: int  # [pixels]
+    enabled: bool
+    update_interval: Steps  # [physics steps]
+    buffer_size: int | None
+    delay: Steps | None  # [physics steps]
+    aggregator: str | Aggregator | None
+    corruptor: Corruptor | None
+
+
+class ObservationSettings(NamedTuple):
+    """The options of each category of observables."""
+
+    proprio: ObservableSpec
+    ftt: ObservableSpec
+    prop_pose: ObservableSpec
+    camera: CameraObservableSpec
+
+
+class ObservableNames(NamedTuple):
+    """The names of an entity's observables, by category."""
+
+    proprio: tuple[str, ...] = ()
+    ftt: tuple[str, ...] = ()
+    prop_pose: tuple[str, ...] = ()
+    camera: tuple[str, ...] = ()
+
+
+def symmetric_log(value: ArrayLike, random_state: RandomState = None) -> NDArray[np.float64]:
+    """Return sign(x) log(1 + abs(x)): forces and torques of any size on one scale.
+
+    Args:
+        value: readings of any shape.
+        random_state: not used; a corruptor takes it.
+    """
+    x = np.asarray(value, dtype=np.float64)
+    return np.asarray(np.copysign(np.log1p(np.abs(x)), x))
+
+
+_FEATURE = ObservableSpec(
+    enabled=True, update_interval=1, buffer_size=1, delay=0, aggregator=None, corruptor=None
+)
+_FORCE = _FEATURE._replace(corruptor=symmetric_log)
+_CAMERA = CameraObservableSpec(height=84, width=84, **_FEATURE._asdict())
+
+PERFECT_FEATURES = ObservationSettings(
+    proprio=_FEATURE, ftt=_FORCE, prop_pose=_FEATURE, camera=_CAMERA._replace(enabled=False)
+)
+"""Everything measured, no camera."""
+
+VISION = ObservationSettings(
+    proprio=_FEATURE, ftt=_FORCE, prop_pose=_FEATURE._replace(enabled=False), camera=_CAMERA
+)
+"""Cameras instead of the props' poses."""
+
+JACO_ARM_OBSERVABLES = ObservableNames(proprio=("joints_pos", "joints_vel"), ftt=("joints_torque",))
+JACO_HAND_OBSERVABLES = ObservableNames(
+    proprio=("joints_pos", "joints_vel", "pinch_site_pos", "pinch_site_rmat")
+)
+FREEPROP_OBSERVABLES = ObservableNames(
+    prop_pose=("position", "orientation", "linear_velocity", "angular_velocity")
+)
+
+
+def make_options(obs_settings: ObservationSettings, obs_names: ObservableNames) -> dict[str, dict[str, Any]]:
+    """Return ``{observable: {option: value}}``, as ``Observables.set_options`` takes it.
+
+    Args:
+        obs_settings: the options of each category.
+        obs_names: the names of the observables in each category.
+    """
+    return {
+        name: spec._asdict()
+        for category, spec in obs_settings._asdict().items()
+        for name in getattr(obs_names, category)
+    }
