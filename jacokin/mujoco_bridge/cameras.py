@@ -16,8 +16,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from jacokin.errors import InvalidInputError, PhysicsError, UnknownNameError
-from jacokin.mujoco_bridge.observable import Observable
+from jacokin.errors import InvalidInputError, PhysicsError
+from jacokin.mujoco_bridge.observable import Bound, Observable
 from jacokin.mujoco_bridge.observable_options import CAMERA_CHECKS, Options
 from jacokin.mujoco_bridge.observations import ObservationSettings
 
@@ -77,36 +77,19 @@ class MJCFCamera(Observable):
         """
         if not isinstance(camera, mujoco.MjsCamera):
             raise InvalidInputError(f"camera must be a camera element of an MjSpec, got {camera!r}")
-        super().__init__(lambda physics: render(physics, camera.name, self.height, self.width), **options)
+        self._camera = Bound(camera)
+        super().__init__(self._picture, **options)
         self.height = height
         self.width = width
 
-
-def render(physics: Physics, camera: str, height: int = 240, width: int = 320) -> NDArray[np.uint8]:
-    """Return the picture that a camera takes of the present state.
-
-    Args:
-        physics: the simulation, which is not changed.
-        camera: full name of the camera.
-        height: rows of the picture [pixels].
-        width: columns of the picture [pixels].
-
-    Returns:
-        The picture, (height, width, 3), RGB.
-
-    Raises:
-        UnknownNameError: the model has no such camera; lists the cameras.
-        InvalidInputError: the picture is larger than the model's offscreen buffer.
-        PhysicsError: there is no OpenGL context to render with.
-    """
-    model = physics.model
-    names = [model.camera(i).name for i in range(model.ncam)]
-    if camera not in names:
-        raise UnknownNameError("camera", camera, names)
-    renderer = _renderer(physics, height, width)
-    renderer.update_scene(physics.data, camera=names.index(camera))
-    picture: NDArray[np.uint8] = renderer.render()
-    return picture
+    def _picture(self, physics: Physics) -> NDArray[np.uint8]:
+        """Return the picture of the present state; raises what `_new_renderer` raises."""
+        camera = self._camera(physics)
+        renderer = _renderer(physics, self.height, self.width)
+        _ = camera.xpos  # runs a forward pass if one is due
+        renderer.update_scene(physics.data, camera=camera.element_id)
+        picture: NDArray[np.uint8] = renderer.render()
+        return picture
 
 
 def add_camera_observables(
@@ -115,29 +98,31 @@ def add_camera_observables(
     """Add cameras to an entity before it is compiled, and observables of their pictures.
 
     Args:
-        entity: usually the arena; the cameras are fixed to its world body.
+        entity: usually the arena; the cameras are fixed in its frame.
         obs_settings: its ``camera`` category holds the options of the observables.
         camera_specs: the cameras to add.
 
     Returns:
-        The observables by camera name. They are not among ``entity.observables``.
+        The observables by name of the camera specs. They are not among ``entity.observables``.
 
     Raises:
-        InvalidInputError: something else than a CameraSpec was given, a camera name is taken, or an
-            option has a wrong value; no camera is added then.
+        InvalidInputError: an argument has the wrong type, a camera name is taken, or an option has a
+            wrong value; no camera is added then.
     """
-    spec = entity.mjcf_model
-    taken = {camera.name for camera in spec.cameras}
+    if not isinstance(obs_settings, ObservationSettings):
+        raise InvalidInputError(f"obs_settings must be ObservationSettings, got {obs_settings!r}")
+    options = MJCFCamera.check_options(obs_settings.camera._asdict())
+    taken = {camera.name for camera in entity.root.mjcf_model.cameras}
     for camera_spec in camera_specs:
         if not isinstance(camera_spec, CameraSpec):
             raise InvalidInputError(f"camera_specs must be CameraSpec, got {camera_spec!r}")
-        if camera_spec.name in taken:
-            raise InvalidInputError(f"a camera named {camera_spec.name!r} is there already")
-        taken.add(camera_spec.name)
-    options = obs_settings.camera._asdict()
+        full_name = entity.prefix + camera_spec.name
+        if full_name in taken:
+            raise InvalidInputError(f"a camera named {full_name!r} is there already")
+        taken.add(full_name)
     found: dict[str, MJCFCamera] = {}
     for name, pos, xyaxes in camera_specs:
-        camera = spec.worldbody.add_camera(name=name, pos=pos)
+        camera = entity.root_body.add_camera(name=entity.prefix + name, pos=pos)
         camera.alt.type = mujoco.mjtOrientation.mjORIENTATION_XYAXES
         camera.alt.xyaxes = xyaxes
         found[name] = MJCFCamera(camera, **options)

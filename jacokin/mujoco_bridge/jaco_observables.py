@@ -46,8 +46,8 @@ class JacoArmObservables(JointsObservables):
         joints = Bound(self._entity.joints)
 
         def read(physics: Physics) -> NDArray[np.float64]:
-            torques = sensors(physics).sensordata.reshape(-1, 3)
-            return np.einsum("ij,ij->i", torques, joints(physics).axis)
+            torques: NDArray[np.float64] = np.vecdot(sensors(physics).sensordata, joints(physics).axis)
+            return torques
 
         return Observable(read)
 

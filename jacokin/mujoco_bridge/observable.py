@@ -8,7 +8,6 @@ the methods marked ``@observable`` of its ``Observables`` subclass.
 
 from __future__ import annotations
 
-import weakref
 from collections.abc import Callable, Mapping
 from functools import cached_property
 from inspect import getattr_static
@@ -102,12 +101,18 @@ class Observable:
         corruptor = self.corruptor
         return value if corruptor is None else np.array(corruptor(value, random_state=random_state))
 
-    def check_options(self, options: Mapping[str, Any]) -> dict[str, Any]:
+    @property
+    def options(self) -> dict[str, Any]:
+        """The present options, as ``configure`` takes them."""
+        return {name: getattr(self, name) for name in self.checks}
+
+    @classmethod
+    def check_options(cls, options: Mapping[str, Any]) -> dict[str, Any]:
         """Return the checked values, or raise what ``configure`` would, changing nothing."""
         for name in options:
-            if name not in self.checks:
-                raise UnknownObservableError("option", name, self.checks)
-        return {name: self.checks[name](name, value) for name, value in options.items()}
+            if name not in cls.checks:
+                raise UnknownObservableError("option", name, cls.checks)
+        return {name: cls.checks[name](name, value) for name, value in options.items()}
 
     def configure(self, **options: Any) -> None:
         """Set several options; on an error none is set.
@@ -121,19 +126,20 @@ class Observable:
 
 
 class Bound:
-    """Elements of a model, looked up once in each physics they are read from."""
+    """Elements of a model, looked up once in the physics they are read from."""
 
     def __init__(self, elements: Any) -> None:
         """Keep one element or a sequence of elements of one kind."""
         self._elements = elements
-        self._bindings: weakref.WeakKeyDictionary[Physics, Binding] = weakref.WeakKeyDictionary()
+        self._physics: Physics | None = None
+        self._binding: Binding
 
     def __call__(self, physics: Physics) -> Binding:
         """Return the binding of the elements in this physics."""
-        binding = self._bindings.get(physics)
-        if binding is None:
-            binding = self._bindings[physics] = physics.bind(self._elements)
-        return binding
+        if physics is not self._physics:
+            self._binding = physics.bind(self._elements)
+            self._physics = physics
+        return self._binding
 
 
 class MJCFFeature(Observable):
@@ -177,7 +183,7 @@ class Observables:
 
     def __init__(self, entity: Entity) -> None:
         """Make the observables that the class declares; all start disabled."""
-        self._entity = entity
+        self._entity: Any = entity  # each subclass knows what its entity has
         self._observables: dict[str, Observable] = {}
         for name in sorted(dir(type(self))):
             if isinstance(getattr_static(type(self), name), ObservableProperty):
@@ -262,6 +268,5 @@ def observables_of(root: Entity) -> dict[str, Observable]:
     """Return the observables of an entity and of all entities attached to it, by full name, sorted."""
     found: dict[str, Observable] = {}
     for entity in root.iter_entities():
-        if entity.observables is not None:
-            found.update(entity.observables.as_dict())
+        found.update(entity.observables.as_dict())
     return dict(sorted(found.items()))

@@ -1,0 +1,1 @@
+"""The command line: it parses and prints, and leaves every computation to the packages below it."""

@@ -1,0 +1,142 @@
+"""What solving gives back: statuses that say what to try, and frozen results with the measured errors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jacokin.errors import SolveError
+
+Array = NDArray[np.float64]
+
+
+class Status(Enum):
+    """Outcome of a solve; the value is a sentence that says what to try."""
+
+    OK = "the pose is reached within the tolerances and every joint is inside its limits"
+    UNREACHABLE = (
+        "no joint angles reach this pose, with or without limits: move the target closer to the arm, "
+        "or free its orientation by giving a position only"
+    )
+    OUTSIDE_LIMITS = (
+        "the pose can only be reached by breaking a joint limit: turn or shift the target, "
+        "or load the robot with wider limits if yours allows it"
+    )
+    IN_COLLISION = (
+        "the pose is reached only with the arm touching itself: turn or shift the target, "
+        "or use collision='report' to get the configuration anyway"
+    )
+    NO_CONVERGENCE = (
+        "no start of the local search reached the pose, which proves nothing: allow more restarts, "
+        "give a seed near the answer, or loosen the tolerances"
+    )
+    SOLVER_ERROR = "the QP solver failed: try another qp_solver"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class IKResult:
+    """One answer, measured with Pinocchio after the solve. Arrays are read-only."""
+
+    q: Array
+    """(dof,) joint angles [rad]; on anything but OK the closest legal configuration found."""
+    status: Status
+    """What happened; `status.value` says what to try."""
+    position_error: float
+    """Distance between target and tool position [m]."""
+    orientation_error: float
+    """Angle between target and tool orientation [rad]; 0 for position-only targets."""
+    method: str
+    """"closed_form" or "qp": what produced `q`."""
+    qp_solver: str | None
+    """QP back end that ran, with a fallback named; None when none ran."""
+    iterations: int
+    """QP iterations over all starts; 0 when none ran."""
+    restarts: int
+    """Starts after the first one."""
+    message: str
+    """What happened in this solve, with numbers."""
+    touching: tuple[tuple[str, str], ...] = ()
+    """Pairs of shapes that touch at `q`; filled when the solver looks for self-contact."""
+
+    @property
+    def success(self) -> bool:
+        """True when the status is OK."""
+        return self.status is Status.OK
+
+    def raise_for_status(self) -> Self:
+        """Return self when solved.
+
+        Raises:
+            SolveError: not solved; carries this result.
+        """
+        if self.status is not Status.OK:
+            raise SolveError(f"{self.status.name}: {self.message}. {self.status.value}", self)
+        return self
+
+    def __str__(self) -> str:
+        """The result on two lines."""
+        angles = ", ".join(f"{angle:.6f}" for angle in self.q)
+        return (
+            f"{self.status.name} by {self.method}: q = [{angles}] rad\n"
+            f"position error {self.position_error:.3g} m, orientation error {self.orientation_error:.3g} rad. "
+            f"{self.message}"
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Branches:
+    """Every configuration that reaches a pose, nearest to the seed first. Arrays are read-only."""
+
+    q: Array
+    """(k, dof) joint angles [rad]; free joints in the copy nearest to the seed."""
+    within_limits: NDArray[np.bool_]
+    """(k,) True where every joint is inside its limits, exactly."""
+    margin: Array
+    """(k, dof) distance to the nearer limit [rad]; negative outside, inf on free joints."""
+    distance: Array
+    """(k,) distance to the seed [rad], Euclidean, circular on free joints."""
+    position_error: Array
+    """(k,) measured by forward kinematics [m]."""
+    orientation_error: Array
+    """(k,) measured by forward kinematics [rad]."""
+    complete: bool
+    """False when a one-parameter family of solutions is represented by members."""
+    touching: tuple[tuple[tuple[str, str], ...], ...] | None = None
+    """Pairs of shapes that touch at each branch; None when the solver does not look."""
+
+    def __len__(self) -> int:
+        """Number of branches."""
+        return len(self.q)
+
+    @property
+    def legal(self) -> Array:
+        """(m, dof) the branches inside the limits."""
+        return self.q[self.within_limits]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BatchResult:
+    """Answers to many targets as arrays; row i answers target i. Arrays are read-only."""
+
+    q: Array
+    """(n, dof) joint angles [rad]."""
+    status: tuple[Status, ...]
+    """(n,) outcomes."""
+    success: NDArray[np.bool_]
+    """(n,) True where the status is OK."""
+    position_error: Array
+    """(n,) [m]."""
+    orientation_error: Array
+    """(n,) [rad]."""
+    method: tuple[str, ...]
+    """(n,) "closed_form" or "qp"."""
+    message: tuple[str, ...]
+    """(n,) what happened."""
+
+    def __len__(self) -> int:
+        """Number of targets."""
+        return len(self.q)

@@ -1,0 +1,187 @@
+"""From a whole robot to the arm: one angle per joint, everything off the chain held still.
+
+The chain runs from a base frame to a tip frame. Joints off it (fingers, other arms, free objects) are frozen at a
+reference configuration and their bodies join the link they hang on. Pinocchio's (cos, sin) packing of continuous
+joints ends here: every revolute joint of the result has exactly one coordinate.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from jacokin.errors import ModelError, UnknownNameError
+
+FRAME_TYPES = (pin.FrameType.BODY, pin.FrameType.OP_FRAME)
+END_EFFECTOR = "end_effector"
+
+_PLAIN_AXIS = {"X": pin.JointModelRX, "Y": pin.JointModelRY, "Z": pin.JointModelRZ}
+
+
+def frame_names(model: pin.Model) -> dict[str, int]:
+    """Names of links, bodies and sites with their frame ids; the first of two equal names wins."""
+    names: dict[str, int] = {}
+    for index, frame in enumerate(model.frames):
+        if frame.type in FRAME_TYPES and index > 0:
+            names.setdefault(frame.name, index)
+    return names
+
+
+def frame_id(model: pin.Model, name: str) -> int:
+    """Id of a link, body or site.
+
+    Raises:
+        UnknownNameError: there is no such frame; lists the ones there are.
+    """
+    names = frame_names(model)
+    if name not in names:
+        raise UnknownNameError("frame", name, names)
+    return names[name]
+
+
+def path_to_root(model: pin.Model, joint: int) -> list[int]:
+    """Joint ids from `joint` up to, but without, the universe."""
+    path = []
+    while joint > 0:
+        path.append(joint)
+        joint = model.parents[joint]
+    return path
+
+
+def arm_tip_joint(model: pin.Model, base_joint: int) -> int:
+    """The last joint before the tree branches, walking out from the base: where the arm ends and fingers begin.
+
+    Raises:
+        ModelError: nothing moves, or several chains start at the base.
+    """
+    children: dict[int, list[int]] = {}
+    for joint in range(1, model.njoints):
+        children.setdefault(model.parents[joint], []).append(joint)
+    # Free objects in the scene hang on the base too, and are not arms.
+    start = children.get(base_joint, [])
+    start = [joint for joint in start if model.joints[joint].nv == 1] or start
+    if len(start) != 1:
+        names = [model.names[j] for j in start]
+        raise ModelError(
+            f"{'several chains start' if start else 'no joint starts'} at the base ({', '.join(names) or 'none'}); "
+            "say which frame ends the arm with tip=..., and which begins it with base=..."
+        )
+    joint = start[0]
+    while len(children.get(joint, [])) == 1:
+        joint = children[joint][0]
+    return joint
+
+
+def default_frame(model: pin.Model, tip: str | None) -> str:
+    """The frame solved when none is named: `tip`, else an end effector, else the last frame of the last link."""
+    if tip is not None:
+        return tip
+    last = model.njoints - 1
+    names = [model.frames[i].name for i in frame_names(model).values() if model.frames[i].parentJoint == last]
+    for name in names:
+        if name == END_EFFECTOR:
+            return str(name)
+    for name in names:
+        if name.endswith(END_EFFECTOR):
+            return str(name)
+    if not names:
+        raise ModelError("the last link of the arm has no named frame; name it, or give tip=...")
+    return str(names[0])
+
+
+def _one_coordinate_joint(joint: pin.JointModel) -> tuple[object, bool]:
+    """The joint with one plain coordinate, and whether it was a continuous one."""
+    kind = joint.shortname()
+    if kind.startswith("JointModelRUB") and kind[-1] in _PLAIN_AXIS:
+        return _PLAIN_AXIS[kind[-1]](), True
+    if kind == "JointModelRevoluteUnboundedUnaligned":
+        return pin.JointModelRevoluteUnaligned(np.array(joint.extract().axis)), True
+    return joint.extract(), False
+
+
+def extract(
+    full: pin.Model, q_reference: NDArray[np.float64], base: str | None, tip: str | None, name: str
+) -> pin.Model:
+    """The arm between two frames of a model, as a fresh model with nq == nv == number of joints.
+
+    Args:
+        full: the whole robot.
+        q_reference: (full.nq,) configuration at which everything off the chain is frozen.
+        base: frame the result is expressed in; None for the world of the model.
+        tip: frame at the end of the chain; None to end where the tree branches.
+        name: name of the result.
+
+    Returns:
+        A model whose universe is `base`; frames of the frozen parts are kept, rigidly attached.
+
+    Raises:
+        UnknownNameError: no such base or tip.
+        ModelError: the chain does not exist or contains a joint with more than one degree of freedom.
+    """
+    data = full.createData()
+    pin.forwardKinematics(full, data, q_reference)
+    base_frame = full.frames[frame_id(full, base)] if base is not None else full.frames[0]
+    T_world_base = data.oMi[base_frame.parentJoint] * base_frame.placement
+    if tip is not None:
+        tip_joint = full.frames[frame_id(full, tip)].parentJoint
+    else:
+        tip_joint = arm_tip_joint(full, base_frame.parentJoint)
+    upwards = path_to_root(full, tip_joint)
+    above_base = set(path_to_root(full, base_frame.parentJoint))
+    if not above_base <= set(upwards):
+        raise ModelError(f"tip {tip!r} does not descend from base {base!r}: no chain joins them")
+    chain = {joint for joint in upwards if joint not in above_base}
+    if not chain:
+        raise ModelError(f"no joint moves between base {base!r} and tip {tip!r}")
+
+    arm = pin.Model()
+    arm.name = name
+    arm.gravity.linear = T_world_base.rotation.T @ full.gravity.linear
+    # Where each joint of the full model ended up: the joint of the arm that carries it, and its placement there.
+    home_of: dict[int, tuple[int, pin.SE3]] = {
+        0: (0, T_world_base.inverse() if base is not None else pin.SE3.Identity())
+    }
+    dynamics: list[tuple[float, float, float]] = []
+    for index in range(1, full.njoints):
+        carrier, T_carrier_parent = home_of[full.parents[index]]
+        if index not in chain:
+            home_of[index] = (carrier, T_carrier_parent * data.liMi[index])
+            if index in above_base:
+                home_of[index] = (0, T_world_base.inverse() * data.oMi[index])
+            continue
+        joint = full.joints[index]
+        if joint.nv != 1:
+            raise ModelError(
+                f"joint {full.names[index]!r} in the chain has {joint.nv} degrees of freedom; "
+                "an arm needs hinge (or slide) joints"
+            )
+        plain, continuous = _one_coordinate_joint(joint)
+        lower, upper = (
+            (-np.inf, np.inf)
+            if continuous
+            else (full.lowerPositionLimit[joint.idx_q], full.upperPositionLimit[joint.idx_q])
+        )
+        at = slice(joint.idx_v, joint.idx_v + 1)
+        new = arm.addJoint(
+            carrier,
+            plain,
+            T_carrier_parent * full.jointPlacements[index],
+            full.names[index],
+            full.effortLimit[at],
+            full.velocityLimit[at],
+            np.array([lower]),
+            np.array([upper]),
+        )
+        home_of[index] = (new, pin.SE3.Identity())
+        dynamics.append((full.armature[at][0], full.damping[at][0], full.upperDryFrictionLimit[at][0]))
+    for index in range(full.njoints):
+        carrier, T_carrier_joint = home_of[index]
+        arm.appendBodyToJoint(carrier, full.inertias[index], T_carrier_joint)
+    for frame in list(full.frames)[1:]:
+        carrier, T_carrier_joint = home_of[frame.parentJoint]
+        arm.addFrame(pin.Frame(frame.name, carrier, 0, T_carrier_joint * frame.placement, frame.type), False)
+    armature, damping, friction = np.array(dynamics).T
+    arm.armature, arm.damping = armature, damping
+    arm.upperDryFrictionLimit, arm.lowerDryFrictionLimit = friction, -friction
+    return arm

@@ -1,0 +1,57 @@
+"""Checks of numeric arguments, used once at the public border."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from jacokin.errors import InvalidInputError
+
+Vector = NDArray[np.float64]
+
+
+def vector(name: str, value: ArrayLike, size: int, unit: str) -> Vector:
+    """Return `value` as a finite float64 vector of the given size, or refuse it by name.
+
+    Raises:
+        InvalidInputError: wrong shape, not numbers, or not finite.
+    """
+    try:
+        array = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InvalidInputError(f"{name} must be {size} numbers [{unit}], got {value!r}") from error
+    if array.shape != (size,):
+        raise InvalidInputError(f"{name} must have shape ({size},) [{unit}], got shape {array.shape}")
+    # One dot product is the cheapest test; only a suspicious one is looked at again.
+    if not math.isfinite(array.dot(array)) and not np.isfinite(array).all():
+        raise InvalidInputError(f"{name} must be finite, got {array.tolist()}")
+    return array
+
+
+def matrix(name: str, value: ArrayLike, columns: int, unit: str) -> Vector:
+    """Return `value` as a finite float64 array of shape (n, columns) with n >= 1, or refuse it by name.
+
+    Raises:
+        InvalidInputError: wrong shape, empty, not numbers, or not finite (the first bad row is named).
+    """
+    try:
+        array = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InvalidInputError(f"{name} must be rows of {columns} numbers [{unit}]") from error
+    if array.ndim != 2 or array.shape[1] != columns:
+        raise InvalidInputError(f"{name} must have shape (n, {columns}) [{unit}], got shape {array.shape}")
+    if array.shape[0] == 0:
+        raise InvalidInputError(f"{name} is empty")
+    finite = np.isfinite(array).all(axis=1)
+    if not finite.all():
+        raise InvalidInputError(f"{name} must be finite; row {int(np.argmin(finite))} is not")
+    return array
+
+
+def read_only(array: ArrayLike) -> Vector:
+    """A private float64 copy that cannot be written to."""
+    copy = np.array(array, dtype=np.float64)
+    copy.setflags(write=False)
+    return copy

@@ -1,0 +1,58 @@
+"""Does the arm touch itself? Asked of MuJoCo, on the collision shapes of the description."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from jacokin.model.robot import Robot
+
+
+class SelfContact:
+    """Self-contact of one robot; owns its working memory, so use one per thread.
+
+    Attributes:
+        pairs: how many pairs of shapes are tested.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        """Build the shapes of the robot in MuJoCo.
+
+        Raises:
+            ModelError: the description's shapes cannot be loaded.
+        """
+        import mujoco
+
+        from jacokin.model import mujoco_export
+
+        self._mujoco = mujoco
+        self._model = mujoco_export.to_mujoco(robot, geometry=True)
+        self._data = mujoco.MjData(self._model)
+        self.pairs = int(self._model.npair)
+
+    @classmethod
+    def of(cls, robot: Robot) -> SelfContact | None:
+        """A checker, or None when the description has no shapes to check."""
+        from jacokin.errors import ModelError
+
+        try:
+            checker = cls(robot)
+        except ModelError:
+            return None
+        return checker if checker.pairs else None
+
+    def touching(self, q: NDArray[np.float64]) -> list[tuple[str, str]]:
+        """Names of the shapes that touch at `q` (dof,) [rad]; empty when none do."""
+        self._data.qpos[:] = q
+        self._mujoco.mj_kinematics(self._model, self._data)
+        self._mujoco.mj_collision(self._model, self._data)
+        contact = self._data.contact
+        touching = [
+            (self._model.geom(int(a)).name, self._model.geom(int(b)).name)
+            for (a, b), distance in zip(contact.geom, contact.dist, strict=True)
+            if distance <= 0.0
+        ]
+        return sorted(set(touching))

@@ -1,0 +1,138 @@
+"""`load_robot`: a bundled name, a URDF or an MJCF becomes a `Robot`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from jacokin.errors import InvalidInputError, ModelError, UnknownNameError
+from jacokin.model import bundled, chain, table, urdf
+from jacokin.model.robot import Robot, Source
+
+FINGER_ANGLE = 0.15  # [rad] fully open: the fingers' lower limit
+BASE_OF_BUNDLED = "link_base"
+TIP_OF_BUNDLED = "end_effector"
+
+
+def load_robot(
+    robot: str | Path = bundled.DEFAULT_ROBOT,
+    *,
+    base: str | None = None,
+    tip: str | None = None,
+    finger_angle: float | None = None,
+    limits: Mapping[str, tuple[float, float]] | None = None,
+) -> Robot:
+    """Load an arm by name or from a file.
+
+    Args:
+        robot: a bundled name ("j2n6s300", "j2n6s200", "j2s6s300", "j2s6s200", "m1n6s300", "m1n6s200"), or the path
+            of a .urdf or .xml (MJCF) file.
+        base: frame in which poses are expressed. None: the root link of a URDF, the world of an MJCF.
+        tip: frame at the end of the arm, and its default frame. None: the arm ends where the tree branches (into
+            fingers), and its default frame is the end effector there.
+        finger_angle: angle at which joints off the arm are locked [rad]. None: 0.15 for bundled robots, the reference
+            position clipped into the limits for a user's file.
+        limits: a user's own limits (lower, upper) [rad] by joint name, in place of those of the file.
+
+    Returns:
+        The robot; nq == nv == dof in `robot.pin_model`.
+
+    Raises:
+        UnknownNameError: no such bundled robot, frame or joint.
+        InvalidInputError: limits or finger angle malformed.
+        ModelError: the file is missing, malformed, or holds no such arm.
+    """
+    path, name = _resolve(robot)
+    if path.suffix == ".urdf":
+        full = urdf.parse(path.read_text(encoding="utf-8"), str(path)) if name else urdf.read(path)
+        reference, kind = pin.neutral(full), "urdf"
+        base_name = base or _root_link(full)
+    else:
+        from jacokin.model import mjcf
+
+        compiled = mjcf.compile_mjcf(path)
+        full = mjcf.to_pinocchio(compiled, path.stem)
+        reference, kind = mjcf.reference_configuration(compiled, full), "mjcf"
+        base_name = base or mjcf.WORLD
+    if name:
+        tip = tip or TIP_OF_BUNDLED
+        finger_angle = FINGER_ANGLE if finger_angle is None else finger_angle
+    locked = _locked_reference(full, reference, finger_angle)
+    model = chain.extract(full, locked, base, tip, name or full.name or path.stem)
+    if limits is not None:
+        _override_limits(model, limits)
+    _check_limits(model)
+    source = Source(path=path, kind=kind, bundled=name, base=base, tip=tip)
+    home = table.variant(name)["home"] if name else None
+    return Robot(model, base=base_name, tip=tip, source=source, finger_angle=finger_angle, home=home)
+
+
+def _resolve(robot: str | Path) -> tuple[Path, str | None]:
+    """Path of the description, and the bundled name if it is one."""
+    if not isinstance(robot, str | Path):
+        raise InvalidInputError(f"robot must be a bundled name or a path, got {type(robot).__name__}")
+    text = str(robot)
+    if text in bundled.NAMES:
+        return bundled.urdf_folder() / f"{text}.urdf", text
+    path = Path(robot)
+    if path.suffix not in (".urdf", ".xml", ".mjcf"):
+        if path.is_file():
+            raise ModelError(f"{path}: unknown file type {path.suffix!r}; valid: .urdf, .xml (MJCF)")
+        raise UnknownNameError("robot", text, [*bundled.NAMES, "or a path to a .urdf or .xml file"])
+    if not path.is_file():
+        raise ModelError(f"{path}: no such file")
+    return path, None
+
+
+def _root_link(full: pin.Model) -> str:
+    """Name of the first link that does not move."""
+    for index, frame in enumerate(full.frames):
+        if index and frame.type == pin.FrameType.BODY and frame.parentJoint == 0:
+            return str(frame.name)
+    return str(full.frames[0].name)
+
+
+def _locked_reference(
+    full: pin.Model, reference: NDArray[np.float64], finger_angle: float | None
+) -> NDArray[np.float64]:
+    """Configuration at which joints off the arm are frozen; the arm's own entries do not matter."""
+    if finger_angle is not None and not math.isfinite(finger_angle):
+        raise InvalidInputError(f"finger_angle must be finite [rad], got {finger_angle!r}")
+    q = np.array(reference, dtype=np.float64)
+    for index in range(1, full.njoints):
+        joint = full.joints[index]
+        if joint.nq != 1:
+            continue
+        at = joint.idx_q
+        wanted = q[at] if finger_angle is None else finger_angle
+        q[at] = min(max(wanted, full.lowerPositionLimit[at]), full.upperPositionLimit[at])
+    return q
+
+
+def _override_limits(model: pin.Model, limits: Mapping[str, tuple[float, float]]) -> None:
+    """Write a user's own limits [rad] into a freshly extracted chain."""
+    names = tuple(model.names)[1:]
+    lower, upper = model.lowerPositionLimit.copy(), model.upperPositionLimit.copy()
+    for joint, pair in limits.items():
+        if joint not in names:
+            raise UnknownNameError("joint", joint, names)
+        try:
+            low, high = (float(value) for value in pair)
+        except (TypeError, ValueError) as error:
+            raise InvalidInputError(f"limits[{joint!r}] must be a pair (lower, upper) [rad], got {pair!r}") from error
+        if not low <= high:
+            raise InvalidInputError(f"limits[{joint!r}]: lower {low} must not be above upper {high}")
+        lower[names.index(joint)], upper[names.index(joint)] = low, high
+    model.lowerPositionLimit, model.upperPositionLimit = lower, upper
+
+
+def _check_limits(model: pin.Model) -> None:
+    """A chain whose limits contradict each other is not an arm."""
+    for name, low, high in zip(tuple(model.names)[1:], model.lowerPositionLimit, model.upperPositionLimit, strict=True):
+        if not low <= high:
+            raise ModelError(f"joint {name!r}: lower limit {low} is above upper limit {high}")

@@ -1,0 +1,161 @@
+"""MJCF robots, exactly as MuJoCo sees them.
+
+Pinocchio has an MJCF reader of its own; it loses includes, frames, sites of jointless bodies and base poses. So MuJoCo
+compiles the file, and the Pinocchio model is built from the compiled model: both engines then share every number.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike, NDArray
+
+from jacokin.errors import ModelError
+
+WORLD = "world"
+SCALAR_JOINTS = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
+
+
+def compile_mjcf(path: Path) -> mujoco.MjModel:
+    """Compile an MJCF file.
+
+    Raises:
+        ModelError: MuJoCo refuses the file; its message is passed on.
+    """
+    try:
+        return mujoco.MjModel.from_xml_path(str(path))
+    except (ValueError, RuntimeError) as error:
+        raise ModelError(f"{path}: MuJoCo cannot load this file: {error}") from error
+
+
+def placement(quat_wxyz: ArrayLike, position: ArrayLike) -> pin.SE3:
+    """`pin.SE3` from MuJoCo's quaternion (w, x, y, z) and position [m]."""
+    w, x, y, z = (float(c) for c in np.asarray(quat_wxyz))
+    quat = pin.Quaternion(w, x, y, z)
+    quat.normalize()
+    return pin.SE3(quat.toRotationMatrix(), np.array(position, dtype=np.float64))
+
+
+def body_name(model: mujoco.MjModel, body: int) -> str:
+    """Name of a body; unnamed ones get a name from their number."""
+    return str(model.body(body).name) or f"body_{body}"
+
+
+def joint_name(model: mujoco.MjModel, joint: int) -> str:
+    """Name of a joint; unnamed ones get a name from their number."""
+    return str(model.joint(joint).name) or f"joint#{joint}"
+
+
+def _joint(model: mujoco.MjModel, joint: int) -> tuple[pin.JointModel, pin.SE3]:
+    """Pinocchio's joint, and for a hinge or slide the offset that makes its zero MuJoCo's `ref`."""
+    axis = np.array(model.jnt_axis[joint])
+    reference = float(model.qpos0[model.jnt_qposadr[joint]])
+    kind = model.jnt_type[joint]
+    if kind == mujoco.mjtJoint.mjJNT_FREE:
+        return pin.JointModelFreeFlyer(), pin.SE3.Identity()
+    if kind == mujoco.mjtJoint.mjJNT_BALL:
+        return pin.JointModelSpherical(), pin.SE3.Identity()
+    if kind == mujoco.mjtJoint.mjJNT_HINGE:
+        plain = pin.JointModelRZ() if np.array_equal(axis, (0.0, 0.0, 1.0)) else pin.JointModelRevoluteUnaligned(axis)
+        turn = pin.AngleAxis(-reference, axis).toRotationMatrix() if reference else np.eye(3)
+        return plain, pin.SE3(turn, np.zeros(3))
+    return pin.JointModelPrismaticUnaligned(axis), pin.SE3(np.eye(3), -reference * axis)
+
+
+def body_joints(model: mujoco.MjModel, body: int) -> range:
+    """Ids of the joints between a body and its parent."""
+    first = int(model.body_jntadr[body])
+    return range(first, first + int(model.body_jntnum[body]))
+
+
+def _joint_limits(model: mujoco.MjModel, joint: int) -> tuple[float, float]:
+    """Lower and upper limit, infinite where MuJoCo imposes none (a range alone does not)."""
+    if not model.jnt_limited[joint]:
+        return -np.inf, np.inf
+    lower, upper = model.jnt_range[joint]
+    return float(lower), float(upper)
+
+
+def to_pinocchio(model: mujoco.MjModel, name: str) -> pin.Model:
+    """The same tree in Pinocchio, its zero for ball and free joints at MuJoCo's reference pose.
+
+    Bodies become body frames, sites operational frames, the world body a frame called "world".
+    """
+    out = pin.Model()
+    out.name = name
+    out.gravity.linear = np.array(model.opt.gravity)
+    out.addFrame(pin.Frame(WORLD, 0, 0, pin.SE3.Identity(), pin.FrameType.BODY), False)
+    carried: dict[int, tuple[int, pin.SE3]] = {0: (0, pin.SE3.Identity())}
+    dofs: list[int] = []  # MuJoCo's degree of freedom behind each of Pinocchio's
+    for body in range(1, model.nbody):
+        parent, T_parent_body = carried[model.body_parentid[body]]
+        T_parent_body = T_parent_body * placement(model.body_quat[body], model.body_pos[body])
+        for joint in body_joints(model, body):
+            anchor = np.array(model.jnt_pos[joint])
+            plain, T_zero = _joint(model, joint)
+            lower, upper = _joint_limits(model, joint)
+            limited_force = bool(model.jnt_actfrclimited[joint])
+            effort = float(np.abs(model.jnt_actfrcrange[joint]).min()) if limited_force else np.inf
+            parent = out.addJoint(
+                parent,
+                plain,
+                T_parent_body * pin.SE3(np.eye(3), anchor) * T_zero,
+                joint_name(model, joint),
+                *(
+                    np.full(size, value)
+                    for size, value in (
+                        (plain.nv, effort),
+                        (plain.nv, np.inf),
+                        (plain.nq, lower),
+                        (plain.nq, upper),
+                    )
+                ),
+            )
+            dofs.extend(range(model.jnt_dofadr[joint], model.jnt_dofadr[joint] + plain.nv))
+            T_parent_body = pin.SE3(np.eye(3), -anchor)
+        carried[body] = (parent, T_parent_body)
+        principal = placement(model.body_iquat[body], np.zeros(3)).rotation
+        inertia = pin.Inertia(
+            float(model.body_mass[body]),
+            np.array(model.body_ipos[body]),
+            principal @ np.diag(model.body_inertia[body]) @ principal.T,
+        )
+        out.appendBodyToJoint(parent, inertia, T_parent_body)
+        out.addFrame(pin.Frame(body_name(model, body), parent, 0, T_parent_body, pin.FrameType.BODY), False)
+    for site in range(model.nsite):
+        parent, T_parent_body = carried[model.site_bodyid[site]]
+        T_parent_site = T_parent_body * placement(model.site_quat[site], model.site_pos[site])
+        site_name = str(model.site(site).name)
+        if site_name:
+            out.addFrame(pin.Frame(site_name, parent, 0, T_parent_site, pin.FrameType.OP_FRAME), False)
+    out.armature = np.array(model.dof_armature[dofs])
+    out.damping = np.array(model.dof_damping[dofs])
+    out.upperDryFrictionLimit = np.array(model.dof_frictionloss[dofs])
+    out.lowerDryFrictionLimit = -out.upperDryFrictionLimit
+    return out
+
+
+def reference_configuration(model: mujoco.MjModel, full: pin.Model) -> NDArray[np.float64]:
+    """MuJoCo's reference position as a configuration of the model made by `to_pinocchio`."""
+    q = pin.neutral(full)
+    for body in range(1, model.nbody):
+        for joint in body_joints(model, body):
+            if model.jnt_type[joint] in SCALAR_JOINTS:
+                index = full.joints[full.getJointId(joint_name(model, joint))].idx_q
+                q[index] = model.qpos0[model.jnt_qposadr[joint]]
+    return np.asarray(q)
+
+
+def joint_addresses(model: mujoco.MjModel, names: tuple[str, ...]) -> list[int]:
+    """Addresses in qpos of scalar joints, by the names `joint_name` gives."""
+    by_name = {joint_name(model, joint): int(model.jnt_qposadr[joint]) for joint in range(model.njnt)}
+    return [by_name[name] for name in names]
+
+
+def dof_addresses(model: mujoco.MjModel, names: tuple[str, ...]) -> list[int]:
+    """Addresses in qvel of scalar joints, by the names `joint_name` gives."""
+    by_name = {joint_name(model, joint): int(model.jnt_dofadr[joint]) for joint in range(model.njnt)}
+    return [by_name[name] for name in names]

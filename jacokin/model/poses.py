@@ -1,0 +1,141 @@
+"""Poses as `pin.SE3`: building them from user input and checking those that users bring.
+
+Quaternions are wxyz. Roll-pitch-yaw means R = Rz(yaw) Ry(pitch) Rx(roll).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike, NDArray
+
+from jacokin.errors import InvalidInputError
+from jacokin.model import checks
+
+QUATERNION_NORM_TOLERANCE = 0.01  # hand-typed quaternions have two or three digits; more than 1 % is a mistake
+RIGID_TOLERANCE = 1e-6  # |R^T R - I|: admits float32 matrices (1e-7), refuses scaled or sheared ones
+
+# The tool pointing vertically down: half a turn about the horizontal axis (0, 1, 1) / sqrt(2) of the tool.
+DOWN_QUAT_WXYZ = (0.0, math.sqrt(0.5), math.sqrt(0.5), 0.0)
+
+
+def rotation_from_quat_wxyz(quat_wxyz: ArrayLike, name: str = "quat_wxyz") -> NDArray[np.float64]:
+    """Rotation matrix (3, 3) of a quaternion (w, x, y, z) whose norm is within 1 % of one.
+
+    Raises:
+        InvalidInputError: wrong shape, not finite, or a norm off by more than 1 %.
+    """
+    quat = checks.vector(name, quat_wxyz, 4, "wxyz")
+    norm = float(np.linalg.norm(quat))
+    if abs(norm - 1.0) > QUATERNION_NORM_TOLERANCE:
+        raise InvalidInputError(f"{name} must have norm 1 (within 1 %), got norm {norm:.6g} for {quat.tolist()}")
+    w, x, y, z = (float(c) for c in quat / norm)
+    rotation: NDArray[np.float64] = pin.Quaternion(w, x, y, z).toRotationMatrix()
+    return rotation
+
+
+def rotation_from_rpy(rpy: ArrayLike, name: str = "rpy") -> NDArray[np.float64]:
+    """Rotation matrix (3, 3) of R = Rz(yaw) Ry(pitch) Rx(roll), angles (roll, pitch, yaw) in [rad].
+
+    Raises:
+        InvalidInputError: wrong shape or not finite.
+    """
+    rotation: NDArray[np.float64] = pin.rpy.rpyToMatrix(checks.vector(name, rpy, 3, "rad"))
+    return rotation
+
+
+def checked_rotation(name: str, value: ArrayLike) -> NDArray[np.float64]:
+    """A rotation matrix (3, 3) made orthonormal to the last bit, refused when it is not one within 1e-6.
+
+    Raises:
+        InvalidInputError: wrong shape, not finite, sheared, scaled or a reflection.
+    """
+    try:
+        matrix = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InvalidInputError(f"{name} must be a (3, 3) rotation matrix") from error
+    if matrix.shape != (3, 3):
+        raise InvalidInputError(f"{name} must have shape (3, 3), got {matrix.shape}")
+    if not np.isfinite(matrix).all():
+        raise InvalidInputError(f"{name} must be finite")
+    with np.errstate(over="ignore", invalid="ignore"):
+        misfit = float(np.abs(matrix.T @ matrix - np.eye(3)).max())
+    if not misfit <= RIGID_TOLERANCE:
+        raise InvalidInputError(f"{name} is not a rotation: R^T R differs from the identity by {misfit:.3g}")
+    if np.linalg.det(matrix) < 0.0:
+        raise InvalidInputError(f"{name} is a reflection (determinant -1), not a rotation")
+    # One Newton step towards the nearest orthonormal matrix squares the misfit: 1e-6 becomes 1e-12, then 1e-24.
+    for _ in range(2):
+        matrix = matrix @ (1.5 * np.eye(3) - 0.5 * (matrix.T @ matrix))
+    return matrix
+
+
+def checked_pose(target: pin.SE3 | ArrayLike, name: str = "target") -> pin.SE3:
+    """A rigid pose from a `pin.SE3` or a homogeneous matrix (4, 4); a fresh object, positions in [m].
+
+    Raises:
+        InvalidInputError: wrong type or shape, not finite, or not rigid.
+    """
+    if isinstance(target, pin.SE3):
+        rotation, position = target.rotation, target.translation
+    else:
+        try:
+            matrix = np.asarray(target, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise InvalidInputError(f"{name} must be a pin.SE3 or a (4, 4) matrix, got {target!r}") from error
+        if matrix.shape != (4, 4):
+            raise InvalidInputError(f"{name} must be a pin.SE3 or a (4, 4) matrix, got shape {matrix.shape}")
+        if not np.allclose(matrix[3], (0.0, 0.0, 0.0, 1.0), rtol=0.0, atol=RIGID_TOLERANCE):
+            raise InvalidInputError(f"{name}: the last row must be 0 0 0 1, got {matrix[3].tolist()}")
+        rotation, position = matrix[:3, :3], matrix[:3, 3]
+    position = checks.vector(f"{name} position", position, 3, "m")
+    return pin.SE3(checked_rotation(f"{name} rotation", rotation), position.copy())
+
+
+def pose(
+    position: ArrayLike,
+    quat_wxyz: ArrayLike | None = None,
+    *,
+    rpy: ArrayLike | None = None,
+    rotation: ArrayLike | None = None,
+    down: bool = False,
+) -> pin.SE3:
+    """Build a pose from a position and at most one orientation; without one the orientation is the identity.
+
+    Args:
+        position: (3,) position [m].
+        quat_wxyz: (4,) quaternion w, x, y, z; normalised when its norm is within 1 % of one.
+        rpy: (3,) roll, pitch, yaw [rad], R = Rz(yaw) Ry(pitch) Rx(roll).
+        rotation: (3, 3) rotation matrix.
+        down: True for a tool pointing vertically down.
+
+    Returns:
+        The pose as `pin.SE3`.
+
+    Raises:
+        InvalidInputError: more than one orientation, or a malformed one.
+    """
+    given = [n for n, v in (("quat_wxyz", quat_wxyz), ("rpy", rpy), ("rotation", rotation)) if v is not None]
+    if down:
+        given.append("down")
+    if len(given) > 1:
+        raise InvalidInputError(f"give at most one orientation, got {' and '.join(given)}")
+    at = checks.vector("position", position, 3, "m").copy()
+    if quat_wxyz is not None:
+        return pin.SE3(rotation_from_quat_wxyz(quat_wxyz), at)
+    if rpy is not None:
+        return pin.SE3(rotation_from_rpy(rpy), at)
+    if rotation is not None:
+        return pin.SE3(checked_rotation("rotation", rotation), at)
+    if down:
+        return pin.SE3(rotation_from_quat_wxyz(DOWN_QUAT_WXYZ), at)
+    return pin.SE3(np.eye(3), at)
+
+
+def quat_wxyz(rotation: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Unit quaternion (w, x, y, z) of a rotation matrix (3, 3), with w >= 0."""
+    x, y, z, w = pin.Quaternion(np.asarray(rotation)).normalized().coeffs()
+    quat = np.array([w, x, y, z])
+    return -quat if w < 0.0 else quat

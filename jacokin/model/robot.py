@@ -1,0 +1,302 @@
+"""The arm: its joints, limits, frames and kinematics. Read this file first.
+
+A `Robot` is parsed, checked and immutable; `load_robot` makes one. Public joint vectors `q` hold one angle per joint
+[rad], shape (dof,), in the order of `joint_names`, for continuous joints too. Poses are base -> frame.
+"""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike, NDArray
+
+from jacokin.errors import InvalidInputError, UnknownNameError
+from jacokin.model import chain, checks, differential
+
+Array = NDArray[np.float64]
+
+# Half-open bounds for sampling a joint that turns freely [rad].
+FREE_RANGE = (-np.pi, np.pi)
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """Where a robot came from.
+
+    Attributes:
+        path: the description file.
+        kind: "urdf" or "mjcf".
+        bundled: name of the bundled robot, or None for a user's own file.
+        base: base frame that was asked for, or None.
+        tip: tip frame that was asked for, or None.
+    """
+
+    path: Path
+    kind: str
+    bundled: str | None
+    base: str | None
+    tip: str | None
+
+
+class Robot:
+    """A serial arm in Pinocchio, with one coordinate per joint.
+
+    Attributes:
+        name: name of the robot.
+        base: name of the frame poses are expressed in.
+        default_frame: the frame meant when none is named.
+        joint_names: names of the joints, base to tip.
+        dof: number of joints.
+        lower: (dof,) lower limits [rad]; -inf on free joints. Read-only, as are the arrays below.
+        upper: (dof,) upper limits [rad]; +inf on free joints.
+        free: (dof,) True where a joint has no limits (turns freely).
+        velocity_limit: (dof,) [rad/s]; inf where the file gives none.
+        effort_limit: (dof,) [N m], what the loaded file says; inf where it gives none.
+        finger_angle: angle at which the finger joints are locked [rad]; None for their reference position.
+        frames: names usable as `frame`.
+        pin_model: the Pinocchio model, nq == nv == dof. Treat it as read-only.
+        source: where the description came from.
+    """
+
+    def __init__(
+        self,
+        model: pin.Model,
+        *,
+        base: str,
+        tip: str | None,
+        source: Source,
+        finger_angle: float | None = None,
+        home: ArrayLike | None = None,
+    ) -> None:
+        """Wrap a chain made by `chain.extract`; users call `load_robot`."""
+        self.pin_model = model
+        self.name: str = model.name
+        self.base = base
+        self.source = source
+        self.finger_angle = finger_angle
+        self.dof: int = model.nv
+        self.joint_names: tuple[str, ...] = tuple(model.names)[1:]
+        self.lower = checks.read_only(model.lowerPositionLimit)
+        self.upper = checks.read_only(model.upperPositionLimit)
+        self.free: NDArray[np.bool_] = np.isinf(self.lower) & np.isinf(self.upper)
+        self.free.setflags(write=False)
+        self.velocity_limit = checks.read_only(model.velocityLimit)
+        self.effort_limit = checks.read_only(model.effortLimit)
+        self._frame_ids = chain.frame_names(model)
+        self.frames: tuple[str, ...] = tuple(self._frame_ids)
+        self.default_frame = chain.default_frame(model, tip)
+        self._home_hint = None if home is None else checks.read_only(home)
+        self._local = threading.local()
+        self._sealed = True
+
+    def __setattr__(self, name: str, value: object) -> None:
+        """Refuse changes after construction: load another robot instead."""
+        if "_sealed" in self.__dict__:
+            raise AttributeError(f"a Robot does not change; load one with other arguments instead of setting {name!r}")
+        super().__setattr__(name, value)
+
+    def __repr__(self) -> str:
+        """Name, joints and default frame on one line."""
+        return f"Robot({self.name!r}, dof={self.dof}, base={self.base!r}, frame={self.default_frame!r})"
+
+    def __reduce__(self) -> tuple[object, tuple[object, ...]]:
+        """Pickle the model and its names; working memory is made anew."""
+        state = (
+            self.pin_model,
+            self.base,
+            self.default_frame,
+            self.source,
+            self.finger_angle,
+            self._home_hint,
+        )
+        return _rebuild, state
+
+    @property
+    def _data(self) -> pin.Data:
+        """Working memory of Pinocchio, one per thread."""
+        try:
+            data: pin.Data = self._local.data
+        except AttributeError:
+            data = self._local.data = self.pin_model.createData()
+        return data
+
+    def frame_id(self, frame: str | None = None) -> int:
+        """Pinocchio's id of a frame; of the default frame when none is named.
+
+        Raises:
+            UnknownNameError: no such frame; lists the valid names.
+        """
+        name = self.default_frame if frame is None else frame
+        try:
+            return self._frame_ids[name]
+        except (KeyError, TypeError):
+            raise UnknownNameError("frame", name, self.frames) from None
+
+    def joint_index(self, joint: str) -> int:
+        """Position of a joint in `joint_names`.
+
+        Raises:
+            UnknownNameError: no such joint; lists the valid names.
+        """
+        try:
+            return self.joint_names.index(joint)
+        except ValueError:
+            raise UnknownNameError("joint", joint, self.joint_names) from None
+
+    def configuration(self, q: ArrayLike, name: str = "q") -> Array:
+        """`q` as a checked array (dof,) of angles [rad].
+
+        Raises:
+            InvalidInputError: wrong shape or not finite.
+        """
+        return checks.vector(name, q, self.dof, "rad")
+
+    def forward_kinematics(self, q: ArrayLike, frame: str | None = None) -> pin.SE3:
+        """Pose of a frame in the base.
+
+        Args:
+            q: (dof,) joint angles [rad].
+            frame: name of the frame; None for the default frame.
+
+        Returns:
+            T_base_frame, positions in [m].
+
+        Raises:
+            InvalidInputError: `q` malformed.
+            UnknownNameError: no such frame.
+        """
+        data = self._data
+        pin.forwardKinematics(self.pin_model, data, self.configuration(q))
+        return pin.updateFramePlacement(self.pin_model, data, self.frame_id(frame)).copy()
+
+    def jacobian(self, q: ArrayLike, frame: str | None = None, reference: str = "local_world_aligned") -> Array:
+        """Geometric Jacobian of a frame: twist = J @ joint velocities.
+
+        Args:
+            q: (dof,) joint angles [rad].
+            frame: name of the frame; None for the default frame.
+            reference: "local_world_aligned" (default, equals `mj_jacSite`), "local" or "world".
+
+        Returns:
+            (6, dof), linear rows [m/rad] first, then angular.
+
+        Raises:
+            InvalidInputError: `q` malformed.
+            UnknownNameError: no such frame or reference.
+        """
+        jacobian: Array = pin.computeFrameJacobian(
+            self.pin_model,
+            self._data,
+            self.configuration(q),
+            self.frame_id(frame),
+            differential.reference_frame(reference),
+        )
+        return jacobian
+
+    def jacobian_time_derivative(
+        self, q: ArrayLike, v: ArrayLike, frame: str | None = None, reference: str = "local_world_aligned"
+    ) -> Array:
+        """Time derivative of `jacobian` along joint velocities `v` [rad/s]; (6, dof). Errors as `jacobian`."""
+        return differential.time_derivative(
+            self.pin_model,
+            self._data,
+            self.configuration(q),
+            self.configuration(v, "v"),
+            self.frame_id(frame),
+            differential.reference_frame(reference),
+        )
+
+    def jacobian_derivative(
+        self, q: ArrayLike, frame: str | None = None, reference: str = "local_world_aligned"
+    ) -> Array:
+        """Kinematic Hessian, (6, dof, dof): [:, j, k] = d J[:, j] / d q_k. Errors as `jacobian`."""
+        return differential.kinematic_hessian(
+            self.pin_model,
+            self._data,
+            self.configuration(q),
+            self.frame_id(frame),
+            differential.reference_frame(reference),
+        )
+
+    def analytical_jacobian(self, q: ArrayLike, frame: str | None = None, representation: str = "rpy") -> Array:
+        """Jacobian whose lower rows are the rates of an orientation representation.
+
+        Args:
+            q: (dof,) joint angles [rad].
+            frame: name of the frame; None for the default frame.
+            representation: "rpy" (roll, pitch, yaw), "rotation_vector", or "quaternion" (w, x, y, z; w >= 0).
+
+        Returns:
+            (6, dof), or (7, dof) for the quaternion; position rows first.
+
+        Raises:
+            InvalidInputError: `q` malformed.
+            UnknownNameError: no such frame or representation.
+            RepresentationSingularity: the representation is singular here; names the angle.
+        """
+        rotation = self.forward_kinematics(q, frame).rotation
+        return differential.analytical(rotation, self.jacobian(q, frame), representation)
+
+    def singular_values(self, q: ArrayLike, frame: str | None = None) -> Array:
+        """Singular values of the Jacobian, largest first (metres and radians mixed). Errors as `jacobian`."""
+        return np.asarray(np.linalg.svd(self.jacobian(q, frame), compute_uv=False), dtype=np.float64)
+
+    def manipulability(self, q: ArrayLike, frame: str | None = None) -> float:
+        """Yoshikawa's measure sqrt(det(J J^T)), the product of the singular values. Errors as `jacobian`.
+
+        Source: Yoshikawa, Manipulability of Robotic Mechanisms, IJRR 4(2), 1985.
+        """
+        return float(np.prod(self.singular_values(q, frame)))
+
+    def within_limits(self, q: ArrayLike, tolerance: float = 0.0) -> bool:
+        """Whether every joint lies inside its limits, give or take `tolerance` [rad].
+
+        Raises:
+            InvalidInputError: `q` malformed, or a tolerance that is not a number >= 0.
+        """
+        if not tolerance >= 0.0:
+            raise InvalidInputError(f"tolerance must be >= 0 [rad], got {tolerance!r}")
+        angles = self.configuration(q)
+        return bool((angles >= self.lower - tolerance).all() and (angles <= self.upper + tolerance).all())
+
+    def sample(self, rng: np.random.Generator, size: int | None = None) -> Array:
+        """Uniform legal configurations; free joints in [-pi, pi).
+
+        Args:
+            rng: source of randomness.
+            size: number of configurations; None for one.
+
+        Returns:
+            (dof,) or (size, dof) angles [rad].
+
+        Raises:
+            InvalidInputError: `rng` is no Generator, `size` is negative, or a joint is limited on one side only.
+        """
+        if not isinstance(rng, np.random.Generator):
+            raise InvalidInputError(f"rng must be a numpy.random.Generator, got {type(rng).__name__}")
+        if size is not None and (isinstance(size, bool) or not isinstance(size, int | np.integer) or size < 0):
+            raise InvalidInputError(f"size must be a whole number >= 0, got {size!r}")
+        lower = np.where(self.free, FREE_RANGE[0], self.lower)
+        upper = np.where(self.free, FREE_RANGE[1], self.upper)
+        if not np.isfinite(upper - lower).all():
+            name = self.joint_names[int(np.argmin(np.isfinite(upper - lower)))]
+            raise InvalidInputError(f"joint {name!r} is limited on one side only; sampling needs limits={{...}} for it")
+        return rng.uniform(lower, upper, self.dof if size is None else (int(size), self.dof))
+
+    @cached_property
+    def home(self) -> Array:
+        """A legal configuration, free of self-contact where the description has collision shapes; (dof,) [rad]."""
+        from jacokin.model import home
+
+        return checks.read_only(home.find(self, self._home_hint))
+
+
+def _rebuild(
+    model: pin.Model, base: str, frame: str, source: Source, finger_angle: float | None, home: Array | None
+) -> Robot:
+    return Robot(model, base=base, tip=frame, source=source, finger_angle=finger_angle, home=home)
