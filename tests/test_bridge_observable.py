@@ -52,7 +52,9 @@ class House:
 
 
 def values(each: Observable) -> dict[str, Any]:
-    return {name: getattr(each, name) for name in DEFAULTS}
+    options = {name: getattr(each, name) for name in DEFAULTS}
+    assert each.options == options
+    return options
 
 
 def test_starts_disabled_and_plain() -> None:
@@ -107,9 +109,7 @@ def test_wrong_option_values_are_refused_and_change_nothing(option: str, value: 
 
 
 def test_options_accept_numpy_numbers_and_callables() -> None:
-    each = Observable(
-        lambda physics: 1.0, update_interval=cast(int, np.int64(3)), enabled=cast(bool, np.True_)
-    )
+    each = Observable(lambda physics: 1.0, update_interval=cast(int, np.int64(3)), enabled=cast(bool, np.True_))
     assert (each.update_interval, type(each.update_interval), each.enabled) == (3, int, True)
     each.configure(delay=lambda random_state: 2, aggregator=np.ptp, buffer_size=4)
     assert callable(each.delay)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from jacokin.errors import InvalidInputError, PhysicsError
 from jacokin.mujoco_bridge.observable import Observable
+from jacokin.mujoco_bridge.observable_options import Aggregator
 from jacokin.mujoco_bridge.updater import Updater
 
 if TYPE_CHECKING:
@@ -63,9 +64,7 @@ def test_observation_is_the_last_readings_old_enough(
     interval: int, delay: int, size: int, control: int, pad: bool, single_steps: bool
 ) -> None:
     physics = counting()
-    observable = Observable(
-        steps_taken, update_interval=interval, delay=delay, buffer_size=size, enabled=True
-    )
+    observable = Observable(steps_taken, update_interval=interval, delay=delay, buffer_size=size, enabled=True)
     updater = Updater({"n": observable}, control, pad_with_initial_value=pad)
     updater.reset(physics)
     for control_step in range(1, 12):
@@ -147,18 +146,18 @@ def test_corruptor_comes_before_the_buffer_and_aggregator_after_it() -> None:
         return 10.0 * value**2
 
     rng = np.random.RandomState(1)
-    options: dict[str, Any] = {"buffer_size": 3, "corruptor": corrupt, "enabled": True}
+    aggregators: dict[str, str | Aggregator] = {
+        "min": "min",
+        "max": "max",
+        "mean": "mean",
+        "median": "median",
+        "sum": "sum",
+        "spread": lambda buffer: np.ptp(buffer, axis=0),
+    }
     updater = Updater(
         {
-            name: Observable(steps_taken, aggregator=aggregator, **options)
-            for name, aggregator in {
-                "min": "min",
-                "max": "max",
-                "mean": "mean",
-                "median": "median",
-                "sum": "sum",
-                "spread": lambda buffer: np.ptp(buffer, axis=0),
-            }.items()
+            name: Observable(steps_taken, aggregator=aggregator, buffer_size=3, corruptor=corrupt, enabled=True)
+            for name, aggregator in aggregators.items()
         },
         5,
     )
