@@ -6,8 +6,10 @@ MuJoCo chooses its OpenGL backend when it is imported, so what renders runs in a
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
+from pathlib import Path
 from typing import Any, cast
 
 import mujoco
@@ -32,7 +34,7 @@ from jacokin.mujoco_bridge import Arena, Physics, cameras, observations, robots
 from jacokin.mujoco_bridge.observable import observables_of
 from jacokin.mujoco_bridge.updater import Updater
 
-CUBE = np.array([0.3, -0.2, 0.05])  # [m]
+CUBE = np.array([-0.1, -0.1, 0.05])  # [m]
 arm, hand = robots.make_arm(observations.VISION), robots.make_hand(observations.VISION)
 arm.attach(hand)
 arena = Arena()
@@ -49,12 +51,12 @@ physics.step()
 
 WHERE_THE_CUBE_IS = """
 for spec in specs:
-    height, width = 120, 160
+    height, width = 240, 320
     views[spec.name].configure(height=height, width=width)
     picture = views[spec.name](physics).astype(float)
     assert picture.shape == (height, width, 3)
     red = picture[..., 0] - picture[..., 1:].max(axis=-1) > 50.0
-    assert red.sum() > 4, (spec.name, red.sum())
+    assert red.sum() > 9, (spec.name, red.sum())
     rows, columns = np.nonzero(red)
     right = np.array(spec.xyaxes[:3])
     up = np.array(spec.xyaxes[3:]) / np.linalg.norm(spec.xyaxes[3:])
@@ -193,3 +195,10 @@ def test_a_camera_of_another_model_is_refused() -> None:
         view(Physics.from_entity(arena))
     with pytest.raises(InvalidInputError, match="camera element"):
         cameras.MJCFCamera("top_down")
+
+
+def test_the_page_on_observables_runs() -> None:
+    page = Path(__file__).parents[1] / "docs" / "observables.md"
+    blocks = re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+    assert len(blocks) == 6
+    run("\n".join(blocks), MUJOCO_GL="egl")

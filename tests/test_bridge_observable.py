@@ -225,7 +225,9 @@ def test_add_observable() -> None:
     bell = Observable(lambda physics: 1.0)
     doors.add_observable("bell", bell)
     assert bell.enabled
-    assert getattr(doors, "bell") is doors.get_observable("bell") is bell  # noqa: B009 - mypy does not know it
+    assert doors.bell is doors.get_observable("bell") is bell
+    with pytest.raises(AttributeError, match=r"no observable 'knocker'\. Valid: angle, bell, width"):
+        _ = doors.knocker
     doors.add_observable("knocker", Observable(lambda physics: 1.0), enabled=False)
     assert list(doors.enabled_observables) == ["bell"]
     for name in ("bell", "width", "set_options", "two words", ""):

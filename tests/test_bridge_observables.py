@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from jacokin.errors import InvalidInputError
 from jacokin.mujoco_bridge import Arena, JacoArm, JacoHand, Physics, observations, robots
 from jacokin.mujoco_bridge.angles import angles_from_sin_cos
-from jacokin.mujoco_bridge.base import JointsObservables
+from jacokin.mujoco_bridge.jaco_observables import JacoArmObservables
 from jacokin.mujoco_bridge.observable import MJCFFeature, Observable, observable, observables_of
 from jacokin.mujoco_bridge.updater import Updater
 
@@ -221,7 +221,11 @@ def test_an_element_of_another_model_is_refused(scene: Scene) -> None:
 
 
 def test_declared_and_added_observables_of_an_own_arm() -> None:
-    class OwnObservables(JointsObservables):
+    class OwnObservables(JacoArmObservables):
+        @observable
+        def joints_pos(self) -> Observable:
+            return MJCFFeature("qpos", self._entity.joints)
+
         @observable
         def height(self) -> Observable:
             return MJCFFeature("xpos", self._entity.wrist_site, index=slice(2, 3), enabled=True)

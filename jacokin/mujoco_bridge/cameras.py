@@ -32,6 +32,9 @@ _NO_CONTEXT = (
 _RENDERERS: weakref.WeakKeyDictionary[Physics, dict[tuple[int, int], mujoco.Renderer]]
 _RENDERERS = weakref.WeakKeyDictionary()
 
+# The first failure to make a context, if there was one: a second attempt makes MuJoCo abort the process.
+_FAILURES: list[str] = []
+
 
 class CameraSpec(NamedTuple):
     """A camera that is fixed in an entity's frame."""
@@ -61,9 +64,7 @@ class MJCFCamera(Observable):
 
     checks = CAMERA_CHECKS
 
-    def __init__(
-        self, camera: Any, *, height: int = 240, width: int = 320, **options: Unpack[Options]
-    ) -> None:
+    def __init__(self, camera: Any, *, height: int = 240, width: int = 320, **options: Unpack[Options]) -> None:
         """Observe a camera element.
 
         Args:
@@ -145,17 +146,16 @@ def _new_renderer(model: mujoco.MjModel, height: int, width: int) -> mujoco.Rend
             f"{largest[0]} x {largest[1]} (mjcf_model.visual.global_.offheight and offwidth)"
         )
     backend = os.environ.get("MUJOCO_GL", "").lower().strip()
-    headless = sys.platform == "linux" and not (
-        os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
-    )
+    headless = sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
     if headless and backend not in ("egl", "osmesa"):
         # Not even tried: GLFW warns without end about a missing display.
-        raise PhysicsError(
-            _NO_CONTEXT.format(reason=f"there is no display and MUJOCO_GL is {backend or 'not set'}")
-        )
+        raise PhysicsError(_NO_CONTEXT.format(reason=f"there is no display and MUJOCO_GL is {backend or 'not set'}"))
+    if _FAILURES:
+        raise PhysicsError(_NO_CONTEXT.format(reason=_FAILURES[0]))
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # GLFW's warnings; the error below says it
+            warnings.simplefilter("ignore")  # GLFW's; the error below says what they say
             return mujoco.Renderer(model, height, width)
     except Exception as error:  # each backend fails with its own type
-        raise PhysicsError(_NO_CONTEXT.format(reason=f"{type(error).__name__}: {error}")) from error
+        _FAILURES.append(f"{type(error).__name__}: {error}")
+        raise PhysicsError(_NO_CONTEXT.format(reason=_FAILURES[0])) from error

@@ -189,6 +189,14 @@ class Observables:
             if isinstance(getattr_static(type(self), name), ObservableProperty):
                 self._observables[name] = getattr(self, name)
 
+    def __getattr__(self, name: str) -> Observable:
+        """Return an observable that was added; those declared are found without this."""
+        found: Observable | None = vars(self).get("_observables", {}).get(name)
+        if found is None:
+            names = ", ".join(sorted(vars(self).get("_observables", ())))
+            raise AttributeError(f"no observable {name!r}. Valid: {names}")
+        return found
+
     def get_observable(self, name: str) -> Observable:
         """Return the observable of this name.
 
@@ -212,7 +220,6 @@ class Observables:
             raise InvalidInputError(f"name must be an identifier that is not in use here, got {name!r}")
         observable.enabled = enabled
         self._observables[name] = observable
-        setattr(self, name, observable)
 
     def enable_all(self) -> None:
         """Enable every observable of this entity."""

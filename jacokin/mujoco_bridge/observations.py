@@ -67,9 +67,7 @@ def symmetric_log(value: ArrayLike, random_state: RandomState = None) -> NDArray
     return np.asarray(np.copysign(np.log1p(np.abs(x)), x))
 
 
-_FEATURE = ObservableSpec(
-    enabled=True, update_interval=1, buffer_size=1, delay=0, aggregator=None, corruptor=None
-)
+_FEATURE = ObservableSpec(enabled=True, update_interval=1, buffer_size=1, delay=0, aggregator=None, corruptor=None)
 _FORCE = _FEATURE._replace(corruptor=symmetric_log)
 _CAMERA = CameraObservableSpec(height=84, width=84, **_FEATURE._asdict())
 
@@ -78,18 +76,12 @@ PERFECT_FEATURES = ObservationSettings(
 )
 """Everything measured, no camera."""
 
-VISION = ObservationSettings(
-    proprio=_FEATURE, ftt=_FORCE, prop_pose=_FEATURE._replace(enabled=False), camera=_CAMERA
-)
+VISION = ObservationSettings(proprio=_FEATURE, ftt=_FORCE, prop_pose=_FEATURE._replace(enabled=False), camera=_CAMERA)
 """Cameras instead of the props' poses."""
 
 JACO_ARM_OBSERVABLES = ObservableNames(proprio=("joints_pos", "joints_vel"), ftt=("joints_torque",))
-JACO_HAND_OBSERVABLES = ObservableNames(
-    proprio=("joints_pos", "joints_vel", "pinch_site_pos", "pinch_site_rmat")
-)
-FREEPROP_OBSERVABLES = ObservableNames(
-    prop_pose=("position", "orientation", "linear_velocity", "angular_velocity")
-)
+JACO_HAND_OBSERVABLES = ObservableNames(proprio=("joints_pos", "joints_vel", "pinch_site_pos", "pinch_site_rmat"))
+FREEPROP_OBSERVABLES = ObservableNames(prop_pose=("position", "orientation", "linear_velocity", "angular_velocity"))
 
 
 def make_options(obs_settings: ObservationSettings, obs_names: ObservableNames) -> dict[str, dict[str, Any]]:

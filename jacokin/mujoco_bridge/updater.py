@@ -27,9 +27,7 @@ if TYPE_CHECKING:
 class _Channel:
     """One enabled observable, the readings on their way, and those that have arrived."""
 
-    def __init__(
-        self, name: str, observable: Observable, control_steps: int, random_state: RandomState
-    ) -> None:
+    def __init__(self, name: str, observable: Observable, control_steps: int, random_state: RandomState) -> None:
         self.name = name
         self.observable = observable
         self.random_state = random_state
@@ -68,9 +66,7 @@ class _Channel:
         """Read the observable at this step."""
         value = self.observable(physics, self.random_state)
         if value.shape != self.shape:
-            raise InvalidInputError(
-                f"observable {self.name!r} changed its shape from {self.shape} to {value.shape}"
-            )
+            raise InvalidInputError(f"observable {self.name!r} changed its shape from {self.shape} to {value.shape}")
         self._send(step, value)
         self._schedule(step)
 
@@ -97,9 +93,7 @@ class _Channel:
     def _draw(self, option: str, value: Steps, lowest: int) -> int:
         if not callable(value):
             return value
-        return whole_number(
-            f"{option} drawn for {self.name!r}", value(random_state=self.random_state), lowest
-        )
+        return whole_number(f"{option} drawn for {self.name!r}", value(random_state=self.random_state), lowest)
 
 
 class Updater:
@@ -135,9 +129,7 @@ class Updater:
             if not isinstance(observable, Observable):
                 raise InvalidInputError(f"observables[{name!r}] must be an Observable, got {observable!r}")
         self._observables = dict(observables)
-        self._control_steps = whole_number(
-            "physics_steps_per_control_step", physics_steps_per_control_step, 1
-        )
+        self._control_steps = whole_number("physics_steps_per_control_step", physics_steps_per_control_step, 1)
         self._strip = strip_singleton_buffer_dim
         self._pad = pad_with_initial_value
         self._step = 0
