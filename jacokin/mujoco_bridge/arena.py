@@ -1,0 +1,118 @@
+"""The floor things stand on, with light, a camera and the options of the simulation."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import mujoco
+from numpy.typing import ArrayLike
+
+from jacokin.model import table
+from jacokin.mujoco_bridge.entity import Entity
+
+CAMERA = "overview"
+
+_FLOOR = "ground"
+_FLOOR_SIZE = (1.0, 1.0, 0.1)  # half-lengths of the drawn plane, and grid spacing [m]
+_CHECKER_REPEAT = (5.0, 5.0)
+_CHECKER_RGB = ((0.30, 0.36, 0.42), (0.20, 0.25, 0.30))
+_SKY_RGB = ((0.55, 0.68, 0.82), (0.05, 0.07, 0.10))
+_LIGHT_HEIGHT = 1.5  # [m]
+_NEAREST_DRAWN = 0.01  # of the model's extent
+
+
+class Arena(Entity):
+    """A checkered floor. Attach the arm to it, then make the physics from it."""
+
+    def _build(self, name: str | None = None) -> None:
+        """Build the arena.
+
+        Args:
+            name: a name for the model; names of elements do not contain it.
+        """
+        spec = self._mjcf_root = mujoco.MjSpec()
+        spec.modelname = name or "arena"
+        spec.compiler.degree = False
+        row = table.load()["arena"]
+        _set_options(spec, row)
+        _add_looks(spec)
+        ground = row["ground"]
+        spec.worldbody.add_geom(
+            name=_FLOOR,
+            type=mujoco.mjtGeom.mjGEOM_PLANE,
+            size=_FLOOR_SIZE,
+            material=_FLOOR,
+            contype=ground["contype"],
+            conaffinity=ground["conaffinity"],
+            friction=ground["friction"],
+            solref=ground["solref"],
+            solimp=ground["solimp"],
+        )
+
+    def attach_offset(self, entity: Entity, offset: ArrayLike, attach_site: Any = None) -> Any:
+        """Attach an entity at an offset (3,) [m]; the same as ``attach(entity, position=offset)``."""
+        return self.attach(entity, attach_site, position=offset)
+
+    def add_free_entity(
+        self, entity: Entity, *, position: ArrayLike | None = None, quaternion: ArrayLike | None = None
+    ) -> Any:
+        """Attach an entity that moves freely; `Entity.set_pose` places it.
+
+        Args:
+            entity: what to attach.
+            position: (3,) where it starts [m]; None for the origin.
+            quaternion: (4,) how it starts, wxyz; None for upright.
+
+        Returns:
+            The body made to hold it.
+
+        Raises:
+            InvalidInputError: as `Entity.attach`.
+        """
+        body = self.attach(entity, position=position, quaternion=quaternion)
+        body.add_freejoint(name=f"{entity.prefix}freejoint")
+        return body
+
+
+def _set_options(spec: mujoco.MjSpec, row: Any) -> None:
+    spec.option.timestep = row["timestep"]  # [s]
+    spec.option.cone = getattr(mujoco.mjtCone, f"mjCONE_{row['cone'].upper()}")
+    spec.option.noslip_iterations = row["noslip_iterations"]
+    spec.option.noslip_tolerance = row["noslip_tolerance"]
+    spec.compiler.boundmass = row["boundmass"]  # [kg]
+    spec.compiler.boundinertia = row["boundinertia"]  # [kg m^2]
+
+
+def _add_looks(spec: mujoco.MjSpec) -> None:
+    spec.visual.map.znear = _NEAREST_DRAWN
+    spec.stat.center = (0.0, 0.0, 0.0)
+    spec.add_texture(
+        name="sky",
+        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
+        rgb1=_SKY_RGB[0],
+        rgb2=_SKY_RGB[1],
+        width=100,
+        height=100,
+    )
+    spec.add_texture(
+        name=_FLOOR,
+        type=mujoco.mjtTexture.mjTEXTURE_2D,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_CHECKER,
+        rgb1=_CHECKER_RGB[0],
+        rgb2=_CHECKER_RGB[1],
+        width=300,
+        height=300,
+    )
+    material = spec.add_material(name=_FLOOR, texrepeat=_CHECKER_REPEAT, texuniform=True, reflectance=0.1)
+    material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = _FLOOR
+    spec.worldbody.add_light(
+        pos=(0.0, 0.0, _LIGHT_HEIGHT),
+        dir=(0.0, 0.0, -1.0),
+        diffuse=(0.7, 0.7, 0.7),
+        specular=(0.3, 0.3, 0.3),
+        castshadow=True,
+    )
+    camera = spec.worldbody.add_camera(name=CAMERA, pos=(0.9, -1.1, 0.9))
+    camera.alt.type = mujoco.mjtOrientation.mjORIENTATION_XYAXES
+    camera.alt.xyaxes = (0.77, 0.63, 0.0, -0.29, 0.36, 0.88)

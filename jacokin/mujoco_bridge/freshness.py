@@ -1,0 +1,192 @@
+"""Keeping what MuJoCo derives from the state in step with the state.
+
+MuJoCo computes positions, velocities, contacts and forces in a forward pass and keeps them until the next one: after a
+write to qpos they belong to the old state. `Freshness` remembers the inputs of the last pass, compares, and runs a
+pass when one is due. Comparing finds every write, also one through ``physics.data``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from jacokin.errors import PhysicsError
+
+Array = NDArray[Any]
+
+_INTEGRATION = int(mujoco.mjtState.mjSTATE_INTEGRATION)
+_BOUNDARIES = (
+    mujoco.mjtState.mjSTATE_TIME,
+    mujoco.mjtState.mjSTATE_HISTORY,
+    mujoco.mjtState.mjSTATE_WARMSTART,
+    mujoco.mjtState.mjSTATE_CTRL,
+)
+_INPUTS = (
+    "qpos",
+    "qvel",
+    "act",
+    "ctrl",
+    "qfrc_applied",
+    "xfrc_applied",
+    "mocap_pos",
+    "mocap_quat",
+    "qacc_warmstart",
+)
+_RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)  # comparing the enum itself takes 2 us
+_WARNINGS = tuple(mujoco.mjtWarning.__members__)[:-1]
+
+
+class _Watched:
+    """An array of the model that a user holds, and what it was at the last pass."""
+
+    def __init__(self, array: Array, shortcuts: Sequence[tuple[Array, NDArray[np.intp]]]) -> None:
+        self.array = array
+        self.shortcuts = shortcuts
+        self.known = array.tobytes()
+
+    def has_changed(self) -> bool:
+        now = self.array.tobytes()
+        if now == self.known:
+            return False
+        self.known = now
+        for flags, rows in self.shortcuts:
+            flags[rows] = 0
+        return True
+
+
+class _State:
+    """A buffer for MuJoCo's state, and the parts of it that derived values depend on."""
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        self.all = np.empty(mujoco.mj_stateSize(model, _INTEGRATION))
+        # The state is laid out by ascending bits: time, qpos, qvel ..., warm start, ctrl, applied forces, mocap ...
+        up_to = {bit: mujoco.mj_stateSize(model, 2 * int(bit) - 1) for bit in _BOUNDARIES}
+        time, history, warmstart, ctrl = (up_to[bit] for bit in _BOUNDARIES)
+        self.motion = self.all[time:history]
+        self.ctrl = self.all[warmstart:ctrl]
+        self.applied = self.all[ctrl:]
+
+
+class Freshness:
+    """MuJoCo's model and data, and whether the derived values of the data are those of its state."""
+
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        """Watch a model and its data; nothing is taken for fresh yet."""
+        self.model = model
+        self.data = data
+        self._options = model.opt
+        self._watched: list[_Watched] = []
+        self._now = _State(model)
+        self._at_pass = _State(model)
+        self._is_known = False
+        self._warnings: Array = data.warning.number
+        self._no_warnings = np.zeros_like(self._warnings).tobytes()
+
+    def watch(self, array: Array, shortcuts: Sequence[tuple[Array, NDArray[np.intp]]]) -> None:
+        """Look for changes in an array of the model from now on.
+
+        Args:
+            array: the array, or some rows of it.
+            shortcuts: (flags, rows) to clear when it changes.
+        """
+        self._watched.append(_Watched(array, shortcuts))
+
+    def invalidate(self) -> None:
+        """Take nothing for fresh, for example after a change of the options."""
+        self._is_known = False
+
+    def ensure(self) -> None:
+        """Run a forward pass if the state, the controls or a watched array changed since the last.
+
+        Raises:
+            PhysicsError: the state is not finite, or MuJoCo warns.
+        """
+        if self._is_stale() or self._now.ctrl.tobytes() != self._at_pass.ctrl.tobytes():
+            self.forward()
+
+    def forward(self) -> None:
+        """Run a forward pass.
+
+        Raises:
+            PhysicsError: the state is not finite, or MuJoCo warns.
+        """
+        self._is_stale()  # reads the state, and clears the shortcuts of watched arrays that were written to
+        self._is_known = False
+        self._refuse_infinite(self._now.all)
+        try:
+            mujoco.mj_forward(self.model, self.data)
+        except mujoco.FatalError as error:
+            raise PhysicsError(f"MuJoCo gave up: {error}") from error
+        self._refuse_warnings()
+        self._remember()
+
+    def step(self, n: int) -> None:
+        """Advance n time steps from fresh data, and leave positions and velocities fresh.
+
+        Raises:
+            PhysicsError: the state is not finite, or MuJoCo warns; the state is then as before.
+        """
+        if self._is_stale():
+            self.forward()
+        else:
+            self._refuse_infinite(self._now.ctrl)
+        try:
+            self._advance(n)
+            self._refuse_warnings()
+        except PhysicsError:
+            mujoco.mj_setState(self.model, self.data, self._now.all, _INTEGRATION)
+            self._is_known = False
+            raise
+        self._remember()
+
+    def _advance(self, n: int) -> None:
+        model, data = self.model, self.data
+        try:
+            if self._options.integrator == _RK4:  # which has no mj_step2
+                mujoco.mj_step(model, data, n)
+            else:
+                mujoco.mj_step2(model, data)
+                if n > 1:
+                    mujoco.mj_step(model, data, n - 1)
+            mujoco.mj_step1(model, data)
+        except mujoco.FatalError as error:
+            raise PhysicsError(f"MuJoCo gave up: {error}") from error
+
+    def _is_stale(self) -> bool:
+        """Whether a step would start from old positions or forces; controls do not matter for that."""
+        now, known = self._now, self._at_pass
+        mujoco.mj_getState(self.model, self.data, now.all, _INTEGRATION)
+        for each in self._watched:
+            if each.has_changed():
+                self._is_known = False
+        return (
+            not self._is_known
+            or now.motion.tobytes() != known.motion.tobytes()
+            or now.applied.tobytes() != known.applied.tobytes()
+        )
+
+    def _remember(self) -> None:
+        mujoco.mj_getState(self.model, self.data, self._at_pass.all, _INTEGRATION)
+        self._is_known = True
+
+    def _refuse_infinite(self, state: Array) -> None:
+        # One dot product is the cheapest test for NaN and inf.
+        if math.isfinite(state.dot(state)) or np.isfinite(state).all():
+            return
+        data = self.data
+        wrong = [name for name in _INPUTS if not np.isfinite(getattr(data, name)).all()]
+        raise PhysicsError(f"the simulation is not finite in {', '.join(wrong) or 'its state'} at {data.time:.6g} s")
+
+    def _refuse_warnings(self) -> None:
+        if self._warnings.tobytes() == self._no_warnings:
+            return
+        names = [name for name, number in zip(_WARNINGS, self._warnings, strict=True) if number]
+        self._warnings[:] = 0
+        raise PhysicsError(
+            f"MuJoCo warns of {', '.join(names)} at {self.data.time:.6g} s: the simulation is unstable or too large"
+        )

@@ -1,0 +1,91 @@
+"""The Kinova Jaco arm (j2n6s300, without its hand) in MuJoCo."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import mujoco
+
+from jacokin.model import bundled, table
+from jacokin.mujoco_bridge.base import RobotArm, RobotHand, check_physics
+from jacokin.mujoco_bridge.jaco_observables import JacoArmObservables
+from jacokin.mujoco_bridge.physics import Physics
+from jacokin.mujoco_bridge.velocity_actuator import add_velocity_actuator
+
+_FILE = "jaco_arm.xml"
+_WRIST_SITE = "wristsite"
+_SENSOR_SITE_SIZE = 1e-3  # [m]
+_SENSOR_SITE_GROUP = 4  # not drawn
+
+
+class JacoArm(RobotArm):
+    """The arm: six joints, each with a velocity actuator and a 3-axis torque sensor."""
+
+    def _build(self, name: str | None = None) -> None:
+        """Build the arm.
+
+        Args:
+            name: replaces ``jaco_arm`` in the names of its elements.
+        """
+        spec = self._mjcf_root = mujoco.MjSpec.from_file(str(bundled.urdf_folder() / _FILE))
+        if name:
+            spec.modelname = name
+        rows = table.arm_joints(bundled.DEFAULT_ROBOT)
+        self._joints = [spec.joint(joint) for joint in rows]
+        self._wrist_site = spec.site(_WRIST_SITE)
+        self._actuators = [
+            add_velocity_actuator(spec, joint, row["group"])
+            for joint, row in zip(self._joints, rows.values(), strict=True)
+        ]
+        self._joint_torque_sensors = [_add_torque_sensor(spec, joint) for joint in self._joints]
+
+    def _build_observables(self) -> JacoArmObservables:
+        return JacoArmObservables(self)
+
+    @property
+    def joints(self) -> list[Any]:
+        """The six joint elements."""
+        return self._joints
+
+    @property
+    def actuators(self) -> list[Any]:
+        """The velocity actuators, one per joint; ctrl is the velocity wanted [rad/s]."""
+        return self._actuators
+
+    @property
+    def joint_torque_sensors(self) -> list[Any]:
+        """The 3-axis torque sensors, one per joint [N m]."""
+        return self._joint_torque_sensors
+
+    @property
+    def wrist_site(self) -> Any:
+        """The site that hands are attached to."""
+        return self._wrist_site
+
+    def set_home(self, physics: Physics) -> None:
+        """Go to the home configuration at rest, with the hands that are attached open.
+
+        Home is legal and free of contact, unlike q = 0, where a simulation starts.
+
+        Raises:
+            InvalidInputError: the physics does not hold this arm.
+        """
+        joints = check_physics(physics).bind(self.joints)
+        joints.qpos = table.variant(bundled.DEFAULT_ROBOT)["home"]
+        joints.qvel = 0.0
+        physics.bind(self.actuators).ctrl = 0.0
+        for entity in self.iter_entities(exclude_self=True):
+            if isinstance(entity, RobotHand):
+                entity.set_grasp(physics, 0.0)
+        physics.after_reset()
+
+
+def _add_torque_sensor(spec: mujoco.MjSpec, joint: Any) -> Any:
+    """Add a torque sensor at the origin of the joint's body, whose axes it measures along."""
+    site = joint.parent.add_site(name=f"{joint.name}_site", size=[_SENSOR_SITE_SIZE] * 3, group=_SENSOR_SITE_GROUP)
+    return spec.add_sensor(
+        name=f"{joint.name}_torque",
+        type=mujoco.mjtSensor.mjSENS_TORQUE,
+        objtype=mujoco.mjtObj.mjOBJ_SITE,
+        objname=site.name,
+    )
