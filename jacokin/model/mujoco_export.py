@@ -49,7 +49,7 @@ def to_spec(robot: Robot, *, geometry: bool = False) -> mujoco.MjSpec:
     for index in range(1, model.njoints):
         placement = model.jointPlacements[index]
         body = carriers[model.parents[index]].add_body(
-            name=f"jacokin_{model.names[index]}",
+            name=body_of_joint(robot, index),
             pos=placement.translation,
             quat=poses.quat_wxyz(placement.rotation),
         )
@@ -65,6 +65,11 @@ def to_spec(robot: Robot, *, geometry: bool = False) -> mujoco.MjSpec:
     if geometry:
         _add_geometry(spec, carriers, robot)
     return spec
+
+
+def body_of_joint(robot: Robot, joint: int) -> str:
+    """Name of the twin's body that Pinocchio's joint (by number, 0 for the base) moves."""
+    return f"jacokin_{robot.joint_names[joint - 1]}" if joint else BASE_BODY
 
 
 def _add_joint(body: mujoco.MjsBody, robot: Robot, index: int) -> None:

@@ -1,0 +1,63 @@
+"""Where searches start: the caller's seed made legal, then random legal configurations."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from jacokin.errors import InvalidInputError
+from jacokin.model.robot import Robot
+
+Array = NDArray[np.float64]
+
+DEFAULT_RANDOM_SEED = 0  # of the generator used when the caller brings none: results repeat
+
+
+def legal_seed(robot: Robot, seed: ArrayLike | None) -> tuple[Array, str]:
+    """The seed inside the limits, and a sentence when it had to be moved; home when there is none.
+
+    A limited joint first takes a 2 pi copy inside its limits, then the nearer limit.
+
+    Raises:
+        InvalidInputError: wrong length or not finite.
+    """
+    if seed is None:
+        return robot.home, ""
+    q = robot.configuration(seed, "seed")
+    if (q >= robot.lower).all() and (q <= robot.upper).all():
+        return q, ""
+    outside = np.flatnonzero((q < robot.lower) | (q > robot.upper))
+    legal = q.copy()
+    for joint in outside:
+        copies = q[joint] + 2.0 * np.pi * np.array([-1.0, 1.0])
+        inside = copies[(copies >= robot.lower[joint]) & (copies <= robot.upper[joint])]
+        legal[joint] = inside[0] if inside.size else np.clip(q[joint], robot.lower[joint], robot.upper[joint])
+    names = ", ".join(robot.joint_names[joint] for joint in outside)
+    return legal, f"the seed was outside the limits of {names} and was moved inside"
+
+
+def check_rng(rng: np.random.Generator | None) -> None:
+    """Refuse what is not a generator.
+
+    Raises:
+        InvalidInputError: neither a Generator nor None.
+    """
+    if rng is not None and not isinstance(rng, np.random.Generator):
+        raise InvalidInputError(f"rng must be a numpy.random.Generator or None, got {type(rng).__name__}")
+
+
+def generator(rng: np.random.Generator | None) -> np.random.Generator:
+    """The caller's generator, or a fresh one with a fixed seed."""
+    return np.random.default_rng(DEFAULT_RANDOM_SEED) if rng is None else rng
+
+
+def starts(robot: Robot, first: list[Array], restarts: int, rng: np.random.Generator) -> Iterator[Array]:
+    """The given configurations, then random legal ones; `1 + restarts` in all at most."""
+    total = 1 + restarts
+    yield from first[:total]
+    lower = np.where(robot.free, -np.pi, np.maximum(robot.lower, -1e3))
+    upper = np.where(robot.free, np.pi, np.minimum(robot.upper, 1e3))
+    for _ in range(total - len(first)):
+        yield rng.uniform(lower, upper)

@@ -1,0 +1,332 @@
+"""`IKSolver`: from a target pose to joint angles inside the limits. Read this file first.
+
+The closed form gives every branch of a six-joint Jaco, so a pose is reached, or known to be out of reach, or known to
+need a joint beyond its limit. What it does not cover (other structures, positions without orientation) goes to mink's
+QP from many starts, as does the question which legal configuration comes closest to a pose that cannot be reached.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike, NDArray
+
+from jacokin.errors import InvalidInputError, StructureError
+from jacokin.ik import seeds, targets
+from jacokin.ik.judge import (
+    LIMIT_SNAP,
+    MAX_RESTARTS,
+    ORIENTATION_TOLERANCE,
+    POSITION_TOLERANCE,
+    Judge,
+    Settings,
+    checked_restarts,
+    joined,
+    pair_names,
+)
+from jacokin.ik.results import BatchResult, Branches, IKResult, Status
+from jacokin.ik.targets import Target
+from jacokin.model import poses
+from jacokin.model.loading import load_robot
+from jacokin.model.robot import Robot
+
+if TYPE_CHECKING:
+    from jacokin.ik.closed_form import ClosedForm, RawBranches
+    from jacokin.ik.qp_search import QPSearch
+
+Array = NDArray[np.float64]
+
+DEFAULT_QP_SOLVER = "daqp"  # always installed; checking others means importing qpsolvers
+
+
+class IKSolver:
+    """Inverse kinematics of one robot, frame and tool.
+
+    Attributes:
+        robot: the arm.
+        frame: the frame that is brought to the target.
+        tool: constant pose of the tool in that frame, or None.
+        method: "auto", "closed_form" or "qp".
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        frame: str | None = None,
+        *,
+        tool: pin.SE3 | ArrayLike | None = None,
+        method: str = "auto",
+        qp_solver: str = DEFAULT_QP_SOLVER,
+        collision: str = "ignore",
+        position_tolerance: float = POSITION_TOLERANCE,
+        orientation_tolerance: float = ORIENTATION_TOLERANCE,
+        limit_snap: float = LIMIT_SNAP,
+        max_restarts: int = MAX_RESTARTS,
+    ) -> None:
+        """Prepare a solver; nothing heavy is loaded before it is needed.
+
+        Args:
+            robot: the arm.
+            frame: name of the frame to bring to the target; None for the robot's default frame.
+            tool: T_frame_tool, a constant pose after the frame.
+            method: "auto" (closed form where it applies, else QP), "closed_form" or "qp".
+            qp_solver: a QP solver installed for qpsolvers: "daqp", "quadprog", "osqp", "proxqp".
+            collision: self-contact is "ignore"d, "report"ed in the result, or "reject"ed for another branch.
+            position_tolerance: a success is this near in position [m].
+            orientation_tolerance: a success is this near in orientation [rad].
+            limit_snap: a closed-form branch past a limit by no more than this [rad] is put on it and measured again.
+            max_restarts: random starts of the QP after the first ones.
+
+        Raises:
+            UnknownNameError: unknown frame, method, collision mode or QP solver.
+            InvalidInputError: a tolerance that is not positive, a negative number of restarts, a malformed tool.
+            StructureError: method="closed_form" and the robot has another structure.
+            ModelError: self-contact is asked for and the description has no shapes to check.
+        """
+        if not isinstance(robot, Robot):
+            raise InvalidInputError(f"robot must be a jacokin.Robot (see load_robot), got {type(robot).__name__}")
+        settings = Settings(
+            method, qp_solver, collision, position_tolerance, orientation_tolerance, limit_snap, max_restarts
+        )
+        self.robot = robot
+        self.frame = robot.default_frame if frame is None else frame
+        self._frame_id = robot.frame_id(frame)
+        self.tool = None if tool is None else poses.checked_pose(tool, "tool")
+        self.method = method
+        self._settings = settings
+        self._judge = Judge(robot, self.frame, self.tool, settings)
+        self._form: ClosedForm | None = None
+        self._misfit: StructureError | None = None
+        self._search: QPSearch | None = None
+        if qp_solver != DEFAULT_QP_SOLVER:
+            from jacokin.ik import qp_backend
+
+            qp_backend.checked(qp_solver)
+        if method == "closed_form":
+            self.closed_form()
+
+    def closed_form(self) -> ClosedForm:
+        """The closed form of this robot, built once.
+
+        Raises:
+            StructureError: the robot has another structure; names the pair of axes and the misfit.
+        """
+        if self._form is None:
+            if self._misfit is not None:
+                raise self._misfit
+            from jacokin.ik.closed_form import ClosedForm
+
+            try:
+                self._form = ClosedForm(
+                    self.robot.pin_model,
+                    self._frame_id,
+                    self.tool,
+                    self.robot.lower,
+                    self.robot.upper,
+                    limit_snap=self._settings.limit_snap,
+                )
+            except StructureError as error:
+                self._misfit = error
+                raise
+        return self._form
+
+    def applies(self) -> bool:
+        """Whether the closed form fits this robot and the method allows it."""
+        if self.method == "qp":
+            return False
+        try:
+            self.closed_form()
+        except StructureError:
+            return False
+        return True
+
+    def solve(
+        self,
+        target: pin.SE3 | ArrayLike,
+        seed: ArrayLike | None = None,
+        rng: np.random.Generator | None = None,
+        *,
+        max_restarts: int | None = None,
+        closest: bool = True,
+    ) -> IKResult:
+        """Joint angles that bring the tool to a target.
+
+        Args:
+            target: T_base_tool as `pin.SE3` or (4, 4), or a position (3,) [m] with free orientation.
+            seed: (dof,) configuration [rad] to stay near to; None for the robot's home. An illegal one is moved
+                inside the limits and the message says so.
+            rng: randomness of the QP's restarts; None for a fixed seed.
+            max_restarts: in place of the solver's own number of QP restarts.
+            closest: on failure, look for the closest legal configuration. False returns the seed, which is quick.
+
+        Returns:
+            The legal branch nearest to the seed, free joints in the 2 pi copy nearest to it, measured by Pinocchio;
+            or the reason why there is none.
+
+        Raises:
+            InvalidInputError: target or seed malformed; method="closed_form" with a position-only target.
+        """
+        wanted = targets.checked(target)
+        start, note = seeds.legal_seed(self.robot, seed)
+        seeds.check_rng(rng)
+        restarts = self._settings.max_restarts if max_restarts is None else checked_restarts(max_restarts)
+        if self.method == "closed_form" and wanted.position_only:
+            raise InvalidInputError("the closed form needs an orientation; use method='auto' or 'qp' for positions")
+        if not wanted.position_only and self.applies():
+            return self._by_branches(wanted, start, note, rng, closest)
+        return self.qp_search().solve(wanted, start, note, seeds.generator(rng), restarts, closest)
+
+    def solve_all(self, target: pin.SE3 | ArrayLike, seed: ArrayLike | None = None) -> Branches:
+        """Every branch that reaches a pose, inside the limits or not.
+
+        Args:
+            target: T_base_tool as `pin.SE3` or (4, 4).
+            seed: (dof,) configuration [rad] branches are ordered by; None for home.
+
+        Returns:
+            All branches, nearest first; none when the pose is out of reach.
+
+        Raises:
+            InvalidInputError: target or seed malformed, or a target without orientation.
+            StructureError: the robot has no closed form.
+        """
+        wanted = targets.checked(target)
+        if wanted.position_only:
+            raise InvalidInputError("solve_all needs an orientation: a position alone is reached by infinitely many")
+        start, _ = seeds.legal_seed(self.robot, seed)
+        raw = self.closed_form().solve_all(wanted.pose.homogeneous, start)
+        touching = None
+        if self._judge.looks_for_contact:
+            touching = tuple(tuple(self._judge.touching(q)) for q in raw.q)
+        return Branches(
+            q=raw.q,
+            within_limits=raw.within_limits,
+            margin=raw.margin,
+            distance=raw.distance,
+            position_error=raw.position_error,
+            orientation_error=raw.orientation_error,
+            complete=not raw.family,
+            touching=touching,
+        )
+
+    def solve_batch(
+        self,
+        targets: Sequence[pin.SE3] | ArrayLike,
+        seeds: ArrayLike | None = None,
+        *,
+        workers: int = 1,
+        progress: Callable[[int], None] | None = None,
+        closest: bool = True,
+    ) -> BatchResult:
+        """Answers to many targets; row i answers target i as `solve` would.
+
+        Args:
+            targets: (n, 4, 4) poses, (n, 3) positions [m], or a sequence of what `solve` takes.
+            seeds: (dof,) for all or (n, dof), one for each [rad]; None for home.
+            workers: threads of the compiled loop, and processes for what goes to the QP.
+            progress: called with the number of targets newly finished.
+            closest: as in `solve`.
+
+        Raises:
+            InvalidInputError: empty, malformed targets (the row is named), seeds or workers.
+        """
+        from jacokin.ik import batch
+
+        return batch.solve(self, targets, seeds, workers=workers, progress=progress, closest=closest)
+
+    @property
+    def tolerances(self) -> tuple[float, float]:
+        """Position [m] and orientation [rad] tolerance of a success."""
+        return self._settings.position_tolerance, self._settings.orientation_tolerance
+
+    def batches_compiled(self) -> bool:
+        """Whether a batch may take the compiled loop: closed form, and nothing to look up for each branch."""
+        return self.applies() and not self._judge.looks_for_contact
+
+    def __reduce__(self) -> tuple[object, tuple[object, ...]]:
+        """Pickle the options; working memory is made anew."""
+        return _rebuild, (self.robot, self.frame, self.tool, self._settings)
+
+    def qp_search(self) -> QPSearch:
+        """Mink's QP on this robot, built once.
+
+        Raises:
+            UnknownNameError: the QP solver is not installed.
+        """
+        if self._search is None:
+            from jacokin.ik.qp_search import QPSearch
+
+            self._search = QPSearch(self._judge)
+        return self._search
+
+    def _by_branches(
+        self, target: Target, start: Array, note: str, rng: np.random.Generator | None, closest: bool
+    ) -> IKResult:
+        """The legal branch nearest to the start, or why there is none."""
+        judge = self._judge
+        raw = self.closed_form().solve_all(target.pose.homogeneous, start)
+        touched: IKResult | None = None
+        for index in np.flatnonzero(raw.within_limits):
+            q = raw.q[index]
+            errors = judge.measure(q, target)
+            if not judge.reached(q, errors):
+                continue
+            pairs = judge.touching(q)
+            if not (pairs and judge.rejects_contact):
+                message = joined(f"branch {index + 1} of {len(raw.q)}", note)
+                return judge.result(q, Status.OK, errors, message, touching=pairs)
+            message = joined(f"every legal branch touches itself; the nearest one at {pair_names(pairs)}", note)
+            touched = touched or judge.result(q, Status.IN_COLLISION, errors, message, touching=pairs)
+        if touched is not None:
+            return touched
+        status, why = self._why_not(raw)
+        message = joined(why, note)
+        if not closest:
+            return judge.result(start, status, judge.measure(start, target), message)
+        nearby = [np.clip(q, self.robot.lower, self.robot.upper) for q in raw.q]
+        return self.qp_search().closest(target, nearby, start, status, message, seeds.generator(rng))
+
+    def _why_not(self, raw: RawBranches) -> tuple[Status, str]:
+        """Status and sentence when no branch is legal."""
+        if not len(raw.q):
+            return Status.UNREACHABLE, "no configuration reaches this pose, whatever the limits"
+        excess = np.maximum(-raw.margin, 0.0)
+        best = int(np.argmin(excess.max(axis=1)))
+        broken = ", ".join(
+            f"{self.robot.joint_names[joint]} by {excess[best, joint]:.6g} rad"
+            for joint in np.flatnonzero(excess[best] > 0.0)
+        )
+        return Status.OUTSIDE_LIMITS, (f"each of the {len(raw.q)} branches breaks a limit; the mildest breaks {broken}")
+
+
+def _rebuild(robot: Robot, frame: str, tool: pin.SE3 | None, settings: Settings) -> IKSolver:
+    return IKSolver(robot, frame, tool=tool, **dataclasses.asdict(settings))
+
+
+def solve_ik(
+    target: pin.SE3 | ArrayLike,
+    robot: Robot | str | None = None,
+    *,
+    seed: ArrayLike | None = None,
+    frame: str | None = None,
+    tool: pin.SE3 | ArrayLike | None = None,
+) -> IKResult:
+    """Solve one pose: `IKSolver(robot, frame, tool=tool).solve(target, seed)`.
+
+    Args:
+        target: T_base_tool as `pin.SE3` or (4, 4), or a position (3,) [m] with free orientation.
+        robot: a robot, or what `load_robot` takes; None for the j2n6s300.
+        seed: (dof,) configuration [rad] to stay near to.
+        frame: frame to bring to the target; None for the robot's default frame.
+        tool: constant pose after the frame.
+
+    Raises:
+        JacokinError: as `load_robot` and `IKSolver.solve`.
+    """
+    if not isinstance(robot, Robot):
+        robot = load_robot() if robot is None else load_robot(robot)
+    return IKSolver(robot, frame, tool=tool).solve(target, seed)
