@@ -14,6 +14,7 @@ from jacokin.ik.targets import Target
 Array = NDArray[np.float64]
 
 CLOSEST_STARTS = 20  # descents while looking for the closest configuration
+REACH_SLACK = 1e-3  # [m] more than any tolerance: a bound that can be trusted
 
 
 class QPSearch:
@@ -40,12 +41,19 @@ class QPSearch:
             settings.position_tolerance,
             settings.orientation_tolerance,
         )
+        self._shoulder, self._length = _reach(judge)
 
     def solve(
         self, target: Target, start: Array, note: str, rng: np.random.Generator, restarts: int, closest: bool
     ) -> IKResult:
         """Start after start until one reaches the target free of contact, if that matters."""
         first = [start] if start is self._robot.home else [start, self._robot.home]
+        if self.beyond_reach(target):
+            message = joined("the target is farther away than the arm is long", note)
+            if closest:
+                return self.closest(target, first, start, Status.UNREACHABLE, message, rng)
+            attempt = self.qp.solve(target, first[:1])
+            return self._result(attempt, Status.UNREACHABLE, target, start, message)
         starts = seeds.starts(self._robot, first, restarts, rng)
         touched: IKResult | None = None
         if self._judge.rejects_contact:
@@ -55,7 +63,8 @@ class QPSearch:
         if touched is not None:
             return touched
         if attempt.reached:
-            return self._result(attempt, Status.OK, target, start, note)
+            message = joined(f"start {attempt.starts}, {attempt.iterations} iterations", note)
+            return self._result(attempt, Status.OK, target, start, message)
         if attempt.failed:
             return self._result(
                 attempt, Status.SOLVER_ERROR, target, start, joined("no QP solver solved the step", note)
@@ -64,6 +73,10 @@ class QPSearch:
         if not closest:
             return self._result(attempt, Status.NO_CONVERGENCE, target, start, message)
         return self.closest(target, [attempt.q], start, Status.NO_CONVERGENCE, message, rng, before=attempt)
+
+    def beyond_reach(self, target: Target) -> bool:
+        """Whether the target is provably out of reach: farther from joint 1 than the links laid end to end."""
+        return float(np.linalg.norm(target.pose.translation - self._shoulder)) > self._length + REACH_SLACK
 
     def closest(
         self,
@@ -95,6 +108,7 @@ class QPSearch:
             total = attempt
             if not attempt.reached:
                 continue
+            # Contact is the same in every 2 pi copy of a free joint.
             pairs = self._judge.touching(attempt.q)
             if not pairs:
                 return attempt, None
@@ -112,3 +126,15 @@ class QPSearch:
         if status is Status.OK and not self._judge.reached(q, errors):
             q, errors = attempt.q, (attempt.position_error, attempt.orientation_error)
         return self._judge.result(q, status, errors, message, attempt=attempt, touching=self._judge.touching(q))
+
+
+def _reach(judge: Judge) -> tuple[Array, float]:
+    """Origin of joint 1 in the base, and the links laid end to end from there [m]; inf when a slide has no limits."""
+    model = judge.robot.pin_model
+    lengths = [float(np.linalg.norm(model.jointPlacements[joint].translation)) for joint in range(2, model.njoints)]
+    placed = model.frames[judge.robot.frame_id(judge.frame)].placement
+    tip = placed if judge.tool is None else placed * judge.tool
+    lengths.append(float(np.linalg.norm(tip.translation)))
+    slides = [joint for joint in range(1, model.njoints) if "Prismatic" in model.joints[joint].shortname()]
+    lengths.extend(float(max(abs(judge.robot.lower[j - 1]), abs(judge.robot.upper[j - 1]))) for j in slides)
+    return np.array(model.jointPlacements[1].translation), sum(lengths)

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from jacokin.errors import ModelError
 
 WORLD = "world"
-SCALAR_JOINTS = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
+SCALAR_JOINTS = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))  # ints: numpy does not equal enums
 
 
 def compile_mjcf(path: Path) -> mujoco.MjModel:
