@@ -71,6 +71,8 @@ print("looked", len(specs))
 """
 
 UPDATING = """
+for view in views.values():
+    view.configure(height=84, width=84)
 updater = Updater({**observables_of(arena), **views}, 20, strip_singleton_buffer_dim=True)
 updater.reset(physics, np.random.default_rng(0))
 first = updater.get_observation()

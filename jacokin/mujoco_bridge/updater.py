@@ -39,7 +39,7 @@ class _Channel:
         self.aggregator = AGGREGATORS[aggregator] if isinstance(aggregator, str) else aggregator
         self.arrived: deque[NDArray[Any]] = deque(maxlen=self.size)
         self.pending: list[tuple[int, int, NDArray[Any]]] = []  # (arrival, step of the reading, value)
-        self.next_reading = 0  # step of the next reading, where the interval is drawn
+        self.next_reading = 0  # at this step
 
     def start(self, physics: Physics, pad_with_initial_value: bool) -> None:
         """Take the reading of step 0 and fill the buffer with it, or with zeros."""
@@ -49,18 +49,6 @@ class _Channel:
         self.arrived.extend([padding] * self.size)
         self._send(0, value)
         self._schedule(0)
-
-    def is_due(self, step: int) -> bool:
-        """Whether a reading taken at this step will ever be seen.
-
-        With constant interval and delay, the readings which arrive between this one and the end
-        of the control step in which it arrives are known; where they fill the buffer, it is not.
-        """
-        if callable(self.interval) or callable(self.delay):
-            return step == self.next_reading
-        if step % self.interval:
-            return False
-        return -(step + self.delay) % self.control_steps // self.interval < self.size
 
     def take(self, physics: Physics, step: int) -> None:
         """Read the observable at this step."""
@@ -88,7 +76,18 @@ class _Channel:
             self.arrived.append(self.pending.pop(0)[2])
 
     def _schedule(self, step: int) -> None:
+        """Choose the step of the next reading, passing over those that nobody will see.
+
+        With constant interval and delay, the readings that arrive in the same control step as the
+        next one are known. Of these the buffer shows the newest.
+        """
         self.next_reading = step + self._draw("update_interval", self.interval, 1)
+        if callable(self.interval) or callable(self.delay):
+            return
+        arrival = self.next_reading + self.delay
+        shown_at = arrival + -arrival % self.control_steps
+        newest = (shown_at - self.delay) // self.interval * self.interval
+        self.next_reading = max(self.next_reading, newest - (self.size - 1) * self.interval)
 
     def _draw(self, option: str, value: Steps, lowest: int) -> int:
         if not callable(value):
@@ -161,11 +160,9 @@ class Updater:
         Raises:
             PhysicsError: ``reset`` was not called.
         """
-        physics = self._started()
+        self._started()
         self._step += 1
-        for channel in self._channels:
-            if channel.is_due(self._step):
-                channel.take(physics, self._step)
+        self._take_readings()
 
     def advance(self) -> dict[str, NDArray[Any]]:
         """Simulate one control step and return the observation after it.
@@ -174,19 +171,12 @@ class Updater:
             PhysicsError: ``reset`` was not called, or the simulation diverged.
         """
         physics = self._started()
-        steps = 0  # physics steps to make before the next reading
-        for _ in range(self._control_steps):
-            steps += 1
-            step = self._step + steps
-            due = [channel for channel in self._channels if channel.is_due(step)]
-            if due:
-                physics.step(steps)
-                self._step, steps = step, 0
-                for channel in due:
-                    channel.take(physics, step)
-        if steps:
-            physics.step(steps)
-            self._step += steps
+        end = self._step + self._control_steps
+        while self._step < end:
+            step = min([end, *(channel.next_reading for channel in self._channels)])
+            physics.step(step - self._step)
+            self._step = step
+            self._take_readings()
         return self.get_observation()
 
     def get_observation(self) -> dict[str, NDArray[Any]]:
@@ -206,6 +196,12 @@ class Updater:
                 f"{self._control_steps} physics steps were made"
             )
         return {channel.name: channel.observation(self._step, self._strip) for channel in self._channels}
+
+    def _take_readings(self) -> None:
+        physics = self._started()
+        for channel in self._channels:
+            if channel.next_reading == self._step:
+                channel.take(physics, self._step)
 
     def _started(self) -> Physics:
         if self._physics is None:
