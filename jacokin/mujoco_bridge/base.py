@@ -21,7 +21,7 @@ from jacokin.mujoco_bridge.joint_observables import JointsObservables
 from jacokin.mujoco_bridge.observable import Observables
 from jacokin.mujoco_bridge.physics import Physics
 from jacokin.mujoco_bridge.quaternions import rotation_matrix, unit_quaternion
-from jacokin.mujoco_bridge.set_site import SceneSolvers
+from jacokin.mujoco_bridge.set_site import SceneSolvers, SiteSolver
 
 RandomState = np.random.RandomState | np.random.Generator
 
@@ -124,15 +124,28 @@ class RobotArm(Entity):
             or max_ik_attempts < 1
         ):
             raise InvalidInputError(f"max_ik_attempts must be a whole number >= 1, got {max_ik_attempts!r}")
-        bound = physics.bind(self.joints)
-        solver = self._solvers.of(physics, bound.element_ids, _site_id(physics, site))
+        solver = self.site_solver(physics, site)
         bounds = None if solver.has_closed_form else self.sampling_bounds(physics)
-        qpos = solver.find(physics.data, position, rotation, bounds, random_state, int(max_ik_attempts))
-        if qpos is None:
-            return False
-        physics.data.qpos[:] = qpos
-        physics.forward()
-        return True
+        for qpos in solver.solutions(physics.data, position, rotation, bounds, random_state, int(max_ik_attempts)):
+            physics.data.qpos[:] = qpos
+            physics.forward()
+            return True
+        return False
+
+    def site_solver(self, physics: Physics, site: Any) -> SiteSolver:
+        """What solves for a site in a physics: kept, since making it takes milliseconds.
+
+        Args:
+            physics: the simulation.
+            site: a site on the arm or on what is attached to it: an element, or its full name.
+
+        Raises:
+            InvalidInputError: an argument is wrong.
+            UnknownNameError: no site of this name; lists those there are.
+            ModelError: the arm does not move the site.
+        """
+        joints = check_physics(physics).bind(self.joints).element_ids
+        return self._solvers.of(physics, joints, _site_id(physics, site))
 
     @property
     def _solvers(self) -> SceneSolvers:

@@ -132,6 +132,14 @@ class Physics:
         """
         self._freshness.forward()
 
+    def refresh(self) -> None:
+        """Run `forward` if anything changed since the last pass; for those who read ``physics.data`` directly.
+
+        Raises:
+            PhysicsError: the state is not finite, or MuJoCo warns.
+        """
+        self._freshness.ensure()
+
     def step(self, n: int = 1) -> None:
         """Advance n time steps; positions and velocities are then those of the new state.
 

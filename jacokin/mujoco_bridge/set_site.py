@@ -15,10 +15,11 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from jacokin.ik import IKSolver
+from jacokin.ik.qp import MultiStartQP
+from jacokin.ik.solver import IKSolver
 from jacokin.ik.targets import Target, rotation_angle
 from jacokin.mujoco_bridge.physics import Physics
-from jacokin.mujoco_bridge.scene_chain import SceneChain, scene_chain
+from jacokin.mujoco_bridge.scene_chain import SITE, SceneChain, scene_chain
 
 Array = NDArray[np.float64]
 RandomState = np.random.RandomState | np.random.Generator
@@ -26,6 +27,7 @@ Bounds = tuple[Array, Array]
 
 POSITION_TOLERANCE = 1e-6  # [m] what the interface promises of a success
 ORIENTATION_TOLERANCE = 1e-6  # [rad]
+QP_SOLVER = "daqp"
 
 _TURN = 2.0 * np.pi
 
@@ -54,17 +56,23 @@ class SiteSolver:
         self._site = site
         self._prepare(physics.data.qpos)
 
+    def chain(self, qpos: Array) -> SceneChain:
+        """The joints that move the site, with fingers and the like held where they are in a qpos."""
+        if self._chain.held.size and not np.array_equal(qpos[self._chain.held], self._chain.held_at):
+            self._prepare(qpos)
+        return self._chain
+
     def _prepare(self, qpos: Array) -> None:
-        self._chain: SceneChain = scene_chain(self._model, qpos, self._joints, self._site)
+        self._chain = scene_chain(self._model, qpos, self._joints, self._site)
         robot = self._chain.robot
-        self._solver = IKSolver(
-            robot, position_tolerance=POSITION_TOLERANCE, orientation_tolerance=ORIENTATION_TOLERANCE
-        )
+        self._solver = IKSolver(robot, SITE)
         self.has_closed_form = self._solver.applies()
-        self._free = np.flatnonzero(robot.free)
+        kinds = self._model.jnt_type[list(self._chain.joints)]
+        self._wraps = robot.free & (kinds == mujoco.mjtJoint.mjJNT_HINGE)
+        self._qp: MultiStartQP | None = None
         self._T = np.eye(4)
 
-    def find(
+    def solutions(
         self,
         data: mujoco.MjData,
         position: Array,
@@ -72,8 +80,10 @@ class SiteSolver:
         bounds: Bounds | None,
         random_state: RandomState,
         attempts: int,
-    ) -> Array | None:
-        """The whole qpos with the arm's joints such that the site is at its target, or None.
+    ) -> Iterator[Array]:
+        """Configurations of the whole scene with the site at its target, those of the closed form nearest first.
+
+        Each is a view of one buffer that the next overwrites.
 
         Args:
             data: the simulation's state; it is only read.
@@ -88,39 +98,38 @@ class SiteSolver:
         if model.nmocap:
             scratch.mocap_pos[:] = data.mocap_pos
             scratch.mocap_quat[:] = data.mocap_quat
-        if self._chain.held.size and not np.array_equal(scratch.qpos[self._chain.held], self._chain.held_at):
-            self._prepare(scratch.qpos)
-        chain = self._chain
+        chain = self.chain(scratch.qpos)
         mujoco.mj_kinematics(model, scratch)
         R_base_world = scratch.xmat[chain.base_body].reshape(3, 3).T
         T = self._T
         np.matmul(R_base_world, rotation, out=T[:3, :3])
         T[:3, 3] = R_base_world @ (position - scratch.xpos[chain.base_body])
         present = scratch.qpos[chain.qpos]
-        if bounds is None:
-            q = self._nearest_branch(T, present)
-        else:
-            q = self._by_qp(T, self._starts(present, bounds, random_state, attempts))
-        if q is None:
-            return None
-        turned = q[self._free] % _TURN
-        turned[turned >= _TURN] = 0.0  # the remainder of -1e-17 is rounded up to a full turn
-        q[self._free] = turned
-        scratch.qpos[chain.qpos] = q
-        mujoco.mj_kinematics(model, scratch)
-        miss = scratch.site_xpos[self._site] - position
-        tilt = scratch.site_xmat[self._site].reshape(3, 3).T @ rotation
-        reached = miss.dot(miss) <= POSITION_TOLERANCE**2 and rotation_angle(tilt) <= ORIENTATION_TOLERANCE
-        return scratch.qpos if reached else None
+        found = (
+            self._branches(T, present)
+            if bounds is None
+            else self._by_qp(T, self._starts(present, bounds, random_state, attempts))
+        )
+        for q in found:
+            scratch.qpos[chain.qpos] = self._canonical(q)
+            mujoco.mj_kinematics(model, scratch)
+            miss = scratch.site_xpos[self._site] - position
+            tilt = scratch.site_xmat[self._site].reshape(3, 3).T @ rotation
+            if miss.dot(miss) <= POSITION_TOLERANCE**2 and rotation_angle(tilt) <= ORIENTATION_TOLERANCE:
+                yield scratch.qpos
 
-    def _nearest_branch(self, T_base_site: Array, present: Array) -> Array | None:
+    def _branches(self, T_base_site: Array, present: Array) -> Iterator[Array]:
         branches = self._solver.closed_form().solve_all(T_base_site, present)
-        legal = branches.within_limits.nonzero()[0]
-        return branches.q[legal[0]].copy() if len(legal) else None
+        return iter(branches.q[branches.within_limits])
 
-    def _by_qp(self, T_base_site: Array, starts: Iterator[Array]) -> Array | None:
-        attempt = self._solver.qp().solve(Target(pin.SE3(T_base_site), position_only=False), starts)
-        return attempt.q.copy() if attempt.reached else None
+    def _by_qp(self, T_base_site: Array, starts: Iterator[Array]) -> Iterator[Array]:
+        target = Target(pin.SE3(T_base_site), position_only=False)
+        if self._qp is None:
+            self._qp = MultiStartQP(self._chain.robot, SITE, None, QP_SOLVER, POSITION_TOLERANCE, ORIENTATION_TOLERANCE)
+        for start in starts:
+            attempt = self._qp.solve(target, [start])
+            if attempt.reached:
+                yield attempt.q
 
     def _starts(self, present: Array, bounds: Bounds, random_state: RandomState, attempts: int) -> Iterator[Array]:
         """The present configuration made legal, then random ones, each drawn when it is asked for."""
@@ -128,6 +137,12 @@ class SiteSolver:
         yield np.clip(present, self._chain.robot.lower, self._chain.robot.upper)
         for _ in range(attempts - 1):
             yield random_state.uniform(*bounds)[members]
+
+    def _canonical(self, q: Array) -> Array:
+        """Free hinges turned into [0, 2 pi)."""
+        turned = q % _TURN
+        turned[turned >= _TURN] = 0.0  # the remainder of -1e-17 is rounded up to a full turn
+        return np.where(self._wraps, turned, q)
 
 
 class SceneSolvers:
