@@ -14,6 +14,7 @@ from jacokin.mujoco_bridge import Arena, JacoArm, JacoHand, Physics, observation
 from jacokin.mujoco_bridge.angles import angles_from_sin_cos
 from jacokin.mujoco_bridge.jaco_observables import JacoArmObservables
 from jacokin.mujoco_bridge.observable import MJCFFeature, Observable, observable, observables_of
+from jacokin.mujoco_bridge.props import Primitive
 from jacokin.mujoco_bridge.updater import Updater
 
 CONTROL_STEPS = 20  # physics steps of 2 ms in a control step of 40 ms
@@ -247,3 +248,32 @@ def test_declared_and_added_observables_of_an_own_arm() -> None:
     assert values["height"][0] == physics.bind(arm.wrist_site).xpos[2]
     assert values["time"] == physics.data.time
     np.testing.assert_array_equal(arm.observables.joints_pos(physics), physics.bind(arm.joints).qpos)
+
+
+def test_free_prop_is_observed_in_the_world() -> None:
+    options = observations.make_options(observations.PERFECT_FEATURES, observations.FREEPROP_OBSERVABLES)
+    prop = Primitive(observable_options=options, name="cube")
+    arena = Arena()
+    arena.add_free_entity(prop)
+    physics = Physics.from_entity(arena)
+    quat_wxyz = np.array([np.cos(0.4), 0.0, np.sin(0.4), 0.0])
+    prop.set_pose(physics, position=[0.1, 0.2, 0.9], quaternion=quat_wxyz)
+    velocity, spin = np.array([0.3, -0.2, 0.1]), np.array([1.0, 2.0, -0.5])  # [m/s], [rad/s], both in the world
+    inverse, in_body = np.empty(4), np.empty(3)
+    mujoco.mju_negQuat(inverse, quat_wxyz)
+    mujoco.mju_rotVecQuat(in_body, spin, inverse)
+    physics.bind(prop.root_body.joints[0]).qvel = [*velocity, *in_body]
+    expected = {
+        "cube/angular_velocity": spin,
+        "cube/linear_velocity": velocity,
+        "cube/orientation": quat_wxyz,
+        "cube/position": np.array([0.1, 0.2, 0.9]),
+    }
+    updater = Updater(prop.observables.as_dict(), strip_singleton_buffer_dim=True)
+    updater.reset(physics)
+    observation = updater.get_observation()
+    assert list(observation) == list(expected)
+    for name, value in expected.items():
+        np.testing.assert_allclose(observation[name], value, atol=1e-12, err_msg=name)
+    off = observations.make_options(observations.VISION, observations.FREEPROP_OBSERVABLES)
+    assert Primitive(observable_options=off).observables.enabled_observables == {}
