@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any, cast
 
 import mujoco
 import numpy as np
@@ -219,6 +220,8 @@ def test_observables_follow_detaching_and_attaching_again() -> None:
 def test_an_element_of_another_model_is_refused(scene: Scene) -> None:
     with pytest.raises(InvalidInputError, match="not part of this physics"):
         JacoArm().observables.joints_vel(scene.physics)
+    with pytest.raises(InvalidInputError, match="physics must be a Physics"):
+        JacoArm().observables.joints_pos(cast(Any, scene.arena))
 
 
 def test_declared_and_added_observables_of_an_own_arm() -> None:

@@ -26,11 +26,11 @@ from jacokin.mujoco_bridge.observable_options import (
     Steps,
     UnknownObservableError,
 )
+from jacokin.mujoco_bridge.physics import Physics
 
 if TYPE_CHECKING:
     from jacokin.mujoco_bridge.binding import Binding
     from jacokin.mujoco_bridge.entity import Entity
-    from jacokin.mujoco_bridge.physics import Physics
 
 T = TypeVar("T")
 
@@ -135,8 +135,14 @@ class Bound:
         self._binding: Binding
 
     def __call__(self, physics: Physics) -> Binding:
-        """Return the binding of the elements in this physics."""
+        """Return the binding of the elements in this physics.
+
+        Raises:
+            InvalidInputError: not a physics, or one without these elements.
+        """
         if physics is not self._physics:
+            if not isinstance(physics, Physics):
+                raise InvalidInputError(f"physics must be a Physics, made by Physics.from_entity, got {physics!r}")
             self._binding = physics.bind(self._elements)
             self._physics = physics
         return self._binding
