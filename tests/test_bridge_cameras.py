@@ -204,3 +204,19 @@ def test_the_page_on_observables_runs() -> None:
     blocks = re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), flags=re.DOTALL)
     assert len(blocks) == 6
     run("\n".join(blocks), MUJOCO_GL="egl")
+
+
+@pytest.mark.parametrize("before_attaching", [True, False])
+def test_cameras_of_an_attached_entity_move_with_it(before_attaching: bool) -> None:
+    arm, arena = robots.make_arm(observations.PERFECT_FEATURES), Arena()
+    if not before_attaching:
+        arena.attach(arm, position=robots.ARM_OFFSET)
+    views = cameras.add_camera_observables(arm, observations.VISION, cameras.TOP_DOWN)
+    assert list(views) == ["top_down"]
+    if before_attaching:
+        arena.attach(arm, position=robots.ARM_OFFSET)
+    with pytest.raises(InvalidInputError, match="'jaco_arm/top_down' is there already"):
+        cameras.add_camera_observables(arm, observations.VISION, cameras.TOP_DOWN)
+    physics = Physics.from_entity(arena)
+    expected = np.add(robots.ARM_OFFSET, cameras.TOP_DOWN.pos)
+    np.testing.assert_allclose(physics.data.camera("jaco_arm/top_down").xpos, expected)
