@@ -7,6 +7,7 @@ replaces the child afterwards, and every element an entity holds is replaced by 
 from __future__ import annotations
 
 from collections.abc import Iterable, MutableMapping
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -43,11 +44,13 @@ _LISTS = (
     "keys",
     "plugins",
 )
+# Those that deleting a body leaves behind.
+_ASSETS = ("materials", "textures", "meshes", "hfields", "skins", "numerics", "texts", "tuples", "keys")
 # Elements that MuJoCo drops without a word when they are added to the world body of an attached spec.
 _LOST = ("bodies", "geoms", "sites", "cameras", "lights")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Restored:
     """A spec put in the place of one that was attached, and for each element its twin."""
 
@@ -71,7 +74,7 @@ class Restored:
         return self.now(value) if type(value).__hash__ is not None else value
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Attachment:
     """How an entity hangs in its parent's tree.
 
@@ -94,9 +97,7 @@ class Attachment:
 
     def undo(self, spec: mujoco.MjSpec) -> Restored:
         """Remove everything attached from the tree; returns what takes its place."""
-        spec.delete(self.body)
-        if self.frame is not None:
-            spec.delete(self.frame)
+        _remove(spec, self.body, self.frame)
         return self.restored
 
 
@@ -140,7 +141,8 @@ def attach(
     try:
         spec.attach(child, frame=body.add_frame(), prefix=prefix)
     except (ValueError, mujoco.FatalError) as error:
-        attachment.undo(spec)
+        with suppress(ValueError):  # MuJoCo refuses further changes after some failures
+            attachment.undo(spec)
         raise ModelError(f"MuJoCo cannot attach {prefix!r}: {error}") from error
     return attachment
 
@@ -152,10 +154,20 @@ def _copied(spec: mujoco.MjSpec, held: Iterable[Attachment]) -> Restored:
     for kind in _LISTS:
         twins.update(zip(getattr(spec, kind, ()), getattr(copy, kind, ()), strict=True))
     for each in held:
-        copy.delete(twins[each.body])
-        if each.frame is not None:
-            copy.delete(twins[each.frame])
+        _remove(copy, twins[each.body], twins.get(each.frame))
     return Restored(copy, twins)
+
+
+def _remove(spec: mujoco.MjSpec, body: Any, frame: Any) -> None:
+    """Remove a body with all below it, the assets of its name, and the frame it hangs in."""
+    prefix = body.name
+    for kind in _ASSETS:
+        for element in list(getattr(spec, kind)):
+            if element.name.startswith(prefix):
+                spec.delete(element)
+    spec.delete(body)
+    if frame is not None:
+        spec.delete(frame)
 
 
 def refuse_lost_elements(root: mujoco.MjSpec, attached: mujoco.MjSpec, name: str) -> None:

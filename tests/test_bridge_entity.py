@@ -1,0 +1,295 @@
+"""Entities: names, attaching in any order, detaching, poses."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+
+from jacokin.errors import InvalidInputError, ModelError, PhysicsError
+from jacokin.mujoco_bridge import Arena, Entity, JacoArm, JacoHand, ModelWrapperEntity, Physics
+from jacokin.mujoco_bridge.props import Primitive
+
+EXACT = 1e-12
+QUARTER_TURN = (np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5))  # about z, wxyz
+
+
+def names(entity: JacoArm | JacoHand) -> list[str]:
+    return [joint.name for joint in entity.joints]
+
+
+def build(order: str, **arm_options: Any) -> tuple[Arena, JacoArm, JacoHand]:
+    arena, arm, hand = Arena(), JacoArm(**arm_options), JacoHand()
+    if order == "hand first":
+        arm.attach(hand)
+        arena.attach(arm, position=(0.0, 0.4, 0.0))
+    else:
+        arena.attach(arm, position=(0.0, 0.4, 0.0))
+        arm.attach(hand)
+    return arena, arm, hand
+
+
+@pytest.mark.parametrize("order", ["hand first", "arm first"])
+def test_both_orders_give_the_same_scene(order: str) -> None:
+    arena, arm, hand = build(order)
+    assert names(arm) == [f"jaco_arm/joint_{i}" for i in range(1, 7)]
+    assert [a.name for a in arm.actuators] == names(arm)
+    assert [s.name for s in arm.joint_torque_sensors] == [f"jaco_arm/joint_{i}_torque" for i in range(1, 7)]
+    assert [s.objname for s in arm.joint_torque_sensors] == [f"jaco_arm/joint_{i}_site" for i in range(1, 7)]
+    assert names(hand) == [f"jaco_arm/jaco_hand/finger_{i}" for i in (1, 2, 3)]
+    assert hand.pinch_site.name == "jaco_arm/jaco_hand/pinchsite"
+    assert (arena.prefix, arm.prefix, hand.prefix) == ("", "jaco_arm/", "jaco_arm/jaco_hand/")
+    assert (hand.parent, arm.parent, arena.parent) == (arm, arena, None)
+    assert hand.root is arena
+    assert list(arena.iter_entities()) == [arena, arm, hand]
+    assert list(arena.iter_entities(exclude_self=True)) == [arm, hand]
+
+    physics = Physics.from_entity(arena)
+    reference = Physics.from_entity(build("hand first")[0])
+    assert (physics.model.nq, physics.model.nu, physics.model.nsensor) == (9, 9, 6)
+    for field in ("body_pos", "body_quat", "body_mass", "jnt_range", "site_pos", "actuator_ctrlrange"):
+        np.testing.assert_array_equal(getattr(physics.model, field), getattr(reference.model, field))
+    np.testing.assert_allclose(physics.bind(arm.root_body).xpos, (0.0, 0.4, 0.0), atol=EXACT)
+    arm.set_home(physics)
+    assert physics.data.ncon == 0
+
+
+def test_names_before_attaching_and_with_other_names() -> None:
+    arm, hand = JacoArm(name="left"), JacoHand("gripper")
+    assert names(arm) == [f"joint_{i}" for i in range(1, 7)]
+    assert [a.name for a in arm.actuators] == [f"joint_{i}" for i in range(1, 7)]
+    assert (arm.name, arm.prefix) == ("left", "")
+    arm.attach(hand)
+    assert hand.pinch_site.name == "gripper/pinchsite"
+    Arena("room").attach(arm)
+    assert hand.pinch_site.name == "left/gripper/pinchsite"
+    assert names(arm)[0] == "left/joint_1"
+
+
+def test_two_arms_in_one_arena() -> None:
+    arena = Arena()
+    arms = [JacoArm(name=name) for name in ("left", "right")]
+    for arm, x in zip(arms, (-0.5, 0.5), strict=True):
+        arena.attach(arm, position=(x, 0.0, 0.0))
+        arm.attach(JacoHand())
+    physics = Physics.from_entity(arena)
+    for arm in arms:
+        arm.set_home(physics)
+    left, right = (physics.bind(arm.wrist_site).xpos for arm in arms)
+    np.testing.assert_allclose(right - left, (1.0, 0.0, 0.0), atol=EXACT)
+    with pytest.raises(InvalidInputError, match=r"'left' is attached here already.*name="):
+        Arena.attach(fresh := Arena(), JacoArm(name="left")) and fresh.attach(JacoArm(name="left"))
+
+
+def test_the_frame_returned_places_the_entity() -> None:
+    arena, arm, cube = Arena(), JacoArm(), Primitive()
+    frame = arena.attach(arm)
+    frame.pos = (0.1, 0.2, 0.3)
+    frame.quat = QUARTER_TURN
+    held = arena.attach_offset(cube, (0.0, 0.0, 0.5))
+    slide = held.add_joint(name="rail", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=(1.0, 0.0, 0.0))
+    assert frame is arm.root_body
+    assert frame.name == "jaco_arm/"
+    physics = Physics.from_entity(arena)
+    np.testing.assert_allclose(physics.bind(frame).xpos, (0.1, 0.2, 0.3), atol=EXACT)
+    np.testing.assert_allclose(physics.bind(frame).xquat, QUARTER_TURN, atol=EXACT)
+    physics.bind(slide).qpos = 0.25
+    np.testing.assert_allclose(physics.bind(cube.geom).xpos, (0.25, 0.0, 0.5), atol=EXACT)
+
+
+def test_position_and_quaternion_are_in_the_frame_of_the_site() -> None:
+    arm, tool = JacoArm(), Primitive("cylinder", (0.01, 0.05))
+    arm.attach(tool, position=(0.0, 0.1, 0.2), quaternion=QUARTER_TURN)
+    physics = Physics.from_entity(arm)
+    arm.set_home(physics)
+    wrist, held = physics.bind(arm.wrist_site), physics.bind(tool.root_body)
+    axes = wrist.xmat.reshape(3, 3)
+    np.testing.assert_allclose(held.xpos, wrist.xpos + axes @ (0.0, 0.1, 0.2), atol=EXACT)
+    np.testing.assert_allclose(held.xmat.reshape(3, 3)[:, 0], axes[:, 1], atol=EXACT)
+
+
+def test_sites_in_frames_with_any_orientation() -> None:
+    spec = mujoco.MjSpec()
+    body = spec.worldbody.add_body(name="wall", pos=(0.0, 0.0, 1.0))
+    shelf = body.add_frame(pos=(0.0, 1.0, 0.0))
+    site = body.add_site(name="hook", pos=(0.5, 0.0, 0.0))
+    site.set_frame(shelf)
+    site.alt.type = mujoco.mjtOrientation.mjORIENTATION_EULER
+    site.alt.euler = (0.0, 90.0, 0.0)  # degrees, as the spec's compiler says
+    wall, cube = ModelWrapperEntity(spec, name="wall"), Primitive()
+    wall.attach(cube, site, position=(0.0, 0.0, 0.1))
+    physics = Physics.from_entity(wall)
+    np.testing.assert_allclose(physics.bind(cube.root_body).xpos, (0.6, 1.0, 1.0), atol=EXACT)
+    np.testing.assert_allclose(physics.bind(cube.root_body).xmat, physics.bind(site).xmat, atol=EXACT)
+
+
+def test_the_arenas_options_and_bounds_apply() -> None:
+    arena, arm, _ = build("arm first")
+    model = Physics.from_entity(arena).model
+    assert model.opt.timestep == 0.002
+    assert model.opt.cone == mujoco.mjtCone.mjCONE_ELLIPTIC
+    assert (model.opt.noslip_iterations, model.opt.noslip_tolerance) == (5, 0.0)
+    assert model.body("jaco_arm/link_6").mass == 1e-5
+    alone = Physics.from_entity(JacoArm()).model
+    assert alone.body("link_6").mass == 1e-9
+    ground = model.geom("ground")
+    np.testing.assert_array_equal(ground.friction, (0.4, 0.005, 0.0001))
+    np.testing.assert_array_equal(ground.solref, (0.002, 1.0))
+    np.testing.assert_array_equal(ground.solimp[:3], (0.95, 0.99, 0.001))
+    assert arm.prefix == "jaco_arm/"
+
+
+@pytest.mark.parametrize("order", ["hand first", "arm first"])
+def test_detaching_and_attaching_again(order: str) -> None:
+    arena, arm, hand = build(order)
+    arm.observables.joints_pos.enabled = False
+    hand.observables.pinch_site_pos.configure(enabled=True, update_interval=5)
+    hand.detach()
+    assert hand.parent is None
+    assert list(arena.iter_entities()) == [arena, arm]
+    assert names(hand) == ["finger_1", "finger_2", "finger_3"]
+    assert hand.tool_center_point is hand.grip_site
+    arm.attach(hand, quaternion=QUARTER_TURN)
+    arm.detach()  # with the hand on it
+    assert names(arm)[0] == "joint_1"
+    assert hand.parent is arm
+    assert hand.pinch_site.name == "jaco_hand/pinchsite"
+    arena.attach(arm)
+    assert hand.pinch_site.name == "jaco_arm/jaco_hand/pinchsite"
+
+    physics = Physics.from_entity(arena)
+    assert (physics.model.nq, physics.model.nu, physics.model.nsensor, physics.model.nexclude) == (9, 9, 6, 7)
+    arm.set_home(physics)
+    position, quaternion = hand.get_pose(physics)
+    np.testing.assert_allclose(position, 0.0, atol=EXACT)
+    wrist = physics.bind(arm.wrist_site).xmat.reshape(3, 3)
+    held = physics.bind(hand.root_body).xmat.reshape(3, 3)
+    np.testing.assert_allclose(held[:, 0], wrist[:, 1], atol=EXACT)
+    assert quaternion.shape == (4,)
+    assert hand.observables.pinch_site_pos.enabled
+    assert hand.observables.pinch_site_pos.update_interval == 5
+    np.testing.assert_array_equal(hand.observables.pinch_site_pos(physics), physics.bind(hand.pinch_site).xpos)
+
+
+def test_an_entity_can_move_to_another_tree() -> None:
+    first, arm, _ = build("arm first")
+    second = Arena()
+    arm.detach()
+    second.attach(arm)
+    assert Physics.from_entity(first).model.nq == 0
+    physics = Physics.from_entity(second)
+    arm.set_home(physics)
+    assert physics.model.nq == 9
+
+
+def test_poses_of_fixed_and_of_free_entities() -> None:
+    arena, cube, wall = Arena(), Primitive(name="cube"), Primitive(name="wall")
+    arena.add_free_entity(cube, position=(0.0, 0.0, 0.3))
+    arena.attach(wall, position=(0.5, 0.0, 0.1))
+    physics = Physics.from_entity(arena)
+    for entity, start in ((cube, (0.0, 0.0, 0.3)), (wall, (0.5, 0.0, 0.1))):
+        position, quaternion = entity.get_pose(physics)
+        np.testing.assert_allclose(position, start, atol=EXACT)
+        np.testing.assert_allclose(quaternion, (1.0, 0.0, 0.0, 0.0), atol=EXACT)
+        entity.set_pose(physics, position=(0.1, 0.2, 0.5))
+        entity.set_pose(physics, quaternion=QUARTER_TURN)
+        position, quaternion = entity.get_pose(physics)
+        np.testing.assert_allclose(position, (0.1, 0.2, 0.5), atol=EXACT)
+        np.testing.assert_allclose(quaternion, QUARTER_TURN, atol=EXACT)
+        np.testing.assert_allclose(physics.bind(entity.geom).xpos, (0.1, 0.2, 0.5), atol=EXACT)
+        np.testing.assert_allclose(physics.bind(entity.geom).xmat[3], 1.0, atol=EXACT)
+        for wrong in ({"position": (0.0, 0.0)}, {"quaternion": (0.0, 0.0, 0.0, 0.0)}, {"position": (np.nan, 0, 0)}):
+            before = physics.get_state()
+            with pytest.raises(InvalidInputError):
+                entity.set_pose(physics, **wrong)
+            np.testing.assert_array_equal(physics.get_state(), before)
+    with pytest.raises(PhysicsError, match="not attached"):
+        arena.get_pose(physics)
+
+
+def test_what_cannot_be_attached() -> None:
+    arena, arm, hand = build("arm first")
+    other = JacoArm()
+    with pytest.raises(InvalidInputError, match="attached to 'jaco_arm' already"):
+        other.attach(hand)
+    with pytest.raises(InvalidInputError, match="attached to 'jaco_arm' already"):
+        arm.attach(hand)
+    with pytest.raises(InvalidInputError, match="attached to 'arena' already"):
+        hand.attach(arm)
+    with pytest.raises(InvalidInputError, match="to itself"):
+        hand.attach(arena)
+    with pytest.raises(InvalidInputError, match="must be an Entity"):
+        arm.attach(mujoco.MjSpec())  # type: ignore[arg-type]
+    with pytest.raises(InvalidInputError, match="must be a site of 'jaco_arm'.*jaco_arm/wristsite"):
+        arm.attach(JacoHand(name="second"), other.wrist_site)
+    for wrong in ({"position": (0.0, 1.0)}, {"quaternion": (2.0, 0.0, 0.0, 0.0)}):
+        with pytest.raises(InvalidInputError):
+            arena.attach(other, **wrong)  # type: ignore[arg-type]
+    assert other.parent is None
+    assert Physics.from_entity(arena).model.nq == 9
+    other.detach() if other.parent else None
+    with pytest.raises(InvalidInputError, match="not attached to anything"):
+        other.detach()
+
+
+def test_nothing_is_attached_or_detached_after_compiling() -> None:
+    arena, arm, hand = build("hand first")
+    physics = Physics.from_entity(arena)
+    for change in (
+        lambda: arena.attach(Primitive()),
+        lambda: arm.attach(Primitive()),
+        hand.detach,
+        lambda: Arena("outer").attach(arena),
+    ):
+        with pytest.raises(InvalidInputError, match="'arena' was compiled|compiled into a physics"):
+            change()
+    physics.step()
+
+
+def test_what_mujoco_refuses_to_join_leaves_the_tree_as_it_was() -> None:
+    arena = Arena()
+    held_elsewhere = mujoco.MjSpec()
+    held_elsewhere.worldbody.add_body(name="thing")
+    holder = mujoco.MjSpec()
+    holder.attach(held_elsewhere, frame=holder.worldbody.add_frame(), prefix="x/")
+    bodies = len(arena.mjcf_model.bodies)
+    with pytest.raises(ModelError, match="MuJoCo cannot attach 'thing/'"):
+        arena.attach(ModelWrapperEntity(held_elsewhere, name="thing"))
+    assert len(arena.mjcf_model.bodies) == bodies
+    assert list(arena.iter_entities()) == [arena]
+
+
+def test_elements_that_mujoco_would_lose_are_an_error() -> None:
+    arena, arm, _ = build("arm first")
+    arm.root_body.add_camera(name="eye")
+    assert Physics.from_entity(arena).model.ncam == 2
+    arena, arm, _ = build("arm first")
+    arm.mjcf_model.worldbody.add_camera(name="eye")
+    with pytest.raises(InvalidInputError, match="'eye'.*root_body"):
+        Physics.from_entity(arena)
+
+
+class Unnamed(Entity):
+    def _build(self) -> None:
+        self._mjcf_root = mujoco.MjSpec()
+
+
+class Empty(Entity):
+    def _build(self) -> None:
+        pass
+
+
+def test_names_of_entities() -> None:
+    assert Unnamed().name == "unnamed"
+    assert Unnamed(name="box").name == "box"
+    assert Primitive(name="cube").name == "cube"
+    assert ModelWrapperEntity(mujoco.MjSpec()).name == "model_wrapper_entity"
+    with pytest.raises(InvalidInputError, match="must not contain '/'"):
+        JacoArm(name="left/arm")
+    with pytest.raises(InvalidInputError, match="_mjcf_root"):
+        Empty()
+    with pytest.raises(InvalidInputError, match=r"mujoco\.MjSpec"):
+        ModelWrapperEntity("arm.xml")
+    assert Unnamed().observables.as_dict() == {}
