@@ -1,0 +1,155 @@
+"""`jacokin ik`: joint angles for one pose, every branch of it, or a file of poses."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from jacokin.cli import arguments
+from jacokin.cli.arguments import (
+    DEFAULT_ROBOT,
+    Angles,
+    BaseOption,
+    DegreesOption,
+    FrameOption,
+    JsonOption,
+    RandomSeedOption,
+    RobotOption,
+    SeedOption,
+    TipOption,
+)
+from jacokin.errors import InvalidInputError
+
+if TYPE_CHECKING:
+    import numpy as np
+    import pinocchio as pin
+    from numpy.typing import NDArray
+
+NOT_SOLVED = 1  # exit code
+
+Vector3 = tuple[float, float, float]
+Vector4 = tuple[float, float, float, float]
+
+
+def ik(
+    position: Annotated[
+        Vector3 | None, typer.Option("--position", metavar="X Y Z", help="Where the tool should be [m].")
+    ] = None,
+    quat_wxyz: Annotated[
+        Vector4 | None, typer.Option("--quat-wxyz", metavar="W X Y Z", help="Its orientation as a quaternion.")
+    ] = None,
+    rpy: Annotated[
+        Vector3 | None,
+        typer.Option("--rpy", metavar="R P Y", help="Its orientation as R = Rz(Y) Ry(P) Rx(R)."),
+    ] = None,
+    down: Annotated[bool, typer.Option("--down", help="Its orientation: pointing vertically down.")] = False,
+    every: Annotated[bool, typer.Option("--all", help="Show every branch, inside the limits or not.")] = False,
+    targets: Annotated[
+        Path | None,
+        typer.Option("--targets", metavar="FILE.csv", help="Solve every row: columns x,y,z and qw,qx,qy,qz or none."),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", metavar="FILE.csv", help="Write the answers to --targets here, in radians."),
+    ] = None,
+    workers: Annotated[int, typer.Option("--workers", metavar="N", min=1, help="Threads for --targets.")] = 1,
+    frame: FrameOption = None,
+    seed: SeedOption = None,
+    random_seed: RandomSeedOption = None,
+    method: Annotated[str, typer.Option("--method", metavar="NAME", help="auto, closed_form or qp.")] = "auto",
+    qp_solver: Annotated[
+        str, typer.Option("--qp-solver", metavar="NAME", help="daqp, quadprog, osqp or proxqp.")
+    ] = "daqp",
+    collision: Annotated[
+        str, typer.Option("--collision", metavar="NAME", help="Self-contact: ignore, report or reject.")
+    ] = "ignore",
+    degrees: DegreesOption = False,
+    json: JsonOption = False,
+    robot: RobotOption = DEFAULT_ROBOT,
+    base: BaseOption = None,
+    tip: TipOption = None,
+) -> None:
+    """Find joint angles, inside the joint limits, for a pose.
+
+    Give at most one orientation; without one the orientation is free.
+    Exit code: 0 solved, 1 not (all) solved, 2 wrong input.
+
+    Examples:
+      jacokin ik --position 0.3 -0.2 0.5                        position only
+      jacokin ik --position 0.3 -0.2 0.5 --down                 tool vertically down
+      jacokin ik --position 0.3 -0.2 0.5 --rpy 90 0 -30 --degrees
+      jacokin ik --position 0.3 -0.2 0.5 --down --all           every branch
+      jacokin ik --position 0.3 -0.2 0.5 --down --json          for programs
+      jacokin ik --position 0.3 -0.2 0.5 --down --seed 4.8 2.9 1.0 4.2 1.4 1.3
+      jacokin ik --targets targets.csv --output joints.csv      a file of poses
+    """
+    from jacokin.cli import ik_batch, ik_output
+    from jacokin.ik.solver import IKSolver
+
+    oriented = quat_wxyz is not None or rpy is not None or down
+    _check_combination(position, oriented, every, targets, output, random_seed, degrees and targets is not None)
+    angles = Angles(degrees)
+    start = angles.seed(seed)
+    arm = arguments.load(robot, base, tip)
+    solver = IKSolver(arm, frame, method=method, qp_solver=qp_solver, collision=collision)
+    if targets is not None:
+        solved = ik_batch.run(solver, targets, output, start, workers=workers, as_json=json)
+    elif every:
+        branches = solver.solve_all(_target(position, quat_wxyz, rpy, down, angles), start)
+        solved = ik_output.show_branches(solver, branches, angles, reject_contact=collision == "reject", as_json=json)
+    else:
+        import numpy as np
+
+        rng = None if random_seed is None else np.random.default_rng(random_seed)
+        result = solver.solve(_target(position, quat_wxyz, rpy, down, angles), start, rng)
+        solved = ik_output.show_result(solver, result, angles, as_json=json)
+    if not solved:
+        raise typer.Exit(NOT_SOLVED)
+
+
+def _check_combination(
+    position: Vector3 | None,
+    oriented: bool,
+    every: bool,
+    targets: Path | None,
+    output: Path | None,
+    random_seed: int | None,
+    degrees_with_file: bool,
+) -> None:
+    """Refuse options that do not go together.
+
+    Raises:
+        InvalidInputError: names the options.
+    """
+    if targets is None and position is None:
+        raise InvalidInputError("give --position X Y Z or --targets FILE.csv; `jacokin ik --help` has examples")
+    if targets is None and output is not None:
+        raise InvalidInputError("--output goes with --targets")
+    if targets is not None:
+        for name, given in (
+            ("--position", position is not None),
+            ("an orientation", oriented),
+            ("--all", every),
+            ("--random-seed", random_seed is not None),
+            ("--degrees", degrees_with_file),
+        ):
+            if given:
+                raise InvalidInputError(f"{name} does not go with --targets: files hold poses, and angles in radians")
+    if every and not oriented:
+        raise InvalidInputError("--all needs an orientation: a position alone is reached by infinitely many")
+
+
+def _target(
+    position: Vector3 | None, quat_wxyz: Vector4 | None, rpy: Vector3 | None, down: bool, angles: Angles
+) -> pin.SE3 | NDArray[np.float64]:
+    """The pose, or the position alone when the orientation is free."""
+    import numpy as np
+
+    from jacokin.model.poses import pose
+
+    assert position is not None  # _check_combination
+    if quat_wxyz is None and rpy is None and not down:
+        return np.array(position)
+    return pose(position, quat_wxyz, rpy=None if rpy is None else angles.given(rpy), down=down)

@@ -1,0 +1,155 @@
+"""`jacokin info`: what a robot is: joints, limits with their source, frames."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from jacokin.cli import arguments, output
+from jacokin.cli.arguments import DEFAULT_ROBOT, Angles, BaseOption, DegreesOption, JsonOption, TipOption
+
+if TYPE_CHECKING:
+    from jacokin.model.robot import Robot
+
+
+def info(
+    robot: Annotated[
+        str, typer.Argument(metavar="[NAME|FILE]", help="A bundled robot, or the path of a .urdf or .xml (MJCF).")
+    ] = DEFAULT_ROBOT,
+    degrees: DegreesOption = False,
+    json: JsonOption = False,
+    base: BaseOption = None,
+    tip: TipOption = None,
+) -> None:
+    """Show joints, limits with their source, home and frames.
+
+    Bundled robots: j2n6s300 (the default), j2n6s200, j2s6s300, j2s6s200, m1n6s300, m1n6s200.
+
+    Examples:
+      jacokin info
+      jacokin info j2s6s200 --degrees
+      jacokin info urdf/j2n6s300.urdf --json
+    """
+    arm = arguments.load(robot, base, tip)
+    angles = Angles(degrees)
+    joints = [_joint(arm, index, angles) for index in range(arm.dof)]
+    sources = _sources(arm)
+    frames = _frames(arm)
+    if json:
+        output.print_json(
+            {
+                "robot": arm.name,
+                "file": str(arm.source.path),
+                "base": arm.base,
+                "default_frame": arm.default_frame,
+                "angle_unit": angles.unit,
+                "joints": joints,
+                "sources": sources,
+                "home": angles.shown(arm.home),
+                "frames": [{"name": name, "moved_by": joint} for name, joint in frames],
+            }
+        )
+        return
+    _show(arm, angles, joints, sources, frames)
+
+
+def _joint(arm: Robot, index: int, angles: Angles) -> dict[str, object]:
+    """Limits of a joint; the datasheet's torque where the robot is a bundled one."""
+    row: dict[str, object] = {
+        "name": arm.joint_names[index],
+        "free": bool(arm.free[index]),
+        "lower": angles.one(arm.lower[index]),
+        "upper": angles.one(arm.upper[index]),
+        "velocity": angles.one(arm.velocity_limit[index]),
+        "effort": float(arm.effort_limit[index]),
+        "datasheet_torque": None,
+        "source": "file",
+        "datasheet_source": None,
+    }
+    if arm.source.bundled is not None:
+        from jacokin.model import table
+
+        numbers = table.arm_joints(arm.source.bundled)[arm.joint_names[index]]
+        actuator = table.actuator(numbers["group"])
+        row["datasheet_torque"] = max(actuator["force_range"])
+        row["source"] = numbers.get("source", _arm_source(arm.source.bundled))
+        row["datasheet_source"] = actuator["source"]
+    return row
+
+
+def _arm_source(name: str) -> str:
+    """Letter of the source of an arm's chain."""
+    from jacokin.model import table
+
+    return str(table.section(table.load()["arms"], table.variant(name)["arm"])["source"])
+
+
+def _sources(arm: Robot) -> dict[str, str]:
+    """What the letters in the joint table stand for."""
+    if arm.source.bundled is None:
+        return {"file": str(arm.source.path)}
+    from jacokin.model import table
+
+    return {key: table.source_text(key) for key in (_arm_source(arm.source.bundled), "S")}
+
+
+def _frames(arm: Robot) -> list[tuple[str, str]]:
+    """Every frame with the joint that moves it."""
+    model = arm.pin_model
+    return [
+        (name, str(model.names[joint]) if (joint := model.frames[arm.frame_id(name)].parentJoint) else "nothing")
+        for name in arm.frames
+    ]
+
+
+def _show(
+    arm: Robot,
+    angles: Angles,
+    joints: list[dict[str, object]],
+    sources: dict[str, str],
+    frames: list[tuple[str, str]],
+) -> None:
+    screen = output.console()
+    screen.print(
+        output.facts(
+            [
+                ("file", str(arm.source.path)),
+                ("base", arm.base),
+                ("default frame", arm.default_frame),
+                (f"home [{angles.unit}]", "  ".join(output.number(value) for value in angles.shown(arm.home))),
+            ],
+            arm.name,
+        )
+    )
+    unit = angles.unit
+    columns = (
+        "joint",
+        f"lower [{unit}]",
+        f"upper [{unit}]",
+        f"speed [{unit}/s]",
+        "source",
+        "effort [N m]",
+        "datasheet",
+    )
+    rows = []
+    for joint, velocity, effort in zip(joints, arm.velocity_limit, arm.effort_limit, strict=True):
+        torque, letter = joint["datasheet_torque"], joint["datasheet_source"]
+        rows.append(
+            (
+                str(joint["name"]),
+                output.number(float(str(joint["lower"]))),
+                output.number(float(str(joint["upper"]))),
+                output.number(angles.one(float(velocity)), missing="not given"),
+                str(joint["source"]),
+                output.number(float(effort), 1, missing="not given"),
+                "unknown" if torque is None else f"{torque} ({letter})",
+            )
+        )
+    screen.print(output.table("Joints", columns, rows))
+    notes = [(f"source {key}", text) for key, text in sources.items()]
+    notes.append(("effort", "the limit the file states, same source as the angles"))
+    if arm.source.bundled is not None:
+        notes.append(("datasheet", "peak torque [N m]; it differs from the file's effort"))
+    screen.print(output.facts(notes))
+    screen.print(output.table("Frames", ("frame", "moved by"), frames, text=2))

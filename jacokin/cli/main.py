@@ -1,0 +1,100 @@
+"""The command `jacokin`: every subcommand, and the one place where errors become a sentence and an exit code.
+
+Exit codes: 0 solved, 1 not all solved (or a check failed), 2 wrong usage or input. Read this file first.
+"""
+
+from __future__ import annotations
+
+import inspect
+import sys
+from collections.abc import Callable, Sequence
+from typing import Annotated
+
+import typer
+
+from jacokin import __version__
+from jacokin.cli import arguments
+from jacokin.cli.crosscheck import crosscheck
+from jacokin.cli.doctor import doctor
+from jacokin.cli.ik import ik
+from jacokin.cli.info import info
+from jacokin.cli.kinematics import fk, jacobian
+from jacokin.cli.track import track
+from jacokin.cli.warmup import warmup
+from jacokin.errors import JacokinError
+
+WRONG_INPUT = 2
+
+
+def _help(command: Callable[..., None]) -> str:
+    """The docstring of a command, its examples kept line by line, as the mark for click says."""
+    return inspect.cleandoc(command.__doc__ or "").replace("\nExamples:\n", "\n\b\nExamples:\n")
+
+
+# Plain help: rich's costs a tenth of a second at every start.
+app = typer.Typer(
+    name="jacokin",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+for command in (ik, fk, jacobian, info, track, crosscheck, doctor, warmup):
+    app.command(help=_help(command), no_args_is_help=command in (ik, fk, jacobian, track))(command)
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"jacokin {__version__}")
+        raise typer.Exit
+
+
+def jacokin(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version and leave.")
+    ] = False,
+) -> None:
+    """Kinematics of the Kinova Jaco: poses, Jacobians, and joint angles for a pose within the joint limits.
+
+    Lengths are in metres, angles in radians (--degrees for degrees), quaternions in the order w x y z.
+
+    Examples:
+      jacokin ik --position 0.3 -0.2 0.5 --down        joint angles for a tool pointing down
+      jacokin ik --position 0.3 -0.2 0.5 --down --all  every branch
+      jacokin fk 4.8 2.92 1.0 4.2 1.45 1.32            pose of the end effector
+      jacokin info                                     joints, limits, frames
+      jacokin doctor                                   is everything installed?
+
+    `jacokin COMMAND --help` has examples for each command.
+    """
+
+
+app.callback(help=_help(jacokin))(jacokin)
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Run the command line and leave the process with its exit code.
+
+    Args:
+        argv: arguments after the program's name; None for those of the process.
+
+    Raises:
+        SystemExit: always; carries the exit code.
+    """
+    try:
+        app(args=arguments.prepared(sys.argv[1:] if argv is None else argv), prog_name="jacokin")
+    except JacokinError as error:
+        _refuse(str(error))
+    except (OSError, UnicodeError) as error:
+        _refuse(f"{error}")
+    except Exception as error:
+        if sys.flags.dev_mode:  # python -X dev -m jacokin ... shows the traceback
+            raise
+        _refuse(f"internal error, please report it: {type(error).__name__}: {error}")
+
+
+def _refuse(sentence: str) -> None:
+    """Say on stderr what is wrong, and leave."""
+    typer.echo(f"jacokin: {sentence}", err=True)
+    raise SystemExit(WRONG_INPUT)

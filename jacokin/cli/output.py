@@ -1,0 +1,77 @@
+"""Printing: JSON for programs, tables for people."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from enum import Enum
+from typing import TYPE_CHECKING
+
+import typer
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
+
+PIPE_WIDTH = 160  # columns of a table that is not shown in a terminal, so that nothing is cut
+
+
+def print_json(document: Mapping[str, object]) -> None:
+    """Print one JSON document; floats as the shortest text that reads back the same, infinite ones as null."""
+    typer.echo(json.dumps(plain(document), indent=2, allow_nan=False))
+
+
+def plain(value: object) -> object:
+    """A value made of what JSON has."""
+    if isinstance(value, Enum):
+        return value.name
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if hasattr(value, "tolist"):  # numpy arrays and numpy numbers
+        value = value.tolist()
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def console(*, stderr: bool = False) -> Console:
+    """Where tables go; wide enough for them when it is a file or a pipe."""
+    from rich.console import Console
+
+    stream = sys.stderr if stderr else sys.stdout
+    return Console(file=stream, width=None if stream.isatty() else PIPE_WIDTH, highlight=False, soft_wrap=False)
+
+
+def table(title: str | None, columns: Sequence[str], rows: Iterable[Sequence[str]], *, text: int = 1) -> Table:
+    """A table whose first `text` columns are text and whose others are numbers."""
+    from rich import box
+    from rich.markup import escape
+    from rich.table import Table
+
+    made = Table(title=title and escape(title), box=box.SIMPLE_HEAD, title_justify="left", title_style="bold")
+    for index, column in enumerate(columns):
+        made.add_column(escape(column), justify="left" if index < text else "right", overflow="fold")
+    for row in rows:
+        made.add_row(*(escape(cell) for cell in row))
+    return made
+
+
+def facts(rows: Iterable[tuple[str, str]], title: str | None = None) -> Table:
+    """A table of names and what they are."""
+    made = table(title, ("", ""), rows, text=2)
+    made.show_header = False
+    return made
+
+
+def number(value: float, digits: int = 6, *, missing: str = "free") -> str:
+    """A number for a table; an infinite one is said in words."""
+    return missing if math.isinf(value) else f"{value:.{digits}f}"
+
+
+def small(value: float, unit: str) -> str:
+    """An error with its unit."""
+    return f"{value:.2e} {unit}"

@@ -1,0 +1,5 @@
+"""`jacokin track`"""
+
+
+def track() -> None:
+    """Placeholder"""
