@@ -134,17 +134,15 @@ def describe(table: Mapping[str, Any], name: str) -> Description:
     shapes = section(table["shapes"], variant["arm"]) | section(table["shapes"], variant["hand"])
     hand = table["hands"][variant["hand"]]
 
-    def body(
-        name: str, parent: str | None, row: Mapping[str, Any], joint: Joint | None, kind: str = ""
-    ) -> Body:
+    def body(name: str, parent: str | None, row: Mapping[str, Any], joint: Joint | None, kind: str = "") -> Body:
         kind = kind or name
         return Body(
             name=name,
             parent=parent,
             placement=placement(row),
             joint=joint,
-            inertial=_inertial(masses.get(kind)),
-            shapes=tuple(_shape(row) for row in shapes.get(kind, {}).get("parts", [])),
+            inertial=_inertial(section(masses, kind)) if kind in masses else None,
+            shapes=tuple(_shape(row) for row in section(shapes, kind)["parts"]),
         )
 
     bodies = [body("link_base", None, {}, None)]
@@ -208,9 +206,7 @@ def _joint(name: str, row: Mapping[str, Any]) -> Joint:
     return Joint(name, limits, velocity, row["effort"], row["group"])
 
 
-def _inertial(row: Mapping[str, Any] | None) -> Inertial | None:
-    if row is None:
-        return None
+def _inertial(row: Mapping[str, Any]) -> Inertial:
     return Inertial(row["mass"], tuple(row["com"]), tuple(row["inertia"]))
 
 

@@ -8,7 +8,8 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # as a script, Python starts in this folder
+if __name__ == "__main__":  # as a script, Python looks for modules in this folder only
+    sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from urdf.description import FOLDER, describe, read_table
 from urdf.write_mjcf import arm_mjcf, hand_mjcf, robot_mjcf

@@ -90,6 +90,4 @@ def _joint(
     bounds = {} if joint.limits is None else {"lower": repr(joint.limits[0]), "upper": repr(joint.limits[1])}
     ET.SubElement(element, "limit", bounds, effort=repr(joint.effort), velocity=repr(joint.velocity))
     dynamics = table["dynamics"][joint.group]
-    ET.SubElement(
-        element, "dynamics", damping=repr(dynamics["damping"]), friction=repr(dynamics["frictionloss"])
-    )
+    ET.SubElement(element, "dynamics", damping=repr(dynamics["damping"]), friction=repr(dynamics["frictionloss"]))
