@@ -6,7 +6,6 @@ q5 = 0. All vectors of a pose are wrist-frame vectors, seen after joint 6.
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -101,9 +100,3 @@ def pose_of(arm: NDArray[np.float64], k: Arm, T: NDArray[np.float64]) -> Pose:
         z,
         norm(o),
     )
-
-
-def back_6(k: Arm, q6: float, v: Vec) -> Vec:
-    """R6^T v: a vector seen after joint 6, seen before it."""
-    c, s = math.cos(q6), math.sin(q6)
-    return mix(v, c, cross(k.w6, v), -s, k.w6, (1.0 - c) * dot(k.w6, v))

@@ -13,34 +13,31 @@ from jacokin.ik.kernels_vector import Vec, cross, dot, minus, mix, norm
 SMALLEST_PIVOT = 1e-14
 
 
-def forward(
-    chain: NDArray[np.float64], q: NDArray[np.float64], axes: NDArray[np.float64]
-) -> tuple[Vec, Vec, Vec, Vec]:
+def forward(chain: NDArray[np.float64], q: NDArray[np.float64]) -> tuple[Vec, Vec, Vec, Vec]:
     """Columns x, y, z of the solved frame's rotation, and its position [m].
 
     Args:
         chain: (7, 3, 4) placements between joints that turn about z.
         q: (6,) joint angles [rad].
-        axes: (6, 6) filled with each joint's axis and origin.
     """
     x, y, z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
     p = (0.0, 0.0, 0.0)
-    for i in range(7):
-        M = chain[i]
-        d = mix(x, M[0, 3], y, M[1, 3], z, M[2, 3])
-        p = (p[0] + d[0], p[1] + d[1], p[2] + d[2])
-        u = mix(x, M[0, 0], y, M[1, 0], z, M[2, 0])
-        v = mix(x, M[0, 1], y, M[1, 1], z, M[2, 1])
-        z = mix(x, M[0, 2], y, M[1, 2], z, M[2, 2])
-        if i < 6:
-            axes[i, 0], axes[i, 1], axes[i, 2] = z[0], z[1], z[2]
-            axes[i, 3], axes[i, 4], axes[i, 5] = p[0], p[1], p[2]
-            c, s = math.cos(q[i]), math.sin(q[i])
-            x = mix(u, c, v, s, v, 0.0)
-            y = mix(v, c, u, -s, u, 0.0)
-        else:
-            x, y = u, v
-    return x, y, z, p
+    for i in range(6):
+        x, y, z, p = place(chain, i, x, y, z, p)
+        c, s = math.cos(q[i]), math.sin(q[i])
+        x, y = mix(x, c, y, s, y, 0.0), mix(y, c, x, -s, x, 0.0)
+    return place(chain, 6, x, y, z, p)
+
+
+def place(chain: NDArray[np.float64], i: int, x: Vec, y: Vec, z: Vec, p: Vec) -> tuple[Vec, Vec, Vec, Vec]:
+    """The frame x, y, z, p followed by the constant placement i."""
+    d = mix(x, chain[i, 0, 3], y, chain[i, 1, 3], z, chain[i, 2, 3])
+    return (
+        mix(x, chain[i, 0, 0], y, chain[i, 1, 0], z, chain[i, 2, 0]),
+        mix(x, chain[i, 0, 1], y, chain[i, 1, 1], z, chain[i, 2, 1]),
+        mix(x, chain[i, 0, 2], y, chain[i, 1, 2], z, chain[i, 2, 2]),
+        (p[0] + d[0], p[1] + d[1], p[2] + d[2]),
+    )
 
 
 def deviation(T: NDArray[np.float64], x: Vec, y: Vec, z: Vec, p: Vec) -> tuple[Vec, Vec, float]:
@@ -52,34 +49,32 @@ def deviation(T: NDArray[np.float64], x: Vec, y: Vec, z: Vec, p: Vec) -> tuple[V
     return minus((T[0, 3], T[1, 3], T[2, 3]), p), turn, 0.5 * (dot(x, tx) + dot(y, ty) + dot(z, tz) - 1.0)
 
 
-def errors(
-    chain: NDArray[np.float64], T: NDArray[np.float64], q: NDArray[np.float64], axes: NDArray[np.float64]
-) -> tuple[float, float]:
+def errors(chain: NDArray[np.float64], T: NDArray[np.float64], q: NDArray[np.float64]) -> tuple[float, float]:
     """Position error [m] and orientation error [rad] of q against the (4, 4) target."""
-    x, y, z, p = forward(chain, q, axes)
+    x, y, z, p = forward(chain, q)
     d, turn, cosine = deviation(T, x, y, z, p)
     return norm(d), math.atan2(norm(turn), cosine)
 
 
 def newton_step(
-    chain: NDArray[np.float64],
-    T: NDArray[np.float64],
-    q: NDArray[np.float64],
-    axes: NDArray[np.float64],
-    system: NDArray[np.float64],
+    chain: NDArray[np.float64], T: NDArray[np.float64], q: NDArray[np.float64], system: NDArray[np.float64]
 ) -> bool:
     """One Newton step on the 6 x 6 Jacobian, in place; False (q untouched) where that is singular.
 
     ``system`` is a (6, 7) workspace.
     """
-    x, y, z, p = forward(chain, q, axes)
-    d, turn, _ = deviation(T, x, y, z, p)
+    end_x, end_y, end_z, end = forward(chain, q)
+    d, turn, _ = deviation(T, end_x, end_y, end_z, end)
+    x, y, z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+    p = (0.0, 0.0, 0.0)
     for j in range(6):
-        axis = (axes[j, 0], axes[j, 1], axes[j, 2])
-        v = cross(axis, minus(p, (axes[j, 3], axes[j, 4], axes[j, 5])))
+        x, y, z, p = place(chain, j, x, y, z, p)
+        c, s = math.cos(q[j]), math.sin(q[j])
+        x, y = mix(x, c, y, s, y, 0.0), mix(y, c, x, -s, x, 0.0)
+        v = cross(z, minus(end, p))
         for i in range(3):
             system[i, j] = v[i]
-            system[i + 3, j] = axis[i]
+            system[i + 3, j] = z[i]
     for i in range(3):
         system[i, 6] = d[i]
         system[i + 3, 6] = turn[i]

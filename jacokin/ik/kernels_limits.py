@@ -12,7 +12,7 @@ TURN = 2.0 * math.pi
 
 def nearest_copy(angle: float, reference: float) -> float:
     """The copy of an angle nearest to a reference [rad]."""
-    return angle + TURN * round((reference - angle) / TURN)
+    return angle + TURN * math.floor((reference - angle) / TURN + 0.5)
 
 
 def legal_copy(angle: float, reference: float, lower: float, upper: float, snap: float) -> float:
@@ -67,6 +67,6 @@ def same_on_circle(a: NDArray[np.float64], b: NDArray[np.float64], tolerance: fl
     """Whether two configurations agree in every joint up to full turns [rad]."""
     for j in range(6):
         difference = a[j] - b[j]
-        if abs(difference - TURN * round(difference / TURN)) > tolerance:
+        if abs(difference - TURN * math.floor(difference / TURN + 0.5)) > tolerance:
             return False
     return True

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from math import comb
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,10 +28,20 @@ MIN_WIDTH = 1e-6
 #: Rounding noise of F relative to the sum of its coefficients' sizes.
 NOISE = 64.0 * 2.2e-16
 #: [rad] A single root is refined until Newton moves less than this; the step after it is quadratically smaller.
-ROOT_STEP = 1e-6
+ROOT_STEP = 1e-5
 ROOT_ITERATIONS = 40
 MAX_ROOTS = 64
 STACK = 32  # deeper than log2(2 HALF / MIN_WIDTH) + 2
+
+
+class RootWork(NamedTuple):
+    """Coefficients in, roots out, and what is needed in between."""
+
+    cosine: NDArray[np.float64]  # (9,) coefficients of cos(k q)
+    sine: NDArray[np.float64]  # (9,) coefficients of sin(k q)
+    roots: NDArray[np.float64]  # (64, 2) root [rad] and half-width of its interval, 0 where it is single and sure
+    stack: NDArray[np.float64]  # (32, 17)
+    place: NDArray[np.float64]  # (32, 2)
 
 
 def _sector_tables() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -57,40 +68,56 @@ SECTOR_SIN = np.sin(np.outer(_centres, np.arange(DEGREE + 1)))
 
 
 def sector_coefficients(
-    cosine: NDArray[np.float64], sine: NDArray[np.float64], sector: int, b: NDArray[np.float64]
+    cosine: NDArray[np.float64],
+    sine: NDArray[np.float64],
+    sector: int,
+    b: NDArray[np.float64],
+    odd: NDArray[np.float64],
 ) -> None:
-    """Fill b (17,) with the Bernstein coefficients on a sector."""
-    for j in range(SIZE):
+    """Fill b (17,) with the Bernstein coefficients on a sector; ``odd`` is a (17,) workspace.
+
+    About the sector's centre cosines are even and sines odd, so one half gives the other.
+    """
+    for j in range(DEGREE + 1):
         b[j] = cosine[0] * BERNSTEIN_COS[0, j]
+        odd[j] = 0.0
     for n in range(1, DEGREE + 1):
         c, s = SECTOR_COS[sector, n], SECTOR_SIN[sector, n]
-        even = c * cosine[n] + s * sine[n]
-        odd = c * sine[n] - s * cosine[n]
-        for j in range(SIZE):
-            b[j] += even * BERNSTEIN_COS[n, j] + odd * BERNSTEIN_SIN[n, j]
+        u, v = c * cosine[n] + s * sine[n], c * sine[n] - s * cosine[n]
+        for j in range(DEGREE + 1):
+            b[j] += u * BERNSTEIN_COS[n, j]
+            odd[j] += v * BERNSTEIN_SIN[n, j]
+    for j in range(DEGREE):
+        b[SIZE - 1 - j] = b[j] - odd[j]
+        b[j] += odd[j]
 
 
 def count_roots(b: NDArray[np.float64], noise: float) -> int:
     """0: no root, 1: exactly one, 2: perhaps more, or not to be told within the noise, 3: all noise."""
-    changes, last, unsure, clear = 0, 0, False, 0
-    gap = False
+    above, below, changes = 0, 0, 0
+    for j in range(SIZE):
+        above += b[j] > noise
+        below += b[j] < -noise
+    if above == SIZE or below == SIZE:
+        return 0
+    if above + below == SIZE:
+        for j in range(SIZE - 1):
+            changes += (b[j] > 0.0) != (b[j + 1] > 0.0)
+        return min(changes, 2)
+    if above + below == 0:
+        return 3
+    # Coefficients within the noise do no harm between two of opposite sign: one change either way.
+    last, gap = 0, False
     for j in range(SIZE):
         sign = 1 if b[j] > noise else (-1 if b[j] < -noise else 0)
         if sign == 0:
             gap = True
             continue
-        clear += 1
-        if gap and sign != -last:  # at the start, or inside a run of one sign
-            unsure = True
-        gap = False
-        if last == -sign:
-            changes += 1
-        last = sign
-    if clear == 0:
-        return 3
-    if unsure or gap or changes > 1:
-        return 2
-    return changes
+        if gap and sign != -last:
+            return 2
+        changes += sign == -last
+        last, gap = sign, False
+    return 2 if gap else min(changes, 2)
 
 
 def split(b: NDArray[np.float64], left: NDArray[np.float64]) -> None:
@@ -139,35 +166,25 @@ def single_root(
     return q
 
 
-def find_roots(
-    cosine: NDArray[np.float64],
-    sine: NDArray[np.float64],
-    looseness: float,
-    stack: NDArray[np.float64],
-    place: NDArray[np.float64],
-    roots: NDArray[np.float64],
-) -> int:
-    """Real roots of a trigonometric polynomial.
+def find_roots(looseness: float, work: RootWork) -> int:
+    """Real roots of the trigonometric polynomial with the coefficients ``work.cosine`` and ``work.sine``.
 
     Args:
-        cosine: (9,) coefficients of cos(k q).
-        sine: (9,) coefficients of sin(k q).
         looseness: noise beyond rounding, relative to the coefficients' sizes: 0 for an exact model.
-        stack: (32, 17) workspace.
-        place: (32, 2) workspace.
-        roots: (64, 2) filled with each root [rad] and the half-width of its interval, 0 where it is single and sure.
+        work: coefficients in; ``work.roots`` out.
 
     Returns:
         How many roots and undecided candidates were written.
     """
+    stack, place, roots = work.stack, work.place, work.roots
     size = 0.0
     for n in range(DEGREE + 1):
-        size += abs(cosine[n]) + abs(sine[n])
+        size += abs(work.cosine[n]) + abs(work.sine[n])
     noise = (NOISE + looseness) * size
     min_width = max(MIN_WIDTH, math.sqrt(looseness)) / (2.0 * HALF)
     found = 0
     for sector in range(SECTORS):
-        sector_coefficients(cosine, sine, sector, stack[0])
+        sector_coefficients(work.cosine, work.sine, sector, stack[0], stack[1])
         place[0, 0], place[0, 1] = 0.0, 1.0
         top = 0
         while top >= 0:
@@ -184,7 +201,7 @@ def find_roots(
             if roots_here == 0 or found == MAX_ROOTS:
                 continue
             if roots_here == 1:
-                roots[found, 0] = single_root(cosine, sine, b, sector, x, width)
+                roots[found, 0] = single_root(work.cosine, work.sine, b, sector, x, width)
                 roots[found, 1] = 0.0
             else:
                 low, high = angle_at(sector, x), angle_at(sector, x + width)

@@ -1,4 +1,4 @@
-"""One pose to all its branches, and many poses to their best branch: the two entry points that are compiled."""
+"""One pose to all its branches: roots, candidates, verification on the model, duplicates, order."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from jacokin.ik.kernels_arm import Arm, pose_of, unpack_arm
+from jacokin.ik.kernels_arm import Arm, Pose, pose_of
 from jacokin.ik.kernels_chain import errors, newton_step
 from jacokin.ik.kernels_limits import fit_to_limits, same_on_circle
 from jacokin.ik.kernels_resultant import fourier_of_F
-from jacokin.ik.kernels_roots import find_roots
+from jacokin.ik.kernels_roots import MAX_ROOTS, MIN_WIDTH, STACK, RootWork, find_roots
 from jacokin.ik.kernels_spherical import spherical_starts
-from jacokin.ik.kernels_wrist import complete, refine, starts_at_q6
+from jacokin.ik.kernels_wrist import MAX_STARTS, Starts, complete, refine, starts_at_q6
 
 #: Columns of a branch: 0:6 q, 6:12 limit margins, then these.
 POSITION_ERROR, ORIENTATION_ERROR, DISTANCE, LEGAL, FAMILY, COLUMNS = 12, 13, 14, 15, 16, 17
@@ -40,139 +40,130 @@ EXACT = 1e-12
 class Work(NamedTuple):
     """Arrays the solver writes to; one set for each thread."""
 
-    samples: NDArray[np.float64]
-    fourier: NDArray[np.float64]
-    stack: NDArray[np.float64]
-    place: NDArray[np.float64]
-    roots: NDArray[np.float64]
-    more_roots: NDArray[np.float64]
-    starts: NDArray[np.float64]
-    axes: NDArray[np.float64]
-    system: NDArray[np.float64]
-    q: NDArray[np.float64]
-    row: NDArray[np.float64]
+    samples: NDArray[np.float64]  # (17,)
+    roots: RootWork  # for F(q6)
+    inner: RootWork  # for g(q5)
+    starts: Starts
+    system: NDArray[np.float64]  # (6, 7)
+    q: NDArray[np.float64]  # (6,)
+    row: NDArray[np.float64]  # (17,) the branch at hand
+    rows: NDArray[np.float64]  # (24, 17) the branches found
+    count: NDArray[np.int64]  # (1,) how many
 
 
-def make_work() -> Work:
-    """Fresh work arrays."""
+def make_work(rows: NDArray[np.float64]) -> Work:
+    """Fresh work arrays, writing the branches to rows."""
+    stack, place = np.empty((STACK, 17)), np.empty((STACK, 2))
     return Work(
         np.empty(17),
-        np.empty((2, 9)),
-        np.empty((32, 17)),
-        np.empty((32, 2)),
-        np.empty((64, 2)),
-        np.empty((64, 2)),
-        np.empty((64, 4)),
-        np.empty((6, 6)),
+        RootWork(np.empty(9), np.empty(9), np.empty((MAX_ROOTS, 2)), stack, place),
+        RootWork(np.empty(9), np.empty(9), np.empty((MAX_ROOTS, 2)), stack, place),
+        Starts(np.empty((MAX_STARTS, 4)), np.zeros(1, np.int64)),
         np.empty((6, 7)),
         np.empty(6),
         np.empty(COLUMNS),
+        rows,
+        np.zeros(1, np.int64),
     )
 
 
-def solve_pose(
-    chain: NDArray[np.float64],
-    arm: NDArray[np.float64],
-    k: Arm,
-    limits: NDArray[np.float64],
-    T: NDArray[np.float64],
-    reference: NDArray[np.float64],
-    work: Work,
-    rows: NDArray[np.float64],
-) -> int:
-    """Fill rows (24, 17) with every branch of one target, in no order; returns how many."""
-    pose = pose_of(arm, k, T)
+class Task(NamedTuple):
+    """One target for one arm."""
+
+    chain: NDArray[np.float64]  # (7, 3, 4)
+    limits: NDArray[np.float64]  # (3, 6)
+    T: NDArray[np.float64]  # (4, 4)
+    reference: NDArray[np.float64]  # (6,)
+
+
+def solve_pose(arm: NDArray[np.float64], k: Arm, task: Task, work: Work) -> None:
+    """Fill work.rows with every branch of one target, in no order."""
+    work.count[0] = 0
+    pose = pose_of(arm, k, task.T)
     if not pose.distance <= math.sqrt(k.R2) + abs(k.c4) + abs(k.b5) + REACH_SLACK:
-        return 0
-    count = 0
+        return
     if k.spherical:
-        for i in range(spherical_starts(k, pose, reference, work.starts, work.q)):
-            complete(k, pose, work.starts[i, 0], work.starts[i, 1], work.starts[i, 2], work.q)
-            count = add_branch(chain, limits, T, reference, work, rows, count, work.starts[i, 3])
-        return count
-    fourier_of_F(k, pose, work.samples, work.fourier[0], work.fourier[1])
+        spherical_starts(k, pose, task.reference, work.starts, work.q)
+        for i in range(work.starts.count[0]):
+            complete(k, pose, work.starts.rows[i, 0], work.starts.rows[i, 1], work.starts.rows[i, 2], work.q)
+            add_branch(task, work, work.starts.rows[i, 3])
+        return
+    fourier_of_F(k, pose, work.samples, work.roots.cosine, work.roots.sine)
     looseness = LOOSENESS * k.misfit if k.misfit > EXACT else 0.0
-    found = find_roots(work.fourier[0], work.fourier[1], looseness, work.stack, work.place, work.roots)
-    for i in range(found):
-        q6, half = work.roots[i, 0], work.roots[i, 1]
-        thorough = half > 0.0
-        before = count
-        starts = starts_at_q6(
-            k, pose, q6, thorough, work.starts, 0, work.stack, work.place, work.fourier, work.more_roots
-        )
-        count = follow(chain, k, pose, limits, T, reference, work, rows, count, starts)
-        if count == before and not thorough:
-            starts = starts_at_q6(
-                k, pose, q6, True, work.starts, 0, work.stack, work.place, work.fourier, work.more_roots
+    for i in range(find_roots(looseness, work.roots)):
+        follow_root(k, pose, task, work, work.roots.roots[i, 0], work.roots.roots[i, 1])
+
+
+def follow_root(k: Arm, pose: Pose, task: Task, work: Work, q6: float, unsure: float) -> None:
+    """Find every branch at one root of F; look harder where a sure root yields none."""
+    before = work.count[0]
+    for attempt in range(2):
+        starts_at_q6(k, pose, q6, unsure + attempt * MIN_WIDTH, work.starts, work.inner)
+        for i in range(work.starts.count[0]):
+            q1, q5, q6_here = refine(
+                k, pose, work.starts.rows[i, 0], work.starts.rows[i, 1], work.starts.rows[i, 2]
             )
-            count = follow(chain, k, pose, limits, T, reference, work, rows, count, starts)
-    return count
+            complete(k, pose, q1, q5, q6_here, work.q)
+            add_branch(task, work, 0.0)
+        if unsure > 0.0 or work.count[0] > before:
+            break
 
 
-def follow(chain, k, pose, limits, T, reference, work, rows, count, starts):  # type: ignore
-    """Refine each start, complete it to a configuration, and keep it if it is a branch."""
-    for i in range(starts):
-        q1, q5, q6, settled = refine(k, pose, work.starts[i, 0], work.starts[i, 1], work.starts[i, 2])
-        complete(k, pose, q1, q5, q6, work.q)
-        count = add_branch(chain, limits, T, reference, work, rows, count, 0.0)
-    return count
-
-
-def add_branch(
-    chain: NDArray[np.float64],
-    limits: NDArray[np.float64],
-    T: NDArray[np.float64],
-    reference: NDArray[np.float64],
-    work: Work,
-    rows: NDArray[np.float64],
-    count: int,
-    family: float,
-) -> int:
-    """Polish work.q, verify it, and append it to rows unless it is there already; returns the new count."""
+def add_branch(task: Task, work: Work, family: float) -> None:
+    """Polish work.q, verify it, and append it to the rows unless it is there already."""
     q, row = work.q, work.row
-    position, orientation = errors(chain, T, q, work.axes)
-    worst = max(position, orientation)
-    if not worst < HOPELESS:
-        return count
-    for _ in range(POLISH_STEPS):
-        if worst < POLISHED:
-            break
-        for j in range(6):
-            row[j] = q[j]
-        if not newton_step(chain, T, q, work.axes, work.system):
-            break
-        position, orientation = errors(chain, T, q, work.axes)
-        better = max(position, orientation)
-        if not better < worst:
-            for j in range(6):
-                q[j] = row[j]
-            break
-        worst = better
-    if worst > CLOSED:
-        return count
-    distance, legal = fit_to_limits(q, reference, limits, row)
-    row[POSITION_ERROR], row[ORIENTATION_ERROR] = errors(chain, T, row, work.axes)
+    distance, legal = fit_to_limits(q, task.reference, task.limits, row)
+    position, orientation = errors(task.chain, task.T, row)
+    if max(position, orientation) > POLISHED:
+        if not polish(task, work, max(position, orientation)):
+            return
+        distance, legal = fit_to_limits(q, task.reference, task.limits, row)
+        position, orientation = errors(task.chain, task.T, row)
+    row[POSITION_ERROR], row[ORIENTATION_ERROR] = position, orientation
     row[DISTANCE] = distance
     row[LEGAL] = 1.0 if legal else 0.0
     row[FAMILY] = family
+    keep(work)
+
+
+def polish(task: Task, work: Work, worst: float) -> bool:
+    """Newton on all six joints of work.q, while it helps; whether it then closes the pose."""
+    q, row = work.q, work.row
+    for _ in range(POLISH_STEPS):
+        if not POLISHED < worst < HOPELESS:
+            break
+        for j in range(6):
+            row[j] = q[j]
+        position, orientation = HOPELESS, HOPELESS
+        if newton_step(task.chain, task.T, q, work.system):
+            position, orientation = errors(task.chain, task.T, q)
+        if max(position, orientation) >= worst:
+            for j in range(6):
+                q[j] = row[j]
+            break
+        worst = max(position, orientation)
+    return worst <= CLOSED
+
+
+def keep(work: Work) -> None:
+    """Append the row at hand; of two that are the same on the circle the better one stays."""
+    row, rows, count = work.row, work.rows, work.count[0]
     for i in range(count):
         if same_on_circle(rows[i], row, SAME):
             if max(row[POSITION_ERROR], row[ORIENTATION_ERROR]) < max(
                 rows[i, POSITION_ERROR], rows[i, ORIENTATION_ERROR]
             ):
-                for j in range(COLUMNS):
-                    rows[i, j] = row[j]
-            return count
+                rows[i] = row
+            return
     if count < MAX_BRANCHES:
-        for j in range(COLUMNS):
-            rows[count, j] = row[j]
-        count += 1
-    return count
+        rows[count] = row
+        work.count[0] = count + 1
 
 
-def sort_rows(rows: NDArray[np.float64], count: int) -> None:
-    """Order the first rows by distance to the seed, by insertion."""
-    for i in range(1, count):
+def sort_rows(work: Work) -> None:
+    """Order the branches by distance to the seed, by insertion."""
+    rows = work.rows
+    for i in range(1, work.count[0]):
         j = i
         while j > 0 and rows[j, DISTANCE] < rows[j - 1, DISTANCE]:
             for column in range(COLUMNS):
@@ -180,17 +171,3 @@ def sort_rows(rows: NDArray[np.float64], count: int) -> None:
                 rows[j, column] = rows[j - 1, column]
                 rows[j - 1, column] = swap
             j -= 1
-
-
-def solve_all(
-    chain: NDArray[np.float64],
-    arm: NDArray[np.float64],
-    limits: NDArray[np.float64],
-    T: NDArray[np.float64],
-    reference: NDArray[np.float64],
-    rows: NDArray[np.float64],
-) -> int:
-    """Every branch of one target, ordered by distance to the reference; returns how many rows were filled."""
-    count = solve_pose(chain, arm, unpack_arm(arm), limits, T, reference, make_work(), rows)
-    sort_rows(rows, count)
-    return count

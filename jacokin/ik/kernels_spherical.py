@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.ik.kernels_arm import Arm, Pose
-from jacokin.ik.kernels_vector import cross, dot, mix, norm
-from jacokin.ik.kernels_wrist import axis_4, complete
+from jacokin.ik.kernels_vector import Vec, cross, dot, mix, norm
+from jacokin.ik.kernels_wrist import Starts, axis_4, complete
 
 #: sin of the angle between axes 4 and 6 below which they count as aligned: q4 and q6 then turn the same axis, and any
 #: q6 closes the pose to this many radians.
@@ -23,28 +23,25 @@ EDGE = 1e-9
 
 
 def spherical_starts(
-    k: Arm, pose: Pose, reference: NDArray[np.float64], starts: NDArray[np.float64], q: NDArray[np.float64]
-) -> int:
+    k: Arm, pose: Pose, reference: NDArray[np.float64], starts: Starts, q: NDArray[np.float64]
+) -> None:
     """Fill starts (n, 4) with q1, q5, q6 and a family mark: 1 where axes 4 and 6 are aligned.
 
     Args:
         k: the arm.
         pose: the target.
         reference: (6,) the seed; a family is represented by the members with its q6 and with its q4.
-        starts: (64, 4), filled.
+        starts: filled from the beginning.
         q: (6,) workspace.
-
-    Returns:
-        How many starts were written.
     """
+    starts.count[0] = 0
     # B - O in the shoulder frame; D = -R6 o, so before joint 6 it is D0 + Dc.
     B = mix(pose.D0, 1.0, pose.Dc, 1.0, pose.D0, 0.0)
     X, Y, Z = dot(B, pose.x), dot(B, pose.y), dot(B, pose.z)
     flat2 = X * X + Y * Y - k.e3 * k.e3
     if flat2 < -EDGE:
-        return 0
+        return
     flat = math.sqrt(max(flat2, 0.0))
-    count = 0
     for bx in (flat, -flat):
         q1 = math.atan2(Y, X) - math.atan2(k.e3, bx)
         # In the plane (forward, up): |C|^2 = R^2 - e3^2 and C = B + c4 z4.
@@ -63,41 +60,33 @@ def spherical_starts(
             z = (along * Z + elbow * bx) / size2
             axis = mix(forward, x, pose.z, z, forward, 0.0)  # axis 4 before joint 6
             axis = mix(axis, 1.0 / norm(axis), axis, 0.0, axis, 0.0)
-            count = wrist_starts(k, pose, q1, axis, reference, starts, count, q)
-    return count
+            wrist_starts(k, pose, q1, axis, reference, starts, q)
 
 
 def wrist_starts(
-    k: Arm,
-    pose: Pose,
-    q1: float,
-    axis: tuple[float, float, float],
-    reference: NDArray[np.float64],
-    starts: NDArray[np.float64],
-    count: int,
-    q: NDArray[np.float64],
-) -> int:
+    k: Arm, pose: Pose, q1: float, axis: Vec, reference: NDArray[np.float64], starts: Starts, q: NDArray[np.float64]
+) -> None:
     """The two q5 with axis 4 at the right angle to axis 6, and the q6 that turns it into place."""
     level = dot(k.w6, axis)
     # w6.z4(q5) = cos a w6z + sin a (cos q5 w6x - sin q5 w6y) = level
     size = k.sin_a * math.hypot(k.w6[0], k.w6[1])
     middle = math.atan2(-k.w6[1], k.w6[0])
     wanted = (level - k.cos_a * k.w6[2]) / size
-    sine = norm(cross(k.w6, axis))
-    if sine < ALIGNED:
-        q5 = middle + math.acos(min(max(wanted, -1.0), 1.0))
-        complete(k, pose, q1, q5, reference[5], q)
-        turn = math.copysign(1.0, level) * (reference[3] - q[3])  # what q4 takes over from q6
-        for q6 in (reference[5], reference[5] - turn):
-            starts[count, 0], starts[count, 1], starts[count, 2], starts[count, 3] = q1, q5, q6, 1.0
-            count += 1
-        return count
-    if abs(wanted) > 1.0 + EDGE:
-        return count
     half = math.acos(min(max(wanted, -1.0), 1.0))
-    for q5 in (middle + half, middle - half):
-        z4 = axis_4(k, q5)
-        q6 = math.atan2(dot(k.w6, cross(axis, z4)), dot(axis, z4) - level * dot(k.w6, z4))
-        starts[count, 0], starts[count, 1], starts[count, 2], starts[count, 3] = q1, q5, q6, 0.0
-        count += 1
-    return count
+    if norm(cross(k.w6, axis)) < ALIGNED:
+        complete(k, pose, q1, middle + half, reference[5], q)
+        turn = math.copysign(1.0, level) * (reference[3] - q[3])  # what q4 takes over from q6
+        append(starts, q1, middle + half, reference[5], 1.0)
+        append(starts, q1, middle + half, reference[5] - turn, 1.0)
+    elif abs(wanted) < 1.0 + EDGE:
+        for q5 in (middle + half, middle - half):
+            z4 = axis_4(k, q5)
+            q6 = math.atan2(dot(k.w6, cross(axis, z4)), dot(axis, z4) - level * dot(k.w6, z4))
+            append(starts, q1, q5, q6, 0.0)
+
+
+def append(starts: Starts, q1: float, q5: float, q6: float, family: float) -> None:
+    """Add one candidate."""
+    i = starts.count[0]
+    starts.rows[i, 0], starts.rows[i, 1], starts.rows[i, 2], starts.rows[i, 3] = q1, q5, q6, family
+    starts.count[0] = i + 1
