@@ -12,12 +12,15 @@ import mujoco
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
 
 FOLDER = Path(__file__).resolve().parents[1] / "urdf"
 NAMES = ("j2n6s300", "j2n6s200", "j2s6s200", "j2s6s300", "m1n6s200", "m1n6s300")
 # The other description writes quaternions with six digits: 8e-7 rad and 3e-8 m at the wrist.
 SIX_DIGITS = 2e-6
 MOST_FALSE_CONTACTS = 0.015  # of configurations
+# What the table of shapes promises, less what lies between samples [m].
+LEAST_DEPTH = 0.9e-4
 
 Array = NDArray[np.float64]
 
@@ -80,6 +83,52 @@ def test_no_mesh_contact_is_missed_over_many(meshes: mujoco.MjModel) -> None:
     true, seen = touching(meshes, q), touching(ours, q)
     assert not (true & ~seen).any()
     assert (seen & ~true).mean() <= MOST_FALSE_CONTACTS
+
+
+def test_primitives_cover_the_hulls(meshes: mujoco.MjModel) -> None:
+    """Every point of every mesh's convex hull lies inside a primitive of the same body, 0.1 mm deep or more."""
+    ours = mjcf("j2n6s300")
+    rng = np.random.default_rng(23)
+    for g in np.flatnonzero(meshes.geom_type == mujoco.mjtGeom.mjGEOM_MESH):
+        mesh = meshes.geom_dataid[g]
+        first = meshes.mesh_vertadr[mesh]
+        vertices = meshes.mesh_vert[first : first + meshes.mesh_vertnum[mesh]].astype(float)
+        points = surface_points(vertices, 20_000, rng) @ rotation(meshes.geom_quat[g]).T + meshes.geom_pos[g]
+        body = ours.body(our_name(meshes.body(meshes.geom_bodyid[g]).name)).id
+        shapes = np.flatnonzero(ours.geom_bodyid == body)
+        depth = np.max([-signed_distance(ours, int(shape), points) for shape in shapes], axis=0)
+        assert depth.min() > LEAST_DEPTH, meshes.geom(g).name
+
+
+def rotation(quat_wxyz: Array) -> Array:
+    out = np.zeros(9)
+    mujoco.mju_quat2Mat(out, quat_wxyz)
+    return out.reshape(3, 3)
+
+
+def surface_points(vertices: Array, count: int, rng: np.random.Generator) -> Array:
+    """Points uniform on the convex hull of the vertices, and the hull's own vertices."""
+    hull = ConvexHull(vertices)
+    a, b, c = (vertices[hull.simplices[:, i]] for i in range(3))
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    pick = rng.choice(len(area), count, p=area / area.sum())
+    weights = rng.dirichlet((1.0, 1.0, 1.0), count)
+    inside = sum(weights[:, [i]] * corner[pick] for i, corner in enumerate((a, b, c)))
+    return np.vstack([inside, vertices[hull.vertices]])
+
+
+def signed_distance(model: mujoco.MjModel, geom: int, points: Array) -> Array:
+    """How far points of a body's frame lie outside a box, cylinder or sphere of that body; inside is negative."""
+    local = np.abs((points - model.geom_pos[geom]) @ rotation(model.geom_quat[geom]))
+    size = model.geom_size[geom]
+    if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_BOX:
+        distances = local - size
+    elif model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_CYLINDER:
+        distances = np.column_stack([np.hypot(local[:, 0], local[:, 1]) - size[0], local[:, 2] - size[1]])
+    else:
+        distances = np.linalg.norm(local, axis=1, keepdims=True) - size[0]
+    largest: Array = distances.max(axis=1)
+    return largest
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 FOLDER = Path(__file__).resolve().parent
-ARM_BODIES = ("link_1", "link_2", "link_3", "link_4", "link_5", "link_6")
 # Below this a sine or cosine of a multiple of pi/6 is rounding and written as 0.
 ROUNDING = 1e-15
 
