@@ -6,7 +6,7 @@ limits allow. That ends in a local minimum about once in seven random starts, so
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import mink
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from jacokin.ik import targets
 from jacokin.ik.qp_backend import Backend, QPFailed
-from jacokin.ik.targets import Target
+from jacokin.ik.targets import RADIAN_IN_METRES, Target
 from jacokin.model import mujoco_export, poses
 from jacokin.model.robot import Robot
 
@@ -27,10 +27,10 @@ MAX_ITERATIONS = 60  # per start; a start that converges needs 4 near its answer
 STALL_ITERATIONS = 8  # without halving the error: a local minimum, or too slow to wait for
 CONVERGED = 0.01  # of the tolerances: one quadratic step past them, so that measuring anew cannot fail
 LM_DAMPING = 1e-3  # relative to the squared error; keeps steps finite near singular poses
-SEARCH_DAMPING = (1e-3, 1e3)  # range of the relative damping while looking for the closest pose
-SEARCH_ITERATIONS = 80
-SEARCH_STEP = 1e-7  # [rad] a step below this ends the descent
-RADIAN_IN_METRES = 0.1  # one radian of orientation error counts as much as this distance
+SEARCH_DAMPING = (1e-4, 1e4)  # range of the relative damping while looking for the closest pose
+SEARCH_ITERATIONS = 30  # gets within a few per cent; the best ends are refined on the exact measure
+SEARCH_STEP = 1e-6  # [rad] a step below this ends the descent
+REFINED = 5  # ends of descents that are refined
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,37 +103,49 @@ class MultiStartQP:
         """
         task = self._aim(self._position_task if target.position_only else self._pose_task, target)
         task.lm_damping = LM_DAMPING
-        return self._best(target, starts, before, lambda q: self._descend(task, q, target.position_only), True)
+        best: Attempt | None = None
+        for attempt in self._ends(target, starts, before, lambda q: self._descend(task, q, target.position_only)):
+            if best is None or attempt.cost < best.cost or attempt.reached:
+                best = attempt
+            if attempt.reached:
+                break
+        assert best is not None  # callers pass at least one start
+        return replace(best, iterations=attempt.iterations, starts=attempt.starts)
 
     def closest(self, target: Target, starts: Iterable[Array], before: Attempt | None = None) -> Attempt:
         """The least cost among the local minima that descents from the starts end in; counts as in `solve`."""
-        task = self._aim(self._position_task if target.position_only else self._search_task, target)
-        return self._best(target, starts, before, lambda q: self._search(task, q, target), False)
+        from jacokin.ik import closest_pose
 
-    def _best(
+        task = self._aim(self._position_task if target.position_only else self._search_task, target)
+        ends = list(self._ends(target, starts, before, lambda q: self._search(task, q, target)))
+        last = ends[-1]
+        ends.sort(key=lambda attempt: attempt.cost)
+        for end in ends[:REFINED]:
+            q = closest_pose.refine(self._robot, self._frame, self._tool, target, end.q)
+            ends.append(self._judged(replace(end, q=q), target))
+        best = min(ends, key=lambda attempt: attempt.cost)
+        return replace(best, iterations=last.iterations, starts=last.starts)
+
+    def _ends(
         self,
         target: Target,
         starts: Iterable[Array],
         before: Attempt | None,
         descend: Callable[[Array], tuple[Array, int, bool]],
-        first_reached: bool,
-    ) -> Attempt:
-        """The best end of the descents; the first that reaches the target when that is enough."""
+    ) -> Iterator[Attempt]:
+        """Where each descent ends, measured, with the counts so far."""
         self.backend.used = self.backend.name
-        best: Attempt | None = None
         iterations, count = (before.iterations, before.starts) if before is not None else (0, 0)
         for start in starts:
             q, spent, failed = descend(start)
             iterations, count = iterations + spent, count + 1
-            errors = self.measure(q, target)
-            reached = bool((np.array(errors) <= self._tolerance).all()) and self._robot.within_limits(q)
-            attempt = Attempt(q, *errors, reached, iterations, count, self.backend.used, failed)
-            if best is None or attempt.cost < best.cost:
-                best = attempt
-            if reached and first_reached:
-                break
-        assert best is not None  # callers pass at least one start
-        return replace(best, iterations=iterations, starts=count)
+            yield self._judged(Attempt(q, 0.0, 0.0, False, iterations, count, self.backend.used, failed), target)
+
+    def _judged(self, attempt: Attempt, target: Target) -> Attempt:
+        """The attempt with its errors measured, and whether it reaches the target inside the limits."""
+        errors = self.measure(attempt.q, target)
+        reached = bool((np.array(errors) <= self._tolerance).all()) and self._robot.within_limits(attempt.q)
+        return replace(attempt, position_error=errors[0], orientation_error=errors[1], reached=reached)
 
     def _aim(self, task: mink.FrameTask, target: Target) -> mink.FrameTask:
         task.set_target(
@@ -188,7 +200,7 @@ class MultiStartQP:
             if new_cost <= cost:
                 moved = float(np.abs(new - q).max())
                 q, cost = new, new_cost
-                task.lm_damping = max(task.lm_damping / 4.0, SEARCH_DAMPING[0])
+                task.lm_damping = max(task.lm_damping / 2.0, SEARCH_DAMPING[0])
                 if moved < SEARCH_STEP:
                     break
             else:

@@ -14,6 +14,9 @@ from jacokin.errors import InvalidInputError
 from jacokin.model import checks, poses
 
 
+RADIAN_IN_METRES = 0.1  # one radian of orientation error counts as much as this distance
+
+
 @dataclass(frozen=True, slots=True)
 class Target:
     """A checked target in the base frame.
@@ -63,7 +66,8 @@ def checked_batch(targets: Sequence[pin.SE3] | ArrayLike) -> list[Target]:
 
 def errors(T_base_tool: pin.SE3, target: Target) -> tuple[float, float]:
     """Distance [m] and angle [rad] between where the tool is and the target; the angle is 0 when it is free."""
-    position = float(np.linalg.norm(T_base_tool.translation - target.pose.translation))
+    miss = T_base_tool.translation - target.pose.translation
+    position = math.sqrt(miss.dot(miss))
     if target.position_only:
         return position, 0.0
     return position, rotation_angle(T_base_tool.rotation.T @ target.pose.rotation)
@@ -71,10 +75,8 @@ def errors(T_base_tool: pin.SE3, target: Target) -> tuple[float, float]:
 
 def rotation_angle(rotation: NDArray[np.float64]) -> float:
     """Angle [rad] of a rotation matrix, accurate near zero and near a half turn."""
-    sine = 0.5 * math.hypot(
-        rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]
-    )
-    return math.atan2(sine, 0.5 * (float(np.trace(rotation)) - 1.0))
+    a, b, c, d, e, f, g, h, k = rotation.ravel().tolist()
+    return math.atan2(math.hypot(h - f, c - g, d - b), a + e + k - 1.0)
 
 
 def nearest_copy(q: NDArray[np.float64], seed: NDArray[np.float64], free: NDArray[np.bool_]) -> NDArray[np.float64]:

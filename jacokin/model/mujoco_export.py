@@ -112,7 +112,6 @@ def _compile_urdf(path: Path) -> mujoco.MjModel:
         spec = mujoco.MjSpec.from_file(str(path))
         spec.compiler.fusestatic = False
         spec.compiler.discardvisual = False
-        spec.compiler.strippath = False
         spec.compiler.balanceinertia = True
         spec.compiler.boundmass, spec.compiler.boundinertia = 1e-9, 1e-15
         return spec.compile()
@@ -192,8 +191,12 @@ def _pairs(source: mujoco.MjModel, geoms: list[int], robot: Robot) -> list[tuple
 
 
 def _parent_and_child(source: mujoco.MjModel, body_a: int, body_b: int) -> bool:
-    """MuJoCo's parent filter: bodies welded together count as one, and the world is nobody's parent."""
+    """Whether a joint joins the two; bodies welded together count as one.
+
+    MuJoCo tests such a pair when one side is welded to the world. A base that overlaps its first link is no
+    self-contact, so here it never counts.
+    """
     weld_a, weld_b = int(source.body_weldid[body_a]), int(source.body_weldid[body_b])
     parent_a = int(source.body_weldid[source.body_parentid[weld_a]])
     parent_b = int(source.body_weldid[source.body_parentid[weld_b]])
-    return (weld_a != 0 and weld_b != 0) and (weld_a == parent_b or weld_b == parent_a)
+    return weld_a == parent_b or weld_b == parent_a

@@ -1,0 +1,32 @@
+"""Shared fixtures: loaded robots are immutable, so one of each serves every test."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+import jacokin
+from jacokin import Robot
+
+
+@functools.cache
+def _robot(name: str) -> Robot:
+    return jacokin.load_robot(name)
+
+
+@pytest.fixture(scope="session")
+def robot() -> Robot:
+    return _robot("j2n6s300")
+
+
+@pytest.fixture(scope="session")
+def bundled() -> Callable[[str], Robot]:
+    return _robot
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    return np.random.default_rng(20260101)

@@ -1,0 +1,77 @@
+"""Building poses, and refusing what is not one."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import jacokin
+from jacokin.errors import InvalidInputError
+from jacokin.model import poses
+
+
+def test_orientations_mean_what_the_conventions_say() -> None:
+    assert np.array_equal(jacokin.pose([1.0, 2.0, 3.0]).homogeneous[:3, 3], [1.0, 2.0, 3.0])
+    assert np.array_equal(jacokin.pose([0, 0, 0]).rotation, np.eye(3))
+    roll, pitch, yaw = 0.3, -0.4, 0.5
+    by_rpy = jacokin.pose([0, 0, 0], rpy=[roll, pitch, yaw]).rotation
+    by_hand = pin.utils.rotate("z", yaw) @ pin.utils.rotate("y", pitch) @ pin.utils.rotate("x", roll)
+    np.testing.assert_allclose(by_rpy, by_hand, atol=1e-15)
+    half = math.sqrt(0.5)
+    quarter_turn_about_x = jacokin.pose([0, 0, 0], quat_wxyz=[half, half, 0, 0]).rotation
+    np.testing.assert_allclose(quarter_turn_about_x @ [0, 1, 0], [0, 0, 1], atol=1e-15)
+    np.testing.assert_allclose(jacokin.pose([0, 0, 0], down=True).rotation @ [0, 0, 1], [0, 0, -1], atol=1e-15)
+
+
+def test_nearly_unit_quaternions_are_normalised() -> None:
+    rotation = jacokin.pose([0, 0, 0], quat_wxyz=[1.009, 0, 0, 0]).rotation
+    np.testing.assert_array_equal(rotation, np.eye(3))
+
+
+@pytest.mark.parametrize(
+    "quat", [[0, 0, 0, 0], [1.02, 0, 0, 0], [0.98, 0, 0, 0], [math.nan, 0, 0, 1], [1, 0, 0], [math.inf, 0, 0, 0]]
+)
+def test_bad_quaternions_are_refused(quat: list[float]) -> None:
+    with pytest.raises(InvalidInputError, match="quat_wxyz"):
+        jacokin.pose([0, 0, 0], quat_wxyz=quat)
+
+
+def test_at_most_one_orientation() -> None:
+    with pytest.raises(InvalidInputError, match="rpy and down"):
+        jacokin.pose([0, 0, 0], rpy=[0, 0, 0], down=True)
+
+
+def test_quaternions_round_trip(rng: np.random.Generator) -> None:
+    for _ in range(100):
+        quat = rng.normal(size=4)
+        quat /= np.linalg.norm(quat) * (1.0 if quat[0] >= 0 else -1.0)
+        np.testing.assert_allclose(poses.quat_wxyz(poses.rotation_from_quat_wxyz(quat)), quat, atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("matrix", "text"),
+    [
+        (np.eye(3), "shape"),
+        (np.diag([1, 1, 2, 1.0]), "not a rotation"),
+        (np.diag([1, 1, -1, 1.0]), "reflection"),
+        (np.diag([1, 1, 1, 2.0]), "last row"),
+        (np.full((4, 4), np.nan), "0 0 0 1"),
+        (np.vstack((np.hstack((np.full((3, 3), np.nan), np.zeros((3, 1)))), [0, 0, 0, 1])), "finite"),
+        (1e200 * np.eye(4), "last row|not a rotation"),
+        ("somewhere", "pin.SE3"),
+        (None, "pin.SE3"),
+    ],
+)
+def test_what_is_not_a_pose_is_refused(matrix: object, text: str) -> None:
+    with pytest.raises(InvalidInputError, match=text):
+        poses.checked_pose(matrix)  # type: ignore[arg-type]  # wrong on purpose
+
+
+def test_single_precision_matrices_are_made_orthonormal() -> None:
+    rough = jacokin.pose([0.1, 0.2, 0.3], rpy=[0.3, 0.4, 0.5]).homogeneous.astype(np.float32)
+    rotation = poses.checked_pose(rough).rotation
+    np.testing.assert_allclose(rotation.T @ rotation, np.eye(3), atol=3e-16)
+    np.testing.assert_allclose(rotation, rough[:3, :3], atol=1e-6)
