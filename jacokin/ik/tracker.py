@@ -1,0 +1,287 @@
+"""`Tracker`: one QP a tick, from where the arm is towards a target, inside every limit. Read this file first.
+
+A tick asks for the joint displacement that brings the tool to its target, as least squares inside a box (velocity,
+position and acceleration limits) and a few half-spaces (clearance). What the QP says of linearised kinematics is
+checked at the new configuration: a step that makes the error grow is taken again with more damping, one that brings
+shapes too near is shortened. So the error never oscillates and the limits hold exactly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import mink
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike, NDArray
+
+from jacokin.errors import InvalidInputError
+from jacokin.ik import tracker_setup
+from jacokin.ik.qp_backend import QPFailed
+from jacokin.ik.scene import Clearance
+from jacokin.ik.tracker_clearance import Distances
+from jacokin.ik.tracker_problem import Problem, linearise, null_motion
+from jacokin.ik.tracker_qp import StepQP
+from jacokin.ik.tracker_step import TrackerStatus, TrackerStep
+from jacokin.ik.tracking_objectives import Objective
+from jacokin.ik.tracking_targets import Target
+from jacokin.ik.tracking_tasks import RADIAN_IN_METRES, Aim
+from jacokin.model.robot import Robot
+
+Array = NDArray[np.float64]
+
+Move = tuple[Array, Distances | None]
+Drift = tuple[Array, Array]
+
+POSITION_TOLERANCE = 1e-4  # [m] a tenth of what the arm repeats
+ORIENTATION_TOLERANCE = 1e-3  # [rad] the same at the length of a hand
+NEGLIGIBLE = 1e-2  # of the tolerances: an error below this may grow again
+DAMPING = (1e-2, 1e4)  # relative to the squared error: least, and where no step helps any more
+MORE_DAMPING, LESS_DAMPING = 10.0, 3.0  # factors after a step that makes the error grow, and after a good one
+RETRIES = 6  # QPs in one tick at most
+SHORTENINGS = 6  # halvings of a step that comes too near, before the arm stays
+STILL = 1e-5  # [rad/s] a slower arm stands
+GROWTH_TIME = 0.25  # [s] of growing error until the target counts as lost
+GROWTH = 1e-7  # [m] an error must grow by this in a tick to count as growing
+
+
+class Tracker:
+    """Follows targets with one robot and frame at a fixed rate.
+
+    Attributes:
+        robot: the arm.
+        frame: the frame that follows targets which name none.
+        dt: control step [s].
+        q: (dof,) where the arm is [rad]; read-only.
+        v: (dof,) its velocity over the last tick [rad/s]; read-only.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        frame: str | None = None,
+        *,
+        dt: float = 0.01,
+        q: ArrayLike | None = None,
+        tool: pin.SE3 | ArrayLike | None = None,
+        velocity_limit: ArrayLike | None = None,
+        acceleration_limit: ArrayLike | None = None,
+        collision: Clearance | None = None,
+        posture: ArrayLike | None = None,
+        objectives: Sequence[Objective] = (),
+        qp_solver: str = "daqp",
+        position_tolerance: float = POSITION_TOLERANCE,
+        orientation_tolerance: float = ORIENTATION_TOLERANCE,
+    ) -> None:
+        """Build the QP's parts once.
+
+        Args:
+            robot: the arm.
+            frame: name of the frame to move; None for the robot's default frame.
+            dt: control step [s].
+            q: (dof,) where the arm is [rad]; None for the robot's home.
+            tool: T_frame_tool, a constant pose after the frame.
+            velocity_limit: (dof,) or one for all [rad/s]; None for the robot's own.
+            acceleration_limit: (dof,) or one for all [rad/s^2]; None for none.
+            collision: shapes to keep apart; None for none.
+            posture: (dof,) configuration [rad] to stay near with the freedom targets leave.
+            objectives: what else to do with that freedom, see `tracking_objectives`.
+            qp_solver: a QP solver installed for qpsolvers: "daqp", "quadprog", "osqp", "proxqp".
+            position_tolerance: the target is reached this near [m].
+            orientation_tolerance: the target is reached this near [rad].
+
+        Raises:
+            InvalidInputError: a number that is malformed or not positive, a frame that does not move, velocity limits
+                missing in the robot's file and here, or `q` outside the limits.
+            UnknownNameError: unknown frame, QP solver or shape.
+            ModelError: `collision` and the description has no shapes.
+        """
+        parts = tracker_setup.prepare(
+            robot, frame, dt, tool, velocity_limit, acceleration_limit, collision, posture, objectives
+        )
+        self.robot = robot
+        self.frame = parts.frame
+        self.dt = parts.dt
+        self._box = parts.box
+        self._guard = parts.guard
+        self._aims = parts.aims
+        self._objectives = parts.objectives
+        self._configuration = mink.Configuration(parts.model)
+        self._qp = StepQP(qp_solver)
+        self._tolerances = tracker_setup.tolerances(position_tolerance, orientation_tolerance)
+        self._negligible = (NEGLIGIBLE * self._tolerances[0]) ** 2
+        self.reset(q)
+
+    def reset(self, q: ArrayLike | None = None) -> None:
+        """Put the arm somewhere, standing still.
+
+        Args:
+            q: (dof,) configuration [rad]; None for the robot's home. A joint past its limit by at most 0.01 rad, as
+                an encoder may report it, is put on the limit.
+
+        Raises:
+            InvalidInputError: malformed or outside the limits; the tracker stays as it was.
+        """
+        self.q = tracker_setup.start(self.robot, q)
+        self.v = np.zeros(self.robot.dof)
+        self.v.setflags(write=False)
+        self._damping = DAMPING[0]
+        self._error = np.inf
+        self._growing = 0
+        self._reference: pin.SE3 | None = None
+        self._goal: Array | None = None
+        self._configuration.update(self.q)
+        self._distances = None if self._guard is None else self._guard.start(self._configuration.data)
+
+    def step(
+        self,
+        target: pin.SE3 | ArrayLike | Target | Sequence[Target] | None = None,
+        *,
+        twist: ArrayLike | None = None,
+        reference: str = "local_world_aligned",
+    ) -> TrackerStep:
+        """One tick towards a target, or along a twist.
+
+        Args:
+            target: T_base_tool as `pin.SE3` or (4, 4), a position (3,) [m], or targets from `tracking_targets`.
+            twist: (6,) velocity of the tool, linear [m/s] then angular [rad/s]; instead of a target.
+            reference: where the twist is expressed: "local_world_aligned", "local" or "world".
+
+        Returns:
+            Where the arm is after the tick.
+
+        Raises:
+            InvalidInputError: both or none given, or malformed; the tracker stays as it was.
+            UnknownNameError: unknown frame or reference.
+        """
+        if (target is None) == (twist is None):
+            raise InvalidInputError("give either a target or twist=, not both and not none")
+        if twist is None:
+            self._reference = None
+            return self._advance(self._aims.for_target(target))
+        here = self._aims.here(self._configuration.data) if self._reference is None else self._reference
+        goal = tracker_setup.moved(here, twist, reference, self.dt)
+        step = self._advance(self._aims.for_target(goal))
+        # Rounding does not add up while the arm keeps up; when it cannot, no backlog builds.
+        self._reference = goal if step.status is TrackerStatus.OK else None
+        return step
+
+    def _advance(self, aims: list[Aim]) -> TrackerStep:
+        """Solve, check, and move."""
+        problem = linearise(self._configuration, aims, self._guard, self._distances)
+        low, high = self._box.bounds(self.q, self.v)
+        if self._box.acceleration is not None:
+            low, high = self._approach(problem, low, high)
+        drift = None
+        if self._objectives:
+            drift = null_motion(
+                self.robot, self.frame, self.q, problem.rows, self._objectives, self._box.velocity * self.dt, self.dt
+            )
+        step, held = self._descend(aims, problem, drift, low, high)
+        moved = step if step is not None else self._try(self._box.braking(low, high))
+        return self._settle(aims, moved, held)
+
+    def _descend(
+        self, aims: list[Aim], problem: Problem, drift: Drift | None, low: Array, high: Array
+    ) -> tuple[Move | None, str]:
+        """The first step that does not make the error grow, with as little damping as that takes; or why none."""
+        for _ in range(RETRIES):
+            try:
+                wanted = self._qp.solve(*problem.damped(self._damping, drift), problem.walls, low, high)
+            except QPFailed:
+                return None, "no QP solver solved this tick"
+            move = self._try(wanted)
+            if problem.pushing or self._nearer(aims, problem.cost):
+                self._damping = max(self._damping / LESS_DAMPING, DAMPING[0])
+                return move, ""
+            drift = None
+            if self._damping >= DAMPING[1]:
+                break
+            self._damping *= MORE_DAMPING
+        return None, "every step makes the error grow"
+
+    def _approach(self, problem: Problem, low: Array, high: Array) -> tuple[Array, Array]:
+        """Bounds from which the joints can stop where the target is, or go on with it."""
+        room_low, room_high = self.robot.lower - self.q, self.robot.upper - self.q
+        try:
+            ahead = self._qp.solve(*problem.damped(self._damping, None), (None, None), room_low, room_high)
+        except QPFailed:
+            return low, high
+        goal = self.q + ahead
+        velocity = np.zeros(self.robot.dof)
+        if self._goal is not None:
+            moved = (goal - self._goal) / self.dt
+            # A target that jumps has no velocity worth following.
+            if (np.abs(moved) <= self._box.velocity).all():
+                velocity = moved
+        self._goal = goal
+        return self._box.approach(low, high, ahead, velocity)
+
+    def _try(self, step: Array) -> Move:
+        """Put the configuration where a step leads; shorten the step until nothing comes too near."""
+        for _ in range(SHORTENINGS):
+            q = np.clip(self.q + step, self.robot.lower, self.robot.upper)
+            self._configuration.update(q)
+            if self._guard is None or self._distances is None:
+                return q, None
+            distances = self._guard.moved(self._configuration.data, self._distances, step)
+            if self._guard.acceptable(self._distances, distances):
+                return q, distances
+            step = 0.5 * step
+        self._configuration.update(self.q)
+        return self.q, self._distances
+
+    def _nearer(self, aims: list[Aim], cost: float) -> bool:
+        """Whether the error shrank, or is too small to matter."""
+        error = (
+            np.concatenate([aim.wanted(self._configuration) for aim in aims])
+            if len(aims) > 1
+            else (aims[0].wanted(self._configuration))
+        )
+        now = float(error @ error)
+        return now <= cost or now <= self._negligible
+
+    def _settle(self, aims: list[Aim], move: Move, held: str) -> TrackerStep:
+        """Commit the move and report it."""
+        q_before, v_before = self.q, self.v
+        self.q, self._distances = move
+        self.v = (self.q - q_before) / self.dt
+        self.q.setflags(write=False)
+        self.v.setflags(write=False)
+        measured = [aim.measure(self._configuration.data) for aim in aims]
+        position, orientation = max(m[0] for m in measured), max(m[1] for m in measured)
+        error = position + RADIAN_IN_METRES * orientation
+        on_target = position <= self._tolerances[0] and orientation <= self._tolerances[1]
+        self._growing = self._growing + 1 if not on_target and error > self._error + GROWTH else 0
+        self._error = error
+        if on_target:
+            status, limiting, message = TrackerStatus.OK, list[str](), ""
+        else:
+            status, limiting, message = self._why(q_before, v_before, held)
+        return TrackerStep(
+            q=self.q,
+            v=self.v,
+            status=status,
+            position_error=position,
+            orientation_error=orientation,
+            limiting=tuple(limiting),
+            clearance=None if self._distances is None else self._distances.least,
+            qp_solver=self._qp.used,
+            message=message,
+        )
+
+    def _why(self, q_before: Array, v_before: Array, held: str) -> tuple[TrackerStatus, list[str], str]:
+        """Status, limits and sentence of a tick that is off target."""
+        limiting = self._box.limiting(self.q - q_before, q_before, v_before)
+        if self._guard is not None and self._distances is not None:
+            limiting.extend(self._guard.limiting(self._distances))
+        if self._growing * self.dt >= GROWTH_TIME:
+            message = f"the error has grown for {self._growing * self.dt:.2f} s"
+            return TrackerStatus.LOST, limiting, message
+        if held or float(np.abs(self.v).max()) < STILL:
+            return TrackerStatus.HELD, limiting, held or "the arm has come as near as it can"
+        return (
+            TrackerStatus.LIMITED,
+            limiting,
+            f"slowed by {', '.join(limiting) or 'damping near a singular pose'}",
+        )

@@ -1,0 +1,196 @@
+"""Keeping shapes apart: distances, the half-spaces they give the QP, and a check after every step.
+
+Why not mink's `CollisionAvoidanceLimit`: its bound is a speed where the QP wants a displacement, so at 100 Hz it binds
+only once the distance is already broken; it skips pairs of the first link and the world; and linearised distances
+need a check after the step in any case. This one
+
+- bounds how much nearer two shapes may come in a tick to a part of their spare distance,
+- measures the distances again at the new configuration and says whether to shorten the step,
+- asks pairs that are too near to move apart,
+- measures a pair only when it may have come near: a pair whose distance was d is still farther than d minus what the
+  joints can have moved it since.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+APPROACH = 0.5  # part of the spare distance that may be used up in one tick
+BUFFER = 5e-4  # [m] the QP stays this far above the distance, so that curvature does not cost a shortened step
+LOOK_AHEAD = 3.0  # ticks at full speed before a pair could come too near, from which it is watched
+HORIZON = 0.05  # [m] beyond the watched range up to which distances are measured
+PUSH = 10.0  # weight of moving too near pairs apart, against 1 for the target
+PUSH_PART = 0.2  # part of the missing distance asked back in one tick
+WORSE = 1e-9  # [m] rounding of a distance
+
+
+@dataclass(frozen=True, slots=True)
+class Distances:
+    """Distances at one configuration.
+
+    Attributes:
+        bound: (pairs,) each pair is at least this far apart [m].
+        near: numbers of the pairs that were measured here.
+        distance: their distances [m]; negative when they overlap.
+        points: (near, 6) nearest points on first and second shape [m].
+    """
+
+    bound: Array
+    near: NDArray[np.intp]
+    distance: Array
+    points: Array
+
+    @property
+    def least(self) -> float:
+        """Smallest measured distance [m]; inf when every pair is far."""
+        return float(self.distance.min()) if self.distance.size else np.inf
+
+
+class ClearanceGuard:
+    """Keeps given pairs of shapes a distance apart."""
+
+    def __init__(
+        self, model: mujoco.MjModel, pairs: list[tuple[int, int]], distance: float, velocity: Array, dt: float
+    ) -> None:
+        """Prepare the pairs.
+
+        Args:
+            model: the robot's twin with shapes, its joints in a chain.
+            pairs: numbers of shapes, the one nearer to the base first.
+            distance: smallest distance allowed [m].
+            velocity: (dof,) velocity limits [rad/s].
+            dt: control step [s].
+        """
+        self._model = model
+        self._distance = distance
+        self._pairs = pairs
+        first, second = np.array(pairs, dtype=np.intp).reshape(-1, 2).T
+        self._first, self._second = first, second
+        self._between = _joints_between(model, first, second)
+        self._lever = _levers(model, second) * self._between
+        self._watch = distance + BUFFER + LOOK_AHEAD * dt * (self._lever @ velocity)
+        self._slide = model.jnt_type == mujoco.mjtJoint.mjJNT_SLIDE
+        self._buffer = np.empty(6)
+
+    def name(self, pair: int) -> str:
+        """Names of the two shapes, joined by "~"."""
+        return f"{self._model.geom(self._first[pair]).name}~{self._model.geom(self._second[pair]).name}"
+
+    def start(self, data: mujoco.MjData) -> Distances:
+        """Distances at a configuration nothing is known about."""
+        # Distance of the bounding spheres; planes and shapes without a sphere are measured.
+        radius = self._model.geom_rbound
+        gap = np.linalg.norm(data.geom_xpos[self._first] - data.geom_xpos[self._second], axis=1)
+        bounded = (radius[self._first] > 0.0) & (radius[self._second] > 0.0)
+        return self._measure(data, np.where(bounded, gap - radius[self._first] - radius[self._second], -np.inf))
+
+    def moved(self, data: mujoco.MjData, before: Distances, step: Array) -> Distances:
+        """Distances after a displacement (dof,) [rad] from where `before` was taken."""
+        return self._measure(data, before.bound - self._lever @ np.abs(step))
+
+    def _measure(self, data: mujoco.MjData, bound: Array) -> Distances:
+        near = np.flatnonzero(bound < self._watch)
+        distance = np.empty(near.size)
+        points = np.empty((near.size, 6))
+        for row, pair in enumerate(near.tolist()):
+            first, second = self._pairs[pair]
+            distance[row] = mujoco.mj_geomDistance(
+                self._model, data, first, second, self._watch[pair] + HORIZON, self._buffer
+            )
+            points[row] = self._buffer
+        bound[near] = distance
+        close = distance < self._watch[near]
+        return Distances(bound, near[close], distance[close], points[close])
+
+    def acceptable(self, before: Distances, after: Distances) -> bool:
+        """Whether a step may be taken: nothing gets too near, and what is too near already gets no worse."""
+        kept = before.bound[after.near] >= self._distance
+        if (after.distance[kept] < self._distance - WORSE).any():
+            return False
+        return after.least >= min(self._distance, before.least) - WORSE
+
+    def too_near(self, now: Distances) -> NDArray[np.intp]:
+        """Rows of the pairs that must move apart."""
+        return np.flatnonzero(now.distance < self._distance + 0.5 * BUFFER)
+
+    def gradients(self, data: mujoco.MjData, now: Distances) -> Array:
+        """How the measured distances change with the joints, (near, dof) [m/rad].
+
+        Only joints between the two shapes change their distance: hinges by n . (a x (p - c)) with the axis a through
+        c, slides by n . a, for the nearest point p on the outer shape and the direction n away from the inner one.
+        """
+        across = now.points[:, 3:] - now.points[:, :3]
+        length = np.linalg.norm(across, axis=1)
+        # Shapes that just touch give no direction.
+        normal = across / np.where(length > 1e-12, length, np.inf)[:, None]
+        normal *= np.where(now.distance < 0.0, -1.0, 1.0)[:, None]
+        arm = now.points[:, None, 3:] - data.xanchor[None]
+        torque = np.einsum("ijk,jk->ij", _cross(arm, normal[:, None, :]), data.xaxis)
+        if self._slide.any():
+            torque[:, self._slide] = normal @ data.xaxis[self._slide].T
+        return np.asarray(torque * self._between[now.near])
+
+    def half_spaces(self, gradients: Array, now: Distances) -> tuple[Array, Array]:
+        """Rows G and ends h of G x <= h: no pair uses up more than a part of its spare distance."""
+        spare = now.distance - self._distance - BUFFER
+        return -gradients, APPROACH * np.maximum(spare, 0.0)
+
+    def pushes(self, gradients: Array, now: Distances) -> tuple[Array, Array]:
+        """Weighted rows W and e of W x = e that move too near pairs apart."""
+        rows = self.too_near(now)
+        missing = self._distance + BUFFER - now.distance[rows]
+        return PUSH * gradients[rows], PUSH * PUSH_PART * missing
+
+    def limiting(self, now: Distances) -> list[str]:
+        """Names of the pairs at the distance or nearer."""
+        return [self.name(pair) for pair in now.near[now.distance < self._distance + 2.0 * BUFFER].tolist()]
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """Cross product along the last axis; `np.cross` costs four times as much on small arrays."""
+    ax, ay, az = a[..., 0], a[..., 1], a[..., 2]
+    bx, by, bz = b[..., 0], b[..., 1], b[..., 2]
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
+
+
+def _joints_between(model: mujoco.MjModel, first: NDArray[np.intp], second: NDArray[np.intp]) -> Array:
+    """(pairs, dof) one where a joint moves the second shape but not the first."""
+    bodies = [_joints_of(model, body) for body in range(model.nbody)]
+    rows = [
+        [float(j in bodies[model.geom_bodyid[b]] and j not in bodies[model.geom_bodyid[a]]) for j in range(model.njnt)]
+        for a, b in zip(first, second, strict=True)
+    ]
+    return np.array(rows).reshape(-1, model.njnt)
+
+
+def _joints_of(model: mujoco.MjModel, body: int) -> set[int]:
+    """Joints that move a body."""
+    joints: set[int] = set()
+    while body > 0:
+        start = int(model.body_jntadr[body])
+        joints.update(range(start, start + int(model.body_jntnum[body])))
+        body = int(model.body_parentid[body])
+    return joints
+
+
+def _levers(model: mujoco.MjModel, geoms: NDArray[np.intp]) -> Array:
+    """(pairs, dof) how far any point of a shape can be from a joint's origin [m]; 1 for a slide."""
+    levers = np.zeros((geoms.size, model.njnt))
+    for row, geom in enumerate(geoms.tolist()):
+        reach = float(np.linalg.norm(model.geom_pos[geom]) + model.geom_rbound[geom])
+        body = int(model.geom_bodyid[geom])
+        while body > 0:
+            start, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
+            for joint in range(start, start + count):
+                slide = model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE
+                levers[row, joint] = 1.0 if slide else reach + float(np.linalg.norm(model.jnt_pos[joint]))
+                reach += float(np.abs(model.jnt_range[joint]).max()) if slide else 0.0
+            reach += float(np.linalg.norm(model.body_pos[body]))
+            body = int(model.body_parentid[body])
+    return levers
