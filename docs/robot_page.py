@@ -1,0 +1,318 @@
+"""Write docs/robot.md from the tables in urdf/: every number of the robots, its source and its doubt.
+
+python docs/robot_page.py
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from jacokin.model import table
+from jacokin.model.bundled import DEFAULT_ROBOT, NAMES
+
+PAGE = Path(__file__).resolve().with_name("robot.md")
+
+Row = Mapping[str, Any]
+
+
+def page() -> str:
+    """The whole page as Markdown."""
+    numbers = table.load()
+    parts = [
+        "<!-- Written by docs/robot_page.py from urdf/jaco.toml and urdf/shapes.toml. Edit those, not this page. -->",
+        "# The robots in numbers",
+        "Every number of every bundled robot stands once in `urdf/jaco.toml`, with its unit, its source and what is "
+        "doubtful about it; `urdf/generate.py` writes the URDF and MJCF files from there, and `docs/robot_page.py` "
+        "this page. `jacokin info` shows the limits and frames of any robot, your own included.",
+        "Poses are given in the frame of the parent. `rpy` is R = Rz(yaw) Ry(pitch) Rx(roll), with `pi/3` and the like "
+        "exact; quaternions are wxyz.",
+        "## Sources",
+        grid(("letter", "what it is"), ((key, text) for key, text in numbers["sources"].items())),
+        *_variants(numbers),
+        *_limits(),
+        *_chains(numbers),
+        *_frames(numbers),
+        *_hands(numbers),
+        *_poses(numbers),
+        *_dynamics(numbers),
+        *_masses(numbers),
+        *_contacts(numbers),
+        *_shapes(),
+        *_arena(numbers),
+    ]
+    return "\n\n".join(parts) + "\n"
+
+
+def grid(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    """A Markdown table; a `|` inside a cell is not expected."""
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join("| " + " | ".join(str(cell) for cell in line) + " |" for line in lines)
+
+
+def value(number: object) -> str:
+    """A number as the table has it; lists without brackets."""
+    if isinstance(number, list | tuple):
+        return ", ".join(value(item) for item in number)
+    if isinstance(number, float) and number.is_integer():
+        return str(int(number))
+    return str(number)
+
+
+def numbers_in(row: Row, field: str) -> str:
+    """A field of a row, or nothing."""
+    return value(row[field]) if field in row else ""
+
+
+def origin(row: Row) -> str:
+    """Source and doubt of a section as a sentence."""
+    doubt = f" Doubt: {row['doubt']}." if "doubt" in row else ""
+    return f"Source: {row['source']}.{doubt}"
+
+
+def rotation(row: Row) -> str:
+    """The orientation of a row, in the notation of its source."""
+    return f"wxyz {value(row['quat_wxyz'])}" if "quat_wxyz" in row else numbers_in(row, "rpy")
+
+
+def _variants(numbers: Row) -> list[str]:
+    def row(name: str) -> tuple[str, ...]:
+        variant = table.variant(name)
+        return f"`{name}`", variant["arm"], variant["hand"].replace("_", " "), value(variant["home"])
+
+    doubts = [f"- `{name}`: {doubt}." for name in NAMES if (doubt := table.variant(name).get("doubt"))]
+    return [
+        "## Robots",
+        f"`{DEFAULT_ROBOT}` is the default. A name reads: `j2` Jaco generation 2, `m1` Mico; `n` non-spherical, "
+        "`s` spherical wrist; `6` joints; `s` service; `300` three fingers, `200` two.",
+        grid(("name", "arm", "hand", "home [rad]"), map(row, NAMES)),
+        f"Every home is legal and free of self-contact. {origin(numbers['variants'][DEFAULT_ROBOT])}",
+        "\n".join(doubts),
+    ]
+
+
+def _degrees(row: Row, side: str) -> str:
+    key = f"{side}_deg"
+    return f"{row[key]}° = {math.radians(row[key])!r} rad" if key in row else "none"
+
+
+def _limits() -> list[str]:
+    parts = [
+        "## Limits and torques",
+        "Limits, velocities and efforts are what the URDF says [K], and `robot.effort_limit` returns them. The "
+        "datasheet [S] states other torques; both are kept, because neither is known to be wrong. The bridge's "
+        "actuators use the datasheet's. `none` means that the joint turns without limit.",
+    ]
+    shown: dict[str, str] = {}
+    for name in NAMES:
+        rows = []
+        for joint, numbers in table.arm_joints(name).items():
+            sheet = table.actuator(numbers["group"])
+            rows.append(
+                (
+                    joint,
+                    _degrees(numbers, "lower"),
+                    _degrees(numbers, "upper"),
+                    numbers["velocity_deg"],
+                    value(numbers["effort"]),
+                    value(max(sheet["force_range"])),
+                    value(sheet["back_drive"]),
+                )
+            )
+        text = grid(
+            (
+                "joint",
+                "lower",
+                "upper",
+                "velocity [°/s]",
+                "effort, URDF [N m]",
+                "peak torque, datasheet [N m]",
+                "back-driving [N m]",
+            ),
+            rows,
+        )
+        shown[text] = f"{shown[text]}, `{name}`" if text in shown else f"`{name}`"
+    for text, names in shown.items():
+        parts += [f"### {names}", text]
+    return parts
+
+
+def _chains(numbers: Row) -> list[str]:
+    parts = ["## Joint frames", "Every joint turns about +z of its own frame."]
+    for arm in numbers["arms"]:
+        rows = table.section(numbers["arms"], arm)
+        joints = [(key, row) for key, row in rows.items() if key.startswith("joint_")]
+        parts += [
+            f"### {arm}",
+            grid(
+                ("joint", "type", "parent → child", "xyz [m]", "rpy [rad]"),
+                (
+                    (key, row["type"], f"{row['parent']} → {row['child']}", value(row["xyz"]), rotation(row))
+                    for key, row in joints
+                ),
+            ),
+            origin(rows),
+        ]
+    return parts
+
+
+def _frames(numbers: Row) -> list[str]:
+    rows = [
+        (f"`{name}`", row["parent"], value(row["xyz"]), rotation(row), row["source"], row.get("doubt", ""))
+        for name, row in numbers["sites"].items()
+    ]
+    return [
+        "## Frames",
+        "`frame=` takes every link (`link_base`, `link_1` to `link_6`, `hand`, `link_finger_1` ..., "
+        "`link_finger_tip_1` ...) and the frames below: links of the URDF, sites of the MJCF. `link_base` is the base, "
+        "`end_effector` the default. `gripsite` and `pinchsite` are tool centre points between the fingers; "
+        "two-finger hands have no `pinchsite`. `jaco_arm.xml`, the arm without its hand, has neither.",
+        grid(("frame", "parent", "xyz [m]", "rpy [rad]", "source", "doubt"), rows),
+        "The axes of `hand` are those of `link_6`; the hand is attached at `wristsite`, whose rotation its own "
+        f"mount ({rotation(numbers['hand_mount'])} rad) undoes.",
+    ]
+
+
+def _hands(numbers: Row) -> list[str]:
+    parts = ["## Fingers", "Each finger turns about +z of its own frame, whose parent is `hand`."]
+    for name, hand in numbers["hands"].items():
+        rows = ((f, value(hand[f]["xyz"]), rotation(hand[f]), hand[f].get("doubt", "")) for f in hand["fingers"])
+        parts += [
+            f"### {name.replace('_', ' ')}s",
+            grid(("finger", "xyz [m]", "orientation", "doubt"), rows),
+            origin(hand),
+        ]
+    finger, tip = numbers["finger"], numbers["finger_tip"]
+    return [
+        *parts,
+        f"Range {finger['lower']} (open) to {finger['upper']} rad (closed), velocity {value(finger['velocity'])} "
+        f"rad/s, effort {value(finger['effort'])} N m. {origin(finger)}",
+        f"The tip sits at {value(tip['xyz'])} m in its finger, fixed. {origin(tip)}",
+    ]
+
+
+def _poses(numbers: Row) -> list[str]:
+    parts = [
+        "## Published poses",
+        "What the real j2n6s300 is documented to do; a test compares forward kinematics with it.",
+    ]
+    for name, pose in numbers["published"].items():
+        angles = f"{value(pose['q_deg'])}°" if "q_deg" in pose else f"{value(pose['q'])} rad"
+        turned = f", turned by XYZ Euler angles {value(pose['euler_xyz'])} rad" if "euler_xyz" in pose else ""
+        parts.append(
+            f"- `{name}`: joints at {angles}, `{pose['frame']}` at {value(pose['xyz'])} m{turned}. {origin(pose)}"
+        )
+    return [*parts[:2], "\n".join(parts[2:])]
+
+
+def _dynamics(numbers: Row) -> list[str]:
+    dynamics = numbers["dynamics"]
+    groups = ("large", "small", "finger")
+    joints = {"large": "joint_1 to 3", "small": "joint_4 to 6", "finger": "fingers"}
+    actuators = {group: table.actuator(group) for group in groups}
+    return [
+        "## Joint dynamics and actuators",
+        grid(
+            ("joints", "damping [N m s/rad]", "armature [kg m²]", "friction loss [N m]"),
+            (
+                (joints[g], *(value(dynamics[g][field]) for field in ("damping", "armature", "frictionloss")))
+                for g in groups
+            ),
+        ),
+        f"{origin(dynamics)} A URDF cannot carry armature, so mass matrices are compared without it.",
+        "The bridge adds velocity actuators; the files in `urdf/` hold none.",
+        grid(
+            ("joints", "gain kv [N m s/rad]", "command", "force [N m]", "source", "doubt"),
+            (
+                (joints[g], value(row["kv"]), _command(g), value(row["force_range"]), row["source"], row["doubt"])
+                for g, row in actuators.items()
+            ),
+        ),
+        f"Torque sensors: {numbers['sensors']['arm_joint']}, one per arm joint, three axes, at the joint's frame "
+        "origin in the child body. They measure what the child exerts on the parent, so an external torque on the "
+        f"child appears with the opposite sign. {origin(numbers['sensors'])}",
+    ]
+
+
+def _command(group: str) -> str:
+    row = table.load()["actuators"][group]
+    return f"{value(row['ctrl_range_deg'])} °/s" if "ctrl_range_deg" in row else f"{value(row['ctrl_range'])} rad/s"
+
+
+def _masses(numbers: Row) -> list[str]:
+    parts = [
+        "## Masses",
+        "Centre of mass in the frame of the body; inertia about it, in the axes of the body. A body that is not "
+        "listed has no mass. `link_finger` and `link_finger_tip` stand for each of them.",
+    ]
+    for name in NAMES:
+        masses = table.section(numbers["masses"], name)
+        bodies = {key: table.section(masses, key) for key in masses if isinstance(masses[key], dict)}
+        fingers = len(numbers["hands"][table.variant(name)["hand"]]["fingers"])
+        total = math.fsum(row["mass"] * (fingers if "finger" in key else 1) for key, row in bodies.items())
+        rows = ((key, value(row["mass"]), value(row["com"]), value(row["inertia"])) for key, row in bodies.items())
+        doubts = " ".join(f"Doubt: {doubt}." for doubt in sorted({r["doubt"] for r in bodies.values() if "doubt" in r}))
+        parts += [
+            f"### {name}: {total:.4f} kg",
+            grid(("body", "mass [kg]", "centre of mass [m]", "ixx, iyy, izz, ixy, ixz, iyz [kg m²]"), rows),
+            f"{origin(masses)} {doubts}".strip(),
+        ]
+    return parts
+
+
+def _contacts(numbers: Row) -> list[str]:
+    contacts = numbers["contacts"]
+    arm, finger = contacts["arm"], contacts["finger"]
+    pairs = ", ".join(f"`{a}` and `{b}`" for a, b in contacts["exclude_arm"])
+    return [
+        "## Contacts",
+        grid(("parameter", "arm, palm and fingers"), ((key, value(row)) for key, row in arm.items())),
+        f"Fingers have condim {finger['condim']} (torsional friction as well). Pairs that never touch: {pairs}; the "
+        "hand and each of its fingers; the finger tips among themselves; and, as everywhere in MuJoCo, a body and its "
+        f"parent where both can move. {origin(contacts)}",
+    ]
+
+
+def _shapes() -> list[str]:
+    shapes = table.load("shapes.toml")
+    parts = [
+        "## Shapes",
+        "Bodies are made of boxes, cylinders and spheres, the same in URDF and MJCF, for drawing and for contact. "
+        "Their sizes are in `urdf/shapes.toml`. They cover the measured meshes with at least 0.1 mm to spare, so that "
+        "no contact is missed.",
+    ]
+    rows = []
+    for group in shapes:
+        merged = table.section(shapes, group)
+        bodies = [key for key in shapes[group] if isinstance(shapes[group][key], dict)]
+        count = sum(len(table.section(merged, body)["parts"]) for body in bodies)
+        like = f"{count} for {', '.join(bodies)}" if bodies else "none of its own"
+        rest = f"; the rest as {shapes[group]['like']}" if "like" in shapes[group] else ""
+        rows.append((group.replace("_", " "), f"{like}{rest}", merged["source"], merged.get("doubt", "")))
+    return [*parts, grid(("part", "primitives", "source", "doubt"), rows)]
+
+
+def _arena(numbers: Row) -> list[str]:
+    arena = numbers["arena"]
+    rows = [(key, value(row)) for key, row in arena.items() if not isinstance(row, dict) and key != "source"]
+    ground = arena["ground"]
+    rows += [("arm offset [m]", value(arena["arm_offset"]["xyz"]))]
+    rows += [(f"ground {key}", value(row)) for key, row in ground.items() if key != "doubt"]
+    return [
+        "## Arena",
+        "Options of the simulation that the bridge's `Arena` sets; a body file cannot carry them. Times in s, "
+        "`boundmass` in kg, `boundinertia` in kg m².",
+        grid(("option", "value"), rows),
+        f"Source: {arena['source']}. Doubt (ground): {ground['doubt']}.",
+    ]
+
+
+def main() -> None:
+    """Write the page."""
+    PAGE.write_text(page(), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
