@@ -212,9 +212,7 @@ def test_a_state_that_is_not_finite_is_refused_and_kept() -> None:
     physics.step()
 
 
-def test_an_instability_is_an_error_and_the_state_is_as_before(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_instability_is_an_error_and_the_state_is_as_before(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)  # MuJoCo writes MUJOCO_LOG.TXT when it warns
     physics = pendulum()
     physics.data.qpos[0] = 0.3

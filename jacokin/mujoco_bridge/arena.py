@@ -18,6 +18,7 @@ _CHECKER_REPEAT = (5.0, 5.0)
 _CHECKER_RGB = ((0.30, 0.36, 0.42), (0.20, 0.25, 0.30))
 _SKY_RGB = ((0.55, 0.68, 0.82), (0.05, 0.07, 0.10))
 _LIGHT_HEIGHT = 1.5  # [m]
+_MEMORY = 64 * 2**20  # [bytes] two arms at q = 0, where everything touches, need more than MuJoCo's estimate
 _NEAREST_DRAWN = 0.01  # of the model's extent
 
 
@@ -75,6 +76,7 @@ class Arena(Entity):
 
 
 def _set_options(spec: mujoco.MjSpec, row: Any) -> None:
+    spec.memory = _MEMORY
     spec.option.timestep = row["timestep"]  # [s]
     spec.option.cone = getattr(mujoco.mjtCone, f"mjCONE_{row['cone'].upper()}")
     spec.option.noslip_iterations = row["noslip_iterations"]

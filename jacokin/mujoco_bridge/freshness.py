@@ -38,7 +38,11 @@ _INPUTS = (
     "qacc_warmstart",
 )
 _RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)  # comparing the enum itself takes 2 us
-_WARNINGS = tuple(mujoco.mjtWarning.__members__)[:-1]
+# MuJoCo's warnings of a simulation that went wrong. Of too little memory for all contacts it warns on its own.
+_UNSTABLE = {
+    int(getattr(mujoco.mjtWarning, name)): name
+    for name in ("mjWARN_INERTIA", "mjWARN_BADQPOS", "mjWARN_BADQVEL", "mjWARN_BADQACC", "mjWARN_BADCTRL")
+}
 
 
 class _Watched:
@@ -185,8 +189,7 @@ class Freshness:
     def _refuse_warnings(self) -> None:
         if self._warnings.tobytes() == self._no_warnings:
             return
-        names = [name for name, number in zip(_WARNINGS, self._warnings, strict=True) if number]
+        names = [name for number, name in _UNSTABLE.items() if self._warnings[number]]
         self._warnings[:] = 0
-        raise PhysicsError(
-            f"MuJoCo warns of {', '.join(names)} at {self.data.time:.6g} s: the simulation is unstable or too large"
-        )
+        if names:
+            raise PhysicsError(f"MuJoCo warns of {', '.join(names)}: the simulation is unstable")

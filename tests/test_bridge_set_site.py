@@ -1,0 +1,278 @@
+"""set_site_to_xpos: the arm where it stands, the nearest legal branch, and nothing changed on failure."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import jacokin
+from jacokin.errors import InvalidInputError, ModelError, UnknownNameError
+from jacokin.ik.targets import circular_distance
+from jacokin.mujoco_bridge import DOWN_QUATERNION, Arena, JacoArm, JacoHand, Physics, observations, robots
+from jacokin.mujoco_bridge.props import Primitive
+
+REACHED = 1e-6  # [m], [rad] the promise
+TILTED = (0.8, 0.1, -0.5, 0.3)  # wxyz, not yet of norm 1
+LIMITED = [1, 2]
+FREE = [0, 3, 4, 5]
+
+
+def scene(
+    base: tuple[float, float, float] = robots.ARM_OFFSET,
+    base_quat: NDArray[np.float64] | None = None,
+    crowded: bool = False,
+) -> tuple[Physics, JacoArm, JacoHand]:
+    arm = robots.make_arm(observations.PERFECT_FEATURES)
+    hand = robots.make_hand(observations.PERFECT_FEATURES)
+    arm.attach(hand)
+    arena = Arena()
+    if crowded:
+        arena.add_free_entity(Primitive(name="cube"), position=(0.5, 0.5, 0.5))
+        other = JacoArm(name="other")
+        other.attach(JacoHand())
+        arena.attach(other, position=(1.5, 0.0, 0.0))
+    arena.attach(arm, position=base, quaternion=base_quat)
+    physics = Physics.from_entity(arena)
+    arm.set_home(physics)
+    return physics, arm, hand
+
+
+def unit(quaternion: Any) -> NDArray[np.float64]:
+    q = np.array(quaternion, dtype=np.float64)
+    return np.asarray(q / np.linalg.norm(q))
+
+
+def quaternion_of(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+    quaternion = np.empty(4)
+    mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(matrix).ravel())
+    return quaternion
+
+
+def reachable_pose(physics: Physics, arm: JacoArm, site: Any, rng: np.random.Generator) -> tuple[Any, Any]:
+    """Where a site is at a random legal configuration; the simulation is left as it was."""
+    twin = physics.copy()
+    arm.randomize_arm_joints(twin, rng)
+    bound = twin.bind(site)
+    return bound.xpos.copy(), quaternion_of(bound.xmat)
+
+
+def assert_reached(physics: Physics, arm: JacoArm, site: Any, position: Any, quaternion: Any) -> None:
+    """Judged by a fresh kinematics of MuJoCo."""
+    fresh = mujoco.MjData(physics.model)
+    fresh.qpos[:] = physics.data.qpos
+    mujoco.mj_kinematics(physics.model, fresh)
+    where = fresh.site(site.name)
+    assert np.linalg.norm(where.xpos - position) <= REACHED
+    turn = np.empty(4)
+    rotation = np.empty(3)
+    mujoco.mju_negQuat(turn, quaternion_of(where.xmat))
+    mujoco.mju_mulQuat(turn, unit(quaternion), turn.copy())
+    mujoco.mju_quat2Vel(rotation, turn, 1.0)
+    assert np.linalg.norm(rotation) <= REACHED
+    np.testing.assert_array_equal(physics.data.site_xpos, fresh.site_xpos)
+    np.testing.assert_array_equal(physics.data.xmat, fresh.xmat)
+    joints = physics.bind(arm.joints)
+    lower, upper = joints.range[LIMITED].T
+    assert (joints.qpos[LIMITED] >= lower).all()
+    assert (joints.qpos[LIMITED] <= upper).all()
+    assert (joints.qpos[FREE] >= 0.0).all()
+    assert (joints.qpos[FREE] < 2.0 * np.pi).all()
+
+
+@pytest.mark.parametrize("base_quat", [None, unit((0.3, -0.2, 0.9, 0.1))], ids=["upright", "tilted"])
+@pytest.mark.parametrize("crowded", [False, True], ids=["alone", "crowded"])
+def test_every_reachable_pose_is_reached(base_quat: Any, crowded: bool) -> None:
+    physics, arm, hand = scene((0.3, -0.2, 0.1), base_quat, crowded)
+    rng = np.random.default_rng(1)
+    others = [i for i in range(physics.model.nq) if i not in physics.bind(arm.joints).element_ids]
+    for site in (hand.pinch_site, hand.grip_site, arm.wrist_site, hand.tool_center_point):
+        for _ in range(10):
+            position, quaternion = reachable_pose(physics, arm, site, rng)
+            physics.data.qvel[:] = rng.uniform(-0.1, 0.1, physics.model.nv)
+            physics.data.ctrl[:] = rng.uniform(-0.1, 0.1, physics.model.nu)
+            kept = physics.data.qvel.copy(), physics.data.ctrl.copy(), physics.data.time
+            before = physics.data.qpos.copy()
+            assert arm.set_site_to_xpos(physics, rng, site, position, quaternion)
+            assert_reached(physics, arm, site, position, quaternion)
+            np.testing.assert_array_equal(physics.data.qvel, kept[0])
+            np.testing.assert_array_equal(physics.data.ctrl, kept[1])
+            assert physics.data.time == kept[2]
+            changed = np.flatnonzero(physics.data.qpos != before)
+            joint_rows = [int(physics.model.joint(joint.name).qposadr[0]) for joint in arm.joints]
+            assert set(changed) <= set(joint_rows)
+    assert others
+
+
+def test_tool_down_in_the_workspace_of_the_tasks() -> None:
+    """Everywhere but in the outermost corner, 0.3 % of the box, which no configuration reaches."""
+    physics, arm, hand = scene()
+    robot = jacokin.load_robot()
+    solver = jacokin.IKSolver(robot, frame="pinchsite")
+    rng = np.random.RandomState(0)
+    missed = 0
+    for _ in range(1000):
+        position = rng.uniform((-0.2, -0.2, 0.02), (0.2, 0.2, 0.4))
+        if not arm.set_site_to_xpos(physics, rng, hand.pinch_site, position):
+            missed += 1
+            target = jacokin.pose(position - robots.ARM_OFFSET, DOWN_QUATERNION)
+            assert len(solver.solve_all(target).legal) == 0
+            continue
+        assert_reached(physics, arm, hand.pinch_site, position, DOWN_QUATERNION)
+        np.testing.assert_allclose(hand.observables.pinch_site_pos(physics), position, rtol=0.0, atol=REACHED)
+        down = hand.observables.pinch_site_rmat(physics).reshape(3, 3)
+        np.testing.assert_allclose(down @ (0.0, 0.0, 1.0), (0.0, 0.0, -1.0), rtol=0.0, atol=REACHED)
+    assert missed <= 3
+
+
+def test_the_nearest_legal_branch_is_taken() -> None:
+    arm = JacoArm()
+    physics = Physics.from_entity(arm)
+    robot = jacokin.load_robot()
+    solver = jacokin.IKSolver(robot, frame="wristsite")
+    rng = np.random.default_rng(2)
+    several = 0
+    for _ in range(40):
+        present = robot.sample(rng)
+        physics.bind(arm.joints).qpos = present
+        target = robot.forward_kinematics(robot.sample(rng), "wristsite")
+        assert arm.set_site_to_xpos(physics, rng, arm.wrist_site, target.translation, quaternion_of(target.rotation))
+        chosen = physics.bind(arm.joints).qpos
+        legal = solver.solve_all(target, present).legal
+        several += len(legal) > 1
+        distances = circular_distance(legal, present, robot.free)
+        assert circular_distance(chosen, present, robot.free) == pytest.approx(distances.min(), abs=1e-6)
+    assert several > 20
+
+
+def test_failure_changes_nothing_at_all() -> None:
+    physics, arm, hand = scene(crowded=True)
+    robot = jacokin.load_robot()
+    rng = np.random.default_rng(3)
+    physics.step(5)
+    physics.data.qpos[:6] += 0.01  # stale: a forward pass would show in the warm start
+    before = physics.get_state().tobytes()
+    derived = physics.data.xpos.copy()
+    draws = rng.bit_generator.state
+    assert not arm.set_site_to_xpos(physics, rng, hand.pinch_site, (0.0, 0.4, 2.0))
+    beyond = robot.home.copy()
+    beyond[1] = robot.lower[1] - 0.4  # joint_2 beyond its limit, and no other branch reaches it
+    failures = 0
+    solver = jacokin.IKSolver(robot, frame="wristsite")
+    for _ in range(200):
+        q = robot.sample(rng)
+        q[1] = robot.lower[1] - 0.4
+        target = robot.forward_kinematics(q, "wristsite")
+        if len(solver.solve_all(target).legal):
+            continue
+        failures += 1
+        draws = rng.bit_generator.state
+        position = target.translation + robots.ARM_OFFSET
+        assert not arm.set_site_to_xpos(physics, rng, arm.wrist_site, position, quaternion_of(target.rotation))
+        if failures == 10:
+            break
+    assert failures == 10
+    assert physics.get_state().tobytes() == before
+    np.testing.assert_array_equal(physics.data.xpos, derived)
+    assert rng.bit_generator.state == draws  # the closed form needs no randomness
+
+
+def test_base_moved_while_simulating() -> None:
+    physics, arm, hand = scene()
+    rng = np.random.default_rng(4)
+    for _ in range(5):
+        arm.set_pose(physics, rng.uniform(-0.3, 0.3, 3), unit(rng.normal(size=4)))
+        position, quaternion = reachable_pose(physics, arm, hand.pinch_site, rng)
+        assert arm.set_site_to_xpos(physics, rng, hand.pinch_site, position, quaternion)
+        assert_reached(physics, arm, hand.pinch_site, position, quaternion)
+
+
+def test_site_on_a_finger_moves_with_it() -> None:
+    arm, hand = JacoArm(), JacoHand()
+    nail = hand.mjcf_model.body("link_finger_tip_1").add_site(name="nail", pos=(0.03, 0.0, 0.0))
+    arm.attach(hand)
+    physics = Physics.from_entity(arm)
+    arm.set_home(physics)
+    rng = np.random.default_rng(5)
+    for grasp in (0.0, 0.4, 1.0, 0.0):
+        hand.set_grasp(physics, grasp)
+        position, quaternion = reachable_pose(physics, arm, nail, rng)
+        assert arm.set_site_to_xpos(physics, rng, nail, position, quaternion)
+        assert_reached(physics, arm, nail, position, quaternion)
+        np.testing.assert_allclose(physics.bind(hand.joints).qpos, 0.15 + 1.2 * grasp)
+
+
+def test_site_halfway_up_the_arm() -> None:
+    """Three joints move it: no closed form, and the joints after it stay."""
+    physics, arm, _ = scene()
+    rng = np.random.default_rng(6)
+    site = physics.model.site("jaco_arm/joint_3_site").name
+    kept = physics.bind(arm.joints[3:]).qpos.copy()
+    element = next(s for s in arm.root.mjcf_model.sites if s.name == site)
+    for _ in range(5):
+        position, quaternion = reachable_pose(physics, arm, element, rng)
+        assert arm.set_site_to_xpos(physics, rng, site, position, quaternion)
+        np.testing.assert_allclose(physics.data.site(site).xpos, position, rtol=0.0, atol=REACHED)
+        np.testing.assert_array_equal(physics.bind(arm.joints[3:]).qpos, kept)
+
+
+def test_equal_questions_have_equal_answers() -> None:
+    physics, arm, hand = scene()
+    rng = np.random.default_rng(7)
+    position, quaternion = reachable_pose(physics, arm, hand.pinch_site, rng)
+    start = physics.get_state()
+    answers = []
+    for site, target_quat in (
+        (hand.pinch_site, quaternion),
+        (hand.pinch_site.name, quaternion),
+        (hand.pinch_site, -quaternion),
+        (hand.pinch_site, 1.009 * quaternion),
+    ):
+        physics.set_state(start)
+        assert arm.set_site_to_xpos(physics, rng, site, list(position), tuple(target_quat))
+        answers.append(physics.bind(arm.joints).qpos.copy())
+    np.testing.assert_allclose(answers, np.tile(answers[0], (4, 1)), rtol=0.0, atol=1e-9)
+
+
+def test_bad_input_changes_nothing() -> None:
+    physics, arm, hand = scene()
+    rng = np.random.default_rng(8)
+    other = JacoArm(name="elsewhere")
+    before = physics.get_state().tobytes()
+    good: dict[str, Any] = {"random_state": rng, "site": hand.pinch_site, "target_pos": (0.0, 0.0, 0.3)}
+    for error, message, change in (
+        (InvalidInputError, "Sites:.*jaco_arm/jaco_hand/pinchsite", {"site": 3}),
+        (InvalidInputError, "Sites:", {"site": None}),
+        (InvalidInputError, "site must be", {"site": arm.joints[0]}),
+        (UnknownNameError, "unknown site 'pinchsite'.*jaco_arm/jaco_hand/pinchsite", {"site": "pinchsite"}),
+        (InvalidInputError, "not part of this physics", {"site": other.wrist_site}),
+        (InvalidInputError, r"target_pos must have shape \(3,\)", {"target_pos": (0.0, 0.0)}),
+        (InvalidInputError, "target_pos must be finite", {"target_pos": (0.0, np.nan, 0.0)}),
+        (InvalidInputError, "target_pos must be 3 numbers", {"target_pos": "here"}),
+        (InvalidInputError, "norm 0", {"target_quat": (0.0, 0.0, 0.0, 0.0)}),
+        (InvalidInputError, "norm 1.0", {"target_quat": (1.02, 0.0, 0.0, 0.0)}),
+        (InvalidInputError, "target_quat", {"target_quat": (1.0, 0.0, 0.0)}),
+        (InvalidInputError, "target_quat", {"target_quat": (np.inf, 0.0, 0.0, 0.0)}),
+        (InvalidInputError, "max_ik_attempts", {"max_ik_attempts": 0}),
+        (InvalidInputError, "max_ik_attempts", {"max_ik_attempts": -3}),
+        (InvalidInputError, "max_ik_attempts", {"max_ik_attempts": 1.5}),
+        (InvalidInputError, "random_state", {"random_state": 0}),
+    ):
+        with pytest.raises(error, match=message):
+            arm.set_site_to_xpos(physics, **{**good, **change})
+    assert physics.get_state().tobytes() == before
+    with pytest.raises(ValueError, match="site must be"):
+        arm.set_site_to_xpos(physics, rng, object(), (0.0, 0.0, 0.3))
+
+
+def test_a_site_that_the_arm_does_not_move() -> None:
+    arm, cube, arena = JacoArm(), Primitive(name="cube"), Arena()
+    site = cube.mjcf_model.worldbody.add_site(name="top")
+    arena.attach(arm)
+    arena.attach(cube, position=(0.5, 0.0, 0.0))
+    physics = Physics.from_entity(arena)
+    with pytest.raises(ModelError, match="none of the arm's joints moves site 'cube/top'"):
+        arm.set_site_to_xpos(physics, np.random.default_rng(0), site, (0.0, 0.0, 0.3))
