@@ -44,8 +44,15 @@ SCENE = """<mujoco model="scene">
                 <geom size="0.01" pos="0.02 0 0"/>
                 <site name="tool" pos="0.1 0 0" euler="0.5 0 0"/>
               </body>
-              <body name="left"><joint name="finger_l" axis="0 0 1" range="0.1 1"/><geom size="0.01"/><site name="pad"/></body>
-              <body name="right"><joint name="finger_r" axis="0 0 1" range="0.1 1"/><geom size="0.01"/></body>
+              <body name="left">
+                <joint name="finger_l" axis="0 0 1" range="0.1 1"/>
+                <geom size="0.01"/>
+                <site name="pad"/>
+              </body>
+              <body name="right">
+                <joint name="finger_r" axis="0 0 1" range="0.1 1"/>
+                <geom size="0.01"/>
+              </body>
             </body>
           </body>
         </body>

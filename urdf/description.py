@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-import re
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+from jacokin.model.table import angle, section
 
 FOLDER = Path(__file__).resolve().parent
 # Below this a sine or cosine of a multiple of pi/6 is rounding and written as 0.
@@ -103,27 +104,6 @@ def read_table() -> dict[str, Any]:
         table = tomllib.load(file)
     with (FOLDER / "shapes.toml").open("rb") as file:
         return table | {"shapes": tomllib.load(file)}
-
-
-def angle(value: float | str) -> float:
-    """A number [rad], or an exact multiple of pi such as ``"pi"``, ``"-pi/2"``, ``"pi/3"``."""
-    if not isinstance(value, str):
-        return float(value)
-    match = re.fullmatch(r"(-?)pi(?:/(\d+))?", value)
-    if match is None:
-        raise ValueError(f"{value!r} is not an angle; write a number, or 'pi', '-pi/2', 'pi/3'")
-    sign, divisor = match.groups()
-    return (-math.pi if sign else math.pi) / int(divisor or 1)
-
-
-def section(group: Mapping[str, Any], name: str) -> dict[str, Any]:
-    """Section ``name`` of a group, completed from the one it names with ``like``."""
-    own = dict(group[name])
-    merged = section(group, own.pop("like")) if "like" in own else {}
-    for key, value in own.items():
-        both_tables = isinstance(value, dict) and isinstance(merged.get(key), dict)
-        merged[key] = {**merged[key], **value} if both_tables else value
-    return merged
 
 
 def describe(table: Mapping[str, Any], name: str) -> Description:

@@ -35,13 +35,14 @@ def solve(
     """See `IKSolver.solve_batch`."""
     if isinstance(workers, bool) or not isinstance(workers, int | np.integer) or workers < 1:
         raise InvalidInputError(f"workers must be a whole number >= 1, got {workers!r}")
-    checked = targets.checked_batch(wanted)
-    starts = _starts(solver, start, len(checked))
-    out = _Columns(len(checked), solver.robot.dof)
-    rest = list(range(len(checked)))
+    matrices, position_only = targets.checked_batch(wanted)
+    starts = _starts(solver, start, len(matrices))
+    out = _Columns(len(matrices), solver.robot.dof)
+    rest = list(range(len(matrices)))
     if solver.batches_compiled():
-        rest = _compiled(solver, checked, starts, out, workers, progress)
-    for index, result in _one_by_one(solver, checked, starts, rest, workers, closest):
+        rest = _compiled(solver, matrices, position_only, starts, out, workers, progress)
+    jobs = [(index, Target(matrices[index], bool(position_only[index])), starts[index], closest) for index in rest]
+    for index, result in _one_by_one(solver, jobs, workers):
         out.put(index, result)
         if progress is not None:
             progress(1)
@@ -94,7 +95,8 @@ def _starts(solver: IKSolver, start: ArrayLike | None, size: int) -> Array:
 
 def _compiled(
     solver: IKSolver,
-    checked: list[Target],
+    matrices: Array,
+    position_only: NDArray[np.bool_],
     starts: Array,
     out: _Columns,
     workers: int,
@@ -102,13 +104,16 @@ def _compiled(
 ) -> list[int]:
     """Poses through the compiled loop; returns the rows it did not settle."""
     form = solver.closed_form()
-    rows = np.array([index for index, target in enumerate(checked) if not target.position_only], dtype=np.int64)
-    left = [index for index, target in enumerate(checked) if target.position_only]
+    rows = np.flatnonzero(~position_only)
+    left: list[int] = np.flatnonzero(position_only).tolist()
     for first in range(0, len(rows), CHUNK):
         chunk = rows[first : first + CHUNK]
-        poses = np.array([checked[index].pose.homogeneous for index in chunk])
-        raw = form.solve_batch(poses, starts[chunk], workers)
-        good = raw.legal & (raw.position_error <= solver.tolerances[0]) & (raw.orientation_error <= solver.tolerances[1])
+        raw = form.solve_batch(matrices[chunk], starts[chunk], workers)
+        good = (
+            raw.within_limits
+            & (raw.position_error <= solver.tolerances[0])
+            & (raw.orientation_error <= solver.tolerances[1])
+        )
         good &= (raw.q >= solver.robot.lower).all(axis=1) & (raw.q <= solver.robot.upper).all(axis=1)
         settled = chunk[good]
         out.q[settled] = raw.q[good]
@@ -119,11 +124,12 @@ def _compiled(
     return left
 
 
-def _one_by_one(
-    solver: IKSolver, checked: list[Target], starts: Array, rows: list[int], workers: int, closest: bool
-) -> Iterator[tuple[int, IKResult]]:
+_Job = tuple[int, Target, Array, bool]
+_process_solver: list[IKSolver] = []
+
+
+def _one_by_one(solver: IKSolver, jobs: list[_Job], workers: int) -> Iterator[tuple[int, IKResult]]:
     """What the compiled loop left, through `solve`: in this process, or in several."""
-    jobs = [(index, checked[index], starts[index], closest) for index in rows]
     if workers == 1 or len(jobs) < 2 * workers:
         for job in jobs:
             yield _job(solver, job)
@@ -136,10 +142,6 @@ def _one_by_one(
         yield from pool.map(_job_in_process, jobs, chunksize=max(1, len(jobs) // (8 * workers)))
 
 
-_Job = tuple[int, Target, Array, bool]
-_process_solver: list[IKSolver] = []
-
-
 def _set_solver(solver: IKSolver) -> None:
     _process_solver[:] = [solver]
 
@@ -150,5 +152,4 @@ def _job_in_process(job: _Job) -> tuple[int, IKResult]:
 
 def _job(solver: IKSolver, job: _Job) -> tuple[int, IKResult]:
     index, target, start, closest = job
-    wanted = target.pose.translation if target.position_only else target.pose
-    return index, solver.solve(wanted, start, closest=closest)
+    return index, solver.solve(target.position if target.position_only else target.matrix, start, closest=closest)

@@ -51,14 +51,14 @@ def _measure_and_gradient(
             arm = T_base_tool.rotation @ tool.translation
             linear = linear - pin.skew(arm) @ angular
             T_base_tool = T_base_tool * tool
-        miss = T_base_tool.translation - target.pose.translation
+        miss = T_base_tool.translation - target.position
         distance = math.sqrt(miss.dot(miss))
         gradient = linear.T @ (miss / max(distance, TINY))
         if target.position_only:
             return distance, gradient
-        turn = pin.log3(target.pose.rotation.T @ T_base_tool.rotation)
+        turn = pin.log3(target.rotation.T @ T_base_tool.rotation)
         angle = math.sqrt(turn.dot(turn))
-        axis = target.pose.rotation @ (turn / max(angle, TINY))
+        axis = target.rotation @ (turn / max(angle, TINY))
         return distance + RADIAN_IN_METRES * angle, gradient + RADIAN_IN_METRES * (angular.T @ axis)
 
     return measure

@@ -149,9 +149,7 @@ class MultiStartQP:
 
     def _aim(self, task: mink.FrameTask, target: Target) -> mink.FrameTask:
         task.set_target(
-            mink.SE3.from_rotation_and_translation(
-                mink.SO3(poses.quat_wxyz(target.pose.rotation)), target.pose.translation
-            )
+            mink.SE3.from_rotation_and_translation(mink.SO3(poses.quat_wxyz(target.rotation)), target.position)
         )
         return task
 

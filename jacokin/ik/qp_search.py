@@ -76,7 +76,7 @@ class QPSearch:
 
     def beyond_reach(self, target: Target) -> bool:
         """Whether the target is provably out of reach: farther from joint 1 than the links laid end to end."""
-        return float(np.linalg.norm(target.pose.translation - self._shoulder)) > self._length + REACH_SLACK
+        return float(np.linalg.norm(target.position - self._shoulder)) > self._length + REACH_SLACK
 
     def closest(
         self,

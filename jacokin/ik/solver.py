@@ -35,7 +35,7 @@ from jacokin.model.loading import load_robot
 from jacokin.model.robot import Robot
 
 if TYPE_CHECKING:
-    from jacokin.ik.closed_form import ClosedForm, RawBranches
+    from jacokin.ik.closed_form import ClosedForm, Rows
     from jacokin.ik.qp_search import QPSearch
 
 Array = NDArray[np.float64]
@@ -198,7 +198,7 @@ class IKSolver:
         if wanted.position_only:
             raise InvalidInputError("solve_all needs an orientation: a position alone is reached by infinitely many")
         start, _ = seeds.legal_seed(self.robot, seed)
-        raw = self.closed_form().solve_all(wanted.pose.homogeneous, start)
+        raw = self.closed_form().solve_all(wanted.matrix, start)
         touching = None
         if self._judge.looks_for_contact:
             touching = tuple(tuple(self._judge.touching(q)) for q in raw.q)
@@ -209,7 +209,7 @@ class IKSolver:
             distance=raw.distance,
             position_error=raw.position_error,
             orientation_error=raw.orientation_error,
-            complete=not raw.family,
+            complete=not raw.family.any(),
             touching=touching,
         )
 
@@ -268,7 +268,7 @@ class IKSolver:
     ) -> IKResult:
         """The legal branch nearest to the start, or why there is none."""
         judge = self._judge
-        raw = self.closed_form().solve_all(target.pose.homogeneous, start)
+        raw = self.closed_form().solve_all(target.matrix, start)
         touched: IKResult | None = None
         for index in np.flatnonzero(raw.within_limits):
             q = raw.q[index]
@@ -290,7 +290,7 @@ class IKSolver:
         nearby = [np.clip(q, self.robot.lower, self.robot.upper) for q in raw.q]
         return self.qp_search().closest(target, nearby, start, status, message, seeds.generator(rng))
 
-    def _why_not(self, raw: RawBranches) -> tuple[Status, str]:
+    def _why_not(self, raw: Rows) -> tuple[Status, str]:
         """Status and sentence when no branch is legal."""
         if not len(raw.q):
             return Status.UNREACHABLE, "no configuration reaches this pose, whatever the limits"

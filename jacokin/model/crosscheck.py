@@ -117,6 +117,7 @@ class PinocchioEngine:
     """A `Robot` in Pinocchio."""
 
     def __init__(self, robot: Robot) -> None:
+        """Prepare working memory."""
         self.label = f"{robot.name} ({robot.source.kind}) in Pinocchio"
         self.joint_names = robot.joint_names
         self.frames = robot.frames
@@ -126,16 +127,19 @@ class PinocchioEngine:
         self._data = self._model.createData()
 
     def update(self, q: Array) -> None:
+        """Compute everything at `q` (dof,) [rad]."""
         pin.computeJointJacobians(self._model, self._data, q)
         pin.updateFramePlacements(self._model, self._data)
         pin.crba(self._model, self._data, q)
         pin.computeGeneralizedGravity(self._model, self._data, q)
 
     def pose(self, frame: str) -> tuple[Array, Array]:
+        """Position (3,) [m] and rotation (3, 3) of a frame in the base."""
         placement = self._data.oMf[self._robot.frame_id(frame)]
         return placement.translation.copy(), placement.rotation.copy()
 
     def jacobian(self, frame: str) -> Array:
+        """(6, dof), local world aligned."""
         return np.asarray(
             pin.getFrameJacobian(
                 self._model, self._data, self._robot.frame_id(frame), pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
@@ -143,11 +147,13 @@ class PinocchioEngine:
         )
 
     def mass_matrix(self, with_armature: bool) -> Array:
+        """(dof, dof), with or without armature."""
         upper = np.triu(self._data.M)
         full = upper + np.triu(self._data.M, 1).T
         return full if with_armature else full - np.diag(self._model.armature)
 
     def gravity_torque(self) -> Array:
+        """(dof,) torque that holds the arm still [N m]."""
         return np.array(self._data.g)
 
 

@@ -19,6 +19,7 @@ class MujocoEngine:
     """
 
     def __init__(self, robot: Robot) -> None:
+        """Prepare working memory."""
         self._model = model = mujoco_export.source_model(robot)
         self._data = mujoco.MjData(model)
         self.label = f"{robot.name} in MuJoCo"
@@ -46,6 +47,7 @@ class MujocoEngine:
             self._data.qpos[address] = angle
 
     def update(self, q: Array) -> None:
+        """Compute everything at `q` (dof,) [rad]."""
         self._data.qpos[self._qpos] = q
         self._data.qvel[:] = 0.0
         mujoco.mj_kinematics(self._model, self._data)
@@ -64,6 +66,7 @@ class MujocoEngine:
         return np.array(self._data.site_xpos[site]), np.array(self._data.site_xmat[site]).reshape(3, 3)
 
     def pose(self, frame: str) -> tuple[Array, Array]:
+        """Position (3,) [m] and rotation (3, 3) of a frame in the base."""
         position, rotation = self._placement(frame)
         if self._base is None:
             return position, rotation
@@ -71,6 +74,7 @@ class MujocoEngine:
         return base_rotation.T @ (position - base_position), base_rotation.T @ rotation
 
     def jacobian(self, frame: str) -> Array:
+        """(6, dof), local world aligned."""
         linear, angular = np.zeros((3, self._model.nv)), np.zeros((3, self._model.nv))
         if frame in self._bodies:
             mujoco.mj_jacBody(self._model, self._data, linear, angular, self._bodies[frame])
@@ -82,8 +86,10 @@ class MujocoEngine:
         return np.vstack((linear, angular))[:, self._dofs]
 
     def mass_matrix(self, with_armature: bool) -> Array:
+        """(dof, dof), with or without armature."""
         block = self._mass[np.ix_(self._dofs, self._dofs)]
         return block if with_armature else block - np.diag(self._model.dof_armature[self._dofs])
 
     def gravity_torque(self) -> Array:
+        """(dof,) torque that holds the arm still [N m]."""
         return np.array(self._data.qfrc_bias[self._dofs])

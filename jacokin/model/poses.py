@@ -60,10 +60,24 @@ def checked_rotation(name: str, value: ArrayLike) -> NDArray[np.float64]:
         raise InvalidInputError(f"{name} must be a (3, 3) rotation matrix") from error
     if matrix.shape != (3, 3):
         raise InvalidInputError(f"{name} must have shape (3, 3), got {matrix.shape}")
-    if not math.isfinite(matrix.sum()) and not np.isfinite(matrix).all():
+    homogeneous = np.eye(4)
+    homogeneous[:3, :3] = matrix
+    return checked_matrix(name, homogeneous)[:3, :3]
+
+
+def checked_matrix(name: str, matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A homogeneous matrix (4, 4) whose rotation is made orthonormal in place; refused when it is not rigid.
+
+    Raises:
+        InvalidInputError: not finite, a last row that is not 0 0 0 1, sheared, scaled or a reflection.
+    """
+    # Sixteen numbers: plain floats are faster than NumPy here, and this runs before every solve.
+    a, b, c, x, d, e, f, y, g, h, k, z, p, q, r, one = matrix.ravel().tolist()
+    total = a + b + c + d + e + f + g + h + k + x + y + z + p + q + r + one
+    if not math.isfinite(total) and not np.isfinite(matrix).all():
         raise InvalidInputError(f"{name} must be finite")
-    # Nine numbers: plain floats are faster than NumPy here, and this runs before every solve.
-    a, b, c, d, e, f, g, h, k = matrix.ravel().tolist()
+    if not max(abs(p), abs(q), abs(r), abs(one - 1.0)) <= RIGID_TOLERANCE:
+        raise InvalidInputError(f"{name}: the last row must be 0 0 0 1, got {matrix[3].tolist()}")
     misfit = max(
         abs(a * a + d * d + g * g - 1.0),
         abs(b * b + e * e + h * h - 1.0),
@@ -76,12 +90,57 @@ def checked_rotation(name: str, value: ArrayLike) -> NDArray[np.float64]:
         raise InvalidInputError(f"{name} is not a rotation: R^T R differs from the identity by {misfit:.3g}")
     if a * (e * k - f * h) - b * (d * k - f * g) + c * (d * h - e * g) < 0.0:
         raise InvalidInputError(f"{name} is a reflection (determinant -1), not a rotation")
-    if misfit <= ORTHONORMAL:
-        return matrix
-    # One Newton step towards the nearest orthonormal matrix squares the misfit: 1e-6 becomes 1e-12, then 1e-24.
-    for _ in range(2):
-        matrix = matrix @ (1.5 * np.eye(3) - 0.5 * (matrix.T @ matrix))
+    if misfit > ORTHONORMAL:
+        _orthonormalise(matrix[:3, :3])
+    matrix[3] = 0.0, 0.0, 0.0, 1.0
     return matrix
+
+
+def _orthonormalise(rotation: NDArray[np.float64]) -> None:
+    """Move (..., 3, 3) onto the nearest orthonormal matrix; each step squares the misfit: 1e-6, 1e-12, 1e-24."""
+    for _ in range(2):
+        rotation[...] = rotation @ (1.5 * np.eye(3) - 0.5 * (np.swapaxes(rotation, -1, -2) @ rotation))
+
+
+def checked_matrices(name: str, matrices: NDArray[np.float64]) -> NDArray[np.float64]:
+    """As `checked_matrix` for (n, 4, 4) at once, in place.
+
+    Raises:
+        InvalidInputError: as there; the first row at fault is named.
+    """
+    rotation = matrices[:, :3, :3]
+    with np.errstate(over="ignore", invalid="ignore"):
+        misfit = np.abs(np.swapaxes(rotation, 1, 2) @ rotation - np.eye(3)).max(axis=(1, 2))
+        last = np.abs(matrices[:, 3] - (0.0, 0.0, 0.0, 1.0)).max(axis=1)
+        good = (misfit <= RIGID_TOLERANCE) & (last <= RIGID_TOLERANCE) & np.isfinite(matrices).all(axis=(1, 2))
+        good &= np.linalg.det(rotation) > 0.0
+    if not good.all():
+        index = int(np.argmin(good))
+        checked_matrix(f"{name}[{index}]", matrices[index].copy())
+    rough = misfit > ORTHONORMAL
+    if rough.any():
+        fixed = rotation[rough]
+        _orthonormalise(fixed)
+        matrices[rough, :3, :3] = fixed
+    matrices[:, 3] = 0.0, 0.0, 0.0, 1.0
+    return matrices
+
+
+def matrix_of(target: pin.SE3 | ArrayLike, name: str = "target") -> NDArray[np.float64]:
+    """A rigid homogeneous matrix (4, 4) of one's own from a `pin.SE3` or a matrix, positions in [m].
+
+    Raises:
+        InvalidInputError: wrong type or shape, not finite, or not rigid.
+    """
+    if isinstance(target, pin.SE3):
+        return checked_matrix(name, target.homogeneous)
+    try:
+        matrix = np.array(target, dtype=np.float64, order="C")
+    except (TypeError, ValueError) as error:
+        raise InvalidInputError(f"{name} must be a pin.SE3 or a (4, 4) matrix, got {target!r}") from error
+    if matrix.shape != (4, 4):
+        raise InvalidInputError(f"{name} must be a pin.SE3 or a (4, 4) matrix, got shape {matrix.shape}")
+    return checked_matrix(name, matrix)
 
 
 def checked_pose(target: pin.SE3 | ArrayLike, name: str = "target") -> pin.SE3:
@@ -90,21 +149,8 @@ def checked_pose(target: pin.SE3 | ArrayLike, name: str = "target") -> pin.SE3:
     Raises:
         InvalidInputError: wrong type or shape, not finite, or not rigid.
     """
-    if isinstance(target, pin.SE3):
-        rotation, position = target.rotation, target.translation
-    else:
-        try:
-            matrix = np.asarray(target, dtype=np.float64)
-        except (TypeError, ValueError) as error:
-            raise InvalidInputError(f"{name} must be a pin.SE3 or a (4, 4) matrix, got {target!r}") from error
-        if matrix.shape != (4, 4):
-            raise InvalidInputError(f"{name} must be a pin.SE3 or a (4, 4) matrix, got shape {matrix.shape}")
-        x, y, z, one = matrix[3].tolist()
-        if not max(abs(x), abs(y), abs(z), abs(one - 1.0)) <= RIGID_TOLERANCE:
-            raise InvalidInputError(f"{name}: the last row must be 0 0 0 1, got {matrix[3].tolist()}")
-        rotation, position = matrix[:3, :3], matrix[:3, 3]
-    position = checks.vector(f"{name} position", position, 3, "m")
-    return pin.SE3(checked_rotation(f"{name} rotation", rotation), position)
+    matrix = matrix_of(target, name)
+    return pin.SE3(matrix[:3, :3], matrix[:3, 3])
 
 
 def pose(
