@@ -39,13 +39,16 @@ Solve = Callable[
 #: In order of use: each module needs only functions of the ones before it.
 KERNEL_MODULES = ("vector", "arm", "resultant", "roots", "wrist", "spherical", "chain", "limits", "solve", "batch")
 ENTRY_POINT = "solve"
-#: Poses solved in plain Python, at some 10 ms each, before compiling pays.
-PLAIN_POSES = 500
+#: Poses solved in plain Python, at some 10 ms each, before loading compiled kernels (half a second, with numba) pays.
+LOAD_AFTER = 30
+#: The same where there is nothing to load yet: before compiling pays.
+COMPILE_AFTER = 500
 _MARKER = "complete.txt"
 
 _lock = threading.Lock()
 _compiled: Solve | None = None
 _plain_poses = 0
+_cached: bool | None = None
 _said: set[str] = set()
 
 
@@ -88,18 +91,23 @@ def is_cached() -> bool:
 
 
 def _choose(poses: int) -> Solve:
-    global _plain_poses
+    global _plain_poses, _cached
     from jacokin.ik.kernels_batch import solve
 
     with _lock:
-        if _compiled is None and _plain_poses + poses <= PLAIN_POSES and not is_cached():
-            _plain_poses += poses
+        if _compiled is not None:
+            return _compiled
+        if _cached is None:
+            _cached = is_cached()
+        _plain_poses += poses
+        if _plain_poses > (LOAD_AFTER if _cached else COMPILE_AFTER):
+            return _load()
+        if not _cached:
             _say(
                 "the closed form is not compiled yet: using its plain Python form, about 10 ms a pose. "
                 "`jacokin warmup` compiles it once and for all."
             )
-            return solve
-        return _load()
+        return solve
 
 
 def _load() -> Solve:
@@ -143,8 +151,9 @@ def _compile(folder: Path | None) -> Solve:
                     functions.append(value)
             elif not key.startswith("__"):
                 namespace[key] = value
-    # Copies that see each other's compiled forms; the modules themselves stay plain.
-    options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
+    # Copies that see each other's compiled forms; the modules themselves stay plain. Without fastmath the compiled
+    # form does the plain form's operations in the same order: both give the same bits.
+    options: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
     inner = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
     copies = {f.__name__: types.FunctionType(f.__code__, namespace, f.__name__) for f in functions}
     for name, copy in copies.items():

@@ -59,7 +59,8 @@ def fit_to_limits(
         row[j] = angle
         row[6 + j] = margin
         legal = legal and lower <= angle <= upper
-        total += (angle - reference[j]) ** 2
+        difference = angle - reference[j]
+        total += difference * difference
     return math.sqrt(total), legal
 
 

@@ -19,10 +19,10 @@ SAMPLES = 2 * DEGREE + 1
 _angles = 2.0 * np.pi / SAMPLES * np.arange(SAMPLES)
 SAMPLE_COS = np.cos(_angles)
 SAMPLE_SIN = np.sin(_angles)
-_weight = np.where(np.arange(DEGREE + 1) == 0, 1.0, 2.0)[:, None] / SAMPLES
-#: (9, 17): coefficients of cos(k q6) and sin(k q6) from the samples.
-TO_COSINE = _weight * np.cos(np.outer(np.arange(DEGREE + 1), _angles))
-TO_SINE = _weight * np.sin(np.outer(np.arange(DEGREE + 1), _angles))
+_weight = np.where(np.arange(DEGREE + 1) == 0, 1.0, 2.0) / SAMPLES
+#: (17, 9): what each sample adds to the coefficients of cos(k q6) and sin(k q6).
+TO_COSINE = _weight * np.cos(np.outer(_angles, np.arange(DEGREE + 1)))
+TO_SINE = _weight * np.sin(np.outer(_angles, np.arange(DEGREE + 1)))
 
 
 def sphere_terms(k: Arm, D: Vec) -> tuple[complex, float]:
@@ -79,22 +79,19 @@ def resultant(k: Arm, D: Vec, m: Vec) -> float:
     )
 
 
-def fourier_of_F(
-    k: Arm, pose: Pose, samples: NDArray[np.float64], cosine: NDArray[np.float64], sine: NDArray[np.float64]
-) -> None:
+def fourier_of_F(k: Arm, pose: Pose, cosine: NDArray[np.float64], sine: NDArray[np.float64]) -> None:
     """Fill cosine and sine, (9,) each, with the Fourier coefficients of F(q6)."""
+    for n in range(DEGREE + 1):
+        cosine[n] = 0.0
+        sine[n] = 0.0
     for j in range(SAMPLES):
         c, s = SAMPLE_COS[j], SAMPLE_SIN[j]
         D = mix(pose.D0, 1.0, pose.Dc, c, pose.Ds, s)
         m = mix(pose.m0, 1.0, pose.mc, c, pose.ms, s)
-        samples[j] = resultant(k, D, m)
-    for n in range(DEGREE + 1):
-        a, b = 0.0, 0.0
-        for j in range(SAMPLES):
-            a += TO_COSINE[n, j] * samples[j]
-            b += TO_SINE[n, j] * samples[j]
-        cosine[n] = a
-        sine[n] = b
+        F = resultant(k, D, m)
+        for n in range(DEGREE + 1):
+            cosine[n] += TO_COSINE[j, n] * F
+            sine[n] += TO_SINE[j, n] * F
 
 
 def value_and_slope(cosine: NDArray[np.float64], sine: NDArray[np.float64], q: float) -> tuple[float, float]:

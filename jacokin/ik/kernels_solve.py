@@ -40,7 +40,6 @@ EXACT = 1e-12
 class Work(NamedTuple):
     """Arrays the solver writes to; one set for each thread."""
 
-    samples: NDArray[np.float64]  # (17,)
     roots: RootWork  # for F(q6)
     inner: RootWork  # for g(q5)
     starts: Starts
@@ -55,7 +54,6 @@ def make_work(rows: NDArray[np.float64]) -> Work:
     """Fresh work arrays, writing the branches to rows."""
     stack, place = np.empty((STACK, 17)), np.empty((STACK, 2))
     return Work(
-        np.empty(17),
         RootWork(np.empty(9), np.empty(9), np.empty((MAX_ROOTS, 2)), stack, place),
         RootWork(np.empty(9), np.empty(9), np.empty((MAX_ROOTS, 2)), stack, place),
         Starts(np.empty((MAX_STARTS, 4)), np.zeros(1, np.int64)),
@@ -88,7 +86,7 @@ def solve_pose(arm: NDArray[np.float64], k: Arm, task: Task, work: Work) -> None
             complete(k, pose, work.starts.rows[i, 0], work.starts.rows[i, 1], work.starts.rows[i, 2], work.q)
             add_branch(task, work, work.starts.rows[i, 3])
         return
-    fourier_of_F(k, pose, work.samples, work.roots.cosine, work.roots.sine)
+    fourier_of_F(k, pose, work.roots.cosine, work.roots.sine)
     looseness = LOOSENESS * k.misfit if k.misfit > EXACT else 0.0
     for i in range(find_roots(looseness, work.roots)):
         follow_root(k, pose, task, work, work.roots.roots[i, 0], work.roots.roots[i, 1])

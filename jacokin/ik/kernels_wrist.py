@@ -83,7 +83,8 @@ def starts_at_q6(k: Arm, pose: Pose, q6: float, unsure: float, starts: Starts, w
         # zeta = exp(i q5) with Re(conj(W) zeta) = k; the root of a negative s^2 is taken as 0.
         clipped = min(max(right, -math.sqrt(r2)), math.sqrt(r2))
         s = math.sqrt(max(r2 - clipped * clipped, 0.0))
-        best, other = complex(clipped, s) * W / r2, complex(clipped, -s) * W / r2
+        unit = complex(W.real / r2, W.imag / r2)
+        best, other = complex(clipped, s) * unit, complex(clipped, -s) * unit
         g_best, g_other = g_at(G2, G1, G0, best), g_at(G2, G1, G0, other)
         if g_other < g_best:
             best, other, g_other = other, best, g_best
