@@ -42,7 +42,8 @@ def report(batch: BatchResult, lines: tuple[int, ...], seconds: float) -> None:
     print(f"worst orientation error  {batch.orientation_error[batch.success].max():.1e} rad")
     for row in np.flatnonzero(~batch.success):
         print(f"line {lines[row]} is not solved: {batch.status[row].name}: {batch.message[row]}")
-        print(f"    closest legal configuration: {batch.position_error[row]:.3f} m away")
+        away = f"{batch.position_error[row]:.4f} m and {np.degrees(batch.orientation_error[row]):.2f} deg"
+        print(f"    the closest legal configuration is {away} away")
 
 
 def draw(q: NDArray[np.float64]) -> None:

@@ -9,13 +9,16 @@ import csv
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 import jacokin
 from jacokin.model import poses
 
+Array = NDArray[np.float64]
+
 REACHABLE = 200
 RANDOM_SEED = 20
-FOLDED_ELBOW = (0.10, 0.20, 0.30)  # [rad] joint_3, whose lower limit is 0.33
+FOLDED_ELBOW = (-0.3, 0.3)  # [rad] joint_3, whose lower limit is 0.33
 FILE = Path(__file__).parent / "targets.csv"
 
 
@@ -23,15 +26,24 @@ def make_targets() -> list[list[str]]:
     robot = jacokin.load_robot()
     rng = np.random.default_rng(RANDOM_SEED)
     rows = [_row(robot, q, "reachable") for q in robot.sample(rng, REACHABLE)]
-    for angle in FOLDED_ELBOW:
-        q = robot.home.copy()
-        q[robot.joint_index("joint_3")] = angle
-        rows.append(_row(robot, q, "outside the limits"))
+    rows += [_row(robot, q, "outside the limits") for q in _illegal(robot, rng, 3)]
     far = ((1.6, 0.2, 0.4), (0.0, 0.0, -1.2), (0.2, -0.1, 1.9))  # [m]
     return rows + [_text(position, (1.0, 0.0, 0.0, 0.0), "out of reach") for position in far]
 
 
-def _row(robot: jacokin.Robot, q: np.ndarray[tuple[int, ...], np.dtype[np.float64]], note: str) -> list[str]:
+def _illegal(robot: jacokin.Robot, rng: np.random.Generator, count: int) -> list[Array]:
+    """Configurations with a folded elbow whose pose no other branch reaches within the limits either."""
+    solver = jacokin.IKSolver(robot)
+    found: list[Array] = []
+    while len(found) < count:
+        q = robot.sample(rng)
+        q[robot.joint_index("joint_3")] = rng.uniform(*FOLDED_ELBOW)
+        if not len(solver.solve_all(robot.forward_kinematics(q)).legal):
+            found.append(q)
+    return found
+
+
+def _row(robot: jacokin.Robot, q: Array, note: str) -> list[str]:
     pose = robot.forward_kinematics(q)
     return _text(pose.translation, poses.quat_wxyz(pose.rotation), note)
 

@@ -45,7 +45,8 @@ RandomSeedOption = Annotated[
     typer.Option("--random-seed", metavar="N", min=0, help="Seed of the random numbers; fixed if not given."),
 ]
 QArgument = Annotated[
-    list[float], typer.Argument(metavar="ANGLE", help="Joint angles, base to tip, one for each joint.", show_default=False)
+    list[float],
+    typer.Argument(metavar="ANGLE", help="Joint angles, base to tip, one for each joint.", show_default=False),
 ]
 
 _NUMBER = re.compile(r"[-+]?((\d+\.?\d*|\.\d+)(e[-+]?\d+)?|inf(inity)?|nan)", re.IGNORECASE)

@@ -44,7 +44,8 @@ def crosscheck(
 ) -> None:
     """Compare two descriptions, or Pinocchio and MuJoCo.
 
-    Compares poses, Jacobians, mass matrices and gravity torques over random configurations. Without a tolerance: 1e-12 for kinematics, 1e-11 for dynamics.
+    Compares poses, Jacobians, mass matrices and gravity torques over random configurations.
+    Without a tolerance: 1e-12 for kinematics, 1e-11 for dynamics.
     Exit code: 0 within the tolerance, 1 past it, 2 wrong input.
 
     Examples:

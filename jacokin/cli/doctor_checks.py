@@ -87,7 +87,7 @@ class Finding:
 
 def all_findings() -> list[Finding]:
     """Every check, in the order shown."""
-    return [python_version(), *packages(), shadows(), *qp_solvers(), *renderers(), robots()]
+    return [python_version(), *packages(), shadows(), *qp_solvers(), *renderers(), kernel_cache(), robots()]
 
 
 def python_version() -> Finding:
@@ -159,6 +159,22 @@ def renderers() -> list[Finding]:
         detail = f"works with MUJOCO_GL={backend}" if error is None else f"{error} ({remedy})"
         findings.append(Finding("rendering", backend, OK if error is None else MISSING, detail))
     return findings
+
+
+def kernel_cache() -> Finding:
+    """Does the compiled closed form wait on disk?"""
+    from jacokin.ik import compiled
+
+    folder = compiled.cache_folder()
+    if folder is None:
+        return Finding("closed form", "cache", WARNING, "no home folder to cache in: set NUMBA_CACHE_DIR to a folder")
+    if compiled.is_cached():
+        return Finding("closed form", "cache", OK, f"compiled, in {folder}")
+    existing = next(parent for parent in (folder, *folder.parents) if parent.exists())
+    if not os.access(existing, os.W_OK):
+        detail = f"{existing} cannot be written, so each process compiles anew: set NUMBA_CACHE_DIR to another folder"
+        return Finding("closed form", "cache", WARNING, detail)
+    return Finding("closed form", "cache", MISSING, f"not compiled yet: `jacokin warmup` compiles it into {folder}")
 
 
 def robots() -> Finding:

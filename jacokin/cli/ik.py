@@ -85,7 +85,7 @@ def ik(
       jacokin ik --position 0.3 -0.2 0.5 --down --seed 4.8 2.9 1.0 4.2 1.4 1.3
       jacokin ik --targets targets.csv --output joints.csv      a file of poses
     """
-    from jacokin.cli import ik_batch, ik_output
+    from jacokin.cli import ik_output
     from jacokin.ik.solver import IKSolver
 
     oriented = quat_wxyz is not None or rpy is not None or down
@@ -95,6 +95,8 @@ def ik(
     arm = arguments.load(robot, base, tip)
     solver = IKSolver(arm, frame, method=method, qp_solver=qp_solver, collision=collision)
     if targets is not None:
+        from jacokin.cli import ik_batch
+
         solved = ik_batch.run(solver, targets, output, start, workers=workers, as_json=json)
     elif every:
         branches = solver.solve_all(_target(position, quat_wxyz, rpy, down, angles), start)

@@ -87,7 +87,8 @@ def jacobian(
 ) -> None:
     """Show the Jacobian of a frame.
 
-    Linear rows [m/rad] come first, then angular ones. --degrees is for the joint angles given; the Jacobian stays per radian.
+    Linear rows [m/rad] come first, then angular ones.
+    --degrees is for the joint angles given; the Jacobian stays per radian.
 
     Examples:
       jacokin jacobian 4.8 2.92 1.0 4.2 1.45 1.32

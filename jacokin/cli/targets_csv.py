@@ -97,8 +97,8 @@ def _number(path: Path, line: int, column: str, row: list[str], place: int) -> f
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        given = repr(text) if text else "nothing"
-        raise InvalidInputError(f"{path}, line {line}, column {column}: {given} is not a finite number")
+        problem = f"{text!r} is not a finite number" if text else "is empty"
+        raise InvalidInputError(f"{path}, line {line}, column {column}: {problem}")
     return value
 
 

@@ -1,5 +1,5 @@
-"""`jacokin track`"""
+"""`jacokin track`: follow a path of poses."""
 
 
 def track() -> None:
-    """Placeholder"""
+    """Follow a path of poses."""

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import time
-
 import typer
 
 
@@ -17,6 +15,5 @@ def warmup() -> None:
     """
     from jacokin.ik import closed_form
 
-    started = time.perf_counter()
-    closed_form.warmup()
-    typer.echo(f"the closed form is compiled and cached ({time.perf_counter() - started:.1f} s)")
+    seconds = closed_form.warmup()
+    typer.echo(f"the closed form is ready ({seconds:.1f} s)")
