@@ -1,7 +1,7 @@
 """`Tracker`: one QP a tick, from where the arm is towards a target, inside every limit. Read this file first.
 
-A tick asks for the joint displacement that brings the tool to its target, as least squares inside a box (velocity,
-position and acceleration limits) and a few half-spaces (clearance). What the QP says of linearised kinematics is
+A tick asks for the joint displacement that brings the tool to its target, as least squares inside a box (velocity and
+position limits) and a few half-spaces (clearance). What the QP says of linearised kinematics is
 checked at the new configuration: a step that makes the error grow is taken again with more damping, one that brings
 shapes too near is shortened. So the error never oscillates and the limits hold exactly.
 """
@@ -9,6 +9,7 @@ shapes too near is shortened. So the error never oscillates and the limits hold 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import mink
 import numpy as np
@@ -30,7 +31,6 @@ from jacokin.model.robot import Robot
 
 Array = NDArray[np.float64]
 
-Move = tuple[Array, Distances | None]
 Drift = tuple[Array, Array]
 
 POSITION_TOLERANCE = 1e-4  # [m] a tenth of what the arm repeats
@@ -43,6 +43,13 @@ SHORTENINGS = 6  # halvings of a step that comes too near, before the arm stays
 STILL = 1e-5  # [rad/s] a slower arm stands
 GROWTH_TIME = 0.25  # [s] of growing error until the target counts as lost
 GROWTH = 1e-7  # [m] an error must grow by this in a tick to count as growing
+
+
+class Place(NamedTuple):
+    """A configuration (dof,) [rad] and the distances of the shapes there."""
+
+    q: Array
+    distances: Distances | None
 
 
 class Tracker:
@@ -82,7 +89,8 @@ class Tracker:
             q: (dof,) where the arm is [rad]; None for the robot's home.
             tool: T_frame_tool, a constant pose after the frame.
             velocity_limit: (dof,) or one for all [rad/s]; None for the robot's own.
-            acceleration_limit: (dof,) or one for all [rad/s^2]; None for none.
+            acceleration_limit: (dof,) or one for all [rad/s^2]; None for none. A step that is shortened to keep
+                shapes apart may brake harder.
             collision: shapes to keep apart; None for none.
             posture: (dof,) configuration [rad] to stay near with the freedom targets leave.
             objectives: what else to do with that freedom, see `tracking_objectives`.
@@ -103,6 +111,7 @@ class Tracker:
         self.frame = parts.frame
         self.dt = parts.dt
         self._box = parts.box
+        self._follower = parts.follower
         self._guard = parts.guard
         self._aims = parts.aims
         self._objectives = parts.objectives
@@ -129,9 +138,9 @@ class Tracker:
         self._error = np.inf
         self._growing = 0
         self._reference: pin.SE3 | None = None
-        self._goal: Array | None = None
         self._configuration.update(self.q)
-        self._distances = None if self._guard is None else self._guard.start(self._configuration.data)
+        self._near = None if self._guard is None else self._guard.start(self._configuration.data)
+        self._at = Place(self.q, self._near)
 
     def step(
         self,
@@ -168,96 +177,106 @@ class Tracker:
 
     def _advance(self, aims: list[Aim]) -> TrackerStep:
         """Solve, check, and move."""
-        problem = linearise(self._configuration, aims, self._guard, self._distances)
-        low, high = self._box.bounds(self.q, self.v)
-        if self._box.acceleration is not None:
-            low, high = self._approach(problem, low, high)
+        before = self._at
+        if self._follower is not None:
+            self._configuration.update(before.q)
+        problem = linearise(self._configuration, aims, self._guard, before.distances)
         drift = None
         if self._objectives:
             drift = null_motion(
-                self.robot, self.frame, self.q, problem.rows, self._objectives, self._box.velocity * self.dt, self.dt
+                self.robot, self.frame, before.q, problem.rows, self._objectives, self._box.step, self.dt
             )
-        step, held = self._descend(aims, problem, drift, low, high)
-        moved = step if step is not None else self._try(self._box.braking(low, high))
-        return self._settle(aims, moved, held)
+        place, held = self._descend(aims, problem, drift)
+        self._at = place
+        q_before, v_before = self.q, self.v
+        if self._follower is None:
+            self._move(place.q)
+        else:
+            self._follow(place.q, (place.q - before.q) / self.dt)
+        return self._report(aims, q_before, v_before, held, pushing=problem.pushing)
 
-    def _descend(
-        self, aims: list[Aim], problem: Problem, drift: Drift | None, low: Array, high: Array
-    ) -> tuple[Move | None, str]:
-        """The first step that does not make the error grow, with as little damping as that takes; or why none."""
+    def _descend(self, aims: list[Aim], problem: Problem, drift: Drift | None) -> tuple[Place, str]:
+        """The first place that is no farther from the target, with as little damping as that takes; or why none."""
+        low, high = self._box.bounds(self._at.q)
         for _ in range(RETRIES):
             try:
                 wanted = self._qp.solve(*problem.damped(self._damping, drift), problem.walls, low, high)
             except QPFailed:
-                return None, "no QP solver solved this tick"
-            move = self._try(wanted)
+                return self._stay(), "no QP solver solved this tick"
+            place = self._try(self._at, wanted)
             if problem.pushing or self._nearer(aims, problem.cost):
                 self._damping = max(self._damping / LESS_DAMPING, DAMPING[0])
-                return move, ""
+                return place, ""
             drift = None
             if self._damping >= DAMPING[1]:
                 break
             self._damping *= MORE_DAMPING
-        return None, "every step makes the error grow"
+        return self._stay(), "every step makes the error grow"
 
-    def _approach(self, problem: Problem, low: Array, high: Array) -> tuple[Array, Array]:
-        """Bounds from which the joints can stop where the target is, or go on with it."""
-        room_low, room_high = self.robot.lower - self.q, self.robot.upper - self.q
-        try:
-            ahead = self._qp.solve(*problem.damped(self._damping, None), (None, None), room_low, room_high)
-        except QPFailed:
-            return low, high
-        goal = self.q + ahead
-        velocity = np.zeros(self.robot.dof)
-        if self._goal is not None:
-            moved = (goal - self._goal) / self.dt
-            # A target that jumps has no velocity worth following.
-            if (np.abs(moved) <= self._box.velocity).all():
-                velocity = moved
-        self._goal = goal
-        return self._box.approach(low, high, ahead, velocity)
+    def _stay(self) -> Place:
+        self._configuration.update(self._at.q)
+        return self._at
 
-    def _try(self, step: Array) -> Move:
-        """Put the configuration where a step leads; shorten the step until nothing comes too near."""
+    def _try(self, start: Place, displacement: Array) -> Place:
+        """Put the configuration where a displacement leads, shortened until nothing comes too near."""
         for _ in range(SHORTENINGS):
-            q = np.clip(self.q + step, self.robot.lower, self.robot.upper)
+            q = self._box.moved(start.q, displacement)
             self._configuration.update(q)
-            if self._guard is None or self._distances is None:
-                return q, None
-            distances = self._guard.moved(self._configuration.data, self._distances, step)
-            if self._guard.acceptable(self._distances, distances):
-                return q, distances
-            step = 0.5 * step
-        self._configuration.update(self.q)
-        return self.q, self._distances
+            if self._guard is None or start.distances is None:
+                return Place(q, None)
+            distances = self._guard.moved(self._configuration.data, start.distances, displacement)
+            if self._guard.acceptable(start.distances, distances):
+                return Place(q, distances)
+            displacement = 0.5 * displacement
+        self._configuration.update(start.q)
+        return start
 
     def _nearer(self, aims: list[Aim], cost: float) -> bool:
         """Whether the error shrank, or is too small to matter."""
-        error = (
-            np.concatenate([aim.wanted(self._configuration) for aim in aims])
-            if len(aims) > 1
-            else (aims[0].wanted(self._configuration))
-        )
-        now = float(error @ error)
+        now = 0.0
+        for aim in aims:
+            error = aim.wanted(self._configuration)
+            now += float(error @ error)
         return now <= cost or now <= self._negligible
 
-    def _settle(self, aims: list[Aim], move: Move, held: str) -> TrackerStep:
-        """Commit the move and report it."""
-        q_before, v_before = self.q, self.v
-        self.q, self._distances = move
-        self.v = (self.q - q_before) / self.dt
+    def _follow(self, reference: Array, reference_velocity: Array) -> None:
+        """Move the arm after its reference; an arm that an obstacle stops takes the reference with it."""
+        assert self._follower is not None
+        here = Place(self.q, self._near)
+        wanted = self._follower.displacement(self.q, self.v, reference, reference_velocity)
+        place = self._try(here, wanted)
+        if not np.array_equal(place.q, self._box.moved(self.q, wanted)):
+            self._at = place
+        self._near = place.distances
+        self._move(place.q)
+
+    def _move(self, q: Array) -> None:
+        """Commit where the arm goes."""
+        self.v = (q - self.q) / self.dt
+        self.q = q
         self.q.setflags(write=False)
         self.v.setflags(write=False)
+
+    def _report(self, aims: list[Aim], q_before: Array, v_before: Array, held: str, *, pushing: bool) -> TrackerStep:
+        """Measure where the arm is."""
+        near = self._at.distances if self._follower is None else self._near
         measured = [aim.measure(self._configuration.data) for aim in aims]
         position, orientation = max(m[0] for m in measured), max(m[1] for m in measured)
         error = position + RADIAN_IN_METRES * orientation
         on_target = position <= self._tolerances[0] and orientation <= self._tolerances[1]
-        self._growing = self._growing + 1 if not on_target and error > self._error + GROWTH else 0
+        # Shapes moving apart, or joints still gathering speed, may take the tool away from its target for a while.
+        excused = on_target or pushing or (self._follower is not None and self.q is not self._at.q)
+        grows = not excused and error > self._error + GROWTH
+        self._growing = self._growing + 1 if grows else 0
         self._error = error
-        if on_target:
-            status, limiting, message = TrackerStatus.OK, list[str](), ""
-        else:
-            status, limiting, message = self._why(q_before, v_before, held)
+        status, limiting, message = TrackerStatus.OK, list[str](), ""
+        if not on_target:
+            limiting = self._box.limiting(self.q - q_before, q_before)
+            if self._follower is not None:
+                limiting.extend(self._follower.limiting(self.v, v_before))
+            if self._guard is not None and near is not None:
+                limiting.extend(self._guard.limiting(near))
+            status, message = self._why(limiting, held)
         return TrackerStep(
             q=self.q,
             v=self.v,
@@ -265,23 +284,15 @@ class Tracker:
             position_error=position,
             orientation_error=orientation,
             limiting=tuple(limiting),
-            clearance=None if self._distances is None else self._distances.least,
+            clearance=None if near is None else near.least,
             qp_solver=self._qp.used,
             message=message,
         )
 
-    def _why(self, q_before: Array, v_before: Array, held: str) -> tuple[TrackerStatus, list[str], str]:
-        """Status, limits and sentence of a tick that is off target."""
-        limiting = self._box.limiting(self.q - q_before, q_before, v_before)
-        if self._guard is not None and self._distances is not None:
-            limiting.extend(self._guard.limiting(self._distances))
+    def _why(self, limiting: list[str], held: str) -> tuple[TrackerStatus, str]:
+        """Status and sentence of a tick that is off target."""
         if self._growing * self.dt >= GROWTH_TIME:
-            message = f"the error has grown for {self._growing * self.dt:.2f} s"
-            return TrackerStatus.LOST, limiting, message
-        if held or float(np.abs(self.v).max()) < STILL:
-            return TrackerStatus.HELD, limiting, held or "the arm has come as near as it can"
-        return (
-            TrackerStatus.LIMITED,
-            limiting,
-            f"slowed by {', '.join(limiting) or 'damping near a singular pose'}",
-        )
+            return TrackerStatus.LOST, f"the error has grown for {self._growing * self.dt:.2f} s"
+        if float(np.abs(self.v).max()) < STILL:
+            return TrackerStatus.HELD, held or "the arm has come as near as it can"
+        return TrackerStatus.LIMITED, f"slowed by {', '.join(limiting) or 'damping near a singular pose'}"

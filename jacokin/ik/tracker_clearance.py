@@ -25,7 +25,7 @@ APPROACH = 0.5  # part of the spare distance that may be used up in one tick
 BUFFER = 5e-4  # [m] the QP stays this far above the distance, so that curvature does not cost a shortened step
 LOOK_AHEAD = 3.0  # ticks at full speed before a pair could come too near, from which it is watched
 HORIZON = 0.05  # [m] beyond the watched range up to which distances are measured
-PUSH = 10.0  # weight of moving too near pairs apart, against 1 for the target
+PUSH = 100.0  # weight of moving too near pairs apart, against 1 for the target: its pull then costs microns
 PUSH_PART = 0.2  # part of the missing distance asked back in one tick
 WORSE = 1e-9  # [m] rounding of a distance
 

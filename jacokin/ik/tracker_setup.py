@@ -16,6 +16,7 @@ from jacokin.ik.scene import Clearance
 from jacokin.ik.tracker_aims import TOOL_SITE, Aims
 from jacokin.ik.tracker_box import JointBox
 from jacokin.ik.tracker_clearance import ClearanceGuard
+from jacokin.ik.tracker_follow import Follower
 from jacokin.ik.tracking_objectives import Objective, Posture
 from jacokin.model import checks, mujoco_export, poses
 from jacokin.model.robot import Robot
@@ -34,6 +35,7 @@ class Parts:
     dt: float
     model: mujoco.MjModel
     box: JointBox
+    follower: Follower | None
     guard: ClearanceGuard | None
     aims: Aims
     objectives: tuple[Objective, ...]
@@ -66,8 +68,9 @@ def prepare(
             raise InvalidInputError(f"objectives must have a velocity() method, got {type(wish).__name__}")
     model, pairs = _model(robot, name, tool, collision)
     guard = ClearanceGuard(model, pairs, collision.distance, velocity, step) if collision is not None else None
-    box = JointBox(robot.joint_names, robot.lower, robot.upper, velocity, acceleration, step)
-    return Parts(name, step, model, box, guard, Aims(robot, model), wishes)
+    box = JointBox(robot.joint_names, robot.lower, robot.upper, velocity, step)
+    follower = None if acceleration is None else Follower(robot.joint_names, box, acceleration, step)
+    return Parts(name, step, model, box, follower, guard, Aims(robot, model), wishes)
 
 
 def _model(
