@@ -133,16 +133,16 @@ def _show(
         "datasheet",
     )
     rows = []
-    for joint, velocity, effort in zip(joints, arm.velocity_limit, arm.effort_limit, strict=True):
+    for index, joint in enumerate(joints):
         torque, letter = joint["datasheet_torque"], joint["datasheet_source"]
         rows.append(
             (
-                str(joint["name"]),
-                output.number(float(str(joint["lower"]))),
-                output.number(float(str(joint["upper"]))),
-                output.number(angles.one(float(velocity)), missing="not given"),
+                arm.joint_names[index],
+                output.number(angles.one(arm.lower[index])),
+                output.number(angles.one(arm.upper[index])),
+                output.number(angles.one(arm.velocity_limit[index]), missing="not given"),
                 str(joint["source"]),
-                output.number(float(effort), 1, missing="not given"),
+                output.number(arm.effort_limit[index], 1, missing="not given"),
                 "unknown" if torque is None else f"{torque} ({letter})",
             )
         )
