@@ -1,0 +1,139 @@
+"""The MuJoCo bridge against bare MuJoCo and against dm_control, in one run.
+
+Run it with ``python benchmarks/bridge.py``. dm_control is needed for the comparison only.
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+import warnings
+from collections.abc import Callable
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from jacokin.mujoco_bridge import Arena, JacoArm, JacoHand, Physics, observations, robots
+
+LOWER, UPPER = (-0.2, -0.2, 0.02), (0.2, 0.2, 0.4)  # [m] where the manipulation tasks place the pinch site
+POSES = 1000
+ROUNDS = 300
+
+
+def timed(call: Callable[[], Any]) -> float:
+    """Seconds of one call."""
+    start = time.perf_counter()
+    call()
+    return time.perf_counter() - start
+
+
+def scene() -> tuple[Physics, JacoArm, JacoHand]:
+    arm = robots.make_arm(observations.PERFECT_FEATURES)
+    hand = robots.make_hand(observations.PERFECT_FEATURES)
+    arm.attach(hand)
+    arena = Arena()
+    arena.attach(arm, position=robots.ARM_OFFSET)
+    physics = Physics.from_entity(arena)
+    arm.set_home(physics)
+    return physics, arm, hand
+
+
+def step_overhead() -> None:
+    """`Physics.step(20)` against the same calls of MuJoCo, taken in turns."""
+    physics, _, _ = scene()
+    model, data = physics.model, physics.data
+
+    def bare() -> None:
+        mujoco.mj_step2(model, data)
+        mujoco.mj_step(model, data, 19)
+        mujoco.mj_step1(model, data)
+
+    bare_times, own_times = [], []
+    for _ in range(ROUNDS):
+        state = physics.get_state()
+        bare_times.append(timed(bare))
+        physics.set_state(state)
+        physics.forward()
+        own_times.append(timed(lambda: physics.step(20)))
+    bare_time, own_time = np.median(bare_times), np.median(own_times)
+    print(f"step(20): {own_time * 1e6:.1f} us, bare {bare_time * 1e6:.1f} us, ratio {own_time / bare_time:.3f}")
+
+
+def observation_time() -> None:
+    """All enabled observables of the arm and the hand, after a step."""
+    physics, arm, hand = scene()
+    enabled = [o for e in (arm, hand) for o in e.observables.as_dict().values() if o.enabled]
+    times = []
+    for _ in range(ROUNDS):
+        physics.step(20)
+        times.append(timed(lambda: [each(physics) for each in enabled]))
+    print(f"{len(enabled)} observables: {np.median(times) * 1e6:.1f} us")
+
+
+def own_ik(positions: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    physics, arm, hand = scene()
+    random_state = np.random.RandomState(0)
+    arm.set_site_to_xpos(physics, random_state, hand.pinch_site, positions[0])
+    return _solve(arm, physics, random_state, hand.pinch_site, positions)
+
+
+def reference_ik(positions: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    logging.getLogger("absl").setLevel(logging.ERROR)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # GLFW without a display
+        from dm_control.mujoco.wrapper.mjbindings import sizes
+
+        # dm_control 1.0.50 lists fields that MuJoCo 4 has dropped.
+        for struct, owner in (("mjmodel", mujoco.MjModel), ("mjdata", mujoco.MjData)):
+            for name in [name for name in sizes.array_sizes[struct] if not hasattr(owner, name)]:
+                sizes.array_sizes[struct].pop(name)
+        from dm_control import mjcf
+        from dm_control.manipulation.shared import arenas
+        from dm_control.manipulation.shared import observations as reference_observations
+        from dm_control.manipulation.shared import robots as reference_robots
+    arm = reference_robots.make_arm(reference_observations.PERFECT_FEATURES)
+    hand = reference_robots.make_hand(reference_observations.PERFECT_FEATURES)
+    arm.attach(hand)
+    arena = arenas.Standard()
+    arena.attach_offset(arm, reference_robots.ARM_OFFSET)
+    physics = mjcf.Physics.from_mjcf_model(arena.mjcf_model)
+    random_state = np.random.RandomState(0)
+    arm.set_site_to_xpos(physics, random_state, hand.pinch_site, positions[0])
+    return _solve(arm, physics, random_state, hand.pinch_site, positions)
+
+
+def _solve(
+    arm: Any, physics: Any, random_state: np.random.RandomState, site: Any, positions: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    times, reached = [], []
+    for position in positions:
+        start = time.perf_counter()
+        reached.append(arm.set_site_to_xpos(physics, random_state, site, position))
+        times.append(time.perf_counter() - start)
+    return np.array(times), np.array(reached)
+
+
+def ik_comparison() -> None:
+    """set_site_to_xpos, tool down, in the workspace of the tasks."""
+    positions = np.random.RandomState(1).uniform(LOWER, UPPER, (POSES, 3))
+    results = {"jacokin": own_ik(positions), "dm_control": reference_ik(positions)}
+    for name, (times, reached) in results.items():
+        median, p99 = np.percentile(times, (50, 99)) * 1e6
+        print(f"set_site_to_xpos, {name}: median {median:.0f} us, p99 {p99:.0f} us, reached {reached.sum()} of {POSES}")
+    (own, _), (reference, _) = results["jacokin"], results["dm_control"]
+    median = np.median(reference) / np.median(own)
+    p99 = np.percentile(reference, 99) / np.percentile(own, 99)
+    print(f"faster by {median:.1f} (median), {p99:.1f} (p99)")
+
+
+def main() -> None:
+    print(f"MuJoCo {mujoco.__version__}")
+    step_overhead()
+    observation_time()
+    ik_comparison()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,260 @@
+"""How complete and how exact the closed form is: every branch of many targets, judged by Pinocchio.
+
+python -m benchmarks.completeness [--count 100000] [--others 20000] [--vertical 10000] [--brute 20]
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+import jacokin
+from benchmarks import environments, report, targets
+from benchmarks.referee import rotation_angle
+from jacokin.ik import closed_form
+from jacokin.model import bundled
+from jacokin.model.robot import Robot
+
+Array = NDArray[np.float64]
+
+SAME_CONFIGURATION = 1e-4  # [rad] on the circle: the generating configuration counts as found
+DUPLICATE = 1e-6  # [rad] two branches nearer than this are one
+REGULAR = 1e-4  # smallest singular value above which a configuration must be found, always
+CLOSURE = 1e-9  # [m] and [rad] for every branch
+TIGHT_CLOSURE = 1e-10  # [m] and [rad] for 99.9 % of them
+NEWTON_STARTS = 400  # a target of the brute-force count
+NEWTON_STEPS = 40
+NEWTON_DONE = 1e-11  # [m] and [rad]
+SAME_ROOT = 1e-3  # [rad]: Newton's answers this near are one branch
+
+
+@dataclass(frozen=True, slots=True)
+class Completeness:
+    """Figures of one robot and kind of target."""
+
+    robot: str
+    targets: str
+    count: int
+    found: int
+    """Targets whose generating configuration is among the branches."""
+    regular_lost: int
+    """Targets not found although their smallest singular value exceeds 1e-4."""
+    solved: int
+    """Targets `solve` succeeds on."""
+    illegal: int
+    """Successes of `solve` outside a limit, at tolerance 0."""
+    branches: float
+    """Mean number of branches."""
+    closure: float
+    """Worst closure of a branch [m or rad]."""
+    tight: float
+    """Share of branches that close to 1e-10."""
+    duplicates: int
+    """Pairs of branches nearer than 1e-6 rad."""
+    seconds: float
+
+
+def measure(robot: Robot, wanted: targets.Targets) -> Completeness:
+    """Solve every target and judge every branch."""
+    solver = jacokin.IKSolver(robot)
+    found = regular_lost = solved = illegal = duplicates = tight = total = 0
+    closure = 0.0
+    begin = time.perf_counter()
+    for pose, q in zip(wanted.poses, wanted.generating, strict=True):
+        branches = solver.solve_all(pose)
+        total += len(branches)
+        if len(branches):
+            errors = _closures(robot, branches.q, pose)
+            closure = max(closure, float(errors.max()))
+            tight += int((errors <= TIGHT_CLOSURE).sum())
+            duplicates += int((_apart(branches.q[:, None], branches.q) < DUPLICATE).sum() - len(branches)) // 2
+        if len(branches) and _apart(branches.q, q).min() <= SAME_CONFIGURATION:
+            found += 1
+        else:
+            regular_lost += bool(robot.singular_values(q)[-1] > REGULAR)
+        result = solver.solve(pose)
+        solved += result.success
+        illegal += result.success and not robot.within_limits(result.q)
+    return Completeness(
+        robot=robot.name,
+        targets=wanted.name,
+        count=len(wanted.poses),
+        found=found,
+        regular_lost=regular_lost,
+        solved=solved,
+        illegal=illegal,
+        branches=total / len(wanted.poses),
+        closure=closure,
+        tight=tight / max(total, 1),
+        duplicates=duplicates,
+        seconds=time.perf_counter() - begin,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class BruteForce:
+    """The branches against those that Newton's method finds from many random starts."""
+
+    robot: str
+    targets: str
+    count: int
+    roots: int
+    """Configurations Newton found, all targets together."""
+    missed: int
+    """Of them, those `solve_all` does not have."""
+    extra: int
+    """Branches of `solve_all`, all verified, that Newton did not come to."""
+
+
+def against_brute_force(robot: Robot, wanted: targets.Targets, rng: np.random.Generator) -> BruteForce:
+    """Compare the branches with a search that knows nothing of the closed form."""
+    solver = jacokin.IKSolver(robot)
+    total = missed = extra = 0
+    for pose in wanted.poses:
+        roots = newton_roots(robot, pose, rng)
+        branches = solver.solve_all(pose).q
+        apart = _apart(roots[:, None], branches) if len(roots) and len(branches) else np.full((len(roots), 1), np.inf)
+        total += len(roots)
+        missed += int((apart.min(axis=1) > SAME_ROOT).sum()) if len(roots) else 0
+        extra += int((apart.min(axis=0) > SAME_ROOT).sum()) if len(roots) else len(branches)
+    return BruteForce(robot.name, wanted.name, len(wanted.poses), total, missed, extra)
+
+
+def newton_roots(robot: Robot, pose: Array, rng: np.random.Generator) -> Array:
+    """Distinct configurations (k, dof) that reach a pose, limits aside, from random starts."""
+    model, data, frame = robot.pin_model, robot.pin_model.createData(), robot.frame_id()
+    target = pin.SE3(pose)
+    roots: list[Array] = []
+    for _ in range(NEWTON_STARTS):
+        q = rng.uniform(-np.pi, np.pi, robot.dof)
+        for _ in range(NEWTON_STEPS):
+            jacobian = pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL)
+            reached = pin.updateFramePlacement(model, data, frame)
+            error = pin.log6(reached.actInv(target)).vector
+            if np.abs(error).max() < NEWTON_DONE:
+                if not roots or _apart(np.array(roots), q).min() > SAME_ROOT:
+                    roots.append(q)
+                break
+            try:
+                step = np.linalg.solve(jacobian, error)
+            except np.linalg.LinAlgError:
+                break
+            q = q + step * min(1.0, 1.0 / float(np.abs(step).max()))  # at most 1 rad at a time
+    return np.array(roots).reshape(-1, robot.dof)
+
+
+def dm_control_arm() -> Path | None:
+    """dm_control's own MJCF of the arm, from this interpreter or the peers' environment; None when not installed."""
+    inside = Path("third_party") / "kinova" / "jaco_arm.xml"
+    spec = find_spec("dm_control")
+    if spec is not None and spec.origin is not None:
+        return Path(spec.origin).parent / inside
+    return next(iter(environments.FOLDER.glob(f"*/lib/python*/site-packages/dm_control/{inside}")), None)
+
+
+def section(count: int, others: int, vertical: int, brute: int) -> report.Section:
+    """The part of the page on completeness."""
+    closed_form.warmup()
+    robots: list[Robot] = [jacokin.load_robot(name) for name in bundled.NAMES]
+    notes = []
+    path = dm_control_arm()
+    if path is not None:
+        robots.append(jacokin.load_robot(path))
+    else:
+        notes.append("dm_control's MJCF was not measured: dm_control is not installed.")
+    rows, brute_rows = [], []
+    for index, robot in enumerate(robots):
+        rng = np.random.default_rng(100 + index)
+        sets = [targets.random_legal(robot, rng, count if index == 0 else others)]
+        sets += [targets.vertical_tool(robot, rng, vertical, up=up) for up in (False, True)]
+        for wanted in sets:
+            rows.append(_row(measure(robot, wanted)))
+            print(" ".join(rows[-1]), flush=True)
+        for wanted in sets[1:] if brute else ():
+            sample = targets.Targets(wanted.name, wanted.poses[:brute], wanted.generating[:brute])
+            brute_rows.append(_brute_row(against_brute_force(robot, sample, rng)))
+            print(" ".join(brute_rows[-1]), flush=True)
+    parts = [INTRODUCTION, report.table(HEADER, rows), *notes]
+    if brute_rows:
+        parts += [BRUTE_INTRODUCTION, report.table(BRUTE_HEADER, brute_rows)]
+    return report.Section("Completeness and accuracy of `solve_all`", "\n\n".join(parts))
+
+
+INTRODUCTION = """Poses of random legal configurations, and poses with the tool vertical (where branches are easily
+lost). *Found*: the configuration the pose was made from is among the branches, to 1e-4 rad on the circle. *Lost where
+regular*: not found although the smallest singular value of the Jacobian there exceeds 1e-4. *Closure*: the worst
+distance of a branch from its target, by Pinocchio; *tight*: the share of branches closer than 1e-10 m and rad.
+*Duplicates*: pairs of branches nearer than 1e-6 rad."""
+
+HEADER = (
+    "robot",
+    "targets",
+    "number",
+    "found",
+    "lost where regular",
+    "solved",
+    "outside limits",
+    "branches",
+    "closure",
+    "tight",
+    "duplicates",
+)
+
+BRUTE_INTRODUCTION = f"""Against brute force: Newton's method from {NEWTON_STARTS} random starts a target, limits
+aside. *Missed*: found by Newton and not among the branches. *More*: branches that no start of Newton's came to."""
+
+BRUTE_HEADER = ("robot", "targets", "number", "found by Newton", "missed", "more")
+
+
+def _row(measured: Completeness) -> tuple[str, ...]:
+    return (
+        measured.robot,
+        measured.targets,
+        f"{measured.count:,}",
+        report.percent(measured.found / measured.count),
+        str(measured.regular_lost),
+        report.percent(measured.solved / measured.count),
+        str(measured.illegal),
+        f"{measured.branches:.2f}",
+        report.number(measured.closure),
+        report.percent(measured.tight),
+        str(measured.duplicates),
+    )
+
+
+def _brute_row(compared: BruteForce) -> tuple[str, ...]:
+    counts = (compared.count, compared.roots, compared.missed, compared.extra)
+    return (compared.robot, compared.targets, *(f"{value:,}" for value in counts))
+
+
+def _closures(robot: Robot, q: Array, pose: Array) -> Array:
+    """The larger of position [m] and orientation [rad] error of each branch."""
+    reached = np.array([robot.forward_kinematics(row).homogeneous for row in q])
+    position = np.linalg.norm(reached[:, :3, 3] - pose[:3, 3], axis=1)
+    return np.asarray(np.maximum(position, rotation_angle(reached[:, :3, :3], pose[:3, :3])))
+
+
+def _apart(a: Array, b: Array) -> Array:
+    """Largest joint difference on the circle (...,) of configurations (..., dof) [rad]."""
+    return np.asarray(np.abs(np.remainder(a - b + np.pi, 2.0 * np.pi) - np.pi).max(axis=-1))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--count", type=int, default=100_000, help="random configurations of the j2n6s300")
+    parser.add_argument("--others", type=int, default=20_000, help="of each other robot")
+    parser.add_argument("--vertical", type=int, default=10_000, help="tool-down and tool-up targets of each robot")
+    parser.add_argument("--brute", type=int, default=20, help="of those, how many are compared with brute force")
+    options = parser.parse_args()
+    print(section(options.count, options.others, options.vertical, options.brute).body)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,170 @@
+"""What jacokin's own parts cost: beside the bare calls they wrap, in batches, and from a cold start.
+
+python -m benchmarks.costs
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+
+import mink
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+import jacokin
+from benchmarks import report, targets
+from jacokin.ik import closed_form
+from jacokin.model import mujoco_export
+from jacokin.model.robot import Robot
+
+Array = NDArray[np.float64]
+
+QP_TARGETS = 150
+LOOP_ITERATIONS = 60  # of the bare loop from one start
+LOOP_TOLERANCE = 1e-8  # [m] and [rad]; the loop stops where jacokin's does
+CALLS = 2000  # in a timed block
+BLOCKS = 15
+BATCH = 20_000  # poses
+BATCHES = 3
+STARTS = 5  # of each command
+COMMAND = "from jacokin.cli.main import main; main()"
+
+
+def qp_iteration(robot: Robot) -> tuple[float, float]:
+    """Seconds for an iteration of jacokin's QP, everything around it included, and of a bare mink loop.
+
+    The bare loop is what a user writes: limits built once, errors compared, a step, until 1e-8 or 60 iterations, from
+    home and then from random starts. Both take the same targets in turns.
+    """
+    solver = jacokin.IKSolver(robot, method="qp")
+    model = mujoco_export.to_mujoco(robot)
+    configuration = mink.Configuration(model)
+    limits = [mink.ConfigurationLimit(model)]
+    task = mink.FrameTask(robot.default_frame, "site", 1.0, 1.0, lm_damping=1e-3)
+    rng = np.random.default_rng(3)
+    wanted = targets.random_legal(robot, rng, QP_TARGETS)
+    spent = np.zeros(2)
+    iterations = np.zeros(2)
+    solver.solve(wanted.poses[0])
+    for pose in wanted.poses:
+        begin = time.perf_counter()
+        result = solver.solve(pose, closest=False)
+        middle = time.perf_counter()
+        task.set_target(mink.SE3.from_matrix(pose))
+        count = _bare_loop(configuration, task, limits, robot, rng)
+        spent += middle - begin, time.perf_counter() - middle
+        iterations += result.iterations, count
+    ours, bare = spent / iterations
+    return float(ours), float(bare)
+
+
+def _bare_loop(
+    configuration: mink.Configuration,
+    task: mink.FrameTask,
+    limits: list[mink.ConfigurationLimit],
+    robot: Robot,
+    rng: np.random.Generator,
+) -> int:
+    """Iterations of the loop until it is on target."""
+    total = 0
+    start = robot.home
+    while True:
+        configuration.update(start)
+        for _ in range(LOOP_ITERATIONS):
+            error = task.compute_error(configuration)
+            if np.linalg.norm(error[:3]) < LOOP_TOLERANCE and np.linalg.norm(error[3:]) < LOOP_TOLERANCE:
+                return total
+            velocity = mink.solve_ik(configuration, [task], 1.0, "daqp", limits=limits)
+            configuration.integrate_inplace(velocity, 1.0)
+            total += 1
+        start = robot.sample(rng)
+
+
+def wrappers(robot: Robot) -> list[tuple[str, float, float]]:
+    """Name, seconds of a call, seconds of the bare Pinocchio call."""
+    model, data, frame = robot.pin_model, robot.pin_model.createData(), robot.frame_id()
+    q = np.array(robot.home)
+
+    def bare_forward() -> None:
+        pin.forwardKinematics(model, data, q)
+        pin.updateFramePlacement(model, data, frame).copy()
+
+    def bare_jacobian() -> None:
+        pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL_WORLD_ALIGNED)
+
+    return [
+        ("`robot.forward_kinematics`", *_in_turns(lambda: robot.forward_kinematics(q), bare_forward)),
+        ("`robot.jacobian`", *_in_turns(lambda: robot.jacobian(q), bare_jacobian)),
+    ]
+
+
+def _in_turns(first: Callable[[], object], second: Callable[[], object]) -> tuple[float, float]:
+    """Seconds of one call of each: the best of blocks in turns, as noise only ever adds."""
+    best = [np.inf, np.inf]
+    for _ in range(BLOCKS):
+        for index, call in enumerate((first, second)):
+            begin = time.perf_counter()
+            for _ in range(CALLS):
+                call()
+            best[index] = min(best[index], (time.perf_counter() - begin) / CALLS)
+    return best[0], best[1]
+
+
+def batch(robot: Robot) -> list[tuple[int, float]]:
+    """Workers and poses a second of `solve_batch`, the best of some runs."""
+    closed_form.warmup()
+    solver = jacokin.IKSolver(robot)
+    poses = targets.random_legal(robot, np.random.default_rng(4), BATCH).poses
+    rates = {1: 0.0, 2: 0.0}
+    for _ in range(BATCHES):
+        for workers in rates:
+            begin = time.perf_counter()
+            solver.solve_batch(poses, workers=workers)
+            rates[workers] = max(rates[workers], BATCH / (time.perf_counter() - begin))
+    return list(rates.items())
+
+
+def cold_starts() -> list[tuple[str, float]]:
+    """Command and wall seconds of a new process, the best of some; bytecode and compiled kernels are there."""
+    commands = [
+        ("jacokin --help", [COMMAND, "--help"]),
+        ("jacokin fk ...", [COMMAND, "fk", "4.8", "2.92", "1.0", "4.2", "1.45", "1.32"]),
+        ("jacokin ik ... (one pose)", [COMMAND, "ik", "--position", "0.3", "-0.2", "0.5", "--down"]),
+        ("jacokin ik ... --method qp", [COMMAND, "ik", "--position", "0.3", "-0.2", "0.5", "--down", "--method", "qp"]),
+        ("python -c 'import jacokin'", ["import jacokin"]),
+    ]
+    return [(title, _best_start(arguments)) for title, arguments in commands]
+
+
+def _best_start(arguments: list[str]) -> float:
+    best = np.inf
+    for _ in range(STARTS):
+        begin = time.perf_counter()
+        subprocess.run([sys.executable, "-c", *arguments], check=True, capture_output=True)
+        best = min(best, time.perf_counter() - begin)
+    return best
+
+
+def section(robot: Robot) -> report.Section:
+    """The part of the page on costs."""
+    ours, bare = qp_iteration(robot)
+    rows = [("one QP iteration, beside a bare mink loop", ours, bare), *wrappers(robot)]
+    calls = [(name, report.seconds(a), report.seconds(b), report.seconds(a - b), f"{a / b:.2f}") for name, a, b in rows]
+    rates = [(f"{workers}", f"{rate:,.0f}") for workers, rate in batch(robot)]
+    starts = [(f"`{title}`", report.seconds(value)) for title, value in cold_starts()]
+    parts = [
+        report.table(("call", "jacokin", "bare", "difference", "ratio"), calls),
+        f"`solve_batch` on {BATCH:,} random poses, one result for each:",
+        report.table(("workers", "poses a second"), rates),
+        "A new process, wall time, with bytecode and compiled kernels on disk:",
+        report.table(("command", "time"), starts),
+    ]
+    return report.Section("Costs", "\n\n".join(parts))
+
+
+if __name__ == "__main__":
+    print(section(jacokin.load_robot()).body)

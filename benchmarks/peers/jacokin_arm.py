@@ -1,0 +1,39 @@
+"""jacokin itself, through the same worker as its peers; "variant" picks the call."""
+
+# ruff: noqa: D101, D102, D107 - worker.py says what a Peer and its methods are
+from __future__ import annotations
+
+from importlib.metadata import version
+
+import numpy as np
+import pinocchio as pin
+
+import jacokin
+from jacokin.ik import closed_form
+
+
+class Peer:
+    version = f"jacokin {jacokin.__version__}, pin {version('pin')}, numba {version('numba')}"
+
+    def __init__(self, setup):
+        self.robot = jacokin.load_robot(setup["robot"])
+        self.variant = setup["variant"]
+        self.solver = jacokin.IKSolver(self.robot, method="qp" if self.variant == "qp" else "auto")
+        if self.variant != "qp":
+            closed_form.warmup()  # compiles once; later runs read the cache
+        self.home = np.array(setup["home"])
+        self.call = self.solver.solve_all if self.variant == "solve_all" else self.solver.solve
+
+    def forward(self, q):
+        return self.robot.forward_kinematics(q).homogeneous
+
+    def prepare(self, T):
+        return pin.SE3(T[:3, :3].copy(), T[:3, 3].copy())
+
+    def solve(self, target):
+        return self.call(target, seed=self.home)
+
+    def answers(self, raw):
+        if self.variant == "solve_all":
+            return raw.legal
+        return [raw.q] if raw.success else []

@@ -1,0 +1,152 @@
+"""The benchmark: everything docs/performance.md shows, in one command. Read this file first.
+
+    python -m benchmarks.run                          all of it, about five minutes; writes docs/performance.md
+    python -m benchmarks.run --only peers --targets poses.csv --peers solve_all ssik rtb
+
+The peers are installed into .venv-bench on the first run. One that cannot be installed or run is in the table with the
+reason. What other modules of this folder measure (`bridge`, `tracker`) is run from here too.
+"""
+
+from __future__ import annotations
+
+import argparse
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+import jacokin
+from benchmarks import comparison, completeness, costs, environments, qp_success, report, targets
+from jacokin.model.robot import Robot
+
+# Modules that print Markdown when run, shown as they are, by the title of their part of the page.
+PRINTING = {"bridge": "The MuJoCo bridge beside dm_control", "tracker": "One tick of the tracker"}
+SECTIONS = ("peers", "costs", "completeness", "qp", *PRINTING)
+PRINTING_TIMEOUT = 600.0  # [s]
+
+PEERS_INTRODUCTION = f"""Every solver gets the same poses, in rounds in which they take turns, one process at a time.
+One referee, Pinocchio on `urdf/j2n6s300.urdf`, measures every answer. Each has the arm from that URDF (mink: from
+`urdf/jaco_arm.xml`), but dm_control and ssik bring their own, whose angles are rounded; how far they are off is shown,
+and added to their tolerance. All start from home, ssik without a start. Times are of the call from Python alone.
+
+*Solved*: an answer inside the limits within {comparison.POSITION_TOLERANCE:g} m and
+{comparison.ORIENTATION_TOLERANCE:g} rad. *Legal*: the share of answers inside every limit, at tolerance 0. *Errors*:
+the worst of all answers. *Branches*: mean number of answers. *Found*: the configuration the pose was made from is among
+the branches."""
+
+HEADER = ("solver", "solved", "legal", "position", "orientation", "branches", "found", "median", "p99")
+
+
+def peers_section(robot: Robot, sets: Sequence[targets.Targets], names: Sequence[str], rounds: int) -> report.Section:
+    """The comparison, as a table for each set of targets."""
+    peers = [peer for peer in environments.PEERS if peer.name in names]
+    contestants = comparison.run(robot, peers, sets, rounds)
+    referee = comparison.make_referee(robot)
+    parts = [PEERS_INTRODUCTION]
+    for wanted in sets:
+        rows = []
+        for contestant in contestants:
+            if contestant.failure:
+                rows.append((contestant.peer.title, "not measured", *("-" for _ in HEADER[2:])))
+                continue
+            rows.append(_score_row(contestant.peer, comparison.score(contestant, wanted, rounds, referee)))
+        parts += [f"{len(wanted.poses):,} poses, {wanted.name}:", report.table(HEADER, rows)]
+    parts.append(report.table(("solver", "versions", "description off by"), [_version_row(c) for c in contestants]))
+    parts += [f"{c.peer.title} was not measured: {c.failure}" for c in contestants if c.failure]
+    return report.Section("Beside its peers", "\n\n".join(parts))
+
+
+def _score_row(peer: environments.Peer, score: comparison.Score) -> tuple[str, ...]:
+    return (
+        peer.title,
+        report.percent(score.solved),
+        report.percent(score.legal),
+        report.number(score.position, "m"),
+        report.number(score.orientation, "rad"),
+        f"{score.branches:.2f}" if peer.all_branches else "one",
+        report.percent(score.found),
+        report.seconds(score.median),
+        report.seconds(score.p99),
+    )
+
+
+def _version_row(contestant: comparison.Contestant) -> tuple[str, str, str]:
+    position, orientation = contestant.offset
+    same = max(contestant.offset) < comparison.SAME_SOURCE
+    off = "-" if same or contestant.failure else f"{position:.2g} m, {orientation:.2g} rad"
+    return contestant.peer.title, contestant.version or "-", off
+
+
+def printed_section(name: str) -> report.Section:
+    """What `python -m benchmarks.NAME` prints."""
+    title = PRINTING[name]
+    if not (Path(__file__).parent / f"{name}.py").is_file():
+        return report.Section(title, "Not measured: this part is not there.", failed=True)
+    command = [sys.executable, "-m", f"benchmarks.{name}"]
+    try:
+        done = subprocess.run(
+            command, capture_output=True, text=True, timeout=PRINTING_TIMEOUT, cwd=environments.ROOT, check=False
+        )
+    except subprocess.TimeoutExpired:
+        return report.Section(title, f"Not measured: no result within {PRINTING_TIMEOUT:.0f} s.", failed=True)
+    if done.returncode:
+        reason = (done.stderr.strip().splitlines() or ["no message"])[-1]
+        return report.Section(title, f"Not measured: {reason}", failed=True)
+    return report.Section(title, done.stdout)
+
+
+def measured(title: str, measure: Callable[[], report.Section]) -> report.Section:
+    """A section; where it cannot be measured, the reason."""
+    print(f"\n== {title}", flush=True)
+    try:
+        return measure()
+    except Exception as error:  # one part that fails must not cost the others
+        return report.Section(title, f"Not measured: {type(error).__name__}: {error}", failed=True)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run what is asked for; 1 when a part could not be measured."""
+    names = [peer.name for peer in environments.PEERS]
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--only", nargs="+", choices=SECTIONS, default=list(SECTIONS), help="parts to run")
+    parser.add_argument("--peers", nargs="+", choices=names, default=names, help="solvers to compare")
+    parser.add_argument("--targets", type=Path, help="CSV of poses for the peers: x, y, z, qw, qx, qy, qz")
+    parser.add_argument("--count", type=int, default=1000, help="random poses for the peers; a fifth is tool-down")
+    parser.add_argument("--rounds", type=int, default=10, help="rounds in which the peers take turns")
+    parser.add_argument("--output", type=Path, help="page to write; the default run writes docs/performance.md")
+    options = parser.parse_args(arguments)
+
+    lines = report.machine()
+    print(lines)
+    robot = jacokin.load_robot()
+    rng = np.random.default_rng(1)
+    if options.targets:
+        sets = [targets.from_csv(options.targets)]
+    else:
+        sets = [
+            targets.random_legal(robot, rng, options.count),
+            targets.vertical_tool(robot, rng, max(options.count // 5, options.rounds)),
+        ]
+    measure: dict[str, Callable[[], report.Section]] = {
+        "peers": lambda: peers_section(robot, sets, options.peers, options.rounds),
+        "costs": lambda: costs.section(robot),
+        "completeness": lambda: completeness.section(100_000, 20_000, 10_000, 20),
+        "qp": lambda: qp_success.section(robot, [targets.random_legal(robot, rng, 300)], qp_success.QP_SOLVERS),
+    }
+    measure |= {name: partial(printed_section, name) for name in PRINTING}
+    sections = [measured(name, measure[name]) for name in SECTIONS if name in options.only]
+    text = report.page(lines, sections)
+    print("\n" + text)
+    everything = options.only == list(SECTIONS) and options.peers == names and not options.targets
+    output = options.output or (report.PAGE if everything else None)
+    if output is not None:
+        output.write_text(text, encoding="utf-8")
+        print(f"written: {output}")
+    return int(any(section.failed for section in sections))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,87 @@
+"""Target poses with a fixed generator, or from a CSV file."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from jacokin.model.robot import Robot
+
+Array = NDArray[np.float64]
+
+VERTICAL = 1e-13  # [rad] tilt left when a tool counts as vertical
+NEWTON_STEPS = 30
+
+
+@dataclass(frozen=True, slots=True)
+class Targets:
+    """Poses to reach, and where known the configuration they were made from."""
+
+    name: str
+    poses: Array
+    """(n, 4, 4)"""
+    generating: Array
+    """(n, dof) [rad]; NaN where not known."""
+
+
+def random_legal(robot: Robot, rng: np.random.Generator, size: int) -> Targets:
+    """Poses of uniformly drawn legal configurations."""
+    q = robot.sample(rng, size)
+    return Targets("random legal configurations", np.array([robot.forward_kinematics(row).homogeneous for row in q]), q)
+
+
+def vertical_tool(robot: Robot, rng: np.random.Generator, size: int, *, up: bool = False) -> Targets:
+    """Reachable poses whose tool axis points straight down, or up: what a gripper over a table is asked for.
+
+    Random legal configurations are turned by Newton's method until the tool stands vertically. At these poses axes
+    of the wrist are parallel to axis 1 in some of the branches, so general methods lose solutions there.
+    """
+    direction = 1.0 if up else -1.0
+    configurations: list[Array] = []
+    poses: list[Array] = []
+    while len(poses) < size:
+        q = _upright(robot, robot.sample(rng), direction)
+        if q is None:
+            continue
+        pose = robot.forward_kinematics(q)
+        yaw = np.arctan2(pose.rotation[1, 0], pose.rotation[0, 0])
+        cos, sin, z = np.cos(yaw), np.sin(yaw), direction
+        exact = np.eye(4)
+        exact[:3, :3] = [[cos, -z * sin, 0.0], [sin, z * cos, 0.0], [0.0, 0.0, z]]
+        exact[:3, 3] = pose.translation
+        configurations.append(q)
+        poses.append(exact)
+    return Targets(f"tool {'up' if up else 'down'}", np.array(poses), np.array(configurations))
+
+
+def _upright(robot: Robot, q: Array, direction: float) -> Array | None:
+    """A legal configuration near `q` with a vertical tool, or None."""
+    for _ in range(NEWTON_STEPS):
+        axis = robot.forward_kinematics(q).rotation[:, 2]
+        if np.hypot(axis[0], axis[1]) < VERTICAL and axis[2] * direction > 0.0:
+            return q if robot.within_limits(q) else None
+        # Turning by w moves the axis by w x axis; the vertical is reached where its x and y vanish.
+        jacobian = robot.jacobian(q)[3:]
+        rows = np.cross(jacobian.T, axis).T[:2]
+        step = np.linalg.lstsq(rows, -axis[:2], rcond=None)[0]
+        q = q + step * min(1.0, 0.5 / max(float(np.abs(step).max()), 1e-12))
+    return None
+
+
+def from_csv(path: Path) -> Targets:
+    """Poses of a file with columns x, y, z [m], qw, qx, qy, qz, and optionally q1, q2, ... [rad]."""
+    with path.open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    joints = [name for name in (rows[0] if rows else ()) if name.startswith("q") and name[1:].isdigit()]
+    poses = []
+    for row in rows:
+        quaternion = pin.Quaternion(*(float(row[name]) for name in ("qw", "qx", "qy", "qz")))
+        quaternion.normalize()
+        poses.append(pin.SE3(quaternion, np.array([float(row[name]) for name in "xyz"])).homogeneous)
+    known = [[float(row[name]) for name in joints] for row in rows]
+    return Targets(path.stem, np.array(poses), np.array(known, dtype=np.float64).reshape(len(rows), len(joints)))
