@@ -25,8 +25,6 @@ TAU = math.tan(0.5 * HALF)
 OFFSET = 0.1234567
 #: [rad] smaller intervals are not halved any more.
 MIN_WIDTH = 1e-6
-#: Rounding noise of F relative to the sum of its coefficients' sizes.
-NOISE = 64.0 * 2.2e-16
 #: [rad] A single root is refined until Newton moves less than this; the step after it is quadratically smaller.
 ROOT_STEP = 1e-5
 ROOT_ITERATIONS = 40
@@ -106,18 +104,18 @@ def count_roots(b: NDArray[np.float64], noise: float) -> int:
         return min(changes, 2)
     if above + below == 0:
         return 3
-    # Coefficients within the noise do no harm between two of opposite sign: one change either way.
-    last, gap = 0, False
+    # A single coefficient within the noise does no harm between two of opposite sign: one change either way.
+    last, gap = 0, 0
     for j in range(SIZE):
         sign = 1 if b[j] > noise else (-1 if b[j] < -noise else 0)
         if sign == 0:
-            gap = True
+            gap += 1
             continue
-        if gap and sign != -last:
+        if gap > 1 or (gap == 1 and sign != -last):
             return 2
         changes += sign == -last
-        last, gap = sign, False
-    return 2 if gap else min(changes, 2)
+        last, gap = sign, 0
+    return 2 if gap > 0 else min(changes, 2)
 
 
 def split(b: NDArray[np.float64], left: NDArray[np.float64]) -> None:
@@ -166,21 +164,21 @@ def single_root(
     return q
 
 
-def find_roots(looseness: float, work: RootWork) -> int:
+def find_roots(noise: float, looseness: float, work: RootWork) -> int:
     """Real roots of the trigonometric polynomial with the coefficients ``work.cosine`` and ``work.sine``.
 
     Args:
-        looseness: noise beyond rounding, relative to the coefficients' sizes: 0 for an exact model.
+        noise: values this close to zero may be zero.
+        looseness: more of that, relative to the coefficients' sizes, for an inexact model; 0 for an exact one.
         work: coefficients in; ``work.roots`` out.
 
     Returns:
         How many roots and undecided candidates were written.
     """
     stack, place, roots = work.stack, work.place, work.roots
-    size = 0.0
-    for n in range(DEGREE + 1):
-        size += abs(work.cosine[n]) + abs(work.sine[n])
-    noise = (NOISE + looseness) * size
+    if looseness > 0.0:
+        for n in range(DEGREE + 1):
+            noise += looseness * (abs(work.cosine[n]) + abs(work.sine[n]))
     min_width = max(MIN_WIDTH, math.sqrt(looseness)) / (2.0 * HALF)
     found = 0
     for sector in range(SECTORS):

@@ -29,6 +29,9 @@ POLISH_STEPS = 8
 HOPELESS = 2e-2
 #: [rad] branches closer than this on the circle are one.
 SAME = 1e-6
+#: At a fold, where two branches merge, errors grow with the square of the distance: everything within
+#: FOLD * sqrt(error) [rad] of a branch that closes to ``error`` is the same double solution.
+FOLD = 20.0
 #: [m] slack of the test whether the wrist is in reach at all.
 REACH_SLACK = 1e-6
 #: Candidates of F within this many times the model's misfit of zero are kept as well.
@@ -86,25 +89,27 @@ def solve_pose(arm: NDArray[np.float64], k: Arm, task: Task, work: Work) -> None
             complete(k, pose, work.starts.rows[i, 0], work.starts.rows[i, 1], work.starts.rows[i, 2], work.q)
             add_branch(task, work, work.starts.rows[i, 3])
         return
-    fourier_of_F(k, pose, work.roots.cosine, work.roots.sine)
+    noise = fourier_of_F(k, pose, work.roots.cosine, work.roots.sine)
     looseness = LOOSENESS * k.misfit if k.misfit > EXACT else 0.0
-    for i in range(find_roots(looseness, work.roots)):
-        follow_root(k, pose, task, work, work.roots.roots[i, 0], work.roots.roots[i, 1])
+    for i in range(find_roots(noise, looseness, work.roots)):
+        q6, half = work.roots.roots[i, 0], work.roots.roots[i, 1]
+        if half == 0.0:
+            before = work.count[0]
+            follow_root(k, pose, task, work, q6, 0.0)
+            if work.count[0] == before:
+                follow_root(k, pose, task, work, q6, MIN_WIDTH)
+        else:  # the ends too: several roots may share the interval
+            for part in range(-1, 2):
+                follow_root(k, pose, task, work, q6 + part * half, half)
 
 
 def follow_root(k: Arm, pose: Pose, task: Task, work: Work, q6: float, unsure: float) -> None:
-    """Find every branch at one root of F; look harder where a sure root yields none."""
-    before = work.count[0]
-    for attempt in range(2):
-        starts_at_q6(k, pose, q6, unsure + attempt * MIN_WIDTH, work.starts, work.inner)
-        for i in range(work.starts.count[0]):
-            q1, q5, q6_here = refine(
-                k, pose, work.starts.rows[i, 0], work.starts.rows[i, 1], work.starts.rows[i, 2]
-            )
-            complete(k, pose, q1, q5, q6_here, work.q)
-            add_branch(task, work, 0.0)
-        if unsure > 0.0 or work.count[0] > before:
-            break
+    """Refine every candidate at one root of F, and keep those that are branches."""
+    starts_at_q6(k, pose, q6, unsure, work.starts, work.inner)
+    for i in range(work.starts.count[0]):
+        q1, q5, exact = refine(k, pose, work.starts.rows[i, 0], work.starts.rows[i, 1], work.starts.rows[i, 2])
+        complete(k, pose, q1, q5, exact, work.q)
+        add_branch(task, work, 0.0)
 
 
 def add_branch(task: Task, work: Work, family: float) -> None:
@@ -146,11 +151,11 @@ def polish(task: Task, work: Work, worst: float) -> bool:
 def keep(work: Work) -> None:
     """Append the row at hand; of two that are the same on the circle the better one stays."""
     row, rows, count = work.row, work.rows, work.count[0]
+    here = max(row[POSITION_ERROR], row[ORIENTATION_ERROR])
     for i in range(count):
-        if same_on_circle(rows[i], row, SAME):
-            if max(row[POSITION_ERROR], row[ORIENTATION_ERROR]) < max(
-                rows[i, POSITION_ERROR], rows[i, ORIENTATION_ERROR]
-            ):
+        there = max(rows[i, POSITION_ERROR], rows[i, ORIENTATION_ERROR])
+        if same_on_circle(rows[i], row, SAME + FOLD * math.sqrt(max(here, there))):
+            if here < there:
                 rows[i] = row
             return
     if count < MAX_BRANCHES:

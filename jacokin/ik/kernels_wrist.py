@@ -22,6 +22,8 @@ from jacokin.ik.kernels_vector import Vec, cross, dot, mix, norm
 SMALL_N = 1e-3
 #: [m]; r below this: O is nearly on axis 5, the sphere condition hardly says anything about q5.
 SMALL_R = 3e-3
+#: [m^2] rounding noise of g.
+G_NOISE = 1e-15
 #: |g| [m^2] below which the second q5 of a root is tried too.
 SMALL_G = 1e-5
 #: [rad] Newton stops after a step this small: the step is quadratically smaller than the error before it.
@@ -98,7 +100,7 @@ def starts_at_q6(k: Arm, pose: Pose, q6: float, unsure: float, starts: Starts, w
         work.cosine[0], work.sine[0] = G0, 0.0
         work.cosine[1], work.sine[1] = 2.0 * G1.real, -2.0 * G1.imag
         work.cosine[2], work.sine[2] = 2.0 * G2.real, -2.0 * G2.imag
-        for i in range(find_roots(0.0, work)):
+        for i in range(find_roots(G_NOISE, 0.0, work)):
             zeta = complex(math.cos(work.roots[i, 0]), math.sin(work.roots[i, 0]))
             starts_at_q5(k, pose, view, zeta, MIN_WIDTH, starts)
 
