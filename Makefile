@@ -1,0 +1,68 @@
+# The same commands here and in CI. `make demo` and `make test` work from a fresh clone.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+WHEEL = $(shell ls -t dist/jacokin-*.whl 2>/dev/null | head -n 1)
+SOURCES := pyproject.toml constraints.txt $(shell find jacokin urdf -name '*.py' -o -name '*.toml' -o -name '*.urdf' -o -name '*.xml')
+JOBS ?= 2
+
+.PHONY: demo test lint format type docs build test-oldest bench clean
+
+demo: $(VENV)/demo.stamp  ## solve the example targets and draw the arm at a solution
+	$(BIN)/python examples/demo.py
+
+test: $(VENV)/test.stamp  ## run all tests against the built wheel
+	$(BIN)/pytest -n $(JOBS)
+
+lint: $(VENV)/test.stamp  ## style, docstrings, formatting
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+format: $(VENV)/test.stamp  ## rewrite to the project's format
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+type: $(VENV)/test.stamp  ## static types, strict
+	$(BIN)/mypy
+
+docs: $(VENV)/docs.stamp  ## build the documentation site, warnings are errors
+	$(BIN)/mkdocs build --strict --quiet
+
+build: dist/wheel.stamp  ## build the wheel
+
+test-oldest: .venv-oldest/test.stamp  ## the quick tests with the oldest supported versions
+	.venv-oldest/bin/pytest -n $(JOBS) -m "not slow"
+
+bench: $(VENV)/test.stamp  ## jacokin beside its peers; writes docs/performance.md
+	$(BIN)/python -m benchmarks.run
+
+clean:
+	rm -rf build dist site out $(VENV) .venv-oldest .venv-bench
+
+$(VENV)/bin/python:
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --upgrade pip build
+
+dist/wheel.stamp: $(VENV)/bin/python $(SOURCES) README.md LICENSE NOTICE
+	rm -rf dist
+	$(BIN)/python -m build --wheel --outdir dist .
+	touch $@
+
+$(VENV)/demo.stamp: dist/wheel.stamp
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --force-reinstall --no-deps $(WHEEL)
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt $(WHEEL)
+	touch $@
+
+$(VENV)/test.stamp: $(VENV)/demo.stamp
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt "jacokin[test] @ file://$(abspath $(WHEEL))"
+	touch $@
+
+$(VENV)/docs.stamp: $(VENV)/test.stamp
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt "jacokin[docs] @ file://$(abspath $(WHEEL))"
+	touch $@
+
+.venv-oldest/test.stamp: dist/wheel.stamp constraints-oldest.txt
+	$(PYTHON) -m venv .venv-oldest
+	.venv-oldest/bin/python -m pip install --quiet --upgrade pip
+	.venv-oldest/bin/python -m pip install --quiet --constraint constraints-oldest.txt "jacokin[test] @ file://$(abspath $(WHEEL))"
+	touch $@
