@@ -59,6 +59,7 @@ class Tracker:
         robot: the arm.
         frame: the frame that follows targets which name none.
         dt: control step [s].
+        velocity_limit: (dof,) [rad/s]; read-only.
         q: (dof,) where the arm is [rad]; read-only.
         v: (dof,) its velocity over the last tick [rad/s]; read-only.
     """
@@ -110,6 +111,7 @@ class Tracker:
         self.robot = robot
         self.frame = parts.frame
         self.dt = parts.dt
+        self.velocity_limit = parts.velocity
         self._box = parts.box
         self._follower = parts.follower
         self._guard = parts.guard
@@ -174,6 +176,12 @@ class Tracker:
         # Rounding does not add up while the arm keeps up; when it cannot, no backlog builds.
         self._reference = goal if step.status is TrackerStatus.OK else None
         return step
+
+    def measure(self, target: pin.SE3 | ArrayLike | Target | Sequence[Target]) -> TrackerStep:
+        """How far the tool is from a target, without moving; errors as `step`."""
+        aims = self._aims.for_target(target)
+        self._configuration.update(self.q)
+        return self._report(aims, self.q, self.v, "", pushing=False)
 
     def _advance(self, aims: list[Aim]) -> TrackerStep:
         """Solve, check, and move."""

@@ -33,6 +33,7 @@ class Parts:
 
     frame: str
     dt: float
+    velocity: Array
     model: mujoco.MjModel
     box: JointBox
     follower: Follower | None
@@ -70,7 +71,7 @@ def prepare(
     guard = ClearanceGuard(model, pairs, collision.distance, velocity, step) if collision is not None else None
     box = JointBox(robot.joint_names, robot.lower, robot.upper, velocity, step)
     follower = None if acceleration is None else Follower(robot.joint_names, box, acceleration, step)
-    return Parts(name, step, model, box, follower, guard, Aims(robot, model), wishes)
+    return Parts(name, step, velocity, model, box, follower, guard, Aims(robot, model), wishes)
 
 
 def _model(

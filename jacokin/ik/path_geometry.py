@@ -1,0 +1,103 @@
+"""Straight lines between poses, sampled at the control rate.
+
+Between two waypoints the position moves on a straight line and the orientation turns about one fixed axis by the short
+way, both in proportion; the screw motion of SE(3) would bend the line.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike, NDArray
+
+from jacokin.errors import InvalidInputError
+from jacokin.ik.targets import rotation_angle
+from jacokin.model import poses
+
+Array = NDArray[np.float64]
+
+WHOLE_TICK = 1e-9  # a duration this near to whole ticks is whole; division rounds
+MAX_TICKS = 10_000_000  # more than a day at 100 Hz: a speed or a step was mistyped
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SampledPath:
+    """Poses at the control rate.
+
+    Attributes:
+        poses: T_base_tool for every tick, the first one at t = 0.
+        segment: (n,) which straight line each belongs to; the start belongs to the first.
+    """
+
+    poses: list[pin.SE3]
+    segment: NDArray[np.intp]
+
+
+def checked_waypoints(waypoints: Sequence[pin.SE3] | ArrayLike) -> list[pin.SE3]:
+    """Two or more poses.
+
+    Raises:
+        InvalidInputError: fewer than two, or one is malformed; its number is named.
+    """
+    try:
+        rows = list(waypoints)  # type: ignore[arg-type]  # whatever cannot be listed is refused below
+    except TypeError as error:
+        raise InvalidInputError(f"waypoints must be a sequence of poses, got {waypoints!r}") from error
+    if len(rows) < 2:
+        raise InvalidInputError(f"a path needs at least two waypoints, got {len(rows)}")
+    return [poses.checked_pose(row, f"waypoints[{index}]") for index, row in enumerate(rows)]
+
+
+def sample(waypoints: list[pin.SE3], speed: ArrayLike, angular_speed: ArrayLike, dt: float) -> SampledPath:
+    """The straight lines through the waypoints, each at its own constant speed.
+
+    Args:
+        waypoints: at least two checked poses.
+        speed: of the position [m/s], one for all segments or one for each.
+        angular_speed: of the orientation [rad/s], as `speed`; a segment takes the longer of the two durations.
+        dt: control step [s]; each segment takes whole ticks, so its speed is rounded down a little.
+
+    Raises:
+        InvalidInputError: a speed is not positive or there is one too many or too few, all waypoints are equal, or
+            the path takes more than ten million ticks.
+    """
+    count = len(waypoints) - 1
+    linear = _speeds("speed", speed, count, "m/s")
+    angular = _speeds("angular_speed", angular_speed, count, "rad/s")
+    found, segments = [waypoints[0]], [0]
+    for index, (start, end) in enumerate(itertools.pairwise(waypoints)):
+        way = end.translation - start.translation
+        relative = start.rotation.T @ end.rotation
+        duration = max(np.linalg.norm(way) / linear[index], rotation_angle(relative) / angular[index])
+        ticks = int(np.ceil(min(duration / dt, 2.0 * MAX_TICKS) - WHOLE_TICK))
+        if len(found) + ticks > MAX_TICKS:
+            raise InvalidInputError(
+                f"segment {index} takes {duration:.6g} s: more than {MAX_TICKS} ticks of {dt:.6g} s"
+            )
+        turn = pin.log3(relative)
+        for tick in range(1, ticks + 1):
+            part = tick / ticks
+            found.append(pin.SE3(start.rotation @ pin.exp3(part * turn), start.translation + part * way))
+        segments.extend([index] * ticks)
+    if len(found) == 1:
+        raise InvalidInputError("all waypoints are the same pose")
+    return SampledPath(found, np.array(segments, dtype=np.intp))
+
+
+def _speeds(name: str, value: ArrayLike, count: int, unit: str) -> Array:
+    """Positive speeds, one for each segment."""
+    try:
+        array = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InvalidInputError(f"{name} must be one number or {count} [{unit}], got {value!r}") from error
+    if array.ndim == 0:
+        array = np.full(count, array)
+    if array.shape != (count,) or not np.isfinite(array).all() or not (array > 0.0).all():
+        raise InvalidInputError(
+            f"{name} must be one positive number or {count}, one for each segment [{unit}], got {value!r}"
+        )
+    return array
