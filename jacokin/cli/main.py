@@ -95,6 +95,6 @@ def main(argv: Sequence[str] | None = None) -> None:
 
 
 def _refuse(sentence: str) -> None:
-    """Say on stderr what is wrong, and leave."""
-    typer.echo(f"jacokin: {sentence}", err=True)
+    """Say on stderr, on one line, what is wrong, and leave."""
+    typer.echo(f"jacokin: {' '.join(sentence.split())}", err=True)
     raise SystemExit(WRONG_INPUT)
