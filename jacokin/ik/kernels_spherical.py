@@ -20,6 +20,8 @@ from jacokin.ik.kernels_wrist import Starts, axis_4, complete
 ALIGNED = 1e-10
 #: [m^2] a squared distance this little below zero is rounding at the edge of the workspace.
 EDGE = 1e-9
+#: [m^2] below this a square root is mostly rounding: the exact fold is tried as well.
+FOLDED = 1e-12
 
 
 def spherical_starts(
@@ -42,7 +44,9 @@ def spherical_starts(
     if flat2 < -EDGE:
         return
     flat = math.sqrt(max(flat2, 0.0))
-    for bx in (flat, -flat):
+    for bx in (flat, -flat, 0.0):
+        if bx == 0.0 and flat2 > FOLDED:
+            continue
         q1 = math.atan2(Y, X) - math.atan2(k.e3, bx)
         # In the plane (forward, up): |C|^2 = R^2 - e3^2 and C = B + c4 z4.
         size2 = bx * bx + Z * Z
@@ -55,7 +59,9 @@ def spherical_starts(
         across = math.sqrt(max(across2, 0.0))
         c1, s1 = math.cos(q1), math.sin(q1)
         forward = mix(pose.x, c1, pose.y, s1, pose.x, 0.0)
-        for elbow in (across, -across):
+        for elbow in (across, -across, 0.0):
+            if elbow == 0.0 and across2 > FOLDED:
+                continue
             x = (along * bx - elbow * Z) / size2
             z = (along * Z + elbow * bx) / size2
             axis = mix(forward, x, pose.z, z, forward, 0.0)  # axis 4 before joint 6
@@ -67,21 +73,25 @@ def wrist_starts(
     k: Arm, pose: Pose, q1: float, axis: Vec, reference: NDArray[np.float64], starts: Starts, q: NDArray[np.float64]
 ) -> None:
     """The two q5 with axis 4 at the right angle to axis 6, and the q6 that turns it into place."""
-    level = dot(k.w6, axis)
-    # w6.z4(q5) = cos a w6z + sin a (cos q5 w6x - sin q5 w6y) = level
-    size = k.sin_a * math.hypot(k.w6[0], k.w6[1])
+    level, across = dot(k.w6, axis), cross(k.w6, axis)
+    sine = norm(across)
+    # The spherical triangle of axes 4, 5, 6 with sides a, b and theta, in half angles: exact at its flat ends too.
+    a = math.atan2(k.sin_a, k.cos_a)
+    b = math.atan2(math.hypot(k.w6[0], k.w6[1]), k.w6[2])
+    theta = math.atan2(sine, level)
+    top = math.sin(0.5 * (theta + a - b)) * math.sin(0.5 * (theta - a + b))
+    bottom = math.sin(0.5 * (a + b + theta)) * math.sin(0.5 * (a + b - theta))
+    half = 2.0 * math.atan2(math.sqrt(max(top, 0.0)), math.sqrt(max(bottom, 0.0)))
     middle = math.atan2(-k.w6[1], k.w6[0])
-    wanted = (level - k.cos_a * k.w6[2]) / size
-    half = math.acos(min(max(wanted, -1.0), 1.0))
-    if norm(cross(k.w6, axis)) < ALIGNED:
+    if sine < ALIGNED:
         complete(k, pose, q1, middle + half, reference[5], q)
         turn = math.copysign(1.0, level) * (reference[3] - q[3])  # what q4 takes over from q6
         append(starts, q1, middle + half, reference[5], 1.0)
         append(starts, q1, middle + half, reference[5] - turn, 1.0)
-    elif abs(wanted) < 1.0 + EDGE:
+    elif min(top, bottom) > -EDGE:
         for q5 in (middle + half, middle - half):
-            z4 = axis_4(k, q5)
-            q6 = math.atan2(dot(k.w6, cross(axis, z4)), dot(axis, z4) - level * dot(k.w6, z4))
+            turned = cross(k.w6, axis_4(k, q5))
+            q6 = math.atan2(dot(k.w6, cross(across, turned)), dot(across, turned))
             append(starts, q1, q5, q6, 0.0)
 
 
