@@ -11,10 +11,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import jacokin
 from jacokin.cli import targets_csv
 
 EXAMPLES = Path(__file__).resolve().parent.parent / "examples"
-ENVIRONMENT = {**os.environ, "PYTHONPATH": str(EXAMPLES.parent)}
+# The package under test, which may be an installed one.
+ENVIRONMENT = {**os.environ, "PYTHONPATH": str(Path(jacokin.__file__).parent.parent)}
 
 
 def test_the_targets_are_those_the_script_writes() -> None:

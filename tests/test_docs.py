@@ -15,6 +15,7 @@ from pathlib import Path
 
 import pytest
 
+import jacokin
 from jacokin.cli import doctor_checks
 from jacokin.cli.main import main
 
@@ -58,7 +59,7 @@ def environment() -> dict[str, str]:
     """Where the package is found, and a back end that renders if there is one."""
     works = [finding.name for finding in doctor_checks.renderers() if finding.state == doctor_checks.OK]
     rendering = {"MUJOCO_GL": works[0]} if works else {}
-    return {**os.environ, "PYTHONPATH": str(ROOT), **rendering}
+    return {**os.environ, "PYTHONPATH": str(Path(jacokin.__file__).parent.parent), **rendering}
 
 
 @pytest.mark.slow
