@@ -21,7 +21,7 @@ from jacokin.ik.results import BatchResult
 HERE = Path(__file__).resolve().parent
 TARGETS = HERE / "targets.csv"
 PICTURE = Path("out/jaco.png")
-DEBIAN_PACKAGES = {"egl": "libegl1", "osmesa": "libosmesa6"}  # back ends of MuJoCo that need no display
+DEBIAN_PACKAGES = {"egl": "libegl1 libgl1-mesa-dri", "osmesa": "libosmesa6"}  # back ends of MuJoCo that need no display
 
 
 def main() -> None:
@@ -54,7 +54,7 @@ def draw(q: NDArray[np.float64]) -> None:
         if done.returncode == 0:
             print(f"picture of the arm at an answer: {PICTURE} (drawn with {backend})")
             return
-    packages = " or ".join(DEBIAN_PACKAGES.values())
+    packages = ", or: ".join(DEBIAN_PACKAGES.values())
     print(f"no picture: MuJoCo found neither EGL nor OSMesa. On Debian and Ubuntu: apt install {packages}")
 
 

@@ -43,7 +43,7 @@ OPTIONAL = {
 }
 
 # Back end of MuJoCo's renderer -> what installs it on Debian and Ubuntu.
-RENDERERS = {"egl": "apt install libegl1", "osmesa": "apt install libosmesa6", "glfw": "a display and libglfw3"}
+RENDERERS = {"egl": "apt install libegl1 libgl1-mesa-dri", "osmesa": "apt install libosmesa6", "glfw": "a display and libglfw3"}
 
 # One line of JSON for each module, written as it goes: after a crash the first one missing is at fault.
 _IMPORT_PROBE = """
@@ -156,7 +156,7 @@ def renderers() -> list[Finding]:
             findings.append(Finding("rendering", backend, MISSING, "no display"))
             continue
         _, error = _run(_RENDER_PROBE, MUJOCO_GL=backend)
-        detail = f"works with MUJOCO_GL={backend}" if error is None else f"{error} ({remedy})"
+        detail = f"works with MUJOCO_GL={backend}" if error is None else f"{remedy} ({error})"
         findings.append(Finding("rendering", backend, OK if error is None else MISSING, detail))
     return findings
 
