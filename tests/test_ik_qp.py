@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import pickle
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -148,10 +149,10 @@ def test_a_failing_back_end_falls_back_and_says_so(
 ) -> None:
     solve = qp_backend.Backend._solve
 
-    def broken(self: qp_backend.Backend, configuration: object, tasks: object, limits: object, solver: str) -> Array:
-        if solver == "quadprog":
+    def broken(self: qp_backend.Backend, configuration: object, *problem: Any) -> Array:
+        if problem[-1] == "quadprog":
             return np.full(6, np.nan)
-        return solve(self, configuration, tasks, limits, solver)
+        return solve(self, configuration, *problem)
 
     monkeypatch.setattr(qp_backend.Backend, "_solve", broken)
     target = robot.forward_kinematics(robot.sample(rng))

@@ -177,7 +177,7 @@ def test_poses_are_copies_and_the_robot_does_not_change(robot: Robot, rng: np.ra
     robot.forward_kinematics(robot.sample(rng))
     np.testing.assert_array_equal(first.homogeneous, before)
     with pytest.raises(AttributeError):
-        robot.lower = np.zeros(6)  # type: ignore[misc]  # what a user might try
+        robot.lower = np.zeros(6)
     with pytest.raises(ValueError, match="read-only"):
         robot.lower[1] = 0.0
 
@@ -204,7 +204,7 @@ def test_a_pickled_robot_is_the_same(robot: Robot, rng: np.random.Generator) -> 
 def test_malformed_configurations_are_refused(robot: Robot, q: object, text: str) -> None:
     for call in (robot.forward_kinematics, robot.jacobian, robot.within_limits, robot.manipulability):
         with pytest.raises(InvalidInputError, match=text):
-            call(q)  # type: ignore[operator]  # wrong on purpose
+            call(q)  # type: ignore[arg-type]  # wrong on purpose
 
 
 def test_unknown_names_list_the_valid_ones(robot: Robot) -> None:

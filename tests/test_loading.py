@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 import mujoco
@@ -185,7 +186,7 @@ def urdf_text() -> str:
     return (urdf_folder() / "j2n6s300.urdf").read_text()
 
 
-BROKEN = {
+BROKEN: dict[str, tuple[Callable[[str], str], str]] = {
     "truncated": (lambda text: text[: len(text) // 2], "not well-formed XML"),
     "other root": (lambda text: "<sdf/>", "root element is <sdf>"),
     "unknown parent": (

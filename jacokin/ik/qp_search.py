@@ -13,7 +13,7 @@ from jacokin.ik.targets import Target
 
 Array = NDArray[np.float64]
 
-CLOSEST_STARTS = 20  # descents while looking for the closest configuration
+CLOSEST_STARTS = 20  # descents besides those from the branches while looking for the closest configuration
 REACH_SLACK = 1e-3  # [m] more than any tolerance: a bound that can be trusted
 
 
@@ -89,7 +89,7 @@ class QPSearch:
         before: Attempt | None = None,
     ) -> IKResult:
         """The closest legal configuration; a success after all if it meets the tolerances."""
-        starts = seeds.starts(self._robot, [*nearby, start], max(CLOSEST_STARTS - 1, len(nearby)), rng)
+        starts = seeds.starts(self._robot, [*nearby, start], len(nearby) + CLOSEST_STARTS - 1, rng)
         attempt = self.qp.closest(target, starts, before)
         result = self._result(attempt, status, target, start, message)
         errors = (result.position_error, result.orientation_error)

@@ -178,6 +178,8 @@ class IKSolver:
             raise InvalidInputError("the closed form needs an orientation; use method='auto' or 'qp' for positions")
         if not wanted.position_only and self.applies():
             return self._by_branches(wanted, start, note, rng, closest)
+        if self._misfit is not None:
+            note = joined(note, "this robot has no closed form")
         return self.qp_search().solve(wanted, start, note, seeds.generator(rng), restarts, closest)
 
     def solve_all(self, target: pin.SE3 | ArrayLike, seed: ArrayLike | None = None) -> Branches:

@@ -93,7 +93,7 @@ def errors(T_base_tool: pin.SE3, target: Target) -> tuple[float, float]:
     # Plain floats: the same twelve numbers through NumPy take twice as long.
     a, b, c, x, d, e, f, y, g, h, k, z = T_base_tool.homogeneous.ravel().tolist()[:12]
     A, B, C, X, D, E, F, Y, G, H, K, Z = target.matrix.ravel().tolist()[:12]
-    position = math.sqrt((x - X) ** 2 + (y - Y) ** 2 + (z - Z) ** 2)
+    position = math.dist((x, y, z), (X, Y, Z))
     if target.position_only:
         return position, 0.0
     # Skew part and trace of R^T R_target.

@@ -1,0 +1,294 @@
+"""The solver as users meet it: every branch, the nearest legal one, and reasons that are true."""
+
+from __future__ import annotations
+
+import math
+import pickle
+from collections.abc import Callable
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+import jacokin
+from jacokin import IKSolver, Robot, Status
+from jacokin.errors import InvalidInputError, StructureError
+from jacokin.model.bundled import NAMES, urdf_folder
+from jacokin.model.contact import SelfContact
+
+Array = NDArray[np.float64]
+
+angles = st.floats(-math.pi, math.pi)
+fractions = st.floats(0.0, 1.0)
+
+
+@st.composite
+def configurations(draw: st.DrawFn) -> Array:
+    """Legal configurations of the j2n6s300, limits included."""
+    q = np.array([draw(angles) for _ in range(6)])
+    for joint, low, high in ((1, math.radians(47), math.radians(313)), (2, math.radians(19), math.radians(341))):
+        q[joint] = min(max(low + draw(fractions) * (high - low), low), high)
+    return q
+
+
+def circular(difference: Array) -> Array:
+    return np.abs((difference + np.pi) % (2.0 * np.pi) - np.pi)
+
+
+@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(q=configurations())
+def test_every_branch_reaches_the_pose(robot: Robot, q: Array) -> None:
+    target = robot.forward_kinematics(q)
+    branches = IKSolver(robot).solve_all(target)
+    for row, legal in zip(branches.q, branches.within_limits, strict=True):
+        assert robot.within_limits(row) == legal
+        reached = robot.forward_kinematics(row)
+        assert np.linalg.norm(reached.translation - target.translation) < 1e-9
+        assert np.linalg.norm(pin.log3(reached.rotation.T @ target.rotation)) < 1e-8  # log3 loses half the digits
+    apart = circular(branches.q[:, None] - branches.q[None]).max(axis=2) + 10.0 * np.eye(len(branches))
+    assert apart.min() > 1e-6
+    if robot.singular_values(q)[-1] > 1e-4:
+        assert circular(branches.q - q).max(axis=1).min() < 1e-6
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(q=configurations())
+def test_the_seed_is_its_own_answer(robot: Robot, q: Array) -> None:
+    if robot.singular_values(q)[-1] < 1e-3:
+        return
+    result = IKSolver(robot).solve(robot.forward_kinematics(q), seed=q)
+    assert result.success
+    np.testing.assert_allclose(result.q, q, atol=1e-6)
+
+
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(q=configurations(), seed=configurations(), turns=st.lists(st.integers(-3, 3), min_size=4, max_size=4))
+def test_turning_the_seed_turns_the_answer(robot: Robot, q: Array, seed: Array, turns: list[int]) -> None:
+    solver = IKSolver(robot)
+    target = robot.forward_kinematics(q)
+    if min(robot.singular_values(row)[-1] for row in solver.solve_all(target, seed).q) < 1e-3:
+        return  # joints of a singular branch are known to 1e-8 only, which may put it beyond a limit
+    offset = np.zeros(6)
+    offset[[0, 3, 4, 5]] = 2.0 * np.pi * np.array(turns)
+    plain, turned = solver.solve(target, seed), solver.solve(target, seed + offset)
+    assert np.abs(plain.q - seed)[robot.free].max() <= math.pi + 1e-9
+    # A joint half a turn away from the seed may come on either side of it.
+    if np.abs(plain.q - seed)[robot.free].max() < math.pi - 1e-6:
+        distances = [np.linalg.norm(r.q - s) for r, s in ((plain, seed), (turned, seed + offset))]
+        assert distances[0] == pytest.approx(distances[1], abs=1e-9)
+        all_distances = solver.solve_all(target, seed).distance
+        if len(all_distances) < 2 or np.diff(all_distances).min() > 1e-9:
+            np.testing.assert_allclose(turned.q, plain.q + offset, atol=1e-9)
+
+
+def test_a_posed_base_changes_nothing(
+    robot: Robot, rng: np.random.Generator, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    T_world_base = jacokin.pose([0.4, -0.7, 1.2], rpy=[0.5, -0.3, 2.0])
+    text = (urdf_folder() / "j2n6s300.xml").read_text()
+    quat = pin.Quaternion(T_world_base.rotation)
+    posed_text = text.replace(
+        '<body name="link_base"',
+        f'<body name="link_base" pos="0.4 -0.7 1.2" quat="{quat.w!r} {quat.x!r} {quat.y!r} {quat.z!r}"',
+    )
+    path = tmp_path_factory.mktemp("posed") / "posed.xml"
+    path.write_text(posed_text)
+    posed = jacokin.load_robot(path, tip="end_effector")
+    for q in robot.sample(rng, 20):
+        target = robot.forward_kinematics(q)
+        here = IKSolver(robot).solve_all(target, seed=q)
+        there = IKSolver(posed).solve_all(T_world_base * target, seed=q)
+        assert len(here) == len(there)
+        np.testing.assert_allclose(circular(here.q[0] - there.q[0]), 0.0, atol=1e-8)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_member_of_the_family(name: str, bundled: Callable[[str], Robot], rng: np.random.Generator) -> None:
+    robot = bundled(name)
+    solver = IKSolver(robot, "gripsite", method="closed_form")
+    for q in robot.sample(rng, 200):
+        target = robot.forward_kinematics(q, "gripsite")
+        result = solver.solve(target, seed=q)
+        assert result.success, str(result)
+        assert result.method == "closed_form"
+        if robot.singular_values(q)[-1] > 1e-4:
+            assert circular(solver.solve_all(target).q - q).max(axis=1).min() < 1e-6
+
+
+@pytest.mark.parametrize("down", [True, False])
+def test_vertical_tools_keep_all_their_branches(robot: Robot, rng: np.random.Generator, down: bool) -> None:
+    # Axis 4 parallel to axis 1: regular branches on a double root. Generate them from the inside: q5 = 0 keeps
+    # axis 6 parallel to axis 4, and joints 2 and 3 stand axis 4 upright.
+    solver = IKSolver(robot)
+    found = 0
+    for q in robot.sample(rng, 100):
+        q[4] = 0.0
+        q[2] = q[1] if down else q[1] + math.pi
+        if not robot.within_limits(q) or robot.singular_values(q)[-1] < 1e-3:
+            continue
+        target = robot.forward_kinematics(q)
+        assert abs(target.rotation[2, 2]) > 1.0 - 1e-12
+        branches = solver.solve_all(target)
+        assert circular(branches.q - q).max(axis=1).min() < 1e-6
+        found += 1
+    assert found > 20
+
+
+def test_branches_come_nearest_first_with_margins(robot: Robot, rng: np.random.Generator) -> None:
+    seed, target = robot.sample(rng), robot.forward_kinematics(robot.sample(rng))
+    branches = IKSolver(robot).solve_all(target, seed)
+    assert (np.diff(branches.distance) >= 0.0).all()
+    np.testing.assert_allclose(branches.distance, np.linalg.norm(branches.q - seed, axis=1), atol=1e-12)
+    expected = np.minimum(branches.q - robot.lower, robot.upper - branches.q)
+    np.testing.assert_allclose(branches.margin, expected, atol=1e-12)
+    np.testing.assert_array_equal(branches.within_limits, (branches.margin >= 0.0).all(axis=1))
+    assert len(branches.legal) == branches.within_limits.sum()
+    assert branches.complete
+    assert not branches.q.flags.writeable
+
+
+def test_limits_that_exclude_every_branch_are_named(rng: np.random.Generator) -> None:
+    robot = jacokin.load_robot()
+    q = robot.sample(rng)
+    target = robot.forward_kinematics(q)
+    legal = IKSolver(robot).solve_all(target).legal
+    narrow = jacokin.load_robot(limits={"joint_2": (legal[:, 1].max() + 0.05, robot.upper[1])})
+    solver = IKSolver(narrow)
+    result = solver.solve(target)
+    assert result.status is Status.OUTSIDE_LIMITS
+    assert "joint_2 by" in result.message
+    assert result.method == "qp"
+    assert narrow.within_limits(result.q)
+    assert result.position_error + result.orientation_error > 1e-3
+    # The excess that is named is the least over the branches of the largest one.
+    excess = (-solver.solve_all(target).margin).clip(min=0.0).max(axis=1).min()
+    assert f"{excess:.6g}" in result.message
+    assert solver.solve(target, closest=False).status is Status.OUTSIDE_LIMITS
+
+
+def test_a_pose_on_a_limit_is_solved_on_the_limit(robot: Robot, rng: np.random.Generator) -> None:
+    solver = IKSolver(robot)
+    for index, q in enumerate(robot.sample(rng, 200)):
+        joint = 1 + index % 2
+        q[joint] = (robot.lower, robot.upper)[index // 2 % 2][joint]
+        result = solver.solve(robot.forward_kinematics(q), seed=q)
+        assert result.success, str(result)
+        assert robot.within_limits(result.q)
+
+
+@pytest.mark.parametrize("position", [[0.9, 0.9, 0.9], [0.0, 0.0, 3.0], [2e3, 1e3, 0.0], [1e200, 0.0, 0.0]])
+def test_unreachable_means_no_branch(robot: Robot, position: list[float]) -> None:
+    solver = IKSolver(robot)
+    target = jacokin.pose(position, down=True)
+    assert len(solver.solve_all(target)) == 0
+    result = solver.solve(target, closest=False)
+    assert result.status is Status.UNREACHABLE
+    np.testing.assert_array_equal(result.q, robot.home)
+
+
+def test_spherical_wrists_with_aligned_axes_say_they_are_a_family() -> None:
+    robot = jacokin.load_robot("j2s6s300")
+    q = np.array([0.3, 2.5, 1.5, 0.4, math.pi, 1.1])
+    target = robot.forward_kinematics(q)
+    solver = IKSolver(robot)
+    branches = solver.solve_all(target, seed=q)
+    assert not branches.complete
+    result = solver.solve(target, seed=q)
+    assert result.success
+    np.testing.assert_allclose(result.q, q, atol=1e-6)
+
+
+def test_contact_free_branches_come_first_when_contact_is_rejected(robot: Robot, rng: np.random.Generator) -> None:
+    contact = SelfContact(robot)
+    solver = IKSolver(robot, collision="reject")
+    report = IKSolver(robot, collision="report")
+    avoided = refused = 0
+    for q in robot.sample(rng, 600):
+        if not contact.touching(q):
+            continue
+        target = robot.forward_kinematics(q)
+        assert report.solve(target, seed=q).touching
+        result = solver.solve(target, seed=q)
+        branches = report.solve_all(target, seed=q)
+        assert branches.touching is not None
+        clear = [legal and not pairs for legal, pairs in zip(branches.within_limits, branches.touching, strict=True)]
+        assert result.success == any(clear)
+        if result.success:
+            assert contact.touching(result.q) == []
+            avoided += 1
+        else:
+            assert result.status is Status.IN_COLLISION
+            assert result.touching
+            refused += 1
+    assert avoided > 3
+    assert avoided + refused > 10
+
+
+def test_batches_equal_single_solves(robot: Robot, rng: np.random.Generator) -> None:
+    solver = IKSolver(robot)
+    seeds_ = robot.sample(rng, 50)
+    matrices = np.array([robot.forward_kinematics(q).homogeneous for q in robot.sample(rng, 50)])
+    matrices[7, :3, 3] += 5.0
+    done: list[int] = []
+    batch = solver.solve_batch(matrices, seeds_, progress=done.append)
+    threaded = solver.solve_batch(matrices, seeds_, workers=2)
+    assert sum(done) == 50
+    np.testing.assert_array_equal(batch.q, threaded.q)
+    assert batch.success.sum() == 49
+    assert batch.status[7] is Status.UNREACHABLE
+    for index, (matrix, seed) in enumerate(zip(matrices, seeds_, strict=True)):
+        single = solver.solve(matrix, seed)
+        assert single.status is batch.status[index]
+        np.testing.assert_allclose(single.q, batch.q[index], atol=1e-12)
+    scaled, broken = matrices.copy(), matrices.copy()
+    scaled[3, :3, :3] *= 1.1
+    broken[4, 0, 0] = np.nan
+    with pytest.raises(InvalidInputError, match=r"targets\[3\].*not a rotation"):
+        solver.solve_batch(scaled)
+    with pytest.raises(InvalidInputError, match=r"targets\[4\] must be finite"):
+        solver.solve_batch(broken)
+
+
+def test_other_structures_go_to_the_qp_or_are_refused_by_name(
+    robot: Robot, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    text = (urdf_folder() / "j2n6s300.urdf").read_text()
+    bent = text.replace('xyz="0.0 0.2073 -0.0114"', 'xyz="0.02 0.2073 -0.0114"')
+    assert bent != text
+    path = tmp_path_factory.mktemp("bent") / "bent.urdf"
+    path.write_text(bent)
+    other = jacokin.load_robot(path)
+    with pytest.raises(StructureError, match=r"joint_3.*joint_4.*0\.02.*qp") as error:
+        IKSolver(other, method="closed_form")
+    assert error.value.misfit == pytest.approx(0.02, abs=1e-9)
+    assert error.value.axes == ("joint_3", "joint_4")
+    result = IKSolver(other).solve(other.forward_kinematics(other.home), seed=other.home + 0.05)
+    assert result.success
+    assert result.method == "qp"
+    assert "no closed form" in result.message
+    with pytest.raises(InvalidInputError, match="orientation"):
+        IKSolver(robot, method="closed_form").solve([0.3, 0.2, 0.4])
+    with pytest.raises(InvalidInputError, match="orientation"):
+        IKSolver(robot).solve_all([0.3, 0.2, 0.4])
+    inner = IKSolver(robot, "link_4")
+    assert inner.solve(robot.forward_kinematics(robot.home, "link_4")).method == "qp"
+
+
+def test_one_line(robot: Robot) -> None:
+    target = jacokin.pose([0.35, -0.2, 0.4], down=True)
+    result = jacokin.solve_ik(target).raise_for_status()
+    np.testing.assert_allclose(robot.forward_kinematics(result.q).homogeneous, target.homogeneous, atol=1e-6)
+    nearer = jacokin.pose([0.25, -0.15, 0.3], down=True)
+    wrist = jacokin.solve_ik(nearer, "m1n6s200", frame="gripsite", tool=jacokin.pose([0, 0, 0.01]))
+    assert wrist.success
+    copy = pickle.loads(pickle.dumps(result))
+    np.testing.assert_array_equal(copy.q, result.q)
+
+
+def test_an_illegal_seed_is_moved_and_said_so(robot: Robot) -> None:
+    result = IKSolver(robot).solve(robot.forward_kinematics(robot.home), seed=np.zeros(6))
+    assert result.success
+    assert "joint_2, joint_3" in result.message
