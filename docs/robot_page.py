@@ -1,6 +1,6 @@
 """Write docs/robot.md from the tables in urdf/: every number of the robots, its source and its doubt.
 
-python docs/robot_page.py
+python -m docs.robot_page        # in the root of the repository
 """
 
 from __future__ import annotations

@@ -34,7 +34,7 @@ def described() -> set[str]:
 
 
 def test_page_of_numbers_is_what_the_table_gives() -> None:
-    assert (DOCS / "robot.md").read_text(encoding="utf-8") == robot_page().page(), "run python docs/robot_page.py"
+    assert (DOCS / "robot.md").read_text(encoding="utf-8") == robot_page().page(), "run python -m docs.robot_page"
 
 
 def test_page_of_numbers_has_every_robot_source_and_doubt() -> None:
