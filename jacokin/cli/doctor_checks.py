@@ -43,7 +43,11 @@ OPTIONAL = {
 }
 
 # Back end of MuJoCo's renderer -> what installs it on Debian and Ubuntu.
-RENDERERS = {"egl": "apt install libegl1 libgl1-mesa-dri", "osmesa": "apt install libosmesa6", "glfw": "a display and libglfw3"}
+RENDERERS = {
+    "egl": "apt install libegl1 libgl1-mesa-dri",
+    "osmesa": "apt install libosmesa6",
+    "glfw": "a display and libglfw3",
+}
 
 # One line of JSON for each module, written as it goes: after a crash the first one missing is at fault.
 _IMPORT_PROBE = """
