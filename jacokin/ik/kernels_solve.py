@@ -35,7 +35,7 @@ FOLD = 20.0
 #: [m] slack of the test whether the wrist is in reach at all.
 REACH_SLACK = 1e-6
 #: Candidates of F within this many times the model's misfit of zero are kept as well.
-LOOSENESS = 30.0
+LOOSENESS = 3.0
 #: A misfit below this is rounding.
 EXACT = 1e-12
 
@@ -90,15 +90,21 @@ def solve_pose(arm: NDArray[np.float64], k: Arm, task: Task, work: Work) -> None
             add_branch(task, work, work.starts.rows[i, 3])
         return
     noise = fourier_of_F(k, pose, work.roots.cosine, work.roots.sine)
-    looseness = LOOSENESS * k.misfit if k.misfit > EXACT else 0.0
+    follow_roots(k, pose, task, work, noise, 0.0)
+    if k.misfit > EXACT:
+        follow_roots(k, pose, task, work, noise, LOOSENESS * k.misfit)
+
+
+def follow_roots(k: Arm, pose: Pose, task: Task, work: Work, noise: float, looseness: float) -> None:
+    """Follow every root of F; for an inexact model, a second time, whatever comes close to a double root."""
     for i in range(find_roots(noise, looseness, work.roots)):
         q6, half = work.roots.roots[i, 0], work.roots.roots[i, 1]
-        if half == 0.0:
+        if half == 0.0 and looseness == 0.0:
             before = work.count[0]
             follow_root(k, pose, task, work, q6, 0.0)
             if work.count[0] == before:
                 follow_root(k, pose, task, work, q6, MIN_WIDTH)
-        else:  # the ends too: several roots may share the interval
+        elif half > 0.0:  # the ends too: several roots may share the interval
             for part in range(-1, 2):
                 follow_root(k, pose, task, work, q6 + part * half, half)
 
