@@ -44,7 +44,8 @@ class Contestant:
     """How far the peer's description is from ours [m, rad]."""
     answers: dict[str, list[Array]] = field(default_factory=dict)
     """By set of targets: (k, dof) for each target."""
-    seconds: dict[str, list[float]] = field(default_factory=dict)
+    seconds: dict[str, list[Array]] = field(default_factory=dict)
+    """By set of targets: time and processor time (2,) of each call."""
 
     def close(self) -> None:
         """End the process."""
@@ -72,6 +73,8 @@ class Score:
     median: float
     """Of the time of a call [s]."""
     p99: float
+    processor_p99: float
+    """Of the processor time of a call, threads added up: what else the machine does is not in it."""
 
 
 def run(robot: Robot, peers: Sequence[Peer], sets: Sequence[Targets], rounds: int) -> list[Contestant]:
@@ -131,8 +134,9 @@ def score(contestant: Contestant, targets: Targets, rounds: int, referee: Refere
         orientation=float(np.concatenate(orientations).max()) if len(inside) else None,
         branches=len(inside) / count,
         found=found / count if known and contestant.peer.all_branches else None,
-        median=float(np.median(seconds)),
-        p99=float(np.percentile(seconds, 99)),
+        median=float(np.median(seconds[:, 0])),
+        p99=float(np.percentile(seconds[:, 0], 99)),
+        processor_p99=float(np.percentile(seconds[:, 1], 99)),
     )
 
 

@@ -22,7 +22,7 @@ import jacokin
 from benchmarks import comparison, completeness, costs, environments, qp_success, report, targets
 from jacokin.model.robot import Robot
 
-# Modules that print Markdown when run, shown as they are, by the title of their part of the page.
+# Modules that print their figures when run, and the title of their part of the page.
 PRINTING = {"bridge": "The MuJoCo bridge beside dm_control", "tracker": "One tick of the tracker"}
 SECTIONS = ("peers", "costs", "completeness", "qp", *PRINTING)
 PRINTING_TIMEOUT = 600.0  # [s]
@@ -32,12 +32,12 @@ One referee, Pinocchio on `urdf/j2n6s300.urdf`, measures every answer. Each has 
 `urdf/jaco_arm.xml`), but dm_control and ssik bring their own, whose angles are rounded; how far they are off is shown,
 and added to their tolerance. All start from home, ssik without a start. Times are of the call from Python alone.
 
-*Solved*: an answer inside the limits within {comparison.POSITION_TOLERANCE:g} m and
-{comparison.ORIENTATION_TOLERANCE:g} rad. *Legal*: the share of answers inside every limit, at tolerance 0. *Errors*:
-the worst of all answers. *Branches*: mean number of answers. *Found*: the configuration the pose was made from is among
-the branches."""
+*Solved*: an answer inside the limits within {comparison.POSITION_TOLERANCE:g} m and {comparison.ORIENTATION_TOLERANCE:g}
+rad. *Legal*: the share of answers inside every limit, at tolerance 0. *Position*, *orientation*: the worst error of all
+answers. *Branches*: mean number of answers inside the limits. *Found*: the configuration the pose was made from is
+among them. *p99 CPU* counts processor time, all threads added up, and so leaves out other work on the machine."""
 
-HEADER = ("solver", "solved", "legal", "position", "orientation", "branches", "found", "median", "p99")
+HEADER = ("solver", "solved", "legal", "position", "orientation", "branches", "found", "median", "p99", "p99 CPU")
 
 
 def peers_section(robot: Robot, sets: Sequence[targets.Targets], names: Sequence[str], rounds: int) -> report.Section:
@@ -70,6 +70,7 @@ def _score_row(peer: environments.Peer, score: comparison.Score) -> tuple[str, .
         report.percent(score.found),
         report.seconds(score.median),
         report.seconds(score.p99),
+        report.seconds(score.processor_p99),
     )
 
 
@@ -81,7 +82,7 @@ def _version_row(contestant: comparison.Contestant) -> tuple[str, str, str]:
 
 
 def printed_section(name: str) -> report.Section:
-    """What `python -m benchmarks.NAME` prints."""
+    """What `python -m benchmarks.NAME` prints, as it is."""
     title = PRINTING[name]
     if not (Path(__file__).parent / f"{name}.py").is_file():
         return report.Section(title, "Not measured: this part is not there.", failed=True)
@@ -95,7 +96,7 @@ def printed_section(name: str) -> report.Section:
     if done.returncode:
         reason = (done.stderr.strip().splitlines() or ["no message"])[-1]
         return report.Section(title, f"Not measured: {reason}", failed=True)
-    return report.Section(title, done.stdout)
+    return report.Section(title, f"```text\n{done.stdout.rstrip()}\n```")
 
 
 def measured(title: str, measure: Callable[[], report.Section]) -> report.Section:
@@ -114,11 +115,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--only", nargs="+", choices=SECTIONS, default=list(SECTIONS), help="parts to run")
     parser.add_argument("--peers", nargs="+", choices=names, default=names, help="solvers to compare")
     parser.add_argument("--targets", type=Path, help="CSV of poses for the peers: x, y, z, qw, qx, qy, qz")
+    parser.add_argument("--quick", action="store_true", help="a tenth of the targets everywhere")
     parser.add_argument("--count", type=int, default=1000, help="random poses for the peers; a fifth is tool-down")
     parser.add_argument("--rounds", type=int, default=10, help="rounds in which the peers take turns")
     parser.add_argument("--output", type=Path, help="page to write; the default run writes docs/performance.md")
     options = parser.parse_args(arguments)
 
+    share = 10 if options.quick else 1
     lines = report.machine()
     print(lines)
     robot = jacokin.load_robot()
@@ -126,21 +129,24 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if options.targets:
         sets = [targets.from_csv(options.targets)]
     else:
+        count = max(options.count // share, options.rounds)
         sets = [
-            targets.random_legal(robot, rng, options.count),
-            targets.vertical_tool(robot, rng, max(options.count // 5, options.rounds)),
+            targets.random_legal(robot, rng, count),
+            targets.vertical_tool(robot, rng, max(count // 5, options.rounds)),
         ]
     measure: dict[str, Callable[[], report.Section]] = {
         "peers": lambda: peers_section(robot, sets, options.peers, options.rounds),
         "costs": lambda: costs.section(robot),
-        "completeness": lambda: completeness.section(100_000, 20_000, 10_000, 20),
-        "qp": lambda: qp_success.section(robot, [targets.random_legal(robot, rng, 300)], qp_success.QP_SOLVERS),
+        "completeness": lambda: completeness.section(share),
+        "qp": lambda: qp_success.section(
+            robot, [targets.random_legal(robot, rng, 300 // share)], qp_success.QP_SOLVERS
+        ),
     }
     measure |= {name: partial(printed_section, name) for name in PRINTING}
     sections = [measured(name, measure[name]) for name in SECTIONS if name in options.only]
     text = report.page(lines, sections)
     print("\n" + text)
-    everything = options.only == list(SECTIONS) and options.peers == names and not options.targets
+    everything = options.only == list(SECTIONS) and options.peers == names and not (options.targets or options.quick)
     output = options.output or (report.PAGE if everything else None)
     if output is not None:
         output.write_text(text, encoding="utf-8")

@@ -16,6 +16,7 @@ Array = NDArray[np.float64]
 
 VERTICAL = 1e-13  # [rad] tilt left when a tool counts as vertical
 NEWTON_STEPS = 30
+DAMPING = 1e-9  # far below the square of any lever the wrist has
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,14 +63,16 @@ def vertical_tool(robot: Robot, rng: np.random.Generator, size: int, *, up: bool
 def _upright(robot: Robot, q: Array, direction: float) -> Array | None:
     """A legal configuration near `q` with a vertical tool, or None."""
     for _ in range(NEWTON_STEPS):
-        axis = robot.forward_kinematics(q).rotation[:, 2]
-        if np.hypot(axis[0], axis[1]) < VERTICAL and axis[2] * direction > 0.0:
-            return q if robot.within_limits(q) else None
-        # Turning by w moves the axis by w x axis; the vertical is reached where its x and y vanish.
-        jacobian = robot.jacobian(q)[3:]
-        rows = np.cross(jacobian.T, axis).T[:2]
-        step = np.linalg.lstsq(rows, -axis[:2], rcond=None)[0]
-        q = q + step * min(1.0, 0.5 / max(float(np.abs(step).max()), 1e-12))
+        rotation = robot.forward_kinematics(q).rotation
+        axis = rotation[:, 2]
+        sine = np.hypot(axis[0], axis[1])
+        if sine < VERTICAL and axis[2] * direction > 0.0:
+            return q
+        # The turn that brings the axis to the vertical, about its own x and y: turning about itself is free.
+        turn = np.array([axis[1], -axis[0]]) * direction * np.arctan2(sine, axis[2] * direction) / sine
+        rows = rotation[:, :2].T @ robot.jacobian(q)[3:]
+        step = rows.T @ np.linalg.solve(rows @ rows.T + DAMPING * np.eye(2), rotation[:2, :2].T @ turn)
+        q = np.clip(q + step * min(1.0, 0.5 / max(float(np.abs(step).max()), 1e-12)), robot.lower, robot.upper)
     return None
 
 

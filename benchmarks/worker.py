@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import selectors
@@ -14,8 +15,12 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+Array = NDArray[np.float64]
+
 PEERS_FOLDER = Path(__file__).resolve().parent / "peers"
 REPLY_TIMEOUT = 180.0  # [s]; the slowest peer needs a few seconds a round, imports and compilation included
+
+STOP_TIMEOUT = 5.0  # [s]
 
 
 class WorkerError(Exception):
@@ -53,14 +58,15 @@ class Worker:
         version: str = self.ask({"do": "start", "setup": setup})["version"]
         return version
 
-    def forward(self, q: NDArray[np.float64]) -> NDArray[np.float64]:
+    def forward(self, q: Array) -> Array:
         """The solver's own forward kinematics: (n, dof) [rad] -> (n, 4, 4)."""
         return np.array(self.ask({"do": "forward", "q": q.tolist()})["poses"])
 
-    def solve(self, targets: NDArray[np.float64]) -> tuple[list[NDArray[np.float64]], NDArray[np.float64]]:
-        """Answers (k, dof) to each of (n, 4, 4) targets, and the seconds of each call (n,)."""
+    def solve(self, targets: Array) -> tuple[list[Array], Array]:
+        """Answers (k, dof) to each of (n, 4, 4) targets; time and processor time of each call (n, 2) [s]."""
         reply = self.ask({"do": "solve", "targets": targets.tolist()})
-        return [np.array(q, dtype=np.float64) for q in reply["answers"]], np.array(reply["seconds"])
+        seconds = np.array([reply["seconds"], reply["processor"]]).T
+        return [np.array(q, dtype=np.float64) for q in reply["answers"]], seconds
 
     def ask(self, request: dict[str, Any]) -> dict[str, Any]:
         """Send one request and wait for its reply.
@@ -81,12 +87,16 @@ class Worker:
 
     def close(self) -> None:
         """End the process, politely first."""
-        if self._process.poll() is None:
-            try:
-                self._process.communicate(json.dumps({"do": "stop"}).encode() + b"\n", timeout=5.0)
-            except subprocess.TimeoutExpired:
-                self._process.kill()
-                self._process.communicate()
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        with contextlib.suppress(BrokenPipeError):
+            self._process.stdin.close()  # the end of its input ends it
+        try:
+            self._process.wait(timeout=STOP_TIMEOUT)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+        self._process.stdout.close()
         self._noise.close()
 
     def _read_line(self) -> bytes:

@@ -3,7 +3,8 @@
     python worker.py MODULE        with MODULE one of the files beside this one
 
 A request has a "do" key. "start" (the robot's files, limits and home), "forward" (configurations in, (4, 4) poses
-out), "solve" (poses in; configurations and seconds of each call out), "stop". Every reply is one line; a failure is
+out), "solve" (poses in; configurations, seconds and processor
+seconds of each call out). Every reply is one line; a failure is
 {"error": text}. Only the standard library and numpy are needed, so the same file runs in every environment.
 
 A solver module has a class `Peer(setup)` with `version`, `forward(q)`, `prepare(T)`, `solve(prepared)` and
@@ -13,6 +14,7 @@ list of joint vectors, is not.
 
 from __future__ import annotations
 
+import gc
 import importlib
 import json
 import os
@@ -25,26 +27,30 @@ import numpy as np
 
 
 def solve(peer: Any, targets: list[list[list[float]]]) -> dict[str, Any]:
-    """Answers of one solver to (n, 4, 4) targets, and the time of each call [s]."""
+    """Answers of one solver to (n, 4, 4) targets, and of each call the time and the processor time [s]."""
+    poses = np.array(targets, dtype=np.float64)
     answers = []
     seconds = []
-    for target in targets:
-        prepared = peer.prepare(np.array(target, dtype=np.float64))
+    processor = []
+    gc.collect()
+    gc.freeze()  # the libraries' objects need not be looked at again while calls are timed
+    for pose in poses:
+        prepared = peer.prepare(pose)
+        used = time.process_time()
         begin = time.perf_counter()
         raw = peer.solve(prepared)
         seconds.append(time.perf_counter() - begin)
-        answers.append([np.asarray(q, dtype=np.float64).tolist() for q in peer.answers(raw)])
-    return {"answers": answers, "seconds": seconds}
+        processor.append(time.process_time() - used)
+        answers.append(np.array(peer.answers(raw), dtype=np.float64))
+    return {"answers": [q.tolist() for q in answers], "seconds": seconds, "processor": processor}
 
 
 def serve(module: str, requests: TextIO, replies: TextIO) -> None:
-    """Answer requests until "stop" or the end of the input."""
+    """Answer requests until the end of the input."""
     peer: Any = None
     for line in requests:
         request = json.loads(line)
         try:
-            if request["do"] == "stop":
-                return
             if request["do"] == "start":
                 peer = importlib.import_module(module).Peer(request["setup"])
                 reply: dict[str, Any] = {"version": peer.version}
