@@ -178,9 +178,7 @@ class ClosedForm:
 
         def run(start: int, stop: int) -> None:
             rows = np.empty((MAX_BRANCHES, COLUMNS))
-            solve(
-                self._chain, self._arm, self._limits, T[start:stop], reference[start:stop], rows, best[start:stop]
-            )
+            solve(self._chain, self._arm, self._limits, T[start:stop], reference[start:stop], rows, best[start:stop])
 
         if threads == 1:
             run(0, len(T))

@@ -6,6 +6,7 @@ The letters are those of ``docs/closed_form.md``: axes ``w1 .. w6``, the points 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,7 +38,7 @@ class Geometry:
 
     Attributes:
         chain: (7, 3, 4) [-, m]; pose = chain[0] Rz(q1) chain[1] Rz(q2) ... Rz(q6) chain[6], exactly the model's.
-        arm: (40,) the constants of the closed form, in the order of ``kernels_arm.unpack``.
+        arm: (39,) the constants of the closed form, in the order of ``kernels_arm.unpack``.
         spherical: axes 4, 5 and 6 meet in one point.
         misfit: the largest deviation from the structure found [m or rad].
     """
@@ -66,7 +67,7 @@ def measure(model: pin.Model, frame_id: int, tool: pin.SE3 | None = None) -> Geo
     ruler = _Ruler(names, w, points)
 
     ruler.angle(0, 1, 90.0)
-    O = ruler.meet(0, 1)
+    origin = ruler.meet(0, 1)
     side = ruler.parallel(1, 2)
     ruler.angle(2, 3, 90.0)
     C = ruler.meet(2, 3)
@@ -75,8 +76,8 @@ def measure(model: pin.Model, frame_id: int, tool: pin.SE3 | None = None) -> Geo
     B = ruler.meet(3, 4)
     A = ruler.meet(4, 5)
     c4 = float((C - B) @ w[3])
-    e3 = float((C - O) @ w[2])
-    upper_arm = float(np.sqrt(max((C - O) @ (C - O) - e3**2, 0.0)))
+    e3 = float((C - origin) @ w[2])
+    upper_arm = math.sqrt(max(float((C - origin) @ (C - origin)) - e3**2, 0.0))
     ruler.long_enough(2, 3, upper_arm, "the distance from axis 2 to axis 3")
     ruler.long_enough(3, 4, abs(c4), "the distance from axis 3 to axis 5 along axis 4")
     ruler.long_enough(0, 2, abs(e3), "the lateral offset of the shoulder")
@@ -86,7 +87,7 @@ def measure(model: pin.Model, frame_id: int, tool: pin.SE3 | None = None) -> Geo
     E = _orthonormal(w[4], np.cross(w[4], w[3]))
     R_home, p_home = home[:, :3], home[:, 3]
     cos_a = float(np.clip(w[3] @ w[4], -1.0, 1.0))
-    C_s, w4_s, w3_w = S @ (C - O), S @ w[3], E @ w[2]
+    C_s, w4_s, w3_w = S @ (C - origin), S @ w[3], E @ w[2]
     w4_w = E @ w[3]
     g_w = np.cross(w4_w, (0.0, 1.0, 0.0))
     b5 = float((B - A) @ w[4])
@@ -95,10 +96,10 @@ def measure(model: pin.Model, frame_id: int, tool: pin.SE3 | None = None) -> Geo
         [
             (E @ R_home).ravel(),  # 0:9 N
             S.ravel(),  # 9:18
-            O,  # 18:21
+            origin,  # 18:21 O
             E @ (A - p_home),  # 21:24
             E @ w[5],  # 24:27
-            [cos_a, np.sqrt(1.0 - cos_a**2), b5, c4, e3, float((C - O) @ (C - O))],  # 27:33
+            [cos_a, np.sqrt(1.0 - cos_a**2), b5, c4, e3, float((C - origin) @ (C - origin))],  # 27:33
             [side],  # 33
             [
                 np.arctan2(C_s[0], C_s[2]),
@@ -150,9 +151,7 @@ def _align_z(joint: pin.JointModel, name: str) -> NDArray[np.float64]:
     elif kind == "JointModelRevoluteUnaligned":
         axis = np.asarray(joint.extract().axis, dtype=np.float64).reshape(3)
     else:
-        raise StructureError(
-            f"the closed form needs revolute joints; joint {name!r} is a {kind}", (name, name)
-        )
+        raise StructureError(f"the closed form needs revolute joints; joint {name!r} is a {kind}", (name, name))
     if axis[2] == 1.0:
         return np.eye(3)
     x = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
@@ -185,9 +184,7 @@ def _orthonormal(z: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.f
 class _Ruler:
     """Measures pairs of axes, remembers the worst misfit, refuses with the pair's names."""
 
-    def __init__(
-        self, names: list[str], w: list[NDArray[np.float64]], points: list[NDArray[np.float64]]
-    ) -> None:
+    def __init__(self, names: list[str], w: list[NDArray[np.float64]], points: list[NDArray[np.float64]]) -> None:
         self._names, self._w, self._points = names, w, points
         self.worst = 0.0
 
@@ -210,9 +207,7 @@ class _Ruler:
         """Axes i and j must enclose this angle."""
         sine = np.linalg.norm(np.cross(self._w[i], self._w[j]))
         angle = np.arctan2(sine, self._w[i] @ self._w[j])
-        self._check(
-            i, j, abs(float(angle) - np.radians(degrees)), "rad", f"the axes must enclose {degrees:g} deg"
-        )
+        self._check(i, j, abs(float(angle) - np.radians(degrees)), "rad", f"the axes must enclose {degrees:g} deg")
 
     def parallel(self, i: int, j: int) -> float:
         """Axes i and j must be parallel (1.0) or antiparallel (-1.0)."""
@@ -224,9 +219,7 @@ class _Ruler:
         """Axes i and j must be clearly not parallel."""
         sine = float(np.linalg.norm(np.cross(self._w[i], self._w[j])))
         if sine < np.sin(SMALLEST_TWIST):
-            self._refuse(
-                i, j, sine, "rad", f"the axes must not be parallel; they enclose {np.arcsin(sine):.3g} rad"
-            )
+            self._refuse(i, j, sine, "rad", f"the axes must not be parallel; they enclose {np.arcsin(sine):.3g} rad")
 
     def meet(self, i: int, j: int) -> NDArray[np.float64]:
         """The point where axes i and j meet: the middle of their common perpendicular."""
@@ -242,6 +235,4 @@ class _Ruler:
     def long_enough(self, i: int, j: int, length: float, what: str) -> None:
         """A length of the mechanism must not vanish."""
         if length < SMALLEST_LENGTH:
-            self._refuse(
-                i, j, length, "m", f"{what} is {length:.3g} m; it must be at least {SMALLEST_LENGTH:g} m"
-            )
+            self._refuse(i, j, length, "m", f"{what} is {length:.3g} m; it must be at least {SMALLEST_LENGTH:g} m")

@@ -139,8 +139,13 @@ def _load() -> Solve:
 def _compile(folder: Path | None) -> Solve:
     """The entry point compiled for its one signature, through the cache if there is one."""
     import numba
-    from numba import float64, types as nb
+    from numba import float64
+    from numba import types as nb
 
+    if numba.config.DISABLE_JIT:
+        from jacokin.ik.kernels_batch import solve
+
+        return solve
     namespace: dict[str, Any] = {"__name__": "jacokin.ik.kernels_batch", "__builtins__": __builtins__}
     functions: list[types.FunctionType] = []
     for name in KERNEL_MODULES:
@@ -180,8 +185,7 @@ def _compile(folder: Path | None) -> Solve:
 
 def _key() -> str:
     """A name that changes with everything the machine code depends on."""
-    import llvmlite.binding as llvm
-
+    llvm = importlib.import_module("llvmlite.binding")  # numba's own, without the second it takes to import numba
     digest = hashlib.sha256()
     here = Path(__file__).parent
     for name in (*(f"kernels_{module}.py" for module in KERNEL_MODULES), Path(__file__).name):

@@ -25,7 +25,7 @@ class Arm(NamedTuple):
     e3: float  # lateral offset of the shoulder
     R2: float  # |C - O| squared
     side: float  # +1 if axes 2 and 3 point the same way, -1 if opposite
-    psi_C: float  # angle of C - O about axis 3 at q = 0
+    psi_c: float  # angle of C - O about axis 3 at q = 0
     psi_4: float  # angle of axis 4 about axis 3 at q = 0
     chi_3: float  # angle of axis 3 about axis 4 at q = 0
     spherical: bool

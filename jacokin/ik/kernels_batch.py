@@ -44,12 +44,12 @@ def solve(
             choose(work, best[i])
     if best.shape[0] == 0:
         sort_rows(work)
-    return int(work.count[0])
+    return int(work.filled[0])
 
 
 def choose(work: Work, best: NDArray[np.float64]) -> None:
     """Copy the nearest legal branch, or the least illegal one, to a row of the batch."""
-    rows, count = work.rows, work.count[0]
+    rows, count = work.rows, work.filled[0]
     chosen, legal = -1, 0
     for i in range(count):
         if rows[i, LEGAL] > 0.0:

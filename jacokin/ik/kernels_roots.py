@@ -127,7 +127,7 @@ def split(b: NDArray[np.float64], left: NDArray[np.float64]) -> None:
 
 
 def angle_at(sector: int, x: float) -> float:
-    """q at the place x in [0, 1] of a sector."""
+    """The angle at the place x in [0, 1] of a sector."""
     return OFFSET + 2.0 * HALF * sector + 2.0 * math.atan(TAU * (2.0 * x - 1.0))
 
 

@@ -50,7 +50,7 @@ class Work(NamedTuple):
     q: NDArray[np.float64]  # (6,)
     row: NDArray[np.float64]  # (17,) the branch at hand
     rows: NDArray[np.float64]  # (24, 17) the branches found
-    count: NDArray[np.int64]  # (1,) how many
+    filled: NDArray[np.int64]  # (1,) how many
 
 
 def make_work(rows: NDArray[np.float64]) -> Work:
@@ -79,13 +79,13 @@ class Task(NamedTuple):
 
 def solve_pose(arm: NDArray[np.float64], k: Arm, task: Task, work: Work) -> None:
     """Fill work.rows with every branch of one target, in no order."""
-    work.count[0] = 0
+    work.filled[0] = 0
     pose = pose_of(arm, k, task.T)
     if not pose.distance <= math.sqrt(k.R2) + abs(k.c4) + abs(k.b5) + REACH_SLACK:
         return
     if k.spherical:
         spherical_starts(k, pose, task.reference, work.starts, work.q)
-        for i in range(work.starts.count[0]):
+        for i in range(work.starts.filled[0]):
             complete(k, pose, work.starts.rows[i, 0], work.starts.rows[i, 1], work.starts.rows[i, 2], work.q)
             add_branch(task, work, work.starts.rows[i, 3])
         return
@@ -100,9 +100,9 @@ def follow_roots(k: Arm, pose: Pose, task: Task, work: Work, noise: float, loose
     for i in range(find_roots(noise, looseness, work.roots)):
         q6, half = work.roots.roots[i, 0], work.roots.roots[i, 1]
         if half == 0.0 and looseness == 0.0:
-            before = work.count[0]
+            before = work.filled[0]
             follow_root(k, pose, task, work, q6, 0.0)
-            if work.count[0] == before:
+            if work.filled[0] == before:
                 follow_root(k, pose, task, work, q6, MIN_WIDTH)
         elif half > 0.0:  # the ends too: several roots may share the interval
             for part in range(-1, 2):
@@ -112,7 +112,7 @@ def follow_roots(k: Arm, pose: Pose, task: Task, work: Work, noise: float, loose
 def follow_root(k: Arm, pose: Pose, task: Task, work: Work, q6: float, unsure: float) -> None:
     """Refine every candidate at one root of F, and keep those that are branches."""
     starts_at_q6(k, pose, q6, unsure, work.starts, work.inner)
-    for i in range(work.starts.count[0]):
+    for i in range(work.starts.filled[0]):
         q1, q5, exact = refine(k, pose, work.starts.rows[i, 0], work.starts.rows[i, 1], work.starts.rows[i, 2])
         complete(k, pose, q1, q5, exact, work.q)
         add_branch(task, work, 0.0)
@@ -156,7 +156,7 @@ def polish(task: Task, work: Work, worst: float) -> bool:
 
 def keep(work: Work) -> None:
     """Append the row at hand; of two that are the same on the circle the better one stays."""
-    row, rows, count = work.row, work.rows, work.count[0]
+    row, rows, count = work.row, work.rows, work.filled[0]
     here = max(row[POSITION_ERROR], row[ORIENTATION_ERROR])
     for i in range(count):
         there = max(rows[i, POSITION_ERROR], rows[i, ORIENTATION_ERROR])
@@ -166,13 +166,13 @@ def keep(work: Work) -> None:
             return
     if count < MAX_BRANCHES:
         rows[count] = row
-        work.count[0] = count + 1
+        work.filled[0] = count + 1
 
 
 def sort_rows(work: Work) -> None:
     """Order the branches by distance to the seed, by insertion."""
     rows = work.rows
-    for i in range(1, work.count[0]):
+    for i in range(1, work.filled[0]):
         j = i
         while j > 0 and rows[j, DISTANCE] < rows[j - 1, DISTANCE]:
             for column in range(COLUMNS):

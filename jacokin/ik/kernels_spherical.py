@@ -36,7 +36,7 @@ def spherical_starts(
         starts: filled from the beginning.
         q: (6,) workspace.
     """
-    starts.count[0] = 0
+    starts.filled[0] = 0
     # B - O in the shoulder frame; D = -R6 o, so before joint 6 it is D0 + Dc.
     B = mix(pose.D0, 1.0, pose.Dc, 1.0, pose.D0, 0.0)
     X, Y, Z = dot(B, pose.x), dot(B, pose.y), dot(B, pose.z)
@@ -97,6 +97,6 @@ def wrist_starts(
 
 def append(starts: Starts, q1: float, q5: float, q6: float, family: float) -> None:
     """Add one candidate."""
-    i = starts.count[0]
+    i = starts.filled[0]
     starts.rows[i, 0], starts.rows[i, 1], starts.rows[i, 2], starts.rows[i, 3] = q1, q5, q6, family
-    starts.count[0] = i + 1
+    starts.filled[0] = i + 1

@@ -38,7 +38,7 @@ class Starts(NamedTuple):
     """Candidates (q1, q5, q6) and a mark for members of a family, and how many there are."""
 
     rows: NDArray[np.float64]  # (64, 4)
-    count: NDArray[np.int64]  # (1,)
+    filled: NDArray[np.int64]  # (1,)
 
 
 class View(NamedTuple):
@@ -76,7 +76,7 @@ def starts_at_q6(k: Arm, pose: Pose, q6: float, unsure: float, starts: Starts, w
         starts: filled from the beginning.
         work: workspace for the roots of g.
     """
-    starts.count[0] = 0
+    starts.filled[0] = 0
     view = view_of(k, pose, q6)
     W, right = sphere_terms(k, view.D)
     G2, G1, G0 = axis_terms(k, view.D, view.m)
@@ -132,13 +132,13 @@ def starts_at_q5(k: Arm, pose: Pose, view: View, zeta: complex, unsure: float, s
 
 def add_start(starts: Starts, pose: Pose, view: View, zeta: complex, z3: Vec) -> None:
     """Append (q1, q5, q6), with q1 from the direction of axis 3 (of any length)."""
-    i = starts.count[0]
+    i = starts.filled[0]
     if i < MAX_STARTS:
         starts.rows[i, 0] = math.atan2(-dot(z3, view.x), dot(z3, view.y))
         starts.rows[i, 1] = math.atan2(zeta.imag, zeta.real)
         starts.rows[i, 2] = view.q6
         starts.rows[i, 3] = 0.0
-        starts.count[0] = i + 1
+        starts.filled[0] = i + 1
 
 
 def refine(k: Arm, pose: Pose, q1: float, q5: float, q6: float) -> tuple[float, float, float]:
@@ -186,7 +186,7 @@ def complete(arm: Arm, pose: Pose, q1: float, q5: float, q6: float, q: NDArray[n
     z3 = mix(view.y, c1, view.x, -s1, view.x, 0.0)
     z4 = (arm.sin_a * c5, -arm.sin_a * s5, arm.cos_a)
     C = mix(view.D, 1.0, z4, arm.c4, z4, 0.0)  # C - O
-    q2 = arm.side * (math.atan2(dot(C, forward), dot(C, view.m)) - arm.psi_C)
+    q2 = arm.side * (math.atan2(dot(C, forward), dot(C, view.m)) - arm.psi_c)
     q3 = math.atan2(dot(z4, forward), dot(z4, view.m)) - arm.psi_4 - arm.side * q2
     x, y = c5 * z3[0] - s5 * z3[1], s5 * z3[0] + c5 * z3[1]  # axis 3 seen after joint 4
     q4 = arm.chi_3 - math.atan2(arm.sin_a * z3[2] - arm.cos_a * x, y)
