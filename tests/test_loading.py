@@ -153,6 +153,9 @@ def test_a_chain_can_start_anywhere(base: str, rng: np.random.Generator) -> None
     q = whole.sample(rng)
     expected = whole.forward_kinematics(q, "link_2").inverse() * whole.forward_kinematics(q)
     np.testing.assert_allclose(part.forward_kinematics(q[2:]).homogeneous, expected.homogeneous, atol=1e-14)
+    for shorter in (part, jacokin.load_robot(tip="link_3")):
+        assert shorter.home.shape == (shorter.dof,)
+        assert shorter.within_limits(shorter.home)
 
 
 def test_own_limits_replace_those_of_the_file() -> None:

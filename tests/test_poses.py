@@ -67,7 +67,7 @@ def test_quaternions_round_trip(rng: np.random.Generator) -> None:
 )
 def test_what_is_not_a_pose_is_refused(matrix: object, text: str) -> None:
     with pytest.raises(InvalidInputError, match=text):
-        poses.checked_pose(matrix)  # type: ignore[arg-type]  # wrong on purpose
+        poses.checked_pose(matrix)
 
 
 def test_single_precision_matrices_are_made_orthonormal() -> None:

@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike, NDArray
 from jacokin.errors import InvalidInputError
 from jacokin.model import checks, poses
 
-
 RADIAN_IN_METRES = 0.1  # one radian of orientation error counts as much as this distance
 
 

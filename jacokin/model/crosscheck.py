@@ -1,4 +1,4 @@
-"""Do two descriptions, or two engines, agree? Poses, Jacobians, mass matrices and gravity over random configurations."""
+"""Do two descriptions, or two engines, agree? Poses, Jacobians, mass matrices, gravity at random configurations."""
 
 from __future__ import annotations
 
@@ -149,8 +149,8 @@ class PinocchioEngine:
     def mass_matrix(self, with_armature: bool) -> Array:
         """(dof, dof), with or without armature."""
         upper = np.triu(self._data.M)
-        full = upper + np.triu(self._data.M, 1).T
-        return full if with_armature else full - np.diag(self._model.armature)
+        full: Array = upper + np.triu(self._data.M, 1).T
+        return full if with_armature else np.asarray(full - np.diag(self._model.armature))
 
     def gravity_torque(self) -> Array:
         """(dof,) torque that holds the arm still [N m]."""

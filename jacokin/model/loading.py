@@ -68,7 +68,8 @@ def load_robot(
         _override_limits(model, limits)
     _check_limits(model)
     source = Source(path=path, kind=kind, bundled=name, base=base, tip=tip)
-    home = table.variant(name)["home"] if name else None
+    whole_arm = name is not None and model.nv == len(table.arm_joints(name))
+    home = table.variant(name)["home"] if name and whole_arm else None
     return Robot(model, base=base_name, tip=tip, source=source, finger_angle=finger_angle, home=home)
 
 
