@@ -129,7 +129,7 @@ def test_writes_to_scattered_elements_are_noticed() -> None:
 def test_vectors_of_scattered_elements() -> None:
     physics, arm, _, _ = scene()
     bound = physics.bind([arm.joints[i].parent for i in SCATTERED])
-    ids = list(bound.element_id)
+    ids = list(bound.element_ids)
     np.testing.assert_array_equal(bound.xpos, physics.data.xpos[ids])
     bound.xfrc_applied[1, 3:] = (1.0, 2.0, 3.0)
     np.testing.assert_array_equal(physics.data.xfrc_applied[ids[1], 3:], (1.0, 2.0, 3.0))
@@ -196,6 +196,7 @@ def test_what_cannot_be_bound() -> None:
         physics.bind(other.joints[0])
     with pytest.raises(InvalidInputError, match="belongs to another model"):
         physics.bind([arm.joints[0], twin.joints[1]])  # same names, another tree
+    wrong: Any
     for wrong in (None, 3, "jaco_arm/joint_1", ["jaco_arm/joint_1"], [], [arm.joints], arm, hand.mjcf_model, {}):
         with pytest.raises(InvalidInputError):
             physics.bind(wrong)

@@ -79,8 +79,10 @@ def test_two_arms_in_one_arena() -> None:
         arm.set_home(physics)
     left, right = (physics.bind(arm.wrist_site).xpos for arm in arms)
     np.testing.assert_allclose(right - left, (1.0, 0.0, 0.0), atol=EXACT)
+    arena_of_twins = Arena()
+    arena_of_twins.attach(JacoArm(name="left"))
     with pytest.raises(InvalidInputError, match=r"'left' is attached here already.*name="):
-        Arena.attach(fresh := Arena(), JacoArm(name="left")) and fresh.attach(JacoArm(name="left"))
+        arena_of_twins.attach(JacoArm(name="left"))
 
 
 def test_the_frame_returned_places_the_entity() -> None:
@@ -221,15 +223,14 @@ def test_what_cannot_be_attached() -> None:
     with pytest.raises(InvalidInputError, match="to itself"):
         hand.attach(arena)
     with pytest.raises(InvalidInputError, match="must be an Entity"):
-        arm.attach(mujoco.MjSpec())  # type: ignore[arg-type]
-    with pytest.raises(InvalidInputError, match="must be a site of 'jaco_arm'.*jaco_arm/wristsite"):
+        arm.attach(mujoco.MjSpec())
+    with pytest.raises(InvalidInputError, match=r"must be a site of 'jaco_arm'.*jaco_arm/wristsite"):
         arm.attach(JacoHand(name="second"), other.wrist_site)
     for wrong in ({"position": (0.0, 1.0)}, {"quaternion": (2.0, 0.0, 0.0, 0.0)}):
         with pytest.raises(InvalidInputError):
-            arena.attach(other, **wrong)  # type: ignore[arg-type]
+            arena.attach(other, **wrong)
     assert other.parent is None
     assert Physics.from_entity(arena).model.nq == 9
-    other.detach() if other.parent else None
     with pytest.raises(InvalidInputError, match="not attached to anything"):
         other.detach()
 
@@ -243,7 +244,7 @@ def test_nothing_is_attached_or_detached_after_compiling() -> None:
         hand.detach,
         lambda: Arena("outer").attach(arena),
     ):
-        with pytest.raises(InvalidInputError, match="'arena' was compiled|compiled into a physics"):
+        with pytest.raises(InvalidInputError, match="compiled into a physics"):
             change()
     physics.step()
 
@@ -267,7 +268,7 @@ def test_elements_that_mujoco_would_lose_are_an_error() -> None:
     assert Physics.from_entity(arena).model.ncam == 2
     arena, arm, _ = build("arm first")
     arm.mjcf_model.worldbody.add_camera(name="eye")
-    with pytest.raises(InvalidInputError, match="'eye'.*root_body"):
+    with pytest.raises(InvalidInputError, match=r"'eye'.*root_body"):
         Physics.from_entity(arena)
 
 

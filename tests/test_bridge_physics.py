@@ -137,7 +137,7 @@ def test_writes_to_the_model_take_effect() -> None:
 
 def test_steps_never_start_from_stale_data() -> None:
     """Writing home over q = 0 through the data and stepping must not kick the arm."""
-    arena, arm, _ = arm_and_hand()
+    arena, _, _ = arm_and_hand()
     physics = Physics.from_entity(arena)
     physics.data.qpos[:6] = HOME
     physics.data.qpos[6:] = 0.5
@@ -341,7 +341,7 @@ def test_entities_can_be_used_only_with_a_physics_that_holds_them() -> None:
         with pytest.raises(InvalidInputError, match="not part of this physics"):
             use()
     not_physics: Any = arm
-    with pytest.raises(InvalidInputError, match="made by Physics.from_entity"):
+    with pytest.raises(InvalidInputError, match=r"made by Physics\.from_entity"):
         arm.set_home(not_physics)
 
 

@@ -190,6 +190,25 @@ def test_base_moved_while_simulating() -> None:
         assert_reached(physics, arm, hand.pinch_site, position, quaternion)
 
 
+def test_sites_limits_and_hands_moved_while_simulating() -> None:
+    physics, arm, hand = scene()
+    rng = np.random.default_rng(14)
+    changes: list[Any] = [
+        lambda: hand.set_pose(physics, (0.0, 0.02, 0.05)),
+        lambda: setattr(physics.bind(hand.pinch_site), "pos", (0.0, 0.0, -0.25)),
+        lambda: setattr(physics.bind(arm.joints[1]), "range", (2.0, 4.0)),
+    ]
+    for change in changes:
+        position, quaternion = reachable_pose(physics, arm, hand.pinch_site, rng)
+        assert arm.set_site_to_xpos(physics, rng, hand.pinch_site, position, quaternion)
+        change()
+        for _ in range(5):
+            position, quaternion = reachable_pose(physics, arm, hand.pinch_site, rng)
+            assert arm.set_site_to_xpos(physics, rng, hand.pinch_site, position, quaternion)
+            assert_reached(physics, arm, hand.pinch_site, position, quaternion)
+    assert 2.0 <= physics.bind(arm.joints[1]).qpos[0] <= 4.0
+
+
 def test_site_on_a_finger_moves_with_it() -> None:
     arm, hand = JacoArm(), JacoHand()
     nail = hand.mjcf_model.body("link_finger_tip_1").add_site(name="nail", pos=(0.03, 0.0, 0.0))

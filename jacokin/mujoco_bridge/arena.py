@@ -15,8 +15,8 @@ CAMERA = "overview"
 _FLOOR = "ground"
 _FLOOR_SIZE = (1.0, 1.0, 0.1)  # half-lengths of the drawn plane, and grid spacing [m]
 _CHECKER_REPEAT = (5.0, 5.0)
-_CHECKER_RGB = ((0.30, 0.36, 0.42), (0.20, 0.25, 0.30))
-_SKY_RGB = ((0.55, 0.68, 0.82), (0.05, 0.07, 0.10))
+_CHECKER_RGB = ((0.62, 0.68, 0.74), (0.44, 0.50, 0.56))
+_SKY_RGB = ((0.85, 0.90, 0.95), (0.45, 0.55, 0.65))
 _LIGHT_HEIGHT = 1.5  # [m]
 _MEMORY = 64 * 2**20  # [bytes] two arms at q = 0, where everything touches, need more than MuJoCo's estimate
 _NEAREST_DRAWN = 0.01  # of the model's extent
@@ -87,6 +87,8 @@ def _set_options(spec: mujoco.MjSpec, row: Any) -> None:
 
 def _add_looks(spec: mujoco.MjSpec) -> None:
     spec.visual.map.znear = _NEAREST_DRAWN
+    spec.visual.headlight.ambient = (0.3, 0.3, 0.3)
+    spec.visual.headlight.diffuse = (0.5, 0.5, 0.5)
     spec.stat.center = (0.0, 0.0, 0.0)
     spec.add_texture(
         name="sky",
@@ -106,7 +108,7 @@ def _add_looks(spec: mujoco.MjSpec) -> None:
         width=300,
         height=300,
     )
-    material = spec.add_material(name=_FLOOR, texrepeat=_CHECKER_REPEAT, texuniform=True, reflectance=0.1)
+    material = spec.add_material(name=_FLOOR, texrepeat=_CHECKER_REPEAT, texuniform=True, reflectance=0.0)
     material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = _FLOOR
     spec.worldbody.add_light(
         pos=(0.0, 0.0, _LIGHT_HEIGHT),
@@ -115,6 +117,6 @@ def _add_looks(spec: mujoco.MjSpec) -> None:
         specular=(0.3, 0.3, 0.3),
         castshadow=True,
     )
-    camera = spec.worldbody.add_camera(name=CAMERA, pos=(0.9, -1.1, 0.9))
+    camera = spec.worldbody.add_camera(name=CAMERA, pos=(0.75, -0.75, 0.6))
     camera.alt.type = mujoco.mjtOrientation.mjORIENTATION_XYAXES
-    camera.alt.xyaxes = (0.77, 0.63, 0.0, -0.29, 0.36, 0.88)
+    camera.alt.xyaxes = (0.768, 0.640, 0.0, -0.207, 0.248, 0.946)  # looks at (0, 0.15, 0.2)

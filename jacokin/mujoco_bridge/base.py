@@ -114,7 +114,6 @@ class RobotArm(Entity):
             InvalidInputError: an argument is wrong.
             UnknownNameError: no site of this name; lists those there are.
         """
-        check_physics(physics)
         check_random_state(random_state)
         position = checks.vector("target_pos", target_pos, 3, "m")
         rotation = _DOWN if target_quat is None else rotation_matrix(unit_quaternion("target_quat", target_quat))
@@ -124,10 +123,11 @@ class RobotArm(Entity):
             or max_ik_attempts < 1
         ):
             raise InvalidInputError(f"max_ik_attempts must be a whole number >= 1, got {max_ik_attempts!r}")
-        solver = self.site_solver(physics, site)
+        solver = self.site_solver(check_physics(physics), site)
         bounds = None if solver.has_closed_form else self.sampling_bounds(physics)
-        for qpos in solver.solutions(physics.data, position, rotation, bounds, random_state, int(max_ik_attempts)):
-            physics.data.qpos[:] = qpos
+        data = physics.data
+        for rows, q in solver.solutions(data, position, rotation, bounds, random_state, int(max_ik_attempts)):
+            data.qpos[rows] = q
             physics.forward()
             return True
         return False
@@ -144,8 +144,11 @@ class RobotArm(Entity):
             UnknownNameError: no site of this name; lists those there are.
             ModelError: the arm does not move the site.
         """
+        known = self._solvers.known(physics, site)
+        if known is not None:
+            return known
         joints = check_physics(physics).bind(self.joints).element_ids
-        return self._solvers.of(physics, joints, _site_id(physics, site))
+        return self._solvers.keep(physics, site, SiteSolver(physics, joints, _site_id(physics, site)))
 
     @property
     def _solvers(self) -> SceneSolvers:

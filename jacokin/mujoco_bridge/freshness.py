@@ -127,7 +127,8 @@ class Freshness:
         except mujoco.FatalError as error:
             raise PhysicsError(f"MuJoCo gave up: {error}") from error
         self._refuse_warnings()
-        self._remember()
+        self._now, self._at_pass = self._at_pass, self._now  # a pass changes nothing of this but the warm start
+        self._is_known = True
 
     def step(self, n: int) -> None:
         """Advance n time steps from fresh data, and leave positions and velocities fresh.
@@ -137,16 +138,18 @@ class Freshness:
         """
         if self._is_stale():
             self.forward()
+            before = self._at_pass
         else:
             self._refuse_infinite(self._now.ctrl)
+            before = self._now
         try:
             self._advance(n)
             self._refuse_warnings()
         except PhysicsError:
-            mujoco.mj_setState(self.model, self.data, self._now.all, _INTEGRATION)
+            mujoco.mj_setState(self.model, self.data, before.all, _INTEGRATION)
             self._is_known = False
             raise
-        self._remember()
+        mujoco.mj_getState(self.model, self.data, self._at_pass.all, _INTEGRATION)
 
     def _advance(self, n: int) -> None:
         model, data = self.model, self.data
@@ -173,10 +176,6 @@ class Freshness:
             or now.motion.tobytes() != known.motion.tobytes()
             or now.applied.tobytes() != known.applied.tobytes()
         )
-
-    def _remember(self) -> None:
-        mujoco.mj_getState(self.model, self.data, self._at_pass.all, _INTEGRATION)
-        self._is_known = True
 
     def _refuse_infinite(self, state: Array) -> None:
         # One dot product is the cheapest test for NaN and inf.

@@ -96,9 +96,11 @@ class TcpInitializer:
         for _ in range(self._max_rejection_samples):
             position = checks.vector("position", _draw(self._position, random_state), 3, "m")
             rotation = rotation_matrix(unit_quaternion("quaternion", _draw(self._quaternion, random_state)))
-            for qpos in solver.solutions(physics.data, position, rotation, bounds, random_state, self._max_ik_attempts):
-                if self._ignore_collisions or not judge.any_at(qpos):
-                    physics.data.qpos[:] = qpos
+            for rows, q in solver.solutions(
+                physics.data, position, rotation, bounds, random_state, self._max_ik_attempts
+            ):
+                if self._ignore_collisions or not judge.any_with(rows, q):
+                    physics.data.qpos[rows] = q
                     physics.forward()
                     return
         raise PhysicsError(
@@ -126,10 +128,11 @@ class _Collisions:
         self._robot = (in_arm | in_hand)[model.geom_bodyid]
         self._fixed = (~free & ~in_arm & ~in_hand)[model.geom_bodyid]
 
-    def any_at(self, qpos: Array) -> bool:
-        """Whether the robot touches itself (its hand's own parts aside) or something fixed."""
+    def any_with(self, rows: NDArray[np.intp], q: Array) -> bool:
+        """Whether the robot touches itself (its hand's own parts aside) or something fixed, with q in these rows."""
         data = self._data
-        data.qpos[:] = qpos
+        data.qpos[:] = self._physics.data.qpos
+        data.qpos[rows] = q
         if self._physics.model.nmocap:
             data.mocap_pos[:] = self._physics.data.mocap_pos
             data.mocap_quat[:] = self._physics.data.mocap_quat

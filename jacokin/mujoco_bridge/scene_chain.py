@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from jacokin.errors import ModelError
 from jacokin.model import mjcf
 from jacokin.model.robot import Robot, Source
+from jacokin.mujoco_bridge.binding import select
 
 Array = NDArray[np.float64]
 
@@ -35,18 +36,32 @@ class SceneChain:
     Attributes:
         robot: the chain; its only frame is the site, and its base the body that holds the first joint's body.
         base_body: id of that body.
+        base_rests: whether it never moves while simulating.
+        base_numbers: the parts of the model's arrays that its pose follows from if it rests.
         joints: (dof,) ids of the joints, base to site.
         qpos: (dof,) where the joints' positions are in MuJoCo's qpos.
         held: (m,) where in qpos the positions of those joints are that lie in the chain but are not the arm's.
         held_at: (m,) their positions when the chain was made.
+        numbers: the parts of the scene's arrays that the chain was made from.
+        numbers_then: their bytes when it was made.
     """
 
     robot: Robot
     base_body: int
+    base_rests: bool
+    base_numbers: tuple[NDArray[Any], ...]
     joints: tuple[int, ...]
     qpos: NDArray[np.intp]
     held: NDArray[np.intp]
     held_at: Array
+    numbers: tuple[NDArray[Any], ...]
+    numbers_then: list[bytes]
+
+    def is_current(self, qpos: Array) -> bool:
+        """Whether the scene still has this chain: nobody moved a site, a limit, or a finger that was held."""
+        if self.held.size and not np.array_equal(qpos[self.held], self.held_at):
+            return False
+        return [numbers.tobytes() for numbers in self.numbers] == self.numbers_then
 
 
 def scene_chain(model: mujoco.MjModel, qpos: Array, joints: Sequence[int], site: int) -> SceneChain:
@@ -65,7 +80,7 @@ def scene_chain(model: mujoco.MjModel, qpos: Array, joints: Sequence[int], site:
     moved = [i for i, body in enumerate(bodies) if set(_joints_of(model, body)) & set(joints)]
     if not moved:
         raise ModelError(f"none of the arm's joints moves site {model.site(site).name!r}")
-    bodies = bodies[moved[0] :]
+    above, bodies = bodies[: moved[0]], bodies[moved[0] :]
     members: list[int] = []
     addresses: list[int] = []
     held: list[int] = []
@@ -92,15 +107,40 @@ def scene_chain(model: mujoco.MjModel, qpos: Array, joints: Sequence[int], site:
     T = T * mjcf.placement(model.site_quat[site], model.site_pos[site])
     out.addFrame(pin.Frame(BASE, 0, 0, pin.SE3.Identity(), pin.FrameType.OP_FRAME), False)
     out.addFrame(pin.Frame(SITE, carrier, 0, T, pin.FrameType.OP_FRAME), False)
+    numbers = _numbers(model, bodies, site)
     source = Source(path=Path("scene"), kind="mjcf", bundled=None, base=BASE, tip=SITE)
     return SceneChain(
         robot=Robot(out, base=BASE, tip=SITE, source=source, home=qpos[addresses]),
         base_body=int(model.body_parentid[bodies[0]]),
+        base_rests=not any(model.body_dofnum[body] or model.body_mocapid[body] >= 0 for body in above),
+        base_numbers=_poses(model, above),
         joints=tuple(members),
         qpos=np.array(addresses, dtype=np.intp),
         held=np.array(held, dtype=np.intp),
         held_at=qpos[held],
+        numbers=numbers,
+        numbers_then=[each.tobytes() for each in numbers],
     )
+
+
+def _numbers(model: mujoco.MjModel, bodies: Sequence[int], site: int) -> tuple[NDArray[Any], ...]:
+    """Live views of everything a chain along these bodies follows from, that a user may change."""
+    joints = [np.array([joint for body in bodies for joint in _joints_of(model, body)], dtype=np.intp)]
+    sites = [np.array([site], dtype=np.intp)]
+    return (
+        *_poses(model, bodies),
+        *(
+            select(array, joints, single=False)
+            for array in (model.jnt_range, model.jnt_limited, model.jnt_pos, model.jnt_axis)
+        ),
+        *(select(array, sites, single=False) for array in (model.site_pos, model.site_quat)),
+    )
+
+
+def _poses(model: mujoco.MjModel, bodies: Sequence[int]) -> tuple[NDArray[Any], ...]:
+    """Live views of where bodies are in their parents."""
+    rows = [np.array(bodies, dtype=np.intp)]
+    return tuple(select(array, rows, single=False) for array in (model.body_pos, model.body_quat))
 
 
 def _path(model: mujoco.MjModel, body: int) -> list[int]:

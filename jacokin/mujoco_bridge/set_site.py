@@ -1,23 +1,23 @@
 """Inverse kinematics on an arm as it stands in a scene: what `RobotArm.set_site_to_xpos` runs.
 
 Where the arm has a closed form, it gives every branch and the nearest legal one is taken; otherwise the QP descends
-from the present configuration and then from random ones. MuJoCo's own kinematics has the last word on the answer, on a
-copy of the data: the simulation is not touched before success is certain.
+from the present configuration and then from random ones. The chain of joints is MuJoCo's own, number by number, and the
+simulation is only read: nothing is written before there is an answer.
 """
 
 from __future__ import annotations
 
 import weakref
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 import mujoco
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
+from jacokin.ik import targets
 from jacokin.ik.qp import MultiStartQP
 from jacokin.ik.solver import IKSolver
-from jacokin.ik.targets import Target, rotation_angle
 from jacokin.mujoco_bridge.physics import Physics
 from jacokin.mujoco_bridge.scene_chain import SITE, SceneChain, scene_chain
 
@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 RandomState = np.random.RandomState | np.random.Generator
 Bounds = tuple[Array, Array]
 
-POSITION_TOLERANCE = 1e-6  # [m] what the interface promises of a success
+POSITION_TOLERANCE = 1e-6  # [m] what the interface promises of a success; the closed form is a thousand times better
 ORIENTATION_TOLERANCE = 1e-6  # [rad]
 QP_SOLVER = "daqp"
 
@@ -54,11 +54,12 @@ class SiteSolver:
         self._scratch = mujoco.MjData(physics.model)
         self._joints = tuple(joints)
         self._site = site
+        self._T = np.eye(4)
         self._prepare(physics.data.qpos)
 
     def chain(self, qpos: Array) -> SceneChain:
         """The joints that move the site, with fingers and the like held where they are in a qpos."""
-        if self._chain.held.size and not np.array_equal(qpos[self._chain.held], self._chain.held_at):
+        if not self._chain.is_current(qpos):
             self._prepare(qpos)
         return self._chain
 
@@ -67,10 +68,12 @@ class SiteSolver:
         robot = self._chain.robot
         self._solver = IKSolver(robot, SITE)
         self.has_closed_form = self._solver.applies()
-        kinds = self._model.jnt_type[list(self._chain.joints)]
-        self._wraps = robot.free & (kinds == mujoco.mjtJoint.mjJNT_HINGE)
         self._qp: MultiStartQP | None = None
-        self._T = np.eye(4)
+        kinds = self._model.jnt_type[list(self._chain.joints)]
+        self._wraps: list[int] = np.flatnonzero(robot.free & (kinds == mujoco.mjtJoint.mjJNT_HINGE)).tolist()
+        self._base_position: Array = self._scratch.xpos[self._chain.base_body]
+        self._R_base_world: Array = self._scratch.xmat[self._chain.base_body].reshape(3, 3).T
+        self._base_then: list[bytes] = []
 
     def solutions(
         self,
@@ -80,10 +83,8 @@ class SiteSolver:
         bounds: Bounds | None,
         random_state: RandomState,
         attempts: int,
-    ) -> Iterator[Array]:
-        """Configurations of the whole scene with the site at its target, those of the closed form nearest first.
-
-        Each is a view of one buffer that the next overwrites.
+    ) -> Iterator[tuple[NDArray[np.intp], Array]]:
+        """Where in qpos to write what so that the site is at its target; those of the closed form nearest first.
 
         Args:
             data: the simulation's state; it is only read.
@@ -93,37 +94,47 @@ class SiteSolver:
             random_state: drawn from for all starts but the first.
             attempts: number of starts.
         """
-        scratch, model = self._scratch, self._model
-        scratch.qpos[:] = data.qpos
-        if model.nmocap:
-            scratch.mocap_pos[:] = data.mocap_pos
-            scratch.mocap_quat[:] = data.mocap_quat
-        chain = self.chain(scratch.qpos)
-        mujoco.mj_kinematics(model, scratch)
-        R_base_world = scratch.xmat[chain.base_body].reshape(3, 3).T
+        chain = self.chain(data.qpos)
+        self._find_base(chain, data)
         T = self._T
-        np.matmul(R_base_world, rotation, out=T[:3, :3])
-        T[:3, 3] = R_base_world @ (position - scratch.xpos[chain.base_body])
-        present = scratch.qpos[chain.qpos]
-        found = (
-            self._branches(T, present)
-            if bounds is None
-            else self._by_qp(T, self._starts(present, bounds, random_state, attempts))
-        )
+        np.matmul(self._R_base_world, rotation, out=T[:3, :3])
+        np.matmul(self._R_base_world, position - self._base_position, out=T[:3, 3])
+        present = data.qpos[chain.qpos]
+        if bounds is None:
+            found = self._branches(T, present)
+        else:
+            found = self._by_qp(T, self._starts(present, bounds, random_state, attempts))
         for q in found:
-            scratch.qpos[chain.qpos] = self._canonical(q)
-            mujoco.mj_kinematics(model, scratch)
-            miss = scratch.site_xpos[self._site] - position
-            tilt = scratch.site_xmat[self._site].reshape(3, 3).T @ rotation
-            if miss.dot(miss) <= POSITION_TOLERANCE**2 and rotation_angle(tilt) <= ORIENTATION_TOLERANCE:
-                yield scratch.qpos
+            yield chain.qpos, self._canonical(q)
+
+    def _find_base(self, chain: SceneChain, data: mujoco.MjData) -> None:
+        """Bring the base's pose in the scratch data up to date."""
+        base_now = [numbers.tobytes() for numbers in chain.base_numbers]
+        if chain.base_rests and base_now == self._base_then:
+            return
+        scratch = self._scratch
+        scratch.qpos[:] = data.qpos
+        scratch.mocap_pos[:] = data.mocap_pos
+        scratch.mocap_quat[:] = data.mocap_quat
+        mujoco.mj_kinematics(self._model, scratch)
+        self._base_then = base_now
 
     def _branches(self, T_base_site: Array, present: Array) -> Iterator[Array]:
         branches = self._solver.closed_form().solve_all(T_base_site, present)
-        return iter(branches.q[branches.within_limits])
+        q = branches.q
+        for index in branches.within_limits.nonzero()[0]:
+            yield q[index]
+
+    def _canonical(self, q: Array) -> Array:
+        """Free hinges turned into [0, 2 pi)."""
+        q = q.copy()
+        for joint in self._wraps:
+            turned = q[joint] % _TURN
+            q[joint] = turned if turned < _TURN else 0.0  # the remainder of -1e-17 is rounded up to a full turn
+        return q
 
     def _by_qp(self, T_base_site: Array, starts: Iterator[Array]) -> Iterator[Array]:
-        target = Target(pin.SE3(T_base_site), position_only=False)
+        target = targets.checked(T_base_site)
         if self._qp is None:
             self._qp = MultiStartQP(self._chain.robot, SITE, None, QP_SOLVER, POSITION_TOLERANCE, ORIENTATION_TOLERANCE)
         for start in starts:
@@ -138,32 +149,22 @@ class SiteSolver:
         for _ in range(attempts - 1):
             yield random_state.uniform(*bounds)[members]
 
-    def _canonical(self, q: Array) -> Array:
-        """Free hinges turned into [0, 2 pi)."""
-        turned = q % _TURN
-        turned[turned >= _TURN] = 0.0  # the remainder of -1e-17 is rounded up to a full turn
-        return np.where(self._wraps, turned, q)
-
 
 class SceneSolvers:
     """The solvers of one arm, made when first needed for a site of a physics."""
 
     def __init__(self) -> None:
         """Start without any."""
-        self._solvers: weakref.WeakKeyDictionary[Physics, dict[int, SiteSolver]] = weakref.WeakKeyDictionary()
+        self._solvers: weakref.WeakKeyDictionary[Physics, dict[Any, SiteSolver]] = weakref.WeakKeyDictionary()
 
-    def of(self, physics: Physics, joints: Sequence[int], site: int) -> SiteSolver:
-        """The solver of a site.
+    def known(self, physics: Physics, site: Any) -> SiteSolver | None:
+        """The solver that was kept for a site, an element or a name; None if there is none."""
+        try:
+            return self._solvers[physics].get(site)
+        except (KeyError, TypeError):  # nothing known, or not even a possible site
+            return None
 
-        Args:
-            physics: the scene.
-            joints: ids of the arm's joints.
-            site: id of the site.
-
-        Raises:
-            ModelError: the joints do not move the site, or cannot be solved for.
-        """
-        solvers = self._solvers.setdefault(physics, {})
-        if site not in solvers:
-            solvers[site] = SiteSolver(physics, joints, site)
-        return solvers[site]
+    def keep(self, physics: Physics, site: Any, solver: SiteSolver) -> SiteSolver:
+        """Keep a solver; returns it."""
+        self._solvers.setdefault(physics, {})[site] = solver
+        return solver
