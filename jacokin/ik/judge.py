@@ -96,6 +96,8 @@ class Judge:
         self.frame = frame
         self.tool = tool
         self.settings = settings
+        self._lower = robot.lower.tolist()  # as plain floats: six comparisons are not worth an array
+        self._upper = robot.upper.tolist()
         self._contact = None if settings.collision == "ignore" else SelfContact(robot)
 
     @property
@@ -122,7 +124,7 @@ class Judge:
         return (
             errors[0] <= self.settings.position_tolerance
             and errors[1] <= self.settings.orientation_tolerance
-            and bool((q >= self.robot.lower).all() and (q <= self.robot.upper).all())
+            and all(low <= angle <= high for low, angle, high in zip(self._lower, q.tolist(), self._upper, strict=True))
         )
 
     def result(

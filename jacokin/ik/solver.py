@@ -201,12 +201,14 @@ class IKSolver:
             raise InvalidInputError("solve_all needs an orientation: a position alone is reached by infinitely many")
         start, _ = seeds.legal_seed(self.robot, seed)
         raw = self.closed_form().solve_all(wanted.matrix, start)
+        within_limits = raw.within_limits
+        within_limits.setflags(write=False)
         touching = None
         if self._judge.looks_for_contact:
             touching = tuple(tuple(self._judge.touching(q)) for q in raw.q)
         return Branches(
             q=raw.q,
-            within_limits=raw.within_limits,
+            within_limits=within_limits,
             margin=raw.margin,
             distance=raw.distance,
             position_error=raw.position_error,
@@ -272,7 +274,9 @@ class IKSolver:
         judge = self._judge
         raw = self.closed_form().solve_all(target.matrix, start)
         touched: IKResult | None = None
-        for index in np.flatnonzero(raw.within_limits):
+        for index, legal in enumerate(raw.within_limits.tolist()):
+            if not legal:
+                continue
             q = raw.q[index]
             errors = judge.measure(q, target)
             if not judge.reached(q, errors):
