@@ -32,10 +32,11 @@ One referee, Pinocchio on `urdf/j2n6s300.urdf`, measures every answer. Each has 
 `urdf/jaco_arm.xml`), but dm_control and ssik bring their own, whose angles are rounded; how far they are off is shown,
 and added to their tolerance. All start from home, ssik without a start. Times are of the call from Python alone.
 
-*Solved*: an answer inside the limits within {comparison.POSITION_TOLERANCE:g} m and {comparison.ORIENTATION_TOLERANCE:g}
-rad. *Legal*: the share of answers inside every limit, at tolerance 0. *Position*, *orientation*: the worst error of all
-answers. *Branches*: mean number of answers inside the limits. *Found*: the configuration the pose was made from is
-among them. *p99 CPU* counts processor time, all threads added up, and so leaves out other work on the machine."""
+*Solved*: an answer inside the limits within {comparison.POSITION_TOLERANCE:g} m and
+{comparison.ORIENTATION_TOLERANCE:g} rad. *Legal*: the share of answers inside every limit, at tolerance 0. *Position*,
+*orientation*: the worst error of all answers. *Branches*: mean number of answers inside the limits. *Found*: the
+configuration the pose was made from is among them. *p99 CPU* counts processor time, all threads added up, and so
+leaves out other work on the machine."""
 
 HEADER = ("solver", "solved", "legal", "position", "orientation", "branches", "found", "median", "p99", "p99 CPU")
 
