@@ -57,7 +57,7 @@ class PathResult:
     segment: NDArray[np.intp]
     """(n,) which straight line the row belongs to."""
     clearance: Array
-    """(n,) smallest distance of shapes kept apart [m]; inf when far, nan when none are."""
+    """(n,) smallest distance of shapes kept apart [m], see `TrackerStep`; nan when none are."""
     lower: Array
     """(dof,) lower limits [rad]."""
     upper: Array

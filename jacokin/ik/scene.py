@@ -27,7 +27,9 @@ CLEARANCE = 0.01  # [m] kept between shapes unless told otherwise
 class Obstacle(Protocol):
     """A shape that stands still."""
 
-    name: str
+    @property
+    def name(self) -> str:
+        """Name of the shape."""
 
     def add_to(self, body: mujoco.MjsBody) -> None:
         """Add the shape to the base body."""
@@ -196,14 +198,14 @@ def _lengths(name: str, value: ArrayLike, count: int) -> Array:
 
 
 def _add(body: mujoco.MjsBody, name: str, kind: mujoco.mjtGeom, size: Array, pose: pin.SE3 | ArrayLike) -> None:
-    place = targets.checked(pose, f"{name}: pose").pose
+    place = targets.checked(pose, f"{name}: pose")
     full = np.zeros(3)
     full[: size.size] = size
     body.add_geom(
         name=name,
         type=kind,
         size=full,
-        pos=place.translation,
+        pos=place.position,
         quat=poses.quat_wxyz(place.rotation),
         contype=0,
         conaffinity=0,

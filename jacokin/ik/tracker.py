@@ -35,7 +35,7 @@ Drift = tuple[Array, Array]
 
 POSITION_TOLERANCE = 1e-4  # [m] a tenth of what the arm repeats
 ORIENTATION_TOLERANCE = 1e-3  # [rad] the same at the length of a hand
-NEGLIGIBLE = 1e-2  # of the tolerances: an error below this may grow again
+NEGLIGIBLE = 0.1  # of the tolerances: an error below this may grow again
 DAMPING = (1e-2, 1e4)  # relative to the squared error: least, and where no step helps any more
 MORE_DAMPING, LESS_DAMPING = 10.0, 3.0  # factors after a step that makes the error grow, and after a good one
 RETRIES = 6  # QPs in one tick at most

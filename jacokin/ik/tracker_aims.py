@@ -42,8 +42,8 @@ class Aims:
             return [self._aim(one) for one in target]
         checked = targets.checked(target)  # type: ignore[arg-type]  # refuses what is neither a pose nor a position
         if checked.position_only:
-            return [self._aim(tracking_targets.PositionTarget(checked.pose.translation))]
-        self._pose.set(checked.pose)
+            return [self._aim(tracking_targets.PositionTarget(checked.position))]
+        self._pose.set(pin.SE3(checked.rotation, checked.position))
         return [self._pose]
 
     def here(self, data: mujoco.MjData) -> pin.SE3:

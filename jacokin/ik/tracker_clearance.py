@@ -28,6 +28,7 @@ HORIZON = 0.05  # [m] beyond the watched range up to which distances are measure
 PUSH = 100.0  # weight of moving too near pairs apart, against 1 for the target: its pull then costs microns
 PUSH_PART = 0.2  # part of the missing distance asked back in one tick
 WORSE = 1e-9  # [m] rounding of a distance
+TOUCHING = 1e-12  # [m] nearest points this near to each other give no direction
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,8 +49,23 @@ class Distances:
 
     @property
     def least(self) -> float:
-        """Smallest measured distance [m]; inf when every pair is far."""
-        return float(self.distance.min()) if self.distance.size else np.inf
+        """Smallest distance [m]: measured when it is in the watched range, a lower bound when it is larger."""
+        return float(self.bound.min()) if self.bound.size else np.inf
+
+
+@dataclass(frozen=True, slots=True)
+class Contact:
+    """What the QP is told of shapes that are near.
+
+    Attributes:
+        walls: rows G and ends h of G x <= h: no pair uses up more than a part of its spare distance.
+        pushes: weighted rows W of W x = e that move too near pairs apart.
+        wanted: the e to them.
+    """
+
+    walls: tuple[Array, Array]
+    pushes: Array
+    wanted: Array
 
 
 class ClearanceGuard:
@@ -76,6 +92,9 @@ class ClearanceGuard:
         self._lever = _levers(model, second) * self._between
         self._watch = distance + BUFFER + LOOK_AHEAD * dt * (self._lever @ velocity)
         self._slide = model.jnt_type == mujoco.mjtJoint.mjJNT_SLIDE
+        self._fixed = model.body_weldid[model.geom_bodyid[first]] == 0
+        self._exit: dict[int, Array] = {}
+        self._leaving = np.zeros(len(pairs), dtype=bool)
         self._buffer = np.empty(6)
 
     def name(self, pair: int) -> str:
@@ -84,6 +103,8 @@ class ClearanceGuard:
 
     def start(self, data: mujoco.MjData) -> Distances:
         """Distances at a configuration nothing is known about."""
+        self._exit = {}
+        self._leaving[:] = False
         # Distance of the bounding spheres; planes and shapes without a sphere are measured.
         radius = self._model.geom_rbound
         gap = np.linalg.norm(data.geom_xpos[self._first] - data.geom_xpos[self._second], axis=1)
@@ -109,43 +130,69 @@ class ClearanceGuard:
         return Distances(bound, near[close], distance[close], points[close])
 
     def acceptable(self, before: Distances, after: Distances) -> bool:
-        """Whether a step may be taken: nothing gets too near, and what is too near already gets no worse."""
-        kept = before.bound[after.near] >= self._distance
+        """Whether a step may be taken: no pair gets too near, and pairs that are too near already get no worse.
+
+        While anything is inside an obstacle, its pairs are free: the way out may lead other shapes deeper first.
+        """
+        kept = (before.bound[after.near] >= self._distance) & ~self._leaving[after.near]
         if (after.distance[kept] < self._distance - WORSE).any():
             return False
-        return after.least >= min(self._distance, before.least) - WORSE
+        bound_before, bound_after = before.bound[~self._leaving], after.bound[~self._leaving]
+        if not bound_after.size:
+            return True
+        return bool(bound_after.min() >= min(self._distance, bound_before.min()) - WORSE)
 
-    def too_near(self, now: Distances) -> NDArray[np.intp]:
-        """Rows of the pairs that must move apart."""
-        return np.flatnonzero(now.distance < self._distance + 0.5 * BUFFER)
+    def linearise(self, data: mujoco.MjData, now: Distances) -> Contact:
+        """Walls and pushes at a configuration."""
+        normals = self._normals(now)
+        leaving = self._exits(now, normals)
+        gradients = self._gradients(data, now, normals)
+        spare = now.distance - self._distance - BUFFER
+        walls = -gradients[~leaving], APPROACH * np.maximum(spare[~leaving], 0.0)
+        rows = now.distance < self._distance + 0.5 * BUFFER
+        return Contact(walls, PUSH * gradients[rows], -PUSH * PUSH_PART * spare[rows])
 
-    def gradients(self, data: mujoco.MjData, now: Distances) -> Array:
-        """How the measured distances change with the joints, (near, dof) [m/rad].
+    def _exits(self, now: Distances, normals: Array) -> NDArray[np.bool_]:
+        """Choose one way out of each obstacle that something is inside, and put it into `normals`.
 
-        Only joints between the two shapes change their distance: hinges by n . (a x (p - c)) with the axis a through
-        c, slides by n . a, for the nearest point p on the outer shape and the direction n away from the inner one.
+        The nearest face differs from shape to shape; each going its own way, a hand would never leave a box. The way
+        is that of the deepest shape, kept until nothing is inside any more.
+
+        Returns:
+            (near,) True for pairs with such an obstacle.
         """
+        inside = np.flatnonzero((now.distance < 0.0) & self._fixed[now.near])
+        exits: dict[int, Array] = {}
+        for row in inside[np.argsort(now.distance[inside])].tolist():
+            obstacle = int(self._first[now.near[row]])
+            if obstacle not in exits:
+                exits[obstacle] = self._exit.get(obstacle, normals[row].copy())
+        self._exit = exits
+        self._leaving = np.isin(self._first, list(exits))
+        leaving: NDArray[np.bool_] = self._leaving[now.near]
+        for row in np.flatnonzero(leaving).tolist():
+            normals[row] = exits[int(self._first[now.near[row]])]
+        return leaving
+
+    def _normals(self, now: Distances) -> Array:
+        """(near, 3) unit vectors from the first shape to the second, along which the distance grows."""
         across = now.points[:, 3:] - now.points[:, :3]
         length = np.linalg.norm(across, axis=1)
         # Shapes that just touch give no direction.
-        normal = across / np.where(length > 1e-12, length, np.inf)[:, None]
-        normal *= np.where(now.distance < 0.0, -1.0, 1.0)[:, None]
+        across /= np.where(length > TOUCHING, length, np.inf)[:, None]
+        return np.asarray(across * np.where(now.distance < 0.0, -1.0, 1.0)[:, None])
+
+    def _gradients(self, data: mujoco.MjData, now: Distances, normals: Array) -> Array:
+        """How distances along the normals change with the joints, (near, dof) [m/rad].
+
+        Only joints between the two shapes change their distance: hinges by n . (a x (p - c)) with the axis a through
+        c, slides by n . a, for the nearest point p on the outer shape.
+        """
         arm = now.points[:, None, 3:] - data.xanchor[None]
-        torque = np.einsum("ijk,jk->ij", _cross(arm, normal[:, None, :]), data.xaxis)
+        torque = np.einsum("ijk,jk->ij", _cross(arm, normals[:, None, :]), data.xaxis)
         if self._slide.any():
-            torque[:, self._slide] = normal @ data.xaxis[self._slide].T
+            torque[:, self._slide] = normals @ data.xaxis[self._slide].T
         return np.asarray(torque * self._between[now.near])
-
-    def half_spaces(self, gradients: Array, now: Distances) -> tuple[Array, Array]:
-        """Rows G and ends h of G x <= h: no pair uses up more than a part of its spare distance."""
-        spare = now.distance - self._distance - BUFFER
-        return -gradients, APPROACH * np.maximum(spare, 0.0)
-
-    def pushes(self, gradients: Array, now: Distances) -> tuple[Array, Array]:
-        """Weighted rows W and e of W x = e that move too near pairs apart."""
-        rows = self.too_near(now)
-        missing = self._distance + BUFFER - now.distance[rows]
-        return PUSH * gradients[rows], PUSH * PUSH_PART * missing
 
     def limiting(self, now: Distances) -> list[str]:
         """Names of the pairs at the distance or nearer."""

@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 TIKHONOV = 1e-10  # keeps the QP strictly convex at singular poses
 NULL_WEIGHT = 1e-4  # of null-space motion; it competes with nothing, so only the order of magnitude matters
-NULL_SPEED = 0.5  # part of the velocity limits that null-space motion may use
+NULL_SPEED = 0.25  # part of the velocity limits that null-space motion may use; its curvature costs microns a tick
 RANK = 1e-3  # directions whose singular value is below this part of the largest are left to the null space
 
 
@@ -67,12 +67,12 @@ def linearise(
     walls = [wall for aim in aims if (wall := aim.walls(configuration)) is not None]
     hessian, gradient, pushing = rows.T @ rows, -(wanted @ rows), False
     if guard is not None and distances is not None and distances.near.size:
-        gradients = guard.gradients(configuration.data, distances)
-        walls.append(guard.half_spaces(gradients, distances))
-        push, apart = guard.pushes(gradients, distances)
-        if apart.size:
+        contact = guard.linearise(configuration.data, distances)
+        walls.append(contact.walls)
+        if contact.wanted.size:
             pushing = True
-            hessian, gradient = hessian + push.T @ push, gradient - apart @ push
+            hessian = hessian + contact.pushes.T @ contact.pushes
+            gradient = gradient - contact.wanted @ contact.pushes
     stacked = (np.vstack([w[0] for w in walls]), np.concatenate([w[1] for w in walls])) if walls else (None, None)
     return Problem(rows, float(wanted @ wanted), hessian, gradient, stacked, pushing)
 

@@ -43,7 +43,8 @@ class TrackerStep:
     limiting: tuple[str, ...]
     """What held the arm back: "joint_2 velocity", "joint_3 upper limit", "link_3_beam~box". Empty when OK."""
     clearance: float | None
-    """Smallest distance between shapes that are kept apart [m], inf when all are far; None when none are."""
+    """Smallest distance between shapes that are kept apart [m]: measured where it is near the one allowed, a lower
+    bound where it is larger; negative when shapes overlap; None when none are kept apart."""
     qp_solver: str
     """QP solver that ran, with a fallback named."""
     message: str
