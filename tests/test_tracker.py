@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 import jacokin
 from jacokin import Robot, Tracker
 from jacokin.errors import InvalidInputError, UnknownNameError
+from jacokin.ik.qp_backend import QPFailed
+from jacokin.ik.tracker_qp import StepQP
 from jacokin.ik.tracker_step import TrackerStatus
 
 DT = 0.01  # [s]
@@ -202,6 +204,42 @@ def test_reset_puts_the_arm_there_and_noise_past_a_limit_is_removed(robot: Robot
     assert not tracker.v.any()
     step = tracker.step(robot.forward_kinematics(robot.home))
     assert robot.within_limits(step.q)
+
+
+def test_a_qp_that_cannot_be_solved_holds_the_arm_and_says_so(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    pose = line(robot)[20]
+    tracker = Tracker(robot)
+    tracker.step(pose)
+    before = tracker.q
+
+    def fail(*_: object) -> None:
+        raise QPFailed
+
+    with monkeypatch.context() as patch:
+        patch.setattr(StepQP, "solve", fail)
+        step = tracker.step(line(robot)[-1])
+    assert step.status is TrackerStatus.HELD
+    assert "no QP solver" in step.message
+    assert np.array_equal(step.q, before)
+    assert not step.v.any()
+    for _ in range(200):
+        step = tracker.step(pose)
+    assert step.status is TrackerStatus.OK
+
+
+def test_a_failing_solver_is_replaced_and_the_step_says_by_which(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    run = StepQP._run
+
+    def fail_quadprog(solver: str, *arguments: Any) -> Any:
+        if solver == "quadprog":
+            raise ValueError("matrix G is not positive definite")
+        return run(solver, *arguments)
+
+    monkeypatch.setattr(StepQP, "_run", staticmethod(fail_quadprog))
+    tracker = Tracker(robot, qp_solver="quadprog")
+    step = tracker.step(line(robot)[0])
+    assert step.status is TrackerStatus.OK
+    assert step.qp_solver == "quadprog, then daqp"
 
 
 def test_failed_calls_change_nothing(robot: Robot) -> None:

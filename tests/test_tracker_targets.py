@@ -175,6 +175,6 @@ def test_targets_on_wrong_frames_are_refused(robot: Robot) -> None:
     with pytest.raises(InvalidInputError, match="fixed to the base"):
         tracker.step(PositionTarget([0.0] * 3, frame="link_base"))
     with pytest.raises(InvalidInputError, match="several targets"):
-        tracker.step([PositionTarget([0.0] * 3), np.zeros(3)])  # type: ignore[list-item]  # the point of the test
+        tracker.step([PositionTarget([0.0] * 3), np.zeros(3)])
     with pytest.raises(InvalidInputError, match="unknown kind"):
         tracker.step(Target())

@@ -30,14 +30,15 @@ Array = NDArray[np.float64]
 SPEED = 0.05  # [m/s]
 ANGULAR_SPEED = 0.5  # [rad/s]
 QP_STARTS = 24  # random seeds that look for branches where the closed form does not apply
+PROGRESS_CALLS = 200  # per branch at most
 SAME_BRANCH = 1e-3  # [rad] two starts nearer than this are one branch
 
 
 def track_path(
     robot: Robot,
     waypoints: Sequence[pin.SE3] | ArrayLike,
-    *,
     dt: float = 0.01,
+    *,
     speed: ArrayLike = SPEED,
     angular_speed: ArrayLike = ANGULAR_SPEED,
     frame: str | None = None,
@@ -132,9 +133,10 @@ def _follow(tracker: Tracker, path: SampledPath, q: Array, progress: Callable[[i
     # The start is a tick that goes nowhere when it is on the path.
     steps: list[TrackerStep] = [tracker.measure(path.poses[0])]
     total = len(path.poses)
+    every = 1 + total // PROGRESS_CALLS
     for index in range(1, total):
         steps.append(tracker.step(path.poses[index]))
-        if progress is not None:
+        if progress is not None and (index % every == 0 or index + 1 == total):
             progress(index + 1, total)
     robot = tracker.robot
     return PathResult(

@@ -60,8 +60,6 @@ class Tracker:
         frame: the frame that follows targets which name none.
         dt: control step [s].
         velocity_limit: (dof,) [rad/s]; read-only.
-        q: (dof,) where the arm is [rad]; read-only.
-        v: (dof,) its velocity over the last tick [rad/s]; read-only.
     """
 
     def __init__(
@@ -123,6 +121,16 @@ class Tracker:
         self._negligible = (NEGLIGIBLE * self._tolerances[0]) ** 2
         self.reset(q)
 
+    @property
+    def q(self) -> Array:
+        """(dof,) where the arm is [rad]; read-only."""
+        return self._q
+
+    @property
+    def v(self) -> Array:
+        """(dof,) its velocity over the last tick [rad/s]; read-only."""
+        return self._v
+
     def reset(self, q: ArrayLike | None = None) -> None:
         """Put the arm somewhere, standing still.
 
@@ -133,16 +141,16 @@ class Tracker:
         Raises:
             InvalidInputError: malformed or outside the limits; the tracker stays as it was.
         """
-        self.q = tracker_setup.start(self.robot, q)
-        self.v = np.zeros(self.robot.dof)
-        self.v.setflags(write=False)
+        self._q = tracker_setup.start(self.robot, q)
+        self._v = np.zeros(self.robot.dof)
+        self._v.setflags(write=False)
         self._damping = DAMPING[0]
         self._error = np.inf
         self._growing = 0
         self._reference: pin.SE3 | None = None
-        self._configuration.update(self.q)
+        self._configuration.update(self._q)
         self._near = None if self._guard is None else self._guard.start(self._configuration.data)
-        self._at = Place(self.q, self._near)
+        self._at = Place(self._q, self._near)
 
     def step(
         self,
@@ -180,8 +188,8 @@ class Tracker:
     def measure(self, target: pin.SE3 | ArrayLike | Target | Sequence[Target]) -> TrackerStep:
         """How far the tool is from a target, without moving; errors as `step`."""
         aims = self._aims.for_target(target)
-        self._configuration.update(self.q)
-        return self._report(aims, self.q, self.v, "", pushing=False)
+        self._configuration.update(self._q)
+        return self._report(aims, self._q, self._v, "", pushing=False)
 
     def _advance(self, aims: list[Aim]) -> TrackerStep:
         """Solve, check, and move."""
@@ -196,7 +204,7 @@ class Tracker:
             )
         place, held = self._descend(aims, problem, drift)
         self._at = place
-        q_before, v_before = self.q, self.v
+        q_before, v_before = self._q, self._v
         if self._follower is None:
             self._move(place.q)
         else:
@@ -250,20 +258,20 @@ class Tracker:
     def _follow(self, reference: Array, reference_velocity: Array) -> None:
         """Move the arm after its reference; an arm that an obstacle stops takes the reference with it."""
         assert self._follower is not None
-        here = Place(self.q, self._near)
-        wanted = self._follower.displacement(self.q, self.v, reference, reference_velocity)
+        here = Place(self._q, self._near)
+        wanted = self._follower.displacement(self._q, self._v, reference, reference_velocity)
         place = self._try(here, wanted)
-        if not np.array_equal(place.q, self._box.moved(self.q, wanted)):
+        if not np.array_equal(place.q, self._box.moved(self._q, wanted)):
             self._at = place
         self._near = place.distances
         self._move(place.q)
 
     def _move(self, q: Array) -> None:
         """Commit where the arm goes."""
-        self.v = (q - self.q) / self.dt
-        self.q = q
-        self.q.setflags(write=False)
-        self.v.setflags(write=False)
+        self._v = (q - self._q) / self.dt
+        self._q = q
+        self._q.setflags(write=False)
+        self._v.setflags(write=False)
 
     def _report(self, aims: list[Aim], q_before: Array, v_before: Array, held: str, *, pushing: bool) -> TrackerStep:
         """Measure where the arm is."""
@@ -273,21 +281,21 @@ class Tracker:
         error = position + RADIAN_IN_METRES * orientation
         on_target = position <= self._tolerances[0] and orientation <= self._tolerances[1]
         # Shapes moving apart, or joints still gathering speed, may take the tool away from its target for a while.
-        excused = on_target or pushing or (self._follower is not None and self.q is not self._at.q)
+        excused = on_target or pushing or (self._follower is not None and self._q is not self._at.q)
         grows = not excused and error > self._error + GROWTH
         self._growing = self._growing + 1 if grows else 0
         self._error = error
         status, limiting, message = TrackerStatus.OK, list[str](), ""
         if not on_target:
-            limiting = self._box.limiting(self.q - q_before, q_before)
+            limiting = self._box.limiting(self._q - q_before, q_before)
             if self._follower is not None:
-                limiting.extend(self._follower.limiting(self.v, v_before))
+                limiting.extend(self._follower.limiting(self._v, v_before))
             if self._guard is not None and near is not None:
                 limiting.extend(self._guard.limiting(near))
             status, message = self._why(limiting, held)
         return TrackerStep(
-            q=self.q,
-            v=self.v,
+            q=self._q,
+            v=self._v,
             status=status,
             position_error=position,
             orientation_error=orientation,
@@ -301,6 +309,6 @@ class Tracker:
         """Status and sentence of a tick that is off target."""
         if self._growing * self.dt >= GROWTH_TIME:
             return TrackerStatus.LOST, f"the error has grown for {self._growing * self.dt:.2f} s"
-        if float(np.abs(self.v).max()) < STILL:
+        if float(np.abs(self._v).max()) < STILL:
             return TrackerStatus.HELD, held or "the arm has come as near as it can"
         return TrackerStatus.LIMITED, f"slowed by {', '.join(limiting) or 'damping near a singular pose'}"
