@@ -125,10 +125,8 @@ class RobotArm(Entity):
             raise InvalidInputError(f"max_ik_attempts must be a whole number >= 1, got {max_ik_attempts!r}")
         solver = self.site_solver(check_physics(physics), site)
         bounds = None if solver.has_closed_form else self.sampling_bounds(physics)
-        data = physics.data
-        for rows, q in solver.solutions(data, position, rotation, bounds, random_state, int(max_ik_attempts)):
-            data.qpos[rows] = q
-            physics.forward()
+        for rows, q in solver.solutions(position, rotation, bounds, random_state, int(max_ik_attempts)):
+            physics.set_qpos(rows, q)
             return True
         return False
 

@@ -70,7 +70,7 @@ def command_site_velocity(physics: Physics, arm: JacoArm, site: Any, twist: Arra
         ModelError: the arm does not move the site.
     """
     wanted = checks.vector("twist", twist, 6, "m/s, rad/s")
-    chain = arm.site_solver(physics, site).chain(physics.data.qpos)
+    chain = arm.site_solver(physics, site).chain()
     jacobian = chain.robot.jacobian(physics.data.qpos[chain.qpos])
     physics.refresh()
     R_base_world = physics.data.xmat[chain.base_body].reshape(3, 3).T

@@ -77,7 +77,11 @@ class _State:
 
 
 class Freshness:
-    """MuJoCo's model and data, and whether the derived values of the data are those of its state."""
+    """MuJoCo's model and data, and whether the derived values of the data are those of its state.
+
+    Attributes:
+        forces_are_due: `forward_motion` has run, and no whole pass since.
+    """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """Watch a model and its data; nothing is taken for fresh yet."""
@@ -88,6 +92,7 @@ class Freshness:
         self._now = _State(model)
         self._at_pass = _State(model)
         self._is_known = False
+        self.forces_are_due = False
         self._warnings: Array = data.warning.number
         self._no_warnings = np.zeros_like(self._warnings).tobytes()
 
@@ -129,6 +134,17 @@ class Freshness:
         self._refuse_warnings()
         self._now, self._at_pass = self._at_pass, self._now  # a pass changes nothing of this but the warm start
         self._is_known = True
+        self.forces_are_due = False
+
+    def forward_motion(self) -> None:
+        """Compute what follows from positions and velocities; forces and accelerations when they are asked for."""
+        self._is_known = False
+        model, data = self.model, self.data
+        mujoco.mj_fwdPosition(model, data)
+        mujoco.mj_sensorPos(model, data)
+        mujoco.mj_fwdVelocity(model, data)
+        mujoco.mj_sensorVel(model, data)
+        self.forces_are_due = True
 
     def step(self, n: int) -> None:
         """Advance n time steps from fresh data, and leave positions and velocities fresh.

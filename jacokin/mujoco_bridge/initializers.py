@@ -96,12 +96,9 @@ class TcpInitializer:
         for _ in range(self._max_rejection_samples):
             position = checks.vector("position", _draw(self._position, random_state), 3, "m")
             rotation = rotation_matrix(unit_quaternion("quaternion", _draw(self._quaternion, random_state)))
-            for rows, q in solver.solutions(
-                physics.data, position, rotation, bounds, random_state, self._max_ik_attempts
-            ):
+            for rows, q in solver.solutions(position, rotation, bounds, random_state, self._max_ik_attempts):
                 if self._ignore_collisions or not judge.any_with(rows, q):
-                    physics.data.qpos[rows] = q
-                    physics.forward()
+                    physics.set_qpos(rows, q)
                     return
         raise PhysicsError(
             f"none of {self._max_rejection_samples} poses sampled for the tool centre point has a configuration within "

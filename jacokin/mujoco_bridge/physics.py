@@ -39,7 +39,6 @@ class Physics:
 
     Attributes:
         model: the `mujoco.MjModel`. After writing to it directly, call `forward`.
-        data: the `mujoco.MjData`. Writes to its state, controls and applied forces are noticed.
     """
 
     def __init__(self, model: mujoco.MjModel, spec: mujoco.MjSpec | None = None) -> None:
@@ -57,10 +56,10 @@ class Physics:
         if not isinstance(model, mujoco.MjModel):
             raise InvalidInputError(f"model must be a mujoco.MjModel, got {model!r}")
         self.model = model
-        self.data = mujoco.MjData(model)
+        self._data = mujoco.MjData(model)
         self._spec = spec
         self._bindings: dict[Any, Binding] = {}
-        self._freshness = Freshness(model, self.data)
+        self._freshness = Freshness(model, self._data)
         self.after_reset()
 
     @classmethod
@@ -82,9 +81,16 @@ class Physics:
         return cls(model)
 
     @property
+    def data(self) -> mujoco.MjData:
+        """The `mujoco.MjData`. Writes to its state, controls and applied forces are noticed."""
+        if self._freshness.forces_are_due:
+            self._freshness.forward()
+        return self._data
+
+    @property
     def time(self) -> Seconds:
         """Simulated time [s]."""
-        return Seconds(self.data.time)
+        return Seconds(self._data.time)
 
     @property
     def timestep(self) -> Seconds:
@@ -132,6 +138,18 @@ class Physics:
         """
         self._freshness.forward()
 
+    def set_qpos(self, rows: NDArray[np.intp], values: NDArray[np.float64]) -> None:
+        """Write some of qpos, and compute what follows from positions and velocities at once.
+
+        Forces and accelerations follow when they are read, through `bind` or `data`, or needed for a step.
+
+        Args:
+            rows: (k,) where in qpos.
+            values: (k,) what to write there.
+        """
+        self._data.qpos[rows] = values
+        self._freshness.forward_motion()
+
     def refresh(self) -> None:
         """Run `forward` if anything changed since the last pass; for those who read ``physics.data`` directly.
 
@@ -160,13 +178,13 @@ class Physics:
             UnknownNameError: there is no such keyframe; lists those there are.
         """
         if keyframe is None:
-            mujoco.mj_resetData(self.model, self.data)
+            mujoco.mj_resetData(self.model, self._data)
         else:
             names = [self.model.key(i).name or i for i in range(self.model.nkey)]
             index = names.index(keyframe) if keyframe in names else keyframe
             if not isinstance(index, int) or not 0 <= index < self.model.nkey:
                 raise UnknownNameError("keyframe", str(keyframe), map(str, names))
-            mujoco.mj_resetDataKeyframe(self.model, self.data, index)
+            mujoco.mj_resetDataKeyframe(self.model, self._data, index)
         self.after_reset()
 
     def after_reset(self) -> None:
@@ -209,7 +227,7 @@ class Physics:
         """A copy of the state: time, positions, velocities, controls, applied forces, and MuJoCo's warm start."""
         signature = int(mujoco.mjtState.mjSTATE_INTEGRATION)
         state = np.empty(mujoco.mj_stateSize(self.model, signature))
-        mujoco.mj_getState(self.model, self.data, state, signature)
+        mujoco.mj_getState(self.model, self._data, state, signature)
         return state
 
     def set_state(self, state: ArrayLike) -> None:
@@ -223,7 +241,7 @@ class Physics:
         values = np.asarray(state, dtype=np.float64)
         if values.shape != (size,):
             raise InvalidInputError(f"state must have shape ({size},), got {values.shape}")
-        mujoco.mj_setState(self.model, self.data, values, signature)
+        mujoco.mj_setState(self.model, self._data, values, signature)
 
     def copy(self) -> Physics:
         """A second simulation in the same state, independent of this one."""

@@ -51,20 +51,21 @@ class SiteSolver:
             ModelError: the joints do not move the site, or cannot be solved for.
         """
         self._model = physics.model
+        self._data = physics.data
         self._scratch = mujoco.MjData(physics.model)
         self._joints = tuple(joints)
         self._site = site
         self._T = np.eye(4)
-        self._prepare(physics.data.qpos)
+        self._prepare()
 
-    def chain(self, qpos: Array) -> SceneChain:
-        """The joints that move the site, with fingers and the like held where they are in a qpos."""
-        if not self._chain.is_current(qpos):
-            self._prepare(qpos)
+    def chain(self) -> SceneChain:
+        """The joints that move the site, with fingers and the like held where they are now."""
+        if not self._chain.is_current(self._data.qpos):
+            self._prepare()
         return self._chain
 
-    def _prepare(self, qpos: Array) -> None:
-        self._chain = scene_chain(self._model, qpos, self._joints, self._site)
+    def _prepare(self) -> None:
+        self._chain = scene_chain(self._model, self._data.qpos, self._joints, self._site)
         robot = self._chain.robot
         self._solver = IKSolver(robot, SITE)
         self.has_closed_form = self._solver.applies()
@@ -77,7 +78,6 @@ class SiteSolver:
 
     def solutions(
         self,
-        data: mujoco.MjData,
         position: Array,
         rotation: Array,
         bounds: Bounds | None,
@@ -87,19 +87,18 @@ class SiteSolver:
         """Where in qpos to write what so that the site is at its target; those of the closed form nearest first.
 
         Args:
-            data: the simulation's state; it is only read.
             position: (3,) of the site in the world [m].
             rotation: (3, 3) world <- site.
             bounds: lower and upper bounds of all of the arm's joints, for starts of the QP; None with a closed form.
             random_state: drawn from for all starts but the first.
             attempts: number of starts.
         """
-        chain = self.chain(data.qpos)
-        self._find_base(chain, data)
+        chain = self.chain()
+        self._find_base(chain)
         T = self._T
-        np.matmul(self._R_base_world, rotation, out=T[:3, :3])
-        np.matmul(self._R_base_world, position - self._base_position, out=T[:3, 3])
-        present = data.qpos[chain.qpos]
+        T[:3, :3] = self._R_base_world.dot(rotation)
+        T[:3, 3] = self._R_base_world.dot(position - self._base_position)
+        present = self._data.qpos[chain.qpos]
         if bounds is None:
             found = self._branches(T, present)
         else:
@@ -107,12 +106,12 @@ class SiteSolver:
         for q in found:
             yield chain.qpos, self._canonical(q)
 
-    def _find_base(self, chain: SceneChain, data: mujoco.MjData) -> None:
+    def _find_base(self, chain: SceneChain) -> None:
         """Bring the base's pose in the scratch data up to date."""
         base_now = [numbers.tobytes() for numbers in chain.base_numbers]
         if chain.base_rests and base_now == self._base_then:
             return
-        scratch = self._scratch
+        scratch, data = self._scratch, self._data
         scratch.qpos[:] = data.qpos
         scratch.mocap_pos[:] = data.mocap_pos
         scratch.mocap_quat[:] = data.mocap_quat
