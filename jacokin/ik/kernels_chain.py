@@ -1,4 +1,4 @@
-"""Forward kinematics on the model's own joint placements, errors against a target, and Newton on all six joints."""
+"""Forward kinematics on the model's own joint placements, errors against a target, and Newton on the joints."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ from jacokin.ik.kernels_vector import Vec, cross, dot, minus, mix, norm
 
 #: Smaller pivots mean a singular Jacobian.
 SMALLEST_PIVOT = 1e-14
+#: [m^2] and [rad^2]; added to the normal equations, so that directions the tool does not feel stay put.
+DAMPING = 1e-9
 
 
 def forward(chain: NDArray[np.float64], q: NDArray[np.float64]) -> tuple[Vec, Vec, Vec, Vec]:
@@ -56,13 +58,10 @@ def errors(chain: NDArray[np.float64], T: NDArray[np.float64], q: NDArray[np.flo
     return norm(d), math.atan2(norm(turn), cosine)
 
 
-def newton_step(
+def linearise(
     chain: NDArray[np.float64], T: NDArray[np.float64], q: NDArray[np.float64], system: NDArray[np.float64]
-) -> bool:
-    """One Newton step on the 6 x 6 Jacobian, in place; False (q untouched) where that is singular.
-
-    ``system`` is a (6, 7) workspace.
-    """
+) -> None:
+    """Fill system (6, 7) with the Jacobian and, in column 6, the deviation from the target."""
     end_x, end_y, end_z, end = forward(chain, q)
     d, turn, _ = deviation(T, end_x, end_y, end_z, end)
     x, y, z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
@@ -78,10 +77,42 @@ def newton_step(
     for i in range(3):
         system[i, 6] = d[i]
         system[i + 3, 6] = turn[i]
+
+
+def newton_step(
+    chain: NDArray[np.float64], T: NDArray[np.float64], q: NDArray[np.float64], system: NDArray[np.float64]
+) -> bool:
+    """One Newton step on all joints, in place; False (q untouched) where the Jacobian is singular."""
+    linearise(chain, T, q, system)
     if not eliminate(system):
         return False
     for j in range(6):
         q[j] += system[j, 6]
+    return True
+
+
+def held_step(
+    chain: NDArray[np.float64],
+    T: NDArray[np.float64],
+    q: NDArray[np.float64],
+    held: NDArray[np.float64],
+    system: NDArray[np.float64],
+    normal: NDArray[np.float64],
+) -> bool:
+    """One least-squares step on the joints that are not held (held[j] > 0), in place; normal is (6, 7)."""
+    linearise(chain, T, q, system)
+    for i in range(6):
+        for j in range(7):
+            product = 0.0
+            if held[i] == 0.0 and (j == 6 or held[j] == 0.0):
+                for row in range(6):
+                    product += system[row, i] * system[row, j]
+            normal[i, j] = product
+        normal[i, i] += 1.0 if held[i] > 0.0 else DAMPING
+    if not eliminate(normal):
+        return False
+    for j in range(6):
+        q[j] += normal[j, 6]
     return True
 
 

@@ -28,7 +28,9 @@ MIN_WIDTH = 1e-6
 #: [rad] A single root is refined until Newton moves less than this; the step after it is quadratically smaller.
 ROOT_STEP = 1e-5
 ROOT_ITERATIONS = 40
-MAX_ROOTS = 64
+MAX_ROOTS = 256
+#: [rad] intervals that are all noise are candidates up to this width; wider ones are halved first.
+WIDEST_CANDIDATE = 0.01
 STACK = 32  # deeper than log2(2 HALF / MIN_WIDTH) + 2
 
 
@@ -37,7 +39,7 @@ class RootWork(NamedTuple):
 
     cosine: NDArray[np.float64]  # (9,) coefficients of cos(k q)
     sine: NDArray[np.float64]  # (9,) coefficients of sin(k q)
-    roots: NDArray[np.float64]  # (64, 2) root [rad] and half-width of its interval, 0 where it is single and sure
+    roots: NDArray[np.float64]  # (256, 2) root [rad] and half-width of its interval, 0 where it is single and sure
     stack: NDArray[np.float64]  # (32, 17)
     place: NDArray[np.float64]  # (32, 2)
 
@@ -189,7 +191,7 @@ def find_roots(noise: float, looseness: float, work: RootWork) -> int:
             b = stack[top]
             x, width = place[top, 0], place[top, 1]
             roots_here = count_roots(b, noise)
-            if roots_here == 2 and width > min_width:
+            if (roots_here == 2 and width > min_width) or (roots_here == 3 and width > WIDEST_CANDIDATE / (2.0 * HALF)):
                 split(b, stack[top + 1])
                 place[top, 0], place[top, 1] = x + 0.5 * width, 0.5 * width
                 place[top + 1, 0], place[top + 1, 1] = x, 0.5 * width

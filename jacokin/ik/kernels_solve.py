@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.ik.kernels_arm import Arm, Pose, pose_of
-from jacokin.ik.kernels_chain import errors, newton_step
+from jacokin.ik.kernels_chain import errors, held_step, newton_step
 from jacokin.ik.kernels_limits import fit_to_limits, same_on_circle
 from jacokin.ik.kernels_resultant import fourier_of_F
 from jacokin.ik.kernels_roots import MAX_ROOTS, MIN_WIDTH, STACK, RootWork, find_roots
@@ -23,8 +23,13 @@ MAX_BRANCHES = 24
 #: [m] and [rad]; a branch closes at least this well, or it is none.
 CLOSED = 1e-9
 #: [m] and [rad]; above this, a Newton step on the model's own Jacobian is tried.
-POLISHED = 2e-12
-POLISH_STEPS = 8
+POLISHED = 1e-13
+POLISH_STEPS = 16
+#: [rad] a joint this little past its limit may be there by rounding at a fold.
+HAIR = 1e-6
+#: [m] and [rad]; what a branch held on its limit must close to, far below what moving a regular one by HAIR costs.
+SETTLED = 1e-12
+SETTLE_STEPS = 3
 #: [m] and [rad]; candidates farther off than this are not worth polishing.
 HOPELESS = 2e-2
 #: [rad] branches closer than this on the circle are one.
@@ -47,6 +52,8 @@ class Work(NamedTuple):
     inner: RootWork  # for g(q5)
     starts: Starts
     system: NDArray[np.float64]  # (6, 7)
+    normal: NDArray[np.float64]  # (6, 7)
+    held: NDArray[np.float64]  # (6,)
     q: NDArray[np.float64]  # (6,)
     row: NDArray[np.float64]  # (17,) the branch at hand
     rows: NDArray[np.float64]  # (24, 17) the branches found
@@ -61,6 +68,8 @@ def make_work(rows: NDArray[np.float64]) -> Work:
         RootWork(np.empty(9), np.empty(9), np.empty((MAX_ROOTS, 2)), stack, place),
         Starts(np.empty((MAX_STARTS, 4)), np.zeros(1, np.int64)),
         np.empty((6, 7)),
+        np.empty((6, 7)),
+        np.empty(6),
         np.empty(6),
         np.empty(COLUMNS),
         rows,
@@ -128,11 +137,35 @@ def add_branch(task: Task, work: Work, family: float) -> None:
             return
         distance, legal = fit_to_limits(q, task.reference, task.limits, row)
         position, orientation = errors(task.chain, task.T, row)
+    if not legal and settle(task, work):
+        distance, legal = fit_to_limits(q, task.reference, task.limits, row)
+        position, orientation = errors(task.chain, task.T, row)
     row[POSITION_ERROR], row[ORIENTATION_ERROR] = position, orientation
     row[DISTANCE] = distance
     row[LEGAL] = 1.0 if legal else 0.0
     row[FAMILY] = family
     keep(work)
+
+
+def settle(task: Task, work: Work) -> bool:
+    """Hold joints a hair past their limits on them, and see whether the others still close the pose.
+
+    At a fold the joints are known only to the square root of the rounding errors, and a legal branch may come out
+    1e-8 rad past a limit. A regular branch does not close when held.
+    """
+    q, row, held = work.q, work.row, work.held
+    for j in range(6):
+        q[j], held[j] = row[j], 0.0
+        if row[6 + j] < 0.0:
+            if row[6 + j] < -HAIR:
+                return False
+            held[j] = 1.0
+            q[j] = task.limits[0, j] if row[j] < task.limits[0, j] else task.limits[1, j]
+    for _ in range(SETTLE_STEPS):
+        if not held_step(task.chain, task.T, q, held, work.system, work.normal):
+            return False
+    position, orientation = errors(task.chain, task.T, q)
+    return max(position, orientation) < SETTLED
 
 
 def polish(task: Task, work: Work, worst: float) -> bool:
