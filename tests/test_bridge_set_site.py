@@ -107,6 +107,24 @@ def test_every_reachable_pose_is_reached(base_quat: Any, crowded: bool) -> None:
     assert others
 
 
+def test_everything_derived_is_fresh_afterwards() -> None:
+    physics, arm, hand = scene(crowded=True)
+    physics.data.qvel[:] = 0.1
+    physics.data.ctrl[:6] = 0.2
+    physics.forward()
+    rng = np.random.default_rng(11)
+    position, quaternion = reachable_pose(physics, arm, hand.pinch_site, rng)
+    held = physics.data
+    assert arm.set_site_to_xpos(physics, rng, hand.pinch_site, position, quaternion)
+    fresh = physics.copy()
+    fresh.forward()
+    for name in ("xpos", "xmat", "cvel", "qfrc_bias", "ncon"):  # at once
+        np.testing.assert_array_equal(getattr(held, name), getattr(fresh.data, name))
+    for name in ("qacc", "actuator_force", "sensordata"):  # when they are read
+        np.testing.assert_allclose(getattr(physics.data, name), getattr(fresh.data, name), rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(arm.observables.joints_torque(physics), arm.observables.joints_torque(fresh), rtol=1e-6)
+
+
 def test_tool_down_in_the_workspace_of_the_tasks() -> None:
     """Everywhere but in the outermost corner, 0.3 % of the box, which no configuration reaches."""
     physics, arm, hand = scene()

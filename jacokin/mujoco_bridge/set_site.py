@@ -9,17 +9,19 @@ from __future__ import annotations
 
 import weakref
 from collections.abc import Iterator, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.ik import targets
-from jacokin.ik.qp import MultiStartQP
 from jacokin.ik.solver import IKSolver
 from jacokin.mujoco_bridge.physics import Physics
 from jacokin.mujoco_bridge.scene_chain import SITE, SceneChain, scene_chain
+
+if TYPE_CHECKING:
+    from jacokin.ik.qp import MultiStartQP
 
 Array = NDArray[np.float64]
 RandomState = np.random.RandomState | np.random.Generator
@@ -135,6 +137,8 @@ class SiteSolver:
     def _by_qp(self, T_base_site: Array, starts: Iterator[Array]) -> Iterator[Array]:
         target = targets.checked(T_base_site)
         if self._qp is None:
+            from jacokin.ik.qp import MultiStartQP  # imports mink, which arms with a closed form do not need
+
             self._qp = MultiStartQP(self._chain.robot, SITE, None, QP_SOLVER, POSITION_TOLERANCE, ORIENTATION_TOLERANCE)
         for start in starts:
             attempt = self._qp.solve(target, [start])
