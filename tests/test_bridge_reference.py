@@ -1,0 +1,84 @@
+"""The arm and hand move as dm_control's do, from the same controls."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+
+from jacokin.mujoco_bridge import Arena, JacoArm, JacoHand, Physics, observations, robots
+
+HOME = (4.8046852, 2.92482, 1.002, 4.2031852, 1.4458, 1.3233)  # [rad]
+SAME = 1e-6  # [m], [rad], [rad/s]; the reference rounds its limits and two of its quaternions to six digits
+SAME_TORQUE = 0.02  # [1] logarithmic; dry friction makes torques jump where velocities are near zero
+
+
+@pytest.fixture(scope="module")
+def reference() -> Any:
+    """dm_control's physics, arm and hand in its arena."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # GLFW without a display
+        from dm_control.mujoco.wrapper.mjbindings import sizes
+
+        # dm_control 1.0.50 lists fields that MuJoCo 4 has dropped.
+        for struct, owner in (("mjmodel", mujoco.MjModel), ("mjdata", mujoco.MjData)):
+            for name in [name for name in sizes.array_sizes[struct] if not hasattr(owner, name)]:
+                sizes.array_sizes[struct].pop(name)
+        from dm_control import mjcf
+        from dm_control.manipulation.shared import arenas
+        from dm_control.manipulation.shared import observations as settings
+        from dm_control.manipulation.shared import robots as makers
+    arm, hand = makers.make_arm(settings.PERFECT_FEATURES), makers.make_hand(settings.PERFECT_FEATURES)
+    arm.attach(hand)
+    arena = arenas.Standard()
+    arena.attach_offset(arm, makers.ARM_OFFSET)
+    return mjcf.Physics.from_mjcf_model(arena.mjcf_model), arm, hand
+
+
+def scene() -> tuple[Physics, JacoArm, JacoHand]:
+    arm = robots.make_arm(observations.PERFECT_FEATURES)
+    hand = robots.make_hand(observations.PERFECT_FEATURES)
+    arm.attach(hand)
+    arena = Arena()
+    arena.attach(arm, position=robots.ARM_OFFSET)
+    return Physics.from_entity(arena), arm, hand
+
+
+def test_a_seed_gives_the_same_configuration(reference: Any) -> None:
+    their_physics, their_arm, _ = reference
+    physics, arm, _ = scene()
+    for seed in range(5):
+        their_arm.randomize_arm_joints(their_physics, np.random.RandomState(seed))
+        arm.randomize_arm_joints(physics, np.random.RandomState(seed))
+        theirs = np.array(their_physics.bind(their_arm.joints).qpos)
+        np.testing.assert_allclose(physics.bind(arm.joints).qpos, theirs, rtol=0.0, atol=SAME)
+
+
+def test_the_same_controls_give_the_same_motion_and_observations(reference: Any) -> None:
+    their_physics, their_arm, their_hand = reference
+    physics, arm, hand = scene()
+    their_physics.reset()
+    their_physics.bind(their_arm.joints).qpos = HOME
+    their_hand.set_grasp(their_physics, 0.0)
+    their_physics.forward()
+    arm.set_home(physics)
+    rng = np.random.default_rng(0)
+    for _ in range(50):
+        wanted = rng.uniform(-0.5, 0.5, 9)  # [rad/s]
+        their_physics.bind(their_arm.actuators).ctrl = wanted[:6]
+        their_physics.bind(their_hand.actuators).ctrl = wanted[6:]
+        physics.bind(arm.actuators).ctrl = wanted[:6]
+        physics.bind(hand.actuators).ctrl = wanted[6:]
+        their_physics.step(20)
+        physics.step(20)
+    assert physics.time == pytest.approx(2.0)
+    for theirs, ours in ((their_arm, arm), (their_hand, hand)):
+        mine = ours.observables.as_dict(fully_qualified=False)
+        assert sorted(mine) == sorted(theirs.observables.as_dict(fully_qualified=False))
+        for name, observable in mine.items():
+            expected = np.array(getattr(theirs.observables, name)(their_physics))
+            band = SAME_TORQUE if name == "joints_torque" else SAME
+            np.testing.assert_allclose(observable(physics), expected, rtol=0.0, atol=band, err_msg=name)
