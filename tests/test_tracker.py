@@ -177,7 +177,7 @@ def test_steps_are_frozen_and_statuses_say_what_to_do(robot: Robot) -> None:
     tracker = Tracker(robot)
     step = tracker.step(robot.forward_kinematics(robot.home))
     with pytest.raises(AttributeError):
-        step.status = TrackerStatus.LOST  # type: ignore[misc]  # the point of the test
+        step.status = TrackerStatus.LOST  # type: ignore[misc]  # wrong on purpose
     with pytest.raises(ValueError, match="read-only"):
         step.q[0] = 0.0
     assert all(len(status.value) > 30 for status in TrackerStatus)
@@ -283,6 +283,7 @@ def test_failed_calls_change_nothing(robot: Robot) -> None:
         ({"position_tolerance": 0.0}, "position_tolerance"),
         ({"posture": [0.0] * 5}, "posture"),
         ({"objectives": ["manipulability"]}, "objectives"),
+        ({"objectives": 3}, "objectives must be a list"),
         ({"collision": "self"}, "collision must be"),
         ({"frame": "link_base"}, "fixed to the base"),
         ({"q": [0.0] * 6}, "q puts joint_2"),
@@ -302,7 +303,7 @@ def test_unknown_names_are_listed(robot: Robot) -> None:
     with pytest.raises(UnknownNameError, match="local_world_aligned"):
         Tracker(robot).step(twist=np.zeros(6), reference="tool")
     with pytest.raises(InvalidInputError, match="load_robot"):
-        Tracker("j2n6s300")  # type: ignore[arg-type]  # the point of the test
+        Tracker("j2n6s300")  # type: ignore[arg-type]  # wrong on purpose
 
 
 def test_a_description_without_velocity_limits_asks_for_them() -> None:

@@ -160,11 +160,15 @@ def test_named_pairs_only(robot: Robot) -> None:
     [
         (lambda: Clearance(pairs=[("link_9", "link_1_ring")]), UnknownNameError, "unknown shape 'link_9'"),
         (
-            lambda: Clearance(pairs=["link_1_ring"]),  # type: ignore[list-item]  # the point of the test
+            lambda: Clearance(pairs=["link_1_ring"]),  # type: ignore[list-item]  # wrong on purpose
             InvalidInputError,
             "pairs of shape names",
         ),
         (lambda: Clearance(pairs=[("link_1_ring", "link_1_column")]), InvalidInputError, "same link"),
+        (lambda: Clearance("far"), InvalidInputError, "distance must be"),  # type: ignore[arg-type]  # wrong on purpose
+        (lambda: Clearance(obstacles=Floor()), InvalidInputError, "obstacles must be a list"),  # type: ignore[arg-type]  # wrong on purpose
+        (lambda: Clearance(obstacles=["floor"]), InvalidInputError, "each be a Box, Sphere"),  # type: ignore[list-item]  # wrong on purpose
+        (lambda: Clearance(obstacles=[Floor(name="")]), InvalidInputError, "with a name"),
         (lambda: Clearance(-0.01), InvalidInputError, "distance must be"),
         (lambda: Clearance(np.nan), InvalidInputError, "distance must be"),
         (lambda: Clearance(obstacles=[Sphere("a", 0.0, [0.0] * 3)]), InvalidInputError, "a: radius"),

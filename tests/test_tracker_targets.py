@@ -156,11 +156,12 @@ def test_a_posture_takes_the_short_way_on_free_joints(robot: Robot) -> None:
         (lambda: RegionTarget([0.0] * 3, [1.0, -1.0, 1.0]), "must not exceed"),
         (lambda: RegionTarget([0.0] * 3, [1.0, np.nan, 1.0]), "upper"),
         (lambda: RegionTarget("abc", [1.0] * 3), "lower"),
-        (lambda: PositionTarget([0.0] * 3, weight=0.0), "weight must be positive"),
-        (lambda: PositionTarget([0.0] * 3, weight=np.inf), "weight must be positive"),
-        (lambda: Posture([0.0] * 6, rate=-1.0), "rate must be positive"),
-        (lambda: Manipulability(0.0), "rate must be positive"),
-        (lambda: LimitDistance(np.nan), "rate must be positive"),
+        (lambda: PositionTarget([0.0] * 3, weight=0.0), "weight must be a positive"),
+        (lambda: PositionTarget([0.0] * 3, weight=np.inf), "weight must be a positive"),
+        (lambda: PositionTarget([0.0] * 3, weight="1"), "weight must be a positive"),  # type: ignore[arg-type]  # wrong on purpose
+        (lambda: Posture([0.0] * 6, rate=-1.0), "rate must be a positive"),
+        (lambda: Manipulability(0.0), "rate must be a positive"),
+        (lambda: LimitDistance(np.nan), "rate must be a positive"),
     ],
 )
 def test_wrong_targets_are_refused(make: Any, match: str) -> None:

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from jacokin.errors import InvalidInputError, MissingExtraError
 from jacokin.ik import targets
-from jacokin.ik.tracker_setup import limits, positive, velocity_limits
+from jacokin.ik.tracker_checks import limits, positive, velocity_limits
 from jacokin.model import checks
 from jacokin.model.robot import Robot
 

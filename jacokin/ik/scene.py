@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from jacokin.errors import InvalidInputError, ModelError, UnknownNameError
 from jacokin.ik import targets
+from jacokin.ik.tracker_checks import listed, number
 from jacokin.model import poses
 from jacokin.model.robot import Robot
 
@@ -131,9 +132,17 @@ class Clearance:
     pairs: Sequence[tuple[str, str]] | None = None
 
     def __post_init__(self) -> None:
-        """Check the distance."""
-        if not (np.isfinite(self.distance) and self.distance >= 0.0):
-            raise InvalidInputError(f"distance must be finite and >= 0 [m], got {self.distance!r}")
+        """Check what needs no robot."""
+        number("distance", self.distance, "m")
+        object.__setattr__(self, "obstacles", listed("obstacles", self.obstacles))
+        for obstacle in self.obstacles:
+            name = getattr(obstacle, "name", None)
+            if not callable(getattr(obstacle, "add_to", None)) or not isinstance(name, str) or not name:
+                raise InvalidInputError(
+                    f"obstacles must be a Box, Sphere, Capsule or Floor with a name, got {obstacle!r}"
+                )
+        if self.pairs is not None:
+            object.__setattr__(self, "pairs", listed("pairs", self.pairs))
 
 
 def compile_with(
@@ -175,7 +184,7 @@ def _pairs(model: mujoco.MjModel, clearance: Clearance, obstacles: set[str]) -> 
 
 
 def _named_pair(model: mujoco.MjModel, names: list[str], pair: tuple[str, str]) -> tuple[int, int]:
-    if isinstance(pair, str) or len(pair) != 2:
+    if not isinstance(pair, tuple | list) or len(pair) != 2 or not all(isinstance(name, str) for name in pair):
         raise InvalidInputError(f"pairs must hold pairs of shape names, got {pair!r}")
     for name in pair:
         if name not in names:

@@ -27,7 +27,7 @@ class Aims:
         self._robot = robot
         self._model = model
         self._tool = int(model.site(TOOL_SITE).id)
-        self._pose = PoseAim(self._tool, 1.0)
+        self._pose = PoseAim(self._tool, 1.0, TOOL_SITE)
 
     def for_target(
         self, target: pin.SE3 | ArrayLike | tracking_targets.Target | Sequence[tracking_targets.Target] | None
@@ -58,11 +58,11 @@ class Aims:
         site = self._site(target.frame)
         match target:
             case tracking_targets.PoseTarget(pose=pin.SE3() as pose):
-                aim = PoseAim(site, target.weight)
+                aim = PoseAim(site, target.weight, target.frame or TOOL_SITE)
                 aim.set(pose)
                 return aim
             case tracking_targets.OrientationTarget():
-                turn = PoseAim(site, target.weight, orientation_only=True)
+                turn = PoseAim(site, target.weight, target.frame or TOOL_SITE, orientation_only=True)
                 turn.set(pin.SE3(np.asarray(target.rotation), np.zeros(3)))
                 return turn
             case tracking_targets.PositionTarget():

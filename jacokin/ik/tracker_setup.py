@@ -15,6 +15,7 @@ from jacokin.ik import scene
 from jacokin.ik.scene import Clearance
 from jacokin.ik.tracker_aims import TOOL_SITE, Aims
 from jacokin.ik.tracker_box import JointBox
+from jacokin.ik.tracker_checks import limits, listed, positive, velocity_limits
 from jacokin.ik.tracker_clearance import ClearanceGuard
 from jacokin.ik.tracker_follow import Follower
 from jacokin.ik.tracking_objectives import Objective, Posture
@@ -61,7 +62,9 @@ def prepare(
     step = positive("dt", dt, "s")
     velocity = velocity_limits(robot, velocity_limit)
     acceleration = None if acceleration_limit is None else limits("acceleration_limit", acceleration_limit, robot.dof)
-    wishes = tuple(objectives) if posture is None else (Posture(posture), *objectives)
+    wishes = listed("objectives", objectives)
+    if posture is not None:
+        wishes = (Posture(posture), *wishes)
     for wish in wishes:
         if isinstance(wish, Posture):
             robot.configuration(wish.q, "posture")
@@ -101,51 +104,6 @@ def moving_frame(robot: Robot, frame: str) -> None:
     if robot.pin_model.frames[robot.frame_id(frame)].parentJoint == 0:
         moving = [name for name in robot.frames if robot.pin_model.frames[robot.frame_id(name)].parentJoint > 0]
         raise InvalidInputError(f"frame {frame!r} is fixed to the base and cannot follow a target; {moving} move")
-
-
-def positive(name: str, value: float, unit: str) -> float:
-    """A positive, finite number, or an error that names it."""
-    if (
-        isinstance(value, bool)
-        or not isinstance(value, int | float | np.number)
-        or not np.isfinite(value)
-        or value <= 0
-    ):
-        raise InvalidInputError(f"{name} must be a positive number [{unit}], got {value!r}")
-    return float(value)
-
-
-def limits(name: str, value: ArrayLike, dof: int, unit: str = "rad/s^2") -> Array:
-    """Positive limits, one for all joints or one for each."""
-    try:
-        array = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise InvalidInputError(f"{name} must be one number or {dof} [{unit}], got {value!r}") from error
-    if array.ndim == 0:
-        array = np.full(dof, array)
-    array = checks.vector(name, array, dof, unit)
-    if not (array > 0.0).all():
-        raise InvalidInputError(f"{name} must be positive [{unit}], got {array.tolist()}")
-    return checks.read_only(array)
-
-
-def velocity_limits(robot: Robot, value: ArrayLike | None) -> Array:
-    """The given limits, or the robot's own; refuses joints without any.
-
-    Raises:
-        InvalidInputError: malformed or not positive, or the robot's file (MJCF has no such field) gives none.
-    """
-    if value is not None:
-        return limits("velocity_limit", value, robot.dof, "rad/s")
-    missing = [
-        name for name, limit in zip(robot.joint_names, robot.velocity_limit, strict=True) if not np.isfinite(limit)
-    ]
-    if missing:
-        raise InvalidInputError(
-            f"the description of {robot.name} gives no velocity limits for {', '.join(missing)}; "
-            "pass velocity_limit= [rad/s]"
-        )
-    return limits("velocity_limit", robot.velocity_limit, robot.dof, "rad/s")
 
 
 def tolerances(position: float, orientation: float) -> tuple[float, float]:

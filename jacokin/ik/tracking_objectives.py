@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from jacokin.errors import InvalidInputError
+from jacokin.ik.tracker_checks import positive
 from jacokin.model.robot import Robot
 
 Array = NDArray[np.float64]
@@ -23,11 +23,6 @@ class Objective(Protocol):
 
     def velocity(self, robot: Robot, frame: str, q: Array) -> Array:
         """Joint velocity (dof,) [rad/s] wanted at `q` (dof,) [rad]."""
-
-
-def _checked_rate(rate: float) -> None:
-    if not (np.isfinite(rate) and rate > 0.0):
-        raise InvalidInputError(f"rate must be positive and finite, got {rate!r}")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,7 +39,7 @@ class Posture:
 
     def __post_init__(self) -> None:
         """Check the rate; the tracker checks the configuration, as it knows the robot."""
-        _checked_rate(self.rate)
+        positive("rate", self.rate, "1/s")
 
     def velocity(self, robot: Robot, frame: str, q: Array) -> Array:
         """Towards the posture."""
@@ -65,7 +60,7 @@ class Manipulability:
 
     def __post_init__(self) -> None:
         """Check the rate."""
-        _checked_rate(self.rate)
+        positive("rate", self.rate, "1/s")
 
     def velocity(self, robot: Robot, frame: str, q: Array) -> Array:
         """Gradient of log sqrt(det(J J^T)): trace(J^+ dJ/dq_k), damped where J is singular."""
@@ -87,7 +82,7 @@ class LimitDistance:
 
     def __post_init__(self) -> None:
         """Check the rate."""
-        _checked_rate(self.rate)
+        positive("rate", self.rate, "1/s")
 
     def velocity(self, robot: Robot, frame: str, q: Array) -> Array:
         """Towards the middle, growing with the cube of the relative distance from it."""

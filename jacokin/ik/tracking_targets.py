@@ -12,6 +12,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from jacokin.errors import InvalidInputError
+from jacokin.ik.tracker_checks import positive
 from jacokin.model import checks, poses
 
 Array = NDArray[np.float64]
@@ -31,8 +32,7 @@ class Target:
 
     def __post_init__(self) -> None:
         """Check the weight."""
-        if not (np.isfinite(self.weight) and self.weight > 0.0):
-            raise InvalidInputError(f"weight must be positive and finite, got {self.weight!r}")
+        positive("weight", self.weight, "1")
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -58,12 +58,12 @@ class Aim(ABC):
 class PoseAim(Aim):
     """Position and orientation, or orientation alone."""
 
-    def __init__(self, site: int, weight: float, *, orientation_only: bool = False) -> None:
-        """Build mink's task."""
+    def __init__(self, site: int, weight: float, name: str, *, orientation_only: bool = False) -> None:
+        """Build mink's task, which wants the site's name."""
         super().__init__(site, weight)
         self._orientation_only = orientation_only
         linear = 0.0 if orientation_only else weight
-        self._task = mink.FrameTask(site, "site", linear, weight * RADIAN_IN_METRES)
+        self._task = mink.FrameTask(name, "site", linear, weight * RADIAN_IN_METRES)
         self._cost = np.array([linear] * 3 + [weight * RADIAN_IN_METRES] * 3)
         self._pose = pin.SE3.Identity()
         self._position, self._rotation = self._pose.translation, self._pose.rotation
