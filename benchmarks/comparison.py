@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.environments import InstallError, Peer, interpreter
-from benchmarks.referee import Referee, rotation_angle
+from benchmarks.referee import Referee, apart, rotation_angle
 from benchmarks.targets import Targets
 from benchmarks.worker import Worker, WorkerError
 from jacokin.model import bundled
@@ -110,6 +110,7 @@ def score(contestant: Contestant, targets: Targets, rounds: int, referee: Refere
     order = np.concatenate([np.arange(len(targets.poses))[number::rounds] for number in range(rounds)])
     # A peer with its own, slightly other numbers is not blamed for the difference.
     tolerance = np.array([POSITION_TOLERANCE, ORIENTATION_TOLERANCE]) + contestant.offset
+    known = targets.generating.size > 0 and not np.isnan(targets.generating).any()
     near = max(SAME_ANGLE, FOLD_SPREAD * max(contestant.offset) ** 0.5)
     solved, found = 0, 0
     positions, orientations, legal = [np.empty(0)], [np.empty(0)], [np.empty(0, dtype=bool)]
@@ -119,13 +120,12 @@ def score(contestant: Contestant, targets: Targets, rounds: int, referee: Refere
         position, orientation = referee.errors(q, targets.poses[index])
         inside = referee.legal(q)
         solved += bool((inside & (position <= tolerance[0]) & (orientation <= tolerance[1])).any())
-        found += _contains(q, targets.generating[index], near)
+        found += known and bool((apart(q, targets.generating[index]) <= near).any())
         positions.append(position)
         orientations.append(orientation)
         legal.append(inside)
     inside = np.concatenate(legal)
     count = len(order)
-    known = targets.generating.size > 0 and not np.isnan(targets.generating).any()
     seconds = np.array(contestant.seconds[targets.name])
     return Score(
         solved=solved / count,
@@ -200,11 +200,3 @@ def _deviation(a: Array, b: Array) -> tuple[float, float]:
     """Largest position [m] and orientation [rad] difference of poses (n, 4, 4)."""
     position = np.linalg.norm(a[:, :3, 3] - b[:, :3, 3], axis=1).max()
     return float(position), float(rotation_angle(a[:, :3, :3], b[:, :3, :3]).max())
-
-
-def _contains(q: Array, wanted: Array, near: float) -> bool:
-    """Whether one of the answers is the wanted configuration, to `near` [rad] and up to full turns."""
-    if not len(wanted):
-        return False
-    apart = np.abs(np.remainder(q - wanted + np.pi, 2.0 * np.pi) - np.pi)
-    return bool((apart.max(axis=1) <= near).any())

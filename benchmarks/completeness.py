@@ -12,12 +12,11 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
 import jacokin
-from benchmarks import environments, report, targets
-from benchmarks.referee import rotation_angle
+from benchmarks import brute_force, environments, report, targets
+from benchmarks.referee import apart, rotation_angle
 from jacokin.ik import closed_form
 from jacokin.model import bundled
 from jacokin.model.robot import Robot
@@ -31,10 +30,6 @@ TIGHT_CLOSURE = 1e-10  # [m] and [rad] for 99.9 % of them
 # Random targets, vertical targets each way, and how many of those are compared with brute force.
 FIRST_COUNTS = (100_000, 10_000, 50)
 COUNTS = (20_000, 2_000, 10)
-NEWTON_STARTS = 400  # a target of the brute-force count
-NEWTON_STEPS = 40
-NEWTON_DONE = 1e-11  # [m] and [rad]
-SAME_ROOT = 1e-3  # [rad]: Newton's answers this near are one branch
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,10 +73,10 @@ def measure(robot: Robot, wanted: targets.Targets) -> Completeness:
             errors = _closures(robot, branches.q, pose)
             closure = max(closure, float(errors.max()))
             tight += int((errors <= TIGHT_CLOSURE).sum())
-            duplicates += int((_apart(branches.q[:, None], branches.q) < DUPLICATE).sum() - len(branches)) // 2
+            duplicates += int((apart(branches.q[:, None], branches.q) < DUPLICATE).sum() - len(branches)) // 2
         if not branches.complete:
             families += 1
-        elif len(branches) and _apart(branches.q, q).min() <= SAME_CONFIGURATION:
+        elif len(branches) and apart(branches.q, q).min() <= SAME_CONFIGURATION:
             found += 1
         else:
             regular_lost += bool(robot.singular_values(q)[-1] > REGULAR)
@@ -103,63 +98,6 @@ def measure(robot: Robot, wanted: targets.Targets) -> Completeness:
         duplicates=duplicates,
         seconds=time.perf_counter() - begin,
     )
-
-
-@dataclass(frozen=True, slots=True)
-class BruteForce:
-    """The branches against those that Newton's method finds from many random starts."""
-
-    robot: str
-    targets: str
-    count: int
-    """Targets compared: those without a family of solutions."""
-    roots: int
-    """Configurations Newton found, all targets together."""
-    missed: int
-    """Of them, those `solve_all` does not have."""
-    extra: int
-    """Branches of `solve_all`, all verified, that Newton did not come to."""
-
-
-def against_brute_force(robot: Robot, wanted: targets.Targets, rng: np.random.Generator) -> BruteForce:
-    """Compare the branches with a search that knows nothing of the closed form."""
-    solver = jacokin.IKSolver(robot)
-    count = total = missed = extra = 0
-    for pose in wanted.poses:
-        branches = solver.solve_all(pose)
-        if not branches.complete:  # a family: infinitely many
-            continue
-        roots = newton_roots(robot, pose, rng)
-        apart = _apart(roots[:, None], branches.q)
-        count += 1
-        total += len(roots)
-        missed += int((apart.min(axis=1, initial=np.inf) > SAME_ROOT).sum())
-        extra += int((apart.min(axis=0, initial=np.inf) > SAME_ROOT).sum())
-    return BruteForce(robot.name, wanted.name, count, total, missed, extra)
-
-
-def newton_roots(robot: Robot, pose: Array, rng: np.random.Generator) -> Array:
-    """Distinct configurations (k, dof) that reach a pose, limits aside, from random starts."""
-    model, data, frame = robot.pin_model, robot.pin_model.createData(), robot.frame_id()
-    target = pin.SE3(pose)
-    roots: list[Array] = []
-    for _ in range(NEWTON_STARTS):
-        q = rng.uniform(-np.pi, np.pi, robot.dof)
-        for _ in range(NEWTON_STEPS):
-            pin.computeJointJacobians(model, data, q)
-            pin.updateFramePlacement(model, data, frame)
-            jacobian = pin.getFrameJacobian(model, data, frame, pin.LOCAL)
-            error = pin.log6(data.oMf[frame].actInv(target)).vector
-            if np.abs(error).max() < NEWTON_DONE:
-                if not roots or _apart(np.array(roots), q).min() > SAME_ROOT:
-                    roots.append(q)
-                break
-            try:
-                step = np.linalg.solve(jacobian, error)
-            except np.linalg.LinAlgError:
-                break
-            q = q + step * min(1.0, 1.0 / float(np.abs(step).max()))  # at most 1 rad at a time
-    return np.array(roots).reshape(-1, robot.dof)
 
 
 def dm_control_arm() -> Path | None:
@@ -192,10 +130,10 @@ def section(share: int = 1) -> report.Section:
             print(" ".join(rows[-1]), flush=True)
         for wanted in sets[1:]:
             sample = targets.Targets(wanted.name, wanted.poses[:brute], wanted.generating[:brute])
-            brute_rows.append(_brute_row(against_brute_force(robot, sample, rng)))
+            brute_rows.append(brute_force.row(brute_force.compare(robot, sample, rng)))
             print(" ".join(brute_rows[-1]), flush=True)
     parts = [INTRODUCTION, report.table(HEADER, rows), *notes]
-    parts += [BRUTE_INTRODUCTION, report.table(BRUTE_HEADER, brute_rows)]
+    parts += [brute_force.INTRODUCTION, report.table(brute_force.HEADER, brute_rows)]
     return report.Section("Completeness and accuracy of `solve_all`", "\n\n".join(parts))
 
 
@@ -222,12 +160,6 @@ HEADER = (
     "duplicates",
 )
 
-BRUTE_INTRODUCTION = f"""Against brute force: Newton's method from {NEWTON_STARTS} random starts a target, limits aside,
-poses on a family left out. *Missed*: found by Newton and not among the branches. *More*: branches, all verified, that
-no start of Newton's came to."""
-
-BRUTE_HEADER = ("robot", "targets", "number", "found by Newton", "missed", "more")
-
 
 def _row(measured: Completeness) -> tuple[str, ...]:
     return (
@@ -246,21 +178,11 @@ def _row(measured: Completeness) -> tuple[str, ...]:
     )
 
 
-def _brute_row(compared: BruteForce) -> tuple[str, ...]:
-    counts = (compared.count, compared.roots, compared.missed, compared.extra)
-    return (compared.robot, compared.targets, *(f"{value:,}" for value in counts))
-
-
 def _closures(robot: Robot, q: Array, pose: Array) -> Array:
     """The larger of position [m] and orientation [rad] error of each branch."""
     reached = np.array([robot.forward_kinematics(row).homogeneous for row in q])
     position = np.linalg.norm(reached[:, :3, 3] - pose[:3, 3], axis=1)
     return np.asarray(np.maximum(position, rotation_angle(reached[:, :3, :3], pose[:3, :3])))
-
-
-def _apart(a: Array, b: Array) -> Array:
-    """Largest joint difference on the circle (...,) of configurations (..., dof) [rad]."""
-    return np.asarray(np.abs(np.remainder(a - b + np.pi, 2.0 * np.pi) - np.pi).max(axis=-1))
 
 
 def main() -> None:

@@ -19,6 +19,11 @@ def rotation_angle(a: Array, b: Array) -> Array:
     return np.asarray(2.0 * np.arcsin(np.minimum(chord / np.sqrt(8.0), 1.0)))
 
 
+def apart(a: Array, b: Array) -> Array:
+    """Largest joint difference on the circle (...,) of configurations (..., dof) [rad]."""
+    return np.asarray(np.abs(np.remainder(a - b + np.pi, 2.0 * np.pi) - np.pi).max(axis=-1))
+
+
 class Referee:
     """Forward kinematics and limits of the arm in a URDF.
 

@@ -14,8 +14,9 @@ from jacokin import Robot
 
 sys.path.append(str(Path(__file__).resolve().parents[1]))  # last: the installed package is what gets tested
 
-from benchmarks import comparison, completeness, environments, report, run, targets
+from benchmarks import brute_force, comparison, environments, report, run, targets
 from benchmarks.environments import InstallError, Peer
+from benchmarks.referee import apart
 from benchmarks.worker import Worker, WorkerError
 
 # A solver that knows one answer: home. It prints, as libraries do, and fails on request.
@@ -228,10 +229,9 @@ def test_newton_finds_the_generating_configuration(robot: Robot) -> None:
     rng = np.random.default_rng(4)
     q = robot.sample(rng)
     pose = robot.forward_kinematics(q).homogeneous
-    roots = completeness.newton_roots(robot, pose, rng)
+    roots = brute_force.newton_roots(robot, pose, rng)
     assert 2 <= len(roots) <= 16
-    apart = np.abs(np.remainder(roots - q + np.pi, 2.0 * np.pi) - np.pi).max(axis=1)
-    assert apart.min() < 1e-9
+    assert apart(roots, q).min() < 1e-9
     for root in roots:
         assert np.abs(robot.forward_kinematics(root).homogeneous - pose).max() < 1e-10
 
