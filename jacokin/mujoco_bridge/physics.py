@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from jacokin.mujoco_bridge.entity import Entity
 
 _FLAG = "mjDSBL_"
+_WHOLE_NUMBER = int | np.integer
 
 
 class Seconds(float):
@@ -167,7 +168,7 @@ class Physics:
             InvalidInputError: n is no whole number >= 1.
             PhysicsError: the simulation diverged or MuJoCo warned; the state is as before the call.
         """
-        if isinstance(n, bool) or not isinstance(n, int | np.integer) or n < 1:
+        if isinstance(n, bool) or not isinstance(n, _WHOLE_NUMBER) or n < 1:
             raise InvalidInputError(f"n must be a whole number of steps >= 1, got {n!r}")
         self._freshness.step(int(n))
 
