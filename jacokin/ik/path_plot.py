@@ -38,7 +38,7 @@ def plot_path(result: PathResult, path: str | Path) -> None:
                 angles.axhline(limit, color=color, linestyle="--", linewidth=0.8)
         speeds.plot(result.t, result.v[:, joint] / result.velocity_limit[joint], color=color, label=name)
     angles.set_ylabel("joint angle [rad]\n(dashed: its limits)")
-    angles.legend(loc="upper right", ncols=min(6, len(result.joint_names)), fontsize="small")
+    angles.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=len(result.joint_names), fontsize="small")
     for limit in (-1.0, 1.0):
         speeds.axhline(limit, color="black", linestyle="--", linewidth=0.8)
     speeds.set_ylabel("joint velocity\n[part of its limit]")

@@ -139,7 +139,7 @@ class Clearance:
             name = getattr(obstacle, "name", None)
             if not callable(getattr(obstacle, "add_to", None)) or not isinstance(name, str) or not name:
                 raise InvalidInputError(
-                    f"obstacles must be a Box, Sphere, Capsule or Floor with a name, got {obstacle!r}"
+                    f"obstacles must each be a Box, Sphere, Capsule or Floor with a name, got {obstacle!r}"
                 )
         if self.pairs is not None:
             object.__setattr__(self, "pairs", listed("pairs", self.pairs))
