@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.errors import SolveError
+from jacokin.model import checks
+
+if TYPE_CHECKING:
+    from jacokin.ik.closed_form import Rows
 
 Array = NDArray[np.float64]
 
@@ -87,35 +91,73 @@ class IKResult:
         )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
 class Branches:
-    """Every configuration that reaches a pose, nearest to the seed first. Arrays are read-only."""
+    """Every configuration that reaches a pose, nearest to the seed first. Arrays are read-only.
 
-    q: Array
-    """(k, dof) joint angles [rad]; free joints in the copy nearest to the seed."""
-    within_limits: NDArray[np.bool_]
-    """(k,) True where every joint is inside its limits, exactly."""
-    margin: Array
-    """(k, dof) distance to the nearer limit [rad]; negative outside, inf on free joints."""
-    distance: Array
-    """(k,) distance to the seed [rad], Euclidean, circular on free joints."""
-    position_error: Array
-    """(k,) measured by forward kinematics [m]."""
-    orientation_error: Array
-    """(k,) measured by forward kinematics [rad]."""
-    complete: bool
-    """False when a one-parameter family of solutions is represented by members."""
-    touching: tuple[tuple[tuple[str, str], ...], ...] | None = None
-    """Pairs of shapes that touch at each branch; None when the solver does not look."""
+    Solving takes tens of microseconds, so the columns are cut out of one table when they are asked for.
+    """
+
+    __slots__ = ("_rows", "_touching")
+
+    def __init__(self, rows: Rows, touching: tuple[tuple[tuple[str, str], ...], ...] | None = None) -> None:
+        """Take over the rows of the closed form."""
+        self._rows = rows
+        self._touching = touching
 
     def __len__(self) -> int:
         """Number of branches."""
-        return len(self.q)
+        return len(self._rows)
+
+    def __repr__(self) -> str:
+        """How many there are, and how many of them are legal."""
+        return f"Branches({len(self)}, {int(self.within_limits.sum())} within the limits)"
+
+    @property
+    def q(self) -> Array:
+        """(k, dof) joint angles [rad]; free joints in the copy nearest to the seed."""
+        return self._rows.q
+
+    @property
+    def within_limits(self) -> NDArray[np.bool_]:
+        """(k,) True where every joint is inside its limits, exactly."""
+        within = self._rows.within_limits
+        within.setflags(write=False)
+        return within
+
+    @property
+    def margin(self) -> Array:
+        """(k, dof) distance to the nearer limit [rad]; negative outside, inf on free joints."""
+        return self._rows.margin
+
+    @property
+    def distance(self) -> Array:
+        """(k,) distance to the seed [rad], Euclidean, circular on free joints."""
+        return self._rows.distance
+
+    @property
+    def position_error(self) -> Array:
+        """(k,) measured by forward kinematics [m]."""
+        return self._rows.position_error
+
+    @property
+    def orientation_error(self) -> Array:
+        """(k,) measured by forward kinematics [rad]."""
+        return self._rows.orientation_error
+
+    @property
+    def complete(self) -> bool:
+        """False when a one-parameter family of solutions is represented by members."""
+        return not self._rows.family.any()
+
+    @property
+    def touching(self) -> tuple[tuple[tuple[str, str], ...], ...] | None:
+        """Pairs of shapes that touch at each branch; None when the solver does not look."""
+        return self._touching
 
     @property
     def legal(self) -> Array:
         """(m, dof) the branches inside the limits."""
-        return self.q[self.within_limits]
+        return checks.read_only(self.q[self.within_limits])
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -201,21 +201,9 @@ class IKSolver:
             raise InvalidInputError("solve_all needs an orientation: a position alone is reached by infinitely many")
         start, _ = seeds.legal_seed(self.robot, seed)
         raw = self.closed_form().solve_all(wanted.matrix, start)
-        within_limits = raw.within_limits
-        within_limits.setflags(write=False)
-        touching = None
-        if self._judge.looks_for_contact:
-            touching = tuple(tuple(self._judge.touching(q)) for q in raw.q)
-        return Branches(
-            q=raw.q,
-            within_limits=within_limits,
-            margin=raw.margin,
-            distance=raw.distance,
-            position_error=raw.position_error,
-            orientation_error=raw.orientation_error,
-            complete=not raw.family.any(),
-            touching=touching,
-        )
+        if not self._judge.looks_for_contact:
+            return Branches(raw)
+        return Branches(raw, tuple(tuple(self._judge.touching(q)) for q in raw.q))
 
     def solve_batch(
         self,
