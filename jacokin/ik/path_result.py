@@ -7,7 +7,7 @@ import os
 import tempfile
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -201,11 +201,14 @@ class PathResult:
             limiting=tuple(row[2] for row in rest),
             qp_solver="".join(notes.get("qp_solver", ())),
             message="".join(notes.get("message", ())),
-            **limits,
+            lower=limits["lower"],
+            upper=limits["upper"],
+            velocity_limit=limits["velocity_limit"],
         )
 
     def _write_npz(self, file: Path) -> None:
-        kept = {field.name: np.asarray(getattr(self, field.name)) for field in fields(self) if field.name != "branches"}
+        names = [field.name for field in fields(self) if field.name != "branches"]
+        kept: dict[str, Any] = {name: np.asarray(getattr(self, name)) for name in names}
         with file.open("wb") as stream:
             np.savez_compressed(stream, **kept)
 

@@ -40,7 +40,7 @@ class Aims:
             return [self._aim(target)]
         if isinstance(target, list | tuple) and any(isinstance(one, tracking_targets.Target) for one in target):
             return [self._aim(one) for one in target]
-        checked = targets.checked(target)  # type: ignore[arg-type]  # refuses what is neither a pose nor a position
+        checked = targets.checked(target)  # refuses what is neither a pose nor a position
         if checked.position_only:
             return [self._aim(tracking_targets.PositionTarget(checked.position))]
         self._pose.set(pin.SE3(checked.rotation, checked.position))
@@ -91,7 +91,7 @@ def _rigid(pose: pin.SE3) -> bool:
     """Whether a pose is finite, right-handed and orthonormal to 1e-9; cheap, as every tick asks it."""
     (a, b, c), (d, e, f), (g, h, i) = pose.rotation.tolist()
     x, y, z = pose.translation.tolist()
-    misfit = (
+    misfit: float = (
         abs(a * a + b * b + c * c - 1.0)
         + abs(d * d + e * e + f * f - 1.0)
         + abs(a * d + b * e + c * f)
@@ -99,4 +99,4 @@ def _rigid(pose: pin.SE3) -> bool:
         + abs(c * d - a * f - h)
         + abs(a * e - b * d - i)
     )
-    return misfit < RIGID and abs(x) + abs(y) + abs(z) < 1e9
+    return bool(misfit < RIGID and abs(x) + abs(y) + abs(z) < 1e9)

@@ -177,7 +177,7 @@ class RegionAim(Aim):
     def rows(self, configuration: mink.Configuration) -> Array:
         """Weighted linear Jacobian along the axes of the base in which the frame is outside."""
         outside = (self._way(configuration.data) != 0.0).astype(np.float64)
-        return self._weight * outside[:, None] * self._jacobian(configuration)[0]
+        return np.asarray(self._weight * outside[:, None] * self._jacobian(configuration)[0])
 
     def walls(self, configuration: mink.Configuration) -> tuple[Array, Array] | None:
         """Faces of the box the frame must not pass, along the axes in which it is inside."""
