@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.ik.kernels_arm import unpack_arm
-from jacokin.ik.kernels_solve import COLUMNS, DISTANCE, LEGAL, Task, Work, make_work, solve_pose, sort_rows
+from jacokin.ik.kernels_solve import COLUMNS, DISTANCE, LEGAL, BranchWork, Task, make_work, solve_pose, sort_rows
 
 #: Columns of a batch result: 0:17 the chosen branch, then these.
 BRANCHES, LEGAL_BRANCHES, BATCH_COLUMNS = 17, 18, 19
@@ -41,13 +41,13 @@ def solve(
     for i in range(T.shape[0]):
         solve_pose(arm, k, Task(chain, limits, T[i], reference[i]), work)
         if i < best.shape[0]:
-            choose(work, best[i])
+            choose(work.branches, best[i])
     if best.shape[0] == 0:
-        sort_rows(work)
-    return int(work.filled[0])
+        sort_rows(work.branches)
+    return int(work.branches.filled[0])
 
 
-def choose(work: Work, best: NDArray[np.float64]) -> None:
+def choose(work: BranchWork, best: NDArray[np.float64]) -> None:
     """Copy the nearest legal branch, or the least illegal one, to a row of the batch."""
     rows, count = work.rows, work.filled[0]
     chosen, legal = -1, 0

@@ -45,19 +45,25 @@ LOOSENESS = 3.0
 EXACT = 1e-12
 
 
+class BranchWork(NamedTuple):
+    """A candidate, what it takes to verify it, and the branches found so far."""
+
+    q: NDArray[np.float64]  # (6,)
+    held: NDArray[np.float64]  # (6,) 1 for joints held on their limit
+    system: NDArray[np.float64]  # (6, 7)
+    normal: NDArray[np.float64]  # (6, 7)
+    row: NDArray[np.float64]  # (17,) the branch at hand
+    rows: NDArray[np.float64]  # (24, 17)
+    filled: NDArray[np.int64]  # (1,) how many rows
+
+
 class Work(NamedTuple):
     """Arrays the solver writes to; one set for each thread."""
 
     roots: RootWork  # for F(q6)
     inner: RootWork  # for g(q5)
     starts: Starts
-    system: NDArray[np.float64]  # (6, 7)
-    normal: NDArray[np.float64]  # (6, 7)
-    held: NDArray[np.float64]  # (6,)
-    q: NDArray[np.float64]  # (6,)
-    row: NDArray[np.float64]  # (17,) the branch at hand
-    rows: NDArray[np.float64]  # (24, 17) the branches found
-    filled: NDArray[np.int64]  # (1,) how many
+    branches: BranchWork
 
 
 def make_work(rows: NDArray[np.float64]) -> Work:
@@ -67,13 +73,15 @@ def make_work(rows: NDArray[np.float64]) -> Work:
         RootWork(np.empty(9), np.empty(9), np.empty((MAX_ROOTS, 2)), stack, place),
         RootWork(np.empty(9), np.empty(9), np.empty((MAX_ROOTS, 2)), stack, place),
         Starts(np.empty((MAX_STARTS, 4)), np.zeros(1, np.int64)),
-        np.empty((6, 7)),
-        np.empty((6, 7)),
-        np.empty(6),
-        np.empty(6),
-        np.empty(COLUMNS),
-        rows,
-        np.zeros(1, np.int64),
+        BranchWork(
+            np.empty(6),
+            np.empty(6),
+            np.empty((6, 7)),
+            np.empty((6, 7)),
+            np.empty(COLUMNS),
+            rows,
+            np.zeros(1, np.int64),
+        ),
     )
 
 
@@ -88,15 +96,15 @@ class Task(NamedTuple):
 
 def solve_pose(arm: NDArray[np.float64], k: Arm, task: Task, work: Work) -> None:
     """Fill work.rows with every branch of one target, in no order."""
-    work.filled[0] = 0
+    work.branches.filled[0] = 0
     pose = pose_of(arm, k, task.T)
     if not pose.distance <= math.sqrt(k.R2) + abs(k.c4) + abs(k.b5) + REACH_SLACK:
         return
     if k.spherical:
-        spherical_starts(k, pose, task.reference, work.starts, work.q)
+        spherical_starts(k, pose, task.reference, work.starts, work.branches.q)
         for i in range(work.starts.filled[0]):
-            complete(k, pose, work.starts.rows[i, 0], work.starts.rows[i, 1], work.starts.rows[i, 2], work.q)
-            add_branch(task, work, work.starts.rows[i, 3])
+            complete(k, pose, work.starts.rows[i, 0], work.starts.rows[i, 1], work.starts.rows[i, 2], work.branches.q)
+            add_branch(task, work.branches, work.starts.rows[i, 3])
         return
     noise = fourier_of_F(k, pose, work.roots.cosine, work.roots.sine)
     follow_roots(k, pose, task, work, noise, 0.0)
@@ -105,29 +113,32 @@ def solve_pose(arm: NDArray[np.float64], k: Arm, task: Task, work: Work) -> None
 
 
 def follow_roots(k: Arm, pose: Pose, task: Task, work: Work, noise: float, looseness: float) -> None:
-    """Follow every root of F; for an inexact model, a second time, whatever comes close to a double root."""
+    """Every branch at every root of F; with looseness only what comes close to a double root.
+
+    A sure root carries a branch: where its best candidate yields none, all candidates are tried. In an undecided
+    interval all are tried from the start, at its ends too, for several roots may share it.
+    """
+    starts, branches = work.starts, work.branches
     for i in range(find_roots(noise, looseness, work.roots)):
         q6, half = work.roots.roots[i, 0], work.roots.roots[i, 1]
-        if half == 0.0 and looseness == 0.0:
-            before = work.filled[0]
-            follow_root(k, pose, task, work, q6, 0.0)
-            if work.filled[0] == before:
-                follow_root(k, pose, task, work, q6, MIN_WIDTH)
-        elif half > 0.0:  # the ends too: several roots may share the interval
-            for part in range(-1, 2):
-                follow_root(k, pose, task, work, q6 + part * half, half)
+        if half == 0.0 and looseness > 0.0:
+            continue
+        before = branches.filled[0]
+        for attempt in range(2):
+            starts.filled[0] = 0
+            starts_at_q6(k, pose, q6, half + attempt * MIN_WIDTH, starts, work.inner)
+            if half > 0.0:
+                starts_at_q6(k, pose, q6 - half, half, starts, work.inner)
+                starts_at_q6(k, pose, q6 + half, half, starts, work.inner)
+            for n in range(starts.filled[0]):
+                q1, q5, exact = refine(k, pose, starts.rows[n, 0], starts.rows[n, 1], starts.rows[n, 2])
+                complete(k, pose, q1, q5, exact, branches.q)
+                add_branch(task, branches, 0.0)
+            if half > 0.0 or branches.filled[0] > before:
+                break
 
 
-def follow_root(k: Arm, pose: Pose, task: Task, work: Work, q6: float, unsure: float) -> None:
-    """Refine every candidate at one root of F, and keep those that are branches."""
-    starts_at_q6(k, pose, q6, unsure, work.starts, work.inner)
-    for i in range(work.starts.filled[0]):
-        q1, q5, exact = refine(k, pose, work.starts.rows[i, 0], work.starts.rows[i, 1], work.starts.rows[i, 2])
-        complete(k, pose, q1, q5, exact, work.q)
-        add_branch(task, work, 0.0)
-
-
-def add_branch(task: Task, work: Work, family: float) -> None:
+def add_branch(task: Task, work: BranchWork, family: float) -> None:
     """Polish work.q, verify it, and append it to the rows unless it is there already."""
     q, row = work.q, work.row
     distance, legal = fit_to_limits(q, task.reference, task.limits, row)
@@ -147,7 +158,7 @@ def add_branch(task: Task, work: Work, family: float) -> None:
     keep(work)
 
 
-def settle(task: Task, work: Work) -> bool:
+def settle(task: Task, work: BranchWork) -> bool:
     """Hold joints a hair past their limits on them, and see whether the others still close the pose.
 
     At a fold the joints are known only to the square root of the rounding errors, and a legal branch may come out
@@ -168,7 +179,7 @@ def settle(task: Task, work: Work) -> bool:
     return max(position, orientation) < SETTLED
 
 
-def polish(task: Task, work: Work, worst: float) -> bool:
+def polish(task: Task, work: BranchWork, worst: float) -> bool:
     """Newton on all six joints of work.q, while it helps; whether it then closes the pose."""
     q, row = work.q, work.row
     for _ in range(POLISH_STEPS):
@@ -187,7 +198,7 @@ def polish(task: Task, work: Work, worst: float) -> bool:
     return worst <= CLOSED
 
 
-def keep(work: Work) -> None:
+def keep(work: BranchWork) -> None:
     """Append the row at hand; of two that are the same on the circle the better one stays."""
     row, rows, count = work.row, work.rows, work.filled[0]
     here = max(row[POSITION_ERROR], row[ORIENTATION_ERROR])
@@ -202,7 +213,7 @@ def keep(work: Work) -> None:
         work.filled[0] = count + 1
 
 
-def sort_rows(work: Work) -> None:
+def sort_rows(work: BranchWork) -> None:
     """Order the branches by distance to the seed, by insertion."""
     rows = work.rows
     for i in range(1, work.filled[0]):

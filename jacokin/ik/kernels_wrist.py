@@ -31,13 +31,13 @@ REFINED = 1e-9
 REFINE_ITERATIONS = 12
 #: [rad] Newton steps are cut to this size.
 LONGEST_STEP = 0.3
-MAX_STARTS = 64
+MAX_STARTS = 128
 
 
 class Starts(NamedTuple):
     """Candidates (q1, q5, q6) and a mark for members of a family, and how many there are."""
 
-    rows: NDArray[np.float64]  # (64, 4)
+    rows: NDArray[np.float64]  # (128, 4)
     filled: NDArray[np.int64]  # (1,)
 
 
@@ -65,7 +65,7 @@ def axis_4(k: Arm, q5: float) -> Vec:
 
 
 def starts_at_q6(k: Arm, pose: Pose, q6: float, unsure: float, starts: Starts, work: RootWork) -> None:
-    """All candidates for one q6: the two q5 of the sphere condition, and those of g where r is small.
+    """Add all candidates for one q6: the two q5 of the sphere condition, and those of g where r is small.
 
     Args:
         k: the arm.
@@ -73,10 +73,9 @@ def starts_at_q6(k: Arm, pose: Pose, q6: float, unsure: float, starts: Starts, w
         q6: a root of F, or the middle of an undecided interval [rad].
         unsure: half the width of that interval, 0 for a sure root; unless it is 0, both q5 and both signs of axis 3
             are kept.
-        starts: filled from the beginning.
+        starts: appended to.
         work: workspace for the roots of g.
     """
-    starts.filled[0] = 0
     view = view_of(k, pose, q6)
     W, right = sphere_terms(k, view.D)
     G2, G1, G0 = axis_terms(k, view.D, view.m)
