@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from importlib.metadata import version
 
-import numpy as np
 import pinocchio as pin
 
 import jacokin
@@ -21,7 +20,6 @@ class Peer:
         self.solver = jacokin.IKSolver(self.robot, method="qp" if self.variant == "qp" else "auto")
         if self.variant != "qp":
             closed_form.warmup()  # compiles once; later runs read the cache
-        self.home = np.array(setup["home"])
         self.call = self.solver.solve_all if self.variant == "solve_all" else self.solver.solve
 
     def forward(self, q):
@@ -31,7 +29,7 @@ class Peer:
         return pin.SE3(T[:3, :3].copy(), T[:3, 3].copy())
 
     def solve(self, target):
-        return self.call(target, seed=self.home)
+        return self.call(target)  # from home, which is the default
 
     def answers(self, raw):
         if self.variant == "solve_all":
