@@ -26,7 +26,7 @@ type: $(VENV)/test.stamp  ## static types, strict
 	$(BIN)/mypy
 
 docs: $(VENV)/docs.stamp  ## build the documentation site, warnings are errors
-	$(BIN)/mkdocs build --strict --quiet
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
 build: dist/wheel.stamp  ## build the wheel
 

@@ -123,10 +123,7 @@ def ik_comparison() -> None:
                 times[name].append(time.thread_time() - start)
     percentiles = {name: np.percentile(seconds, (50, 99)) * 1e6 for name, seconds in times.items()}
     for name, (median, p99) in percentiles.items():
-        print(
-            f"set_site_to_xpos, {name}: median {median:.0f} us, p99 {p99:.0f} us, "
-            f"reached {reached[name]} of {POSES}"
-        )
+        print(f"set_site_to_xpos, {name}: median {median:.0f} us, p99 {p99:.0f} us, reached {reached[name]} of {POSES}")
     median, p99 = percentiles["dm_control"] / percentiles["jacokin"]
     print(f"faster by {median:.1f} (median), {p99:.1f} (p99)")
 

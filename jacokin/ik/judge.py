@@ -29,7 +29,8 @@ COLLISION = ("ignore", "report", "reject")
 POSITION_TOLERANCE = 1e-6  # [m] a hundredth of what the arm repeats
 ORIENTATION_TOLERANCE = 1e-6  # [rad]
 LIMIT_SNAP = 1e-9  # [rad] a branch on a limit comes out of rounding up to this far past it
-MAX_RESTARTS = 100  # random starts of the QP; one in seven fails, so a hundred do not fail together
+NAMED_PAIRS = 3  # in a message; the result's `touching` has all
+MAX_RESTARTS = 100  # random starts of the QP; about one in four fails, so a hundred do not fail together
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,5 +159,7 @@ def joined(*sentences: str) -> str:
 
 
 def pair_names(touching: Sequence[tuple[str, str]]) -> str:
-    """Pairs of shapes for a message."""
-    return ", ".join(f"{a} and {b}" for a, b in touching)
+    """Pairs of shapes for a message; of many, the first ones and how many more."""
+    named = ", ".join(f"{a} and {b}" for a, b in touching[:NAMED_PAIRS])
+    more = len(touching) - NAMED_PAIRS
+    return f"{named} and {more} more pairs" if more > 0 else named

@@ -1,7 +1,7 @@
 """Inverse kinematics by mink's QP, made global: many starts, limits held at every step, answers measured anew.
 
 One start is a sequence of QPs: each moves the joints towards the target as far as linearised kinematics and the joint
-limits allow. That ends in a local minimum about once in seven random starts, so starts go on until one succeeds.
+limits allow. That ends in a local minimum about once in four random starts, so starts go on until one succeeds.
 """
 
 from __future__ import annotations
