@@ -182,6 +182,8 @@ def find_roots(noise: float, looseness: float, work: RootWork) -> int:
         for n in range(DEGREE + 1):
             noise += looseness * (abs(work.cosine[n]) + abs(work.sine[n]))
     min_width = max(MIN_WIDTH, math.sqrt(looseness)) / (2.0 * HALF)
+    # The looser second search is for near-double roots; its wide stretches were searched before.
+    max_width = WIDEST_CANDIDATE / (2.0 * HALF) if looseness == 0.0 else 1.0
     found = 0
     for sector in range(SECTORS):
         sector_coefficients(work.cosine, work.sine, sector, stack[0], stack[1])
@@ -191,7 +193,7 @@ def find_roots(noise: float, looseness: float, work: RootWork) -> int:
             b = stack[top]
             x, width = place[top, 0], place[top, 1]
             roots_here = count_roots(b, noise)
-            if (roots_here == 2 and width > min_width) or (roots_here == 3 and width > WIDEST_CANDIDATE / (2.0 * HALF)):
+            if (roots_here == 2 and width > min_width) or (roots_here == 3 and width > max_width):
                 split(b, stack[top + 1])
                 place[top, 0], place[top, 1] = x + 0.5 * width, 0.5 * width
                 place[top + 1, 0], place[top + 1, 1] = x, 0.5 * width

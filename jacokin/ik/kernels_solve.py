@@ -143,7 +143,8 @@ def add_branch(task: Task, work: BranchWork, family: float) -> None:
     q, row = work.q, work.row
     distance, legal = fit_to_limits(q, task.reference, task.limits, row)
     position, orientation = errors(task.chain, task.T, row)
-    if max(position, orientation) > POLISHED:
+    # Members of a family stay at the seed's angle: Newton would slide them along.
+    if max(position, orientation) > (CLOSED if family > 0.0 else POLISHED):
         if not polish(task, work, max(position, orientation)):
             return
         distance, legal = fit_to_limits(q, task.reference, task.limits, row)
