@@ -95,6 +95,7 @@ class Judge:
         """
         self.robot = robot
         self.frame = frame
+        self._frame_id = robot.frame_id(frame)
         self.tool = tool
         self.settings = settings
         self._lower = robot.lower.tolist()  # as plain floats: six comparisons are not worth an array
@@ -117,7 +118,7 @@ class Judge:
 
     def measure(self, q: Array, target: Target) -> tuple[float, float]:
         """Position error [m] and orientation error [rad] at `q`, by Pinocchio."""
-        pose = self.robot.forward_kinematics(q, self.frame)
+        pose = self.robot.placement(q, self._frame_id)
         return targets.errors(pose if self.tool is None else pose * self.tool, target)
 
     def reached(self, q: Array, errors: tuple[float, float]) -> bool:
@@ -155,7 +156,7 @@ class Judge:
 
 def joined(*sentences: str) -> str:
     """The sentences that are not empty, in one."""
-    return "; ".join(sentence for sentence in sentences if sentence)
+    return "; ".join([sentence for sentence in sentences if sentence])
 
 
 def pair_names(touching: Sequence[tuple[str, str]]) -> str:

@@ -93,7 +93,7 @@ class MultiStartQP:
 
     def measure(self, q: Array, target: Target) -> tuple[float, float]:
         """Errors at `q` by Pinocchio: [m], [rad]."""
-        pose = self._robot.forward_kinematics(q, self._frame)
+        pose = self._robot.placement(q, self._robot.frame_id(self._frame))
         return targets.errors(pose if self._tool is None else pose * self._tool, target)
 
     def solve(self, target: Target, starts: Iterable[Array], before: Attempt | None = None) -> Attempt:

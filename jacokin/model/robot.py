@@ -170,9 +170,21 @@ class Robot:
             InvalidInputError: `q` malformed.
             UnknownNameError: no such frame.
         """
+        return self.placement(self.configuration(q), self.frame_id(frame)).copy()
+
+    def placement(self, q: Array, frame_id: int) -> pin.SE3:
+        """Forward kinematics for callers inside the package: trusted arguments, and working memory for an answer.
+
+        Args:
+            q: (dof,) finite float64 joint angles [rad].
+            frame_id: from `frame_id`.
+
+        Returns:
+            T_base_frame; overwritten by the next call on this thread.
+        """
         data = self._data
-        pin.forwardKinematics(self.pin_model, data, self.configuration(q))
-        return pin.updateFramePlacement(self.pin_model, data, self.frame_id(frame)).copy()
+        pin.forwardKinematics(self.pin_model, data, q)
+        return pin.updateFramePlacement(self.pin_model, data, frame_id)
 
     def jacobian(self, q: ArrayLike, frame: str | None = None, reference: str = "local_world_aligned") -> Array:
         """Geometric Jacobian of a frame: twist = J @ joint velocities.
