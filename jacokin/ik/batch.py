@@ -9,8 +9,9 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from jacokin.errors import InvalidInputError
+from jacokin.errors import InvalidInputError, JacokinError
 from jacokin.ik import seeds, targets
+from jacokin.ik.judge import joined
 from jacokin.ik.results import BatchResult, IKResult, Status
 from jacokin.ik.targets import Target
 from jacokin.model import checks
@@ -36,8 +37,10 @@ def solve(
     if isinstance(workers, bool) or not isinstance(workers, int | np.integer) or workers < 1:
         raise InvalidInputError(f"workers must be a whole number >= 1, got {workers!r}")
     matrices, position_only = targets.checked_batch(wanted)
-    starts = _starts(solver, start, len(matrices))
-    out = _Columns(len(matrices), solver.robot.dof)
+    if progress is not None and not callable(progress):
+        raise InvalidInputError(f"progress must be callable, got {progress!r}")
+    starts, notes = _starts(solver, start, len(matrices))
+    out = _Columns(len(matrices), solver.robot.dof, notes)
     rest = list(range(len(matrices)))
     if solver.batches_compiled():
         rest = _compiled(solver, matrices, position_only, starts, out, workers, progress)
@@ -52,17 +55,19 @@ def solve(
 class _Columns:
     """The columns of a batch result while they fill."""
 
-    def __init__(self, size: int, dof: int) -> None:
+    def __init__(self, size: int, dof: int, notes: list[str]) -> None:
         self.q = np.zeros((size, dof))
         self.errors = np.zeros((size, 2))
         self.status: list[Status] = [Status.OK] * size
         self.method = ["closed_form"] * size
-        self.message = [""] * size
+        self.message = list(notes)
+        self._notes = notes
 
     def put(self, index: int, result: IKResult) -> None:
         self.q[index] = result.q
         self.errors[index] = result.position_error, result.orientation_error
-        self.status[index], self.method[index], self.message[index] = result.status, result.method, result.message
+        self.status[index], self.method[index] = result.status, result.method
+        self.message[index] = joined(result.message, self._notes[index])
 
     def result(self) -> BatchResult:
         success = np.array([status is Status.OK for status in self.status])
@@ -78,19 +83,21 @@ class _Columns:
         )
 
 
-def _starts(solver: IKSolver, start: ArrayLike | None, size: int) -> Array:
-    """One legal seed for each target."""
+def _starts(solver: IKSolver, start: ArrayLike | None, size: int) -> tuple[Array, list[str]]:
+    """One legal seed for each target, and what had to be done to it."""
     robot = solver.robot
     if start is None or np.ndim(start) == 1:
-        return np.tile(seeds.legal_seed(robot, start)[0], (size, 1))
+        seed, note = seeds.legal_seed(robot, start)
+        return np.tile(seed, (size, 1)), [note] * size
     rows = checks.matrix("seeds", start, robot.dof, "rad")
     if len(rows) != size:
         raise InvalidInputError(f"seeds must have one row for each of the {size} targets, got {len(rows)}")
     legal = (rows >= robot.lower).all(axis=1) & (rows <= robot.upper).all(axis=1)
     rows = rows.copy()
-    for index in np.flatnonzero(~legal):
-        rows[index] = seeds.legal_seed(robot, rows[index])[0]
-    return rows
+    notes = [""] * size
+    for index in np.flatnonzero(~legal | (np.abs(rows) > seeds.FARTHEST_SEED).any(axis=1)):
+        rows[index], notes[index] = seeds.legal_seed(robot, rows[index])
+    return rows, notes
 
 
 def _compiled(
@@ -136,10 +143,17 @@ def _one_by_one(solver: IKSolver, jobs: list[_Job], workers: int) -> Iterator[tu
         return
     import multiprocessing
     from concurrent.futures import ProcessPoolExecutor
+    from concurrent.futures.process import BrokenProcessPool
 
     context = multiprocessing.get_context("spawn")  # threads of numba and BLAS do not survive a fork
-    with ProcessPoolExecutor(workers, mp_context=context, initializer=_set_solver, initargs=(solver,)) as pool:
-        yield from pool.map(_job_in_process, jobs, chunksize=max(1, len(jobs) // (8 * workers)))
+    try:
+        with ProcessPoolExecutor(workers, mp_context=context, initializer=_set_solver, initargs=(solver,)) as pool:
+            yield from pool.map(_job_in_process, jobs, chunksize=max(1, len(jobs) // (8 * workers)))
+    except BrokenProcessPool as error:
+        raise JacokinError(
+            "the worker processes did not start: a script that uses workers > 1 must do so under "
+            "`if __name__ == '__main__':`, because each worker imports it"
+        ) from error
 
 
 def _set_solver(solver: IKSolver) -> None:

@@ -51,6 +51,10 @@ class Rows:
         rows.flags.writeable = False
         self.rows = rows
 
+    def __reduce__(self) -> tuple[object, tuple[object, ...]]:
+        """Rebuild from the table, which stays read-only."""
+        return type(self), (self.rows,)
+
     def __len__(self) -> int:
         """How many rows."""
         return len(self.rows)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -59,11 +60,15 @@ class Settings:
             ("position_tolerance", self.position_tolerance),
             ("orientation_tolerance", self.orientation_tolerance),
         ):
-            if not (np.isfinite(value) and value > 0.0):
+            if not (_is_number(value) and math.isfinite(value) and value > 0.0):
                 raise InvalidInputError(f"{name} must be positive and finite, got {value!r}")
-        if not (np.isfinite(self.limit_snap) and self.limit_snap >= 0.0):
+        if not (_is_number(self.limit_snap) and math.isfinite(self.limit_snap) and self.limit_snap >= 0.0):
             raise InvalidInputError(f"limit_snap must be finite and >= 0 [rad], got {self.limit_snap!r}")
         checked_restarts(self.max_restarts)
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
 
 
 def checked_restarts(value: int) -> int:

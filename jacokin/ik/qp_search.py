@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,6 +16,7 @@ from jacokin.ik.targets import Target
 Array = NDArray[np.float64]
 
 CLOSEST_STARTS = 20  # descents besides those from the branches while looking for the closest configuration
+FARTHEST = 10.0  # arm lengths: from there on only the direction to the target matters
 REACH_SLACK = 1e-3  # [m] more than any tolerance: a bound that can be trusted
 
 
@@ -49,11 +52,11 @@ class QPSearch:
         """Start after start until one reaches the target free of contact, if that matters."""
         first = [start] if start is self._robot.home else [start, self._robot.home]
         if self.beyond_reach(target):
-            message = joined("the target is farther away than the arm is long", note)
+            message = "the target is farther away than the arm is long"
             if closest:
-                return self.closest(target, first, start, Status.UNREACHABLE, message, rng)
-            attempt = self.qp.solve(target, first[:1])
-            return self._result(attempt, Status.UNREACHABLE, target, start, message)
+                return self.closest(target, first, start, Status.UNREACHABLE, message, note, rng)
+            untried = Attempt(start, *self._judge.measure(start, target), False, 0, 1, self.qp.backend.name)
+            return self._result(untried, Status.UNREACHABLE, target, start, joined(message, note))
         starts = seeds.starts(self._robot, first, restarts, rng)
         touched: IKResult | None = None
         if self._judge.rejects_contact:
@@ -69,14 +72,24 @@ class QPSearch:
             return self._result(
                 attempt, Status.SOLVER_ERROR, target, start, joined("no QP solver solved the step", note)
             )
-        message = joined(f"{attempt.starts} starts ended in local minima", note)
+        message = f"{attempt.starts} starts ended in local minima"
         if not closest:
-            return self._result(attempt, Status.NO_CONVERGENCE, target, start, message)
-        return self.closest(target, [attempt.q], start, Status.NO_CONVERGENCE, message, rng, before=attempt)
+            return self._result(attempt, Status.NO_CONVERGENCE, target, start, joined(message, note))
+        return self.closest(target, [attempt.q], start, Status.NO_CONVERGENCE, message, note, rng, before=attempt)
 
     def beyond_reach(self, target: Target) -> bool:
         """Whether the target is provably out of reach: farther from joint 1 than the links laid end to end."""
-        return float(np.linalg.norm(target.position - self._shoulder)) > self._length + REACH_SLACK
+        return math.hypot(*(target.position - self._shoulder).tolist()) > self._length + REACH_SLACK
+
+    def _pulled_in(self, target: Target) -> Target:
+        """A target very far away, moved along the line of sight to where arithmetic still means something."""
+        away = target.position - self._shoulder
+        distance = math.hypot(*away.tolist())
+        if not distance > FARTHEST * self._length:
+            return target
+        matrix = target.matrix.copy()
+        matrix[:3, 3] = self._shoulder + away / distance * (FARTHEST * self._length)
+        return Target(matrix, target.position_only)
 
     def closest(
         self,
@@ -85,16 +98,18 @@ class QPSearch:
         start: Array,
         status: Status,
         message: str,
+        note: str,
         rng: np.random.Generator,
         before: Attempt | None = None,
     ) -> IKResult:
         """The closest legal configuration; a success after all if it meets the tolerances."""
         starts = seeds.starts(self._robot, [*nearby, start], len(nearby) + CLOSEST_STARTS - 1, rng)
-        attempt = self.qp.closest(target, starts, before)
-        result = self._result(attempt, status, target, start, message)
+        attempt = self.qp.closest(self._pulled_in(target), starts, before)
+        result = self._result(attempt, status, target, start, joined(message, note))
         errors = (result.position_error, result.orientation_error)
         if self._judge.reached(result.q, errors) and not (result.touching and self._judge.rejects_contact):
-            return self._result(attempt, Status.OK, target, start, "found by the QP at the edge of reach")
+            message = joined("found by the QP while looking for the closest pose", note)
+            return self._result(attempt, Status.OK, target, start, message)
         return result
 
     def _clear_of_contact(

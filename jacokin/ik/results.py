@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from enum import Enum
 from typing import TYPE_CHECKING, Self
 
@@ -16,6 +16,23 @@ if TYPE_CHECKING:
     from jacokin.ik.closed_form import Rows
 
 Array = NDArray[np.float64]
+
+
+class Frozen:
+    """A result whose arrays stay read-only when it is copied or pickled."""
+
+    __slots__ = ()
+
+    def __reduce__(self) -> tuple[object, tuple[object, ...]]:
+        """Rebuild from the fields."""
+        return _rebuilt, (type(self), *(getattr(self, field.name) for field in fields(self)))  # type: ignore[arg-type]  # every subclass is a dataclass
+
+
+def _rebuilt(kind: type, *values: object) -> object:
+    for value in values:
+        if isinstance(value, np.ndarray):
+            value.setflags(write=False)
+    return kind(*values)
 
 
 class Status(Enum):
@@ -42,7 +59,7 @@ class Status(Enum):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class IKResult:
+class IKResult(Frozen):
     """One answer, measured with Pinocchio after the solve. Arrays are read-only."""
 
     q: Array
@@ -161,7 +178,7 @@ class Branches:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class BatchResult:
+class BatchResult(Frozen):
     """Answers to many targets as arrays; row i answers target i. Arrays are read-only."""
 
     q: Array

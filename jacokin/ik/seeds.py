@@ -12,6 +12,7 @@ from jacokin.model.robot import Robot
 
 Array = NDArray[np.float64]
 
+FARTHEST_SEED = 1e6  # [rad] beyond this a double no longer resolves an angle to 1e-10 rad
 DEFAULT_RANDOM_SEED = 0  # of the generator used when the caller brings none: results repeat
 
 
@@ -21,11 +22,16 @@ def legal_seed(robot: Robot, seed: ArrayLike | None) -> tuple[Array, str]:
     A limited joint first takes a 2 pi copy inside its limits, then the nearer limit.
 
     Raises:
-        InvalidInputError: wrong length or not finite.
+        InvalidInputError: wrong length, not finite, or more than 1e6 rad from zero.
     """
     if seed is None:
         return robot.home, ""
-    q = robot.configuration(seed, "seed")
+    q = np.ascontiguousarray(robot.configuration(seed, "seed"))
+    if max(map(abs, q.tolist())) > FARTHEST_SEED:
+        worst = int(np.argmax(np.abs(q)))
+        raise InvalidInputError(
+            f"seed: {robot.joint_names[worst]} = {q[worst]:.6g} rad is too many turns away; take a copy within 1e6 rad"
+        )
     if (q >= robot.lower).all() and (q <= robot.upper).all():
         return q, ""
     outside = np.flatnonzero((q < robot.lower) | (q > robot.upper))

@@ -8,6 +8,7 @@ QP from many starts, as does the question which legal configuration comes closes
 from __future__ import annotations
 
 import dataclasses
+import threading
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
@@ -44,14 +45,7 @@ DEFAULT_QP_SOLVER = "daqp"  # always installed; checking others means importing 
 
 
 class IKSolver:
-    """Inverse kinematics of one robot, frame and tool.
-
-    Attributes:
-        robot: the arm.
-        frame: the frame that is brought to the target.
-        tool: constant pose of the tool in that frame, or None.
-        method: "auto", "closed_form" or "qp".
-    """
+    """Inverse kinematics of one robot, frame and tool; immutable, and may be shared between threads."""
 
     def __init__(
         self,
@@ -83,7 +77,8 @@ class IKSolver:
 
         Raises:
             UnknownNameError: unknown frame, method, collision mode or QP solver.
-            InvalidInputError: a tolerance that is not positive, a negative number of restarts, a malformed tool.
+            InvalidInputError: a tolerance that is not positive, a negative number of restarts, a malformed tool, or a
+                frame that no joint moves.
             StructureError: method="closed_form" and the robot has another structure.
             ModelError: self-contact is asked for and the description has no shapes to check.
         """
@@ -92,22 +87,41 @@ class IKSolver:
         settings = Settings(
             method, qp_solver, collision, position_tolerance, orientation_tolerance, limit_snap, max_restarts
         )
-        self.robot = robot
-        self.frame = robot.default_frame if frame is None else frame
         self._frame_id = robot.frame_id(frame)
-        self.tool = None if tool is None else poses.checked_pose(tool, "tool")
-        self.method = method
+        name = robot.default_frame if frame is None else frame
+        if robot.pin_model.frames[self._frame_id].parentJoint == 0:
+            raise InvalidInputError(f"frame {name!r} is moved by no joint of {robot.name}; choose a frame on the arm")
         self._settings = settings
-        self._judge = Judge(robot, self.frame, self.tool, settings)
+        self._judge = Judge(robot, name, None if tool is None else poses.checked_pose(tool, "tool"), settings)
         self._form: ClosedForm | None = None
         self._misfit: StructureError | None = None
-        self._search: QPSearch | None = None
+        self._local = threading.local()
         if qp_solver != DEFAULT_QP_SOLVER:
             from jacokin.ik import qp_backend
 
             qp_backend.checked(qp_solver)
         if method == "closed_form":
             self.closed_form()
+
+    @property
+    def robot(self) -> Robot:
+        """The arm."""
+        return self._judge.robot
+
+    @property
+    def frame(self) -> str:
+        """The frame that is brought to the target."""
+        return self._judge.frame
+
+    @property
+    def tool(self) -> pin.SE3 | None:
+        """Constant pose of the tool in that frame, a copy; or None."""
+        return None if self._judge.tool is None else self._judge.tool.copy()
+
+    @property
+    def method(self) -> str:
+        """The method asked for: "auto", "closed_form" or "qp"."""
+        return self._settings.method
 
     def closed_form(self) -> ClosedForm:
         """The closed form of this robot, built once.
@@ -124,7 +138,7 @@ class IKSolver:
                 self._form = ClosedForm(
                     self.robot.pin_model,
                     self._frame_id,
-                    self.tool,
+                    self._judge.tool,
                     self.robot.lower,
                     self.robot.upper,
                     limit_snap=self._settings.limit_snap,
@@ -161,7 +175,8 @@ class IKSolver:
                 inside the limits and the message says so.
             rng: randomness of the QP's restarts; None for a fixed seed.
             max_restarts: in place of the solver's own number of QP restarts.
-            closest: on failure, look for the closest legal configuration. False returns the seed, which is quick.
+            closest: on failure, look for the closest legal configuration. False is quick: the result then holds the
+                seed, or the best end of the QP's starts.
 
         Returns:
             The legal branch nearest to the seed, free joints in the 2 pi copy nearest to it, measured by Pinocchio;
@@ -179,7 +194,7 @@ class IKSolver:
         if not wanted.position_only and self.applies():
             return self._by_branches(wanted, start, note, rng, closest)
         if self._misfit is not None:
-            note = joined(note, "this robot has no closed form")
+            note = joined(note, f"no closed form: {self._misfit}")
         return self.qp_search().solve(wanted, start, note, seeds.generator(rng), restarts, closest)
 
     def solve_all(self, target: pin.SE3 | ArrayLike, seed: ArrayLike | None = None) -> Branches:
@@ -219,12 +234,14 @@ class IKSolver:
         Args:
             targets: (n, 4, 4) poses, (n, 3) positions [m], or a sequence of what `solve` takes.
             seeds: (dof,) for all or (n, dof), one for each [rad]; None for home.
-            workers: threads of the compiled loop, and processes for what goes to the QP.
+            workers: threads of the compiled loop, and processes for what goes to the QP; a script that asks for more
+                than one must do so under ``if __name__ == "__main__":``.
             progress: called with the number of targets newly finished.
             closest: as in `solve`.
 
         Raises:
             InvalidInputError: empty, malformed targets (the row is named), seeds or workers.
+            JacokinError: the worker processes did not start.
         """
         from jacokin.ik import batch
 
@@ -244,16 +261,18 @@ class IKSolver:
         return _rebuild, (self.robot, self.frame, self.tool, self._settings)
 
     def qp_search(self) -> QPSearch:
-        """Mink's QP on this robot, built once.
+        """Mink's QP on this robot, built once in each thread.
 
         Raises:
             UnknownNameError: the QP solver is not installed.
         """
-        if self._search is None:
+        try:
+            search: QPSearch = self._local.search
+        except AttributeError:
             from jacokin.ik.qp_search import QPSearch
 
-            self._search = QPSearch(self._judge)
-        return self._search
+            search = self._local.search = QPSearch(self._judge)
+        return search
 
     def _by_branches(
         self, target: Target, start: Array, note: str, rng: np.random.Generator | None, closest: bool
@@ -277,17 +296,22 @@ class IKSolver:
             touched = touched or judge.result(q, Status.IN_COLLISION, errors, message, touching=pairs)
         if touched is not None:
             return touched
-        status, why = self._why_not(raw)
-        message = joined(why, note)
+        status, message = self._why_not(raw)
         if not closest:
-            return judge.result(start, status, judge.measure(start, target), message)
+            return judge.result(start, status, judge.measure(start, target), joined(message, note))
         nearby = [np.clip(q, self.robot.lower, self.robot.upper) for q in raw.q]
-        return self.qp_search().closest(target, nearby, start, status, message, seeds.generator(rng))
+        return self.qp_search().closest(target, nearby, start, status, message, note, seeds.generator(rng))
 
     def _why_not(self, raw: Rows) -> tuple[Status, str]:
         """Status and sentence when no branch is legal."""
         if not len(raw.q):
             return Status.UNREACHABLE, "no configuration reaches this pose, whatever the limits"
+        legal = raw.within_limits
+        if legal.any():
+            return Status.NO_CONVERGENCE, (
+                f"a legal branch misses the target by {raw.position_error[legal].min():.3g} m and "
+                f"{raw.orientation_error[legal].min():.3g} rad, which is rounding and more than the tolerances allow"
+            )
         excess = np.maximum(-raw.margin, 0.0)
         best = int(np.argmin(excess.max(axis=1)))
         broken = ", ".join(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class SelfContact:
-    """Self-contact of one robot; owns its working memory, so use one per thread.
+    """Self-contact of one robot; may be shared between threads, each of which gets working memory of its own.
 
     Attributes:
         pairs: how many pairs of shapes are tested.
@@ -30,7 +31,7 @@ class SelfContact:
 
         self._mujoco = mujoco
         self._model = mujoco_export.to_mujoco(robot, geometry=True)
-        self._data = mujoco.MjData(self._model)
+        self._local = threading.local()
         self.pairs = int(self._model.npair)
 
     @classmethod
@@ -46,10 +47,14 @@ class SelfContact:
 
     def touching(self, q: NDArray[np.float64]) -> list[tuple[str, str]]:
         """Names of the shapes that touch at `q` (dof,) [rad]; empty when none do."""
-        self._data.qpos[:] = q
-        self._mujoco.mj_kinematics(self._model, self._data)
-        self._mujoco.mj_collision(self._model, self._data)
-        contact = self._data.contact
+        try:
+            data = self._local.data
+        except AttributeError:
+            data = self._local.data = self._mujoco.MjData(self._model)
+        data.qpos[:] = q
+        self._mujoco.mj_kinematics(self._model, data)
+        self._mujoco.mj_collision(self._model, data)
+        contact = data.contact
         touching = [
             (self._model.geom(int(a)).name, self._model.geom(int(b)).name)
             for (a, b), distance in zip(contact.geom, contact.dist, strict=True)

@@ -1,0 +1,124 @@
+"""Solvers and results that are shared, copied, pushed to extremes: nothing gets lost on the way."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+import jacokin
+from jacokin import IKSolver, Robot, Status
+from jacokin.errors import InvalidInputError, UnknownNameError
+
+
+@pytest.mark.parametrize("options", [{}, {"collision": "reject"}, {"method": "qp"}])
+def test_one_solver_serves_many_threads(robot: Robot, rng: np.random.Generator, options: dict[str, str]) -> None:
+    solver = IKSolver(robot, **options)  # type: ignore[arg-type]  # one option at a time
+    targets = [robot.forward_kinematics(q) for q in robot.sample(rng, 24)]
+    alone = [solver.solve(target) for target in targets]
+    with ThreadPoolExecutor(4) as pool:
+        together = list(pool.map(solver.solve, targets))
+    for one, other in zip(alone, together, strict=True):
+        np.testing.assert_array_equal(one.q, other.q)
+        assert (one.status, one.iterations, one.restarts) == (other.status, other.iterations, other.restarts)
+
+
+def test_copies_of_results_stay_read_only(robot: Robot) -> None:
+    solver = IKSolver(robot)
+    target = robot.forward_kinematics(robot.home)
+    result, branches, batch = solver.solve(target), solver.solve_all(target), solver.solve_batch([target])
+    for original in (result, branches, batch):
+        for other in (pickle.loads(pickle.dumps(original)), copy.deepcopy(original)):
+            np.testing.assert_array_equal(other.q, original.q)
+            assert not other.q.flags.writeable
+    for array in (branches.within_limits, branches.margin, branches.distance, branches.legal, batch.success):
+        assert not array.flags.writeable
+    with pytest.raises(AttributeError):
+        result.status = Status.OK  # type: ignore[misc]  # what a user might try
+
+
+def test_a_solver_does_not_change(robot: Robot) -> None:
+    solver = IKSolver(robot, tool=jacokin.pose([0, 0, 0.1]))
+    assert solver.tool is not None
+    solver.tool.translation = np.array([0.0, 0.0, 0.5])
+    np.testing.assert_array_equal(solver.tool.translation, [0.0, 0.0, 0.1])
+    for name in ("tool", "frame", "method", "robot"):
+        with pytest.raises(AttributeError):
+            setattr(solver, name, None)
+
+
+def test_seeds_many_turns_away(robot: Robot) -> None:
+    solver = IKSolver(robot)
+    target = robot.forward_kinematics(robot.home)
+    turned = np.where(robot.free, robot.home + 2.0 * np.pi * 1000, robot.home)
+    np.testing.assert_allclose(solver.solve(target, turned).raise_for_status().q, turned, atol=1e-6)
+    with pytest.raises(InvalidInputError, match=r"seed: joint_1 = 1e\+15 rad is too many turns away"):
+        solver.solve(target, [1e15, 3, 3, 0, 1, 1])
+    with pytest.raises(InvalidInputError, match="too many turns"):
+        solver.solve_batch([target], [[1e15, 3, 3, 0, 1, 1]])
+
+
+def test_seeds_of_any_memory_layout(robot: Robot, rng: np.random.Generator) -> None:
+    solver = IKSolver(robot)
+    solver.solve_batch([robot.forward_kinematics(q) for q in robot.sample(rng, 40)])  # the compiled form from here on
+    target = robot.forward_kinematics(robot.home)
+    columns = np.tile(robot.home[:, None], (1, 3))
+    for seed in (columns[:, 1], robot.home[::-1][::-1], robot.home.astype(np.float32), list(robot.home)):
+        np.testing.assert_allclose(solver.solve(target, seed).q, robot.home, atol=1e-6)
+    fortran = np.asfortranarray(target.homogeneous)
+    np.testing.assert_allclose(solver.solve(fortran, robot.home).q, robot.home, atol=1e-6)
+
+
+def test_tolerances_below_rounding_are_no_limit_violation(robot: Robot) -> None:
+    result = IKSolver(robot, position_tolerance=1e-19, orientation_tolerance=1e-19).solve(
+        robot.forward_kinematics(robot.home + 0.1), closest=False
+    )
+    assert result.status is Status.NO_CONVERGENCE
+    assert "more than the tolerances allow" in result.message
+
+
+@pytest.mark.parametrize("distance", [1e3, 1e100, 1e200])
+def test_targets_in_the_wrong_unit(robot: Robot, distance: float) -> None:
+    for target in ([distance, 0.0, 0.3], jacokin.pose([distance, 0.0, 0.3], down=True)):
+        result = IKSolver(robot).solve(target)
+        assert result.status is Status.UNREACHABLE
+        assert robot.within_limits(result.q)
+        # Stretched towards it.
+        assert robot.forward_kinematics(result.q).translation[0] > 0.5
+
+
+def test_frames_that_nothing_moves_are_refused(robot: Robot) -> None:
+    with pytest.raises(InvalidInputError, match="'link_base' is moved by no joint"):
+        IKSolver(robot, "link_base")
+
+
+def test_batches_keep_the_note_about_the_seed(robot: Robot) -> None:
+    target = robot.forward_kinematics(robot.home)
+    bad = robot.home.copy()
+    bad[1] = -1.0
+    far = jacokin.pose([3.0, 0.0, 0.3])
+    batch = IKSolver(robot).solve_batch([target, far], [bad, robot.home], closest=False)
+    assert "joint_2" in batch.message[0]
+    assert "joint_2" not in batch.message[1]
+
+
+def test_options_of_the_wrong_type_are_named(robot: Robot) -> None:
+    for option, value in (
+        ("position_tolerance", "a"),
+        ("position_tolerance", None),
+        ("position_tolerance", True),
+        ("orientation_tolerance", np.ones(2)),
+        ("limit_snap", "x"),
+        ("max_restarts", 1.5),
+    ):
+        with pytest.raises(InvalidInputError, match=option):
+            IKSolver(robot, **{option: value})  # type: ignore[arg-type]  # wrong on purpose
+    with pytest.raises(UnknownNameError, match="method"):
+        IKSolver(robot, method=["qp"])  # type: ignore[arg-type]  # wrong on purpose
+    with pytest.raises(InvalidInputError, match="progress"):
+        IKSolver(robot).solve_batch([robot.forward_kinematics(robot.home)], progress=5)  # type: ignore[arg-type]
+    with pytest.raises(InvalidInputError, match="robot must be"):
+        IKSolver("j2n6s300")  # type: ignore[arg-type]  # wrong on purpose
