@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import jacokin.mujoco_bridge
+from jacokin.errors import JacokinError
 from jacokin.model import bundled
 from jacokin.mujoco_bridge import Arena, Physics, base, cameras, jaco_arm, jaco_hand, observations, robots
 
@@ -132,6 +133,31 @@ def test_public_names() -> None:
     )
     for name in jacokin.mujoco_bridge.__all__:
         assert hasattr(jacokin.mujoco_bridge, name)
+
+
+def test_what_is_no_physics_entity_or_name_is_refused_by_name() -> None:
+    arm, arena = jaco_arm.JacoArm(), Arena()
+    arena.attach(arm)
+    physics = Physics.from_entity(arena)
+    for refused, words in (
+        (lambda: arm.observables.joints_pos(None), "must be a Physics"),
+        (lambda: arm.get_pose(None), "must be a Physics"),
+        (lambda: arm.set_pose(None, [0.0, 0.0, 0.0]), "must be a Physics"),
+        (lambda: Physics.from_entity(Arena), "must be an Entity"),
+        (lambda: jaco_arm.JacoArm(3), "name must be a string"),
+        (lambda: jaco_hand.JacoHand(name=3), "name must be a string"),
+        (lambda: Arena(name=b"hall"), "name must be a string"),
+        (lambda: robots.make_arm(None), "obs_settings"),
+        (lambda: robots.make_hand("VISION"), "obs_settings"),
+        (lambda: observations.make_options(observations.VISION, ["joints_pos"]), "obs_names"),
+        (lambda: cameras.add_camera_observables(None, observations.VISION, cameras.TOP_DOWN), "must be an Entity"),
+        (lambda: cameras.add_camera_observables(arena, observations.VISION, cameras.TOP_DOWN), "compiled"),
+        (lambda: physics.set_state("here"), "state must be"),
+        (lambda: physics.disable(["contact"]).__enter__(), "unknown flag"),
+    ):
+        with pytest.raises(JacokinError, match=words):
+            refused()
+    assert arena.mjcf_model.camera(cameras.TOP_DOWN.name) is None
 
 
 def test_dm_control_is_never_imported() -> None:

@@ -19,7 +19,7 @@ from jacokin.model import checks, table
 from jacokin.mujoco_bridge.entity import Entity
 from jacokin.mujoco_bridge.joint_observables import JointsObservables
 from jacokin.mujoco_bridge.observable import Observables
-from jacokin.mujoco_bridge.physics import Physics
+from jacokin.mujoco_bridge.physics import Physics, check_physics
 from jacokin.mujoco_bridge.quaternions import rotation_matrix, unit_quaternion
 from jacokin.mujoco_bridge.set_site import SceneSolvers, SiteSolver
 
@@ -175,17 +175,6 @@ class RobotHand(Entity):
 
     def _build_observables(self) -> Observables:
         return JointsObservables(self) if hasattr(self, "joints") else Observables(self)
-
-
-def check_physics(physics: Physics) -> Physics:
-    """The physics, or an error that says what was given instead.
-
-    Raises:
-        InvalidInputError: not a `Physics`.
-    """
-    if not isinstance(physics, Physics):
-        raise InvalidInputError(f"physics must be a Physics, made by Physics.from_entity(arena); got {physics!r}")
-    return physics
 
 
 def check_random_state(random_state: RandomState) -> None:

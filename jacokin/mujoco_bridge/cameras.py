@@ -110,6 +110,14 @@ def add_camera_observables(
         InvalidInputError: an argument has the wrong type, a camera name is taken, or an option has a
             wrong value; no camera is added then.
     """
+    from jacokin.mujoco_bridge.entity import Entity  # which need not load for cameras alone
+
+    if not isinstance(entity, Entity):
+        raise InvalidInputError(f"entity must be an Entity such as an Arena, got {entity!r}")
+    if entity.root.is_compiled:
+        raise InvalidInputError(
+            f"{entity.root.name!r} was compiled into a physics already; add cameras first, then make the physics"
+        )
     if not isinstance(obs_settings, ObservationSettings):
         raise InvalidInputError(f"obs_settings must be ObservationSettings, got {obs_settings!r}")
     options = MJCFCamera.check_options(obs_settings.camera._asdict())

@@ -9,9 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from jacokin.errors import InvalidInputError
 from jacokin.model import checks
-from jacokin.mujoco_bridge.base import check_physics
 from jacokin.mujoco_bridge.jaco_arm import JacoArm
-from jacokin.mujoco_bridge.physics import Physics
+from jacokin.mujoco_bridge.physics import Physics, check_physics
 
 Array = NDArray[np.float64]
 

@@ -21,7 +21,7 @@ from jacokin.errors import InvalidInputError, ModelError, PhysicsError
 from jacokin.model import checks
 from jacokin.mujoco_bridge import snapshot
 from jacokin.mujoco_bridge.observable import Observables
-from jacokin.mujoco_bridge.physics import Physics
+from jacokin.mujoco_bridge.physics import Physics, check_physics
 from jacokin.mujoco_bridge.quaternions import unit_quaternion
 
 _UNNAMED = ("", "MuJoCo Model")  # what MuJoCo calls a model without a name
@@ -47,8 +47,11 @@ class Entity(abc.ABC):
         self._attached: list[Entity] = []
         self._attachment: snapshot.Attachment | None = None
         self._is_compiled = False
-        takes_name = "name" in inspect.signature(self._build).parameters
-        name = kwargs.get("name") if takes_name else kwargs.pop("name", None)
+        signature = inspect.signature(self._build)
+        name = kwargs.get("name") if "name" in signature.parameters else kwargs.pop("name", None)
+        for given in (name, signature.bind_partial(*args, **kwargs).arguments.get("name")):
+            if not isinstance(given, str | None):
+                raise InvalidInputError(f"name must be a string, got {given!r}")
         self._build(*args, **kwargs)
         spec = self.mjcf_model
         if name is not None:
@@ -111,6 +114,11 @@ class Entity(abc.ABC):
     def root_body(self) -> Any:
         """The body that holds this entity: the one made on attaching, or the world body of its own spec."""
         return self.mjcf_model.worldbody if self._attachment is None else self._attachment.body
+
+    @property
+    def is_compiled(self) -> bool:
+        """Whether a physics was made from this entity, after which nothing can be attached."""
+        return self._is_compiled
 
     def iter_entities(self, exclude_self: bool = False) -> Iterator[Entity]:
         """This entity and all attached to it, depth first, in the order of attaching."""
@@ -238,6 +246,7 @@ class Entity(abc.ABC):
         Raises:
             PhysicsError: the entity is not attached.
         """
+        check_physics(physics)
         free = self._free_joint()
         if free is not None:
             state = physics.bind(free).qpos
@@ -259,6 +268,7 @@ class Entity(abc.ABC):
             PhysicsError: the entity is not attached.
             InvalidInputError: a malformed position or quaternion.
         """
+        check_physics(physics)
         at = None if position is None else checks.vector("position", position, 3, "m")
         turn = None if quaternion is None else unit_quaternion("quaternion", quaternion)
         free = self._free_joint()

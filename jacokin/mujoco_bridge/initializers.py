@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from jacokin.errors import InvalidInputError, PhysicsError
 from jacokin.model import checks
-from jacokin.mujoco_bridge.base import DOWN_QUATERNION, RandomState, RobotArm, RobotHand, check_physics
+from jacokin.mujoco_bridge.base import DOWN_QUATERNION, RandomState, RobotArm, RobotHand
 from jacokin.mujoco_bridge.entity import Entity
-from jacokin.mujoco_bridge.physics import Physics
+from jacokin.mujoco_bridge.physics import Physics, check_physics
 from jacokin.mujoco_bridge.quaternions import rotation_matrix, unit_quaternion
 
 Array = NDArray[np.float64]

@@ -7,9 +7,9 @@ from typing import Any
 import mujoco
 
 from jacokin.model import bundled, table
-from jacokin.mujoco_bridge.base import RobotArm, RobotHand, check_physics
+from jacokin.mujoco_bridge.base import RobotArm, RobotHand
 from jacokin.mujoco_bridge.jaco_observables import JacoArmObservables
-from jacokin.mujoco_bridge.physics import Physics
+from jacokin.mujoco_bridge.physics import Physics, check_physics
 from jacokin.mujoco_bridge.velocity_actuator import add_velocity_actuator
 
 _FILE = "jaco_arm.xml"

@@ -10,9 +10,9 @@ import numpy as np
 
 from jacokin.errors import InvalidInputError
 from jacokin.model import bundled, table
-from jacokin.mujoco_bridge.base import RobotHand, check_physics
+from jacokin.mujoco_bridge.base import RobotHand
 from jacokin.mujoco_bridge.jaco_observables import JacoHandObservables
-from jacokin.mujoco_bridge.physics import Physics
+from jacokin.mujoco_bridge.physics import Physics, check_physics
 from jacokin.mujoco_bridge.velocity_actuator import add_velocity_actuator
 
 _FILE = "jaco_hand.xml"

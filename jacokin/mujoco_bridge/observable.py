@@ -140,7 +140,7 @@ class Bound:
         Raises:
             InvalidInputError: not a physics, or one without these elements.
         """
-        if physics is not self._physics:
+        if physics is None or physics is not self._physics:
             if not isinstance(physics, Physics):
                 raise InvalidInputError(f"physics must be a Physics, made by Physics.from_entity, got {physics!r}")
             self._binding = physics.bind(self._elements)

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from jacokin.errors import InvalidInputError
 from jacokin.mujoco_bridge.observable_options import Aggregator, Corruptor, RandomState, Steps
 
 
@@ -90,7 +91,14 @@ def make_options(obs_settings: ObservationSettings, obs_names: ObservableNames) 
     Args:
         obs_settings: the options of each category.
         obs_names: the names of the observables in each category.
+
+    Raises:
+        InvalidInputError: an argument has another type.
     """
+    if not isinstance(obs_settings, ObservationSettings):
+        raise InvalidInputError(f"obs_settings must be ObservationSettings, got {obs_settings!r}")
+    if not isinstance(obs_names, ObservableNames):
+        raise InvalidInputError(f"obs_names must be ObservableNames, got {obs_names!r}")
     return {
         name: spec._asdict()
         for category, spec in obs_settings._asdict().items()

@@ -71,10 +71,11 @@ class Physics:
             InvalidInputError: not an entity, or one that is attached to another.
             ModelError: MuJoCo refuses the model; its message is passed on.
         """
-        compile_tree = getattr(entity, "compile", None)
-        if compile_tree is None or not hasattr(entity, "mjcf_model"):
+        from jacokin.mujoco_bridge.entity import Entity  # which imports this module
+
+        if not isinstance(entity, Entity):
             raise InvalidInputError(f"entity must be an Entity such as an Arena, got {entity!r}")
-        return cls(compile_tree(), entity.mjcf_model)
+        return cls(entity.compile(), entity.mjcf_model)
 
     @classmethod
     def from_model(cls, model: mujoco.MjModel) -> Physics:
@@ -213,7 +214,7 @@ class Physics:
         """
         valid = {name.removeprefix(_FLAG).lower(): int(bit) for name, bit in _disable_bits()}
         for flag in flags:
-            if flag not in valid:
+            if not isinstance(flag, str) or flag not in valid:
                 raise UnknownNameError("flag", str(flag), valid)
         before = self.model.opt.disableflags
         self.model.opt.disableflags = before | sum({valid[flag] for flag in flags})
@@ -239,7 +240,10 @@ class Physics:
         """
         signature = int(mujoco.mjtState.mjSTATE_INTEGRATION)
         size = mujoco.mj_stateSize(self.model, signature)
-        values = np.asarray(state, dtype=np.float64)
+        try:
+            values = np.asarray(state, dtype=np.float64)
+        except (TypeError, ValueError):
+            raise InvalidInputError(f"state must be {size} numbers, as get_state gives them, got {state!r}") from None
         if values.shape != (size,):
             raise InvalidInputError(f"state must have shape ({size},), got {values.shape}")
         mujoco.mj_setState(self.model, self._data, values, signature)
@@ -249,6 +253,17 @@ class Physics:
         twin = Physics(copy.copy(self.model), self._spec)
         twin.set_state(self.get_state())
         return twin
+
+
+def check_physics(physics: Physics) -> Physics:
+    """The physics, or an error that says what was given instead.
+
+    Raises:
+        InvalidInputError: not a `Physics`.
+    """
+    if not isinstance(physics, Physics):
+        raise InvalidInputError(f"physics must be a Physics, made by Physics.from_entity(arena); got {physics!r}")
+    return physics
 
 
 def _disable_bits() -> list[tuple[str, Any]]:

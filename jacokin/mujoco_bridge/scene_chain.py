@@ -77,7 +77,7 @@ def scene_chain(model: mujoco.MjModel, qpos: Array, joints: Sequence[int], site:
         ModelError: none of the joints moves the site, or a joint on the way is neither hinge nor slide.
     """
     bodies = _path(model, int(model.site_bodyid[site]))
-    moved = [i for i, body in enumerate(bodies) if set(_joints_of(model, body)) & set(joints)]
+    moved = [i for i, body in enumerate(bodies) if set(mjcf.body_joints(model, body)) & set(joints)]
     if not moved:
         raise ModelError(f"none of the arm's joints moves site {model.site(site).name!r}")
     above, bodies = bodies[: moved[0]], bodies[moved[0] :]
@@ -89,7 +89,7 @@ def scene_chain(model: mujoco.MjModel, qpos: Array, joints: Sequence[int], site:
     carrier, T = 0, pin.SE3.Identity()
     for body in bodies:
         T = T * mjcf.placement(model.body_quat[body], model.body_pos[body])
-        for joint in _joints_of(model, body):
+        for joint in mjcf.body_joints(model, body):
             kind, T_zero = _scalar_joint(model, joint)
             anchor = pin.SE3(np.eye(3), np.array(model.jnt_pos[joint]))
             address = int(model.jnt_qposadr[joint])
@@ -125,7 +125,7 @@ def scene_chain(model: mujoco.MjModel, qpos: Array, joints: Sequence[int], site:
 
 def _numbers(model: mujoco.MjModel, bodies: Sequence[int], site: int) -> tuple[NDArray[Any], ...]:
     """Live views of everything a chain along these bodies follows from, that a user may change."""
-    joints = [np.array([joint for body in bodies for joint in _joints_of(model, body)], dtype=np.intp)]
+    joints = [np.array([joint for body in bodies for joint in mjcf.body_joints(model, body)], dtype=np.intp)]
     sites = [np.array([site], dtype=np.intp)]
     return (
         *_poses(model, bodies),
@@ -150,11 +150,6 @@ def _path(model: mujoco.MjModel, body: int) -> list[int]:
         path.insert(0, body)
         body = int(model.body_parentid[body])
     return path
-
-
-def _joints_of(model: mujoco.MjModel, body: int) -> range:
-    first = int(model.body_jntadr[body])
-    return range(first, first + int(model.body_jntnum[body]))
 
 
 def _scalar_joint(model: mujoco.MjModel, joint: int) -> tuple[Any, pin.SE3]:
