@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -292,11 +294,12 @@ def test_state_goes_back_bit_by_bit() -> None:
         physics.set_state(state[1:])
 
 
-def test_a_copy_is_independent() -> None:
+@pytest.mark.parametrize("duplicate", [Physics.copy, copy.deepcopy])
+def test_a_copy_is_independent(duplicate: Callable[[Physics], Physics]) -> None:
     arena, arm, _ = arm_and_hand()
     physics = Physics.from_entity(arena)
     arm.set_home(physics)
-    twin = physics.copy()
+    twin = duplicate(physics)
     twin.step(5)
     twin.bind(arm.joints).damping = 7.0
     assert physics.time == 0.0

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 import jacokin
-from jacokin.errors import InvalidInputError, ModelError, UnknownNameError
+from jacokin.errors import InvalidInputError, ModelError, PhysicsError, UnknownNameError
 from jacokin.ik.targets import circular_distance
 from jacokin.mujoco_bridge import DOWN_QUATERNION, Arena, JacoArm, JacoHand, Physics, observations, robots
 from jacokin.mujoco_bridge.props import Primitive
@@ -303,6 +303,26 @@ def test_bad_input_changes_nothing() -> None:
     assert physics.get_state().tobytes() == before
     with pytest.raises(ValueError, match="site must be"):
         arm.set_site_to_xpos(physics, rng, object(), (0.0, 0.0, 0.3))
+
+
+@pytest.mark.parametrize("field", ["qpos", "qvel"])
+@pytest.mark.parametrize("is_known", [False, True])
+def test_a_scene_that_is_not_finite_is_refused(field: str, is_known: bool) -> None:
+    arm, arena = JacoArm(), Arena()
+    arena.attach(arm)
+    physics = Physics.from_entity(arena)
+    arm.set_home(physics)
+    rng = np.random.default_rng(1)
+    if is_known:
+        arm.set_site_to_xpos(physics, rng, arm.wrist_site, [0.4, 0.0, 0.5])
+    getattr(physics.bind(arm.joints), field)[2] = np.nan
+    before = physics.get_state()
+    with pytest.raises(PhysicsError, match=f"not finite in {field}"):
+        arm.set_site_to_xpos(physics, rng, arm.wrist_site, [0.4, 0.0, 0.5])
+    assert physics.get_state().tobytes() == before.tobytes()
+    physics.reset()
+    arm.set_home(physics)
+    assert arm.set_site_to_xpos(physics, rng, arm.wrist_site, [0.4, 0.0, 0.5])
 
 
 def test_a_site_that_the_arm_does_not_move() -> None:

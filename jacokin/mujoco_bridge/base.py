@@ -113,6 +113,7 @@ class RobotArm(Entity):
         Raises:
             InvalidInputError: an argument is wrong.
             UnknownNameError: no site of this name; lists those there are.
+            PhysicsError: positions or velocities in the scene are not finite.
         """
         check_random_state(random_state)
         position = checks.vector("target_pos", target_pos, 3, "m")

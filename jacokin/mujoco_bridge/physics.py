@@ -254,6 +254,10 @@ class Physics:
         twin.set_state(self.get_state())
         return twin
 
+    def __deepcopy__(self, memo: dict[int, Any]) -> Physics:
+        """The same as `copy`: the spec, which MuJoCo cannot copy deeply, is shared."""
+        return self.copy()
+
 
 def check_physics(physics: Physics) -> Physics:
     """The physics, or an error that says what was given instead.

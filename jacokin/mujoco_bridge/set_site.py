@@ -7,6 +7,7 @@ simulation is only read: nothing is written before there is an answer.
 
 from __future__ import annotations
 
+import math
 import weakref
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
@@ -15,6 +16,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from jacokin.errors import PhysicsError
 from jacokin.ik import targets
 from jacokin.ik.solver import IKSolver
 from jacokin.mujoco_bridge.physics import Physics
@@ -51,6 +53,7 @@ class SiteSolver:
 
         Raises:
             ModelError: the joints do not move the site, or cannot be solved for.
+            PhysicsError: positions or velocities in the scene are not finite.
         """
         self._model = physics.model
         self._data = physics.data
@@ -67,6 +70,7 @@ class SiteSolver:
         return self._chain
 
     def _prepare(self) -> None:
+        _check_finite(self._data)
         self._chain = scene_chain(self._model, self._data.qpos, self._joints, self._site)
         robot = self._chain.robot
         self._solver = IKSolver(robot, SITE)
@@ -94,7 +98,11 @@ class SiteSolver:
             bounds: lower and upper bounds of all of the arm's joints, for starts of the QP; None with a closed form.
             random_state: drawn from for all starts but the first.
             attempts: number of starts.
+
+        Raises:
+            PhysicsError: positions or velocities in the scene are not finite.
         """
+        _check_finite(self._data)
         chain = self.chain()
         self._find_base(chain)
         T = self._T
@@ -151,6 +159,18 @@ class SiteSolver:
         yield np.clip(present, self._chain.robot.lower, self._chain.robot.upper)
         for _ in range(attempts - 1):
             yield random_state.uniform(*bounds)[members]
+
+
+def _check_finite(data: mujoco.MjData) -> None:
+    """Refuse to solve in a scene that has no configuration.
+
+    Raises:
+        PhysicsError: qpos or qvel is not finite.
+    """
+    for name, values in (("qpos", data.qpos), ("qvel", data.qvel)):
+        # A dot product is the cheapest test; only a suspicious one is looked at again.
+        if not math.isfinite(values.dot(values)) and not np.isfinite(values).all():
+            raise PhysicsError(f"the simulation is not finite in {name}; reset it first")
 
 
 class SceneSolvers:
