@@ -82,6 +82,11 @@ def test_wrong_arguments_are_refused(robot: Robot, arguments: dict[str, Any], ma
         move_joints(robot, **given)
 
 
+def test_a_name_is_no_robot(robot: Robot) -> None:
+    with pytest.raises(InvalidInputError, match="robot must be"):
+        move_joints("j2n6s300", robot.home, robot.home)  # type: ignore[arg-type]  # wrong on purpose
+
+
 def test_without_ruckig_the_extra_is_named(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "ruckig", None)
     with pytest.raises(MissingExtraError, match=r"jacokin\[motion\]"):

@@ -36,6 +36,19 @@ def test_position_only(robot: Robot) -> None:
     assert step.orientation_error == 0.0
 
 
+@pytest.mark.parametrize("distance", [1e4, 1e9, 1e300])
+def test_the_arm_stretches_towards_targets_however_far(robot: Robot, distance: float) -> None:
+    home = robot.forward_kinematics(robot.home)
+    for target in ([distance, 0.0, 0.3], pin.SE3(home.rotation, np.array([distance, 0.0, 0.3]))):
+        tracker = Tracker(robot)
+        step = tracker.step(target)
+        assert np.abs(step.v).max() > 0.1
+        assert step.position_error == pytest.approx(distance, abs=1.0)
+        step = settle(tracker, target)
+        assert step.status is not TrackerStatus.OK
+        assert robot.forward_kinematics(step.q).translation[0] > 0.75
+
+
 def test_orientation_only(robot: Robot) -> None:
     step = settle(Tracker(robot), OrientationTarget(np.eye(3)))
     assert step.status is TrackerStatus.OK

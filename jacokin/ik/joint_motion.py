@@ -73,6 +73,8 @@ def move_joints(
         InvalidInputError: a configuration outside the limits, or a number that is malformed or not positive.
         MissingExtraError: Ruckig is not installed.
     """
+    if not isinstance(robot, Robot):
+        raise InvalidInputError(f"robot must be a jacokin.Robot (see load_robot), got {type(robot).__name__}")
     step = positive("dt", dt, "s")
     start, end = (_legal(robot, q, name) for q, name in ((q_from, "q_from"), (q_to, "q_to")))
     end = targets.nearest_copy(end, start, robot.free)

@@ -23,6 +23,18 @@ Array = NDArray[np.float64]
 RADIAN_IN_METRES = 0.1  # one radian of orientation error counts as much as this distance, as in IKSolver
 
 
+FAR = 100.0  # [m] from the base; nothing beyond is within reach, and its error would drown all else in the QP
+
+
+def _in_sight(position: Array) -> Array:
+    """The position (3,) [m], or if it is farther than `FAR` from the base, the one at `FAR` on the way there."""
+    largest: float = max(map(abs, position.tolist()))  # a third of what numpy takes, at every tick
+    if largest <= FAR:
+        return position
+    direction = position / largest  # whose norm does not overflow
+    return np.asarray(FAR * direction / np.linalg.norm(direction))
+
+
 class Aim(ABC):
     """One target on one site of the MuJoCo twin."""
 
@@ -71,7 +83,7 @@ class PoseAim(Aim):
     def set(self, pose: pin.SE3) -> None:
         """Aim at T_base_frame."""
         self._position, self._rotation = pose.translation, pose.rotation
-        self._task.set_target(mink.SE3(np.concatenate([poses.quat_wxyz(self._rotation), self._position])))
+        self._task.set_target(mink.SE3(np.concatenate([poses.quat_wxyz(self._rotation), _in_sight(self._position)])))
 
     def wanted(self, configuration: mink.Configuration) -> Array:
         """Weighted SE(3) logarithm of the way to the target."""
@@ -87,8 +99,7 @@ class PoseAim(Aim):
         angle = targets.rotation_angle(rotation.T @ self._rotation)
         if self._orientation_only:
             return 0.0, angle
-        x, y, z = (data.site_xpos[self._site] - self._position).tolist()
-        return math.sqrt(x * x + y * y + z * z), angle
+        return math.hypot(*(data.site_xpos[self._site] - self._position).tolist()), angle
 
 
 class PositionAim(Aim):
@@ -97,15 +108,15 @@ class PositionAim(Aim):
     def __init__(self, site: int, weight: float) -> None:
         """Start at the origin; `set` comes before use."""
         super().__init__(site, weight)
-        self._position = np.zeros(3)
+        self._position = self._sought = np.zeros(3)
 
     def set(self, position: Array) -> None:
         """Aim at a position (3,) [m]."""
-        self._position = position
+        self._position, self._sought = position, _in_sight(position)
 
     def wanted(self, configuration: mink.Configuration) -> Array:
         """Weighted way to the position."""
-        return np.asarray(self._weight * (self._position - configuration.data.site_xpos[self._site]))
+        return np.asarray(self._weight * (self._sought - configuration.data.site_xpos[self._site]))
 
     def rows(self, configuration: mink.Configuration) -> Array:
         """Weighted linear Jacobian."""
@@ -113,7 +124,7 @@ class PositionAim(Aim):
 
     def measure(self, data: mujoco.MjData) -> tuple[float, float]:
         """Distance; the orientation is free."""
-        return float(np.linalg.norm(data.site_xpos[self._site] - self._position)), 0.0
+        return math.hypot(*(data.site_xpos[self._site] - self._position).tolist()), 0.0
 
 
 class AxisAim(Aim):
