@@ -12,7 +12,19 @@ import pytest
 import jacokin.mujoco_bridge
 from jacokin.errors import JacokinError
 from jacokin.model import bundled
-from jacokin.mujoco_bridge import Arena, Physics, base, cameras, jaco_arm, jaco_hand, observations, robots
+from jacokin.mujoco_bridge import (
+    Arena,
+    Physics,
+    base,
+    cameras,
+    control,
+    initializers,
+    jaco_arm,
+    jaco_hand,
+    observations,
+    props,
+    robots,
+)
 
 PACKAGE = Path(jacokin.mujoco_bridge.__file__).parent
 
@@ -158,6 +170,33 @@ def test_what_is_no_physics_entity_or_name_is_refused_by_name() -> None:
         with pytest.raises(JacokinError, match=words):
             refused()
     assert arena.mjcf_model.camera(cameras.TOP_DOWN.name) is None
+
+
+def test_commands_starts_and_props_refuse_by_name_and_write_nothing() -> None:
+    arm, arena = jaco_arm.JacoArm(), Arena()
+    arena.attach(arm)
+    physics = Physics.from_entity(arena)
+    arm.set_home(physics)
+    before = physics.get_state()
+    start = initializers.TcpInitializer(None, arm, [0.4, 0.0, 0.5])
+    for refused, words in (
+        (lambda: control.command_joint_positions(physics, None, np.zeros(6)), "arm must be"),
+        (lambda: control.command_joint_positions(physics, arm, np.zeros(6), gain="fast"), "gain must be"),
+        (lambda: control.command_site_velocity(physics, None, arm.wrist_site, np.zeros(6)), "arm must be"),
+        (lambda: control.command_site_velocity(physics, arm, arm.wrist_site, np.full(6, 1e308)), "twist must not"),
+        (lambda: start(physics, None), "random_state must be"),
+        (lambda: initializers.TcpInitializer(None, arm, [0.4, 0.0, 0.5], max_ik_attempts=True), "max_ik_attempts"),
+        (lambda: props.Primitive(["box"]), "unknown geom_type"),
+        (lambda: props.Primitive("sphere", size=0.1), "size must have shape"),
+        (lambda: props.Primitive("box", size=None), "size must"),
+        (lambda: props.Primitive("box", size="big"), "size must"),
+        (lambda: props.Primitive(mass=None), "mass must"),
+        (lambda: props.Primitive(mass=np.inf), "mass must"),
+        (lambda: props.Primitive(rgba="red"), "rgba must"),
+    ):
+        with pytest.raises(JacokinError, match=words):
+            refused()
+    assert physics.get_state().tobytes() == before.tobytes()
 
 
 def test_dm_control_is_never_imported() -> None:

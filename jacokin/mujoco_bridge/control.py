@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from jacokin.errors import InvalidInputError
 from jacokin.model import checks
+from jacokin.mujoco_bridge.base import RobotArm
 from jacokin.mujoco_bridge.jaco_arm import JacoArm
 from jacokin.mujoco_bridge.physics import Physics, check_physics
 
@@ -16,6 +17,7 @@ Array = NDArray[np.float64]
 
 GAIN = 5.0  # [1/s] of the position error; 0.2 of it is made up in a control step of 0.04 s
 DAMPING = 0.005  # of the Jacobian's singular values [m/rad, rad/rad]; keeps joint speeds bounded at singular poses
+FASTEST = 1e6  # [m/s, rad/s] of a twist; squares of what is far beyond overflow
 
 _TURN = 2.0 * np.pi
 
@@ -37,10 +39,10 @@ def command_joint_positions(physics: Physics, arm: JacoArm, positions: ArrayLike
     Raises:
         InvalidInputError: malformed positions, or a gain that is not positive.
     """
-    joints = check_physics(physics).bind(arm.joints)
+    joints = check_physics(physics).bind(_checked_arm(arm).joints)
     goal = checks.vector("positions", positions, len(arm.joints), "rad")
-    if not (np.isfinite(gain) and gain > 0.0):
-        raise InvalidInputError(f"gain must be positive [1/s], got {gain!r}")
+    if not isinstance(gain, int | float | np.number) or not (np.isfinite(gain) and gain > 0.0):
+        raise InvalidInputError(f"gain must be a positive number [1/s], got {gain!r}")
     error = goal - joints.qpos
     free = joints.limited == 0
     error[free] -= _TURN * np.round(error[free] / _TURN)
@@ -64,12 +66,14 @@ def command_site_velocity(physics: Physics, arm: JacoArm, site: Any, twist: Arra
         (n,) the joint velocities commanded [rad/s].
 
     Raises:
-        InvalidInputError: a malformed twist, or no site.
+        InvalidInputError: a malformed or absurdly fast twist, or no site.
         UnknownNameError: no site of this name.
         ModelError: the arm does not move the site.
     """
     wanted = checks.vector("twist", twist, 6, "m/s, rad/s")
-    chain = arm.site_solver(physics, site).chain()
+    if np.abs(wanted).max() > FASTEST:
+        raise InvalidInputError(f"twist must not be faster than {FASTEST:g} m/s and rad/s, got {wanted.tolist()}")
+    chain = _checked_arm(arm).site_solver(check_physics(physics), site).chain()
     jacobian = chain.robot.jacobian(physics.data.qpos[chain.qpos])
     physics.refresh()
     R_base_world = physics.data.xmat[chain.base_body].reshape(3, 3).T
@@ -84,6 +88,12 @@ def command_site_velocity(physics: Physics, arm: JacoArm, site: Any, twist: Arra
     velocities /= max(1.0, float(np.max(np.abs(velocities) / limit)))
     _command(physics, arm, velocities)
     return velocities
+
+
+def _checked_arm(arm: JacoArm) -> JacoArm:
+    if not isinstance(arm, RobotArm) or not hasattr(arm, "actuators"):
+        raise InvalidInputError(f"arm must be an arm with actuators such as a JacoArm, got {arm!r}")
+    return arm
 
 
 def _command(physics: Physics, arm: JacoArm, velocities: Array) -> None:

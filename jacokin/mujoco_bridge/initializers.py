@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from jacokin.errors import InvalidInputError, PhysicsError
 from jacokin.model import checks
-from jacokin.mujoco_bridge.base import DOWN_QUATERNION, RandomState, RobotArm, RobotHand
+from jacokin.mujoco_bridge.base import DOWN_QUATERNION, RandomState, RobotArm, RobotHand, check_random_state
 from jacokin.mujoco_bridge.entity import Entity
 from jacokin.mujoco_bridge.physics import Physics, check_physics
 from jacokin.mujoco_bridge.quaternions import rotation_matrix, unit_quaternion
@@ -67,7 +67,7 @@ class TcpInitializer:
         if not isinstance(arm, RobotArm) or not isinstance(hand, RobotHand | None):
             raise InvalidInputError(f"hand and arm must be a RobotHand and a RobotArm, got {hand!r} and {arm!r}")
         for name, number in (("max_ik_attempts", max_ik_attempts), ("max_rejection_samples", max_rejection_samples)):
-            if not isinstance(number, int) or number < 1:
+            if isinstance(number, bool) or not isinstance(number, int | np.integer) or number < 1:
                 raise InvalidInputError(f"{name} must be a whole number >= 1, got {number!r}")
         self._hand = hand
         self._arm = arm
@@ -88,6 +88,7 @@ class TcpInitializer:
             PhysicsError: no pose sampled has a configuration free of collisions; nothing is changed then.
             InvalidInputError: a sampler gives no position or quaternion.
         """
+        check_random_state(random_state)
         solver = self._arm.site_solver(
             check_physics(physics), self._arm.wrist_site if self._hand is None else self._hand.tool_center_point
         )

@@ -6,8 +6,10 @@ from collections.abc import Sequence
 from typing import Any
 
 import mujoco
+import numpy as np
 
 from jacokin.errors import InvalidInputError, UnknownNameError
+from jacokin.model import checks
 from jacokin.mujoco_bridge.entity import Entity
 from jacokin.mujoco_bridge.observable import MJCFFeature, Observable, Observables, observable
 
@@ -48,20 +50,22 @@ class Primitive(Entity):
 
         Raises:
             UnknownNameError: no such shape.
-            InvalidInputError: a size or mass that is not positive, or the wrong number of sizes.
+            InvalidInputError: a size or mass that is not positive, or the wrong number of sizes or colours.
         """
-        if geom_type not in _SHAPES:
-            raise UnknownNameError("geom_type", geom_type, _SHAPES)
+        if not isinstance(geom_type, str) or geom_type not in _SHAPES:
+            raise UnknownNameError("geom_type", str(geom_type), _SHAPES)
         shape, count = _SHAPES[geom_type]
-        if len(size) != count or not all(each > 0.0 for each in size):
+        lengths = checks.vector("size", size, count, "m")
+        if not (lengths > 0.0).all():
             raise InvalidInputError(f"size of a {geom_type} must be {count} positive lengths [m], got {size!r}")
-        if not mass > 0.0:
-            raise InvalidInputError(f"mass must be positive [kg], got {mass!r}")
+        if not isinstance(mass, int | float | np.number) or not (np.isfinite(mass) and mass > 0.0):
+            raise InvalidInputError(f"mass must be a positive number [kg], got {mass!r}")
+        colour = checks.vector("rgba", rgba, 4, "0..1")
         spec = self._mjcf_root = mujoco.MjSpec()
         spec.modelname = name or "primitive"
         spec.compiler.degree = False
         self._geom = spec.worldbody.add_geom(
-            name=_GEOM, type=shape, size=[*size, *[0.0] * (3 - count)], mass=mass, rgba=rgba
+            name=_GEOM, type=shape, size=[*lengths, *[0.0] * (3 - count)], mass=mass, rgba=colour
         )
         self._sensors = {
             quantity: spec.add_sensor(name=quantity, type=kind, objtype=mujoco.mjtObj.mjOBJ_GEOM, objname=_GEOM)
