@@ -64,10 +64,15 @@ def fit_to_limits(
     return math.sqrt(total), legal
 
 
+def on_circle(difference: float) -> float:
+    """The size of a difference of angles, whole turns apart [rad]."""
+    return abs(difference - TURN * math.floor(difference / TURN + 0.5))
+
+
 def same_on_circle(a: NDArray[np.float64], b: NDArray[np.float64], tolerance: float) -> bool:
     """Whether two configurations agree in every joint up to full turns [rad]."""
     for j in range(6):
         difference = a[j] - b[j]
-        if abs(difference - TURN * math.floor(difference / TURN + 0.5)) > tolerance:
+        if on_circle(difference) > tolerance:
             return False
     return True

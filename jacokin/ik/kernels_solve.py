@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from jacokin.ik.kernels_arm import Arm, Pose, pose_of
 from jacokin.ik.kernels_chain import errors, held_step, newton_step
-from jacokin.ik.kernels_limits import fit_to_limits, same_on_circle
+from jacokin.ik.kernels_limits import fit_to_limits, on_circle, same_on_circle
 from jacokin.ik.kernels_resultant import fourier_of_F
 from jacokin.ik.kernels_roots import MAX_ROOTS, MIN_WIDTH, STACK, RootWork, find_roots
 from jacokin.ik.kernels_spherical import spherical_starts
@@ -37,6 +37,12 @@ SAME = 1e-6
 #: At a fold, where two branches merge, errors grow with the square of the distance: everything within
 #: FOLD * sqrt(error) [rad] of a branch that closes to ``error`` is the same double solution.
 FOLD = 20.0
+#: [rad] a candidate this close to a branch in joints 1, 5 and 6 is that branch again.
+REPEATED = 1e-10
+#: [m] A candidate of an interval undecided at MIN_WIDTH that misses its distances by more is a wrong one: the right
+#: ones were up to 1e-4 off, and with O near axis 5 may be 6e-3 off; axis 3 the wrong way round is off by twice the
+#: shoulder's offset, 14 or 20 mm. In wider intervals right ones may be as far off as that.
+MISS = 1e-2
 #: [m] slack of the test whether the wrist is in reach at all.
 REACH_SLACK = 1e-6
 #: Candidates of F within this many times the model's misfit of zero are kept as well.
@@ -116,26 +122,47 @@ def follow_roots(k: Arm, pose: Pose, task: Task, work: Work, noise: float, loose
     """Every branch at every root of F; with looseness only what comes close to a double root.
 
     A sure root carries a branch: where its best candidate yields none, all candidates are tried. In an undecided
-    interval all are tried from the start, at its ends too, for several roots may share it.
+    interval all are tried from the start, at its ends too, for several roots may share it. Most of these candidates
+    are wrong or repeat each other, so that those far off and those that end on a known branch are dropped early.
     """
     starts, branches = work.starts, work.branches
+    end = -math.inf  # [rad] of the undecided interval before; the next one often begins there
     for i in range(find_roots(noise, looseness, work.roots)):
         q6, half = work.roots.roots[i, 0], work.roots.roots[i, 1]
         if half == 0.0 and looseness > 0.0:
             continue
         before = branches.filled[0]
+        thrifty = half > 0.0 and k.misfit <= EXACT
+        farthest = MISS if thrifty and half <= MIN_WIDTH else math.inf
         for attempt in range(2):
             starts.filled[0] = 0
             starts_at_q6(k, pose, q6, half + attempt * MIN_WIDTH, starts, work.inner)
             if half > 0.0:
-                starts_at_q6(k, pose, q6 - half, half, starts, work.inner)
-                starts_at_q6(k, pose, q6 + half, half, starts, work.inner)
+                if abs(q6 - half - end) > REPEATED:
+                    starts_at_q6(k, pose, q6 - half, half, starts, work.inner)
+                end = q6 + half
+                starts_at_q6(k, pose, end, half, starts, work.inner)
             for n in range(starts.filled[0]):
-                q1, q5, exact = refine(k, pose, starts.rows[n, 0], starts.rows[n, 1], starts.rows[n, 2])
-                complete(k, pose, q1, q5, exact, branches.q)
-                add_branch(task, branches, 0.0)
+                q1, q5, exact, near = refine(k, pose, starts.rows[n, 0], starts.rows[n, 1], starts.rows[n, 2], farthest)
+                if near and not (thrifty and is_known(branches, q1, q5, exact)):
+                    complete(k, pose, q1, q5, exact, branches.q)
+                    add_branch(task, branches, 0.0)
             if half > 0.0 or branches.filled[0] > before:
                 break
+
+
+def is_known(work: BranchWork, q1: float, q5: float, q6: float) -> bool:
+    """Whether a branch that needs no polishing has these three angles, which fix the other three."""
+    rows = work.rows
+    for i in range(work.filled[0]):
+        if (
+            on_circle(rows[i, 0] - q1) < REPEATED
+            and on_circle(rows[i, 4] - q5) < REPEATED
+            and on_circle(rows[i, 5] - q6) < REPEATED
+            and max(rows[i, POSITION_ERROR], rows[i, ORIENTATION_ERROR]) <= POLISHED
+        ):
+            return True
+    return False
 
 
 def add_branch(task: Task, work: BranchWork, family: float) -> None:

@@ -140,9 +140,13 @@ def add_start(starts: Starts, pose: Pose, view: View, zeta: complex, z3: Vec) ->
         starts.filled[0] = i + 1
 
 
-def refine(k: Arm, pose: Pose, q1: float, q5: float, q6: float) -> tuple[float, float, float]:
-    """Newton on the three equations, to the last digit or to the iteration limit."""
-    for _ in range(REFINE_ITERATIONS):
+def refine(k: Arm, pose: Pose, q1: float, q5: float, q6: float, farthest: float) -> tuple[float, float, float, bool]:
+    """Newton on the three equations, to the last digit or to the iteration limit.
+
+    The last value is False, and nothing is done, for a start that misses one of the two distances by more than
+    ``farthest`` [m].
+    """
+    for iteration in range(REFINE_ITERATIONS):
         c1, s1, c5, s5 = math.cos(q1), math.sin(q1), math.cos(q5), math.sin(q5)
         c6, s6 = math.cos(q6), math.sin(q6)
         D = mix(pose.D0, 1.0, pose.Dc, c6, pose.Ds, s6)
@@ -158,6 +162,8 @@ def refine(k: Arm, pose: Pose, q1: float, q5: float, q6: float) -> tuple[float, 
         f1 = dot(z3, z4)
         f2 = dot(z3, D) - k.e3
         f3 = dot(z4, D) + (dot(D, D) + k.c4 * k.c4 - k.R2) / (2.0 * k.c4)
+        if iteration == 0 and max(abs(f2), abs(f3)) > farthest:
+            return q1, q5, q6, False
         a11, a12, a13 = dot(z3_1, z4), dot(z3, z4_5), dot(z3_6, z4)
         a21, a23 = dot(z3_1, D), dot(z3_6, D) + dot(z3, dD)
         a32, a33 = dot(z4_5, D), dot(z4, dD) + dot(D, dD) / k.c4
@@ -174,7 +180,7 @@ def refine(k: Arm, pose: Pose, q1: float, q5: float, q6: float) -> tuple[float, 
         q1, q5, q6 = q1 - d1, q5 - d5, q6 - d6
         if size < REFINED:
             break
-    return q1, q5, q6
+    return q1, q5, q6, True
 
 
 def complete(arm: Arm, pose: Pose, q1: float, q5: float, q6: float, q: NDArray[np.float64]) -> None:
