@@ -239,3 +239,29 @@ def test_unknown_names_are_refused(robot: Robot) -> None:
         track_path(robot, square(robot)[:2], frame="tcp")
     with pytest.raises(UnknownNameError):
         track_path(robot, square(robot)[:2], qp_solver="simplex")
+
+
+def test_damaged_files_and_wrong_types_are_refused(robot: Robot, tmp_path: Path) -> None:
+    here = robot.forward_kinematics(robot.home)
+    there = pin.SE3(here.rotation, here.translation + np.array([0.01, 0.0, 0.0]))
+    result = track_path(robot, [here, there], 0.05)
+    file = tmp_path / "path.npz"
+    result.save(file)
+    whole = file.read_bytes()
+    with np.load(file) as archive:
+        numbers = dict(archive)
+    for name, damaged in (("q", numbers["q"][:2]), ("v", numbers["v"].astype(str)), ("lower", np.zeros(5))):
+        np.savez(file, **{**numbers, name: damaged})
+        with pytest.raises(InvalidInputError, match=f"{name} has the wrong shape or type"):
+            PathResult.load(file)
+    file.write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(InvalidInputError, match="not a path written by jacokin"):
+        PathResult.load(file)
+    for refused, words in (
+        (lambda: PathResult.load(None), "file name"),
+        (lambda: result.save(None), "file name"),
+        (lambda: track_path("j2n6s300", [here, there]), "robot must be"),
+        (lambda: track_path(robot, [here, there], progress=3), "progress must be"),
+    ):
+        with pytest.raises(InvalidInputError, match=words):
+            refused()

@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from jacokin.errors import StructureError
+from jacokin.errors import InvalidInputError, StructureError
 from jacokin.ik import path_geometry, seeds, targets
 from jacokin.ik.path_geometry import SampledPath
 from jacokin.ik.path_result import BranchReport, PathResult
@@ -77,6 +77,10 @@ def track_path(
         InvalidInputError: malformed path, speeds or limits, see `Tracker`.
         UnknownNameError: unknown frame, QP solver or shape.
     """
+    if not isinstance(robot, Robot):
+        raise InvalidInputError(f"robot must be a jacokin.Robot (see load_robot), got {type(robot).__name__}")
+    if progress is not None and not callable(progress):
+        raise InvalidInputError(f"progress must be callable with two counts, or None, got {progress!r}")
     points = path_geometry.checked_waypoints(waypoints)
     start, note = seeds.legal_seed(robot, seed)
     tracker = Tracker(

@@ -5,6 +5,8 @@ from __future__ import annotations
 import csv
 import os
 import tempfile
+import zipfile
+import zlib
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, Self
@@ -137,9 +139,27 @@ class PathResult:
         """
         file = _checked_file(path)
         try:
-            return cls._read_csv(file) if file.suffix == ".csv" else cls._read_npz(file)
+            found = cls._read_csv(file) if file.suffix == ".csv" else cls._read_npz(file)
         except OSError as error:
             raise InvalidInputError(f"cannot read {file}: {error.strerror or error}") from error
+        wrong = found._misshapen()
+        if wrong:
+            raise InvalidInputError(f"{file}: not a path written by jacokin: {wrong} has the wrong shape or type")
+        return found
+
+    def _misshapen(self) -> str:
+        """Name of the first field that does not fit the others; "" if all do."""
+        rows, dof = len(self.status), len(self.joint_names)
+        shapes = {
+            **dict.fromkeys(("t", "position_error", "orientation_error", "clearance", "segment"), (rows,)),
+            **dict.fromkeys(("q", "v"), (rows, dof)),
+            **dict.fromkeys(("lower", "upper", "velocity_limit"), (dof,)),
+        }
+        for name, shape in shapes.items():
+            array = getattr(self, name)
+            if array.shape != shape or array.dtype.kind not in "fi":
+                return name
+        return "" if len(self.limiting) == rows else "limiting"
 
     def _write_csv(self, file: Path) -> None:
         joints = self.joint_names
@@ -215,7 +235,7 @@ class PathResult:
     @classmethod
     def _read_npz(cls, file: Path) -> Self:
         try:
-            with np.load(file, allow_pickle=False) as archive:
+            with file.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
                 found = {name: archive[name] for name in archive.files}
             for array in found.values():
                 array.setflags(write=False)
@@ -224,7 +244,7 @@ class PathResult:
             for name in ("qp_solver", "message"):
                 found[name] = str(found[name])
             return cls(**found)
-        except (KeyError, TypeError, ValueError, EOFError, OSError) as error:
+        except (KeyError, TypeError, ValueError, EOFError, OSError, zipfile.BadZipFile, zlib.error) as error:
             if isinstance(error, FileNotFoundError | PermissionError | IsADirectoryError):
                 raise
             raise InvalidInputError(f"{file}: not a path written by jacokin: {error}") from error
@@ -234,6 +254,8 @@ TAIL = ("position_error", "orientation_error", "clearance", "segment", "status",
 
 
 def _checked_file(path: str | Path) -> Path:
+    if not isinstance(path, str | Path):
+        raise InvalidInputError(f"path must be a file name, got {path!r}")
     file = Path(path)
     if file.suffix not in FORMATS:
         raise InvalidInputError(f"a path file must end in .csv or .npz, got {str(path)!r}")
