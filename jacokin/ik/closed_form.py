@@ -34,6 +34,9 @@ from jacokin.ik.kernels_solve import (
     POSITION_ERROR,
 )
 
+#: [m] no arm reaches so far, and squares of numbers well above it overflow.
+FAR = 1e6
+
 _NO_BATCH = np.empty((0, BATCH_COLUMNS))
 
 
@@ -162,6 +165,8 @@ class ClosedForm:
             T: (4, 4) target, base -> tool: a rigid transformation, C-contiguous.
             reference: (6,) the seed [rad].
         """
+        if max(map(abs, T[:3, 3].tolist())) > FAR:
+            return Rows(np.empty((0, COLUMNS)))
         rows = np.empty((MAX_BRANCHES, COLUMNS))
         solve = compiled.solver()
         count = solve(self._chain, self._arm, self._limits, T[np.newaxis], reference[np.newaxis], rows, _NO_BATCH)
@@ -178,6 +183,7 @@ class ClosedForm:
         best = np.empty((len(T), BATCH_COLUMNS))
         if len(T) == 0:
             return BatchRows(best)
+        T = _within_sight(T)
         solve = compiled.solver(len(T))
 
         def run(start: int, stop: int) -> None:
@@ -191,3 +197,12 @@ class ClosedForm:
             with ThreadPoolExecutor(threads) as pool:
                 list(pool.map(run, edges[:-1], edges[1:]))
         return BatchRows(best)
+
+
+def _within_sight(T: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Targets (n, 4, 4) with positions beyond ``FAR`` brought back to it: still out of reach, and harmless."""
+    if not np.abs(T[:, :3, 3]).max() > FAR:
+        return T
+    T = T.copy()
+    T[:, :3, 3] = np.clip(T[:, :3, 3], -FAR, FAR)
+    return T
