@@ -75,3 +75,18 @@ def test_single_precision_matrices_are_made_orthonormal() -> None:
     rotation = poses.checked_pose(rough).rotation
     np.testing.assert_allclose(rotation.T @ rotation, np.eye(3), atol=3e-16)
     np.testing.assert_allclose(rotation, rough[:3, :3], atol=1e-6)
+
+
+@pytest.mark.parametrize("value", [[True, False, True], ["1", "2", "3"], [1j, 0, 0], [10**400, 0, 0], [None, 0, 0]])
+def test_only_real_numbers_are_numbers(value: list[object]) -> None:
+    with pytest.raises(InvalidInputError, match="position must be 3 numbers"):
+        jacokin.pose(value)  # type: ignore[arg-type]  # wrong on purpose
+    with pytest.raises(InvalidInputError, match="pin.SE3"):
+        poses.matrix_of(np.eye(4, dtype=bool))
+    with pytest.raises(InvalidInputError, match="pin.SE3"):
+        poses.matrix_of(np.eye(4) + 0j)
+
+
+def test_down_is_yes_or_no() -> None:
+    with pytest.raises(InvalidInputError, match="down must be True or False"):
+        jacokin.pose([0, 0, 0], down=np.array([1, 0]))  # type: ignore[arg-type]  # wrong on purpose

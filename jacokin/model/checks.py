@@ -11,15 +11,33 @@ from jacokin.errors import InvalidInputError
 
 Vector = NDArray[np.float64]
 
+FLOAT64 = np.dtype(np.float64)
+NUMBER_KINDS = "iuf"  # of NumPy's dtypes: no booleans, complex numbers, digits in strings, or objects
+
+
+def numbers(value: ArrayLike) -> Vector:
+    """`value` as float64, when it is made of real numbers.
+
+    Raises:
+        TypeError: booleans, complex numbers, strings, or Python objects (whole numbers too large for NumPy as well).
+        ValueError: rows of different lengths.
+    """
+    if type(value) is np.ndarray and value.dtype is FLOAT64:
+        return value
+    array = np.asarray(value)
+    if array.dtype.kind not in NUMBER_KINDS:
+        raise TypeError(f"{array.dtype} is no real number")
+    return array.astype(np.float64)
+
 
 def vector(name: str, value: ArrayLike, size: int, unit: str) -> Vector:
-    """Return `value` as a finite float64 vector of the given size, or refuse it by name.
+    """Return `value` as a finite, contiguous float64 vector of the given size, or refuse it by name.
 
     Raises:
         InvalidInputError: wrong shape, not numbers, or not finite.
     """
     try:
-        array = np.asarray(value, dtype=np.float64)
+        array = numbers(value)
     except (TypeError, ValueError) as error:
         raise InvalidInputError(f"{name} must be {size} numbers [{unit}], got {value!r}") from error
     if array.shape != (size,):
@@ -27,7 +45,8 @@ def vector(name: str, value: ArrayLike, size: int, unit: str) -> Vector:
     # A sum of plain floats is the cheapest test, and silent; only a suspicious one is looked at again.
     if not math.isfinite(sum(array.tolist())) and not np.isfinite(array).all():
         raise InvalidInputError(f"{name} must be finite, got {array.tolist()}")
-    return array
+    # A column of a matrix, or a reversed view: compiled kernels take neither.
+    return array if array.flags.c_contiguous else np.ascontiguousarray(array)
 
 
 def matrix(name: str, value: ArrayLike, columns: int, unit: str) -> Vector:
@@ -37,7 +56,7 @@ def matrix(name: str, value: ArrayLike, columns: int, unit: str) -> Vector:
         InvalidInputError: wrong shape, empty, not numbers, or not finite (the first bad row is named).
     """
     try:
-        array = np.asarray(value, dtype=np.float64)
+        array = numbers(value)
     except (TypeError, ValueError) as error:
         raise InvalidInputError(f"{name} must be rows of {columns} numbers [{unit}]") from error
     if array.ndim != 2 or array.shape[1] != columns:

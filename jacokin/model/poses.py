@@ -55,7 +55,7 @@ def checked_rotation(name: str, value: ArrayLike) -> NDArray[np.float64]:
         InvalidInputError: wrong shape, not finite, sheared, scaled or a reflection.
     """
     try:
-        matrix = np.asarray(value, dtype=np.float64)
+        matrix = checks.numbers(value)
     except (TypeError, ValueError) as error:
         raise InvalidInputError(f"{name} must be a (3, 3) rotation matrix") from error
     if matrix.shape != (3, 3):
@@ -135,7 +135,7 @@ def matrix_of(target: pin.SE3 | ArrayLike, name: str = "target") -> NDArray[np.f
     if isinstance(target, pin.SE3):
         return checked_matrix(name, target.homogeneous)
     try:
-        matrix = np.array(target, dtype=np.float64, order="C")
+        matrix = np.array(checks.numbers(target), order="C")
     except (TypeError, ValueError) as error:
         raise InvalidInputError(f"{name} must be a pin.SE3 or a (4, 4) matrix, got {target!r}") from error
     if matrix.shape != (4, 4):
@@ -176,6 +176,8 @@ def pose(
     Raises:
         InvalidInputError: more than one orientation, or a malformed one.
     """
+    if not isinstance(down, bool | np.bool_):
+        raise InvalidInputError(f"down must be True or False, got {down!r}")
     given = [n for n, v in (("quat_wxyz", quat_wxyz), ("rpy", rpy), ("rotation", rotation)) if v is not None]
     if down:
         given.append("down")
