@@ -219,3 +219,38 @@ def test_unknown_names_list_the_valid_ones(robot: Robot) -> None:
         robot.analytical_jacobian(robot.home, representation="euler")
     with pytest.raises(UnknownNameError, match="joint_7"):
         robot.joint_index("joint_7")
+
+
+def test_strided_configurations_become_contiguous(robot: Robot) -> None:
+    column = np.tile(robot.home[:, None], (1, 3))[:, 1]
+    for view in (column, robot.home[::-1].copy()[::-1], robot.home.astype(">f8")):
+        checked = robot.configuration(view)
+        assert checked.flags.c_contiguous
+        np.testing.assert_array_equal(checked, robot.home)
+
+
+def test_a_single_joint_has_a_jacobian_of_one_column() -> None:
+    one = jacokin.load_robot(tip="link_1", base="link_base")
+    assert one.jacobian(one.home).shape == (6, 1)
+    assert one.singular_values(one.home).shape == (1,)
+    assert one.manipulability(one.home) == pytest.approx(np.linalg.norm(one.jacobian(one.home)))
+    assert jacokin.crosscheck(one, jacokin.load_robot(tip="link_1"), samples=5).within()
+
+
+@pytest.mark.parametrize("tolerance", ["a", np.ones(3), -1.0, math.nan, True])
+def test_tolerances_are_one_number(robot: Robot, tolerance: object) -> None:
+    with pytest.raises(InvalidInputError, match="tolerance"):
+        robot.within_limits(robot.home, tolerance)  # type: ignore[arg-type]  # wrong on purpose
+
+
+def test_absurd_requests_are_refused(robot: Robot) -> None:
+    with pytest.raises(InvalidInputError, match="too large"):
+        robot.sample(np.random.default_rng(0), 10**15)
+    with pytest.raises(InvalidInputError, match="robot_a"):
+        jacokin.crosscheck("j2n6s300")  # type: ignore[arg-type]  # wrong on purpose
+    with pytest.raises(InvalidInputError, match="robot_b"):
+        jacokin.crosscheck(robot, "x")  # type: ignore[arg-type]  # wrong on purpose
+    with pytest.raises(InvalidInputError, match="frame_map"):
+        jacokin.crosscheck(robot, frame_map=["a"])  # type: ignore[arg-type]  # wrong on purpose
+    with pytest.raises(InvalidInputError, match="joint_map"):
+        jacokin.crosscheck(robot, joint_map=["a"])  # type: ignore[arg-type]  # wrong on purpose

@@ -140,11 +140,10 @@ class PinocchioEngine:
 
     def jacobian(self, frame: str) -> Array:
         """(6, dof), local world aligned."""
-        return np.asarray(
-            pin.getFrameJacobian(
-                self._model, self._data, self._robot.frame_id(frame), pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-            )
+        jacobian = pin.getFrameJacobian(
+            self._model, self._data, self._robot.frame_id(frame), pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
         )
+        return np.asarray(jacobian).reshape(6, -1)  # Pinocchio drops the second dimension of a single joint
 
     def mass_matrix(self, with_armature: bool) -> Array:
         """(dof, dof), with or without armature."""
@@ -185,6 +184,14 @@ def crosscheck(
     """
     if isinstance(samples, bool) or not isinstance(samples, int | np.integer) or samples < 1:
         raise InvalidInputError(f"samples must be a whole number >= 1, got {samples!r}")
+    for name, robot in (("robot_a", robot_a), ("robot_b", robot_b)):
+        if not (isinstance(robot, Robot) or (name == "robot_b" and robot is None)):
+            raise InvalidInputError(f"{name} must be a Robot, from load_robot, got {robot!r}")
+    for name, mapping in (("joint_map", joint_map), ("frame_map", frame_map)):
+        if mapping is not None and not isinstance(mapping, Mapping):
+            raise InvalidInputError(f"{name} must be a mapping of names, got {mapping!r}")
+    if rng is not None and not isinstance(rng, np.random.Generator):
+        raise InvalidInputError(f"rng must be a numpy.random.Generator, got {type(rng).__name__}")
     first: Engine = PinocchioEngine(robot_a)
     second = _second_engine(robot_a, robot_b)
     order = _joint_order(first, second, joint_map or {})

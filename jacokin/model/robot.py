@@ -208,7 +208,7 @@ class Robot:
             self.frame_id(frame),
             differential.reference_frame(reference),
         )
-        return jacobian
+        return jacobian.reshape(6, self.dof)  # Pinocchio drops the second dimension of a single joint
 
     def jacobian_time_derivative(
         self, q: ArrayLike, v: ArrayLike, frame: str | None = None, reference: str = "local_world_aligned"
@@ -271,7 +271,8 @@ class Robot:
         Raises:
             InvalidInputError: `q` malformed, or a tolerance that is not a number >= 0.
         """
-        if not tolerance >= 0.0:
+        number = isinstance(tolerance, int | float | np.integer | np.floating) and not isinstance(tolerance, bool)
+        if not (number and tolerance >= 0.0):
             raise InvalidInputError(f"tolerance must be >= 0 [rad], got {tolerance!r}")
         angles = self.configuration(q)
         return bool((angles >= self.lower - tolerance).all() and (angles <= self.upper + tolerance).all())
@@ -298,7 +299,10 @@ class Robot:
         if not np.isfinite(upper - lower).all():
             name = self.joint_names[int(np.argmin(np.isfinite(upper - lower)))]
             raise InvalidInputError(f"joint {name!r} is limited on one side only; sampling needs limits={{...}} for it")
-        return rng.uniform(lower, upper, self.dof if size is None else (int(size), self.dof))
+        try:
+            return rng.uniform(lower, upper, self.dof if size is None else (int(size), self.dof))
+        except (MemoryError, ValueError, OverflowError) as error:
+            raise InvalidInputError(f"size {size} is too large: that many samples do not fit in memory") from error
 
     @cached_property
     def home(self) -> Array:
