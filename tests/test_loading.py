@@ -302,3 +302,53 @@ def test_own_urdf_shapes_are_checked_for_contact(tmp_path: Path, rng: np.random.
     assert hits > 5
     own = jacokin.load_robot(path)
     assert mine.touching(own.home) == []
+
+
+def test_malformed_arguments_are_named() -> None:
+    arguments: list[tuple[dict[str, object], str]] = [
+        ({"finger_angle": "a"}, "finger_angle"),
+        ({"finger_angle": True}, "finger_angle"),
+        ({"limits": "x"}, "limits"),
+        ({"limits": {"joint_2": "12"}}, "joint_2"),
+        ({"limits": {"joint_2": (math.inf, math.inf)}}, "no angle lies"),
+        ({"limits": {"joint_2": (-math.inf, -math.inf)}}, "no angle lies"),
+        ({"base": ["x"]}, "base"),
+    ]
+    for keywords, message in arguments:
+        with pytest.raises(InvalidInputError, match=message):
+            jacokin.load_robot(**keywords)  # type: ignore[arg-type]  # wrong on purpose
+    with pytest.raises(ModelError, match="no such file"):
+        jacokin.load_robot("a" * 5000 + ".urdf")
+
+
+def test_equal_limits_lock_a_joint() -> None:
+    angle = float(jacokin.load_robot().home[1])
+    robot = jacokin.load_robot(limits={"joint_2": (angle, angle)})
+    result = jacokin.IKSolver(robot, method="qp").solve(robot.forward_kinematics(robot.home), robot.home)
+    assert result.success
+    assert result.q[1] == angle
+
+
+def test_home_of_shapes_that_always_overlap(tmp_path: Path) -> None:
+    shape = '<collision><geometry><sphere radius="0.5"/></geometry></collision>'
+    inertial = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
+    links = "".join(f'<link name="l{i}">{inertial}{shape}</link>' for i in range(4))
+    joints = "".join(
+        f'<joint name="q{i}" type="revolute"><parent link="l{i - 1}"/><child link="l{i}"/><origin xyz="0 0 0.1"/>'
+        '<axis xyz="1 0 0"/><limit lower="-2" upper="2" effort="1" velocity="1"/></joint>'
+        for i in range(1, 4)
+    )
+    path = tmp_path / "coarse.urdf"
+    path.write_text(f'<robot name="coarse">{links}{joints}</robot>')
+    robot = jacokin.load_robot(path)
+    assert robot.within_limits(robot.home)
+
+
+def test_a_relative_path_outlives_a_change_of_folder(
+    scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    robot = jacokin.load_robot(scene.name)
+    monkeypatch.chdir("/")
+    assert robot.source.path == scene
+    assert robot.within_limits(robot.home)

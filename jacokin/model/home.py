@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from jacokin.errors import ModelError
 from jacokin.model import table
 
 if TYPE_CHECKING:
@@ -20,23 +19,27 @@ KEYFRAME = "home"  # of an MJCF file
 
 
 def find(robot: Robot, hint: Array | None) -> Array:
-    """The first of these that is legal and free of contact.
+    """The first of these that is legal and free of contact; if none is, the legal one with the fewest touching pairs.
 
     The hint (a bundled robot's documented home), a keyframe called "home" in the file, the j2n6s300's home for other
-    six-joint arms, the middle of the limits, random legal configurations of a fixed seed.
-
-    Raises:
-        ModelError: none is free of contact.
+    six-joint arms, the middle of the limits, random legal configurations of a fixed seed. Coarse shapes may
+    always overlap; that is no reason to have no home.
     """
     if hint is not None and robot.within_limits(hint):
         return hint  # documented, and checked for contact by the tests of the bundled robots
     from jacokin.model import contact
 
     checker = contact.SelfContact.of(robot)
+    best, fewest = middle(robot), np.inf
     for q in _candidates(robot):
-        if robot.within_limits(q) and not (checker and checker.touching(q)):
-            return q
-    raise ModelError(f"{robot.name}: no configuration without self-contact found in {RANDOM_TRIES} random ones")
+        if not robot.within_limits(q):
+            continue
+        touching = len(checker.touching(q)) if checker else 0
+        if touching < fewest:
+            best, fewest = q, touching
+        if touching == 0:
+            break
+    return best
 
 
 def middle(robot: Robot) -> Array:

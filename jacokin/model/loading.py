@@ -11,7 +11,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from jacokin.errors import InvalidInputError, ModelError, UnknownNameError
-from jacokin.model import bundled, chain, table, urdf
+from jacokin.model import bundled, chain, checks, table, urdf
 from jacokin.model.robot import Robot, Source
 
 FINGER_ANGLE = 0.15  # [rad] fully open: the fingers' lower limit
@@ -48,6 +48,9 @@ def load_robot(
         ModelError: the file is missing, malformed, or holds no such arm.
     """
     path, name = _resolve(robot)
+    for argument, frame in (("base", base), ("tip", tip)):
+        if frame is not None and not isinstance(frame, str):
+            raise InvalidInputError(f"{argument} must be the name of a frame, got {frame!r}")
     if path.suffix == ".urdf":
         full = urdf.parse(path.read_text(encoding="utf-8"), str(path)) if name else urdf.read(path)
         reference, kind = pin.neutral(full), "urdf"
@@ -80,14 +83,22 @@ def _resolve(robot: str | Path) -> tuple[Path, str | None]:
     text = str(robot)
     if text in bundled.NAMES:
         return bundled.urdf_folder() / f"{text}.urdf", text
-    path = Path(robot)
+    path = Path(robot).absolute()
     if path.suffix not in (".urdf", ".xml", ".mjcf"):
-        if path.is_file():
+        if _is_file(path):
             raise ModelError(f"{path}: unknown file type {path.suffix!r}; valid: .urdf, .xml (MJCF)")
         raise UnknownNameError("robot", text, [*bundled.NAMES, "or a path to a .urdf or .xml file"])
-    if not path.is_file():
+    if not _is_file(path):
         raise ModelError(f"{path}: no such file")
     return path, None
+
+
+def _is_file(path: Path) -> bool:
+    """As `Path.is_file`, which raises for a path too long for the system."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
 
 
 def _root_link(full: pin.Model) -> str:
@@ -102,8 +113,8 @@ def _locked_reference(
     full: pin.Model, reference: NDArray[np.float64], finger_angle: float | None
 ) -> NDArray[np.float64]:
     """Configuration at which joints off the arm are frozen; the arm's own entries do not matter."""
-    if finger_angle is not None and not math.isfinite(finger_angle):
-        raise InvalidInputError(f"finger_angle must be finite [rad], got {finger_angle!r}")
+    if finger_angle is not None:
+        finger_angle = float(checks.vector("finger_angle", [finger_angle], 1, "rad")[0])
     q = np.array(reference, dtype=np.float64)
     for index in range(1, full.njoints):
         joint = full.joints[index]
@@ -119,15 +130,19 @@ def _override_limits(model: pin.Model, limits: Mapping[str, tuple[float, float]]
     """Write a user's own limits [rad] into a freshly extracted chain."""
     names = tuple(model.names)[1:]
     lower, upper = model.lowerPositionLimit.copy(), model.upperPositionLimit.copy()
+    if not isinstance(limits, Mapping):
+        raise InvalidInputError(f"limits must map joint names to pairs (lower, upper) [rad], got {limits!r}")
     for joint, pair in limits.items():
         if joint not in names:
             raise UnknownNameError("joint", joint, names)
         try:
-            low, high = (float(value) for value in pair)
+            low, high = checks.numbers(pair).tolist()
         except (TypeError, ValueError) as error:
             raise InvalidInputError(f"limits[{joint!r}] must be a pair (lower, upper) [rad], got {pair!r}") from error
         if not low <= high:
             raise InvalidInputError(f"limits[{joint!r}]: lower {low} must not be above upper {high}")
+        if low == math.inf or high == -math.inf:
+            raise InvalidInputError(f"limits[{joint!r}]: no angle lies between {low} and {high}")
         lower[names.index(joint)], upper[names.index(joint)] = low, high
     model.lowerPositionLimit, model.upperPositionLimit = lower, upper
 

@@ -17,6 +17,9 @@ from jacokin.errors import ModelError
 from jacokin.model import bundled, mjcf, poses
 from jacokin.model.robot import Robot
 
+UNLIMITED = 1e6  # [rad] stands for an open side
+LOCKED_ROOM = 1e-9  # [rad] on both sides of a joint with equal limits
+
 BASE_BODY = "jacokin_base"
 GEOM_OF_MESH = mujoco.mjtGeom.mjGEOM_MESH
 
@@ -81,7 +84,9 @@ def _add_joint(body: mujoco.MjsBody, robot: Robot, index: int) -> None:
     hinge = bool(subspace[3:].any())
     limited = bool(np.isfinite(robot.lower[index - 1]) or np.isfinite(robot.upper[index - 1]))
     # MuJoCo wants a finite range; one side may be open.
-    low, high = np.clip((robot.lower[index - 1], robot.upper[index - 1]), -1e6, 1e6)
+    low, high = np.clip((robot.lower[index - 1], robot.upper[index - 1]), -UNLIMITED, UNLIMITED)
+    if not low < high:  # a locked joint: MuJoCo wants some room, answers are clamped to the robot's own limits
+        low, high = low - LOCKED_ROOM, high + LOCKED_ROOM
     body.add_joint(
         name=robot.joint_names[index - 1],
         type=mujoco.mjtJoint.mjJNT_HINGE if hinge else mujoco.mjtJoint.mjJNT_SLIDE,
