@@ -60,7 +60,7 @@ def prepared(argv: Sequence[str]) -> list[str]:
     """
     words: list[str] = []
     seed: list[str] | None = None
-    for word in argv:
+    for word in _split_seed(argv):
         number = _NUMBER.fullmatch(word) is not None
         if seed is not None and number:
             seed.append(word)
@@ -74,6 +74,15 @@ def prepared(argv: Sequence[str]) -> list[str]:
         else:
             words.append(" " + word if number else word)
             seed = None
+    return words
+
+
+def _split_seed(argv: Sequence[str]) -> list[str]:
+    """`--seed=1 2 ...` as `--seed 1 2 ...`."""
+    words: list[str] = []
+    for word in argv:
+        option, sign, value = word.partition("=")
+        words += [option, value] if option == "--seed" and sign else [word]
     return words
 
 
