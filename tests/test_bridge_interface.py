@@ -152,20 +152,20 @@ def test_what_is_no_physics_entity_or_name_is_refused_by_name() -> None:
     arena.attach(arm)
     physics = Physics.from_entity(arena)
     for refused, words in (
-        (lambda: arm.observables.joints_pos(None), "must be a Physics"),
-        (lambda: arm.get_pose(None), "must be a Physics"),
-        (lambda: arm.set_pose(None, [0.0, 0.0, 0.0]), "must be a Physics"),
-        (lambda: Physics.from_entity(Arena), "must be an Entity"),
+        (lambda: arm.observables.joints_pos(None), "must be a Physics"),  # type: ignore[arg-type]  # wrong on purpose
+        (lambda: arm.get_pose(None), "must be a Physics"),  # type: ignore[arg-type]  # wrong on purpose
+        (lambda: arm.set_pose(None, [0.0, 0.0, 0.0]), "must be a Physics"),  # type: ignore[arg-type]  # wrong on purpose
+        (lambda: Physics.from_entity(Arena), "must be an Entity"),  # type: ignore[arg-type]  # wrong on purpose
         (lambda: jaco_arm.JacoArm(3), "name must be a string"),
         (lambda: jaco_hand.JacoHand(name=3), "name must be a string"),
         (lambda: Arena(name=b"hall"), "name must be a string"),
-        (lambda: robots.make_arm(None), "obs_settings"),
-        (lambda: robots.make_hand("VISION"), "obs_settings"),
-        (lambda: observations.make_options(observations.VISION, ["joints_pos"]), "obs_names"),
-        (lambda: cameras.add_camera_observables(None, observations.VISION, cameras.TOP_DOWN), "must be an Entity"),
+        (lambda: robots.make_arm(None), "obs_settings"),  # type: ignore[arg-type]  # wrong on purpose
+        (lambda: robots.make_hand("VISION"), "obs_settings"),  # type: ignore[arg-type]  # wrong on purpose
+        (lambda: observations.make_options(observations.VISION, ["joints_pos"]), "obs_names"),  # type: ignore[arg-type]  # wrong on purpose
+        (lambda: cameras.add_camera_observables(None, observations.VISION, cameras.TOP_DOWN), "must be an Entity"),  # type: ignore[arg-type]  # wrong on purpose
         (lambda: cameras.add_camera_observables(arena, observations.VISION, cameras.TOP_DOWN), "compiled"),
         (lambda: physics.set_state("here"), "state must be"),
-        (lambda: physics.disable(["contact"]).__enter__(), "unknown flag"),
+        (lambda: physics.disable(["contact"]).__enter__(), "unknown flag"),  # type: ignore[arg-type]  # wrong on purpose
     ):
         with pytest.raises(JacokinError, match=words):
             refused()
@@ -180,11 +180,11 @@ def test_commands_starts_and_props_refuse_by_name_and_write_nothing() -> None:
     before = physics.get_state()
     start = initializers.TcpInitializer(None, arm, [0.4, 0.0, 0.5])
     for refused, words in (
-        (lambda: control.command_joint_positions(physics, None, np.zeros(6)), "arm must be"),
-        (lambda: control.command_joint_positions(physics, arm, np.zeros(6), gain="fast"), "gain must be"),
-        (lambda: control.command_site_velocity(physics, None, arm.wrist_site, np.zeros(6)), "arm must be"),
+        (lambda: control.command_joint_positions(physics, None, np.zeros(6)), "arm must be"),  # type: ignore[arg-type]  # wrong on purpose
+        (lambda: control.command_joint_positions(physics, arm, np.zeros(6), gain="fast"), "gain must be"),  # type: ignore[arg-type]  # wrong on purpose
+        (lambda: control.command_site_velocity(physics, None, arm.wrist_site, np.zeros(6)), "arm must be"),  # type: ignore[arg-type]  # wrong on purpose
         (lambda: control.command_site_velocity(physics, arm, arm.wrist_site, np.full(6, 1e308)), "twist must not"),
-        (lambda: start(physics, None), "random_state must be"),
+        (lambda: start(physics, None), "random_state must be"),  # type: ignore[arg-type]  # wrong on purpose
         (lambda: initializers.TcpInitializer(None, arm, [0.4, 0.0, 0.5], max_ik_attempts=True), "max_ik_attempts"),
         (lambda: props.Primitive(["box"]), "unknown geom_type"),
         (lambda: props.Primitive("sphere", size=0.1), "size must have shape"),

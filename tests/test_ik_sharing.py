@@ -106,6 +106,17 @@ def test_batches_keep_the_note_about_the_seed(robot: Robot) -> None:
     assert "joint_2" not in batch.message[1]
 
 
+def test_only_real_numbers_are_targets(robot: Robot) -> None:
+    solver = IKSolver(robot)
+    matrix = robot.forward_kinematics(robot.home).homogeneous
+    for target in (matrix + 0j, matrix.astype(object), np.ones((4, 4), dtype=bool), ["0.3", "0.2", "0.4"], [True] * 3):
+        with pytest.raises(InvalidInputError, match="target"):
+            solver.solve(target)
+    for targets in (np.array([matrix + 0j]), np.ones((2, 4, 4), dtype=bool)):
+        with pytest.raises(InvalidInputError, match="targets must be real numbers"):
+            solver.solve_batch(targets)
+
+
 def test_options_of_the_wrong_type_are_named(robot: Robot) -> None:
     for option, value in (
         ("position_tolerance", "a"),

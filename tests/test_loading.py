@@ -310,8 +310,8 @@ def test_malformed_arguments_are_named() -> None:
         ({"finger_angle": True}, "finger_angle"),
         ({"limits": "x"}, "limits"),
         ({"limits": {"joint_2": "12"}}, "joint_2"),
-        ({"limits": {"joint_2": (math.inf, math.inf)}}, "no angle lies"),
-        ({"limits": {"joint_2": (-math.inf, -math.inf)}}, "no angle lies"),
+        ({"limits": {"joint_2": (math.inf, math.inf)}}, "no angle within 1e6 rad"),
+        ({"limits": {"joint_2": (-math.inf, -math.inf)}}, "no angle within 1e6 rad"),
         ({"base": ["x"]}, "base"),
     ]
     for keywords, message in arguments:
@@ -352,3 +352,70 @@ def test_a_relative_path_outlives_a_change_of_folder(
     monkeypatch.chdir("/")
     assert robot.source.path == scene
     assert robot.within_limits(robot.home)
+
+
+def test_a_urdf_is_a_urdf_whatever_it_is_called(tmp_path: Path) -> None:
+    path = tmp_path / "robot.xml"
+    path.write_text(urdf_text())
+    robot = jacokin.load_robot(path)
+    assert (robot.source.kind, robot.base, robot.default_frame) == ("urdf", "link_base", "end_effector")
+    path.write_text(urdf_text().replace('xyz="0.0 -0.41 0.0"', 'xyz="0.0 nan 0.0"', 1))
+    with pytest.raises(ModelError, match="not finite"):
+        jacokin.load_robot(path)
+
+
+def test_nan_in_an_mjcf_is_named(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "nan.xml"
+    path.write_text(SCENE.replace('<include file="common.xml"/>', "").replace('pos="0 0 0.3"', 'pos="nan 0 0.3"'))
+    with pytest.raises(ModelError, match='<body> fore: pos="nan 0 0.3" is not finite'):
+        jacokin.load_robot(path)
+    assert capfd.readouterr().err == ""
+
+
+def test_coupled_arm_joints_are_refused(tmp_path: Path, scene: Path) -> None:
+    mimic = tmp_path / "mimic.urdf"
+    follow = '<mimic joint="joint_4" multiplier="2"/>'
+    mimic.write_text(
+        urdf_text().replace(
+            '<joint name="joint_5" type="continuous">', f'<joint name="joint_5" type="continuous">{follow}'
+        )
+    )
+    with pytest.raises(ModelError, match="'joint_5' of the arm is coupled"):
+        jacokin.load_robot(mimic)
+    tied = scene.parent / "tied.xml"
+    couple = '<equality><joint joint1="{}" joint2="{}"/></equality></mujoco>'
+    tied.write_text(SCENE.replace("</mujoco>", couple.format("elbow", "roll")))
+    with pytest.raises(ModelError, match="coupled"):
+        jacokin.load_robot(tied)
+    tied.write_text(SCENE.replace("</mujoco>", couple.format("finger_l", "finger_r")))
+    assert jacokin.load_robot(tied).dof == 4
+
+
+def test_fingers_take_only_angles_they_have() -> None:
+    with pytest.raises(InvalidInputError, match="the fingers move from 0.15 to 1.35 rad"):
+        jacokin.load_robot(finger_angle=100.0)
+
+
+def test_generated_names_do_not_hide_given_ones(tmp_path: Path) -> None:
+    path = tmp_path / "names.xml"
+    path.write_text("""<mujoco><worldbody><body name="body_2"><joint name="a"/><geom size="0.1"/>
+      <body pos="0 0 1"><joint/><geom size="0.1"/><site name="tip"/></body></body></worldbody></mujoco>""")
+    robot = jacokin.load_robot(path)
+    assert robot.frames == ("world", "body_2", "body_2_", "tip")
+    assert robot.joint_names == ("a", "joint#1")
+
+
+def test_huge_limits_mean_none(tmp_path: Path) -> None:
+    path = tmp_path / "huge.xml"
+    path.write_text("""<mujoco><worldbody><body name="b"><joint name="j" range="-1e30 1e30" limited="true"/>
+      <geom size="0.1"/></body></worldbody></mujoco>""")
+    robot = jacokin.load_robot(path)
+    assert robot.free.all()
+    assert (robot.home == 0.0).all()
+
+
+def test_a_user_s_urdf_passes_its_own_crosscheck(rng: np.random.Generator) -> None:
+    robot = jacokin.load_robot(urdf_folder() / "j2n6s300.urdf")
+    assert robot.source.bundled is None
+    report = jacokin.crosscheck(robot, samples=100, rng=rng)
+    assert report.within(), str(report)

@@ -258,10 +258,10 @@ def test_damaged_files_and_wrong_types_are_refused(robot: Robot, tmp_path: Path)
     with pytest.raises(InvalidInputError, match="not a path written by jacokin"):
         PathResult.load(file)
     for refused, words in (
-        (lambda: PathResult.load(None), "file name"),
-        (lambda: result.save(None), "file name"),
-        (lambda: track_path("j2n6s300", [here, there]), "robot must be"),
-        (lambda: track_path(robot, [here, there], progress=3), "progress must be"),
+        (lambda: PathResult.load(None), "file name"),  # type: ignore[arg-type]  # wrong on purpose
+        (lambda: result.save(None), "file name"),  # type: ignore[arg-type]  # wrong on purpose
+        (lambda: track_path("j2n6s300", [here, there]), "robot must be"),  # type: ignore[arg-type]  # wrong on purpose
+        (lambda: track_path(robot, [here, there], progress=3), "progress must be"),  # type: ignore[arg-type]  # wrong on purpose
     ):
         with pytest.raises(InvalidInputError, match=words):
             refused()

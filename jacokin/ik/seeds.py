@@ -26,7 +26,7 @@ def legal_seed(robot: Robot, seed: ArrayLike | None) -> tuple[Array, str]:
     """
     if seed is None:
         return robot.home, ""
-    q = np.ascontiguousarray(robot.configuration(seed, "seed"))
+    q = robot.configuration(seed, "seed")
     if max(map(abs, q.tolist())) > FARTHEST_SEED:
         worst = int(np.argmax(np.abs(q)))
         raise InvalidInputError(

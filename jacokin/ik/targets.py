@@ -47,7 +47,7 @@ def checked(target: pin.SE3 | ArrayLike, name: str = "target") -> Target:
     """
     if not isinstance(target, pin.SE3):
         try:
-            target = np.asarray(target, dtype=np.float64)
+            target = checks.numbers(target)
         except (TypeError, ValueError) as error:
             raise InvalidInputError(
                 f"{name} must be a pin.SE3, a (4, 4) matrix or a (3,) position, got {target!r}"
@@ -67,9 +67,11 @@ def checked_batch(targets: Sequence[pin.SE3] | ArrayLike) -> tuple[NDArray[np.fl
         InvalidInputError: empty, or a target is malformed; names its row.
     """
     if isinstance(targets, np.ndarray) and targets.ndim == 3 and targets.shape[1:] == (4, 4) and len(targets):
-        if not np.issubdtype(targets.dtype, np.number):
-            raise InvalidInputError(f"targets must be numbers, got dtype {targets.dtype}")
-        matrices = poses.checked_matrices("targets", np.array(targets, dtype=np.float64, order="C"))
+        try:
+            numbers = checks.numbers(targets)
+        except TypeError as error:
+            raise InvalidInputError(f"targets must be real numbers, got dtype {targets.dtype}") from error
+        matrices = poses.checked_matrices("targets", np.array(numbers, order="C"))
         return matrices, np.zeros(len(matrices), dtype=np.bool_)
     try:
         rows = list(targets)  # type: ignore[arg-type]  # whatever cannot be listed is refused below

@@ -15,6 +15,7 @@ from jacokin.errors import ModelError, UnknownNameError
 
 FRAME_TYPES = (pin.FrameType.BODY, pin.FrameType.OP_FRAME)
 END_EFFECTOR = "end_effector"
+NO_LIMIT = 1e6  # [rad] or [m]; files that must write a number for "none" write one beyond this
 
 _PLAIN_AXIS = {"X": pin.JointModelRX, "Y": pin.JointModelRY, "Z": pin.JointModelRZ}
 
@@ -162,6 +163,8 @@ def extract(
             if continuous
             else (full.lowerPositionLimit[joint.idx_q], full.upperPositionLimit[joint.idx_q])
         )
+        lower = lower if lower > -NO_LIMIT else -np.inf
+        upper = upper if upper < NO_LIMIT else np.inf
         at = slice(joint.idx_v, joint.idx_v + 1)
         new = arm.addJoint(
             carrier,

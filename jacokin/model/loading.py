@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -44,15 +44,20 @@ def load_robot(
 
     Raises:
         UnknownNameError: no such bundled robot, frame or joint.
-        InvalidInputError: limits or finger angle malformed.
+        InvalidInputError: limits malformed, or a finger angle that no finger can take.
         ModelError: the file is missing, malformed, or holds no such arm.
     """
     path, name = _resolve(robot)
     for argument, frame in (("base", base), ("tip", tip)):
         if frame is not None and not isinstance(frame, str):
             raise InvalidInputError(f"{argument} must be the name of a frame, got {frame!r}")
-    if path.suffix == ".urdf":
-        full = urdf.parse(path.read_text(encoding="utf-8"), str(path)) if name else urdf.read(path)
+    coupled: set[str] = set()
+    if name:
+        full = urdf.parse(path.read_text(encoding="utf-8"), str(path))
+        reference, kind = pin.neutral(full), "urdf"
+        base_name = base or _root_link(full)
+    elif path.suffix == ".urdf" or _is_urdf(path):
+        full, coupled = urdf.read(path)
         reference, kind = pin.neutral(full), "urdf"
         base_name = base or _root_link(full)
     else:
@@ -60,6 +65,7 @@ def load_robot(
 
         compiled = mjcf.compile_mjcf(path)
         full = mjcf.to_pinocchio(compiled, path.stem)
+        coupled = mjcf.coupled_joints(compiled)
         reference, kind = mjcf.reference_configuration(compiled, full), "mjcf"
         base_name = base or mjcf.WORLD
     if name:
@@ -67,6 +73,9 @@ def load_robot(
         finger_angle = FINGER_ANGLE if finger_angle is None else finger_angle
     locked = _locked_reference(full, reference, finger_angle)
     model = chain.extract(full, locked, base, tip, name or full.name or path.stem)
+    _refuse_coupled(model, coupled)
+    if finger_angle is not None:
+        _check_fingers(full, model, finger_angle)
     if limits is not None:
         _override_limits(model, limits)
     _check_limits(model)
@@ -126,6 +135,37 @@ def _locked_reference(
     return q
 
 
+def _is_urdf(path: Path) -> bool:
+    """Whether an XML file holds a URDF, whatever it is called."""
+    try:
+        return ET.parse(path).getroot().tag == "robot"
+    except (OSError, ET.ParseError):
+        return False
+
+
+def _refuse_coupled(model: pin.Model, coupled: set[str]) -> None:
+    """An arm joint that must follow another one is not free to be solved for."""
+    for joint in tuple(model.names)[1:]:
+        if joint in coupled:
+            raise ModelError(
+                f"joint {joint!r} of the arm is coupled to another one (mimic or equality); jacokin solves for "
+                "independent joints only"
+            )
+
+
+def _check_fingers(full: pin.Model, model: pin.Model, finger_angle: float) -> None:
+    """The angle must be one that a joint off the arm can take; others are clipped into their limits."""
+    arm = set(model.names)
+    ranges = [
+        (full.lowerPositionLimit[joint.idx_q], full.upperPositionLimit[joint.idx_q])
+        for name, joint in zip(full.names, full.joints, strict=True)
+        if joint.nq == 1 and joint.nv == 1 and name not in arm and name != "universe"
+    ]
+    if ranges and not any(low <= finger_angle <= high for low, high in ranges):
+        low, high = ranges[0]
+        raise InvalidInputError(f"finger_angle = {finger_angle} rad: the fingers move from {low} to {high} rad")
+
+
 def _override_limits(model: pin.Model, limits: Mapping[str, tuple[float, float]]) -> None:
     """Write a user's own limits [rad] into a freshly extracted chain."""
     names = tuple(model.names)[1:]
@@ -141,8 +181,8 @@ def _override_limits(model: pin.Model, limits: Mapping[str, tuple[float, float]]
             raise InvalidInputError(f"limits[{joint!r}] must be a pair (lower, upper) [rad], got {pair!r}") from error
         if not low <= high:
             raise InvalidInputError(f"limits[{joint!r}]: lower {low} must not be above upper {high}")
-        if low == math.inf or high == -math.inf:
-            raise InvalidInputError(f"limits[{joint!r}]: no angle lies between {low} and {high}")
+        if low > chain.NO_LIMIT or high < -chain.NO_LIMIT:
+            raise InvalidInputError(f"limits[{joint!r}]: no angle within 1e6 rad lies between {low} and {high}")
         lower[names.index(joint)], upper[names.index(joint)] = low, high
     model.lowerPositionLimit, model.upperPositionLimit = lower, upper
 

@@ -6,6 +6,7 @@ compiles the file, and the Pinocchio model is built from the compiled model: bot
 
 from __future__ import annotations
 
+import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import mujoco
@@ -16,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from jacokin.errors import ModelError
 
 WORLD = "world"
+NUMERIC = frozenset(("pos", "quat", "euler", "axisangle", "xyaxes", "zaxis", "axis", "range", "ref", "mass"))
 SCALAR_JOINTS = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))  # ints: numpy does not equal enums
 
 
@@ -23,12 +25,32 @@ def compile_mjcf(path: Path) -> mujoco.MjModel:
     """Compile an MJCF file.
 
     Raises:
-        ModelError: MuJoCo refuses the file; its message is passed on.
+        ModelError: MuJoCo refuses the file (its message is passed on), or a number in it is not finite.
     """
+    _refuse_nan(path)
     try:
-        return mujoco.MjModel.from_xml_path(str(path))
+        model = mujoco.MjModel.from_xml_path(str(path))
     except (ValueError, RuntimeError) as error:
         raise ModelError(f"{path}: MuJoCo cannot load this file: {error}") from error
+    for name in ("body_pos", "body_quat", "jnt_pos", "jnt_axis", "jnt_range", "site_pos", "site_quat", "body_mass"):
+        if not np.isfinite(getattr(model, name)).all():
+            raise ModelError(f"{path}: {name} of the compiled model is not finite")
+    return model
+
+
+def _refuse_nan(path: Path) -> None:
+    """Name a NaN before MuJoCo warns of it and goes on; what cannot be parsed is left for MuJoCo to name."""
+    try:
+        elements = ET.parse(path).getroot().iter()
+    except (OSError, ET.ParseError):
+        return
+    for element in elements:
+        for attribute in NUMERIC.intersection(element.keys()):
+            if "nan" in element.attrib[attribute].lower().split():
+                who = element.get("name", "without a name")
+                raise ModelError(
+                    f'{path}: <{element.tag}> {who}: {attribute}="{element.attrib[attribute]}" is not finite'
+                )
 
 
 def placement(quat_wxyz: ArrayLike, position: ArrayLike) -> pin.SE3:
@@ -41,12 +63,19 @@ def placement(quat_wxyz: ArrayLike, position: ArrayLike) -> pin.SE3:
 
 def body_name(model: mujoco.MjModel, body: int) -> str:
     """Name of a body; unnamed ones get a name from their number."""
-    return str(model.body(body).name) or f"body_{body}"
+    return str(model.body(body).name) or _free_name(model, mujoco.mjtObj.mjOBJ_BODY, f"body_{body}")
 
 
 def joint_name(model: mujoco.MjModel, joint: int) -> str:
     """Name of a joint; unnamed ones get a name from their number."""
-    return str(model.joint(joint).name) or f"joint#{joint}"
+    return str(model.joint(joint).name) or _free_name(model, mujoco.mjtObj.mjOBJ_JOINT, f"joint#{joint}")
+
+
+def _free_name(model: mujoco.MjModel, kind: mujoco.mjtObj, name: str) -> str:
+    """A generated name that no element of the file has."""
+    while mujoco.mj_name2id(model, kind, name) >= 0:
+        name += "_"
+    return name
 
 
 def _joint(model: mujoco.MjModel, joint: int) -> tuple[pin.JointModel, pin.SE3]:
@@ -159,3 +188,14 @@ def dof_addresses(model: mujoco.MjModel, names: tuple[str, ...]) -> list[int]:
     """Addresses in qvel of scalar joints, by the names `joint_name` gives."""
     by_name = {joint_name(model, joint): int(model.jnt_dofadr[joint]) for joint in range(model.njnt)}
     return [by_name[name] for name in names]
+
+
+def coupled_joints(model: mujoco.MjModel) -> set[str]:
+    """Names of the joints that an active equality ties to another joint or to a value."""
+    return {
+        joint_name(model, int(joint))
+        for equality in range(model.neq)
+        if model.eq_type[equality] == mujoco.mjtEq.mjEQ_JOINT and model.eq_active0[equality]
+        for joint in (model.eq_obj1id[equality], model.eq_obj2id[equality])
+        if joint >= 0
+    }

@@ -113,13 +113,17 @@ def source_model(robot: Robot) -> mujoco.MjModel:
 
 
 def _compile_urdf(path: Path) -> mujoco.MjModel:
+    """A URDF in MuJoCo with all its links; masses as in the file unless MuJoCo refuses moving links without mass."""
     try:
         spec = mujoco.MjSpec.from_file(str(path))
         spec.compiler.fusestatic = False
         spec.compiler.discardvisual = False
-        spec.compiler.balanceinertia = True
-        spec.compiler.boundmass, spec.compiler.boundinertia = 1e-9, 1e-15
-        return spec.compile()
+        try:
+            return spec.compile()
+        except ValueError:
+            spec.compiler.balanceinertia = True
+            spec.compiler.boundmass, spec.compiler.boundinertia = 1e-9, 1e-15
+            return spec.compile()
     except (ValueError, RuntimeError) as error:
         raise ModelError(f"{path}: MuJoCo cannot load the shapes of this URDF: {error}") from error
 

@@ -21,8 +21,8 @@ LIMITED_TYPES = ("revolute", "prismatic")
 AXIS_TOLERANCE = 1e-3  # a hand-typed unit axis has three digits or more
 
 
-def read(path: Path) -> pin.Model:
-    """The whole robot of a checked URDF file.
+def read(path: Path) -> tuple[pin.Model, set[str]]:
+    """The whole robot of a checked URDF file, and the names of its mimic joints.
 
     Raises:
         ModelError: the file is malformed; the message names the element at fault.
@@ -32,7 +32,7 @@ def read(path: Path) -> pin.Model:
     except (OSError, UnicodeDecodeError) as error:
         raise ModelError(f"{path}: cannot be read: {error}") from error
     check(text, str(path))
-    return parse(text, str(path))
+    return parse(text, str(path)), mimic_joints(text)
 
 
 def parse(text: str, source: str) -> pin.Model:
@@ -204,3 +204,8 @@ def _check_with_yourdfpy(text: str, source: str) -> None:
         raise ModelError(f"{source}: yourdfpy cannot read this URDF: {error!r}") from error
     if not valid:
         raise ModelError(f"{source}: yourdfpy finds this URDF invalid: {'; '.join(map(str, parsed.errors))}")
+
+
+def mimic_joints(text: str) -> set[str]:
+    """Names of the joints that follow another one."""
+    return {joint.get("name", "") for joint in ET.fromstring(text).findall("joint") if joint.find("mimic") is not None}
