@@ -92,8 +92,8 @@ def _at(position: NDArray[np.float64]) -> NDArray[np.float64]:
 def errors(T_base_tool: pin.SE3, target: Target) -> tuple[float, float]:
     """Distance [m] and angle [rad] between where the tool is and the target; the angle is 0 when it is free."""
     # Plain floats: the same twelve numbers through NumPy take twice as long.
-    a, b, c, x, d, e, f, y, g, h, k, z = T_base_tool.homogeneous.ravel().tolist()[:12]
-    A, B, C, X, D, E, F, Y, G, H, K, Z = target.matrix.ravel().tolist()[:12]
+    (a, b, c, x), (d, e, f, y), (g, h, k, z), _ = T_base_tool.homogeneous.tolist()
+    (A, B, C, X), (D, E, F, Y), (G, H, K, Z), _ = target.matrix.tolist()
     position = math.dist((x, y, z), (X, Y, Z))
     if target.position_only:
         return position, 0.0

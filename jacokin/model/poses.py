@@ -72,7 +72,7 @@ def checked_matrix(name: str, matrix: NDArray[np.float64]) -> NDArray[np.float64
         InvalidInputError: not finite, a last row that is not 0 0 0 1, sheared, scaled or a reflection.
     """
     # Sixteen numbers: plain floats are faster than NumPy here, and this runs before every solve.
-    a, b, c, x, d, e, f, y, g, h, k, z, p, q, r, one = matrix.ravel().tolist()
+    (a, b, c, x), (d, e, f, y), (g, h, k, z), (p, q, r, one) = matrix.tolist()
     total = a + b + c + d + e + f + g + h + k + x + y + z + p + q + r + one
     if not math.isfinite(total) and not np.isfinite(matrix).all():
         raise InvalidInputError(f"{name} must be finite")
@@ -92,7 +92,8 @@ def checked_matrix(name: str, matrix: NDArray[np.float64]) -> NDArray[np.float64
         raise InvalidInputError(f"{name} is a reflection (determinant -1), not a rotation")
     if misfit > ORTHONORMAL:
         _orthonormalise(matrix[:3, :3])
-    matrix[3] = 0.0, 0.0, 0.0, 1.0
+    if one != 1.0 or p or q or r:
+        matrix[3] = 0.0, 0.0, 0.0, 1.0
     return matrix
 
 
