@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import jacokin
 from jacokin import Robot
+from tests.robot_files import INCLUDED, SCENE
 
 
 @functools.cache
@@ -30,3 +32,11 @@ def bundled() -> Callable[[str], Robot]:
 @pytest.fixture
 def rng() -> np.random.Generator:
     return np.random.default_rng(20260101)
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Path:
+    (tmp_path / "common.xml").write_text(INCLUDED)
+    path = tmp_path / "scene.xml"
+    path.write_text(SCENE)
+    return path

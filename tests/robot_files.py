@@ -1,0 +1,57 @@
+"""Robot descriptions that tests write to disk."""
+
+from __future__ import annotations
+
+from jacokin.model.bundled import urdf_folder
+
+INCLUDED = """<mujocoinclude>
+  <default><default class="arm"><joint damping="0.1" armature="0.3"/></default></default>
+</mujocoinclude>"""
+
+
+# Base posed, include, default classes, frame, reference angle, anchor off the origin, slanted axis, jointless body
+# with a site, a branching gripper, a free box, and a second arm's worth of names to trip over.
+SCENE = """<mujoco model="scene">
+  <compiler angle="radian"/>
+  <include file="common.xml"/>
+  <worldbody>
+    <geom type="plane" size="1 1 0.1"/>
+    <body name="box" pos="1 1 1"><freejoint name="float"/><geom size="0.1"/></body>
+    <body name="pedestal" pos="0.3 -0.2 0.5" euler="0.3 0.2 0.1">
+      <geom size="0.05"/>
+      <site name="mark" pos="0.01 0.02 0.03"/>
+      <frame pos="0 0 0.1" euler="0 0.4 0">
+        <body name="upper" childclass="arm">
+          <joint name="shoulder" axis="0 1 1" pos="0 0.02 0" range="-2 2" limited="true"/>
+          <geom type="capsule" fromto="0 0 0 0 0 0.3" size="0.02"/>
+          <body name="fore" pos="0 0 0.3">
+            <joint name="elbow" axis="0 1 0" ref="0.7" range="-1 1" limited="false"/>
+            <geom type="capsule" fromto="0 0 0 0 0 0.2" size="0.02"/>
+            <body name="wrist" pos="0 0 0.2">
+              <joint name="rail" type="slide" axis="0 0 1" range="0 0.1" limited="true"/>
+              <joint name="roll" axis="0 0 1"/>
+              <geom size="0.02"/>
+              <body name="flange" pos="0 0 0.05" euler="0 1.2 0">
+                <geom size="0.01" pos="0.02 0 0"/>
+                <site name="tool" pos="0.1 0 0" euler="0.5 0 0"/>
+              </body>
+              <body name="left">
+                <joint name="finger_l" axis="0 0 1" range="0.1 1"/>
+                <geom size="0.01"/>
+                <site name="pad"/>
+              </body>
+              <body name="right">
+                <joint name="finger_r" axis="0 0 1" range="0.1 1"/>
+                <geom size="0.01"/>
+              </body>
+            </body>
+          </body>
+        </body>
+      </frame>
+    </body>
+  </worldbody>
+</mujoco>"""
+
+
+def urdf_text() -> str:
+    return (urdf_folder() / "j2n6s300.urdf").read_text()
