@@ -15,8 +15,13 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+import jacokin
 from jacokin.ik.closed_form import warmup
+from jacokin.model.poses import quat_wxyz
 from jacokin.mujoco_bridge import Arena, JacoArm, JacoHand, Physics, observations, robots
+
+Array = NDArray[np.float64]
+Solve = Callable[[Array, Array | None], bool]
 
 LOWER, UPPER = (-0.2, -0.2, 0.02), (0.2, 0.2, 0.4)  # [m] where the manipulation tasks place the pinch site
 POSES = 1000
@@ -74,15 +79,20 @@ def observation_time() -> None:
     print(f"{len(enabled)} observables: {np.median(times) * 1e6:.1f} us")
 
 
-def own_ik() -> Callable[[NDArray[np.float64]], bool]:
-    """Brings the pinch site to a position, tool down."""
+def own_ik() -> Solve:
+    """Brings the pinch site to a position, tool down; or the wrist site to a pose."""
     warmup()
     physics, arm, hand = scene()
     random_state = np.random.RandomState(0)
-    return lambda position: arm.set_site_to_xpos(physics, random_state, hand.pinch_site, position)
+
+    def solve(position: Array, quat_wxyz: Array | None) -> bool:
+        site = hand.pinch_site if quat_wxyz is None else arm.wrist_site
+        return arm.set_site_to_xpos(physics, random_state, site, position, quat_wxyz)
+
+    return solve
 
 
-def reference_ik() -> Callable[[NDArray[np.float64]], bool]:
+def reference_ik() -> Solve:
     """The same by dm_control."""
     logging.getLogger("absl").setLevel(logging.ERROR)
     with warnings.catch_warnings():
@@ -104,28 +114,51 @@ def reference_ik() -> Callable[[NDArray[np.float64]], bool]:
     arena.attach_offset(arm, reference_robots.ARM_OFFSET)
     physics = mjcf.Physics.from_mjcf_model(arena.mjcf_model)
     random_state = np.random.RandomState(0)
-    return lambda position: bool(arm.set_site_to_xpos(physics, random_state, hand.pinch_site, position))
+
+    def solve(position: Array, quat_wxyz: Array | None) -> bool:
+        site = hand.pinch_site if quat_wxyz is None else arm.wrist_site
+        return bool(arm.set_site_to_xpos(physics, random_state, site, position, quat_wxyz))
+
+    return solve
+
+
+def targets() -> dict[str, list[tuple[Array, Array | None]]]:
+    """Tool down in the workspace of the tasks; and wrist poses of random legal configurations."""
+    box = np.random.RandomState(1).uniform(LOWER, UPPER, (POSES, 3))
+    robot = jacokin.load_robot()
+    T_world_base = jacokin.pose(robots.ARM_OFFSET)
+    random: list[tuple[Array, Array | None]] = []
+    for q in robot.sample(np.random.default_rng(1), POSES):
+        T = T_world_base * robot.forward_kinematics(q, "wristsite")
+        random.append((T.translation.copy(), quat_wxyz(T.rotation)))
+    return {"tool down": [(position, None) for position in box], "random wrist poses": random}
 
 
 def ik_comparison() -> None:
-    """set_site_to_xpos, tool down, in the workspace of the tasks; the two take turns."""
-    positions = np.random.RandomState(1).uniform(LOWER, UPPER, (POSES, 3))
+    """set_site_to_xpos on both sets of targets; the two take turns."""
     solvers = {"jacokin": own_ik(), "dm_control": reference_ik()}
+    for label, poses in targets().items():
+        compare(label, poses, solvers)
+
+
+def compare(label: str, poses: list[tuple[Array, Array | None]], solvers: dict[str, Solve]) -> None:
+    """Time the solvers on the same targets, block by block."""
+    print(f"set_site_to_xpos, {label}:")
     times: dict[str, list[float]] = {name: [] for name in solvers}
     reached = dict.fromkeys(solvers, 0)
     for solve in solvers.values():
-        solve(positions[0])  # what is made on the first call stays
-    for block in np.split(positions, BLOCKS):
+        solve(*poses[0])  # what is made on the first call stays
+    for first in range(0, len(poses), len(poses) // BLOCKS):
         for name, solve in solvers.items():
-            for position in block:
+            for position, quat in poses[first : first + len(poses) // BLOCKS]:
                 start = time.thread_time()
-                reached[name] += solve(position)
+                reached[name] += solve(position, quat)
                 times[name].append(time.thread_time() - start)
     percentiles = {name: np.percentile(seconds, (50, 99)) * 1e6 for name, seconds in times.items()}
     for name, (median, p99) in percentiles.items():
-        print(f"set_site_to_xpos, {name}: median {median:.0f} us, p99 {p99:.0f} us, reached {reached[name]} of {POSES}")
+        print(f"  {name}: median {median:.0f} us, p99 {p99:.0f} us, reached {reached[name]} of {POSES}")
     median, p99 = percentiles["dm_control"] / percentiles["jacokin"]
-    print(f"faster by {median:.1f} (median), {p99:.1f} (p99)")
+    print(f"  faster by {median:.1f} (median), {p99:.1f} (p99)")
 
 
 def main() -> None:
