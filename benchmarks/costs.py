@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 import jacokin
 from benchmarks import report, targets
-from jacokin.ik import closed_form
+from jacokin.ik.closed_form import solver as closed_form
 from jacokin.model import mujoco_export
 from jacokin.model.robot import Robot
 

@@ -13,8 +13,8 @@ import numpy as np
 import pinocchio as pin
 
 import jacokin
-from jacokin.ik.scene import Clearance
-from jacokin.ik.tracker import Tracker
+from jacokin.ik.tracking.obstacles import Clearance
+from jacokin.ik.tracking.tracker import Tracker
 from jacokin.model import mujoco_export, poses
 from jacokin.model.robot import Robot
 

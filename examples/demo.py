@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 import jacokin
 from jacokin.cli import targets_csv
-from jacokin.ik.results import BatchResult
+from jacokin.ik import BatchResult
 
 HERE = Path(__file__).resolve().parent
 TARGETS = HERE / "targets.csv"

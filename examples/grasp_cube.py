@@ -17,10 +17,17 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from jacokin.mujoco_bridge import Arena, JacoArm, JacoHand, Physics, observations, robots
+from jacokin.mujoco_bridge import (
+    Arena,
+    JacoArm,
+    JacoHand,
+    Physics,
+    Primitive,
+    command_joint_positions,
+    observations,
+    robots,
+)
 from jacokin.mujoco_bridge.arena import CAMERA
-from jacokin.mujoco_bridge.control import command_joint_positions
-from jacokin.mujoco_bridge.props import Primitive
 
 HALF = 0.02  # [m] half the cube's side
 CLEARANCE = 0.15  # [m] above the cube before and after

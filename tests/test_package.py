@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import ast
+import importlib
 import json
 import subprocess
 import sys
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -19,26 +21,82 @@ LAYERS = {"model": 0, "ik": 1, "mujoco_bridge": 2, "cli": 3}
 HEAVY = ("mujoco", "mink", "numba", "pinocchio", "yourdfpy", "qpsolvers", "scipy", "typer", "rich", "matplotlib")
 
 
-def imported_names(path: Path) -> set[str]:
-    names: set[str] = set()
-    for node in ast.walk(ast.parse(path.read_text())):
+def module_files() -> dict[str, Path]:
+    """Every module of the package by its full name; a package stands for its ``__init__``."""
+    found = {}
+    for path in sorted(PACKAGE.rglob("*.py")):
+        parts = ("jacokin", *path.relative_to(PACKAGE).with_suffix("").parts)
+        found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
+    return found
+
+
+MODULES = module_files()
+
+
+def imports(name: str) -> set[str]:
+    """The modules of this package that a module names in imports, in functions too, but not for type checkers."""
+    tree = ast.parse(MODULES[name].read_text())
+    skipped = {
+        id(inner)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
+        for inner in ast.walk(node)
+    }
+    found: set[str] = set()
+    for node in ast.walk(tree):
         if isinstance(node, ast.Import):
-            names.update(alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom) and node.module:
-            names.add(node.module)
-            names.update(f"{node.module}.{alias.name}" for alias in node.names)
-    return names
+            found.update(alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module and id(node) not in skipped:
+            found.update({node.module}, (f"{node.module}.{alias.name}" for alias in node.names))
+    return {other for other in found if other in MODULES and other != name}
 
 
 @pytest.mark.parametrize("layer", LAYERS)
 def test_no_layer_imports_a_higher_one(layer: str) -> None:
-    files = list((PACKAGE / layer).rglob("*.py"))
-    assert files
-    for path in files:
-        for name in imported_names(path):
-            parts = name.split(".")
-            if parts[0] == "jacokin" and len(parts) > 1 and parts[1] in LAYERS:
-                assert LAYERS[parts[1]] <= LAYERS[layer], f"{path.name} imports {name}"
+    modules = [name for name in MODULES if name.split(".")[1:2] == [layer]]
+    assert modules
+    for name in modules:
+        for other in imports(name):
+            above = other.split(".")[1:2]
+            if above and above[0] in LAYERS:
+                assert LAYERS[above[0]] <= LAYERS[layer], f"{name} imports {other}"
+
+
+@pytest.mark.xfail(reason="three circles are still to be broken", strict=True)
+def test_no_modules_import_each_other_in_a_circle() -> None:
+    """Packages count as their ``__init__``, which names its modules as text only: doors are lazy."""
+    graph = {name: sorted(imports(name)) for name in MODULES}
+    finished: set[str] = set()
+    for start in graph:
+        trail: list[tuple[str, list[str]]] = [(start, list(graph[start]))]
+        while trail and start not in finished:
+            name, ahead = trail[-1]
+            if not ahead:
+                finished.add(name)
+                trail.pop()
+                continue
+            other = ahead.pop()
+            on_trail = [module for module, _ in trail]
+            assert other not in on_trail, " -> ".join([*on_trail[on_trail.index(other) :], other])
+            if other not in finished:
+                trail.append((other, list(graph[other])))
+
+
+@pytest.mark.xfail(reason="model, cli and tracking are still to be divided", strict=True)
+def test_no_folder_holds_more_than_a_dozen_modules() -> None:
+    sizes = Counter(path.parent for path in MODULES.values() if path.name != "__init__.py")
+    assert max(sizes.values()) <= 12, sizes.most_common(3)
+
+
+@pytest.mark.parametrize("package", ["jacokin", "jacokin.ik", "jacokin.mujoco_bridge"])
+def test_a_door_loads_what_it_names(package: str) -> None:
+    module = importlib.import_module(package)
+    tree = ast.parse(MODULES[package].read_text())
+    for_checkers = {alias.name for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) for alias in node.names}
+    assert set(module.__all__) - {"__version__"} == for_checkers - {"annotations", "TYPE_CHECKING", "lazy"}
+    for name in module.__all__:
+        assert getattr(module, name) is not None
+    assert dir(module) == sorted(module.__all__)
 
 
 def test_no_module_is_longer_than_400_lines() -> None:

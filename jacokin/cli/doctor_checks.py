@@ -167,12 +167,12 @@ def renderers() -> list[Finding]:
 
 def kernel_cache() -> Finding:
     """Does the compiled closed form wait on disk?"""
-    from jacokin.ik import compiled
+    from jacokin.ik.closed_form import compilation
 
-    folder = compiled.cache_folder()
+    folder = compilation.cache_folder()
     if folder is None:
         return Finding("closed form", "cache", WARNING, "no home folder to cache in: set NUMBA_CACHE_DIR to a folder")
-    if compiled.is_cached():
+    if compilation.is_cached():
         return Finding("closed form", "cache", OK, f"compiled, in {folder}")
     existing = next(parent for parent in (folder, *folder.parents) if parent.exists())
     if not os.access(existing, os.W_OK):

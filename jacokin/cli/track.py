@@ -26,7 +26,7 @@ from jacokin.errors import InvalidInputError, MissingExtraError
 if TYPE_CHECKING:
     import pinocchio as pin
 
-    from jacokin.ik.path_result import PathResult
+    from jacokin.ik.paths.result import PathResult
     from jacokin.model.robot import Robot
 
 OFF_THE_PATH = 1  # exit code
@@ -67,8 +67,8 @@ def track(
       jacokin track --path path.csv --dt 0.005 --speed 0.1 --output trajectory.npz --plot trajectory.png
     """
     from jacokin.cli import output_file
-    from jacokin.ik import path as paths
-    from jacokin.ik.path_result import FORMATS
+    from jacokin.ik.paths import track as paths
+    from jacokin.ik.paths.result import FORMATS
 
     poses = _poses(path)
     _check_files(output, FORMATS, plot)
@@ -90,7 +90,7 @@ def track(
         if writable is not None:
             result.save(writable)
         if drawable is not None:
-            from jacokin.ik.path_plot import plot_path
+            from jacokin.ik.paths.plot import plot_path
 
             plot_path(result, drawable)
     if json:

@@ -1,1 +1,100 @@
-"""How to reach a pose: the closed form, mink's QP, and the solver that combines them. Start with ``solver.py``."""
+"""Inverse kinematics: how the arm reaches a pose. Everything public is imported from here; read `solver` first.
+
+solver, batch       poses to joint angles, one or many
+closed_form         every branch of a six-joint Jaco
+qp                  quadratic programs, for what the closed form does not cover
+tracking            following targets at a fixed rate
+paths               joint trajectories along poses and between configurations
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from jacokin import lazy
+
+if TYPE_CHECKING:
+    from jacokin.ik.closed_form.compilation import warmup as warmup
+    from jacokin.ik.paths.joint_motion import JointMotion as JointMotion
+    from jacokin.ik.paths.joint_motion import move_joints as move_joints
+    from jacokin.ik.paths.plot import plot_path as plot_path
+    from jacokin.ik.paths.result import BranchReport as BranchReport
+    from jacokin.ik.paths.result import PathResult as PathResult
+    from jacokin.ik.paths.track import track_path as track_path
+    from jacokin.ik.results import BatchResult as BatchResult
+    from jacokin.ik.results import Branches as Branches
+    from jacokin.ik.results import IKResult as IKResult
+    from jacokin.ik.results import Status as Status
+    from jacokin.ik.solver import IKSolver as IKSolver
+    from jacokin.ik.solver import solve_ik as solve_ik
+    from jacokin.ik.tracking.objectives import LimitDistance as LimitDistance
+    from jacokin.ik.tracking.objectives import Manipulability as Manipulability
+    from jacokin.ik.tracking.objectives import Objective as Objective
+    from jacokin.ik.tracking.objectives import Posture as Posture
+    from jacokin.ik.tracking.obstacles import Box as Box
+    from jacokin.ik.tracking.obstacles import Capsule as Capsule
+    from jacokin.ik.tracking.obstacles import Clearance as Clearance
+    from jacokin.ik.tracking.obstacles import Floor as Floor
+    from jacokin.ik.tracking.obstacles import Obstacle as Obstacle
+    from jacokin.ik.tracking.obstacles import Sphere as Sphere
+    from jacokin.ik.tracking.result import TrackerStatus as TrackerStatus
+    from jacokin.ik.tracking.result import TrackerStep as TrackerStep
+    from jacokin.ik.tracking.targets import AxisTarget as AxisTarget
+    from jacokin.ik.tracking.targets import OrientationTarget as OrientationTarget
+    from jacokin.ik.tracking.targets import PoseTarget as PoseTarget
+    from jacokin.ik.tracking.targets import PositionTarget as PositionTarget
+    from jacokin.ik.tracking.targets import RegionTarget as RegionTarget
+    from jacokin.ik.tracking.tracker import Tracker as Tracker
+
+__all__, __getattr__, __dir__ = lazy.door(
+    __name__,
+    {
+        "jacokin.ik.solver": (
+            "IKSolver",
+            "solve_ik",
+        ),
+        "jacokin.ik.results": (
+            "BatchResult",
+            "Branches",
+            "IKResult",
+            "Status",
+        ),
+        "jacokin.ik.closed_form.compilation": ("warmup",),
+        "jacokin.ik.tracking.tracker": ("Tracker",),
+        "jacokin.ik.tracking.result": (
+            "TrackerStatus",
+            "TrackerStep",
+        ),
+        "jacokin.ik.tracking.targets": (
+            "AxisTarget",
+            "OrientationTarget",
+            "PoseTarget",
+            "PositionTarget",
+            "RegionTarget",
+        ),
+        "jacokin.ik.tracking.objectives": (
+            "LimitDistance",
+            "Manipulability",
+            "Objective",
+            "Posture",
+        ),
+        "jacokin.ik.tracking.obstacles": (
+            "Box",
+            "Capsule",
+            "Clearance",
+            "Floor",
+            "Obstacle",
+            "Sphere",
+        ),
+        "jacokin.ik.paths.track": ("track_path",),
+        "jacokin.ik.paths.result": (
+            "BranchReport",
+            "PathResult",
+        ),
+        "jacokin.ik.paths.plot": ("plot_path",),
+        "jacokin.ik.paths.joint_motion": (
+            "JointMotion",
+            "move_joints",
+        ),
+    },
+)

@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from jacokin.errors import InvalidInputError, JacokinError
 from jacokin.ik import seeds, targets
-from jacokin.ik.judge import joined
 from jacokin.ik.results import BatchResult, IKResult, Status
 from jacokin.ik.targets import Target
+from jacokin.ik.verification import joined
 from jacokin.model import checks
 
 if TYPE_CHECKING:

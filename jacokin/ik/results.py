@@ -13,7 +13,7 @@ from jacokin.errors import SolveError
 from jacokin.model import checks
 
 if TYPE_CHECKING:
-    from jacokin.ik.closed_form import Rows
+    from jacokin.ik.closed_form.solver import Rows
 
 Array = NDArray[np.float64]
 

@@ -18,7 +18,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from jacokin.errors import InvalidInputError, StructureError
 from jacokin.ik import seeds, targets
-from jacokin.ik.judge import (
+from jacokin.ik.results import BatchResult, Branches, IKResult, Status
+from jacokin.ik.targets import Target
+from jacokin.ik.verification import (
     LIMIT_SNAP,
     MAX_RESTARTS,
     ORIENTATION_TOLERANCE,
@@ -29,15 +31,13 @@ from jacokin.ik.judge import (
     joined,
     pair_names,
 )
-from jacokin.ik.results import BatchResult, Branches, IKResult, Status
-from jacokin.ik.targets import Target
 from jacokin.model import poses
 from jacokin.model.loading import load_robot
 from jacokin.model.robot import Robot
 
 if TYPE_CHECKING:
-    from jacokin.ik.closed_form import ClosedForm, Rows
-    from jacokin.ik.qp_search import QPSearch
+    from jacokin.ik.closed_form.solver import ClosedForm, Rows
+    from jacokin.ik.qp.search import QPSearch
 
 Array = NDArray[np.float64]
 
@@ -97,9 +97,9 @@ class IKSolver:
         self._misfit: StructureError | None = None
         self._local = threading.local()
         if qp_solver != DEFAULT_QP_SOLVER:
-            from jacokin.ik import qp_backend
+            from jacokin.ik.qp import backend
 
-            qp_backend.checked(qp_solver)
+            backend.checked(qp_solver)
         if method == "closed_form":
             self.closed_form()
 
@@ -132,7 +132,7 @@ class IKSolver:
         if self._form is None:
             if self._misfit is not None:
                 raise self._misfit
-            from jacokin.ik.closed_form import ClosedForm
+            from jacokin.ik.closed_form.solver import ClosedForm
 
             try:
                 self._form = ClosedForm(
@@ -269,7 +269,7 @@ class IKSolver:
         try:
             search: QPSearch = self._local.search
         except AttributeError:
-            from jacokin.ik.qp_search import QPSearch
+            from jacokin.ik.qp.search import QPSearch
 
             search = self._local.search = QPSearch(self._judge)
         return search

@@ -8,29 +8,87 @@
     physics = Physics.from_entity(arena)
     arm.set_home(physics)
 
-Read `physics` first, then `entity`, `base` and `jaco_arm`.
+Everything public is imported from here. Read `simulation/physics` first, then `entities/entity`, `base` and `jaco_arm`.
 """
 
-from jacokin.mujoco_bridge import cameras, observations, robots
-from jacokin.mujoco_bridge.arena import Arena
-from jacokin.mujoco_bridge.base import DOWN_QUATERNION, JointsObservables, RobotArm, RobotHand
-from jacokin.mujoco_bridge.entity import Entity, ModelWrapperEntity
-from jacokin.mujoco_bridge.jaco_arm import JacoArm
-from jacokin.mujoco_bridge.jaco_hand import JacoHand
-from jacokin.mujoco_bridge.physics import Physics
+from __future__ import annotations
 
-__all__ = [
-    "DOWN_QUATERNION",
-    "Arena",
-    "Entity",
-    "JacoArm",
-    "JacoHand",
-    "JointsObservables",
-    "ModelWrapperEntity",
-    "Physics",
-    "RobotArm",
-    "RobotHand",
-    "cameras",
-    "observations",
-    "robots",
-]
+from typing import TYPE_CHECKING
+
+from jacokin import lazy
+
+if TYPE_CHECKING:
+    from jacokin.mujoco_bridge import base as base
+    from jacokin.mujoco_bridge import cameras as cameras
+    from jacokin.mujoco_bridge import jaco_arm as jaco_arm
+    from jacokin.mujoco_bridge import jaco_hand as jaco_hand
+    from jacokin.mujoco_bridge import observations as observations
+    from jacokin.mujoco_bridge import robots as robots
+    from jacokin.mujoco_bridge.arena import Arena as Arena
+    from jacokin.mujoco_bridge.base import DOWN_QUATERNION as DOWN_QUATERNION
+    from jacokin.mujoco_bridge.base import RobotArm as RobotArm
+    from jacokin.mujoco_bridge.base import RobotHand as RobotHand
+    from jacokin.mujoco_bridge.control.commands import command_joint_positions as command_joint_positions
+    from jacokin.mujoco_bridge.control.commands import command_site_velocity as command_site_velocity
+    from jacokin.mujoco_bridge.control.initializers import TcpInitializer as TcpInitializer
+    from jacokin.mujoco_bridge.control.initializers import uniform_box as uniform_box
+    from jacokin.mujoco_bridge.entities.entity import Entity as Entity
+    from jacokin.mujoco_bridge.entities.entity import ModelWrapperEntity as ModelWrapperEntity
+    from jacokin.mujoco_bridge.jaco_arm import JacoArm as JacoArm
+    from jacokin.mujoco_bridge.jaco_hand import JacoHand as JacoHand
+    from jacokin.mujoco_bridge.observables.angles import angles_from_sin_cos as angles_from_sin_cos
+    from jacokin.mujoco_bridge.observables.joints import JointsObservables as JointsObservables
+    from jacokin.mujoco_bridge.observables.observable import MJCFFeature as MJCFFeature
+    from jacokin.mujoco_bridge.observables.observable import Observable as Observable
+    from jacokin.mujoco_bridge.observables.observable import Observables as Observables
+    from jacokin.mujoco_bridge.observables.observable import observable as observable
+    from jacokin.mujoco_bridge.observables.observable import observables_of as observables_of
+    from jacokin.mujoco_bridge.observables.updater import Updater as Updater
+    from jacokin.mujoco_bridge.props import Primitive as Primitive
+    from jacokin.mujoco_bridge.simulation.physics import Physics as Physics
+
+__all__, __getattr__, __dir__ = lazy.door(
+    __name__,
+    {
+        "jacokin.mujoco_bridge.arena": ("Arena",),
+        "jacokin.mujoco_bridge.base": (
+            "DOWN_QUATERNION",
+            "RobotArm",
+            "RobotHand",
+        ),
+        "jacokin.mujoco_bridge.entities.entity": (
+            "Entity",
+            "ModelWrapperEntity",
+        ),
+        "jacokin.mujoco_bridge.jaco_arm": ("JacoArm",),
+        "jacokin.mujoco_bridge.jaco_hand": ("JacoHand",),
+        "jacokin.mujoco_bridge.simulation.physics": ("Physics",),
+        "jacokin.mujoco_bridge.props": ("Primitive",),
+        "jacokin.mujoco_bridge.control.commands": (
+            "command_joint_positions",
+            "command_site_velocity",
+        ),
+        "jacokin.mujoco_bridge.control.initializers": (
+            "TcpInitializer",
+            "uniform_box",
+        ),
+        "jacokin.mujoco_bridge.observables.joints": ("JointsObservables",),
+        "jacokin.mujoco_bridge.observables.observable": (
+            "MJCFFeature",
+            "Observable",
+            "Observables",
+            "observable",
+            "observables_of",
+        ),
+        "jacokin.mujoco_bridge.observables.angles": ("angles_from_sin_cos",),
+        "jacokin.mujoco_bridge.observables.updater": ("Updater",),
+    },
+    (
+        "base",
+        "cameras",
+        "jaco_arm",
+        "jaco_hand",
+        "observations",
+        "robots",
+    ),
+)

@@ -8,7 +8,7 @@ import mujoco
 from numpy.typing import ArrayLike
 
 from jacokin.model import table
-from jacokin.mujoco_bridge.entity import Entity
+from jacokin.mujoco_bridge.entities.entity import Entity
 
 CAMERA = "overview"
 

@@ -16,12 +16,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from jacokin.errors import InvalidInputError, PhysicsError, UnknownNameError
 from jacokin.model import checks, table
-from jacokin.mujoco_bridge.entity import Entity
-from jacokin.mujoco_bridge.joint_observables import JointsObservables
-from jacokin.mujoco_bridge.observable import Observables
-from jacokin.mujoco_bridge.physics import Physics, check_physics
-from jacokin.mujoco_bridge.quaternions import rotation_matrix, unit_quaternion
-from jacokin.mujoco_bridge.set_site import SceneSolvers, SiteSolver
+from jacokin.mujoco_bridge.control.site_ik import SceneSolvers, SiteSolver
+from jacokin.mujoco_bridge.entities.entity import Entity
+from jacokin.mujoco_bridge.entities.quaternions import rotation_matrix, unit_quaternion
+from jacokin.mujoco_bridge.observables.joints import JointsObservables
+from jacokin.mujoco_bridge.observables.observable import Observables
+from jacokin.mujoco_bridge.simulation.physics import Physics, check_physics
 
 RandomState = np.random.RandomState | np.random.Generator
 

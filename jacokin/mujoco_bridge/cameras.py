@@ -17,13 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.errors import InvalidInputError, PhysicsError
-from jacokin.mujoco_bridge.observable import Bound, Observable
-from jacokin.mujoco_bridge.observable_options import CAMERA_CHECKS, Options
+from jacokin.mujoco_bridge.observables.observable import Bound, Observable
+from jacokin.mujoco_bridge.observables.options import CAMERA_CHECKS, Options
 from jacokin.mujoco_bridge.observations import ObservationSettings
 
 if TYPE_CHECKING:
-    from jacokin.mujoco_bridge.entity import Entity
-    from jacokin.mujoco_bridge.physics import Physics
+    from jacokin.mujoco_bridge.entities.entity import Entity
+    from jacokin.mujoco_bridge.simulation.physics import Physics
 
 _NO_CONTEXT = (
     "no picture can be rendered: {reason}. Without a display, set MUJOCO_GL=egl (Debian: libegl1 and "
@@ -110,7 +110,7 @@ def add_camera_observables(
         InvalidInputError: an argument has the wrong type, a camera name is taken, or an option has a
             wrong value; no camera is added then.
     """
-    from jacokin.mujoco_bridge.entity import Entity  # which need not load for cameras alone
+    from jacokin.mujoco_bridge.entities.entity import Entity  # which need not load for cameras alone
 
     if not isinstance(entity, Entity):
         raise InvalidInputError(f"entity must be an Entity such as an Arena, got {entity!r}")

@@ -8,9 +8,9 @@ import mujoco
 
 from jacokin.model import bundled, table
 from jacokin.mujoco_bridge.base import RobotArm, RobotHand
-from jacokin.mujoco_bridge.jaco_observables import JacoArmObservables
-from jacokin.mujoco_bridge.physics import Physics, check_physics
-from jacokin.mujoco_bridge.velocity_actuator import add_velocity_actuator
+from jacokin.mujoco_bridge.control.velocity_actuator import add_velocity_actuator
+from jacokin.mujoco_bridge.observables.jaco import JacoArmObservables
+from jacokin.mujoco_bridge.simulation.physics import Physics, check_physics
 
 _FILE = "jaco_arm.xml"
 _WRIST_SITE = "wristsite"

@@ -11,9 +11,9 @@ import numpy as np
 from jacokin.errors import InvalidInputError
 from jacokin.model import bundled, table
 from jacokin.mujoco_bridge.base import RobotHand
-from jacokin.mujoco_bridge.jaco_observables import JacoHandObservables
-from jacokin.mujoco_bridge.physics import Physics, check_physics
-from jacokin.mujoco_bridge.velocity_actuator import add_velocity_actuator
+from jacokin.mujoco_bridge.control.velocity_actuator import add_velocity_actuator
+from jacokin.mujoco_bridge.observables.jaco import JacoHandObservables
+from jacokin.mujoco_bridge.simulation.physics import Physics, check_physics
 
 _FILE = "jaco_hand.xml"
 _HAND_BODY = "hand"

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from jacokin.errors import InvalidInputError
-from jacokin.mujoco_bridge.observable_options import Aggregator, Corruptor, RandomState, Steps
+from jacokin.mujoco_bridge.observables.options import Aggregator, Corruptor, RandomState, Steps
 
 
 class ObservableSpec(NamedTuple):

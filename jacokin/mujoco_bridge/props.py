@@ -10,8 +10,8 @@ import numpy as np
 
 from jacokin.errors import InvalidInputError, UnknownNameError
 from jacokin.model import checks
-from jacokin.mujoco_bridge.entity import Entity
-from jacokin.mujoco_bridge.observable import MJCFFeature, Observable, Observables, observable
+from jacokin.mujoco_bridge.entities.entity import Entity
+from jacokin.mujoco_bridge.observables.observable import MJCFFeature, Observable, Observables, observable
 
 _SHAPES = {
     "box": (mujoco.mjtGeom.mjGEOM_BOX, 3),

@@ -1,0 +1,1 @@
+"""Every branch of a six-joint Jaco in closed form. Read `solver` first."""

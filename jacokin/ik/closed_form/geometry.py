@@ -1,0 +1,238 @@
+"""Measure, on a Pinocchio model, whether the closed form applies, and the few numbers it needs.
+
+The letters are those of ``docs/closed_form.md``: axes ``w1 .. w6``, the points ``O`` (axes 1 and 2), ``C``
+(axes 3 and 4), ``B`` (axes 4 and 5), ``A`` (axes 5 and 6), all at q = 0 in the base frame.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from jacokin.errors import StructureError
+
+#: [m] and [rad]; how far the axes may miss the structure. Files with six-digit quaternions miss it by up to 1e-6; a
+#: Newton step on the model's own kinematics removes what is left, so the answers are exact all the same.
+STRUCTURE_TOLERANCE = 1e-5
+#: [m]; shorter links, or a smaller shoulder offset, are another mechanism, with solutions this method does not know.
+SMALLEST_LENGTH = 1e-3
+#: [rad]; axes 4/5 and 5/6 closer to parallel than this do not meet in a usable point.
+SMALLEST_TWIST = 0.05
+#: [m]; B and A closer than this are one point: a spherical wrist.
+SPHERICAL_TOLERANCE = 1e-5
+
+_AXES = {
+    "JointModelRX": (1.0, 0.0, 0.0),
+    "JointModelRY": (0.0, 1.0, 0.0),
+    "JointModelRZ": (0.0, 0.0, 1.0),
+}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Geometry:
+    """What the kernels know about an arm, as flat read-only arrays.
+
+    Attributes:
+        chain: (7, 3, 4) [-, m]; pose = chain[0] Rz(q1) chain[1] Rz(q2) ... Rz(q6) chain[6], exactly the model's.
+        arm: (39,) the constants of the closed form, in the order of ``kernels.arm.unpack``.
+        spherical: axes 4, 5 and 6 meet in one point.
+        misfit: the largest deviation from the structure found [m or rad].
+    """
+
+    chain: NDArray[np.float64]
+    arm: NDArray[np.float64]
+    spherical: bool
+    misfit: float
+
+
+def measure(model: pin.Model, frame_id: int, tool: pin.SE3 | None = None) -> Geometry:
+    """Measure the structure of a six-joint arm.
+
+    Args:
+        model: Pinocchio model with six revolute joints in one chain, nq == nv == 6.
+        frame_id: index of the frame to solve for; it must move with the last joint.
+        tool: constant pose after that frame (frame -> tool), or None.
+
+    Raises:
+        StructureError: The model is no such chain, or a pair of axes does not meet, is not parallel or not
+            perpendicular where the closed form needs it; names the joints and the misfit.
+    """
+    chain = _chain(model, frame_id, tool)
+    names = [str(name) for name in list(model.names)[1:]]
+    w, points, home = _axes_at_zero(chain)
+    ruler = _Ruler(names, w, points)
+
+    ruler.angle(0, 1, 90.0)
+    origin = ruler.meet(0, 1)
+    side = ruler.parallel(1, 2)
+    ruler.angle(2, 3, 90.0)
+    C = ruler.meet(2, 3)
+    ruler.twist(3, 4)
+    ruler.twist(4, 5)
+    B = ruler.meet(3, 4)
+    A = ruler.meet(4, 5)
+    c4 = float((C - B) @ w[3])
+    e3 = float((C - origin) @ w[2])
+    upper_arm = math.sqrt(max(float((C - origin) @ (C - origin)) - e3**2, 0.0))
+    ruler.long_enough(2, 3, upper_arm, "the distance from axis 2 to axis 3")
+    ruler.long_enough(3, 4, abs(c4), "the distance from axis 3 to axis 5 along axis 4")
+    ruler.long_enough(0, 2, abs(e3), "the lateral offset of the shoulder")
+
+    # Shoulder frame: x = w3 x w1, y = w3, z = w1. Wrist frame: x = e, y = f, z = w5 with w4 in the x, z plane.
+    S = _orthonormal(w[0], w[2])
+    E = _orthonormal(w[4], np.cross(w[4], w[3]))
+    R_home, p_home = home[:, :3], home[:, 3]
+    cos_a = float(np.clip(w[3] @ w[4], -1.0, 1.0))
+    C_s, w4_s, w3_w = S @ (C - origin), S @ w[3], E @ w[2]
+    w4_w = E @ w[3]
+    g_w = np.cross(w4_w, (0.0, 1.0, 0.0))
+    b5 = float((B - A) @ w[4])
+    spherical = abs(b5) < SPHERICAL_TOLERANCE
+    arm = np.concatenate(
+        [
+            (E @ R_home).ravel(),  # 0:9 N
+            S.ravel(),  # 9:18
+            origin,  # 18:21 O
+            E @ (A - p_home),  # 21:24
+            E @ w[5],  # 24:27
+            [cos_a, np.sqrt(1.0 - cos_a**2), b5, c4, e3, float((C - origin) @ (C - origin))],  # 27:33
+            [side],  # 33
+            [
+                np.arctan2(C_s[0], C_s[2]),
+                np.arctan2(w4_s[0], w4_s[2]),
+                np.arctan2(w3_w @ g_w, w3_w[1]),
+            ],  # 34:37
+            [float(spherical), ruler.worst],  # 37:39
+        ]
+    ).astype(np.float64)
+    chain.flags.writeable = False
+    arm.flags.writeable = False
+    return Geometry(chain=chain, arm=arm, spherical=spherical, misfit=ruler.worst)
+
+
+def _chain(model: pin.Model, frame_id: int, tool: pin.SE3 | None) -> NDArray[np.float64]:
+    """(7, 3, 4) placements between joints that all turn about z."""
+    joints = list(model.joints)[1:]
+    if model.nq != 6 or model.nv != 6 or len(joints) != 6:
+        raise StructureError(f"the closed form needs six joints of one angle each; this model has {model.nv}")
+    names = [str(name) for name in list(model.names)[1:]]
+    if list(model.parents)[1:] != list(range(6)):
+        raise StructureError("the closed form needs the six joints in one chain; this model branches")
+    frame = model.frames[frame_id]
+    if frame.parentJoint != 6:
+        raise StructureError(
+            f"the closed form solves for frames on the last link; frame {frame.name!r} does not move with "
+            f"joint {names[-1]!r}",
+            (names[-1], str(frame.name)),
+        )
+    chain = np.empty((7, 3, 4))
+    turn = np.eye(3)  # from z-aligned axes to the joint's own
+    for i, joint in enumerate(joints):
+        placement = model.jointPlacements[i + 1]
+        align = _align_z(joint, names[i])
+        chain[i, :, :3] = turn.T @ placement.rotation @ align
+        chain[i, :, 3] = turn.T @ placement.translation
+        turn = align
+    last = frame.placement if tool is None else frame.placement * tool
+    chain[6, :, :3] = turn.T @ last.rotation
+    chain[6, :, 3] = turn.T @ last.translation
+    return chain
+
+
+def _align_z(joint: pin.JointModel, name: str) -> NDArray[np.float64]:
+    """A rotation that takes z to the axis of a revolute joint; the identity for z itself."""
+    kind = joint.shortname()
+    if kind in _AXES:
+        axis = np.array(_AXES[kind])
+    elif kind == "JointModelRevoluteUnaligned":
+        axis = np.asarray(joint.extract().axis, dtype=np.float64).reshape(3)
+    else:
+        raise StructureError(f"the closed form needs revolute joints; joint {name!r} is a {kind}", (name, name))
+    if axis[2] == 1.0:
+        return np.eye(3)
+    x = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
+    x /= np.linalg.norm(x)
+    return np.column_stack([x, np.cross(axis, x), axis])
+
+
+def _axes_at_zero(
+    chain: NDArray[np.float64],
+) -> tuple[list[NDArray[np.float64]], list[NDArray[np.float64]], NDArray[np.float64]]:
+    """Axes and joint origins at q = 0 in the base frame, and the (3, 4) home pose of the solved frame."""
+    rotation, position = np.eye(3), np.zeros(3)
+    axes, points = [], []
+    for i in range(7):
+        position = position + rotation @ chain[i, :, 3]
+        rotation = rotation @ chain[i, :, :3]
+        if i < 6:
+            axes.append(rotation[:, 2].copy())
+            points.append(position.copy())
+    return axes, points, np.column_stack([rotation, position])
+
+
+def _orthonormal(z: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Rotation into the frame with the given z and, as nearly as possible, the given y axis (rows are axes)."""
+    y = y - (y @ z) * z
+    y = y / np.linalg.norm(y)
+    return np.vstack([np.cross(y, z), y, z])
+
+
+class _Ruler:
+    """Measures pairs of axes, remembers the worst misfit, refuses with the pair's names."""
+
+    def __init__(self, names: list[str], w: list[NDArray[np.float64]], points: list[NDArray[np.float64]]) -> None:
+        self._names, self._w, self._points = names, w, points
+        self.worst = 0.0
+
+    def _check(self, i: int, j: int, misfit: float, unit: str, wanted: str) -> None:
+        self.worst = max(self.worst, misfit)
+        if not misfit <= STRUCTURE_TOLERANCE:
+            self._refuse(i, j, misfit, unit, f"{wanted}; they miss it by {misfit:.3g} {unit}")
+
+    def _refuse(self, i: int, j: int, misfit: float, unit: str, text: str) -> None:
+        pair = (self._names[i], self._names[j])
+        raise StructureError(
+            f"the closed form does not fit this robot: {pair[0]} and {pair[1]}: {text} "
+            f"(tolerance {STRUCTURE_TOLERANCE:g} {unit}). Use method='qp'.",
+            pair,
+            misfit,
+            unit,
+        )
+
+    def angle(self, i: int, j: int, degrees: float) -> None:
+        """Axes i and j must enclose this angle."""
+        sine = np.linalg.norm(np.cross(self._w[i], self._w[j]))
+        angle = np.arctan2(sine, self._w[i] @ self._w[j])
+        self._check(i, j, abs(float(angle) - np.radians(degrees)), "rad", f"the axes must enclose {degrees:g} deg")
+
+    def parallel(self, i: int, j: int) -> float:
+        """Axes i and j must be parallel (1.0) or antiparallel (-1.0)."""
+        sine = float(np.linalg.norm(np.cross(self._w[i], self._w[j])))
+        self._check(i, j, sine, "rad", "the axes must be parallel")
+        return 1.0 if self._w[i] @ self._w[j] > 0.0 else -1.0
+
+    def twist(self, i: int, j: int) -> None:
+        """Axes i and j must be clearly not parallel."""
+        sine = float(np.linalg.norm(np.cross(self._w[i], self._w[j])))
+        if sine < np.sin(SMALLEST_TWIST):
+            self._refuse(i, j, sine, "rad", f"the axes must not be parallel; they enclose {np.arcsin(sine):.3g} rad")
+
+    def meet(self, i: int, j: int) -> NDArray[np.float64]:
+        """The point where axes i and j meet: the middle of their common perpendicular."""
+        normal = np.cross(self._w[i], self._w[j])
+        normal /= np.linalg.norm(normal)
+        between = self._points[j] - self._points[i]
+        self._check(i, j, abs(float(between @ normal)), "m", "the axes must meet")
+        along = np.linalg.solve(np.column_stack([self._w[i], -self._w[j], normal]), between)
+        first = self._points[i] + along[0] * self._w[i]
+        second = self._points[j] + along[1] * self._w[j]
+        return np.asarray(0.5 * (first + second), dtype=np.float64)
+
+    def long_enough(self, i: int, j: int, length: float, what: str) -> None:
+        """A length of the mechanism must not vanish."""
+        if length < SMALLEST_LENGTH:
+            self._refuse(i, j, length, "m", f"{what} is {length:.3g} m; it must be at least {SMALLEST_LENGTH:g} m")

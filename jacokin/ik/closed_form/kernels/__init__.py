@@ -1,0 +1,1 @@
+"""The numerics of the closed form, as plain functions that numba compiles. Read `pose` first."""

@@ -1,0 +1,1 @@
+"""Inverse kinematics by quadratic programs, for what the closed form does not cover. Read `search` first."""

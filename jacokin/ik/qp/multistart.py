@@ -1,0 +1,209 @@
+"""Inverse kinematics by mink's QP, made global: many starts, limits held at every step, answers measured anew.
+
+One start is a sequence of QPs: each moves the joints towards the target as far as linearised kinematics and the joint
+limits allow. That ends in a local minimum about once in four random starts, so starts go on until one succeeds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
+
+import mink
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from jacokin.ik import targets
+from jacokin.ik.qp.backend import Backend, QPFailed
+from jacokin.ik.targets import RADIAN_IN_METRES, Target
+from jacokin.model import mujoco_export, poses
+from jacokin.model.robot import Robot
+
+Array = NDArray[np.float64]
+
+TOOL_SITE = "jacokin_tool"
+MAX_ITERATIONS = 60  # per start; a start that converges needs 4 near its answer, 10 to 20 far from it
+STALL_ITERATIONS = 8  # without halving the error: a local minimum, or too slow to wait for
+CONVERGED = 0.01  # of the tolerances: one quadratic step past them, so that measuring anew cannot fail
+LM_DAMPING = 1e-3  # relative to the squared error; keeps steps finite near singular poses
+SEARCH_DAMPING = (1e-4, 1e4)  # range of the relative damping while looking for the closest pose
+SEARCH_ITERATIONS = 30  # gets within a few per cent; the best ends are refined on the exact measure
+SEARCH_STEP = 1e-6  # [rad] a step below this ends the descent
+REFINED = 5  # ends of descents that are refined
+
+
+@dataclass(frozen=True, slots=True)
+class Attempt:
+    """What the QP came to; `q` is inside the limits, errors are measured by Pinocchio."""
+
+    q: Array
+    position_error: float
+    orientation_error: float
+    reached: bool
+    iterations: int
+    starts: int
+    qp_solver: str
+    failed: bool = False
+
+    @property
+    def cost(self) -> float:
+        """Position error [m] + 0.1 x orientation error [rad]."""
+        return self.position_error + RADIAN_IN_METRES * self.orientation_error
+
+
+class MultiStartQP:
+    """mink's QP on one robot, frame and tool, everything built once.
+
+    Attributes:
+        backend: the QP solver, which records what ran.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        frame: str,
+        tool: pin.SE3 | None,
+        qp_solver: str,
+        position_tolerance: float,
+        orientation_tolerance: float,
+    ) -> None:
+        """Build the MuJoCo twin, the task and the limits.
+
+        Raises:
+            UnknownNameError: unknown frame, or a QP solver that is not installed.
+        """
+        self.backend = Backend(qp_solver)
+        self._robot = robot
+        self._frame = frame
+        self._tool = tool
+        self._tolerance = np.array([position_tolerance, orientation_tolerance])
+        spec = mujoco_export.to_spec(robot)
+        placed = robot.pin_model.frames[robot.frame_id(frame)]
+        T_joint_tool = placed.placement if tool is None else placed.placement * tool
+        joint = placed.parentJoint
+        body = spec.body(mujoco_export.body_of_joint(robot, joint))
+        body.add_site(name=TOOL_SITE, pos=T_joint_tool.translation, quat=poses.quat_wxyz(T_joint_tool.rotation))
+        model = spec.compile()
+        self._configuration = mink.Configuration(model)
+        self._limits = [mink.ConfigurationLimit(model, gain=1.0)]
+        self._pose_task = mink.FrameTask(TOOL_SITE, "site", position_cost=1.0, orientation_cost=1.0)
+        self._position_task = mink.FrameTask(TOOL_SITE, "site", position_cost=1.0, orientation_cost=0.0)
+        self._search_task = mink.FrameTask(TOOL_SITE, "site", position_cost=1.0, orientation_cost=RADIAN_IN_METRES)
+
+    def measure(self, q: Array, target: Target) -> tuple[float, float]:
+        """Errors at `q` by Pinocchio: [m], [rad]."""
+        pose = self._robot.placement(q, self._robot.frame_id(self._frame))
+        return targets.errors(pose if self._tool is None else pose * self._tool, target)
+
+    def solve(self, target: Target, starts: Iterable[Array], before: Attempt | None = None) -> Attempt:
+        """Descend from each start until one reaches the target; the best attempt when none does.
+
+        The counts of the attempt go on from those of `before`.
+        """
+        task = self._aim(self._position_task if target.position_only else self._pose_task, target)
+        task.lm_damping = LM_DAMPING
+        best: Attempt | None = None
+        for attempt in self._ends(target, starts, before, lambda q: self._descend(task, q, target.position_only)):
+            if best is None or attempt.cost < best.cost or attempt.reached:
+                best = attempt
+            if attempt.reached:
+                break
+        assert best is not None  # callers pass at least one start
+        return replace(best, iterations=attempt.iterations, starts=attempt.starts)
+
+    def closest(self, target: Target, starts: Iterable[Array], before: Attempt | None = None) -> Attempt:
+        """The least cost among the local minima that descents from the starts end in; counts as in `solve`."""
+        from jacokin.ik.qp import closest
+
+        task = self._aim(self._position_task if target.position_only else self._search_task, target)
+        ends = list(self._ends(target, starts, before, lambda q: self._search(task, q, target)))
+        last = ends[-1]
+        ends.sort(key=lambda attempt: attempt.cost)
+        for end in ends[:REFINED]:
+            q = closest.refine(self._robot, self._frame, self._tool, target, end.q)
+            ends.append(self._judged(replace(end, q=q), target))
+        best = min(ends, key=lambda attempt: attempt.cost)
+        return replace(best, iterations=last.iterations, starts=last.starts)
+
+    def _ends(
+        self,
+        target: Target,
+        starts: Iterable[Array],
+        before: Attempt | None,
+        descend: Callable[[Array], tuple[Array, int, bool]],
+    ) -> Iterator[Attempt]:
+        """Where each descent ends, measured, with the counts so far."""
+        self.backend.used = self.backend.name
+        iterations, count = (before.iterations, before.starts) if before is not None else (0, 0)
+        for start in starts:
+            q, spent, failed = descend(start)
+            iterations, count = iterations + spent, count + 1
+            yield self._judged(Attempt(q, 0.0, 0.0, False, iterations, count, self.backend.used, failed), target)
+
+    def _judged(self, attempt: Attempt, target: Target) -> Attempt:
+        """The attempt with its errors measured, and whether it reaches the target inside the limits."""
+        errors = self.measure(attempt.q, target)
+        reached = bool((np.array(errors) <= self._tolerance).all()) and self._robot.within_limits(attempt.q)
+        return replace(attempt, position_error=errors[0], orientation_error=errors[1], reached=reached)
+
+    def _aim(self, task: mink.FrameTask, target: Target) -> mink.FrameTask:
+        task.set_target(
+            mink.SE3.from_rotation_and_translation(mink.SO3(poses.quat_wxyz(target.rotation)), target.position)
+        )
+        return task
+
+    def _descend(self, task: mink.FrameTask, start: Array, position_only: bool) -> tuple[Array, int, bool]:
+        """Undamped steps until converged or stalled; the joints, iterations, and whether every QP solver failed."""
+        configuration, lower, upper = self._configuration, self._robot.lower, self._robot.upper
+        angular = 0.0 if position_only else 1.0
+        q = np.clip(start, lower, upper)
+        configuration.update(q)
+        best, waited = np.inf, 0
+        for iteration in range(MAX_ITERATIONS):
+            error = task.compute_error(configuration)
+            linear = error[:3].dot(error[:3]) ** 0.5 / self._tolerance[0]
+            size = max(linear, angular * error[3:].dot(error[3:]) ** 0.5 / self._tolerance[1])
+            if size <= CONVERGED:
+                return q, iteration, False
+            if size < 0.5 * best:
+                best, waited = size, 0
+            else:
+                waited += 1
+                if waited > STALL_ITERATIONS:
+                    return q, iteration, False
+            try:
+                q = np.clip(q + self.backend.step(configuration, [task], self._limits), lower, upper)
+            except QPFailed:
+                return q, iteration, True
+            configuration.update(q)
+        return q, MAX_ITERATIONS, False
+
+    def _search(self, task: mink.FrameTask, start: Array, target: Target) -> tuple[Array, int, bool]:
+        """Levenberg-Marquardt: a step that makes things worse is taken back and damped more."""
+        configuration, lower, upper = self._configuration, self._robot.lower, self._robot.upper
+        weights = np.array([1.0] * 3 + [0.0 if target.position_only else RADIAN_IN_METRES] * 3)
+        q = np.clip(start, lower, upper)
+        configuration.update(q)
+        cost = float(np.linalg.norm(weights * task.compute_error(configuration)))
+        task.lm_damping = 1.0
+        for iteration in range(SEARCH_ITERATIONS):
+            try:
+                step = self.backend.step(configuration, [task], self._limits)
+            except QPFailed:
+                return q, iteration, True
+            new = np.clip(q + step, lower, upper)
+            configuration.update(new)
+            new_cost = float(np.linalg.norm(weights * task.compute_error(configuration)))
+            if new_cost <= cost:
+                moved = float(np.abs(new - q).max())
+                q, cost = new, new_cost
+                task.lm_damping = max(task.lm_damping / 2.0, SEARCH_DAMPING[0])
+                if moved < SEARCH_STEP:
+                    break
+            else:
+                configuration.update(q)
+                task.lm_damping *= 4.0
+                if task.lm_damping > SEARCH_DAMPING[1]:
+                    break
+        return q, iteration + 1, False

@@ -1,0 +1,1 @@
+"""What moves an arm in a scene: commands, inverse kinematics, initial poses. Read `commands` first."""

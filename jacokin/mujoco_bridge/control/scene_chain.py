@@ -1,0 +1,172 @@
+"""The chain of an arm's joints up to a site, taken from a compiled scene.
+
+Whatever else is in the scene stays where it is: the base may be posed anywhere, fingers are held at their present
+angles, free objects and other robots do not matter.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from jacokin.errors import ModelError
+from jacokin.model import mjcf
+from jacokin.model.robot import Robot, Source
+from jacokin.mujoco_bridge.simulation.binding import select
+
+Array = NDArray[np.float64]
+
+BASE = "base"
+SITE = "site"
+
+_INFINITE = np.array([np.inf])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SceneChain:
+    """The joints that move a site.
+
+    Attributes:
+        robot: the chain; its only frame is the site, and its base the body that holds the first joint's body.
+        base_body: id of that body.
+        base_rests: whether it never moves while simulating.
+        base_numbers: the parts of the model's arrays that its pose follows from if it rests.
+        joints: (dof,) ids of the joints, base to site.
+        qpos: (dof,) where the joints' positions are in MuJoCo's qpos.
+        held: (m,) where in qpos the positions of those joints are that lie in the chain but are not the arm's.
+        held_at: (m,) their positions when the chain was made.
+        numbers: the parts of the scene's arrays that the chain was made from.
+        numbers_then: their bytes when it was made.
+    """
+
+    robot: Robot
+    base_body: int
+    base_rests: bool
+    base_numbers: tuple[NDArray[Any], ...]
+    joints: tuple[int, ...]
+    qpos: NDArray[np.intp]
+    held: NDArray[np.intp]
+    held_at: Array
+    numbers: tuple[NDArray[Any], ...]
+    numbers_then: list[bytes]
+
+    def is_current(self, qpos: Array) -> bool:
+        """Whether the scene still has this chain: nobody moved a site, a limit, or a finger that was held."""
+        if self.held.size and not np.array_equal(qpos[self.held], self.held_at):
+            return False
+        return [numbers.tobytes() for numbers in self.numbers] == self.numbers_then
+
+
+def scene_chain(model: mujoco.MjModel, qpos: Array, joints: Sequence[int], site: int) -> SceneChain:
+    """Build the chain.
+
+    Args:
+        model: the compiled scene.
+        qpos: its configuration; joints that are not the arm's are held there.
+        joints: ids of the arm's joints.
+        site: id of the site.
+
+    Raises:
+        ModelError: none of the joints moves the site, or a joint on the way is neither hinge nor slide.
+    """
+    bodies = _path(model, int(model.site_bodyid[site]))
+    moved = [i for i, body in enumerate(bodies) if set(mjcf.body_joints(model, body)) & set(joints)]
+    if not moved:
+        raise ModelError(f"none of the arm's joints moves site {model.site(site).name!r}")
+    above, bodies = bodies[: moved[0]], bodies[moved[0] :]
+    members: list[int] = []
+    addresses: list[int] = []
+    held: list[int] = []
+    out = pin.Model()
+    out.name = "scene"
+    carrier, T = 0, pin.SE3.Identity()
+    for body in bodies:
+        T = T * mjcf.placement(model.body_quat[body], model.body_pos[body])
+        for joint in mjcf.body_joints(model, body):
+            kind, T_zero = _scalar_joint(model, joint)
+            anchor = pin.SE3(np.eye(3), np.array(model.jnt_pos[joint]))
+            address = int(model.jnt_qposadr[joint])
+            if joint in joints:
+                limits = model.jnt_range[joint] if model.jnt_limited[joint] else (-np.inf, np.inf)
+                lower, upper = np.array(limits[:1]), np.array(limits[1:])
+                name = mjcf.joint_name(model, joint)
+                carrier = out.addJoint(carrier, kind, T * anchor * T_zero, name, _INFINITE, _INFINITE, lower, upper)
+                T = anchor.inverse()
+                members.append(joint)
+                addresses.append(address)
+            else:
+                T = T * anchor * _moved(model, joint, float(qpos[address])) * anchor.inverse()
+                held.append(address)
+    T = T * mjcf.placement(model.site_quat[site], model.site_pos[site])
+    out.addFrame(pin.Frame(BASE, 0, 0, pin.SE3.Identity(), pin.FrameType.OP_FRAME), False)
+    out.addFrame(pin.Frame(SITE, carrier, 0, T, pin.FrameType.OP_FRAME), False)
+    numbers = _numbers(model, bodies, site)
+    source = Source(path=Path("scene"), kind="mjcf", bundled=None, base=BASE, tip=SITE)
+    return SceneChain(
+        robot=Robot(out, base=BASE, tip=SITE, source=source, home=qpos[addresses]),
+        base_body=int(model.body_parentid[bodies[0]]),
+        base_rests=not any(model.body_dofnum[body] or model.body_mocapid[body] >= 0 for body in above),
+        base_numbers=_poses(model, above),
+        joints=tuple(members),
+        qpos=np.array(addresses, dtype=np.intp),
+        held=np.array(held, dtype=np.intp),
+        held_at=qpos[held],
+        numbers=numbers,
+        numbers_then=[each.tobytes() for each in numbers],
+    )
+
+
+def _numbers(model: mujoco.MjModel, bodies: Sequence[int], site: int) -> tuple[NDArray[Any], ...]:
+    """Live views of everything a chain along these bodies follows from, that a user may change."""
+    joints = [np.array([joint for body in bodies for joint in mjcf.body_joints(model, body)], dtype=np.intp)]
+    sites = [np.array([site], dtype=np.intp)]
+    return (
+        *_poses(model, bodies),
+        *(
+            select(array, joints, single=False)
+            for array in (model.jnt_range, model.jnt_limited, model.jnt_pos, model.jnt_axis)
+        ),
+        *(select(array, sites, single=False) for array in (model.site_pos, model.site_quat)),
+    )
+
+
+def _poses(model: mujoco.MjModel, bodies: Sequence[int]) -> tuple[NDArray[Any], ...]:
+    """Live views of where bodies are in their parents."""
+    rows = [np.array(bodies, dtype=np.intp)]
+    return tuple(select(array, rows, single=False) for array in (model.body_pos, model.body_quat))
+
+
+def _path(model: mujoco.MjModel, body: int) -> list[int]:
+    """Ids of the bodies from the world's child down to a body."""
+    path: list[int] = []
+    while body > 0:
+        path.insert(0, body)
+        body = int(model.body_parentid[body])
+    return path
+
+
+def _scalar_joint(model: mujoco.MjModel, joint: int) -> tuple[Any, pin.SE3]:
+    """Pinocchio's hinge or slide, and the offset that makes its zero MuJoCo's."""
+    axis = np.array(model.jnt_axis[joint])
+    if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_HINGE:
+        plain = np.array_equal(axis, (0.0, 0.0, 1.0))
+        return pin.JointModelRZ() if plain else pin.JointModelRevoluteUnaligned(axis), _moved(model, joint, 0.0)
+    if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE:
+        return pin.JointModelPrismaticUnaligned(axis), _moved(model, joint, 0.0)
+    raise ModelError(f"joint {mjcf.joint_name(model, joint)!r} of the arm is neither hinge nor slide")
+
+
+def _moved(model: mujoco.MjModel, joint: int, position: float) -> pin.SE3:
+    """What a hinge or slide does at a position, counted from its reference."""
+    axis = np.array(model.jnt_axis[joint])
+    travel = position - float(model.qpos0[model.jnt_qposadr[joint]])
+    if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE:
+        return pin.SE3(np.eye(3), travel * axis)
+    return pin.SE3(pin.AngleAxis(travel, axis).toRotationMatrix(), np.zeros(3))

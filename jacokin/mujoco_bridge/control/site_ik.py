@@ -1,0 +1,193 @@
+"""Inverse kinematics on an arm as it stands in a scene: what `RobotArm.set_site_to_xpos` runs.
+
+Where the arm has a closed form, it gives every branch and the nearest legal one is taken; otherwise the QP descends
+from the present configuration and then from random ones. The chain of joints is MuJoCo's own, number by number, and the
+simulation is only read: nothing is written before there is an answer.
+"""
+
+from __future__ import annotations
+
+import math
+import weakref
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from jacokin.errors import PhysicsError
+from jacokin.ik import targets
+from jacokin.ik.solver import IKSolver
+from jacokin.mujoco_bridge.control.scene_chain import SITE, SceneChain, scene_chain
+from jacokin.mujoco_bridge.simulation.physics import Physics
+
+if TYPE_CHECKING:
+    from jacokin.ik.qp.multistart import MultiStartQP
+
+Array = NDArray[np.float64]
+RandomState = np.random.RandomState | np.random.Generator
+Bounds = tuple[Array, Array]
+
+POSITION_TOLERANCE = 1e-6  # [m] what the interface promises of a success; the closed form is a thousand times better
+ORIENTATION_TOLERANCE = 1e-6  # [rad]
+QP_SOLVER = "daqp"
+
+_TURN = 2.0 * np.pi
+
+
+class SiteSolver:
+    """Brings one site of one scene to poses in the world.
+
+    Attributes:
+        has_closed_form: whether the closed form fits the arm; the QP runs otherwise.
+    """
+
+    def __init__(self, physics: Physics, joints: Sequence[int], site: int) -> None:
+        """Prepare for a site.
+
+        Args:
+            physics: the scene; it is only read.
+            joints: ids of the arm's joints.
+            site: id of the site.
+
+        Raises:
+            ModelError: the joints do not move the site, or cannot be solved for.
+            PhysicsError: positions or velocities in the scene are not finite.
+        """
+        self._model = physics.model
+        self._data = physics.data
+        self._scratch = mujoco.MjData(physics.model)
+        self._joints = tuple(joints)
+        self._site = site
+        self._T = np.eye(4)
+        self._prepare()
+
+    def chain(self) -> SceneChain:
+        """The joints that move the site, with fingers and the like held where they are now."""
+        if not self._chain.is_current(self._data.qpos):
+            self._prepare()
+        return self._chain
+
+    def _prepare(self) -> None:
+        _check_finite(self._data)
+        self._chain = scene_chain(self._model, self._data.qpos, self._joints, self._site)
+        robot = self._chain.robot
+        self._solver = IKSolver(robot, SITE)
+        self.has_closed_form = self._solver.applies()
+        self._qp: MultiStartQP | None = None
+        kinds = self._model.jnt_type[list(self._chain.joints)]
+        self._wraps: list[int] = np.flatnonzero(robot.free & (kinds == mujoco.mjtJoint.mjJNT_HINGE)).tolist()
+        self._base_position: Array = self._scratch.xpos[self._chain.base_body]
+        self._R_base_world: Array = self._scratch.xmat[self._chain.base_body].reshape(3, 3).T
+        self._base_then: list[bytes] = []
+
+    def solutions(
+        self,
+        position: Array,
+        rotation: Array,
+        bounds: Bounds | None,
+        random_state: RandomState,
+        attempts: int,
+    ) -> Iterator[tuple[NDArray[np.intp], Array]]:
+        """Where in qpos to write what so that the site is at its target; those of the closed form nearest first.
+
+        Args:
+            position: (3,) of the site in the world [m].
+            rotation: (3, 3) world <- site.
+            bounds: lower and upper bounds of all of the arm's joints, for starts of the QP; None with a closed form.
+            random_state: drawn from for all starts but the first.
+            attempts: number of starts.
+
+        Raises:
+            PhysicsError: positions or velocities in the scene are not finite.
+        """
+        _check_finite(self._data)
+        chain = self.chain()
+        self._find_base(chain)
+        T = self._T
+        T[:3, :3] = self._R_base_world.dot(rotation)
+        T[:3, 3] = self._R_base_world.dot(position - self._base_position)
+        present = self._data.qpos[chain.qpos]
+        if bounds is None:
+            found = self._branches(T, present)
+        else:
+            found = self._by_qp(T, self._starts(present, bounds, random_state, attempts))
+        for q in found:
+            yield chain.qpos, self._canonical(q)
+
+    def _find_base(self, chain: SceneChain) -> None:
+        """Bring the base's pose in the scratch data up to date."""
+        base_now = [numbers.tobytes() for numbers in chain.base_numbers]
+        if chain.base_rests and base_now == self._base_then:
+            return
+        scratch, data = self._scratch, self._data
+        scratch.qpos[:] = data.qpos
+        scratch.mocap_pos[:] = data.mocap_pos
+        scratch.mocap_quat[:] = data.mocap_quat
+        mujoco.mj_kinematics(self._model, scratch)
+        self._base_then = base_now
+
+    def _branches(self, T_base_site: Array, present: Array) -> Iterator[Array]:
+        branches = self._solver.closed_form().solve_all(T_base_site, present)
+        q = branches.q
+        for index in branches.within_limits.nonzero()[0]:
+            yield q[index]
+
+    def _canonical(self, q: Array) -> Array:
+        """Free hinges turned into [0, 2 pi)."""
+        q = q.copy()
+        for joint in self._wraps:
+            turned = q[joint] % _TURN
+            q[joint] = turned if turned < _TURN else 0.0  # the remainder of -1e-17 is rounded up to a full turn
+        return q
+
+    def _by_qp(self, T_base_site: Array, starts: Iterator[Array]) -> Iterator[Array]:
+        target = targets.checked(T_base_site)
+        if self._qp is None:
+            from jacokin.ik.qp.multistart import MultiStartQP  # imports mink, which arms with a closed form do not need
+
+            self._qp = MultiStartQP(self._chain.robot, SITE, None, QP_SOLVER, POSITION_TOLERANCE, ORIENTATION_TOLERANCE)
+        for start in starts:
+            attempt = self._qp.solve(target, [start])
+            if attempt.reached:
+                yield attempt.q
+
+    def _starts(self, present: Array, bounds: Bounds, random_state: RandomState, attempts: int) -> Iterator[Array]:
+        """The present configuration made legal, then random ones, each drawn when it is asked for."""
+        members = [self._joints.index(joint) for joint in self._chain.joints]
+        yield np.clip(present, self._chain.robot.lower, self._chain.robot.upper)
+        for _ in range(attempts - 1):
+            yield random_state.uniform(*bounds)[members]
+
+
+def _check_finite(data: mujoco.MjData) -> None:
+    """Refuse to solve in a scene that has no configuration.
+
+    Raises:
+        PhysicsError: qpos or qvel is not finite.
+    """
+    for name, values in (("qpos", data.qpos), ("qvel", data.qvel)):
+        # A dot product is the cheapest test; only a suspicious one is looked at again.
+        if not math.isfinite(values.dot(values)) and not np.isfinite(values).all():
+            raise PhysicsError(f"the simulation is not finite in {name}; reset it first")
+
+
+class SceneSolvers:
+    """The solvers of one arm, made when first needed for a site of a physics."""
+
+    def __init__(self) -> None:
+        """Start without any."""
+        self._solvers: weakref.WeakKeyDictionary[Physics, dict[Any, SiteSolver]] = weakref.WeakKeyDictionary()
+
+    def known(self, physics: Physics, site: Any) -> SiteSolver | None:
+        """The solver that was kept for a site, an element or a name; None if there is none."""
+        try:
+            return self._solvers[physics].get(site)
+        except (KeyError, TypeError):  # nothing known, or not even a possible site
+            return None
+
+    def keep(self, physics: Physics, site: Any, solver: SiteSolver) -> SiteSolver:
+        """Keep a solver; returns it."""
+        self._solvers.setdefault(physics, {})[site] = solver
+        return solver

@@ -1,0 +1,1 @@
+"""The parts a scene is made of. Read `entity` first."""

@@ -1,0 +1,1 @@
+"""What is measured in a simulation, and when it is reported. Read `observable` first."""

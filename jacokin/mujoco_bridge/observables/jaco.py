@@ -1,0 +1,66 @@
+"""Observables of the Jaco arm and of its hand."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jacokin.mujoco_bridge.observables.joints import JointsObservables
+from jacokin.mujoco_bridge.observables.observable import Bound, MJCFFeature, Observable, observable
+
+if TYPE_CHECKING:
+    from jacokin.mujoco_bridge.simulation.physics import Physics
+
+
+class JacoArmObservables(JointsObservables):
+    """Joint positions as (sin, cos), joint velocities, joint torques."""
+
+    @observable
+    def joints_pos(self) -> Observable:
+        """Joint angles as pairs (sin, cos), (6, 2): bounded, though most joints turn without limit.
+
+        ``angles.angles_from_sin_cos`` leads back to angles.
+        """
+        joints = Bound(self._entity.joints)
+
+        def read(physics: Physics) -> NDArray[np.float64]:
+            q = joints(physics).qpos
+            pairs = np.empty((len(q), 2))
+            np.sin(q, out=pairs[:, 0])
+            np.cos(q, out=pairs[:, 1])
+            return pairs
+
+        return Observable(read)
+
+    @observable
+    def joints_torque(self) -> Observable:
+        """Torques about the joint axes, (6,) [N m].
+
+        The projection of each 3-axis sensor on its joint's axis. The sensor measures what the
+        child body exerts on its parent, so an external torque on the child appears with the
+        opposite sign.
+        """
+        sensors = Bound(self._entity.joint_torque_sensors)
+        joints = Bound(self._entity.joints)
+
+        def read(physics: Physics) -> NDArray[np.float64]:
+            torques: NDArray[np.float64] = np.vecdot(sensors(physics).sensordata, joints(physics).axis)
+            return torques
+
+        return Observable(read)
+
+
+class JacoHandObservables(JointsObservables):
+    """Finger positions and velocities, pose of the pinch site."""
+
+    @observable
+    def pinch_site_pos(self) -> Observable:
+        """Position of the pinch site in the world, (3,) [m]."""
+        return MJCFFeature("xpos", self._entity.pinch_site)
+
+    @observable
+    def pinch_site_rmat(self) -> Observable:
+        """Rotation matrix world <- pinch site, row by row, (9,)."""
+        return MJCFFeature("xmat", self._entity.pinch_site)

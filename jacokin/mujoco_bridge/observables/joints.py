@@ -1,0 +1,19 @@
+"""Observables of anything with joints."""
+
+from __future__ import annotations
+
+from jacokin.mujoco_bridge.observables.observable import MJCFFeature, Observable, Observables, observable
+
+
+class JointsObservables(Observables):
+    """Positions and velocities of the entity's ``joints``."""
+
+    @observable
+    def joints_pos(self) -> Observable:
+        """Positions, one per joint [rad, m on slide joints]."""
+        return MJCFFeature("qpos", self._entity.joints)
+
+    @observable
+    def joints_vel(self) -> Observable:
+        """Velocities, one per joint [rad/s, m/s on slide joints]."""
+        return MJCFFeature("qvel", self._entity.joints)

@@ -1,0 +1,285 @@
+"""Quantities read from a simulation, and the classes by which an entity declares its own.
+
+An ``Observable`` is called on a physics and returns an array. Its options say how an
+``updater.Updater`` reports it: how often it is read, how late it arrives, how many readings are
+kept, how they become one, and what noise or scaling they pass through. An entity's observables are
+the methods marked ``@observable`` of its ``Observables`` subclass.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import cached_property
+from inspect import getattr_static
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, Unpack
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from jacokin.errors import InvalidInputError
+from jacokin.mujoco_bridge.observables.options import (
+    CHECKS,
+    Aggregator,
+    Corruptor,
+    Options,
+    RandomState,
+    Steps,
+    UnknownObservableError,
+)
+from jacokin.mujoco_bridge.simulation.physics import Physics
+
+if TYPE_CHECKING:
+    from jacokin.mujoco_bridge.entities.entity import Entity
+    from jacokin.mujoco_bridge.simulation.binding import Binding
+
+T = TypeVar("T")
+
+
+class Observable:
+    """A quantity read from a physics by a callable.
+
+    Attributes:
+        update_interval: physics steps between two readings, or a callable of ``random_state=``
+            that draws them anew each time.
+        buffer_size: number of readings an updater reports, oldest first; None means 1.
+        delay: physics steps between a reading and its arrival, or a callable of
+            ``random_state=`` that draws them; None means 0.
+        aggregator: what reduces the buffer along its first axis: "min", "max", "mean", "median",
+            "sum" or a callable of the buffer; None reports the whole buffer.
+        corruptor: ``corruptor(value, random_state=...)`` returns the value to report; each reading
+            passes through it before it enters the buffer.
+        enabled: whether an updater reports this observable.
+    """
+
+    update_interval: Steps
+    buffer_size: int | None
+    delay: Steps | None
+    aggregator: str | Aggregator | None
+    corruptor: Corruptor | None
+    enabled: bool
+
+    checks: ClassVar[Mapping[str, Callable[[str, Any], Any]]] = CHECKS
+
+    def __init__(
+        self,
+        raw: Callable[[Any], ArrayLike],
+        *,
+        update_interval: Steps = 1,
+        buffer_size: int | None = None,
+        delay: Steps | None = None,
+        aggregator: str | Aggregator | None = None,
+        corruptor: Corruptor | None = None,
+        enabled: bool = False,
+    ) -> None:
+        """Observe ``raw(physics)``.
+
+        Raises:
+            InvalidInputError: raw is not callable, or an option has a wrong value.
+        """
+        if not callable(raw):
+            raise InvalidInputError(f"raw must be a callable of the physics, got {raw!r}")
+        self._raw = raw
+        self.update_interval = update_interval
+        self.buffer_size = buffer_size
+        self.delay = delay
+        self.aggregator = aggregator
+        self.corruptor = corruptor
+        self.enabled = enabled
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        """Check the value if this is an option."""
+        check = self.checks.get(name)
+        super().__setattr__(name, check(name, value) if check else value)
+
+    def __call__(self, physics: Physics, random_state: RandomState = None) -> NDArray[Any]:
+        """Read the quantity now and pass it through the corruptor.
+
+        Returns:
+            A new array, which later steps of the physics do not change.
+        """
+        value = np.array(self._raw(physics))
+        corruptor = self.corruptor
+        return value if corruptor is None else np.array(corruptor(value, random_state=random_state))
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """The present options, as ``configure`` takes them."""
+        return {name: getattr(self, name) for name in self.checks}
+
+    @classmethod
+    def check_options(cls, options: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the checked values, or raise what ``configure`` would, changing nothing."""
+        for name in options:
+            if name not in cls.checks:
+                raise UnknownObservableError("option", name, cls.checks)
+        return {name: cls.checks[name](name, value) for name, value in options.items()}
+
+    def configure(self, **options: Any) -> None:
+        """Set several options; on an error none is set.
+
+        Raises:
+            UnknownNameError: there is no such option (also a ``KeyError``).
+            InvalidInputError: an option has a wrong value.
+        """
+        for name, value in self.check_options(options).items():
+            setattr(self, name, value)
+
+
+class Bound:
+    """Elements of a model, looked up once in the physics they are read from."""
+
+    def __init__(self, elements: Any) -> None:
+        """Keep one element or a sequence of elements of one kind."""
+        self._elements = elements
+        self._physics: Physics | None = None
+        self._binding: Binding
+
+    def __call__(self, physics: Physics) -> Binding:
+        """Return the binding of the elements in this physics.
+
+        Raises:
+            InvalidInputError: not a physics, or one without these elements.
+        """
+        if physics is None or physics is not self._physics:
+            if not isinstance(physics, Physics):
+                raise InvalidInputError(f"physics must be a Physics, made by Physics.from_entity, got {physics!r}")
+            self._binding = physics.bind(self._elements)
+            self._physics = physics
+        return self._binding
+
+
+class MJCFFeature(Observable):
+    """A field of one or several elements, such as ``MJCFFeature("qpos", arm.joints)``."""
+
+    def __init__(self, kind: str, elements: Any, *, index: Any = None, **options: Unpack[Options]) -> None:
+        """Observe ``physics.bind(elements).<kind>``.
+
+        Args:
+            kind: name of the field, as ``Physics.bind`` knows it.
+            elements: one element or a sequence of elements of one kind.
+            index: what to take from the field; None takes all of it.
+            options: the options of ``Observable``.
+
+        Raises:
+            InvalidInputError: an option has a wrong value.
+        """
+        bound = Bound(elements)
+
+        def read(physics: Physics) -> ArrayLike:
+            value: NDArray[Any] = getattr(bound(physics), kind)
+            return value if index is None else value[index]
+
+        super().__init__(read, **options)
+
+
+class ObservableProperty(cached_property[T]):
+    """A method of an ``Observables`` subclass that makes one of its observables, once."""
+
+
+def observable(method: Callable[[Any], T]) -> ObservableProperty[T]:
+    """Mark a method of an ``Observables`` subclass that returns an ``Observable``."""
+    return ObservableProperty(method)
+
+
+class Observables:
+    """The observables of one entity, by name.
+
+    Each is an attribute too: ``arm.observables.joints_pos(physics)``.
+    """
+
+    def __init__(self, entity: Entity) -> None:
+        """Make the observables that the class declares; all start disabled."""
+        self._entity: Any = entity  # each subclass knows what its entity has
+        self._observables: dict[str, Observable] = {}
+        for name in sorted(dir(type(self))):
+            if isinstance(getattr_static(type(self), name), ObservableProperty):
+                self._observables[name] = getattr(self, name)
+
+    def __getattr__(self, name: str) -> Observable:
+        """Return an observable that was added; those declared are found without this."""
+        found: Observable | None = vars(self).get("_observables", {}).get(name)
+        if found is None:
+            names = ", ".join(sorted(vars(self).get("_observables", ())))
+            raise AttributeError(f"no observable {name!r}. Valid: {names}")
+        return found
+
+    def get_observable(self, name: str) -> Observable:
+        """Return the observable of this name.
+
+        Raises:
+            UnknownNameError: there is none (also a ``KeyError``); lists the names.
+        """
+        try:
+            return self._observables[name]
+        except KeyError:
+            raise UnknownObservableError("observable", name, sorted(self._observables)) from None
+
+    def add_observable(self, name: str, observable: Observable, enabled: bool = True) -> None:
+        """Add an observable that the class does not declare; it is enabled unless told otherwise.
+
+        Raises:
+            InvalidInputError: the name is taken or no identifier, or this is no ``Observable``.
+        """
+        if not isinstance(observable, Observable):
+            raise InvalidInputError(f"observable must be an Observable, got {observable!r}")
+        if not isinstance(name, str) or not name.isidentifier() or hasattr(self, name):
+            raise InvalidInputError(f"name must be an identifier that is not in use here, got {name!r}")
+        observable.enabled = enabled
+        self._observables[name] = observable
+
+    def enable_all(self) -> None:
+        """Enable every observable of this entity."""
+        self.set_options({"enabled": True})
+
+    def disable_all(self) -> None:
+        """Disable every observable of this entity."""
+        self.set_options({"enabled": False})
+
+    @property
+    def enabled_observables(self) -> dict[str, Observable]:
+        """The enabled observables by their short names, sorted."""
+        return {name: each for name, each in self.as_dict(fully_qualified=False).items() if each.enabled}
+
+    def set_options(self, options: Mapping[str, Any] | None) -> None:
+        """Set options of the observables; on an error nothing is set.
+
+        Args:
+            options: ``{observable: {option: value}}``, or one ``{option: value}`` for all; None
+                and an empty dict change nothing.
+
+        Raises:
+            UnknownNameError: an observable or option does not exist (also a ``KeyError``); lists
+                the names.
+            InvalidInputError: an option has a wrong value.
+        """
+        options = {} if options is None else options
+        if not isinstance(options, Mapping):
+            raise InvalidInputError(f"options must be a dict, got {options!r}")
+        if options and all(name in CHECKS for name in options) and not set(options) & set(self._observables):
+            options = dict.fromkeys(self._observables, options)
+        checked: list[tuple[Observable, Mapping[str, Any]]] = []
+        for name, values in options.items():
+            each = self.get_observable(name)
+            if not isinstance(values, Mapping):
+                raise InvalidInputError(f"options of {name!r} must be a dict, got {values!r}")
+            checked.append((each, each.check_options(values)))
+        for each, values in checked:
+            each.configure(**values)
+
+    def as_dict(self, fully_qualified: bool = True) -> dict[str, Observable]:
+        """Return the observables by name, sorted.
+
+        Args:
+            fully_qualified: prefix the names with the entity's, as in
+                ``"jaco_arm/jaco_hand/joints_pos"``.
+        """
+        prefix = self._entity.prefix if fully_qualified else ""
+        return {prefix + name: self._observables[name] for name in sorted(self._observables)}
+
+
+def observables_of(root: Entity) -> dict[str, Observable]:
+    """Return the observables of an entity and of all entities attached to it, by full name, sorted."""
+    found: dict[str, Observable] = {}
+    for entity in root.iter_entities():
+        found.update(entity.observables.as_dict())
+    return dict(sorted(found.items()))

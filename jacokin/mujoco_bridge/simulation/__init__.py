@@ -1,0 +1,1 @@
+"""The compiled scene: physics, live arrays, the forward pass. Read `physics` first."""

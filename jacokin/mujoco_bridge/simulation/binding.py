@@ -1,0 +1,162 @@
+"""Live arrays of the values that MuJoCo keeps for some elements: what `Physics.bind` returns.
+
+Reading ``physics.bind(elements).field`` gives a numpy view of MuJoCo's own memory. Reading a field that a forward
+pass computes (``xpos``, ``sensordata``, ...) runs that pass first if anything it depends on has changed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jacokin.errors import InvalidInputError, UnknownNameError
+from jacokin.mujoco_bridge.simulation.element_arrays import KINDS, Field, Kind, fields_of
+from jacokin.mujoco_bridge.simulation.indexed_array import ScatteredArray
+
+if TYPE_CHECKING:
+    from jacokin.mujoco_bridge.simulation.forward_cache import Freshness
+
+Array = NDArray[Any]
+
+
+# A forward pass computes these, and the inverse dynamics take them in.
+_DERIVED_INPUTS = ("qacc",)
+
+
+class UnknownFieldError(UnknownNameError, AttributeError):
+    """Elements of this kind have no such field; also an ``AttributeError``, so that ``hasattr`` works."""
+
+
+def select(array: Array, rows: Sequence[NDArray[np.intp]], single: bool) -> Array:
+    """The rows of an array that belong to the elements, as a view wherever numpy can make one.
+
+    Args:
+        array: one of MuJoCo's arrays, (m,) or (m, k).
+        rows: for each element its rows in the array.
+        single: one element, not a list of one: leave out the axis of the elements.
+
+    Returns:
+        (n,) where each element has one number, (n, k) where each has k. Where their numbers differ, all in one row.
+    """
+    flat = np.concatenate(rows)
+    counts = {len(each) for each in rows}
+    per_element = counts.pop() if len(counts) == 1 else 0
+    steps = set(np.diff(flat).tolist()) or {1}
+    if len(steps) == 1 and steps != {0}:
+        step = steps.pop()
+        start = int(flat[0]) if len(flat) else 0
+        stop = start + step * len(flat)
+        view = array[start : stop if stop >= 0 else None : step]
+        if view.ndim == 2:
+            return view[0] if single and per_element == 1 else view
+        if per_element <= 1 or single:
+            return view
+        if step == 1:
+            return view.reshape(len(rows), per_element)
+    width = array.shape[1] if array.ndim == 2 else per_element
+    index = flat[:, None] * width + np.arange(width) if array.ndim == 2 else flat
+    return ScatteredArray(array.reshape(-1), index.reshape(-1, width) if width > 1 else index)
+
+
+@cache
+def _fields(element_class: type) -> Mapping[str, Field]:
+    return fields_of(KINDS[element_class])
+
+
+class Binding:
+    """The fields of one or several elements in one physics, as attributes.
+
+    Scalar fields are (n,), others (n, k); of a single element (1,) and (k,). Writing an attribute, an item, a slice
+    or a broadcast value changes the simulation.
+    """
+
+    __slots__ = ("_arrays", "_fields", "_freshness", "_ids", "_kind", "_single")
+
+    _kind: Kind
+    _fields: Mapping[str, Field]
+    _ids: tuple[int, ...]
+    _single: bool
+    _freshness: Freshness
+    _arrays: dict[str, tuple[Array, bool, bool]]
+
+    def __init__(self, element_class: type, ids: Sequence[int], *, single: bool, freshness: Freshness) -> None:
+        """Bind elements; called by `Physics.bind`.
+
+        Args:
+            element_class: class of the elements in `mujoco.MjSpec`.
+            ids: their ids in the compiled model.
+            single: whether one element was given and not a list.
+            freshness: MuJoCo's model and data, and what keeps their derived values up to date.
+        """
+        self._kind = KINDS[element_class]
+        self._fields = _fields(element_class)
+        self._ids = tuple(ids)
+        self._single = single
+        self._freshness = freshness
+        self._arrays = {}
+
+    @property
+    def element_id(self) -> int | NDArray[np.intp]:
+        """The id of the element in MuJoCo's arrays; (n,) ids for a list."""
+        return self._ids[0] if self._single else np.array(self._ids, dtype=np.intp)
+
+    @property
+    def element_ids(self) -> tuple[int, ...]:
+        """The ids of the elements."""
+        return self._ids
+
+    def __getattr__(self, name: str) -> Array:
+        """A field as a live array; runs a forward pass first if it is derived and one is due."""
+        try:
+            array, derived, scattered = self._arrays[name]
+        except KeyError:
+            array, derived, scattered = self._find(name)
+        if derived:
+            self._freshness.ensure()
+        if scattered:
+            array.fetch()  # type: ignore[attr-defined]  # a ScatteredArray
+        return array
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        """Write a field; the value is broadcast."""
+        if name in Binding.__slots__:
+            object.__setattr__(self, name, value)
+            return
+        array, derived, _ = self._arrays.get(name) or self._find(name)
+        if derived and name not in _DERIVED_INPUTS:
+            raise InvalidInputError(
+                f"{self._kind.name} field {name!r} is computed by MuJoCo; write what it follows from, such as qpos"
+            )
+        try:
+            array[...] = value
+        except (TypeError, ValueError) as error:
+            raise InvalidInputError(
+                f"{name} of {len(self._ids)} {self._kind.plural} must fit shape {array.shape}, got {value!r}"
+            ) from error
+
+    def __dir__(self) -> list[str]:
+        """The fields, beside the usual."""
+        return sorted({*object.__dir__(self), *self._fields})
+
+    def _find(self, name: str) -> tuple[Array, bool, bool]:
+        """Make the array of a field and keep it."""
+        field = self._fields.get(name)
+        if field is None:
+            raise UnknownFieldError(f"{self._kind.name} field", name, sorted(self._fields))
+        freshness = self._freshness
+        model = freshness.model
+        source: Array = getattr(model if field.in_model else freshness.data, field.array)
+        rows = [field.rows(model, index) for index in self._ids]
+        if field.derived and field.array not in _DERIVED_INPUTS:
+            source = source.view()
+            source.setflags(write=False)
+        array = select(source, rows, self._single)
+        if field.in_model:
+            shortcuts = [(getattr(model, other), np.concatenate(rows)) for other in field.shortcuts]
+            freshness.watch(array, shortcuts)
+        found = self._arrays[name] = (array, field.derived, isinstance(array, ScatteredArray))
+        return found

@@ -1,0 +1,82 @@
+"""The demo: its targets, its report, and the arm in its picture."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import jacokin
+from jacokin.cli import targets_csv
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+# The package under test, which may be an installed one.
+ENVIRONMENT = {**os.environ, "PYTHONPATH": str(Path(jacokin.__file__).parent.parent)}
+
+
+def test_the_targets_are_those_the_script_writes() -> None:
+    program = (
+        f"import json, sys; sys.path.insert(0, {str(EXAMPLES)!r})\n"
+        "import make_targets; print(json.dumps(make_targets.make_targets()))"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, env=ENVIRONMENT)
+    rows = json.loads(done.stdout)
+    file = targets_csv.read(EXAMPLES / "targets.csv")
+    assert len(file) == len(rows) == 206
+    made = np.array([[float(cell) for cell in row[:7]] for row in rows])
+    assert np.allclose(made, file.values, rtol=0.0, atol=1e-12)  # libm may differ in the last digit
+
+
+@pytest.mark.slow
+def test_the_demo_solves_what_can_be_solved_and_says_why_not(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, str(EXAMPLES / "demo.py")],
+        cwd=tmp_path,
+        env=ENVIRONMENT,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert "200 of 206 targets solved" in done.stdout
+    assert done.stdout.count("OUTSIDE_LIMITS") == 3
+    assert done.stdout.count("UNREACHABLE") == 3
+    picture = tmp_path / "out" / "jaco.png"
+    assert picture.exists() or "no picture" in done.stdout
+
+
+@pytest.mark.slow
+def test_the_arm_is_in_the_picture(tmp_path: Path) -> None:
+    """The pixels MuJoCo attributes to the arm are dark as its links are, light as its rings are, and many."""
+    program = (
+        f"import sys; sys.path.insert(0, {str(EXAMPLES)!r})\n"
+        "import numpy as np, jacokin, render_arm\n"
+        "picture, arm = render_arm.render(jacokin.load_robot().home)\n"
+        f"np.savez({str(tmp_path / 'seen.npz')!r}, picture=picture, arm=arm)\n"
+    )
+    for backend in ("egl", "osmesa"):
+        words = [sys.executable, "-c", program]
+        done = subprocess.run(
+            words, env={**ENVIRONMENT, "MUJOCO_GL": backend}, capture_output=True, text=True, check=False
+        )
+        if done.returncode == 0:
+            break
+    else:
+        pytest.skip(f"no rendering back end: {done.stderr.splitlines()[-1]}")
+    seen = np.load(tmp_path / "seen.npz")
+    picture, arm = seen["picture"], seen["arm"]
+    assert picture.shape == (*arm.shape, 3)
+    assert 0.02 < arm.mean() < 0.5
+    rows, columns = np.nonzero(arm)
+    assert rows.min() > 0  # nothing cut off at the border
+    assert columns.min() > 0
+    assert rows.max() < arm.shape[0] - 1
+    assert columns.max() < arm.shape[1] - 1
+    brightness = picture[arm].mean(axis=1)
+    assert (brightness < 60).mean() > 0.4  # dark links
+    assert (brightness > 120).mean() > 0.02  # light rings and fingers
+    assert picture[~arm].mean() > 100  # against a light floor

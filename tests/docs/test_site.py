@@ -1,0 +1,115 @@
+"""The documentation site is complete: generated pages are current, pages in the menu, public names described."""
+
+from __future__ import annotations
+
+import importlib.util
+import inspect
+import re
+import struct
+from pathlib import Path
+from types import ModuleType
+
+import jacokin
+from jacokin.model import table
+from jacokin.model.bundled import NAMES
+
+ROOT = Path(__file__).resolve().parents[2]
+DOCS = ROOT / "docs"
+LARGEST_IMAGE = 150_000  # bytes; pages should load quickly, and so should clones
+
+
+def robot_page() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("robot_page", DOCS / "robot_page.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def described() -> set[str]:
+    """Names that the API pages hand to mkdocstrings."""
+    text = "\n".join(path.read_text(encoding="utf-8") for path in (DOCS / "api").glob("*.md"))
+    return set(re.findall(r"^::: (\S+)$", text, re.M))
+
+
+def test_page_of_numbers_is_what_the_table_gives() -> None:
+    assert (DOCS / "robot.md").read_text(encoding="utf-8") == robot_page().page(), "run python -m docs.robot_page"
+
+
+def test_page_of_numbers_has_every_robot_source_and_doubt() -> None:
+    text = (DOCS / "robot.md").read_text(encoding="utf-8")
+
+    def doubts(node: object) -> list[str]:
+        if not isinstance(node, dict):
+            return []
+        own = [node["doubt"]] if "doubt" in node else []
+        return own + [doubt for child in node.values() for doubt in doubts(child)]
+
+    for name in NAMES:
+        assert f"### {name}: " in text
+    for key, source in table.load()["sources"].items():
+        assert f"| {key} | {source} |" in text
+    everything = doubts(dict(table.load())) + doubts(dict(table.load("shapes.toml")))
+    assert len(everything) > 20
+    for doubt in everything:
+        assert doubt in text
+
+
+def test_masses_of_the_page_add_up_to_what_is_loaded() -> None:
+    text = (DOCS / "robot.md").read_text(encoding="utf-8")
+    for name in NAMES:
+        model = jacokin.load_robot(name).pin_model
+        total = sum(inertia.mass for inertia in model.inertias)
+        assert f"### {name}: {total:.4f} kg" in text
+
+
+def test_every_page_is_in_the_menu_and_exists() -> None:
+    menu = set(re.findall(r"(\S+\.md)$", (ROOT / "mkdocs.yml").read_text(encoding="utf-8"), re.M))
+    assert menu == {str(path.relative_to(DOCS)) for path in DOCS.rglob("*.md")}
+
+
+def test_every_public_name_is_described() -> None:
+    names = {f"jacokin.{name}" for name in jacokin.__all__ if name != "__version__"}
+    assert names <= described()
+
+
+def test_the_site_needs_no_network() -> None:
+    settings = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
+    assert "font: false" in settings
+    assert "http" not in settings
+
+
+def test_relative_links_lead_somewhere() -> None:
+    pages = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *DOCS.rglob("*.md")]
+    for page in pages:
+        text = re.sub(r"^```.*?^```", "", page.read_text(encoding="utf-8"), flags=re.M | re.S)
+        for link in re.findall(r"\]\(([^)#\s]+)(?:#[^)\s]*)?\)", text):
+            if "://" not in link:
+                assert (page.parent / link).exists(), f"{page.name}: {link}"
+
+
+def test_images_are_small_png_files() -> None:
+    images = sorted((DOCS / "images").iterdir())
+    assert images
+    for image in images:
+        content = image.read_bytes()
+        assert content[:8] == b"\x89PNG\r\n\x1a\n"
+        width, height = struct.unpack(">II", content[16:24])
+        assert min(width, height) >= 400, image.name
+        assert len(content) <= LARGEST_IMAGE, image.name
+
+
+def test_statuses_are_explained_in_their_own_words() -> None:
+    text = (DOCS / "inverse_kinematics.md").read_text(encoding="utf-8")
+    for status in jacokin.Status:
+        assert f"| `{status.name}` | {status.value} |" in text
+
+
+def test_defaults_in_the_table_of_options_are_those_of_the_code() -> None:
+    text = (DOCS / "inverse_kinematics.md").read_text(encoding="utf-8")
+    options = inspect.signature(jacokin.IKSolver).parameters
+    shown = dict(re.findall(r"^\| `(\w+)` \| `([^`]+)` \|", text, re.M))
+    assert set(shown) == set(options) - {"robot", "frame", "tool"}
+    for name, default in shown.items():
+        assert default == repr(options[name].default)

@@ -1,0 +1,208 @@
+"""Poses where the elimination degenerates: vertical tools, O on axis 5, folds, round angles, aligned spherical wrists.
+
+The branches of a regular pose move continuously with the target, so a degenerate target must have as many branches as
+its neighbours, in the same places.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from jacokin import Robot
+from jacokin.ik.closed_form.solver import warmup
+from tests.ik.closed_form.tools import (
+    Array,
+    brute_force,
+    circular,
+    closed_form,
+    closest_pair,
+    contains,
+    target,
+    worst_error,
+)
+
+NAMES = ("j2n6s300", "m1n6s300", "j2s6s300")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def compiled() -> None:
+    warmup()
+
+
+def vertical_targets(robot: Robot, rng: np.random.Generator, number: int, up: bool = False) -> Iterator[Array]:
+    """Tool straight down (or up), at heights and radii the arm works at."""
+    reach = 0.5 if robot.name.startswith("m1") else 0.7  # [m]
+    for _ in range(number):
+        turn = pin.rpy.rpyToMatrix(0.0 if up else np.pi, 0.0, rng.uniform(-np.pi, np.pi))
+        yield pin.SE3(turn, rng.uniform([-reach, -reach, -0.2], [reach, reach, 0.6])).homogeneous
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("tilt", [1e-12, 1e-9, 1e-7, 1e-6, 1e-5, 1e-4])
+def test_vertical_tools_have_the_branches_of_slightly_tilted_ones(
+    tilt: float, name: str, bundled: Callable[[str], Robot], rng: np.random.Generator
+) -> None:
+    robot = bundled(name)
+    form = closed_form(robot)
+    compared = 0
+    for T in vertical_targets(robot, rng, 200):
+        exact = form.solve_all(np.ascontiguousarray(T), robot.home)
+        if not len(exact) or min(robot.singular_values(q)[-1] for q in exact.q) < 0.02:
+            continue  # near a fold the tilt itself may add or remove a pair
+        axis = rng.normal(size=3)
+        axis *= tilt / np.linalg.norm(axis)
+        tilted = pin.SE3(T)
+        tilted.rotation = tilted.rotation @ pin.exp3(axis)
+        beside = form.solve_all(np.ascontiguousarray(tilted.homogeneous), robot.home)
+        assert len(beside) == len(exact)
+        assert all(contains(beside, q, 200.0 * tilt + 1e-8) for q in exact.q)
+        assert max(worst_error(exact), worst_error(beside)) < 1e-11
+        compared += 1
+    assert compared > 10
+
+
+@pytest.mark.parametrize("up", [False, True])
+def test_vertical_tools_have_the_branches_of_a_brute_force_search(
+    up: bool, robot: Robot, rng: np.random.Generator
+) -> None:
+    form = closed_form(robot)
+    total = 0
+    for T in vertical_targets(robot, rng, 6, up):
+        found = brute_force(robot, T, rng, 120)
+        rows = form.solve_all(np.ascontiguousarray(T), robot.home)
+        assert len(found) == len(rows)
+        assert all(contains(rows, q, 1e-5) for q in found)
+        total += len(rows)
+    assert total > 8
+
+
+def configurations_with_O_on_axis_5(robot: Robot, rng: np.random.Generator, number: int) -> Iterator[Array]:
+    """Newton on joints 3 and 4 until axis 5 passes through O, the point where axes 1 and 2 meet."""
+    model, data = robot.pin_model, robot.pin_model.createData()
+    pin.forwardKinematics(model, data, np.zeros(6))
+    O = data.oMi[1].translation.copy()  # noqa: E741 - the letter of the derivation
+    O[2] = data.oMi[2].translation[2]
+    O[:2] = 0.0
+
+    def miss(q: Array) -> Array:
+        pin.forwardKinematics(model, data, q)
+        return np.asarray(data.oMi[5].actInv(O)[:2])
+
+    while number:
+        q = robot.sample(rng)
+        for _ in range(30):
+            value = miss(q)
+            slopes = np.column_stack([(miss(q + 1e-7 * np.eye(6)[j]) - value) / 1e-7 for j in (2, 3)])
+            if abs(np.linalg.det(slopes)) < 1e-6:
+                break
+            q[[2, 3]] -= np.clip(np.linalg.solve(slopes, value), -0.3, 0.3)
+        if np.abs(miss(q)).max() < 1e-14 and robot.within_limits(q):
+            number -= 1
+            yield q
+
+
+@pytest.mark.parametrize("name", ["j2n6s300", "m1n6s300"])
+@pytest.mark.parametrize("step", [0.0, 1e-9, 1e-6, 1e-4, 1e-3])
+def test_O_on_axis_5(name: str, step: float, bundled: Callable[[str], Robot], rng: np.random.Generator) -> None:
+    robot = bundled(name)
+    form = closed_form(robot)
+    for exact in configurations_with_O_on_axis_5(robot, rng, 25):
+        q = exact + step * rng.normal(size=6)
+        rows = form.solve_all(target(robot, q), q)
+        assert contains(rows, q, 1e-5)
+        assert worst_error(rows) < 1e-10
+        twin = form.solve_all(target(robot, q + 1e-8), q)
+        if min(robot.singular_values(branch)[-1] for branch in rows.q) > 1e-3:
+            assert len(twin) == len(rows)
+
+
+def test_O_on_axis_5_has_the_branches_of_a_brute_force_search(robot: Robot, rng: np.random.Generator) -> None:
+    form = closed_form(robot)
+    for q in configurations_with_O_on_axis_5(robot, rng, 4):
+        T = target(robot, q)
+        rows = form.solve_all(T, q)
+        assert len(rows) == len(brute_force(robot, T, rng, 250))
+
+
+def folds(robot: Robot, rng: np.random.Generator, number: int) -> Iterator[Array]:
+    """Configurations with det J = 0, by bisection between random ones."""
+
+    def det(q: Array) -> float:
+        return float(np.linalg.det(robot.jacobian(q)))
+
+    while number:
+        a, b = robot.sample(rng, 2)
+        if det(a) * det(b) >= 0.0:
+            continue
+        for _ in range(60):
+            middle = 0.5 * (a + b)
+            a, b = (middle, b) if det(a) * det(middle) > 0.0 else (a, middle)
+        number -= 1
+        yield a
+
+
+@pytest.mark.parametrize("name", ["j2n6s300", "m1n6s300"])
+@pytest.mark.parametrize("step", [0.0, 1e-12, 1e-9, 1e-7, 1e-5, 1e-3])
+def test_folds(name: str, step: float, bundled: Callable[[str], Robot], rng: np.random.Generator) -> None:
+    robot = bundled(name)
+    form = closed_form(robot)
+    for fold in folds(robot, rng, 60):
+        q = fold + step * rng.normal(size=6)
+        rows = form.solve_all(target(robot, q), q)
+        assert contains(rows, q, 1e-4)
+        assert worst_error(rows) < 1e-9
+        assert closest_pair(rows) > 1e-6
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("unit", [30.0, 45.0, 90.0])
+def test_round_angles(name: str, unit: float, bundled: Callable[[str], Robot], rng: np.random.Generator) -> None:
+    robot = bundled(name)
+    form = closed_form(robot)
+    checked = 0
+    while checked < 150:
+        q = np.radians(unit * rng.integers(-4, 12, 6))
+        if not robot.within_limits(q):
+            continue
+        rows = form.solve_all(target(robot, q), q)
+        assert contains(rows, q, 1e-4)
+        assert rows.within_limits[np.argmin(circular(rows.q, q))]
+        assert worst_error(rows) < 1e-9
+        assert closest_pair(rows) > 1e-6
+        checked += 1
+
+
+def test_an_aligned_spherical_wrist_is_a_family(bundled: Callable[[str], Robot], rng: np.random.Generator) -> None:
+    robot = bundled("j2s6s300")
+    form = closed_form(robot)
+    for q in robot.sample(rng, 50):
+        q[4] = np.pi
+        T = target(robot, q)
+        own = form.solve_all(T, q)
+        assert own.family.any()
+        assert contains(own, q, 1e-6)
+        assert own.family[np.argmin(circular(own.q, q))]
+        assert (~own.family).sum() >= 2  # the isolated branches of the other arm postures
+        seed = robot.sample(rng)
+        other = form.solve_all(T, seed)
+        members = other.q[other.family]
+        assert np.isclose(members[:, 5], seed[5], atol=1e-9).any()
+        assert np.isclose(members[:, 3], seed[3], atol=1e-6).any()
+        assert worst_error(other) < 1e-10
+
+
+@pytest.mark.parametrize("away", [1e-8, 1e-6, 1e-4, 1e-2])
+def test_a_nearly_aligned_spherical_wrist_is_not(
+    away: float, bundled: Callable[[str], Robot], rng: np.random.Generator
+) -> None:
+    robot = bundled("j2s6s300")
+    form = closed_form(robot)
+    for q in robot.sample(rng, 100):
+        q[4] = np.pi + away
+        rows = form.solve_all(target(robot, q), q)
+        assert not rows.family.any()
+        assert contains(rows, q, 1e-4)

@@ -1,0 +1,59 @@
+"""What the tests of the closed form share: targets, circular distances, and branches found by brute force."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from jacokin import Robot
+from jacokin.ik.closed_form.solver import ClosedForm, Rows
+
+Array = NDArray[np.float64]
+
+
+def closed_form(robot: Robot, frame: str | None = None, tool: pin.SE3 | None = None) -> ClosedForm:
+    return ClosedForm(robot.pin_model, robot.frame_id(frame), tool, robot.lower, robot.upper)
+
+
+def target(robot: Robot, q: Array, frame: str | None = None) -> Array:
+    return np.ascontiguousarray(robot.forward_kinematics(q, frame).homogeneous)
+
+
+def circular(a: Array, b: Array) -> Array:
+    """Largest joint difference on the circle [rad]."""
+    return np.asarray(np.abs((a - b + np.pi) % (2.0 * np.pi) - np.pi).max(axis=-1), dtype=np.float64)
+
+
+def worst_error(rows: Rows) -> float:
+    return float(max(rows.position_error.max(), rows.orientation_error.max())) if len(rows) else 0.0
+
+
+def contains(rows: Rows, q: Array, tolerance: float = 1e-6) -> bool:
+    return len(rows) > 0 and bool(circular(rows.q, q).min() < tolerance)
+
+
+def closest_pair(rows: Rows) -> float:
+    """Smallest circular distance between two branches [rad]."""
+    q = rows.q
+    return min((float(circular(q[i], q[j])) for i in range(len(q)) for j in range(i)), default=np.inf)
+
+
+def brute_force(robot: Robot, T: Array, rng: np.random.Generator, starts: int) -> list[Array]:
+    """Branches found by Newton on Pinocchio's Jacobian from random starts."""
+    found: list[Array] = []
+    wanted = pin.SE3(T)
+    model, frame = robot.pin_model, robot.frame_id()
+    data = model.createData()
+    for q in rng.uniform(-np.pi, np.pi, (starts, 6)):
+        for _ in range(25):
+            pin.framesForwardKinematics(model, data, q)
+            J = pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL)
+            error = pin.log6(data.oMf[frame].actInv(wanted)).vector
+            step = np.linalg.solve(J + 1e-12 * np.eye(6), error)
+            q = q + step * min(1.0, 0.5 / max(np.abs(step).max(), 1e-300))
+            if np.abs(step).max() < 1e-9:
+                if not any(circular(q, other) < 1e-5 for other in found):
+                    found.append(q)
+                break
+    return found

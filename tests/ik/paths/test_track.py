@@ -1,0 +1,267 @@
+"""Cartesian paths: straight lines at the speed asked for, the right start branch, files, and wrong input."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from jacokin import IKSolver, Robot
+from jacokin.errors import InvalidInputError, UnknownNameError
+from jacokin.ik.paths.lines import sample
+from jacokin.ik.paths.plot import plot_path
+from jacokin.ik.paths.result import PathResult
+from jacokin.ik.paths.track import start_branches, track_path
+
+
+def square(robot: Robot, side: float = 0.05) -> list[pin.SE3]:
+    start = robot.forward_kinematics(robot.home)
+    corners = np.array([[0, 0, 0], [0, 0, 1], [0, 1, 1], [0, 1, 0], [0, 0, 0]]) * side
+    return [pin.SE3(start.rotation, start.translation + corner) for corner in corners]
+
+
+@pytest.fixture(scope="module")
+def result(robot: Robot) -> PathResult:
+    return track_path(robot, square(robot), speed=[0.05, 0.1, 0.05, 0.1])
+
+
+def test_lines_are_straight_and_timed(robot: Robot) -> None:
+    start = robot.forward_kinematics(robot.home)
+    end = pin.SE3(start.rotation @ pin.exp3(np.array([0.0, 0.3, 0.0])), start.translation + np.array([0.1, 0.0, 0.0]))
+    path = sample([start, end], 0.05, 1.0, 0.01)
+    assert len(path.poses) == 201  # 0.1 m at 0.05 m/s in steps of 0.01 s, and the start
+    for tick, pose in enumerate(path.poses):
+        assert np.allclose(pose.translation, start.translation + np.array([0.1 * tick / 200, 0.0, 0.0]), atol=1e-15)
+        turned = pin.log3(start.rotation.T @ pose.rotation)
+        assert np.allclose(turned, [0.0, 0.3 * tick / 200, 0.0], atol=1e-12)
+    slow_turn = sample([start, end], 10.0, 0.1, 0.01)
+    assert len(slow_turn.poses) == 301  # 0.3 rad at 0.1 rad/s takes longer
+
+
+def test_a_square_is_followed(robot: Robot, result: PathResult) -> None:
+    assert result.success
+    assert result.failed_segments == ()
+    assert result.t[-1] == pytest.approx(1.0 + 0.5 + 1.0 + 0.5)
+    assert np.bincount(result.segment).tolist() == [101, 50, 100, 50]
+    assert result.position_error.max() < 1e-5
+    corners = square(robot)
+    for q in result.q:
+        place = robot.forward_kinematics(q).translation - corners[0].translation
+        edges = [abs(place[1]), abs(place[1] - 0.05), abs(place[2]), abs(place[2] - 0.05)]
+        assert abs(place[0]) < 1e-4
+        assert min(edges) < 1e-4
+    assert np.allclose(np.diff(result.q, axis=0) / 0.01, result.v[1:], atol=1e-9)
+    assert (np.abs(result.v) <= robot.velocity_limit + 1e-9).all()
+    assert (result.limit_margin >= 0.0).all()
+    assert np.isinf(result.limit_margin[:, robot.free]).all()
+    assert "on the path throughout" in str(result)
+
+
+def test_a_branch_that_fails_gives_way_to_one_that_does_not(robot: Robot) -> None:
+    """The seed stands where joint 3 soon meets its limit; another branch has room."""
+    rng = np.random.default_rng(5)
+    found = 0
+    for _ in range(40):
+        q = robot.sample(rng)
+        q[2] = robot.lower[2] + 0.05
+        start = robot.forward_kinematics(q)
+        beyond = robot.forward_kinematics(np.array([*q[:2], 1.0, *q[3:]])).translation
+        away = start.translation - 0.08 * (beyond - start.translation) / np.linalg.norm(beyond - start.translation)
+        result = track_path(robot, [start, pin.SE3(start.rotation, away)], seed=q)
+        if result.success and len(result.branches) > 1:
+            found += 1
+            assert all(report.failed_segments for report in result.branches[:-1])
+            assert result.branches[-1].failed_segments == ()
+            assert result.branches[-1].position_error <= 1e-4
+            assert "stays on the path" in result.message
+        elif not result.success:
+            legal = IKSolver(robot).solve_all(start).legal
+            assert len(result.branches) == len(legal)
+            assert all(report.failed_segments == (0,) for report in result.branches)
+        if found >= 2:
+            return
+    pytest.fail("no path of the sample needed another branch")
+
+
+def test_an_impossible_path_names_its_segments(robot: Robot) -> None:
+    poses = square(robot)[:2]
+    far = pin.SE3(poses[0].rotation, poses[0].translation + np.array([0.0, 0.0, 2.0]))
+    result = track_path(robot, [*poses, far], speed=1.0)
+    assert not result.success
+    assert 1 in result.failed_segments
+    assert result.time_limited > 0.5
+    assert "leaves it on segment" in result.message
+    assert any("velocity" in names for names in result.limiting)
+    assert np.isfinite(result.q).all()
+
+
+def test_a_first_pose_out_of_reach_is_said(robot: Robot) -> None:
+    poses = square(robot)[:2]
+    far = pin.SE3(poses[0].rotation, np.array([2.0, 0.0, 0.5]))
+    result = track_path(robot, [far, poses[0]], speed=1.0)
+    assert "no legal configuration reaches the first pose" in result.message
+    assert result.status[0] != "OK"
+
+
+def test_without_closed_form_branches_come_from_many_seeds(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    from jacokin.errors import StructureError
+
+    solver = IKSolver(robot)
+    pose = robot.forward_kinematics(robot.home)
+    exact = [np.array(q) for q in solver.solve_all(pose).legal]
+
+    def refuse() -> None:
+        raise StructureError("no closed form")
+
+    monkeypatch.setattr(solver, "closed_form", refuse)
+    found = start_branches(solver, pose, robot.home)
+    assert np.abs(found[0] - robot.home).max() < 1e-5
+    assert len(found) > len(exact) / 2
+    for q in found:
+        turned = [np.abs((q - other + np.pi) % (2 * np.pi) - np.pi).max() for other in exact]
+        assert min(turned) < 1e-3
+        assert robot.within_limits(q)
+
+
+def test_progress_is_reported(robot: Robot) -> None:
+    seen: list[tuple[int, int]] = []
+    result = track_path(robot, square(robot)[:2], progress=lambda done, total: seen.append((done, total)))
+    assert seen[-1] == (len(result), len(result))
+
+
+@pytest.mark.parametrize("name", ["path.csv", "path.npz"])
+def test_files_come_back_exactly(result: PathResult, tmp_path: Path, name: str) -> None:
+    file = tmp_path / name
+    result.save(file)
+    back = PathResult.load(file)
+    for field in ("t", "q", "v", "position_error", "orientation_error", "segment", "lower", "upper", "velocity_limit"):
+        assert np.array_equal(getattr(back, field), getattr(result, field)), field
+        assert not getattr(back, field).flags.writeable
+    assert np.array_equal(back.clearance, result.clearance, equal_nan=True)
+    for field in ("joint_names", "status", "limiting", "qp_solver", "message", "success"):
+        assert getattr(back, field) == getattr(result, field)
+    assert [path.name for path in tmp_path.iterdir()] == [name]
+
+
+def test_a_failed_save_leaves_the_old_file(result: PathResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = tmp_path / "path.csv"
+    file.write_text("precious")
+
+    def fail(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(PathResult, "_write_csv", fail)
+    with pytest.raises(InvalidInputError, match="No space left"):
+        result.save(file)
+    assert file.read_text() == "precious"
+    assert [path.name for path in tmp_path.iterdir()] == ["path.csv"]
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("empty.csv", ""),
+        ("other.csv", "a,b\n1,2\n"),
+        ("binary.csv", "\x00\x01"),
+        ("text.npz", "not an archive"),
+    ],
+)
+def test_files_that_are_not_ours_are_refused(tmp_path: Path, name: str, text: str) -> None:
+    file = tmp_path / name
+    file.write_text(text)
+    with pytest.raises(InvalidInputError, match=name):
+        PathResult.load(file)
+
+
+def test_a_damaged_line_is_named(result: PathResult, tmp_path: Path) -> None:
+    file = tmp_path / "path.csv"
+    result.save(file)
+    lines = file.read_text().splitlines()
+    lines[9] = lines[9].replace(",", ",x", 1)
+    file.write_text("\n".join(lines))
+    with pytest.raises(InvalidInputError, match="line 10"):
+        PathResult.load(file)
+
+
+def test_unusable_file_names(result: PathResult, tmp_path: Path) -> None:
+    with pytest.raises(InvalidInputError, match=r"\.csv or \.npz"):
+        result.save(tmp_path / "path.txt")
+    with pytest.raises(InvalidInputError, match="cannot write"):
+        result.save(tmp_path / "missing" / "path.csv")
+    with pytest.raises(InvalidInputError, match="cannot read"):
+        PathResult.load(tmp_path / "missing.npz")
+
+
+def test_the_plot_shows_joints_and_error(result: PathResult, tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    file = tmp_path / "path.png"
+    plot_path(result, file)
+    assert file.read_bytes().startswith(b"\x89PNG")
+    assert file.stat().st_size > 20_000
+    with pytest.raises(InvalidInputError, match="cannot write the plot"):
+        plot_path(result, tmp_path / "missing" / "path.png")
+    with pytest.raises(InvalidInputError, match="cannot write the plot"):
+        plot_path(result, tmp_path / "path.nonsense")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "match"),
+    [
+        ({"waypoints": []}, "at least two"),
+        ({"waypoints": [np.eye(4)]}, "at least two"),
+        ({"waypoints": [np.eye(4), np.full((4, 4), np.nan)]}, r"waypoints\[1\]"),
+        ({"waypoints": [np.eye(4), np.eye(3)]}, r"waypoints\[1\]"),
+        ({"waypoints": 3.0}, "waypoints must be a sequence"),
+        ({"waypoints": [np.eye(4), np.eye(4)]}, "same pose"),
+        ({"dt": 0.0}, "dt must be"),
+        ({"speed": 0.0}, "speed must be"),
+        ({"speed": [0.1, 0.1]}, "speed must be"),
+        ({"speed": 1e-12}, "more than 10000000 ticks"),
+        ({"angular_speed": -1.0}, "angular_speed must be"),
+        ({"velocity_limit": [1.0] * 7}, "velocity_limit"),
+        ({"velocity_limit": -1.0}, "velocity_limit"),
+        ({"frame": "link_base"}, "fixed to the base"),
+        ({"seed": [np.nan] * 6}, "seed"),
+    ],
+)
+def test_wrong_arguments_are_refused(robot: Robot, arguments: dict[str, Any], match: str) -> None:
+    given: dict[str, Any] = {"waypoints": square(robot)[:2], **arguments}
+    waypoints = given.pop("waypoints")
+    with pytest.raises(InvalidInputError, match=match):
+        track_path(robot, waypoints, **given)
+
+
+def test_unknown_names_are_refused(robot: Robot) -> None:
+    with pytest.raises(UnknownNameError):
+        track_path(robot, square(robot)[:2], frame="tcp")
+    with pytest.raises(UnknownNameError):
+        track_path(robot, square(robot)[:2], qp_solver="simplex")
+
+
+def test_damaged_files_and_wrong_types_are_refused(robot: Robot, tmp_path: Path) -> None:
+    here = robot.forward_kinematics(robot.home)
+    there = pin.SE3(here.rotation, here.translation + np.array([0.01, 0.0, 0.0]))
+    result = track_path(robot, [here, there], 0.05)
+    file = tmp_path / "path.npz"
+    result.save(file)
+    whole = file.read_bytes()
+    with np.load(file) as archive:
+        numbers = dict(archive)
+    for name, damaged in (("q", numbers["q"][:2]), ("v", numbers["v"].astype(str)), ("lower", np.zeros(5))):
+        np.savez(file, **{**numbers, name: damaged})
+        with pytest.raises(InvalidInputError, match=f"{name} has the wrong shape or type"):
+            PathResult.load(file)
+    file.write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(InvalidInputError, match="not a path written by jacokin"):
+        PathResult.load(file)
+    for refused, words in (
+        (lambda: PathResult.load(None), "file name"),  # type: ignore[arg-type]  # wrong on purpose
+        (lambda: result.save(None), "file name"),  # type: ignore[arg-type]  # wrong on purpose
+        (lambda: track_path("j2n6s300", [here, there]), "robot must be"),  # type: ignore[arg-type]  # wrong on purpose
+        (lambda: track_path(robot, [here, there], progress=3), "progress must be"),  # type: ignore[arg-type]  # wrong on purpose
+    ):
+        with pytest.raises(InvalidInputError, match=words):
+            refused()

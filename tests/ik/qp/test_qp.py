@@ -1,0 +1,256 @@
+"""The QP: global success, exact limits, honest statuses."""
+
+from __future__ import annotations
+
+import math
+import pickle
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from numpy.typing import NDArray
+
+import jacokin
+from jacokin import IKSolver, Robot, Status
+from jacokin.errors import InvalidInputError, SolveError, UnknownNameError
+from jacokin.ik import targets
+from jacokin.ik.qp import backend
+
+Array = NDArray[np.float64]
+
+
+def check_success(robot: Robot, result: jacokin.IKResult, target: pin.SE3, frame: str | None = None) -> None:
+    """The promise, measured here and not taken from the result."""
+    assert result.success, str(result)
+    assert (result.q >= robot.lower).all()
+    assert (result.q <= robot.upper).all()
+    reached = robot.forward_kinematics(result.q, frame)
+    assert np.linalg.norm(reached.translation - target.translation) <= 1e-6
+    assert np.linalg.norm(pin.log3(reached.rotation.T @ target.rotation)) <= 1e-6
+
+
+@pytest.mark.parametrize("qp_solver", ["daqp", "quadprog", "proxqp", "osqp"])
+def test_every_back_end_solves_every_reachable_pose(robot: Robot, rng: np.random.Generator, qp_solver: str) -> None:
+    solver = IKSolver(robot, method="qp", qp_solver=qp_solver)
+    for q in robot.sample(rng, 10 if qp_solver == "osqp" else 40):
+        target = robot.forward_kinematics(q)
+        result = solver.solve(target)
+        check_success(robot, result, target)
+        assert result.method == "qp"
+        assert result.qp_solver == qp_solver
+        assert result.iterations > 0
+
+
+def test_configurations_on_a_limit_are_solved_on_the_limit(robot: Robot, rng: np.random.Generator) -> None:
+    solver = IKSolver(robot, method="qp")
+    for index, q in enumerate(robot.sample(rng, 20)):
+        q[1 + index % 2] = (robot.lower, robot.upper)[index // 2 % 2][1 + index % 2]
+        target = robot.forward_kinematics(q)
+        check_success(robot, solver.solve(target, seed=q + 0.1), target)
+
+
+@pytest.mark.parametrize("frame", ["link_3", "wristsite", "pinchsite"])
+def test_any_frame_can_be_brought_to_a_target(robot: Robot, rng: np.random.Generator, frame: str) -> None:
+    solver = IKSolver(robot, frame, method="qp")
+    target = robot.forward_kinematics(robot.sample(rng), frame)
+    check_success(robot, solver.solve(target), target, frame)
+
+
+def test_a_tool_is_a_constant_pose_after_the_frame(robot: Robot, rng: np.random.Generator) -> None:
+    T_frame_tool = jacokin.pose([0.01, -0.02, 0.15], rpy=[0.2, 0.1, -0.4])
+    q = robot.sample(rng)
+    target = robot.forward_kinematics(q, "link_6") * T_frame_tool
+    result = IKSolver(robot, "link_6", tool=T_frame_tool, method="qp").solve(target)
+    check_success(robot, result, target * T_frame_tool.inverse(), "link_6")
+
+
+def test_position_only_leaves_the_orientation_free(robot: Robot) -> None:
+    result = IKSolver(robot, method="qp").solve([0.35, -0.2, 0.45]).raise_for_status()
+    np.testing.assert_allclose(robot.forward_kinematics(result.q).translation, [0.35, -0.2, 0.45], atol=1e-6)
+    assert result.orientation_error == 0.0
+    tool = IKSolver(robot, tool=jacokin.pose([0, 0, 0.2]), method="qp").solve([0.35, -0.2, 0.45])
+    tip = robot.forward_kinematics(tool.raise_for_status().q).act(np.array([0.0, 0.0, 0.2]))
+    np.testing.assert_allclose(tip, [0.35, -0.2, 0.45], atol=1e-6)
+
+
+def test_own_limits_bind(rng: np.random.Generator) -> None:
+    narrow = jacokin.load_robot(limits={"joint_1": (0.0, 1.5), "joint_4": (-1.0, 1.0)})
+    solver = IKSolver(narrow, method="qp")
+    for q in narrow.sample(rng, 10):
+        target = narrow.forward_kinematics(q)
+        check_success(narrow, solver.solve(target), target)
+
+
+def test_only_the_arm_moves_whatever_else_the_file_holds() -> None:
+    # A hand in the file changes nothing: same joints, same answer.
+    from jacokin.model.bundled import urdf_folder
+
+    plain = jacokin.load_robot(urdf_folder() / "jaco_arm.xml")
+    both = jacokin.load_robot(urdf_folder() / "j2n6s300.xml", tip="wristsite")
+    assert plain.joint_names == both.joint_names
+    target = plain.forward_kinematics(plain.home, "wristsite")
+    answers = [IKSolver(r, "wristsite", method="qp").solve(target, seed=plain.home + 0.2).q for r in (plain, both)]
+    np.testing.assert_allclose(answers[0], answers[1], atol=1e-9)
+
+
+def test_results_repeat_and_randomness_is_an_argument(robot: Robot, rng: np.random.Generator) -> None:
+    solver = IKSolver(robot, method="qp")
+    target = robot.forward_kinematics(robot.sample(rng))
+    first, second = solver.solve(target), solver.solve(target)
+    np.testing.assert_array_equal(first.q, second.q)
+    seeded = [solver.solve(target, rng=np.random.default_rng(5)).q for _ in range(2)]
+    np.testing.assert_array_equal(seeded[0], seeded[1])
+
+
+def test_free_joints_come_in_the_copy_nearest_to_the_seed(robot: Robot) -> None:
+    solver = IKSolver(robot, method="qp")
+    target = robot.forward_kinematics(robot.home)
+    turned = np.where(robot.free, 4 * math.pi, 0.0)
+    np.testing.assert_allclose(solver.solve(target, robot.home + turned).q, robot.home + turned, atol=1e-6)
+
+
+def test_an_illegal_seed_is_moved_inside_and_said_so(robot: Robot) -> None:
+    target = robot.forward_kinematics(robot.home)
+    result = IKSolver(robot, method="qp").solve(target, seed=np.zeros(6))
+    assert result.success
+    assert "joint_2, joint_3" in result.message
+    turned = np.array(robot.home)
+    turned[1] -= 2 * math.pi  # the same pose one turn below its range
+    np.testing.assert_allclose(IKSolver(robot, method="qp").solve(target, turned).q, robot.home, atol=1e-6)
+
+
+def test_out_of_reach_is_a_status_with_the_closest_pose(robot: Robot) -> None:
+    solver = IKSolver(robot, method="qp")
+    result = solver.solve([2.0, 0.0, 0.3])
+    assert result.status is Status.UNREACHABLE
+    assert not result.success
+    assert robot.within_limits(result.q)
+    # The least that 40 starts of a bounded quasi-Newton search found: the arm stretched at the target.
+    assert result.position_error == pytest.approx(1.08895, abs=1e-5)
+    with pytest.raises(SolveError, match="UNREACHABLE") as error:
+        result.raise_for_status()
+    assert error.value.result is result
+    quick = solver.solve([2.0, 0.0, 0.3], closest=False)
+    assert quick.status is Status.UNREACHABLE
+    far = solver.solve(jacokin.pose([2e3, 0.0, 300.0], down=True))
+    assert far.status is Status.UNREACHABLE
+    assert robot.within_limits(far.q)
+
+
+def test_no_convergence_counts_its_starts(robot: Robot) -> None:
+    result = IKSolver(robot, method="qp", max_restarts=3).solve(jacokin.pose([0.0, 0.0, 0.05], down=True))
+    assert result.status is Status.NO_CONVERGENCE
+    assert result.restarts >= 3
+    assert robot.within_limits(result.q)
+
+
+def test_a_failing_back_end_falls_back_and_says_so(
+    robot: Robot, rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    solve = backend.Backend._solve
+
+    def broken(self: backend.Backend, configuration: object, *problem: Any) -> Array:
+        if problem[-1] == "quadprog":
+            return np.full(6, np.nan)
+        return solve(self, configuration, *problem)
+
+    monkeypatch.setattr(backend.Backend, "_solve", broken)
+    target = robot.forward_kinematics(robot.sample(rng))
+    result = IKSolver(robot, method="qp", qp_solver="quadprog").solve(target)
+    check_success(robot, result, target)
+    assert result.qp_solver == "quadprog, then daqp"
+    monkeypatch.setattr(backend.Backend, "_solve", lambda *_: np.full(6, np.nan))
+    failed = IKSolver(robot, method="qp").solve(target)
+    assert failed.status is Status.SOLVER_ERROR
+    assert robot.within_limits(failed.q)
+
+
+def test_contact_is_reported_or_avoided(robot: Robot, rng: np.random.Generator) -> None:
+    from jacokin.model.contact import SelfContact
+
+    contact = SelfContact(robot)
+    touching = next(q for q in robot.sample(rng, 500) if contact.touching(q))
+    target = robot.forward_kinematics(touching)
+    reported = IKSolver(robot, method="qp", collision="report").solve(target, seed=touching)
+    assert reported.success
+    assert reported.touching
+    rejected = IKSolver(robot, method="qp", collision="reject").solve(target, seed=touching)
+    if rejected.success:
+        assert contact.touching(rejected.q) == []
+    else:
+        assert rejected.status is Status.IN_COLLISION
+        assert rejected.touching
+
+
+def test_batches_answer_like_single_solves(robot: Robot, rng: np.random.Generator) -> None:
+    solver = IKSolver(robot, method="qp")
+    wanted = [robot.forward_kinematics(q) for q in robot.sample(rng, 4)]
+    done: list[int] = []
+    batch = solver.solve_batch([*wanted, [2.0, 0.0, 0.3]], progress=done.append, closest=False)
+    assert sum(done) == len(batch) == 5
+    assert batch.success.tolist() == [True] * 4 + [False]
+    assert batch.status[4] is Status.UNREACHABLE
+    for q, target in zip(batch.q, wanted, strict=False):
+        np.testing.assert_array_equal(q, solver.solve(target).q)
+    with pytest.raises(ValueError, match="read-only"):
+        batch.q[0, 0] = 0.0
+
+
+def test_a_pickled_solver_solves(robot: Robot, rng: np.random.Generator) -> None:
+    solver = IKSolver(robot, "pinchsite", method="qp", max_restarts=7)
+    copy = pickle.loads(pickle.dumps(solver))
+    target = robot.forward_kinematics(robot.sample(rng), "pinchsite")
+    np.testing.assert_array_equal(copy.solve(target).q, solver.solve(target).q)
+
+
+def test_wrong_arguments_are_named(robot: Robot) -> None:
+    with pytest.raises(UnknownNameError, match="method 'newton'.*closed_form"):
+        IKSolver(robot, method="newton")
+    with pytest.raises(UnknownNameError, match="qp_solver 'gurobi_x'.*daqp"):
+        IKSolver(robot, qp_solver="gurobi_x")
+    with pytest.raises(UnknownNameError, match="collision"):
+        IKSolver(robot, collision="avoid")
+    with pytest.raises(UnknownNameError, match="frame"):
+        IKSolver(robot, "tool0")
+    for options in ({"position_tolerance": 0.0}, {"orientation_tolerance": math.nan}, {"limit_snap": -1.0}):
+        with pytest.raises(InvalidInputError, match=next(iter(options))):
+            IKSolver(robot, **options)  # type: ignore[arg-type]  # one wrong option at a time
+    with pytest.raises(InvalidInputError, match="max_restarts"):
+        IKSolver(robot, max_restarts=-1)
+    solver = IKSolver(robot, method="qp")
+    with pytest.raises(InvalidInputError, match=r"seed must have shape \(6,\)"):
+        solver.solve([0.3, 0.2, 0.4], seed=[0.0] * 5)
+    with pytest.raises(InvalidInputError, match="target must have shape"):
+        solver.solve([0.3, 0.2])
+    with pytest.raises(InvalidInputError, match="target must be finite"):
+        solver.solve([0.3, math.nan, 0.2])
+    with pytest.raises(InvalidInputError, match="rng"):
+        solver.solve([0.3, 0.2, 0.4], rng=np.random.RandomState(0))  # type: ignore[arg-type]  # wrong on purpose
+    with pytest.raises(InvalidInputError, match="targets is empty"):
+        solver.solve_batch([])
+    with pytest.raises(InvalidInputError, match=r"targets\[1\]"):
+        solver.solve_batch([[0.3, 0.2, 0.4], [0.3, math.nan, 0.4]])
+    with pytest.raises(InvalidInputError, match="seeds must have one row"):
+        solver.solve_batch([[0.3, 0.2, 0.4]], seeds=np.zeros((2, 6)))
+    with pytest.raises(InvalidInputError, match="workers"):
+        solver.solve_batch([[0.3, 0.2, 0.4]], workers=0)
+
+
+def test_published_home_is_near_the_documented_angles(robot: Robot) -> None:
+    # The pose the driver states for the real arm's home, and the home angles Kinova documents, rounded to 0.1 deg.
+    published = pin.SE3(
+        pin.utils.rotate("x", 1.63771402836)
+        @ pin.utils.rotate("y", 1.11316478252)
+        @ pin.utils.rotate("z", 0.134094119072),
+        np.array([0.212322831154, -0.257197618484, 0.509646713734]),
+    )
+    documented = np.radians([275.0, 167.4, 57.4, 241.0, 82.7, 75.5])
+    result = IKSolver(robot).solve(published, seed=documented).raise_for_status()
+    assert np.degrees(np.abs(result.q - documented)).max() < 2.0
+
+
+def test_rotation_angles_are_accurate_at_both_ends() -> None:
+    for angle in (0.0, 1e-9, 1e-4, 1.0, math.pi - 1e-7, math.pi):
+        rotation = pin.AngleAxis(angle, np.array([0.6, 0.0, 0.8])).toRotationMatrix()
+        assert targets.rotation_angle(rotation) == pytest.approx(angle, abs=1e-15)

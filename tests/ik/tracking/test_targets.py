@@ -1,0 +1,194 @@
+"""Parts of poses, regions, several frames, and what the arm does with the freedom they leave."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from jacokin import Robot, Tracker
+from jacokin.errors import InvalidInputError, UnknownNameError
+from jacokin.ik.tracking.objectives import LimitDistance, Manipulability, Posture
+from jacokin.ik.tracking.result import TrackerStatus
+from jacokin.ik.tracking.targets import (
+    AxisTarget,
+    OrientationTarget,
+    PoseTarget,
+    PositionTarget,
+    RegionTarget,
+    Target,
+)
+
+
+def settle(tracker: Tracker, target: Any, ticks: int = 500) -> Any:
+    for _ in range(ticks):
+        step = tracker.step(target)
+        assert tracker.robot.within_limits(step.q)
+    return step
+
+
+def test_position_only(robot: Robot) -> None:
+    step = settle(Tracker(robot), np.array([0.3, 0.3, 0.5]))
+    assert step.status is TrackerStatus.OK
+    assert np.allclose(robot.forward_kinematics(step.q).translation, [0.3, 0.3, 0.5], atol=1e-6)
+    assert step.orientation_error == 0.0
+
+
+@pytest.mark.parametrize("distance", [1e4, 1e9, 1e300])
+def test_the_arm_stretches_towards_targets_however_far(robot: Robot, distance: float) -> None:
+    home = robot.forward_kinematics(robot.home)
+    for target in ([distance, 0.0, 0.3], pin.SE3(home.rotation, np.array([distance, 0.0, 0.3]))):
+        tracker = Tracker(robot)
+        step = tracker.step(target)
+        assert np.abs(step.v).max() > 0.1
+        assert step.position_error == pytest.approx(distance, abs=1.0)
+        step = settle(tracker, target)
+        assert step.status is not TrackerStatus.OK
+        assert robot.forward_kinematics(step.q).translation[0] > 0.75
+
+
+def test_orientation_only(robot: Robot) -> None:
+    step = settle(Tracker(robot), OrientationTarget(np.eye(3)))
+    assert step.status is TrackerStatus.OK
+    assert np.allclose(robot.forward_kinematics(step.q).rotation, np.eye(3), atol=1e-6)
+    assert step.position_error == 0.0
+
+
+@pytest.mark.parametrize("axis", [(0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 3.0, 4.0)])
+def test_axis_only(robot: Robot, axis: tuple[float, float, float]) -> None:
+    step = settle(Tracker(robot), AxisTarget((0.0, 1.0, -1.0), axis))
+    assert step.status is TrackerStatus.OK
+    points = robot.forward_kinematics(step.q).rotation @ (np.array(axis) / np.linalg.norm(axis))
+    assert np.allclose(points, [0.0, np.sqrt(0.5), -np.sqrt(0.5)], atol=1e-5)
+
+
+def test_an_opposite_axis_is_no_trap(robot: Robot) -> None:
+    now = robot.forward_kinematics(robot.home).rotation[:, 2]
+    step = settle(Tracker(robot), AxisTarget(-now))
+    assert step.orientation_error < 1e-3
+
+
+def test_position_and_axis_together(robot: Robot) -> None:
+    start = robot.forward_kinematics(robot.home)
+    there = start.translation + np.array([0.05, -0.05, 0.1])
+    direction = pin.exp3(np.array([0.3, -0.2, 0.0])) @ start.rotation[:, 2]
+    step = settle(Tracker(robot), [PositionTarget(there), AxisTarget(direction)])
+    reached = robot.forward_kinematics(step.q)
+    assert step.status is TrackerStatus.OK
+    assert np.allclose(reached.translation, there, atol=1e-6)
+    assert np.allclose(reached.rotation[:, 2], direction, atol=1e-5)
+
+
+def test_a_region_is_entered_and_not_left(robot: Robot) -> None:
+    lower, upper = np.array([0.2, 0.2, 0.3]), np.array([0.4, 0.4, 0.6])
+    tracker = Tracker(robot, posture=robot.home)
+    region = RegionTarget(lower, upper)
+    step = settle(tracker, region, 400)
+    assert step.status is TrackerStatus.OK
+    for _ in range(400):
+        step = tracker.step(region)
+        place = robot.forward_kinematics(step.q).translation
+        assert (place >= lower - 1e-4).all()
+        assert (place <= upper + 1e-4).all()
+    # Home is outside, so the posture pulls the tool against the faces.
+    assert min(np.abs(place - lower).min(), np.abs(upper - place).min()) < 1e-3
+
+
+def test_an_open_region_bounds_one_axis(robot: Robot) -> None:
+    target = RegionTarget([-np.inf, -np.inf, 0.6], [np.inf] * 3)
+    step = settle(Tracker(robot), target, 300)
+    assert step.status is TrackerStatus.OK
+    assert robot.forward_kinematics(step.q).translation[2] >= 0.6 - 1e-4
+
+
+def test_weights_decide_between_frames_that_want_different_things(robot: Robot) -> None:
+    tool = robot.forward_kinematics(robot.home).translation + np.array([0.0, 0.0, 0.1])
+    elbow = robot.forward_kinematics(robot.home, "link_4").translation - np.array([0.0, 0.0, 0.1])
+    errors = {}
+    for weight in (0.05, 1.0, 20.0):
+        targets = [PositionTarget(tool), PositionTarget(elbow, frame="link_4", weight=weight)]
+        step = settle(Tracker(robot), targets)
+        errors[weight] = np.linalg.norm(robot.forward_kinematics(step.q, "link_4").translation - elbow)
+    assert errors[0.05] > errors[1.0] > errors[20.0]
+
+
+def test_two_frames_of_one_configuration_are_both_reached(robot: Robot) -> None:
+    goal = robot.home + np.array([0.2, -0.1, 0.1, 0.2, -0.2, 0.1])
+    targets = [
+        PoseTarget(robot.forward_kinematics(goal)),
+        PositionTarget(robot.forward_kinematics(goal, "link_4").translation, frame="link_4"),
+    ]
+    step = settle(Tracker(robot), targets)
+    assert step.status is TrackerStatus.OK
+    assert np.abs(step.q - goal).max() < 1e-4
+
+
+def test_objectives_use_the_freedom_without_costing_accuracy(robot: Robot) -> None:
+    place = robot.forward_kinematics(robot.home).translation
+    other = robot.home + np.array([0.0, 0.2, 0.2, 0.5, 0.5, 0.5])
+
+    def after(objective: Any) -> Any:
+        tracker = Tracker(robot, objectives=[objective])
+        for _ in range(500):
+            step = tracker.step(place)
+            assert step.position_error < 1e-5
+        return step.q
+
+    assert robot.manipulability(after(Manipulability())) > 1.5 * robot.manipulability(robot.home)
+    middle = 0.5 * (robot.lower[1:3] + robot.upper[1:3])
+    away = np.linalg.norm(after(LimitDistance())[1:3] - middle)
+    assert away < 0.9 * np.linalg.norm(robot.home[1:3] - middle)
+    assert np.linalg.norm(after(Posture(other)) - other) < 0.8 * np.linalg.norm(robot.home - other)
+
+
+def test_a_full_pose_leaves_the_posture_no_say(robot: Robot) -> None:
+    pose = robot.forward_kinematics(robot.home)
+    step = settle(Tracker(robot, posture=robot.home + 0.3), pose, 200)
+    assert np.abs(step.q - robot.home).max() < 1e-6
+
+
+def test_a_posture_takes_the_short_way_on_free_joints(robot: Robot) -> None:
+    posture = robot.home.copy()
+    posture[5] += 2 * np.pi - 0.2
+    tracker = Tracker(robot, posture=posture)
+    region = RegionTarget([-5.0] * 3, [5.0] * 3)
+    step = settle(tracker, region, 400)
+    assert step.q[5] == pytest.approx(robot.home[5] - 0.2, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("make", "match"),
+    [
+        (lambda: PositionTarget([0.0, np.nan, 0.0]), "position must be finite"),
+        (lambda: PositionTarget([0.0, 0.0]), "position"),
+        (lambda: AxisTarget([0.0, 0.0, 0.0]), "direction must not be zero"),
+        (lambda: OrientationTarget(np.zeros((3, 3))), "rotation"),
+        (lambda: PoseTarget([1.0, 2.0, 3.0]), "pose"),
+        (lambda: RegionTarget([0.0] * 3, [1.0, -1.0, 1.0]), "must not exceed"),
+        (lambda: RegionTarget([0.0] * 3, [1.0, np.nan, 1.0]), "upper"),
+        (lambda: RegionTarget("abc", [1.0] * 3), "lower"),
+        (lambda: PositionTarget([0.0] * 3, weight=0.0), "weight must be a positive"),
+        (lambda: PositionTarget([0.0] * 3, weight=np.inf), "weight must be a positive"),
+        (lambda: PositionTarget([0.0] * 3, weight="1"), "weight must be a positive"),  # type: ignore[arg-type]  # wrong on purpose
+        (lambda: Posture([0.0] * 6, rate=-1.0), "rate must be a positive"),
+        (lambda: Manipulability(0.0), "rate must be a positive"),
+        (lambda: LimitDistance(np.nan), "rate must be a positive"),
+    ],
+)
+def test_wrong_targets_are_refused(make: Any, match: str) -> None:
+    with pytest.raises(InvalidInputError, match=match):
+        make()
+
+
+def test_targets_on_wrong_frames_are_refused(robot: Robot) -> None:
+    tracker = Tracker(robot)
+    with pytest.raises(UnknownNameError, match="wristsite"):
+        tracker.step(PositionTarget([0.0] * 3, frame="wrist"))
+    with pytest.raises(InvalidInputError, match="fixed to the base"):
+        tracker.step(PositionTarget([0.0] * 3, frame="link_base"))
+    with pytest.raises(InvalidInputError, match="several targets"):
+        tracker.step([PositionTarget([0.0] * 3), np.zeros(3)])
+    with pytest.raises(InvalidInputError, match="unknown kind"):
+        tracker.step(Target())

@@ -1,0 +1,329 @@
+"""The tracker: paths followed, limits held exactly, statuses, and wrong arguments."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+import qpsolvers
+from numpy.typing import NDArray
+
+import jacokin
+from jacokin import Robot, Tracker
+from jacokin.errors import InvalidInputError, UnknownNameError
+from jacokin.ik.qp.backend import QPFailed
+from jacokin.ik.tracking.result import TrackerStatus
+from jacokin.ik.tracking.step_qp import StepQP
+
+DT = 0.01  # [s]
+
+
+def line(robot: Robot, ticks: int = 200, length: float = 0.1) -> list[pin.SE3]:
+    """Straight up from home: 10 cm at 5 cm/s."""
+    start = robot.forward_kinematics(robot.home)
+    ways = length * np.arange(1, ticks + 1) / ticks
+    return [pin.SE3(start.rotation, start.translation + np.array([0.0, 0.0, way])) for way in ways]
+
+
+def distance_to_line(robot: Robot, q: NDArray[np.float64]) -> float:
+    """How far off the straight line a configuration is, measured by Pinocchio [m]."""
+    offset = robot.forward_kinematics(q).translation - robot.forward_kinematics(robot.home).translation
+    return float(np.hypot(offset[0], offset[1]))
+
+
+def test_a_straight_line_is_followed(robot: Robot) -> None:
+    tracker = Tracker(robot, dt=DT)
+    for pose in line(robot):
+        step = tracker.step(pose)
+        assert step.status is TrackerStatus.OK
+        assert np.linalg.norm(robot.forward_kinematics(step.q).translation - pose.translation) < 1e-5
+        assert distance_to_line(robot, step.q) < 1e-5
+        assert step.limiting == ()
+
+
+def test_a_circle_is_followed(robot: Robot) -> None:
+    start = robot.forward_kinematics(robot.home)
+    tracker = Tracker(robot, dt=DT)
+    ticks = round(2 * np.pi * 0.05 / 0.05 / DT)  # once round a radius of 5 cm at 5 cm/s
+    for angle in 2 * np.pi * np.arange(1, ticks + 1) / ticks:
+        offset = 0.05 * np.array([0.0, np.sin(angle), 1.0 - np.cos(angle)])
+        step = tracker.step(pin.SE3(start.rotation, start.translation + offset))
+        reached = robot.forward_kinematics(step.q).translation - start.translation
+        centre = np.array([0.0, 0.0, 0.05])
+        assert abs(np.linalg.norm(reached - centre) - 0.05) < 1e-5
+        assert step.status is TrackerStatus.OK
+
+
+def test_limits_hold_exactly_while_targets_jump(robot: Robot, rng: np.random.Generator) -> None:
+    tracker = Tracker(robot, dt=DT)
+    before = tracker.q
+    at_speed = 0
+    for tick in range(10_000):
+        if tick % 20 == 0:
+            reachable = rng.random() < 0.7
+            target = (
+                robot.forward_kinematics(robot.sample(rng))
+                if reachable
+                else pin.SE3(pin.exp3(rng.normal(size=3)), rng.normal(size=3))
+            )
+        step = tracker.step(target)
+        assert robot.within_limits(step.q)
+        speed = np.abs(step.q - before) / DT
+        assert (speed <= robot.velocity_limit + 1e-9).all()
+        assert np.allclose(step.v, (step.q - before) / DT, atol=1e-12)
+        at_speed += bool((speed > 0.999 * robot.velocity_limit).any())
+        before = step.q
+    assert at_speed > 5_000
+
+
+def test_every_qp_solver_gives_the_same_path(robot: Robot) -> None:
+    paths = {}
+    for solver in qpsolvers.available_solvers:
+        tracker = Tracker(robot, dt=DT, qp_solver=solver)
+        steps = [tracker.step(pose) for pose in line(robot)]
+        assert {step.qp_solver for step in steps} == {solver}
+        paths[solver] = np.array([step.q for step in steps])
+    assert "daqp" in paths
+    for path in paths.values():
+        assert np.abs(path - paths["daqp"]).max() < 1e-4
+
+
+@pytest.mark.parametrize(
+    "position", [[2.0, 0.3, 0.5], [0.0, 0.0, 3.0], [-1.5, -1.0, 0.1]], ids=["ahead", "above", "behind"]
+)
+def test_a_target_out_of_reach_gives_the_closest_motion_and_no_oscillation(robot: Robot, position: list[float]) -> None:
+    tracker = Tracker(robot, dt=DT)
+    steps = [tracker.step(np.array(position)) for _ in range(900)]
+    errors = np.array([step.position_error for step in steps])
+    assert (np.diff(errors) <= 1e-9).all()
+    assert steps[-1].status is TrackerStatus.HELD
+    assert not steps[-1].v.any()
+    # The arm points at the target: nothing nearer can be reached from where joints 2 and 3 are.
+    stretch = robot.forward_kinematics(steps[-1].q).translation
+    shoulder = np.array([0.0, 0.0, 0.2755])
+    along = (np.array(position) - shoulder) / np.linalg.norm(np.array(position) - shoulder)
+    assert (stretch - shoulder) @ along > 0.95 * np.linalg.norm(stretch - shoulder)
+
+
+def test_a_target_that_runs_away_is_lost_and_found_again(robot: Robot) -> None:
+    tracker = Tracker(robot, dt=DT)
+    start = robot.forward_kinematics(robot.home)
+    statuses = set()
+    for tick in range(60):
+        step = tracker.step(pin.SE3(start.rotation, start.translation + np.array([0.0, 0.0, 0.02 * tick])))
+        statuses.add(step.status)
+    assert step.status is TrackerStatus.LOST
+    assert TrackerStatus.LIMITED in statuses
+    assert any("velocity" in name for name in step.limiting)
+    for _ in range(300):
+        step = tracker.step(start)
+    assert step.status is TrackerStatus.OK
+
+
+def test_a_half_turn_is_no_trap(robot: Robot) -> None:
+    start = robot.forward_kinematics(robot.home)
+    for axis in np.eye(3):
+        tracker = Tracker(robot, dt=DT)
+        target = start * pin.SE3(pin.exp3(np.pi * axis), np.zeros(3))
+        first = tracker.step(target)
+        assert first.orientation_error < np.pi - 1e-3
+        for _ in range(300):
+            step = tracker.step(target)
+            assert np.isfinite(step.q).all()
+        assert step.orientation_error < 2.5
+
+
+@pytest.mark.parametrize("reference", ["local_world_aligned", "local", "world"])
+def test_a_twist_moves_the_tool_at_that_velocity(robot: Robot, reference: str) -> None:
+    twist = np.array([0.01, -0.02, 0.03, 0.05, 0.1, -0.05])
+    tracker = Tracker(robot, dt=1e-3)
+    middle = None
+    for tick in range(101):
+        step = tracker.step(twist=twist, reference=reference)
+        assert step.status is TrackerStatus.OK
+        if tick == 50:
+            middle = step.q
+            velocity = robot.jacobian(step.q, reference=reference) @ step.v
+    assert middle is not None
+    assert np.abs(velocity - twist).max() < 1e-4
+
+
+def test_twists_do_not_drift(robot: Robot) -> None:
+    tracker = Tracker(robot, dt=DT)
+    start = robot.forward_kinematics(robot.home)
+    for _ in range(200):
+        step = tracker.step(twist=[0.0, 0.0, 0.05, 0.0, 0.0, 0.1])
+    moved = robot.forward_kinematics(step.q)
+    assert np.abs(moved.translation - start.translation - [0.0, 0.0, 0.1]).max() < 1e-5
+    assert np.abs(moved.rotation - pin.exp3(np.array([0.0, 0.0, 0.2])) @ start.rotation).max() < 1e-5
+
+
+def test_a_tool_moves_instead_of_its_frame(robot: Robot) -> None:
+    T_frame_tool = pin.SE3(pin.exp3(np.array([0.1, 0.2, 0.3])), np.array([0.0, 0.02, 0.1]))
+    target = robot.forward_kinematics(robot.home) * T_frame_tool
+    target.translation = target.translation + np.array([0.0, 0.0, 0.02])
+    tracker = Tracker(robot, tool=T_frame_tool)
+    for _ in range(100):
+        step = tracker.step(target)
+    reached = robot.forward_kinematics(step.q) * T_frame_tool
+    assert step.status is TrackerStatus.OK
+    assert np.linalg.norm(reached.translation - target.translation) < 1e-6
+
+
+def test_steps_are_frozen_and_statuses_say_what_to_do(robot: Robot) -> None:
+    tracker = Tracker(robot)
+    step = tracker.step(robot.forward_kinematics(robot.home))
+    with pytest.raises(AttributeError):
+        step.status = TrackerStatus.LOST  # type: ignore[misc]  # wrong on purpose
+    with pytest.raises(ValueError, match="read-only"):
+        step.q[0] = 0.0
+    assert all(len(status.value) > 30 for status in TrackerStatus)
+    assert "OK" in str(step)
+
+
+def test_the_errors_reported_are_what_forward_kinematics_says(robot: Robot, rng: np.random.Generator) -> None:
+    tracker = Tracker(robot)
+    target = robot.forward_kinematics(robot.sample(rng))
+    for _ in range(50):
+        step = tracker.step(target)
+        here = robot.forward_kinematics(step.q)
+        assert step.position_error == pytest.approx(np.linalg.norm(here.translation - target.translation), abs=1e-12)
+        angle = np.linalg.norm(pin.log3(here.rotation.T @ target.rotation))
+        assert step.orientation_error == pytest.approx(angle, abs=1e-9)
+
+
+def test_reset_puts_the_arm_there_and_noise_past_a_limit_is_removed(robot: Robot) -> None:
+    tracker = Tracker(robot)
+    q = robot.home.copy()
+    q[1] = robot.upper[1] + 1e-3
+    tracker.reset(q)
+    assert tracker.q[1] == robot.upper[1]
+    assert not tracker.v.any()
+    step = tracker.step(robot.forward_kinematics(robot.home))
+    assert robot.within_limits(step.q)
+
+
+def test_a_qp_that_cannot_be_solved_holds_the_arm_and_says_so(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    pose = line(robot)[20]
+    tracker = Tracker(robot)
+    tracker.step(pose)
+    before = tracker.q
+
+    def fail(*_: object) -> None:
+        raise QPFailed
+
+    with monkeypatch.context() as patch:
+        patch.setattr(StepQP, "solve", fail)
+        step = tracker.step(line(robot)[-1])
+    assert step.status is TrackerStatus.HELD
+    assert "no QP solver" in step.message
+    assert np.array_equal(step.q, before)
+    assert not step.v.any()
+    for _ in range(200):
+        step = tracker.step(pose)
+    assert step.status is TrackerStatus.OK
+
+
+def test_a_failing_solver_is_replaced_and_the_step_says_by_which(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    run = StepQP._run
+
+    def fail_quadprog(solver: str, *arguments: Any) -> Any:
+        if solver == "quadprog":
+            raise ValueError("matrix G is not positive definite")
+        return run(solver, *arguments)
+
+    monkeypatch.setattr(StepQP, "_run", staticmethod(fail_quadprog))
+    tracker = Tracker(robot, qp_solver="quadprog")
+    step = tracker.step(line(robot)[0])
+    assert step.status is TrackerStatus.OK
+    assert step.qp_solver == "quadprog, then daqp"
+
+
+def test_failed_calls_change_nothing(robot: Robot) -> None:
+    tracker, twin = Tracker(robot), Tracker(robot)
+    pose = line(robot)[100]
+    tracker.step(pose)
+    twin.step(pose)
+    outside = robot.home.copy()
+    outside[1] = 0.0
+    for call in (
+        lambda: tracker.reset(outside),
+        lambda: tracker.reset([np.nan] * 6),
+        lambda: tracker.step(),
+        lambda: tracker.step(pose, twist=np.zeros(6)),
+        lambda: tracker.step(twist=np.zeros(5)),
+        lambda: tracker.step(twist=np.full(6, np.nan)),
+        lambda: tracker.step(twist=np.zeros(6), reference="tool"),
+        lambda: tracker.step(np.full((4, 4), np.nan)),
+        lambda: tracker.step(pin.SE3(np.eye(3) * 2.0, np.zeros(3))),
+        lambda: tracker.step(pin.SE3(np.diag([1.0, 1.0, -1.0]), np.zeros(3))),
+        lambda: tracker.step(pin.SE3(np.eye(3), np.array([np.inf, 0.0, 0.0]))),
+        lambda: tracker.step([1.0, 2.0]),
+        lambda: tracker.step("home"),
+    ):
+        with pytest.raises(InvalidInputError):
+            call()
+    assert np.array_equal(tracker.step(pose).q, twin.step(pose).q)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "match"),
+    [
+        ({"dt": 0.0}, "dt must be a positive number"),
+        ({"dt": -0.01}, "dt must be a positive number"),
+        ({"dt": np.nan}, "dt must be a positive number"),
+        ({"dt": "fast"}, "dt must be a positive number"),
+        ({"velocity_limit": [0.5] * 5}, r"velocity_limit must have shape \(6,\)"),
+        ({"velocity_limit": [0.5, 0.5, -0.1, 0.5, 0.5, 0.5]}, "velocity_limit must be positive"),
+        ({"velocity_limit": np.inf}, "velocity_limit must be finite"),
+        ({"acceleration_limit": 0.0}, "acceleration_limit must be positive"),
+        ({"position_tolerance": 0.0}, "position_tolerance"),
+        ({"posture": [0.0] * 5}, "posture"),
+        ({"objectives": ["manipulability"]}, "objectives"),
+        ({"objectives": 3}, "objectives must be a list"),
+        ({"collision": "self"}, "collision must be"),
+        ({"frame": "link_base"}, "fixed to the base"),
+        ({"q": [0.0] * 6}, "q puts joint_2"),
+        ({"tool": np.zeros((4, 4))}, "tool"),
+    ],
+)
+def test_wrong_arguments_are_refused_before_the_first_tick(robot: Robot, arguments: dict[str, Any], match: str) -> None:
+    with pytest.raises(InvalidInputError, match=match):
+        Tracker(robot, **arguments)
+
+
+def test_unknown_names_are_listed(robot: Robot) -> None:
+    with pytest.raises(UnknownNameError, match="end_effector"):
+        Tracker(robot, "end_efector")
+    with pytest.raises(UnknownNameError, match="daqp"):
+        Tracker(robot, qp_solver="simplex")
+    with pytest.raises(UnknownNameError, match="local_world_aligned"):
+        Tracker(robot).step(twist=np.zeros(6), reference="tool")
+    with pytest.raises(InvalidInputError, match="load_robot"):
+        Tracker("j2n6s300")  # type: ignore[arg-type]  # wrong on purpose
+
+
+def test_a_description_without_velocity_limits_asks_for_them() -> None:
+    from jacokin.model import bundled
+
+    path = Path(bundled.urdf_folder()) / "j2n6s300.xml"
+    robot = jacokin.load_robot(path)
+    with pytest.raises(InvalidInputError, match="no velocity limits for joint_1"):
+        Tracker(robot)
+    tracker = Tracker(robot, velocity_limit=0.6)
+    step = tracker.step(robot.forward_kinematics(robot.home))
+    assert step.status is TrackerStatus.OK
+
+
+@pytest.mark.parametrize("name", ["j2n6s200", "j2s6s300", "m1n6s300"])
+def test_other_members_of_the_family_follow_too(bundled: Any, name: str) -> None:
+    robot = bundled(name)
+    start = robot.forward_kinematics(robot.home)
+    tracker = Tracker(robot)
+    for way in np.linspace(0.0, 0.03, 100):
+        step = tracker.step(pin.SE3(start.rotation, start.translation - np.array([0.0, 0.0, way])))
+        assert step.status is TrackerStatus.OK
+        assert robot.within_limits(step.q)
