@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import csv
-import os
-import tempfile
 import zipfile
 import zlib
 from dataclasses import dataclass, fields
@@ -14,6 +12,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from jacokin import files
 from jacokin.errors import InvalidInputError
 from jacokin.model import checks
 
@@ -115,18 +114,11 @@ class PathResult:
         """
         file = _checked_file(path)
         try:
-            handle, name = tempfile.mkstemp(dir=file.parent, prefix=f".{file.name}.", suffix=file.suffix)
-            os.close(handle)
-            temporary = Path(name)
-            try:
+            with files.replacing(file) as temporary:
                 if file.suffix == ".csv":
                     self._write_csv(temporary)
                 else:
                     self._write_npz(temporary)
-                temporary.chmod(0o644)
-                temporary.replace(file)
-            finally:
-                temporary.unlink(missing_ok=True)
         except OSError as error:
             raise InvalidInputError(f"cannot write {file}: {error.strerror or error}") from error
 

@@ -189,7 +189,7 @@ def test_a_damaged_line_is_named(result: PathResult, tmp_path: Path) -> None:
 def test_unusable_file_names(result: PathResult, tmp_path: Path) -> None:
     with pytest.raises(InvalidInputError, match=r"\.csv or \.npz"):
         result.save(tmp_path / "path.txt")
-    with pytest.raises(InvalidInputError, match="cannot write"):
+    with pytest.raises(InvalidInputError, match="cannot be written"):
         result.save(tmp_path / "missing" / "path.csv")
     with pytest.raises(InvalidInputError, match="cannot read"):
         PathResult.load(tmp_path / "missing.npz")

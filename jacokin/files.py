@@ -1,0 +1,53 @@
+"""Output files that replace what is there in one step, and only when they are complete."""
+
+from __future__ import annotations
+
+import os
+import secrets
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from jacokin.errors import InvalidInputError
+
+KEPT_NAME = 60  # characters of the file's name in the temporary one: the ending decides formats, names may be 255 bytes
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """A temporary path to write to, beside the final one.
+
+    It takes the final name when the block ends well and is removed when the block raises. Links are followed. A new
+    file gets the permissions that the umask leaves, a replaced one keeps its own. What is not a regular file
+    (/dev/stdout, a pipe) is handed out as it is.
+
+    Raises:
+        InvalidInputError: the file cannot be written; raised before the block runs where that can be known.
+    """
+    if path.exists() and not path.is_file() and not path.is_dir():
+        yield path
+        return
+    try:
+        final = path.resolve()
+    except (OSError, RuntimeError, ValueError) as error:  # a loop of links, a null byte
+        raise InvalidInputError(f"{path}: cannot be written: {error}") from error
+    if final.is_dir():
+        raise InvalidInputError(f"{path}: cannot be written: it is a folder")
+    if final.exists() and not os.access(final, os.W_OK):
+        raise InvalidInputError(f"{path}: cannot be written: permission denied")
+    temporary = final.with_name(f".{secrets.token_hex(8)}-{final.name[-KEPT_NAME:]}")
+    try:
+        temporary.touch(exist_ok=False)
+    except OSError as error:
+        raise InvalidInputError(f"{path}: cannot be written: {error.strerror}") from error
+    try:
+        yield temporary
+        try:
+            if final.exists():
+                shutil.copymode(final, temporary)
+            temporary.replace(final)
+        except OSError as error:
+            raise InvalidInputError(f"{path}: cannot be written: {error.strerror}") from error
+    finally:
+        temporary.unlink(missing_ok=True)

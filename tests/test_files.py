@@ -1,0 +1,89 @@
+"""Files that are replaced in one step."""
+
+from __future__ import annotations
+
+import os
+import stat
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from jacokin import files
+from jacokin.errors import InvalidInputError
+
+
+@pytest.fixture(params=[0o022, 0o077], ids=oct)
+def umask(request: pytest.FixtureRequest) -> Iterator[int]:
+    value: int = request.param
+    before = os.umask(value)
+    yield value
+    os.umask(before)
+
+
+def mode(path: Path) -> int:
+    return stat.S_IMODE(path.stat().st_mode)
+
+
+def test_a_new_file_gets_the_permissions_of_the_umask(tmp_path: Path, umask: int) -> None:
+    file = tmp_path / "a.csv"
+    with files.replacing(file) as temporary:
+        temporary.write_text("new")
+    assert mode(file) == 0o666 & ~umask
+    assert [path.name for path in tmp_path.iterdir()] == ["a.csv"]
+
+
+def test_a_replaced_file_keeps_its_permissions_and_links_are_followed(tmp_path: Path) -> None:
+    folder = tmp_path / "elsewhere"
+    folder.mkdir()
+    file, link = folder / "a.csv", tmp_path / "link.csv"
+    file.write_text("old")
+    file.chmod(0o640)
+    link.symlink_to(file)
+    with files.replacing(link) as temporary:
+        temporary.write_text("new")
+        assert temporary.suffix == ".csv"
+        assert file.read_text() == "old"
+    assert link.is_symlink()
+    assert (file.read_text(), mode(file)) == ("new", 0o640)
+
+
+@pytest.mark.parametrize("error", [OSError(28, "No space left on device"), KeyboardInterrupt(), SystemExit(1)])
+def test_a_block_that_raises_leaves_the_old_file_alone(tmp_path: Path, error: BaseException) -> None:
+    file = tmp_path / "a.csv"
+    file.write_text("old")
+    with pytest.raises(type(error)), files.replacing(file) as temporary:
+        temporary.write_text("half")
+        raise error
+    assert file.read_text() == "old"
+    assert [path.name for path in tmp_path.iterdir()] == ["a.csv"]
+
+
+def test_writers_at_the_same_time_and_leftovers_do_not_meet(tmp_path: Path) -> None:
+    file = tmp_path / ("long" * 60 + ".csv")  # 244 bytes: the temporary name must not be longer than 255
+    with files.replacing(file) as first, files.replacing(file) as second:
+        assert first != second
+        first.write_text("first")
+        second.write_text("second")
+    assert file.read_text() == "first"
+
+
+def test_what_cannot_be_written_is_refused_before_the_work(tmp_path: Path) -> None:
+    loop = tmp_path / "loop.csv"
+    loop.symlink_to(loop)
+    for path, words in (
+        (tmp_path, "it is a folder"),
+        (tmp_path / "missing" / "a.csv", "No such file"),
+        (loop, "cannot be written"),
+        (Path("a\0b.csv"), "cannot be written"),
+    ):
+        with pytest.raises(InvalidInputError, match=words), files.replacing(path):
+            pytest.fail("the block ran")
+
+
+def test_a_pipe_is_written_to_as_it_is(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    with files.replacing(pipe) as path:
+        assert path == pipe
+    assert stat.S_ISFIFO(pipe.stat().st_mode)
