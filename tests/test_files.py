@@ -52,9 +52,14 @@ def test_a_replaced_file_keeps_its_permissions_and_links_are_followed(tmp_path: 
 def test_a_block_that_raises_leaves_the_old_file_alone(tmp_path: Path, error: BaseException) -> None:
     file = tmp_path / "a.csv"
     file.write_text("old")
-    with pytest.raises(type(error)), files.replacing(file) as temporary:
-        temporary.write_text("half")
-        raise error
+
+    def write() -> None:
+        with files.replacing(file) as temporary:
+            temporary.write_text("half")
+            raise error
+
+    with pytest.raises(type(error)):
+        write()
     assert file.read_text() == "old"
     assert [path.name for path in tmp_path.iterdir()] == ["a.csv"]
 
