@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -12,8 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from jacokin.errors import InvalidInputError
 from jacokin.model import checks, poses
-
-RADIAN_IN_METRES = 0.1  # one radian of orientation error counts as much as this distance
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -87,29 +84,6 @@ def _at(position: NDArray[np.float64]) -> NDArray[np.float64]:
     matrix = np.eye(4)
     matrix[:3, 3] = position
     return matrix
-
-
-def errors(T_base_tool: pin.SE3, target: Target) -> tuple[float, float]:
-    """Distance [m] and angle [rad] between where the tool is and the target; the angle is 0 when it is free."""
-    # Plain floats: the same twelve numbers through NumPy take twice as long.
-    (a, b, c, x), (d, e, f, y), (g, h, k, z), _ = T_base_tool.homogeneous.tolist()
-    (A, B, C, X), (D, E, F, Y), (G, H, K, Z), _ = target.matrix.tolist()
-    position = math.dist((x, y, z), (X, Y, Z))
-    if target.position_only:
-        return position, 0.0
-    # Skew part and trace of R^T R_target.
-    sine = math.hypot(
-        c * B + f * E + k * H - b * C - e * F - h * K,
-        a * C + d * F + g * K - c * A - f * D - k * G,
-        b * A + e * D + h * G - a * B - d * E - g * H,
-    )
-    return position, math.atan2(sine, a * A + b * B + c * C + d * D + e * E + f * F + g * G + h * H + k * K - 1.0)
-
-
-def rotation_angle(rotation: NDArray[np.float64]) -> float:
-    """Angle [rad] of a rotation matrix, accurate near zero and near a half turn."""
-    a, b, c, d, e, f, g, h, k = rotation.ravel().tolist()
-    return math.atan2(math.hypot(h - f, c - g, d - b), a + e + k - 1.0)
 
 
 def nearest_copy(q: NDArray[np.float64], seed: NDArray[np.float64], free: NDArray[np.bool_]) -> NDArray[np.float64]:

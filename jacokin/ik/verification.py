@@ -12,7 +12,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from jacokin.errors import InvalidInputError, UnknownNameError
-from jacokin.ik import targets
+from jacokin.ik import pose_error
 from jacokin.ik.results import IKResult, Status
 from jacokin.ik.targets import Target
 from jacokin.model import checks
@@ -124,7 +124,7 @@ class Judge:
     def measure(self, q: Array, target: Target) -> tuple[float, float]:
         """Position error [m] and orientation error [rad] at `q`, by Pinocchio."""
         pose = self.robot.placement(q, self._frame_id)
-        return targets.errors(pose if self.tool is None else pose * self.tool, target)
+        return pose_error.errors(pose if self.tool is None else pose * self.tool, target)
 
     def reached(self, q: Array, errors: tuple[float, float]) -> bool:
         """The promise behind every success: inside the limits to the last bit, and within the tolerances."""

@@ -15,7 +15,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from jacokin.errors import InvalidInputError
-from jacokin.ik.targets import rotation_angle
+from jacokin.ik.pose_error import rotation_angle
 from jacokin.model import poses
 
 Array = NDArray[np.float64]

@@ -1,10 +1,15 @@
-"""QP back ends behind mink: which exist, how tightly they must solve, and what happens when one fails."""
+"""QP solvers: which exist, how tightly they must solve, and what happens when one fails.
+
+The multi-start QP solves mink's problems, the tracker its own; both take their solver, its options and the fallbacks
+from here.
+"""
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
-import mink
+import daqp
 import numpy as np
 import qpsolvers
 import scipy.sparse
@@ -12,20 +17,29 @@ from numpy.typing import NDArray
 
 from jacokin.errors import UnknownNameError
 
+if TYPE_CHECKING:
+    import mink
+
+Array = NDArray[np.float64]
+Inequalities = tuple[Array, Array] | tuple[None, None]  # G (m, n) and h (m,) of G x <= h, or none
+
 DEFAULT = "daqp"
-FALLBACKS = ("daqp", "quadprog")
+FALLBACKS = ("daqp", "quadprog", "osqp")  # tried in this order, those that are installed
 
 # Active-set solvers are exact; first-order ones stop early unless told otherwise, and then step past limits.
-OPTIONS: dict[str, dict[str, Any]] = {
+OPTIONS: dict[str, dict[str, Any]] = {  # keyword arguments of each solver
     "osqp": {"eps_abs": 1e-9, "eps_rel": 1e-9, "max_iter": 100_000, "raise_error": False},
     "proxqp": {"eps_abs": 1e-10},
 }
 
 TIKHONOV = 1e-12  # keeps the QP strictly convex at singular poses
 
+DAQP_INFINITY = 1e30
+DAQP_SOLVED = (1, 2)  # optimal, with or without softened constraints
+
 
 class QPFailed(Exception):  # noqa: N818 - internal signal, never seen by users
-    """No back end solved the QP."""
+    """No solver solved the QP."""
 
 
 def checked(name: str) -> str:
@@ -40,11 +54,11 @@ def checked(name: str) -> str:
 
 
 class Backend:
-    """Solves mink's QP with one solver, and with another one when that fails.
+    """Solves QPs with one solver, and with another one when that fails.
 
     Attributes:
         name: the solver asked for.
-        used: the solver of the last step, for the record; names the fallback when one was needed.
+        used: what ran since `reset`; names the fallback when one was needed.
     """
 
     def __init__(self, name: str) -> None:
@@ -55,42 +69,76 @@ class Backend:
         """
         self.name = checked(name)
         self.used = name
+        others = [fallback for fallback in FALLBACKS if fallback in qpsolvers.available_solvers and fallback != name]
+        self._order = (name, *others)
 
-    def step(
-        self, configuration: mink.Configuration, tasks: list[mink.Task], limits: list[mink.Limit]
-    ) -> NDArray[np.float64]:
-        """Displacement of the joints (nv,) [rad] that mink's QP asks for.
+    def reset(self) -> None:
+        """Forget the fallbacks of earlier solves."""
+        self.used = self.name
+
+    def step(self, configuration: mink.Configuration, tasks: list[mink.Task], limits: list[mink.Limit]) -> Array:
+        """Displacement of the joints (nv,) [rad] that minimises mink's tasks within its limits.
 
         Raises:
             QPFailed: neither the solver nor a fallback gave finite numbers.
         """
-        for solver in (self.name, *FALLBACKS):
+        import mink
+
+        try:
+            problem = mink.build_ik(configuration, tasks, 1.0, damping=TIKHONOV, limits=limits)
+        except (mink.MinkError, ValueError) as error:
+            raise QPFailed from error
+        return self._first_solution(lambda solver: _solve(problem, solver))
+
+    def minimize(self, hessian: Array, gradient: Array, inequalities: Inequalities, low: Array, high: Array) -> Array:
+        """The x (n,) that minimises x H x / 2 + g x with G x <= h and low <= x <= high; the bounds are met exactly.
+
+        Raises:
+            QPFailed: neither the solver nor a fallback gave finite numbers.
+        """
+
+        def run(solver: str) -> Array | None:
+            if solver == "daqp":
+                return _run_daqp(hessian, gradient, inequalities, low, high)
+            rows, ends = inequalities
+            return _solve(qpsolvers.Problem(hessian, gradient, rows, ends, lb=low, ub=high), solver)
+
+        return np.clip(self._first_solution(run), low, high)
+
+    def _first_solution(self, run: Callable[[str], Array | None]) -> Array:
+        for solver in self._order:
             try:
-                step = self._solve(configuration, tasks, limits, solver)
-            except (mink.MinkError, qpsolvers.QPError, ValueError):
+                found = run(solver)
+            except (qpsolvers.QPError, ValueError):
                 continue
-            # An active-set solver fed with NaN reports success.
-            if np.isfinite(step).all():
+            # An active-set solver given NaN reports success.
+            if found is not None and np.isfinite(found).all():
                 if solver != self.name:
                     self.used = f"{self.name}, then {solver}"
-                return step
+                return found
         raise QPFailed
 
-    def _solve(
-        self, configuration: mink.Configuration, tasks: list[mink.Task], limits: list[mink.Limit], solver: str
-    ) -> NDArray[np.float64]:
-        if solver != "osqp":
-            return np.asarray(
-                mink.solve_ik(
-                    configuration, tasks, 1.0, solver, damping=TIKHONOV, limits=limits, **OPTIONS.get(solver, {})
-                )
-            )
-        # OSQP wants sparse matrices, which mink does not build.
-        problem = mink.build_ik(configuration, tasks, 1.0, damping=TIKHONOV, limits=limits)
-        problem.P = scipy.sparse.csc_matrix(problem.P)
-        if problem.G is not None:
-            problem.G = scipy.sparse.csc_matrix(problem.G)
-        solution = qpsolvers.solve_problem(problem, solver=solver, **OPTIONS[solver])
-        if not solution.found or solution.x is None:
-            raise mink.NoSolutionFound(solver)
-        return np.asarray(solution.x)
+
+def _solve(problem: qpsolvers.Problem, solver: str) -> Array | None:
+    """The solution by a solver of qpsolvers; None when it finds none."""
+    if solver == "osqp":  # wants sparse matrices
+        rows = None if problem.G is None else scipy.sparse.csc_matrix(problem.G)
+        problem = qpsolvers.Problem(
+            scipy.sparse.csc_matrix(problem.P), problem.q, rows, problem.h, lb=problem.lb, ub=problem.ub
+        )
+    solution = qpsolvers.solve_problem(problem, solver=solver, **OPTIONS.get(solver, {}))
+    return solution.x if solution.found else None
+
+
+def _run_daqp(hessian: Array, gradient: Array, inequalities: Inequalities, low: Array, high: Array) -> Array | None:
+    """DAQP called directly: the way through qpsolvers costs more than the solve itself.
+
+    Its first bounds are those of the variables, the others belong to the rows.
+    """
+    rows, ends = inequalities
+    if rows is None or ends is None:
+        rows, above, below = np.empty((0, gradient.size)), high, low
+    else:
+        above, below = np.concatenate([high, ends]), np.concatenate([low, np.full(ends.size, -DAQP_INFINITY)])
+    found, _, flag, _ = daqp.solve(hessian, gradient, rows, above, below, np.zeros(above.size, dtype=np.int32))
+    return np.array(found) if flag in DAQP_SOLVED else None

@@ -14,7 +14,8 @@ import pinocchio as pin
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from jacokin.ik.targets import RADIAN_IN_METRES, Target
+from jacokin.ik.pose_error import RADIAN_IN_METRES
+from jacokin.ik.targets import Target
 from jacokin.model.robot import Robot
 
 Array = NDArray[np.float64]

@@ -14,9 +14,10 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from jacokin.ik import targets
+from jacokin.ik import pose_error
+from jacokin.ik.pose_error import RADIAN_IN_METRES
 from jacokin.ik.qp.backend import Backend, QPFailed
-from jacokin.ik.targets import RADIAN_IN_METRES, Target
+from jacokin.ik.targets import Target
 from jacokin.model import mujoco_export, poses
 from jacokin.model.robot import Robot
 
@@ -49,7 +50,7 @@ class Attempt:
     @property
     def cost(self) -> float:
         """Position error [m] + 0.1 x orientation error [rad]."""
-        return self.position_error + RADIAN_IN_METRES * self.orientation_error
+        return pose_error.combined(self.position_error, self.orientation_error)
 
 
 class MultiStartQP:
@@ -94,7 +95,7 @@ class MultiStartQP:
     def measure(self, q: Array, target: Target) -> tuple[float, float]:
         """Errors at `q` by Pinocchio: [m], [rad]."""
         pose = self._robot.placement(q, self._robot.frame_id(self._frame))
-        return targets.errors(pose if self._tool is None else pose * self._tool, target)
+        return pose_error.errors(pose if self._tool is None else pose * self._tool, target)
 
     def solve(self, target: Target, starts: Iterable[Array], before: Attempt | None = None) -> Attempt:
         """Descend from each start until one reaches the target; the best attempt when none does.
@@ -134,7 +135,7 @@ class MultiStartQP:
         descend: Callable[[Array], tuple[Array, int, bool]],
     ) -> Iterator[Attempt]:
         """Where each descent ends, measured, with the counts so far."""
-        self.backend.used = self.backend.name
+        self.backend.reset()
         iterations, count = (before.iterations, before.starts) if before is not None else (0, 0)
         for start in starts:
             q, spent, failed = descend(start)

@@ -15,13 +15,11 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from jacokin.ik import targets
+from jacokin.ik import pose_error
+from jacokin.ik.pose_error import RADIAN_IN_METRES
 from jacokin.model import poses
 
 Array = NDArray[np.float64]
-
-RADIAN_IN_METRES = 0.1  # one radian of orientation error counts as much as this distance, as in IKSolver
-
 
 FAR = 100.0  # [m] from the base; nothing beyond is within reach, and its error would drown all else in the QP
 
@@ -96,7 +94,7 @@ class PoseAim(Aim):
     def measure(self, data: mujoco.MjData) -> tuple[float, float]:
         """Distance and angle."""
         rotation = data.site_xmat[self._site].reshape(3, 3)
-        angle = targets.rotation_angle(rotation.T @ self._rotation)
+        angle = pose_error.rotation_angle(rotation.T @ self._rotation)
         if self._orientation_only:
             return 0.0, angle
         return math.hypot(*(data.site_xpos[self._site] - self._position).tolist()), angle

@@ -17,6 +17,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from jacokin.errors import InvalidInputError
+from jacokin.ik import pose_error
 from jacokin.ik.qp.backend import QPFailed
 from jacokin.ik.tracking import setup as tracker_setup
 from jacokin.ik.tracking.clearance import Distances
@@ -26,7 +27,7 @@ from jacokin.ik.tracking.problem import Problem, linearise, null_motion
 from jacokin.ik.tracking.result import TrackerStatus, TrackerStep
 from jacokin.ik.tracking.step_qp import StepQP
 from jacokin.ik.tracking.targets import Target
-from jacokin.ik.tracking.tasks import RADIAN_IN_METRES, Aim
+from jacokin.ik.tracking.tasks import Aim
 from jacokin.model.robot import Robot
 
 Array = NDArray[np.float64]
@@ -278,7 +279,7 @@ class Tracker:
         near = self._at.distances if self._follower is None else self._near
         measured = [aim.measure(self._configuration.data) for aim in aims]
         position, orientation = max(m[0] for m in measured), max(m[1] for m in measured)
-        error = position + RADIAN_IN_METRES * orientation
+        error = pose_error.combined(position, orientation)
         on_target = position <= self._tolerances[0] and orientation <= self._tolerances[1]
         # Shapes moving apart, or joints still gathering speed, may take the tool away from its target for a while.
         excused = on_target or pushing or (self._follower is not None and self._q is not self._at.q)

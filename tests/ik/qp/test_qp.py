@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 import jacokin
 from jacokin import IKSolver, Robot, Status
 from jacokin.errors import InvalidInputError, SolveError, UnknownNameError
-from jacokin.ik import targets
+from jacokin.ik import pose_error
 from jacokin.ik.qp import backend
 
 Array = NDArray[np.float64]
@@ -148,19 +148,17 @@ def test_no_convergence_counts_its_starts(robot: Robot) -> None:
 def test_a_failing_back_end_falls_back_and_says_so(
     robot: Robot, rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    solve = backend.Backend._solve
+    solve = backend._solve
 
-    def broken(self: backend.Backend, configuration: object, *problem: Any) -> Array:
-        if problem[-1] == "quadprog":
-            return np.full(6, np.nan)
-        return solve(self, configuration, *problem)
+    def broken(problem: Any, qp_solver: str) -> Array | None:
+        return np.full(6, np.nan) if qp_solver == "quadprog" else solve(problem, qp_solver)
 
-    monkeypatch.setattr(backend.Backend, "_solve", broken)
+    monkeypatch.setattr(backend, "_solve", broken)
     target = robot.forward_kinematics(robot.sample(rng))
     result = IKSolver(robot, method="qp", qp_solver="quadprog").solve(target)
     check_success(robot, result, target)
     assert result.qp_solver == "quadprog, then daqp"
-    monkeypatch.setattr(backend.Backend, "_solve", lambda *_: np.full(6, np.nan))
+    monkeypatch.setattr(backend, "_solve", lambda *_: np.full(6, np.nan))
     failed = IKSolver(robot, method="qp").solve(target)
     assert failed.status is Status.SOLVER_ERROR
     assert robot.within_limits(failed.q)
@@ -253,4 +251,4 @@ def test_published_home_is_near_the_documented_angles(robot: Robot) -> None:
 def test_rotation_angles_are_accurate_at_both_ends() -> None:
     for angle in (0.0, 1e-9, 1e-4, 1.0, math.pi - 1e-7, math.pi):
         rotation = pin.AngleAxis(angle, np.array([0.6, 0.0, 0.8])).toRotationMatrix()
-        assert targets.rotation_angle(rotation) == pytest.approx(angle, abs=1e-15)
+        assert pose_error.rotation_angle(rotation) == pytest.approx(angle, abs=1e-15)
