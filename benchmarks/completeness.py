@@ -47,7 +47,7 @@ class Completeness:
     """Targets not found although their smallest singular value exceeds 1e-4."""
     solved: int
     """Targets `solve` succeeds on."""
-    illegal: int
+    outside: int
     """Successes of `solve` outside a limit, at tolerance 0."""
     branches: float
     """Mean number of branches."""
@@ -63,7 +63,7 @@ class Completeness:
 def measure(robot: Robot, wanted: targets.Targets) -> Completeness:
     """Solve every target and judge every branch."""
     solver = jacokin.IKSolver(robot)
-    families = found = regular_lost = solved = illegal = duplicates = tight = total = 0
+    families = found = regular_lost = solved = outside = duplicates = tight = total = 0
     closure = 0.0
     begin = time.perf_counter()
     for pose, q in zip(wanted.poses, wanted.generating, strict=True):
@@ -82,7 +82,7 @@ def measure(robot: Robot, wanted: targets.Targets) -> Completeness:
             regular_lost += bool(robot.singular_values(q)[-1] > REGULAR)
         result = solver.solve(pose)
         solved += result.success
-        illegal += result.success and not robot.within_limits(result.q)
+        outside += result.success and not robot.within_limits(result.q)
     return Completeness(
         robot=robot.name,
         targets=wanted.name,
@@ -91,7 +91,7 @@ def measure(robot: Robot, wanted: targets.Targets) -> Completeness:
         families=families,
         regular_lost=regular_lost,
         solved=solved,
-        illegal=illegal,
+        outside=outside,
         branches=total / len(wanted.poses),
         closure=closure,
         tight=tight / max(total, 1),
@@ -123,7 +123,7 @@ def section(share: int = 1) -> report.Section:
     for index, robot in enumerate(robots):
         rng = np.random.default_rng(100 + index)
         count, vertical, brute = (max(value // share, 1) for value in (COUNTS if index else FIRST_COUNTS))
-        sets = [targets.random_legal(robot, rng, count)]
+        sets = [targets.random_configurations(robot, rng, count)]
         sets += [targets.vertical_tool(robot, rng, vertical, up=up) for up in (False, True)]
         for wanted in sets:
             rows.append(_row(measure(robot, wanted)))
@@ -137,8 +137,8 @@ def section(share: int = 1) -> report.Section:
     return report.Section("Completeness and accuracy of `solve_all`", "\n\n".join(parts))
 
 
-INTRODUCTION = """Poses of random legal configurations, and poses with the tool vertical (where branches are easily
-lost). *Families*: poses with infinitely many solutions (spherical wrist, axes 4 and 6 aligned), which are represented
+INTRODUCTION = """Poses of random configurations within the limits, and poses with the tool vertical (where
+branches are easily lost). *Families*: poses with infinitely many solutions (spherical wrist, axes 4 and 6 aligned), which are represented
 by members. *Found*, of the others: the configuration the pose was made from is among the branches, to 1e-4 rad on the
 circle. *Lost where regular*: not found although the smallest singular value of the Jacobian there exceeds 1e-4.
 *Closure*: the worst distance of a branch from its target [m or rad], by Pinocchio; *tight*: the share of branches
@@ -170,7 +170,7 @@ def _row(measured: Completeness) -> tuple[str, ...]:
         report.percent(measured.found / max(measured.count - measured.families, 1)),
         str(measured.regular_lost),
         report.percent(measured.solved / measured.count),
-        str(measured.illegal),
+        str(measured.outside),
         f"{measured.branches:.2f}",
         report.number(measured.closure),
         report.percent(measured.tight),

@@ -46,7 +46,7 @@ def qp_iteration(robot: Robot) -> tuple[float, float]:
     limits = [mink.ConfigurationLimit(model)]
     task = mink.FrameTask(robot.default_frame, "site", 1.0, 1.0, lm_damping=1e-3)
     rng = np.random.default_rng(3)
-    wanted = targets.random_legal(robot, rng, QP_TARGETS)
+    wanted = targets.random_configurations(robot, rng, QP_TARGETS)
     spent = np.zeros(2)
     iterations = np.zeros(2)
     solver.solve(wanted.poses[0])
@@ -118,7 +118,7 @@ def batch(robot: Robot) -> list[tuple[int, float]]:
     """Workers and poses a second of `solve_batch`, the best of some runs."""
     closed_form.warmup()
     solver = jacokin.IKSolver(robot)
-    poses = targets.random_legal(robot, np.random.default_rng(4), BATCH).poses
+    poses = targets.random_configurations(robot, np.random.default_rng(4), BATCH).poses
     rates = {1: 0.0, 2: 0.0}
     for _ in range(BATCHES):
         for workers in rates:

@@ -128,7 +128,7 @@ def main() -> None:
     if options.targets:
         sets = [targets.from_csv(path) for path in options.targets]
     else:
-        sets = [targets.random_legal(robot, np.random.default_rng(2), options.count)]
+        sets = [targets.random_configurations(robot, np.random.default_rng(2), options.count)]
     print(section(robot, sets, options.qp_solver).body)
 
 

@@ -132,7 +132,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     else:
         count = max(options.count // share, options.rounds)
         sets = [
-            targets.random_legal(robot, rng, count),
+            targets.random_configurations(robot, rng, count),
             targets.vertical_tool(robot, rng, max(count // 5, options.rounds)),
         ]
     measure: dict[str, Callable[[], report.Section]] = {
@@ -140,7 +140,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "costs": lambda: costs.section(robot),
         "completeness": lambda: completeness.section(share),
         "qp": lambda: qp_success.section(
-            robot, [targets.random_legal(robot, rng, 300 // share)], qp_success.QP_SOLVERS
+            robot, [targets.random_configurations(robot, rng, 300 // share)], qp_success.QP_SOLVERS
         ),
     }
     measure |= {name: partial(printed_section, name) for name in PRINTING}

@@ -30,17 +30,17 @@ class Targets:
     """(n, dof) [rad]; NaN where not known."""
 
 
-def random_legal(robot: Robot, rng: np.random.Generator, size: int) -> Targets:
-    """Poses of uniformly drawn legal configurations."""
+def random_configurations(robot: Robot, rng: np.random.Generator, size: int) -> Targets:
+    """Poses of configurations drawn uniformly within the limits."""
     q = robot.sample(rng, size)
-    return Targets("random legal configurations", np.array([robot.forward_kinematics(row).homogeneous for row in q]), q)
+    return Targets("random configurations", np.array([robot.forward_kinematics(row).homogeneous for row in q]), q)
 
 
 def vertical_tool(robot: Robot, rng: np.random.Generator, size: int, *, up: bool = False) -> Targets:
     """Reachable poses whose tool axis points straight down, or up: what a gripper over a table is asked for.
 
-    Random legal configurations are turned by Newton's method until the tool stands vertically. At these poses axes
-    of the wrist are parallel to axis 1 in some of the branches, so general methods lose solutions there.
+    Random configurations within the limits are turned by Newton's method until the tool stands vertically. At these
+    poses axes of the wrist are parallel to axis 1 in some of the branches, so general methods lose solutions there.
     """
     direction = 1.0 if up else -1.0
     configurations: list[Array] = []
@@ -61,7 +61,7 @@ def vertical_tool(robot: Robot, rng: np.random.Generator, size: int, *, up: bool
 
 
 def _upright(robot: Robot, q: Array, direction: float) -> Array | None:
-    """A legal configuration near `q` with a vertical tool, or None."""
+    """A configuration within the limits near `q` with a vertical tool, or None."""
     for _ in range(NEWTON_STEPS):
         rotation = robot.forward_kinematics(q).rotation
         axis = rotation[:, 2]

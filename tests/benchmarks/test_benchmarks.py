@@ -104,7 +104,7 @@ def test_peer_that_cannot_be_installed_is_in_the_table(robot: Robot, monkeypatch
         raise InstallError(f"not installed: no wheel of {peer.packages[0]} for this Python")
 
     monkeypatch.setattr(comparison, "interpreter", refuse)
-    wanted = targets.random_legal(robot, np.random.default_rng(0), 3)
+    wanted = targets.random_configurations(robot, np.random.default_rng(0), 3)
     section = run.peers_section(robot, [wanted], ["ssik"], 1)
     assert "| ssik `jaco2_ik.solve` | not measured |" in section.body
     assert "no wheel of ssik==8.2.0 for this Python" in section.body
@@ -114,7 +114,7 @@ def test_peer_with_another_robot_is_refused(
     robot: Robot, fake: Callable[[], Worker], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(comparison, "interpreter", lambda peer: Path(sys.executable))
-    wanted = targets.random_legal(robot, np.random.default_rng(0), 3)
+    wanted = targets.random_configurations(robot, np.random.default_rng(0), 3)
     (contestant,) = comparison.run(robot, [Peer("fake", "fake", "fake_peer")], [wanted], 1)
     assert contestant.failure.startswith("its description differs by")
     assert contestant.worker is None

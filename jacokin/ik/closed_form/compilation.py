@@ -37,7 +37,19 @@ Solve = Callable[
 ]
 
 #: In order of use: each module needs only functions of the ones before it.
-KERNEL_MODULES = ("vector", "arm", "resultant", "roots", "wrist", "spherical", "chain", "limits", "pose", "batch")
+KERNEL_MODULES = (
+    "vector",
+    "tolerances",
+    "arm",
+    "resultant",
+    "roots",
+    "wrist",
+    "spherical",
+    "chain",
+    "limits",
+    "pose",
+    "batch",
+)
 ENTRY_POINT = "solve"
 #: Poses solved in plain Python, at some 10 ms each, before loading compiled kernels (half a second, with numba) pays.
 LOAD_AFTER = 30

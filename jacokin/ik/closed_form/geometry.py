@@ -14,16 +14,12 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from jacokin.errors import StructureError
-
-#: [m] and [rad]; how far the axes may miss the structure. Files with six-digit quaternions miss it by up to 1e-6; a
-#: Newton step on the model's own kinematics removes what is left, so the answers are exact all the same.
-STRUCTURE_TOLERANCE = 1e-5
-#: [m]; shorter links, or a smaller shoulder offset, are another mechanism, with solutions this method does not know.
-SMALLEST_LENGTH = 1e-3
-#: [rad]; axes 4/5 and 5/6 closer to parallel than this do not meet in a usable point.
-SMALLEST_TWIST = 0.05
-#: [m]; B and A closer than this are one point: a spherical wrist.
-SPHERICAL_TOLERANCE = 1e-5
+from jacokin.ik.closed_form.kernels.tolerances import (
+    SMALLEST_LENGTH,
+    SMALLEST_TWIST,
+    SPHERICAL_TOLERANCE,
+    STRUCTURE_TOLERANCE,
+)
 
 _AXES = {
     "JointModelRX": (1.0, 0.0, 0.0),
@@ -38,7 +34,7 @@ class Geometry:
 
     Attributes:
         chain: (7, 3, 4) [-, m]; pose = chain[0] Rz(q1) chain[1] Rz(q2) ... Rz(q6) chain[6], exactly the model's.
-        arm: (39,) the constants of the closed form, in the order of ``kernels.arm.unpack``.
+        arm: (39,) the constants of the closed form, in the order of ``kernels.arm.unpack_arm``.
         spherical: axes 4, 5 and 6 meet in one point.
         misfit: the largest deviation from the structure found [m or rad].
     """
@@ -54,8 +50,8 @@ def measure(model: pin.Model, frame_id: int, tool: pin.SE3 | None = None) -> Geo
 
     Args:
         model: Pinocchio model with six revolute joints in one chain, nq == nv == 6.
-        frame_id: index of the frame to solve for; it must move with the last joint.
-        tool: constant pose after that frame (frame -> tool), or None.
+        frame_id: index of the frame to solve for; it must be fixed to the last link.
+        tool: T_frame_tool, a constant pose after that frame, or None.
 
     Raises:
         StructureError: The model is no such chain, or a pair of axes does not meet, is not parallel or not
@@ -64,23 +60,23 @@ def measure(model: pin.Model, frame_id: int, tool: pin.SE3 | None = None) -> Geo
     chain = _chain(model, frame_id, tool)
     names = [str(name) for name in list(model.names)[1:]]
     w, points, home = _axes_at_zero(chain)
-    ruler = _Ruler(names, w, points)
+    check = _StructureCheck(names, w, points)
 
-    ruler.angle(0, 1, 90.0)
-    origin = ruler.meet(0, 1)
-    side = ruler.parallel(1, 2)
-    ruler.angle(2, 3, 90.0)
-    C = ruler.meet(2, 3)
-    ruler.twist(3, 4)
-    ruler.twist(4, 5)
-    B = ruler.meet(3, 4)
-    A = ruler.meet(4, 5)
+    check.angle(0, 1, 90.0)
+    origin = check.meet(0, 1)
+    side = check.parallel(1, 2)
+    check.angle(2, 3, 90.0)
+    C = check.meet(2, 3)
+    check.twist(3, 4)
+    check.twist(4, 5)
+    B = check.meet(3, 4)
+    A = check.meet(4, 5)
     c4 = float((C - B) @ w[3])
     e3 = float((C - origin) @ w[2])
     upper_arm = math.sqrt(max(float((C - origin) @ (C - origin)) - e3**2, 0.0))
-    ruler.long_enough(2, 3, upper_arm, "the distance from axis 2 to axis 3")
-    ruler.long_enough(3, 4, abs(c4), "the distance from axis 3 to axis 5 along axis 4")
-    ruler.long_enough(0, 2, abs(e3), "the lateral offset of the shoulder")
+    check.long_enough(2, 3, upper_arm, "the distance from axis 2 to axis 3")
+    check.long_enough(3, 4, abs(c4), "the distance from axis 3 to axis 5 along axis 4")
+    check.long_enough(0, 2, abs(e3), "the lateral offset of the shoulder")
 
     # Shoulder frame: x = w3 x w1, y = w3, z = w1. Wrist frame: x = e, y = f, z = w5 with w4 in the x, z plane.
     S = _orthonormal(w[0], w[2])
@@ -106,12 +102,12 @@ def measure(model: pin.Model, frame_id: int, tool: pin.SE3 | None = None) -> Geo
                 np.arctan2(w4_s[0], w4_s[2]),
                 np.arctan2(w3_w @ g_w, w3_w[1]),
             ],  # 34:37
-            [float(spherical), ruler.worst],  # 37:39
+            [float(spherical), check.worst],  # 37:39
         ]
     ).astype(np.float64)
     chain.flags.writeable = False
     arm.flags.writeable = False
-    return Geometry(chain=chain, arm=arm, spherical=spherical, misfit=ruler.worst)
+    return Geometry(chain=chain, arm=arm, spherical=spherical, misfit=check.worst)
 
 
 def _chain(model: pin.Model, frame_id: int, tool: pin.SE3 | None) -> NDArray[np.float64]:
@@ -181,8 +177,8 @@ def _orthonormal(z: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.f
     return np.vstack([np.cross(y, z), y, z])
 
 
-class _Ruler:
-    """Measures pairs of axes, remembers the worst misfit, refuses with the pair's names."""
+class _StructureCheck:
+    """Measures pairs of axes, keeps the worst misfit, and raises with the names of the pair."""
 
     def __init__(self, names: list[str], w: list[NDArray[np.float64]], points: list[NDArray[np.float64]]) -> None:
         self._names, self._w, self._points = names, w, points

@@ -23,19 +23,19 @@ from numpy.typing import NDArray
 from jacokin.ik.closed_form import compilation
 from jacokin.ik.closed_form.compilation import warmup as warmup
 from jacokin.ik.closed_form.geometry import measure
-from jacokin.ik.closed_form.kernels.batch import BATCH_COLUMNS, BRANCHES, LEGAL_BRANCHES
+from jacokin.ik.closed_form.kernels.batch import BATCH_COLUMNS, BRANCHES, BRANCHES_WITHIN_LIMITS
 from jacokin.ik.closed_form.kernels.pose import (
     COLUMNS,
     DISTANCE,
     FAMILY,
-    LEGAL,
     MAX_BRANCHES,
     ORIENTATION_ERROR,
     POSITION_ERROR,
+    WITHIN_LIMITS,
 )
 
-#: [m] no arm reaches so far, and squares of numbers well above it overflow.
-FAR = 1e6
+#: [m]; no arm reaches so far, and squares of numbers well above it overflow.
+MAX_DISTANCE = 1e6
 
 _NO_BATCH = np.empty((0, BATCH_COLUMNS))
 
@@ -64,12 +64,12 @@ class Rows:
 
     @property
     def q(self) -> NDArray[np.float64]:
-        """(k, 6) joint angles [rad]: free joints nearest to the seed, limited ones inside their limits if they can."""
+        """(k, 6) joint angles [rad]: unlimited joints nearest to the seed, others within their limits if possible."""
         return self.rows[:, :6]
 
     @property
     def margin(self) -> NDArray[np.float64]:
-        """(k, 6) distance to the nearer limit [rad]: negative outside, inf for a free joint."""
+        """(k, 6) distance to the nearer limit [rad]: negative outside, inf for an unlimited joint."""
         return self.rows[:, 6:12]
 
     @property
@@ -90,7 +90,7 @@ class Rows:
     @property
     def within_limits(self) -> NDArray[np.bool_]:
         """(k,) whether every joint is within its limits, exactly."""
-        return np.equal(self.rows[:, LEGAL], 1.0)
+        return np.equal(self.rows[:, WITHIN_LIMITS], 1.0)
 
     @property
     def family(self) -> NDArray[np.bool_]:
@@ -99,7 +99,7 @@ class Rows:
 
 
 class BatchRows(Rows):
-    """The legal branch nearest to the seed for each of n targets; without one, the branch that is least illegal.
+    """The best branch of each of n targets: within the limits and nearest to the seed, or else closest to the limits.
 
     A target without any branch has a row of NaN.
     """
@@ -112,9 +112,9 @@ class BatchRows(Rows):
         return self.rows[:, BRANCHES].astype(np.int64)
 
     @property
-    def legal_branches(self) -> NDArray[np.int64]:
+    def branches_within_limits(self) -> NDArray[np.int64]:
         """(n,) how many of them are within the limits."""
-        return self.rows[:, LEGAL_BRANCHES].astype(np.int64)
+        return self.rows[:, BRANCHES_WITHIN_LIMITS].astype(np.int64)
 
 
 class ClosedForm:
@@ -142,9 +142,9 @@ class ClosedForm:
         Args:
             model: Pinocchio model with nq == nv == 6.
             frame_id: index of the frame to solve for; it must be fixed to the last link.
-            tool: constant pose (frame -> tool) after the frame, or None.
-            lower: (6,) lower limits [rad], -inf where free.
-            upper: (6,) upper limits [rad], inf where free.
+            tool: T_frame_tool, a constant pose after the frame, or None.
+            lower: (6,) lower limits [rad], -inf where unlimited.
+            upper: (6,) upper limits [rad], inf where unlimited.
             limit_snap: a joint past its limit by at most this is put on the limit [rad].
 
         Raises:
@@ -158,37 +158,37 @@ class ClosedForm:
         self._limits = np.ascontiguousarray([lower, upper, np.full(6, limit_snap)], dtype=np.float64)
         self._limits.flags.writeable = False
 
-    def solve_all(self, T: NDArray[np.float64], reference: NDArray[np.float64]) -> Rows:
-        """Every branch, nearest to the reference first.
+    def solve_all(self, T: NDArray[np.float64], seed: NDArray[np.float64]) -> Rows:
+        """Every branch, nearest to the seed first.
 
         Args:
-            T: (4, 4) target, base -> tool: a rigid transformation, C-contiguous.
-            reference: (6,) the seed [rad].
+            T: (4, 4) target T_base_tool: a rigid transformation, C-contiguous.
+            seed: (6,) [rad].
         """
-        if max(map(abs, T[:3, 3].tolist())) > FAR:
+        if max(map(abs, T[:3, 3].tolist())) > MAX_DISTANCE:
             return Rows(np.empty((0, COLUMNS)))
         rows = np.empty((MAX_BRANCHES, COLUMNS))
         solve = compilation.solver()
-        count = solve(self._chain, self._arm, self._limits, T[np.newaxis], reference[np.newaxis], rows, _NO_BATCH)
+        count = solve(self._chain, self._arm, self._limits, T[np.newaxis], seed[np.newaxis], rows, _NO_BATCH)
         return Rows(rows[:count])
 
-    def solve_batch(self, T: NDArray[np.float64], reference: NDArray[np.float64], threads: int = 1) -> BatchRows:
+    def solve_batch(self, T: NDArray[np.float64], seed: NDArray[np.float64], threads: int = 1) -> BatchRows:
         """The best branch of each of n targets.
 
         Args:
             T: (n, 4, 4) targets, C-contiguous.
-            reference: (n, 6) seeds [rad], C-contiguous.
+            seed: (n, 6) seeds [rad], C-contiguous.
             threads: how many threads share the work; the kernels release the GIL.
         """
         best = np.empty((len(T), BATCH_COLUMNS))
         if len(T) == 0:
             return BatchRows(best)
-        T = _within_sight(T)
+        T = _clipped_positions(T)
         solve = compilation.solver(len(T))
 
         def run(start: int, stop: int) -> None:
             rows = np.empty((MAX_BRANCHES, COLUMNS))
-            solve(self._chain, self._arm, self._limits, T[start:stop], reference[start:stop], rows, best[start:stop])
+            solve(self._chain, self._arm, self._limits, T[start:stop], seed[start:stop], rows, best[start:stop])
 
         if threads == 1:
             run(0, len(T))
@@ -199,10 +199,10 @@ class ClosedForm:
         return BatchRows(best)
 
 
-def _within_sight(T: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Targets (n, 4, 4) with positions beyond ``FAR`` brought back to it: still out of reach, and harmless."""
-    if not np.abs(T[:, :3, 3]).max() > FAR:
+def _clipped_positions(T: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Targets (n, 4, 4) with positions clipped to ``MAX_DISTANCE``: still out of reach, and no square overflows."""
+    if not np.abs(T[:, :3, 3]).max() > MAX_DISTANCE:
         return T
     T = T.copy()
-    T[:, :3, 3] = np.clip(T[:, :3, 3], -FAR, FAR)
+    T[:, :3, 3] = np.clip(T[:, :3, 3], -MAX_DISTANCE, MAX_DISTANCE)
     return T

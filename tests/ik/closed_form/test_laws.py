@@ -137,7 +137,7 @@ def test_joints_about_any_axis(robot: Robot, rng: np.random.Generator) -> None:
         assert worst_error(rows) < 1e-12
 
 
-def test_branches_are_ordered_and_free_joints_are_near_the_seed(robot: Robot, rng: np.random.Generator) -> None:
+def test_branches_are_ordered_and_unlimited_joints_are_near_the_seed(robot: Robot, rng: np.random.Generator) -> None:
     form = closed_form(robot)
     free = np.isinf(robot.upper)
     for q, seed in zip(robot.sample(rng, 200), robot.sample(rng, 200) + 20.0 * free, strict=True):
@@ -179,22 +179,22 @@ def test_limits_are_exact_and_margins_say_by_how_much(robot: Robot, rng: np.rand
 
 @pytest.mark.parametrize("joint", [1, 2])
 @pytest.mark.parametrize("side", ["lower", "upper"])
-def test_a_joint_on_its_limit_is_legal_and_one_past_it_is_not(
+def test_a_joint_on_its_limit_counts_as_within_and_one_past_it_does_not(
     joint: int, side: str, robot: Robot, rng: np.random.Generator
 ) -> None:
     form = closed_form(robot)
     limit = getattr(robot, side)[joint]
     outward = -1.0 if side == "lower" else 1.0
     for q in robot.sample(rng, 100):
-        for past, legal in ((0.0, True), (5e-10, True), (3e-9, False), (1e-3, False)):
+        for past, within in ((0.0, True), (5e-10, True), (3e-9, False), (1e-3, False)):
             q[joint] = limit + outward * past
             nearest = form.solve_all(target(robot, q), q)
             index = int(np.argmin(circular(nearest.q, q)))
             assert circular(nearest.q[index], q) < 1e-6
             if robot.singular_values(q)[-1] < 1e-2:
                 continue  # rounding of the target moves such a branch by more than the snap
-            assert nearest.within_limits[index] == legal
-            if legal:
+            assert nearest.within_limits[index] == within
+            if within:
                 assert nearest.q[index, joint] == pytest.approx(limit, abs=1e-12)
             else:
                 assert nearest.margin[index, joint] == pytest.approx(-past, abs=1e-11)
@@ -222,7 +222,7 @@ def test_far_targets_have_no_branches(distance: float, robot: Robot) -> None:
         assert len(closed_form(robot).solve_all(T, robot.home)) == 0
 
 
-def test_a_batch_is_the_nearest_legal_branch_of_each_pose(robot: Robot, rng: np.random.Generator) -> None:
+def test_a_batch_is_the_nearest_branch_within_the_limits(robot: Robot, rng: np.random.Generator) -> None:
     form = closed_form(robot)
     targets = np.array([target(robot, q) for q in robot.sample(rng, 300)])
     targets[7, :3, 3] += 5.0  # [m], out of reach
@@ -231,7 +231,7 @@ def test_a_batch_is_the_nearest_legal_branch_of_each_pose(robot: Robot, rng: np.
     for i in range(300):
         rows = form.solve_all(targets[i], seeds[i])
         assert batch.branches[i] == len(rows)
-        assert batch.legal_branches[i] == rows.within_limits.sum()
+        assert batch.branches_within_limits[i] == rows.within_limits.sum()
         if rows.within_limits.any():
             best = int(np.argmax(rows.within_limits))
         elif len(rows):

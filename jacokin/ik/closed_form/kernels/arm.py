@@ -48,7 +48,7 @@ class Pose(NamedTuple):
 
 
 def unpack_arm(arm: NDArray[np.float64]) -> Arm:
-    """Read the constants that ``closed_form_geometry.measure`` packed."""
+    """Read the constants that ``geometry.measure`` packed."""
     return Arm(
         (arm[24], arm[25], arm[26]),
         arm[27],
@@ -66,7 +66,7 @@ def unpack_arm(arm: NDArray[np.float64]) -> Arm:
     )
 
 
-def into_wrist(arm: NDArray[np.float64], T: NDArray[np.float64], v: Vec) -> Vec:
+def to_wrist_frame(arm: NDArray[np.float64], T: NDArray[np.float64], v: Vec) -> Vec:
     """N R_T^T v: a base-frame vector in the wrist frame, turned with the target."""
     x = T[0, 0] * v[0] + T[1, 0] * v[1] + T[2, 0] * v[2]
     y = T[0, 1] * v[0] + T[1, 1] * v[1] + T[2, 1] * v[2]
@@ -80,10 +80,10 @@ def into_wrist(arm: NDArray[np.float64], T: NDArray[np.float64], v: Vec) -> Vec:
 
 def pose_of(arm: NDArray[np.float64], k: Arm, T: NDArray[np.float64]) -> Pose:
     """Everything the equations need to know about a (4, 4) target."""
-    x = into_wrist(arm, T, (arm[9], arm[10], arm[11]))
-    y = into_wrist(arm, T, (arm[12], arm[13], arm[14]))
-    z = into_wrist(arm, T, (arm[15], arm[16], arm[17]))
-    p = into_wrist(arm, T, (arm[18] - T[0, 3], arm[19] - T[1, 3], arm[20] - T[2, 3]))
+    x = to_wrist_frame(arm, T, (arm[9], arm[10], arm[11]))
+    y = to_wrist_frame(arm, T, (arm[12], arm[13], arm[14]))
+    z = to_wrist_frame(arm, T, (arm[15], arm[16], arm[17]))
+    p = to_wrist_frame(arm, T, (arm[18] - T[0, 3], arm[19] - T[1, 3], arm[20] - T[2, 3]))
     o = (p[0] - arm[21], p[1] - arm[22], p[2] - arm[23])
     along_o = dot(k.w6, o)
     along_z = dot(k.w6, z)

@@ -9,7 +9,7 @@ from jacokin.ik.closed_form.kernels.arm import unpack_arm
 from jacokin.ik.closed_form.kernels.pose import (
     COLUMNS,
     DISTANCE,
-    LEGAL,
+    WITHIN_LIMITS,
     BranchWork,
     Task,
     make_work,
@@ -18,7 +18,7 @@ from jacokin.ik.closed_form.kernels.pose import (
 )
 
 #: Columns of a batch result: 0:17 the chosen branch, then these.
-BRANCHES, LEGAL_BRANCHES, BATCH_COLUMNS = 17, 18, 19
+BRANCHES, BRANCHES_WITHIN_LIMITS, BATCH_COLUMNS = 17, 18, 19
 
 
 def solve(
@@ -26,21 +26,22 @@ def solve(
     arm: NDArray[np.float64],
     limits: NDArray[np.float64],
     T: NDArray[np.float64],
-    reference: NDArray[np.float64],
+    seed: NDArray[np.float64],
     rows: NDArray[np.float64],
     best: NDArray[np.float64],
 ) -> int:
     """Solve n targets with n references.
 
     Args:
-        chain: (7, 3, 4) the model's placements, see ``closed_form_geometry``.
+        chain: (7, 3, 4) the model's placements, see ``geometry``.
         arm: (39,) the constants of the closed form.
         limits: (3, 6) lower and upper limits, and the snap distance [rad].
-        T: (n, 4, 4) targets, base -> frame.
-        reference: (n, 6) seeds [rad].
+        T: (n, 4, 4) targets, T_base_frame.
+        seed: (n, 6) seeds [rad].
         rows: (24, 17) filled with the branches of the last target, nearest to its seed first.
         best: (n, 19) filled with one row for each target, or (0, 19) for the branches of one target only. The row is
-            the nearest legal branch, without one the branch that breaks a limit least; NaN without any branch.
+            the branch within the limits nearest to the seed; without one, the branch that breaks a limit least; NaN
+            without any branch.
 
     Returns:
         How many rows were filled.
@@ -48,34 +49,34 @@ def solve(
     k = unpack_arm(arm)
     work = make_work(rows)
     for i in range(T.shape[0]):
-        solve_pose(arm, k, Task(chain, limits, T[i], reference[i]), work)
+        solve_pose(arm, k, Task(chain, limits, T[i], seed[i]), work)
         if i < best.shape[0]:
-            choose(work.branches, best[i])
+            choose_branch(work.branches, best[i])
     if best.shape[0] == 0:
         sort_rows(work.branches)
     return int(work.branches.filled[0])
 
 
-def choose(work: BranchWork, best: NDArray[np.float64]) -> None:
-    """Copy the nearest legal branch, or the least illegal one, to a row of the batch."""
+def choose_branch(work: BranchWork, best: NDArray[np.float64]) -> None:
+    """Copy the nearest branch within the limits, or else the one least outside them, to a row of the batch."""
     rows, count = work.rows, work.filled[0]
-    chosen, legal = -1, 0
+    chosen, within = -1, 0
     for i in range(count):
-        if rows[i, LEGAL] > 0.0:
-            legal += 1
-        if chosen < 0 or better(rows[i], rows[chosen]):
+        if rows[i, WITHIN_LIMITS] > 0.0:
+            within += 1
+        if chosen < 0 or is_better(rows[i], rows[chosen]):
             chosen = i
     for j in range(COLUMNS):
         best[j] = rows[chosen, j] if chosen >= 0 else np.nan
     best[BRANCHES] = count
-    best[LEGAL_BRANCHES] = legal
+    best[BRANCHES_WITHIN_LIMITS] = within
 
 
-def better(a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
-    """Legal before illegal, near before far, a small violation before a large one."""
-    if a[LEGAL] != b[LEGAL]:
-        return bool(a[LEGAL] > b[LEGAL])
-    if a[LEGAL] > 0.0:
+def is_better(a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
+    """Within the limits before outside, then the nearer to the seed, or the one that breaks a limit least."""
+    if a[WITHIN_LIMITS] != b[WITHIN_LIMITS]:
+        return bool(a[WITHIN_LIMITS] > b[WITHIN_LIMITS])
+    if a[WITHIN_LIMITS] > 0.0:
         return bool(a[DISTANCE] < b[DISTANCE])
     return smallest_margin(a) > smallest_margin(b)
 

@@ -7,12 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from jacokin.ik.closed_form.kernels.tolerances import DAMPING, SMALLEST_PIVOT
 from jacokin.ik.closed_form.kernels.vector import Vec, cross, dot, minus, mix, norm
-
-#: Smaller pivots mean a singular Jacobian.
-SMALLEST_PIVOT = 1e-14
-#: [m^2] and [rad^2]; added to the normal equations, so that directions the tool does not feel stay put.
-DAMPING = 1e-9
 
 
 def forward(chain: NDArray[np.float64], q: NDArray[np.float64]) -> tuple[Vec, Vec, Vec, Vec]:

@@ -10,45 +10,33 @@ from numpy.typing import NDArray
 
 from jacokin.ik.closed_form.kernels.arm import Arm, Pose, pose_of
 from jacokin.ik.closed_form.kernels.chain import errors, held_step, newton_step
-from jacokin.ik.closed_form.kernels.limits import fit_to_limits, on_circle, same_on_circle
+from jacokin.ik.closed_form.kernels.limits import circular_distance, fit_to_limits, same_configuration
 from jacokin.ik.closed_form.kernels.resultant import fourier_of_F
-from jacokin.ik.closed_form.kernels.roots import MAX_ROOTS, MIN_WIDTH, STACK, RootWork, find_roots
+from jacokin.ik.closed_form.kernels.roots import MAX_ROOTS, STACK, RootWork, find_roots
 from jacokin.ik.closed_form.kernels.spherical import spherical_starts
+from jacokin.ik.closed_form.kernels.tolerances import (
+    CLOSURE,
+    EXACT_MISFIT,
+    FOLD_FACTOR,
+    MAX_POLISH_ERROR,
+    MAX_START_ERROR,
+    MIN_WIDTH,
+    MISFIT_FACTOR,
+    POLISHED_CLOSURE,
+    REACH_SLACK,
+    SAME_BRANCH,
+    SAME_START,
+    TANGENCY_CLOSURE,
+    TANGENCY_EXCESS,
+)
 from jacokin.ik.closed_form.kernels.wrist import MAX_STARTS, Starts, complete, refine, starts_at_q6
 
 #: Columns of a branch: 0:6 q, 6:12 limit margins, then these.
-POSITION_ERROR, ORIENTATION_ERROR, DISTANCE, LEGAL, FAMILY, COLUMNS = 12, 13, 14, 15, 16, 17
+POSITION_ERROR, ORIENTATION_ERROR, DISTANCE, WITHIN_LIMITS, FAMILY, COLUMNS = 12, 13, 14, 15, 16, 17
 #: 16 is the most a 6R arm can have; families add members, and a fold may be cut in two by rounding.
 MAX_BRANCHES = 24
-#: [m] and [rad]; a branch closes at least this well, or it is none.
-CLOSED = 1e-9
-#: [m] and [rad]; above this, a Newton step on the model's own Jacobian is tried.
-POLISHED = 1e-13
 POLISH_STEPS = 16
-#: [rad] a joint this little past its limit may be there by rounding at a fold.
-HAIR = 1e-6
-#: [m] and [rad]; what a branch held on its limit must close to, far below what moving a regular one by HAIR costs.
-SETTLED = 1e-12
-SETTLE_STEPS = 3
-#: [m] and [rad]; candidates farther off than this are not worth polishing.
-HOPELESS = 2e-2
-#: [rad] branches closer than this on the circle are one.
-SAME = 1e-6
-#: At a fold, where two branches merge, errors grow with the square of the distance: everything within
-#: FOLD * sqrt(error) [rad] of a branch that closes to ``error`` is the same double solution.
-FOLD = 20.0
-#: [rad] a candidate this close to a branch in joints 1, 5 and 6 is that branch again.
-REPEATED = 1e-10
-#: [m] A candidate of an interval undecided at MIN_WIDTH that misses its distances by more is a wrong one: the right
-#: ones were up to 1e-4 off, and with O near axis 5 may be 6e-3 off; axis 3 the wrong way round is off by twice the
-#: shoulder's offset, 14 or 20 mm. In wider intervals right ones may be as far off as that.
-MISS = 1e-2
-#: [m] slack of the test whether the wrist is in reach at all.
-REACH_SLACK = 1e-6
-#: Candidates of F within this many times the model's misfit of zero are kept as well.
-LOOSENESS = 3.0
-#: A misfit below this is rounding.
-EXACT = 1e-12
+TANGENCY_STEPS = 3
 
 
 class BranchWork(NamedTuple):
@@ -97,29 +85,29 @@ class Task(NamedTuple):
     chain: NDArray[np.float64]  # (7, 3, 4)
     limits: NDArray[np.float64]  # (3, 6)
     T: NDArray[np.float64]  # (4, 4)
-    reference: NDArray[np.float64]  # (6,)
+    seed: NDArray[np.float64]  # (6,)
 
 
 def solve_pose(arm: NDArray[np.float64], k: Arm, task: Task, work: Work) -> None:
-    """Fill work.rows with every branch of one target, in no order."""
+    """Fill work.branches.rows with every branch of one target, in no particular order."""
     work.branches.filled[0] = 0
     pose = pose_of(arm, k, task.T)
     if not pose.distance <= math.sqrt(k.R2) + abs(k.c4) + abs(k.b5) + REACH_SLACK:
         return
     if k.spherical:
-        spherical_starts(k, pose, task.reference, work.starts, work.branches.q)
+        spherical_starts(k, pose, task.seed, work.starts, work.branches.q)
         for i in range(work.starts.filled[0]):
             complete(k, pose, work.starts.rows[i, 0], work.starts.rows[i, 1], work.starts.rows[i, 2], work.branches.q)
             add_branch(task, work.branches, work.starts.rows[i, 3])
         return
     noise = fourier_of_F(k, pose, work.roots.cosine, work.roots.sine)
-    follow_roots(k, pose, task, work, noise, 0.0)
-    if k.misfit > EXACT:
-        follow_roots(k, pose, task, work, noise, LOOSENESS * k.misfit)
+    branches_at_roots(k, pose, task, work, noise, 0.0)
+    if k.misfit > EXACT_MISFIT:
+        branches_at_roots(k, pose, task, work, noise, MISFIT_FACTOR * k.misfit)
 
 
-def follow_roots(k: Arm, pose: Pose, task: Task, work: Work, noise: float, looseness: float) -> None:
-    """Every branch at every root of F; with looseness only what comes close to a double root.
+def branches_at_roots(k: Arm, pose: Pose, task: Task, work: Work, noise: float, tolerance: float) -> None:
+    """Every branch at every root of F; with a tolerance, only those near a double root.
 
     A sure root carries a branch: where its best candidate yields none, all candidates are tried. In an undecided
     interval all are tried from the start, at its ends too, for several roots may share it. Most of these candidates
@@ -127,24 +115,26 @@ def follow_roots(k: Arm, pose: Pose, task: Task, work: Work, noise: float, loose
     """
     starts, branches = work.starts, work.branches
     end = -math.inf  # [rad] of the undecided interval before; the next one often begins there
-    for i in range(find_roots(noise, looseness, work.roots)):
+    for i in range(find_roots(noise, tolerance, work.roots)):
         q6, half = work.roots.roots[i, 0], work.roots.roots[i, 1]
-        if half == 0.0 and looseness > 0.0:
+        if half == 0.0 and tolerance > 0.0:
             continue
         before = branches.filled[0]
-        thrifty = half > 0.0 and k.misfit <= EXACT
-        farthest = MISS if thrifty and half <= MIN_WIDTH else math.inf
+        skip_known = half > 0.0 and k.misfit <= EXACT_MISFIT
+        max_error = MAX_START_ERROR if skip_known and half <= MIN_WIDTH else math.inf
         for attempt in range(2):
             starts.filled[0] = 0
             starts_at_q6(k, pose, q6, half + attempt * MIN_WIDTH, starts, work.inner)
             if half > 0.0:
-                if abs(q6 - half - end) > REPEATED:
+                if abs(q6 - half - end) > SAME_START:
                     starts_at_q6(k, pose, q6 - half, half, starts, work.inner)
                 end = q6 + half
                 starts_at_q6(k, pose, end, half, starts, work.inner)
             for n in range(starts.filled[0]):
-                q1, q5, exact, near = refine(k, pose, starts.rows[n, 0], starts.rows[n, 1], starts.rows[n, 2], farthest)
-                if near and not (thrifty and is_known(branches, q1, q5, exact)):
+                q1, q5, exact, plausible = refine(
+                    k, pose, starts.rows[n, 0], starts.rows[n, 1], starts.rows[n, 2], max_error
+                )
+                if plausible and not (skip_known and is_known(branches, q1, q5, exact)):
                     complete(k, pose, q1, q5, exact, branches.q)
                     add_branch(task, branches, 0.0)
             if half > 0.0 or branches.filled[0] > before:
@@ -156,10 +146,10 @@ def is_known(work: BranchWork, q1: float, q5: float, q6: float) -> bool:
     rows = work.rows
     for i in range(work.filled[0]):
         if (
-            on_circle(rows[i, 0] - q1) < REPEATED
-            and on_circle(rows[i, 4] - q5) < REPEATED
-            and on_circle(rows[i, 5] - q6) < REPEATED
-            and max(rows[i, POSITION_ERROR], rows[i, ORIENTATION_ERROR]) <= POLISHED
+            circular_distance(rows[i, 0] - q1) < SAME_START
+            and circular_distance(rows[i, 4] - q5) < SAME_START
+            and circular_distance(rows[i, 5] - q6) < SAME_START
+            and max(rows[i, POSITION_ERROR], rows[i, ORIENTATION_ERROR]) <= POLISHED_CLOSURE
         ):
             return True
     return False
@@ -168,54 +158,54 @@ def is_known(work: BranchWork, q1: float, q5: float, q6: float) -> bool:
 def add_branch(task: Task, work: BranchWork, family: float) -> None:
     """Polish work.q, verify it, and append it to the rows unless it is there already."""
     q, row = work.q, work.row
-    distance, legal = fit_to_limits(q, task.reference, task.limits, row)
+    distance, within = fit_to_limits(q, task.seed, task.limits, row)
     position, orientation = errors(task.chain, task.T, row)
     # Members of a family stay at the seed's angle: Newton would slide them along.
-    if max(position, orientation) > (CLOSED if family > 0.0 else POLISHED):
+    if max(position, orientation) > (CLOSURE if family > 0.0 else POLISHED_CLOSURE):
         if not polish(task, work, max(position, orientation)):
             return
-        distance, legal = fit_to_limits(q, task.reference, task.limits, row)
+        distance, within = fit_to_limits(q, task.seed, task.limits, row)
         position, orientation = errors(task.chain, task.T, row)
-    if not legal and settle(task, work):
-        distance, legal = fit_to_limits(q, task.reference, task.limits, row)
+    if not within and hold_on_limits(task, work):
+        distance, within = fit_to_limits(q, task.seed, task.limits, row)
         position, orientation = errors(task.chain, task.T, row)
     row[POSITION_ERROR], row[ORIENTATION_ERROR] = position, orientation
     row[DISTANCE] = distance
-    row[LEGAL] = 1.0 if legal else 0.0
+    row[WITHIN_LIMITS] = 1.0 if within else 0.0
     row[FAMILY] = family
-    keep(work)
+    insert(work)
 
 
-def settle(task: Task, work: BranchWork) -> bool:
-    """Hold joints a hair past their limits on them, and see whether the others still close the pose.
+def hold_on_limits(task: Task, work: BranchWork) -> bool:
+    """Put joints slightly past a limit on it, and solve for the others: whether the pose is still reached.
 
-    At a fold the joints are known only to the square root of the rounding errors, and a legal branch may come out
-    1e-8 rad past a limit. A regular branch does not close when held.
+    At a fold the joints are known only to the square root of the rounding errors, and a branch on a limit may come
+    out 1e-8 rad past it. A regular branch does not reach the pose when a joint is held.
     """
     q, row, held = work.q, work.row, work.held
     for j in range(6):
         q[j], held[j] = row[j], 0.0
         if row[6 + j] < 0.0:
-            if row[6 + j] < -HAIR:
+            if row[6 + j] < -TANGENCY_EXCESS:
                 return False
             held[j] = 1.0
             q[j] = task.limits[0, j] if row[j] < task.limits[0, j] else task.limits[1, j]
-    for _ in range(SETTLE_STEPS):
+    for _ in range(TANGENCY_STEPS):
         if not held_step(task.chain, task.T, q, held, work.system, work.normal):
             return False
     position, orientation = errors(task.chain, task.T, q)
-    return max(position, orientation) < SETTLED
+    return max(position, orientation) < TANGENCY_CLOSURE
 
 
 def polish(task: Task, work: BranchWork, worst: float) -> bool:
     """Newton on all six joints of work.q, while it helps; whether it then closes the pose."""
     q, row = work.q, work.row
     for _ in range(POLISH_STEPS):
-        if not POLISHED < worst < HOPELESS:
+        if not POLISHED_CLOSURE < worst < MAX_POLISH_ERROR:
             break
         for j in range(6):
             row[j] = q[j]
-        position, orientation = HOPELESS, HOPELESS
+        position, orientation = MAX_POLISH_ERROR, MAX_POLISH_ERROR
         if newton_step(task.chain, task.T, q, work.system):
             position, orientation = errors(task.chain, task.T, q)
         if max(position, orientation) >= worst:
@@ -223,16 +213,16 @@ def polish(task: Task, work: BranchWork, worst: float) -> bool:
                 q[j] = row[j]
             break
         worst = max(position, orientation)
-    return worst <= CLOSED
+    return worst <= CLOSURE
 
 
-def keep(work: BranchWork) -> None:
+def insert(work: BranchWork) -> None:
     """Append the row at hand; of two that are the same on the circle the better one stays."""
     row, rows, count = work.row, work.rows, work.filled[0]
     here = max(row[POSITION_ERROR], row[ORIENTATION_ERROR])
     for i in range(count):
         there = max(rows[i, POSITION_ERROR], rows[i, ORIENTATION_ERROR])
-        if same_on_circle(rows[i], row, SAME + FOLD * math.sqrt(max(here, there))):
+        if same_configuration(rows[i], row, SAME_BRANCH + FOLD_FACTOR * math.sqrt(max(here, there))):
             if here < there:
                 rows[i] = row
             return

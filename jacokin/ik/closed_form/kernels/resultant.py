@@ -12,13 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.ik.closed_form.kernels.arm import Arm, Pose
+from jacokin.ik.closed_form.kernels.tolerances import NOISE
 from jacokin.ik.closed_form.kernels.vector import Vec, cross, mix
 
 DEGREE = 8
 SAMPLES = 2 * DEGREE + 1
-#: Rounding noise of F relative to the size of its terms: at most 11 units in the last place were measured against 50
-#: digits, and interpolation may triple it.
-NOISE = 32.0 * 2.2e-16
 _angles = 2.0 * np.pi / SAMPLES * np.arange(SAMPLES)
 SAMPLE_COS = np.cos(_angles)
 SAMPLE_SIN = np.sin(_angles)

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.ik.closed_form.kernels.resultant import DEGREE, value_and_slope
+from jacokin.ik.closed_form.kernels.tolerances import MAX_NOISE_WIDTH, MIN_WIDTH, ROOT_STEP
 
 SECTORS = 8
 SIZE = 2 * DEGREE + 1  # Bernstein coefficients of a sector
@@ -23,14 +24,8 @@ HALF = math.pi / SECTORS  # [rad]
 TAU = math.tan(0.5 * HALF)
 #: [rad] so that the sector bounds miss the round angles that people use.
 OFFSET = 0.1234567
-#: [rad] smaller intervals are not halved any more.
-MIN_WIDTH = 1e-6
-#: [rad] A single root is refined until Newton moves less than this; the step after it is quadratically smaller.
-ROOT_STEP = 1e-5
 ROOT_ITERATIONS = 40
 MAX_ROOTS = 256
-#: [rad] intervals that are all noise are candidates up to this width; wider ones are halved first.
-WIDEST_CANDIDATE = 0.01
 STACK = 32  # deeper than log2(2 HALF / MIN_WIDTH) + 2
 
 
@@ -166,24 +161,24 @@ def single_root(
     return q
 
 
-def find_roots(noise: float, looseness: float, work: RootWork) -> int:
+def find_roots(noise: float, tolerance: float, work: RootWork) -> int:
     """Real roots of the trigonometric polynomial with the coefficients ``work.cosine`` and ``work.sine``.
 
     Args:
         noise: values this close to zero may be zero.
-        looseness: more of that, relative to the coefficients' sizes, for an inexact model; 0 for an exact one.
+        tolerance: more of that, relative to the coefficients' sizes, for an inexact model; 0 for an exact one.
         work: coefficients in; ``work.roots`` out.
 
     Returns:
         How many roots and undecided candidates were written.
     """
     stack, place, roots = work.stack, work.place, work.roots
-    if looseness > 0.0:
+    if tolerance > 0.0:
         for n in range(DEGREE + 1):
-            noise += looseness * (abs(work.cosine[n]) + abs(work.sine[n]))
-    min_width = max(MIN_WIDTH, math.sqrt(looseness)) / (2.0 * HALF)
-    # The looser second search is for near-double roots; its wide stretches were searched before.
-    max_width = WIDEST_CANDIDATE / (2.0 * HALF) if looseness == 0.0 else 1.0
+            noise += tolerance * (abs(work.cosine[n]) + abs(work.sine[n]))
+    min_width = max(MIN_WIDTH, math.sqrt(tolerance)) / (2.0 * HALF)
+    # The second search, with a tolerance, is for near-double roots; its wide stretches were searched before.
+    max_width = MAX_NOISE_WIDTH / (2.0 * HALF) if tolerance == 0.0 else 1.0
     found = 0
     for sector in range(SECTORS):
         sector_coefficients(work.cosine, work.sine, sector, stack[0], stack[1])

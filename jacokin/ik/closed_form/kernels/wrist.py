@@ -15,22 +15,19 @@ from numpy.typing import NDArray
 
 from jacokin.ik.closed_form.kernels.arm import Arm, Pose
 from jacokin.ik.closed_form.kernels.resultant import DEGREE, axis_terms, sphere_terms
-from jacokin.ik.closed_form.kernels.roots import MIN_WIDTH, RootWork, find_roots
+from jacokin.ik.closed_form.kernels.roots import RootWork, find_roots
+from jacokin.ik.closed_form.kernels.tolerances import (
+    G_NOISE,
+    MAX_REFINE_STEP,
+    MIN_WIDTH,
+    REFINED_STEP,
+    SMALL_G,
+    SMALL_N,
+    SMALL_R,
+)
 from jacokin.ik.closed_form.kernels.vector import Vec, cross, dot, mix, norm
 
-#: |n| below this: axis 4 is nearly parallel to axis 1, axis 3 may point anywhere that meets its distance from O.
-SMALL_N = 1e-3
-#: [m]; r below this: O is nearly on axis 5, the sphere condition hardly says anything about q5.
-SMALL_R = 3e-3
-#: [m^2] rounding noise of g.
-G_NOISE = 1e-15
-#: |g| [m^2] below which the second q5 of a root is tried too.
-SMALL_G = 1e-5
-#: [rad] Newton stops after a step this small: the step is quadratically smaller than the error before it.
-REFINED = 1e-9
 REFINE_ITERATIONS = 12
-#: [rad] Newton steps are cut to this size.
-LONGEST_STEP = 0.3
 MAX_STARTS = 128
 
 
@@ -41,7 +38,7 @@ class Starts(NamedTuple):
     filled: NDArray[np.int64]  # (1,)
 
 
-class View(NamedTuple):
+class AfterJoint6(NamedTuple):
     """What is seen after joint 6 at one q6: D = B - O, m = axis 1, and the shoulder's axes x and y."""
 
     q6: float
@@ -51,12 +48,12 @@ class View(NamedTuple):
     y: Vec
 
 
-def view_of(k: Arm, pose: Pose, q6: float) -> View:
+def seen_after_joint_6(k: Arm, pose: Pose, q6: float) -> AfterJoint6:
     """Turn the pose by joint 6."""
     c, s = math.cos(q6), math.sin(q6)
     m = mix(pose.m0, 1.0, pose.mc, c, pose.ms, s)
     x = mix(pose.x, c, cross(k.w6, pose.x), s, k.w6, (1.0 - c) * dot(k.w6, pose.x))
-    return View(q6, mix(pose.D0, 1.0, pose.Dc, c, pose.Ds, s), m, x, cross(m, x))
+    return AfterJoint6(q6, mix(pose.D0, 1.0, pose.Dc, c, pose.Ds, s), m, x, cross(m, x))
 
 
 def axis_4(k: Arm, q5: float) -> Vec:
@@ -64,19 +61,19 @@ def axis_4(k: Arm, q5: float) -> Vec:
     return (k.sin_a * math.cos(q5), -k.sin_a * math.sin(q5), k.cos_a)
 
 
-def starts_at_q6(k: Arm, pose: Pose, q6: float, unsure: float, starts: Starts, work: RootWork) -> None:
+def starts_at_q6(k: Arm, pose: Pose, q6: float, half_width: float, starts: Starts, work: RootWork) -> None:
     """Add all candidates for one q6: the two q5 of the sphere condition, and those of g where r is small.
 
     Args:
         k: the arm.
         pose: the target.
         q6: a root of F, or the middle of an undecided interval [rad].
-        unsure: half the width of that interval, 0 for a sure root; unless it is 0, both q5 and both signs of axis 3
-            are kept.
+        half_width: of that interval, 0 for a single root [rad]; unless it is 0, both q5 and both signs of axis 3 are
+            kept.
         starts: appended to.
         work: workspace for the roots of g.
     """
-    view = view_of(k, pose, q6)
+    view = seen_after_joint_6(k, pose, q6)
     W, right = sphere_terms(k, view.D)
     G2, G1, G0 = axis_terms(k, view.D, view.m)
     r2 = W.real * W.real + W.imag * W.imag
@@ -89,9 +86,9 @@ def starts_at_q6(k: Arm, pose: Pose, q6: float, unsure: float, starts: Starts, w
         g_best, g_other = g_at(G2, G1, G0, best), g_at(G2, G1, G0, other)
         if g_other < g_best:
             best, other, g_other = other, best, g_best
-        starts_at_q5(k, pose, view, best, unsure, starts)
-        if unsure > 0.0 or g_other < SMALL_G:
-            starts_at_q5(k, pose, view, other, unsure, starts)
+        starts_at_q5(k, pose, view, best, half_width, starts)
+        if half_width > 0.0 or g_other < SMALL_G:
+            starts_at_q5(k, pose, view, other, half_width, starts)
     if r2 < SMALL_R * SMALL_R:
         for n in range(3, DEGREE + 1):
             work.cosine[n] = 0.0
@@ -109,7 +106,7 @@ def g_at(G2: complex, G1: complex, G0: float, zeta: complex) -> float:
     return abs(2.0 * ((G2 * zeta + G1) * zeta).real + G0)
 
 
-def starts_at_q5(k: Arm, pose: Pose, view: View, zeta: complex, unsure: float, starts: Starts) -> None:
+def starts_at_q5(k: Arm, pose: Pose, view: AfterJoint6, zeta: complex, half_width: float, starts: Starts) -> None:
     """Directions of axis 3 for one (q5, q6): n / |n| with the sign of e3, and both ways round where |n| is small."""
     D, m = view.D, view.m
     z4 = (k.sin_a * zeta.real, -k.sin_a * zeta.imag, k.cos_a)
@@ -118,7 +115,7 @@ def starts_at_q5(k: Arm, pose: Pose, view: View, zeta: complex, unsure: float, s
     if length > 0.0:
         along = 1.0 if dot(n, D) * k.e3 > 0.0 else -1.0
         add_start(starts, pose, view, zeta, mix(n, along, n, 0.0, n, 0.0))
-        if unsure > 0.0:
+        if half_width > 0.0:
             add_start(starts, pose, view, zeta, mix(n, -along, n, 0.0, n, 0.0))
     if length < SMALL_N:
         arm = mix(D, 1.0, z4, k.c4, m, 0.0)  # C - O
@@ -129,7 +126,7 @@ def starts_at_q5(k: Arm, pose: Pose, view: View, zeta: complex, unsure: float, s
         add_start(starts, pose, view, zeta, mix(flat, k.e3, v, -side, v, 0.0))
 
 
-def add_start(starts: Starts, pose: Pose, view: View, zeta: complex, z3: Vec) -> None:
+def add_start(starts: Starts, pose: Pose, view: AfterJoint6, zeta: complex, z3: Vec) -> None:
     """Append (q1, q5, q6), with q1 from the direction of axis 3 (of any length)."""
     i = starts.filled[0]
     if i < MAX_STARTS:
@@ -140,7 +137,7 @@ def add_start(starts: Starts, pose: Pose, view: View, zeta: complex, z3: Vec) ->
         starts.filled[0] = i + 1
 
 
-def refine(k: Arm, pose: Pose, q1: float, q5: float, q6: float, farthest: float) -> tuple[float, float, float, bool]:
+def refine(k: Arm, pose: Pose, q1: float, q5: float, q6: float, max_error: float) -> tuple[float, float, float, bool]:
     """Newton on the three equations, to the last digit or to the iteration limit.
 
     The last value is False, and nothing is done, for a start that misses one of the two distances by more than
@@ -162,7 +159,7 @@ def refine(k: Arm, pose: Pose, q1: float, q5: float, q6: float, farthest: float)
         f1 = dot(z3, z4)
         f2 = dot(z3, D) - k.e3
         f3 = dot(z4, D) + (dot(D, D) + k.c4 * k.c4 - k.R2) / (2.0 * k.c4)
-        if iteration == 0 and max(abs(f2), abs(f3)) > farthest:
+        if iteration == 0 and max(abs(f2), abs(f3)) > max_error:
             return q1, q5, q6, False
         a11, a12, a13 = dot(z3_1, z4), dot(z3, z4_5), dot(z3_6, z4)
         a21, a23 = dot(z3_1, D), dot(z3_6, D) + dot(z3, dD)
@@ -174,18 +171,18 @@ def refine(k: Arm, pose: Pose, q1: float, q5: float, q6: float, farthest: float)
         d5 = (a11 * (f2 * a33 - a23 * f3) - a21 * (f1 * a33 - a13 * f3)) / det
         d6 = (-a11 * a32 * f2 - a21 * (a12 * f3 - f1 * a32)) / det
         size = max(abs(d1), abs(d5), abs(d6))
-        if size > LONGEST_STEP:
-            scale = LONGEST_STEP / size
+        if size > MAX_REFINE_STEP:
+            scale = MAX_REFINE_STEP / size
             d1, d5, d6 = d1 * scale, d5 * scale, d6 * scale
         q1, q5, q6 = q1 - d1, q5 - d5, q6 - d6
-        if size < REFINED:
+        if size < REFINED_STEP:
             break
     return q1, q5, q6, True
 
 
 def complete(arm: Arm, pose: Pose, q1: float, q5: float, q6: float, q: NDArray[np.float64]) -> None:
     """Fill q (6,) from q1, q5 and q6: the remaining three angles are each an angle in a plane."""
-    view = view_of(arm, pose, q6)
+    view = seen_after_joint_6(arm, pose, q6)
     c1, s1, c5, s5 = math.cos(q1), math.sin(q1), math.cos(q5), math.sin(q5)
     forward = mix(view.x, c1, view.y, s1, view.x, 0.0)  # the shoulder's x axis after joint 1
     z3 = mix(view.y, c1, view.x, -s1, view.x, 0.0)

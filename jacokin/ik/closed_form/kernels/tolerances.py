@@ -1,0 +1,94 @@
+"""Every tolerance of the closed form, with its unit and the reason for its size.
+
+"Closure" is the distance of a configuration from its target: the larger of the position error [m] and the orientation
+error [rad], by forward kinematics on the model's own joint placements.
+"""
+
+from __future__ import annotations
+
+# The structure of the arm (geometry)
+
+#: [m] and [rad]; how far the axes may miss the structure. Files with six-digit quaternions miss it by up to 1e-6; a
+#: Newton step on the model's own kinematics removes what is left, so the answers are exact all the same.
+STRUCTURE_TOLERANCE = 1e-5
+#: [m]; shorter links, or a smaller shoulder offset, are another mechanism, with solutions this method does not know.
+SMALLEST_LENGTH = 1e-3
+#: [rad]; axes 4/5 and 5/6 closer to parallel than this do not meet in a usable point.
+SMALLEST_TWIST = 0.05
+#: [m]; B and A closer than this are one point: a spherical wrist.
+SPHERICAL_TOLERANCE = 1e-5
+#: [m] or [rad]; a misfit below this is rounding, and the arm fits the structure exactly.
+EXACT_MISFIT = 1e-12
+#: [m]; slack of the test whether A is within reach of O: far above rounding, and a candidate too many costs nothing.
+REACH_SLACK = 1e-6
+
+# The roots of F (resultant, roots)
+
+#: Rounding noise of F relative to the size of its terms: at most 11 units in the last place were measured against 50
+#: digits, and interpolation may triple it.
+NOISE = 32.0 * 2.2e-16
+#: [rad]; smaller intervals are not halved any more: Newton's method from both ends and the middle finds what is inside.
+MIN_WIDTH = 1e-6
+#: [rad]; intervals that are all noise are candidates up to this width; wider ones are halved first.
+MAX_NOISE_WIDTH = 1e-2
+#: [rad]; a single root is refined until Newton moves less than this; the step after it is quadratically smaller.
+ROOT_STEP = 1e-5
+#: On a model that misses the structure, candidates of F within this many times the misfit of zero are kept as well.
+MISFIT_FACTOR = 3.0
+
+# From a root to candidates (wrist, spherical)
+
+#: |n| below this: axis 4 is nearly parallel to axis 1, axis 3 may point anywhere that meets its distance from O.
+SMALL_N = 1e-3
+#: [m]; r below this: O is nearly on axis 5, and the sphere condition hardly depends on q5.
+SMALL_R = 3e-3
+#: [m^2]; rounding noise of g.
+G_NOISE = 1e-15
+#: [m^2]; where |g| is below this, the second q5 of a root is tried too.
+SMALL_G = 1e-5
+#: [rad]; Newton stops after a step this small: the step is quadratically smaller than the error before it.
+REFINED_STEP = 1e-9
+#: [rad]; Newton's steps are cut to this size.
+MAX_REFINE_STEP = 0.3
+#: [m]; a start from an interval undecided at MIN_WIDTH that misses e3 or R by more is a wrong one: the right ones were
+#: up to 1e-4 off, and with O near axis 5 may be 6e-3 off; axis 3 the wrong way round is off by twice the shoulder's
+#: offset, 14 or 20 mm. In wider intervals right ones may be as far off as that.
+MAX_START_ERROR = 1e-2
+#: sin of the angle between axes 4 and 6 below which they count as aligned: q4 and q6 then turn the same axis, and any
+#: q6 closes the pose to this many radians.
+ALIGNED_SINE = 1e-10
+#: [m^2]; a squared distance this little below zero is rounding at the edge of the workspace.
+EDGE_SLACK = 1e-9
+#: [m^2]; below this a square root is mostly rounding: the exact fold is tried as well.
+FOLDED_SQUARE = 1e-12
+
+# Verification on the model (chain, pose)
+
+#: [m] and [rad]; the closure every branch has at least.
+CLOSURE = 1e-9
+#: [m] and [rad]; a Newton step on the model's own Jacobian is tried on a branch with a larger closure.
+POLISHED_CLOSURE = 1e-13
+#: [m] and [rad]; candidates with a larger closure are not worth such a step.
+MAX_POLISH_ERROR = 2e-2
+#: Smaller pivots mean a singular Jacobian.
+SMALLEST_PIVOT = 1e-14
+#: [m^2] and [rad^2]; added to the normal equations, so that directions that do not move the tool stay put.
+DAMPING = 1e-9
+
+# Limits (pose)
+
+#: [rad]; at a fold, rounding may put a joint this far past its limit.
+TANGENCY_EXCESS = 1e-6
+#: [m] and [rad]; what a branch held on its limit must close to, far below what moving a regular one by TANGENCY_EXCESS
+#: costs.
+TANGENCY_CLOSURE = 1e-12
+
+# Two branches or one (pose)
+
+#: [rad]; branches closer than this on the circle are one.
+SAME_BRANCH = 1e-6
+#: At a fold, where two branches merge, errors grow with the square of the distance: everything within
+#: FOLD_FACTOR * sqrt(closure) [rad] of a branch is the same double solution.
+FOLD_FACTOR = 20.0
+#: [rad]; a refined start this close to a branch in joints 1, 5 and 6 is that branch again.
+SAME_START = 1e-10
