@@ -11,24 +11,15 @@ import pytest
 from numpy.typing import NDArray
 
 from jacokin.errors import InvalidInputError
-from jacokin.mujoco_bridge import Arena, JacoArm, JacoHand, ModelWrapperEntity, Physics, observations, robots
+from jacokin.mujoco_bridge import Arena, JacoArm, JacoHand, ModelWrapperEntity, Physics
+from tests.mujoco_bridge.scenes import HOME, jaco_scene
 
-HOME = (4.8046852, 2.92482, 1.002, 4.2031852, 1.4458, 1.3233)  # [rad]
 LARGE, SMALL = math.radians(36), math.radians(48)  # [rad/s] datasheet
 GRIP_FORCE = (20.0, 30.0)  # [N] datasheet: 25 N
 TRAVEL_TIME = 1.2  # [s] datasheet
 TRAVEL_TIME_BAND = 0.1  # [s]
 VELOCITY_BAND = 0.01  # [rad/s]
 TORQUE_BAND = 0.1  # [N m]
-
-
-def arm_and_hand() -> tuple[Physics, JacoArm, JacoHand]:
-    arm = robots.make_arm(observations.PERFECT_FEATURES)
-    hand = robots.make_hand(observations.PERFECT_FEATURES)
-    arm.attach(hand)
-    arena = Arena()
-    arena.attach(arm, position=robots.ARM_OFFSET)
-    return Physics.from_entity(arena), arm, hand
 
 
 def ball_with_touch_sensor() -> tuple[ModelWrapperEntity, Any]:
@@ -163,7 +154,7 @@ def test_joint_positions_are_observed_as_sine_and_cosine(angle: float) -> None:
 
 
 def test_numbers_of_the_model() -> None:
-    physics, arm, hand = arm_and_hand()
+    physics, _, arm, hand = jaco_scene()
     joints, actuators = physics.bind(arm.joints), physics.bind(arm.actuators)
     np.testing.assert_array_equal(joints.limited, (0, 1, 1, 0, 0, 0))
     np.testing.assert_array_equal(joints.range[1], (math.radians(47), math.radians(313)))
@@ -197,7 +188,7 @@ def test_parts_of_the_hand() -> None:
 
 
 def test_home_is_legal_at_rest_and_free_of_contact() -> None:
-    physics, arm, hand = arm_and_hand()
+    physics, _, arm, hand = jaco_scene()
     physics.bind(arm.joints).qvel = 1.0
     physics.bind(arm.actuators).ctrl = 0.3
     arm.set_home(physics)
@@ -223,7 +214,7 @@ def test_home_is_legal_at_rest_and_free_of_contact() -> None:
     ],
 )
 def test_set_grasp(factors: Any, angles: tuple[float, ...]) -> None:
-    physics, arm, hand = arm_and_hand()
+    physics, _, arm, hand = jaco_scene()
     arm.set_home(physics)
     rng = np.random.default_rng(0)
     physics.data.qvel[:] = velocities = rng.uniform(-0.1, 0.1, 9)
@@ -244,7 +235,7 @@ def test_set_grasp(factors: Any, angles: tuple[float, ...]) -> None:
 
 @pytest.mark.parametrize("factors", [-0.1, 1.1, (0.5, 0.5), (0.5,) * 4, np.nan, (0.0, 0.0, 2.0), "shut", None, [[0.5]]])
 def test_wrong_grasps_change_nothing(factors: Any) -> None:
-    physics, arm, hand = arm_and_hand()
+    physics, _, arm, hand = jaco_scene()
     arm.set_home(physics)
     before = physics.get_state()
     with pytest.raises(InvalidInputError, match="close_factors"):
@@ -253,7 +244,7 @@ def test_wrong_grasps_change_nothing(factors: Any) -> None:
 
 
 def test_randomized_joints_lie_in_their_ranges_and_repeat_the_reference() -> None:
-    physics, arm, _ = arm_and_hand()
+    physics, _, arm, _ = jaco_scene()
     lower = np.array([0.0, math.radians(47), math.radians(19), 0.0, 0.0, 0.0])
     upper = np.array([2 * np.pi, math.radians(313), math.radians(341), 2 * np.pi, 2 * np.pi, 2 * np.pi])
     for kind in (np.random.RandomState, np.random.default_rng):
@@ -274,7 +265,7 @@ def test_randomized_joints_lie_in_their_ranges_and_repeat_the_reference() -> Non
 
 
 def test_random_states_of_the_wrong_kind() -> None:
-    physics, arm, _ = arm_and_hand()
+    physics, _, arm, _ = jaco_scene()
     for wrong in (None, 0, np.random):
         with pytest.raises(InvalidInputError, match="random_state must be"):
             arm.randomize_arm_joints(physics, wrong)  # type: ignore[arg-type]

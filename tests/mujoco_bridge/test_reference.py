@@ -9,9 +9,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from jacokin.mujoco_bridge import Arena, JacoArm, JacoHand, Physics, observations, robots
+from tests.mujoco_bridge.scenes import HOME, Scene
 
-HOME = (4.8046852, 2.92482, 1.002, 4.2031852, 1.4458, 1.3233)  # [rad]
 SAME = 1e-6  # [m], [rad], [rad/s]; the reference rounds its limits and two of its quaternions to six digits
 SAME_TORQUE = 0.02  # [1] logarithmic; dry friction makes torques jump where velocities are near zero
 
@@ -38,18 +37,9 @@ def reference() -> Any:
     return mjcf.Physics.from_mjcf_model(arena.mjcf_model), arm, hand
 
 
-def scene() -> tuple[Physics, JacoArm, JacoHand]:
-    arm = robots.make_arm(observations.PERFECT_FEATURES)
-    hand = robots.make_hand(observations.PERFECT_FEATURES)
-    arm.attach(hand)
-    arena = Arena()
-    arena.attach(arm, position=robots.ARM_OFFSET)
-    return Physics.from_entity(arena), arm, hand
-
-
-def test_a_seed_gives_the_same_configuration(reference: Any) -> None:
+def test_a_seed_gives_the_same_configuration(reference: Any, jaco: Scene) -> None:
     their_physics, their_arm, _ = reference
-    physics, arm, _ = scene()
+    physics, _, arm, _ = jaco
     for seed in range(5):
         their_arm.randomize_arm_joints(their_physics, np.random.RandomState(seed))
         arm.randomize_arm_joints(physics, np.random.RandomState(seed))
@@ -57,9 +47,9 @@ def test_a_seed_gives_the_same_configuration(reference: Any) -> None:
         np.testing.assert_allclose(physics.bind(arm.joints).qpos, theirs, rtol=0.0, atol=SAME)
 
 
-def test_the_same_controls_give_the_same_motion_and_observations(reference: Any) -> None:
+def test_the_same_controls_give_the_same_motion_and_observations(reference: Any, jaco: Scene) -> None:
     their_physics, their_arm, their_hand = reference
-    physics, arm, hand = scene()
+    physics, _, arm, hand = jaco
     their_physics.reset()
     their_physics.bind(their_arm.joints).qpos = HOME
     their_hand.set_grasp(their_physics, 0.0)

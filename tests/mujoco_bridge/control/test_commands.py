@@ -8,24 +8,16 @@ import numpy as np
 import pytest
 
 from jacokin.errors import InvalidInputError, UnknownNameError
-from jacokin.mujoco_bridge import Arena, JacoArm, JacoHand, Physics
+from jacokin.mujoco_bridge import Arena, JacoArm, Physics
 from jacokin.mujoco_bridge.control.commands import command_joint_positions, command_site_velocity
+from tests.mujoco_bridge.scenes import jaco_scene
 
 CONTROL_STEPS = 20  # physics steps of 2 ms
 NEAR = 2e-3  # [rad] dry friction of 2 N m against a gain of 500 N m s/rad leaves 0.8 mrad at a gain of 5 / s
 
 
-def scene() -> tuple[Physics, JacoArm, JacoHand]:
-    arm, hand, arena = JacoArm(), JacoHand(), Arena()
-    arm.attach(hand)
-    arena.attach(arm)
-    physics = Physics.from_entity(arena)
-    arm.set_home(physics)
-    return physics, arm, hand
-
-
 def test_joint_positions_are_reached_against_gravity_the_short_way_round() -> None:
-    physics, arm, _ = scene()
+    physics, _, arm, _ = jaco_scene()
     start = physics.bind(arm.joints).qpos.copy()
     goal = start + np.array((0.3, -0.4, 0.2, 2.0 * np.pi - 0.5, 0.4, -6.0))
     short = start + np.array((0.3, -0.4, 0.2, -0.5, 0.4, 2.0 * np.pi - 6.0))
@@ -40,7 +32,7 @@ def test_joint_positions_are_reached_against_gravity_the_short_way_round() -> No
 
 
 def test_a_site_follows_a_commanded_velocity() -> None:
-    physics, arm, hand = scene()
+    physics, _, arm, hand = jaco_scene()
     site = physics.bind(hand.pinch_site)
     for _ in range(10):  # gather speed
         command_site_velocity(physics, arm, hand.pinch_site, (0.0, 0.0, 0.05, 0.0, 0.0, 0.0))
@@ -70,7 +62,7 @@ def test_commands_in_world_axes_whatever_the_base() -> None:
 
 
 def test_too_fast_is_slowed_down_in_the_same_direction() -> None:
-    physics, arm, hand = scene()
+    physics, _, arm, hand = jaco_scene()
     slow = command_site_velocity(physics, arm, hand.grip_site, (0.0, 0.01, 0.0, 0.0, 0.0, 0.0))
     fast = command_site_velocity(physics, arm, hand.grip_site, (0.0, 9.0, 0.0, 0.0, 0.0, 0.0))
     limit = physics.bind(arm.actuators).ctrlrange[:, 1]
@@ -80,7 +72,7 @@ def test_too_fast_is_slowed_down_in_the_same_direction() -> None:
 
 
 def test_bad_commands_change_nothing() -> None:
-    physics, arm, hand = scene()
+    physics, _, arm, hand = jaco_scene()
     before = physics.get_state().tobytes()
     calls: list[Any] = [
         lambda: command_joint_positions(physics, arm, (0.0,) * 5),

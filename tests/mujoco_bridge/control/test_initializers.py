@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from jacokin.errors import InvalidInputError, PhysicsError
-from jacokin.mujoco_bridge import DOWN_QUATERNION, Arena, JacoArm, JacoHand, Physics, robots
+from jacokin.mujoco_bridge import DOWN_QUATERNION, Arena, JacoArm, JacoHand, Physics
 from jacokin.mujoco_bridge.control.initializers import TcpInitializer, uniform_box
 from jacokin.mujoco_bridge.props import Primitive
+from tests.mujoco_bridge.scenes import jaco_parts
 
 BOX = ((-0.2, -0.2, 0.02), (0.2, 0.2, 0.4))  # [m]
 REACHED = 1e-6  # [m]
@@ -18,9 +19,7 @@ REACHED = 1e-6  # [m]
 
 def scene(*walls: tuple[tuple[float, float, float], tuple[float, float, float]]) -> tuple[Physics, JacoArm, JacoHand]:
     """The arm, a free cube near its path, and walls: half-lengths and position each [m]."""
-    arm, hand, arena = JacoArm(), JacoHand(use_pinch_site_as_tcp=True), Arena()
-    arm.attach(hand)
-    arena.attach(arm, position=robots.ARM_OFFSET)
+    arena, arm, hand = jaco_parts()
     arena.add_free_entity(Primitive(name="cube"), position=(0.0, 0.0, 0.1))
     for number, (size, position) in enumerate(walls):
         arena.attach(Primitive("box", size, name=f"wall_{number}"), position=position)

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 import jacokin
 from jacokin.errors import InvalidInputError, ModelError, PhysicsError, UnknownNameError
 from jacokin.ik.targets import circular_distance
-from jacokin.mujoco_bridge import DOWN_QUATERNION, Arena, JacoArm, JacoHand, Physics, observations, robots
+from jacokin.mujoco_bridge import DOWN_QUATERNION, Arena, JacoArm, JacoHand, Physics, robots
 from jacokin.mujoco_bridge.props import Primitive
+from tests.mujoco_bridge.scenes import jaco_scene
 
 REACHED = 1e-6  # [m], [rad] the promise
 TILTED = (0.8, 0.1, -0.5, 0.3)  # wxyz, not yet of norm 1
@@ -26,18 +27,13 @@ def scene(
     base_quat: NDArray[np.float64] | None = None,
     crowded: bool = False,
 ) -> tuple[Physics, JacoArm, JacoHand]:
-    arm = robots.make_arm(observations.PERFECT_FEATURES)
-    hand = robots.make_hand(observations.PERFECT_FEATURES)
-    arm.attach(hand)
     arena = Arena()
     if crowded:
         arena.add_free_entity(Primitive(name="cube"), position=(0.5, 0.5, 0.5))
         other = JacoArm(name="other")
         other.attach(JacoHand())
         arena.attach(other, position=(1.5, 0.0, 0.0))
-    arena.attach(arm, position=base, quaternion=base_quat)
-    physics = Physics.from_entity(arena)
-    arm.set_home(physics)
+    physics, _, arm, hand = jaco_scene(arena=arena, position=base, quaternion=base_quat)
     return physics, arm, hand
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any, cast
 
 import mujoco
@@ -11,42 +10,20 @@ import pytest
 from numpy.typing import NDArray
 
 from jacokin.errors import InvalidInputError
-from jacokin.mujoco_bridge import Arena, JacoArm, JacoHand, Physics, observations, robots
+from jacokin.mujoco_bridge import Arena, JacoArm, JacoHand, Physics, observations
 from jacokin.mujoco_bridge.observables.angles import angles_from_sin_cos
 from jacokin.mujoco_bridge.observables.jaco import JacoArmObservables
 from jacokin.mujoco_bridge.observables.observable import MJCFFeature, Observable, observable, observables_of
 from jacokin.mujoco_bridge.observables.updater import Updater
 from jacokin.mujoco_bridge.props import Primitive
+from tests.mujoco_bridge.scenes import Scene, jaco_scene
 
 CONTROL_STEPS = 20  # physics steps of 2 ms in a control step of 40 ms
 
 
-@dataclass(frozen=True, slots=True)
-class Scene:
-    arena: Arena
-    arm: JacoArm
-    hand: JacoHand
-    physics: Physics
-
-
-@pytest.fixture
-def scene() -> Scene:
-    return make_scene(observations.PERFECT_FEATURES)
-
-
-def make_scene(settings: observations.ObservationSettings) -> Scene:
-    arm, hand = robots.make_arm(settings), robots.make_hand(settings)
-    arm.attach(hand)
-    arena = Arena()
-    arena.attach(arm, position=robots.ARM_OFFSET)
-    physics = Physics.from_entity(arena)
-    arm.set_home(physics)
-    return Scene(arena, arm, hand, physics)
-
-
-def test_names_and_shapes(scene: Scene) -> None:
-    found = observables_of(scene.arena)
-    shapes = {name: each(scene.physics).shape for name, each in found.items() if each.enabled}
+def test_names_and_shapes(jaco: Scene) -> None:
+    found = observables_of(jaco.arena)
+    shapes = {name: each(jaco.physics).shape for name, each in found.items() if each.enabled}
     assert shapes == {
         "jaco_arm/jaco_hand/joints_pos": (3,),
         "jaco_arm/jaco_hand/joints_vel": (3,),
@@ -57,7 +34,7 @@ def test_names_and_shapes(scene: Scene) -> None:
         "jaco_arm/joints_vel": (6,),
     }
     assert list(found) == sorted(found)
-    assert list(scene.hand.observables.as_dict(fully_qualified=False)) == [
+    assert list(jaco.hand.observables.as_dict(fully_qualified=False)) == [
         "joints_pos",
         "joints_vel",
         "pinch_site_pos",
@@ -78,16 +55,16 @@ def test_plain_entities_start_disabled_and_without_corruptor() -> None:
 
 
 @pytest.mark.parametrize("angle", [0.0, -np.pi / 2, np.pi, 10 * np.pi])
-def test_arm_positions_are_sine_and_cosine(scene: Scene, angle: float) -> None:
-    scene.physics.bind(scene.arm.joints).qpos = angle
-    value = scene.arm.observables.joints_pos(scene.physics)
+def test_arm_positions_are_sine_and_cosine(jaco: Scene, angle: float) -> None:
+    jaco.physics.bind(jaco.arm.joints).qpos = angle
+    value = jaco.arm.observables.joints_pos(jaco.physics)
     np.testing.assert_array_equal(value, np.tile([np.sin(angle), np.cos(angle)], (6, 1)))
     np.testing.assert_allclose(angles_from_sin_cos(value, near=np.full(6, angle)), angle, rtol=0, atol=1e-14)
 
 
-def test_positions_velocities_and_pinch_site(scene: Scene) -> None:
+def test_positions_velocities_and_pinch_site(jaco: Scene) -> None:
     rng = np.random.default_rng(0)
-    physics, arm, hand = scene.physics, scene.arm, scene.hand
+    physics, arm, hand = jaco.physics, jaco.arm, jaco.hand
     arm_vel, hand_vel, hand_pos = rng.normal(size=6), rng.normal(size=3), rng.uniform(0.2, 1.3, size=3)
     physics.bind(arm.joints).qvel = arm_vel
     physics.bind(hand.joints).qvel = hand_vel
@@ -96,7 +73,7 @@ def test_positions_velocities_and_pinch_site(scene: Scene) -> None:
     np.testing.assert_array_equal(hand.observables.joints_vel(physics), hand_vel)
     np.testing.assert_array_equal(hand.observables.joints_pos(physics), hand_pos)
     site = physics.data.site("jaco_arm/jaco_hand/pinchsite")
-    moved = scene.arm.joints[1]
+    moved = jaco.arm.joints[1]
     physics.bind(moved).qpos = 3.3  # [rad]
     value = hand.observables.pinch_site_pos(physics), hand.observables.pinch_site_rmat(physics)
     mujoco.mj_kinematics(physics.model, physics.data)
@@ -104,25 +81,25 @@ def test_positions_velocities_and_pinch_site(scene: Scene) -> None:
     np.testing.assert_array_equal(value[1], site.xmat)
 
 
-def test_values_do_not_change_under_the_reader(scene: Scene) -> None:
-    enabled = [each for each in observables_of(scene.arena).values() if each.enabled]
-    values = [each(scene.physics) for each in enabled]
+def test_values_do_not_change_under_the_reader(jaco: Scene) -> None:
+    enabled = [each for each in observables_of(jaco.arena).values() if each.enabled]
+    values = [each(jaco.physics) for each in enabled]
     copies = [value.copy() for value in values]
-    scene.physics.bind(scene.arm.actuators).ctrl = 0.3  # [rad/s]
-    scene.physics.step(50)
+    jaco.physics.bind(jaco.arm.actuators).ctrl = 0.3  # [rad/s]
+    jaco.physics.step(50)
     for value, copy, each in zip(values, copies, enabled, strict=True):
         np.testing.assert_array_equal(value, copy)
         value[...] = 0.0
-        assert not np.array_equal(each(scene.physics), value)
+        assert not np.array_equal(each(jaco.physics), value)
 
 
-def test_one_arm_can_be_read_in_two_simulations(scene: Scene) -> None:
-    twin = scene.physics.copy()
-    scene.physics.bind(scene.arm.joints).qpos = 0.5
-    first, second = (scene.arm.observables.joints_pos(each) for each in (scene.physics, twin))
+def test_one_arm_can_be_read_in_two_simulations(jaco: Scene) -> None:
+    twin = jaco.physics.copy()
+    jaco.physics.bind(jaco.arm.joints).qpos = 0.5
+    first, second = (jaco.arm.observables.joints_pos(each) for each in (jaco.physics, twin))
     np.testing.assert_array_equal(first[:, 0], np.sin(np.full(6, 0.5)))
     np.testing.assert_allclose(angles_from_sin_cos(second)[1], 2.92482)
-    np.testing.assert_array_equal(scene.arm.observables.joints_pos(scene.physics), first)
+    np.testing.assert_array_equal(jaco.arm.observables.joints_pos(jaco.physics), first)
 
 
 @pytest.mark.parametrize("index", [0, 2, 4])
@@ -139,8 +116,8 @@ def test_torque_is_minus_the_external_torque(index: int, torque: float) -> None:
     assert observed[index] == pytest.approx(-torque, abs=0.1)
 
 
-def test_torque_balances_the_joint(scene: Scene) -> None:
-    physics, arm = scene.physics, scene.arm
+def test_torque_balances_the_joint(jaco: Scene) -> None:
+    physics, arm = jaco.physics, jaco.arm
     arm.observables.joints_torque.corruptor = None  # plain N m
     rng = np.random.default_rng(1)
     checked = 0
@@ -159,26 +136,26 @@ def test_torque_balances_the_joint(scene: Scene) -> None:
         checked += 1
 
 
-def test_make_arm_reports_torques_on_a_logarithmic_scale(scene: Scene) -> None:
-    each = scene.arm.observables.joints_torque
-    scaled = each(scene.physics)
+def test_make_arm_reports_torques_on_a_logarithmic_scale(jaco: Scene) -> None:
+    each = jaco.arm.observables.joints_torque
+    scaled = each(jaco.physics)
     each.corruptor = None
-    plain = each(scene.physics)
+    plain = each(jaco.physics)
     assert np.abs(plain).max() > 1.0  # [N m], gravity at home
     np.testing.assert_allclose(scaled, np.sign(plain) * np.log(1.0 + np.abs(plain)))
 
 
-def test_observation_of_the_scene(scene: Scene) -> None:
-    updater = Updater(observables_of(scene.arena), CONTROL_STEPS, strip_singleton_buffer_dim=True)
-    updater.reset(scene.physics, np.random.RandomState(0))
-    scene.physics.bind(scene.arm.actuators).ctrl = 0.2  # [rad/s]
+def test_observation_of_the_scene(jaco: Scene) -> None:
+    updater = Updater(observables_of(jaco.arena), CONTROL_STEPS, strip_singleton_buffer_dim=True)
+    updater.reset(jaco.physics, np.random.RandomState(0))
+    jaco.physics.bind(jaco.arm.actuators).ctrl = 0.2  # [rad/s]
     for _ in range(5):
         observation = updater.advance()
-    assert float(scene.physics.time) == pytest.approx(5 * CONTROL_STEPS * 0.002)
-    for name, each in observables_of(scene.arena).items():
+    assert float(jaco.physics.time) == pytest.approx(5 * CONTROL_STEPS * 0.002)
+    for name, each in observables_of(jaco.arena).items():
         if each.enabled:
-            np.testing.assert_array_equal(observation[name], each(scene.physics))
-    assert set(observation) == {name for name, each in observables_of(scene.arena).items() if each.enabled}
+            np.testing.assert_array_equal(observation[name], each(jaco.physics))
+    assert set(observation) == {name for name, each in observables_of(jaco.arena).items() if each.enabled}
 
 
 def test_blocks_of_steps_and_single_steps_give_the_same_observations() -> None:
@@ -186,12 +163,12 @@ def test_blocks_of_steps_and_single_steps_give_the_same_observations() -> None:
     settings = settings._replace(
         proprio=settings.proprio._replace(buffer_size=3, update_interval=4, delay=7),
     )
-    blocks, singles = make_scene(settings), make_scene(settings)
+    blocks, singles = jaco_scene(settings), jaco_scene(settings)
     updaters = []
-    for scene in (blocks, singles):
-        scene.physics.bind(scene.arm.actuators).ctrl = 0.2  # [rad/s]
-        updater = Updater(observables_of(scene.arena), CONTROL_STEPS)
-        updater.reset(scene.physics)
+    for jaco in (blocks, singles):
+        jaco.physics.bind(jaco.arm.actuators).ctrl = 0.2  # [rad/s]
+        updater = Updater(observables_of(jaco.arena), CONTROL_STEPS)
+        updater.reset(jaco.physics)
         updaters.append(updater)
     for _ in range(5):
         first = updaters[0].advance()
@@ -217,11 +194,11 @@ def test_observables_follow_detaching_and_attaching_again() -> None:
     assert hand.observables.joints_pos.enabled
 
 
-def test_an_element_of_another_model_is_refused(scene: Scene) -> None:
+def test_an_element_of_another_model_is_refused(jaco: Scene) -> None:
     with pytest.raises(InvalidInputError, match="not part of this physics"):
-        JacoArm().observables.joints_vel(scene.physics)
+        JacoArm().observables.joints_vel(jaco.physics)
     with pytest.raises(InvalidInputError, match="physics must be a Physics"):
-        JacoArm().observables.joints_pos(cast(Any, scene.arena))
+        JacoArm().observables.joints_pos(cast(Any, jaco.arena))
 
 
 def test_declared_and_added_observables_of_an_own_arm() -> None:

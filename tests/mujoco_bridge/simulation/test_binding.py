@@ -9,15 +9,14 @@ import numpy as np
 import pytest
 
 from jacokin.errors import InvalidInputError, UnknownNameError
-from jacokin.mujoco_bridge import Arena, JacoArm, JacoHand, ModelWrapperEntity, Physics
+from jacokin.mujoco_bridge import JacoArm, JacoHand, ModelWrapperEntity, Physics
 from jacokin.mujoco_bridge.props import Primitive
+from tests.mujoco_bridge.scenes import jaco_parts
 
 
 def scene() -> tuple[Physics, JacoArm, JacoHand, Primitive]:
-    arm, hand, cube = JacoArm(), JacoHand(), Primitive("box", name="cube")
-    arm.attach(hand)
-    arena = Arena()
-    arena.attach(arm)
+    arena, arm, hand = jaco_parts()
+    cube = Primitive("box", name="cube")
     arena.add_free_entity(cube, position=(0.3, 0.0, 0.5))
     physics = Physics.from_entity(arena)
     arm.set_home(physics)

@@ -12,21 +12,12 @@ import numpy as np
 import pytest
 
 from jacokin.errors import InvalidInputError, ModelError, PhysicsError, UnknownNameError
-from jacokin.mujoco_bridge import Arena, JacoArm, JacoHand, ModelWrapperEntity, Physics, observations, robots
+from jacokin.mujoco_bridge import Arena, JacoArm, JacoHand, ModelWrapperEntity, Physics, observations
 from jacokin.mujoco_bridge.props import Primitive
+from tests.mujoco_bridge.scenes import HOME, jaco_parts
 
-HOME = (4.8046852, 2.92482, 1.002, 4.2031852, 1.4458, 1.3233)  # [rad]
 INTEGRATION = int(mujoco.mjtState.mjSTATE_INTEGRATION)
 FRESH = 1e-12  # [m] two runs of the same kinematics differ by rounding at most
-
-
-def arm_and_hand() -> tuple[Arena, JacoArm, JacoHand]:
-    arm = robots.make_arm(observations.PERFECT_FEATURES)
-    hand = robots.make_hand(observations.PERFECT_FEATURES)
-    arm.attach(hand)
-    arena = Arena()
-    arena.attach(arm, position=robots.ARM_OFFSET)
-    return arena, arm, hand
 
 
 def pendulum(integrator: str = "Euler", mocap: bool = False) -> Physics:
@@ -76,7 +67,7 @@ def passes(monkeypatch: pytest.MonkeyPatch) -> ForwardCounter:
 
 
 def test_a_write_is_followed_by_one_pass_at_the_next_derived_read(passes: ForwardCounter) -> None:
-    arena, arm, hand = arm_and_hand()
+    arena, arm, hand = jaco_parts()
     physics = Physics.from_entity(arena)
     site, joints = physics.bind(hand.pinch_site), physics.bind(arm.joints)
     before = site.xpos.copy()
@@ -112,7 +103,7 @@ def test_a_write_is_followed_by_one_pass_at_the_next_derived_read(passes: Forwar
     ],
 )
 def test_every_way_of_writing_is_noticed(write: Any, passes: ForwardCounter) -> None:
-    arena, arm, _ = arm_and_hand()
+    arena, arm, _ = jaco_parts()
     physics = Physics.from_entity(arena)
     arm.set_home(physics)
     bound = physics.bind(arm.joints)
@@ -126,7 +117,7 @@ def test_every_way_of_writing_is_noticed(write: Any, passes: ForwardCounter) -> 
 
 
 def test_writes_to_the_model_take_effect() -> None:
-    arena, arm, _ = arm_and_hand()
+    arena, arm, _ = jaco_parts()
     physics = Physics.from_entity(arena)
     arm.set_home(physics)
     site = physics.bind(arm.wrist_site)
@@ -139,7 +130,7 @@ def test_writes_to_the_model_take_effect() -> None:
 
 def test_steps_never_start_from_stale_data() -> None:
     """Writing home over q = 0 through the data and stepping must not kick the arm."""
-    arena, _, _ = arm_and_hand()
+    arena, _, _ = jaco_parts()
     physics = Physics.from_entity(arena)
     physics.data.qpos[:6] = HOME
     physics.data.qpos[6:] = 0.5
@@ -296,7 +287,7 @@ def test_state_goes_back_bit_by_bit() -> None:
 
 @pytest.mark.parametrize("duplicate", [Physics.copy, copy.deepcopy])
 def test_a_copy_is_independent(duplicate: Callable[[Physics], Physics]) -> None:
-    arena, arm, _ = arm_and_hand()
+    arena, arm, _ = jaco_parts()
     physics = Physics.from_entity(arena)
     arm.set_home(physics)
     twin = duplicate(physics)
@@ -372,7 +363,7 @@ def test_free_props_can_be_observed() -> None:
 
 
 def test_one_tree_makes_several_independent_simulations() -> None:
-    arena, _, _ = arm_and_hand()
+    arena, _, _ = jaco_parts()
     first, second = Physics.from_entity(arena), Physics.from_entity(arena)
     first.step(3)
     assert second.time == 0.0
