@@ -36,7 +36,7 @@ class UnknownNameError(InvalidInputError):
         valid: the names that exist.
     """
 
-    def __init__(self, kind: str, given: str, valid: Iterable[str]) -> None:
+    def __init__(self, kind: str, given: object, valid: Iterable[str]) -> None:
         """Build the message from the kind of thing, the name given and the valid names."""
         self.kind = kind
         self.given = given

@@ -1,37 +1,169 @@
-"""Checks of numeric arguments, used once at the public border."""
+"""Checks of arguments, used once at the public border: each returns the checked value or refuses it by name.
+
+A number is a real Python or NumPy number: not a boolean, not digits in a string, not a date, not a masked value.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from jacokin.errors import InvalidInputError
-
-Vector = NDArray[np.float64]
+from jacokin.arrays import Array
+from jacokin.errors import InvalidInputError, UnknownNameError
 
 FLOAT64 = np.dtype(np.float64)
-NUMBER_KINDS = "iuf"  # of NumPy's dtypes: no booleans, complex numbers, digits in strings, or objects
+NUMBER_KINDS = "iuf"  # of NumPy's dtypes: no booleans, complex numbers, strings, dates or objects
+NOT_NUMBERS = frozenset((bool, np.bool_, np.ma.MaskedArray, type(np.ma.masked)))  # NumPy would convert these in lists
+LONGEST_REPR = 200  # characters of a value in a message
+NESTING = 3  # lists in lists in lists that are searched for values that are not numbers
 
 
-def numbers(value: ArrayLike) -> Vector:
-    """`value` as float64, when it is made of real numbers.
+def shown(value: object) -> str:
+    """`value` for a message: its repr, cut where it is long."""
+    try:
+        text = repr(value)
+    except Exception:  # a repr of the user's own, or a whole number with too many digits to print
+        return f"an unprintable {type(value).__name__}"
+    return text if len(text) <= LONGEST_REPR else f"{text[:LONGEST_REPR]}..."
+
+
+def _with_unit(text: str, unit: str) -> str:
+    return f"{text} [{unit}]" if unit else text
+
+
+def _as_float(value: object) -> float:
+    """A finite number as a float; NaN for whatever is not one."""
+    if isinstance(value, bool | np.timedelta64) or not isinstance(value, int | float | np.integer | np.floating):
+        return math.nan  # a timedelta64 is an integer to NumPy
+    try:
+        number = float(value)
+    except OverflowError:  # a whole number beyond 1e308
+        return math.nan
+    return number if math.isfinite(number) else math.nan
+
+
+def number(name: str, value: object, unit: str = "") -> float:
+    """A finite number.
 
     Raises:
-        TypeError: booleans, complex numbers, strings, or Python objects (whole numbers too large for NumPy as well).
+        InvalidInputError: not a number, NaN or infinite.
+    """
+    result = _as_float(value)
+    if math.isnan(result):
+        raise InvalidInputError(f"{_with_unit(f'{name} must be a finite number', unit)}, got {shown(value)}")
+    return result
+
+
+def positive(name: str, value: object, unit: str = "") -> float:
+    """A finite number > 0.
+
+    Raises:
+        InvalidInputError: not a number, not finite or not positive.
+    """
+    result = _as_float(value)
+    if not result > 0.0:
+        raise InvalidInputError(f"{_with_unit(f'{name} must be a positive number', unit)}, got {shown(value)}")
+    return result
+
+
+def non_negative(name: str, value: object, unit: str = "") -> float:
+    """A finite number >= 0.
+
+    Raises:
+        InvalidInputError: not a number, not finite or negative.
+    """
+    result = _as_float(value)
+    if not result >= 0.0:
+        raise InvalidInputError(f"{_with_unit(f'{name} must be a finite number >= 0', unit)}, got {shown(value)}")
+    return result
+
+
+def whole_number(name: str, value: object, lowest: int = 0) -> int:
+    """A whole number, at least `lowest`.
+
+    Raises:
+        InvalidInputError: not a whole number (2.0 is a float), or too small.
+    """
+    if isinstance(value, bool | np.timedelta64) or not isinstance(value, int | np.integer) or value < lowest:
+        raise InvalidInputError(f"{name} must be a whole number >= {lowest}, got {shown(value)}")
+    return int(value)
+
+
+def flag(name: str, value: object) -> bool:
+    """True or False, as a Python bool.
+
+    Raises:
+        InvalidInputError: anything else, also what merely counts as true.
+    """
+    if not isinstance(value, bool | np.bool_):
+        raise InvalidInputError(f"{name} must be True or False, got {shown(value)}")
+    return bool(value)
+
+
+def choice(kind: str, value: object, valid: Iterable[str]) -> str:
+    """One of the valid strings.
+
+    Raises:
+        UnknownNameError: anything else; lists the valid ones.
+    """
+    names = tuple(valid)
+    if not isinstance(value, str) or value not in names:
+        raise UnknownNameError(kind, value, names)
+    return value
+
+
+def generator(name: str, value: object) -> np.random.Generator:
+    """A NumPy random generator.
+
+    Raises:
+        InvalidInputError: anything else, also `RandomState` and seeds.
+    """
+    if not isinstance(value, np.random.Generator):
+        raise InvalidInputError(f"{name} must be a numpy.random.Generator, got {type(value).__name__}")
+    return value
+
+
+def numbers(value: ArrayLike) -> Array:
+    """`value` as float64 of any shape, when it is made of real numbers; NaN and infinities pass.
+
+    Raises:
+        TypeError: booleans, complex numbers, strings, dates, masked arrays, or Python objects (whole numbers too large
+            for NumPy as well).
         ValueError: rows of different lengths.
     """
     if type(value) is np.ndarray and value.dtype is FLOAT64:
         return value
-    array = np.asarray(value)
+    _refuse_hidden(value, NESTING)
+    try:
+        array = np.asarray(value)
+    except (TypeError, ValueError):
+        raise
+    except Exception as error:  # an array of another library that does not convert
+        raise TypeError(f"{type(value).__name__} does not convert to an array: {error}") from error
     if array.dtype.kind not in NUMBER_KINDS:
-        raise TypeError(f"{array.dtype} is no real number")
-    return array.astype(np.float64)
+        raise TypeError(f"{array.dtype} is not a type of real numbers")
+    with np.errstate(over="ignore"):  # of long doubles beyond 1e308: infinite, and refused where it must be finite
+        return array.astype(np.float64)
 
 
-def vector(name: str, value: ArrayLike, size: int, unit: str) -> Vector:
-    """Return `value` as a finite, contiguous float64 vector of the given size, or refuse it by name.
+def _refuse_hidden(value: object, nesting: int) -> None:
+    """Refuse masked arrays, and lists with booleans or masked values: NumPy converts both without a word."""
+    if isinstance(value, np.ma.MaskedArray):
+        raise TypeError("masked arrays are not accepted: fill or drop the masked values")
+    if nesting and isinstance(value, list | tuple):
+        kinds = set(map(type, value))
+        if kinds & NOT_NUMBERS:
+            raise TypeError(f"{', '.join(sorted(kind.__name__ for kind in kinds & NOT_NUMBERS))} is not a number")
+        if not kinds.isdisjoint((list, tuple)):
+            for item in value:
+                _refuse_hidden(item, nesting - 1)
+
+
+def vector(name: str, value: ArrayLike, size: int, unit: str) -> Array:
+    """A finite, contiguous float64 vector (size,).
 
     Raises:
         InvalidInputError: wrong shape, not numbers, or not finite.
@@ -39,7 +171,7 @@ def vector(name: str, value: ArrayLike, size: int, unit: str) -> Vector:
     try:
         array = numbers(value)
     except (TypeError, ValueError) as error:
-        raise InvalidInputError(f"{name} must be {size} numbers [{unit}], got {value!r}") from error
+        raise InvalidInputError(f"{name} must be {size} numbers [{unit}], got {shown(value)}") from error
     if array.shape != (size,):
         raise InvalidInputError(f"{name} must have shape ({size},) [{unit}], got shape {array.shape}")
     # A sum of plain floats is the cheapest test, and silent; only a suspicious one is looked at again.
@@ -49,8 +181,24 @@ def vector(name: str, value: ArrayLike, size: int, unit: str) -> Vector:
     return array if array.flags.c_contiguous else np.ascontiguousarray(array)
 
 
-def matrix(name: str, value: ArrayLike, columns: int, unit: str) -> Vector:
-    """Return `value` as a finite float64 array of shape (n, columns) with n >= 1, or refuse it by name.
+def positive_vector(name: str, value: ArrayLike, size: int, unit: str) -> Array:
+    """Positive numbers (size,), read-only; one number stands for all.
+
+    Raises:
+        InvalidInputError: wrong shape, not numbers, not finite or not positive.
+    """
+    try:
+        array = numbers(value)
+    except (TypeError, ValueError) as error:
+        raise InvalidInputError(f"{name} must be one number or {size} [{unit}], got {shown(value)}") from error
+    array = vector(name, np.full(size, array) if array.ndim == 0 else array, size, unit)
+    if not (array > 0.0).all():
+        raise InvalidInputError(f"{name} must be positive [{unit}], got {array.tolist()}")
+    return read_only(array)
+
+
+def matrix(name: str, value: ArrayLike, columns: int, unit: str) -> Array:
+    """A finite float64 array of shape (n, columns) with n >= 1.
 
     Raises:
         InvalidInputError: wrong shape, empty, not numbers, or not finite (the first bad row is named).
@@ -69,7 +217,7 @@ def matrix(name: str, value: ArrayLike, columns: int, unit: str) -> Vector:
     return array
 
 
-def read_only(array: ArrayLike) -> Vector:
+def read_only(array: ArrayLike) -> Array:
     """A private float64 copy that cannot be written to."""
     copy = np.array(array, dtype=np.float64)
     copy.setflags(write=False)

@@ -1,0 +1,68 @@
+"""Angles that are equal up to full turns: wrapping, copies, distances on the circle. All in [rad], not checked."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jacokin.arrays import Array
+
+TURN = 2.0 * math.pi
+
+
+def wrap_to_turn(angles: Array | float) -> Array:
+    """The copy of each angle in [0, 2 pi)."""
+    wrapped = np.mod(angles, TURN)
+    return np.asarray(np.where(wrapped >= TURN, 0.0, wrapped))  # the remainder of -1e-17 is rounded up to a full turn
+
+
+def wrap_to_pi(angles: Array | float) -> Array:
+    """The copy of each angle in [-pi, pi)."""
+    return wrap_to_turn(np.asarray(angles) + math.pi) - math.pi
+
+
+def nearest_copy(q: Array, reference: Array, unlimited: NDArray[np.bool_] | bool = True) -> Array:
+    """`q` with every angle in the copy nearest to the reference; angles that are not `unlimited` stay.
+
+    Args:
+        q: (..., n) angles.
+        reference: (..., n) angles.
+        unlimited: (n,) which angles may take another copy.
+    """
+    return np.where(unlimited, q + TURN * np.round((reference - q) / TURN), q)
+
+
+def circular_distance(q: Array, reference: Array, unlimited: NDArray[np.bool_] | bool = True) -> Array:
+    """Euclidean distance over the last axis, the short way round for angles that are `unlimited`.
+
+    Args:
+        q: (..., n) angles.
+        reference: (..., n) angles.
+        unlimited: (n,) which angles are equal after full turns.
+
+    Returns:
+        (...) distances.
+    """
+    distance: Array = np.linalg.norm(nearest_copy(q, reference, unlimited) - reference, axis=-1)
+    return distance
+
+
+def into_limits(q: Array, lower: Array, upper: Array) -> Array:
+    """The copies of the angles inside their limits, any number of turns away; without one, the nearer limit.
+
+    Of several copies inside the limits, the one nearest to the angle itself. The result is inside the limits exactly.
+
+    Args:
+        q: (..., n) finite angles.
+        lower: (n,) lower limits; -inf for none.
+        upper: (n,) upper limits, not below the lower ones; inf for none.
+    """
+    fewest = np.ceil((lower - q) / TURN)  # turns that reach the lower limit
+    most = np.floor((upper - q) / TURN)  # turns that stay below the upper limit
+    between = fewest > most  # no copy inside: one below the lower limit, the next above the upper limit
+    inside = np.clip(0.0, fewest, np.maximum(fewest, most))
+    low = q + TURN * np.where(between, most, inside)
+    high = q + TURN * np.where(between, fewest, inside)
+    return np.clip(np.where(lower - low <= high - upper, low, high), lower, upper)
