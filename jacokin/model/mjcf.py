@@ -78,10 +78,18 @@ def _free_name(model: mujoco.MjModel, kind: mujoco.mjtObj, name: str) -> str:
     return name
 
 
-def _joint(model: mujoco.MjModel, joint: int) -> tuple[pin.JointModel, pin.SE3]:
-    """Pinocchio's joint, and for a hinge or slide the offset that makes its zero MuJoCo's `ref`."""
+def scalar_joint_motion(model: mujoco.MjModel, joint: int, position: float) -> pin.SE3:
+    """Pose of a hinge's or slide's frame at a joint position, in its frame at MuJoCo's `ref`."""
     axis = np.array(model.jnt_axis[joint])
-    reference = float(model.qpos0[model.jnt_qposadr[joint]])
+    travel = position - float(model.qpos0[model.jnt_qposadr[joint]])
+    if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE:
+        return pin.SE3(np.eye(3), travel * axis)
+    return pin.SE3(pin.AngleAxis(travel, axis).toRotationMatrix(), np.zeros(3))
+
+
+def pinocchio_joint(model: mujoco.MjModel, joint: int) -> tuple[pin.JointModel, pin.SE3]:
+    """Pinocchio's joint, and for a hinge or slide the offset that makes its zero MuJoCo's."""
+    axis = np.array(model.jnt_axis[joint])
     kind = model.jnt_type[joint]
     if kind == mujoco.mjtJoint.mjJNT_FREE:
         return pin.JointModelFreeFlyer(), pin.SE3.Identity()
@@ -89,9 +97,8 @@ def _joint(model: mujoco.MjModel, joint: int) -> tuple[pin.JointModel, pin.SE3]:
         return pin.JointModelSpherical(), pin.SE3.Identity()
     if kind == mujoco.mjtJoint.mjJNT_HINGE:
         plain = pin.JointModelRZ() if np.array_equal(axis, (0.0, 0.0, 1.0)) else pin.JointModelRevoluteUnaligned(axis)
-        turn = pin.AngleAxis(-reference, axis).toRotationMatrix() if reference else np.eye(3)
-        return plain, pin.SE3(turn, np.zeros(3))
-    return pin.JointModelPrismaticUnaligned(axis), pin.SE3(np.eye(3), -reference * axis)
+        return plain, scalar_joint_motion(model, joint, 0.0)
+    return pin.JointModelPrismaticUnaligned(axis), scalar_joint_motion(model, joint, 0.0)
 
 
 def body_joints(model: mujoco.MjModel, body: int) -> range:
@@ -124,7 +131,7 @@ def to_pinocchio(model: mujoco.MjModel, name: str) -> pin.Model:
         T_parent_body = T_parent_body * placement(model.body_quat[body], model.body_pos[body])
         for joint in body_joints(model, body):
             anchor = np.array(model.jnt_pos[joint])
-            plain, T_zero = _joint(model, joint)
+            plain, T_zero = pinocchio_joint(model, joint)
             lower, upper = _joint_limits(model, joint)
             limited_force = bool(model.jnt_actfrclimited[joint])
             effort = float(np.abs(model.jnt_actfrcrange[joint]).min()) if limited_force else np.inf

@@ -1,14 +1,13 @@
-"""What every arm and every hand can do, whatever its make: `RobotArm` and `RobotHand`.
+"""Base classes of arms and hands: `RobotArm` and `RobotHand`.
 
-Subclass them for another robot: `_build` makes the spec, `joints` and `wrist_site` (of an arm), `set_grasp` and
-`tool_center_point` (of a hand) say what is what in it. Randomization, inverse kinematics and observables come along.
+Subclass them for a robot of your own: `_build` makes the spec; `joints` and `wrist_site` of an arm, `set_grasp` and
+`tool_center_point` of a hand name its elements. Randomization, inverse kinematics and observables are inherited.
 """
 
 from __future__ import annotations
 
 import abc
 from collections.abc import Sequence
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -34,20 +33,20 @@ _DOWN = rotation_matrix(DOWN_QUATERNION)
 
 
 class RobotArm(Entity):
-    """An arm: joints in a row from a base to a wrist."""
+    """An arm: a chain of joints from a base to a wrist."""
 
     @property
     @abc.abstractmethod
-    def joints(self) -> Sequence[Any]:
-        """The joint elements, base to wrist."""
+    def joints(self) -> Sequence[mujoco.MjsJoint]:
+        """The joint elements, from base to wrist."""
 
     @property
     @abc.abstractmethod
-    def wrist_site(self) -> Any:
+    def wrist_site(self) -> mujoco.MjsSite:
         """The site that hands are attached to."""
 
     @property
-    def attachment_site(self) -> Any:
+    def attachment_site(self) -> mujoco.MjsSite:
         """The wrist site."""
         return self.wrist_site
 
@@ -62,7 +61,7 @@ class RobotArm(Entity):
             random_state: drawn from once, ``random_state.uniform(lower, upper)``.
 
         Raises:
-            PhysicsError: a joint without limits is no hinge.
+            PhysicsError: a joint without limits is not a hinge.
             InvalidInputError: an argument is wrong.
         """
         check_random_state(random_state)
@@ -70,10 +69,12 @@ class RobotArm(Entity):
         physics.bind(self.joints).qpos = np.clip(random_state.uniform(lower, upper), lower, upper)
 
     def sampling_bounds(self, physics: Physics) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Lower and upper bounds of the joints, (n,) each [rad, m on slide joints]; [0, 2 pi] for free hinges.
+        """Lower and upper bounds of the joints, (n,) each [rad, m on slide joints].
+
+        Those of a hinge without limits are 0 and 2 pi.
 
         Raises:
-            PhysicsError: a joint without limits is no hinge.
+            PhysicsError: a joint without limits is not a hinge.
         """
         bound = check_physics(physics).bind(self.joints)
         lower, upper = bound.range.T.copy()
@@ -81,7 +82,9 @@ class RobotArm(Entity):
         invalid = unlimited & (bound.type != mujoco.mjtJoint.mjJNT_HINGE)
         if invalid.any():
             names = ", ".join(repr(joint.name) for joint, wrong in zip(self.joints, invalid, strict=True) if wrong)
-            raise PhysicsError(f"a joint that is no hinge must have limits to be sampled; these have none: {names}")
+            raise PhysicsError(
+                f"only hinges can be sampled without limits; these joints have none and are not hinges: {names}"
+            )
         lower[unlimited], upper[unlimited] = 0.0, 2.0 * np.pi
         return lower, upper
 
@@ -89,30 +92,31 @@ class RobotArm(Entity):
         self,
         physics: Physics,
         random_state: RandomState,
-        site: Any,
+        site: mujoco.MjsSite | str,
         target_pos: ArrayLike,
         target_quat: ArrayLike | None = None,
         max_ik_attempts: int = 10,
     ) -> bool:
-        """Move the arm, at once and without simulating, so that a site has a given pose.
+        """Set the joint positions, without simulating, so that a site has a given pose.
 
         Of all configurations within the joint limits the one nearest to the present is taken; hinges without limits
-        end up in [0, 2 pi). Nothing but the positions of the arm's joints changes, and nothing at all on failure.
+        end up in [0, 2 pi). Only the positions of the arm's joints change; on failure nothing changes.
 
         Args:
             physics: the simulation.
-            random_state: drawn from only for restarts of the numerical solver, where no closed form exists.
+            random_state: used only for restarts of the numerical solver, where there is no closed form.
             site: a site on the arm or on what is attached to it: an element, or its full name.
             target_pos: (3,) position of the site in the world [m].
-            target_quat: (4,) orientation of the site in the world, wxyz; None for pointing down.
-            max_ik_attempts: starts of the numerical solver; 1 tries the present configuration alone.
+            target_quat: (4,) orientation of the site in the world, wxyz; None for `DOWN_QUATERNION`.
+            max_ik_attempts: starts of the numerical solver; 1 tries only the present configuration.
 
         Returns:
             Whether the site is at its target, within 1e-6 m and 1e-6 rad.
 
         Raises:
             InvalidInputError: an argument is wrong.
-            UnknownNameError: no site of this name; lists those there are.
+            UnknownNameError: no site has this name; lists the valid ones.
+            ModelError: none of the arm's joints moves the site, or one on the way to it is not a hinge or slide.
             PhysicsError: positions or velocities in the scene are not finite.
         """
         check_random_state(random_state)
@@ -131,8 +135,8 @@ class RobotArm(Entity):
             return True
         return False
 
-    def site_solver(self, physics: Physics, site: Any) -> SiteSolver:
-        """What solves for a site in a physics: kept, since making it takes milliseconds.
+    def site_solver(self, physics: Physics, site: mujoco.MjsSite | str) -> SiteSolver:
+        """The inverse kinematics of a site in a physics; made once for each and kept.
 
         Args:
             physics: the simulation.
@@ -140,8 +144,8 @@ class RobotArm(Entity):
 
         Raises:
             InvalidInputError: an argument is wrong.
-            UnknownNameError: no site of this name; lists those there are.
-            ModelError: the arm does not move the site.
+            UnknownNameError: no site has this name; lists the valid ones.
+            ModelError: none of the arm's joints moves the site, or one on the way to it is not a hinge or slide.
         """
         known = self._solvers.known(physics, site)
         if known is not None:
@@ -158,11 +162,11 @@ class RobotArm(Entity):
 
 
 class RobotHand(Entity):
-    """A hand: something that grasps, with a point where it does."""
+    """A hand: fingers, and a tool centre point between them."""
 
     @abc.abstractmethod
     def set_grasp(self, physics: Physics, close_factors: float | Sequence[float]) -> None:
-        """Put the fingers somewhere between open and closed, at once and without simulating.
+        """Set the finger positions between open and closed, without simulating.
 
         Args:
             physics: the simulation.
@@ -171,15 +175,15 @@ class RobotHand(Entity):
 
     @property
     @abc.abstractmethod
-    def tool_center_point(self) -> Any:
-        """The site that is brought to a target."""
+    def tool_center_point(self) -> mujoco.MjsSite:
+        """The site that is moved to targets."""
 
     def _build_observables(self) -> Observables:
         return JointsObservables(self) if hasattr(self, "joints") else Observables(self)
 
 
 def check_random_state(random_state: RandomState) -> None:
-    """Refuse what numbers cannot be drawn from.
+    """Check a source of random numbers.
 
     Raises:
         InvalidInputError: neither a `numpy.random.RandomState` nor a `numpy.random.Generator`.
@@ -190,7 +194,7 @@ def check_random_state(random_state: RandomState) -> None:
         )
 
 
-def _site_id(physics: Physics, site: Any) -> int:
+def _site_id(physics: Physics, site: mujoco.MjsSite | str) -> int:
     if isinstance(site, mujoco.MjsSite):
         return int(physics.bind(site).element_id)
     names = [physics.model.site(i).name for i in range(physics.model.nsite)]

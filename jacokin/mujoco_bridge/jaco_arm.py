@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import mujoco
 
 from jacokin.model import bundled, table
@@ -43,29 +41,29 @@ class JacoArm(RobotArm):
         return JacoArmObservables(self)
 
     @property
-    def joints(self) -> list[Any]:
+    def joints(self) -> list[mujoco.MjsJoint]:
         """The six joint elements."""
         return self._joints
 
     @property
-    def actuators(self) -> list[Any]:
-        """The velocity actuators, one per joint; ctrl is the velocity wanted [rad/s]."""
+    def actuators(self) -> list[mujoco.MjsActuator]:
+        """The velocity actuators, one per joint; ctrl is the desired velocity [rad/s]."""
         return self._actuators
 
     @property
-    def joint_torque_sensors(self) -> list[Any]:
+    def joint_torque_sensors(self) -> list[mujoco.MjsSensor]:
         """The 3-axis torque sensors, one per joint [N m]."""
         return self._joint_torque_sensors
 
     @property
-    def wrist_site(self) -> Any:
+    def wrist_site(self) -> mujoco.MjsSite:
         """The site that hands are attached to."""
         return self._wrist_site
 
     def set_home(self, physics: Physics) -> None:
-        """Go to the home configuration at rest, with the hands that are attached open.
+        """Set the home configuration at rest, with attached hands open.
 
-        Home is legal and free of contact, unlike q = 0, where a simulation starts.
+        Home is within the limits and free of contact, unlike q = 0, where a simulation starts.
 
         Raises:
             InvalidInputError: the physics does not hold this arm.
@@ -80,8 +78,8 @@ class JacoArm(RobotArm):
         physics.after_reset()
 
 
-def _add_torque_sensor(spec: mujoco.MjSpec, joint: Any) -> Any:
-    """Add a torque sensor at the origin of the joint's body, whose axes it measures along."""
+def _add_torque_sensor(spec: mujoco.MjSpec, joint: mujoco.MjsJoint) -> mujoco.MjsSensor:
+    """Add a torque sensor at the origin of the joint's body; it measures along the axes of that body."""
     site = joint.parent.add_site(name=f"{joint.name}_site", size=[_SENSOR_SITE_SIZE] * 3, group=_SENSOR_SITE_GROUP)
     return spec.add_sensor(
         name=f"{joint.name}_torque",

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from jacokin.errors import InvalidInputError
 from jacokin.model import bundled, table
@@ -30,8 +30,8 @@ class JacoHand(RobotHand):
 
         Args:
             name: replaces ``jaco_hand`` in the names of its elements.
-            use_pinch_site_as_tcp: take the pinch site, between the finger tips, as tool centre point, and not the
-                grip site.
+            use_pinch_site_as_tcp: use the pinch site, between the finger tips, as tool centre point instead of
+                the grip site.
         """
         spec = self._mjcf_root = mujoco.MjSpec.from_file(str(bundled.urdf_folder() / _FILE))
         if name:
@@ -50,44 +50,44 @@ class JacoHand(RobotHand):
         return JacoHandObservables(self)
 
     @property
-    def joints(self) -> list[Any]:
+    def joints(self) -> list[mujoco.MjsJoint]:
         """The finger joints."""
         return self._joints
 
     @property
-    def actuators(self) -> list[Any]:
-        """The velocity actuators, one per finger; ctrl is the velocity wanted [rad/s], positive closes."""
+    def actuators(self) -> list[mujoco.MjsActuator]:
+        """The velocity actuators, one per finger; ctrl is the desired velocity [rad/s], positive closes."""
         return self._actuators
 
     @property
-    def tool_center_point(self) -> Any:
-        """The grip site, or the pinch site if the hand was made so."""
+    def tool_center_point(self) -> mujoco.MjsSite:
+        """The grip site, or the pinch site with ``use_pinch_site_as_tcp=True``."""
         return self._tool_center_point
 
     @property
-    def grip_site(self) -> Any:
-        """The site in the palm's middle, where things are held."""
+    def grip_site(self) -> mujoco.MjsSite:
+        """The site in front of the palm, where objects are held."""
         return self._grip_site
 
     @property
-    def pinch_site(self) -> Any:
+    def pinch_site(self) -> mujoco.MjsSite:
         """The site between the finger tips."""
         return self._pinch_site
 
     @property
-    def hand_geom(self) -> list[Any]:
+    def hand_geom(self) -> list[mujoco.MjsGeom]:
         """The geoms of the palm."""
         return self._hand_geom
 
     @property
-    def finger_geoms(self) -> list[Any]:
+    def finger_geoms(self) -> list[mujoco.MjsGeom]:
         """The geoms of the fingers and their tips."""
         return self._finger_geoms
 
     def set_grasp(self, physics: Physics, close_factors: float | Sequence[float]) -> None:
-        """Put the fingers somewhere between open and closed, at once and without simulating.
+        """Set the finger positions between open and closed, without simulating.
 
-        The velocity commands of the fingers become 0; velocities and the arm are left alone.
+        The velocity commands of the fingers become 0; velocities and the arm do not change.
 
         Args:
             physics: the simulation.
@@ -114,7 +114,7 @@ class JacoHand(RobotHand):
         self.set_grasp(physics, 0.0)
 
 
-def _checked_factors(close_factors: float | Sequence[float], fingers: int) -> np.ndarray[Any, np.dtype[np.float64]]:
+def _checked_factors(close_factors: float | Sequence[float], fingers: int) -> NDArray[np.float64]:
     try:
         factors = np.asarray(close_factors, dtype=np.float64)
     except (TypeError, ValueError) as error:

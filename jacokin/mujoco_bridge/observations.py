@@ -1,4 +1,4 @@
-"""Which observables are on, and with which options, by category.
+"""Settings of observables by category: which are enabled, with which options.
 
 The categories are ``proprio`` (joint positions and velocities, pose of the hand), ``ftt`` (force,
 torque and touch), ``prop_pose`` (poses and velocities of free props) and ``camera``.
@@ -58,11 +58,11 @@ class ObservableNames(NamedTuple):
 
 
 def symmetric_log(value: ArrayLike, random_state: RandomState = None) -> NDArray[np.float64]:
-    """Return sign(x) log(1 + abs(x)): forces and torques of any size on one scale.
+    """Return sign(x) log(1 + abs(x)): large and small forces and torques on one scale.
 
     Args:
         value: readings of any shape.
-        random_state: not used; a corruptor takes it.
+        random_state: unused; corruptors are called with it.
     """
     x = np.asarray(value, dtype=np.float64)
     return np.asarray(np.copysign(np.log1p(np.abs(x)), x))
@@ -75,7 +75,7 @@ _CAMERA = CameraObservableSpec(height=84, width=84, **_FEATURE._asdict())
 PERFECT_FEATURES = ObservationSettings(
     proprio=_FEATURE, ftt=_FORCE, prop_pose=_FEATURE, camera=_CAMERA._replace(enabled=False)
 )
-"""Everything measured, no camera."""
+"""All measurements, no camera."""
 
 VISION = ObservationSettings(proprio=_FEATURE, ftt=_FORCE, prop_pose=_FEATURE._replace(enabled=False), camera=_CAMERA)
 """Cameras instead of the props' poses."""

@@ -9,26 +9,26 @@ from jacokin.mujoco_bridge.jaco_arm import JacoArm
 from jacokin.mujoco_bridge.jaco_hand import JacoHand
 
 ARM_OFFSET: tuple[float, float, float] = tuple(table.load()["arena"]["arm_offset"]["xyz"])
-"""Where the arm stands in the arena [m]."""
+"""Position of the arm's base in the arena [m]."""
 
 __all__ = ["ARM_OFFSET", "DOWN_QUATERNION", "make_arm", "make_hand"]
 
 
 def make_arm(obs_settings: observations.ObservationSettings) -> JacoArm:
-    """An arm with its observables set.
+    """Make an arm with its observables configured.
 
     Args:
-        obs_settings: options of each category of observables, such as `observations.PERFECT_FEATURES`.
+        obs_settings: the options of each category of observables, such as `observations.PERFECT_FEATURES`.
     """
     options = observations.make_options(obs_settings, observations.JACO_ARM_OBSERVABLES)
     return JacoArm(observable_options=options)
 
 
 def make_hand(obs_settings: observations.ObservationSettings) -> JacoHand:
-    """A hand with its observables set, whose tool centre point is the pinch site.
+    """Make a hand with its observables configured, whose tool centre point is the pinch site.
 
     Args:
-        obs_settings: options of each category of observables, such as `observations.PERFECT_FEATURES`.
+        obs_settings: the options of each category of observables, such as `observations.PERFECT_FEATURES`.
     """
     options = observations.make_options(obs_settings, observations.JACO_HAND_OBSERVABLES)
     return JacoHand(use_pinch_site_as_tcp=True, observable_options=options)

@@ -1,1 +1,1 @@
-"""What moves an arm in a scene: commands, inverse kinematics, initial poses. Read `commands` first."""
+"""Commands, inverse kinematics and initial poses of an arm in a scene. Read `commands` first."""

@@ -1,9 +1,8 @@
-"""Commands for the velocity actuators of an arm: joint positions to go to, velocities of a site."""
+"""Velocity commands that move an arm to joint positions, or a site with a twist."""
 
 from __future__ import annotations
 
-from typing import Any
-
+import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -15,9 +14,9 @@ from jacokin.mujoco_bridge.simulation.physics import Physics, check_physics
 
 Array = NDArray[np.float64]
 
-GAIN = 5.0  # [1/s] of the position error; 0.2 of it is made up in a control step of 0.04 s
+GAIN = 5.0  # [1/s] velocity per position error; removes 20 % of the error in a control step of 0.04 s
 DAMPING = 0.005  # of the Jacobian's singular values [m/rad, rad/rad]; keeps joint speeds bounded at singular poses
-FASTEST = 1e6  # [m/s, rad/s] of a twist; squares of what is far beyond overflow
+MAX_TWIST = 1e6  # [m/s, rad/s] squares of far larger numbers overflow
 
 _TURN = 2.0 * np.pi
 
@@ -25,36 +24,36 @@ _TURN = 2.0 * np.pi
 def command_joint_positions(physics: Physics, arm: JacoArm, positions: ArrayLike, *, gain: float = GAIN) -> Array:
     """Command velocities towards joint positions; call it once per control step.
 
-    Hinges without limits go the short way round. Gravity is compensated, so that the arm ends where it should.
+    Hinges without limits turn the shorter way. Gravity is compensated.
 
     Args:
         physics: the simulation.
         arm: an arm with one velocity actuator per joint.
-        positions: (n,) where to go [rad].
-        gain: velocity wanted per position error [1/s].
+        positions: (n,) joint positions to move to [rad].
+        gain: commanded velocity per position error [1/s].
 
     Returns:
-        (n,) the position errors left [rad].
+        (n,) the remaining position errors [rad].
 
     Raises:
-        InvalidInputError: malformed positions, or a gain that is not positive.
+        InvalidInputError: wrong positions, or a gain that is not positive.
     """
     joints = check_physics(physics).bind(_checked_arm(arm).joints)
     goal = checks.vector("positions", positions, len(arm.joints), "rad")
     if not isinstance(gain, int | float | np.number) or not (np.isfinite(gain) and gain > 0.0):
         raise InvalidInputError(f"gain must be a positive number [1/s], got {gain!r}")
     error = goal - joints.qpos
-    free = joints.limited == 0
-    error[free] -= _TURN * np.round(error[free] / _TURN)
+    unlimited = joints.limited == 0
+    error[unlimited] -= _TURN * np.round(error[unlimited] / _TURN)
     _command(physics, arm, gain * error)
     return np.asarray(error)
 
 
-def command_site_velocity(physics: Physics, arm: JacoArm, site: Any, twist: ArrayLike) -> Array:
+def command_site_velocity(physics: Physics, arm: JacoArm, site: mujoco.MjsSite | str, twist: ArrayLike) -> Array:
     """Command joint velocities that move a site with a twist; call it once per control step.
 
-    Velocities beyond the actuators' range are scaled down together, so that the direction is kept. Near singular
-    poses the twist is followed only as far as bounded joint velocities allow.
+    Velocities beyond the actuators' range are scaled down together, which keeps their direction. Near singularities
+    damping bounds the joint velocities, and the twist is followed only approximately.
 
     Args:
         physics: the simulation.
@@ -66,24 +65,24 @@ def command_site_velocity(physics: Physics, arm: JacoArm, site: Any, twist: Arra
         (n,) the joint velocities commanded [rad/s].
 
     Raises:
-        InvalidInputError: a malformed or absurdly fast twist, or no site.
-        UnknownNameError: no site of this name.
-        ModelError: the arm does not move the site.
+        InvalidInputError: a wrong twist, or one faster than `MAX_TWIST`, or not a site.
+        UnknownNameError: no site has this name; lists the valid ones.
+        ModelError: none of the arm's joints moves the site.
     """
-    wanted = checks.vector("twist", twist, 6, "m/s, rad/s")
-    if np.abs(wanted).max() > FASTEST:
-        raise InvalidInputError(f"twist must not be faster than {FASTEST:g} m/s and rad/s, got {wanted.tolist()}")
+    commanded = checks.vector("twist", twist, 6, "m/s, rad/s")
+    if np.abs(commanded).max() > MAX_TWIST:
+        raise InvalidInputError(f"twist must not be faster than {MAX_TWIST:g} m/s and rad/s, got {commanded.tolist()}")
     chain = _checked_arm(arm).site_solver(check_physics(physics), site).chain()
     jacobian = chain.robot.jacobian(physics.data.qpos[chain.qpos])
     physics.refresh()
     R_base_world = physics.data.xmat[chain.base_body].reshape(3, 3).T
-    in_base = np.concatenate([R_base_world @ wanted[:3], R_base_world @ wanted[3:]])
+    twist_base = np.concatenate([R_base_world @ commanded[:3], R_base_world @ commanded[3:]])
     members = list(chain.joints)
     # Damped least squares: (J^T J + d^2 I)^-1 J^T v.
     normal = jacobian.T @ jacobian + DAMPING**2 * np.eye(len(members))
     velocities = np.zeros(len(arm.joints))
     ids = list(physics.bind(arm.joints).element_ids)
-    velocities[[ids.index(joint) for joint in members]] = np.linalg.solve(normal, jacobian.T @ in_base)
+    velocities[[ids.index(joint) for joint in members]] = np.linalg.solve(normal, jacobian.T @ twist_base)
     limit = physics.bind(arm.actuators).ctrlrange[:, 1]
     velocities /= max(1.0, float(np.max(np.abs(velocities) / limit)))
     _command(physics, arm, velocities)
@@ -97,7 +96,7 @@ def _checked_arm(arm: JacoArm) -> JacoArm:
 
 
 def _command(physics: Physics, arm: JacoArm, velocities: Array) -> None:
-    """Write velocities [rad/s] to ctrl, with what the actuators need besides to hold the arm up."""
+    """Write velocities [rad/s] to ctrl, with the feedforward that compensates gravity."""
     actuators = physics.bind(arm.actuators)
     gain = actuators.gainprm[:, 0]  # [N m s/rad]
     bias = physics.bind(arm.joints).qfrc_bias - physics.bind(arm.joints).qfrc_passive  # [N m]

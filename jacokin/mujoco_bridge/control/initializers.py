@@ -1,4 +1,4 @@
-"""Starting an episode: the tool centre point at a random pose, with nothing touching that should not."""
+"""Initial poses of the arm: the tool centre point at random poses, free of collisions."""
 
 from __future__ import annotations
 
@@ -33,10 +33,10 @@ def uniform_box(lower: ArrayLike, upper: ArrayLike) -> Sampler:
 
 
 class TcpInitializer:
-    """Puts the tool centre point of a hand at sampled poses.
+    """Places the tool centre point of a hand at sampled poses.
 
-    A configuration is passed over when the arm touches itself, the hand, or anything that does not move freely; or the
-    hand anything of that sort. Every branch of a pose is tried before another pose is sampled.
+    A configuration is rejected when the arm touches itself, the hand, or anything without a free joint, or when the
+    hand touches the latter. Every branch of a pose is tried before another pose is sampled.
     """
 
     def __init__(
@@ -50,14 +50,14 @@ class TcpInitializer:
         max_ik_attempts: int = 10,
         max_rejection_samples: int = 10,
     ) -> None:
-        """Say what to place where.
+        """Set what is placed and where.
 
         Args:
             hand: the hand on the arm; None to place the arm's wrist site.
             arm: the arm.
-            position: (3,) in the world [m], or a callable of a random state that draws one, such as `uniform_box`.
-            quaternion: (4,) wxyz, or a callable of a random state that draws one.
-            ignore_collisions: take the first configuration found.
+            position: (3,) in the world [m], or a callable of a random state that samples one, such as `uniform_box`.
+            quaternion: (4,) wxyz, or a callable of a random state that samples one.
+            ignore_collisions: accept the first configuration.
             max_ik_attempts: starts of the numerical solver for each pose, where the arm has no closed form.
             max_rejection_samples: poses to try.
 
@@ -78,32 +78,32 @@ class TcpInitializer:
         self._max_rejection_samples = max_rejection_samples
 
     def __call__(self, physics: Physics, random_state: RandomState) -> None:
-        """Place the tool centre point; fingers and everything else stay as they are.
+        """Place the tool centre point; only the arm's joint positions change.
 
         Args:
             physics: the simulation.
-            random_state: poses are drawn from it.
+            random_state: the source of random numbers.
 
         Raises:
             PhysicsError: no pose sampled has a configuration free of collisions; nothing is changed then.
-            InvalidInputError: a sampler gives no position or quaternion.
+            InvalidInputError: a sampler returns something else than a position or quaternion.
         """
         check_random_state(random_state)
         solver = self._arm.site_solver(
             check_physics(physics), self._arm.wrist_site if self._hand is None else self._hand.tool_center_point
         )
         bounds = None if solver.has_closed_form else self._arm.sampling_bounds(physics)
-        judge = _Collisions(physics, self._arm, self._hand)
+        collisions = _Collisions(physics, self._arm, self._hand)
         for _ in range(self._max_rejection_samples):
             position = checks.vector("position", _draw(self._position, random_state), 3, "m")
             rotation = rotation_matrix(unit_quaternion("quaternion", _draw(self._quaternion, random_state)))
             for rows, q in solver.solutions(position, rotation, bounds, random_state, self._max_ik_attempts):
-                if self._ignore_collisions or not judge.any_with(rows, q):
+                if self._ignore_collisions or not collisions.any_with(rows, q):
                     physics.set_qpos(rows, q)
                     return
         raise PhysicsError(
             f"none of {self._max_rejection_samples} poses sampled for the tool centre point has a configuration within "
-            "the joint limits that is free of collisions"
+            "the joint limits and free of collisions"
         )
 
 
@@ -112,7 +112,7 @@ def _draw(value: ArrayLike | Sampler, random_state: RandomState) -> ArrayLike:
 
 
 class _Collisions:
-    """Which contacts of a configuration matter."""
+    """Checks configurations of a robot for contacts."""
 
     def __init__(self, physics: Physics, arm: RobotArm, hand: RobotHand | None) -> None:
         self._physics = physics
@@ -127,7 +127,7 @@ class _Collisions:
         self._fixed = (~free & ~in_arm & ~in_hand)[model.geom_bodyid]
 
     def any_with(self, rows: NDArray[np.intp], q: Array) -> bool:
-        """Whether the robot touches itself (its hand's own parts aside) or something fixed, with q in these rows."""
+        """Whether the robot touches itself (except the hand itself) or something fixed, with q at these addresses."""
         data = self._data
         data.qpos[:] = self._physics.data.qpos
         data.qpos[rows] = q
@@ -147,7 +147,7 @@ class _Collisions:
 
 
 def _below(physics: Physics, entity: Entity) -> NDArray[np.bool_]:
-    """For each body whether it is part of an entity or of what is attached to it."""
+    """For each body whether it belongs to an entity or to one attached to it."""
     model = physics.model
     top = int(physics.bind(entity.root_body).element_ids[0])
     found = np.zeros(model.nbody, dtype=bool)

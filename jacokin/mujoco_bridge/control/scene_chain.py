@@ -1,7 +1,7 @@
 """The chain of an arm's joints up to a site, taken from a compiled scene.
 
-Whatever else is in the scene stays where it is: the base may be posed anywhere, fingers are held at their present
-angles, free objects and other robots do not matter.
+The base may have any pose. Joints on the way to the site that are not the arm's, such as fingers, are held at their
+present positions. Free objects and other robots do not matter.
 """
 
 from __future__ import annotations
@@ -34,34 +34,34 @@ class SceneChain:
     """The joints that move a site.
 
     Attributes:
-        robot: the chain; its only frame is the site, and its base the body that holds the first joint's body.
+        robot: the chain; its only frame is the site, its base the parent of the first joint's body.
         base_body: id of that body.
-        base_rests: whether it never moves while simulating.
-        base_numbers: the parts of the model's arrays that its pose follows from if it rests.
+        base_is_fixed: whether the simulation never moves that body.
+        base_arrays: views of the model's arrays that determine the pose of a fixed base.
         joints: (dof,) ids of the joints, base to site.
-        qpos: (dof,) where the joints' positions are in MuJoCo's qpos.
-        held: (m,) where in qpos the positions of those joints are that lie in the chain but are not the arm's.
+        qpos: (dof,) addresses of the joints' positions in qpos.
+        held: (m,) addresses in qpos of the joints in the chain that are not the arm's.
         held_at: (m,) their positions when the chain was made.
-        numbers: the parts of the scene's arrays that the chain was made from.
-        numbers_then: their bytes when it was made.
+        arrays: views of the model's arrays that determine the chain.
+        arrays_then: their bytes when the chain was made.
     """
 
     robot: Robot
     base_body: int
-    base_rests: bool
-    base_numbers: tuple[NDArray[Any], ...]
+    base_is_fixed: bool
+    base_arrays: tuple[NDArray[Any], ...]
     joints: tuple[int, ...]
     qpos: NDArray[np.intp]
     held: NDArray[np.intp]
     held_at: Array
-    numbers: tuple[NDArray[Any], ...]
-    numbers_then: list[bytes]
+    arrays: tuple[NDArray[Any], ...]
+    arrays_then: list[bytes]
 
     def is_current(self, qpos: Array) -> bool:
-        """Whether the scene still has this chain: nobody moved a site, a limit, or a finger that was held."""
+        """Whether the model and the held joints are as they were when the chain was made."""
         if self.held.size and not np.array_equal(qpos[self.held], self.held_at):
             return False
-        return [numbers.tobytes() for numbers in self.numbers] == self.numbers_then
+        return [array.tobytes() for array in self.arrays] == self.arrays_then
 
 
 def scene_chain(model: mujoco.MjModel, qpos: Array, joints: Sequence[int], site: int) -> SceneChain:
@@ -90,7 +90,9 @@ def scene_chain(model: mujoco.MjModel, qpos: Array, joints: Sequence[int], site:
     for body in bodies:
         T = T * mjcf.placement(model.body_quat[body], model.body_pos[body])
         for joint in mjcf.body_joints(model, body):
-            kind, T_zero = _scalar_joint(model, joint)
+            if model.jnt_type[joint] not in mjcf.SCALAR_JOINTS:
+                raise ModelError(f"joint {mjcf.joint_name(model, joint)!r} of the arm is neither hinge nor slide")
+            kind, T_zero = mjcf.pinocchio_joint(model, joint)
             anchor = pin.SE3(np.eye(3), np.array(model.jnt_pos[joint]))
             address = int(model.jnt_qposadr[joint])
             if joint in joints:
@@ -102,29 +104,29 @@ def scene_chain(model: mujoco.MjModel, qpos: Array, joints: Sequence[int], site:
                 members.append(joint)
                 addresses.append(address)
             else:
-                T = T * anchor * _moved(model, joint, float(qpos[address])) * anchor.inverse()
+                T = T * anchor * mjcf.scalar_joint_motion(model, joint, float(qpos[address])) * anchor.inverse()
                 held.append(address)
     T = T * mjcf.placement(model.site_quat[site], model.site_pos[site])
     out.addFrame(pin.Frame(BASE, 0, 0, pin.SE3.Identity(), pin.FrameType.OP_FRAME), False)
     out.addFrame(pin.Frame(SITE, carrier, 0, T, pin.FrameType.OP_FRAME), False)
-    numbers = _numbers(model, bodies, site)
+    arrays = _arrays(model, bodies, site)
     source = Source(path=Path("scene"), kind="mjcf", bundled=None, base=BASE, tip=SITE)
     return SceneChain(
         robot=Robot(out, base=BASE, tip=SITE, source=source, home=qpos[addresses]),
         base_body=int(model.body_parentid[bodies[0]]),
-        base_rests=not any(model.body_dofnum[body] or model.body_mocapid[body] >= 0 for body in above),
-        base_numbers=_poses(model, above),
+        base_is_fixed=not any(model.body_dofnum[body] or model.body_mocapid[body] >= 0 for body in above),
+        base_arrays=_poses(model, above),
         joints=tuple(members),
         qpos=np.array(addresses, dtype=np.intp),
         held=np.array(held, dtype=np.intp),
         held_at=qpos[held],
-        numbers=numbers,
-        numbers_then=[each.tobytes() for each in numbers],
+        arrays=arrays,
+        arrays_then=[each.tobytes() for each in arrays],
     )
 
 
-def _numbers(model: mujoco.MjModel, bodies: Sequence[int], site: int) -> tuple[NDArray[Any], ...]:
-    """Live views of everything a chain along these bodies follows from, that a user may change."""
+def _arrays(model: mujoco.MjModel, bodies: Sequence[int], site: int) -> tuple[NDArray[Any], ...]:
+    """Live views of the model's arrays that determine a chain along these bodies."""
     joints = [np.array([joint for body in bodies for joint in mjcf.body_joints(model, body)], dtype=np.intp)]
     sites = [np.array([site], dtype=np.intp)]
     return (
@@ -138,7 +140,7 @@ def _numbers(model: mujoco.MjModel, bodies: Sequence[int], site: int) -> tuple[N
 
 
 def _poses(model: mujoco.MjModel, bodies: Sequence[int]) -> tuple[NDArray[Any], ...]:
-    """Live views of where bodies are in their parents."""
+    """Live views of the poses of bodies in their parents."""
     rows = [np.array(bodies, dtype=np.intp)]
     return tuple(select(array, rows, single=False) for array in (model.body_pos, model.body_quat))
 
@@ -150,23 +152,3 @@ def _path(model: mujoco.MjModel, body: int) -> list[int]:
         path.insert(0, body)
         body = int(model.body_parentid[body])
     return path
-
-
-def _scalar_joint(model: mujoco.MjModel, joint: int) -> tuple[Any, pin.SE3]:
-    """Pinocchio's hinge or slide, and the offset that makes its zero MuJoCo's."""
-    axis = np.array(model.jnt_axis[joint])
-    if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_HINGE:
-        plain = np.array_equal(axis, (0.0, 0.0, 1.0))
-        return pin.JointModelRZ() if plain else pin.JointModelRevoluteUnaligned(axis), _moved(model, joint, 0.0)
-    if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE:
-        return pin.JointModelPrismaticUnaligned(axis), _moved(model, joint, 0.0)
-    raise ModelError(f"joint {mjcf.joint_name(model, joint)!r} of the arm is neither hinge nor slide")
-
-
-def _moved(model: mujoco.MjModel, joint: int, position: float) -> pin.SE3:
-    """What a hinge or slide does at a position, counted from its reference."""
-    axis = np.array(model.jnt_axis[joint])
-    travel = position - float(model.qpos0[model.jnt_qposadr[joint]])
-    if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE:
-        return pin.SE3(np.eye(3), travel * axis)
-    return pin.SE3(pin.AngleAxis(travel, axis).toRotationMatrix(), np.zeros(3))

@@ -1,8 +1,8 @@
 """Inverse kinematics on an arm as it stands in a scene: what `RobotArm.set_site_to_xpos` runs.
 
-Where the arm has a closed form, it gives every branch and the nearest legal one is taken; otherwise the QP descends
-from the present configuration and then from random ones. The chain of joints is MuJoCo's own, number by number, and the
-simulation is only read: nothing is written before there is an answer.
+Where the arm has a closed form, it gives every branch, and the nearest within the limits is taken. Otherwise the QP
+starts from the present configuration and then from random ones. The chain of joints has the numbers of the compiled
+scene. The simulation is read only; nothing is written before there is a solution.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import weakref
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 RandomState = np.random.RandomState | np.random.Generator
 Bounds = tuple[Array, Array]
 
-POSITION_TOLERANCE = 1e-6  # [m] what the interface promises of a success; the closed form is a thousand times better
+POSITION_TOLERANCE = 1e-6  # [m] of a success; the closed form is far more accurate
 ORIENTATION_TOLERANCE = 1e-6  # [rad]
 QP_SOLVER = "daqp"
 
@@ -37,10 +37,10 @@ _TURN = 2.0 * np.pi
 
 
 class SiteSolver:
-    """Brings one site of one scene to poses in the world.
+    """Inverse kinematics of one site of one scene, for target poses in the world.
 
     Attributes:
-        has_closed_form: whether the closed form fits the arm; the QP runs otherwise.
+        has_closed_form: whether the arm has a closed form; otherwise the QP runs.
     """
 
     def __init__(self, physics: Physics, joints: Sequence[int], site: int) -> None:
@@ -64,7 +64,7 @@ class SiteSolver:
         self._prepare()
 
     def chain(self) -> SceneChain:
-        """The joints that move the site, with fingers and the like held where they are now."""
+        """The joints that move the site; others on the way to it are held at their present positions."""
         if not self._chain.is_current(self._data.qpos):
             self._prepare()
         return self._chain
@@ -90,11 +90,11 @@ class SiteSolver:
         random_state: RandomState,
         attempts: int,
     ) -> Iterator[tuple[NDArray[np.intp], Array]]:
-        """Where in qpos to write what so that the site is at its target; those of the closed form nearest first.
+        """Solutions as addresses in qpos and values for them; branches of the closed form in order of distance.
 
         Args:
-            position: (3,) of the site in the world [m].
-            rotation: (3, 3) world <- site.
+            position: (3,) target position of the site in the world [m].
+            rotation: (3, 3) target orientation, R_world_site.
             bounds: lower and upper bounds of all of the arm's joints, for starts of the QP; None with a closed form.
             random_state: drawn from for all starts but the first.
             attempts: number of starts.
@@ -118,8 +118,8 @@ class SiteSolver:
 
     def _find_base(self, chain: SceneChain) -> None:
         """Bring the base's pose in the scratch data up to date."""
-        base_now = [numbers.tobytes() for numbers in chain.base_numbers]
-        if chain.base_rests and base_now == self._base_then:
+        base_now = [array.tobytes() for array in chain.base_arrays]
+        if chain.base_is_fixed and base_now == self._base_then:
             return
         scratch, data = self._scratch, self._data
         scratch.qpos[:] = data.qpos
@@ -135,7 +135,7 @@ class SiteSolver:
             yield q[index]
 
     def _canonical(self, q: Array) -> Array:
-        """Free hinges turned into [0, 2 pi)."""
+        """A copy with the unlimited hinges in [0, 2 pi)."""
         q = q.copy()
         for joint in self._wraps:
             turned = q[joint] % _TURN
@@ -154,7 +154,7 @@ class SiteSolver:
                 yield attempt.q
 
     def _starts(self, present: Array, bounds: Bounds, random_state: RandomState, attempts: int) -> Iterator[Array]:
-        """The present configuration made legal, then random ones, each drawn when it is asked for."""
+        """The present configuration, clipped to the limits, then random ones, drawn one at a time when needed."""
         members = [self._joints.index(joint) for joint in self._chain.joints]
         yield np.clip(present, self._chain.robot.lower, self._chain.robot.upper)
         for _ in range(attempts - 1):
@@ -162,7 +162,7 @@ class SiteSolver:
 
 
 def _check_finite(data: mujoco.MjData) -> None:
-    """Refuse to solve in a scene that has no configuration.
+    """Check that a scene has a finite state.
 
     Raises:
         PhysicsError: qpos or qvel is not finite.
@@ -174,20 +174,22 @@ def _check_finite(data: mujoco.MjData) -> None:
 
 
 class SceneSolvers:
-    """The solvers of one arm, made when first needed for a site of a physics."""
+    """The solvers of one arm, by physics and site."""
 
     def __init__(self) -> None:
-        """Start without any."""
-        self._solvers: weakref.WeakKeyDictionary[Physics, dict[Any, SiteSolver]] = weakref.WeakKeyDictionary()
+        """Start empty."""
+        self._solvers: weakref.WeakKeyDictionary[Physics, dict[mujoco.MjsSite | str, SiteSolver]] = (
+            weakref.WeakKeyDictionary()
+        )
 
-    def known(self, physics: Physics, site: Any) -> SiteSolver | None:
+    def known(self, physics: Physics, site: mujoco.MjsSite | str) -> SiteSolver | None:
         """The solver that was kept for a site, an element or a name; None if there is none."""
         try:
             return self._solvers[physics].get(site)
-        except (KeyError, TypeError):  # nothing known, or not even a possible site
+        except (KeyError, TypeError):  # no solver kept, or something that cannot be a key
             return None
 
-    def keep(self, physics: Physics, site: Any, solver: SiteSolver) -> SiteSolver:
+    def keep(self, physics: Physics, site: mujoco.MjsSite | str, solver: SiteSolver) -> SiteSolver:
         """Keep a solver; returns it."""
         self._solvers.setdefault(physics, {})[site] = solver
         return solver

@@ -1,21 +1,19 @@
-"""The velocity actuators that the descriptions leave to the bridge."""
+"""Velocity actuators, which the descriptions in ``urdf`` do not contain."""
 
 from __future__ import annotations
-
-from typing import Any
 
 import mujoco
 
 from jacokin.model import table
 
 
-def add_velocity_actuator(spec: mujoco.MjSpec, joint: Any, group: str) -> Any:
-    """Add a velocity actuator of the joint's name to a joint.
+def add_velocity_actuator(spec: mujoco.MjSpec, joint: mujoco.MjsJoint, group: str) -> mujoco.MjsActuator:
+    """Add a velocity actuator to a joint, under the name of the joint.
 
     Args:
         spec: the spec of the joint.
         joint: the joint element.
-        group: "large", "small" or "finger": the row of the table of numbers with gain, speed and torque.
+        group: "large", "small" or "finger": the row with gain, speed and torque in ``urdf/jaco.toml``.
     """
     row = table.actuator(group)
     actuator = spec.add_actuator(name=joint.name, target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)

@@ -1,4 +1,4 @@
-"""From the (sin, cos) pairs that the arm's ``joints_pos`` reports back to angles."""
+"""Angles of the (sin, cos) pairs that the arm's ``joints_pos`` reports."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ TURN = 2.0 * np.pi  # [rad]
 def angles_from_sin_cos(sin_cos: ArrayLike, near: ArrayLike | None = None) -> NDArray[np.float64]:
     """Return the joint angles of (sin, cos) pairs.
 
-    A pair tells an angle up to full turns. The angle in [0, 2 pi) is returned: there lie the
-    limited ranges of joints 2 and 3, and there ``set_site_to_xpos`` puts the free joints.
+    A pair determines an angle up to full turns. The angle in [0, 2 pi) is returned, where the ranges of joints 2 and
+    3 lie, and to which ``set_site_to_xpos`` wraps the joints without limits.
 
     Args:
-        sin_cos: pairs (..., 2), sine first; their common length does not matter.
-        near: angles (...) [rad]; each angle is returned in the copy nearest to its own.
+        sin_cos: pairs (..., 2), sine first; pairs of another norm than 1 are allowed.
+        near: angles (...) [rad]; each result is the one nearest to its own of these, up to full turns.
 
     Returns:
         Angles (...) [rad].
 
     Raises:
-        InvalidInputError: a wrong shape, a value that is not finite, or a pair (0, 0), which is
-            what a buffer padded with zeros holds.
+        InvalidInputError: a wrong shape, a value that is not finite, or a pair (0, 0), as in a buffer padded with
+            zeros.
     """
     try:
         pairs = np.asarray(sin_cos, dtype=np.float64)
@@ -35,9 +35,9 @@ def angles_from_sin_cos(sin_cos: ArrayLike, near: ArrayLike | None = None) -> ND
     if pairs.ndim < 1 or pairs.shape[-1] != 2:
         raise InvalidInputError(f"sin_cos must have the shape (..., 2), got {pairs.shape}")
     if not np.isfinite(pairs).all():
-        raise InvalidInputError("sin_cos holds values that are not finite")
+        raise InvalidInputError("sin_cos must be finite")
     if not pairs.any(axis=-1).all():
-        raise InvalidInputError("sin_cos holds a pair (0, 0), which is no angle")
+        raise InvalidInputError("sin_cos contains a pair (0, 0), which has no angle")
     angles = np.arctan2(pairs[..., 0], pairs[..., 1])
     if reference is None:
         wrapped = np.mod(angles, TURN)

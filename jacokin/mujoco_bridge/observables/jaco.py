@@ -19,9 +19,9 @@ class JacoArmObservables(JointsObservables):
 
     @observable
     def joints_pos(self) -> Observable:
-        """Joint angles as pairs (sin, cos), (6, 2): bounded, though most joints turn without limit.
+        """Joint angles as pairs (sin, cos), (n, 2): bounded, though most joints have no limits.
 
-        ``angles.angles_from_sin_cos`` leads back to angles.
+        ``angles_from_sin_cos`` converts them to angles.
         """
         joints = Bound(self._entity.joints)
 
@@ -36,11 +36,10 @@ class JacoArmObservables(JointsObservables):
 
     @observable
     def joints_torque(self) -> Observable:
-        """Torques about the joint axes, (6,) [N m].
+        """Torques about the joint axes, (n,) [N m].
 
-        The projection of each 3-axis sensor on its joint's axis. The sensor measures what the
-        child body exerts on its parent, so an external torque on the child appears with the
-        opposite sign.
+        Each 3-axis sensor projected on the axis of its joint. The sensor measures what the child body exerts on its
+        parent, so an external torque on the child has the opposite sign here.
         """
         sensors = Bound(self._entity.joint_torque_sensors)
         joints = Bound(self._entity.joints)
@@ -62,5 +61,5 @@ class JacoHandObservables(JointsObservables):
 
     @observable
     def pinch_site_rmat(self) -> Observable:
-        """Rotation matrix world <- pinch site, row by row, (9,)."""
+        """Rotation matrix R_world_pinchsite in row-major order, (9,)."""
         return MJCFFeature("xmat", self._entity.pinch_site)

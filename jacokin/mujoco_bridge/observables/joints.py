@@ -1,4 +1,4 @@
-"""Observables of anything with joints."""
+"""Observables of an entity with joints."""
 
 from __future__ import annotations
 

@@ -1,9 +1,8 @@
-"""Quantities read from a simulation, and the classes by which an entity declares its own.
+"""Quantities read from a simulation, and the classes with which an entity declares its own.
 
-An ``Observable`` is called on a physics and returns an array. Its options say how an
-``updater.Updater`` reports it: how often it is read, how late it arrives, how many readings are
-kept, how they become one, and what noise or scaling they pass through. An entity's observables are
-the methods marked ``@observable`` of its ``Observables`` subclass.
+An ``Observable`` is called on a physics and returns an array. Its options say how an ``Updater`` reports it: how often
+it is read, its delay, its buffer, the aggregator of the buffer, and the corruptor of each reading. An entity's
+observables are the methods marked ``@observable`` of its ``Observables`` subclass.
 """
 
 from __future__ import annotations
@@ -118,7 +117,7 @@ class Observable:
         """Set several options; on an error none is set.
 
         Raises:
-            UnknownNameError: there is no such option (also a ``KeyError``).
+            UnknownNameError: unknown option (also a ``KeyError``); lists the valid ones.
             InvalidInputError: an option has a wrong value.
         """
         for name, value in self.check_options(options).items():
@@ -126,10 +125,10 @@ class Observable:
 
 
 class Bound:
-    """Elements of a model, looked up once in the physics they are read from."""
+    """Elements whose binding in the last physics is kept."""
 
     def __init__(self, elements: Any) -> None:
-        """Keep one element or a sequence of elements of one kind."""
+        """Keep one element, or a sequence of elements of one kind."""
         self._elements = elements
         self._physics: Physics | None = None
         self._binding: Binding
@@ -138,7 +137,7 @@ class Bound:
         """Return the binding of the elements in this physics.
 
         Raises:
-            InvalidInputError: not a physics, or one without these elements.
+            InvalidInputError: not a Physics, or one without these elements.
         """
         if physics is None or physics is not self._physics:
             if not isinstance(physics, Physics):
@@ -173,7 +172,7 @@ class MJCFFeature(Observable):
 
 
 class ObservableProperty(cached_property[T]):
-    """A method of an ``Observables`` subclass that makes one of its observables, once."""
+    """A method of an ``Observables`` subclass that makes one of its observables; called once."""
 
 
 def observable(method: Callable[[Any], T]) -> ObservableProperty[T]:
@@ -184,11 +183,11 @@ def observable(method: Callable[[Any], T]) -> ObservableProperty[T]:
 class Observables:
     """The observables of one entity, by name.
 
-    Each is an attribute too: ``arm.observables.joints_pos(physics)``.
+    Each is also an attribute: ``arm.observables.joints_pos(physics)``.
     """
 
     def __init__(self, entity: Entity) -> None:
-        """Make the observables that the class declares; all start disabled."""
+        """Make the observables that the class declares; they are disabled."""
         self._entity: Any = entity  # each subclass knows what its entity has
         self._observables: dict[str, Observable] = {}
         for name in sorted(dir(type(self))):
@@ -200,14 +199,14 @@ class Observables:
         found: Observable | None = vars(self).get("_observables", {}).get(name)
         if found is None:
             names = ", ".join(sorted(vars(self).get("_observables", ())))
-            raise AttributeError(f"no observable {name!r}. Valid: {names}")
+            raise AttributeError(f"unknown observable {name!r}. Valid: {names}")
         return found
 
     def get_observable(self, name: str) -> Observable:
         """Return the observable of this name.
 
         Raises:
-            UnknownNameError: there is none (also a ``KeyError``); lists the names.
+            UnknownNameError: no observable has this name (also a ``KeyError``); lists the valid ones.
         """
         try:
             return self._observables[name]
@@ -215,15 +214,15 @@ class Observables:
             raise UnknownObservableError("observable", name, sorted(self._observables)) from None
 
     def add_observable(self, name: str, observable: Observable, enabled: bool = True) -> None:
-        """Add an observable that the class does not declare; it is enabled unless told otherwise.
+        """Add an observable that the class does not declare, enabled by default.
 
         Raises:
-            InvalidInputError: the name is taken or no identifier, or this is no ``Observable``.
+            InvalidInputError: the name is in use or not an identifier, or this is not an ``Observable``.
         """
         if not isinstance(observable, Observable):
             raise InvalidInputError(f"observable must be an Observable, got {observable!r}")
         if not isinstance(name, str) or not name.isidentifier() or hasattr(self, name):
-            raise InvalidInputError(f"name must be an identifier that is not in use here, got {name!r}")
+            raise InvalidInputError(f"name must be an identifier that is not in use, got {name!r}")
         observable.enabled = enabled
         self._observables[name] = observable
 
@@ -248,8 +247,8 @@ class Observables:
                 and an empty dict change nothing.
 
         Raises:
-            UnknownNameError: an observable or option does not exist (also a ``KeyError``); lists
-                the names.
+            UnknownNameError: unknown observable or option (also a ``KeyError``); lists the valid
+                ones.
             InvalidInputError: an option has a wrong value.
         """
         options = {} if options is None else options

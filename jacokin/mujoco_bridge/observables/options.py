@@ -27,13 +27,13 @@ AGGREGATORS: Mapping[str, Aggregator] = {
 
 
 class UnknownObservableError(UnknownNameError, KeyError):
-    """No observable, option or aggregator has this name; also a ``KeyError``."""
+    """An observable, option or aggregator of this name does not exist; also a ``KeyError``."""
 
     __str__ = Exception.__str__  # KeyError would print the message in quotes
 
 
 class Options(TypedDict, total=False):
-    """The options every observable has; see ``observable.Observable``."""
+    """The options of every observable; see ``observable.Observable``."""
 
     update_interval: Steps
     buffer_size: int | None
@@ -83,7 +83,7 @@ def _check_flag(name: str, value: Any) -> bool:
     return bool(value)
 
 
-# What each option's value passes through when it is set: check(name, value) -> value.
+# The check of each option, called when it is set: check(name, value) -> value.
 CHECKS: Mapping[str, Callable[[str, Any], Any]] = {
     "update_interval": lambda name, value: _check_steps(name, value, 1),
     "buffer_size": lambda name, value: None if value is None else whole_number(name, value, 1),

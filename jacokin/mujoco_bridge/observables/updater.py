@@ -1,9 +1,8 @@
-"""Observations at control rate: what an agent sees after each control step.
+"""Observations at control rate.
 
-A control step is a fixed number of physics steps. Each enabled observable is read every
-``update_interval`` physics steps; a reading passes through the corruptor, arrives ``delay`` physics
-steps later, and pushes the oldest of ``buffer_size`` readings out. An observation is the buffer,
-oldest reading first, or what the aggregator makes of it.
+A control step is a fixed number of physics steps. Each enabled observable is read every ``update_interval`` physics
+steps; a reading passes through the corruptor, arrives ``delay`` physics steps later, and replaces the oldest of
+``buffer_size`` readings. An observation is the buffer, oldest reading first, or the aggregator's value of it.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ if TYPE_CHECKING:
 
 
 class _Channel:
-    """One enabled observable, the readings on their way, and those that have arrived."""
+    """One enabled observable: its pending readings and its buffer."""
 
     def __init__(self, name: str, observable: Observable, control_steps: int, random_state: RandomState) -> None:
         self.name = name
@@ -59,7 +58,7 @@ class _Channel:
         self._schedule(step)
 
     def observation(self, step: int, strip: bool) -> NDArray[Any]:
-        """Return what has arrived by this step."""
+        """The observation at this step."""
         self._receive(step)
         buffer = np.array(self.arrived)
         if self.aggregator is not None:
@@ -76,10 +75,10 @@ class _Channel:
             self.arrived.append(self.pending.pop(0)[2])
 
     def _schedule(self, step: int) -> None:
-        """Choose the step of the next reading, passing over those that nobody will see.
+        """Choose the step of the next reading, skipping those that no observation would contain.
 
-        With constant interval and delay, the readings that arrive in the same control step as the
-        next one are known. Of these the buffer shows the newest.
+        With constant interval and delay, the readings that arrive in the same control step as the next one are known;
+        an observation contains the newest of them, as many as the buffer holds.
         """
         self.next_reading = step + self._draw("update_interval", self.interval, 1)
         if callable(self.interval) or callable(self.delay):
@@ -98,8 +97,8 @@ class _Channel:
 class Updater:
     """Reports the enabled observables of a dictionary once per control step.
 
-    ``advance`` steps the physics and returns the observation. Whoever steps the physics himself
-    calls ``update`` after each single step and ``get_observation`` after each control step.
+    ``advance`` steps the physics and returns the observation. To step the physics yourself, call ``update`` after each
+    single step and ``get_observation`` after each control step.
     """
 
     def __init__(
@@ -110,10 +109,10 @@ class Updater:
         strip_singleton_buffer_dim: bool = False,
         pad_with_initial_value: bool = False,
     ) -> None:
-        """Report these observables, those enabled at each ``reset``.
+        """Report those of the observables that are enabled at ``reset``.
 
         Args:
-            observables: by name, as ``observable.observables_of(arena)`` returns them.
+            observables: by name, as ``observables_of(arena)`` returns them.
             physics_steps_per_control_step: physics steps between two observations.
             strip_singleton_buffer_dim: leave out the first axis where buffer_size is 1.
             pad_with_initial_value: fill the buffers at the start with the first reading instead
@@ -136,10 +135,10 @@ class Updater:
         self._channels: list[_Channel] = []
 
     def reset(self, physics: Physics, random_state: RandomState = None) -> None:
-        """Start an episode at the physics' present state: empty buffers, first readings.
+        """Start an episode at the present state of the physics: empty buffers, first readings.
 
         Args:
-            physics: what to read.
+            physics: the simulation to read.
             random_state: passed to corruptors and to drawn intervals and delays.
         """
         channels = [
@@ -152,7 +151,7 @@ class Updater:
         self._physics, self._channels, self._step = physics, channels, 0
 
     def prepare_for_next_control_step(self) -> None:
-        """Do nothing: loops written for dm_control's updater call this before a control step."""
+        """Do nothing. Loops written for dm_control's updater call this before each control step."""
 
     def update(self) -> None:
         """Take the readings that are due after one more physics step.
@@ -183,8 +182,8 @@ class Updater:
         """Return the observation after a whole number of control steps, as new arrays.
 
         Returns:
-            For each enabled observable its buffer (buffer_size, ...), or what its aggregator makes
-            of the buffer.
+            For each enabled observable its buffer (buffer_size, ...), or the aggregator's value of the
+            buffer.
 
         Raises:
             PhysicsError: ``reset`` was not called, or a control step is not finished.
@@ -193,7 +192,7 @@ class Updater:
         if self._step % self._control_steps:
             raise PhysicsError(
                 f"the control step is not finished: {self._step % self._control_steps} of "
-                f"{self._control_steps} physics steps were made"
+                f"{self._control_steps} physics steps are done"
             )
         return {channel.name: channel.observation(self._step, self._strip) for channel in self._channels}
 

@@ -226,7 +226,7 @@ def test_add_observable() -> None:
     doors.add_observable("bell", bell)
     assert bell.enabled
     assert doors.bell is doors.get_observable("bell") is bell
-    with pytest.raises(AttributeError, match=r"no observable 'knocker'\. Valid: angle, bell, width"):
+    with pytest.raises(AttributeError, match=r"unknown observable 'knocker'\. Valid: angle, bell, width"):
         _ = doors.knocker
     doors.add_observable("knocker", Observable(lambda physics: 1.0), enabled=False)
     assert list(doors.enabled_observables) == ["bell"]
