@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import jacokin
-from jacokin.cli import targets_csv
-from jacokin.ik import BatchResult
+from jacokin.ik import BatchResult, read_targets
 
 HERE = Path(__file__).resolve().parent
 TARGETS = HERE / "targets.csv"
@@ -25,7 +24,7 @@ DEBIAN_PACKAGES = {"egl": "libegl1 libgl1-mesa-dri", "osmesa": "libosmesa6"}  # 
 
 
 def main() -> None:
-    file = targets_csv.read(TARGETS)
+    file = read_targets(TARGETS)
     solver = jacokin.IKSolver(jacokin.load_robot())
     started = time.perf_counter()
     batch = solver.solve_batch(file.targets)

@@ -13,13 +13,14 @@ from typing import Annotated
 import typer
 
 from jacokin import __version__
-from jacokin.cli import arguments
-from jacokin.cli.crosscheck import crosscheck
-from jacokin.cli.doctor import doctor
-from jacokin.cli.ik import ik
-from jacokin.cli.info import info
-from jacokin.cli.kinematics import fk, jacobian
-from jacokin.cli.track import track
+from jacokin.cli import argv as arguments
+from jacokin.cli.doctor.command import doctor
+from jacokin.cli.ik.command import ik
+from jacokin.cli.kinematics.fk import fk
+from jacokin.cli.kinematics.jacobian import jacobian
+from jacokin.cli.robots.crosscheck import crosscheck
+from jacokin.cli.robots.info import info
+from jacokin.cli.track.command import track
 from jacokin.cli.warmup import warmup
 from jacokin.errors import JacokinError
 

@@ -5,6 +5,7 @@ closed_form         every branch of a six-joint Jaco
 qp                  quadratic programs, for what the closed form does not cover
 tracking            following targets at a fixed rate
 paths               joint trajectories along poses and between configurations
+files               files of target poses
 """
 
 from __future__ import annotations
@@ -15,6 +16,8 @@ from jacokin import lazy
 
 if TYPE_CHECKING:
     from jacokin.ik.closed_form.compilation import warmup as warmup
+    from jacokin.ik.files.targets_csv import TargetFile as TargetFile
+    from jacokin.ik.files.targets_csv import read_targets as read_targets
     from jacokin.ik.paths.joint_motion import JointMotion as JointMotion
     from jacokin.ik.paths.joint_motion import move_joints as move_joints
     from jacokin.ik.paths.plot import plot_path as plot_path
@@ -85,6 +88,10 @@ __all__, __getattr__, __dir__ = lazy.door(
             "Floor",
             "Obstacle",
             "Sphere",
+        ),
+        "jacokin.ik.files.targets_csv": (
+            "TargetFile",
+            "read_targets",
         ),
         "jacokin.ik.paths.track": ("track_path",),
         "jacokin.ik.paths.result": (

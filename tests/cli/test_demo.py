@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import jacokin
-from jacokin.cli import targets_csv
+from jacokin.ik import read_targets
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 # The package under test, which may be an installed one.
@@ -26,7 +26,7 @@ def test_the_targets_are_those_the_script_writes() -> None:
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, env=ENVIRONMENT)
     rows = json.loads(done.stdout)
-    file = targets_csv.read(EXAMPLES / "targets.csv")
+    file = read_targets(EXAMPLES / "targets.csv")
     assert len(file) == len(rows) == 206
     made = np.array([[float(cell) for cell in row[:7]] for row in rows])
     assert np.allclose(made, file.values, rtol=0.0, atol=1e-12)  # libm may differ in the last digit

@@ -16,7 +16,8 @@ from pathlib import Path
 import pytest
 
 import jacokin
-from jacokin.cli import doctor_checks
+from jacokin.cli.doctor import rendering
+from jacokin.cli.doctor.finding import OK
 from jacokin.cli.main import main
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -57,9 +58,9 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.fixture(scope="session")
 def environment() -> dict[str, str]:
     """Where the package is found, and a back end that renders if there is one."""
-    works = [finding.name for finding in doctor_checks.renderers() if finding.state == doctor_checks.OK]
-    rendering = {"MUJOCO_GL": works[0]} if works else {}
-    return {**os.environ, "PYTHONPATH": str(Path(jacokin.__file__).parent.parent), **rendering}
+    works = [finding.name for finding in rendering.renderers() if finding.state == OK]
+    backend = {"MUJOCO_GL": works[0]} if works else {}
+    return {**os.environ, "PYTHONPATH": str(Path(jacokin.__file__).parent.parent), **backend}
 
 
 @pytest.mark.slow

@@ -38,7 +38,7 @@ class TargetFile:
         return len(self.values)
 
 
-def read(path: Path) -> TargetFile:
+def read_targets(path: Path) -> TargetFile:
     """Read targets: columns x, y, z [m], and qw, qx, qy, qz or none of them for free orientation.
 
     Raises:

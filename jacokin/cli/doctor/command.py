@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import typer
 
-from jacokin.cli import output
-from jacokin.cli.arguments import JsonOption
+from jacokin.cli import json_output, tables
+from jacokin.cli.options import JsonOption
 
 NOT_WELL = 1  # exit code
 
@@ -20,12 +20,13 @@ def doctor(json: JsonOption = False) -> None:
     Examples:
       jacokin doctor
     """
-    from jacokin.cli import doctor_checks
+    from jacokin.cli.doctor import checks
+    from jacokin.cli.doctor.finding import FAILED
 
-    findings = doctor_checks.all_findings()
-    well = not any(finding.state == doctor_checks.FAILED for finding in findings)
+    findings = checks.all_findings()
+    well = not any(finding.state == FAILED for finding in findings)
     if json:
-        output.print_json(
+        json_output.print_json(
             {
                 "ok": well,
                 "findings": [
@@ -36,8 +37,8 @@ def doctor(json: JsonOption = False) -> None:
         )
     else:
         rows = [(finding.area, finding.name, finding.state, finding.detail) for finding in findings]
-        screen = output.console()
-        screen.print(output.table(None, ("area", "what", "state", "detail"), rows, text=4))
+        screen = tables.console()
+        screen.print(tables.table(None, ("area", "what", "state", "detail"), rows, text=4))
         screen.print(
             "Everything needed works." if well else "Something that is needed does not work, see FAILED above."
         )

@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from jacokin.cli import arguments
-from jacokin.cli.arguments import (
+from jacokin.cli import options
+from jacokin.cli.options import (
     DEFAULT_ROBOT,
-    Angles,
     BaseOption,
     FrameOption,
     JsonOption,
@@ -21,13 +20,12 @@ from jacokin.cli.arguments import (
     SeedOption,
     TipOption,
 )
+from jacokin.cli.units import Angles
 from jacokin.errors import InvalidInputError, MissingExtraError
 
 if TYPE_CHECKING:
     import pinocchio as pin
 
-    from jacokin.ik.paths.result import PathResult
-    from jacokin.model.robot import Robot
 
 OFF_THE_PATH = 1  # exit code
 PLOT_FORMATS = (".png", ".svg", ".pdf")
@@ -66,16 +64,17 @@ def track(
       jacokin track --path path.csv --output trajectory.csv
       jacokin track --path path.csv --dt 0.005 --speed 0.1 --output trajectory.npz --plot trajectory.png
     """
-    from jacokin.cli import output_file
+    from jacokin import files
+    from jacokin.cli.track import report
     from jacokin.ik.paths import track as paths
     from jacokin.ik.paths.result import FORMATS
 
     poses = _poses(path)
     _check_files(output, FORMATS, plot)
-    arm = arguments.load(robot, base, tip)
+    arm = options.load(robot, base, tip)
     with contextlib.ExitStack() as stack:
-        writable = None if output is None else stack.enter_context(output_file.replacing(output))
-        drawable = None if plot is None else stack.enter_context(output_file.replacing(plot))
+        writable = None if output is None else stack.enter_context(files.replacing(output))
+        drawable = None if plot is None else stack.enter_context(files.replacing(plot))
         with _progress() as progress:
             result = paths.track_path(
                 arm,
@@ -94,9 +93,9 @@ def track(
 
             plot_path(result, drawable)
     if json:
-        _print_json(arm, result, output, plot)
+        report.print_json(arm, result, output, plot)
     else:
-        _show(result, output, plot)
+        report.show(result, output, plot)
     if not result.success:
         raise typer.Exit(OFF_THE_PATH)
 
@@ -119,11 +118,11 @@ def _poses(path: Path) -> list[pin.SE3]:
     """The poses of a path file.
 
     Raises:
-        InvalidInputError: as `targets_csv.read`, or the file has no orientations.
+        InvalidInputError: as `read_targets`, or the file has no orientations.
     """
-    from jacokin.cli import targets_csv
+    from jacokin.ik.files import targets_csv
 
-    file = targets_csv.read(path)
+    file = targets_csv.read_targets(path)
     if not isinstance(file.targets, list):
         raise InvalidInputError(f"{path}: a path needs orientations, columns {', '.join(targets_csv.QUATERNION)}")
     return file.targets
@@ -134,76 +133,9 @@ def _progress() -> Iterator[Callable[[int, int], None]]:
     """A progress bar on stderr, driven by ticks done and ticks in all."""
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-    from jacokin.cli.output import console
+    from jacokin.cli.tables import console
 
     columns = (TextColumn("tracking"), BarColumn(), TextColumn("{task.percentage:3.0f} %"), TimeRemainingColumn())
     with Progress(*columns, console=console(stderr=True), transient=True) as bar:
         task = bar.add_task("tracking", total=None)
         yield lambda done, total: bar.update(task, completed=done, total=total)
-
-
-def _print_json(arm: Robot, result: PathResult, output: Path | None, plot: Path | None) -> None:
-    from jacokin.cli.output import print_json
-
-    print_json(
-        {
-            "robot": arm.name,
-            "joint_names": result.joint_names,
-            "angle_unit": "rad",
-            "success": result.success,
-            "message": result.message,
-            "duration": result.t[-1],
-            "rows": len(result),
-            "max_position_error": result.position_error.max(),
-            "max_orientation_error": result.orientation_error.max(),
-            "time_off_the_path": result.time_limited,
-            "failed_segments": result.failed_segments,
-            "limit_margin": result.limit_margin.min(axis=0),
-            "branches": [
-                {
-                    "q_start": branch.q_start,
-                    "failed_segments": branch.failed_segments,
-                    "position_error": branch.position_error,
-                    "orientation_error": branch.orientation_error,
-                }
-                for branch in result.branches
-            ],
-            "output": None if output is None else str(output),
-            "plot": None if plot is None else str(plot),
-        }
-    )
-
-
-def _show(result: PathResult, output: Path | None, plot: Path | None) -> None:
-    from jacokin.cli.output import console, facts, number, small, table
-
-    margin = result.limit_margin
-    nearest = int(margin.min(axis=0).argmin())
-    at = int(margin[:, nearest].argmin())
-    lines = [
-        ("result", "on the path throughout" if result.success else "NOT on the path throughout"),
-        ("note", result.message),
-        ("duration", f"{result.t[-1]:.3f} s, {len(result)} rows"),
-        ("largest position error", small(float(result.position_error.max()), "m")),
-        ("largest orientation error", small(float(result.orientation_error.max()), "rad")),
-        ("time off the path", f"{result.time_limited:.3f} s"),
-        (
-            "nearest to a limit",
-            f"{result.joint_names[nearest]}, {number(margin[at, nearest])} rad away at {result.t[at]:.3f} s",
-        ),
-    ]
-    lines += [(name, str(file)) for name, file in (("written to", output), ("drawn in", plot)) if file is not None]
-    screen = console()
-    screen.print(facts(lines))
-    if not result.success:
-        rows = [
-            (
-                str(index),
-                ", ".join(str(segment) for segment in branch.failed_segments) or "none",
-                small(branch.position_error, "m"),
-                small(branch.orientation_error, "rad"),
-            )
-            for index, branch in enumerate(result.branches, start=1)
-        ]
-        columns = ("start branch", "off the path on segments", "position error", "orientation error")
-        screen.print(table("Every start that was tried", columns, rows, text=2))

@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from jacokin.cli import arguments, output
-from jacokin.cli.arguments import DEFAULT_ROBOT, Angles, BaseOption, DegreesOption, JsonOption, TipOption
+from jacokin.cli import json_output, options, tables
+from jacokin.cli.options import DEFAULT_ROBOT, BaseOption, DegreesOption, JsonOption, TipOption
+from jacokin.cli.units import Angles
 
 if TYPE_CHECKING:
     from jacokin.model.robot import Robot
@@ -31,13 +32,13 @@ def info(
       jacokin info j2s6s200 --degrees
       jacokin info urdf/j2n6s300.urdf --json
     """
-    arm = arguments.load(robot, base, tip)
+    arm = options.load(robot, base, tip)
     angles = Angles(degrees)
     joints = [_joint(arm, index, angles) for index in range(arm.dof)]
     sources = _sources(arm)
     frames = _frames(arm)
     if json:
-        output.print_json(
+        json_output.print_json(
             {
                 "robot": arm.name,
                 "file": str(arm.source.path),
@@ -110,14 +111,14 @@ def _show(
     sources: dict[str, str],
     frames: list[tuple[str, str]],
 ) -> None:
-    screen = output.console()
+    screen = tables.console()
     screen.print(
-        output.facts(
+        tables.facts(
             [
                 ("file", str(arm.source.path)),
                 ("base", arm.base),
                 ("default frame", arm.default_frame),
-                (f"home [{angles.unit}]", "  ".join(output.number(value) for value in angles.shown(arm.home))),
+                (f"home [{angles.unit}]", "  ".join(tables.number(value) for value in angles.shown(arm.home))),
             ],
             arm.name,
         )
@@ -138,18 +139,18 @@ def _show(
         rows.append(
             (
                 arm.joint_names[index],
-                output.number(angles.one(arm.lower[index])),
-                output.number(angles.one(arm.upper[index])),
-                output.number(angles.one(arm.velocity_limit[index]), missing="not given"),
+                tables.number(angles.one(arm.lower[index])),
+                tables.number(angles.one(arm.upper[index])),
+                tables.number(angles.one(arm.velocity_limit[index]), missing="not given"),
                 str(joint["source"]),
-                output.number(arm.effort_limit[index], 1, missing="not given"),
+                tables.number(arm.effort_limit[index], 1, missing="not given"),
                 "unknown" if torque is None else f"{torque} ({letter})",
             )
         )
-    screen.print(output.table("Joints", columns, rows))
+    screen.print(tables.table("Joints", columns, rows))
     notes = [(f"source {key}", text) for key, text in sources.items()]
     notes.append(("effort", "the limit the file states, same source as the angles"))
     if arm.source.bundled is not None:
         notes.append(("datasheet", "peak torque [N m]; it differs from the file's effort"))
-    screen.print(output.facts(notes))
-    screen.print(output.table("Frames", ("frame", "moved by"), frames, text=2))
+    screen.print(tables.facts(notes))
+    screen.print(tables.table("Frames", ("frame", "moved by"), frames, text=2))

@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from jacokin.cli import output, output_file, targets_csv
+from jacokin import files
+from jacokin.cli import json_output, tables
 from jacokin.errors import InvalidInputError
 
 if TYPE_CHECKING:
-    from jacokin.cli.targets_csv import TargetFile
+    from jacokin.ik.files.targets_csv import TargetFile
     from jacokin.ik.results import BatchResult
     from jacokin.ik.solver import IKSolver
 
@@ -32,16 +33,18 @@ def run(
     """
     if out is not None and out.exists() and targets.exists() and out.samefile(targets):
         raise InvalidInputError(f"--output {out} is the file of targets itself")
-    file = targets_csv.read(targets)
+    from jacokin.ik.files.targets_csv import read_targets
+
+    file = read_targets(targets)
     with contextlib.ExitStack() as stack:
-        writable = None if out is None else stack.enter_context(output_file.replacing(out))
+        writable = None if out is None else stack.enter_context(files.replacing(out))
         started = time.perf_counter()
         batch = _solve(solver, file, seed, workers)
         seconds = time.perf_counter() - started
         if writable is not None:
             _write(writable, solver.robot.joint_names, file, batch)
     if as_json:
-        output.print_json(_document(solver, file, batch, seconds, out))
+        json_output.print_json(_document(solver, file, batch, seconds, out))
     else:
         _show(file, batch, seconds, out)
     return bool(batch.success.all())
@@ -52,7 +55,7 @@ def _solve(solver: IKSolver, file: TargetFile, seed: list[float] | None, workers
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
     columns = (TextColumn("solving"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=output.console(stderr=True), transient=True) as progress:
+    with Progress(*columns, console=tables.console(stderr=True), transient=True) as progress:
         task = progress.add_task("solving", total=len(file))
         return solver.solve_batch(
             file.targets, seed, workers=workers, progress=lambda count: progress.advance(task, count)
@@ -118,7 +121,7 @@ def _worst(errors: np.ndarray[tuple[int, ...], np.dtype[np.float64]], batch: Bat
 
 
 def _show(file: TargetFile, batch: BatchResult, seconds: float, out: Path | None) -> None:
-    screen = output.console()
+    screen = tables.console()
     solved = int(batch.success.sum())
     lines = [
         ("solved", f"{solved} of {len(file)} ({100.0 * solved / len(file):.1f} %)"),
@@ -130,7 +133,7 @@ def _show(file: TargetFile, batch: BatchResult, seconds: float, out: Path | None
     ):
         worst = _worst(errors, batch)
         if worst is not None:
-            lines.append((name, output.small(worst, unit)))
+            lines.append((name, tables.small(worst, unit)))
     lines += [
         (status.name, f"{count}: {status.value}")
         for status, count in Counter(batch.status).items()
@@ -138,9 +141,9 @@ def _show(file: TargetFile, batch: BatchResult, seconds: float, out: Path | None
     ]
     if out is not None:
         lines.append(("written to", str(out)))
-    screen.print(output.facts(lines))
+    screen.print(tables.facts(lines))
     failed = np.flatnonzero(~batch.success)
     if len(failed):
         rows = [(str(file.lines[row]), batch.status[row].name, batch.message[row]) for row in failed[:SHOWN_FAILURES]]
         more = f", the first {SHOWN_FAILURES} of {len(failed)}" if len(failed) > SHOWN_FAILURES else ""
-        screen.print(output.table(f"Not solved{more}", ("line", "status", "why"), rows, text=3))
+        screen.print(tables.table(f"Not solved{more}", ("line", "status", "why"), rows, text=3))

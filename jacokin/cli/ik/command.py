@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from jacokin.cli import arguments
-from jacokin.cli.arguments import (
+from jacokin.cli import options
+from jacokin.cli.options import (
     DEFAULT_ROBOT,
-    Angles,
     BaseOption,
     DegreesOption,
     FrameOption,
@@ -20,7 +19,7 @@ from jacokin.cli.arguments import (
     SeedOption,
     TipOption,
 )
-from jacokin.errors import InvalidInputError
+from jacokin.cli.units import Angles
 
 if TYPE_CHECKING:
     import numpy as np
@@ -85,62 +84,32 @@ def ik(
       jacokin ik --position 0.3 -0.2 0.5 --down --seed 4.8 2.9 1.0 4.2 1.4 1.3
       jacokin ik --targets targets.csv --output joints.csv      a file of poses
     """
-    from jacokin.cli import ik_output
+    from jacokin.cli.ik import combinations
+    from jacokin.cli.ik.answer import show_result
+    from jacokin.cli.ik.branches import show_branches
     from jacokin.ik.solver import IKSolver
 
     oriented = quat_wxyz is not None or rpy is not None or down
-    _check_combination(position, oriented, every, targets, output, random_seed, degrees and targets is not None)
+    combinations.check(position, oriented, every, targets, output, random_seed, degrees and targets is not None)
     angles = Angles(degrees)
     start = angles.seed(seed)
-    arm = arguments.load(robot, base, tip)
+    arm = options.load(robot, base, tip)
     solver = IKSolver(arm, frame, method=method, qp_solver=qp_solver, collision=collision)
     if targets is not None:
-        from jacokin.cli import ik_batch
+        from jacokin.cli.ik import batch
 
-        solved = ik_batch.run(solver, targets, output, start, workers=workers, as_json=json)
+        solved = batch.run(solver, targets, output, start, workers=workers, as_json=json)
     elif every:
         branches = solver.solve_all(_target(position, quat_wxyz, rpy, down, angles), start)
-        solved = ik_output.show_branches(solver, branches, angles, reject_contact=collision == "reject", as_json=json)
+        solved = show_branches(solver, branches, angles, reject_contact=collision == "reject", as_json=json)
     else:
         import numpy as np
 
         rng = None if random_seed is None else np.random.default_rng(random_seed)
         result = solver.solve(_target(position, quat_wxyz, rpy, down, angles), start, rng)
-        solved = ik_output.show_result(solver, result, angles, as_json=json)
+        solved = show_result(solver, result, angles, as_json=json)
     if not solved:
         raise typer.Exit(NOT_SOLVED)
-
-
-def _check_combination(
-    position: Vector3 | None,
-    oriented: bool,
-    every: bool,
-    targets: Path | None,
-    output: Path | None,
-    random_seed: int | None,
-    degrees_with_file: bool,
-) -> None:
-    """Refuse options that do not go together.
-
-    Raises:
-        InvalidInputError: names the options.
-    """
-    if targets is None and position is None:
-        raise InvalidInputError("give --position X Y Z or --targets FILE.csv; `jacokin ik --help` has examples")
-    if targets is None and output is not None:
-        raise InvalidInputError("--output goes with --targets")
-    if targets is not None:
-        for name, given in (
-            ("--position", position is not None),
-            ("an orientation", oriented),
-            ("--all", every),
-            ("--random-seed", random_seed is not None),
-            ("--degrees", degrees_with_file),
-        ):
-            if given:
-                raise InvalidInputError(f"{name} does not go with --targets: files hold poses, and angles in radians")
-    if every and not oriented:
-        raise InvalidInputError("--all needs an orientation: a position alone is reached by infinitely many")
 
 
 def _target(
@@ -151,7 +120,7 @@ def _target(
 
     from jacokin.model.poses import pose
 
-    assert position is not None  # _check_combination
+    assert position is not None  # combinations.check
     if quat_wxyz is None and rpy is None and not down:
         return np.array(position)
     return pose(position, quat_wxyz, rpy=None if rpy is None else angles.given(rpy), down=down)

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from jacokin.cli import arguments, output
-from jacokin.cli.arguments import DEFAULT_ROBOT, JsonOption, RandomSeedOption
+from jacokin.cli import json_output, options, tables
+from jacokin.cli.options import DEFAULT_ROBOT, JsonOption, RandomSeedOption
 from jacokin.errors import InvalidInputError
 
 if TYPE_CHECKING:
@@ -61,15 +61,15 @@ def crosscheck(
         raise InvalidInputError(f"--tolerance must be a number >= 0, got {tolerance}")
     limits = checking.TOLERANCES if tolerance is None else dict.fromkeys(checking.QUANTITIES, tolerance)
     report = checking.crosscheck(
-        arguments.load(first, base, tip),
-        None if second is None else arguments.load(second, base, second_tip),
+        options.load(first, base, tip),
+        None if second is None else options.load(second, base, second_tip),
         samples=samples,
         rng=None if random_seed is None else np.random.default_rng(random_seed),
         joint_map=_pairs("--joint", joint),
         frame_map=_pairs("--frame", frame),
     )
     if json:
-        output.print_json(_document(report, limits))
+        json_output.print_json(_document(report, limits))
     else:
         _show(report, limits)
     if not report.within(limits):
@@ -115,7 +115,7 @@ def _document(report: CrossCheckReport, limits: dict[str, float]) -> dict[str, o
 
 
 def _show(report: CrossCheckReport, limits: dict[str, float]) -> None:
-    screen = output.console()
+    screen = tables.console()
     kinematic = [
         name for name in ("position", "rotation", "jacobian") if any(row.quantity == name for row in report.deviations)
     ]
@@ -124,9 +124,9 @@ def _show(report: CrossCheckReport, limits: dict[str, float]) -> None:
     rows = [(frame, *(_verdict(value[name, frame], limits[name]) for name in kinematic)) for frame in frames]
     columns = ("frame", *(f"{name} [{_unit(report, name)}]" for name in kinematic))
     title = f"{report.first} against {report.second}: largest difference in {report.samples} random configurations"
-    screen.print(output.table(title, columns, rows))
+    screen.print(tables.table(title, columns, rows))
     screen.print(
-        output.facts(
+        tables.facts(
             (row.quantity.replace("_", " "), f"{_verdict(row.value, limits[row.quantity])} {row.unit}")
             for row in report.deviations
             if not row.frame

@@ -7,17 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from jacokin.cli import doctor_checks
-from jacokin.cli.doctor_checks import FAILED, MISSING, OK, WARNING, Finding
-from jacokin.cli.main import main
-
-
-def leave(*words: str) -> int:
-    with pytest.raises(SystemExit) as leaving:
-        main(words)
-    code = leaving.value.code
-    assert code is None or isinstance(code, int)
-    return code or 0
+from jacokin.cli.doctor import checks, kernel_cache, packages, rendering
+from jacokin.cli.doctor.finding import FAILED, MISSING, OK, WARNING, Finding
+from tests.cli.run import leave
 
 
 @pytest.mark.slow
@@ -37,10 +29,10 @@ def test_a_failure_is_shown_and_the_code_is_1(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     findings = [Finding("package", "pin", FAILED, "ImportError: libboost"), Finding("rendering", "egl", MISSING, "no")]
-    monkeypatch.setattr(doctor_checks, "all_findings", lambda: findings)
+    monkeypatch.setattr(checks, "all_findings", lambda: findings)
     assert leave("doctor") == 1
     assert "libboost" in capsys.readouterr().out
-    monkeypatch.setattr(doctor_checks, "all_findings", lambda: findings[1:])
+    monkeypatch.setattr(checks, "all_findings", lambda: findings[1:])
     assert leave("doctor") == 0
 
 
@@ -48,9 +40,9 @@ def test_a_package_that_does_not_import_is_a_failure(monkeypatch: pytest.MonkeyP
     (tmp_path / "mink.py").write_text("raise OSError('no such library')", encoding="utf-8")
     (tmp_path / "daqp.py").write_text("import os; os.abort()", encoding="utf-8")  # takes the process down
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    monkeypatch.setattr(doctor_checks, "NEEDED", {"json": "json", "mink": "mink", "daqp": "daqp"})
-    monkeypatch.setattr(doctor_checks, "OPTIONAL", {})
-    states = {finding.name: (finding.state, finding.detail) for finding in doctor_checks.packages()}
+    monkeypatch.setattr(packages, "NEEDED", {"json": "json", "mink": "mink", "daqp": "daqp"})
+    monkeypatch.setattr(packages, "OPTIONAL", {})
+    states = {finding.name: (finding.state, finding.detail) for finding in packages.packages()}
     assert states["json"][0] == OK
     assert states["mink"] == (FAILED, "OSError: no such library")
     assert states["daqp"] == (FAILED, "the process crashed while importing it")
@@ -59,36 +51,36 @@ def test_a_package_that_does_not_import_is_a_failure(monkeypatch: pytest.MonkeyP
 def test_a_ros_copy_of_pinocchio_is_found(tmp_path: Path) -> None:
     ros = "/opt/ros/jazzy/lib/python3/site-packages"
     own = str(tmp_path / "pinocchio" / "__init__.py")
-    finding = doctor_checks.shadow_of_pinocchio(f"{ros}/pinocchio/__init__.py", own, ros)
+    finding = packages.shadow_of_pinocchio(f"{ros}/pinocchio/__init__.py", own, ros)
     assert finding.state == FAILED
     assert "unset PYTHONPATH" in finding.detail
     assert ros in finding.detail
-    assert doctor_checks.shadow_of_pinocchio(own, own, ros).state == WARNING
-    assert doctor_checks.shadow_of_pinocchio(own, own, "").state == OK
+    assert packages.shadow_of_pinocchio(own, own, ros).state == WARNING
+    assert packages.shadow_of_pinocchio(own, own, "").state == OK
 
 
 def test_a_shadowing_package_is_noticed_in_a_real_process(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     (tmp_path / "pinocchio").mkdir()
     (tmp_path / "pinocchio" / "__init__.py").touch()
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    finding = doctor_checks.shadows()
+    finding = packages.shadows()
     assert finding.state == FAILED
     assert str(tmp_path) in finding.detail
 
 
 def test_the_cache_of_the_kernels(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "new"))
-    finding = doctor_checks.kernel_cache()
+    finding = kernel_cache.kernel_cache()
     assert finding.state == MISSING
     assert "jacokin warmup" in finding.detail
     monkeypatch.setenv("NUMBA_CACHE_DIR", "/proc/nowhere")
-    assert doctor_checks.kernel_cache().state in (WARNING, MISSING)  # root may write where others may not
+    assert kernel_cache.kernel_cache().state in (WARNING, MISSING)  # root may write where others may not
 
 
 def test_a_renderer_that_is_missing_names_its_package(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(doctor_checks, "RENDERERS", {"egl": "apt install libegl1"})
-    monkeypatch.setattr(doctor_checks, "_RENDER_PROBE", "raise ImportError('no EGL')")
-    (finding,) = doctor_checks.renderers()
+    monkeypatch.setattr(rendering, "RENDERERS", {"egl": "apt install libegl1"})
+    monkeypatch.setattr(rendering, "RENDER_PROBE", "raise ImportError('no EGL')")
+    (finding,) = rendering.renderers()
     assert finding.state == MISSING
     assert "no EGL" in finding.detail
     assert "apt install libegl1" in finding.detail

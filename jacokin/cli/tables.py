@@ -1,41 +1,17 @@
-"""Printing: JSON for programs, tables for people."""
+"""Results as tables, for people."""
 
 from __future__ import annotations
 
-import json
 import math
 import sys
-from collections.abc import Iterable, Mapping, Sequence
-from enum import Enum
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
-
-import typer
 
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
 PIPE_WIDTH = 160  # columns of a table that is not shown in a terminal, so that nothing is cut
-
-
-def print_json(document: Mapping[str, object]) -> None:
-    """Print one JSON document; floats as the shortest text that reads back the same, infinite ones as null."""
-    typer.echo(json.dumps(plain(document), indent=2, allow_nan=False))
-
-
-def plain(value: object) -> object:
-    """A value made of what JSON has."""
-    if isinstance(value, Enum):
-        return value.name
-    if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
-    if hasattr(value, "tolist"):  # numpy arrays and numpy numbers
-        value = value.tolist()
-    if isinstance(value, list | tuple):
-        return [plain(item) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
 
 
 def console(*, stderr: bool = False) -> Console:

@@ -1,0 +1,1 @@
+"""`jacokin doctor`: what is installed, and whether it works."""

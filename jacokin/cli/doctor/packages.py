@@ -1,0 +1,105 @@
+"""Are the packages installed, and are they the ones pip installed?"""
+
+from __future__ import annotations
+
+import importlib.metadata
+import json
+import os
+from pathlib import Path
+
+from jacokin.cli.doctor import probes
+from jacokin.cli.doctor.finding import FAILED, MISSING, OK, WARNING, Finding
+
+# Import name -> name of the distribution.
+NEEDED = {
+    "numpy": "numpy",
+    "scipy": "scipy",
+    "pinocchio": "pin",
+    "mujoco": "mujoco",
+    "mink": "mink",
+    "numba": "numba",
+    "qpsolvers": "qpsolvers",
+    "daqp": "daqp",
+    "quadprog": "quadprog",
+    "osqp": "osqp",
+    "yourdfpy": "yourdfpy",
+    "typer": "typer",
+    "rich": "rich",
+}
+# Import name -> distribution, extra of jacokin that brings it.
+OPTIONAL = {
+    "proxsuite": ("proxsuite", "proxqp"),
+    "ruckig": ("ruckig", "motion"),
+    "matplotlib": ("matplotlib", "plot"),
+}
+
+
+def packages() -> list[Finding]:
+    """Versions and places of the packages, as a fresh process imports them."""
+    found = probes.imported([*NEEDED, *OPTIONAL])
+    findings = []
+    for module, distribution in NEEDED.items():
+        place, error = found.get(module, (None, "the process crashed while importing it"))
+        version = _version(distribution)
+        detail = f"{version}, {place}" if error is None else error
+        findings.append(Finding("package", distribution, OK if error is None else FAILED, detail))
+    for module, (distribution, extra) in OPTIONAL.items():
+        place, error = found.get(module, (None, "the process crashed while importing it"))
+        if error is None:
+            findings.append(Finding("package", distribution, OK, f"{_version(distribution)}, {place}"))
+        else:
+            findings.append(Finding("package", distribution, MISSING, f"pip install 'jacokin[{extra}]'"))
+    return findings
+
+
+def shadows() -> Finding:
+    """Does Python find a Pinocchio other than the one pip installed, such as that of a ROS installation?"""
+    place = probes.imported(["pinocchio"]).get("pinocchio", (None, None))[0]
+    return shadow_of_pinocchio(place, _installed_pinocchio(), os.environ.get("PYTHONPATH", ""))
+
+
+def shadow_of_pinocchio(place: str | None, installed: str | None, python_path: str) -> Finding:
+    """As `shadows`, from the place it is imported from, the place pip put it, and PYTHONPATH."""
+    name = "ROS and PYTHONPATH"
+    if place is not None and installed is not None and Path(place).resolve() != Path(installed).resolve():
+        return Finding(
+            "environment",
+            name,
+            FAILED,
+            f"pinocchio is imported from {place}, not from {installed}: unset PYTHONPATH or leave the ROS shell",
+        )
+    suspects = [entry for entry in python_path.split(os.pathsep) if "/opt/ros" in entry or "/ros" in entry.lower()]
+    if suspects:
+        return Finding("environment", name, WARNING, f"PYTHONPATH holds {', '.join(suspects)}: its packages come first")
+    return Finding("environment", name, OK, "nothing shadows pinocchio")
+
+
+def qp_solvers() -> list[Finding]:
+    """What qpsolvers can use; daqp is needed."""
+    probe = "import json, qpsolvers; print('\\n' + json.dumps(qpsolvers.available_solvers))"
+    output, _ = probes.run(probe)
+    try:
+        names = json.loads(output.strip().splitlines()[-1])
+    except (ValueError, IndexError):
+        return [Finding("qp", "solvers", FAILED, "qpsolvers does not work, see above")]
+    state = OK if "daqp" in names else FAILED
+    return [Finding("qp", "solvers", state, ", ".join(sorted(names)) + ("" if state == OK else "; daqp is needed"))]
+
+
+def _version(distribution: str) -> str:
+    try:
+        return importlib.metadata.version(distribution)
+    except importlib.metadata.PackageNotFoundError:
+        return "version unknown"
+
+
+def _installed_pinocchio() -> str | None:
+    """Where pip put Pinocchio's `__init__.py`."""
+    try:
+        files = importlib.metadata.files("pin") or []
+    except importlib.metadata.PackageNotFoundError:
+        return None
+    for file in files:
+        if file.parts[-2:] == ("pinocchio", "__init__.py"):
+            return str(file.locate())
+    return None

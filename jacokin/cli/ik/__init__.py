@@ -1,0 +1,1 @@
+"""`jacokin ik`: joint angles for one pose, every branch of it, or a file of poses."""

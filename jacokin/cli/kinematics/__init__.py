@@ -1,0 +1,1 @@
+"""`jacokin fk` and `jacokin jacobian`."""

@@ -1,0 +1,80 @@
+"""`jacokin fk`: the pose of a frame for given joint angles."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from jacokin.cli import json_output, options, tables
+from jacokin.cli.options import (
+    DEFAULT_ROBOT,
+    BaseOption,
+    DegreesOption,
+    FrameOption,
+    JsonOption,
+    QArgument,
+    RobotOption,
+    TipOption,
+)
+from jacokin.cli.units import Angles
+
+
+def fk(
+    q: QArgument,
+    frame: FrameOption = None,
+    degrees: DegreesOption = False,
+    json: JsonOption = False,
+    robot: RobotOption = DEFAULT_ROBOT,
+    base: BaseOption = None,
+    tip: TipOption = None,
+) -> None:
+    """Show the pose of a frame for given joint angles.
+
+    Examples:
+      jacokin fk 4.8 2.92 1.0 4.2 1.45 1.32
+      jacokin fk -85 167 57 -119 83 76 --degrees
+      jacokin fk 4.8 2.92 1.0 4.2 1.45 1.32 --frame gripsite --json
+    """
+    import pinocchio as pin
+
+    from jacokin.model import poses
+
+    arm = options.load(robot, base, tip)
+    angles = Angles(degrees)
+    configuration = arm.configuration(angles.given(q))
+    pose = arm.forward_kinematics(configuration, frame)
+    quat = poses.quat_wxyz(pose.rotation)
+    rpy = angles.shown(pin.rpy.matrixToRpy(pose.rotation))
+    legal = arm.within_limits(configuration)
+    name = frame or arm.default_frame
+    if json:
+        json_output.print_json(
+            {
+                "robot": arm.name,
+                "base": arm.base,
+                "frame": name,
+                "angle_unit": angles.unit,
+                "position": pose.translation,
+                "quat_wxyz": quat,
+                "rpy": rpy,
+                "matrix": pose.homogeneous,
+                "within_limits": legal,
+            }
+        )
+        return
+    rows = [
+        ("position x y z [m]", _row(pose.translation)),
+        ("quaternion w x y z", _row(quat)),
+        (f"roll pitch yaw [{angles.unit}]", _row(rpy)),
+        ("joint limits", "all kept" if legal else _broken(arm.joint_names, arm.lower, arm.upper, configuration)),
+    ]
+    tables.console().print(tables.facts(rows, f"{arm.name}: {name} in {arm.base}"))
+
+
+def _row(values: Iterable[float]) -> str:
+    return "  ".join(f"{tables.number(float(value)):>10}" for value in values)
+
+
+def _broken(names: Iterable[str], lower: Iterable[float], upper: Iterable[float], q: Iterable[float]) -> str:
+    """Names of the joints that are outside their limits."""
+    outside = [name for name, low, high, at in zip(names, lower, upper, q, strict=True) if not low <= at <= high]
+    return f"broken by {', '.join(outside)}"

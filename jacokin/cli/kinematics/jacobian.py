@@ -1,0 +1,76 @@
+"""`jacokin jacobian`: the Jacobian of a frame, its singular values and the manipulability."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Annotated
+
+import typer
+
+from jacokin.cli import json_output, options, tables
+from jacokin.cli.options import (
+    DEFAULT_ROBOT,
+    BaseOption,
+    DegreesOption,
+    FrameOption,
+    JsonOption,
+    QArgument,
+    RobotOption,
+    TipOption,
+)
+from jacokin.cli.units import Angles
+
+
+def jacobian(
+    q: QArgument,
+    frame: FrameOption = None,
+    reference: Annotated[
+        str, typer.Option("--reference", metavar="NAME", help="local_world_aligned, local or world.")
+    ] = "local_world_aligned",
+    degrees: DegreesOption = False,
+    json: JsonOption = False,
+    robot: RobotOption = DEFAULT_ROBOT,
+    base: BaseOption = None,
+    tip: TipOption = None,
+) -> None:
+    """Show the Jacobian of a frame.
+
+    Linear rows [m/rad] come first, then angular ones.
+    --degrees is for the joint angles given; the Jacobian stays per radian.
+
+    Examples:
+      jacokin jacobian 4.8 2.92 1.0 4.2 1.45 1.32
+      jacokin jacobian 4.8 2.92 1.0 4.2 1.45 1.32 --reference local --frame gripsite --json
+    """
+    arm = options.load(robot, base, tip)
+    configuration = arm.configuration(Angles(degrees).given(q))
+    matrix = arm.jacobian(configuration, frame, reference)
+    singular_values = arm.singular_values(configuration, frame)
+    manipulability = arm.manipulability(configuration, frame)
+    name = frame or arm.default_frame
+    if json:
+        json_output.print_json(
+            {
+                "robot": arm.name,
+                "frame": name,
+                "reference": reference,
+                "joint_names": arm.joint_names,
+                "jacobian": matrix,
+                "singular_values": singular_values,
+                "manipulability": manipulability,
+            }
+        )
+        return
+    names = ("vx", "vy", "vz", "wx", "wy", "wz")
+    rows = [(label, *(tables.number(value) for value in row)) for label, row in zip(names, matrix, strict=True)]
+    screen = tables.console()
+    screen.print(tables.table(f"Jacobian of {name}, {reference}", ("", *arm.joint_names), rows))
+    screen.print(
+        tables.facts(
+            [("singular values", _row(singular_values)), ("manipulability", f"{manipulability:.6g}")],
+        )
+    )
+
+
+def _row(values: Iterable[float]) -> str:
+    return "  ".join(f"{tables.number(float(value)):>10}" for value in values)

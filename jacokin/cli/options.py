@@ -1,0 +1,51 @@
+"""The options that several commands have in common, and the robot they name."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from jacokin.model.robot import Robot
+
+DEFAULT_ROBOT = "j2n6s300"
+
+RobotOption = Annotated[
+    str, typer.Option("--robot", metavar="NAME|FILE", help="A bundled robot, or the path of a .urdf or .xml (MJCF).")
+]
+BaseOption = Annotated[
+    str | None, typer.Option("--base", metavar="FRAME", help="Base frame of the arm; the file's root if not given.")
+]
+TipOption = Annotated[
+    str | None, typer.Option("--tip", metavar="FRAME", help="Frame at the end of the arm, for a file with several.")
+]
+FrameOption = Annotated[
+    str | None, typer.Option("--frame", metavar="NAME", help="Frame of the tool; `jacokin info` lists them.")
+]
+DegreesOption = Annotated[bool, typer.Option("--degrees", help="Angles in and out in degrees.")]
+JsonOption = Annotated[bool, typer.Option("--json", help="One JSON document on stdout, floats in full precision.")]
+SeedOption = Annotated[
+    str | None,
+    typer.Option(
+        "--seed",
+        metavar="Q1 .. Q6",
+        help="Joint angles to stay near to; the robot's home if not given.",
+        show_default=False,
+    ),
+]
+RandomSeedOption = Annotated[
+    int | None,
+    typer.Option("--random-seed", metavar="N", min=0, help="Seed of the random numbers; fixed if not given."),
+]
+QArgument = Annotated[
+    list[float],
+    typer.Argument(metavar="ANGLE", help="Joint angles, base to tip, one for each joint.", show_default=False),
+]
+
+
+def load(robot: str, base: str | None = None, tip: str | None = None) -> Robot:
+    """The robot the options name."""
+    from jacokin.model.loading import load_robot
+
+    return load_robot(robot, base=base, tip=tip)

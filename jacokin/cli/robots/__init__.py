@@ -1,0 +1,1 @@
+"""`jacokin info` and `jacokin crosscheck`: what a robot is, and whether two descriptions agree."""

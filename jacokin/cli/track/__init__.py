@@ -1,0 +1,1 @@
+"""`jacokin track`: a joint trajectory along a path of poses."""

@@ -1,0 +1,78 @@
+"""How `jacokin track` shows what it did."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from jacokin.cli import json_output
+from jacokin.cli.tables import console, facts, number, small, table
+
+if TYPE_CHECKING:
+    from jacokin.ik.paths.result import PathResult
+    from jacokin.model.robot import Robot
+
+
+def print_json(arm: Robot, result: PathResult, output: Path | None, plot: Path | None) -> None:
+    """Print the errors, the margins and every start that was tried as one JSON document."""
+    json_output.print_json(
+        {
+            "robot": arm.name,
+            "joint_names": result.joint_names,
+            "angle_unit": "rad",
+            "success": result.success,
+            "message": result.message,
+            "duration": result.t[-1],
+            "rows": len(result),
+            "max_position_error": result.position_error.max(),
+            "max_orientation_error": result.orientation_error.max(),
+            "time_off_the_path": result.time_limited,
+            "failed_segments": result.failed_segments,
+            "limit_margin": result.limit_margin.min(axis=0),
+            "branches": [
+                {
+                    "q_start": branch.q_start,
+                    "failed_segments": branch.failed_segments,
+                    "position_error": branch.position_error,
+                    "orientation_error": branch.orientation_error,
+                }
+                for branch in result.branches
+            ],
+            "output": None if output is None else str(output),
+            "plot": None if plot is None else str(plot),
+        }
+    )
+
+
+def show(result: PathResult, output: Path | None, plot: Path | None) -> None:
+    """Print a summary; when the tool left the path, where it did from every start."""
+    margin = result.limit_margin
+    nearest = int(margin.min(axis=0).argmin())
+    at = int(margin[:, nearest].argmin())
+    lines = [
+        ("result", "on the path throughout" if result.success else "NOT on the path throughout"),
+        ("note", result.message),
+        ("duration", f"{result.t[-1]:.3f} s, {len(result)} rows"),
+        ("largest position error", small(float(result.position_error.max()), "m")),
+        ("largest orientation error", small(float(result.orientation_error.max()), "rad")),
+        ("time off the path", f"{result.time_limited:.3f} s"),
+        (
+            "nearest to a limit",
+            f"{result.joint_names[nearest]}, {number(margin[at, nearest])} rad away at {result.t[at]:.3f} s",
+        ),
+    ]
+    lines += [(name, str(file)) for name, file in (("written to", output), ("drawn in", plot)) if file is not None]
+    screen = console()
+    screen.print(facts(lines))
+    if not result.success:
+        rows = [
+            (
+                str(index),
+                ", ".join(str(segment) for segment in branch.failed_segments) or "none",
+                small(branch.position_error, "m"),
+                small(branch.orientation_error, "rad"),
+            )
+            for index, branch in enumerate(result.branches, start=1)
+        ]
+        columns = ("start branch", "off the path on segments", "position error", "orientation error")
+        screen.print(table("Every start that was tried", columns, rows, text=2))

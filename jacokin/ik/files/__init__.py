@@ -1,0 +1,1 @@
+"""Files of target poses and of answers."""

@@ -1,0 +1,94 @@
+"""`jacokin ik` for one pose: the answer, every branch, and what happens out of reach."""
+
+from __future__ import annotations
+
+import numpy as np
+
+import jacokin
+from tests.cli.run import POSE, Run
+
+FAR = ("--position", "9", "9", "9", "--down")
+
+
+def test_ik_reaches_the_pose_and_its_joints_read_back_exactly(run: Run) -> None:
+    answer = run("ik", *POSE, "--json")
+    assert answer.code == 0
+    assert answer.document["status"] == "OK"
+    robot = jacokin.load_robot()
+    q = np.array(answer.document["q"])
+    assert robot.within_limits(q)
+    error = robot.forward_kinematics(q).inverse() * jacokin.pose([0.3, -0.2, 0.5], down=True)
+    assert np.linalg.norm(error.translation) < 1e-6
+    assert np.linalg.norm(error.rotation - np.eye(3)) < 1e-6
+    expected = jacokin.IKSolver(robot).solve(jacokin.pose([0.3, -0.2, 0.5], down=True))
+    assert q.tolist() == expected.q.tolist()  # not one bit lost on the way
+
+
+def test_ik_without_an_orientation_leaves_it_free(run: Run) -> None:
+    answer = run("ik", "--position", "0.3", "-0.2", "0.5", "--json")
+    assert answer.code == 0
+    assert answer.document["method"] == "qp"
+    position = jacokin.load_robot().forward_kinematics(answer.document["q"]).translation
+    assert np.linalg.norm(position - [0.3, -0.2, 0.5]) < 1e-6
+
+
+def test_ik_degrees_are_for_angles_in_and_out(run: Run) -> None:
+    in_degrees = run("ik", *POSE[:4], "--rpy", "90", "0", "-30", "--degrees", "--json")
+    in_radians = run("ik", *POSE[:4], "--rpy", "1.5707963267948966", "0", "-0.5235987755982988", "--json")
+    assert in_degrees.document["angle_unit"] == "deg"
+    assert np.allclose(np.radians(in_degrees.document["q"]), in_radians.document["q"], rtol=0.0, atol=1e-12)
+
+
+def test_ik_takes_the_branch_nearest_to_the_seed(run: Run) -> None:
+    every = run("ik", *POSE, "--all", "--json").document["branches"]
+    legal = [branch["q"] for branch in every if branch["within_limits"]]
+    assert len(legal) >= 2
+    for q in legal:
+        answer = run("ik", *POSE, "--seed", *(repr(angle) for angle in q), "--json")
+        assert np.allclose(answer.document["q"], q, rtol=0.0, atol=1e-9)
+
+
+def test_ik_all_shows_every_branch_with_its_margins(run: Run) -> None:
+    answer = run("ik", *POSE, "--all", "--json")
+    branches = answer.document["branches"]
+    assert answer.code == 0
+    assert len(branches) >= 2
+    assert [branch["distance"] for branch in branches] == sorted(branch["distance"] for branch in branches)
+    for branch in branches:
+        margins = [margin for margin in branch["limit_margin"] if margin is not None]
+        assert (min(margins) >= 0.0) == branch["within_limits"]
+    table = run("ik", *POSE, "--all").out
+    for name in jacokin.load_robot().joint_names:
+        assert name in table
+
+
+def test_ik_rejects_branches_that_touch(run: Run) -> None:
+    branches = run("ik", *POSE, "--all", "--collision", "report", "--json").document["branches"]
+    free = [branch["q"] for branch in branches if branch["within_limits"] and not branch["touching"]]
+    answer = run("ik", *POSE, "--collision", "reject", "--json")
+    assert (answer.code == 0) == bool(free)
+    assert answer.document["touching"] == []
+
+
+def test_ik_out_of_reach_says_why_and_leaves_with_1(run: Run) -> None:
+    answer = run("ik", *FAR)
+    assert answer.code == 1
+    assert "UNREACHABLE" in answer.out
+    assert "closest legal configuration" in answer.out
+    document = run("ik", *FAR, "--json").document
+    assert document["success"] is False
+    assert document["position_error"] > 10.0
+    assert jacokin.load_robot().within_limits(document["q"])
+
+
+def test_ik_all_out_of_reach_leaves_with_1(run: Run) -> None:
+    answer = run("ik", *FAR, "--all")
+    assert answer.code == 1
+    assert "UNREACHABLE" in answer.out
+
+
+def test_ik_with_the_qp_and_a_random_seed_repeats(run: Run) -> None:
+    words = ("ik", *POSE, "--method", "qp", "--qp-solver", "quadprog", "--random-seed", "7", "--json")
+    first, second = run(*words).document, run(*words).document
+    assert first["qp_solver"] == "quadprog"
+    assert first["q"] == second["q"]

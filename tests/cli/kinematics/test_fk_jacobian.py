@@ -1,0 +1,42 @@
+"""`jacokin fk` and `jacokin jacobian` agree with Python."""
+
+from __future__ import annotations
+
+import numpy as np
+
+import jacokin
+from tests.cli.run import HOME, Run
+
+
+def test_fk_agrees_with_python_and_takes_negative_angles(run: Run) -> None:
+    q = [-1.2, 2.9, 1.0, -4.2, -0.5, 1.3]
+    document = run("fk", *(str(angle) for angle in q), "--json").document
+    pose = jacokin.load_robot().forward_kinematics(q)
+    assert document["position"] == pose.translation.tolist()
+    assert document["within_limits"] is True
+    again = jacokin.pose(document["position"], document["quat_wxyz"])
+    assert np.allclose(again.rotation, pose.rotation, rtol=0.0, atol=1e-15)
+    again = jacokin.pose(document["position"], rpy=document["rpy"])
+    assert np.allclose(again.rotation, pose.rotation, rtol=0.0, atol=1e-15)
+
+
+def test_fk_of_the_documented_home_pose(run: Run) -> None:
+    # Kinova's documentation: 275.0 167.4 57.4 241.0 82.7 75.5 deg; its driver: (0.2123, -0.2572, 0.5096) m.
+    document = run("fk", "275.0", "167.4", "57.4", "241.0", "82.7", "75.5", "--degrees", "--json").document
+    published = [0.212322831154, -0.257197618484, 0.509646713734]
+    assert np.linalg.norm(np.array(document["position"]) - published) < 4e-3
+
+
+def test_fk_says_which_joint_breaks_its_limits(run: Run) -> None:
+    answer = run("fk", "0", "0", "3", "0", "0", "0")
+    assert answer.code == 0
+    assert "broken by joint_2" in answer.out
+
+
+def test_jacobian_agrees_with_python(run: Run) -> None:
+    words = ("jacobian", *HOME, "--frame", "gripsite", "--reference", "local", "--json")
+    document = run(*words).document
+    robot = jacokin.load_robot()
+    q = [float(angle) for angle in HOME]
+    assert document["jacobian"] == robot.jacobian(q, "gripsite", "local").tolist()
+    assert document["manipulability"] == robot.manipulability(q, "gripsite")

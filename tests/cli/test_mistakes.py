@@ -1,0 +1,75 @@
+"""What the command line says to wrong input: one sentence and exit code 2."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from jacokin.cli import options
+from tests.cli.run import HOME, POSE, Run
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("ik", "--down"), "--position"),
+        (("ik", "--position", "0.3", "-0.2"), "--position"),
+        (("ik", "--position", "nan", "0", "0"), "finite"),
+        (("ik", "--position", "-inf", "0", "0"), "finite"),
+        (("ik", *POSE, "--rpy", "0", "0", "0"), "at most one orientation"),
+        (("ik", *POSE[:4], "--quat-wxyz", "1", "1", "0", "0"), "norm 1.41421"),
+        (("ik", *POSE[:4], "--quat-wxyz", "0", "0", "0", "0"), "norm 0"),
+        (("ik", *POSE[:4], "--all"), "orientation"),
+        (("ik", *POSE, "--seed", "1", "2", "3"), "seed"),
+        (("ik", *POSE, "--seed", "north"), "'north'"),
+        (("ik", *POSE, "--seed", "--json"), "--seed"),
+        (("ik", *POSE, "--seed", "1", "2", "3", "4", "5", "nan"), "finite"),
+        (("ik", *POSE, "--frame", "gripsit"), "Did you mean 'gripsite'"),
+        (("ik", *POSE, "--method", "magic"), "auto, closed_form, qp"),
+        (("ik", *POSE, "--method", "qp", "--qp-solver", "dapq"), "Did you mean 'daqp'"),
+        (("ik", *POSE, "--collision", "maybe"), "ignore, report, reject"),
+        (("ik", *POSE, "--robot", "j2n6s30"), "Did you mean 'j2n6s300'"),
+        (("ik", *POSE, "--robot", "nowhere.urdf"), "nowhere.urdf"),
+        (("ik", *POSE, "--output", "a.csv"), "--targets"),
+        (("ik", *POSE, "--random-seed", "-1"), "--random-seed"),
+        (("ik", "--targets", "nowhere.csv"), "nowhere.csv"),
+        (("ik", "--targets", "a.csv", *POSE[:4]), "--position"),
+        (("ik", "--targets", "a.csv", "--degrees"), "--degrees"),
+        (("fk", "1", "2", "3"), "shape (6,)"),
+        (("fk", "a", "b"), "ANGLE"),
+        (("fk", *HOME, "--base", "lnk_base"), "Did you mean 'link_base'"),
+        (("jacobian", *HOME, "--reference", "globe"), "local_world_aligned"),
+        (("info", "nobody"), "j2n6s300"),
+        (("crosscheck", "--samples", "0"), "--samples"),
+        (("crosscheck", "--joint", "a"), "A=B"),
+        (("crosscheck", "--joint", "a=b"), "joint_1"),
+        (("crosscheck", "--tolerance", "-1"), "--tolerance"),
+        (("solve",), "solve"),
+    ],
+)
+def test_wrong_input_is_one_sentence_and_exit_code_2(run: Run, words: tuple[str, ...], message: str) -> None:
+    answer = run(*words)
+    assert answer.code == 2
+    assert message in answer.err
+    assert "Traceback" not in answer.err
+    assert answer.out == ""
+
+
+def test_a_broken_description_is_one_sentence(run: Run, tmp_path: Path) -> None:
+    path = tmp_path / "cut.urdf"
+    path.write_text('<robot name="cut"><link', encoding="utf-8")
+    answer = run("fk", *HOME, "--robot", str(path))
+    assert answer.code == 2
+    assert "cut.urdf" in answer.err
+    assert len(answer.err.splitlines()) == 1
+
+
+def test_a_mistake_of_our_own_is_no_traceback(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object) -> None:
+        raise KeyError("inner")
+
+    monkeypatch.setattr(options, "load", fail)
+    answer = run("info")
+    assert answer.code == 2
+    assert "internal error" in answer.err

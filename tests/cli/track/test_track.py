@@ -1,0 +1,89 @@
+"""`jacokin track`: a path in, a trajectory out, and what happens when a file is wrong."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import jacokin
+from jacokin.ik import PathResult
+from tests.cli.run import leave
+
+
+@pytest.fixture
+def path_file(tmp_path: Path) -> Path:
+    """Ten centimetres to the right with the tool down."""
+    path = tmp_path / "path.csv"
+    half = 0.5**0.5
+    rows = [f"{x},-0.2,0.5,0,{half!r},{half!r},0" for x in (0.3, 0.4)]
+    path.write_text("\n".join(["x,y,z,qw,qx,qy,qz", *rows]) + "\n", encoding="utf-8")
+    return path
+
+
+def test_track_follows_a_line_inside_the_limits(path_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out, plot = path_file.with_name("trajectory.csv"), path_file.with_name("trajectory.png")
+    words = ("track", "--path", str(path_file), "--dt", "0.02", "--output", str(out), "--plot", str(plot), "--json")
+    assert leave(*words) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["duration"] == pytest.approx(2.0)  # 0.1 m at 0.05 m/s
+    assert document["max_position_error"] < 1e-4
+    result = PathResult.load(out)
+    robot = jacokin.load_robot()
+    assert all(robot.within_limits(q) for q in result.q)
+    assert (np.abs(result.v) <= robot.velocity_limit + 1e-9).all()
+    last = robot.forward_kinematics(result.q[-1]).translation
+    assert np.linalg.norm(last - [0.4, -0.2, 0.5]) < 1e-4
+    assert plot.read_bytes().startswith(b"\x89PNG")
+
+
+def test_track_of_a_path_that_leaves_the_reach_ends_with_1(path_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text = path_file.read_text(encoding="utf-8")
+    path_file.write_text(text.replace("\n0.4,", "\n1.4,"), encoding="utf-8")
+    words = ("track", "--path", str(path_file), "--dt", "0.05", "--speed", "0.5")
+    assert leave(*words) == 1
+    shown = capsys.readouterr().out
+    assert "NOT on the path" in shown
+    assert "start branch" in shown
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--dt", "0"), "dt must be"),
+        (("--dt", "-0.01"), "dt must be"),
+        (("--speed", "0"), "speed"),
+        (("--output", "trajectory.txt"), ".csv or .npz"),
+        (("--output", "nowhere/trajectory.csv"), "nowhere"),
+        (("--plot", "trajectory.doc"), ".png"),
+        (("--frame", "link_9"), "link_6"),
+        (("--seed", "1", "2"), "seed"),
+    ],
+)
+def test_track_refuses_wrong_input_before_the_first_tick(
+    path_file: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...], message: str
+) -> None:
+    assert leave("track", "--path", str(path_file), *words) == 2
+    captured = capsys.readouterr()
+    assert message in captured.err
+    assert captured.out == ""
+    assert [file.name for file in path_file.parent.iterdir()] == ["path.csv"]
+
+
+def test_track_needs_orientations_and_two_poses(path_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    lines = path_file.read_text(encoding="utf-8").splitlines()
+    path_file.write_text("\n".join(lines[:2]), encoding="utf-8")
+    assert leave("track", "--path", str(path_file)) == 2
+    path_file.write_text("x,y,z\n0.3,-0.2,0.5\n0.4,-0.2,0.5\n", encoding="utf-8")
+    assert leave("track", "--path", str(path_file)) == 2
+    assert "orientations" in capsys.readouterr().err
+
+
+def test_plotting_without_matplotlib_names_the_extra(
+    path_file: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("importlib.util.find_spec", lambda _: None)
+    assert leave("track", "--path", str(path_file), "--plot", "a.png") == 2
+    assert "jacokin[plot]" in capsys.readouterr().err
