@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from jacokin.errors import InvalidInputError, PhysicsError, UnknownNameError
-from jacokin.model import checks, table
+from jacokin.model import angles, checks, table
 from jacokin.mujoco_bridge.control.site_ik import SceneSolvers, SiteSolver
 from jacokin.mujoco_bridge.entities.entity import Entity
 from jacokin.mujoco_bridge.entities.quaternions import rotation_matrix, unit_quaternion
@@ -85,7 +85,7 @@ class RobotArm(Entity):
             raise PhysicsError(
                 f"only hinges can be sampled without limits; these joints have none and are not hinges: {names}"
             )
-        lower[unlimited], upper[unlimited] = 0.0, 2.0 * np.pi
+        lower[unlimited], upper[unlimited] = 0.0, angles.TURN
         return lower, upper
 
     def set_site_to_xpos(
@@ -122,15 +122,10 @@ class RobotArm(Entity):
         check_random_state(random_state)
         position = checks.vector("target_pos", target_pos, 3, "m")
         rotation = _DOWN if target_quat is None else rotation_matrix(unit_quaternion("target_quat", target_quat))
-        if (
-            isinstance(max_ik_attempts, bool)
-            or not isinstance(max_ik_attempts, int | np.integer)
-            or max_ik_attempts < 1
-        ):
-            raise InvalidInputError(f"max_ik_attempts must be a whole number >= 1, got {max_ik_attempts!r}")
+        attempts = checks.whole_number("max_ik_attempts", max_ik_attempts, 1)
         solver = self.site_solver(check_physics(physics), site)
         bounds = None if solver.has_closed_form else self.sampling_bounds(physics)
-        for rows, q in solver.solutions(position, rotation, bounds, random_state, int(max_ik_attempts)):
+        for rows, q in solver.solutions(position, rotation, bounds, random_state, attempts):
             physics.set_qpos(rows, q)
             return True
         return False

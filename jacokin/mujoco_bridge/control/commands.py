@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from jacokin.errors import InvalidInputError
 from jacokin.model import checks
+from jacokin.model.angles import nearest_copy
 from jacokin.mujoco_bridge.base import RobotArm
 from jacokin.mujoco_bridge.jaco_arm import JacoArm
 from jacokin.mujoco_bridge.simulation.physics import Physics, check_physics
@@ -17,8 +18,6 @@ Array = NDArray[np.float64]
 GAIN = 5.0  # [1/s] velocity per position error; removes 20 % of the error in a control step of 0.04 s
 DAMPING = 0.005  # of the Jacobian's singular values [m/rad, rad/rad]; keeps joint speeds bounded at singular poses
 MAX_TWIST = 1e6  # [m/s, rad/s] squares of far larger numbers overflow
-
-_TURN = 2.0 * np.pi
 
 
 def command_joint_positions(physics: Physics, arm: JacoArm, positions: ArrayLike, *, gain: float = GAIN) -> Array:
@@ -40,12 +39,9 @@ def command_joint_positions(physics: Physics, arm: JacoArm, positions: ArrayLike
     """
     joints = check_physics(physics).bind(_checked_arm(arm).joints)
     goal = checks.vector("positions", positions, len(arm.joints), "rad")
-    if not isinstance(gain, int | float | np.number) or not (np.isfinite(gain) and gain > 0.0):
-        raise InvalidInputError(f"gain must be a positive number [1/s], got {gain!r}")
-    error = goal - joints.qpos
-    unlimited = joints.limited == 0
-    error[unlimited] -= _TURN * np.round(error[unlimited] / _TURN)
-    _command(physics, arm, gain * error)
+    checked_gain = checks.positive("gain", gain, "1/s")
+    error = nearest_copy(goal, joints.qpos, joints.limited == 0) - joints.qpos
+    _command(physics, arm, checked_gain * error)
     return np.asarray(error)
 
 

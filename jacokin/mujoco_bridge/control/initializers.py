@@ -66,16 +66,13 @@ class TcpInitializer:
         """
         if not isinstance(arm, RobotArm) or not isinstance(hand, RobotHand | None):
             raise InvalidInputError(f"hand and arm must be a RobotHand and a RobotArm, got {hand!r} and {arm!r}")
-        for name, number in (("max_ik_attempts", max_ik_attempts), ("max_rejection_samples", max_rejection_samples)):
-            if isinstance(number, bool) or not isinstance(number, int | np.integer) or number < 1:
-                raise InvalidInputError(f"{name} must be a whole number >= 1, got {number!r}")
         self._hand = hand
         self._arm = arm
         self._position = position
         self._quaternion = quaternion
-        self._ignore_collisions = ignore_collisions
-        self._max_ik_attempts = max_ik_attempts
-        self._max_rejection_samples = max_rejection_samples
+        self._ignore_collisions = checks.flag("ignore_collisions", ignore_collisions)
+        self._max_ik_attempts = checks.whole_number("max_ik_attempts", max_ik_attempts, 1)
+        self._max_rejection_samples = checks.whole_number("max_rejection_samples", max_rejection_samples, 1)
 
     def __call__(self, physics: Physics, random_state: RandomState) -> None:
         """Place the tool centre point; only the arm's joint positions change.

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from jacokin.errors import PhysicsError
 from jacokin.ik import targets
 from jacokin.ik.solver import IKSolver
+from jacokin.model.angles import TURN
 from jacokin.mujoco_bridge.control.scene_chain import SITE, SceneChain, scene_chain
 from jacokin.mujoco_bridge.simulation.physics import Physics
 
@@ -32,8 +33,6 @@ Bounds = tuple[Array, Array]
 POSITION_TOLERANCE = 1e-6  # [m] of a success; the closed form is far more accurate
 ORIENTATION_TOLERANCE = 1e-6  # [rad]
 QP_SOLVER = "daqp"
-
-_TURN = 2.0 * np.pi
 
 
 class SiteSolver:
@@ -138,8 +137,8 @@ class SiteSolver:
         """A copy with the unlimited hinges in [0, 2 pi)."""
         q = q.copy()
         for joint in self._wraps:
-            turned = q[joint] % _TURN
-            q[joint] = turned if turned < _TURN else 0.0  # the remainder of -1e-17 is rounded up to a full turn
+            turned = q[joint] % TURN
+            q[joint] = turned if turned < TURN else 0.0  # the remainder of -1e-17 is rounded up to a full turn
         return q
 
     def _by_qp(self, T_base_site: Array, starts: Iterator[Array]) -> Iterator[Array]:

@@ -6,8 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from jacokin.errors import InvalidInputError
-
-TURN = 2.0 * np.pi  # [rad]
+from jacokin.model.angles import nearest_copy, wrap_to_turn
 
 
 def angles_from_sin_cos(sin_cos: ArrayLike, near: ArrayLike | None = None) -> NDArray[np.float64]:
@@ -40,8 +39,7 @@ def angles_from_sin_cos(sin_cos: ArrayLike, near: ArrayLike | None = None) -> ND
         raise InvalidInputError("sin_cos contains a pair (0, 0), which has no angle")
     angles = np.arctan2(pairs[..., 0], pairs[..., 1])
     if reference is None:
-        wrapped = np.mod(angles, TURN)
-        return np.asarray(np.where(wrapped >= TURN, 0.0, wrapped))  # the remainder of -1e-17 rounds to 2 pi
+        return wrap_to_turn(angles)
     if not np.isfinite(reference).all() or reference.shape != angles.shape:
         raise InvalidInputError(f"near must be finite angles of the shape {angles.shape}, got {reference!r}")
-    return np.asarray(angles + TURN * np.round((reference - angles) / TURN))
+    return np.asarray(nearest_copy(angles, reference))

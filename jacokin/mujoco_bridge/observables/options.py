@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import operator
 from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any, TypedDict
@@ -11,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from jacokin.errors import InvalidInputError, UnknownNameError
+from jacokin.model import checks
 
 RandomState = np.random.RandomState | np.random.Generator | None
 Steps = int | Callable[..., int]  # physics steps, or a callable of random_state= that draws them
@@ -50,19 +50,8 @@ class CameraOptions(Options, total=False):
     width: int
 
 
-def whole_number(name: str, value: Any, lowest: int) -> int:
-    """Return value as an int of at least ``lowest``, or raise ``InvalidInputError``."""
-    try:
-        number = operator.index(value)
-    except TypeError:
-        number = lowest - 1
-    if isinstance(value, bool) or number < lowest:
-        raise InvalidInputError(f"{name} must be a whole number of at least {lowest}, got {value!r}")
-    return number
-
-
 def _check_steps(name: str, value: Any, lowest: int) -> Steps:
-    return value if callable(value) else whole_number(name, value, lowest)
+    return value if callable(value) else checks.whole_number(name, value, lowest)
 
 
 def _check_aggregator(name: str, value: Any) -> str | Aggregator | None:
@@ -77,23 +66,17 @@ def _check_callable(name: str, value: Any) -> Any:
     return value
 
 
-def _check_flag(name: str, value: Any) -> bool:
-    if not isinstance(value, bool | np.bool_):
-        raise InvalidInputError(f"{name} must be True or False, got {value!r}")
-    return bool(value)
-
-
 # The check of each option, called when it is set: check(name, value) -> value.
 CHECKS: Mapping[str, Callable[[str, Any], Any]] = {
     "update_interval": lambda name, value: _check_steps(name, value, 1),
-    "buffer_size": lambda name, value: None if value is None else whole_number(name, value, 1),
+    "buffer_size": lambda name, value: None if value is None else checks.whole_number(name, value, 1),
     "delay": lambda name, value: None if value is None else _check_steps(name, value, 0),
     "aggregator": _check_aggregator,
     "corruptor": _check_callable,
-    "enabled": _check_flag,
+    "enabled": checks.flag,
 }
 CAMERA_CHECKS: Mapping[str, Callable[[str, Any], Any]] = {
     **CHECKS,
-    "height": lambda name, value: whole_number(name, value, 1),
-    "width": lambda name, value: whole_number(name, value, 1),
+    "height": lambda name, value: checks.whole_number(name, value, 1),
+    "width": lambda name, value: checks.whole_number(name, value, 1),
 }

@@ -16,8 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.errors import InvalidInputError, PhysicsError
+from jacokin.model import checks
 from jacokin.mujoco_bridge.observables.observable import Observable
-from jacokin.mujoco_bridge.observables.options import AGGREGATORS, RandomState, Steps, whole_number
+from jacokin.mujoco_bridge.observables.options import AGGREGATORS, RandomState, Steps
 
 if TYPE_CHECKING:
     from jacokin.mujoco_bridge.simulation.physics import Physics
@@ -91,7 +92,7 @@ class _Channel:
     def _draw(self, option: str, value: Steps, lowest: int) -> int:
         if not callable(value):
             return value
-        return whole_number(f"{option} drawn for {self.name!r}", value(random_state=self.random_state), lowest)
+        return checks.whole_number(f"{option} drawn for {self.name!r}", value(random_state=self.random_state), lowest)
 
 
 class Updater:
@@ -127,7 +128,7 @@ class Updater:
             if not isinstance(observable, Observable):
                 raise InvalidInputError(f"observables[{name!r}] must be an Observable, got {observable!r}")
         self._observables = dict(observables)
-        self._control_steps = whole_number("physics_steps_per_control_step", physics_steps_per_control_step, 1)
+        self._control_steps = checks.whole_number("physics_steps_per_control_step", physics_steps_per_control_step, 1)
         self._strip = strip_singleton_buffer_dim
         self._pad = pad_with_initial_value
         self._step = 0

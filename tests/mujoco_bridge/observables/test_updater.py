@@ -114,7 +114,7 @@ def test_drawn_options_get_the_random_state_and_are_checked() -> None:
         return -1
 
     updater = Updater({"n": Observable(steps_taken, delay=draw, enabled=True)})
-    with pytest.raises(InvalidInputError, match="delay drawn for 'n' must be a whole number of at least 0"):
+    with pytest.raises(InvalidInputError, match="delay drawn for 'n' must be a whole number >= 0"):
         updater.reset(counting(), rng)
     assert seen == [rng]
     updater = Updater({"n": Observable(steps_taken, update_interval=lambda random_state: 0, enabled=True)})
