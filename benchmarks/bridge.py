@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import jacokin
-from jacokin.ik.closed_form.solver import warmup
+from jacokin.ik.closed_form import warmup
 from jacokin.model.poses import quat_wxyz
 from jacokin.mujoco_bridge import Arena, JacoArm, JacoHand, Physics, observations, robots
 

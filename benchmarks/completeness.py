@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 import jacokin
 from benchmarks import brute_force, environments, report, targets
 from benchmarks.referee import apart, rotation_angle
-from jacokin.ik.closed_form import solver as closed_form
+from jacokin.ik import closed_form
 from jacokin.model import bundled
 from jacokin.model.robot import Robot
 

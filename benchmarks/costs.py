@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 import jacokin
 from benchmarks import report, targets
-from jacokin.ik.closed_form import solver as closed_form
+from jacokin.ik import closed_form
 from jacokin.model import mujoco_export
 from jacokin.model.robot import Robot
 
@@ -144,7 +144,7 @@ def _best_start(arguments: list[str]) -> float:
     best = np.inf
     for _ in range(STARTS):
         begin = time.perf_counter()
-        subprocess.run([sys.executable, "-c", *arguments], check=True, capture_output=True)
+        subprocess.run([sys.executable, "-P", "-c", *arguments], check=True, capture_output=True)
         best = min(best, time.perf_counter() - begin)
     return best
 

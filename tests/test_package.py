@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import importlib
 import json
+import re
 import subprocess
 import sys
 from collections import Counter
@@ -17,6 +18,7 @@ from jacokin import errors
 from jacokin.model import bundled
 
 PACKAGE = Path(jacokin.__file__).parent
+REPOSITORY = Path(__file__).parents[1]
 LAYERS = {"model": 0, "ik": 1, "mujoco_bridge": 2, "cli": 3}
 HEAVY = ("mujoco", "mink", "numba", "pinocchio", "yourdfpy", "qpsolvers", "scipy", "typer", "rich", "matplotlib")
 
@@ -127,7 +129,7 @@ def test_public_names_are_exactly_these() -> None:
 
 def test_importing_jacokin_loads_nothing_heavy() -> None:
     code = "import json, sys; import jacokin; print(json.dumps(sorted(sys.modules)))"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    done = subprocess.run([sys.executable, "-P", "-c", code], capture_output=True, text=True, check=True)
     assert done.stderr == ""
     loaded = set(json.loads(done.stdout))
     assert not loaded & set(HEAVY)
@@ -139,7 +141,7 @@ def test_solving_one_pose_needs_no_mink_and_no_mujoco() -> None:
         "result = jacokin.solve_ik(robot.forward_kinematics(robot.home), robot);"
         "print(result.success, sorted({'mujoco', 'mink', 'yourdfpy', 'scipy'} & set(sys.modules)))"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    done = subprocess.run([sys.executable, "-P", "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.split(maxsplit=1) == ["True", "[]\n"]
 
 
@@ -168,3 +170,10 @@ def test_the_descriptions_come_with_the_package() -> None:
     for name in [*wanted, "jaco_arm.xml", "jaco_hand.xml", "jaco.toml"]:
         assert (folder / name).is_file(), name
     assert (PACKAGE / "py.typed").is_file()
+
+
+def test_programs_in_tests_do_not_search_the_current_folder() -> None:
+    # Run from the repository, `python -c` would import its source tree instead of what is installed.
+    pattern = re.compile(r'sys\.executable,(?! "-P")[^\]]*"-[cm]"')
+    for path in (REPOSITORY / "tests").rglob("*.py"):
+        assert not pattern.search(path.read_text()), path

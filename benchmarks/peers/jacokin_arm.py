@@ -8,7 +8,7 @@ from importlib.metadata import version
 import pinocchio as pin
 
 import jacokin
-from jacokin.ik.closed_form import solver as closed_form
+from jacokin.ik import closed_form
 
 
 class Peer:

@@ -6,6 +6,7 @@ Exit codes: 0 solved, 1 not all solved (or a check failed), 2 wrong usage or inp
 from __future__ import annotations
 
 import inspect
+import logging
 import sys
 from collections.abc import Callable, Sequence
 from typing import Annotated
@@ -83,6 +84,11 @@ def main(argv: Sequence[str] | None = None) -> None:
     Raises:
         SystemExit: always; carries the exit code.
     """
+    handler = logging.StreamHandler(sys.stderr)
+    handler.setFormatter(logging.Formatter("jacokin: %(message)s"))
+    logger = logging.getLogger("jacokin")
+    logger.addHandler(handler)
+    logger.setLevel(logging.INFO)
     try:
         app(args=arguments.prepared(sys.argv[1:] if argv is None else argv), prog_name="jacokin")
     except JacokinError as error:
@@ -93,6 +99,8 @@ def main(argv: Sequence[str] | None = None) -> None:
         if sys.flags.dev_mode:  # python -X dev -m jacokin ... shows the traceback
             raise
         _refuse(f"internal error, please report it: {type(error).__name__}: {error}")
+    finally:
+        logger.removeHandler(handler)
 
 
 def _refuse(sentence: str) -> None:

@@ -13,7 +13,7 @@ def warmup() -> None:
     Examples:
       jacokin warmup
     """
-    from jacokin.ik.closed_form import solver as closed_form
+    from jacokin.ik import closed_form
 
     seconds = closed_form.warmup()
     typer.echo(f"the closed form is ready ({seconds:.1f} s)")

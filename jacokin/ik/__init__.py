@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from jacokin import lazy
 
 if TYPE_CHECKING:
-    from jacokin.ik.closed_form.compilation import warmup as warmup
+    from jacokin.ik.closed_form import warmup as warmup
     from jacokin.ik.files.targets_csv import TargetFile as TargetFile
     from jacokin.ik.files.targets_csv import read_targets as read_targets
     from jacokin.ik.paths.joint_motion import JointMotion as JointMotion
@@ -62,7 +62,7 @@ __all__, __getattr__, __dir__ = lazy.door(
             "IKResult",
             "Status",
         ),
-        "jacokin.ik.closed_form.compilation": ("warmup",),
+        "jacokin.ik.closed_form": ("warmup",),
         "jacokin.ik.tracking.tracker": ("Tracker",),
         "jacokin.ik.tracking.result": (
             "TrackerStatus",

@@ -13,7 +13,7 @@ from jacokin.errors import SolveError
 from jacokin.model import checks
 
 if TYPE_CHECKING:
-    from jacokin.ik.closed_form.solver import Rows
+    from jacokin.ik.closed_form import BranchTable
 
 Array = NDArray[np.float64]
 
@@ -116,7 +116,7 @@ class Branches:
 
     __slots__ = ("_rows", "_touching")
 
-    def __init__(self, rows: Rows, touching: tuple[tuple[tuple[str, str], ...], ...] | None = None) -> None:
+    def __init__(self, rows: BranchTable, touching: tuple[tuple[tuple[str, str], ...], ...] | None = None) -> None:
         """Take over the rows of the closed form."""
         self._rows = rows
         self._touching = touching

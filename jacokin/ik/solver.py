@@ -36,7 +36,7 @@ from jacokin.model.loading import load_robot
 from jacokin.model.robot import Robot
 
 if TYPE_CHECKING:
-    from jacokin.ik.closed_form.solver import ClosedForm, Rows
+    from jacokin.ik.closed_form import BranchTable, ClosedForm
     from jacokin.ik.qp.search import QPSearch
 
 Array = NDArray[np.float64]
@@ -132,7 +132,7 @@ class IKSolver:
         if self._form is None:
             if self._misfit is not None:
                 raise self._misfit
-            from jacokin.ik.closed_form.solver import ClosedForm
+            from jacokin.ik.closed_form import ClosedForm
 
             try:
                 self._form = ClosedForm(
@@ -302,7 +302,7 @@ class IKSolver:
         nearby = [np.clip(q, self.robot.lower, self.robot.upper) for q in raw.q]
         return self.qp_search().closest(target, nearby, start, status, message, note, seeds.generator(rng))
 
-    def _why_not(self, raw: Rows) -> tuple[Status, str]:
+    def _why_not(self, raw: BranchTable) -> tuple[Status, str]:
         """Status and sentence when no branch is legal."""
         if not len(raw.q):
             return Status.UNREACHABLE, "no configuration reaches this pose, whatever the limits"

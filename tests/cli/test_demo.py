@@ -24,7 +24,9 @@ def test_the_targets_are_those_the_script_writes() -> None:
         f"import json, sys; sys.path.insert(0, {str(EXAMPLES)!r})\n"
         "import make_targets; print(json.dumps(make_targets.make_targets()))"
     )
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, env=ENVIRONMENT)
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", program], capture_output=True, text=True, check=True, env=ENVIRONMENT
+    )
     rows = json.loads(done.stdout)
     file = read_targets(EXAMPLES / "targets.csv")
     assert len(file) == len(rows) == 206
@@ -59,7 +61,7 @@ def test_the_arm_is_in_the_picture(tmp_path: Path) -> None:
         f"np.savez({str(tmp_path / 'seen.npz')!r}, picture=picture, arm=arm)\n"
     )
     for backend in ("egl", "osmesa"):
-        words = [sys.executable, "-c", program]
+        words = [sys.executable, "-P", "-c", program]
         done = subprocess.run(
             words, env={**ENVIRONMENT, "MUJOCO_GL": backend}, capture_output=True, text=True, check=False
         )

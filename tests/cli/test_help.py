@@ -31,11 +31,11 @@ def test_help_loads_nothing_heavy() -> None:
         "try:\n    main(['--help'])\nexcept SystemExit:\n    pass\n"
         "print([m for m in ('numpy', 'pinocchio', 'mujoco', 'mink', 'numba', 'rich') if m in sys.modules])\n"
     )
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    done = subprocess.run([sys.executable, "-P", "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout.splitlines()[-1] == "[]"
 
 
 def test_the_package_runs_as_a_module() -> None:
-    words = [sys.executable, "-m", "jacokin", "fk", *HOME, "--json"]
+    words = [sys.executable, "-P", "-m", "jacokin", "fk", *HOME, "--json"]
     done = subprocess.run(words, capture_output=True, text=True, check=True)
     assert json.loads(done.stdout)["frame"] == "end_effector"

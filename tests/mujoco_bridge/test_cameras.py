@@ -127,7 +127,7 @@ def run(script: str, **environment: str) -> str:
     hidden = ("MUJOCO_GL", "DISPLAY", "WAYLAND_DISPLAY", "PYOPENGL_PLATFORM")
     env = {name: value for name, value in os.environ.items() if name not in hidden}
     done = subprocess.run(
-        [sys.executable, "-W", "error", "-c", script],
+        [sys.executable, "-P", "-W", "error", "-c", script],
         env={**env, **environment},
         capture_output=True,
         text=True,

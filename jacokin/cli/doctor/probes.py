@@ -34,10 +34,13 @@ def imported(modules: list[str]) -> dict[str, tuple[str | None, str | None]]:
 
 
 def run(program: str, *words: str, **environment: str) -> tuple[str, str | None]:
-    """Output of a Python program in a process of its own, and the last line of its complaint if it failed."""
+    """Output of a Python program in a process of its own, and the last line of its complaint if it failed.
+
+    The current folder is not searched for modules.
+    """
     try:
         done = subprocess.run(
-            [sys.executable, "-c", program, *words],
+            [sys.executable, "-P", "-c", program, *words],
             env={**os.environ, **environment},
             capture_output=True,
             text=True,

@@ -10,13 +10,13 @@ from __future__ import annotations
 import hashlib
 import importlib
 import importlib.metadata
+import logging
 import os
 import platform
-import sys
 import threading
 import time
 import types
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -56,12 +56,15 @@ LOAD_AFTER = 30
 #: The same where there is nothing to load yet: before compiling pays.
 COMPILE_AFTER = 500
 _MARKER = "complete.txt"
+_KERNELS = "jacokin.ik.closed_form.kernels"
+
+logger = logging.getLogger(__name__)
 
 _lock = threading.Lock()
 _compiled: Solve | None = None
 _plain_poses = 0
 _cached: bool | None = None
-_said: set[str] = set()
+_warned: set[str] = set()
 
 
 def solver(poses: int = 1) -> Solve:
@@ -115,7 +118,7 @@ def _choose(poses: int) -> Solve:
         if _plain_poses > (LOAD_AFTER if _cached else COMPILE_AFTER):
             return _load()
         if not _cached:
-            _say(
+            _warn_once(
                 "the closed form is not compiled yet: using its plain Python form, about 10 ms a pose. "
                 "`jacokin warmup` compiles it once and for all."
             )
@@ -131,16 +134,16 @@ def _load() -> Solve:
             _compiled = _compile(folder)
             return _compiled
         if folder is None or not _writable(folder):
-            _say(f"cannot write the cache folder {folder}: the compiled closed form will not outlive this process.")
+            _warn_once(f"cannot write the cache folder {folder}: the compiled closed form is kept in memory only.")
             folder = None
-        _say("compiling the closed form (10 to 30 s, once).")
+        logger.warning("compiling the closed form (10 to 30 s, once).")
         start = time.perf_counter()
         try:
             _compiled = _compile(folder)
         except OSError as error:
-            _say(f"cannot keep the compiled closed form in {folder}: {error}")
+            _warn_once(f"cannot keep the compiled closed form in {folder}: {error}")
             _compiled, folder = _compile(None), None
-        _say(f"compiled in {time.perf_counter() - start:.0f} s" + (f", kept in {folder}" if folder else ""))
+        logger.info(f"compiled in {time.perf_counter() - start:.0f} s" + (f", kept in {folder}" if folder else ""))
         if folder is not None:
             files = sorted(path for path in folder.rglob("*.nb[ci]"))
             lines = [f"{path.stat().st_size} {path.relative_to(folder)}\n" for path in files]
@@ -158,16 +161,9 @@ def _compile(folder: Path | None) -> Solve:
         from jacokin.ik.closed_form.kernels.batch import solve
 
         return solve
-    namespace: dict[str, Any] = {"__name__": "jacokin.ik.closed_form.kernels.batch", "__builtins__": __builtins__}
-    functions: list[types.FunctionType] = []
-    for name in KERNEL_MODULES:
-        module = importlib.import_module(f"jacokin.ik.closed_form.kernels.{name}")
-        for key, value in vars(module).items():
-            if isinstance(value, types.FunctionType):
-                if value.__module__ == module.__name__:
-                    functions.append(value)
-            elif not key.startswith("__"):
-                namespace[key] = value
+    namespace = _one_namespace([importlib.import_module(f"{_KERNELS}.{name}") for name in KERNEL_MODULES])
+    functions = [value for value in namespace.values() if isinstance(value, types.FunctionType)]
+    namespace.update(__name__=f"{_KERNELS}.{KERNEL_MODULES[-1]}", __builtins__=__builtins__)
     # Copies that see each other's compiled forms; the modules themselves stay plain. Without fastmath the compiled
     # form does the plain form's operations in the same order: both give the same bits.
     options: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
@@ -193,6 +189,20 @@ def _compile(folder: Path | None) -> Solve:
     entry.disable_compile()
     compiled: Solve = entry
     return compiled
+
+
+def _one_namespace(modules: Sequence[types.ModuleType]) -> dict[str, Any]:
+    """Every function and constant of the kernel modules by its name.
+
+    Raises:
+        ValueError: a name stands for two things.
+    """
+    namespace: dict[str, Any] = {}
+    for module in modules:
+        for name, value in vars(module).items():
+            if not name.startswith("__") and namespace.setdefault(name, value) is not value:
+                raise ValueError(f"{name} in {module.__name__} has another meaning in an earlier kernel module")
+    return namespace
 
 
 def _key() -> str:
@@ -238,9 +248,8 @@ def _writable(folder: Path) -> bool:
     return True
 
 
-def _say(text: str) -> None:
-    """One line on stderr, once in a process."""
-    if text not in _said:
-        _said.add(text)
-        sys.stderr.write(f"jacokin: {text}\n")
-        sys.stderr.flush()
+def _warn_once(text: str) -> None:
+    """Log a warning once in a process."""
+    if text not in _warned:
+        _warned.add(text)
+        logger.warning(text)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from jacokin.cli.doctor import checks, kernel_cache, packages, rendering
+from jacokin.cli.doctor import checks, kernel_cache, packages, probes, rendering
 from jacokin.cli.doctor.finding import FAILED, MISSING, OK, WARNING, Finding
 from tests.cli.run import leave
 
@@ -84,3 +84,13 @@ def test_a_renderer_that_is_missing_names_its_package(monkeypatch: pytest.Monkey
     assert finding.state == MISSING
     assert "no EGL" in finding.detail
     assert "apt install libegl1" in finding.detail
+
+
+def test_modules_of_the_current_folder_are_not_run(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    planted = tmp_path / "numpy.py"
+    planted.write_text("open('was_run', 'w')", encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    place, error = probes.imported(["numpy"])["numpy"]
+    assert error is None
+    assert place != str(planted)
+    assert not (tmp_path / "was_run").exists()

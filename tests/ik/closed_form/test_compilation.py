@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import types
 from collections.abc import Callable
 from pathlib import Path
 
@@ -33,7 +34,7 @@ def fresh(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[Path | None]:
     monkeypatch.setattr(compilation, "_compiled", None)
     monkeypatch.setattr(compilation, "_plain_poses", 0)
     monkeypatch.setattr(compilation, "_cached", None)
-    monkeypatch.setattr(compilation, "_said", set())
+    monkeypatch.setattr(compilation, "_warned", set())
     monkeypatch.setattr(compilation, "_compile", compile_nothing)
     return calls
 
@@ -54,33 +55,33 @@ def test_plain_and_compiled_kernels_give_the_same_bits(
         np.testing.assert_array_equal(form.solve_all(T, seed).rows, rows[:count])
 
 
-def test_a_single_pose_does_not_compile(fresh: list[Path | None], capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_single_pose_does_not_compile(fresh: list[Path | None], caplog: pytest.LogCaptureFixture) -> None:
     assert compilation.solver() is kernels_batch.solve
     assert compilation.solver() is kernels_batch.solve
     assert fresh == []
-    assert capsys.readouterr().err.count("jacokin warmup") == 1
+    assert caplog.text.count("jacokin warmup") == 1
 
 
-def test_many_poses_compile_once_and_say_so(fresh: list[Path | None], capsys: pytest.CaptureFixture[str]) -> None:
+def test_many_poses_compile_once_and_say_so(fresh: list[Path | None], caplog: pytest.LogCaptureFixture) -> None:
     for _ in range(3):
         compilation.solver(compilation.COMPILE_AFTER + 1)
     assert fresh == [compilation.cache_folder()]
     assert compilation.is_cached()
-    assert capsys.readouterr().err.count("compiling the closed form") == 1
+    assert caplog.text.count("compiling the closed form") == 1
 
 
 def test_a_warm_cache_is_loaded_silently(
-    fresh: list[Path | None], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    fresh: list[Path | None], caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     compilation.warmup()
-    capsys.readouterr()
+    caplog.clear()
     monkeypatch.setattr(compilation, "_compiled", None)
-    monkeypatch.setattr(compilation, "_said", set())
+    monkeypatch.setattr(compilation, "_warned", set())
     compilation.solver()
     assert len(fresh) == 1
     compilation.solver(compilation.LOAD_AFTER)
     assert len(fresh) == 2
-    assert capsys.readouterr().err == ""
+    assert caplog.text == ""
 
 
 def test_a_damaged_cache_is_not_trusted(fresh: list[Path | None]) -> None:
@@ -93,7 +94,7 @@ def test_a_damaged_cache_is_not_trusted(fresh: list[Path | None]) -> None:
 
 def test_an_unwritable_cache_folder_works_and_says_so_once(
     fresh: list[Path | None],
-    capsys: pytest.CaptureFixture[str],
+    caplog: pytest.LogCaptureFixture,
     monkeypatch: pytest.MonkeyPatch,
     tmp_path: Path,
 ) -> None:
@@ -103,14 +104,23 @@ def test_an_unwritable_cache_folder_works_and_says_so_once(
     compilation.warmup()
     compilation.warmup()
     assert fresh == [None]
-    assert capsys.readouterr().err.count("cannot write the cache folder") == 1
+    assert caplog.text.count("cannot write the cache folder") == 1
+
+
+def test_a_name_with_two_meanings_is_refused() -> None:
+    one, other = types.ModuleType("one"), types.ModuleType("other")
+    one.errors = other.errors = len  # type: ignore[attr-defined]  # a module made by hand
+    assert compilation._one_namespace([one, other]) == {"errors": len}
+    other.errors = abs  # type: ignore[attr-defined]
+    with pytest.raises(ValueError, match="errors in other has another meaning"):
+        compilation._one_namespace([one, other])
 
 
 def test_one_pose_on_a_cold_cache_needs_no_numba(tmp_path: Path) -> None:
     code = (
         "import sys, numpy as np, jacokin\n"
         "robot = jacokin.load_robot()\n"
-        "from jacokin.ik.closed_form.solver import ClosedForm\n"
+        "from jacokin.ik.closed_form import ClosedForm\n"
         "form = ClosedForm(robot.pin_model, robot.frame_id(), None, robot.lower, robot.upper)\n"
         "T = np.ascontiguousarray(robot.forward_kinematics(robot.home).homogeneous)\n"
         "rows = form.solve_all(T, robot.home)\n"
@@ -118,6 +128,8 @@ def test_one_pose_on_a_cold_cache_needs_no_numba(tmp_path: Path) -> None:
         "assert 'numba' not in sys.modules and 'mujoco' not in sys.modules and 'mink' not in sys.modules\n"
     )
     environment = {"NUMBA_CACHE_DIR": str(tmp_path), "PYTHONPATH": str(Path(compilation.__file__).parents[3])}
-    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", code], env=environment, capture_output=True, text=True, check=False
+    )
     assert done.returncode == 0, done.stderr
     assert "jacokin warmup" in done.stderr

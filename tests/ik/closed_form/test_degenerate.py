@@ -13,7 +13,7 @@ import pinocchio as pin
 import pytest
 
 from jacokin import Robot
-from jacokin.ik.closed_form.solver import warmup
+from jacokin.ik.closed_form import warmup
 from tests.ik.closed_form.tools import (
     Array,
     brute_force,

@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 import jacokin
 from jacokin import Robot
 from jacokin.errors import StructureError
+from jacokin.ik.closed_form import ClosedForm, warmup
 from jacokin.ik.closed_form.geometry import measure
 from jacokin.ik.closed_form.kernels import chain as kernels_chain
-from jacokin.ik.closed_form.solver import ClosedForm, warmup
 from tests.ik.closed_form.tools import (
     Array,
     brute_force,

@@ -7,7 +7,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from jacokin import Robot
-from jacokin.ik.closed_form.solver import ClosedForm, Rows
+from jacokin.ik.closed_form import BranchTable, ClosedForm
 
 Array = NDArray[np.float64]
 
@@ -25,15 +25,15 @@ def circular(a: Array, b: Array) -> Array:
     return np.asarray(np.abs((a - b + np.pi) % (2.0 * np.pi) - np.pi).max(axis=-1), dtype=np.float64)
 
 
-def worst_error(rows: Rows) -> float:
+def worst_error(rows: BranchTable) -> float:
     return float(max(rows.position_error.max(), rows.orientation_error.max())) if len(rows) else 0.0
 
 
-def contains(rows: Rows, q: Array, tolerance: float = 1e-6) -> bool:
+def contains(rows: BranchTable, q: Array, tolerance: float = 1e-6) -> bool:
     return len(rows) > 0 and bool(circular(rows.q, q).min() < tolerance)
 
 
-def closest_pair(rows: Rows) -> float:
+def closest_pair(rows: BranchTable) -> float:
     """Smallest circular distance between two branches [rad]."""
     q = rows.q
     return min((float(circular(q[i], q[j])) for i in range(len(q)) for j in range(i)), default=np.inf)
