@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 import jacokin
 from jacokin.ik.closed_form import warmup
-from jacokin.model.poses import quat_wxyz
+from jacokin.model import quat_wxyz
 from jacokin.mujoco_bridge import Arena, JacoArm, JacoHand, Physics, observations, robots
 
 Array = NDArray[np.float64]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 import jacokin
 from benchmarks import targets
 from benchmarks.referee import apart
-from jacokin.model.robot import Robot
+from jacokin import Robot
 
 Array = NDArray[np.float64]
 

@@ -13,8 +13,8 @@ from benchmarks.environments import InstallError, Peer, interpreter
 from benchmarks.referee import Referee, apart, rotation_angle
 from benchmarks.targets import Targets
 from benchmarks.worker import Worker, WorkerError
-from jacokin.model import bundled
-from jacokin.model.robot import Robot
+from jacokin import Robot
+from jacokin.model.descriptions import bundled
 
 Array = NDArray[np.float64]
 
@@ -183,7 +183,7 @@ def _setup(robot: Robot, peer: Peer) -> dict[str, Any]:
     folder = bundled.urdf_folder()
     limits = [
         [None, None] if free else [low, high]
-        for low, high, free in zip(robot.lower, robot.upper, robot.free, strict=True)
+        for low, high, free in zip(robot.lower, robot.upper, robot.unlimited, strict=True)
     ]
     return {
         "robot": robot.name,

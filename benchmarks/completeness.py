@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 import jacokin
 from benchmarks import brute_force, environments, report, targets
 from benchmarks.referee import apart, rotation_angle
+from jacokin import Robot
 from jacokin.ik import closed_form
-from jacokin.model import bundled
-from jacokin.model.robot import Robot
+from jacokin.model.descriptions import bundled
 
 Array = NDArray[np.float64]
 

@@ -17,9 +17,8 @@ from numpy.typing import NDArray
 
 import jacokin
 from benchmarks import report, targets
+from jacokin import Robot
 from jacokin.ik import closed_form
-from jacokin.model import mujoco_export
-from jacokin.model.robot import Robot
 
 Array = NDArray[np.float64]
 
@@ -41,7 +40,7 @@ def qp_iteration(robot: Robot) -> tuple[float, float]:
     home and then from random starts. Both take the same targets in turns.
     """
     solver = jacokin.IKSolver(robot, method="qp")
-    model = mujoco_export.to_mujoco(robot)
+    model = to_mujoco(robot)
     configuration = mink.Configuration(model)
     limits = [mink.ConfigurationLimit(model)]
     task = mink.FrameTask(robot.default_frame, "site", 1.0, 1.0, lm_damping=1e-3)

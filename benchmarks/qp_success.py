@@ -16,7 +16,7 @@ import numpy as np
 import jacokin
 from benchmarks import report, targets
 from benchmarks.comparison import make_referee
-from jacokin.model.robot import Robot
+from jacokin import Robot
 
 QP_SOLVERS = ("daqp", "quadprog", "osqp", "proxqp")
 

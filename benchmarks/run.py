@@ -20,7 +20,7 @@ import numpy as np
 
 import jacokin
 from benchmarks import comparison, completeness, costs, environments, qp_success, report, targets
-from jacokin.model.robot import Robot
+from jacokin import Robot
 
 # Modules that print their figures when run, and the title of their part of the page.
 PRINTING = {"bridge": "The MuJoCo bridge beside dm_control", "tracker": "One tick of the tracker"}

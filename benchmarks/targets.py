@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from jacokin.model.robot import Robot
+from jacokin import Robot
 
 Array = NDArray[np.float64]
 

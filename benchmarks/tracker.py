@@ -13,10 +13,10 @@ import numpy as np
 import pinocchio as pin
 
 import jacokin
+from jacokin import Robot
 from jacokin.ik.tracking.obstacles import Clearance
 from jacokin.ik.tracking.tracker import Tracker
-from jacokin.model import mujoco_export, poses
-from jacokin.model.robot import Robot
+from jacokin.model import poses, to_mujoco
 
 DT = 0.01  # [s]
 TICKS = 2000
@@ -32,7 +32,7 @@ def line(robot: Robot) -> list[pin.SE3]:
 
 def bare_mink(robot: Robot) -> Callable[[pin.SE3], None]:
     """The loop everybody writes: prebuilt task and limits, solve, integrate."""
-    model = mujoco_export.to_mujoco(robot)
+    model = to_mujoco(robot)
     configuration = mink.Configuration(model)
     configuration.update(robot.home)
     task = mink.FrameTask(robot.default_frame, "site", position_cost=1.0, orientation_cost=0.1, lm_damping=1e-2)
@@ -51,7 +51,7 @@ def bare_mink(robot: Robot) -> Callable[[pin.SE3], None]:
 
 def bare_solve(robot: Robot) -> Callable[[pin.SE3], None]:
     """`mink.solve_ik` and nothing around it: the target is not even changed."""
-    model = mujoco_export.to_mujoco(robot)
+    model = to_mujoco(robot)
     configuration = mink.Configuration(model)
     configuration.update(robot.home)
     task = mink.FrameTask(robot.default_frame, "site", position_cost=1.0, orientation_cost=0.1, lm_damping=1e-2)

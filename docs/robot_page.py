@@ -10,8 +10,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from jacokin.model import table
-from jacokin.model.bundled import DEFAULT_ROBOT, NAMES
+from jacokin.model import DEFAULT_ROBOT, NAMES
+from jacokin.model.descriptions import table
 
 PAGE = Path(__file__).resolve().with_name("robot.md")
 

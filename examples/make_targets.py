@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import jacokin
-from jacokin.model import poses
+from jacokin.model import quat_wxyz
 
 Array = NDArray[np.float64]
 
@@ -45,7 +45,7 @@ def _illegal(robot: jacokin.Robot, rng: np.random.Generator, count: int) -> list
 
 def _row(robot: jacokin.Robot, q: Array, note: str) -> list[str]:
     pose = robot.forward_kinematics(q)
-    return _text(pose.translation, poses.quat_wxyz(pose.rotation), note)
+    return _text(pose.translation, quat_wxyz(pose.rotation), note)
 
 
 def _text(position: object, quat_wxyz: object, note: str) -> list[str]:

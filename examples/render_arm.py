@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from jacokin.model import bundled
+from jacokin.model import DEFAULT_ROBOT, urdf_folder
 
 WIDTH, HEIGHT = 960, 720  # [pixel]
 SMOOTHING = 2  # rendered larger by this factor and averaged: MuJoCo's own smoothing is missing in software renderers
@@ -23,7 +23,7 @@ CAMERA = {"azimuth": 60.0, "elevation": -15.0, "distance": 1.5}  # [deg], [deg],
 LOOK_AT = (0.05, -0.1, 0.42)  # [m]
 
 
-def render(q: ArrayLike, robot: str = bundled.DEFAULT_ROBOT) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
+def render(q: ArrayLike, robot: str = DEFAULT_ROBOT) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
     """Picture (HEIGHT, WIDTH, 3) of a bundled arm at q (6,) [rad], and a mask (HEIGHT, WIDTH): True on the arm."""
     model = _scene(robot)
     data = mujoco.MjData(model)
@@ -50,7 +50,7 @@ def render(q: ArrayLike, robot: str = bundled.DEFAULT_ROBOT) -> tuple[NDArray[np
 
 def _scene(robot: str) -> mujoco.MjModel:
     """The arm on a floor, with light."""
-    spec = mujoco.MjSpec.from_file(str(bundled.urdf_folder() / f"{robot}.xml"))
+    spec = mujoco.MjSpec.from_file(str(urdf_folder() / f"{robot}.xml"))
     spec.visual.global_.offwidth, spec.visual.global_.offheight = SMOOTHING * WIDTH, SMOOTHING * HEIGHT
     spec.visual.quality.shadowsize = 4096
     spec.visual.headlight.ambient, spec.visual.headlight.diffuse = (0.5, 0.5, 0.5), (0.6, 0.6, 0.6)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from jacokin.ik.solver import IKSolver as IKSolver
     from jacokin.ik.solver import solve_ik as solve_ik
     from jacokin.ik.tracking.tracker import Tracker as Tracker
-    from jacokin.model.crosscheck import crosscheck as crosscheck
+    from jacokin.model.comparison import crosscheck as crosscheck
     from jacokin.model.loading import load_robot as load_robot
     from jacokin.model.poses import pose as pose
     from jacokin.model.robot import Robot as Robot
@@ -36,7 +36,7 @@ _public, __getattr__, _ = lazy.door(
             "solve_ik",
         ),
         "jacokin.ik.tracking.tracker": ("Tracker",),
-        "jacokin.model.crosscheck": ("crosscheck",),
+        "jacokin.model.comparison": ("crosscheck",),
         "jacokin.model.loading": ("load_robot",),
         "jacokin.model.poses": ("pose",),
         "jacokin.model.robot": ("Robot",),

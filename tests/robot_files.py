@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from jacokin.model.bundled import urdf_folder
+from jacokin.model import urdf_folder
 
 INCLUDED = """<mujocoinclude>
   <default><default class="arm"><joint damping="0.1" armature="0.3"/></default></default>

@@ -15,7 +15,7 @@ import pytest
 
 import jacokin
 from jacokin import errors
-from jacokin.model import bundled
+from jacokin.model.descriptions import bundled
 
 PACKAGE = Path(jacokin.__file__).parent
 REPOSITORY = Path(__file__).parents[1]
@@ -90,7 +90,7 @@ def test_no_folder_holds_more_than_a_dozen_modules() -> None:
     assert max(sizes.values()) <= 12, sizes.most_common(3)
 
 
-@pytest.mark.parametrize("package", ["jacokin", "jacokin.ik", "jacokin.mujoco_bridge"])
+@pytest.mark.parametrize("package", ["jacokin", "jacokin.model", "jacokin.ik", "jacokin.mujoco_bridge"])
 def test_a_door_loads_what_it_names(package: str) -> None:
     module = importlib.import_module(package)
     tree = ast.parse(MODULES[package].read_text())

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from jacokin.model.table import angle, section
+from jacokin.model.descriptions.table import angle, section
 
 FOLDER = Path(__file__).resolve().parent
 # Below this a sine or cosine of a multiple of pi/6 is rounding and written as 0.

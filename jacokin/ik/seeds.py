@@ -63,7 +63,7 @@ def starts(robot: Robot, first: list[Array], restarts: int, rng: np.random.Gener
     """The given configurations, then random legal ones; `1 + restarts` in all at most."""
     total = 1 + restarts
     yield from first[:total]
-    lower = np.where(robot.free, -np.pi, np.maximum(robot.lower, -1e3))
-    upper = np.where(robot.free, np.pi, np.minimum(robot.upper, 1e3))
+    lower = np.where(robot.unlimited, -np.pi, np.maximum(robot.lower, -1e3))
+    upper = np.where(robot.unlimited, np.pi, np.minimum(robot.upper, 1e3))
     for _ in range(total - len(first)):
         yield rng.uniform(lower, upper)

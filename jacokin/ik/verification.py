@@ -16,7 +16,7 @@ from jacokin.ik import pose_error
 from jacokin.ik.results import IKResult, Status
 from jacokin.ik.targets import Target
 from jacokin.model import checks
-from jacokin.model.contact import SelfContact
+from jacokin.model.mujoco_twin.contact import SelfContact
 from jacokin.model.robot import Robot
 
 if TYPE_CHECKING:

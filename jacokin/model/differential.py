@@ -15,12 +15,10 @@ import math
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from jacokin.arrays import Array
 from jacokin.errors import RepresentationSingularity, UnknownNameError
 from jacokin.model import poses
-
-Array = NDArray[np.float64]
 
 REFERENCES = {
     "local_world_aligned": pin.ReferenceFrame.LOCAL_WORLD_ALIGNED,

@@ -1,35 +1,25 @@
-"""A configuration every robot can start from: legal, and free of self-contact where there are shapes to check."""
+"""A configuration every robot can start from: within the limits, and free of self-contact where there are shapes."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
-from numpy.typing import NDArray
 
-from jacokin.model import table
-
-if TYPE_CHECKING:
-    from jacokin.model.robot import Robot
-
-Array = NDArray[np.float64]
+from jacokin.arrays import Array
+from jacokin.model.descriptions import table
+from jacokin.model.mujoco_twin.contact import SelfContact
+from jacokin.model.robot import Robot
 
 RANDOM_TRIES = 200  # of a fixed seed: a real arm is free of self-contact in nine of ten
 KEYFRAME = "home"  # of an MJCF file
 
 
-def find(robot: Robot, hint: Array | None) -> Array:
-    """The first of these that is legal and free of contact; if none is, the legal one with the fewest touching pairs.
+def find(robot: Robot) -> Array:
+    """The first candidate within the limits and free of contact; if none is, the one with the fewest touching pairs.
 
-    The hint (a bundled robot's documented home), a keyframe called "home" in the file, the j2n6s300's home for other
-    six-joint arms, the middle of the limits, random legal configurations of a fixed seed. Coarse shapes may
-    always overlap; that is no reason to have no home.
+    A keyframe called "home" in the file, the j2n6s300's home for other six-joint arms, the middle of the limits,
+    random configurations of a fixed seed. Coarse shapes may always overlap; that is no reason to have no home.
     """
-    if hint is not None and robot.within_limits(hint):
-        return hint  # documented, and checked for contact by the tests of the bundled robots
-    from jacokin.model import contact
-
-    checker = contact.SelfContact.of(robot)
+    checker = SelfContact.of(robot)
     best, fewest = middle(robot), np.inf
     for q in _candidates(robot):
         if not robot.within_limits(q):
@@ -43,7 +33,7 @@ def find(robot: Robot, hint: Array | None) -> Array:
 
 
 def middle(robot: Robot) -> Array:
-    """Middle of the limits; zero on free joints, zero clipped where one side is open [rad]."""
+    """Middle of the limits; zero on unlimited joints, zero clipped where one side is open [rad]."""
     both = np.isfinite(robot.lower) & np.isfinite(robot.upper)
     q = np.clip(np.zeros(robot.dof), robot.lower, robot.upper)
     q[both] = 0.5 * (robot.lower[both] + robot.upper[both])
@@ -69,7 +59,7 @@ def _keyframe(robot: Robot) -> Array | None:
     """The arm's part of the keyframe "home" of an MJCF file."""
     if robot.source.kind != "mjcf":
         return None
-    from jacokin.model import mjcf
+    from jacokin.model.descriptions import mjcf
 
     model = mjcf.compile_mjcf(robot.source.path)
     for key in range(model.nkey):

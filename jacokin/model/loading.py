@@ -8,11 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, ModelError, UnknownNameError
-from jacokin.model import bundled, chain, checks, table, urdf
-from jacokin.model.robot import Robot, Source
+from jacokin.model import checks, home
+from jacokin.model.descriptions import bundled, chain, table, urdf
+from jacokin.model.robot import HomeFinder, Robot, Source
 
 FINGER_ANGLE = 0.15  # [rad] fully open: the fingers' lower limit
 BASE_OF_BUNDLED = "link_base"
@@ -61,7 +62,7 @@ def load_robot(
         reference, kind = pin.neutral(full), "urdf"
         base_name = base or _root_link(full)
     else:
-        from jacokin.model import mjcf
+        from jacokin.model.descriptions import mjcf
 
         compiled = mjcf.compile_mjcf(path)
         full = mjcf.to_pinocchio(compiled, path.stem)
@@ -80,9 +81,22 @@ def load_robot(
         _override_limits(model, limits)
     _check_limits(model)
     source = Source(path=path, kind=kind, bundled=name, base=base, tip=tip)
-    whole_arm = name is not None and model.nv == len(table.arm_joints(name))
-    home = table.variant(name)["home"] if name and whole_arm else None
-    return Robot(model, base=base_name, tip=tip, source=source, finger_angle=finger_angle, home=home)
+    return Robot(
+        model,
+        base=base_name,
+        tip=tip,
+        source=source,
+        finger_angle=finger_angle,
+        home=_documented_home(name, model) if name else home.find,
+    )
+
+
+def _documented_home(name: str, model: pin.Model) -> Array | HomeFinder:
+    """The home of a bundled robot, free of contact by its tests; to be found where the chain or its limits differ."""
+    q = np.array(table.variant(name)["home"], dtype=np.float64)
+    if len(q) == model.nv and ((q >= model.lowerPositionLimit) & (q <= model.upperPositionLimit)).all():
+        return q
+    return home.find
 
 
 def _resolve(robot: str | Path) -> tuple[Path, str | None]:
@@ -118,9 +132,7 @@ def _root_link(full: pin.Model) -> str:
     return str(full.frames[0].name)
 
 
-def _locked_reference(
-    full: pin.Model, reference: NDArray[np.float64], finger_angle: float | None
-) -> NDArray[np.float64]:
+def _locked_reference(full: pin.Model, reference: Array, finger_angle: float | None) -> Array:
     """Configuration at which joints off the arm are frozen; the arm's own entries do not matter."""
     if finger_angle is not None:
         finger_angle = float(checks.vector("finger_angle", [finger_angle], 1, "rad")[0])

@@ -9,8 +9,9 @@ import math
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.model import checks
 
@@ -23,7 +24,7 @@ ORTHONORMAL = 1e-14  # |R^T R - I| of a product of a dozen rotations: rounding, 
 DOWN_QUAT_WXYZ = (0.0, math.sqrt(0.5), math.sqrt(0.5), 0.0)
 
 
-def rotation_from_quat_wxyz(quat_wxyz: ArrayLike, name: str = "quat_wxyz") -> NDArray[np.float64]:
+def rotation_from_quat_wxyz(quat_wxyz: ArrayLike, name: str = "quat_wxyz") -> Array:
     """Rotation matrix (3, 3) of a quaternion (w, x, y, z) whose norm is within 1 % of one.
 
     Raises:
@@ -34,21 +35,21 @@ def rotation_from_quat_wxyz(quat_wxyz: ArrayLike, name: str = "quat_wxyz") -> ND
     if abs(norm - 1.0) > QUATERNION_NORM_TOLERANCE:
         raise InvalidInputError(f"{name} must have norm 1 (within 1 %), got norm {norm:.6g} for {quat.tolist()}")
     w, x, y, z = (float(c) for c in quat / norm)
-    rotation: NDArray[np.float64] = pin.Quaternion(w, x, y, z).toRotationMatrix()
+    rotation: Array = pin.Quaternion(w, x, y, z).toRotationMatrix()
     return rotation
 
 
-def rotation_from_rpy(rpy: ArrayLike, name: str = "rpy") -> NDArray[np.float64]:
+def rotation_from_rpy(rpy: ArrayLike, name: str = "rpy") -> Array:
     """Rotation matrix (3, 3) of R = Rz(yaw) Ry(pitch) Rx(roll), angles (roll, pitch, yaw) in [rad].
 
     Raises:
         InvalidInputError: wrong shape or not finite.
     """
-    rotation: NDArray[np.float64] = pin.rpy.rpyToMatrix(checks.vector(name, rpy, 3, "rad"))
+    rotation: Array = pin.rpy.rpyToMatrix(checks.vector(name, rpy, 3, "rad"))
     return rotation
 
 
-def checked_rotation(name: str, value: ArrayLike) -> NDArray[np.float64]:
+def checked_rotation(name: str, value: ArrayLike) -> Array:
     """A rotation matrix (3, 3) made orthonormal to the last bit, refused when it is not one within 1e-6.
 
     Raises:
@@ -65,7 +66,7 @@ def checked_rotation(name: str, value: ArrayLike) -> NDArray[np.float64]:
     return checked_matrix(name, homogeneous)[:3, :3]
 
 
-def checked_matrix(name: str, matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+def checked_matrix(name: str, matrix: Array) -> Array:
     """A homogeneous matrix (4, 4) whose rotation is made orthonormal in place; refused when it is not rigid.
 
     Raises:
@@ -97,13 +98,13 @@ def checked_matrix(name: str, matrix: NDArray[np.float64]) -> NDArray[np.float64
     return matrix
 
 
-def _orthonormalise(rotation: NDArray[np.float64]) -> None:
+def _orthonormalise(rotation: Array) -> None:
     """Move (..., 3, 3) onto the nearest orthonormal matrix; each step squares the misfit: 1e-6, 1e-12, 1e-24."""
     for _ in range(2):
         rotation[...] = rotation @ (1.5 * np.eye(3) - 0.5 * (np.swapaxes(rotation, -1, -2) @ rotation))
 
 
-def checked_matrices(name: str, matrices: NDArray[np.float64]) -> NDArray[np.float64]:
+def checked_matrices(name: str, matrices: Array) -> Array:
     """As `checked_matrix` for (n, 4, 4) at once, in place.
 
     Raises:
@@ -127,7 +128,7 @@ def checked_matrices(name: str, matrices: NDArray[np.float64]) -> NDArray[np.flo
     return matrices
 
 
-def matrix_of(target: pin.SE3 | ArrayLike, name: str = "target") -> NDArray[np.float64]:
+def matrix_of(target: pin.SE3 | ArrayLike, name: str = "target") -> Array:
     """A rigid homogeneous matrix (4, 4) of one's own from a `pin.SE3` or a matrix, positions in [m].
 
     Raises:
@@ -196,7 +197,7 @@ def pose(
     return pin.SE3(np.eye(3), at)
 
 
-def quat_wxyz(rotation: NDArray[np.float64]) -> NDArray[np.float64]:
+def quat_wxyz(rotation: Array) -> Array:
     """Unit quaternion (w, x, y, z) of a rotation matrix (3, 3), with w >= 0."""
     x, y, z, w = pin.Quaternion(np.asarray(rotation)).normalized().coeffs()
     quat = np.array([w, x, y, z])

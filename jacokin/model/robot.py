@@ -1,12 +1,13 @@
 """The arm: its joints, limits, frames and kinematics. Read this file first.
 
 A `Robot` is parsed, checked and immutable; `load_robot` makes one. Public joint vectors `q` hold one angle per joint
-[rad], shape (dof,), in the order of `joint_names`, for continuous joints too. Poses are base -> frame.
+[rad], shape (dof,), in the order of `joint_names`, for continuous joints too. Poses are T_base_frame.
 """
 
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -15,13 +16,13 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
+from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, UnknownNameError
-from jacokin.model import chain, checks, differential
+from jacokin.model import checks, differential
+from jacokin.model.descriptions import chain
 
-Array = NDArray[np.float64]
-
-# Half-open bounds for sampling a joint that turns freely [rad].
-FREE_RANGE = (-np.pi, np.pi)
+# Half-open bounds for sampling an unlimited joint [rad].
+UNLIMITED_RANGE = (-np.pi, np.pi)
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,9 +53,9 @@ class Robot:
         default_frame: the frame meant when none is named.
         joint_names: names of the joints, base to tip.
         dof: number of joints.
-        lower: (dof,) lower limits [rad]; -inf on free joints. Read-only, as are the arrays below.
-        upper: (dof,) upper limits [rad]; +inf on free joints.
-        free: (dof,) True where a joint has no limits (turns freely).
+        lower: (dof,) lower limits [rad]; -inf on unlimited joints. Read-only, as are the arrays below.
+        upper: (dof,) upper limits [rad]; +inf on unlimited joints.
+        unlimited: (dof,) True where a joint has no limits.
         velocity_limit: (dof,) [rad/s]; inf where the file gives none.
         effort_limit: (dof,) [N m], what the loaded file says; inf where it gives none.
         finger_angle: angle at which the finger joints are locked [rad]; None for their reference position.
@@ -71,9 +72,18 @@ class Robot:
         tip: str | None,
         source: Source,
         finger_angle: float | None = None,
-        home: ArrayLike | None = None,
+        home: ArrayLike | HomeFinder,
     ) -> None:
-        """Wrap a chain made by `chain.extract`; users call `load_robot`."""
+        """Wrap a chain made by `chain.extract`; users call `load_robot`.
+
+        Args:
+            model: the chain, nq == nv.
+            base: name of the frame that is its universe.
+            tip: the default frame; None for an end effector or the last frame.
+            source: where it came from.
+            finger_angle: angle at which joints off the chain were locked [rad].
+            home: (dof,) [rad], or the function that finds it when it is first asked for; pickled by its name.
+        """
         self.pin_model = model
         self.name: str = model.name
         self.base = base
@@ -83,14 +93,14 @@ class Robot:
         self.joint_names: tuple[str, ...] = tuple(model.names)[1:]
         self.lower = checks.read_only(model.lowerPositionLimit)
         self.upper = checks.read_only(model.upperPositionLimit)
-        self.free: NDArray[np.bool_] = np.isinf(self.lower) & np.isinf(self.upper)
-        self.free.setflags(write=False)
+        self.unlimited: NDArray[np.bool_] = np.isinf(self.lower) & np.isinf(self.upper)
+        self.unlimited.setflags(write=False)
         self.velocity_limit = checks.read_only(model.velocityLimit)
         self.effort_limit = checks.read_only(model.effortLimit)
         self._frame_ids = chain.frame_names(model)
         self.frames: tuple[str, ...] = tuple(self._frame_ids)
         self.default_frame = chain.default_frame(model, tip)
-        self._home_hint = None if home is None else checks.read_only(home)
+        self._home = home
         self._local = threading.local()
         self._sealed = True
 
@@ -112,7 +122,7 @@ class Robot:
             self.default_frame,
             self.source,
             self.finger_angle,
-            self._home_hint,
+            self.__dict__.get("home", self._home),
         )
         return _rebuild, state
 
@@ -269,16 +279,14 @@ class Robot:
         """Whether every joint lies inside its limits, give or take `tolerance` [rad].
 
         Raises:
-            InvalidInputError: `q` malformed, or a tolerance that is not a number >= 0.
+            InvalidInputError: `q` malformed, or a tolerance that is not a finite number >= 0.
         """
-        number = isinstance(tolerance, int | float | np.integer | np.floating) and not isinstance(tolerance, bool)
-        if not (number and tolerance >= 0.0):
-            raise InvalidInputError(f"tolerance must be >= 0 [rad], got {tolerance!r}")
+        tolerance = checks.non_negative("tolerance", tolerance, "rad")
         angles = self.configuration(q)
         return bool((angles >= self.lower - tolerance).all() and (angles <= self.upper + tolerance).all())
 
     def sample(self, rng: np.random.Generator, size: int | None = None) -> Array:
-        """Uniform legal configurations; free joints in [-pi, pi).
+        """Uniform configurations within the limits; unlimited joints in [-pi, pi).
 
         Args:
             rng: source of randomness.
@@ -288,31 +296,31 @@ class Robot:
             (dof,) or (size, dof) angles [rad].
 
         Raises:
-            InvalidInputError: `rng` is no Generator, `size` is negative, or a joint is limited on one side only.
+            InvalidInputError: `rng` is not a Generator, `size` is negative, or a joint is limited on one side only.
         """
-        if not isinstance(rng, np.random.Generator):
-            raise InvalidInputError(f"rng must be a numpy.random.Generator, got {type(rng).__name__}")
-        if size is not None and (isinstance(size, bool) or not isinstance(size, int | np.integer) or size < 0):
-            raise InvalidInputError(f"size must be a whole number >= 0, got {size!r}")
-        lower = np.where(self.free, FREE_RANGE[0], self.lower)
-        upper = np.where(self.free, FREE_RANGE[1], self.upper)
+        checks.generator("rng", rng)
+        if size is not None:
+            size = checks.whole_number("size", size)
+        lower = np.where(self.unlimited, UNLIMITED_RANGE[0], self.lower)
+        upper = np.where(self.unlimited, UNLIMITED_RANGE[1], self.upper)
         if not np.isfinite(upper - lower).all():
             name = self.joint_names[int(np.argmin(np.isfinite(upper - lower)))]
             raise InvalidInputError(f"joint {name!r} is limited on one side only; sampling needs limits={{...}} for it")
         try:
-            return rng.uniform(lower, upper, self.dof if size is None else (int(size), self.dof))
+            return rng.uniform(lower, upper, self.dof if size is None else (size, self.dof))
         except (MemoryError, ValueError, OverflowError) as error:
             raise InvalidInputError(f"size {size} is too large: that many samples do not fit in memory") from error
 
     @cached_property
     def home(self) -> Array:
-        """A legal configuration, free of self-contact where the description has collision shapes; (dof,) [rad]."""
-        from jacokin.model import home
-
-        return checks.read_only(home.find(self, self._home_hint))
+        """A configuration within the limits, free of self-contact where there are collision shapes; (dof,) [rad]."""
+        return checks.read_only(self._home(self) if callable(self._home) else self._home)
 
 
 def _rebuild(
-    model: pin.Model, base: str, frame: str, source: Source, finger_angle: float | None, home: Array | None
+    model: pin.Model, base: str, frame: str, source: Source, finger_angle: float | None, home: ArrayLike | HomeFinder
 ) -> Robot:
     return Robot(model, base=base, tip=frame, source=source, finger_angle=finger_angle, home=home)
+
+
+HomeFinder = Callable[[Robot], Array]

@@ -7,7 +7,7 @@ from typing import Any
 import mujoco
 from numpy.typing import ArrayLike
 
-from jacokin.model import table
+from jacokin.model.descriptions import table
 from jacokin.mujoco_bridge.entities.entity import Entity
 
 CAMERA = "overview"

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from jacokin.errors import InvalidInputError, PhysicsError, UnknownNameError
-from jacokin.model import angles, checks, table
+from jacokin.model import angles, checks
+from jacokin.model.descriptions import table
 from jacokin.mujoco_bridge.control.site_ik import SceneSolvers, SiteSolver
 from jacokin.mujoco_bridge.entities.entity import Entity
 from jacokin.mujoco_bridge.entities.quaternions import rotation_matrix, unit_quaternion

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import mujoco
 
-from jacokin.model import bundled, table
+from jacokin.model.descriptions import bundled, table
 from jacokin.mujoco_bridge.base import RobotArm, RobotHand
 from jacokin.mujoco_bridge.control.velocity_actuator import add_velocity_actuator
 from jacokin.mujoco_bridge.observables.jaco import JacoArmObservables

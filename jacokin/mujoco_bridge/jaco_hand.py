@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.errors import InvalidInputError
-from jacokin.model import bundled, table
+from jacokin.model.descriptions import bundled, table
 from jacokin.mujoco_bridge.base import RobotHand
 from jacokin.mujoco_bridge.control.velocity_actuator import add_velocity_actuator
 from jacokin.mujoco_bridge.observables.jaco import JacoHandObservables

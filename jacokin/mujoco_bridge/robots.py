@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from jacokin.model import table
+from jacokin.model.descriptions import table
 from jacokin.mujoco_bridge import observations
 from jacokin.mujoco_bridge.base import DOWN_QUATERNION
 from jacokin.mujoco_bridge.jaco_arm import JacoArm

@@ -10,8 +10,8 @@ from pathlib import Path
 from types import ModuleType
 
 import jacokin
-from jacokin.model import table
-from jacokin.model.bundled import NAMES
+from jacokin.model import NAMES
+from jacokin.model.descriptions import table
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"

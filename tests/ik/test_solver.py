@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 import jacokin
 from jacokin import IKSolver, Robot, Status
 from jacokin.errors import InvalidInputError, StructureError
-from jacokin.model.bundled import NAMES, urdf_folder
-from jacokin.model.contact import SelfContact
+from jacokin.model import NAMES, SelfContact, urdf_folder
 
 Array = NDArray[np.float64]
 
@@ -74,9 +73,9 @@ def test_turning_the_seed_turns_the_answer(robot: Robot, q: Array, seed: Array, 
     offset = np.zeros(6)
     offset[[0, 3, 4, 5]] = 2.0 * np.pi * np.array(turns)
     plain, turned = solver.solve(target, seed), solver.solve(target, seed + offset)
-    assert np.abs(plain.q - seed)[robot.free].max() <= math.pi + 1e-9
+    assert np.abs(plain.q - seed)[robot.unlimited].max() <= math.pi + 1e-9
     # A joint half a turn away from the seed may come on either side of it.
-    if np.abs(plain.q - seed)[robot.free].max() < math.pi - 1e-6:
+    if np.abs(plain.q - seed)[robot.unlimited].max() < math.pi - 1e-6:
         distances = [np.linalg.norm(r.q - s) for r, s in ((plain, seed), (turned, seed + offset))]
         assert distances[0] == pytest.approx(distances[1], abs=1e-9)
         all_distances = solver.solve_all(target, seed).distance

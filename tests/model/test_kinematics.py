@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 import jacokin
 from jacokin import Robot
 from jacokin.errors import InvalidInputError, RepresentationSingularity, UnknownNameError
-from jacokin.model import mujoco_export, poses
-from jacokin.model.bundled import NAMES
+from jacokin.model import NAMES, poses, to_mujoco
 
 Array = NDArray[np.float64]
 
@@ -137,7 +136,7 @@ def test_manipulability_vanishes_with_the_smallest_singular_value(robot: Robot, 
 
 
 def test_twin_in_mujoco_has_every_frame(robot: Robot, rng: np.random.Generator) -> None:
-    model = mujoco_export.to_mujoco(robot)
+    model = to_mujoco(robot)
     data = mujoco.MjData(model)
     assert [model.joint(i).name for i in range(model.njnt)] == list(robot.joint_names)
     for q in robot.sample(rng, 50):
@@ -152,7 +151,7 @@ def test_twin_in_mujoco_has_every_frame(robot: Robot, rng: np.random.Generator) 
 def test_samples_are_legal_and_fill_the_ranges(robot: Robot, rng: np.random.Generator) -> None:
     q = robot.sample(rng, 4000)
     assert all(robot.within_limits(row) for row in q)
-    low, high = np.where(robot.free, -np.pi, robot.lower), np.where(robot.free, np.pi, robot.upper)
+    low, high = np.where(robot.unlimited, -np.pi, robot.lower), np.where(robot.unlimited, np.pi, robot.upper)
     assert (q >= low).all()
     assert (q < high).all()
     np.testing.assert_allclose(q.mean(axis=0), 0.5 * (low + high), atol=0.15)

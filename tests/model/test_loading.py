@@ -11,7 +11,7 @@ import pytest
 
 import jacokin
 from jacokin.errors import InvalidInputError, ModelError, UnknownNameError
-from jacokin.model.bundled import urdf_folder
+from jacokin.model import urdf_folder
 from tests.robot_files import urdf_text
 
 
@@ -30,7 +30,7 @@ def test_any_mjcf_agrees_with_mujoco(scene: Path, base: str | None, rng: np.rand
 def test_limited_false_means_unlimited(scene: Path) -> None:
     robot = jacokin.load_robot(scene)
     elbow = robot.joint_index("elbow")
-    assert robot.free[elbow]
+    assert robot.unlimited[elbow]
     assert robot.upper[elbow] == math.inf
     assert (robot.lower[0], robot.upper[0]) == (-2.0, 2.0)
 
@@ -105,7 +105,7 @@ def test_a_chain_can_start_anywhere(base: str, rng: np.random.Generator) -> None
 def test_own_limits_replace_those_of_the_file() -> None:
     robot = jacokin.load_robot(limits={"joint_1": (-1.0, 1.0), "joint_2": (1.0, 2.0)})
     assert (robot.lower[0], robot.upper[0]) == (-1.0, 1.0)
-    assert not robot.free[0]
+    assert not robot.unlimited[0]
     assert robot.within_limits(robot.home)
     with pytest.raises(UnknownNameError, match="joint_9"):
         jacokin.load_robot(limits={"joint_9": (0.0, 1.0)})
@@ -127,7 +127,7 @@ def test_urdf_from_a_user_is_the_bundled_one(tmp_path: Path, rng: np.random.Gene
 
 
 def test_home_is_legal_and_free_of_contact(scene: Path) -> None:
-    from jacokin.model.contact import SelfContact
+    from jacokin.model import SelfContact
 
     robot = jacokin.load_robot(scene)
     assert robot.within_limits(robot.home)
@@ -140,7 +140,7 @@ def test_home_is_legal_and_free_of_contact(scene: Path) -> None:
 
 
 def test_own_urdf_shapes_are_checked_for_contact(tmp_path: Path, rng: np.random.Generator) -> None:
-    from jacokin.model.contact import SelfContact
+    from jacokin.model import SelfContact
 
     path = tmp_path / "mine.urdf"
     path.write_text(urdf_text())
@@ -213,7 +213,7 @@ def test_huge_limits_mean_none(tmp_path: Path) -> None:
     path.write_text("""<mujoco><worldbody><body name="b"><joint name="j" range="-1e30 1e30" limited="true"/>
       <geom size="0.1"/></body></worldbody></mujoco>""")
     robot = jacokin.load_robot(path)
-    assert robot.free.all()
+    assert robot.unlimited.all()
     assert (robot.home == 0.0).all()
 
 

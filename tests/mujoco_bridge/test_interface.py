@@ -11,7 +11,7 @@ import pytest
 
 import jacokin.mujoco_bridge
 from jacokin.errors import JacokinError
-from jacokin.model import bundled
+from jacokin.model.descriptions import bundled
 from jacokin.mujoco_bridge import (
     Arena,
     Physics,

@@ -33,7 +33,7 @@ def python_version() -> Finding:
 def robots() -> Finding:
     """Are the bundled robots there?"""
     from jacokin.errors import JacokinError
-    from jacokin.model import bundled
+    from jacokin.model.descriptions import bundled
 
     try:
         from jacokin.model.loading import load_robot

@@ -11,7 +11,7 @@ from jacokin.cli.options import DEFAULT_ROBOT, JsonOption, RandomSeedOption
 from jacokin.errors import InvalidInputError
 
 if TYPE_CHECKING:
-    from jacokin.model.crosscheck import CrossCheckReport
+    from jacokin.model.comparison import CrossCheckReport
 
 DIFFERENT = 1  # exit code
 
@@ -55,7 +55,7 @@ def crosscheck(
     """
     import numpy as np
 
-    from jacokin.model import crosscheck as checking
+    from jacokin.model import comparison as checking
 
     if tolerance is not None and not 0.0 <= tolerance < np.inf:
         raise InvalidInputError(f"--tolerance must be a number >= 0, got {tolerance}")

@@ -59,7 +59,7 @@ def _joint(arm: Robot, index: int, angles: Angles) -> dict[str, object]:
     """Limits of a joint; the datasheet's torque where the robot is a bundled one."""
     row: dict[str, object] = {
         "name": arm.joint_names[index],
-        "free": bool(arm.free[index]),
+        "free": bool(arm.unlimited[index]),
         "lower": angles.one(arm.lower[index]),
         "upper": angles.one(arm.upper[index]),
         "velocity": angles.one(arm.velocity_limit[index]),
@@ -69,7 +69,7 @@ def _joint(arm: Robot, index: int, angles: Angles) -> dict[str, object]:
         "datasheet_source": None,
     }
     if arm.source.bundled is not None:
-        from jacokin.model import table
+        from jacokin.model.descriptions import table
 
         numbers = table.arm_joints(arm.source.bundled)[arm.joint_names[index]]
         actuator = table.actuator(numbers["group"])
@@ -81,7 +81,7 @@ def _joint(arm: Robot, index: int, angles: Angles) -> dict[str, object]:
 
 def _arm_source(name: str) -> str:
     """Letter of the source of an arm's chain."""
-    from jacokin.model import table
+    from jacokin.model.descriptions import table
 
     return str(table.section(table.load()["arms"], table.variant(name)["arm"])["source"])
 
@@ -90,7 +90,7 @@ def _sources(arm: Robot) -> dict[str, str]:
     """What the letters in the joint table stand for."""
     if arm.source.bundled is None:
         return {"file": str(arm.source.path)}
-    from jacokin.model import table
+    from jacokin.model.descriptions import table
 
     return {key: table.source_text(key) for key in (_arm_source(arm.source.bundled), "S")}
 

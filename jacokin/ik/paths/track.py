@@ -126,10 +126,10 @@ def start_branches(solver: IKSolver, pose: pin.SE3, seed: Array) -> list[Array]:
     rng = np.random.default_rng(seeds.DEFAULT_RANDOM_SEED)
     for first in (seed, *robot.sample(rng, QP_STARTS)):
         result = solver.solve(pose, seed=first, max_restarts=0, closest=False)
-        q = targets.nearest_copy(result.q, seed, robot.free)
+        q = targets.nearest_copy(result.q, seed, robot.unlimited)
         if result.success and all(np.abs(q - other).max() > SAME_BRANCH for other in found):
             found.append(q)
-    return sorted(found, key=lambda q: float(targets.circular_distance(q, seed, robot.free)))
+    return sorted(found, key=lambda q: float(targets.circular_distance(q, seed, robot.unlimited)))
 
 
 def _follow(tracker: Tracker, path: SampledPath, q: Array, progress: Callable[[int, int], None] | None) -> PathResult:

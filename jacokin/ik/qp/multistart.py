@@ -18,7 +18,8 @@ from jacokin.ik import pose_error
 from jacokin.ik.pose_error import RADIAN_IN_METRES
 from jacokin.ik.qp.backend import Backend, QPFailed
 from jacokin.ik.targets import Target
-from jacokin.model import mujoco_export, poses
+from jacokin.model import poses
+from jacokin.model.mujoco_twin.export import body_of_joint, to_spec
 from jacokin.model.robot import Robot
 
 Array = NDArray[np.float64]
@@ -79,11 +80,11 @@ class MultiStartQP:
         self._frame = frame
         self._tool = tool
         self._tolerance = np.array([position_tolerance, orientation_tolerance])
-        spec = mujoco_export.to_spec(robot)
+        spec = to_spec(robot)
         placed = robot.pin_model.frames[robot.frame_id(frame)]
         T_joint_tool = placed.placement if tool is None else placed.placement * tool
         joint = placed.parentJoint
-        body = spec.body(mujoco_export.body_of_joint(robot, joint))
+        body = spec.body(body_of_joint(robot, joint))
         body.add_site(name=TOOL_SITE, pos=T_joint_tool.translation, quat=poses.quat_wxyz(T_joint_tool.rotation))
         model = spec.compile()
         self._configuration = mink.Configuration(model)

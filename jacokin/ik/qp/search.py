@@ -136,7 +136,7 @@ class QPSearch:
 
     def _result(self, attempt: Attempt, status: Status, target: Target, start: Array, message: str) -> IKResult:
         """An attempt in the 2 pi copies nearest to the start, measured again there."""
-        q = targets.nearest_copy(attempt.q, start, self._robot.free)
+        q = targets.nearest_copy(attempt.q, start, self._robot.unlimited)
         errors = self._judge.measure(q, target)
         if status is Status.OK and not self._judge.reached(q, errors):
             q, errors = attempt.q, (attempt.position_error, attempt.orientation_error)

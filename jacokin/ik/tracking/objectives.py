@@ -44,7 +44,7 @@ class Posture:
     def velocity(self, robot: Robot, frame: str, q: Array) -> Array:
         """Towards the posture."""
         away = np.asarray(self.q, dtype=np.float64) - q
-        away = np.where(robot.free, (away + np.pi) % (2.0 * np.pi) - np.pi, away)
+        away = np.where(robot.unlimited, (away + np.pi) % (2.0 * np.pi) - np.pi, away)
         return np.asarray(self.rate * away)
 
 

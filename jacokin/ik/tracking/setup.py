@@ -19,7 +19,8 @@ from jacokin.ik.tracking.clearance import ClearanceGuard
 from jacokin.ik.tracking.joint_bounds import JointBox
 from jacokin.ik.tracking.objectives import Objective, Posture
 from jacokin.ik.tracking.obstacles import Clearance
-from jacokin.model import checks, mujoco_export, poses
+from jacokin.model import checks, poses
+from jacokin.model.mujoco_twin.export import body_of_joint, to_spec
 from jacokin.model.robot import Robot
 
 Array = NDArray[np.float64]
@@ -87,8 +88,8 @@ def _model(
         )
     placed = robot.pin_model.frames[robot.frame_id(frame)]
     T_joint_tool = placed.placement if tool is None else placed.placement * poses.checked_pose(tool, "tool")
-    spec = mujoco_export.to_spec(robot, geometry=collision is not None)
-    spec.body(mujoco_export.body_of_joint(robot, placed.parentJoint)).add_site(
+    spec = to_spec(robot, geometry=collision is not None)
+    spec.body(body_of_joint(robot, placed.parentJoint)).add_site(
         name=TOOL_SITE, pos=T_joint_tool.translation, quat=poses.quat_wxyz(T_joint_tool.rotation)
     )
     if collision is None:

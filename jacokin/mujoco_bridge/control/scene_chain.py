@@ -17,7 +17,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from jacokin.errors import ModelError
-from jacokin.model import mjcf
+from jacokin.model.descriptions import mjcf
 from jacokin.model.robot import Robot, Source
 from jacokin.mujoco_bridge.simulation.binding import select
 

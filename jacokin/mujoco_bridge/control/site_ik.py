@@ -76,7 +76,7 @@ class SiteSolver:
         self.has_closed_form = self._solver.applies()
         self._qp: MultiStartQP | None = None
         kinds = self._model.jnt_type[list(self._chain.joints)]
-        self._wraps: list[int] = np.flatnonzero(robot.free & (kinds == mujoco.mjtJoint.mjJNT_HINGE)).tolist()
+        self._wraps: list[int] = np.flatnonzero(robot.unlimited & (kinds == mujoco.mjtJoint.mjJNT_HINGE)).tolist()
         self._base_position: Array = self._scratch.xpos[self._chain.base_body]
         self._R_base_world: Array = self._scratch.xmat[self._chain.base_body].reshape(3, 3).T
         self._base_then: list[bytes] = []

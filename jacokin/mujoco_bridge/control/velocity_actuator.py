@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import mujoco
 
-from jacokin.model import table
+from jacokin.model.descriptions import table
 
 
 def add_velocity_actuator(spec: mujoco.MjSpec, joint: mujoco.MjsJoint, group: str) -> mujoco.MjsActuator:

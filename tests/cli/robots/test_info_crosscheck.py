@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import jacokin
-from jacokin.model import bundled
+from jacokin.model.descriptions import bundled
 from tests.cli.run import Run
 
 

@@ -56,7 +56,7 @@ def test_a_square_is_followed(robot: Robot, result: PathResult) -> None:
     assert np.allclose(np.diff(result.q, axis=0) / 0.01, result.v[1:], atol=1e-9)
     assert (np.abs(result.v) <= robot.velocity_limit + 1e-9).all()
     assert (result.limit_margin >= 0.0).all()
-    assert np.isinf(result.limit_margin[:, robot.free]).all()
+    assert np.isinf(result.limit_margin[:, robot.unlimited]).all()
     assert "on the path throughout" in str(result)
 
 

@@ -84,7 +84,7 @@ def test_own_limits_bind(rng: np.random.Generator) -> None:
 
 def test_only_the_arm_moves_whatever_else_the_file_holds() -> None:
     # A hand in the file changes nothing: same joints, same answer.
-    from jacokin.model.bundled import urdf_folder
+    from jacokin.model import urdf_folder
 
     plain = jacokin.load_robot(urdf_folder() / "jaco_arm.xml")
     both = jacokin.load_robot(urdf_folder() / "j2n6s300.xml", tip="wristsite")
@@ -106,7 +106,7 @@ def test_results_repeat_and_randomness_is_an_argument(robot: Robot, rng: np.rand
 def test_free_joints_come_in_the_copy_nearest_to_the_seed(robot: Robot) -> None:
     solver = IKSolver(robot, method="qp")
     target = robot.forward_kinematics(robot.home)
-    turned = np.where(robot.free, 4 * math.pi, 0.0)
+    turned = np.where(robot.unlimited, 4 * math.pi, 0.0)
     np.testing.assert_allclose(solver.solve(target, robot.home + turned).q, robot.home + turned, atol=1e-6)
 
 
@@ -165,7 +165,7 @@ def test_a_failing_back_end_falls_back_and_says_so(
 
 
 def test_contact_is_reported_or_avoided(robot: Robot, rng: np.random.Generator) -> None:
-    from jacokin.model.contact import SelfContact
+    from jacokin.model import SelfContact
 
     contact = SelfContact(robot)
     touching = next(q for q in robot.sample(rng, 500) if contact.touching(q))

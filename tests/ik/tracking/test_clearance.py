@@ -15,7 +15,7 @@ from jacokin.errors import InvalidInputError, UnknownNameError
 from jacokin.ik.tracking import obstacles
 from jacokin.ik.tracking.obstacles import Box, Capsule, Clearance, Floor, Sphere
 from jacokin.ik.tracking.result import TrackerStatus
-from jacokin.model import mujoco_export
+from jacokin.model.mujoco_twin.export import to_spec
 
 DISTANCE = 0.01  # [m]
 TOLERANCE = 1e-4  # [m]
@@ -26,7 +26,7 @@ class Referee:
     """Distances by brute force: every pair, every time."""
 
     def __init__(self, robot: Robot, clearance: Clearance) -> None:
-        self.model, self.pairs = obstacles.compile_with(mujoco_export.to_spec(robot, geometry=True), robot, clearance)
+        self.model, self.pairs = obstacles.compile_with(to_spec(robot, geometry=True), robot, clearance)
         self.data = mujoco.MjData(self.model)
 
     def least(self, q: NDArray[np.float64]) -> float:
@@ -149,7 +149,7 @@ def test_far_obstacles_change_nothing(robot: Robot) -> None:
 def test_named_pairs_only(robot: Robot) -> None:
     pose = robot.forward_kinematics(robot.home)
     ball = Sphere("ball", 0.05, pose.translation)
-    shapes = [geom.name for geom in mujoco_export.to_spec(robot, geometry=True).geoms]
+    shapes = [geom.name for geom in to_spec(robot, geometry=True).geoms]
     base = next(name for name in shapes if name.startswith("link_2"))
     tracker = Tracker(robot, collision=Clearance(DISTANCE, [ball], pairs=[("ball", base)]))
     assert tracker.step(pose).status is TrackerStatus.OK  # the hand is inside the ball, but only link 2 is kept away

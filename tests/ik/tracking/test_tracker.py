@@ -307,7 +307,7 @@ def test_unknown_names_are_listed(robot: Robot) -> None:
 
 
 def test_a_description_without_velocity_limits_asks_for_them() -> None:
-    from jacokin.model import bundled
+    from jacokin.model.descriptions import bundled
 
     path = Path(bundled.urdf_folder()) / "j2n6s300.xml"
     robot = jacokin.load_robot(path)

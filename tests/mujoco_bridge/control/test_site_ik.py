@@ -155,8 +155,8 @@ def test_the_nearest_branch_within_the_limits_is_taken() -> None:
         chosen = physics.bind(arm.joints).qpos
         legal = solver.solve_all(target, present).legal
         several += len(legal) > 1
-        distances = circular_distance(legal, present, robot.free)
-        assert circular_distance(chosen, present, robot.free) == pytest.approx(distances.min(), abs=1e-6)
+        distances = circular_distance(legal, present, robot.unlimited)
+        assert circular_distance(chosen, present, robot.unlimited) == pytest.approx(distances.min(), abs=1e-6)
     assert several > 20
 
 

@@ -8,13 +8,11 @@ from typing import Protocol
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, UnknownNameError
 from jacokin.model import checks
 from jacokin.model.robot import Robot
-
-Array = NDArray[np.float64]
 
 QUANTITIES = {
     "position": "m",
@@ -219,7 +217,7 @@ def crosscheck(
 def _second_engine(robot_a: Robot, robot_b: Robot | None) -> Engine:
     if robot_b is not None:
         return PinocchioEngine(robot_b)
-    from jacokin.model.mujoco_engine import MujocoEngine
+    from jacokin.model.mujoco_twin.engine import MujocoEngine
 
     return MujocoEngine(robot_a)
 

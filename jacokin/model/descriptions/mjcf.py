@@ -12,8 +12,9 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from jacokin.arrays import Array
 from jacokin.errors import ModelError
 
 WORLD = "world"
@@ -174,7 +175,7 @@ def to_pinocchio(model: mujoco.MjModel, name: str) -> pin.Model:
     return out
 
 
-def reference_configuration(model: mujoco.MjModel, full: pin.Model) -> NDArray[np.float64]:
+def reference_configuration(model: mujoco.MjModel, full: pin.Model) -> Array:
     """MuJoCo's reference position as a configuration of the model made by `to_pinocchio`."""
     q = pin.neutral(full)
     for body in range(1, model.nbody):

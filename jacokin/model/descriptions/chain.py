@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from jacokin.arrays import Array
 from jacokin.errors import ModelError, UnknownNameError
 
 FRAME_TYPES = (pin.FrameType.BODY, pin.FrameType.OP_FRAME)
@@ -101,9 +101,7 @@ def _one_coordinate_joint(joint: pin.JointModel) -> tuple[object, bool]:
     return joint.extract(), False
 
 
-def extract(
-    full: pin.Model, q_reference: NDArray[np.float64], base: str | None, tip: str | None, name: str
-) -> pin.Model:
+def extract(full: pin.Model, q_reference: Array, base: str | None, tip: str | None, name: str) -> pin.Model:
     """The arm between two frames of a model, as a fresh model with nq == nv == number of joints.
 
     Args:

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
-from jacokin.model import mjcf, mujoco_export
+from jacokin.arrays import Array
+from jacokin.model.descriptions import mjcf
+from jacokin.model.mujoco_twin import source
 from jacokin.model.robot import Robot
-
-Array = NDArray[np.float64]
 
 
 class MujocoEngine:
@@ -20,7 +19,7 @@ class MujocoEngine:
 
     def __init__(self, robot: Robot) -> None:
         """Prepare working memory."""
-        self._model = model = mujoco_export.source_model(robot)
+        self._model = model = source.compiled(robot)
         self._data = mujoco.MjData(model)
         self.label = f"{robot.name} in MuJoCo"
         self.joint_names = robot.joint_names

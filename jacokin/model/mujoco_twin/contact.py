@@ -5,8 +5,8 @@ from __future__ import annotations
 import threading
 from typing import TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import NDArray
+from jacokin.arrays import Array
+from jacokin.errors import ModelError
 
 if TYPE_CHECKING:
     from jacokin.model.robot import Robot
@@ -27,25 +27,23 @@ class SelfContact:
         """
         import mujoco
 
-        from jacokin.model import mujoco_export
+        from jacokin.model.mujoco_twin.export import to_mujoco
 
         self._mujoco = mujoco
-        self._model = mujoco_export.to_mujoco(robot, geometry=True)
+        self._model = to_mujoco(robot, geometry=True)
         self._local = threading.local()
         self.pairs = int(self._model.npair)
 
     @classmethod
     def of(cls, robot: Robot) -> SelfContact | None:
         """A checker, or None when the description has no shapes to check."""
-        from jacokin.errors import ModelError
-
         try:
             checker = cls(robot)
         except ModelError:
             return None
         return checker if checker.pairs else None
 
-    def touching(self, q: NDArray[np.float64]) -> list[tuple[str, str]]:
+    def touching(self, q: Array) -> list[tuple[str, str]]:
         """Names of the shapes that touch at `q` (dof,) [rad]; empty when none do."""
         try:
             data = self._local.data

@@ -9,7 +9,7 @@ import tomllib
 from collections.abc import Mapping
 from typing import Any
 
-from jacokin.model import bundled
+from jacokin.model.descriptions import bundled
 
 
 @functools.cache

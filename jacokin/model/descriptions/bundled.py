@@ -11,6 +11,6 @@ NAMES = ("j2n6s300", "j2n6s200", "j2s6s300", "j2s6s200", "m1n6s300", "m1n6s200")
 
 def urdf_folder() -> Path:
     """Folder of the generated descriptions: inside the installed package, or beside it in a source tree."""
-    package = Path(__file__).resolve().parent.parent
+    package = Path(__file__).resolve().parents[2]
     installed = package / "urdf"
     return installed if installed.is_dir() else package.parent / "urdf"
