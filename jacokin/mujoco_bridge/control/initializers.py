@@ -13,7 +13,7 @@ from jacokin.errors import InvalidInputError, PhysicsError
 from jacokin.model import checks
 from jacokin.mujoco_bridge.base import DOWN_QUATERNION, RandomState, RobotArm, RobotHand, check_random_state
 from jacokin.mujoco_bridge.entities.entity import Entity
-from jacokin.mujoco_bridge.entities.quaternions import rotation_matrix, unit_quaternion
+from jacokin.mujoco_bridge.quaternions import rotation_matrix, unit_quaternion
 from jacokin.mujoco_bridge.simulation.physics import Physics, check_physics
 
 Array = NDArray[np.float64]

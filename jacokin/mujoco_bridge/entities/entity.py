@@ -20,8 +20,8 @@ from numpy.typing import ArrayLike, NDArray
 from jacokin.errors import InvalidInputError, ModelError, PhysicsError
 from jacokin.model import checks
 from jacokin.mujoco_bridge.entities import spec_attachment
-from jacokin.mujoco_bridge.entities.quaternions import unit_quaternion
 from jacokin.mujoco_bridge.observables.observable import Observables
+from jacokin.mujoco_bridge.quaternions import unit_quaternion
 from jacokin.mujoco_bridge.simulation.physics import Physics, check_physics
 
 _UNNAMED = ("", "MuJoCo Model")  # what MuJoCo calls a model without a name

@@ -11,14 +11,14 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from jacokin.errors import InvalidInputError, UnknownNameError
 from jacokin.mujoco_bridge.simulation.element_arrays import KINDS, Field, Kind, fields_of
-from jacokin.mujoco_bridge.simulation.indexed_array import ScatteredArray
+from jacokin.mujoco_bridge.simulation.indexed_array import IndexedArray
 
 if TYPE_CHECKING:
-    from jacokin.mujoco_bridge.simulation.forward_cache import Freshness
+    from jacokin.mujoco_bridge.simulation.forward_cache import ForwardCache
 
 Array = NDArray[Any]
 
@@ -59,7 +59,7 @@ def select(array: Array, rows: Sequence[NDArray[np.intp]], single: bool) -> Arra
             return view.reshape(len(rows), per_element)
     width = array.shape[1] if array.ndim == 2 else per_element
     index = flat[:, None] * width + np.arange(width) if array.ndim == 2 else flat
-    return ScatteredArray(array.reshape(-1), index.reshape(-1, width) if width > 1 else index)
+    return IndexedArray(array.reshape(-1), index.reshape(-1, width) if width > 1 else index)
 
 
 @cache
@@ -74,29 +74,29 @@ class Binding:
     or a broadcast value changes the simulation.
     """
 
-    __slots__ = ("_arrays", "_fields", "_freshness", "_ids", "_kind", "_single")
+    __slots__ = ("_arrays", "_cache", "_fields", "_ids", "_kind", "_single")
 
     _kind: Kind
     _fields: Mapping[str, Field]
     _ids: tuple[int, ...]
     _single: bool
-    _freshness: Freshness
+    _cache: ForwardCache
     _arrays: dict[str, tuple[Array, bool, bool]]
 
-    def __init__(self, element_class: type, ids: Sequence[int], *, single: bool, freshness: Freshness) -> None:
+    def __init__(self, element_class: type, ids: Sequence[int], *, single: bool, cache: ForwardCache) -> None:
         """Bind elements; called by `Physics.bind`.
 
         Args:
             element_class: class of the elements in `mujoco.MjSpec`.
             ids: their ids in the compiled model.
             single: whether one element was given and not a list.
-            freshness: MuJoCo's model and data, and what keeps their derived values up to date.
+            cache: MuJoCo's model and data, and what keeps their derived values up to date.
         """
         self._kind = KINDS[element_class]
         self._fields = _fields(element_class)
         self._ids = tuple(ids)
         self._single = single
-        self._freshness = freshness
+        self._cache = cache
         self._arrays = {}
 
     @property
@@ -112,16 +112,16 @@ class Binding:
     def __getattr__(self, name: str) -> Array:
         """A field as a live array; runs a forward pass first if it is derived and one is due."""
         try:
-            array, derived, scattered = self._arrays[name]
+            array, derived, indexed = self._arrays[name]
         except KeyError:
-            array, derived, scattered = self._find(name)
+            array, derived, indexed = self._find(name)
         if derived:
-            self._freshness.ensure()
-        if scattered:
-            array.fetch()  # type: ignore[attr-defined]  # a ScatteredArray
+            self._cache.ensure()
+        if indexed:
+            array.fetch()  # type: ignore[attr-defined]  # a IndexedArray
         return array
 
-    def __setattr__(self, name: str, value: Any) -> None:
+    def __setattr__(self, name: str, value: ArrayLike) -> None:
         """Write a field; the value is broadcast."""
         if name in Binding.__slots__:
             object.__setattr__(self, name, value)
@@ -147,9 +147,9 @@ class Binding:
         field = self._fields.get(name)
         if field is None:
             raise UnknownFieldError(f"{self._kind.name} field", name, sorted(self._fields))
-        freshness = self._freshness
-        model = freshness.model
-        source: Array = getattr(model if field.in_model else freshness.data, field.array)
+        cache = self._cache
+        model = cache.model
+        source: Array = getattr(model if field.in_model else cache.data, field.array)
         rows = [field.rows(model, index) for index in self._ids]
         if field.derived and field.array not in _DERIVED_INPUTS:
             source = source.view()
@@ -157,6 +157,42 @@ class Binding:
         array = select(source, rows, self._single)
         if field.in_model:
             shortcuts = [(getattr(model, other), np.concatenate(rows)) for other in field.shortcuts]
-            freshness.watch(array, shortcuts)
-        found = self._arrays[name] = (array, field.derived, isinstance(array, ScatteredArray))
+            cache.watch(array, shortcuts)
+        found = self._arrays[name] = (array, field.derived, isinstance(array, IndexedArray))
         return found
+
+
+class EmptyBinding(Binding):
+    """The binding of no elements: every field is an empty array, and none can be written."""
+
+    __slots__ = ()
+
+    def __init__(self) -> None:
+        """There is nothing to bind."""
+
+    @property
+    def element_id(self) -> NDArray[np.intp]:
+        """No ids, (0,)."""
+        return np.empty(0, dtype=np.intp)
+
+    @property
+    def element_ids(self) -> tuple[int, ...]:
+        """No ids."""
+        return ()
+
+    def __getattr__(self, name: str) -> Array:
+        """An empty array (0,)."""
+        if name.startswith("_"):
+            raise AttributeError(name)
+        return np.empty(0)
+
+    def __setattr__(self, name: str, value: ArrayLike) -> None:
+        """Refuse to write."""
+        raise InvalidInputError(f"cannot write {name}: no elements are bound")
+
+    def __dir__(self) -> list[str]:
+        """No fields."""
+        return list(object.__dir__(self))
+
+
+EMPTY = EmptyBinding()

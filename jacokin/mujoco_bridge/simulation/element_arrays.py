@@ -44,6 +44,7 @@ class Kind:
     Attributes:
         name: its name in messages, and the method of `mujoco.MjSpec` that looks one up.
         plural: the attribute of `mujoco.MjSpec` that lists all.
+        count: the attribute of `mujoco.MjModel` that counts them.
         object_type: MuJoCo's number for the kind.
         prefixes: of its arrays, the first wins where a field has two.
         inputs: arrays of the data that the simulation takes in.
@@ -52,6 +53,7 @@ class Kind:
 
     name: str
     plural: str
+    count: str
     object_type: mujoco.mjtObj
     prefixes: tuple[tuple[str, RowFinder], ...]
     inputs: tuple[tuple[str, RowFinder], ...] = ()
@@ -102,6 +104,7 @@ KINDS: dict[type, Kind] = {
     mujoco.MjsBody: Kind(
         "body",
         "bodies",
+        "nbody",
         mujoco.mjtObj.mjOBJ_BODY,
         (("body_", _by_id),),
         _each("xfrc_applied", _by_id) + _each("mocap_pos mocap_quat", _by_mocap),
@@ -113,6 +116,7 @@ KINDS: dict[type, Kind] = {
     mujoco.MjsJoint: Kind(
         "joint",
         "joints",
+        "njnt",
         mujoco.mjtObj.mjOBJ_JOINT,
         (("jnt_", _by_id), ("dof_", _by_dof), ("", _by_qpos)),
         _each("qpos", _by_qpos) + _each("qvel qfrc_applied qacc_warmstart", _by_dof),
@@ -121,6 +125,7 @@ KINDS: dict[type, Kind] = {
     mujoco.MjsGeom: Kind(
         "geom",
         "geoms",
+        "ngeom",
         mujoco.mjtObj.mjOBJ_GEOM,
         (("geom_", _by_id),),
         derived=_each("geom_xpos geom_xmat", _by_id),
@@ -128,6 +133,7 @@ KINDS: dict[type, Kind] = {
     mujoco.MjsSite: Kind(
         "site",
         "sites",
+        "nsite",
         mujoco.mjtObj.mjOBJ_SITE,
         (("site_", _by_id),),
         derived=_each("site_xpos site_xmat", _by_id),
@@ -135,6 +141,7 @@ KINDS: dict[type, Kind] = {
     mujoco.MjsCamera: Kind(
         "camera",
         "cameras",
+        "ncam",
         mujoco.mjtObj.mjOBJ_CAMERA,
         (("cam_", _by_id),),
         derived=_each("cam_xpos cam_xmat", _by_id),
@@ -142,6 +149,7 @@ KINDS: dict[type, Kind] = {
     mujoco.MjsLight: Kind(
         "light",
         "lights",
+        "nlight",
         mujoco.mjtObj.mjOBJ_LIGHT,
         (("light_", _by_id),),
         derived=_each("light_xpos light_xdir", _by_id),
@@ -149,6 +157,7 @@ KINDS: dict[type, Kind] = {
     mujoco.MjsActuator: Kind(
         "actuator",
         "actuators",
+        "nu",
         mujoco.mjtObj.mjOBJ_ACTUATOR,
         (("actuator_", _by_id),),
         _each("ctrl", _by_id) + _each("act", _by_activation),
@@ -157,6 +166,7 @@ KINDS: dict[type, Kind] = {
     mujoco.MjsSensor: Kind(
         "sensor",
         "sensors",
+        "nsensor",
         mujoco.mjtObj.mjOBJ_SENSOR,
         (("sensor_", _by_id),),
         derived=_each("sensordata", _by_reading),
@@ -164,6 +174,7 @@ KINDS: dict[type, Kind] = {
     mujoco.MjsTendon: Kind(
         "tendon",
         "tendons",
+        "ntendon",
         mujoco.mjtObj.mjOBJ_TENDON,
         (("tendon_", _by_id),),
         derived=_each("ten_length ten_velocity", _by_id),
@@ -171,11 +182,12 @@ KINDS: dict[type, Kind] = {
     mujoco.MjsEquality: Kind(
         "equality",
         "equalities",
+        "neq",
         mujoco.mjtObj.mjOBJ_EQUALITY,
         (("eq_", _by_id),),
         _each("eq_active", _by_id),
     ),
-    mujoco.MjsMaterial: Kind("material", "materials", mujoco.mjtObj.mjOBJ_MATERIAL, (("mat_", _by_id),)),
+    mujoco.MjsMaterial: Kind("material", "materials", "nmat", mujoco.mjtObj.mjOBJ_MATERIAL, (("mat_", _by_id),)),
 }
 
 # MuJoCo shortcuts frames that coincide with their body's; moving such a frame must clear the shortcut.

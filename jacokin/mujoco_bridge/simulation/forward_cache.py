@@ -1,8 +1,8 @@
 """Keeping what MuJoCo derives from the state in step with the state.
 
 MuJoCo computes positions, velocities, contacts and forces in a forward pass and keeps them until the next one: after a
-write to qpos they belong to the old state. `Freshness` remembers the inputs of the last pass, compares, and runs a
-pass when one is due. Comparing finds every write, also one through ``physics.data``.
+write to qpos they belong to the old state. `ForwardCache` remembers the inputs of the last pass,
+compares, and runs a pass when one is due. Comparing finds every write, also one through ``physics.data``.
 """
 
 from __future__ import annotations
@@ -76,15 +76,15 @@ class _State:
         self.applied = self.all[ctrl:]
 
 
-class Freshness:
-    """MuJoCo's model and data, and whether the derived values of the data are those of its state.
+class ForwardCache:
+    """MuJoCo's model and data, and whether the derived values of the data belong to its state.
 
     Attributes:
         forces_are_due: `forward_motion` has run, and no whole pass since.
     """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """Watch a model and its data; nothing is taken for fresh yet."""
+        """Watch a model and its data; a pass is due."""
         self.model = model
         self.data = data
         self._options = model.opt
@@ -106,7 +106,7 @@ class Freshness:
         self._watched.append(_Watched(array, shortcuts))
 
     def invalidate(self) -> None:
-        """Take nothing for fresh, for example after a change of the options."""
+        """Make a pass due, for example after a change of the options."""
         self._is_known = False
 
     def ensure(self) -> None:
@@ -147,7 +147,7 @@ class Freshness:
         self.forces_are_due = True
 
     def step(self, n: int) -> None:
-        """Advance n time steps from fresh data, and leave positions and velocities fresh.
+        """Advance n time steps; what follows from positions and velocities is then that of the new state.
 
         Raises:
             PhysicsError: the state is not finite, or MuJoCo warns; the state is then as before.

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 Array = NDArray[Any]
 
 
-class ScatteredArray(np.ndarray[Any, np.dtype[Any]]):
+class IndexedArray(np.ndarray[Any, np.dtype[Any]]):
     """Entries of another array: writes go through to it, reads fetch from it.
 
     Arithmetic, indexing and numpy functions see present values. Code that reads the memory directly, such as
@@ -21,9 +21,9 @@ class ScatteredArray(np.ndarray[Any, np.dtype[Any]]):
     _source: Array | None = None
     _index: NDArray[np.intp]
 
-    def __new__(cls, source: Array, index: NDArray[np.intp]) -> ScatteredArray:
+    def __new__(cls, source: Array, index: NDArray[np.intp]) -> IndexedArray:
         """Entries `index` (any shape) of the flat array `source`."""
-        array: ScatteredArray = source[index].view(cls)
+        array: IndexedArray = source[index].view(cls)
         array._source, array._index = source, index
         return array
 
@@ -47,7 +47,7 @@ class ScatteredArray(np.ndarray[Any, np.dtype[Any]]):
         if self._source is None:
             return super().__getitem__(key)
         index = self._index[key]
-        return ScatteredArray(self._source, index) if isinstance(index, np.ndarray) else self._source[index]
+        return IndexedArray(self._source, index) if isinstance(index, np.ndarray) else self._source[index]
 
     def __setitem__(self, key: Any, value: Any) -> None:
         """Write through to the source."""
@@ -79,4 +79,4 @@ class ScatteredArray(np.ndarray[Any, np.dtype[Any]]):
 
 
 def _fetched(value: Any) -> Any:
-    return value.fetch() if isinstance(value, ScatteredArray) else value
+    return value.fetch() if isinstance(value, IndexedArray) else value

@@ -7,32 +7,34 @@ MuJoCo derives from the state is never read, nor integrated from, when it is old
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol, cast, runtime_checkable
 
 import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from jacokin.errors import InvalidInputError, UnknownNameError
-from jacokin.mujoco_bridge.simulation.binding import Binding
-from jacokin.mujoco_bridge.simulation.elements import element_id, kind_of
-from jacokin.mujoco_bridge.simulation.forward_cache import Freshness
-
-if TYPE_CHECKING:
-    from jacokin.mujoco_bridge.entities.entity import Entity
+from jacokin.mujoco_bridge.simulation.binding import EMPTY, Binding
+from jacokin.mujoco_bridge.simulation.element_arrays import KINDS
+from jacokin.mujoco_bridge.simulation.elements import Element, ElementIds
+from jacokin.mujoco_bridge.simulation.forward_cache import ForwardCache
 
 _FLAG = "mjDSBL_"
 _WHOLE_NUMBER = int | np.integer
 
 
-class Seconds(float):
-    """A time [s]: a number that may also be called, since the interface this bridge follows has methods here."""
+@runtime_checkable
+class Compilable(Protocol):
+    """What a physics is made from: an `Entity`, or anything else with a spec that it compiles."""
 
-    def __call__(self) -> float:
-        """The time [s]."""
-        return float(self)
+    @property
+    def mjcf_model(self) -> mujoco.MjSpec:
+        """The spec."""
+
+    def compile(self) -> mujoco.MjModel:
+        """The compiled model."""
 
 
 class Physics:
@@ -51,7 +53,7 @@ class Physics:
                 up by their names alone.
 
         Raises:
-            InvalidInputError: model is no `mujoco.MjModel`.
+            InvalidInputError: model is not a `mujoco.MjModel`.
             PhysicsError: the reference state cannot be simulated.
         """
         if not isinstance(model, mujoco.MjModel):
@@ -59,21 +61,20 @@ class Physics:
         self.model = model
         self._data = mujoco.MjData(model)
         self._spec = spec
-        self._bindings: dict[Any, Binding] = {}
-        self._freshness = Freshness(model, self._data)
+        self._ids = ElementIds(model, spec)
+        self._bindings: dict[Element | str | tuple[Element | str, ...], Binding] = {}
+        self._cache = ForwardCache(model, self._data)
         self.after_reset()
 
     @classmethod
-    def from_entity(cls, entity: Entity) -> Physics:
+    def from_entity(cls, entity: Compilable) -> Physics:
         """Compile an entity with everything attached to it.
 
         Raises:
             InvalidInputError: not an entity, or one that is attached to another.
             ModelError: MuJoCo refuses the model; its message is passed on.
         """
-        from jacokin.mujoco_bridge.entities.entity import Entity  # which imports this module
-
-        if not isinstance(entity, Entity):
+        if isinstance(entity, type) or not isinstance(entity, Compilable):
             raise InvalidInputError(f"entity must be an Entity such as an Arena, got {entity!r}")
         return cls(entity.compile(), entity.mjcf_model)
 
@@ -85,51 +86,51 @@ class Physics:
     @property
     def data(self) -> mujoco.MjData:
         """The `mujoco.MjData`. Writes to its state, controls and applied forces are noticed."""
-        if self._freshness.forces_are_due:
-            self._freshness.forward()
+        if self._cache.forces_are_due:
+            self._cache.forward()
         return self._data
 
     @property
-    def time(self) -> Seconds:
+    def time(self) -> float:
         """Simulated time [s]."""
-        return Seconds(self._data.time)
+        return float(self._data.time)
 
     @property
-    def timestep(self) -> Seconds:
+    def timestep(self) -> float:
         """Length of one time step [s]."""
-        return Seconds(self.model.opt.timestep)
+        return float(self.model.opt.timestep)
 
-    def bind(self, elements: Any) -> Binding:
+    def bind(self, elements: Element | str | Iterable[Element | str]) -> Binding:
         """The values MuJoCo keeps for one element of a spec, or for several of one kind.
 
         Args:
-            elements: an element such as ``arm.wrist_site``, or a list of elements of one kind.
+            elements: an element such as ``arm.wrist_site``, its full name such as ``"jaco_arm/wristsite"``, or a list
+                of elements or names of one kind. A name that elements of several kinds have, as joints and their
+                actuators do, means the first of body, joint, geom, site, camera, light, actuator, sensor.
 
         Returns:
-            A `Binding`: ``physics.bind(arm.joints).qpos`` is a live array. Bindings are kept and reused.
+            A `Binding`: ``physics.bind(arm.joints).qpos`` is a live array. Bindings are kept and reused. Every field
+            of the binding of an empty list is an empty array.
 
         Raises:
             InvalidInputError: not elements, of several kinds, or of another model.
+            UnknownNameError: no element has this name.
         """
+        single = isinstance(elements, str) or type(elements) in KINDS
         try:
-            key = elements if kind_of(elements) else tuple(elements)
+            each = cast("tuple[Element | str, ...]", (elements,) if single else tuple(elements))
+            key = each[0] if single else each
             return self._bindings[key]
         except KeyError:
             pass
         except TypeError:
-            raise InvalidInputError(f"elements must be an MjSpec element or a list of them, got {elements!r}") from None
-        single = not isinstance(key, tuple)
-        each = (key,) if single else key
+            raise InvalidInputError(
+                f"elements must be an MjSpec element, a name, or a list of them, got {elements!r}"
+            ) from None
         if not each:
-            raise InvalidInputError("elements is empty: nothing to bind")
-        kinds = [kind_of(element) for element in each]
-        if None in kinds:
-            raise InvalidInputError(f"{each[kinds.index(None)]!r} is no element of an MjSpec that can be bound")
-        if len(set(kinds)) > 1:
-            names = sorted({kind.name for kind in kinds if kind})
-            raise InvalidInputError(f"elements must be of one kind, got {' and '.join(names)}")
-        ids = [element_id(self.model, self._spec, element) for element in each]
-        binding = self._bindings[key] = Binding(type(each[0]), ids, single=single, freshness=self._freshness)
+            return EMPTY
+        kind, ids = self._ids.find(each)
+        binding = self._bindings[key] = Binding(kind, ids, single=single, cache=self._cache)
         return binding
 
     def forward(self) -> None:
@@ -138,7 +139,7 @@ class Physics:
         Raises:
             PhysicsError: the state is not finite, or MuJoCo warns.
         """
-        self._freshness.forward()
+        self._cache.forward()
 
     def set_qpos(self, rows: NDArray[np.intp], values: NDArray[np.float64]) -> None:
         """Write some of qpos, and compute what follows from positions and velocities at once.
@@ -150,7 +151,7 @@ class Physics:
             values: (k,) what to write there.
         """
         self._data.qpos[rows] = values
-        self._freshness.forward_motion()
+        self._cache.forward_motion()
 
     def refresh(self) -> None:
         """Run `forward` if anything changed since the last pass; for those who read ``physics.data`` directly.
@@ -158,7 +159,7 @@ class Physics:
         Raises:
             PhysicsError: the state is not finite, or MuJoCo warns.
         """
-        self._freshness.ensure()
+        self._cache.ensure()
 
     def step(self, n: int = 1) -> None:
         """Advance n time steps; positions and velocities are then those of the new state.
@@ -166,15 +167,17 @@ class Physics:
         Forces, accelerations and the sensors of both are of the last step taken, as MuJoCo computes them on the way.
 
         Raises:
-            InvalidInputError: n is no whole number >= 1.
+            InvalidInputError: n is not a whole number >= 1.
             PhysicsError: the simulation diverged or MuJoCo warned; the state is as before the call.
         """
         if isinstance(n, bool) or not isinstance(n, _WHOLE_NUMBER) or n < 1:
             raise InvalidInputError(f"n must be a whole number of steps >= 1, got {n!r}")
-        self._freshness.step(int(n))
+        self._cache.step(int(n))
 
     def reset(self, keyframe: int | str | None = None) -> None:
-        """Go to the model's reference state (for a Jaco q = 0, which is illegal: go on with `set_home`), or a keyframe.
+        """Go to the model's reference state, or to a keyframe.
+
+        For a Jaco the reference state is q = 0, outside the limits of the joints: go on with `set_home`.
 
         Raises:
             UnknownNameError: there is no such keyframe; lists those there are.
@@ -198,7 +201,7 @@ class Physics:
         flags = self.model.opt.disableflags
         self.model.opt.disableflags = flags | int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
         try:
-            self._freshness.forward()
+            self._cache.forward()
         finally:
             self.model.opt.disableflags = flags
 
@@ -212,18 +215,18 @@ class Physics:
         Raises:
             UnknownNameError: there is no such part; lists those there are.
         """
-        valid = {name.removeprefix(_FLAG).lower(): int(bit) for name, bit in _disable_bits()}
+        valid = _disable_bits()
         for flag in flags:
             if not isinstance(flag, str) or flag not in valid:
                 raise UnknownNameError("flag", str(flag), valid)
         before = self.model.opt.disableflags
         self.model.opt.disableflags = before | sum({valid[flag] for flag in flags})
-        self._freshness.invalidate()
+        self._cache.invalidate()
         try:
             yield
         finally:
             self.model.opt.disableflags = before
-            self._freshness.invalidate()
+            self._cache.invalidate()
 
     def get_state(self) -> NDArray[np.float64]:
         """A copy of the state: time, positions, velocities, controls, applied forces, and MuJoCo's warm start."""
@@ -270,5 +273,7 @@ def check_physics(physics: Physics) -> Physics:
     return physics
 
 
-def _disable_bits() -> list[tuple[str, Any]]:
-    return [item for item in mujoco.mjtDisableBit.__members__.items() if item[0].startswith(_FLAG)]
+def _disable_bits() -> dict[str, int]:
+    """MuJoCo's flags that switch parts of the simulation off, by their names in lower case."""
+    members = mujoco.mjtDisableBit.__members__
+    return {name.removeprefix(_FLAG).lower(): int(bit) for name, bit in members.items() if name.startswith(_FLAG)}

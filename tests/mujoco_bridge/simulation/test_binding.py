@@ -69,20 +69,20 @@ def test_arrays_are_mujocos_own_memory() -> None:
     np.testing.assert_array_equal(physics.bind(cube.root_body).xpos, (0.0, 0.0, 2.0))
 
 
-SCATTERED = [0, 3, 4, 1]
+ANY_ORDER = [0, 3, 4, 1]
 
 
-def scattered(physics: Physics, arm: JacoArm) -> Any:
-    return physics.bind([arm.joints[i] for i in SCATTERED])
+def in_any_order(physics: Physics, arm: JacoArm) -> Any:
+    return physics.bind([arm.joints[i] for i in ANY_ORDER])
 
 
 @pytest.mark.parametrize("field", ["qpos", "damping"])
 def test_elements_in_any_order_are_live_too(field: str) -> None:
     physics, arm, _, _ = scene()
     source = physics.data.qpos if field == "qpos" else physics.model.dof_damping
-    bound = scattered(physics, arm)
+    bound = in_any_order(physics, arm)
     array = getattr(bound, field)
-    np.testing.assert_array_equal(array, source[SCATTERED])
+    np.testing.assert_array_equal(array, source[ANY_ORDER])
 
     array[2] = 1.25
     assert source[4] == 1.25
@@ -91,10 +91,10 @@ def test_elements_in_any_order_are_live_too(field: str) -> None:
     array[1:][0] = 0.75
     assert source[3] == 0.75
     array += 1.0
-    np.testing.assert_array_equal(array, source[SCATTERED])
+    np.testing.assert_array_equal(array, source[ANY_ORDER])
     assert source[3] == 1.75
     setattr(bound, field, 2.0)
-    np.testing.assert_array_equal(source[SCATTERED], 2.0)
+    np.testing.assert_array_equal(source[ANY_ORDER], 2.0)
     setattr(bound, field, np.array([1.0, 2.0, 3.0, 4.0]))
     assert source[1] == 4.0
     array[array > 2.5] = 0.0
@@ -111,23 +111,23 @@ def test_elements_in_any_order_are_live_too(field: str) -> None:
     copied[0] = -1.0
     assert source[0] == 8.0
     source[0] = 7.0
-    np.testing.assert_array_equal(getattr(bound, field), source[SCATTERED])
+    np.testing.assert_array_equal(getattr(bound, field), source[ANY_ORDER])
 
 
-def test_writes_to_scattered_elements_are_noticed() -> None:
+def test_writes_to_elements_in_any_order_are_noticed() -> None:
     physics, arm, hand, _ = scene()
     site = physics.bind(hand.pinch_site)
     before = site.xpos.copy()
-    scattered(physics, arm).qpos[3] += 0.3
+    in_any_order(physics, arm).qpos[3] += 0.3
     assert np.linalg.norm(site.xpos - before) > 0.05
     old = physics.bind(arm.joints).qacc.copy()
-    scattered(physics, arm).armature[:] = 1.0
+    in_any_order(physics, arm).armature[:] = 1.0
     assert np.abs(physics.bind(arm.joints).qacc - old).max() > 1e-3
 
 
-def test_vectors_of_scattered_elements() -> None:
+def test_vectors_of_elements_in_any_order() -> None:
     physics, arm, _, _ = scene()
-    bound = physics.bind([arm.joints[i].parent for i in SCATTERED])
+    bound = physics.bind([arm.joints[i].parent for i in ANY_ORDER])
     ids = list(bound.element_ids)
     np.testing.assert_array_equal(bound.xpos, physics.data.xpos[ids])
     bound.xfrc_applied[1, 3:] = (1.0, 2.0, 3.0)
@@ -147,6 +147,7 @@ def test_broadcast_and_whole_writes() -> None:
     np.testing.assert_array_equal(physics.model.actuator_ctrlrange[:6], np.tile((-0.1, 0.1), (6, 1)))
     bound.ctrlrange[:, 1] *= 2.0
     np.testing.assert_array_equal(physics.model.actuator_ctrlrange[:6, 1], 0.2)
+    wrong: Any
     for wrong in (np.zeros(5), "fast", [[0.0]] * 7, arm):
         with pytest.raises(InvalidInputError, match=r"ctrl of 6 actuators must fit shape \(6,\)"):
             bound.ctrl = wrong
@@ -196,7 +197,16 @@ def test_what_cannot_be_bound() -> None:
     with pytest.raises(InvalidInputError, match="belongs to another model"):
         physics.bind([arm.joints[0], twin.joints[1]])  # same names, another tree
     wrong: Any
-    for wrong in (None, 3, "jaco_arm/joint_1", ["jaco_arm/joint_1"], [], [arm.joints], arm, hand.mjcf_model, {}):
+    for wrong in (
+        None,
+        3,
+        [None],
+        [arm.joints],
+        arm,
+        hand.mjcf_model,
+        [hand.mjcf_model],
+        ["jaco_arm/joint_1", arm.wrist_site],
+    ):
         with pytest.raises(InvalidInputError):
             physics.bind(wrong)
 
@@ -218,3 +228,48 @@ def test_elements_without_names_and_models_from_elsewhere() -> None:
     assert direct.bind(far).xpos[2] == 2.0
     with pytest.raises(InvalidInputError, match="not part"):
         direct.bind(near)
+
+
+def test_full_names_are_bound_as_their_elements_are() -> None:
+    physics, arm, hand, _ = scene()
+    joints = physics.bind([joint.name for joint in arm.joints])
+    assert np.shares_memory(joints.qpos, physics.bind(arm.joints).qpos)
+    assert joints.qpos.shape == (6,)
+    assert physics.bind("jaco_arm/joint_2").qpos.shape == (1,)  # the joint, not its actuator
+    assert physics.bind(["jaco_arm/joint_1", arm.joints[1]]).element_ids == (0, 1)
+    assert physics.bind([arm.actuators[1], "jaco_arm/joint_1"]).element_ids == (1, 0)
+    np.testing.assert_array_equal(physics.bind(hand.pinch_site.name).xpos, physics.bind(hand.pinch_site).xpos)
+    # From a model alone, by names.
+    twin = Physics.from_model(physics.model)
+    assert twin.bind("jaco_arm/jaco_hand/pinchsite").xpos.shape == (3,)
+    with pytest.raises(UnknownNameError, match=r"unknown element 'jaco_arm/joint_7'. Did you mean 'jaco_arm/joint_"):
+        physics.bind("jaco_arm/joint_7")
+    with pytest.raises(UnknownNameError, match="unknown joint 'ground'"):
+        physics.bind([arm.joints[0], "ground"])
+    with pytest.raises(InvalidInputError, match="no kind has all of jaco_arm/wristsite, ground"):
+        physics.bind(["jaco_arm/wristsite", "ground"])
+
+
+def test_no_elements_have_empty_fields_that_cannot_be_written() -> None:
+    physics = scene()[0]
+    bound = physics.bind([])
+    assert bound.qpos.shape == bound.xpos.shape == (0,)
+    assert bound.element_ids == ()
+    with pytest.raises(InvalidInputError, match="no elements are bound"):
+        bound.qpos = 1.0
+
+
+def test_elements_made_after_compiling_are_refused() -> None:
+    spec = mujoco.MjSpec()
+    body = spec.worldbody.add_body()
+    near = body.add_geom(size=(0.1, 0.1, 0.1), pos=(0.0, 0.0, 1.0))
+    entity = ModelWrapperEntity(spec)
+    old = Physics.from_entity(entity)
+    first = spec.worldbody.add_geom(size=(0.2, 0.2, 0.2))  # without a name, before the other in the model
+    far = body.add_geom(size=(0.1, 0.1, 0.1), pos=(0.0, 0.0, 2.0))
+    new = Physics.from_entity(entity)
+    assert (old.bind(near).element_id, new.bind(near).element_id) == (0, 1)
+    assert new.bind(far).pos[2] == 2.0
+    for element in (first, far):
+        with pytest.raises(InvalidInputError, match="added after this one was compiled"):
+            old.bind(element)
