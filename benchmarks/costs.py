@@ -19,6 +19,7 @@ import jacokin
 from benchmarks import report, targets
 from jacokin import Robot
 from jacokin.ik import closed_form
+from jacokin.model import to_mujoco
 
 Array = NDArray[np.float64]
 
