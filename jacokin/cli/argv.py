@@ -1,42 +1,71 @@
-"""Negative numbers among the arguments: an option parser would read them as options."""
+"""Negative numbers and lists of numbers among the arguments: an option parser would read -1.2 as an option."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping
+from typing import Any
 
-_NUMBER = re.compile(r"[-+]?((\d+\.?\d*|\.\d+)(e[-+]?\d+)?|inf(inity)?|nan)", re.IGNORECASE)
+import typer.core
+
+# Options followed by as many numbers as the robot has joints.
+NUMBER_LISTS = frozenset({"--seed"})
+
+_NUMBER = re.compile(r"[-+]?((\d+\.?\d*|\.\d+)(e[-+]?\d+)?|inf(inity)?|nan)", re.IGNORECASE | re.ASCII)
 
 
-def prepared(argv: Sequence[str]) -> list[str]:
-    """The arguments, changed so that an option parser reads negative numbers as values.
+class Command(typer.core.TyperCommand):
+    """A command that takes negative numbers as arguments and lists of numbers as options."""
 
-    A number gets a leading blank, which `float` ignores, and so does not look like an option. The numbers after
-    `--seed`, as many as the robot has joints, become one value.
+    # Any: the class of `ctx` is click's or typer's own copy of it, depending on typer's version.
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Parse the arguments after `separated` has put them in order."""
+        values = {
+            name: 0 if getattr(parameter, "is_flag", False) else parameter.nargs
+            for parameter in self.params
+            for name in parameter.opts
+            if name.startswith("-")
+        }
+        return super().parse_args(ctx, separated(args, values))
+
+
+def separated(words: Iterable[str], values: Mapping[str, int]) -> list[str]:
+    """The arguments with options first and everything else after `--`, where nothing is taken for an option.
+
+    Args:
+        words: the arguments as typed.
+        values: how many values follow each option; the names in NUMBER_LISTS take all numbers that follow, which
+            become one value.
     """
-    words: list[str] = []
-    seed: list[str] | None = None
-    for word in _split_seed(argv):
-        number = _NUMBER.fullmatch(word) is not None
-        if seed is not None and number:
-            seed.append(word)
-            words[-1] = " " + " ".join(seed)
-        elif word == "--seed":
-            words += [word, " "]
-            seed = []
-        elif seed == [] and not word.startswith("-"):
-            words[-1] = word  # `--seed "1 2 3 4 5 6"`, or something to complain about
-            seed = None
+    ahead = list(words)
+    options: list[str] = []
+    others: list[str] = []
+    while ahead:
+        word = ahead.pop(0)
+        if word == "--":
+            others += ahead
+            break
+        name, sign, value = word.partition("=")
+        if name in NUMBER_LISTS and name in values:
+            options += [name, " ".join(_numbers(ahead, [value] if sign else []))]
+        elif name in values and values[name] > 0:
+            given = [value] if sign else []
+            missing = values[name] - len(given)
+            if len(ahead) < missing:
+                return [*options, name, *given, *ahead]  # the parser says what is missing
+            options += [name, *given, *ahead[:missing]]
+            del ahead[:missing]
+        elif len(word) > 1 and word.startswith("-") and not _NUMBER.fullmatch(word):
+            options.append(word)
         else:
-            words.append(" " + word if number else word)
-            seed = None
-    return words
+            others.append(word)
+    return [*options, "--", *others] if others else options
 
 
-def _split_seed(argv: Sequence[str]) -> list[str]:
-    """`--seed=1 2 ...` as `--seed 1 2 ...`."""
-    words: list[str] = []
-    for word in argv:
-        option, sign, value = word.partition("=")
-        words += [option, value] if option == "--seed" and sign else [word]
-    return words
+def _numbers(ahead: list[str], taken: list[str]) -> list[str]:
+    """Take the numbers ahead; without any, the next word, such as "1 2 3" in quotes or something to refuse."""
+    while ahead and _NUMBER.fullmatch(ahead[0]):
+        taken.append(ahead.pop(0))
+    if not taken and ahead and not ahead[0].startswith("-"):
+        taken.append(ahead.pop(0))
+    return taken

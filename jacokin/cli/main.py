@@ -14,7 +14,7 @@ from typing import Annotated
 import typer
 
 from jacokin import __version__
-from jacokin.cli import argv as arguments
+from jacokin.cli.argv import Command
 from jacokin.cli.doctor.command import doctor
 from jacokin.cli.ik.command import ik
 from jacokin.cli.kinematics.fk import fk
@@ -43,7 +43,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 for command in (ik, fk, jacobian, info, track, crosscheck, doctor, warmup):
-    app.command(help=_help(command), no_args_is_help=command in (ik, fk, jacobian, track))(command)
+    app.command(cls=Command, help=_help(command), no_args_is_help=command in (ik, fk, jacobian, track))(command)
 
 
 def _show_version(wanted: bool) -> None:
@@ -90,7 +90,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     logger.addHandler(handler)
     logger.setLevel(logging.INFO)
     try:
-        app(args=arguments.prepared(sys.argv[1:] if argv is None else argv), prog_name="jacokin")
+        app(args=sys.argv[1:] if argv is None else list(argv), prog_name="jacokin")
     except JacokinError as error:
         _refuse(str(error))
     except (OSError, UnicodeError) as error:

@@ -1,0 +1,14 @@
+"""Which of MuJoCo's rendering back ends work on this machine."""
+
+from __future__ import annotations
+
+import functools
+
+from jacokin.cli.doctor import rendering
+from jacokin.cli.doctor.finding import OK
+
+
+@functools.cache
+def backends() -> tuple[str, ...]:
+    """Values of MUJOCO_GL that draw a picture here."""
+    return tuple(finding.name for finding in rendering.renderers() if finding.state == OK)
