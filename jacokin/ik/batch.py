@@ -1,33 +1,71 @@
-"""Many targets at once: the compiled loop for poses, the QP for the rest, arrays out."""
+"""Many targets at once: a compiled loop for poses, single solves for the rest, arrays out.
+
+A solver hands over what it can do (`Solvers`); nothing here knows which method that is.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from jacokin.errors import InvalidInputError, JacokinError
-from jacokin.ik import seeds, targets
+from jacokin.ik.request import joined
 from jacokin.ik.results import BatchResult, IKResult, Status
-from jacokin.ik.targets import Target
-from jacokin.ik.verification import joined
+from jacokin.ik.seeds import FARTHEST_SEED, seed_within_limits
+from jacokin.ik.targets import TargetPose, checked_batch
 from jacokin.model import checks
-
-if TYPE_CHECKING:
-    from jacokin.ik.solver import IKSolver
+from jacokin.model.robot import Robot
 
 Array = NDArray[np.float64]
 
 CHUNK = 4096  # targets in one compiled call: progress is seen, and the call's cost is spread
 
 
+class Rows(Protocol):
+    """Solutions as columns, one row a target."""
+
+    @property
+    def q(self) -> Array:
+        """(n, dof) [rad]."""
+
+    @property
+    def position_error(self) -> Array:
+        """(n,) [m]."""
+
+    @property
+    def orientation_error(self) -> Array:
+        """(n,) [rad]."""
+
+
+class Single(Protocol):
+    """Solves one target; can be pickled, and runs in other processes."""
+
+    def __call__(self, target: Array, seed: Array, *, closest: bool) -> IKResult:
+        """As `IKSolver.solve`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Solvers:
+    """How one robot's targets are solved."""
+
+    robot: Robot
+    """The arm."""
+    single: Single
+    """Solves one target."""
+    compiled: Callable[[Array, Array, int], tuple[Rows, NDArray[np.bool_]]] | None
+    """Solves poses (n, 4, 4) from seeds (n, dof) on so many threads: the solutions, and which of them are successes.
+    None when every target goes through `single`."""
+
+
 def solve(
-    solver: IKSolver,
-    wanted: Sequence[pin.SE3] | ArrayLike,
-    start: ArrayLike | None,
+    solvers: Solvers,
+    targets: Sequence[pin.SE3] | ArrayLike,
+    seeds: ArrayLike | None,
     *,
     workers: int,
     progress: Callable[[int], None] | None,
@@ -36,16 +74,16 @@ def solve(
     """See `IKSolver.solve_batch`."""
     if isinstance(workers, bool) or not isinstance(workers, int | np.integer) or workers < 1:
         raise InvalidInputError(f"workers must be a whole number >= 1, got {workers!r}")
-    matrices, position_only = targets.checked_batch(wanted)
+    matrices, position_only = checked_batch(targets)
     if progress is not None and not callable(progress):
         raise InvalidInputError(f"progress must be callable, got {progress!r}")
-    starts, notes = _starts(solver, start, len(matrices))
-    out = _Columns(len(matrices), solver.robot.dof, notes)
+    starts, notes = _seeds_within_limits(solvers.robot, seeds, len(matrices))
+    out = _Columns(len(matrices), solvers.robot.dof, notes)
     rest = list(range(len(matrices)))
-    if solver.batches_compiled():
-        rest = _compiled(solver, matrices, position_only, starts, out, workers, progress)
-    jobs = [(index, Target(matrices[index], bool(position_only[index])), starts[index], closest) for index in rest]
-    for index, result in _one_by_one(solver, jobs, workers):
+    if solvers.compiled is not None:
+        rest = _compiled(solvers.compiled, matrices, position_only, starts, out, workers, progress)
+    jobs = [(index, TargetPose(matrices[index], bool(position_only[index])), starts[index], closest) for index in rest]
+    for index, result in _one_by_one(solvers.single, jobs, workers):
         out.put(index, result)
         if progress is not None:
             progress(1)
@@ -83,25 +121,24 @@ class _Columns:
         )
 
 
-def _starts(solver: IKSolver, start: ArrayLike | None, size: int) -> tuple[Array, list[str]]:
-    """One legal seed for each target, and what had to be done to it."""
-    robot = solver.robot
-    if start is None or np.ndim(start) == 1:
-        seed, note = seeds.legal_seed(robot, start)
+def _seeds_within_limits(robot: Robot, seeds: ArrayLike | None, size: int) -> tuple[Array, list[str]]:
+    """One seed within the limits for each target, and what had to be done to it."""
+    if seeds is None or np.ndim(seeds) == 1:
+        seed, note = seed_within_limits(robot, seeds)
         return np.tile(seed, (size, 1)), [note] * size
-    rows = checks.matrix("seeds", start, robot.dof, "rad")
+    rows = checks.matrix("seeds", seeds, robot.dof, "rad")
     if len(rows) != size:
         raise InvalidInputError(f"seeds must have one row for each of the {size} targets, got {len(rows)}")
-    legal = (rows >= robot.lower).all(axis=1) & (rows <= robot.upper).all(axis=1)
+    within = (rows >= robot.lower).all(axis=1) & (rows <= robot.upper).all(axis=1)
     rows = rows.copy()
     notes = [""] * size
-    for index in np.flatnonzero(~legal | (np.abs(rows) > seeds.FARTHEST_SEED).any(axis=1)):
-        rows[index], notes[index] = seeds.legal_seed(robot, rows[index])
+    for index in np.flatnonzero(~within | (np.abs(rows) > FARTHEST_SEED).any(axis=1)):
+        rows[index], notes[index] = seed_within_limits(robot, rows[index], f"seeds[{index}]")
     return rows, notes
 
 
 def _compiled(
-    solver: IKSolver,
+    run: Callable[[Array, Array, int], tuple[Rows, NDArray[np.bool_]]],
     matrices: Array,
     position_only: NDArray[np.bool_],
     starts: Array,
@@ -110,36 +147,29 @@ def _compiled(
     progress: Callable[[int], None] | None,
 ) -> list[int]:
     """Poses through the compiled loop; returns the rows it did not settle."""
-    form = solver.closed_form()
     rows = np.flatnonzero(~position_only)
     left: list[int] = np.flatnonzero(position_only).tolist()
     for first in range(0, len(rows), CHUNK):
         chunk = rows[first : first + CHUNK]
-        raw = form.solve_batch(matrices[chunk], starts[chunk], workers)
-        good = (
-            raw.within_limits
-            & (raw.position_error <= solver.tolerances[0])
-            & (raw.orientation_error <= solver.tolerances[1])
-        )
-        good &= (raw.q >= solver.robot.lower).all(axis=1) & (raw.q <= solver.robot.upper).all(axis=1)
+        found, good = run(matrices[chunk], starts[chunk], workers)
         settled = chunk[good]
-        out.q[settled] = raw.q[good]
-        out.errors[settled] = np.column_stack((raw.position_error[good], raw.orientation_error[good]))
+        out.q[settled] = found.q[good]
+        out.errors[settled] = np.column_stack((found.position_error[good], found.orientation_error[good]))
         left.extend(chunk[~good].tolist())
         if progress is not None and len(settled):
             progress(len(settled))
     return left
 
 
-_Job = tuple[int, Target, Array, bool]
-_process_solver: list[IKSolver] = []
+_Job = tuple[int, TargetPose, Array, bool]
+_single_in_process: list[Single] = []
 
 
-def _one_by_one(solver: IKSolver, jobs: list[_Job], workers: int) -> Iterator[tuple[int, IKResult]]:
-    """What the compiled loop left, through `solve`: in this process, or in several."""
+def _one_by_one(single: Single, jobs: list[_Job], workers: int) -> Iterator[tuple[int, IKResult]]:
+    """What the compiled loop left, one at a time: in this process, or in several."""
     if workers == 1 or len(jobs) < 2 * workers:
         for job in jobs:
-            yield _job(solver, job)
+            yield _job(single, job)
         return
     import multiprocessing
     from concurrent.futures import ProcessPoolExecutor
@@ -147,7 +177,7 @@ def _one_by_one(solver: IKSolver, jobs: list[_Job], workers: int) -> Iterator[tu
 
     context = multiprocessing.get_context("spawn")  # threads of numba and BLAS do not survive a fork
     try:
-        with ProcessPoolExecutor(workers, mp_context=context, initializer=_set_solver, initargs=(solver,)) as pool:
+        with ProcessPoolExecutor(workers, mp_context=context, initializer=_set_single, initargs=(single,)) as pool:
             yield from pool.map(_job_in_process, jobs, chunksize=max(1, len(jobs) // (8 * workers)))
     except BrokenProcessPool as error:
         raise JacokinError(
@@ -156,14 +186,14 @@ def _one_by_one(solver: IKSolver, jobs: list[_Job], workers: int) -> Iterator[tu
         ) from error
 
 
-def _set_solver(solver: IKSolver) -> None:
-    _process_solver[:] = [solver]
+def _set_single(single: Single) -> None:
+    _single_in_process[:] = [single]
 
 
 def _job_in_process(job: _Job) -> tuple[int, IKResult]:
-    return _job(_process_solver[0], job)
+    return _job(_single_in_process[0], job)
 
 
-def _job(solver: IKSolver, job: _Job) -> tuple[int, IKResult]:
-    index, target, start, closest = job
-    return index, solver.solve(target.position if target.position_only else target.matrix, start, closest=closest)
+def _job(single: Single, job: _Job) -> tuple[int, IKResult]:
+    index, target, seed, closest = job
+    return index, single(target.position if target.position_only else target.matrix, seed, closest=closest)

@@ -10,14 +10,14 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from jacokin.ik.targets import Target
+    from jacokin.ik.targets import TargetPose
 
 #: [m/rad] An orientation error of one radian counts as much as this position error. It is the order of the distance
 #: from the arm's tool frame to its fingertips; there is no source for the figure.
 RADIAN_IN_METRES = 0.1
 
 
-def errors(T_base_tool: pin.SE3, target: Target) -> tuple[float, float]:
+def errors(T_base_tool: pin.SE3, target: TargetPose) -> tuple[float, float]:
     """Distance [m] and angle [rad] between the tool and the target; the angle is 0 when the orientation is free."""
     # Plain floats: the same twelve numbers through NumPy take twice as long.
     (a, b, c, x), (d, e, f, y), (g, h, k, z), _ = T_base_tool.homogeneous.tolist()

@@ -63,7 +63,7 @@ class IKResult(Frozen):
     """One answer, measured with Pinocchio after the solve. Arrays are read-only."""
 
     q: Array
-    """(dof,) joint angles [rad]; on anything but OK the closest legal configuration found."""
+    """(dof,) joint angles [rad]; on anything but OK the closest configuration within the limits that was found."""
     status: Status
     """What happened; `status.value` says what to try."""
     position_error: float
@@ -126,7 +126,7 @@ class Branches:
         return len(self._rows)
 
     def __repr__(self) -> str:
-        """How many there are, and how many of them are legal."""
+        """How many there are, and how many of them are within the limits."""
         return f"Branches({len(self)}, {int(self.within_limits.sum())} within the limits)"
 
     @property

@@ -1,4 +1,4 @@
-"""Where searches start: the caller's seed made legal, then random legal configurations."""
+"""Where solves start: the caller's seed moved inside the limits, then random configurations."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ FARTHEST_SEED = 1e6  # [rad] beyond this a double no longer resolves an angle to
 DEFAULT_RANDOM_SEED = 0  # of the generator used when the caller brings none: results repeat
 
 
-def legal_seed(robot: Robot, seed: ArrayLike | None) -> tuple[Array, str]:
+def seed_within_limits(robot: Robot, seed: ArrayLike | None, name: str = "seed") -> tuple[Array, str]:
     """The seed inside the limits, and a sentence when it had to be moved; home when there is none.
 
     A limited joint first takes a 2 pi copy inside its limits, then the nearer limit.
@@ -26,22 +26,22 @@ def legal_seed(robot: Robot, seed: ArrayLike | None) -> tuple[Array, str]:
     """
     if seed is None:
         return robot.home, ""
-    q = robot.configuration(seed, "seed")
+    q = robot.configuration(seed, name)
     if max(map(abs, q.tolist())) > FARTHEST_SEED:
         worst = int(np.argmax(np.abs(q)))
         raise InvalidInputError(
-            f"seed: {robot.joint_names[worst]} = {q[worst]:.6g} rad is too many turns away; take a copy within 1e6 rad"
+            f"{name}: {robot.joint_names[worst]} = {q[worst]:.6g} rad is too far from zero; use a copy within 1e6 rad"
         )
     if (q >= robot.lower).all() and (q <= robot.upper).all():
         return q, ""
     outside = np.flatnonzero((q < robot.lower) | (q > robot.upper))
-    legal = q.copy()
+    inside = q.copy()
     for joint in outside:
         copies = q[joint] + 2.0 * np.pi * np.array([-1.0, 1.0])
-        inside = copies[(copies >= robot.lower[joint]) & (copies <= robot.upper[joint])]
-        legal[joint] = inside[0] if inside.size else np.clip(q[joint], robot.lower[joint], robot.upper[joint])
+        fitting = copies[(copies >= robot.lower[joint]) & (copies <= robot.upper[joint])]
+        inside[joint] = fitting[0] if fitting.size else np.clip(q[joint], robot.lower[joint], robot.upper[joint])
     names = ", ".join(robot.joint_names[joint] for joint in outside)
-    return legal, f"the seed was outside the limits of {names} and was moved inside"
+    return inside, f"the seed was outside the limits of {names} and was moved inside"
 
 
 def check_rng(rng: np.random.Generator | None) -> None:
@@ -54,13 +54,8 @@ def check_rng(rng: np.random.Generator | None) -> None:
         raise InvalidInputError(f"rng must be a numpy.random.Generator or None, got {type(rng).__name__}")
 
 
-def generator(rng: np.random.Generator | None) -> np.random.Generator:
-    """The caller's generator, or a fresh one with a fixed seed."""
-    return np.random.default_rng(DEFAULT_RANDOM_SEED) if rng is None else rng
-
-
 def starts(robot: Robot, first: list[Array], restarts: int, rng: np.random.Generator) -> Iterator[Array]:
-    """The given configurations, then random legal ones; `1 + restarts` in all at most."""
+    """The given configurations, then random ones within the limits; `1 + restarts` in all at most."""
     total = 1 + restarts
     yield from first[:total]
     lower = np.where(robot.unlimited, -np.pi, np.maximum(robot.lower, -1e3))

@@ -2,7 +2,7 @@
 
 The closed form gives every branch of a six-joint Jaco, so a pose is reached, or known to be out of reach, or known to
 need a joint beyond its limit. What it does not cover (other structures, positions without orientation) goes to mink's
-QP from many starts, as does the question which legal configuration comes closest to a pose that cannot be reached.
+QP from many starts, as does the search for the closest configuration to a pose that cannot be reached.
 """
 
 from __future__ import annotations
@@ -17,20 +17,21 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from jacokin.errors import InvalidInputError, StructureError
-from jacokin.ik import seeds, targets
-from jacokin.ik.results import BatchResult, Branches, IKResult, Status
-from jacokin.ik.targets import Target
-from jacokin.ik.verification import (
+from jacokin.ik import batch, diagnosis
+from jacokin.ik.options import (
+    DEFAULT_QP_SOLVER,
     LIMIT_SNAP,
     MAX_RESTARTS,
     ORIENTATION_TOLERANCE,
     POSITION_TOLERANCE,
-    Judge,
-    Settings,
+    Options,
     checked_restarts,
-    joined,
-    pair_names,
 )
+from jacokin.ik.request import Request
+from jacokin.ik.results import BatchResult, Branches, IKResult, Status
+from jacokin.ik.seeds import check_rng, seed_within_limits
+from jacokin.ik.targets import checked as checked_target
+from jacokin.ik.verification import Verifier
 from jacokin.model import poses
 from jacokin.model.loading import load_robot
 from jacokin.model.robot import Robot
@@ -40,8 +41,6 @@ if TYPE_CHECKING:
     from jacokin.ik.qp.search import QPSearch
 
 Array = NDArray[np.float64]
-
-DEFAULT_QP_SOLVER = "daqp"  # always installed; checking others means importing qpsolvers
 
 
 class IKSolver:
@@ -84,15 +83,15 @@ class IKSolver:
         """
         if not isinstance(robot, Robot):
             raise InvalidInputError(f"robot must be a jacokin.Robot (see load_robot), got {type(robot).__name__}")
-        settings = Settings(
+        options = Options(
             method, qp_solver, collision, position_tolerance, orientation_tolerance, limit_snap, max_restarts
         )
         self._frame_id = robot.frame_id(frame)
         name = robot.default_frame if frame is None else frame
         if robot.pin_model.frames[self._frame_id].parentJoint == 0:
             raise InvalidInputError(f"frame {name!r} is moved by no joint of {robot.name}; choose a frame on the arm")
-        self._settings = settings
-        self._judge = Judge(robot, name, None if tool is None else poses.checked_pose(tool, "tool"), settings)
+        self._options = options
+        self._verifier = Verifier(robot, name, None if tool is None else poses.checked_pose(tool, "tool"), options)
         self._form: ClosedForm | None = None
         self._misfit: StructureError | None = None
         self._local = threading.local()
@@ -106,22 +105,22 @@ class IKSolver:
     @property
     def robot(self) -> Robot:
         """The arm."""
-        return self._judge.robot
+        return self._verifier.robot
 
     @property
     def frame(self) -> str:
         """The frame that is brought to the target."""
-        return self._judge.frame
+        return self._verifier.frame
 
     @property
     def tool(self) -> pin.SE3 | None:
         """Constant pose of the tool in that frame, a copy; or None."""
-        return None if self._judge.tool is None else self._judge.tool.copy()
+        return None if self._verifier.tool is None else self._verifier.tool.copy()
 
     @property
     def method(self) -> str:
         """The method asked for: "auto", "closed_form" or "qp"."""
-        return self._settings.method
+        return self._options.method
 
     def closed_form(self) -> ClosedForm:
         """The closed form of this robot, built once.
@@ -138,18 +137,19 @@ class IKSolver:
                 self._form = ClosedForm(
                     self.robot.pin_model,
                     self._frame_id,
-                    self._judge.tool,
+                    self._verifier.tool,
                     self.robot.lower,
                     self.robot.upper,
-                    limit_snap=self._settings.limit_snap,
+                    limit_snap=self._options.limit_snap,
                 )
             except StructureError as error:
                 self._misfit = error
                 raise
         return self._form
 
-    def applies(self) -> bool:
-        """Whether the closed form fits this robot and the method allows it."""
+    @property
+    def has_closed_form(self) -> bool:
+        """Whether the closed form fits this robot and frame, and the method allows it."""
         if self.method == "qp":
             return False
         try:
@@ -157,6 +157,11 @@ class IKSolver:
         except StructureError:
             return False
         return True
+
+    @property
+    def tolerances(self) -> tuple[float, float]:
+        """Position [m] and orientation [rad] tolerance of a success."""
+        return self._options.position_tolerance, self._options.orientation_tolerance
 
     def solve(
         self,
@@ -171,31 +176,32 @@ class IKSolver:
 
         Args:
             target: T_base_tool as `pin.SE3` or (4, 4), or a position (3,) [m] with free orientation.
-            seed: (dof,) configuration [rad] to stay near to; None for the robot's home. An illegal one is moved
-                inside the limits and the message says so.
+            seed: (dof,) configuration [rad] to stay near to; None for the robot's home. One outside the
+                limits is moved inside and the message says so.
             rng: randomness of the QP's restarts; None for a fixed seed.
             max_restarts: in place of the solver's own number of QP restarts.
-            closest: on failure, look for the closest legal configuration. False is quick: the result then holds the
+            closest: on failure, look for the closest configuration within the limits. False is quick: the result then holds the
                 seed, or the best end of the QP's starts.
 
         Returns:
-            The legal branch nearest to the seed, free joints in the 2 pi copy nearest to it, measured by Pinocchio;
+            The branch within the limits nearest to the seed, unlimited joints in the 2 pi copy nearest to it, measured by Pinocchio;
             or the reason why there is none.
 
         Raises:
             InvalidInputError: target or seed malformed; method="closed_form" with a position-only target.
         """
-        wanted = targets.checked(target)
-        start, note = seeds.legal_seed(self.robot, seed)
-        seeds.check_rng(rng)
-        restarts = self._settings.max_restarts if max_restarts is None else checked_restarts(max_restarts)
+        wanted = checked_target(target)
+        start, note = seed_within_limits(self.robot, seed)
+        check_rng(rng)
+        restarts = self._options.max_restarts if max_restarts is None else checked_restarts(max_restarts)
         if self.method == "closed_form" and wanted.position_only:
             raise InvalidInputError("the closed form needs an orientation; use method='auto' or 'qp' for positions")
-        if not wanted.position_only and self.applies():
-            return self._by_branches(wanted, start, note, rng, closest)
+        request = Request(wanted, start, note, rng, restarts, closest)
+        if not wanted.position_only and self.has_closed_form:
+            return self._by_branches(request)
         if self._misfit is not None:
-            note = joined(note, f"no closed form: {self._misfit}")
-        return self.qp_search().solve(wanted, start, note, seeds.generator(rng), restarts, closest)
+            request = dataclasses.replace(request, note=request.message(f"no closed form: {self._misfit}"))
+        return self._qp_search().solve(request)
 
     def solve_all(self, target: pin.SE3 | ArrayLike, seed: ArrayLike | None = None) -> Branches:
         """Every branch that reaches a pose, inside the limits or not.
@@ -211,14 +217,14 @@ class IKSolver:
             InvalidInputError: target or seed malformed, or a target without orientation.
             StructureError: the robot has no closed form.
         """
-        wanted = targets.checked(target)
+        wanted = checked_target(target)
         if wanted.position_only:
             raise InvalidInputError("solve_all needs an orientation: a position alone is reached by infinitely many")
-        start, _ = seeds.legal_seed(self.robot, seed)
+        start, _ = seed_within_limits(self.robot, seed)
         raw = self.closed_form().solve_all(wanted.matrix, start)
-        if not self._judge.looks_for_contact:
+        if not self._verifier.looks_for_contact:
             return Branches(raw)
-        return Branches(raw, tuple(tuple(self._judge.touching(q)) for q in raw.q))
+        return Branches(raw, tuple(tuple(self._verifier.touching(q)) for q in raw.q))
 
     def solve_batch(
         self,
@@ -243,24 +249,16 @@ class IKSolver:
             InvalidInputError: empty, malformed targets (the row is named), seeds or workers.
             JacokinError: the worker processes did not start.
         """
-        from jacokin.ik import batch
-
-        return batch.solve(self, targets, seeds, workers=workers, progress=progress, closest=closest)
-
-    @property
-    def tolerances(self) -> tuple[float, float]:
-        """Position [m] and orientation [rad] tolerance of a success."""
-        return self._settings.position_tolerance, self._settings.orientation_tolerance
-
-    def batches_compiled(self) -> bool:
-        """Whether a batch may take the compiled loop: closed form, and nothing to look up for each branch."""
-        return self.applies() and not self._judge.looks_for_contact
+        # A batch looks for contact branch by branch, which the compiled loop does not.
+        compiled = self._compiled if self.has_closed_form and not self._verifier.looks_for_contact else None
+        solvers = batch.Solvers(self.robot, self.solve, compiled)
+        return batch.solve(solvers, targets, seeds, workers=workers, progress=progress, closest=closest)
 
     def __reduce__(self) -> tuple[object, tuple[object, ...]]:
         """Pickle the options; working memory is made anew."""
-        return _rebuild, (self.robot, self.frame, self.tool, self._settings)
+        return _rebuild, (self.robot, self.frame, self.tool, self._options)
 
-    def qp_search(self) -> QPSearch:
+    def _qp_search(self) -> QPSearch:
         """Mink's QP on this robot, built once in each thread.
 
         Raises:
@@ -271,58 +269,45 @@ class IKSolver:
         except AttributeError:
             from jacokin.ik.qp.search import QPSearch
 
-            search = self._local.search = QPSearch(self._judge)
+            search = self._local.search = QPSearch(self._verifier)
         return search
 
-    def _by_branches(
-        self, target: Target, start: Array, note: str, rng: np.random.Generator | None, closest: bool
-    ) -> IKResult:
-        """The legal branch nearest to the start, or why there is none."""
-        judge = self._judge
-        raw = self.closed_form().solve_all(target.matrix, start)
+    def _compiled(self, matrices: Array, seeds: Array, workers: int) -> tuple[BranchTable, NDArray[np.bool_]]:
+        """The best branch of each of many poses, and which of them are successes."""
+        rows = self.closed_form().solve_batch(matrices, seeds, workers)
+        return rows, self._verifier.reached_rows(rows) & rows.within_limits
+
+    def _by_branches(self, request: Request) -> IKResult:
+        """The branch within the limits nearest to the seed, or why there is none."""
+        verifier, target = self._verifier, request.target
+        rows = self.closed_form().solve_all(target.matrix, request.seed)
         touched: IKResult | None = None
-        for index, legal in enumerate(raw.within_limits.tolist()):
-            if not legal:
+        for index, within in enumerate(rows.within_limits.tolist()):
+            if not within:
                 continue
-            q = raw.q[index]
-            errors = judge.measure(q, target)
-            if not judge.reached(q, errors):
+            q = rows.q[index]
+            errors = verifier.measure(q, target)
+            if not verifier.reached(q, errors):
                 continue
-            pairs = judge.touching(q)
-            if not (pairs and judge.rejects_contact):
-                message = joined(f"branch {index + 1} of {len(raw.q)}", note)
-                return judge.result(q, Status.OK, errors, message, touching=pairs)
-            message = joined(f"every legal branch touches itself; the nearest one at {pair_names(pairs)}", note)
-            touched = touched or judge.result(q, Status.IN_COLLISION, errors, message, touching=pairs)
+            pairs = verifier.touching(q)
+            if not (pairs and verifier.rejects_contact):
+                message = request.message(f"branch {index + 1} of {len(rows)}")
+                return verifier.result(q, Status.OK, errors, message, touching=pairs)
+            if touched is None:
+                status, why = diagnosis.of_contact("every branch within the limits touches itself; the nearest", pairs)
+                touched = verifier.result(q, status, errors, request.message(why), touching=pairs)
         if touched is not None:
             return touched
-        status, message = self._why_not(raw)
-        if not closest:
-            return judge.result(start, status, judge.measure(start, target), joined(message, note))
-        nearby = [np.clip(q, self.robot.lower, self.robot.upper) for q in raw.q]
-        return self.qp_search().closest(target, nearby, start, status, message, note, seeds.generator(rng))
-
-    def _why_not(self, raw: BranchTable) -> tuple[Status, str]:
-        """Status and sentence when no branch is legal."""
-        if not len(raw.q):
-            return Status.UNREACHABLE, "no configuration reaches this pose, whatever the limits"
-        legal = raw.within_limits
-        if legal.any():
-            return Status.NO_CONVERGENCE, (
-                f"a legal branch misses the target by {raw.position_error[legal].min():.3g} m and "
-                f"{raw.orientation_error[legal].min():.3g} rad, which is rounding and more than the tolerances allow"
-            )
-        excess = np.maximum(-raw.margin, 0.0)
-        best = int(np.argmin(excess.max(axis=1)))
-        broken = ", ".join(
-            f"{self.robot.joint_names[joint]} by {excess[best, joint]:.6g} rad"
-            for joint in np.flatnonzero(excess[best] > 0.0)
-        )
-        return Status.OUTSIDE_LIMITS, (f"each of the {len(raw.q)} branches breaks a limit; the mildest breaks {broken}")
+        outcome = diagnosis.of_branches(rows, self.robot.joint_names)
+        if request.closest:
+            nearby = [np.clip(q, self.robot.lower, self.robot.upper) for q in rows.q]
+            return self._qp_search().closest(request, outcome, nearby)
+        errors = verifier.measure(request.seed, target)
+        return verifier.result(request.seed, outcome.status, errors, request.message(outcome.message))
 
 
-def _rebuild(robot: Robot, frame: str, tool: pin.SE3 | None, settings: Settings) -> IKSolver:
-    return IKSolver(robot, frame, tool=tool, **dataclasses.asdict(settings))
+def _rebuild(robot: Robot, frame: str, tool: pin.SE3 | None, options: Options) -> IKSolver:
+    return IKSolver(robot, frame, tool=tool, **dataclasses.asdict(options))
 
 
 def solve_ik(

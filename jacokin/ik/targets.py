@@ -1,4 +1,4 @@
-"""What a solver is asked for, checked once: a pose, or a position whose orientation is free."""
+"""Targets, checked once: a pose, or a position whose orientation is free."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from jacokin.model import checks, poses
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Target:
+class TargetPose:
     """A checked target in the base frame.
 
     Attributes:
@@ -27,16 +27,22 @@ class Target:
 
     @property
     def position(self) -> NDArray[np.float64]:
-        """(3,) where the tool shall be [m]."""
+        """(3,) position of the tool [m]."""
         return self.matrix[:3, 3]
 
     @property
     def rotation(self) -> NDArray[np.float64]:
-        """(3, 3) how the tool shall be turned."""
+        """(3, 3) orientation of the tool."""
         return self.matrix[:3, :3]
 
+    def moved_to(self, position: NDArray[np.float64]) -> TargetPose:
+        """The same target at another position (3,) [m]."""
+        matrix = self.matrix.copy()
+        matrix[:3, 3] = position
+        return TargetPose(matrix, self.position_only)
 
-def checked(target: pin.SE3 | ArrayLike, name: str = "target") -> Target:
+
+def checked(target: pin.SE3 | ArrayLike, name: str = "target") -> TargetPose:
     """A target from a `pin.SE3`, a homogeneous matrix (4, 4), or a position (3,) [m].
 
     Raises:
@@ -50,8 +56,8 @@ def checked(target: pin.SE3 | ArrayLike, name: str = "target") -> Target:
                 f"{name} must be a pin.SE3, a (4, 4) matrix or a (3,) position, got {target!r}"
             ) from error
         if target.ndim == 1:
-            return Target(_at(checks.vector(name, target, 3, "m")), position_only=True)
-    return Target(poses.matrix_of(target, name), position_only=False)
+            return TargetPose(_at(checks.vector(name, target, 3, "m")), position_only=True)
+    return TargetPose(poses.matrix_of(target, name), position_only=False)
 
 
 def checked_batch(targets: Sequence[pin.SE3] | ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:

@@ -83,7 +83,7 @@ def track_path(
     if progress is not None and not callable(progress):
         raise InvalidInputError(f"progress must be callable with two counts, or None, got {progress!r}")
     points = lines.checked_waypoints(waypoints)
-    start, note = seeds.legal_seed(robot, seed)
+    start, note = seeds.seed_within_limits(robot, seed)
     tracker = Tracker(
         robot,
         frame,

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from jacokin.ik.pose_error import RADIAN_IN_METRES
-from jacokin.ik.targets import Target
+from jacokin.ik.targets import TargetPose
 from jacokin.model.robot import Robot
 
 Array = NDArray[np.float64]
@@ -24,8 +24,8 @@ MAX_ITERATIONS = 200
 TINY = 1e-12  # an error below this has no direction
 
 
-def refine(robot: Robot, frame: str, tool: pin.SE3 | None, target: Target, q: Array) -> Array:
-    """A legal configuration near `q` (dof,) [rad] whose measure is least around there."""
+def refine(robot: Robot, frame: str, tool: pin.SE3 | None, target: TargetPose, q: Array) -> Array:
+    """A configuration within the limits near `q` (dof,) [rad] whose measure is least around there."""
     bounds = [
         (low if math.isfinite(low) else None, high if math.isfinite(high) else None)
         for low, high in zip(robot.lower, robot.upper, strict=True)
@@ -42,7 +42,7 @@ def refine(robot: Robot, frame: str, tool: pin.SE3 | None, target: Target, q: Ar
 
 
 def _measure_and_gradient(
-    robot: Robot, frame: str, tool: pin.SE3 | None, target: Target
+    robot: Robot, frame: str, tool: pin.SE3 | None, target: TargetPose
 ) -> Callable[[Array], tuple[float, Array]]:
     def measure(q: Array) -> tuple[float, Array]:
         jacobian = robot.jacobian(q, frame)

@@ -11,16 +11,15 @@ from dataclasses import dataclass, replace
 
 import mink
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
 from jacokin.ik import pose_error
 from jacokin.ik.pose_error import RADIAN_IN_METRES
 from jacokin.ik.qp.backend import Backend, QPFailed
-from jacokin.ik.targets import Target
+from jacokin.ik.targets import TargetPose
+from jacokin.ik.verification import Verifier
 from jacokin.model import poses
 from jacokin.model.mujoco_twin.export import body_of_joint, to_spec
-from jacokin.model.robot import Robot
 
 Array = NDArray[np.float64]
 
@@ -61,27 +60,22 @@ class MultiStartQP:
         backend: the QP solver, which records what ran.
     """
 
-    def __init__(
-        self,
-        robot: Robot,
-        frame: str,
-        tool: pin.SE3 | None,
-        qp_solver: str,
-        position_tolerance: float,
-        orientation_tolerance: float,
-    ) -> None:
-        """Build the MuJoCo twin, the task and the limits.
+    def __init__(self, verifier: Verifier) -> None:
+        """Build the arm in MuJoCo, the task and the limits.
+
+        Args:
+            verifier: the robot, the frame, the tool and the tolerances.
 
         Raises:
-            UnknownNameError: unknown frame, or a QP solver that is not installed.
+            UnknownNameError: a QP solver that is not installed.
         """
-        self.backend = Backend(qp_solver)
+        options, robot, tool = verifier.options, verifier.robot, verifier.tool
+        self.backend = Backend(options.qp_solver)
+        self._verifier = verifier
         self._robot = robot
-        self._frame = frame
-        self._tool = tool
-        self._tolerance = np.array([position_tolerance, orientation_tolerance])
+        self._tolerance = options.position_tolerance, options.orientation_tolerance
         spec = to_spec(robot)
-        placed = robot.pin_model.frames[robot.frame_id(frame)]
+        placed = robot.pin_model.frames[verifier.frame_id]
         T_joint_tool = placed.placement if tool is None else placed.placement * tool
         joint = placed.parentJoint
         body = spec.body(body_of_joint(robot, joint))
@@ -93,12 +87,7 @@ class MultiStartQP:
         self._position_task = mink.FrameTask(TOOL_SITE, "site", position_cost=1.0, orientation_cost=0.0)
         self._search_task = mink.FrameTask(TOOL_SITE, "site", position_cost=1.0, orientation_cost=RADIAN_IN_METRES)
 
-    def measure(self, q: Array, target: Target) -> tuple[float, float]:
-        """Errors at `q` by Pinocchio: [m], [rad]."""
-        pose = self._robot.placement(q, self._robot.frame_id(self._frame))
-        return pose_error.errors(pose if self._tool is None else pose * self._tool, target)
-
-    def solve(self, target: Target, starts: Iterable[Array], before: Attempt | None = None) -> Attempt:
+    def solve(self, target: TargetPose, starts: Iterable[Array], before: Attempt | None = None) -> Attempt:
         """Descend from each start until one reaches the target; the best attempt when none does.
 
         The counts of the attempt go on from those of `before`.
@@ -114,7 +103,7 @@ class MultiStartQP:
         assert best is not None  # callers pass at least one start
         return replace(best, iterations=attempt.iterations, starts=attempt.starts)
 
-    def closest(self, target: Target, starts: Iterable[Array], before: Attempt | None = None) -> Attempt:
+    def closest(self, target: TargetPose, starts: Iterable[Array], before: Attempt | None = None) -> Attempt:
         """The least cost among the local minima that descents from the starts end in; counts as in `solve`."""
         from jacokin.ik.qp import closest
 
@@ -123,14 +112,14 @@ class MultiStartQP:
         last = ends[-1]
         ends.sort(key=lambda attempt: attempt.cost)
         for end in ends[:REFINED]:
-            q = closest.refine(self._robot, self._frame, self._tool, target, end.q)
-            ends.append(self._judged(replace(end, q=q), target))
+            q = closest.refine(self._robot, self._verifier.frame, self._verifier.tool, target, end.q)
+            ends.append(self._verified(replace(end, q=q), target))
         best = min(ends, key=lambda attempt: attempt.cost)
         return replace(best, iterations=last.iterations, starts=last.starts)
 
     def _ends(
         self,
-        target: Target,
+        target: TargetPose,
         starts: Iterable[Array],
         before: Attempt | None,
         descend: Callable[[Array], tuple[Array, int, bool]],
@@ -141,15 +130,15 @@ class MultiStartQP:
         for start in starts:
             q, spent, failed = descend(start)
             iterations, count = iterations + spent, count + 1
-            yield self._judged(Attempt(q, 0.0, 0.0, False, iterations, count, self.backend.used, failed), target)
+            yield self._verified(Attempt(q, 0.0, 0.0, False, iterations, count, self.backend.used, failed), target)
 
-    def _judged(self, attempt: Attempt, target: Target) -> Attempt:
+    def _verified(self, attempt: Attempt, target: TargetPose) -> Attempt:
         """The attempt with its errors measured, and whether it reaches the target inside the limits."""
-        errors = self.measure(attempt.q, target)
-        reached = bool((np.array(errors) <= self._tolerance).all()) and self._robot.within_limits(attempt.q)
+        errors = self._verifier.measure(attempt.q, target)
+        reached = self._verifier.reached(attempt.q, errors)
         return replace(attempt, position_error=errors[0], orientation_error=errors[1], reached=reached)
 
-    def _aim(self, task: mink.FrameTask, target: Target) -> mink.FrameTask:
+    def _aim(self, task: mink.FrameTask, target: TargetPose) -> mink.FrameTask:
         task.set_target(
             mink.SE3.from_rotation_and_translation(mink.SO3(poses.quat_wxyz(target.rotation)), target.position)
         )
@@ -181,7 +170,7 @@ class MultiStartQP:
             configuration.update(q)
         return q, MAX_ITERATIONS, False
 
-    def _search(self, task: mink.FrameTask, start: Array, target: Target) -> tuple[Array, int, bool]:
+    def _search(self, task: mink.FrameTask, start: Array, target: TargetPose) -> tuple[Array, int, bool]:
         """Levenberg-Marquardt: a step that makes things worse is taken back and damped more."""
         configuration, lower, upper = self._configuration, self._robot.lower, self._robot.upper
         weights = np.array([1.0] * 3 + [0.0 if target.position_only else RADIAN_IN_METRES] * 3)

@@ -18,7 +18,9 @@ from numpy.typing import NDArray
 
 from jacokin.errors import PhysicsError
 from jacokin.ik import targets
+from jacokin.ik.options import Options
 from jacokin.ik.solver import IKSolver
+from jacokin.ik.verification import Verifier
 from jacokin.model.angles import TURN
 from jacokin.mujoco_bridge.control.scene_chain import SITE, SceneChain, scene_chain
 from jacokin.mujoco_bridge.simulation.physics import Physics
@@ -29,10 +31,6 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 RandomState = np.random.RandomState | np.random.Generator
 Bounds = tuple[Array, Array]
-
-POSITION_TOLERANCE = 1e-6  # [m] of a success; the closed form is far more accurate
-ORIENTATION_TOLERANCE = 1e-6  # [rad]
-QP_SOLVER = "daqp"
 
 
 class SiteSolver:
@@ -73,7 +71,7 @@ class SiteSolver:
         self._chain = scene_chain(self._model, self._data.qpos, self._joints, self._site)
         robot = self._chain.robot
         self._solver = IKSolver(robot, SITE)
-        self.has_closed_form = self._solver.applies()
+        self.has_closed_form = self._solver.has_closed_form
         self._qp: MultiStartQP | None = None
         kinds = self._model.jnt_type[list(self._chain.joints)]
         self._wraps: list[int] = np.flatnonzero(robot.unlimited & (kinds == mujoco.mjtJoint.mjJNT_HINGE)).tolist()
@@ -146,7 +144,7 @@ class SiteSolver:
         if self._qp is None:
             from jacokin.ik.qp.multistart import MultiStartQP  # imports mink, which arms with a closed form do not need
 
-            self._qp = MultiStartQP(self._chain.robot, SITE, None, QP_SOLVER, POSITION_TOLERANCE, ORIENTATION_TOLERANCE)
+            self._qp = MultiStartQP(Verifier(self._chain.robot, SITE, None, Options()))
         for start in starts:
             attempt = self._qp.solve(target, [start])
             if attempt.reached:

@@ -1,0 +1,104 @@
+"""Why a target is not reached: the one place that chooses UNREACHABLE, OUTSIDE_LIMITS, IN_COLLISION and the others."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jacokin.ik.results import Status
+
+if TYPE_CHECKING:
+    from jacokin.ik.closed_form import BranchTable
+    from jacokin.ik.qp.multistart import Attempt
+    from jacokin.ik.targets import TargetPose
+    from jacokin.ik.verification import Verifier
+
+Array = NDArray[np.float64]
+
+NAMED_PAIRS = 3  # in a message; the result's `touching` has all
+REACH_SLACK = 1e-3  # [m] more than any tolerance: a bound that can be trusted
+FARTHEST = 10.0  # arm lengths: from there on only the direction to the target matters
+
+
+class Outcome(NamedTuple):
+    """A status and the sentence with the numbers of this solve."""
+
+    status: Status
+    message: str
+
+
+def of_branches(rows: BranchTable, joint_names: Sequence[str]) -> Outcome:
+    """When no branch of the closed form is a success: there is none, or each breaks a limit."""
+    if not len(rows):
+        return Outcome(Status.UNREACHABLE, "no configuration reaches this pose, whatever the limits")
+    within = rows.within_limits
+    if within.any():
+        return Outcome(
+            Status.NO_CONVERGENCE,
+            f"a branch within the limits misses the target by {rows.position_error[within].min():.3g} m and "
+            f"{rows.orientation_error[within].min():.3g} rad, which is rounding and more than the tolerances allow",
+        )
+    excess = np.maximum(-rows.margin, 0.0)
+    best = int(np.argmin(excess.max(axis=1)))
+    broken = ", ".join(
+        f"{joint_names[joint]} by {excess[best, joint]:.6g} rad"
+        for joint in np.flatnonzero(excess[best] > 0.0).tolist()
+    )
+    return Outcome(
+        Status.OUTSIDE_LIMITS, f"each of the {len(rows)} branches breaks a limit; the mildest breaks {broken}"
+    )
+
+
+def of_descents(attempt: Attempt) -> Outcome:
+    """When no descent of the QP reaches the target: that proves nothing, unless the solver itself failed."""
+    if attempt.failed:
+        return Outcome(Status.SOLVER_ERROR, "no QP solver solved the step")
+    return Outcome(Status.NO_CONVERGENCE, f"{attempt.starts} starts ended in local minima")
+
+
+def of_contact(what: str, nearest: Sequence[tuple[str, str]]) -> Outcome:
+    """When every configuration that reaches the target is in self-contact.
+
+    Args:
+        what: which configurations those are, and which one is named.
+        nearest: the pairs of shapes that touch at that one.
+    """
+    named = ", ".join(f"{a} and {b}" for a, b in nearest[:NAMED_PAIRS])
+    more = len(nearest) - NAMED_PAIRS
+    return Outcome(
+        Status.IN_COLLISION, f"{what} at {named} and {more} more pairs" if more > 0 else f"{what} at {named}"
+    )
+
+
+class Reach:
+    """A ball around the origin of joint 1 that the tool cannot leave: the links laid end to end."""
+
+    def __init__(self, verifier: Verifier) -> None:
+        """Add up the links; the radius is infinite when a sliding joint has no limits."""
+        model, robot = verifier.robot.pin_model, verifier.robot
+        lengths = [float(np.linalg.norm(model.jointPlacements[joint].translation)) for joint in range(2, model.njoints)]
+        placed = model.frames[verifier.frame_id].placement
+        tip = placed if verifier.tool is None else placed * verifier.tool
+        lengths.append(float(np.linalg.norm(tip.translation)))
+        slides = [joint for joint in range(1, model.njoints) if "Prismatic" in model.joints[joint].shortname()]
+        lengths.extend(float(max(abs(robot.lower[j - 1]), abs(robot.upper[j - 1]))) for j in slides)
+        self._shoulder: Array = np.array(model.jointPlacements[1].translation)
+        self._radius = sum(lengths)
+
+    def exceeded(self, target: TargetPose) -> Outcome | None:
+        """When the target is provably out of reach, whatever the joint angles."""
+        if math.hypot(*(target.position - self._shoulder).tolist()) <= self._radius + REACH_SLACK:
+            return None
+        return Outcome(Status.UNREACHABLE, "the target is farther away than the arm is long")
+
+    def pulled_in(self, target: TargetPose) -> TargetPose:
+        """A target very far away, moved along the line of sight to where its errors are still exact to a micrometre."""
+        away = target.position - self._shoulder
+        distance = math.hypot(*away.tolist())
+        if not distance > FARTHEST * self._radius:
+            return target
+        return target.moved_to(self._shoulder + away / distance * (FARTHEST * self._radius))
