@@ -72,8 +72,8 @@ def solve(
     closest: bool,
 ) -> BatchResult:
     """See `IKSolver.solve_batch`."""
-    if isinstance(workers, bool) or not isinstance(workers, int | np.integer) or workers < 1:
-        raise InvalidInputError(f"workers must be a whole number >= 1, got {workers!r}")
+    workers = checks.whole_number("workers", workers, lowest=1)
+    closest = checks.flag("closest", closest)
     matrices, position_only = checked_batch(targets)
     if progress is not None and not callable(progress):
         raise InvalidInputError(f"progress must be callable, got {progress!r}")

@@ -43,11 +43,8 @@ def of_branches(rows: BranchTable, joint_names: Sequence[str]) -> Outcome:
             f"{rows.orientation_error[within].min():.3g} rad, which is rounding and more than the tolerances allow",
         )
     excess = np.maximum(-rows.margin, 0.0)
-    best = int(np.argmin(excess.max(axis=1)))
-    broken = ", ".join(
-        f"{joint_names[joint]} by {excess[best, joint]:.6g} rad"
-        for joint in np.flatnonzero(excess[best] > 0.0).tolist()
-    )
+    mildest = excess[np.argmin(excess.max(axis=1))].tolist()
+    broken = ", ".join(f"{name} by {by:.6g} rad" for name, by in zip(joint_names, mildest, strict=True) if by > 0.0)
     return Outcome(
         Status.OUTSIDE_LIMITS, f"each of the {len(rows)} branches breaks a limit; the mildest breaks {broken}"
     )

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
-import numpy as np
-
-from jacokin.errors import InvalidInputError, UnknownNameError
+from jacokin.model import checks
 
 METHODS = ("auto", "closed_form", "qp")
 COLLISION = ("ignore", "report", "reject")
@@ -49,30 +46,9 @@ class Options:
 
     def __post_init__(self) -> None:
         """Check every option once."""
-        for kind, given, valid in (("method", self.method, METHODS), ("collision", self.collision, COLLISION)):
-            if given not in valid:
-                raise UnknownNameError(kind, given, valid)
-        for name, value in (
-            ("position_tolerance", self.position_tolerance),
-            ("orientation_tolerance", self.orientation_tolerance),
-        ):
-            if not (_is_number(value) and math.isfinite(value) and value > 0.0):
-                raise InvalidInputError(f"{name} must be positive and finite, got {value!r}")
-        if not (_is_number(self.limit_snap) and math.isfinite(self.limit_snap) and self.limit_snap >= 0.0):
-            raise InvalidInputError(f"limit_snap must be finite and >= 0 [rad], got {self.limit_snap!r}")
-        checked_restarts(self.max_restarts)
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
-
-
-def checked_restarts(value: int) -> int:
-    """A number of random starts.
-
-    Raises:
-        InvalidInputError: not a whole number >= 0.
-    """
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 0:
-        raise InvalidInputError(f"max_restarts must be a whole number >= 0, got {value!r}")
-    return int(value)
+        checks.choice("method", self.method, METHODS)
+        checks.choice("collision", self.collision, COLLISION)
+        checks.positive("position_tolerance", self.position_tolerance, "m")
+        checks.positive("orientation_tolerance", self.orientation_tolerance, "rad")
+        checks.non_negative("limit_snap", self.limit_snap, "rad")
+        checks.whole_number("max_restarts", self.max_restarts)

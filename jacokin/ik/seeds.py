@@ -44,16 +44,6 @@ def seed_within_limits(robot: Robot, seed: ArrayLike | None, name: str = "seed")
     return inside, f"the seed was outside the limits of {names} and was moved inside"
 
 
-def check_rng(rng: np.random.Generator | None) -> None:
-    """Refuse what is not a generator.
-
-    Raises:
-        InvalidInputError: neither a Generator nor None.
-    """
-    if rng is not None and not isinstance(rng, np.random.Generator):
-        raise InvalidInputError(f"rng must be a numpy.random.Generator or None, got {type(rng).__name__}")
-
-
 def starts(robot: Robot, first: list[Array], restarts: int, rng: np.random.Generator) -> Iterator[Array]:
     """The given configurations, then random ones within the limits; `1 + restarts` in all at most."""
     total = 1 + restarts

@@ -25,14 +25,13 @@ from jacokin.ik.options import (
     ORIENTATION_TOLERANCE,
     POSITION_TOLERANCE,
     Options,
-    checked_restarts,
 )
 from jacokin.ik.request import Request
 from jacokin.ik.results import BatchResult, Branches, IKResult, Status
-from jacokin.ik.seeds import check_rng, seed_within_limits
+from jacokin.ik.seeds import seed_within_limits
 from jacokin.ik.targets import checked as checked_target
 from jacokin.ik.verification import Verifier
-from jacokin.model import poses
+from jacokin.model import checks, poses
 from jacokin.model.loading import load_robot
 from jacokin.model.robot import Robot
 
@@ -180,20 +179,24 @@ class IKSolver:
                 limits is moved inside and the message says so.
             rng: randomness of the QP's restarts; None for a fixed seed.
             max_restarts: in place of the solver's own number of QP restarts.
-            closest: on failure, look for the closest configuration within the limits. False is quick: the result then holds the
-                seed, or the best end of the QP's starts.
+            closest: on failure, look for the closest configuration within the limits. False is quick: the result then
+                holds the seed, or the best end of the QP's starts.
 
         Returns:
-            The branch within the limits nearest to the seed, unlimited joints in the 2 pi copy nearest to it, measured by Pinocchio;
-            or the reason why there is none.
+            The branch within the limits nearest to the seed, unlimited joints in the 2 pi copy nearest to it, measured
+            by Pinocchio; or the reason why there is none.
 
         Raises:
             InvalidInputError: target or seed malformed; method="closed_form" with a position-only target.
         """
         wanted = checked_target(target)
         start, note = seed_within_limits(self.robot, seed)
-        check_rng(rng)
-        restarts = self._options.max_restarts if max_restarts is None else checked_restarts(max_restarts)
+        if rng is not None:
+            checks.generator("rng", rng)
+        restarts = self._options.max_restarts
+        if max_restarts is not None:
+            restarts = checks.whole_number("max_restarts", max_restarts)
+        checks.flag("closest", closest)
         if self.method == "closed_form" and wanted.position_only:
             raise InvalidInputError("the closed form needs an orientation; use method='auto' or 'qp' for positions")
         request = Request(wanted, start, note, rng, restarts, closest)

@@ -90,17 +90,3 @@ def _at(position: NDArray[np.float64]) -> NDArray[np.float64]:
     matrix = np.eye(4)
     matrix[:3, 3] = position
     return matrix
-
-
-def nearest_copy(q: NDArray[np.float64], seed: NDArray[np.float64], free: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """`q` with every free joint in the 2 pi copy nearest to the seed; (dof,) or (k, dof) [rad]."""
-    turns = np.round((seed - q) / (2.0 * np.pi))
-    return np.where(free, q + 2.0 * np.pi * turns, q)
-
-
-def circular_distance(
-    q: NDArray[np.float64], seed: NDArray[np.float64], free: NDArray[np.bool_]
-) -> NDArray[np.float64]:
-    """Euclidean distance to the seed [rad], the short way round on free joints; of (dof,) or (k, dof)."""
-    distance: NDArray[np.float64] = np.linalg.norm(nearest_copy(q, seed, free) - seed, axis=-1)
-    return distance

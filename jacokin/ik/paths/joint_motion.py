@@ -12,9 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from jacokin.errors import InvalidInputError, MissingExtraError
-from jacokin.ik import targets
 from jacokin.ik.tracking.checks import limits, positive, velocity_limits
-from jacokin.model import checks
+from jacokin.model import angles, checks
 from jacokin.model.robot import Robot
 
 Array = NDArray[np.float64]
@@ -77,7 +76,7 @@ def move_joints(
         raise InvalidInputError(f"robot must be a jacokin.Robot (see load_robot), got {type(robot).__name__}")
     step = positive("dt", dt, "s")
     start, end = (_legal(robot, q, name) for q, name in ((q_from, "q_from"), (q_to, "q_to")))
-    end = targets.nearest_copy(end, start, robot.unlimited)
+    end = angles.nearest_copy(end, start, robot.unlimited)
     velocity = velocity_limits(robot, velocity_limit)
     acceleration = limits("acceleration_limit", acceleration_limit, robot.dof, "rad/s^2")
     jerk = None if jerk_limit is None else limits("jerk_limit", jerk_limit, robot.dof, "rad/s^3")

@@ -15,7 +15,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from jacokin.errors import InvalidInputError, StructureError
-from jacokin.ik import seeds, targets
+from jacokin.ik import seeds
 from jacokin.ik.paths import lines
 from jacokin.ik.paths.lines import SampledPath
 from jacokin.ik.paths.result import BranchReport, PathResult
@@ -23,7 +23,7 @@ from jacokin.ik.solver import IKSolver
 from jacokin.ik.tracking.obstacles import Clearance
 from jacokin.ik.tracking.result import TrackerStep
 from jacokin.ik.tracking.tracker import Tracker
-from jacokin.model import checks
+from jacokin.model import angles, checks
 from jacokin.model.robot import Robot
 
 Array = NDArray[np.float64]
@@ -126,10 +126,10 @@ def start_branches(solver: IKSolver, pose: pin.SE3, seed: Array) -> list[Array]:
     rng = np.random.default_rng(seeds.DEFAULT_RANDOM_SEED)
     for first in (seed, *robot.sample(rng, QP_STARTS)):
         result = solver.solve(pose, seed=first, max_restarts=0, closest=False)
-        q = targets.nearest_copy(result.q, seed, robot.unlimited)
+        q = angles.nearest_copy(result.q, seed, robot.unlimited)
         if result.success and all(np.abs(q - other).max() > SAME_BRANCH for other in found):
             found.append(q)
-    return sorted(found, key=lambda q: float(targets.circular_distance(q, seed, robot.unlimited)))
+    return sorted(found, key=lambda q: float(angles.circular_distance(q, seed, robot.unlimited)))
 
 
 def _follow(tracker: Tracker, path: SampledPath, q: Array, progress: Callable[[int, int], None] | None) -> PathResult:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 import jacokin
 from jacokin.errors import InvalidInputError, ModelError, PhysicsError, UnknownNameError
-from jacokin.ik.targets import circular_distance
+from jacokin.model.angles import circular_distance
 from jacokin.mujoco_bridge import DOWN_QUATERNION, Arena, JacoArm, JacoHand, Physics, robots
 from jacokin.mujoco_bridge.props import Primitive
 from tests.mujoco_bridge.scenes import jaco_scene
