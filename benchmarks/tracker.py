@@ -14,8 +14,7 @@ import pinocchio as pin
 
 import jacokin
 from jacokin import Robot
-from jacokin.ik.tracking.obstacles import Clearance
-from jacokin.ik.tracking.tracker import Tracker
+from jacokin.ik import Clearance, Tracker
 from jacokin.model import poses, to_mujoco
 
 DT = 0.01  # [s]

@@ -30,16 +30,11 @@ if TYPE_CHECKING:
     from jacokin.ik.results import Status as Status
     from jacokin.ik.solver import IKSolver as IKSolver
     from jacokin.ik.solver import solve_ik as solve_ik
+    from jacokin.ik.tracking.clearance import Clearance as Clearance
     from jacokin.ik.tracking.objectives import LimitDistance as LimitDistance
     from jacokin.ik.tracking.objectives import Manipulability as Manipulability
     from jacokin.ik.tracking.objectives import Objective as Objective
     from jacokin.ik.tracking.objectives import Posture as Posture
-    from jacokin.ik.tracking.obstacles import Box as Box
-    from jacokin.ik.tracking.obstacles import Capsule as Capsule
-    from jacokin.ik.tracking.obstacles import Clearance as Clearance
-    from jacokin.ik.tracking.obstacles import Floor as Floor
-    from jacokin.ik.tracking.obstacles import Obstacle as Obstacle
-    from jacokin.ik.tracking.obstacles import Sphere as Sphere
     from jacokin.ik.tracking.result import TrackerStatus as TrackerStatus
     from jacokin.ik.tracking.result import TrackerStep as TrackerStep
     from jacokin.ik.tracking.targets import AxisTarget as AxisTarget
@@ -48,6 +43,11 @@ if TYPE_CHECKING:
     from jacokin.ik.tracking.targets import PositionTarget as PositionTarget
     from jacokin.ik.tracking.targets import RegionTarget as RegionTarget
     from jacokin.ik.tracking.tracker import Tracker as Tracker
+    from jacokin.model.obstacles import Box as Box
+    from jacokin.model.obstacles import Capsule as Capsule
+    from jacokin.model.obstacles import Floor as Floor
+    from jacokin.model.obstacles import Obstacle as Obstacle
+    from jacokin.model.obstacles import Sphere as Sphere
 
 __all__, __getattr__, __dir__ = lazy.door(
     __name__,
@@ -81,10 +81,10 @@ __all__, __getattr__, __dir__ = lazy.door(
             "Objective",
             "Posture",
         ),
-        "jacokin.ik.tracking.obstacles": (
+        "jacokin.ik.tracking.clearance": ("Clearance",),
+        "jacokin.model.obstacles": (
             "Box",
             "Capsule",
-            "Clearance",
             "Floor",
             "Obstacle",
             "Sphere",

@@ -7,12 +7,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, UnknownNameError
+
+Item = TypeVar("Item")
 
 FLOAT64 = np.dtype(np.float64)
 NUMBER_KINDS = "iuf"  # of NumPy's dtypes: no booleans, complex numbers, strings, dates or objects
@@ -113,6 +116,20 @@ def choice(kind: str, value: object, valid: Iterable[str]) -> str:
     if not isinstance(value, str) or value not in names:
         raise UnknownNameError(kind, value, names)
     return value
+
+
+def listed(name: str, items: Iterable[Item]) -> tuple[Item, ...]:
+    """The items of a list.
+
+    Raises:
+        InvalidInputError: not something that can be listed, or a string.
+    """
+    try:
+        if not isinstance(items, str | bytes):
+            return tuple(items)
+    except TypeError:
+        pass
+    raise InvalidInputError(f"{name} must be a list, got {type(items).__name__}")
 
 
 def generator(name: str, value: object) -> np.random.Generator:

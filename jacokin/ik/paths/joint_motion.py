@@ -9,14 +9,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, MissingExtraError
-from jacokin.ik.tracking.checks import limits, positive, velocity_limits
+from jacokin.ik.tracking.joint_limits import velocity_limits
 from jacokin.model import angles, checks
 from jacokin.model.robot import Robot
-
-Array = NDArray[np.float64]
 
 ACCELERATION = 1.0  # [rad/s^2] full speed in about 0.7 s; the maker publishes no figure, so this is a gentle guess
 
@@ -74,12 +73,12 @@ def move_joints(
     """
     if not isinstance(robot, Robot):
         raise InvalidInputError(f"robot must be a jacokin.Robot (see load_robot), got {type(robot).__name__}")
-    step = positive("dt", dt, "s")
+    step = checks.positive("dt", dt, "s")
     start, end = (_legal(robot, q, name) for q, name in ((q_from, "q_from"), (q_to, "q_to")))
     end = angles.nearest_copy(end, start, robot.unlimited)
     velocity = velocity_limits(robot, velocity_limit)
-    acceleration = limits("acceleration_limit", acceleration_limit, robot.dof, "rad/s^2")
-    jerk = None if jerk_limit is None else limits("jerk_limit", jerk_limit, robot.dof, "rad/s^3")
+    acceleration = checks.positive_vector("acceleration_limit", acceleration_limit, robot.dof, "rad/s^2")
+    jerk = None if jerk_limit is None else checks.positive_vector("jerk_limit", jerk_limit, robot.dof, "rad/s^3")
     try:
         import ruckig
     except ImportError:

@@ -14,11 +14,10 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
+from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.ik.pose_error import rotation_angle
 from jacokin.model import poses
-
-Array = NDArray[np.float64]
 
 WHOLE_TICK = 1e-9  # a duration this near to whole ticks is whole; division rounds
 MAX_TICKS = 10_000_000  # more than a day at 100 Hz: a speed or a step was mistyped

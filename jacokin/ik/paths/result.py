@@ -13,10 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin import files
+from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.model import checks
-
-Array = NDArray[np.float64]
 
 FORMATS = (".csv", ".npz")
 

@@ -12,21 +12,20 @@ from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, StructureError
 from jacokin.ik import seeds
 from jacokin.ik.paths import lines
 from jacokin.ik.paths.lines import SampledPath
 from jacokin.ik.paths.result import BranchReport, PathResult
 from jacokin.ik.solver import IKSolver
-from jacokin.ik.tracking.obstacles import Clearance
+from jacokin.ik.tracking.clearance import Clearance
 from jacokin.ik.tracking.result import TrackerStep
 from jacokin.ik.tracking.tracker import Tracker
 from jacokin.model import angles, checks
 from jacokin.model.robot import Robot
-
-Array = NDArray[np.float64]
 
 SPEED = 0.05  # [m/s]
 ANGULAR_SPEED = 0.5  # [rad/s]

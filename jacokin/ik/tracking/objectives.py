@@ -10,12 +10,11 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from jacokin.ik.tracking.checks import positive
+from jacokin.arrays import Array
+from jacokin.model import angles, checks
 from jacokin.model.robot import Robot
-
-Array = NDArray[np.float64]
 
 
 class Objective(Protocol):
@@ -39,13 +38,12 @@ class Posture:
 
     def __post_init__(self) -> None:
         """Check the rate; the tracker checks the configuration, as it knows the robot."""
-        positive("rate", self.rate, "1/s")
+        object.__setattr__(self, "rate", checks.positive("rate", self.rate, "1/s"))
 
     def velocity(self, robot: Robot, frame: str, q: Array) -> Array:
         """Towards the posture."""
         away = np.asarray(self.q, dtype=np.float64) - q
-        away = np.where(robot.unlimited, (away + np.pi) % (2.0 * np.pi) - np.pi, away)
-        return np.asarray(self.rate * away)
+        return self.rate * np.where(robot.unlimited, angles.wrap_to_pi(away), away)
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +58,7 @@ class Manipulability:
 
     def __post_init__(self) -> None:
         """Check the rate."""
-        positive("rate", self.rate, "1/s")
+        object.__setattr__(self, "rate", checks.positive("rate", self.rate, "1/s"))
 
     def velocity(self, robot: Robot, frame: str, q: Array) -> Array:
         """Gradient of log sqrt(det(J J^T)): trace(J^+ dJ/dq_k), damped where J is singular."""
@@ -82,7 +80,7 @@ class LimitDistance:
 
     def __post_init__(self) -> None:
         """Check the rate."""
-        positive("rate", self.rate, "1/s")
+        object.__setattr__(self, "rate", checks.positive("rate", self.rate, "1/s"))
 
     def velocity(self, robot: Robot, frame: str, q: Array) -> Array:
         """Towards the middle, growing with the cube of the relative distance from it."""

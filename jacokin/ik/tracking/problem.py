@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import mink
 import numpy as np
-from numpy.typing import NDArray
 
-from jacokin.ik.tracking.clearance import ClearanceGuard, Distances
+from jacokin.arrays import Array
+from jacokin.ik.qp.backend import Inequalities
+from jacokin.ik.tracking.distances import ClearanceGuard, Distances
 from jacokin.ik.tracking.objectives import Objective
-from jacokin.ik.tracking.tasks import Aim
+from jacokin.ik.tracking.tasks import Task
+from jacokin.model import checks
 from jacokin.model.robot import Robot
 
-Array = NDArray[np.float64]
+Quadratic = tuple[Array, Array]  # H (dof, dof) and g (dof,) of x H x / 2 + g x
 
 TIKHONOV = 1e-10  # keeps the QP strictly convex at singular poses
 NULL_WEIGHT = 1e-4  # of null-space motion; it competes with nothing, so only the order of magnitude matters
@@ -27,70 +29,81 @@ class Problem:
     """Minimise x H x / 2 + g x over displacements x [rad].
 
     Attributes:
-        rows: (k, dof) weighted rows W of the targets.
-        cost: squared weighted error e . e.
+        jacobian: (k, dof) weighted Jacobian of the tasks.
+        cost: squared weighted error of the tasks.
         hessian: (dof, dof) of everything that is kept when damping is raised.
         gradient: (dof,) of the same.
-        walls: rows and ends of half-spaces, or (None, None).
-        pushing: True when shapes are too near and are being moved apart.
+        inequalities: G and h of G x <= h, or (None, None).
+        separating: True when shapes are too near and are being moved apart.
+        exits: see `Distances`.
     """
 
-    rows: Array
+    jacobian: Array
     cost: float
     hessian: Array
     gradient: Array
-    walls: tuple[Array, Array] | tuple[None, None]
-    pushing: bool
+    inequalities: Inequalities
+    separating: bool
+    exits: Mapping[int, Array]
 
-    def damped(self, damping: float, drift: tuple[Array, Array] | None) -> tuple[Array, Array]:
-        """Hessian and gradient with null-space motion and with damping relative to the squared error."""
+    def damped(self, damping: float, null_space: Quadratic | None) -> Quadratic:
+        """Hessian and gradient with the null-space objective and with damping relative to the squared error."""
         hessian, gradient = self.hessian.copy(), self.gradient
-        if drift is not None:
-            hessian += drift[0]
-            gradient = gradient + drift[1]
+        if null_space is not None:
+            hessian += null_space[0]
+            gradient = gradient + null_space[1]
         hessian.flat[:: len(gradient) + 1] += TIKHONOV + damping * self.cost
         return hessian, gradient
 
 
 def linearise(
     configuration: mink.Configuration,
-    aims: list[Aim],
+    tasks: list[Task],
     guard: ClearanceGuard | None,
     distances: Distances | None,
 ) -> Problem:
-    """The problem at the configuration, without null-space motion."""
-    if len(aims) == 1:
-        rows, wanted = aims[0].rows(configuration), aims[0].wanted(configuration)
+    """The problem at the configuration, without the null-space objective."""
+    if len(tasks) == 1:
+        jacobian, error = tasks[0].jacobian(configuration), tasks[0].error(configuration)
     else:
-        rows = np.vstack([aim.rows(configuration) for aim in aims])
-        wanted = np.concatenate([aim.wanted(configuration) for aim in aims])
-    walls = [wall for aim in aims if (wall := aim.walls(configuration)) is not None]
-    hessian, gradient, pushing = rows.T @ rows, -(wanted @ rows), False
+        jacobian = np.vstack([task.jacobian(configuration) for task in tasks])
+        error = np.concatenate([task.error(configuration) for task in tasks])
+    inequalities = [found for task in tasks if (found := task.inequalities(configuration)) is not None]
+    hessian, gradient, separating = jacobian.T @ jacobian, -(error @ jacobian), False
+    exits: Mapping[int, Array] = {}
     if guard is not None and distances is not None and distances.near.size:
-        contact = guard.linearise(configuration.data, distances)
-        walls.append(contact.walls)
-        if contact.wanted.size:
-            pushing = True
-            hessian = hessian + contact.pushes.T @ contact.pushes
-            gradient = gradient - contact.wanted @ contact.pushes
-    stacked = (np.vstack([w[0] for w in walls]), np.concatenate([w[1] for w in walls])) if walls else (None, None)
-    return Problem(rows, float(wanted @ wanted), hessian, gradient, stacked, pushing)
+        separation = guard.linearise(configuration.data, distances)
+        inequalities.append(separation.inequalities)
+        exits = separation.exits
+        if separation.error.size:
+            separating = True
+            hessian = hessian + separation.jacobian.T @ separation.jacobian
+            gradient = gradient - separation.error @ separation.jacobian
+    stacked: Inequalities = (None, None)
+    if inequalities:
+        stacked = np.vstack([G for G, _ in inequalities]), np.concatenate([h for _, h in inequalities])
+    return Problem(jacobian, float(error @ error), hessian, gradient, stacked, separating, exits)
 
 
-def null_motion(
-    robot: Robot, frame: str, q: Array, rows: Array, objectives: Sequence[Objective], step_limit: Array, dt: float
-) -> tuple[Array, Array]:
-    """Hessian and gradient that move the null space of the rows as the objectives would like.
+def null_space_objective(
+    robot: Robot, frame: str, q: Array, jacobian: Array, objectives: Sequence[Objective], step_limit: Array, dt: float
+) -> Quadratic:
+    """Hessian and gradient that move the null space of the tasks as the objectives want.
 
-    The projector N = I - V V^T leaves out the directions V the targets control, so to first order no target moves.
+    The projector N = I - V V^T leaves out the directions V that the tasks control, so to first order no task error
+    changes.
+
+    Raises:
+        InvalidInputError: an objective returns something else than a joint velocity.
     """
-    wish = np.zeros(robot.dof)
+    displacement = np.zeros(robot.dof)
     for objective in objectives:
-        wish += objective.velocity(robot, frame, q) * dt
-    part = float(np.max(np.abs(wish) / step_limit))
+        name = f"{type(objective).__name__}.velocity()"
+        displacement += checks.vector(name, objective.velocity(robot, frame, q), robot.dof, "rad/s") * dt
+    part = float(np.max(np.abs(displacement) / step_limit))
     if part > NULL_SPEED:
-        wish *= NULL_SPEED / part
-    _, singular, right = np.linalg.svd(rows)
+        displacement *= NULL_SPEED / part
+    _, singular, right = np.linalg.svd(jacobian)
     controlled = right[: singular.size][singular > RANK * max(float(singular[0]), np.finfo(float).tiny)]
     projector = NULL_WEIGHT * (np.eye(robot.dof) - controlled.T @ controlled)
-    return projector, -(projector @ wish)
+    return projector, -(projector @ displacement)

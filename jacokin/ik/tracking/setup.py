@@ -1,4 +1,4 @@
-"""What the tracker is built from, checked once."""
+"""The arguments of the tracker, checked once, and the parts that are built from them."""
 
 from __future__ import annotations
 
@@ -8,25 +8,41 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from jacokin.errors import InvalidInputError, UnknownNameError
-from jacokin.ik.tracking import obstacles
-from jacokin.ik.tracking.acceleration import Follower
-from jacokin.ik.tracking.aims import TOOL_SITE, Aims
-from jacokin.ik.tracking.checks import limits, listed, positive, velocity_limits
-from jacokin.ik.tracking.clearance import ClearanceGuard
-from jacokin.ik.tracking.joint_bounds import JointBox
+from jacokin.arrays import Array
+from jacokin.errors import InvalidInputError
+from jacokin.ik.tracking.clearance import Clearance, compile_with
+from jacokin.ik.tracking.distances import ClearanceGuard
+from jacokin.ik.tracking.joint_limits import Follower, JointBox, velocity_limits
 from jacokin.ik.tracking.objectives import Objective, Posture
-from jacokin.ik.tracking.obstacles import Clearance
+from jacokin.ik.tracking.task_factory import TOOL_SITE, TaskFactory
 from jacokin.model import checks, poses
 from jacokin.model.mujoco_twin.export import body_of_joint, to_spec
 from jacokin.model.robot import Robot
 
-Array = NDArray[np.float64]
-
+# Kinova publishes no repeatability of the arm; these are choices: finer than what a gripper notices.
+POSITION_TOLERANCE = 1e-4  # [m]
+ORIENTATION_TOLERANCE = 1e-3  # [rad] moves the fingertips, 0.1 m from the tool frame, by the same distance
 LIMIT_NOISE = 0.01  # [rad] an encoder may report a joint this far past its limit
+
 TWIST_REFERENCES = ("local_world_aligned", "local", "world")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Options:
+    """The arguments of `Tracker` as the user gave them; documented there."""
+
+    frame: str | None
+    dt: float
+    tool: pin.SE3 | ArrayLike | None
+    velocity_limit: ArrayLike | None
+    acceleration_limit: ArrayLike | None
+    collision: Clearance | None
+    posture: ArrayLike | None
+    objectives: Sequence[Objective]
+    position_tolerance: float
+    orientation_tolerance: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,64 +56,71 @@ class Parts:
     box: JointBox
     follower: Follower | None
     guard: ClearanceGuard | None
-    aims: Aims
+    tasks: TaskFactory
     objectives: tuple[Objective, ...]
+    position_tolerance: float
+    orientation_tolerance: float
 
 
-def prepare(
-    robot: Robot,
-    frame: str | None,
-    dt: float,
-    tool: pin.SE3 | ArrayLike | None,
-    velocity_limit: ArrayLike | None,
-    acceleration_limit: ArrayLike | None,
-    collision: Clearance | None,
-    posture: ArrayLike | None,
-    objectives: Sequence[Objective],
-) -> Parts:
-    """Check the arguments of `Tracker` and build its parts; errors as there."""
+def prepare(robot: Robot, options: Options) -> Parts:
+    """Check the options and build the parts; errors as in `Tracker`."""
     if not isinstance(robot, Robot):
         raise InvalidInputError(f"robot must be a jacokin.Robot (see load_robot), got {type(robot).__name__}")
-    name = robot.default_frame if frame is None else frame
-    moving_frame(robot, name)
-    step = positive("dt", dt, "s")
-    velocity = velocity_limits(robot, velocity_limit)
-    acceleration = None if acceleration_limit is None else limits("acceleration_limit", acceleration_limit, robot.dof)
-    wishes = listed("objectives", objectives)
-    if posture is not None:
-        wishes = (Posture(posture), *wishes)
-    for wish in wishes:
-        if isinstance(wish, Posture):
-            robot.configuration(wish.q, "posture")
-        elif not callable(getattr(wish, "velocity", None)):
-            raise InvalidInputError(f"objectives must have a velocity() method, got {type(wish).__name__}")
-    model, pairs = _model(robot, name, tool, collision)
-    guard = ClearanceGuard(model, pairs, collision.distance, velocity, step) if collision is not None else None
-    box = JointBox(robot.joint_names, robot.lower, robot.upper, velocity, step)
-    follower = None if acceleration is None else Follower(robot.joint_names, box, acceleration, step)
-    return Parts(name, step, velocity, model, box, follower, guard, Aims(robot, model), wishes)
+    frame = robot.default_frame if options.frame is None else options.frame
+    check_moving_frame(robot, frame)
+    dt = checks.positive("dt", options.dt, "s")
+    velocity = velocity_limits(robot, options.velocity_limit)
+    box = JointBox(robot.joint_names, robot.lower, robot.upper, velocity, dt)
+    follower = None
+    if options.acceleration_limit is not None:
+        acceleration = checks.positive_vector("acceleration_limit", options.acceleration_limit, robot.dof, "rad/s^2")
+        follower = Follower(robot.joint_names, box, acceleration, dt)
+    collision = options.collision
+    model, pairs = _twin(robot, frame, options.tool, collision)
+    guard = None if collision is None else ClearanceGuard(model, pairs, collision.distance, velocity, dt)
+    return Parts(
+        frame=frame,
+        dt=dt,
+        velocity=velocity,
+        model=model,
+        box=box,
+        follower=follower,
+        guard=guard,
+        tasks=TaskFactory(robot, model),
+        objectives=_objectives(robot, options),
+        position_tolerance=checks.positive("position_tolerance", options.position_tolerance, "m"),
+        orientation_tolerance=checks.positive("orientation_tolerance", options.orientation_tolerance, "rad"),
+    )
 
 
-def _model(
+def _objectives(robot: Robot, options: Options) -> tuple[Objective, ...]:
+    objectives = checks.listed("objectives", options.objectives)
+    if options.posture is not None:
+        objectives = (Posture(options.posture), *objectives)
+    for objective in objectives:
+        if isinstance(objective, Posture):
+            robot.configuration(objective.q, "posture")
+        elif not callable(getattr(objective, "velocity", None)):
+            raise InvalidInputError(f"objectives must have a velocity() method, got {type(objective).__name__}")
+    return objectives
+
+
+def _twin(
     robot: Robot, frame: str, tool: pin.SE3 | ArrayLike | None, collision: Clearance | None
 ) -> tuple[mujoco.MjModel, list[tuple[int, int]]]:
-    """The twin with a site at the tool; with shapes and obstacles where something is kept apart."""
+    """The robot in MuJoCo with a site at the tool; with shapes, obstacles and their pairs where they are kept apart."""
     if collision is not None and not isinstance(collision, Clearance):
-        raise InvalidInputError(
-            f"collision must be a jacokin.ik.tracking.obstacles.Clearance or None, got {collision!r}"
-        )
+        raise InvalidInputError(f"collision must be a jacokin.ik.Clearance or None, got {checks.shown(collision)}")
     placed = robot.pin_model.frames[robot.frame_id(frame)]
     T_joint_tool = placed.placement if tool is None else placed.placement * poses.checked_pose(tool, "tool")
     spec = to_spec(robot, geometry=collision is not None)
     spec.body(body_of_joint(robot, placed.parentJoint)).add_site(
         name=TOOL_SITE, pos=T_joint_tool.translation, quat=poses.quat_wxyz(T_joint_tool.rotation)
     )
-    if collision is None:
-        return spec.compile(), []
-    return obstacles.compile_with(spec, robot, collision)
+    return (spec.compile(), []) if collision is None else compile_with(spec, robot.name, collision)
 
 
-def moving_frame(robot: Robot, frame: str) -> None:
+def check_moving_frame(robot: Robot, frame: str) -> None:
     """Refuse frames that do not exist or do not move.
 
     Raises:
@@ -109,13 +132,8 @@ def moving_frame(robot: Robot, frame: str) -> None:
         raise InvalidInputError(f"frame {frame!r} is fixed to the base and cannot follow a target; {moving} move")
 
 
-def tolerances(position: float, orientation: float) -> tuple[float, float]:
-    """Checked tolerances [m], [rad]."""
-    return positive("position_tolerance", position, "m"), positive("orientation_tolerance", orientation, "rad")
-
-
-def start(robot: Robot, q: ArrayLike | None) -> Array:
-    """A legal configuration (dof,) [rad], read-only; noise past a limit is removed.
+def checked_start(robot: Robot, q: ArrayLike | None) -> Array:
+    """A configuration (dof,) [rad] within the limits, read-only; noise past a limit is removed. None is home.
 
     Raises:
         InvalidInputError: malformed or outside the limits.
@@ -123,25 +141,24 @@ def start(robot: Robot, q: ArrayLike | None) -> Array:
     if q is None:
         return robot.home
     angles = robot.configuration(q)
-    legal = np.clip(angles, robot.lower, robot.upper)
-    joint = int(np.argmax(np.abs(angles - legal)))
-    if abs(angles[joint] - legal[joint]) > LIMIT_NOISE:
+    inside = np.clip(angles, robot.lower, robot.upper)
+    joint = int(np.argmax(np.abs(angles - inside)))
+    if abs(angles[joint] - inside[joint]) > LIMIT_NOISE:
         raise InvalidInputError(
             f"q puts {robot.joint_names[joint]} at {angles[joint]:.6g} rad, outside "
             f"[{robot.lower[joint]:.6g}, {robot.upper[joint]:.6g}]"
         )
-    return checks.read_only(legal)
+    return checks.read_only(inside)
 
 
-def moved(pose: pin.SE3, twist: ArrayLike, reference: str, dt: float) -> pin.SE3:
+def moved_by_twist(pose: pin.SE3, twist: ArrayLike, reference: str, dt: float) -> pin.SE3:
     """A pose after moving along a twist (6,) for `dt` [s].
 
     Raises:
         InvalidInputError: the twist is malformed.
         UnknownNameError: the reference is unknown.
     """
-    if reference not in TWIST_REFERENCES:
-        raise UnknownNameError("reference", reference, TWIST_REFERENCES)
+    checks.choice("reference", reference, TWIST_REFERENCES)
     motion = checks.vector("twist", twist, 6, "m/s, rad/s") * dt
     if reference == "local":
         return pose * pin.exp6(motion)

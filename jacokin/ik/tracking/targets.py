@@ -9,17 +9,15 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
-from jacokin.ik.tracking.checks import positive
 from jacokin.model import checks, poses
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Target:
+class TrackingTarget:
     """What all targets share.
 
     Attributes:
@@ -32,47 +30,47 @@ class Target:
 
     def __post_init__(self) -> None:
         """Check the weight."""
-        positive("weight", self.weight, "1")
+        object.__setattr__(self, "weight", checks.positive("weight", self.weight))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class PoseTarget(Target):
+class PoseTarget(TrackingTarget):
     """Position and orientation: T_base_frame as `pin.SE3` or (4, 4)."""
 
     pose: pin.SE3 | ArrayLike
 
     def __post_init__(self) -> None:
         """Check the pose."""
-        Target.__post_init__(self)
+        TrackingTarget.__post_init__(self)
         object.__setattr__(self, "pose", poses.checked_pose(self.pose, "pose"))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class PositionTarget(Target):
+class PositionTarget(TrackingTarget):
     """Position (3,) [m]; the orientation is free."""
 
     position: ArrayLike
 
     def __post_init__(self) -> None:
         """Check the position."""
-        Target.__post_init__(self)
+        TrackingTarget.__post_init__(self)
         object.__setattr__(self, "position", checks.read_only(checks.vector("position", self.position, 3, "m")))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class OrientationTarget(Target):
+class OrientationTarget(TrackingTarget):
     """Orientation (3, 3); the position is free."""
 
     rotation: ArrayLike
 
     def __post_init__(self) -> None:
         """Check the rotation."""
-        Target.__post_init__(self)
+        TrackingTarget.__post_init__(self)
         object.__setattr__(self, "rotation", checks.read_only(poses.checked_rotation("rotation", self.rotation)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class AxisTarget(Target):
+class AxisTarget(TrackingTarget):
     """One axis of the frame points in a direction; the rotation about it and the position are free.
 
     Attributes:
@@ -85,13 +83,13 @@ class AxisTarget(Target):
 
     def __post_init__(self) -> None:
         """Check and normalise both vectors."""
-        Target.__post_init__(self)
+        TrackingTarget.__post_init__(self)
         object.__setattr__(self, "direction", _unit("direction", self.direction))
         object.__setattr__(self, "axis", _unit("axis", self.axis))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class RegionTarget(Target):
+class RegionTarget(TrackingTarget):
     """The position stays in a box along the base's axes; inside it, the position is free.
 
     Attributes:
@@ -104,16 +102,16 @@ class RegionTarget(Target):
 
     def __post_init__(self) -> None:
         """Check the corners."""
-        Target.__post_init__(self)
+        TrackingTarget.__post_init__(self)
         corners = []
         for name in ("lower", "upper"):
+            value = getattr(self, name)
             try:
-                corner = np.array(getattr(self, name), dtype=np.float64)
+                corner = checks.read_only(checks.numbers(value))
             except (TypeError, ValueError) as error:
-                raise InvalidInputError(f"{name} must be 3 numbers [m], got {getattr(self, name)!r}") from error
+                raise InvalidInputError(f"{name} must be 3 numbers [m], got {checks.shown(value)}") from error
             if corner.shape != (3,) or np.isnan(corner).any():
-                raise InvalidInputError(f"{name} must be 3 numbers [m], got {corner.tolist()}")
-            corner.setflags(write=False)
+                raise InvalidInputError(f"{name} must be 3 numbers [m], got {checks.shown(value)}")
             object.__setattr__(self, name, corner)
             corners.append(corner)
         if not (corners[0] <= corners[1]).all():

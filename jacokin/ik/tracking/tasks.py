@@ -1,7 +1,7 @@
-"""Targets turned into least squares: how far off a frame is, and how the joints change that.
+"""Tasks: the error of a frame against its target, and the Jacobian of that error.
 
-Each aim gives rows W and e so that the displacement x of the joints is asked to meet W x = e, weights included, and
-measures its own error in metres and radians. Poses and orientations use mink's `FrameTask`.
+Each task gives a Jacobian J and an error e, weights included: a displacement x of the joints with J x = e reaches the
+target to first order. It also measures the error in metres and radians. Poses and orientations use mink's `FrameTask`.
 """
 
 from __future__ import annotations
@@ -13,18 +13,16 @@ import mink
 import mujoco
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from jacokin.arrays import Array
 from jacokin.ik import pose_error
 from jacokin.ik.pose_error import RADIAN_IN_METRES
 from jacokin.model import poses
 
-Array = NDArray[np.float64]
-
 FAR = 100.0  # [m] from the base; nothing beyond is within reach, and its error would drown all else in the QP
 
 
-def _in_sight(position: Array) -> Array:
+def _within_far(position: Array) -> Array:
     """The position (3,) [m], or if it is farther than `FAR` from the base, the one at `FAR` on the way there."""
     largest: float = max(map(abs, position.tolist()))  # a third of what numpy takes, at every tick
     if largest <= FAR:
@@ -33,7 +31,7 @@ def _in_sight(position: Array) -> Array:
     return np.asarray(FAR * direction / np.linalg.norm(direction))
 
 
-class Aim(ABC):
+class Task(ABC):
     """One target on one site of the MuJoCo twin."""
 
     def __init__(self, site: int, weight: float) -> None:
@@ -42,22 +40,22 @@ class Aim(ABC):
         self._weight = weight
 
     @abstractmethod
-    def wanted(self, configuration: mink.Configuration) -> Array:
-        """Weighted displacement e (k,) that would reach the target."""
+    def error(self, configuration: mink.Configuration) -> Array:
+        """Weighted error e (k,): what is missing to the target."""
 
     @abstractmethod
-    def rows(self, configuration: mink.Configuration) -> Array:
-        """Weighted rows W (k, dof)."""
+    def jacobian(self, configuration: mink.Configuration) -> Array:
+        """Weighted Jacobian J (k, dof)."""
 
     @abstractmethod
     def measure(self, data: mujoco.MjData) -> tuple[float, float]:
         """Distance [m] and angle [rad] to the target."""
 
-    def walls(self, configuration: mink.Configuration) -> tuple[Array, Array] | None:
-        """Half-spaces G x <= h that keep what is reached, or None."""
+    def inequalities(self, configuration: mink.Configuration) -> tuple[Array, Array] | None:
+        """G and h of G x <= h that keep what is reached, or None."""
         return None
 
-    def _jacobian(self, configuration: mink.Configuration) -> tuple[Array, Array]:
+    def _site_jacobian(self, configuration: mink.Configuration) -> tuple[Array, Array]:
         """Linear and angular rows (3, dof) each, in the axes of the base."""
         linear = np.empty((3, configuration.nv))
         angular = np.empty((3, configuration.nv))
@@ -65,7 +63,7 @@ class Aim(ABC):
         return linear, angular
 
 
-class PoseAim(Aim):
+class PoseTask(Task):
     """Position and orientation, or orientation alone."""
 
     def __init__(self, site: int, weight: float, name: str, *, orientation_only: bool = False) -> None:
@@ -79,15 +77,15 @@ class PoseAim(Aim):
         self._position, self._rotation = self._pose.translation, self._pose.rotation
 
     def set(self, pose: pin.SE3) -> None:
-        """Aim at T_base_frame."""
+        """Set T_base_frame."""
         self._position, self._rotation = pose.translation, pose.rotation
-        self._task.set_target(mink.SE3(np.concatenate([poses.quat_wxyz(self._rotation), _in_sight(self._position)])))
+        self._task.set_target(mink.SE3(np.concatenate([poses.quat_wxyz(self._rotation), _within_far(self._position)])))
 
-    def wanted(self, configuration: mink.Configuration) -> Array:
-        """Weighted SE(3) logarithm of the way to the target."""
+    def error(self, configuration: mink.Configuration) -> Array:
+        """Weighted SE(3) logarithm of T_frame_target."""
         return np.asarray(-self._cost * self._task.compute_error(configuration))
 
-    def rows(self, configuration: mink.Configuration) -> Array:
+    def jacobian(self, configuration: mink.Configuration) -> Array:
         """Weighted Jacobian of that logarithm."""
         return np.asarray(self._cost[:, None] * self._task.compute_jacobian(configuration))
 
@@ -100,41 +98,37 @@ class PoseAim(Aim):
         return math.hypot(*(data.site_xpos[self._site] - self._position).tolist()), angle
 
 
-class PositionAim(Aim):
+class PositionTask(Task):
     """Position alone."""
 
-    def __init__(self, site: int, weight: float) -> None:
-        """Start at the origin; `set` comes before use."""
+    def __init__(self, site: int, weight: float, position: Array) -> None:
+        """Keep the position (3,) [m]."""
         super().__init__(site, weight)
-        self._position = self._sought = np.zeros(3)
+        self._position, self._reachable = position, _within_far(position)
 
-    def set(self, position: Array) -> None:
-        """Aim at a position (3,) [m]."""
-        self._position, self._sought = position, _in_sight(position)
+    def error(self, configuration: mink.Configuration) -> Array:
+        """Weighted difference of the positions."""
+        return np.asarray(self._weight * (self._reachable - configuration.data.site_xpos[self._site]))
 
-    def wanted(self, configuration: mink.Configuration) -> Array:
-        """Weighted way to the position."""
-        return np.asarray(self._weight * (self._sought - configuration.data.site_xpos[self._site]))
-
-    def rows(self, configuration: mink.Configuration) -> Array:
+    def jacobian(self, configuration: mink.Configuration) -> Array:
         """Weighted linear Jacobian."""
-        return self._weight * self._jacobian(configuration)[0]
+        return self._weight * self._site_jacobian(configuration)[0]
 
     def measure(self, data: mujoco.MjData) -> tuple[float, float]:
         """Distance; the orientation is free."""
         return math.hypot(*(data.site_xpos[self._site] - self._position).tolist()), 0.0
 
 
-class AxisAim(Aim):
-    """One axis of the frame along a direction, by the shortest turn."""
+class AxisTask(Task):
+    """One axis of the frame along a direction, by the shortest rotation.
 
-    def __init__(self, site: int, weight: float) -> None:
-        """Start with z up; `set` comes before use."""
+    mink's `AxisAlignTask` takes the difference of the two unit vectors as the error. Its gradient vanishes where they
+    are opposite, so the arm would stay there; the rotation vector used here is longest there.
+    """
+
+    def __init__(self, site: int, weight: float, axis: Array, direction: Array) -> None:
+        """Keep a unit axis (3,) of the frame and the unit direction (3,) of the base to align it with."""
         super().__init__(site, weight)
-        self._axis = self._direction = np.array([0.0, 0.0, 1.0])
-
-    def set(self, axis: Array, direction: Array) -> None:
-        """Aim a unit axis (3,) of the frame along a unit direction (3,) of the base."""
         self._axis, self._direction = axis, direction
 
     def _now(self, data: mujoco.MjData) -> tuple[Array, Array, float]:
@@ -148,14 +142,14 @@ class AxisAim(Aim):
             sine = float(np.linalg.norm(turn))
         return points, turn * (angle / sine), angle
 
-    def wanted(self, configuration: mink.Configuration) -> Array:
-        """Weighted rotation vector of the shortest turn."""
+    def error(self, configuration: mink.Configuration) -> Array:
+        """Weighted rotation vector of the shortest rotation."""
         return self._weight * RADIAN_IN_METRES * self._now(configuration.data)[1]
 
-    def rows(self, configuration: mink.Configuration) -> Array:
+    def jacobian(self, configuration: mink.Configuration) -> Array:
         """Weighted angular Jacobian without the rotation about the axis."""
         points = self._now(configuration.data)[0]
-        angular = self._jacobian(configuration)[1]
+        angular = self._site_jacobian(configuration)[1]
         return self._weight * RADIAN_IN_METRES * (angular - np.outer(points, points @ angular))
 
     def measure(self, data: mujoco.MjData) -> tuple[float, float]:
@@ -163,35 +157,31 @@ class AxisAim(Aim):
         return 0.0, self._now(data)[2]
 
 
-class RegionAim(Aim):
+class RegionTask(Task):
     """Position inside a box: pulled in from outside, kept in once inside."""
 
-    def __init__(self, site: int, weight: float) -> None:
-        """Start with all of space; `set` comes before use."""
+    def __init__(self, site: int, weight: float, lower: Array, upper: Array) -> None:
+        """Keep the corners (3,) [m]."""
         super().__init__(site, weight)
-        self._lower, self._upper = np.full(3, -np.inf), np.full(3, np.inf)
-
-    def set(self, lower: Array, upper: Array) -> None:
-        """Aim at the box between two corners (3,) [m]."""
         self._lower, self._upper = lower, upper
 
-    def _way(self, data: mujoco.MjData) -> Array:
+    def _difference(self, data: mujoco.MjData) -> Array:
         position = data.site_xpos[self._site]
         return np.asarray(np.clip(position, self._lower, self._upper) - position)
 
-    def wanted(self, configuration: mink.Configuration) -> Array:
-        """Weighted way to the nearest point of the box."""
-        return self._weight * self._way(configuration.data)
+    def error(self, configuration: mink.Configuration) -> Array:
+        """Weighted difference to the nearest point of the box."""
+        return self._weight * self._difference(configuration.data)
 
-    def rows(self, configuration: mink.Configuration) -> Array:
+    def jacobian(self, configuration: mink.Configuration) -> Array:
         """Weighted linear Jacobian along the axes of the base in which the frame is outside."""
-        outside = (self._way(configuration.data) != 0.0).astype(np.float64)
-        return np.asarray(self._weight * outside[:, None] * self._jacobian(configuration)[0])
+        outside = (self._difference(configuration.data) != 0.0).astype(np.float64)
+        return np.asarray(self._weight * outside[:, None] * self._site_jacobian(configuration)[0])
 
-    def walls(self, configuration: mink.Configuration) -> tuple[Array, Array] | None:
-        """Faces of the box the frame must not pass, along the axes in which it is inside."""
+    def inequalities(self, configuration: mink.Configuration) -> tuple[Array, Array] | None:
+        """Faces of the box that the frame must not cross, along the axes in which it is inside."""
         position = configuration.data.site_xpos[self._site]
-        linear = self._jacobian(configuration)[0]
+        linear = self._site_jacobian(configuration)[0]
         normals = np.vstack([linear, -linear])
         gaps = np.concatenate([self._upper - position, position - self._lower])
         use = (gaps >= 0.0) & np.isfinite(gaps)
@@ -199,4 +189,4 @@ class RegionAim(Aim):
 
     def measure(self, data: mujoco.MjData) -> tuple[float, float]:
         """Distance to the box."""
-        return float(np.linalg.norm(self._way(data))), 0.0
+        return float(np.linalg.norm(self._difference(data))), 0.0

@@ -1,60 +1,48 @@
-"""`Tracker`: one QP a tick, from where the arm is towards a target, inside every limit. Read this file first.
+"""`Tracker`: one QP a tick, from where the arm is towards a target, within every limit. Read this file first.
 
 A tick asks for the joint displacement that brings the tool to its target, as least squares inside a box (velocity and
-position limits) and a few half-spaces (clearance). What the QP says of linearised kinematics is
-checked at the new configuration: a step that makes the error grow is taken again with more damping, one that brings
-shapes too near is shortened. So the error never oscillates and the limits hold exactly.
+position limits) and a few linear inequalities (clearance). What the QP says of linearised kinematics is checked at the
+new configuration: a step that makes the error grow is taken again with more damping, one that brings shapes too near is
+shortened. So the error never oscillates and the limits hold exactly.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
 
 import mink
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.ik import pose_error
-from jacokin.ik.qp.backend import QPFailed
-from jacokin.ik.tracking import setup as tracker_setup
-from jacokin.ik.tracking.clearance import Distances
+from jacokin.ik.qp.backend import Backend, QPFailed
+from jacokin.ik.tracking import setup
+from jacokin.ik.tracking.clearance import Clearance
 from jacokin.ik.tracking.objectives import Objective
-from jacokin.ik.tracking.obstacles import Clearance
-from jacokin.ik.tracking.problem import Problem, linearise, null_motion
+from jacokin.ik.tracking.problem import Problem, Quadratic, linearise, null_space_objective
 from jacokin.ik.tracking.result import TrackerStatus, TrackerStep
-from jacokin.ik.tracking.step_qp import StepQP
-from jacokin.ik.tracking.targets import Target
-from jacokin.ik.tracking.tasks import Aim
+from jacokin.ik.tracking.state import JointState, TrackerState
+from jacokin.ik.tracking.targets import TrackingTarget
+from jacokin.ik.tracking.tasks import Task
 from jacokin.model.robot import Robot
 
-Array = NDArray[np.float64]
-
-Drift = tuple[Array, Array]
-
-POSITION_TOLERANCE = 1e-4  # [m] a tenth of what the arm repeats
-ORIENTATION_TOLERANCE = 1e-3  # [rad] the same at the length of a hand
 NEGLIGIBLE = 0.1  # of the tolerances: an error below this may grow again
 DAMPING = (1e-2, 1e4)  # relative to the squared error: least, and where no step helps any more
 MORE_DAMPING, LESS_DAMPING = 10.0, 3.0  # factors after a step that makes the error grow, and after a good one
 RETRIES = 6  # QPs in one tick at most
 SHORTENINGS = 6  # halvings of a step that comes too near, before the arm stays
-STILL = 1e-5  # [rad/s] a slower arm stands
+STILL = 1e-5  # [rad/s] a slower arm stands still
 GROWTH_TIME = 0.25  # [s] of growing error until the target counts as lost
 GROWTH = 1e-7  # [m] an error must grow by this in a tick to count as growing
 
 
-class Place(NamedTuple):
-    """A configuration (dof,) [rad] and the distances of the shapes there."""
-
-    q: Array
-    distances: Distances | None
-
-
 class Tracker:
     """Follows targets with one robot and frame at a fixed rate.
+
+    A call that fails or is interrupted leaves the tracker as it was.
 
     Attributes:
         robot: the arm.
@@ -77,8 +65,8 @@ class Tracker:
         posture: ArrayLike | None = None,
         objectives: Sequence[Objective] = (),
         qp_solver: str = "daqp",
-        position_tolerance: float = POSITION_TOLERANCE,
-        orientation_tolerance: float = ORIENTATION_TOLERANCE,
+        position_tolerance: float = setup.POSITION_TOLERANCE,
+        orientation_tolerance: float = setup.ORIENTATION_TOLERANCE,
     ) -> None:
         """Build the QP's parts once.
 
@@ -92,8 +80,8 @@ class Tracker:
             acceleration_limit: (dof,) or one for all [rad/s^2]; None for none. A step that is shortened to keep
                 shapes apart may brake harder.
             collision: shapes to keep apart; None for none.
-            posture: (dof,) configuration [rad] to stay near with the freedom targets leave.
-            objectives: what else to do with that freedom, see `tracking_objectives`.
+            posture: (dof,) configuration [rad] to stay near with the freedom that targets leave.
+            objectives: what else to do with that freedom, see `Objective`.
             qp_solver: a QP solver installed for qpsolvers: "daqp", "quadprog", "osqp", "proxqp".
             position_tolerance: the target is reached this near [m].
             orientation_tolerance: the target is reached this near [rad].
@@ -104,33 +92,38 @@ class Tracker:
             UnknownNameError: unknown frame, QP solver or shape.
             ModelError: `collision` and the description has no shapes.
         """
-        parts = tracker_setup.prepare(
-            robot, frame, dt, tool, velocity_limit, acceleration_limit, collision, posture, objectives
+        options = setup.Options(
+            frame=frame,
+            dt=dt,
+            tool=tool,
+            velocity_limit=velocity_limit,
+            acceleration_limit=acceleration_limit,
+            collision=collision,
+            posture=posture,
+            objectives=objectives,
+            position_tolerance=position_tolerance,
+            orientation_tolerance=orientation_tolerance,
         )
+        self._parts = setup.prepare(robot, options)
         self.robot = robot
-        self.frame = parts.frame
-        self.dt = parts.dt
-        self.velocity_limit = parts.velocity
-        self._box = parts.box
-        self._follower = parts.follower
-        self._guard = parts.guard
-        self._aims = parts.aims
-        self._objectives = parts.objectives
-        self._configuration = mink.Configuration(parts.model)
-        self._qp = StepQP(qp_solver)
-        self._tolerances = tracker_setup.tolerances(position_tolerance, orientation_tolerance)
-        self._negligible = (NEGLIGIBLE * self._tolerances[0]) ** 2
+        self.frame = self._parts.frame
+        self.dt = self._parts.dt
+        self.velocity_limit = self._parts.velocity
+        self._negligible = (NEGLIGIBLE * self._parts.position_tolerance) ** 2
+        self._qp = Backend(qp_solver)
+        self._configuration = mink.Configuration(self._parts.model)
+        self._computed: Array | None = None
         self.reset(q)
 
     @property
     def q(self) -> Array:
         """(dof,) where the arm is [rad]; read-only."""
-        return self._q
+        return self._state.arm.q
 
     @property
     def v(self) -> Array:
         """(dof,) its velocity over the last tick [rad/s]; read-only."""
-        return self._v
+        return self._state.v
 
     def reset(self, q: ArrayLike | None = None) -> None:
         """Put the arm somewhere, standing still.
@@ -142,20 +135,16 @@ class Tracker:
         Raises:
             InvalidInputError: malformed or outside the limits; the tracker stays as it was.
         """
-        self._q = tracker_setup.start(self.robot, q)
-        self._v = np.zeros(self.robot.dof)
-        self._v.setflags(write=False)
-        self._damping = DAMPING[0]
-        self._error = np.inf
-        self._growing = 0
-        self._reference: pin.SE3 | None = None
-        self._configuration.update(self._q)
-        self._near = None if self._guard is None else self._guard.start(self._configuration.data)
-        self._at = Place(self._q, self._near)
+        start = setup.checked_start(self.robot, q)
+        self._compute(start)
+        guard = self._parts.guard
+        self._state = TrackerState.at_rest(
+            JointState(start, None if guard is None else guard.start(self._configuration.data)), DAMPING[0]
+        )
 
     def step(
         self,
-        target: pin.SE3 | ArrayLike | Target | Sequence[Target] | None = None,
+        target: pin.SE3 | ArrayLike | TrackingTarget | Sequence[TrackingTarget] | None = None,
         *,
         twist: ArrayLike | None = None,
         reference: str = "local_world_aligned",
@@ -163,7 +152,7 @@ class Tracker:
         """One tick towards a target, or along a twist.
 
         Args:
-            target: T_base_tool as `pin.SE3` or (4, 4), a position (3,) [m], or targets from `tracking_targets`.
+            target: T_base_tool as `pin.SE3` or (4, 4), a position (3,) [m], or targets from `jacokin.ik`.
             twist: (6,) velocity of the tool, linear [m/s] then angular [rad/s]; instead of a target.
             reference: where the twist is expressed: "local_world_aligned", "local" or "world".
 
@@ -171,145 +160,152 @@ class Tracker:
             Where the arm is after the tick.
 
         Raises:
-            InvalidInputError: both or none given, or malformed; the tracker stays as it was.
+            InvalidInputError: both or neither given, or malformed; the tracker stays as it was.
             UnknownNameError: unknown frame or reference.
         """
         if (target is None) == (twist is None):
-            raise InvalidInputError("give either a target or twist=, not both and not none")
-        if twist is None:
-            self._reference = None
-            return self._advance(self._aims.for_target(target))
-        here = self._aims.here(self._configuration.data) if self._reference is None else self._reference
-        goal = tracker_setup.moved(here, twist, reference, self.dt)
-        step = self._advance(self._aims.for_target(goal))
+            raise InvalidInputError("give exactly one of target and twist")
+        state = self._state
+        twist_pose = None
+        if twist is not None:
+            twist_pose = setup.moved_by_twist(self._twist_start(state), twist, reference, self.dt)
+            target = twist_pose
+        after, step = self._tick(state, self._parts.tasks.tasks(target))
         # Rounding does not add up while the arm keeps up; when it cannot, no backlog builds.
-        self._reference = goal if step.status is TrackerStatus.OK else None
+        keeps_up = step.status is TrackerStatus.OK
+        # One assignment, the last one: an interrupt leaves the old state or the new one.
+        self._state = after._replace(twist_pose=twist_pose) if keeps_up and twist_pose is not None else after
         return step
 
-    def measure(self, target: pin.SE3 | ArrayLike | Target | Sequence[Target]) -> TrackerStep:
+    def measure(self, target: pin.SE3 | ArrayLike | TrackingTarget | Sequence[TrackingTarget]) -> TrackerStep:
         """How far the tool is from a target, without moving; errors as `step`."""
-        aims = self._aims.for_target(target)
-        self._configuration.update(self._q)
-        return self._report(aims, self._q, self._v, "", pushing=False)
+        tasks = self._parts.tasks.tasks(target)
+        self._qp.reset()
+        return self._report(tasks, self._state, self._state, "", excused=False)[1]
 
-    def _advance(self, aims: list[Aim]) -> TrackerStep:
-        """Solve, check, and move."""
-        before = self._at
-        if self._follower is not None:
-            self._configuration.update(before.q)
-        problem = linearise(self._configuration, aims, self._guard, before.distances)
-        drift = None
-        if self._objectives:
-            drift = null_motion(
-                self.robot, self.frame, before.q, problem.rows, self._objectives, self._box.step, self.dt
+    def _compute(self, q: Array) -> None:
+        """Kinematics at a configuration, unless it was the last one computed."""
+        if self._computed is not q:
+            self._computed = None
+            self._configuration.update(q)
+            self._computed = q
+
+    def _twist_start(self, state: TrackerState) -> pin.SE3:
+        """T_base_tool that a twist moves on from."""
+        if state.twist_pose is not None:
+            return state.twist_pose
+        self._compute(state.arm.q)
+        return self._parts.tasks.tool_pose(self._configuration.data)
+
+    def _tick(self, state: TrackerState, tasks: list[Task]) -> tuple[TrackerState, TrackerStep]:
+        """Solve, check and move: the state after the tick."""
+        parts, before = self._parts, state.reference
+        self._qp.reset()
+        self._compute(before.q)
+        problem = linearise(self._configuration, tasks, parts.guard, before.distances)
+        null_space = None
+        if parts.objectives:
+            null_space = null_space_objective(
+                self.robot, self.frame, before.q, problem.jacobian, parts.objectives, parts.box.step, self.dt
             )
-        place, held = self._descend(aims, problem, drift)
-        self._at = place
-        q_before, v_before = self._q, self._v
-        if self._follower is None:
-            self._move(place.q)
+        reference, damping, held = self._descend(tasks, problem, null_space, before, state.damping)
+        if parts.follower is None:
+            arm = reference
         else:
-            self._follow(place.q, (place.q - before.q) / self.dt)
-        return self._report(aims, q_before, v_before, held, pushing=problem.pushing)
+            wanted = parts.follower.displacement(state.arm.q, state.v, reference.q, (reference.q - before.q) / self.dt)
+            arm = self._try(state.arm, wanted, problem.exits)
+            # An arm that an obstacle stops takes its reference with it.
+            if not np.array_equal(arm.q, parts.box.moved(state.arm.q, wanted)):
+                reference = arm
+        after = state.moved(arm, reference, self.dt, damping)
+        # Shapes moving apart, or joints still gathering speed, may take the tool away from its target for a while.
+        lagging = parts.follower is not None and not np.array_equal(arm.q, reference.q)
+        return self._report(tasks, state, after, held, excused=problem.separating or lagging)
 
-    def _descend(self, aims: list[Aim], problem: Problem, drift: Drift | None) -> tuple[Place, str]:
-        """The first place that is no farther from the target, with as little damping as that takes; or why none."""
-        low, high = self._box.bounds(self._at.q)
+    def _descend(
+        self, tasks: list[Task], problem: Problem, null_space: Quadratic | None, start: JointState, damping: float
+    ) -> tuple[JointState, float, str]:
+        """The first state that is no farther from the target, with as little damping as that takes.
+
+        Returns:
+            The state, the damping for the next tick, and why the arm stays if it does.
+        """
+        low, high = self._parts.box.bounds(start.q)
         for _ in range(RETRIES):
             try:
-                wanted = self._qp.solve(*problem.damped(self._damping, drift), problem.walls, low, high)
+                displacement = self._qp.minimize(*problem.damped(damping, null_space), problem.inequalities, low, high)
             except QPFailed:
-                return self._stay(), "no QP solver solved this tick"
-            place = self._try(self._at, wanted)
-            if problem.pushing or self._nearer(aims, problem.cost):
-                self._damping = max(self._damping / LESS_DAMPING, DAMPING[0])
-                return place, ""
-            drift = None
-            if self._damping >= DAMPING[1]:
+                return start, damping, "no QP solver solved this tick"
+            found = self._try(start, displacement, problem.exits)
+            if problem.separating or self._nearer(tasks, problem.cost):
+                return found, max(damping / LESS_DAMPING, DAMPING[0]), ""
+            null_space = None
+            if damping >= DAMPING[1]:
                 break
-            self._damping *= MORE_DAMPING
-        return self._stay(), "every step makes the error grow"
+            damping *= MORE_DAMPING
+        return start, damping, "every step makes the error grow"
 
-    def _stay(self) -> Place:
-        self._configuration.update(self._at.q)
-        return self._at
-
-    def _try(self, start: Place, displacement: Array) -> Place:
-        """Put the configuration where a displacement leads, shortened until nothing comes too near."""
+    def _try(self, start: JointState, displacement: Array, exits: Mapping[int, Array]) -> JointState:
+        """Where a displacement leads, shortened until nothing comes too near."""
+        guard = self._parts.guard
         for _ in range(SHORTENINGS):
-            q = self._box.moved(start.q, displacement)
-            self._configuration.update(q)
-            if self._guard is None or start.distances is None:
-                return Place(q, None)
-            distances = self._guard.moved(self._configuration.data, start.distances, displacement)
-            if self._guard.acceptable(start.distances, distances):
-                return Place(q, distances)
+            q = self._parts.box.moved(start.q, displacement)
+            self._compute(q)
+            if guard is None or start.distances is None:
+                return JointState(q, None)
+            distances = guard.moved(self._configuration.data, start.distances, displacement, exits)
+            if guard.acceptable(start.distances, distances):
+                return JointState(q, distances)
             displacement = 0.5 * displacement
-        self._configuration.update(start.q)
+        self._compute(start.q)
         return start
 
-    def _nearer(self, aims: list[Aim], cost: float) -> bool:
+    def _nearer(self, tasks: list[Task], cost: float) -> bool:
         """Whether the error shrank, or is too small to matter."""
         now = 0.0
-        for aim in aims:
-            error = aim.wanted(self._configuration)
+        for task in tasks:
+            error = task.error(self._configuration)
             now += float(error @ error)
         return now <= cost or now <= self._negligible
 
-    def _follow(self, reference: Array, reference_velocity: Array) -> None:
-        """Move the arm after its reference; an arm that an obstacle stops takes the reference with it."""
-        assert self._follower is not None
-        here = Place(self._q, self._near)
-        wanted = self._follower.displacement(self._q, self._v, reference, reference_velocity)
-        place = self._try(here, wanted)
-        if not np.array_equal(place.q, self._box.moved(self._q, wanted)):
-            self._at = place
-        self._near = place.distances
-        self._move(place.q)
-
-    def _move(self, q: Array) -> None:
-        """Commit where the arm goes."""
-        self._v = (q - self._q) / self.dt
-        self._q = q
-        self._q.setflags(write=False)
-        self._v.setflags(write=False)
-
-    def _report(self, aims: list[Aim], q_before: Array, v_before: Array, held: str, *, pushing: bool) -> TrackerStep:
-        """Measure where the arm is."""
-        near = self._at.distances if self._follower is None else self._near
-        measured = [aim.measure(self._configuration.data) for aim in aims]
+    def _report(
+        self, tasks: list[Task], before: TrackerState, after: TrackerState, held: str, *, excused: bool
+    ) -> tuple[TrackerState, TrackerStep]:
+        """Measure where the arm is; the state with what was learned of the error."""
+        self._compute(after.arm.q)
+        parts = self._parts
+        measured = [task.measure(self._configuration.data) for task in tasks]
         position, orientation = max(m[0] for m in measured), max(m[1] for m in measured)
+        on_target = position <= parts.position_tolerance and orientation <= parts.orientation_tolerance
         error = pose_error.combined(position, orientation)
-        on_target = position <= self._tolerances[0] and orientation <= self._tolerances[1]
-        # Shapes moving apart, or joints still gathering speed, may take the tool away from its target for a while.
-        excused = on_target or pushing or (self._follower is not None and self._q is not self._at.q)
-        grows = not excused and error > self._error + GROWTH
-        self._growing = self._growing + 1 if grows else 0
-        self._error = error
+        grows = not (excused or on_target) and error > before.error + GROWTH
+        after = after.measured(error, before.growing + 1 if grows else 0)
         status, limiting, message = TrackerStatus.OK, list[str](), ""
         if not on_target:
-            limiting = self._box.limiting(self._q - q_before, q_before)
-            if self._follower is not None:
-                limiting.extend(self._follower.limiting(self._v, v_before))
-            if self._guard is not None and near is not None:
-                limiting.extend(self._guard.limiting(near))
-            status, message = self._why(limiting, held)
-        return TrackerStep(
-            q=self._q,
-            v=self._v,
+            limiting = parts.box.limiting(after.arm.q - before.arm.q, before.arm.q)
+            if parts.follower is not None:
+                limiting.extend(parts.follower.limiting(after.v, before.v))
+            if parts.guard is not None and after.arm.distances is not None:
+                limiting.extend(parts.guard.limiting(after.arm.distances))
+            status, message = self._why(after, limiting, held)
+        distances = after.arm.distances
+        step = TrackerStep(
+            q=after.arm.q,
+            v=after.v,
             status=status,
             position_error=position,
             orientation_error=orientation,
             limiting=tuple(limiting),
-            clearance=None if near is None else near.least,
+            clearance=None if distances is None else distances.least,
             qp_solver=self._qp.used,
             message=message,
         )
+        return after, step
 
-    def _why(self, limiting: list[str], held: str) -> tuple[TrackerStatus, str]:
+    def _why(self, state: TrackerState, limiting: list[str], held: str) -> tuple[TrackerStatus, str]:
         """Status and sentence of a tick that is off target."""
-        if self._growing * self.dt >= GROWTH_TIME:
-            return TrackerStatus.LOST, f"the error has grown for {self._growing * self.dt:.2f} s"
-        if float(np.abs(self._v).max()) < STILL:
+        if state.growing * self.dt >= GROWTH_TIME:
+            return TrackerStatus.LOST, f"the error has grown for {state.growing * self.dt:.2f} s"
+        if float(np.abs(state.v).max()) < STILL:
             return TrackerStatus.HELD, held or "the arm has come as near as it can"
         return TrackerStatus.LIMITED, f"slowed by {', '.join(limiting) or 'damping near a singular pose'}"

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 
 from jacokin import Robot, Tracker
 from jacokin.errors import InvalidInputError, UnknownNameError
-from jacokin.ik.tracking import obstacles
-from jacokin.ik.tracking.obstacles import Box, Capsule, Clearance, Floor, Sphere
-from jacokin.ik.tracking.result import TrackerStatus
+from jacokin.ik import Box, Capsule, Clearance, Floor, Obstacle, Sphere, TrackerStatus
+from jacokin.ik.tracking.clearance import compile_with
 from jacokin.model.mujoco_twin.export import to_spec
 
 DISTANCE = 0.01  # [m]
@@ -26,7 +25,7 @@ class Referee:
     """Distances by brute force: every pair, every time."""
 
     def __init__(self, robot: Robot, clearance: Clearance) -> None:
-        self.model, self.pairs = obstacles.compile_with(to_spec(robot, geometry=True), robot, clearance)
+        self.model, self.pairs = compile_with(to_spec(robot, geometry=True), robot.name, clearance)
         self.data = mujoco.MjData(self.model)
 
     def least(self, q: NDArray[np.float64]) -> float:
@@ -36,7 +35,7 @@ class Referee:
         return float(min(mujoco.mj_geomDistance(self.model, self.data, a, b, HORIZON, fromto) for a, b in self.pairs))
 
 
-def obstacle(kind: int, centre: NDArray[np.float64], rng: np.random.Generator) -> obstacles.Obstacle:
+def obstacle(kind: int, centre: NDArray[np.float64], rng: np.random.Generator) -> Obstacle:
     pose = pin.SE3(pin.exp3(rng.normal(size=3)), centre)
     if kind == 0:
         return Box("box", rng.uniform(0.04, 0.2, 3), pose)
@@ -168,15 +167,15 @@ def test_named_pairs_only(robot: Robot) -> None:
         (lambda: Clearance("far"), InvalidInputError, "distance must be"),  # type: ignore[arg-type]  # wrong on purpose
         (lambda: Clearance(obstacles=Floor()), InvalidInputError, "obstacles must be a list"),  # type: ignore[arg-type]  # wrong on purpose
         (lambda: Clearance(obstacles=["floor"]), InvalidInputError, "each be a Box, Sphere"),  # type: ignore[list-item]  # wrong on purpose
-        (lambda: Clearance(obstacles=[Floor(name="")]), InvalidInputError, "with a name"),
+        (lambda: Clearance(obstacles=[Floor(name="")]), InvalidInputError, "must have a name"),
         (lambda: Clearance(-0.01), InvalidInputError, "distance must be"),
         (lambda: Clearance(np.nan), InvalidInputError, "distance must be"),
         (lambda: Clearance(obstacles=[Sphere("a", 0.0, [0.0] * 3)]), InvalidInputError, "a: radius"),
         (lambda: Clearance(obstacles=[Box("b", [0.1, -0.1, 0.1], [0.0] * 3)]), InvalidInputError, "b: size"),
         (lambda: Clearance(obstacles=[Box("b", [0.1, 0.1], [0.0] * 3)]), InvalidInputError, "b: size"),
         (lambda: Clearance(obstacles=[Box("b", [0.1] * 3, [np.nan] * 3)]), InvalidInputError, "b: pose"),
-        (lambda: Clearance(obstacles=[Capsule("c", 0.1, np.inf, [0.0] * 3)]), InvalidInputError, "c: radius"),
-        (lambda: Clearance(obstacles=[Floor(np.nan)]), InvalidInputError, "floor: pose"),
+        (lambda: Clearance(obstacles=[Capsule("c", 0.1, np.inf, [0.0] * 3)]), InvalidInputError, "c: length"),
+        (lambda: Clearance(obstacles=[Floor(np.nan)]), InvalidInputError, "floor: height"),
         (lambda: Clearance(obstacles=[Floor(), Floor(-0.1)]), InvalidInputError, "'floor' is used by two"),
     ],
 )

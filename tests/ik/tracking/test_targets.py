@@ -10,16 +10,18 @@ import pytest
 
 from jacokin import Robot, Tracker
 from jacokin.errors import InvalidInputError, UnknownNameError
-from jacokin.ik.tracking.objectives import LimitDistance, Manipulability, Posture
-from jacokin.ik.tracking.result import TrackerStatus
-from jacokin.ik.tracking.targets import (
+from jacokin.ik import (
     AxisTarget,
+    LimitDistance,
+    Manipulability,
     OrientationTarget,
     PoseTarget,
     PositionTarget,
+    Posture,
     RegionTarget,
-    Target,
+    TrackerStatus,
 )
+from jacokin.ik.tracking.targets import TrackingTarget
 
 
 def settle(tracker: Tracker, target: Any, ticks: int = 500) -> Any:
@@ -191,4 +193,4 @@ def test_targets_on_wrong_frames_are_refused(robot: Robot) -> None:
     with pytest.raises(InvalidInputError, match="several targets"):
         tracker.step([PositionTarget([0.0] * 3), np.zeros(3)])
     with pytest.raises(InvalidInputError, match="unknown kind"):
-        tracker.step(Target())
+        tracker.step(TrackingTarget())

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 import jacokin
 from jacokin import Robot, Tracker
 from jacokin.errors import InvalidInputError, UnknownNameError
-from jacokin.ik.qp.backend import QPFailed
-from jacokin.ik.tracking.result import TrackerStatus
-from jacokin.ik.tracking.step_qp import StepQP
+from jacokin.ik import TrackerStatus
+from jacokin.ik.qp import backend
+from jacokin.ik.qp.backend import Backend, QPFailed
 
 DT = 0.01  # [s]
 
@@ -216,7 +216,7 @@ def test_a_qp_that_cannot_be_solved_holds_the_arm_and_says_so(robot: Robot, monk
         raise QPFailed
 
     with monkeypatch.context() as patch:
-        patch.setattr(StepQP, "solve", fail)
+        patch.setattr(Backend, "minimize", fail)
         step = tracker.step(line(robot)[-1])
     assert step.status is TrackerStatus.HELD
     assert "no QP solver" in step.message
@@ -228,14 +228,14 @@ def test_a_qp_that_cannot_be_solved_holds_the_arm_and_says_so(robot: Robot, monk
 
 
 def test_a_failing_solver_is_replaced_and_the_step_says_by_which(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
-    run = StepQP._run
+    run = backend._solve
 
-    def fail_quadprog(solver: str, *arguments: Any) -> Any:
+    def fail_quadprog(problem: qpsolvers.Problem, solver: str) -> Any:
         if solver == "quadprog":
             raise ValueError("matrix G is not positive definite")
-        return run(solver, *arguments)
+        return run(problem, solver)
 
-    monkeypatch.setattr(StepQP, "_run", staticmethod(fail_quadprog))
+    monkeypatch.setattr(backend, "_solve", fail_quadprog)
     tracker = Tracker(robot, qp_solver="quadprog")
     step = tracker.step(line(robot)[0])
     assert step.status is TrackerStatus.OK

@@ -1,4 +1,4 @@
-"""From what the user asks of a tick to aims on the sites of the MuJoCo twin."""
+"""From the targets of a tick to tasks on the sites of the MuJoCo twin."""
 
 from __future__ import annotations
 
@@ -11,8 +11,15 @@ from numpy.typing import ArrayLike
 
 from jacokin.errors import InvalidInputError
 from jacokin.ik import targets
-from jacokin.ik.tracking import targets as tracking_targets
-from jacokin.ik.tracking.tasks import Aim, AxisAim, PoseAim, PositionAim, RegionAim
+from jacokin.ik.tracking.targets import (
+    AxisTarget,
+    OrientationTarget,
+    PoseTarget,
+    PositionTarget,
+    RegionTarget,
+    TrackingTarget,
+)
+from jacokin.ik.tracking.tasks import AxisTask, PoseTask, PositionTask, RegionTask, Task
 from jacokin.model import poses
 from jacokin.model.robot import Robot
 
@@ -20,64 +27,56 @@ TOOL_SITE = "jacokin_tool"
 RIGID = 1e-9  # a pose this near to rigid is used as it is; others are checked and made rigid
 
 
-class Aims:
-    """Makes aims; the one for a plain pose is built once."""
+class TaskFactory:
+    """Makes tasks; the one for a plain pose is built once."""
 
     def __init__(self, robot: Robot, model: mujoco.MjModel) -> None:
         """Find the tool's site."""
         self._robot = robot
         self._model = model
         self._tool = int(model.site(TOOL_SITE).id)
-        self._pose = PoseAim(self._tool, 1.0, TOOL_SITE)
+        self._pose = PoseTask(self._tool, 1.0, TOOL_SITE)
 
-    def for_target(
-        self, target: pin.SE3 | ArrayLike | tracking_targets.Target | Sequence[tracking_targets.Target] | None
-    ) -> list[Aim]:
-        """Aims for what `Tracker.step` takes; errors as there."""
+    def tasks(self, target: pin.SE3 | ArrayLike | TrackingTarget | Sequence[TrackingTarget] | None) -> list[Task]:
+        """Tasks for what `Tracker.step` takes; errors as there."""
         if isinstance(target, pin.SE3):
             self._pose.set(target if _rigid(target) else poses.checked_pose(target))
             return [self._pose]
-        if isinstance(target, tracking_targets.Target):
-            return [self._aim(target)]
-        if isinstance(target, list | tuple) and any(isinstance(one, tracking_targets.Target) for one in target):
-            return [self._aim(one) for one in target]
+        if isinstance(target, TrackingTarget):
+            return [self._task(target)]
+        if isinstance(target, list | tuple) and any(isinstance(one, TrackingTarget) for one in target):
+            return [self._task(one) for one in target]
         checked = targets.checked(target)  # refuses what is neither a pose nor a position
         if checked.position_only:
-            return [self._aim(tracking_targets.PositionTarget(checked.position))]
+            return [self._task(PositionTarget(checked.position))]
         self._pose.set(pin.SE3(checked.rotation, checked.position))
         return [self._pose]
 
-    def here(self, data: mujoco.MjData) -> pin.SE3:
+    def tool_pose(self, data: mujoco.MjData) -> pin.SE3:
         """T_base_tool."""
         return pin.SE3(data.site_xmat[self._tool].reshape(3, 3).copy(), data.site_xpos[self._tool].copy())
 
-    def _aim(self, target: tracking_targets.Target) -> Aim:
-        if not isinstance(target, tracking_targets.Target):
+    def _task(self, target: TrackingTarget) -> Task:
+        if not isinstance(target, TrackingTarget):
             raise InvalidInputError(
                 f"several targets must each be a PoseTarget, PositionTarget, ..., got {type(target).__name__}"
             )
         site = self._site(target.frame)
         match target:
-            case tracking_targets.PoseTarget(pose=pin.SE3() as pose):
-                aim = PoseAim(site, target.weight, target.frame or TOOL_SITE)
-                aim.set(pose)
-                return aim
-            case tracking_targets.OrientationTarget():
-                turn = PoseAim(site, target.weight, target.frame or TOOL_SITE, orientation_only=True)
-                turn.set(pin.SE3(np.asarray(target.rotation), np.zeros(3)))
-                return turn
-            case tracking_targets.PositionTarget():
-                place = PositionAim(site, target.weight)
-                place.set(np.asarray(target.position))
-                return place
-            case tracking_targets.AxisTarget():
-                axis = AxisAim(site, target.weight)
-                axis.set(np.asarray(target.axis), np.asarray(target.direction))
-                return axis
-            case tracking_targets.RegionTarget():
-                region = RegionAim(site, target.weight)
-                region.set(np.asarray(target.lower), np.asarray(target.upper))
-                return region
+            case PoseTarget(pose=pin.SE3() as pose):
+                task = PoseTask(site, target.weight, target.frame or TOOL_SITE)
+                task.set(pose)
+                return task
+            case OrientationTarget():
+                task = PoseTask(site, target.weight, target.frame or TOOL_SITE, orientation_only=True)
+                task.set(pin.SE3(np.asarray(target.rotation), np.zeros(3)))
+                return task
+            case PositionTarget():
+                return PositionTask(site, target.weight, np.asarray(target.position))
+            case AxisTarget():
+                return AxisTask(site, target.weight, np.asarray(target.axis), np.asarray(target.direction))
+            case RegionTarget():
+                return RegionTask(site, target.weight, np.asarray(target.lower), np.asarray(target.upper))
         raise InvalidInputError(f"unknown kind of target {type(target).__name__}")
 
     def _site(self, frame: str | None) -> int:

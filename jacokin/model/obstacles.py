@@ -1,0 +1,221 @@
+"""Obstacles around the arm: shapes that stand still in the base frame.
+
+The arm brings its own shapes: the collision shapes of its description.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Protocol
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from jacokin.errors import InvalidInputError
+from jacokin.model import checks, poses
+
+
+class Obstacle(Protocol):
+    """A shape that stands still."""
+
+    @property
+    def name(self) -> str:
+        """Name of the shape."""
+
+    def add_to(self, body: mujoco.MjsBody) -> None:
+        """Add the shape to the base body."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Box:
+    """A box.
+
+    Attributes:
+        name: name of the shape.
+        size: (3,) edge lengths [m].
+        pose: where its centre is: T_base_box, or a position (3,) [m].
+    """
+
+    name: str
+    size: ArrayLike
+    pose: pin.SE3 | ArrayLike
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        _check_name(self.name)
+        object.__setattr__(self, "size", checks.positive_vector(f"{self.name}: size", self.size, 3, "m"))
+        object.__setattr__(self, "pose", _pose(f"{self.name}: pose", self.pose))
+
+    def add_to(self, body: mujoco.MjsBody) -> None:
+        """Add the shape to the base body."""
+        _add(body, self.name, mujoco.mjtGeom.mjGEOM_BOX, 0.5 * np.asarray(self.size), self.pose)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sphere:
+    """A sphere.
+
+    Attributes:
+        name: name of the shape.
+        radius: [m].
+        position: (3,) centre [m].
+    """
+
+    name: str
+    radius: float
+    position: ArrayLike
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        _check_name(self.name)
+        object.__setattr__(self, "radius", checks.positive(f"{self.name}: radius", self.radius, "m"))
+        position = checks.vector(f"{self.name}: position", self.position, 3, "m")
+        object.__setattr__(self, "position", checks.read_only(position))
+
+    def add_to(self, body: mujoco.MjsBody) -> None:
+        """Add the shape to the base body."""
+        pose = pin.SE3(np.eye(3), np.asarray(self.position))
+        _add(body, self.name, mujoco.mjtGeom.mjGEOM_SPHERE, [self.radius], pose)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Capsule:
+    """A cylinder along its z axis with a half sphere on each end.
+
+    Attributes:
+        name: name of the shape.
+        radius: [m].
+        length: of the cylinder, without the half spheres [m].
+        pose: where its centre is: T_base_capsule, or a position (3,) [m].
+    """
+
+    name: str
+    radius: float
+    length: float
+    pose: pin.SE3 | ArrayLike
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        _check_name(self.name)
+        object.__setattr__(self, "radius", checks.positive(f"{self.name}: radius", self.radius, "m"))
+        object.__setattr__(self, "length", checks.positive(f"{self.name}: length", self.length, "m"))
+        object.__setattr__(self, "pose", _pose(f"{self.name}: pose", self.pose))
+
+    def add_to(self, body: mujoco.MjsBody) -> None:
+        """Add the shape to the base body."""
+        _add(body, self.name, mujoco.mjtGeom.mjGEOM_CAPSULE, [self.radius, 0.5 * self.length], self.pose)
+
+
+@dataclass(frozen=True, slots=True)
+class Floor:
+    """A horizontal plane; everything below it is solid.
+
+    Attributes:
+        height: its z in the base frame [m].
+        name: name of the shape.
+    """
+
+    height: float = 0.0
+    name: str = "floor"
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        _check_name(self.name)
+        object.__setattr__(self, "height", checks.number(f"{self.name}: height", self.height, "m"))
+
+    def add_to(self, body: mujoco.MjsBody) -> None:
+        """Add the shape to the base body."""
+        pose = pin.SE3(np.eye(3), np.array([0.0, 0.0, self.height]))
+        # A plane has no end; the size only says how it is drawn.
+        _add(body, self.name, mujoco.mjtGeom.mjGEOM_PLANE, [1.0, 1.0, 0.1], pose)
+
+
+def checked_obstacles(obstacles: Iterable[Obstacle]) -> tuple[Obstacle, ...]:
+    """The obstacles of a list.
+
+    Raises:
+        InvalidInputError: it is not a list, or one is not an obstacle with a name, or two share a name.
+    """
+    shapes = checks.listed("obstacles", obstacles)
+    names = set()
+    for shape in shapes:
+        name = getattr(shape, "name", None)
+        if not callable(getattr(shape, "add_to", None)) or not isinstance(name, str) or not name:
+            raise InvalidInputError(
+                f"obstacles must each be a Box, Sphere, Capsule or Floor with a name, got {checks.shown(shape)}"
+            )
+        if name in names:
+            raise InvalidInputError(f"the name {name!r} is used by two shapes; names must differ")
+        names.add(name)
+    return shapes
+
+
+def add_to_spec(spec: mujoco.MjSpec, obstacles: Iterable[Obstacle]) -> None:
+    """Add obstacles to the world of a robot's twin.
+
+    Raises:
+        InvalidInputError: an obstacle has the name of a shape of the arm.
+    """
+    taken = {geom.name for geom in spec.geoms}
+    for obstacle in obstacles:
+        if obstacle.name in taken:
+            raise InvalidInputError(f"the name {obstacle.name!r} is used by a shape of the arm; names must differ")
+        obstacle.add_to(spec.worldbody)
+
+
+def collision_pairs(
+    model: mujoco.MjModel, obstacles: Iterable[Obstacle], *, self_collision: bool = True
+) -> list[tuple[int, int]]:
+    """Pairs of shapes that may collide, by number: each obstacle with each moving shape, and the arm with itself.
+
+    Args:
+        model: the compiled twin with its obstacles.
+        obstacles: those that count.
+        self_collision: True to add the pairs of the arm's own shapes that MuJoCo would test for contact.
+    """
+    fixed = [int(model.geom(obstacle.name).id) for obstacle in obstacles]
+    moving = [index for index in range(model.ngeom) if model.body_weldid[model.geom_bodyid[index]] > 0]
+    found = [(a, b) for a in sorted(fixed) for b in moving]
+    if self_collision:
+        found.extend(zip(model.pair_geom1.tolist(), model.pair_geom2.tolist(), strict=True))
+    return found
+
+
+def _check_name(name: str) -> None:
+    if not isinstance(name, str) or not name:
+        raise InvalidInputError(f"an obstacle must have a name, got {checks.shown(name)}")
+
+
+def _pose(name: str, value: pin.SE3 | ArrayLike) -> pin.SE3:
+    """T_base_shape from a pose or a position (3,) [m].
+
+    Raises:
+        InvalidInputError: neither, or malformed.
+    """
+    if isinstance(value, pin.SE3):
+        return poses.checked_pose(value, name)
+    try:
+        array = checks.numbers(value)
+    except (TypeError, ValueError) as error:
+        raise InvalidInputError(f"{name} must be a pose or a position, got {checks.shown(value)}") from error
+    if array.ndim == 1:
+        return pin.SE3(np.eye(3), checks.vector(name, array, 3, "m"))
+    return poses.checked_pose(array, name)
+
+
+def _add(body: mujoco.MjsBody, name: str, kind: mujoco.mjtGeom, size: ArrayLike, pose: pin.SE3 | ArrayLike) -> None:
+    assert isinstance(pose, pin.SE3)  # __post_init__ made it one
+    full = np.zeros(3)
+    full[: len(np.asarray(size))] = size
+    body.add_geom(
+        name=name,
+        type=kind,
+        size=full,
+        pos=pose.translation,
+        quat=poses.quat_wxyz(pose.rotation),
+        contype=0,
+        conaffinity=0,
+    )
