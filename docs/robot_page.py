@@ -36,6 +36,7 @@ def page() -> str:
         *_chains(numbers),
         *_frames(numbers),
         *_hands(numbers),
+        *_grip(),
         *_poses(numbers),
         *_dynamics(numbers),
         *_masses(numbers),
@@ -190,6 +191,30 @@ def _hands(numbers: Row) -> list[str]:
         f"Range {finger['lower']} (open) to {finger['upper']} rad (closed), velocity {value(finger['velocity'])} "
         f"rad/s, effort {value(finger['effort'])} N m. {origin(finger)}",
         f"The tip sits at {value(tip['xyz'])} m in its finger, fixed. {origin(tip)}",
+    ]
+
+
+def _grip() -> list[str]:
+    """The grip force, finger by finger, beside that of D; tests/mujoco_bridge/test_bundled_robots.py measures ours."""
+    return [
+        "## Grip force",
+        "Normal forces on a ball of radius 0.02 m between the finger tips, 0.193 m above the base of the hand, that "
+        "slides sideways, with all fingers closing at full torque (1 N m each), in N. The datasheet says 25 N.",
+        grid(
+            ("hand", "friction", "finger_1", "finger_2", "finger_3", "sum"),
+            (
+                ("three fingers, here", 1.0, 11.5, 0.3, 12.2, 24.0),
+                ("three fingers, D", 1.0, 15.3, 4.3, 9.5, 29.0),
+                ("three fingers, here", 0.1, 11.2, 0.5, 11.5, 23.2),
+                ("three fingers, D", 0.1, 12.4, 0.0, 12.4, 24.8),
+                ("two fingers, here", 1.0, 12.2, 12.2, "", 24.3),
+            ),
+        ),
+        "Fingers 1 and 3 oppose each other: 1 N m at a lever of about 83 mm is 12 N. Finger 2 closes to its limit"
+        " beside the ball and only touches it. D's fingers are convex hulls of meshes, which touch the ball at "
+        "one point each: with friction it creeps 7 mm sideways until finger 2 wedges it (5.8 s until rest; 1.1 s "
+        "here), and friction of up to 9 N along the fingers carries the rest. The boxes of this project touch it "
+        "at two points of each finger, and it stays where it is. With a friction of 0.1 the two agree to 7 %.",
     ]
 
 

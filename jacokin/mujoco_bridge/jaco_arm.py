@@ -1,16 +1,16 @@
-"""The Kinova Jaco arm (j2n6s300, without its hand) in MuJoCo."""
+"""The arms of the bundled robots, without their hands, in MuJoCo."""
 
 from __future__ import annotations
 
 import mujoco
 
+from jacokin.model import checks
 from jacokin.model.descriptions import bundled, table
 from jacokin.mujoco_bridge.base import RobotArm, RobotHand
 from jacokin.mujoco_bridge.control.velocity_actuator import add_velocity_actuator
 from jacokin.mujoco_bridge.observables.jaco import JacoArmObservables
 from jacokin.mujoco_bridge.simulation.physics import Physics, check_physics
 
-_FILE = "jaco_arm.xml"
 _WRIST_SITE = "wristsite"
 _SENSOR_SITE_SIZE = 1e-3  # [m]
 _SENSOR_SITE_GROUP = 4  # not drawn
@@ -19,16 +19,21 @@ _SENSOR_SITE_GROUP = 4  # not drawn
 class JacoArm(RobotArm):
     """The arm: six joints, each with a velocity actuator and a 3-axis torque sensor."""
 
-    def _build(self, name: str | None = None) -> None:
+    def _build(self, name: str | None = None, robot: str = bundled.DEFAULT_ROBOT) -> None:
         """Build the arm.
 
         Args:
             name: replaces ``jaco_arm`` in the names of its elements.
+            robot: the bundled robot whose arm it is.
+
+        Raises:
+            UnknownNameError: no bundled robot has this name; lists the valid ones.
         """
-        spec = self._mjcf_root = mujoco.MjSpec.from_file(str(bundled.urdf_folder() / _FILE))
+        self._robot_name = checks.choice("robot", robot, bundled.NAMES)
+        spec = self._mjcf_root = mujoco.MjSpec.from_file(str(bundled.part_file(robot, "arm")))
         if name:
             spec.modelname = name
-        rows = table.arm_joints(bundled.DEFAULT_ROBOT)
+        rows = table.arm_joints(robot)
         self._joints = [spec.joint(joint) for joint in rows]
         self._wrist_site = spec.site(_WRIST_SITE)
         self._actuators = [
@@ -41,8 +46,13 @@ class JacoArm(RobotArm):
         return JacoArmObservables(self)
 
     @property
+    def robot_name(self) -> str:
+        """The bundled robot whose arm this is."""
+        return self._robot_name
+
+    @property
     def joints(self) -> list[mujoco.MjsJoint]:
-        """The six joint elements."""
+        """The joint elements, from base to wrist."""
         return self._joints
 
     @property
@@ -69,7 +79,7 @@ class JacoArm(RobotArm):
             InvalidInputError: the physics does not hold this arm.
         """
         joints = check_physics(physics).bind(self.joints)
-        joints.qpos = table.variant(bundled.DEFAULT_ROBOT)["home"]
+        joints.qpos = table.variant(self._robot_name)["home"]
         joints.qvel = 0.0
         physics.bind(self.actuators).ctrl = 0.0
         for entity in self.iter_entities(exclude_self=True):

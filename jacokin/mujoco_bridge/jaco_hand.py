@@ -1,4 +1,4 @@
-"""The three-finger hand of the Kinova Jaco in MuJoCo."""
+"""The hands of the bundled robots, with three or two fingers, in MuJoCo."""
 
 from __future__ import annotations
 
@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.errors import InvalidInputError
+from jacokin.model import checks
 from jacokin.model.descriptions import bundled, table
 from jacokin.mujoco_bridge.base import RobotHand
 from jacokin.mujoco_bridge.control.velocity_actuator import add_velocity_actuator
-from jacokin.mujoco_bridge.observables.jaco import JacoHandObservables
+from jacokin.mujoco_bridge.observables.jaco import JacoHandObservables, TwoFingerHandObservables
 from jacokin.mujoco_bridge.simulation.physics import Physics, check_physics
 
-_FILE = "jaco_hand.xml"
+_HANDS = {3: bundled.DEFAULT_ROBOT, 2: "j2n6s200"}  # whose hand is taken, by the number of fingers
 _HAND_BODY = "hand"
 _FINGER_GEOMS = "link_finger"
 _GRIP_SITE = "gripsite"
@@ -23,31 +24,52 @@ _PINCH_SITE = "pinchsite"
 
 
 class JacoHand(RobotHand):
-    """The hand: three fingers with rigid tips, each with a velocity actuator."""
+    """The hand: three or two fingers with rigid tips, each with a velocity actuator."""
 
-    def _build(self, name: str | None = None, use_pinch_site_as_tcp: bool = False) -> None:
+    def _build(
+        self,
+        name: str | None = None,
+        use_pinch_site_as_tcp: bool = False,
+        fingers: int | None = None,
+        robot: str | None = None,
+    ) -> None:
         """Build the hand.
 
         Args:
             name: replaces ``jaco_hand`` in the names of its elements.
             use_pinch_site_as_tcp: use the pinch site, between the finger tips, as tool centre point instead of
-                the grip site.
+                the grip site; the hand with two fingers has none.
+            fingers: 3 (the default) or 2.
+            robot: the bundled robot whose hand it is, which decides about its masses: those of the j2n6s300 are in
+                the hand, all others have the palm's mass in the last link of the arm. None for the j2n6s300 or,
+                with two fingers, the j2n6s200.
+
+        Raises:
+            UnknownNameError: no bundled robot has this name; lists the valid ones.
+            InvalidInputError: another number of fingers, or no pinch site where it is asked for.
         """
-        spec = self._mjcf_root = mujoco.MjSpec.from_file(str(bundled.urdf_folder() / _FILE))
+        self._robot_name = _robot_with(fingers, robot)
+        spec = self._mjcf_root = mujoco.MjSpec.from_file(str(bundled.part_file(self._robot_name, "hand")))
         if name:
             spec.modelname = name
-        fingers = table.load()["hands"][table.variant(bundled.DEFAULT_ROBOT)["hand"]]["fingers"]
-        self._joints = [spec.joint(finger) for finger in fingers]
+        self._joints = [spec.joint(finger) for finger in _fingers_of(self._robot_name)]
         self._grip_site = spec.site(_GRIP_SITE)
         self._pinch_site = spec.site(_PINCH_SITE)
-        self._tool_center_point = self._pinch_site if use_pinch_site_as_tcp else self._grip_site
+        self._tool_center_point = (
+            self.pinch_site if checks.flag("use_pinch_site_as_tcp", use_pinch_site_as_tcp) else self.grip_site
+        )
         self._hand_geom = list(spec.body(_HAND_BODY).geoms)
         self._finger_geoms = [geom for geom in spec.geoms if geom.name.startswith(_FINGER_GEOMS)]
         group = table.load()["finger"]["group"]
         self._actuators = [add_velocity_actuator(spec, joint, group) for joint in self._joints]
 
-    def _build_observables(self) -> JacoHandObservables:
-        return JacoHandObservables(self)
+    def _build_observables(self) -> JacoHandObservables | TwoFingerHandObservables:
+        return TwoFingerHandObservables(self) if self._pinch_site is None else JacoHandObservables(self)
+
+    @property
+    def robot_name(self) -> str:
+        """The bundled robot whose hand this is."""
+        return self._robot_name
 
     @property
     def joints(self) -> list[mujoco.MjsJoint]:
@@ -71,7 +93,13 @@ class JacoHand(RobotHand):
 
     @property
     def pinch_site(self) -> mujoco.MjsSite:
-        """The site between the finger tips."""
+        """The site between the finger tips.
+
+        Raises:
+            InvalidInputError: the hand has two fingers, for which no source gives one.
+        """
+        if self._pinch_site is None:
+            raise InvalidInputError("the hand with two fingers has no pinch site; use its grip_site")
         return self._pinch_site
 
     @property
@@ -112,6 +140,34 @@ class JacoHand(RobotHand):
         """
         check_physics(physics).bind(self.joints).qvel = 0.0
         self.set_grasp(physics, 0.0)
+
+
+def has_pinch_site(robot: str) -> bool:
+    """Whether the hand of a bundled robot has a pinch site.
+
+    Raises:
+        UnknownNameError: no bundled robot has this name; lists the valid ones.
+    """
+    return (
+        _PINCH_SITE
+        in table.load()["hands"][table.variant(checks.choice("robot", robot, bundled.NAMES))["hand"]]["sites"]
+    )
+
+
+def _fingers_of(robot: str) -> list[str]:
+    """Names of the finger joints of a bundled robot."""
+    fingers: list[str] = table.load()["hands"][table.variant(robot)["hand"]]["fingers"]
+    return fingers
+
+
+def _robot_with(fingers: int | None, robot: str | None) -> str:
+    """The bundled robot whose hand has so many fingers."""
+    if fingers is not None and checks.whole_number("fingers", fingers) not in _HANDS:
+        raise InvalidInputError(f"fingers must be 3 or 2, got {fingers!r}")
+    name = _HANDS[3 if fingers is None else fingers] if robot is None else checks.choice("robot", robot, bundled.NAMES)
+    if fingers is not None and len(_fingers_of(name)) != fingers:
+        raise InvalidInputError(f"the hand of the {name} has {len(_fingers_of(name))} fingers, not {fingers}")
+    return name
 
 
 def _checked_factors(close_factors: float | Sequence[float], fingers: int) -> NDArray[np.float64]:

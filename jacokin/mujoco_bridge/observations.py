@@ -82,6 +82,7 @@ VISION = ObservationSettings(proprio=_FEATURE, ftt=_FORCE, prop_pose=_FEATURE._r
 
 JACO_ARM_OBSERVABLES = ObservableNames(proprio=("joints_pos", "joints_vel"), ftt=("joints_torque",))
 JACO_HAND_OBSERVABLES = ObservableNames(proprio=("joints_pos", "joints_vel", "pinch_site_pos", "pinch_site_rmat"))
+TWO_FINGER_HAND_OBSERVABLES = ObservableNames(proprio=("joints_pos", "joints_vel", "grip_site_pos", "grip_site_rmat"))
 FREEPROP_OBSERVABLES = ObservableNames(prop_pose=("position", "orientation", "linear_velocity", "angular_velocity"))
 
 

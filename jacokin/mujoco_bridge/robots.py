@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from jacokin.model.descriptions import table
+from jacokin.model.descriptions import bundled, table
 from jacokin.mujoco_bridge import observations
 from jacokin.mujoco_bridge.base import DOWN_QUATERNION
 from jacokin.mujoco_bridge.jaco_arm import JacoArm
-from jacokin.mujoco_bridge.jaco_hand import JacoHand
+from jacokin.mujoco_bridge.jaco_hand import JacoHand, has_pinch_site
 
 ARM_OFFSET: tuple[float, float, float] = tuple(table.load()["arena"]["arm_offset"]["xyz"])
 """Position of the arm's base in the arena [m]."""
@@ -14,21 +14,33 @@ ARM_OFFSET: tuple[float, float, float] = tuple(table.load()["arena"]["arm_offset
 __all__ = ["ARM_OFFSET", "DOWN_QUATERNION", "make_arm", "make_hand"]
 
 
-def make_arm(obs_settings: observations.ObservationSettings) -> JacoArm:
+def make_arm(obs_settings: observations.ObservationSettings, robot: str = bundled.DEFAULT_ROBOT) -> JacoArm:
     """Make an arm with its observables configured.
 
     Args:
         obs_settings: the options of each category of observables, such as `observations.PERFECT_FEATURES`.
+        robot: the bundled robot whose arm it is.
+
+    Raises:
+        InvalidInputError: an argument is wrong.
     """
     options = observations.make_options(obs_settings, observations.JACO_ARM_OBSERVABLES)
-    return JacoArm(observable_options=options)
+    return JacoArm(robot=robot, observable_options=options)
 
 
-def make_hand(obs_settings: observations.ObservationSettings) -> JacoHand:
-    """Make a hand with its observables configured, whose tool centre point is the pinch site.
+def make_hand(obs_settings: observations.ObservationSettings, robot: str = bundled.DEFAULT_ROBOT) -> JacoHand:
+    """Make a hand with its observables configured.
+
+    Its tool centre point is the pinch site; that of a hand with two fingers, which has none, the grip site.
 
     Args:
         obs_settings: the options of each category of observables, such as `observations.PERFECT_FEATURES`.
+        robot: the bundled robot whose hand it is.
+
+    Raises:
+        InvalidInputError: an argument is wrong.
     """
-    options = observations.make_options(obs_settings, observations.JACO_HAND_OBSERVABLES)
-    return JacoHand(use_pinch_site_as_tcp=True, observable_options=options)
+    pinches = has_pinch_site(robot)
+    names = observations.JACO_HAND_OBSERVABLES if pinches else observations.TWO_FINGER_HAND_OBSERVABLES
+    options = observations.make_options(obs_settings, names)
+    return JacoHand(robot=robot, use_pinch_site_as_tcp=pinches, observable_options=options)

@@ -20,6 +20,8 @@ import pinocchio as pin
 import pytest
 from numpy.typing import NDArray
 
+from jacokin.model.descriptions import bundled
+
 FOLDER = Path(__file__).resolve().parents[2] / "urdf"
 NAMES = ("j2n6s300", "j2n6s200", "j2s6s200", "j2s6s300", "m1n6s200", "m1n6s300")
 ARM_LINKS = ["link_base", "link_1", "link_2", "link_3", "link_4", "link_5", "link_6"]
@@ -75,7 +77,9 @@ def test_files_are_what_the_table_says(generator: ModuleType) -> None:
     texts = generator.files()
     assert set(texts) == {p.name for p in FOLDER.iterdir() if p.suffix in {".xml", ".urdf"}}
     expected = {f"{name}.{suffix}" for name in NAMES for suffix in ("urdf", "xml")}
-    assert set(texts) == expected | {"jaco_arm.xml", "jaco_hand.xml"}
+    parts = {bundled.part_file(name, part).name for name in NAMES for part in ("arm", "hand")}
+    assert {"jaco_arm.xml", "jaco_hand.xml"} < parts
+    assert set(texts) == expected | parts
     for name, text in texts.items():
         assert (FOLDER / name).read_bytes() == text.encode(), f"{name} is stale: run python urdf/generate.py"
 
@@ -143,7 +147,7 @@ def test_names_in_both_formats(name: str) -> None:
     assert len(everything) == len(set(everything)), "Pinocchio looks links and joints up as frames alike"
 
 
-@pytest.mark.parametrize("file", [*(f"{name}.xml" for name in NAMES), "jaco_arm.xml", "jaco_hand.xml"])
+@pytest.mark.parametrize("file", sorted(path.name for path in FOLDER.glob("*.xml")))
 def test_mjcf_holds_the_robot_only(file: str) -> None:
     root = ET.parse(FOLDER / file).getroot()
     assert {child.tag for child in root if isinstance(child.tag, str)} == {
@@ -159,18 +163,20 @@ def test_arm_file_ends_at_the_wrist_site() -> None:
     assert hand.body(1).name == "hand"
 
 
-def test_hand_attached_at_the_wrist_site_is_the_whole_robot() -> None:
-    arm = mujoco.MjSpec.from_file(str(FOLDER / "jaco_arm.xml"))
-    hand = mujoco.MjSpec.from_file(str(FOLDER / "jaco_hand.xml"))
+@pytest.mark.parametrize("robot", NAMES)
+def test_hand_attached_at_the_wrist_site_is_the_whole_robot(robot: str) -> None:
+    arm = mujoco.MjSpec.from_file(str(bundled.part_file(robot, "arm")))
+    hand = mujoco.MjSpec.from_file(str(bundled.part_file(robot, "hand")))
     arm.attach(hand, prefix="jaco_hand/", site=arm.site("wristsite"))
-    attached, whole = arm.compile(), mjcf("j2n6s300")
+    attached, whole = arm.compile(), mjcf(robot)
     a, b = mujoco.MjData(attached), mujoco.MjData(whole)
     a.qpos[:] = b.qpos[:] = np.random.default_rng(1).uniform(-2, 2, whole.nq)
     mujoco.mj_forward(attached, a)
     mujoco.mj_forward(whole, b)
     for field in ("xpos", "xmat", "geom_xpos", "geom_xmat", "qfrc_bias"):
         np.testing.assert_allclose(getattr(a, field), getattr(b, field), atol=POSE_TOLERANCE, rtol=0)
-    assert attached.nexclude == whole.nexclude == 7
+    assert attached.nexclude == whole.nexclude == (7 if robot.endswith("300") else 4)
+    np.testing.assert_allclose(attached.body_mass.sum(), whole.body_mass.sum(), rtol=1e-12)
 
 
 # --- numbers -------------------------------------------------------------------------------------------------

@@ -51,6 +51,20 @@ class JacoArmObservables(JointsObservables):
         return Observable(read)
 
 
+class TwoFingerHandObservables(JointsObservables):
+    """Finger positions and velocities, pose of the grip site: the hand with two fingers has no pinch site."""
+
+    @observable
+    def grip_site_pos(self) -> Observable:
+        """Position of the grip site in the world, (3,) [m]."""
+        return MJCFFeature("xpos", self._entity.grip_site)
+
+    @observable
+    def grip_site_rmat(self) -> Observable:
+        """Rotation matrix R_world_gripsite in row-major order, (9,)."""
+        return MJCFFeature("xmat", self._entity.grip_site)
+
+
 class JacoHandObservables(JointsObservables):
     """Finger positions and velocities, pose of the pinch site."""
 
