@@ -1,4 +1,4 @@
-"""The compiled entry point: every branch of one target, or the best branch of each of many."""
+"""The entry point: every branch of one target, or the best branch of each of many."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from jacokin.ik.closed_form.kernels.pose import (
     WITHIN_LIMITS,
     BranchWork,
     Task,
+    Work,
     make_work,
     solve_pose,
     sort_rows,
@@ -46,8 +47,20 @@ def solve(
     Returns:
         How many rows were filled.
     """
+    return solve_targets(chain, arm, limits, T, seed, make_work(rows), best)
+
+
+def solve_targets(
+    chain: NDArray[np.float64],
+    arm: NDArray[np.float64],
+    limits: NDArray[np.float64],
+    T: NDArray[np.float64],
+    seed: NDArray[np.float64],
+    work: Work,
+    best: NDArray[np.float64],
+) -> int:
+    """As `solve`, in work arrays that the caller made; this is what gets compiled: it allocates nothing."""
     k = unpack_arm(arm)
-    work = make_work(rows)
     for i in range(T.shape[0]):
         solve_pose(arm, k, Task(chain, limits, T[i], seed[i]), work)
         if i < best.shape[0]:

@@ -224,11 +224,17 @@ def insert(work: BranchWork) -> None:
         there = max(rows[i, POSITION_ERROR], rows[i, ORIENTATION_ERROR])
         if same_configuration(rows[i], row, SAME_BRANCH + FOLD_FACTOR * math.sqrt(max(here, there))):
             if here < there:
-                rows[i] = row
+                copy_row(row, rows[i])
             return
     if count < MAX_BRANCHES:
-        rows[count] = row
+        copy_row(row, rows[count])
         work.filled[0] = count + 1
+
+
+def copy_row(source: NDArray[np.float64], target: NDArray[np.float64]) -> None:
+    """One by one: compiled, an assignment of arrays brings the code of its error message, which allocates memory."""
+    for column in range(COLUMNS):
+        target[column] = source[column]
 
 
 def sort_rows(work: BranchWork) -> None:
