@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import jacokin
+import jacokin.model
 from jacokin.errors import InvalidInputError, ModelError, UnknownNameError
 from jacokin.model import urdf_folder
 from tests.robot_files import urdf_text
@@ -222,3 +223,16 @@ def test_a_user_s_urdf_passes_its_own_crosscheck(rng: np.random.Generator) -> No
     assert robot.source.bundled is None
     report = jacokin.crosscheck(robot, samples=100, rng=rng)
     assert report.within(), str(report)
+
+
+@pytest.mark.parametrize("name", ["base", "jacokin_base", "world", "universe", "link"])
+def test_a_joint_may_have_any_name(tmp_path: Path, name: str) -> None:
+    path = tmp_path / "names.xml"
+    path.write_text(f"""<mujoco><worldbody><body name="link"><joint name="{name}" range="-1 1"/><geom size="0.1"/>
+      <body name="tip" pos="0 0 1"><joint name="last"/><geom size="0.1"/>
+      <body name="finger" pos="0 0 1"><joint name="grip"/><geom size="0.1"/></body></body></body></worldbody></mujoco>""")
+    robot = jacokin.load_robot(path, tip="tip")
+    assert robot.joint_names == (name, "last")
+    assert robot.within_limits(robot.home)
+    assert jacokin.crosscheck(robot, samples=5).within()
+    assert jacokin.model.to_mujoco(robot).njnt == 2

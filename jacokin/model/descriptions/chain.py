@@ -91,16 +91,6 @@ def default_frame(model: pin.Model, tip: str | None) -> str:
     return str(names[0])
 
 
-def _one_coordinate_joint(joint: pin.JointModel) -> tuple[object, bool]:
-    """The joint with one plain coordinate, and whether it was a continuous one."""
-    kind = joint.shortname()
-    if kind.startswith("JointModelRUB") and kind[-1] in _PLAIN_AXIS:
-        return _PLAIN_AXIS[kind[-1]](), True
-    if kind == "JointModelRevoluteUnboundedUnaligned":
-        return pin.JointModelRevoluteUnaligned(np.array(joint.extract().axis)), True
-    return joint.extract(), False
-
-
 def extract(full: pin.Model, q_reference: Array, base: str | None, tip: str | None, name: str) -> pin.Model:
     """The arm between two frames of a model, as a fresh model with nq == nv == number of joints.
 
@@ -120,69 +110,81 @@ def extract(full: pin.Model, q_reference: Array, base: str | None, tip: str | No
     """
     data = full.createData()
     pin.forwardKinematics(full, data, q_reference)
-    base_frame = full.frames[frame_id(full, base)] if base is not None else full.frames[0]
+    base_frame = full.frames[0 if base is None else frame_id(full, base)]
     T_world_base = data.oMi[base_frame.parentJoint] * base_frame.placement
-    if tip is not None:
-        tip_joint = full.frames[frame_id(full, tip)].parentJoint
-    else:
-        tip_joint = arm_tip_joint(full, base_frame.parentJoint)
-    upwards = path_to_root(full, tip_joint)
-    above_base = set(path_to_root(full, base_frame.parentJoint))
-    if not above_base <= set(upwards):
-        raise ModelError(f"tip {tip!r} does not descend from base {base!r}: no chain joins them")
-    chain = {joint for joint in upwards if joint not in above_base}
-    if not chain:
-        raise ModelError(f"no joint moves between base {base!r} and tip {tip!r}")
-
+    above_base, chain = _above_and_between(full, base_frame.parentJoint, base, tip)
     arm = pin.Model()
     arm.name = name
     arm.gravity.linear = T_world_base.rotation.T @ full.gravity.linear
-    # Where each joint of the full model ended up: the joint of the arm that carries it, and its placement there.
-    home_of: dict[int, tuple[int, pin.SE3]] = {
-        0: (0, T_world_base.inverse() if base is not None else pin.SE3.Identity())
-    }
-    dynamics: list[tuple[float, float, float]] = []
-    for index in range(1, full.njoints):
-        carrier, T_carrier_parent = home_of[full.parents[index]]
-        if index not in chain:
-            home_of[index] = (carrier, T_carrier_parent * data.liMi[index])
-            if index in above_base:
-                home_of[index] = (0, T_world_base.inverse() * data.oMi[index])
-            continue
-        joint = full.joints[index]
-        if joint.nv != 1:
-            raise ModelError(
-                f"joint {full.names[index]!r} in the chain has {joint.nv} degrees of freedom; "
-                "an arm needs hinge (or slide) joints"
-            )
-        plain, continuous = _one_coordinate_joint(joint)
-        lower, upper = (
-            (-np.inf, np.inf)
-            if continuous
-            else (full.lowerPositionLimit[joint.idx_q], full.upperPositionLimit[joint.idx_q])
-        )
-        lower = lower if lower > -NO_LIMIT else -np.inf
-        upper = upper if upper < NO_LIMIT else np.inf
-        at = slice(joint.idx_v, joint.idx_v + 1)
-        new = arm.addJoint(
-            carrier,
-            plain,
-            T_carrier_parent * full.jointPlacements[index],
-            full.names[index],
-            full.effortLimit[at],
-            full.velocityLimit[at],
-            np.array([lower]),
-            np.array([upper]),
-        )
-        home_of[index] = (new, pin.SE3.Identity())
-        dynamics.append((full.armature[at][0], full.damping[at][0], full.upperDryFrictionLimit[at][0]))
-    for index in range(full.njoints):
-        carrier, T_carrier_joint = home_of[index]
-        arm.appendBodyToJoint(carrier, full.inertias[index], T_carrier_joint)
+    # For each joint of the full model: the joint of the arm that carries it, and its placement there. (Pinocchio's
+    # buildReducedModel freezes joints too, but fails where a body has the name of a joint, which is common in MJCF.)
+    T_base_world = T_world_base.inverse() if base is not None else pin.SE3.Identity()
+    carried: list[tuple[int, pin.SE3]] = [(0, T_base_world)]
+    for joint in range(1, full.njoints):
+        carrier, T_carrier_parent = carried[full.parents[joint]]
+        if joint in chain:
+            added = _add_joint(arm, carrier, T_carrier_parent * full.jointPlacements[joint], full, joint)
+            carried.append((added, pin.SE3.Identity()))
+        elif joint in above_base:
+            carried.append((0, T_base_world * data.oMi[joint]))
+        else:
+            carried.append((carrier, T_carrier_parent * data.liMi[joint]))
+    for (carrier, T_carrier_joint), inertia in zip(carried, full.inertias, strict=True):
+        arm.appendBodyToJoint(carrier, inertia, T_carrier_joint)
     for frame in list(full.frames)[1:]:
-        carrier, T_carrier_joint = home_of[frame.parentJoint]
+        carrier, T_carrier_joint = carried[frame.parentJoint]
         arm.addFrame(pin.Frame(frame.name, carrier, 0, T_carrier_joint * frame.placement, frame.type), False)
-    armature, damping, friction = np.array(dynamics).T
-    arm.armature, arm.damping = armature, damping
-    arm.upperDryFrictionLimit, arm.lowerDryFrictionLimit = friction, -friction
+    dofs = [full.joints[joint].idx_v for joint in sorted(chain)]
+    arm.armature, arm.damping = full.armature[dofs], full.damping[dofs]
+    arm.upperDryFrictionLimit = full.upperDryFrictionLimit[dofs]
+    arm.lowerDryFrictionLimit = -arm.upperDryFrictionLimit
     return arm
+
+
+def _above_and_between(
+    full: pin.Model, base_joint: int, base: str | None, tip: str | None
+) -> tuple[set[int], set[int]]:
+    """Ids of the joints that carry the base, and of those between base and tip."""
+    tip_joint = arm_tip_joint(full, base_joint) if tip is None else full.frames[frame_id(full, tip)].parentJoint
+    above_base, upwards = set(path_to_root(full, base_joint)), set(path_to_root(full, tip_joint))
+    if not above_base <= upwards:
+        raise ModelError(f"tip {tip!r} does not descend from base {base!r}: no chain joins them")
+    if above_base == upwards:
+        raise ModelError(f"no joint moves between base {base!r} and tip {tip!r}")
+    return above_base, upwards - above_base
+
+
+def _add_joint(arm: pin.Model, parent: int, placement: pin.SE3, full: pin.Model, index: int) -> int:
+    """Add a joint of the full model to the arm, with one plain coordinate and infinite limits where it has none."""
+    joint = full.joints[index]
+    if joint.nv != 1:
+        raise ModelError(
+            f"joint {full.names[index]!r} in the chain has {joint.nv} degrees of freedom; "
+            "an arm needs hinge (or slide) joints"
+        )
+    plain, continuous = _one_coordinate_joint(joint)
+    lower, upper = -np.inf, np.inf
+    if not continuous:
+        lower, upper = full.lowerPositionLimit[joint.idx_q], full.upperPositionLimit[joint.idx_q]
+    at = slice(joint.idx_v, joint.idx_v + 1)
+    added: int = arm.addJoint(
+        parent,
+        plain,
+        placement,
+        full.names[index],
+        full.effortLimit[at],
+        full.velocityLimit[at],
+        np.array([lower if lower > -NO_LIMIT else -np.inf]),
+        np.array([upper if upper < NO_LIMIT else np.inf]),
+    )
+    return added
+
+
+def _one_coordinate_joint(joint: pin.JointModel) -> tuple[object, bool]:
+    """The joint with one plain coordinate, and whether it was a continuous one."""
+    kind = joint.shortname()
+    if kind.startswith("JointModelRUB") and kind[-1] in _PLAIN_AXIS:
+        return _PLAIN_AXIS[kind[-1]](), True
+    if kind == "JointModelRevoluteUnboundedUnaligned":
+        return pin.JointModelRevoluteUnaligned(np.array(joint.extract().axis)), True
+    return joint.extract(), False

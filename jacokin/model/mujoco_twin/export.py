@@ -67,7 +67,7 @@ def to_spec(robot: Robot, *, geometry: bool = False) -> mujoco.MjSpec:
 
 def body_of_joint(robot: Robot, joint: int) -> str:
     """Name of the twin's body that Pinocchio's joint (by number, 0 for the base) moves."""
-    return f"jacokin_{robot.joint_names[joint - 1]}" if joint else BASE_BODY
+    return f"jacokin_body_{joint}" if joint else BASE_BODY
 
 
 def _add_joint(body: mujoco.MjsBody, robot: Robot, index: int) -> None:
