@@ -18,9 +18,31 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
+LONGEST_REPR = 200  # characters of a value in a message
+
+
+def shown(value: object) -> str:
+    """`value` for a message: its repr, cut where it is long."""
+    try:
+        text = repr(value)
+    except Exception:  # a repr of the user's own, or a whole number with too many digits to print
+        return f"an unprintable {type(value).__name__}"
+    return text if len(text) <= LONGEST_REPR else f"{text[:LONGEST_REPR]}..."
+
 
 class JacokinError(Exception):
-    """Base of every error that jacokin raises on purpose."""
+    """Base of every error that jacokin raises on purpose; with its data it passes between processes."""
+
+    def __reduce__(self) -> tuple[object, tuple[object, ...]]:
+        """Pickle message and attributes: the arguments of `__init__` are not those of `Exception`."""
+        return _rebuild, (type(self), self.args, self.__dict__)
+
+
+def _rebuild(kind: type[JacokinError], args: tuple[object, ...], attributes: dict[str, object]) -> JacokinError:
+    error = kind.__new__(kind, *args)
+    error.args = args
+    error.__dict__.update(attributes)
+    return error
 
 
 class InvalidInputError(JacokinError, ValueError):
@@ -41,9 +63,13 @@ class UnknownNameError(InvalidInputError):
         self.kind = kind
         self.given = given
         self.valid = tuple(valid)
-        close = difflib.get_close_matches(str(given), self.valid, n=1)
+        close = (
+            difflib.get_close_matches(given, self.valid, n=1)
+            if isinstance(given, str) and len(given) <= LONGEST_REPR
+            else []
+        )
         hint = f" Did you mean {close[0]!r}?" if close else ""
-        super().__init__(f"unknown {kind} {given!r}.{hint} Valid: {', '.join(self.valid) or '(none)'}")
+        super().__init__(f"unknown {kind} {shown(given)}.{hint} Valid: {', '.join(self.valid) or '(none)'}")
 
 
 class RepresentationSingularity(InvalidInputError):  # noqa: N818 - the public name says what it is

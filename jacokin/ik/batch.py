@@ -13,6 +13,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
+from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, JacokinError
 from jacokin.ik.request import joined
 from jacokin.ik.results import BatchResult, IKResult, Status
@@ -20,8 +21,6 @@ from jacokin.ik.seeds import FARTHEST_SEED, seed_within_limits
 from jacokin.ik.targets import TargetPose, checked_batch
 from jacokin.model import checks
 from jacokin.model.robot import Robot
-
-Array = NDArray[np.float64]
 
 CHUNK = 4096  # targets in one compiled call: progress is seen, and the call's cost is spread
 

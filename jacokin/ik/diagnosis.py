@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from jacokin.arrays import Array
 from jacokin.ik.results import Status
 
 if TYPE_CHECKING:
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from jacokin.ik.targets import TargetPose
     from jacokin.ik.verification import Verifier
 
-Array = NDArray[np.float64]
 
 NAMED_PAIRS = 3  # in a message; the result's `touching` has all
 REACH_SLACK = 1e-3  # [m] more than any tolerance: a bound that can be trusted
@@ -81,8 +80,7 @@ class Reach:
         placed = model.frames[verifier.frame_id].placement
         tip = placed if verifier.tool is None else placed * verifier.tool
         lengths.append(float(np.linalg.norm(tip.translation)))
-        slides = [joint for joint in range(1, model.njoints) if "Prismatic" in model.joints[joint].shortname()]
-        lengths.extend(float(max(abs(robot.lower[j - 1]), abs(robot.upper[j - 1]))) for j in slides)
+        lengths.extend(np.maximum(np.abs(robot.lower), np.abs(robot.upper))[robot.sliding].tolist())
         self._shoulder: Array = np.array(model.jointPlacements[1].translation)
         self._radius = sum(lengths)
 

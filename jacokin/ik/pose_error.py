@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
+
+from jacokin.arrays import Array
 
 if TYPE_CHECKING:
     from jacokin.ik.targets import TargetPose
@@ -34,7 +34,7 @@ def errors(T_base_tool: pin.SE3, target: TargetPose) -> tuple[float, float]:
     return position, math.atan2(sine, a * A + b * B + c * C + d * D + e * E + f * F + g * G + h * H + k * K - 1.0)
 
 
-def rotation_angle(rotation: NDArray[np.float64]) -> float:
+def rotation_angle(rotation: Array) -> float:
     """Angle [rad] of a rotation matrix, accurate near zero and near a half turn."""
     a, b, c, d, e, f, g, h, k = rotation.ravel().tolist()
     return math.atan2(math.hypot(h - f, c - g, d - b), a + e + k - 1.0)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from jacokin.arrays import Array
 from jacokin.ik import seeds
 from jacokin.ik.targets import TargetPose
 
@@ -17,7 +17,7 @@ class Request:
 
     target: TargetPose
     """What to reach."""
-    seed: NDArray[np.float64]
+    seed: Array
     """(dof,) where the solve starts [rad], inside the limits."""
     note: str
     """What had to be done to the seed; empty for nothing."""

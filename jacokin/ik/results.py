@@ -9,13 +9,12 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from jacokin.arrays import Array
 from jacokin.errors import SolveError
 from jacokin.model import checks
 
 if TYPE_CHECKING:
     from jacokin.ik.closed_form import BranchTable
-
-Array = NDArray[np.float64]
 
 
 class Frozen:
@@ -131,7 +130,7 @@ class Branches:
 
     @property
     def q(self) -> Array:
-        """(k, dof) joint angles [rad]; free joints in the copy nearest to the seed."""
+        """(k, dof) joint angles [rad]; unlimited joints in the copy nearest to the seed."""
         return self._rows.q
 
     @property
@@ -143,12 +142,12 @@ class Branches:
 
     @property
     def margin(self) -> Array:
-        """(k, dof) distance to the nearer limit [rad]; negative outside, inf on free joints."""
+        """(k, dof) distance to the nearer limit [rad]; negative outside, inf on unlimited joints."""
         return self._rows.margin
 
     @property
     def distance(self) -> Array:
-        """(k,) distance to the seed [rad], Euclidean, circular on free joints."""
+        """(k,) distance to the seed [rad], Euclidean, circular on unlimited joints."""
         return self._rows.distance
 
     @property
@@ -173,7 +172,7 @@ class Branches:
 
     @property
     def legal(self) -> Array:
-        """(m, dof) the branches inside the limits."""
+        """(m, dof) joint angles [rad] of the branches inside the limits."""
         return checks.read_only(self.q[self.within_limits])
 
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
+from jacokin.model import angles
 from jacokin.model.robot import Robot
-
-Array = NDArray[np.float64]
 
 FARTHEST_SEED = 1e6  # [rad] beyond this a double no longer resolves an angle to 1e-10 rad
 DEFAULT_RANDOM_SEED = 0  # of the generator used when the caller brings none: results repeat
@@ -19,7 +19,7 @@ DEFAULT_RANDOM_SEED = 0  # of the generator used when the caller brings none: re
 def seed_within_limits(robot: Robot, seed: ArrayLike | None, name: str = "seed") -> tuple[Array, str]:
     """The seed inside the limits, and a sentence when it had to be moved; home when there is none.
 
-    A limited joint first takes a 2 pi copy inside its limits, then the nearer limit.
+    A joint that turns takes the copy inside its limits, any number of turns away; without one, the nearer limit.
 
     Raises:
         InvalidInputError: wrong length, not finite, or more than 1e6 rad from zero.
@@ -35,11 +35,9 @@ def seed_within_limits(robot: Robot, seed: ArrayLike | None, name: str = "seed")
     if (q >= robot.lower).all() and (q <= robot.upper).all():
         return q, ""
     outside = np.flatnonzero((q < robot.lower) | (q > robot.upper))
-    inside = q.copy()
-    for joint in outside:
-        copies = q[joint] + 2.0 * np.pi * np.array([-1.0, 1.0])
-        fitting = copies[(copies >= robot.lower[joint]) & (copies <= robot.upper[joint])]
-        inside[joint] = fitting[0] if fitting.size else np.clip(q[joint], robot.lower[joint], robot.upper[joint])
+    inside = np.clip(q, robot.lower, robot.upper)
+    turning = ~robot.sliding
+    inside[turning] = angles.into_limits(q[turning], robot.lower[turning], robot.upper[turning])
     names = ", ".join(robot.joint_names[joint] for joint in outside)
     return inside, f"the seed was outside the limits of {names} and was moved inside"
 

@@ -16,6 +16,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
+from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, StructureError
 from jacokin.ik import batch, diagnosis
 from jacokin.ik.options import (
@@ -38,8 +39,6 @@ from jacokin.model.robot import Robot
 if TYPE_CHECKING:
     from jacokin.ik.closed_form import BranchTable, ClosedForm
     from jacokin.ik.qp.search import QPSearch
-
-Array = NDArray[np.float64]
 
 
 class IKSolver:

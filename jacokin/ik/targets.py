@@ -9,7 +9,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from jacokin.errors import InvalidInputError
+from jacokin.arrays import Array
+from jacokin.errors import InvalidInputError, shown
 from jacokin.model import checks, poses
 
 
@@ -22,20 +23,20 @@ class TargetPose:
         position_only: True when the orientation is free.
     """
 
-    matrix: NDArray[np.float64]
+    matrix: Array
     position_only: bool
 
     @property
-    def position(self) -> NDArray[np.float64]:
+    def position(self) -> Array:
         """(3,) position of the tool [m]."""
         return self.matrix[:3, 3]
 
     @property
-    def rotation(self) -> NDArray[np.float64]:
+    def rotation(self) -> Array:
         """(3, 3) orientation of the tool."""
         return self.matrix[:3, :3]
 
-    def moved_to(self, position: NDArray[np.float64]) -> TargetPose:
+    def moved_to(self, position: Array) -> TargetPose:
         """The same target at another position (3,) [m]."""
         matrix = self.matrix.copy()
         matrix[:3, 3] = position
@@ -53,14 +54,14 @@ def checked(target: pin.SE3 | ArrayLike, name: str = "target") -> TargetPose:
             target = checks.numbers(target)
         except (TypeError, ValueError) as error:
             raise InvalidInputError(
-                f"{name} must be a pin.SE3, a (4, 4) matrix or a (3,) position, got {target!r}"
+                f"{name} must be a pin.SE3, a (4, 4) matrix or a (3,) position, got {shown(target)}"
             ) from error
         if target.ndim == 1:
             return TargetPose(_at(checks.vector(name, target, 3, "m")), position_only=True)
     return TargetPose(poses.matrix_of(target, name), position_only=False)
 
 
-def checked_batch(targets: Sequence[pin.SE3] | ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+def checked_batch(targets: Sequence[pin.SE3] | ArrayLike) -> tuple[Array, NDArray[np.bool_]]:
     """Targets of a batch: poses (n, 4, 4), positions (n, 3), or a sequence of what `checked` takes.
 
     Returns:
@@ -79,14 +80,14 @@ def checked_batch(targets: Sequence[pin.SE3] | ArrayLike) -> tuple[NDArray[np.fl
     try:
         rows = list(targets)  # type: ignore[arg-type]  # whatever cannot be listed is refused below
     except TypeError as error:
-        raise InvalidInputError(f"targets must be a sequence of poses, got {targets!r}") from error
+        raise InvalidInputError(f"targets must be a sequence of poses, got {shown(targets)}") from error
     if not rows:
         raise InvalidInputError("targets is empty")
     each = [checked(row, f"targets[{index}]") for index, row in enumerate(rows)]
     return np.array([target.matrix for target in each]), np.array([target.position_only for target in each])
 
 
-def _at(position: NDArray[np.float64]) -> NDArray[np.float64]:
+def _at(position: Array) -> Array:
     matrix = np.eye(4)
     matrix[:3, 3] = position
     return matrix

@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from jacokin.arrays import Array
 from jacokin.ik import pose_error
 from jacokin.ik.options import Options
 from jacokin.ik.results import IKResult, Status
@@ -20,8 +21,6 @@ from jacokin.model.robot import Robot
 if TYPE_CHECKING:
     from jacokin.ik.closed_form import BranchTable
     from jacokin.ik.qp.multistart import Attempt
-
-Array = NDArray[np.float64]
 
 
 class Verifier:

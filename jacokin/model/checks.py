@@ -13,24 +13,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
-from jacokin.errors import InvalidInputError, UnknownNameError
+from jacokin.errors import InvalidInputError, UnknownNameError, shown
 
 Item = TypeVar("Item")
 
 FLOAT64 = np.dtype(np.float64)
 NUMBER_KINDS = "iuf"  # of NumPy's dtypes: no booleans, complex numbers, strings, dates or objects
 NOT_NUMBERS = frozenset((bool, np.bool_, np.ma.MaskedArray, type(np.ma.masked)))  # NumPy would convert these in lists
-LONGEST_REPR = 200  # characters of a value in a message
 NESTING = 3  # lists in lists in lists that are searched for values that are not numbers
-
-
-def shown(value: object) -> str:
-    """`value` for a message: its repr, cut where it is long."""
-    try:
-        text = repr(value)
-    except Exception:  # a repr of the user's own, or a whole number with too many digits to print
-        return f"an unprintable {type(value).__name__}"
-    return text if len(text) <= LONGEST_REPR else f"{text[:LONGEST_REPR]}..."
 
 
 def _with_unit(text: str, unit: str) -> str:

@@ -55,6 +55,7 @@ class Robot:
         dof: number of joints.
         lower: (dof,) lower limits [rad]; -inf on unlimited joints. Read-only, as are the arrays below.
         upper: (dof,) upper limits [rad]; +inf on unlimited joints.
+        sliding: (dof,) True where a joint slides [m] instead of turning [rad].
         unlimited: (dof,) True where a joint has no limits.
         velocity_limit: (dof,) [rad/s]; inf where the file gives none.
         effort_limit: (dof,) [N m], what the loaded file says; inf where it gives none.
@@ -95,6 +96,8 @@ class Robot:
         self.upper = checks.read_only(model.upperPositionLimit)
         self.unlimited: NDArray[np.bool_] = np.isinf(self.lower) & np.isinf(self.upper)
         self.unlimited.setflags(write=False)
+        self.sliding: NDArray[np.bool_] = np.array(["JointModelP" in joint.shortname() for joint in model.joints[1:]])
+        self.sliding.setflags(write=False)
         self.velocity_limit = checks.read_only(model.velocityLimit)
         self.effort_limit = checks.read_only(model.effortLimit)
         self._frame_ids = chain.frame_names(model)

@@ -1,4 +1,4 @@
-"""Solvers and results that are shared, copied, pushed to extremes: nothing gets lost on the way."""
+"""Solvers and results that are shared between threads, copied and pickled, and arguments at the extremes."""
 
 from __future__ import annotations
 
@@ -59,6 +59,18 @@ def test_seeds_many_turns_away(robot: Robot) -> None:
         solver.solve(target, [1e15, 3, 3, 0, 1, 1])
     with pytest.raises(InvalidInputError, match="too far from zero"):
         solver.solve_batch([target], [[1e15, 3, 3, 0, 1, 1]])
+
+
+def test_seeds_of_limited_joints_any_number_of_turns_away(robot: Robot) -> None:
+    solver = IKSolver(robot)
+    target = robot.forward_kinematics(robot.home)
+    branch = solver.solve_all(target).legal[-1]
+    for turns in (-3, -1, 2, 40):
+        seed = branch + 2.0 * np.pi * turns
+        result = solver.solve(target, seed).raise_for_status()
+        assert "joint_2, joint_3" in result.message
+        np.testing.assert_allclose(result.q, np.where(robot.unlimited, seed, branch), atol=1e-6)
+        np.testing.assert_array_equal(solver.solve_batch([target], [seed]).q[0], result.q)
 
 
 def test_seeds_of_any_memory_layout(robot: Robot, rng: np.random.Generator) -> None:

@@ -1,4 +1,4 @@
-"""The solver as users meet it: every branch, the nearest legal one, and reasons that are true."""
+"""The solver: every branch, the nearest one within the limits, and the reasons when there is none."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from collections.abc import Callable
 import numpy as np
 import pinocchio as pin
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -26,7 +26,7 @@ fractions = st.floats(0.0, 1.0)
 
 @st.composite
 def configurations(draw: st.DrawFn) -> Array:
-    """Legal configurations of the j2n6s300, limits included."""
+    """Configurations of the j2n6s300 within its limits, the limits included."""
     q = np.array([draw(angles) for _ in range(6)])
     for joint, low, high in ((1, math.radians(47), math.radians(313)), (2, math.radians(19), math.radians(341))):
         q[joint] = min(max(low + draw(fractions) * (high - low), low), high)
@@ -42,8 +42,8 @@ def circular(difference: Array) -> Array:
 def test_every_branch_reaches_the_pose(robot: Robot, q: Array) -> None:
     target = robot.forward_kinematics(q)
     branches = IKSolver(robot).solve_all(target)
-    for row, legal in zip(branches.q, branches.within_limits, strict=True):
-        assert robot.within_limits(row) == legal
+    for row, within in zip(branches.q, branches.within_limits, strict=True):
+        assert robot.within_limits(row) == within
         reached = robot.forward_kinematics(row)
         assert np.linalg.norm(reached.translation - target.translation) < 1e-9
         assert np.linalg.norm(pin.log3(reached.rotation.T @ target.rotation)) < 1e-8  # log3 loses half the digits
@@ -56,8 +56,7 @@ def test_every_branch_reaches_the_pose(robot: Robot, q: Array) -> None:
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(q=configurations())
 def test_the_seed_is_its_own_answer(robot: Robot, q: Array) -> None:
-    if robot.singular_values(q)[-1] < 1e-3:
-        return
+    assume(robot.singular_values(q)[-1] > 1e-3)
     result = IKSolver(robot).solve(robot.forward_kinematics(q), seed=q)
     assert result.success
     np.testing.assert_allclose(result.q, q, atol=1e-6)
@@ -68,8 +67,8 @@ def test_the_seed_is_its_own_answer(robot: Robot, q: Array) -> None:
 def test_turning_the_seed_turns_the_answer(robot: Robot, q: Array, seed: Array, turns: list[int]) -> None:
     solver = IKSolver(robot)
     target = robot.forward_kinematics(q)
-    if min(robot.singular_values(row)[-1] for row in solver.solve_all(target, seed).q) < 1e-3:
-        return  # joints of a singular branch are known to 1e-8 only, which may put it beyond a limit
+    # Joints of a singular branch are known to 1e-8 only, which may put it beyond a limit.
+    assume(min(robot.singular_values(row)[-1] for row in solver.solve_all(target, seed).q) > 1e-3)
     offset = np.zeros(6)
     offset[[0, 3, 4, 5]] = 2.0 * np.pi * np.array(turns)
     plain, turned = solver.solve(target, seed), solver.solve(target, seed + offset)
@@ -213,7 +212,7 @@ def test_contact_free_branches_come_first_when_contact_is_rejected(robot: Robot,
         result = solver.solve(target, seed=q)
         branches = report.solve_all(target, seed=q)
         assert branches.touching is not None
-        clear = [legal and not pairs for legal, pairs in zip(branches.within_limits, branches.touching, strict=True)]
+        clear = [within and not pairs for within, pairs in zip(branches.within_limits, branches.touching, strict=True)]
         assert result.success == any(clear)
         if result.success:
             assert contact.touching(result.q) == []
@@ -287,7 +286,7 @@ def test_one_line(robot: Robot) -> None:
     np.testing.assert_array_equal(copy.q, result.q)
 
 
-def test_an_illegal_seed_is_moved_and_said_so(robot: Robot) -> None:
+def test_a_seed_outside_the_limits_is_moved_and_the_message_says_so(robot: Robot) -> None:
     result = IKSolver(robot).solve(robot.forward_kinematics(robot.home), seed=np.zeros(6))
     assert result.success
     assert "joint_2, joint_3" in result.message

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from jacokin.errors import InvalidInputError, UnknownNameError
+from jacokin.errors import InvalidInputError, UnknownNameError, shown
 from jacokin.model import checks
 
 NO_NUMBERS = [
@@ -156,5 +156,5 @@ def test_a_matrix_names_the_row_that_is_not_finite() -> None:
 
 
 def test_a_long_value_is_cut_in_a_message() -> None:
-    assert len(checks.shown("x" * 10_000)) < 250
-    assert checks.shown(10**5000) == "an unprintable int"
+    assert len(shown("x" * 10_000)) < 250
+    assert shown(10**5000) == "an unprintable int"

@@ -13,14 +13,14 @@ import daqp
 import numpy as np
 import qpsolvers
 import scipy.sparse
-from numpy.typing import NDArray
 
+from jacokin.arrays import Array
 from jacokin.errors import UnknownNameError
 
 if TYPE_CHECKING:
     import mink
 
-Array = NDArray[np.float64]
+Array = Array
 Inequalities = tuple[Array, Array] | tuple[None, None]  # G (m, n) and h (m,) of G x <= h, or none
 
 DEFAULT = "daqp"

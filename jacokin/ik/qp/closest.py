@@ -11,14 +11,12 @@ from collections.abc import Callable
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 from scipy.optimize import minimize
 
+from jacokin.arrays import Array
 from jacokin.ik.pose_error import RADIAN_IN_METRES
 from jacokin.ik.targets import TargetPose
 from jacokin.model.robot import Robot
-
-Array = NDArray[np.float64]
 
 MAX_ITERATIONS = 200
 TINY = 1e-12  # an error below this has no direction

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 
 import mink
 import numpy as np
-from numpy.typing import NDArray
 
+from jacokin.arrays import Array
 from jacokin.ik import pose_error
 from jacokin.ik.pose_error import RADIAN_IN_METRES
 from jacokin.ik.qp.backend import Backend, QPFailed
@@ -20,8 +20,6 @@ from jacokin.ik.targets import TargetPose
 from jacokin.ik.verification import Verifier
 from jacokin.model import poses
 from jacokin.model.mujoco_twin.export import body_of_joint, to_spec
-
-Array = NDArray[np.float64]
 
 TOOL_SITE = "jacokin_tool"
 MAX_ITERATIONS = 60  # per start; a start that converges needs 4 near its answer, 10 to 20 far from it

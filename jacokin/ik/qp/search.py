@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from jacokin.arrays import Array
 from jacokin.ik import diagnosis, seeds
 from jacokin.ik.diagnosis import Outcome, Reach
 from jacokin.ik.qp.multistart import Attempt, MultiStartQP
@@ -14,8 +14,6 @@ from jacokin.ik.request import Request, joined
 from jacokin.ik.results import IKResult, Status
 from jacokin.ik.verification import Verifier
 from jacokin.model import angles
-
-Array = NDArray[np.float64]
 
 CLOSEST_STARTS = 20  # descents besides those from the branches while looking for the closest configuration
 
@@ -102,7 +100,7 @@ class QPSearch:
     def _result(self, request: Request, outcome: Outcome, attempt: Attempt) -> IKResult:
         """An attempt in the 2 pi copies nearest to the seed, measured again there."""
         verifier = self._verifier
-        q = angles.nearest_copy(attempt.q, request.seed, self._robot.unlimited)
+        q = angles.nearest_copy(attempt.q, request.seed, self._robot.unlimited & ~self._robot.sliding)
         errors = verifier.measure(q, request.target)
         if attempt.reached and not verifier.reached(q, errors):
             q, errors = attempt.q, (attempt.position_error, attempt.orientation_error)

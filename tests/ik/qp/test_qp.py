@@ -1,9 +1,10 @@
-"""The QP: global success, exact limits, honest statuses."""
+"""The QP: global success, exact limits, true statuses."""
 
 from __future__ import annotations
 
 import math
 import pickle
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,8 +21,19 @@ from jacokin.ik.qp import backend
 Array = NDArray[np.float64]
 
 
+CRANE = """<robot name="crane">
+<link name="base"/><link name="mast"/><link name="slide"/><link name="hook"/>
+<joint name="turn" type="revolute"><parent link="base"/><child link="mast"/><axis xyz="0 0 1"/>
+  <limit lower="-3" upper="3" effort="1" velocity="1"/></joint>
+<joint name="slide" type="prismatic"><parent link="mast"/><child link="slide"/><origin xyz="0.1 0 0"/>
+  <axis xyz="1 0 0"/><limit lower="0" upper="1.5" effort="1" velocity="1"/></joint>
+<joint name="tilt" type="revolute"><parent link="slide"/><child link="hook"/><origin xyz="0.1 0 0"/>
+  <axis xyz="0 1 0"/><limit lower="-3" upper="3" effort="1" velocity="1"/></joint>
+</robot>"""
+
+
 def check_success(robot: Robot, result: jacokin.IKResult, target: pin.SE3, frame: str | None = None) -> None:
-    """The promise, measured here and not taken from the result."""
+    """The promise of a success, measured here and not taken from the result."""
     assert result.success, str(result)
     assert (result.q >= robot.lower).all()
     assert (result.q <= robot.upper).all()
@@ -31,7 +43,7 @@ def check_success(robot: Robot, result: jacokin.IKResult, target: pin.SE3, frame
 
 
 @pytest.mark.parametrize("qp_solver", ["daqp", "quadprog", "proxqp", "osqp"])
-def test_every_back_end_solves_every_reachable_pose(robot: Robot, rng: np.random.Generator, qp_solver: str) -> None:
+def test_every_qp_solver_solves_every_reachable_pose(robot: Robot, rng: np.random.Generator, qp_solver: str) -> None:
     solver = IKSolver(robot, method="qp", qp_solver=qp_solver)
     for q in robot.sample(rng, 10 if qp_solver == "osqp" else 40):
         target = robot.forward_kinematics(q)
@@ -103,14 +115,14 @@ def test_results_repeat_and_randomness_is_an_argument(robot: Robot, rng: np.rand
     np.testing.assert_array_equal(seeded[0], seeded[1])
 
 
-def test_free_joints_come_in_the_copy_nearest_to_the_seed(robot: Robot) -> None:
+def test_unlimited_joints_come_in_the_copy_nearest_to_the_seed(robot: Robot) -> None:
     solver = IKSolver(robot, method="qp")
     target = robot.forward_kinematics(robot.home)
     turned = np.where(robot.unlimited, 4 * math.pi, 0.0)
     np.testing.assert_allclose(solver.solve(target, robot.home + turned).q, robot.home + turned, atol=1e-6)
 
 
-def test_an_illegal_seed_is_moved_inside_and_said_so(robot: Robot) -> None:
+def test_a_seed_outside_the_limits_is_moved_inside_and_the_message_says_so(robot: Robot) -> None:
     target = robot.forward_kinematics(robot.home)
     result = IKSolver(robot, method="qp").solve(target, seed=np.zeros(6))
     assert result.success
@@ -145,7 +157,7 @@ def test_no_convergence_counts_its_starts(robot: Robot) -> None:
     assert robot.within_limits(result.q)
 
 
-def test_a_failing_back_end_falls_back_and_says_so(
+def test_a_failing_qp_solver_is_replaced_and_the_result_says_by_which(
     robot: Robot, rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     solve = backend._solve
@@ -165,20 +177,31 @@ def test_a_failing_back_end_falls_back_and_says_so(
 
 
 def test_contact_is_reported_or_avoided(robot: Robot, rng: np.random.Generator) -> None:
-    from jacokin.model import SelfContact
+    from jacokin.model.mujoco_twin.contact import SelfContact
 
     contact = SelfContact(robot)
-    touching = next(q for q in robot.sample(rng, 500) if contact.touching(q))
-    target = robot.forward_kinematics(touching)
-    reported = IKSolver(robot, method="qp", collision="report").solve(target, seed=touching)
-    assert reported.success
-    assert reported.touching
-    rejected = IKSolver(robot, method="qp", collision="reject").solve(target, seed=touching)
-    if rejected.success:
-        assert contact.touching(rejected.q) == []
-    else:
-        assert rejected.status is Status.IN_COLLISION
-        assert rejected.touching
+    reporting = IKSolver(robot, method="qp", collision="report")
+    rejecting = IKSolver(robot, method="qp", collision="reject", max_restarts=10)
+    every_branch = IKSolver(robot, collision="report")
+    found = {True: 0, False: 0}
+    for q in [q for q in robot.sample(rng, 500) if contact.touching(q)][:12]:
+        target = robot.forward_kinematics(q)
+        reported = reporting.solve(target, seed=q)
+        assert reported.success
+        assert reported.touching
+        rejected = rejecting.solve(target, seed=q, closest=False)
+        branches = every_branch.solve_all(target)
+        assert branches.touching is not None
+        clear = any(ok and not pairs for ok, pairs in zip(branches.within_limits, branches.touching, strict=True))
+        found[rejected.success] += 1
+        if rejected.success:
+            assert clear
+            assert contact.touching(rejected.q) == []
+            check_success(robot, rejected, target)
+        else:
+            assert rejected.status is Status.IN_COLLISION
+            assert rejected.touching
+    assert min(found.values()) >= 2
 
 
 def test_batches_answer_like_single_solves(robot: Robot, rng: np.random.Generator) -> None:
@@ -252,3 +275,20 @@ def test_rotation_angles_are_accurate_at_both_ends() -> None:
     for angle in (0.0, 1e-9, 1e-4, 1.0, math.pi - 1e-7, math.pi):
         rotation = pin.AngleAxis(angle, np.array([0.6, 0.0, 0.8])).toRotationMatrix()
         assert pose_error.rotation_angle(rotation) == pytest.approx(angle, abs=1e-15)
+
+
+def test_sliding_joints_reach_as_far_as_they_slide(tmp_path: Path, rng: np.random.Generator) -> None:
+    path = tmp_path / "crane.urdf"
+    path.write_text(CRANE)
+    crane = jacokin.load_robot(path)
+    assert crane.sliding.tolist() == [False, True, False]
+    solver = IKSolver(crane)
+    for q in crane.sample(rng, 20):
+        result = solver.solve(crane.forward_kinematics(q), seed=q + 0.01, closest=False)
+        check_success(crane, result, crane.forward_kinematics(q))
+    too_far = solver.solve([1.9, 0.0, 0.0], closest=False)
+    assert too_far.status is Status.UNREACHABLE
+    # A length has no copies: a seed past the end of a slide is moved to its end, not 2 pi back.
+    stretched = np.array([0.3, 1.5, 0.2])
+    seed = np.array([0.3, 7.0, 0.2])
+    np.testing.assert_allclose(solver.solve(crane.forward_kinematics(stretched), seed).q, stretched, atol=1e-6)
