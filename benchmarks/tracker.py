@@ -48,7 +48,7 @@ def bare_mink(robot: Robot) -> Callable[[pin.SE3], None]:
     return tick
 
 
-def bare_solve(robot: Robot) -> Callable[[pin.SE3], None]:
+def bare_solve(robot: Robot) -> Callable[[pin.SE3], object]:
     """`mink.solve_ik` and nothing around it: the target is not even changed."""
     model = to_mujoco(robot)
     configuration = mink.Configuration(model)

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
-from jacokin.errors import InvalidInputError, UnknownNameError, shown
+from jacokin.errors import InvalidInputError, UnknownNameError
+from jacokin.errors import shown as shown
 
 Item = TypeVar("Item")
 

@@ -230,7 +230,8 @@ def test_a_joint_may_have_any_name(tmp_path: Path, name: str) -> None:
     path = tmp_path / "names.xml"
     path.write_text(f"""<mujoco><worldbody><body name="link"><joint name="{name}" range="-1 1"/><geom size="0.1"/>
       <body name="tip" pos="0 0 1"><joint name="last"/><geom size="0.1"/>
-      <body name="finger" pos="0 0 1"><joint name="grip"/><geom size="0.1"/></body></body></body></worldbody></mujoco>""")
+      <body name="finger" pos="0 0 1"><joint name="grip"/><geom size="0.1"/></body></body></body>
+    </worldbody></mujoco>""")
     robot = jacokin.load_robot(path, tip="tip")
     assert robot.joint_names == (name, "last")
     assert robot.within_limits(robot.home)

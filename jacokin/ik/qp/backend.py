@@ -6,7 +6,7 @@ from here.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import daqp
@@ -76,7 +76,9 @@ class Backend:
         """Forget the fallbacks of earlier solves."""
         self.used = self.name
 
-    def step(self, configuration: mink.Configuration, tasks: list[mink.Task], limits: list[mink.Limit]) -> Array:
+    def step(
+        self, configuration: mink.Configuration, tasks: Sequence[mink.Task], limits: Sequence[mink.Limit]
+    ) -> Array:
         """Displacement of the joints (nv,) [rad] that minimises mink's tasks within its limits.
 
         Raises:
