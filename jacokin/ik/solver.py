@@ -65,7 +65,7 @@ class IKSolver:
             frame: name of the frame to bring to the target; None for the robot's default frame.
             tool: T_frame_tool, a constant pose after the frame.
             method: "auto" (closed form where it applies, else QP), "closed_form" or "qp".
-            qp_solver: a QP solver installed for qpsolvers: "daqp", "quadprog", "osqp", "proxqp".
+            qp_solver: a QP solver installed for qpsolvers: "daqp", "osqp", "proxqp", "quadprog".
             collision: self-contact is "ignore"d, "report"ed in the result, or "reject"ed for another branch.
             position_tolerance: a success is this near in position [m].
             orientation_tolerance: a success is this near in orientation [rad].
@@ -74,6 +74,7 @@ class IKSolver:
 
         Raises:
             UnknownNameError: unknown frame, method, collision mode or QP solver.
+            MissingExtraError: the QP solver comes with an extra that is not installed.
             InvalidInputError: a tolerance that is not positive, a negative number of restarts, a malformed tool, or a
                 frame that no joint moves.
             StructureError: method="closed_form" and the robot has another structure.

@@ -20,7 +20,6 @@ NEEDED = {
     "numba": "numba",
     "qpsolvers": "qpsolvers",
     "daqp": "daqp",
-    "quadprog": "quadprog",
     "osqp": "osqp",
     "yourdfpy": "yourdfpy",
     "typer": "typer",
@@ -29,6 +28,7 @@ NEEDED = {
 # Import name -> distribution, extra of jacokin that brings it.
 OPTIONAL = {
     "proxsuite": ("proxsuite", "proxqp"),
+    "quadprog": ("quadprog", "quadprog"),
     "ruckig": ("ruckig", "motion"),
     "matplotlib": ("matplotlib", "plot"),
 }

@@ -15,7 +15,8 @@ import qpsolvers
 import scipy.sparse
 
 from jacokin.arrays import Array
-from jacokin.errors import UnknownNameError
+from jacokin.errors import MissingExtraError
+from jacokin.model import checks
 
 if TYPE_CHECKING:
     import mink
@@ -25,6 +26,7 @@ Inequalities = tuple[Array, Array] | tuple[None, None]  # G (m, n) and h (m,) of
 
 DEFAULT = "daqp"
 FALLBACKS = ("daqp", "quadprog", "osqp")  # tried in this order, those that are installed
+EXTRAS = {"proxqp": ("proxsuite", "proxqp"), "quadprog": ("quadprog", "quadprog")}  # package, extra of jacokin
 
 # Active-set solvers are exact; first-order ones stop early unless told otherwise, and then step past limits.
 OPTIONS: dict[str, dict[str, Any]] = {  # keyword arguments of each solver
@@ -46,11 +48,12 @@ def checked(name: str) -> str:
     """`name` when that solver is installed.
 
     Raises:
-        UnknownNameError: it is not; lists those that are.
+        UnknownNameError: there is no such solver; lists those that are installed.
+        MissingExtraError: an extra of jacokin brings it.
     """
-    if name not in qpsolvers.available_solvers:
-        raise UnknownNameError("qp_solver", name, qpsolvers.available_solvers)
-    return name
+    if isinstance(name, str) and name in EXTRAS and name not in qpsolvers.available_solvers:
+        raise MissingExtraError(f"qp_solver={name!r}: {EXTRAS[name][0]}", EXTRAS[name][1])
+    return checks.choice("qp_solver", name, qpsolvers.available_solvers)
 
 
 class Backend:

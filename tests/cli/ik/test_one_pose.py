@@ -88,7 +88,7 @@ def test_ik_all_out_of_reach_leaves_with_1(run: Run) -> None:
 
 
 def test_ik_with_the_qp_and_a_random_seed_repeats(run: Run) -> None:
-    words = ("ik", *POSE, "--method", "qp", "--qp-solver", "quadprog", "--random-seed", "7", "--json")
+    words = ("ik", *POSE, "--method", "qp", "--qp-solver", "osqp", "--random-seed", "7", "--json")
     first, second = run(*words).document, run(*words).document
-    assert first["qp_solver"] == "quadprog"
+    assert first["qp_solver"] == "osqp"
     assert first["q"] == second["q"]

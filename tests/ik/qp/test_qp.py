@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
+import qpsolvers
 from numpy.typing import NDArray
 
 import jacokin
 from jacokin import IKSolver, Robot, Status
-from jacokin.errors import InvalidInputError, SolveError, UnknownNameError
+from jacokin.errors import InvalidInputError, MissingExtraError, SolveError, UnknownNameError
 from jacokin.ik import pose_error
 from jacokin.ik.qp import backend
 
@@ -163,17 +164,36 @@ def test_a_failing_qp_solver_is_replaced_and_the_result_says_by_which(
     solve = backend._solve
 
     def broken(problem: Any, qp_solver: str) -> Array | None:
-        return np.full(6, np.nan) if qp_solver == "quadprog" else solve(problem, qp_solver)
+        return np.full(6, np.nan) if qp_solver == "proxqp" else solve(problem, qp_solver)
 
     monkeypatch.setattr(backend, "_solve", broken)
     target = robot.forward_kinematics(robot.sample(rng))
-    result = IKSolver(robot, method="qp", qp_solver="quadprog").solve(target)
+    result = IKSolver(robot, method="qp", qp_solver="proxqp").solve(target)
     check_success(robot, result, target)
-    assert result.qp_solver == "quadprog, then daqp"
+    assert result.qp_solver == "proxqp, then daqp"
     monkeypatch.setattr(backend, "_solve", lambda *_: np.full(6, np.nan))
     failed = IKSolver(robot, method="qp").solve(target)
     assert failed.status is Status.SOLVER_ERROR
     assert robot.within_limits(failed.q)
+
+
+def test_a_solver_that_is_not_installed_names_its_extra(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    installed = ["daqp", "osqp"]
+    monkeypatch.setattr(qpsolvers, "available_solvers", installed)
+    for name, extra in (("quadprog", "quadprog"), ("proxqp", "proxqp")):
+        with pytest.raises(MissingExtraError, match=rf"{name}.*pip install 'jacokin\[{extra}\]'"):
+            IKSolver(robot, method="qp", qp_solver=name)
+    with pytest.raises(UnknownNameError, match="Valid: daqp, osqp"):
+        IKSolver(robot, method="qp", qp_solver="gurobi_x")
+    # Without quadprog, osqp steps in for daqp.
+    solve = backend._solve
+    monkeypatch.setattr(
+        backend, "_solve", lambda problem, qp_solver: None if qp_solver == "daqp" else solve(problem, qp_solver)
+    )
+    target = robot.forward_kinematics(robot.home)
+    result = IKSolver(robot, method="qp").solve(target, seed=robot.home + 0.05)
+    check_success(robot, result, target)
+    assert result.qp_solver == "daqp, then osqp"
 
 
 def test_contact_is_reported_or_avoided(robot: Robot, rng: np.random.Generator) -> None:

@@ -230,16 +230,16 @@ def test_a_qp_that_cannot_be_solved_holds_the_arm_and_says_so(robot: Robot, monk
 def test_a_failing_solver_is_replaced_and_the_step_says_by_which(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     run = backend._solve
 
-    def fail_quadprog(problem: qpsolvers.Problem, solver: str) -> Any:
-        if solver == "quadprog":
+    def fail_proxqp(problem: qpsolvers.Problem, solver: str) -> Any:
+        if solver == "proxqp":
             raise ValueError("matrix G is not positive definite")
         return run(problem, solver)
 
-    monkeypatch.setattr(backend, "_solve", fail_quadprog)
-    tracker = Tracker(robot, qp_solver="quadprog")
+    monkeypatch.setattr(backend, "_solve", fail_proxqp)
+    tracker = Tracker(robot, qp_solver="proxqp")
     step = tracker.step(line(robot)[0])
     assert step.status is TrackerStatus.OK
-    assert step.qp_solver == "quadprog, then daqp"
+    assert step.qp_solver == "proxqp, then daqp"
 
 
 def test_failed_calls_change_nothing(robot: Robot) -> None:
