@@ -34,7 +34,7 @@ def main() -> None:
     draw(batch.q[np.argmin(np.where(batch.success, distance, np.inf))])  # the answer nearest to home
 
 
-def report(batch: BatchResult, lines: tuple[int, ...], seconds: float) -> None:
+def report(batch: BatchResult, lines: NDArray[np.int_], seconds: float) -> None:
     solved = int(batch.success.sum())
     print(f"{solved} of {len(batch)} targets solved ({100 * solved / len(batch):.1f} %) in {seconds:.2f} s")
     print(f"worst position error     {batch.position_error[batch.success].max():.1e} m")

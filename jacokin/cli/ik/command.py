@@ -19,6 +19,7 @@ from jacokin.cli.options import (
     SeedOption,
     TipOption,
 )
+from jacokin.cli.outputs import keep_apart
 from jacokin.cli.units import Angles
 
 if TYPE_CHECKING:
@@ -91,6 +92,7 @@ def ik(
 
     oriented = quat_wxyz is not None or rpy is not None or down
     combinations.check(position, oriented, every, targets, output, random_seed, degrees and targets is not None)
+    keep_apart({"--output": output}, {"--targets": targets, "--robot": robot})
     angles = Angles(degrees)
     start = angles.seed(seed)
     arm = options.load(robot, base, tip)

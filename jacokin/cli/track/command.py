@@ -20,11 +20,12 @@ from jacokin.cli.options import (
     SeedOption,
     TipOption,
 )
+from jacokin.cli.outputs import keep_apart
 from jacokin.cli.units import Angles
 from jacokin.errors import InvalidInputError, MissingExtraError
 
 if TYPE_CHECKING:
-    import pinocchio as pin
+    from jacokin.arrays import Array
 
 
 OFF_THE_PATH = 1  # exit code
@@ -71,6 +72,7 @@ def track(
 
     poses = _poses(path)
     _check_files(output, FORMATS, plot)
+    keep_apart({"--output": output, "--plot": plot}, {"--path": path, "--robot": robot})
     arm = options.load(robot, base, tip)
     with contextlib.ExitStack() as stack:
         writable = None if output is None else stack.enter_context(files.replacing(output))
@@ -114,18 +116,21 @@ def _check_files(output: Path | None, formats: tuple[str, ...], plot: Path | Non
         raise MissingExtraError("matplotlib", "plot")
 
 
-def _poses(path: Path) -> list[pin.SE3]:
-    """The poses of a path file.
+def _poses(path: Path) -> Array:
+    """The poses of a path file (n, 4, 4).
 
     Raises:
         InvalidInputError: as `read_targets`, or the file has no orientations.
     """
-    from jacokin.ik.files import targets_csv
+    from jacokin.ik.files.columns import QUATERNION, RPY
+    from jacokin.ik.files.targets_csv import read_targets
 
-    file = targets_csv.read_targets(path)
-    if not isinstance(file.targets, list):
-        raise InvalidInputError(f"{path}: a path needs orientations, columns {', '.join(targets_csv.QUATERNION)}")
-    return file.targets
+    targets = read_targets(path).targets
+    if targets.ndim != 3:
+        raise InvalidInputError(
+            f"{path}: a path needs orientations, columns {', '.join(QUATERNION)} or {', '.join(RPY)}"
+        )
+    return targets
 
 
 @contextlib.contextmanager

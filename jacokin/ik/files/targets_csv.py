@@ -3,34 +3,34 @@
 from __future__ import annotations
 
 import csv
-import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, TextIO
+from typing import TextIO
 
 import numpy as np
 from numpy.typing import NDArray
 
+from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
+from jacokin.ik.files import rows
+from jacokin.ik.files.columns import QUATERNION, RPY, Columns, chosen
+from jacokin.ik.files.orientations import rotations_from_quats, rotations_from_rpys
 
-if TYPE_CHECKING:
-    import pinocchio as pin
-
-POSITION = ("x", "y", "z")
-QUATERNION = ("qw", "qx", "qy", "qz")
+BLOCK = 8192  # lines read at a time
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TargetFile:
-    """The rows of a CSV file of targets; other columns are ignored."""
+    """Targets as a CSV file gives them."""
 
     columns: tuple[str, ...]
-    """Columns used: x, y, z [m] and, unless the orientation is free, qw, qx, qy, qz."""
-    values: NDArray[np.float64]
+    """x, y, z [m], followed by qw, qx, qy, qz, by roll, pitch, yaw [rad], or by nothing where orientations are free."""
+    values: Array
     """(n, len(columns)) as written."""
-    targets: list[pin.SE3] | NDArray[np.float64]
-    """n poses, or (n, 3) positions when there are no quaternion columns."""
-    lines: tuple[int, ...]
+    targets: Array
+    """(n, 4, 4) poses, or (n, 3) positions where orientations are free."""
+    lines: NDArray[np.int_]
     """(n,) line of each row in the file, the first line is 1."""
 
     def __len__(self) -> int:
@@ -38,74 +38,76 @@ class TargetFile:
         return len(self.values)
 
 
-def read_targets(path: Path) -> TargetFile:
-    """Read targets: columns x, y, z [m], and qw, qx, qy, qz or none of them for free orientation.
+def read_targets(path: str | Path) -> TargetFile:
+    """Read a CSV file of targets.
+
+    Args:
+        path: a file with the columns x, y, z [m] and, unless the orientation is free, either qw, qx, qy, qz or
+            roll, pitch, yaw [rad]. Columns named note, comment, name, label, id, index, t or time are ignored, as are
+            those that `jacokin ik --output` adds.
 
     Raises:
-        InvalidInputError: no such file, a missing column, a bad number, a quaternion that is not one, or no rows.
+        InvalidInputError: no such file, an unknown, missing or repeated column, a row that is longer than the header, a
+            bad number, a quaternion whose norm is not 1, or no rows; names line and column.
     """
+    parts = list(target_blocks(path))
+    return TargetFile(
+        parts[0].columns,
+        np.concatenate([part.values for part in parts]),
+        np.concatenate([part.targets for part in parts]),
+        np.concatenate([part.lines for part in parts]),
+    )
+
+
+def target_blocks(path: str | Path, size: int = BLOCK) -> Iterator[TargetFile]:
+    """As `read_targets`, in blocks of at most `size` rows, so that a file of any length fits into memory."""
+    if not isinstance(path, str | Path):
+        raise InvalidInputError(f"path must be a str or a Path, got {type(path).__name__}")
+    path = Path(path)
+    empty = True
     try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            return _parse(path, file)
+        with _opened(path) as file:
+            columns = chosen(path, next(csv.reader([file.readline()], strict=True), []))
+            for values, lines in rows.blocks(path, file, columns, size):
+                if len(values):
+                    empty = False
+                    yield TargetFile(columns.names, values, _targets(path, columns, values, lines), lines)
     except OSError as error:
         raise InvalidInputError(f"{path}: cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:
         raise InvalidInputError(f"{path}: is not a text file in UTF-8") from error
     except csv.Error as error:
         raise InvalidInputError(f"{path}: is not a CSV file: {error}") from error
-
-
-def _parse(path: Path, file: TextIO) -> TargetFile:
-    reader = csv.reader(file)
-    header = [name.strip() for name in next(reader, [])]
-    columns = _columns(path, header)
-    places = [header.index(name) for name in columns]
-    values: list[list[float]] = []
-    targets: list[pin.SE3] = []
-    lines: list[int] = []
-    for row in reader:
-        if not any(cell.strip() for cell in row):
-            continue
-        numbers = [_number(path, reader.line_num, header[place], row, place) for place in places]
-        if len(columns) > len(POSITION):
-            targets.append(_pose(path, reader.line_num, numbers))
-        values.append(numbers)
-        lines.append(reader.line_num)
-    if not values:
+    if empty:
         raise InvalidInputError(f"{path}: has no rows of targets")
-    array = np.array(values)
-    return TargetFile(columns, array, targets or array, tuple(lines))
 
 
-def _columns(path: Path, header: list[str]) -> tuple[str, ...]:
-    """The columns to read."""
-    with_orientation = any(name in header for name in QUATERNION)
-    columns = POSITION + QUATERNION if with_orientation else POSITION
-    missing = [name for name in columns if name not in header]
-    if missing:
-        found = ", ".join(header) or "nothing"
-        raise InvalidInputError(
-            f"{path}, line 1: column {', '.join(missing)} is missing; needed: {', '.join(columns)}; found: {found}"
-        )
-    return columns
-
-
-def _number(path: Path, line: int, column: str, row: list[str], place: int) -> float:
-    text = row[place].strip() if place < len(row) else ""
+def _opened(path: Path) -> TextIO:
     try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        problem = f"{text!r} is not a finite number" if text else "is empty"
-        raise InvalidInputError(f"{path}, line {line}, column {column}: {problem}")
-    return value
+        return path.open(encoding="utf-8-sig")
+    except ValueError as error:  # a null byte
+        raise InvalidInputError(f"{str(path)!r}: cannot be read: {error}") from error
 
 
-def _pose(path: Path, line: int, numbers: list[float]) -> pin.SE3:
-    from jacokin.model.poses import pose
+def _targets(path: Path, columns: Columns, values: Array, lines: NDArray[np.int_]) -> Array:
+    """Poses (n, 4, 4), or positions (n, 3).
 
-    try:
-        return pose(numbers[:3], numbers[3:])
-    except InvalidInputError as error:
-        raise InvalidInputError(f"{path}, line {line}, columns {', '.join(QUATERNION)}: {error}") from error
+    Raises:
+        InvalidInputError: a quaternion whose norm is not 1.
+    """
+    orientation = columns.names[3:]
+    if not orientation:
+        return values
+    matrices = np.zeros((len(values), 4, 4))
+    matrices[:, 3, 3] = 1.0
+    matrices[:, :3, 3] = values[:, :3]
+    if orientation == RPY:
+        matrices[:, :3, :3] = rotations_from_rpys(values[:, 3:])
+        return matrices
+    rotations, wrong = rotations_from_quats(values[:, 3:])
+    if len(wrong):
+        line = f"{path}, line {lines[wrong[0]]}, columns {', '.join(QUATERNION)}"
+        norm = np.linalg.norm(values[wrong[0], 3:])
+        raise InvalidInputError(f"{line}: quat_wxyz must have norm 1 (within 1 %), got norm {norm:.6g}")
+    matrices[:, :3, :3] = rotations
+    return matrices

@@ -1,17 +1,151 @@
-"""CSV files of target poses."""
+"""CSV files of target poses: what is read, and what is refused by line and column."""
 
 from __future__ import annotations
 
+import csv
+import math
+import os
+import threading
 from pathlib import Path
 
+import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
+import jacokin
 from jacokin.errors import InvalidInputError
 from jacokin.ik import read_targets
+from jacokin.ik.files.targets_csv import target_blocks
 
 
-def test_binary_targets_are_refused(tmp_path: Path) -> None:
-    path = tmp_path / "targets.csv"
-    path.write_bytes(b"\xff\xfe\x00x")
+def written(path: Path, text: str) -> Path:
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    return tmp_path / "targets.csv"
+
+
+def test_quaternions_and_angles_are_the_rotations_of_pose(file: Path, rng: np.random.Generator) -> None:
+    quats = rng.normal(size=(50, 4))
+    quats /= np.linalg.norm(quats, axis=1)[:, None]
+    angles = rng.uniform(-4.0, 4.0, (50, 3))
+    rows = "".join(f"0.1,0.2,0.3,{','.join(map(repr, quat))}\n" for quat in quats.tolist())
+    read = read_targets(written(file, f"x,y,z,qw,qx,qy,qz\n{rows}"))
+    for quat, target in zip(quats, read.targets, strict=True):
+        expected = jacokin.pose([0.1, 0.2, 0.3], quat_wxyz=quat).homogeneous
+        assert np.allclose(target, expected, rtol=0.0, atol=1e-15)
+    rows = "".join(f"0.1,0.2,0.3,{','.join(map(repr, rpy))}\n" for rpy in angles.tolist())
+    read = read_targets(written(file, f"x,y,z,roll,pitch,yaw\n{rows}"))
+    for rpy, target in zip(angles, read.targets, strict=True):
+        expected = jacokin.pose([0.1, 0.2, 0.3], rpy=rpy).homogeneous
+        assert np.allclose(target, expected, rtol=0.0, atol=1e-15)
+
+
+def test_columns_may_stand_in_any_order_beside_remarks(file: Path) -> None:
+    text = 'note, z ,y,,x,q1\n"left, then up",3,2,0,1,9\n\n,6,5,1,4,9\n"two\nlines",9,8,2,7,9\n'
+    read = read_targets(written(file, text))
+    assert read.values.tolist() == [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0], [7.0, 8.0, 9.0]]
+    assert read.lines.tolist() == [2, 4, 6]
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+def test_every_line_end_is_read(file: Path, end: str) -> None:
+    file.write_bytes(end.join(["x,y,z", "1,2,3", "4,5,6"]).encode())
+    assert read_targets(file).values.tolist() == [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("x,y,z\n0,3,-0,2,0,5\n", "line 2: has 6 cells, the header has 3"),  # decimal commas
+        ("x,y,z\n1,2,3\n1,2,3,\n", "line 3: has 4 cells"),
+        ("x,y,z\n1,2,3\n1,2\n", "line 3, column z: is empty"),
+        ("x,y,z,x\n1,2,3,4\n", "line 1: column x is repeated"),
+        ("x,y,z,note,note\n1,2,3,,\n", "column note is repeated"),
+        ("x,y,z\n1_0,2,3\n", "line 2, column x: '1_0'"),
+        ("x,y,z\n1,2,٣\n", "line 2, column z: '٣'"),
+        ("x,y,z\n1,2,\uff13\n", "line 2, column z"),
+        ("x,y,z\n1,0x2,3\n", "line 2, column y: '0x2'"),
+        ("x,y,z\n1,1e400,3\n", "line 2, column y: '1e400' is not a finite number"),
+        ("x,y,z\n1,inf,3\n", "line 2, column y"),
+        ("x,y,z\n1,2,3\n\n1;2;3\n", "line 4"),
+        ("x;y;z\n1;2;3\n", "line 1: column x, y, z is missing"),
+        ("x,y,z,rx,ry,rz\n1,2,3,0,0,0\n", "unknown column rx, ry, rz"),
+        ("x,y,z,roll\n1,2,3,0\n", "column pitch, yaw is missing"),
+        ("x,y,z,roll,pitch,yaw,qw,qx,qy,qz\n", "given twice"),
+        ("X,Y,Z\n1,2,3\n", "column x, y, z is missing"),
+        ('x,y,z\n1,2,"3\n', "not a CSV file"),
+        ("x,y,z,qw,qx,qy,qz\n0,0,0,1,0,0,0\n0,0,0,0,0,0,0\n", "line 3, columns qw, qx, qy, qz: .* norm 0"),
+    ],
+)
+def test_mistakes_are_named_with_their_place(file: Path, text: str, message: str) -> None:
+    with pytest.raises(InvalidInputError, match=message):
+        read_targets(written(file, text))
+
+
+def test_files_that_are_no_text_files_are_refused(tmp_path: Path, file: Path) -> None:
+    file.write_bytes(b"\xff\xfe\x00x")
     with pytest.raises(InvalidInputError, match="UTF-8"):
-        read_targets(path)
+        read_targets(file)
+    with pytest.raises(InvalidInputError, match=r"directory"):
+        read_targets(tmp_path)
+    with pytest.raises(InvalidInputError, match="No such file"):
+        read_targets(tmp_path / "nowhere.csv")
+    loop = tmp_path / "loop.csv"
+    loop.symlink_to(loop)
+    with pytest.raises(InvalidInputError, match="symbolic links"):
+        read_targets(loop)
+    with pytest.raises(InvalidInputError, match="null byte"):
+        read_targets("a\0b")
+    with pytest.raises(InvalidInputError, match="must be a str or a Path"):
+        read_targets(7)  # type: ignore[arg-type]  # what is refused
+
+
+def test_a_pipe_is_read(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe.csv"
+    os.mkfifo(pipe)
+    writer = threading.Thread(target=lambda: pipe.write_text("x,y,z\n1,2,3\n"))
+    writer.start()
+    assert read_targets(pipe).values.tolist() == [[1.0, 2.0, 3.0]]
+    writer.join()
+
+
+finite = st.floats(allow_nan=False, allow_infinity=False)
+numbers = (
+    finite.map(repr) | finite.map(lambda value: f"{value:.17g}") | st.from_regex(r"[-+]?[0-9]{1,3}\.?", fullmatch=True)
+)
+
+
+@given(
+    rows=st.lists(st.lists(numbers, min_size=3, max_size=3), min_size=1), size=st.integers(1, 4), quoted=st.booleans()
+)
+def test_numbers_are_those_of_python_whatever_the_blocks(
+    rows: list[list[str]], size: int, quoted: bool, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    file = tmp_path_factory.mktemp("csv") / "targets.csv"
+    with file.open("w", newline="", encoding="utf-8") as stream:
+        writer = csv.writer(stream, quoting=csv.QUOTE_ALL if quoted else csv.QUOTE_MINIMAL)
+        writer.writerows([["x", "y", "z"], *rows])
+    expected = [[float(number) for number in row] for row in rows]
+    parts = list(target_blocks(file, size))
+    assert np.concatenate([part.values for part in parts]).tolist() == expected
+    assert np.concatenate([part.lines for part in parts]).tolist() == list(range(2, len(rows) + 2))
+    assert read_targets(file).targets.tolist() == expected
+
+
+@given(text=st.text(alphabet="0123456789.,-+eE_ \n\"'xn\u0663", max_size=60))
+def test_any_text_is_numbers_or_one_clear_error(text: str, tmp_path_factory: pytest.TempPathFactory) -> None:
+    file = written(tmp_path_factory.mktemp("csv") / "targets.csv", f"x,y,z\n{text}")
+    try:
+        values = read_targets(file).values
+    except InvalidInputError as error:
+        message = str(error)
+    else:
+        message = f"{file.name} has {len(values)} rows"
+        assert values.shape[1] == 3
+        assert all(math.isfinite(value) for value in values.ravel())
+    assert "targets.csv" in message
