@@ -8,7 +8,7 @@ import mujoco
 from numpy.typing import ArrayLike
 
 from jacokin.model.descriptions import table
-from jacokin.mujoco_bridge.entities.entity import Entity
+from jacokin.mujoco_bridge.entities.entity import Entity, check_name
 
 CAMERA = "overview"
 
@@ -32,7 +32,7 @@ class Arena(Entity):
             name: a name for the model; names of elements do not contain it.
         """
         spec = self._mjcf_root = mujoco.MjSpec()
-        spec.modelname = name or "arena"
+        spec.modelname = "arena" if name is None else check_name(name)
         spec.compiler.degree = False
         row = table.load()["arena"]
         _set_options(spec, row)

@@ -96,7 +96,7 @@ class MJCFCamera(Observable):
 def add_camera_observables(
     entity: Entity, obs_settings: ObservationSettings, *camera_specs: CameraSpec
 ) -> dict[str, MJCFCamera]:
-    """Add cameras to an entity before it is compiled, and observables of their pictures.
+    """Add cameras to an entity, and observables of their pictures. A physics made before does not have them.
 
     Args:
         entity: usually the arena; the cameras are fixed in its frame.
@@ -114,10 +114,6 @@ def add_camera_observables(
 
     if not isinstance(entity, Entity):
         raise InvalidInputError(f"entity must be an Entity such as an Arena, got {entity!r}")
-    if entity.root.is_compiled:
-        raise InvalidInputError(
-            f"{entity.root.name!r} was compiled into a physics already; add cameras first, then make the physics"
-        )
     if not isinstance(obs_settings, ObservationSettings):
         raise InvalidInputError(f"obs_settings must be ObservationSettings, got {obs_settings!r}")
     options = MJCFCamera.check_options(obs_settings.camera._asdict())

@@ -8,6 +8,7 @@ from jacokin.model import checks
 from jacokin.model.descriptions import bundled, table
 from jacokin.mujoco_bridge.base import RobotArm, RobotHand
 from jacokin.mujoco_bridge.control.velocity_actuator import add_velocity_actuator
+from jacokin.mujoco_bridge.entities.entity import check_name
 from jacokin.mujoco_bridge.observables.jaco import JacoArmObservables
 from jacokin.mujoco_bridge.simulation.physics import Physics, check_physics
 
@@ -31,8 +32,8 @@ class JacoArm(RobotArm):
         """
         self._robot_name = checks.choice("robot", robot, bundled.NAMES)
         spec = self._mjcf_root = mujoco.MjSpec.from_file(str(bundled.part_file(robot, "arm")))
-        if name:
-            spec.modelname = name
+        if name is not None:
+            spec.modelname = check_name(name)
         rows = table.arm_joints(robot)
         self._joints = [spec.joint(joint) for joint in rows]
         self._wrist_site = spec.site(_WRIST_SITE)

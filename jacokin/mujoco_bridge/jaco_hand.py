@@ -13,6 +13,7 @@ from jacokin.model import checks
 from jacokin.model.descriptions import bundled, table
 from jacokin.mujoco_bridge.base import RobotHand
 from jacokin.mujoco_bridge.control.velocity_actuator import add_velocity_actuator
+from jacokin.mujoco_bridge.entities.entity import check_name
 from jacokin.mujoco_bridge.observables.jaco import JacoHandObservables, TwoFingerHandObservables
 from jacokin.mujoco_bridge.simulation.physics import Physics, check_physics
 
@@ -50,8 +51,8 @@ class JacoHand(RobotHand):
         """
         self._robot_name = _robot_with(fingers, robot)
         spec = self._mjcf_root = mujoco.MjSpec.from_file(str(bundled.part_file(self._robot_name, "hand")))
-        if name:
-            spec.modelname = name
+        if name is not None:
+            spec.modelname = check_name(name)
         self._joints = [spec.joint(finger) for finger in _fingers_of(self._robot_name)]
         self._grip_site = spec.site(_GRIP_SITE)
         self._pinch_site = spec.site(_PINCH_SITE)

@@ -34,3 +34,10 @@ def rotation_matrix(unit_quat_wxyz: Array) -> Array:
     rotation = np.empty(9)
     mujoco.mju_quat2Mat(rotation, unit_quat_wxyz)
     return rotation.reshape(3, 3)
+
+
+def product(first_wxyz: Array, second_wxyz: Array) -> Array:
+    """The quaternion (4,) wxyz that rotates by the second and then by the first."""
+    quat = np.empty(4)
+    mujoco.mju_mulQuat(quat, first_wxyz, second_wxyz)
+    return quat

@@ -8,37 +8,69 @@ objects throughout, so ``hand.joints`` can be bound whatever the hand is attache
 from __future__ import annotations
 
 import abc
-import inspect
+import functools
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import mujoco
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from jacokin.errors import InvalidInputError, ModelError, PhysicsError
+from jacokin.errors import InvalidInputError, ModelError
 from jacokin.model import checks
-from jacokin.mujoco_bridge.entities import spec_attachment
+from jacokin.mujoco_bridge.entities import pickling, spec_attachment
+from jacokin.mujoco_bridge.entities.hooks import Hooks
+from jacokin.mujoco_bridge.entities.placement import Placed
 from jacokin.mujoco_bridge.observables.observable import Observables
 from jacokin.mujoco_bridge.quaternions import unit_quaternion
-from jacokin.mujoco_bridge.simulation.physics import Physics, check_physics
 
 _UNNAMED = ("", "MuJoCo Model")  # what MuJoCo calls a model without a name
 
 
-class Entity(abc.ABC):
+def check_name(name: str) -> str:
+    """The name of an entity, or an error that says what is wrong with it.
+
+    Raises:
+        InvalidInputError: not a string, empty, or with a slash.
+    """
+    if not isinstance(name, str):
+        raise InvalidInputError(f"name must be a string, got {name!r}")
+    if not name or "/" in name:
+        raise InvalidInputError(f"name must not be empty and must not contain '/', got {name!r}")
+    return name
+
+
+def _constructor(cls: type[Entity]) -> Callable[..., None]:
+    """The constructor that a class inherits, with the parameters and the docstring of its `_build`."""
+
+    @functools.wraps(cls._build)
+    def constructor(self: Entity, *args: Any, **kwargs: Any) -> None:
+        super(cls, self).__init__(*args, **kwargs)
+
+    constructor.__name__, constructor.__qualname__ = "__init__", f"{cls.__qualname__}.__init__"
+    return constructor
+
+
+class Entity(Placed, Hooks):
     """A part of a scene. Subclasses say in `_build` what it consists of."""
 
     _mjcf_root: mujoco.MjSpec
 
-    def __init__(self, *args: Any, observable_options: Any = None, **kwargs: Any) -> None:
+    def __init__(
+        self,
+        *args: Any,
+        name: str | None = None,
+        observable_options: Mapping[str, Any] | None = None,
+        **kwargs: Any,
+    ) -> None:
         """Build the entity.
 
         Args:
             args: passed to `_build`.
+            name: name of the entity; None for the one that `_build` gives it, or that of the class.
             observable_options: options of the observables, see `Observables.set_options`.
-            kwargs: passed to `_build`; ``name`` works for every entity.
+            kwargs: passed to `_build`.
 
         Raises:
             InvalidInputError: a malformed name, or a `_build` that makes no spec.
@@ -47,22 +79,25 @@ class Entity(abc.ABC):
         self._attached: list[Entity] = []
         self._attachment: spec_attachment.Attachment | None = None
         self._is_compiled = False
-        signature = inspect.signature(self._build)
-        name = kwargs.get("name") if "name" in signature.parameters else kwargs.pop("name", None)
-        for given in (name, signature.bind_partial(*args, **kwargs).arguments.get("name")):
-            if not isinstance(given, str | None):
-                raise InvalidInputError(f"name must be a string, got {given!r}")
+        if name is not None:
+            check_name(name)
         self._build(*args, **kwargs)
         spec = self.mjcf_model
         if name is not None:
             spec.modelname = name
         elif spec.modelname in _UNNAMED:
             spec.modelname = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", type(self).__name__).lower()
-        if "/" in spec.modelname:
-            raise InvalidInputError(f"name must not contain '/', got {spec.modelname!r}")
-        self._name: str = spec.modelname
+        self._name: str = check_name(spec.modelname)
+        given = {"name": name, "observable_options": observable_options, **kwargs}
+        self._recipe = pickling.Recipe(args, given, pickling.count(spec))
         self._observables = self._build_observables()
         self._observables.set_options(observable_options)
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        """Give a class the documentation of its `_build` as that of its constructor."""
+        super().__init_subclass__(**kwargs)
+        if "_build" in vars(cls) and "__init__" not in vars(cls):
+            setattr(cls, "__init__", _constructor(cls))  # noqa: B010 - mypy refuses the assignment
 
     @abc.abstractmethod
     def _build(self, *args: Any, **kwargs: Any) -> None:
@@ -106,18 +141,23 @@ class Entity(abc.ABC):
         return self if self._parent is None else self._parent.root
 
     @property
-    def attachment_site(self) -> Any:
-        """Where entities are attached unless a site is named: an element, or None for `root_body`."""
+    def attachment_site(self) -> mujoco.MjsSite | None:
+        """Where entities are attached unless a site is named; None for `root_body`."""
         return None
 
     @property
-    def root_body(self) -> Any:
+    def mount(self) -> mujoco.MjsBody | None:
+        """The body made to hold this entity when it was attached; None for a root."""
+        return None if self._attachment is None else self._attachment.body
+
+    @property
+    def root_body(self) -> mujoco.MjsBody:
         """The body that holds this entity: the one made on attaching, or the world body of its own spec."""
         return self.mjcf_model.worldbody if self._attachment is None else self._attachment.body
 
     @property
     def is_compiled(self) -> bool:
-        """Whether a physics was made from this entity, after which nothing can be attached."""
+        """Whether a physics was made from this entity."""
         return self._is_compiled
 
     def iter_entities(self, exclude_self: bool = False) -> Iterator[Entity]:
@@ -130,12 +170,12 @@ class Entity(abc.ABC):
     def attach(
         self,
         entity: Entity,
-        attach_site: Any = None,
+        attach_site: mujoco.MjsSite | None = None,
         *,
         position: ArrayLike | None = None,
         quaternion: ArrayLike | None = None,
-    ) -> Any:
-        """Attach an entity rigidly.
+    ) -> mujoco.MjsBody:
+        """Attach an entity rigidly. Physics made from this tree before do not have it.
 
         Args:
             entity: what to attach; it must not be attached yet.
@@ -147,8 +187,8 @@ class Entity(abc.ABC):
             The body made to hold the entity. Its ``pos`` and ``quat`` may still be changed, and joints added to it.
 
         Raises:
-            InvalidInputError: an argument is wrong, the entity is attached already or would hold itself, another of
-                its name is there, or one of the two was compiled.
+            InvalidInputError: an argument is wrong, the entity is attached already or would hold itself, or another
+                of its name is there.
             ModelError: MuJoCo refuses to join the two.
         """
         self._check_attach(entity, attach_site)
@@ -162,64 +202,53 @@ class Entity(abc.ABC):
                 f"an entity of the name {entity.name!r} is attached here already; give this one another with name=..."
             )
         place = self.root_body if site is None else site
-        held = [each._attachment for each in entity._attached if each._attachment]
-        entity._attachment = spec_attachment.attach(spec, entity.mjcf_model, place, prefix, offset, turn, held)
+        children = [attachment for _, attachment in entity.attachments()]
+        entity._attachment = spec_attachment.attach(spec, entity.mjcf_model, place, prefix, offset, turn, children)
         entity._parent = self
         self._attached.append(entity)
         return entity._attachment.body
 
-    def _check_attach(self, entity: Entity, attach_site: Any) -> None:
+    def _check_attach(self, entity: Entity, attach_site: mujoco.MjsSite | None) -> None:
         if not isinstance(entity, Entity):
             raise InvalidInputError(f"entity must be an Entity, got {entity!r}")
         if entity._parent is not None:
             raise InvalidInputError(f"{entity.name!r} is attached to {entity._parent.name!r} already; detach it first")
         if entity is self.root:
             raise InvalidInputError(f"{entity.name!r} cannot be attached to itself or to what is attached to it")
-        for each in (self.root, entity):
-            if each._is_compiled:
-                raise InvalidInputError(
-                    f"{each.name!r} was compiled into a physics already; attach first, then make the physics"
-                )
-        if attach_site is None:
-            return
         sites = self.root.mjcf_model.sites
-        if not any(attach_site is site for site in sites):
+        if attach_site is not None and attach_site not in sites:
             names = ", ".join(site.name for site in sites) or "(none)"
             raise InvalidInputError(f"attach_site must be a site of {self.name!r}, got {attach_site!r}. Sites: {names}")
 
     def detach(self) -> None:
         """Undo `attach`: the entity is again as it was before, with what was attached to it still attached.
 
-        Its elements are new objects then; take them from the entity's properties again. Observables are made anew
-        with their options kept.
+        Its elements are new objects then; take them from the entity's properties again. Its observables are made
+        anew with their options, those that were added are kept. A physics made before does not know the new elements.
 
         Raises:
-            InvalidInputError: the entity is not attached, or the tree was compiled.
+            InvalidInputError: the entity is not attached.
         """
         parent, attachment = self._parent, self._attachment
         if parent is None or attachment is None:
             raise InvalidInputError(f"{self.name!r} is not attached to anything")
-        if self.root._is_compiled:
-            raise InvalidInputError(f"{self.name!r} was compiled into a physics already and cannot be detached")
-        held = [(each, each._attachment.where()) for each in self._attached if each._attachment]
-        for each, _ in held:
+        children = [(each, how.site, *how.pose()) for each, how in self.attachments()]
+        for each, *_ in children:
             each.detach()
-        restored = attachment.undo(parent.root.mjcf_model)
+        before = attachment.undo(parent.root.mjcf_model)
         parent._attached.remove(self)
         self._parent = self._attachment = None
-        restored.replace_in(vars(self))
-        options = {name: each.options for name, each in self._observables.as_dict(fully_qualified=False).items()}
-        self._observables = self._build_observables()
-        known = self._observables.as_dict(fully_qualified=False)
-        self._observables.set_options({name: values for name, values in options.items() if name in known})
-        for each, (site, position, quaternion) in held:
-            self.attach(each, restored.now(site), position=position, quaternion=quaternion)
+        before.replace_in(vars(self))
+        self._observables = self._build_observables().continued(self._observables, before.replaced)
+        for each, site, position, quaternion in children:
+            self.attach(each, before.replaced(site), position=position, quaternion=quaternion)
 
     def compile(self) -> mujoco.MjModel:
-        """Compile this entity with everything attached to it; nothing can be attached afterwards.
+        """Compile this entity with everything attached to it.
 
         Raises:
-            InvalidInputError: the entity is attached to another: compile that one.
+            InvalidInputError: the entity is attached to another (compile that one), or MuJoCo would leave out what
+                was added to an entity after attaching it.
             ModelError: MuJoCo refuses the model; its message is passed on.
         """
         if self._parent is not None:
@@ -228,7 +257,8 @@ class Entity(abc.ABC):
             )
         spec = self.mjcf_model
         for each in self.iter_entities(exclude_self=True):
-            spec_attachment.refuse_lost_elements(spec, each.mjcf_model, each.name)
+            if each._attachment is not None:
+                spec_attachment.refuse_lost_elements(spec, each.mjcf_model, each._attachment.before, each.name)
             # MuJoCo bounds each body's mass by the compiler options of the spec it came from.
             own = each.mjcf_model.compiler
             own.boundmass = max(own.boundmass, spec.compiler.boundmass)
@@ -240,61 +270,32 @@ class Entity(abc.ABC):
         self._is_compiled = True
         return model
 
-    def get_pose(self, physics: Physics) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Position (3,) [m] and orientation (4,) wxyz: in the world for a free entity, else in the parent body.
+    @property
+    def recipe(self) -> pickling.Recipe:
+        """How this entity was made."""
+        return self._recipe
 
-        Raises:
-            PhysicsError: the entity is not attached.
-        """
-        check_physics(physics)
-        free = self._free_joint()
-        if free is not None:
-            state = physics.bind(free).qpos
-            return state[:3].copy(), state[3:].copy()
-        bound = physics.bind(self._held_by())
-        return bound.pos.copy(), bound.quat.copy()
+    def attachments(self) -> list[tuple[Entity, spec_attachment.Attachment]]:
+        """The entities attached to this one, and how they are."""
+        return [(each, each._attachment) for each in self._attached if each._attachment is not None]
 
-    def set_pose(
-        self, physics: Physics, position: ArrayLike | None = None, quaternion: ArrayLike | None = None
-    ) -> None:
-        """Place the entity: in the world if it is free, else in its parent body.
-
-        Args:
-            physics: the simulation.
-            position: (3,) [m]; None leaves it.
-            quaternion: (4,) wxyz; None leaves it.
-
-        Raises:
-            PhysicsError: the entity is not attached.
-            InvalidInputError: a malformed position or quaternion.
-        """
-        check_physics(physics)
-        at = None if position is None else checks.vector("position", position, 3, "m")
-        turn = None if quaternion is None else unit_quaternion("quaternion", quaternion)
-        free = self._free_joint()
-        bound = physics.bind(self._held_by() if free is None else free)
-        if at is not None:
-            (bound.pos if free is None else bound.qpos)[:3] = at
-        if turn is not None:
-            (bound.quat if free is None else bound.qpos[3:])[:] = turn
-
-    def _held_by(self) -> Any:
-        if self._attachment is None:
-            raise PhysicsError(f"{self.name!r} is not attached to anything and has no pose")
-        return self._attachment.body
-
-    def _free_joint(self) -> Any:
-        joints = self._held_by().joints
-        return next((joint for joint in joints if joint.type == mujoco.mjtJoint.mjJNT_FREE), None)
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle and copy how this entity is made, and what is attached to it where; see `pickling`."""
+        return pickling.reduced(self, self._recipe)
 
 
 class ModelWrapperEntity(Entity):
     """An entity made of a spec and nothing else."""
 
     def _build(self, mjcf_model: mujoco.MjSpec, name: str | None = None) -> None:
-        """Wrap a spec; name it unless name is None."""
+        """Wrap a spec.
+
+        Args:
+            mjcf_model: the spec; it becomes part of the entity.
+            name: replaces the name of the model.
+        """
         if not isinstance(mjcf_model, mujoco.MjSpec):
             raise InvalidInputError(f"mjcf_model must be a mujoco.MjSpec, got {mjcf_model!r}")
         self._mjcf_root = mjcf_model
-        if name:
-            mjcf_model.modelname = name
+        if name is not None:
+            mjcf_model.modelname = check_name(name)

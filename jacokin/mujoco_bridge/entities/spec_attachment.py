@@ -1,7 +1,7 @@
 """Joining two specs so that it can be undone.
 
 MuJoCo moves a child's elements into the parent's spec for good. To undo that, a copy of the child is taken first; it
-replaces the child afterwards, and every element an entity holds is replaced by its twin in the copy.
+replaces the child afterwards, and every element an entity holds is replaced by its counterpart in the copy.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, MutableMapping
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
 import mujoco
 import numpy as np
@@ -17,61 +17,55 @@ from numpy.typing import NDArray
 
 from jacokin.errors import InvalidInputError, ModelError
 
-# Every list of elements a spec has.
-_LISTS = (
-    "bodies",
-    "joints",
-    "geoms",
-    "sites",
-    "cameras",
-    "lights",
-    "frames",
-    "actuators",
-    "sensors",
-    "tendons",
-    "equalities",
-    "excludes",
-    "pairs",
-    "materials",
-    "meshes",
-    "textures",
-    "hfields",
-    "skins",
-    "flexes",
-    "numerics",
-    "texts",
-    "tuples",
-    "keys",
-    "plugins",
-)
-# Those that deleting a body leaves behind.
+Vector = NDArray[np.float64]
+# Bindable elements and others alike (frames, textures, keys, ...): mujoco has no base class for them.
+SpecElement: TypeAlias = Any
+
+# Elements of the tree of bodies: deleting a body deletes them.
+_IN_BODIES = ("bodies", "joints", "geoms", "sites", "cameras", "lights", "frames")
+# Elements that refer to those by name.
+_REFERRING = ("actuators", "sensors", "tendons", "equalities", "excludes", "pairs", "flexes", "plugins")
+# Elements that deleting a body leaves behind.
 _ASSETS = ("materials", "textures", "meshes", "hfields", "skins", "numerics", "texts", "tuples", "keys")
-# Elements that MuJoCo drops without a word when they are added to the world body of an attached spec.
-_LOST = ("bodies", "geoms", "sites", "cameras", "lights")
+_LISTS = (*_IN_BODIES, *_REFERRING, *_ASSETS)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Restored:
-    """A spec put in the place of one that was attached, and for each element its twin."""
+class SpecCopy:
+    """A copy of a spec, to take the place of the original.
+
+    Attributes:
+        spec: the copy.
+        counterparts: for each element of the original the one of the copy; for the original spec the copy.
+    """
 
     spec: mujoco.MjSpec
-    twins: dict[Any, Any]
+    counterparts: dict[SpecElement, SpecElement]
 
-    def now(self, element: Any) -> Any:
-        """The twin of an element; what has none is returned as it is."""
-        return self.twins.get(element, element)
+    def replaced(self, value: Any) -> Any:
+        """A value with every element of the original in it replaced, also in lists, sets, dicts and object arrays."""
+        if isinstance(value, np.ndarray):
+            if value.dtype != object:
+                return value
+            array = np.empty(value.shape, dtype=object)
+            for index, each in np.ndenumerate(value):
+                array[index] = self.replaced(each)
+            return array
+        if isinstance(value, tuple):
+            items = [self.replaced(each) for each in value]
+            return type(value)(*items) if hasattr(value, "_fields") else type(value)(items)
+        if isinstance(value, list | set | frozenset):
+            return type(value)(self.replaced(each) for each in value)
+        if isinstance(value, dict):
+            return {self.replaced(key): self.replaced(each) for key, each in value.items()}
+        if type(value).__module__ != mujoco.MjSpec.__module__:
+            return value
+        return self.counterparts.get(value, value)
 
     def replace_in(self, attributes: MutableMapping[str, Any]) -> None:
-        """Replace the spec and the elements among the attributes of an entity, also in its lists and dicts."""
+        """Replace the elements of the original among the attributes of an object."""
         for name, value in attributes.items():
-            attributes[name] = self._replaced(value)
-
-    def _replaced(self, value: Any) -> Any:
-        if isinstance(value, list | tuple):
-            return type(value)(self._replaced(each) for each in value)
-        if isinstance(value, dict):
-            return {key: self._replaced(each) for key, each in value.items()}
-        return self.now(value) if type(value).__hash__ is not None else value
+            attributes[name] = self.replaced(value)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,37 +74,36 @@ class Attachment:
 
     Attributes:
         body: the body made to hold it.
-        place: the site or body it was attached to.
-        frame: the frame of the site, None where a body was given.
-        restored: the entity's spec as it was before.
+        site: the site it was attached to; None where it was attached to a body.
+        frame: the frame made for the site; None where it was attached to a body.
+        before: the entity's spec as it was before.
     """
 
-    body: Any
-    place: Any
-    frame: Any
-    restored: Restored
+    body: mujoco.MjsBody
+    site: mujoco.MjsSite | None
+    frame: mujoco.MjsFrame | None
+    before: SpecCopy
 
-    def where(self) -> tuple[Any, NDArray[np.float64], NDArray[np.float64]]:
-        """The site (None for a body), position [m] and quaternion wxyz with which to attach again."""
-        site = self.place if isinstance(self.place, mujoco.MjsSite) else None
-        return site, np.array(self.body.pos), np.array(self.body.quat)
+    def pose(self) -> tuple[Vector, Vector]:
+        """Position (3,) [m] and quaternion (4,) wxyz of the body in its frame."""
+        return np.array(self.body.pos), np.array(self.body.quat)
 
-    def undo(self, spec: mujoco.MjSpec) -> Restored:
-        """Remove everything attached from the tree; returns what takes its place."""
+    def undo(self, spec: mujoco.MjSpec) -> SpecCopy:
+        """Remove what was attached from the tree; returns what takes its place."""
         _remove(spec, self.body, self.frame)
-        return self.restored
+        return self.before
 
 
 def attach(
     spec: mujoco.MjSpec,
     child: mujoco.MjSpec,
-    place: Any,
+    place: mujoco.MjsSite | mujoco.MjsBody,
     prefix: str,
-    position: NDArray[np.float64],
-    quaternion: NDArray[np.float64],
-    held: Iterable[Attachment],
+    position: Vector,
+    quaternion: Vector,
+    children: Iterable[Attachment],
 ) -> Attachment:
-    """Hang all of a child spec in a new body of a tree.
+    """Move all elements of a child spec into a new body of a tree.
 
     Args:
         spec: the spec of the tree's root.
@@ -119,12 +112,12 @@ def attach(
         prefix: for the child's names, and the name of the new body.
         position: (3,) of the new body in the frame of the place [m].
         quaternion: (4,) of the new body in the frame of the place, wxyz.
-        held: what is attached to the child.
+        children: what is attached to the child.
 
     Raises:
         ModelError: MuJoCo refuses to join the two; the tree is then as before.
     """
-    restored = _copied(child, held)
+    before = _copied(child, children)
     frame = None
     holder = place
     if isinstance(place, mujoco.MjsSite):
@@ -137,7 +130,8 @@ def attach(
     body = holder.add_body(name=prefix, pos=position, quat=quaternion)
     if frame is not None:
         body.set_frame(frame)
-    attachment = Attachment(body, place, frame, restored)
+    site = place if frame is not None else None
+    attachment = Attachment(body, site, frame, before)
     try:
         spec.attach(child, frame=body.add_frame(), prefix=prefix)
     except (ValueError, mujoco.FatalError) as error:
@@ -147,19 +141,19 @@ def attach(
     return attachment
 
 
-def _copied(spec: mujoco.MjSpec, held: Iterable[Attachment]) -> Restored:
+def _copied(spec: mujoco.MjSpec, children: Iterable[Attachment]) -> SpecCopy:
     """A copy of a spec without what is attached to it."""
     copy = spec.copy()
-    twins: dict[Any, Any] = {spec: copy}
+    counterparts: dict[SpecElement, SpecElement] = {spec: copy}
     for kind in _LISTS:
-        twins.update(zip(getattr(spec, kind, ()), getattr(copy, kind, ()), strict=True))
-    for each in held:
-        _remove(copy, twins[each.body], twins.get(each.frame))
-    return Restored(copy, twins)
+        counterparts.update(zip(getattr(spec, kind, ()), getattr(copy, kind, ()), strict=True))
+    for each in children:
+        _remove(copy, counterparts[each.body], counterparts.get(each.frame))
+    return SpecCopy(copy, counterparts)
 
 
-def _remove(spec: mujoco.MjSpec, body: Any, frame: Any) -> None:
-    """Remove a body with all below it, the assets of its name, and the frame it hangs in."""
+def _remove(spec: mujoco.MjSpec, body: mujoco.MjsBody, frame: mujoco.MjsFrame | None) -> None:
+    """Remove a body with all below it, the assets whose names begin with its name, and the frame it hangs in."""
     prefix = body.name
     for kind in _ASSETS:
         for element in list(getattr(spec, kind)):
@@ -170,17 +164,30 @@ def _remove(spec: mujoco.MjSpec, body: Any, frame: Any) -> None:
         spec.delete(frame)
 
 
-def refuse_lost_elements(root: mujoco.MjSpec, attached: mujoco.MjSpec, name: str) -> None:
-    """Refuse elements that were added to the world body of a spec after it was attached.
+def refuse_lost_elements(root: mujoco.MjSpec, attached: mujoco.MjSpec, before: SpecCopy, name: str) -> None:
+    """Refuse elements that were added to the spec of an entity after it was attached.
+
+    Args:
+        root: the spec of the tree's root.
+        attached: the entity's own spec.
+        before: a copy of that from before.
+        name: the entity's name.
 
     Raises:
-        InvalidInputError: there are some; MuJoCo would leave them out without a word.
+        InvalidInputError: there are some; MuJoCo would leave them out silently.
     """
-    for kind in _LOST:
-        in_tree = set(getattr(root, kind))
-        for element in getattr(attached, kind):
-            if element not in in_tree and element is not attached.worldbody:
-                raise InvalidInputError(
-                    f"{element.name!r} ({kind}) was added to the world body of {name!r} after that was attached, where "
-                    "MuJoCo loses it; add it to the entity's root_body instead"
-                )
+    for kind in _LISTS:
+        if kind == "frames":
+            continue  # of no effect by themselves; what they hold is found in its own list
+        kept = {*getattr(root, kind, ()), *before.counterparts}
+        lost = [each for each in getattr(attached, kind, ()) if each not in kept]
+        if lost:
+            advice = (
+                "add it to the entity's root_body instead"
+                if kind in _IN_BODIES
+                else "add it before attaching, or to the root's mjcf_model with the full names of what it refers to"
+            )
+            raise InvalidInputError(
+                f"{lost[0].name!r} ({kind}) was added to the mjcf_model of {name!r} after that was attached, where "
+                f"MuJoCo leaves it out; {advice}"
+            )

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from functools import cached_property
 from inspect import getattr_static
-from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, Unpack
+from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -123,6 +123,12 @@ class Observable:
         for name, value in self.check_options(options).items():
             setattr(self, name, value)
 
+    def replace_elements(self, replaced: Callable[[Any], Any]) -> None:
+        """Read what ``replaced`` gives for each element from now on; `Entity.detach` makes new elements."""
+        for value in vars(self).values():
+            if isinstance(value, Bound):
+                value.replace(replaced)
+
 
 class Bound:
     """Elements whose binding in the last physics is kept."""
@@ -132,6 +138,11 @@ class Bound:
         self._elements = elements
         self._physics: Physics | None = None
         self._binding: Binding
+
+    def replace(self, replaced: Callable[[Any], Any]) -> None:
+        """Bind what ``replaced`` gives for the elements from now on."""
+        self._elements = replaced(self._elements)
+        self._physics = None
 
     def __call__(self, physics: Physics) -> Binding:
         """Return the binding of the elements in this physics.
@@ -162,7 +173,7 @@ class MJCFFeature(Observable):
         Raises:
             InvalidInputError: an option has a wrong value.
         """
-        bound = Bound(elements)
+        self._bound = bound = Bound(elements)
 
         def read(physics: Physics) -> ArrayLike:
             value: NDArray[Any] = getattr(bound(physics), kind)
@@ -225,6 +236,21 @@ class Observables:
             raise InvalidInputError(f"name must be an identifier that is not in use, got {name!r}")
         observable.enabled = enabled
         self._observables[name] = observable
+
+    def continued(self, former: Observables, replaced: Callable[[Any], Any]) -> Self:
+        """Take over the options of the entity's former observables, and those that were added to them.
+
+        Args:
+            former: the observables the entity had before its elements were replaced.
+            replaced: gives the present element for each former one.
+        """
+        for name, each in former._observables.items():
+            if name in self._observables:
+                self._observables[name].configure(**each.options)
+            else:
+                each.replace_elements(replaced)
+                self._observables[name] = each
+        return self
 
     def enable_all(self) -> None:
         """Enable every observable of this entity."""
