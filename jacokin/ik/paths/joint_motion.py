@@ -6,13 +6,18 @@ leaves the interval between its two ends.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from functools import partial
+from pathlib import Path
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, MissingExtraError
+from jacokin.ik.paths import export, files
+from jacokin.ik.results import Frozen
 from jacokin.ik.tracking.joint_limits import velocity_limits
 from jacokin.model import angles, checks
 from jacokin.model.robot import Robot
@@ -20,10 +25,16 @@ from jacokin.model.robot import Robot
 ACCELERATION = 1.0  # [rad/s^2] full speed in about 0.7 s; the maker publishes no figure, so this is a gentle guess
 
 
+COLUMNS = ("q", "v", "a")
+NOTES = ("lower", "upper", "velocity_limit")
+
+
 @dataclass(frozen=True, slots=True, eq=False)
-class JointMotion:
+class JointMotion(Frozen):
     """A motion between two configurations, sampled. Arrays are read-only."""
 
+    joint_names: tuple[str, ...]
+    """Names of the joints."""
     t: Array
     """(n,) time [s], from 0; the last row is the end of the motion."""
     q: Array
@@ -32,6 +43,12 @@ class JointMotion:
     """(n, dof) velocities [rad/s]."""
     a: Array
     """(n, dof) accelerations [rad/s^2]."""
+    lower: Array
+    """(dof,) lower limits [rad]."""
+    upper: Array
+    """(dof,) upper limits [rad]."""
+    velocity_limit: Array
+    """(dof,) velocity limits that were held [rad/s]."""
 
     @property
     def duration(self) -> float:
@@ -41,6 +58,85 @@ class JointMotion:
     def __len__(self) -> int:
         """Number of rows."""
         return len(self.t)
+
+    def save(self, path: str | Path) -> None:
+        """Write a file, as `PathResult.save` does: .csv, .npz, .json (ROS) or .kinova.csv.
+
+        Raises:
+            InvalidInputError: another ending, the file cannot be written, or a limit is broken after resampling.
+        """
+        files.save(
+            path,
+            {
+                ".csv": self._write_csv,
+                ".npz": self._write_npz,
+                ".json": partial(export.write_ros_json, trajectory=self),
+                ".kinova.csv": partial(export.write_kinova_csv, trajectory=self),
+            },
+        )
+
+    @classmethod
+    def load(cls, path: str | Path) -> Self:
+        """Read a .csv or .npz file that `save` wrote; numbers come back exactly.
+
+        Raises:
+            InvalidInputError: no such file, or it was not written by `save`; names the line where there is one.
+        """
+        file, ending = files.read_by_ending(path, (".csv", ".npz"))
+        found = cls._read_csv(file) if ending == ".csv" else cls._read_npz(file)
+        rows, dof = len(found), len(found.joint_names)
+        shapes = {"t": (rows,), **dict.fromkeys(COLUMNS, (rows, dof)), **dict.fromkeys(NOTES, (dof,))}
+        for name, shape in shapes.items():
+            array = getattr(found, name)
+            if array.shape != shape or array.dtype.kind != "f":
+                raise InvalidInputError(f"{file}: {files.NOT_OURS}: {name} has the wrong shape or type")
+        return found
+
+    def _write_csv(self, file: Path) -> None:
+        numbers = np.column_stack([self.t, self.q, self.v, self.a])
+        table = files.Table(
+            {name: files.exact(getattr(self, name)) for name in NOTES},
+            ["t", *(f"{column}_{joint}" for column in COLUMNS for joint in self.joint_names)],
+            [files.exact(row) for row in numbers],
+        )
+        files.write_table(file, table)
+
+    @classmethod
+    def _read_csv(cls, file: Path) -> Self:
+        table = files.read_table(file)
+        dof = len(table.notes.get("lower", ()))
+        head = ["t", *(f"{column}_{joint[2:]}" for column in COLUMNS for joint in table.head[1 : 1 + dof])]
+        if not dof or table.head != head:
+            raise InvalidInputError(f"{file}: {files.NOT_OURS} (head line or limits missing)")
+        numbers = []
+        for row, line in enumerate(table.lines):
+            try:
+                numbers.append(table.numbers(row, 0, 1 + 3 * dof))
+            except ValueError as error:
+                raise InvalidInputError(f"{file}, line {line}: {error}") from error
+        data = checks.read_only(numbers)
+        return cls(
+            joint_names=tuple(name[2:] for name in table.head[1 : 1 + dof]),
+            t=data[:, 0],
+            q=data[:, 1 : 1 + dof],
+            v=data[:, 1 + dof : 1 + 2 * dof],
+            a=data[:, 1 + 2 * dof :],
+            **{name: checks.read_only(table.note_numbers(file, name)) for name in NOTES},
+        )
+
+    def _write_npz(self, file: Path) -> None:
+        files.write_arrays(file, {field.name: np.asarray(getattr(self, field.name)) for field in fields(self)})
+
+    @classmethod
+    def _read_npz(cls, file: Path) -> Self:
+        found: dict[str, Any] = dict(files.read_arrays(file))
+        try:
+            for array in found.values():
+                array.setflags(write=False)
+            found["joint_names"] = tuple(str(name) for name in found["joint_names"])
+            return cls(**found)
+        except (KeyError, TypeError, ValueError) as error:
+            raise InvalidInputError(f"{file}: {files.NOT_OURS}: {error}") from error
 
 
 def move_joints(
@@ -53,12 +149,12 @@ def move_joints(
     acceleration_limit: ArrayLike = ACCELERATION,
     jerk_limit: ArrayLike | None = None,
 ) -> JointMotion:
-    """The fastest motion from rest to rest, joints in step; free joints take the short way round.
+    """The fastest motion from rest to rest, joints in step; unlimited joints take the short way round.
 
     Args:
         robot: the arm.
         q_from: (dof,) where the arm is [rad].
-        q_to: (dof,) where it goes [rad]; on free joints the 2 pi copy nearest to `q_from` is taken.
+        q_to: (dof,) where it goes [rad]; on unlimited joints the 2 pi copy nearest to `q_from` is taken.
         dt: sampling step [s]; the last row is at the end of the motion, whole step or not.
         velocity_limit: (dof,) or one for all [rad/s]; None for the robot's own.
         acceleration_limit: (dof,) or one for all [rad/s^2].
@@ -74,7 +170,7 @@ def move_joints(
     if not isinstance(robot, Robot):
         raise InvalidInputError(f"robot must be a jacokin.Robot (see load_robot), got {type(robot).__name__}")
     step = checks.positive("dt", dt, "s")
-    start, end = (_legal(robot, q, name) for q, name in ((q_from, "q_from"), (q_to, "q_to")))
+    start, end = (_checked_configuration(robot, q, name) for q, name in ((q_from, "q_from"), (q_to, "q_to")))
     end = angles.nearest_copy(end, start, robot.unlimited)
     velocity = velocity_limits(robot, velocity_limit)
     acceleration = checks.positive_vector("acceleration_limit", acceleration_limit, robot.dof, "rad/s^2")
@@ -100,11 +196,11 @@ def move_joints(
     # Rounding may pass the ends by one unit in the last place, and an end may be a limit.
     q = np.clip(q, np.minimum(start, end), np.maximum(start, end))
     q[0], q[-1] = start, end
-    return JointMotion(*map(checks.read_only, (times, q, v, a)))
+    return JointMotion(robot.joint_names, *map(checks.read_only, (times, q, v, a, robot.lower, robot.upper, velocity)))
 
 
-def _legal(robot: Robot, q: ArrayLike, name: str) -> Array:
-    """A configuration inside the limits.
+def _checked_configuration(robot: Robot, q: ArrayLike, name: str) -> Array:
+    """A configuration within the limits.
 
     Raises:
         InvalidInputError: malformed, or a joint is outside; it is named.

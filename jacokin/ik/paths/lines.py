@@ -13,11 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation, Slerp
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.ik.pose_error import rotation_angle
-from jacokin.model import poses
+from jacokin.model import checks, poses
 
 WHOLE_TICK = 1e-9  # a duration this near to whole ticks is whole; division rounds
 MAX_TICKS = 10_000_000  # more than a day at 100 Hz: a speed or a step was mistyped
@@ -65,8 +66,8 @@ def sample(waypoints: list[pin.SE3], speed: ArrayLike, angular_speed: ArrayLike,
             the path takes more than ten million ticks.
     """
     count = len(waypoints) - 1
-    linear = _speeds("speed", speed, count, "m/s")
-    angular = _speeds("angular_speed", angular_speed, count, "rad/s")
+    linear = checks.positive_vector("speed", speed, count, "m/s")
+    angular = checks.positive_vector("angular_speed", angular_speed, count, "rad/s")
     found, segments = [waypoints[0]], [0]
     for index, (start, end) in enumerate(itertools.pairwise(waypoints)):
         way = end.translation - start.translation
@@ -77,26 +78,17 @@ def sample(waypoints: list[pin.SE3], speed: ArrayLike, angular_speed: ArrayLike,
             raise InvalidInputError(
                 f"segment {index} takes {duration:.6g} s: more than {MAX_TICKS} ticks of {dt:.6g} s"
             )
-        turn = pin.log3(relative)
-        for tick in range(1, ticks + 1):
-            part = tick / ticks
-            found.append(pin.SE3(start.rotation @ pin.exp3(part * turn), start.translation + part * way))
+        parts = np.arange(1, ticks + 1) / ticks
+        found.extend(_on_line(start, end, parts))
         segments.extend([index] * ticks)
     if len(found) == 1:
         raise InvalidInputError("all waypoints are the same pose")
     return SampledPath(found, np.array(segments, dtype=np.intp))
 
 
-def _speeds(name: str, value: ArrayLike, count: int, unit: str) -> Array:
-    """Positive speeds, one for each segment."""
-    try:
-        array = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise InvalidInputError(f"{name} must be one number or {count} [{unit}], got {value!r}") from error
-    if array.ndim == 0:
-        array = np.full(count, array)
-    if array.shape != (count,) or not np.isfinite(array).all() or not (array > 0.0).all():
-        raise InvalidInputError(
-            f"{name} must be one positive number or {count}, one for each segment [{unit}], got {value!r}"
-        )
-    return array
+def _on_line(start: pin.SE3, end: pin.SE3, parts: Array) -> list[pin.SE3]:
+    """Poses at parts (n,) of the line, 0 at its start and 1 at its end."""
+    between = Slerp([0.0, 1.0], Rotation.from_matrix(np.stack([start.rotation, end.rotation])))
+    positions = start.translation + parts[:, None] * (end.translation - start.translation)
+    rotations = between(parts).as_matrix()
+    return [pin.SE3(rotation, position) for rotation, position in zip(rotations, positions, strict=True)]

@@ -1,28 +1,30 @@
-"""A followed path as arrays, and as files: CSV to read anywhere, NPZ to read back exactly and quickly."""
+"""A followed path as arrays, and as files."""
 
 from __future__ import annotations
 
-import csv
-import zipfile
-import zlib
 from dataclasses import dataclass, fields
+from functools import partial
 from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from jacokin import files
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
+from jacokin.ik.paths import export, files
+from jacokin.ik.results import Frozen
 from jacokin.model import checks
 
-FORMATS = (".csv", ".npz")
+FORMATS = (".csv", ".npz", ".json", ".kinova.csv")
+TAIL = ("position_error", "orientation_error", "clearance", "segment", "status", "limiting")
+NOTES = ("lower", "upper", "velocity_limit")
+AT_SEED = 1e-3  # [rad] a start this near to the seed is not worth a word
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class BranchReport:
-    """What became of the path from one start configuration."""
+class BranchReport(Frozen):
+    """How well the path was followed from one start configuration."""
 
     q_start: Array
     """(dof,) the branch [rad]."""
@@ -35,7 +37,7 @@ class BranchReport:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class PathResult:
+class PathResult(Frozen):
     """Joint trajectory along a path, one row a tick. Arrays are read-only."""
 
     joint_names: tuple[str, ...]
@@ -70,6 +72,8 @@ class PathResult:
     """QP solver that ran, with a fallback named."""
     message: str = ""
     """What happened, in a sentence."""
+    start_distance: float = 0.0
+    """Largest angle of a joint between the seed and row 0 [rad]: the arm has to be brought there first."""
 
     @property
     def success(self) -> bool:
@@ -83,8 +87,15 @@ class PathResult:
 
     @property
     def limit_margin(self) -> Array:
-        """(n, dof) distance to the nearer joint limit [rad]; inf on free joints."""
+        """(n, dof) distance to the nearer joint limit [rad]; inf on unlimited joints."""
         return np.asarray(np.minimum(self.q - self.lower, self.upper - self.q))
+
+    @property
+    def a(self) -> Array:
+        """(n, dof) change of velocity at the beginning of the tick that ends here [rad/s^2]; row 0 is zero."""
+        acceleration = np.zeros_like(self.v)
+        acceleration[1:] = np.diff(self.v, axis=0) / np.diff(self.t)[:, None]
+        return acceleration
 
     @property
     def time_limited(self) -> float:
@@ -98,44 +109,47 @@ class PathResult:
         return len(self.t)
 
     def __str__(self) -> str:
-        """The result on two lines."""
+        """The result on two lines; where it starts away from the seed, on three."""
+        start = ""
+        if self.start_distance > AT_SEED:
+            start = f"\nit starts {self.start_distance:.3g} rad from the seed: bring the arm to q[0] first"
         return (
             f"{len(self)} rows, {self.t[-1]:.3f} s, {'on the path throughout' if self.success else 'NOT on the path'}: "
             f"largest error {self.position_error.max():.3g} m, {self.orientation_error.max():.3g} rad; "
-            f"off the path for {self.time_limited:.3f} s\n{self.message}"
+            f"off the path for {self.time_limited:.3f} s\n{self.message}{start}"
         )
 
     def save(self, path: str | Path) -> None:
-        """Write a .csv or .npz file; an existing file is replaced only when the new one is complete.
+        """Write a file; an existing one is replaced only when the new one is complete.
+
+        ".csv" and ".npz" hold everything and can be loaded. ".json" holds the fields of a ROS JointTrajectory.
+        ".kinova.csv" holds angles [deg] and velocities [deg/s] at 100 Hz for Kinova's driver.
 
         Raises:
-            InvalidInputError: another ending, or the file cannot be written.
+            InvalidInputError: another ending, the file cannot be written, or a limit is broken after resampling.
         """
-        file = _checked_file(path)
-        try:
-            with files.replacing(file) as temporary:
-                if file.suffix == ".csv":
-                    self._write_csv(temporary)
-                else:
-                    self._write_npz(temporary)
-        except OSError as error:
-            raise InvalidInputError(f"cannot write {file}: {error.strerror or error}") from error
+        files.save(
+            path,
+            {
+                ".csv": self._write_csv,
+                ".npz": self._write_npz,
+                ".json": partial(export.write_ros_json, trajectory=self),
+                ".kinova.csv": partial(export.write_kinova_csv, trajectory=self),
+            },
+        )
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
-        """Read what `save` wrote; numbers come back exactly.
+        """Read a .csv or .npz file that `save` wrote; numbers come back exactly.
 
         Raises:
-            InvalidInputError: no such file, or it is not one of ours; names the line where there is one.
+            InvalidInputError: no such file, or it was not written by `save`; names the line where there is one.
         """
-        file = _checked_file(path)
-        try:
-            found = cls._read_csv(file) if file.suffix == ".csv" else cls._read_npz(file)
-        except OSError as error:
-            raise InvalidInputError(f"cannot read {file}: {error.strerror or error}") from error
+        file, ending = files.read_by_ending(path, (".csv", ".npz"))
+        found = cls._read_csv(file) if ending == ".csv" else cls._read_npz(file)
         wrong = found._misshapen()
         if wrong:
-            raise InvalidInputError(f"{file}: not a path written by jacokin: {wrong} has the wrong shape or type")
+            raise InvalidInputError(f"{file}: {files.NOT_OURS}: {wrong} has the wrong shape or type")
         return found
 
     def _misshapen(self) -> str:
@@ -144,7 +158,7 @@ class PathResult:
         shapes = {
             **dict.fromkeys(("t", "position_error", "orientation_error", "clearance", "segment"), (rows,)),
             **dict.fromkeys(("q", "v"), (rows, dof)),
-            **dict.fromkeys(("lower", "upper", "velocity_limit"), (dof,)),
+            **dict.fromkeys(NOTES, (dof,)),
         }
         for name, shape in shapes.items():
             array = getattr(self, name)
@@ -154,100 +168,72 @@ class PathResult:
 
     def _write_csv(self, file: Path) -> None:
         joints = self.joint_names
-        head = ["t", *(f"q_{j}" for j in joints), *(f"v_{j}" for j in joints), *TAIL]
-        with file.open("w", newline="") as stream:
-            writer = csv.writer(stream)
-            for name, values in (("lower", self.lower), ("upper", self.upper), ("velocity_limit", self.velocity_limit)):
-                writer.writerow([f"# {name}", *(repr(float(value)) for value in values)])
-            writer.writerow(["# qp_solver", self.qp_solver])
-            writer.writerow(["# message", self.message])
-            writer.writerow(head)
-            numbers = np.column_stack(
-                [self.t, self.q, self.v, self.position_error, self.orientation_error, self.clearance]
-            ).tolist()
-            for row, segment, status, limiting in zip(
-                numbers, self.segment.tolist(), self.status, self.limiting, strict=True
-            ):
-                writer.writerow([*map(repr, row), segment, status, limiting])
+        numbers = np.column_stack([self.t, self.q, self.v, self.position_error, self.orientation_error, self.clearance])
+        notes = {name: files.exact(getattr(self, name)) for name in NOTES}
+        notes |= {
+            "qp_solver": [self.qp_solver],
+            "message": [self.message],
+            "start_distance": [repr(self.start_distance)],
+        }
+        rows = zip(numbers, self.segment.tolist(), self.status, self.limiting, strict=True)
+        table = files.Table(
+            notes,
+            ["t", *(f"q_{j}" for j in joints), *(f"v_{j}" for j in joints), *TAIL],
+            [[*files.exact(row), str(segment), status, limiting] for row, segment, status, limiting in rows],
+        )
+        files.write_table(file, table)
 
     @classmethod
     def _read_csv(cls, file: Path) -> Self:
-        with file.open(newline="") as stream:
+        table = files.read_table(file)
+        dof = len(table.notes.get("lower", ()))
+        width = 1 + 2 * dof + 3  # columns of numbers
+        if not dof or len(table.head) != width + 3 or table.head[0] != "t" or tuple(table.head[width - 3 :]) != TAIL:
+            raise InvalidInputError(f"{file}: {files.NOT_OURS} (head line or limits missing)")
+        numbers, segments = [], []
+        for row, line in enumerate(table.lines):
             try:
-                rows = list(csv.reader(stream))
-            except (csv.Error, UnicodeDecodeError) as error:
-                raise InvalidInputError(f"{file}: not a CSV file: {error}") from error
-        notes = {row[0][2:]: row[1:] for row in rows if row and row[0].startswith("# ")}
-        table = [(line, row) for line, row in enumerate(rows, start=1) if row and not row[0].startswith("# ")]
-        dof = len(notes.get("lower", ()))
-        if len(table) < 2 or not dof or len(table[0][1]) != 1 + 2 * dof + len(TAIL) or table[0][1][0] != "t":
-            raise InvalidInputError(f"{file}: not a path written by jacokin (head line or limits missing)")
-        numbers, rest = [], []
-        for line, row in table[1:]:
-            try:
-                numbers.append([float(cell) for cell in row[: 1 + 2 * dof + 3]])
-                segment, status, limiting = row[1 + 2 * dof + 3 :]
-                rest.append((int(segment), status, limiting))
+                numbers.append(table.numbers(row, 0, width))
+                segments.append(int(table.rows[row][width]))
             except ValueError as error:
                 raise InvalidInputError(f"{file}, line {line}: {error}") from error
-        limits = {}
-        for name in ("lower", "upper", "velocity_limit"):
-            try:
-                limits[name] = checks.read_only([float(cell) for cell in notes[name]])
-            except (KeyError, ValueError) as error:
-                raise InvalidInputError(f"{file}: the line '# {name}' is missing or malformed") from error
         data = checks.read_only(numbers)
-        segments = np.array([row[0] for row in rest], dtype=np.intp)
-        segments.setflags(write=False)
+        segment = np.array(segments, dtype=np.intp)
+        segment.setflags(write=False)
         return cls(
-            joint_names=tuple(name[2:] for name in table[0][1][1 : 1 + dof]),
+            joint_names=tuple(name[2:] for name in table.head[1 : 1 + dof]),
             t=data[:, 0],
             q=data[:, 1 : 1 + dof],
             v=data[:, 1 + dof : 1 + 2 * dof],
             position_error=data[:, 1 + 2 * dof],
             orientation_error=data[:, 2 + 2 * dof],
             clearance=data[:, 3 + 2 * dof],
-            segment=segments,
-            status=tuple(row[1] for row in rest),
-            limiting=tuple(row[2] for row in rest),
-            qp_solver="".join(notes.get("qp_solver", ())),
-            message="".join(notes.get("message", ())),
-            lower=limits["lower"],
-            upper=limits["upper"],
-            velocity_limit=limits["velocity_limit"],
+            segment=segment,
+            status=tuple(row[width + 1] for row in table.rows),
+            limiting=tuple(row[width + 2] for row in table.rows),
+            qp_solver="".join(table.notes.get("qp_solver", ())),
+            message="".join(table.notes.get("message", ())),
+            start_distance=table.note_numbers(file, "start_distance")[0] if "start_distance" in table.notes else 0.0,
+            lower=checks.read_only(table.note_numbers(file, "lower")),
+            upper=checks.read_only(table.note_numbers(file, "upper")),
+            velocity_limit=checks.read_only(table.note_numbers(file, "velocity_limit")),
         )
 
     def _write_npz(self, file: Path) -> None:
         names = [field.name for field in fields(self) if field.name != "branches"]
-        kept: dict[str, Any] = {name: np.asarray(getattr(self, name)) for name in names}
-        with file.open("wb") as stream:
-            np.savez_compressed(stream, **kept)
+        files.write_arrays(file, {name: np.asarray(getattr(self, name)) for name in names})
 
     @classmethod
     def _read_npz(cls, file: Path) -> Self:
+        found: dict[str, Any] = dict(files.read_arrays(file))
         try:
-            with file.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
-                found = {name: archive[name] for name in archive.files}
             for array in found.values():
                 array.setflags(write=False)
             for name in ("joint_names", "status", "limiting"):
                 found[name] = tuple(str(value) for value in found[name])
             for name in ("qp_solver", "message"):
                 found[name] = str(found[name])
+            found["start_distance"] = float(found.get("start_distance", 0.0))
             return cls(**found)
-        except (KeyError, TypeError, ValueError, EOFError, OSError, zipfile.BadZipFile, zlib.error) as error:
-            if isinstance(error, FileNotFoundError | PermissionError | IsADirectoryError):
-                raise
-            raise InvalidInputError(f"{file}: not a path written by jacokin: {error}") from error
-
-
-TAIL = ("position_error", "orientation_error", "clearance", "segment", "status", "limiting")
-
-
-def _checked_file(path: str | Path) -> Path:
-    if not isinstance(path, str | Path):
-        raise InvalidInputError(f"path must be a file name, got {path!r}")
-    file = Path(path)
-    if file.suffix not in FORMATS:
-        raise InvalidInputError(f"a path file must end in .csv or .npz, got {str(path)!r}")
-    return file
+        except (KeyError, TypeError, ValueError) as error:
+            raise InvalidInputError(f"{file}: {files.NOT_OURS}: {error}") from error

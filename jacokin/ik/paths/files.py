@@ -1,0 +1,164 @@
+"""Files of trajectories: CSV to read anywhere, NPZ to read back exactly and quickly.
+
+What stands in them is decided by the results; this module reads and writes tables and arrays.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+import zipfile
+import zlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jacokin import files
+from jacokin.errors import InvalidInputError
+from jacokin.model import checks
+
+NOT_OURS = "not a trajectory written by jacokin"
+LARGEST = 4_000_000_000  # [byte] of an NPZ file's arrays: a day at 100 Hz takes 1.2e9
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """A CSV file: lines "# name,value,..." before a head line and rows.
+
+    Attributes:
+        notes: values by name.
+        head: names of the columns.
+        rows: cells; a table that was read has rows as long as its head.
+        lines: the line of the file in which each row stands; empty in tables to be written.
+    """
+
+    notes: Mapping[str, Sequence[str]]
+    head: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    lines: Sequence[int] = ()
+
+    def numbers(self, row: int, start: int, stop: int) -> list[float]:
+        """Some cells of a row as numbers; ValueError when one is not."""
+        return [float(cell) for cell in self.rows[row][start:stop]]
+
+    def note_numbers(self, file: Path, name: str) -> list[float]:
+        """The numbers of a note.
+
+        Raises:
+            InvalidInputError: missing or malformed.
+        """
+        try:
+            return [float(cell) for cell in self.notes[name]]
+        except (KeyError, ValueError) as error:
+            raise InvalidInputError(f"{file}: the line '# {name}' is missing or malformed") from error
+
+
+def save(path: str | Path, writers: Mapping[str, Callable[[Path], None]]) -> None:
+    """Write a file by the ending of its name; what is there is replaced only by a complete file.
+
+    Raises:
+        InvalidInputError: another ending, or the file cannot be written.
+    """
+    file, ending = _by_ending(path, writers)
+    try:
+        with files.replacing(file) as temporary:
+            writers[ending](temporary)
+    except OSError as error:
+        raise InvalidInputError(f"cannot write {file}: {error.strerror or error}") from error
+
+
+def read_by_ending(path: str | Path, readers: Sequence[str]) -> tuple[Path, str]:
+    """The file and its ending.
+
+    Raises:
+        InvalidInputError: not a file name, or another ending.
+    """
+    return _by_ending(path, readers)
+
+
+def _by_ending(path: str | Path, endings: Mapping[str, object] | Sequence[str]) -> tuple[Path, str]:
+    if not isinstance(path, str | Path):
+        raise InvalidInputError(f"path must be a file name, got {checks.shown(path)}")
+    for ending in sorted(endings, key=len, reverse=True):
+        if str(path).endswith(ending):
+            return Path(path), ending
+    raise InvalidInputError(f"the file name must end in {' or '.join(endings)}, got {str(path)!r}")
+
+
+def exact(values: NDArray[np.float64]) -> list[str]:
+    """Numbers as text that reads back to the same bits."""
+    return [repr(value) for value in values.tolist()]
+
+
+def write_table(file: Path, table: Table) -> None:
+    """Write a CSV file."""
+    with file.open("w", newline="", encoding="utf-8") as stream:
+        writer = csv.writer(stream)
+        for name, values in table.notes.items():
+            writer.writerow([f"# {name}", *values])
+        writer.writerow(table.head)
+        writer.writerows(table.rows)
+
+
+def read_table(file: Path) -> Table:
+    """Read a CSV file.
+
+    Raises:
+        InvalidInputError: unreadable, without rows, or a row that is longer or shorter than the head.
+    """
+    try:
+        with file.open(newline="", encoding="utf-8") as stream:
+            rows = list(csv.reader(stream))
+    except OSError as error:
+        raise InvalidInputError(f"cannot read {file}: {error.strerror or error}") from error
+    except (csv.Error, UnicodeDecodeError) as error:
+        raise InvalidInputError(f"{file}: not a CSV file: {error}") from error
+    notes = {row[0][2:]: row[1:] for row in rows if row and row[0].startswith("# ")}
+    numbered = [(line, row) for line, row in enumerate(rows, start=1) if row and not row[0].startswith("# ")]
+    if len(numbered) < 2:
+        raise InvalidInputError(f"{file}: {NOT_OURS} (no rows)")
+    head = numbered[0][1]
+    for line, row in numbered[1:]:
+        if len(row) != len(head):
+            raise InvalidInputError(f"{file}, line {line}: {len(row)} columns, the head line has {len(head)}")
+    return Table(notes, head, [row for _, row in numbered[1:]], [line for line, _ in numbered[1:]])
+
+
+def write_arrays(file: Path, arrays: Mapping[str, NDArray[np.generic]]) -> None:
+    """Write an NPZ file."""
+    with file.open("wb") as stream:
+        np.savez_compressed(stream, **dict(arrays))  # type: ignore[arg-type]  # its stub takes allow_pickle for an array
+
+
+def read_arrays(file: Path) -> dict[str, NDArray[np.generic]]:
+    """Read an NPZ file, its headers first: a small file may claim to hold more than the memory.
+
+    Raises:
+        InvalidInputError: unreadable, or not an archive of plain arrays.
+    """
+    try:
+        with zipfile.ZipFile(file) as archive:
+            _check_headers(archive)
+        with np.load(file, allow_pickle=False) as arrays:
+            return {name: arrays[name] for name in arrays.files}
+    except (ValueError, EOFError, KeyError, NotImplementedError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
+        raise InvalidInputError(f"{file}: {NOT_OURS}: {error}") from error
+    except OSError as error:
+        raise InvalidInputError(f"cannot read {file}: {error.strerror or error}") from error
+
+
+def _check_headers(archive: zipfile.ZipFile) -> None:
+    """ValueError when a member is not an array, or the arrays claim more than the archive holds or than is sensible."""
+    total = 0
+    for member in archive.infolist():
+        with archive.open(member) as stream:
+            version = np.lib.format.read_magic(stream)
+            read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+            shape, _, dtype = read(stream)
+        size = math.prod(shape) * dtype.itemsize
+        total += size
+        if dtype.hasobject or size > member.file_size or total > LARGEST:
+            raise ValueError(f"{member.filename} claims {size} bytes")

@@ -1,0 +1,247 @@
+"""Trajectory files: exact round trips, exports for ROS and Kinova, and files that are not ours."""
+
+from __future__ import annotations
+
+import copy
+import csv
+import io
+import json
+import math
+import os
+import pickle
+import subprocess
+import sys
+import zipfile
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from jacokin import Robot
+from jacokin.errors import InvalidInputError
+from jacokin.ik import JointMotion, PathResult, move_joints
+from jacokin.ik.paths import files as paths_files
+
+
+@pytest.fixture(scope="module")
+def motion(robot: Robot) -> JointMotion:
+    pytest.importorskip("ruckig")
+    goal = robot.home.copy()
+    goal[[0, 1, 5]] += [2.0, 0.4, -1.0]
+    return move_joints(robot, robot.home, goal, dt=0.013)
+
+
+@pytest.fixture(params=["path", "motion"])
+def trajectory(request: pytest.FixtureRequest) -> PathResult | JointMotion:
+    """Either kind of result."""
+    found: PathResult | JointMotion = request.getfixturevalue("result" if request.param == "path" else "motion")
+    return found
+
+
+@pytest.mark.parametrize("name", ["path.csv", "path.npz"])
+def test_files_come_back_exactly(result: PathResult, tmp_path: Path, name: str) -> None:
+    file = tmp_path / name
+    result.save(file)
+    back = PathResult.load(file)
+    for field in ("t", "q", "v", "position_error", "orientation_error", "segment", "lower", "upper", "velocity_limit"):
+        assert np.array_equal(getattr(back, field), getattr(result, field)), field
+        assert not getattr(back, field).flags.writeable
+    assert np.array_equal(back.clearance, result.clearance, equal_nan=True)
+    for field in ("joint_names", "status", "limiting", "qp_solver", "message", "success"):
+        assert getattr(back, field) == getattr(result, field)
+    assert [path.name for path in tmp_path.iterdir()] == [name]
+
+
+def test_a_failed_save_leaves_the_old_file(result: PathResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = tmp_path / "path.csv"
+    file.write_text("precious")
+
+    def fail(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(paths_files, "write_table", fail)
+    with pytest.raises(InvalidInputError, match="No space left"):
+        result.save(file)
+    assert file.read_text() == "precious"
+    assert [path.name for path in tmp_path.iterdir()] == ["path.csv"]
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("empty.csv", ""),
+        ("other.csv", "a,b\n1,2\n"),
+        ("binary.csv", "\x00\x01"),
+        ("text.npz", "not an archive"),
+    ],
+)
+def test_files_that_are_not_ours_are_refused(tmp_path: Path, name: str, text: str) -> None:
+    file = tmp_path / name
+    file.write_text(text)
+    with pytest.raises(InvalidInputError, match=name):
+        PathResult.load(file)
+
+
+def test_a_damaged_line_is_named(result: PathResult, tmp_path: Path) -> None:
+    file = tmp_path / "path.csv"
+    result.save(file)
+    lines = file.read_text().splitlines()
+    lines[9] = lines[9].replace(",", ",x", 1)
+    file.write_text("\n".join(lines))
+    with pytest.raises(InvalidInputError, match="line 10"):
+        PathResult.load(file)
+
+
+def test_unusable_file_names(result: PathResult, tmp_path: Path) -> None:
+    with pytest.raises(InvalidInputError, match=r"must end in \.csv or \.npz"):
+        result.save(tmp_path / "path.txt")
+    with pytest.raises(InvalidInputError, match="cannot be written"):
+        result.save(tmp_path / "missing" / "path.csv")
+    with pytest.raises(InvalidInputError, match="cannot read"):
+        PathResult.load(tmp_path / "missing.npz")
+
+
+def test_damaged_archives_are_refused(result: PathResult, motion: JointMotion, tmp_path: Path) -> None:
+    file = tmp_path / "path.npz"
+    for trajectory, names in ((result, ("q", "v", "lower")), (motion, ("q", "a", "upper"))):
+        trajectory.save(file)
+        whole = file.read_bytes()
+        with np.load(file) as archive:
+            numbers = dict(archive)
+        for name, damaged in zip(names, (numbers["q"][:2], numbers["v"].astype(str), np.zeros(5)), strict=True):
+            np.savez(file, **{**numbers, name: damaged})
+            with pytest.raises(InvalidInputError, match=f"{name} has the wrong shape or type"):
+                type(trajectory).load(file)
+        file.write_bytes(whole[: len(whole) // 2])
+        with pytest.raises(InvalidInputError, match="not a trajectory written by jacokin"):
+            type(trajectory).load(file)
+    for refused in (lambda: PathResult.load(None), lambda: result.save(None)):  # type: ignore[arg-type]  # wrong on purpose
+        with pytest.raises(InvalidInputError, match="file name"):
+            refused()
+
+
+def member(shape: tuple[int, ...], content: bytes = b"") -> bytes:
+    """A file in NPY format that claims a shape."""
+    stream = io.BytesIO()
+    np.lib.format.write_array_header_1_0(stream, {"descr": "<f8", "fortran_order": False, "shape": shape})
+    return stream.getvalue() + content
+
+
+@pytest.mark.parametrize(
+    "content",
+    [member((10**12,)), member((10**6, 10**6, 10**6)), b"no magic", member((600_000_000,)), b""],
+    ids=["claims terabytes", "overflows", "no magic", "claims gigabytes", "empty"],
+)
+def test_archives_that_claim_too_much_are_refused(tmp_path: Path, content: bytes) -> None:
+    file = tmp_path / "path.npz"
+    with zipfile.ZipFile(file, "w") as archive:
+        archive.writestr("q.npy", content)
+    with pytest.raises(InvalidInputError, match="not a trajectory"):
+        PathResult.load(file)
+
+
+def test_a_path_survives_a_locale_without_utf8(result: PathResult, tmp_path: Path) -> None:
+    file, copied = tmp_path / "path.csv", tmp_path / "copy.csv"
+    replace(result, message="Gelenk 2 läuft über 90°").save(file)
+    code = "import sys; from jacokin.ik import PathResult; PathResult.load(sys.argv[1]).save(sys.argv[2])"
+    environment = {**os.environ, "LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
+    subprocess.run([sys.executable, "-P", "-c", code, str(file), str(copied)], check=True, env=environment)
+    assert copied.read_bytes() == file.read_bytes()
+
+
+def arrays(value: Any) -> list[NDArray[np.float64]]:
+    return [found for name in value.__slots__ if isinstance(found := getattr(value, name), np.ndarray)]
+
+
+def test_copies_stay_read_only(trajectory: PathResult | JointMotion) -> None:
+    for other in (pickle.loads(pickle.dumps(trajectory)), copy.deepcopy(trajectory)):
+        assert len(arrays(other)) >= 7
+        for array in arrays(other):
+            assert not array.flags.writeable
+    if isinstance(trajectory, PathResult):
+        assert not pickle.loads(pickle.dumps(trajectory)).branches[0].q_start.flags.writeable
+
+
+@pytest.mark.parametrize("name", ["motion.csv", "motion.npz"])
+def test_motions_come_back_exactly(motion: JointMotion, tmp_path: Path, name: str) -> None:
+    file = tmp_path / name
+    motion.save(file)
+    back = JointMotion.load(file)
+    assert back.joint_names == motion.joint_names
+    for field in ("t", "q", "v", "a", "lower", "upper", "velocity_limit"):
+        assert np.array_equal(getattr(back, field), getattr(motion, field)), field
+        assert not getattr(back, field).flags.writeable
+    with pytest.raises(InvalidInputError, match="not a trajectory"):
+        PathResult.load(file)
+
+
+def test_json_has_the_fields_of_a_ros_trajectory(trajectory: PathResult | JointMotion, tmp_path: Path) -> None:
+    file = tmp_path / "trajectory.json"
+    trajectory.save(file)
+    message = json.loads(file.read_text(encoding="utf-8"))
+    assert tuple(message["joint_names"]) == trajectory.joint_names
+    points = message["points"]
+    assert len(points) == len(trajectory)
+    assert np.array_equal([point["positions"] for point in points], trajectory.q)
+    assert np.array_equal([point["velocities"] for point in points], trajectory.v)
+    assert np.array_equal([point["accelerations"] for point in points], trajectory.a)
+    times = [point["time_from_start"]["sec"] + 1e-9 * point["time_from_start"]["nanosec"] for point in points]
+    assert np.allclose(times, trajectory.t, atol=1e-9)
+    assert all(0 <= point["time_from_start"]["nanosec"] < 10**9 for point in points)
+
+
+def test_accelerations_of_a_path_are_changes_of_its_velocity(result: PathResult) -> None:
+    rebuilt = np.cumsum(result.a[1:] * np.diff(result.t)[:, None], axis=0)
+    assert np.allclose(rebuilt, result.v[1:], atol=1e-12)
+    assert not result.a[0].any()
+
+
+def kinova_rows(file: Path) -> tuple[list[str], NDArray[np.float64]]:
+    with file.open(newline="", encoding="utf-8") as stream:
+        head, *rows = csv.reader(stream)
+    return head, np.array(rows, dtype=np.float64)
+
+
+def test_kinova_files_are_velocities_at_100_hz(trajectory: PathResult | JointMotion, tmp_path: Path) -> None:
+    file = tmp_path / "trajectory.kinova.csv"
+    trajectory.save(file)
+    head, rows = kinova_rows(file)
+    assert head == ["time_s", *(f"joint{k}_deg" for k in range(1, 7)), *(f"joint{k}_deg_s" for k in range(1, 7))]
+    time, angles, speeds = rows[:, 0], rows[:, 1:7], rows[:, 7:]
+    assert np.array_equal(time, np.arange(len(rows)) / 100)
+    assert 0.0 <= time[-1] - trajectory.t[-1] < 0.01
+    # Sent in turn for 10 ms each, the velocities lead from the first angles through all others to the last.
+    sent = angles[0] + np.vstack([np.zeros(6), np.cumsum(0.01 * speeds[:-1], axis=0)])
+    assert np.allclose(sent, angles, atol=1e-9)
+    assert not speeds[-1].any()
+    assert np.allclose(angles[[0, -1]], np.degrees(trajectory.q[[0, -1]]), atol=1e-12)
+    for column, original in zip(angles.T, trajectory.q.T, strict=True):
+        assert np.allclose(column, np.degrees(np.interp(time, trajectory.t, original)), atol=1e-9)
+    # Limits hold after resampling, read the way a user would.
+    radians = np.array([[math.radians(angle) for angle in row] for row in angles.tolist()])
+    assert (radians >= trajectory.lower).all()
+    assert (radians <= trajectory.upper).all()
+    assert (np.abs(speeds) <= np.degrees(trajectory.velocity_limit) + 1e-7).all()
+
+
+def test_kinova_files_keep_joints_that_stand_on_their_limits(robot: Robot, motion: JointMotion, tmp_path: Path) -> None:
+    file = tmp_path / "limit.kinova.csv"
+    for limit in (robot.lower, robot.upper):
+        q = motion.q.copy()
+        q[:, 1:3] = limit[1:3]
+        replace(motion, q=q).save(file)
+        radians = np.radians(kinova_rows(file)[1][:, 2:4])
+        assert (radians >= robot.lower[1:3]).all()
+        assert (radians <= robot.upper[1:3]).all()
+
+
+def test_a_trajectory_that_breaks_limits_is_not_sent(motion: JointMotion, tmp_path: Path) -> None:
+    file = tmp_path / "fast.kinova.csv"
+    with pytest.raises(InvalidInputError, match="joint_1 breaks its limit after resampling"):
+        replace(motion, velocity_limit=motion.velocity_limit * 0.5).save(file)
+    with pytest.raises(InvalidInputError, match="joint_2 breaks its limit after resampling"):
+        replace(motion, upper=np.array([np.inf, motion.q[0, 1], *motion.upper[2:]])).save(file)
+    assert not file.exists()
