@@ -21,9 +21,6 @@ from jacokin.model import checks, poses
 from jacokin.model.mujoco_twin.export import body_of_joint, to_spec
 from jacokin.model.robot import Robot
 
-# Kinova publishes no repeatability of the arm; these are choices: finer than what a gripper notices.
-POSITION_TOLERANCE = 1e-4  # [m]
-ORIENTATION_TOLERANCE = 1e-3  # [rad] moves the fingertips, 0.1 m from the tool frame, by the same distance
 LIMIT_NOISE = 0.01  # [rad] an encoder may report a joint this far past its limit
 
 TWIST_REFERENCES = ("local_world_aligned", "local", "world")

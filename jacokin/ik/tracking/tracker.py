@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.ik import pose_error
+from jacokin.ik.options import TRACKING_ORIENTATION_TOLERANCE, TRACKING_POSITION_TOLERANCE
 from jacokin.ik.qp.backend import Backend, QPFailed
 from jacokin.ik.tracking import setup
 from jacokin.ik.tracking.clearance import Clearance
@@ -65,8 +66,8 @@ class Tracker:
         posture: ArrayLike | None = None,
         objectives: Sequence[Objective] = (),
         qp_solver: str = "daqp",
-        position_tolerance: float = setup.POSITION_TOLERANCE,
-        orientation_tolerance: float = setup.ORIENTATION_TOLERANCE,
+        position_tolerance: float = TRACKING_POSITION_TOLERANCE,
+        orientation_tolerance: float = TRACKING_ORIENTATION_TOLERANCE,
     ) -> None:
         """Build the QP's parts once.
 

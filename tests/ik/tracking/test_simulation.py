@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 from jacokin import Robot, Tracker
-from jacokin.mujoco_bridge import Arena, Physics, observations, robots
+from tests.mujoco_bridge.scenes import jaco_scene
 
 CONTROL_STEP = 0.01  # [s]
 GAIN = 10.0  # [1/s] of the joint error: a velocity actuator alone sags under gravity
@@ -15,12 +15,7 @@ GAIN = 10.0  # [1/s] of the joint error: a velocity actuator alone sags under gr
 
 @pytest.mark.parametrize("gain", [0.0, GAIN])
 def test_the_simulated_arm_follows_the_line(robot: Robot, gain: float) -> None:
-    arm = robots.make_arm(observations.PERFECT_FEATURES)
-    arm.attach(robots.make_hand(observations.PERFECT_FEATURES))
-    arena = Arena()
-    arena.attach(arm, position=robots.ARM_OFFSET)
-    physics = Physics.from_entity(arena)
-    arm.set_home(physics)
+    physics, _, arm, _ = jaco_scene()
     joints, actuators = physics.bind(arm.joints), physics.bind(arm.actuators)
     substeps = round(CONTROL_STEP / physics.model.opt.timestep)
 

@@ -52,9 +52,12 @@ def test_past_a_singular_pose(robot: Robot, joint: int, offset: float) -> None:
     assert steps[-1].status is TrackerStatus.OK
 
 
-@pytest.mark.parametrize("offset", [0.0, 2e-3, 0.02])
-def test_over_the_shoulder(robot: Robot, offset: float) -> None:
-    """The wrist crosses the axis of joint 1 in a straight line: the arm has to turn round at full speed."""
+@pytest.mark.parametrize(("offset", "recovering"), [(0.0, 6), (2e-3, 6), (0.02, 3)])
+def test_over_the_shoulder(robot: Robot, offset: float, recovering: int) -> None:
+    """The wrist crosses the axis of joint 1 in a straight line: the arm has to turn round at full speed.
+
+    From some branches joints 2 and 3 meet their limits on the way; the arm stays there and says so.
+    """
     rotation = robot.forward_kinematics(robot.home, "link_6").rotation
     ends = [np.array([side, offset, 0.75]) for side in (0.12, -0.12)]
     solver = IKSolver(robot, frame="link_6")
@@ -62,11 +65,9 @@ def test_over_the_shoulder(robot: Robot, offset: float) -> None:
     assert len(starts) > 0
     way = np.concatenate([np.linspace(0.0, 1.0, 240), np.ones(300)])
     path = [pin.SE3(rotation, ends[0] + part * (ends[1] - ends[0])) for part in way]
-    recovered = 0
-    for q in starts:
-        steps = follow(Tracker(robot, "link_6", dt=DT, q=q), path)
-        recovered += steps[-1].status is TrackerStatus.OK
-    assert recovered > 0
+    ends_with = [follow(Tracker(robot, "link_6", dt=DT, q=q), path)[-1].status for q in starts]
+    assert set(ends_with) <= {TrackerStatus.OK, TrackerStatus.HELD}
+    assert ends_with.count(TrackerStatus.OK) >= recovering  # of 10, 10 and 8 branches
 
 
 def test_an_exactly_singular_start_does_not_stop_the_arm(robot: Robot) -> None:
