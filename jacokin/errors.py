@@ -8,6 +8,7 @@
     │   └── StructureError                     the closed form does not fit this robot
     ├── SolveError                             raised by ``IKResult.raise_for_status()``
     ├── PhysicsError (RuntimeError)            the simulation is not usable or has diverged
+    │   └── EpisodeInitializationError         no start of an episode was found: reject less, or try more often
     └── MissingExtraError (ImportError)        an optional package is needed; gives the install command
 
 Not reaching a pose is a status of the result, never an exception.
@@ -126,6 +127,10 @@ class SolveError(JacokinError):
 
 class PhysicsError(JacokinError, RuntimeError):
     """The simulation is not usable: diverged, not compiled, or changed behind its back."""
+
+
+class EpisodeInitializationError(PhysicsError):
+    """No initial state was found in the allowed number of attempts; the simulation is as before."""
 
 
 class MissingExtraError(JacokinError, ImportError):

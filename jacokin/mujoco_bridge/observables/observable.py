@@ -25,6 +25,7 @@ from jacokin.mujoco_bridge.observables.options import (
     Steps,
     UnknownObservableError,
 )
+from jacokin.mujoco_bridge.observables.specs import ArraySpec
 from jacokin.mujoco_bridge.simulation.physics import Physics
 
 if TYPE_CHECKING:
@@ -38,11 +39,10 @@ class Observable:
     """A quantity read from a physics by a callable.
 
     Attributes:
-        update_interval: physics steps between two readings, or a callable of ``random_state=``
-            that draws them anew each time.
+        update_interval: physics steps between two readings, or a sampler that draws them anew each time: a callable
+            of ``(initial_value, current_value, random_state)`` or of ``(random_state)``.
         buffer_size: number of readings an updater reports, oldest first; None means 1.
-        delay: physics steps between a reading and its arrival, or a callable of
-            ``random_state=`` that draws them; None means 0.
+        delay: physics steps between a reading and its arrival, or a sampler; None means 0.
         aggregator: what reduces the buffer along its first axis: "min", "max", "mean", "median",
             "sum" or a callable of the buffer; None reports the whole buffer.
         corruptor: ``corruptor(value, random_state=...)`` returns the value to report; each reading
@@ -69,15 +69,29 @@ class Observable:
         aggregator: str | Aggregator | None = None,
         corruptor: Corruptor | None = None,
         enabled: bool = False,
+        array_spec: ArraySpec | None = None,
     ) -> None:
         """Observe ``raw(physics)``.
+
+        Args:
+            raw: reads the quantity.
+            update_interval: see the class, as for the other options.
+            buffer_size: see the class.
+            delay: see the class.
+            aggregator: see the class.
+            corruptor: see the class.
+            enabled: see the class.
+            array_spec: shape, type and bounds of what raw returns; None if bounds are not known.
 
         Raises:
             InvalidInputError: raw is not callable, or an option has a wrong value.
         """
         if not callable(raw):
             raise InvalidInputError(f"raw must be a callable of the physics, got {raw!r}")
+        if not isinstance(array_spec, ArraySpec | None):
+            raise InvalidInputError(f"array_spec must be an ArraySpec or None, got {array_spec!r}")
         self._raw = raw
+        self._array_spec = array_spec
         self.update_interval = update_interval
         self.buffer_size = buffer_size
         self.delay = delay
@@ -99,6 +113,11 @@ class Observable:
         value = np.array(self._raw(physics))
         corruptor = self.corruptor
         return value if corruptor is None else np.array(corruptor(value, random_state=random_state))
+
+    @property
+    def array_spec(self) -> ArraySpec | None:
+        """Shape, type and bounds of a reading before its corruptor; None if they are not known beforehand."""
+        return self._array_spec
 
     @property
     def options(self) -> dict[str, Any]:
@@ -262,7 +281,7 @@ class Observables:
 
     @property
     def enabled_observables(self) -> dict[str, Observable]:
-        """The enabled observables by their short names, sorted."""
+        """The enabled observables by their short names."""
         return {name: each for name, each in self.as_dict(fully_qualified=False).items() if each.enabled}
 
     def set_options(self, options: Mapping[str, Any] | None) -> None:
@@ -292,19 +311,24 @@ class Observables:
             each.configure(**values)
 
     def as_dict(self, fully_qualified: bool = True) -> dict[str, Observable]:
-        """Return the observables by name, sorted.
+        """The observables by name: those declared in alphabetical order, then those added.
 
         Args:
             fully_qualified: prefix the names with the entity's, as in
                 ``"jaco_arm/jaco_hand/joints_pos"``.
         """
         prefix = self._entity.prefix if fully_qualified else ""
-        return {prefix + name: self._observables[name] for name in sorted(self._observables)}
+        return {prefix + name: each for name, each in self._observables.items()}
 
 
 def observables_of(root: Entity) -> dict[str, Observable]:
-    """Return the observables of an entity and of all entities attached to it, by full name, sorted."""
+    """The observables of an entity and of all entities attached to it, by full name.
+
+    They are in the order of dm_control: entity by entity as they are attached, the arm before its hand; of each entity
+    those that its class declares by name, then those that were added. Observables of a task come before them:
+    ``{**own, **observables_of(arena)}``.
+    """
     found: dict[str, Observable] = {}
     for entity in root.iter_entities():
         found.update(entity.observables.as_dict())
-    return dict(sorted(found.items()))
+    return found

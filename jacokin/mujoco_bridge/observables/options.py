@@ -11,9 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from jacokin.errors import InvalidInputError, UnknownNameError
 from jacokin.model import checks
+from jacokin.mujoco_bridge import distributions
 
 RandomState = np.random.RandomState | np.random.Generator | None
-Steps = int | Callable[..., int]  # physics steps, or a callable of random_state= that draws them
+Steps = int | Callable[..., Any]  # physics steps, or a sampler of them
 Aggregator = Callable[[NDArray[Any]], ArrayLike]  # (buffer_size, ...) -> one observation
 Corruptor = Callable[..., ArrayLike]  # corruptor(value, random_state=...) -> value
 
@@ -51,7 +52,10 @@ class CameraOptions(Options, total=False):
 
 
 def _check_steps(name: str, value: Any, lowest: int) -> Steps:
-    return value if callable(value) else checks.whole_number(name, value, lowest)
+    if not callable(value):
+        return checks.whole_number(name, value, lowest)
+    distributions.sampler(name, value)
+    return value  # type: ignore[no-any-return]  # a sampler of whole numbers, which are checked when they are drawn
 
 
 def _check_aggregator(name: str, value: Any) -> str | Aggregator | None:

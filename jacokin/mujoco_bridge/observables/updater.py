@@ -7,92 +7,28 @@ steps; a reading passes through the corruptor, arrives ``delay`` physics steps l
 
 from __future__ import annotations
 
-from bisect import insort
-from collections import deque
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any, Protocol
 
-import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.errors import InvalidInputError, PhysicsError
 from jacokin.model import checks
+from jacokin.mujoco_bridge.entities.hooks import Hooks
+from jacokin.mujoco_bridge.observables.channel import Channel
 from jacokin.mujoco_bridge.observables.observable import Observable
-from jacokin.mujoco_bridge.observables.options import AGGREGATORS, RandomState, Steps
+from jacokin.mujoco_bridge.observables.options import RandomState
+from jacokin.mujoco_bridge.observables.specs import ArraySpec
 
 if TYPE_CHECKING:
     from jacokin.mujoco_bridge.simulation.physics import Physics
 
 
-class _Channel:
-    """One enabled observable: its pending readings and its buffer."""
+class HasEntities(Protocol):
+    """The root of a tree of entities."""
 
-    def __init__(self, name: str, observable: Observable, control_steps: int, random_state: RandomState) -> None:
-        self.name = name
-        self.observable = observable
-        self.random_state = random_state
-        self.control_steps = control_steps
-        self.size = observable.buffer_size or 1
-        self.interval = observable.update_interval
-        self.delay = 0 if observable.delay is None else observable.delay
-        aggregator = observable.aggregator
-        self.aggregator = AGGREGATORS[aggregator] if isinstance(aggregator, str) else aggregator
-        self.arrived: deque[NDArray[Any]] = deque(maxlen=self.size)
-        self.pending: list[tuple[int, int, NDArray[Any]]] = []  # (arrival, step of the reading, value)
-        self.next_reading = 0  # at this step
-
-    def start(self, physics: Physics, pad_with_initial_value: bool) -> None:
-        """Take the reading of step 0 and fill the buffer with it, or with zeros."""
-        value = self.observable(physics, self.random_state)
-        padding = value if pad_with_initial_value else np.zeros_like(value)
-        self.shape = value.shape
-        self.arrived.extend([padding] * self.size)
-        self._send(0, value)
-        self._schedule(0)
-
-    def take(self, physics: Physics, step: int) -> None:
-        """Read the observable at this step."""
-        value = self.observable(physics, self.random_state)
-        if value.shape != self.shape:
-            raise InvalidInputError(f"observable {self.name!r} changed its shape from {self.shape} to {value.shape}")
-        self._send(step, value)
-        self._schedule(step)
-
-    def observation(self, step: int, strip: bool) -> NDArray[Any]:
-        """The observation at this step."""
-        self._receive(step)
-        buffer = np.array(self.arrived)
-        if self.aggregator is not None:
-            return np.asarray(self.aggregator(buffer))
-        return buffer[0] if strip and self.size == 1 else buffer
-
-    def _send(self, step: int, value: NDArray[Any]) -> None:
-        delay = self._draw("delay", self.delay, 0)
-        self._receive(step)
-        insort(self.pending, (step + delay, step, value), key=lambda reading: reading[:2])
-
-    def _receive(self, step: int) -> None:
-        while self.pending and self.pending[0][0] <= step:
-            self.arrived.append(self.pending.pop(0)[2])
-
-    def _schedule(self, step: int) -> None:
-        """Choose the step of the next reading, skipping those that no observation would contain.
-
-        With constant interval and delay, the readings that arrive in the same control step as the next one are known;
-        an observation contains the newest of them, as many as the buffer holds.
-        """
-        self.next_reading = step + self._draw("update_interval", self.interval, 1)
-        if callable(self.interval) or callable(self.delay):
-            return
-        arrival = self.next_reading + self.delay
-        shown_at = arrival + -arrival % self.control_steps
-        newest = (shown_at - self.delay) // self.interval * self.interval
-        self.next_reading = max(self.next_reading, newest - (self.size - 1) * self.interval)
-
-    def _draw(self, option: str, value: Steps, lowest: int) -> int:
-        if not callable(value):
-            return value
-        return checks.whole_number(f"{option} drawn for {self.name!r}", value(random_state=self.random_state), lowest)
+    def iter_entities(self) -> Iterator[Hooks]:
+        """The entity itself and all that are attached to it."""
 
 
 class Updater:
@@ -109,6 +45,7 @@ class Updater:
         *,
         strip_singleton_buffer_dim: bool = False,
         pad_with_initial_value: bool = False,
+        entity: HasEntities | None = None,
     ) -> None:
         """Report those of the observables that are enabled at ``reset``.
 
@@ -118,6 +55,9 @@ class Updater:
             strip_singleton_buffer_dim: leave out the first axis where buffer_size is 1.
             pad_with_initial_value: fill the buffers at the start with the first reading instead
                 of zeros.
+            entity: the root of the scene, such as an arena: ``reset`` and ``advance`` then call the hooks of all its
+                entities (``initialize_episode``, ``before_step``, ``before_substep``, ``after_substep``,
+                ``after_step``). None calls none.
 
         Raises:
             InvalidInputError: an argument has a wrong type or value.
@@ -127,29 +67,50 @@ class Updater:
         for name, observable in observables.items():
             if not isinstance(observable, Observable):
                 raise InvalidInputError(f"observables[{name!r}] must be an Observable, got {observable!r}")
+        if entity is not None and not callable(getattr(entity, "iter_entities", None)):
+            raise InvalidInputError(f"entity must be an Entity such as an Arena, got {entity!r}")
         self._observables = dict(observables)
         self._control_steps = checks.whole_number("physics_steps_per_control_step", physics_steps_per_control_step, 1)
-        self._strip = strip_singleton_buffer_dim
-        self._pad = pad_with_initial_value
+        self._strip = checks.flag("strip_singleton_buffer_dim", strip_singleton_buffer_dim)
+        self._pad = checks.flag("pad_with_initial_value", pad_with_initial_value)
+        self._entity = entity
+        self._hooks: dict[str, list[Hooks]] = {}
         self._step = 0
+        self._end: int | None = None  # of the control step in progress
         self._physics: Physics | None = None
-        self._channels: list[_Channel] = []
+        self._random_state: RandomState = None
+        self._channels: list[Channel] = []
 
     def reset(self, physics: Physics, random_state: RandomState = None) -> None:
         """Start an episode at the present state of the physics: empty buffers, first readings.
 
         Args:
             physics: the simulation to read.
-            random_state: passed to corruptors and to drawn intervals and delays.
+            random_state: passed to hooks, to corruptors, and to drawn intervals and delays.
         """
+        hooks = {} if self._entity is None else _overridden(self._entity)
+        for entity in hooks.get("initialize_episode", ()):
+            entity.initialize_episode(physics, random_state)
         channels = [
-            _Channel(name, observable, self._control_steps, random_state)
+            Channel(name, observable, self._control_steps, random_state)
             for name, observable in self._observables.items()
             if observable.enabled
         ]
         for channel in channels:
             channel.start(physics, self._pad)
-        self._physics, self._channels, self._step = physics, channels, 0
+        self._physics, self._random_state, self._channels, self._hooks = physics, random_state, channels, hooks
+        self._step, self._end = 0, None
+
+    def observation_spec(self) -> dict[str, ArraySpec]:
+        """Name, shape, type and bounds of each observation.
+
+        Bounds are those of the observable's ``array_spec``, unless a corruptor or an aggregator may leave them.
+
+        Raises:
+            PhysicsError: ``reset`` was not called.
+        """
+        self._started()
+        return {channel.name: channel.spec(self._strip) for channel in self._channels}
 
     def prepare_for_next_control_step(self) -> None:
         """Do nothing. Loops written for dm_control's updater call this before each control step."""
@@ -167,43 +128,78 @@ class Updater:
     def advance(self) -> dict[str, NDArray[Any]]:
         """Simulate one control step and return the observation after it.
 
+        If an exception ends it early, as one of a corruptor or Ctrl-C, the next call finishes the same control step.
+
         Raises:
             PhysicsError: ``reset`` was not called, or the simulation diverged.
         """
         physics = self._started()
-        end = self._step + self._control_steps
+        if self._end is None:
+            self._end = self._step - self._step % self._control_steps + self._control_steps
+            self._call("before_step")
+        end = self._end
+        self._take_readings()  # those that an exception prevented
+        each_step = "before_substep" in self._hooks or "after_substep" in self._hooks
         while self._step < end:
-            step = min([end, *(channel.next_reading for channel in self._channels)])
-            physics.step(step - self._step)
-            self._step = step
-            self._take_readings()
+            step = self._step + 1 if each_step else min([end, *(channel.next_reading for channel in self._channels)])
+            self._call("before_substep")
+            self._simulate(physics, step - self._step)
+            self._call("after_substep")
+            if step < end:
+                self._take_readings()
+        self._call("after_step")
+        self._take_readings()
+        self._end = None
         return self.get_observation()
 
     def get_observation(self) -> dict[str, NDArray[Any]]:
-        """Return the observation after a whole number of control steps, as new arrays.
+        """Return the observation at this moment, as new arrays.
+
+        In the middle of a control step, buffers of several readings, and delayed ones, may lack readings that the
+        observation at its end does not contain.
 
         Returns:
             For each enabled observable its buffer (buffer_size, ...), or the aggregator's value of the
             buffer.
 
         Raises:
-            PhysicsError: ``reset`` was not called, or a control step is not finished.
+            PhysicsError: ``reset`` was not called.
         """
-        self._started()
+        physics = self._started()
         if self._step % self._control_steps:
-            raise PhysicsError(
-                f"the control step is not finished: {self._step % self._control_steps} of "
-                f"{self._control_steps} physics steps are done"
-            )
+            for channel in self._channels:
+                channel.take_if_skipped(physics, self._step)
         return {channel.name: channel.observation(self._step, self._strip) for channel in self._channels}
+
+    def _simulate(self, physics: Physics, steps: int) -> None:
+        """Step the physics, and count the steps even if an interrupt comes between the two."""
+        before = float(physics.time)
+        try:
+            physics.step(steps)
+        finally:
+            self._step += min(steps, round((float(physics.time) - before) / float(physics.timestep)))
 
     def _take_readings(self) -> None:
         physics = self._started()
         for channel in self._channels:
-            if channel.next_reading == self._step:
+            if channel.next_reading <= self._step:
                 channel.take(physics, self._step)
+
+    def _call(self, hook: str) -> None:
+        for entity in self._hooks.get(hook, ()):
+            getattr(entity, hook)(self._physics, self._random_state)
 
     def _started(self) -> Physics:
         if self._physics is None:
             raise PhysicsError("call reset(physics, random_state) before the first observation")
         return self._physics
+
+
+def _overridden(root: HasEntities) -> dict[str, list[Hooks]]:
+    """For each hook the entities that override it, in the order of the tree."""
+    found: dict[str, list[Hooks]] = {}
+    for entity in root.iter_entities():
+        for name, method in vars(Hooks).items():
+            if not name.startswith("_") and getattr(type(entity), name) is not method:
+                found.setdefault(name, []).append(entity)
+    return found

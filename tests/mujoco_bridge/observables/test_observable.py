@@ -145,15 +145,15 @@ def test_declared_observables_are_made_once_and_are_attributes() -> None:
     np.testing.assert_array_equal(house.observables.width(PHYSICS), [0.8, 0.9])
 
 
-def test_as_dict_is_sorted_and_fully_qualified() -> None:
+def test_as_dict_has_the_declared_ones_first_and_full_names() -> None:
     house = House("street/house/")
     house.observables.add_observable("bell", Observable(lambda physics: 0.0))
     assert list(house.observables.as_dict()) == [
         "street/house/angle",
-        "street/house/bell",
         "street/house/width",
+        "street/house/bell",
     ]
-    assert list(house.observables.as_dict(fully_qualified=False)) == ["angle", "bell", "width"]
+    assert list(house.observables.as_dict(fully_qualified=False)) == ["angle", "width", "bell"]
     house.observables.as_dict(fully_qualified=False).clear()
     assert len(house.observables.as_dict()) == 3
 
@@ -161,14 +161,14 @@ def test_as_dict_is_sorted_and_fully_qualified() -> None:
 def test_observables_of_a_tree() -> None:
     tree = House("", House("b/"), House("a/", House("a/c/")))
     assert list(observables_of(cast(Any, tree))) == [
-        "a/angle",
-        "a/c/angle",
-        "a/c/width",
-        "a/width",
         "angle",
+        "width",
         "b/angle",
         "b/width",
-        "width",
+        "a/angle",
+        "a/width",
+        "a/c/angle",
+        "a/c/width",
     ]
 
 

@@ -27,6 +27,11 @@ class CountingPhysics:
     def __init__(self) -> None:
         self.steps = 0
         self.calls = 0
+        self.timestep = 0.002  # [s]
+
+    @property
+    def time(self) -> float:
+        return self.steps * self.timestep
 
     def step(self, n: int = 1) -> None:
         self.steps += n
@@ -235,10 +240,8 @@ def test_wrong_use_is_refused() -> None:
             method()
     physics = counting()
     updater.reset(physics)
-    physics.step()
-    updater.update()
-    with pytest.raises(PhysicsError, match="1 of 4 physics steps"):
-        updater.get_observation()
+    with pytest.raises(PhysicsError, match="reset"):
+        Updater({}).observation_spec()
     with pytest.raises(InvalidInputError, match="physics_steps_per_control_step"):
         Updater({}, 0)
     with pytest.raises(InvalidInputError, match="must be a dict"):

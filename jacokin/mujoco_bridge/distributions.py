@@ -1,0 +1,248 @@
+"""Random values for initial states and for the timing of observables, drawn from a random state.
+
+A sampler is a callable ``f(initial_value, current_value, random_state)``: what the value was at first, what it is now,
+and the source of random numbers. ``f(random_state)`` is accepted too. The classes here are samplers.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from jacokin.errors import InvalidInputError
+from jacokin.model import checks
+
+Array = NDArray[np.float64]
+RandomState = np.random.RandomState | np.random.Generator
+Sampler = Callable[..., ArrayLike]
+
+__all__ = [
+    "IDENTITY_QUATERNION",
+    "Normal",
+    "QuaternionFromAxisAngle",
+    "Sampler",
+    "Uniform",
+    "UniformQuaternion",
+    "evaluate",
+    "sampler",
+    "uniform_box",
+]
+
+IDENTITY_QUATERNION = checks.read_only((1.0, 0.0, 0.0, 0.0))
+"""No rotation, wxyz."""
+
+# The ways in which a sampler may take its arguments, tried in this order: names of keywords, or a number of positions.
+_FORMS: tuple[tuple[str, ...] | int, ...] = (
+    ("initial_value", "current_value", "random_state"),
+    ("random_state",),
+    3,
+    1,
+)
+
+
+def sampler(name: str, function: Callable[..., Any]) -> Callable[[Any, Any, Any], Any]:
+    """A callable of (initial_value, current_value, random_state) that calls a user's function.
+
+    Args:
+        name: of the argument, for messages.
+        function: takes these three by name or position, or the random state alone.
+
+    Raises:
+        InvalidInputError: the function takes other arguments, or none.
+    """
+    try:
+        signature = inspect.signature(function)
+    except (TypeError, ValueError):
+        raise InvalidInputError(
+            f"{name}: Python cannot tell the arguments of {function!r}; wrap it, as in lambda random_state: ..."
+        ) from None
+    for form in _FORMS:
+        keywords = {} if isinstance(form, int) else dict.fromkeys(form)
+        try:
+            signature.bind(*[None] * (form if isinstance(form, int) else 0), **keywords)
+        except TypeError:
+            continue
+        return _caller(function, form)
+    raise InvalidInputError(
+        f"{name} must take (initial_value, current_value, random_state), or (random_state), so that a seed determines "
+        f"what it returns; got a callable of {signature}"
+    )
+
+
+def _caller(function: Callable[..., Any], form: tuple[str, ...] | int) -> Callable[[Any, Any, Any], Any]:
+    if form == 1:
+        return lambda initial_value, current_value, random_state: function(random_state)
+    if form == 3:
+        return function
+    if form == ("random_state",):
+        return lambda initial_value, current_value, random_state: function(random_state=random_state)
+    return lambda initial_value, current_value, random_state: function(
+        initial_value=initial_value, current_value=current_value, random_state=random_state
+    )
+
+
+def evaluate(
+    name: str,
+    value: ArrayLike | Sampler,
+    random_state: RandomState | None,
+    initial_value: ArrayLike | None = None,
+    current_value: ArrayLike | None = None,
+) -> Any:
+    """The value, or what it draws if it is a sampler.
+
+    Raises:
+        InvalidInputError: a callable with other arguments than a sampler's.
+    """
+    return sampler(name, value)(initial_value, current_value, random_state) if callable(value) else value
+
+
+class _Distribution:
+    """A distribution of numbers: one sample for each number of the initial value, or as many as its parameters have."""
+
+    single_sample: bool
+
+    def __call__(self, initial_value: Any = None, current_value: Any = None, random_state: Any = None) -> Any:
+        """Draw from the random state.
+
+        Args:
+            initial_value: its shape is that of the sample, unless there is none or with ``single_sample``.
+            current_value: not used.
+            random_state: the source of random numbers.
+
+        Raises:
+            InvalidInputError: there is no random state.
+        """
+        state = _checked(random_state)
+        return self._draw(state, None if self.single_sample or initial_value is None else np.shape(initial_value))
+
+    def _draw(self, random_state: RandomState, size: tuple[int, ...] | None) -> Any:
+        raise NotImplementedError
+
+
+@dataclass(frozen=True, eq=False)
+class Uniform(_Distribution):
+    """Uniform between two bounds.
+
+    Attributes:
+        low: lower bound, a number or an array.
+        high: upper bound, a number or an array.
+        single_sample: draw in the shape of the bounds, whatever the shape of the initial value.
+    """
+
+    low: ArrayLike = 0.0
+    high: ArrayLike = 1.0
+    single_sample: bool = False
+
+    def __post_init__(self) -> None:
+        """Check the bounds."""
+        low, high = _finite("low", self.low), _finite("high", self.high)
+        if (low > high).any():
+            raise InvalidInputError(f"low must not be above high, got {low.tolist()} and {high.tolist()}")
+
+    def _draw(self, random_state: RandomState, size: tuple[int, ...] | None) -> Any:
+        return random_state.uniform(np.asarray(self.low, float), np.asarray(self.high, float), size)
+
+
+@dataclass(frozen=True, eq=False)
+class Normal(_Distribution):
+    """Normal with a mean and a standard deviation.
+
+    Attributes:
+        loc: mean, a number or an array.
+        scale: standard deviation, a number or an array.
+        single_sample: draw in the shape of the parameters, whatever the shape of the initial value.
+    """
+
+    loc: ArrayLike = 0.0
+    scale: ArrayLike = 1.0
+    single_sample: bool = False
+
+    def __post_init__(self) -> None:
+        """Check the parameters."""
+        _finite("loc", self.loc)
+        if (_finite("scale", self.scale) < 0.0).any():
+            raise InvalidInputError(f"scale must not be negative, got {self.scale!r}")
+
+    def _draw(self, random_state: RandomState, size: tuple[int, ...] | None) -> Any:
+        return random_state.normal(np.asarray(self.loc, float), np.asarray(self.scale, float), size)
+
+
+@dataclass(frozen=True, eq=False)
+class QuaternionFromAxisAngle:
+    """Rotation about an axis by an angle that may be drawn; a quaternion (4,) wxyz.
+
+    Attributes:
+        axis: (3,) of any length but 0.
+        angle: [rad], or a sampler such as ``Uniform(0, 2 * pi, single_sample=True)``.
+    """
+
+    axis: ArrayLike
+    angle: float | Sampler
+
+    def __post_init__(self) -> None:
+        """Check the axis."""
+        if not np.linalg.norm(checks.vector("axis", self.axis, 3, "1")) > 0.0:
+            raise InvalidInputError(f"axis must not be zero, got {self.axis!r}")
+        if not callable(self.angle):
+            checks.number("angle", self.angle, "rad")
+        else:
+            sampler("angle", self.angle)
+
+    def __call__(self, initial_value: Any = None, current_value: Any = None, random_state: Any = None) -> Array:
+        """Draw the angle.
+
+        Raises:
+            InvalidInputError: the angle drawn is not a number.
+        """
+        drawn = evaluate("angle", self.angle, random_state, initial_value, current_value)
+        angle = checks.vector("angle", np.reshape(drawn, -1), 1, "rad")[0]
+        axis = checks.vector("axis", self.axis, 3, "1")
+        quat_wxyz = np.empty(4)
+        mujoco.mju_axisAngle2Quat(quat_wxyz, axis / np.linalg.norm(axis), angle)
+        return quat_wxyz
+
+
+class UniformQuaternion:
+    """Any orientation, uniformly; a quaternion (4,) wxyz."""
+
+    def __call__(self, initial_value: Any = None, current_value: Any = None, random_state: Any = None) -> Array:
+        """Draw three numbers (Shoemake, Uniform random rotations, Graphics Gems III, 1992)."""
+        u, first, second = _checked(random_state).uniform((0.0, 0.0, 0.0), (1.0, 2.0 * np.pi, 2.0 * np.pi))
+        inner, outer = np.sqrt(1.0 - u), np.sqrt(u)
+        return np.array((inner * np.sin(first), inner * np.cos(first), outer * np.sin(second), outer * np.cos(second)))
+
+
+def uniform_box(lower: ArrayLike, upper: ArrayLike) -> Uniform:
+    """A sampler of positions (3,) [m], uniform between two corners.
+
+    Raises:
+        InvalidInputError: malformed corners, or lower above upper.
+    """
+    low, high = checks.vector("lower", lower, 3, "m"), checks.vector("upper", upper, 3, "m")
+    if (low > high).any():
+        raise InvalidInputError(f"lower must not be above upper, got {low.tolist()} and {high.tolist()}")
+    return Uniform(checks.read_only(low), checks.read_only(high), single_sample=True)
+
+
+def _checked(random_state: Any) -> RandomState:
+    if not isinstance(random_state, RandomState):
+        raise InvalidInputError(
+            f"random_state must be a numpy.random.RandomState or numpy.random.Generator, got {random_state!r}"
+        )
+    return random_state
+
+
+def _finite(name: str, value: ArrayLike) -> Array:
+    try:
+        array = checks.numbers(value)
+    except (TypeError, ValueError) as error:
+        raise InvalidInputError(f"{name} must be numbers, got {checks.shown(value)}") from error
+    if not np.isfinite(array).all():
+        raise InvalidInputError(f"{name} must be finite, got {array.tolist()}")
+    return array
