@@ -20,9 +20,11 @@ from jacokin import lazy
 if TYPE_CHECKING:
     from jacokin.mujoco_bridge import base as base
     from jacokin.mujoco_bridge import cameras as cameras
+    from jacokin.mujoco_bridge import distributions as distributions
     from jacokin.mujoco_bridge import jaco_arm as jaco_arm
     from jacokin.mujoco_bridge import jaco_hand as jaco_hand
     from jacokin.mujoco_bridge import observations as observations
+    from jacokin.mujoco_bridge import rewards as rewards
     from jacokin.mujoco_bridge import robots as robots
     from jacokin.mujoco_bridge.arena import Arena as Arena
     from jacokin.mujoco_bridge.base import DOWN_QUATERNION as DOWN_QUATERNION
@@ -31,7 +33,8 @@ if TYPE_CHECKING:
     from jacokin.mujoco_bridge.control.commands import command_joint_positions as command_joint_positions
     from jacokin.mujoco_bridge.control.commands import command_site_velocity as command_site_velocity
     from jacokin.mujoco_bridge.control.initializers import TcpInitializer as TcpInitializer
-    from jacokin.mujoco_bridge.control.initializers import uniform_box as uniform_box
+    from jacokin.mujoco_bridge.control.initializers import ToolCenterPointInitializer as ToolCenterPointInitializer
+    from jacokin.mujoco_bridge.distributions import uniform_box as uniform_box
     from jacokin.mujoco_bridge.entities.entity import Entity as Entity
     from jacokin.mujoco_bridge.entities.entity import ModelWrapperEntity as ModelWrapperEntity
     from jacokin.mujoco_bridge.jaco_arm import JacoArm as JacoArm
@@ -43,6 +46,7 @@ if TYPE_CHECKING:
     from jacokin.mujoco_bridge.observables.observable import Observables as Observables
     from jacokin.mujoco_bridge.observables.observable import observable as observable
     from jacokin.mujoco_bridge.observables.observable import observables_of as observables_of
+    from jacokin.mujoco_bridge.observables.specs import ArraySpec as ArraySpec
     from jacokin.mujoco_bridge.observables.updater import Updater as Updater
     from jacokin.mujoco_bridge.props import Primitive as Primitive
     from jacokin.mujoco_bridge.simulation.physics import Physics as Physics
@@ -70,8 +74,10 @@ __all__, __getattr__, __dir__ = lazy.door(
         ),
         "jacokin.mujoco_bridge.control.initializers": (
             "TcpInitializer",
-            "uniform_box",
+            "ToolCenterPointInitializer",
         ),
+        "jacokin.mujoco_bridge.distributions": ("uniform_box",),
+        "jacokin.mujoco_bridge.observables.specs": ("ArraySpec",),
         "jacokin.mujoco_bridge.observables.joints": ("JointsObservables",),
         "jacokin.mujoco_bridge.observables.observable": (
             "MJCFFeature",
@@ -86,9 +92,11 @@ __all__, __getattr__, __dir__ = lazy.door(
     (
         "base",
         "cameras",
+        "distributions",
         "jaco_arm",
         "jaco_hand",
         "observations",
+        "rewards",
         "robots",
     ),
 )

@@ -129,6 +129,7 @@ def test_settings_reach_the_observables() -> None:
 def test_public_names() -> None:
     assert jacokin.mujoco_bridge.__all__ == [
         "Arena",
+        "ArraySpec",
         "DOWN_QUATERNION",
         "Entity",
         "JacoArm",
@@ -143,17 +144,20 @@ def test_public_names() -> None:
         "RobotArm",
         "RobotHand",
         "TcpInitializer",
+        "ToolCenterPointInitializer",
         "Updater",
         "angles_from_sin_cos",
         "base",
         "cameras",
         "command_joint_positions",
         "command_site_velocity",
+        "distributions",
         "jaco_arm",
         "jaco_hand",
         "observable",
         "observables_of",
         "observations",
+        "rewards",
         "robots",
         "uniform_box",
     ]

@@ -86,6 +86,8 @@ class SiteSolver:
         bounds: Bounds | None,
         random_state: RandomState,
         attempts: int,
+        *,
+        shuffle: bool = False,
     ) -> Iterator[tuple[NDArray[np.intp], Array]]:
         """Solutions as addresses in qpos and values for them; branches of the closed form in order of distance.
 
@@ -95,6 +97,7 @@ class SiteSolver:
             bounds: lower and upper bounds of all of the arm's joints, for starts of the QP; None with a closed form.
             random_state: drawn from for all starts but the first.
             attempts: number of starts.
+            shuffle: branches in random order, and random starts only.
 
         Raises:
             PhysicsError: positions or velocities in the scene are not finite.
@@ -107,9 +110,9 @@ class SiteSolver:
         T[:3, 3] = self._R_base_world.dot(position - self._base_position)
         present = self._data.qpos[chain.qpos]
         if bounds is None:
-            found = self._branches(T, present)
+            found = self._branches(T, present, random_state if shuffle else None)
         else:
-            found = self._by_qp(T, self._starts(present, bounds, random_state, attempts))
+            found = self._by_qp(T, self._starts(None if shuffle else present, bounds, random_state, attempts))
         for q in found:
             yield chain.qpos, self._canonical(q)
 
@@ -125,10 +128,11 @@ class SiteSolver:
         mujoco.mj_kinematics(self._model, scratch)
         self._base_then = base_now
 
-    def _branches(self, T_base_site: Array, present: Array) -> Iterator[Array]:
+    def _branches(self, T_base_site: Array, present: Array, shuffled_by: RandomState | None) -> Iterator[Array]:
         branches = self._solver.closed_form().solve_all(T_base_site, present)
         q = branches.q
-        for index in branches.within_limits.nonzero()[0]:
+        order = branches.within_limits.nonzero()[0]
+        for index in order if shuffled_by is None else shuffled_by.permutation(order):
             yield q[index]
 
     def _canonical(self, q: Array) -> Array:
@@ -150,11 +154,14 @@ class SiteSolver:
             if attempt.reached:
                 yield attempt.q
 
-    def _starts(self, present: Array, bounds: Bounds, random_state: RandomState, attempts: int) -> Iterator[Array]:
+    def _starts(
+        self, present: Array | None, bounds: Bounds, random_state: RandomState, attempts: int
+    ) -> Iterator[Array]:
         """The present configuration, clipped to the limits, then random ones, drawn one at a time when needed."""
         members = [self._joints.index(joint) for joint in self._chain.joints]
-        yield np.clip(present, self._chain.robot.lower, self._chain.robot.upper)
-        for _ in range(attempts - 1):
+        if present is not None:
+            yield np.clip(present, self._chain.robot.lower, self._chain.robot.upper)
+        for _ in range(attempts - (present is not None)):
             yield random_state.uniform(*bounds)[members]
 
 

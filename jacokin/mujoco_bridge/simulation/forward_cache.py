@@ -137,13 +137,20 @@ class ForwardCache:
         self.forces_are_due = False
 
     def forward_motion(self) -> None:
-        """Compute what follows from positions and velocities; forces and accelerations when they are asked for."""
+        """Compute what follows from positions and velocities; forces and accelerations when they are asked for.
+
+        Raises:
+            PhysicsError: MuJoCo gives up.
+        """
         self._is_known = False
         model, data = self.model, self.data
-        mujoco.mj_fwdPosition(model, data)
-        mujoco.mj_sensorPos(model, data)
-        mujoco.mj_fwdVelocity(model, data)
-        mujoco.mj_sensorVel(model, data)
+        try:
+            mujoco.mj_fwdPosition(model, data)
+            mujoco.mj_sensorPos(model, data)
+            mujoco.mj_fwdVelocity(model, data)
+            mujoco.mj_sensorVel(model, data)
+        except mujoco.FatalError as error:
+            raise PhysicsError(f"MuJoCo gave up: {error}") from error
         self.forces_are_due = True
 
     def step(self, n: int) -> None:

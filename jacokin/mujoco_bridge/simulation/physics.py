@@ -15,7 +15,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from jacokin.errors import InvalidInputError, UnknownNameError
+from jacokin.errors import InvalidInputError, PhysicsError, UnknownNameError
 from jacokin.mujoco_bridge.simulation.binding import EMPTY, Binding
 from jacokin.mujoco_bridge.simulation.element_arrays import KINDS
 from jacokin.mujoco_bridge.simulation.elements import Element, ElementIds
@@ -149,9 +149,18 @@ class Physics:
         Args:
             rows: (k,) where in qpos.
             values: (k,) what to write there.
+
+        Raises:
+            PhysicsError: MuJoCo gives up, for example for lack of memory; qpos is then as before.
         """
-        self._data.qpos[rows] = values
-        self._cache.forward_motion()
+        qpos = self._data.qpos
+        before = qpos[rows]
+        qpos[rows] = values
+        try:
+            self._cache.forward_motion()
+        except PhysicsError:
+            qpos[rows] = before
+            raise
 
     def refresh(self) -> None:
         """Run `forward` if anything changed since the last pass; for those who read ``physics.data`` directly.

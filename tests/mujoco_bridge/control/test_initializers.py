@@ -9,7 +9,8 @@ import pytest
 
 from jacokin.errors import InvalidInputError, PhysicsError
 from jacokin.mujoco_bridge import DOWN_QUATERNION, Arena, JacoArm, JacoHand, Physics
-from jacokin.mujoco_bridge.control.initializers import TcpInitializer, uniform_box
+from jacokin.mujoco_bridge.control.initializers import TcpInitializer
+from jacokin.mujoco_bridge.distributions import uniform_box
 from jacokin.mujoco_bridge.props import Primitive
 from tests.mujoco_bridge.scenes import jaco_parts
 
