@@ -11,6 +11,7 @@ from jacokin import lazy
 
 if TYPE_CHECKING:
     from jacokin.errors import JacokinError as JacokinError
+    from jacokin.ik.closed_form import warmup as warmup
     from jacokin.ik.results import IKResult as IKResult
     from jacokin.ik.results import Status as Status
     from jacokin.ik.solver import IKSolver as IKSolver
@@ -27,6 +28,7 @@ _public, __getattr__, _ = lazy.door(
     __name__,
     {
         "jacokin.errors": ("JacokinError",),
+        "jacokin.ik.closed_form": ("warmup",),
         "jacokin.ik.results": (
             "IKResult",
             "Status",

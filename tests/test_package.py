@@ -118,6 +118,7 @@ def test_public_names_are_exactly_these() -> None:
         "load_robot",
         "pose",
         "solve_ik",
+        "warmup",
     ]
     for name in jacokin.__all__:
         assert getattr(jacokin, name) is not None

@@ -4,16 +4,22 @@ from __future__ import annotations
 
 import typer
 
+NOT_COMPILED = 1  # exit code
+
 
 def warmup() -> None:
     """Compile the closed form ahead of the first solve.
 
-    The kernels go into a cache on disk, so that no later command waits for the compiler.
+    The machine code goes into a cache on disk, so that no later command waits for the compiler.
+
+    Exit code: 0 when the compiled closed form is ready, 1 when NUMBA_DISABLE_JIT keeps it in plain Python.
 
     Examples:
       jacokin warmup
     """
-    from jacokin.ik import closed_form
+    from jacokin.ik.closed_form import compilation
 
-    seconds = closed_form.warmup()
+    seconds = compilation.warmup()
+    if compilation.is_disabled():
+        raise typer.Exit(NOT_COMPILED)
     typer.echo(f"the closed form is ready ({seconds:.1f} s)")

@@ -57,8 +57,9 @@ class IKSolver:
         orientation_tolerance: float = ORIENTATION_TOLERANCE,
         limit_snap: float = LIMIT_SNAP,
         max_restarts: int = MAX_RESTARTS,
+        warm: bool | None = False,
     ) -> None:
-        """Prepare a solver; nothing heavy is loaded before it is needed.
+        """Prepare a solver, and load what solving needs: no later call waits for an import.
 
         Args:
             robot: the arm.
@@ -71,13 +72,16 @@ class IKSolver:
             orientation_tolerance: a success is this near in orientation [rad].
             limit_snap: a closed-form branch past a limit by no more than this [rad] is put on it and measured again.
             max_restarts: random starts of the QP after the first ones.
+            warm: True compiles the closed form, if no cache holds it, before the first solve (10 to 30 s, once); False
+                leaves that to the background; None loads nothing before it is needed, for programs that solve once.
 
         Raises:
             UnknownNameError: unknown frame, method, collision mode or QP solver.
             MissingExtraError: the QP solver comes with an extra that is not installed.
             InvalidInputError: a tolerance that is not positive, a negative number of restarts, a malformed tool, or a
-                frame that no joint moves.
+                frame that no joint moves; warm is not a bool or None.
             StructureError: method="closed_form" and the robot has another structure.
+            JacokinError: warm=True and the closed form could not be compiled.
             ModelError: self-contact is asked for and the description has no shapes to check.
         """
         if not isinstance(robot, Robot):
@@ -100,6 +104,8 @@ class IKSolver:
             backend.checked(qp_solver)
         if method == "closed_form":
             self.closed_form()
+        if warm is not None:
+            self._load(checks.flag("warm", warm))
 
     @property
     def robot(self) -> Robot:
@@ -261,6 +267,16 @@ class IKSolver:
         """Pickle the options; working memory is made anew."""
         return _rebuild, (self.robot, self.frame, self.tool, self._options)
 
+    def _load(self, warm: bool) -> None:
+        """Load now what the first solve would wait for."""
+        if self.has_closed_form and warm:
+            from jacokin.ik.closed_form import warmup
+
+            warmup()
+        from jacokin.ik.qp import closest  # noqa: F401  # imports scipy.optimize
+
+        self._qp_search()
+
     def _qp_search(self) -> QPSearch:
         """Mink's QP on this robot, built once in each thread.
 
@@ -321,7 +337,7 @@ def solve_ik(
     frame: str | None = None,
     tool: pin.SE3 | ArrayLike | None = None,
 ) -> IKResult:
-    """Solve one pose: `IKSolver(robot, frame, tool=tool).solve(target, seed)`.
+    """Solve one pose: `IKSolver(robot, frame, tool=tool, warm=None).solve(target, seed)`.
 
     Args:
         target: T_base_tool as `pin.SE3` or (4, 4), or a position (3,) [m] with free orientation.
@@ -335,4 +351,4 @@ def solve_ik(
     """
     if not isinstance(robot, Robot):
         robot = load_robot() if robot is None else load_robot(robot)
-    return IKSolver(robot, frame, tool=tool).solve(target, seed)
+    return IKSolver(robot, frame, tool=tool, warm=None).solve(target, seed)

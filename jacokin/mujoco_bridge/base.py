@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from jacokin.errors import InvalidInputError, PhysicsError, UnknownNameError
+from jacokin.ik.closed_form import warmup
 from jacokin.model import angles, checks
 from jacokin.model.descriptions import table
 from jacokin.mujoco_bridge.control.site_ik import SceneSolvers, SiteSolver
@@ -130,6 +131,22 @@ class RobotArm(Entity):
             physics.set_qpos(rows, q)
             return True
         return False
+
+    def prepare(self, physics: Physics, site: mujoco.MjsSite | str | None = None) -> None:
+        """Do now what `set_site_to_xpos` would do first: load the closed form, compiled if it is not yet (10 to 30 s).
+
+        Without this the first calls run in plain Python, about 10 ms each, while the compiler runs in the background.
+
+        Args:
+            physics: the simulation.
+            site: as in `set_site_to_xpos`; its solver is made, too. None for the closed form alone.
+
+        Raises:
+            JacokinError: as `site_solver`, or the closed form could not be compiled.
+        """
+        check_physics(physics)
+        if site is None or self.site_solver(physics, site).has_closed_form:
+            warmup()
 
     def site_solver(self, physics: Physics, site: mujoco.MjsSite | str) -> SiteSolver:
         """The inverse kinematics of a site in a physics; made once for each and kept.

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import math
 import pickle
+import subprocess
+import sys
 from collections.abc import Callable
 
 import numpy as np
@@ -16,6 +19,7 @@ from numpy.typing import NDArray
 import jacokin
 from jacokin import IKSolver, Robot, Status
 from jacokin.errors import InvalidInputError, StructureError
+from jacokin.ik.closed_form import compilation
 from jacokin.model import NAMES, SelfContact, urdf_folder
 
 Array = NDArray[np.float64]
@@ -290,3 +294,31 @@ def test_a_seed_outside_the_limits_is_moved_and_the_message_says_so(robot: Robot
     result = IKSolver(robot).solve(robot.forward_kinematics(robot.home), seed=np.zeros(6))
     assert result.success
     assert "joint_2, joint_3" in result.message
+
+
+def test_no_solve_after_the_first_line_imports_anything() -> None:
+    code = (
+        "import json, sys, numpy as np, jacokin\n"
+        "robot = jacokin.load_robot()\n"
+        "solver = jacokin.IKSolver(robot)\n"
+        "before = set(sys.modules)\n"
+        "pose = robot.forward_kinematics(robot.home)\n"
+        "far = jacokin.pose([3.0, 0.0, 0.0])\n"
+        "assert solver.solve(pose).success and len(solver.solve_all(pose))\n"
+        "assert solver.solve(pose.translation).success and not solver.solve(far).success\n"
+        "print(json.dumps(sorted(name for name in set(sys.modules) - before if 'jacokin' not in name)))\n"
+    )
+    done = subprocess.run([sys.executable, "-P", "-c", code], capture_output=True, text=True, check=True)
+    assert json.loads(done.stdout) == []
+
+
+def test_a_warm_solver_is_compiled_before_its_first_solve(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    calls: list[str] = []
+    monkeypatch.setattr(compilation.KERNELS, "warmup", lambda: calls.append("warm"))
+    IKSolver(robot)
+    IKSolver(robot, method="qp", warm=True)
+    assert calls == []
+    IKSolver(robot, warm=True)
+    assert calls == ["warm"]
+    with pytest.raises(InvalidInputError, match="warm"):
+        IKSolver(robot, warm="yes")  # type: ignore[arg-type]  # on purpose

@@ -18,6 +18,7 @@ NEEDED = {
     "mujoco": "mujoco",
     "mink": "mink",
     "numba": "numba",
+    "llvmlite": "llvmlite",
     "qpsolvers": "qpsolvers",
     "daqp": "daqp",
     "osqp": "osqp",

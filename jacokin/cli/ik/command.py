@@ -96,7 +96,7 @@ def ik(
     angles = Angles(degrees)
     start = angles.seed(seed)
     arm = options.load(robot, base, tip)
-    solver = IKSolver(arm, frame, method=method, qp_solver=qp_solver, collision=collision)
+    solver = IKSolver(arm, frame, method=method, qp_solver=qp_solver, collision=collision, warm=None)
     if targets is not None:
         from jacokin.cli.ik import batch
 

@@ -10,7 +10,7 @@ of degree 8 in joint 6. ``docs/closed_form.md`` derives it; the modules to read 
     kernels/spherical   the same for the spherical variants
     kernels/pose        verification on the model itself, polishing, limits, duplicates
     branch_table        the branches, as columns of the array that the kernels fill
-    compilation         numba, its cache, and the plain form
+    compilation         the kernels as machine code, and when it is made
 """
 
 from __future__ import annotations
@@ -21,16 +21,15 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from jacokin.ik.closed_form import compilation
 from jacokin.ik.closed_form.branch_table import BestBranches, BranchTable
+from jacokin.ik.closed_form.compilation import KERNELS
 from jacokin.ik.closed_form.geometry import measure
-from jacokin.ik.closed_form.kernels.batch import BATCH_COLUMNS
+from jacokin.ik.closed_form.kernel_library import NO_BATCH, Call
+from jacokin.ik.closed_form.kernels.batch import BATCH_COLUMNS, solve
 from jacokin.ik.closed_form.kernels.pose import COLUMNS, MAX_BRANCHES
 
 #: [m]; no arm reaches so far, and squares of numbers well above it overflow.
 MAX_DISTANCE = 1e6
-
-_NO_BATCH = np.empty((0, BATCH_COLUMNS))
 
 
 class ClosedForm:
@@ -41,7 +40,7 @@ class ClosedForm:
         misfit: largest deviation of the model from the structure [m or rad]; what it leaves is polished away.
     """
 
-    __slots__ = ("_arm", "_chain", "_limits", "misfit", "spherical")
+    __slots__ = ("_arm", "_calls", "_chain", "_limits", "misfit", "spherical")
 
     def __init__(
         self,
@@ -53,7 +52,7 @@ class ClosedForm:
         *,
         limit_snap: float = 1e-9,
     ) -> None:
-        """Measure the structure and keep its constants.
+        """Measure the structure, keep its constants, and load compiled kernels if there are any.
 
         Args:
             model: Pinocchio model with nq == nv == 6.
@@ -73,6 +72,8 @@ class ClosedForm:
         self.misfit = geometry.misfit
         self._limits = np.ascontiguousarray([lower, upper, np.full(6, limit_snap)], dtype=np.float64)
         self._limits.flags.writeable = False
+        self._calls: list[Call] = []  # idle ones; each thread takes one, or makes one, and puts it back
+        KERNELS.prepare()
 
     def solve_all(self, T: NDArray[np.float64], seed: NDArray[np.float64]) -> BranchTable:
         """Every branch, nearest to the seed first.
@@ -83,10 +84,24 @@ class ClosedForm:
         """
         if max(map(abs, T[:3, 3].tolist())) > MAX_DISTANCE:
             return BranchTable(np.empty((0, COLUMNS)))
-        rows = np.empty((MAX_BRANCHES, COLUMNS))
-        solve = compilation.solver()
-        count = solve(self._chain, self._arm, self._limits, T[np.newaxis], seed[np.newaxis], rows, _NO_BATCH)
-        return BranchTable(rows[:count])
+        try:
+            call = self._calls.pop()
+        except IndexError:
+            library = KERNELS.for_poses(1)
+            if library is None:
+                rows = np.empty((MAX_BRANCHES, COLUMNS))
+                count = solve(self._chain, self._arm, self._limits, T[np.newaxis], seed[np.newaxis], rows, NO_BATCH)
+                return BranchTable(rows[:count])
+            call = Call(library, self._chain, self._arm, self._limits, np.empty((1, 4, 4)), np.empty((1, 6)))
+        call.T[0] = T
+        call.seed[0] = seed
+        rows = call.rows[: call()].copy()
+        self._calls.append(call)
+        return BranchTable(rows)
+
+    def __reduce__(self) -> tuple[object, tuple[object, ...]]:
+        """Pickle the constants; calls are made anew."""
+        return _rebuild, (self._chain, self._arm, self._limits, self.spherical, self.misfit)
 
     def solve_batch(self, T: NDArray[np.float64], seed: NDArray[np.float64], threads: int = 1) -> BestBranches:
         """The best branch of each of n targets.
@@ -100,11 +115,14 @@ class ClosedForm:
         if len(T) == 0:
             return BestBranches(best)
         T = _clipped_positions(T)
-        solve = compilation.solver(len(T))
+        library = KERNELS.for_poses(len(T))
 
         def run(start: int, stop: int) -> None:
-            rows = np.empty((MAX_BRANCHES, COLUMNS))
-            solve(self._chain, self._arm, self._limits, T[start:stop], seed[start:stop], rows, best[start:stop])
+            some = self._chain, self._arm, self._limits, T[start:stop], seed[start:stop]
+            if library is None:
+                solve(*some, np.empty((MAX_BRANCHES, COLUMNS)), best[start:stop])
+            else:
+                Call(library, *some, best[start:stop])()
 
         if threads == 1:
             run(0, len(T))
@@ -113,6 +131,17 @@ class ClosedForm:
             with ThreadPoolExecutor(threads) as pool:
                 list(pool.map(run, edges[:-1], edges[1:]))
         return BestBranches(best)
+
+
+def _rebuild(
+    chain: NDArray[np.float64], arm: NDArray[np.float64], limits: NDArray[np.float64], spherical: bool, misfit: float
+) -> ClosedForm:
+    form = ClosedForm.__new__(ClosedForm)
+    for array in (chain, arm, limits):
+        array.flags.writeable = False
+    form._chain, form._arm, form._limits = chain, arm, limits
+    form.spherical, form.misfit, form._calls = spherical, misfit, []
+    return form
 
 
 def _clipped_positions(T: NDArray[np.float64]) -> NDArray[np.float64]:

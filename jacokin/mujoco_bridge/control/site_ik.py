@@ -70,9 +70,9 @@ class SiteSolver:
         _check_finite(self._data)
         self._chain = scene_chain(self._model, self._data.qpos, self._joints, self._site)
         robot = self._chain.robot
-        self._solver = IKSolver(robot, SITE)
+        self._solver = IKSolver(robot, SITE, warm=None)
         self.has_closed_form = self._solver.has_closed_form
-        self._qp: MultiStartQP | None = None
+        self._qp = None if self.has_closed_form else self._multi_start()
         kinds = self._model.jnt_type[list(self._chain.joints)]
         self._wraps: list[int] = np.flatnonzero(robot.unlimited & (kinds == mujoco.mjtJoint.mjJNT_HINGE)).tolist()
         self._base_position: Array = self._scratch.xpos[self._chain.base_body]
@@ -146,13 +146,16 @@ class SiteSolver:
     def _by_qp(self, T_base_site: Array, starts: Iterator[Array]) -> Iterator[Array]:
         target = targets.checked(T_base_site)
         if self._qp is None:
-            from jacokin.ik.qp.multistart import MultiStartQP  # imports mink, which arms with a closed form do not need
-
-            self._qp = MultiStartQP(Verifier(self._chain.robot, SITE, None, Options()))
+            self._qp = self._multi_start()
         for start in starts:
             attempt = self._qp.solve(target, [start])
             if attempt.reached:
                 yield attempt.q
+
+    def _multi_start(self) -> MultiStartQP:
+        from jacokin.ik.qp.multistart import MultiStartQP  # imports mink, which arms with a closed form do not need
+
+        return MultiStartQP(Verifier(self._chain.robot, SITE, None, Options()))
 
     def _starts(
         self, present: Array | None, bounds: Bounds, random_state: RandomState, attempts: int

@@ -1,122 +1,217 @@
-"""The kernels' plain and compiled forms agree, and compiling is never silent, never needed for one pose."""
+"""A single pose never waits for the compiler; batches and `warmup` do, and what they made is used from then on."""
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
-import types
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from jacokin import Robot
-from jacokin.ik.closed_form import compilation
-from jacokin.ik.closed_form.kernels import batch as kernels_batch
-from jacokin.ik.closed_form.kernels.batch import BATCH_COLUMNS
-from jacokin.ik.closed_form.kernels.pose import COLUMNS, MAX_BRANCHES
-from tests.ik.closed_form.tools import closed_form, target
+from jacokin.errors import JacokinError
+from jacokin.ik.closed_form import ClosedForm, cache, compilation, compile_job
+from jacokin.ik.closed_form.compilation import COMPILE_AFTER, KERNELS, WAIT_FOR, Kernels
+
+FAILING = "raise SystemExit('no compiler here')"
+
+
+@pytest.fixture(scope="session")
+def compiled(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A file with the kernels of this machine."""
+    KERNELS.warmup()
+    code = cache.read().code
+    assert code is not None, "the cache of whoever runs the tests must be usable"
+    file = tmp_path_factory.mktemp("compiled") / "kernels"
+    file.write_bytes(cache.packed(code))
+    return file
 
 
 @pytest.fixture
-def fresh(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[Path | None]:
-    """A process that has solved nothing yet, an empty cache folder, and a compiler that only notes its calls."""
-    calls: list[Path | None] = []
-
-    def compile_nothing(folder: Path | None) -> compilation.Solve:
-        calls.append(folder)
-        if folder is not None:
-            (folder / "kernels.nbi").write_bytes(b"index")
-        return kernels_batch.solve
-
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    monkeypatch.setattr(compilation, "_compiled", None)
-    monkeypatch.setattr(compilation, "_plain_poses", 0)
-    monkeypatch.setattr(compilation, "_cached", None)
-    monkeypatch.setattr(compilation, "_warned", set())
-    monkeypatch.setattr(compilation, "_compile", compile_nothing)
-    return calls
+def runs(compiled: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
+    """An empty cache, and a compiler that notes its runs in a file and hands out what was compiled before."""
+    notes = tmp_path / "runs"
+    program = (
+        f"import sys; open({str(notes)!r}, 'a').write('x')\n"
+        f"sys.stdout.buffer.write(b'noise' + open({str(compiled)!r}, 'rb').read())"
+    )
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
+    monkeypatch.setattr(compile_job, "_PROGRAM", program)
+    notes.touch()
+    return notes
 
 
-@pytest.mark.parametrize("name", ["j2n6s300", "j2s6s300"])
-def test_plain_and_compiled_kernels_give_the_same_bits(
-    name: str, bundled: Callable[[str], Robot], rng: np.random.Generator
-) -> None:
-    compilation.warmup()
-    robot = bundled(name)
-    form = closed_form(robot)
-    none = np.empty((0, BATCH_COLUMNS))
-    for q, seed in zip(robot.sample(rng, 60), robot.sample(rng, 60), strict=True):
-        T = target(robot, q)
-        rows = np.zeros((MAX_BRANCHES, COLUMNS))
-        arguments = (form._chain, form._arm, form._limits, T[np.newaxis], seed[np.newaxis], rows, none)
-        count = kernels_batch.solve(*arguments)
-        np.testing.assert_array_equal(form.solve_all(T, seed).rows, rows[:count])
+def how_often(runs: Path) -> int:
+    return len(runs.read_text())
 
 
-def test_a_single_pose_does_not_compile(fresh: list[Path | None], caplog: pytest.LogCaptureFixture) -> None:
-    assert compilation.solver() is kernels_batch.solve
-    assert compilation.solver() is kernels_batch.solve
-    assert fresh == []
+def background(kernels: Kernels) -> None:
+    """Wait for the compiler in the background."""
+    job = kernels._job
+    if job is not None:
+        job.join()
+
+
+def test_single_poses_compile_in_the_background(runs: Path, caplog: pytest.LogCaptureFixture) -> None:
+    kernels = Kernels()
+    for _ in range(COMPILE_AFTER):
+        assert kernels.for_poses(1) is None
+    assert how_often(runs) == 0
     assert caplog.text.count("jacokin warmup") == 1
+    assert kernels.for_poses(1) is None  # this one starts the compiler and does not wait
+    background(kernels)
+    assert kernels.for_poses(1) is not None
+    assert how_often(runs) == 1
 
 
-def test_many_poses_compile_once_and_say_so(fresh: list[Path | None], caplog: pytest.LogCaptureFixture) -> None:
-    for _ in range(3):
-        compilation.solver(compilation.COMPILE_AFTER + 1)
-    assert fresh == [compilation.cache_folder()]
-    assert compilation.is_cached()
+def test_a_large_batch_waits_for_the_compiler(runs: Path, caplog: pytest.LogCaptureFixture) -> None:
+    kernels = Kernels()
+    assert kernels.for_poses(WAIT_FOR) is not None
+    assert kernels.for_poses(1) is kernels.library
+    assert how_often(runs) == 1
     assert caplog.text.count("compiling the closed form") == 1
 
 
-def test_a_warm_cache_is_loaded_silently(
-    fresh: list[Path | None], caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    compilation.warmup()
+def test_a_small_batch_does_not_wait(runs: Path) -> None:
+    kernels = Kernels()
+    assert kernels.for_poses(WAIT_FOR - 1) is None
+    background(kernels)
+    assert kernels.for_poses(1) is not None
+
+
+def test_a_cache_is_loaded_silently(runs: Path, caplog: pytest.LogCaptureFixture) -> None:
+    Kernels().warmup()
     caplog.clear()
-    monkeypatch.setattr(compilation, "_compiled", None)
-    monkeypatch.setattr(compilation, "_warned", set())
-    compilation.solver()
-    assert len(fresh) == 1
-    compilation.solver(compilation.LOAD_AFTER)
-    assert len(fresh) == 2
+    later = Kernels()
+    later.prepare()
+    assert later.library is not None
     assert caplog.text == ""
+    assert how_often(runs) == 1
 
 
-def test_a_damaged_cache_is_not_trusted(fresh: list[Path | None]) -> None:
-    compilation.warmup()
-    folder = compilation.cache_folder()
-    assert folder is not None
-    (folder / "kernels.nbi").write_bytes(b"cut")
-    assert not compilation.is_cached()
+def test_a_damaged_cache_is_rebuilt_with_one_warning(runs: Path, caplog: pytest.LogCaptureFixture) -> None:
+    Kernels().warmup()
+    file = cache.path()
+    assert file is not None
+    file.write_bytes(bytes(file.stat().st_size))
+    caplog.clear()
+    kernels = Kernels()
+    kernels.warmup()
+    kernels.warmup()
+    assert kernels.library is not None
+    assert caplog.text.count("damaged or incomplete") == 1
+    assert cache.read().problem == ""
+    assert how_often(runs) == 2
 
 
-def test_an_unwritable_cache_folder_works_and_says_so_once(
-    fresh: list[Path | None],
-    caplog: pytest.LogCaptureFixture,
-    monkeypatch: pytest.MonkeyPatch,
-    tmp_path: Path,
+def test_what_cannot_be_kept_works_in_this_process(
+    runs: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     blocked = tmp_path / "file"
     blocked.write_text("not a folder")
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(blocked))
-    compilation.warmup()
-    compilation.warmup()
-    assert fresh == [None]
-    assert caplog.text.count("cannot write the cache folder") == 1
+    kernels = Kernels()
+    assert kernels.for_poses(WAIT_FOR) is not None
+    kernels.warmup()
+    assert caplog.text.count("cannot be kept in") == 1
+    assert how_often(runs) == 1
 
 
-def test_a_name_with_two_meanings_is_refused() -> None:
-    one, other = types.ModuleType("one"), types.ModuleType("other")
-    one.errors = other.errors = len  # type: ignore[attr-defined]  # a module made by hand
-    assert compilation._one_namespace([one, other]) == {"errors": len}
-    other.errors = abs  # type: ignore[attr-defined]
-    with pytest.raises(ValueError, match="errors in other has another meaning"):
-        compilation._one_namespace([one, other])
+def test_what_another_process_compiled_meanwhile_is_used(runs: Path, compiled: Path) -> None:
+    kernels = Kernels()
+    kernels.prepare()
+    assert cache.write(cache.unpacked(compiled.read_bytes())) == ""
+    assert kernels.for_poses(WAIT_FOR) is not None
+    assert how_often(runs) == 0
 
 
-def test_one_pose_on_a_cold_cache_needs_no_numba(tmp_path: Path) -> None:
+def test_a_compiler_that_fails_leaves_the_plain_form(
+    runs: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    working = compile_job._PROGRAM
+    monkeypatch.setattr(compile_job, "_PROGRAM", FAILING)
+    kernels = Kernels()
+    for _ in range(3):
+        assert kernels.for_poses(WAIT_FOR) is None
+    assert caplog.text.count("no compiler here") == 1
+    with pytest.raises(JacokinError, match="no compiler here"):
+        kernels.warmup()
+    monkeypatch.setattr(compile_job, "_PROGRAM", working)
+    kernels.warmup()
+    assert kernels.library is not None
+
+
+def test_output_that_is_cut_off_is_not_run(runs: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(compile_job, "_PROGRAM", compile_job._PROGRAM + "[:-10]")
+    program = compile_job._PROGRAM.replace(".read())[:-10]", ".read()[:-10])")
+    monkeypatch.setattr(compile_job, "_PROGRAM", program)
+    with pytest.raises(JacokinError, match="damaged or incomplete"):
+        Kernels().warmup()
+
+
+def test_numba_disable_jit_is_respected_and_named(
+    runs: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
+    kernels = Kernels()
+    assert kernels.for_poses(WAIT_FOR) is None
+    kernels.warmup()
+    assert kernels.library is None
+    assert caplog.text.count("NUMBA_DISABLE_JIT is set") == 1
+    assert how_often(runs) == 0
+
+
+def test_options_of_numba_do_not_reach_the_compiler(
+    runs: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    seen = tmp_path / "environment"
+    program = f"import os; open({str(seen)!r}, 'w').write(' '.join(os.environ));"
+    monkeypatch.setattr(compile_job, "_PROGRAM", program + compile_job._PROGRAM)
+    monkeypatch.setenv("NUMBA_BOUNDSCHECK", "1")
+    monkeypatch.setenv("NUMBA_CPU_NAME", "generic")
+    monkeypatch.setenv("SOMETHING_ELSE", "1")
+    with pytest.raises(JacokinError, match="damaged"):  # made for another CPU
+        Kernels().warmup()
+    names = seen.read_text().split()
+    assert "SOMETHING_ELSE" in names
+    assert "NUMBA_CPU_NAME" in names
+    assert "NUMBA_BOUNDSCHECK" not in names
+
+
+def test_a_forked_child_does_not_stop_its_parents_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Process:
+        killed = False
+
+        def kill(self) -> None:
+            self.killed = True
+
+    job = compile_job.CompileJob(lambda job: None, background=True)
+    process = Process()
+    monkeypatch.setattr(job, "_process", process)
+    parent = os.getpid()
+    monkeypatch.setattr(os, "getpid", lambda: parent + 1)
+    job.stop()
+    assert not process.killed
+    monkeypatch.setattr(os, "getpid", lambda: parent)
+    job.stop()
+    assert process.killed
+
+
+def test_an_arm_with_a_cache_solves_its_first_pose_compiled(
+    runs: Path, monkeypatch: pytest.MonkeyPatch, robot: Robot
+) -> None:
+    Kernels().warmup()
+    monkeypatch.setattr("jacokin.ik.closed_form.solver.KERNELS", fresh := Kernels())
+    form = ClosedForm(robot.pin_model, robot.frame_id(), None, robot.lower, robot.upper)
+    assert fresh.library is not None
+    T = np.ascontiguousarray(robot.forward_kinematics(robot.home).homogeneous)
+    assert len(form.solve_all(T, robot.home)) > 0
+    assert fresh._plain_poses == 0
+
+
+def test_no_solve_needs_numba(tmp_path: Path) -> None:
     code = (
         "import sys, numpy as np, jacokin\n"
         "robot = jacokin.load_robot()\n"
@@ -133,3 +228,18 @@ def test_one_pose_on_a_cold_cache_needs_no_numba(tmp_path: Path) -> None:
     )
     assert done.returncode == 0, done.stderr
     assert "jacokin warmup" in done.stderr
+    assert list(tmp_path.iterdir()) == []  # one pose compiles nothing
+
+
+def test_an_interrupted_compiler_leaves_no_process(runs: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(compile_job, "_PROGRAM", "import time; time.sleep(600)")
+    kernels = Kernels()
+    job = kernels._compiling(background=True)
+    assert job is not None
+    while job._process is None:
+        job.join(0.01)
+    job.stop()
+    job.join()
+    assert job._process.returncode != 0
+    assert "ended with code" in job.failure
+    assert cache.read() == cache.Found(None)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 import jacokin
 from jacokin.errors import InvalidInputError, ModelError, PhysicsError, UnknownNameError
+from jacokin.ik.closed_form.compilation import KERNELS
 from jacokin.model.angles import circular_distance
 from jacokin.mujoco_bridge import DOWN_QUATERNION, Arena, JacoArm, JacoHand, Physics, robots
 from jacokin.mujoco_bridge.props import Primitive
@@ -327,3 +328,17 @@ def test_a_site_that_the_arm_does_not_move() -> None:
     physics = Physics.from_entity(arena)
     with pytest.raises(ModelError, match="none of the arm's joints moves site 'cube/top'"):
         arm.set_site_to_xpos(physics, np.random.default_rng(0), site, (0.0, 0.0, 0.3))
+
+
+def test_a_prepared_arm_has_its_solver_and_the_compiled_closed_form(rng: np.random.Generator) -> None:
+    physics, arm, hand = scene()
+    arm.set_home(physics)
+    before = physics.data.qpos.copy()
+    arm.prepare(physics)
+    arm.prepare(physics, hand.tool_center_point)
+    assert KERNELS.library is not None
+    solver = arm.site_solver(physics, hand.tool_center_point)
+    assert arm.site_solver(physics, hand.tool_center_point) is solver
+    np.testing.assert_array_equal(physics.data.qpos, before)
+    with pytest.raises(UnknownNameError):
+        arm.prepare(physics, "no such site")

@@ -1,0 +1,157 @@
+"""From the kernels' Python to machine code, by numba. Run as a program, it writes the machine code to stdout.
+
+There is one implementation, the functions of the modules in ``kernels``; here they are compiled for one signature. The
+result is an object file that refers to the C library and nothing else, so that `kernel_library` loads it without numba.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import importlib
+import sys
+import types
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from jacokin.ik.closed_form.kernel_library import SYMBOL, Call, KernelLibrary, target_machine
+from jacokin.ik.closed_form.kernels.pose import COLUMNS, MAX_BRANCHES, make_work
+
+if TYPE_CHECKING:
+    from numba.core.dispatcher import Dispatcher
+
+#: In order of use: each module needs only functions of the ones before it.
+KERNEL_MODULES = (
+    "vector",
+    "tolerances",
+    "arm",
+    "resultant",
+    "roots",
+    "wrist",
+    "spherical",
+    "chain",
+    "limits",
+    "pose",
+    "batch",
+)
+_KERNELS = "jacokin.ik.closed_form.kernels"
+#: Shapes of the arguments of `kernels.batch.solve_targets`, apart from its work arrays; n targets, m rows to keep.
+_SHAPES = {"chain": "(7, 3, 4)", "arm": "(39,)", "limits": "(3, 6)", "T": "(n, 4, 4)", "seed": "(n, 6)"}
+# The compiled form does the plain form's operations in the same order, without fastmath: both give the same bits.
+_OPTIONS: dict[str, Any] = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+# What frees an array that nobody needs any more. All arrays here belong to the caller: there is nothing to free.
+_NOTHING_TO_FREE = "define void @NRT_MemInfo_call_dtor(ptr %memory) { ret void }"
+
+
+def compile_kernels() -> bytes:
+    """The object file with the one function `kernel_library.SYMBOL`."""
+    import numba
+    from numba import types as nb
+
+    namespace = one_namespace([importlib.import_module(f"{_KERNELS}.{name}") for name in KERNEL_MODULES])
+    namespace.update(__name__=_KERNELS, __builtins__=__builtins__)
+    # Copies that see each other's compiled forms; the modules themselves stay plain.
+    for name, value in list(namespace.items()):
+        if isinstance(value, types.FunctionType):
+            namespace[name] = numba.njit(types.FunctionType(value.__code__, namespace, name), **_OPTIONS)
+    namespace.update(carray=numba.carray, pointer=_pointer_intrinsic(), float64=np.float64, int64=np.int64)
+    exec(_entry_source(namespace), namespace)
+    entry = numba.njit(namespace["entry"], **_OPTIONS)
+    entry.compile((nb.intp,))
+    return _object_file(entry)
+
+
+def one_namespace(modules: Sequence[types.ModuleType]) -> dict[str, Any]:
+    """Every function and constant of the kernel modules by its name.
+
+    Raises:
+        ValueError: a name stands for two things.
+    """
+    namespace: dict[str, Any] = {}
+    for module in modules:
+        for name, value in vars(module).items():
+            if not name.startswith("__") and namespace.setdefault(name, value) is not value:
+                raise ValueError(f"{name} in {module.__name__} has another meaning in an earlier kernel module")
+    return namespace
+
+
+def _entry_source(namespace: dict[str, Any]) -> str:
+    """A function that finds the arrays of `kernel_library.Call` through its table of addresses."""
+    addresses = 2  # after the two counts
+
+    def array(dtype: str, shape: str) -> str:
+        nonlocal addresses
+        addresses += 1
+        return f"carray(pointer({dtype}, table[{addresses - 1}]), {shape})"
+
+    def nested(value: object) -> str:
+        if isinstance(value, np.ndarray):
+            return array(value.dtype.name, repr(value.shape))
+        assert isinstance(value, tuple)
+        namespace[type(value).__name__] = type(value)
+        return f"{type(value).__name__}({', '.join(map(nested, value))})"
+
+    arguments = [array("float64", shape) for shape in _SHAPES.values()]
+    arguments.append(nested(make_work(np.empty((MAX_BRANCHES, COLUMNS)))))
+    arguments.append(array("float64", "(m, BATCH_COLUMNS)"))
+    return (
+        "def entry(address):\n"
+        f"    table = carray(pointer(int64, address), {addresses})\n"
+        "    n, m = table[0], table[1]\n"
+        f"    return solve_targets({', '.join(arguments)})\n"
+    )
+
+
+def _pointer_intrinsic() -> Any:
+    """A function of compiled code: pointer(dtype, address)."""
+    from numba import types as nb
+    from numba.extending import intrinsic
+
+    def pointer(typing_context: Any, dtype: Any, address: Any) -> Any:
+        signature = nb.CPointer(dtype.dtype)(dtype, nb.intp)
+
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            return builder.inttoptr(arguments[1], context.get_value_type(signature.return_type))
+
+        return signature, generate
+
+    return intrinsic(pointer)
+
+
+def _object_file(entry: Dispatcher) -> bytes:
+    """Machine code of a compiled function, under the name `SYMBOL`.
+
+    Raises:
+        RuntimeError: it calls what is not there without numba.
+    """
+    import llvmlite.binding as llvm
+
+    process = ctypes.CDLL(None)  # what a process without numba finds; llvmlite would find numba's functions as well
+    (signature,) = entry.signatures
+    module = llvm.parse_assembly(entry.inspect_llvm(signature))
+    module.link_in(llvm.parse_assembly(_NOTHING_TO_FREE))
+    name = entry.overloads[signature].fndesc.llvm_func_name
+    for function in module.functions:
+        if function.name == name:
+            function.name = SYMBOL
+        elif not function.is_declaration:
+            function.linkage = "internal"
+        elif not function.name.startswith("llvm.") and not hasattr(process, function.name):
+            raise RuntimeError(f"the compiled kernels call {function.name}, which exists within numba only")
+    return bytes(target_machine().emit_object(module))
+
+
+def main() -> None:
+    """Compile, try the result, and write it to stdout as a cache file."""
+    from jacokin.ik.closed_form import cache
+
+    code = compile_kernels()
+    empty = np.zeros((7, 3, 4)), np.zeros(39), np.zeros((3, 6)), np.zeros((0, 4, 4)), np.zeros((0, 6))
+    Call(KernelLibrary(code), *empty)()
+    sys.stdout.buffer.write(cache.packed(code))
+    sys.stdout.buffer.flush()
+
+
+if __name__ == "__main__":
+    main()
