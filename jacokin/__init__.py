@@ -5,9 +5,9 @@ Importing this package is cheap: Pinocchio, MuJoCo, mink and the compiled kernel
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from jacokin import lazy
+
+TYPE_CHECKING = False  # as in typing, whose import takes longer than the rest of this one
 
 if TYPE_CHECKING:
     from jacokin.errors import JacokinError as JacokinError

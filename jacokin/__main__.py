@@ -1,6 +1,6 @@
 """`python -m jacokin` is the command `jacokin`."""
 
-from jacokin.cli.main import main
+from jacokin.cli.entry import main
 
 if __name__ == "__main__":
     main()

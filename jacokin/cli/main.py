@@ -6,7 +6,6 @@ Exit codes: 0 solved, 1 not all solved (or a check failed), 2 wrong usage or inp
 from __future__ import annotations
 
 import inspect
-import logging
 import sys
 from collections.abc import Callable, Sequence
 from typing import Annotated
@@ -14,8 +13,11 @@ from typing import Annotated
 import typer
 
 from jacokin import __version__
-from jacokin.cli.argv import Command
+from jacokin.cli import process
+from jacokin.cli.command import Command, Refusal
+from jacokin.cli.display.tables import printable
 from jacokin.cli.doctor.command import doctor
+from jacokin.cli.exit_codes import WRONG_INPUT
 from jacokin.cli.ik.command import ik
 from jacokin.cli.kinematics.fk import fk
 from jacokin.cli.kinematics.jacobian import jacobian
@@ -23,9 +25,6 @@ from jacokin.cli.robots.crosscheck import crosscheck
 from jacokin.cli.robots.info import info
 from jacokin.cli.track.command import track
 from jacokin.cli.warmup import warmup
-from jacokin.errors import JacokinError
-
-WRONG_INPUT = 2
 
 
 def _help(command: Callable[..., None]) -> str:
@@ -84,26 +83,24 @@ def main(argv: Sequence[str] | None = None) -> None:
     Raises:
         SystemExit: always; carries the exit code.
     """
-    handler = logging.StreamHandler(sys.stderr)
-    handler.setFormatter(logging.Formatter("jacokin: %(message)s"))
-    logger = logging.getLogger("jacokin")
-    logger.addHandler(handler)
-    logger.setLevel(logging.INFO)
-    try:
-        app(args=sys.argv[1:] if argv is None else list(argv), prog_name="jacokin")
-    except JacokinError as error:
-        _refuse(str(error))
-    except (OSError, UnicodeError) as error:
-        _refuse(f"{error}")
-    except Exception as error:
-        if sys.flags.dev_mode:  # python -X dev -m jacokin ... shows the traceback
-            raise
-        _refuse(f"internal error, please report it: {type(error).__name__}: {error}")
-    finally:
-        logger.removeHandler(handler)
+    with process.around_command():
+        try:
+            try:
+                app(args=sys.argv[1:] if argv is None else list(argv), prog_name="jacokin")
+            finally:
+                process.flush()
+        except Refusal as refusal:
+            _refuse(str(refusal))
+        except OSError as error:
+            process.drop_output()
+            _refuse(f"{error.filename or 'the output'}: {error.strerror}")
+        except Exception as error:
+            if sys.flags.dev_mode:  # python -X dev -m jacokin ... shows the traceback
+                raise
+            _refuse(f"internal error, please report it: {type(error).__name__}: {error}")
 
 
 def _refuse(sentence: str) -> None:
     """Say on stderr, on one line, what is wrong, and leave."""
-    typer.echo(f"jacokin: {' '.join(sentence.split())}", err=True)
+    typer.echo(f"jacokin: {printable(' '.join(sentence.split()))}", err=True)
     raise SystemExit(WRONG_INPUT)

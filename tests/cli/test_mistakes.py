@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from jacokin.cli import options
+from jacokin.cli.arguments import options
 from tests.cli.run import HOME, POSE, Run
 
 

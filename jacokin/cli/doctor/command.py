@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import typer
 
-from jacokin.cli import json_output, tables
-from jacokin.cli.options import JsonOption
-
-NOT_WELL = 1  # exit code
+from jacokin.cli.arguments.options import JsonOption
+from jacokin.cli.display import json_output, tables
+from jacokin.cli.exit_codes import NOT_SOLVED
 
 
 def doctor(json: JsonOption = False) -> None:
@@ -43,4 +42,4 @@ def doctor(json: JsonOption = False) -> None:
             "Everything needed works." if well else "Something that is needed does not work, see FAILED above."
         )
     if not well:
-        raise typer.Exit(NOT_WELL)
+        raise typer.Exit(NOT_SOLVED)

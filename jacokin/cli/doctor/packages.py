@@ -21,6 +21,7 @@ NEEDED = {
     "llvmlite": "llvmlite",
     "qpsolvers": "qpsolvers",
     "daqp": "daqp",
+    "orjson": "orjson",
     "osqp": "osqp",
     "yourdfpy": "yourdfpy",
     "typer": "typer",

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from jacokin.cli import json_output, tables
-from jacokin.cli.units import Angles
+from jacokin.cli.arguments.units import Angles
+from jacokin.cli.display import json_output, tables
 
 if TYPE_CHECKING:
     from jacokin.ik.results import IKResult
@@ -52,7 +52,7 @@ def show_result(solver: IKSolver, result: IKResult, angles: Angles, *, as_json: 
     screen = tables.console()
     title = f"{robot.name}: {solver.frame} reaches the target" if result.success else "the closest legal configuration"
     if not result.success:
-        screen.print(f"{result.status.name}: {result.message}.\n{result.status.value}.", markup=False)
+        tables.say(screen, f"{result.status.name}: {result.message}.\n{result.status.value}.")
     screen.print(tables.table(title, columns, rows))
     lines = [
         ("position error", tables.small(result.position_error, "m")),

@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 from jacokin import files
-from jacokin.cli import json_output, tables
+from jacokin.cli.display import json_output, tables
+from jacokin.cli.display.progress import progress_bar
 from jacokin.cli.ik.tally import Tally
 from jacokin.ik.files.answers_csv import write_answers, write_header
 from jacokin.ik.files.targets_csv import read_targets, target_blocks
@@ -68,15 +69,16 @@ def _solve(
     keep: bool,
 ) -> None:
     """Solve block by block, with a progress bar on stderr."""
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+    done = 0
 
-    columns = (TextColumn("solving"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=tables.console(stderr=True), transient=True) as bar:
-        task = bar.add_task("solving", total=count)
+    def advance(rows: int) -> None:
+        nonlocal done
+        done += rows
+        show(done, count)
+
+    with progress_bar("solving") as show:
         for block in blocks:
-            batch = solver.solve_batch(
-                block.targets, seed, workers=workers, progress=lambda rows: bar.advance(task, rows)
-            )
+            batch = solver.solve_batch(block.targets, seed, workers=workers, progress=advance)
             if stream is not None:
                 if not tally.count:
                     write_header(stream, block.columns, solver.robot.dof)

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from jacokin.cli import json_output, tables
-from jacokin.cli.units import Angles
+from jacokin.cli.arguments.units import Angles
+from jacokin.cli.display import json_output, tables
 
 if TYPE_CHECKING:
     from jacokin.ik.results import Branches

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from jacokin.cli import options
-from jacokin.cli.options import (
+from jacokin.cli.arguments import options
+from jacokin.cli.arguments.options import (
     DEFAULT_ROBOT,
     BaseOption,
     DegreesOption,
@@ -19,15 +19,15 @@ from jacokin.cli.options import (
     SeedOption,
     TipOption,
 )
-from jacokin.cli.outputs import keep_apart
-from jacokin.cli.units import Angles
+from jacokin.cli.arguments.outputs import keep_apart
+from jacokin.cli.arguments.units import Angles
+from jacokin.cli.exit_codes import NOT_SOLVED
 
 if TYPE_CHECKING:
     import numpy as np
     import pinocchio as pin
     from numpy.typing import NDArray
 
-NOT_SOLVED = 1  # exit code
 
 Vector3 = tuple[float, float, float]
 Vector4 = tuple[float, float, float, float]

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from jacokin.cli import json_output, options, tables
-from jacokin.cli.options import (
+from jacokin.cli.arguments import options
+from jacokin.cli.arguments.options import (
     DEFAULT_ROBOT,
     BaseOption,
     DegreesOption,
@@ -15,7 +15,8 @@ from jacokin.cli.options import (
     RobotOption,
     TipOption,
 )
-from jacokin.cli.units import Angles
+from jacokin.cli.arguments.units import Angles
+from jacokin.cli.display import json_output, tables
 
 
 def fk(

@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from jacokin.cli import json_output, options, tables
-from jacokin.cli.options import (
+from jacokin.cli.arguments import options
+from jacokin.cli.arguments.options import (
     DEFAULT_ROBOT,
     BaseOption,
     DegreesOption,
@@ -18,7 +18,8 @@ from jacokin.cli.options import (
     RobotOption,
     TipOption,
 )
-from jacokin.cli.units import Angles
+from jacokin.cli.arguments.units import Angles
+from jacokin.cli.display import json_output, tables
 
 
 def jacobian(

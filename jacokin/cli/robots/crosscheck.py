@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from jacokin.cli import json_output, options, tables
-from jacokin.cli.options import DEFAULT_ROBOT, JsonOption, RandomSeedOption
+from jacokin.cli.arguments import options
+from jacokin.cli.arguments.options import DEFAULT_ROBOT, JsonOption, RandomSeedOption
+from jacokin.cli.display import json_output, tables
+from jacokin.cli.exit_codes import NOT_SOLVED
 from jacokin.errors import InvalidInputError
 
 if TYPE_CHECKING:
     from jacokin.model.comparison import CrossCheckReport
-
-DIFFERENT = 1  # exit code
 
 
 def crosscheck(
@@ -73,7 +73,7 @@ def crosscheck(
     else:
         _show(report, limits)
     if not report.within(limits):
-        raise typer.Exit(DIFFERENT)
+        raise typer.Exit(NOT_SOLVED)
 
 
 def _pairs(option: str, words: list[str] | None) -> dict[str, str] | None:
@@ -133,14 +133,14 @@ def _show(report: CrossCheckReport, limits: dict[str, float]) -> None:
         )
     )
     allowed = ", ".join(f"{name.replace('_', ' ')} {limit:.0e}" for name, limit in limits.items())
-    screen.print(f"allowed: {allowed}", markup=False)
+    tables.say(screen, f"allowed: {allowed}")
     for note in report.notes:
-        screen.print(note, markup=False)
+        tables.say(screen, note)
     if not report.within(limits):
         row = max(report.deviations, key=lambda row: row.value / max(limits[row.quantity], 1e-300))
         place = f" of {row.frame}" if row.frame else ""
         angles = " ".join(f"{angle:.17g}" for angle in row.q)
-        screen.print(f"They differ most in {row.quantity.replace('_', ' ')}{place}, at q = {angles}", markup=False)
+        tables.say(screen, f"They differ most in {row.quantity.replace('_', ' ')}{place}, at q = {angles}")
 
 
 def _verdict(value: float, limit: float) -> str:

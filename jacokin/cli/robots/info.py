@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from jacokin.cli import json_output, options, tables
-from jacokin.cli.options import DEFAULT_ROBOT, BaseOption, DegreesOption, JsonOption, TipOption
-from jacokin.cli.units import Angles
+from jacokin.cli.arguments import options
+from jacokin.cli.arguments.options import DEFAULT_ROBOT, BaseOption, DegreesOption, JsonOption, TipOption
+from jacokin.cli.arguments.units import Angles
+from jacokin.cli.display import json_output, tables
 
 if TYPE_CHECKING:
     from jacokin.model.robot import Robot

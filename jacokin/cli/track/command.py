@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import importlib.util
-from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from jacokin.cli import options
-from jacokin.cli.options import (
+from jacokin.cli.arguments import options
+from jacokin.cli.arguments.options import (
     DEFAULT_ROBOT,
     BaseOption,
     FrameOption,
@@ -20,15 +19,16 @@ from jacokin.cli.options import (
     SeedOption,
     TipOption,
 )
-from jacokin.cli.outputs import keep_apart
-from jacokin.cli.units import Angles
+from jacokin.cli.arguments.outputs import keep_apart
+from jacokin.cli.arguments.units import Angles
+from jacokin.cli.display.progress import progress_bar
+from jacokin.cli.exit_codes import NOT_SOLVED
 from jacokin.errors import InvalidInputError, MissingExtraError
 
 if TYPE_CHECKING:
     from jacokin.arrays import Array
 
 
-OFF_THE_PATH = 1  # exit code
 PLOT_FORMATS = (".png", ".svg", ".pdf")
 
 
@@ -77,7 +77,7 @@ def track(
     with contextlib.ExitStack() as stack:
         writable = None if output is None else stack.enter_context(files.replacing(output))
         drawable = None if plot is None else stack.enter_context(files.replacing(plot))
-        with _progress() as progress:
+        with progress_bar("tracking") as progress:
             result = paths.track_path(
                 arm,
                 poses,
@@ -99,7 +99,7 @@ def track(
     else:
         report.show(result, output, plot)
     if not result.success:
-        raise typer.Exit(OFF_THE_PATH)
+        raise typer.Exit(NOT_SOLVED)
 
 
 def _check_files(output: Path | None, formats: tuple[str, ...], plot: Path | None) -> None:
@@ -131,16 +131,3 @@ def _poses(path: Path) -> Array:
             f"{path}: a path needs orientations, columns {', '.join(QUATERNION)} or {', '.join(RPY)}"
         )
     return targets
-
-
-@contextlib.contextmanager
-def _progress() -> Iterator[Callable[[int, int], None]]:
-    """A progress bar on stderr, driven by ticks done and ticks in all."""
-    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
-
-    from jacokin.cli.tables import console
-
-    columns = (TextColumn("tracking"), BarColumn(), TextColumn("{task.percentage:3.0f} %"), TimeRemainingColumn())
-    with Progress(*columns, console=console(stderr=True), transient=True) as bar:
-        task = bar.add_task("tracking", total=None)
-        yield lambda done, total: bar.update(task, completed=done, total=total)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from jacokin.cli import json_output
-from jacokin.cli.tables import console, facts, number, small, table
+from jacokin.cli.display import json_output
+from jacokin.cli.display.tables import console, facts, number, small, table
 
 if TYPE_CHECKING:
     from jacokin.ik.paths.result import PathResult

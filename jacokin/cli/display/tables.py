@@ -22,17 +22,29 @@ def console(*, stderr: bool = False) -> Console:
     return Console(file=stream, width=None if stream.isatty() else PIPE_WIDTH, highlight=False, soft_wrap=False)
 
 
+def printable(text: str) -> str:
+    """A text whose control characters are escaped: names in files may hold some, and a terminal obeys them."""
+    return "".join(char if char.isprintable() or char == "\n" else ascii(char)[1:-1] for char in text)
+
+
+def say(screen: Console, text: str) -> None:
+    """Print a text as it is, without markup."""
+    screen.print(printable(text), markup=False)
+
+
 def table(title: str | None, columns: Sequence[str], rows: Iterable[Sequence[str]], *, text: int = 1) -> Table:
     """A table whose first `text` columns are text and whose others are numbers."""
     from rich import box
     from rich.markup import escape
     from rich.table import Table
 
-    made = Table(title=title and escape(title), box=box.SIMPLE_HEAD, title_justify="left", title_style="bold")
+    made = Table(
+        title=title and escape(printable(title)), box=box.SIMPLE_HEAD, title_justify="left", title_style="bold"
+    )
     for index, column in enumerate(columns):
-        made.add_column(escape(column), justify="left" if index < text else "right", overflow="fold")
+        made.add_column(escape(printable(column)), justify="left" if index < text else "right", overflow="fold")
     for row in rows:
-        made.add_row(*(escape(cell) for cell in row))
+        made.add_row(*(escape(printable(cell)) for cell in row))
     return made
 
 

@@ -4,29 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
-from typing import Any
-
-import typer.core
 
 # Options followed by as many numbers as the robot has joints.
 NUMBER_LISTS = frozenset({"--seed"})
 
 _NUMBER = re.compile(r"[-+]?((\d+\.?\d*|\.\d+)(e[-+]?\d+)?|inf(inity)?|nan)", re.IGNORECASE | re.ASCII)
-
-
-class Command(typer.core.TyperCommand):
-    """A command that takes negative numbers as arguments and lists of numbers as options."""
-
-    # Any: the class of `ctx` is click's or typer's own copy of it, depending on typer's version.
-    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Parse the arguments after `separated` has put them in order."""
-        values = {
-            name: 0 if getattr(parameter, "is_flag", False) else parameter.nargs
-            for parameter in self.params
-            for name in parameter.opts
-            if name.startswith("-")
-        }
-        return super().parse_args(ctx, separated(args, values))
 
 
 def separated(words: Iterable[str], values: Mapping[str, int]) -> list[str]:

@@ -1,0 +1,1 @@
+"""What is typed: options, numbers, units, files."""

@@ -1,0 +1,72 @@
+"""A subcommand: how its arguments are parsed and its errors worded."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Any
+
+import typer.core
+
+from jacokin.cli.arguments.argv import separated
+from jacokin.cli.exit_codes import INTERRUPTED
+from jacokin.errors import JacokinError, UnknownNameError
+
+# Arguments of the library whose options have other names.
+_OTHER_NAMES = {"joint_map": "--joint", "frame_map": "--frame", "waypoints": "--path"}
+
+
+class Refusal(Exception):  # noqa: N818 - it is not an error of the program
+    """The sentence that says what is wrong with the input."""
+
+
+class Command(typer.core.TyperCommand):
+    """A command that takes negative numbers, and whose messages name its options."""
+
+    # Any, twice: the class of `ctx` is click's or typer's own copy of it, depending on typer's version.
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Parse the arguments after `separated` has put them in order."""
+        values = {
+            name: 0 if getattr(parameter, "is_flag", False) else parameter.nargs
+            for parameter in self.params
+            for name in parameter.opts
+            if name.startswith("-")
+        }
+        return super().parse_args(ctx, separated(args, values))
+
+    def invoke(self, ctx: Any) -> object:
+        """Run the command; what it refuses is said with the names of the options.
+
+        Raises:
+            Refusal: the input is wrong.
+            SystemExit: Ctrl-C.
+        """
+        try:
+            result: object = super().invoke(ctx)
+        except JacokinError as error:
+            flags = {str(parameter.name): parameter.opts[0] for parameter in self.params if parameter.opts}
+            options = {name: flag for name, flag in flags.items() if flag.startswith("-")}
+            raise Refusal(with_flags(error, {**options, **_OTHER_NAMES})) from error
+        except KeyboardInterrupt:
+            typer.echo("jacokin: interrupted", err=True)
+            raise SystemExit(INTERRUPTED) from None
+        return result
+
+
+def with_flags(error: JacokinError, flags: Mapping[str, str]) -> str:
+    """The message of an error with `--tip` instead of `tip=`.
+
+    Args:
+        error: what the library raised.
+        flags: argument of the library and option of the command.
+    """
+    text = str(error)
+    for name, flag in flags.items():
+        text = re.sub(rf"\b{name}=(?=[\w'\"(\[-])", f"{flag} ", text)
+        text = re.sub(rf"\b{name}=", flag, text)
+        text = re.sub(rf"^{name}(?=[ :\[])", flag, text)
+    if isinstance(error, UnknownNameError):
+        option = flags.get(error.kind.lower().replace(" ", "_"))
+        if option is not None:
+            text = f"{option}: {text}"
+    return text

@@ -1,0 +1,93 @@
+"""The process around a command: standard streams, signals, log messages."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import logging
+import os
+import signal
+import sys
+import threading
+from collections.abc import Iterator
+from types import FrameType
+from typing import TextIO
+
+# Ends the process after `finally` blocks have removed unfinished files. Missing on Windows: SIGHUP.
+ENDING = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
+STREAMS = ("stdin", "stdout", "stderr")  # in the order of their descriptors
+
+
+@contextlib.contextmanager
+def around_command() -> Iterator[None]:
+    """Streams that can be written to, an orderly end at SIGTERM and SIGHUP, and the library's log on stderr."""
+    _open_streams()
+    handler = logging.StreamHandler(sys.stderr)
+    handler.setFormatter(logging.Formatter("jacokin: %(message)s"))
+    logger = logging.getLogger("jacokin")
+    logger.addHandler(handler)
+    logger.setLevel(logging.INFO)
+    before = _handle_signals()
+    try:
+        yield
+    finally:
+        logger.removeHandler(handler)
+        for number, old in before.items():
+            signal.signal(number, old)
+
+
+def _open_streams() -> None:
+    """Open what is closed to nothing; characters that the terminal lacks become escapes.
+
+    A closed descriptor would be given to the next file that is opened, and what is printed would end up there.
+    """
+    for descriptor, name in enumerate(STREAMS):
+        try:
+            os.fstat(descriptor)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)
+        if getattr(sys, name) is None:
+            mode = "r" if name == "stdin" else "w"
+            setattr(sys, name, open(descriptor, mode, encoding="utf-8", closefd=False))  # noqa: SIM115 - a descriptor, open to the end
+        stream: TextIO = getattr(sys, name)
+        if name != "stdin" and isinstance(stream, io.TextIOWrapper) and stream.errors == "strict":
+            stream.reconfigure(errors="backslashreplace")
+
+
+def _handle_signals() -> dict[int, signal.Handlers]:
+    """Turn signals that end the process into exceptions; returns the handlers before."""
+    before: dict[int, signal.Handlers] = {}
+    if threading.current_thread() is not threading.main_thread():
+        return before
+    for number in ENDING:
+        if signal.getsignal(number) is signal.SIG_DFL:  # `nohup` ignores SIGHUP: let it
+            signal.signal(number, _leave)
+            before[number] = signal.SIG_DFL
+    return before
+
+
+def _leave(number: int, frame: FrameType | None) -> None:
+    """End the process as the signal would, with the exit code that shells give it."""
+    signal.signal(number, signal.SIG_DFL)
+    raise SystemExit(128 + number)
+
+
+def flush() -> None:
+    """Write out what is still to be printed.
+
+    Raises:
+        OSError: it cannot be written; what remains is dropped, so that Python does not try again when it ends.
+    """
+    try:
+        sys.stdout.flush()
+    except OSError:
+        drop_output()
+        raise
+
+
+def drop_output() -> None:
+    """Send whatever is still printed to nothing."""
+    with contextlib.suppress(OSError, ValueError):  # stdout is not a file, as in tests
+        nothing = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nothing, sys.stdout.fileno())
+        os.close(nothing)
