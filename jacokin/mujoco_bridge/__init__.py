@@ -24,8 +24,10 @@ if TYPE_CHECKING:
     from jacokin.mujoco_bridge import jaco_arm as jaco_arm
     from jacokin.mujoco_bridge import jaco_hand as jaco_hand
     from jacokin.mujoco_bridge import observations as observations
+    from jacokin.mujoco_bridge import props as props
     from jacokin.mujoco_bridge import rewards as rewards
     from jacokin.mujoco_bridge import robots as robots
+    from jacokin.mujoco_bridge import workspaces as workspaces
     from jacokin.mujoco_bridge.arena import Arena as Arena
     from jacokin.mujoco_bridge.base import DOWN_QUATERNION as DOWN_QUATERNION
     from jacokin.mujoco_bridge.base import RobotArm as RobotArm
@@ -48,7 +50,12 @@ if TYPE_CHECKING:
     from jacokin.mujoco_bridge.observables.observable import observables_of as observables_of
     from jacokin.mujoco_bridge.observables.specs import ArraySpec as ArraySpec
     from jacokin.mujoco_bridge.observables.updater import Updater as Updater
-    from jacokin.mujoco_bridge.props import Primitive as Primitive
+    from jacokin.mujoco_bridge.props.box import Box as Box
+    from jacokin.mujoco_bridge.props.box import large_box as large_box
+    from jacokin.mujoco_bridge.props.brick import Brick as Brick
+    from jacokin.mujoco_bridge.props.pedestal import Cradle as Cradle
+    from jacokin.mujoco_bridge.props.pedestal import Pedestal as Pedestal
+    from jacokin.mujoco_bridge.props.primitive import Primitive as Primitive
     from jacokin.mujoco_bridge.simulation.physics import Physics as Physics
 
 __all__, __getattr__, __dir__ = lazy.door(
@@ -67,7 +74,10 @@ __all__, __getattr__, __dir__ = lazy.door(
         "jacokin.mujoco_bridge.jaco_arm": ("JacoArm",),
         "jacokin.mujoco_bridge.jaco_hand": ("JacoHand",),
         "jacokin.mujoco_bridge.simulation.physics": ("Physics",),
-        "jacokin.mujoco_bridge.props": ("Primitive",),
+        "jacokin.mujoco_bridge.props.box": ("Box", "large_box"),
+        "jacokin.mujoco_bridge.props.brick": ("Brick",),
+        "jacokin.mujoco_bridge.props.pedestal": ("Cradle", "Pedestal"),
+        "jacokin.mujoco_bridge.props.primitive": ("Primitive",),
         "jacokin.mujoco_bridge.control.commands": (
             "command_joint_positions",
             "command_site_velocity",
@@ -96,7 +106,9 @@ __all__, __getattr__, __dir__ = lazy.door(
         "jaco_arm",
         "jaco_hand",
         "observations",
+        "props",
         "rewards",
         "robots",
+        "workspaces",
     ),
 )

@@ -130,6 +130,9 @@ def test_public_names() -> None:
     assert jacokin.mujoco_bridge.__all__ == [
         "Arena",
         "ArraySpec",
+        "Box",
+        "Brick",
+        "Cradle",
         "DOWN_QUATERNION",
         "Entity",
         "JacoArm",
@@ -139,6 +142,7 @@ def test_public_names() -> None:
         "ModelWrapperEntity",
         "Observable",
         "Observables",
+        "Pedestal",
         "Physics",
         "Primitive",
         "RobotArm",
@@ -154,12 +158,15 @@ def test_public_names() -> None:
         "distributions",
         "jaco_arm",
         "jaco_hand",
+        "large_box",
         "observable",
         "observables_of",
         "observations",
+        "props",
         "rewards",
         "robots",
         "uniform_box",
+        "workspaces",
     ]
 
 
@@ -205,7 +212,9 @@ def test_commands_starts_and_props_refuse_by_name_and_write_nothing() -> None:
         (lambda: Primitive("sphere", size=0.1), "size must have shape"),
         (lambda: Primitive("box", size=None), "size must"),
         (lambda: Primitive("box", size="big"), "size must"),
-        (lambda: Primitive(mass=None), "mass must"),
+        (lambda: Primitive(mass=0.0), "mass must"),
+        (lambda: Primitive(density=-1.0), "density must"),
+        (lambda: Primitive(colour="red"), "attributes .*colour"),
         (lambda: Primitive(mass=np.inf), "mass must"),
         (lambda: Primitive(rgba="red"), "rgba must"),
     ):

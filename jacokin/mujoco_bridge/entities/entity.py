@@ -24,6 +24,7 @@ from jacokin.mujoco_bridge.entities.hooks import Hooks
 from jacokin.mujoco_bridge.entities.placement import Placed
 from jacokin.mujoco_bridge.observables.observable import Observables
 from jacokin.mujoco_bridge.quaternions import unit_quaternion
+from jacokin.mujoco_bridge.simulation.physics import flag_bits
 
 _UNNAMED = ("", "MuJoCo Model")  # what MuJoCo calls a model without a name
 
@@ -89,7 +90,7 @@ class Entity(Placed, Hooks):
             spec.modelname = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", type(self).__name__).lower()
         self._name: str = check_name(spec.modelname)
         given = {"name": name, "observable_options": observable_options, **kwargs}
-        self._recipe = pickling.Recipe(args, given, pickling.count(spec))
+        self._recipe = pickling.Recipe(args, given, pickling.count(spec), tuple(self._attached))
         self._observables = self._build_observables()
         self._observables.set_options(observable_options)
 
@@ -154,6 +155,11 @@ class Entity(Placed, Hooks):
     def root_body(self) -> mujoco.MjsBody:
         """The body that holds this entity: the one made on attaching, or the world body of its own spec."""
         return self.mjcf_model.worldbody if self._attachment is None else self._attachment.body
+
+    @property
+    def disabled_flags(self) -> tuple[str, ...]:
+        """Parts of MuJoCo that a scene with this entity does without: names as `Physics.disable` takes them."""
+        return ()
 
     @property
     def is_compiled(self) -> bool:
@@ -263,10 +269,15 @@ class Entity(Placed, Hooks):
             own = each.mjcf_model.compiler
             own.boundmass = max(own.boundmass, spec.compiler.boundmass)
             own.boundinertia = max(own.boundinertia, spec.compiler.boundinertia)
+        flags = spec.option.disableflags
+        for flag in {flag for each in self.iter_entities() for flag in each.disabled_flags}:
+            spec.option.disableflags |= flag_bits()[flag]
         try:
             model = spec.compile()
         except (ValueError, mujoco.FatalError) as error:
             raise ModelError(f"MuJoCo cannot compile {self.name!r}: {error}") from error
+        finally:
+            spec.option.disableflags = flags
         self._is_compiled = True
         return model
 

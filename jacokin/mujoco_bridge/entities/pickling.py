@@ -32,11 +32,13 @@ class Recipe:
         args: positional arguments of its constructor.
         kwargs: keyword arguments of its constructor.
         counts: numbers of elements that its spec had then, by kind.
+        built_in: entities that `_build` attached.
     """
 
     args: tuple[Any, ...]
     kwargs: dict[str, Any]
     counts: Counter[str]
+    built_in: tuple[Entity, ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,6 +70,8 @@ def reduced(entity: Entity, recipe: Recipe) -> tuple[Callable[..., Entity], tupl
         raise InvalidInputError(f"{entity.name!r} cannot be pickled or copied: it was made from a mujoco.MjSpec")
     attached = []
     for child, attachment in entity.attachments():
+        if child in recipe.built_in:
+            continue
         free = child.freejoint
         site = None if attachment.site is None else attachment.site.name.removeprefix(entity.prefix)
         name = None if free is None else free.name.removeprefix(child.prefix)
@@ -87,8 +91,12 @@ def _made(cls: type[Entity], args: tuple[Any, ...], kwargs: dict[str, Any], atta
 
 def _refuse_additions(root: Entity) -> None:
     expected: Counter[str] = Counter()
+    built_in: set[Entity] = set()
     for each in root.iter_entities():
-        expected += each.recipe.counts
+        built_in.update(each.recipe.built_in)
+        if each in built_in:
+            continue  # counted with what built it
+        expected.update(each.recipe.counts)
         expected["bodies"] += each.mount is not None
         expected["joints"] += each.freejoint is not None
     added = count(root.mjcf_model)

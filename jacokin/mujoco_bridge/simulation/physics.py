@@ -224,7 +224,7 @@ class Physics:
         Raises:
             UnknownNameError: there is no such part; lists those there are.
         """
-        valid = _disable_bits()
+        valid = flag_bits()
         for flag in flags:
             if not isinstance(flag, str) or flag not in valid:
                 raise UnknownNameError("flag", str(flag), valid)
@@ -282,7 +282,7 @@ def check_physics(physics: Physics) -> Physics:
     return physics
 
 
-def _disable_bits() -> dict[str, int]:
+def flag_bits() -> dict[str, int]:
     """MuJoCo's flags that switch parts of the simulation off, by their names in lower case."""
     members = mujoco.mjtDisableBit.__members__
     return {name.removeprefix(_FLAG).lower(): int(bit) for name, bit in members.items() if name.startswith(_FLAG)}

@@ -1,0 +1,90 @@
+"""Boxes from which poses are drawn, and sites that show them and the goals of tasks."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+from numpy.typing import ArrayLike
+
+from jacokin.errors import InvalidInputError
+from jacokin.model import checks
+
+SITE_GROUP = 3  # of sites of tasks, which MuJoCo does not draw unless told to
+VISIBLE_GROUP = 0
+
+RED = (1.0, 0.0, 0.0, 0.3)
+GREEN = (0.0, 1.0, 0.0, 0.3)
+BLUE = (0.0, 0.0, 1.0, 0.3)
+CYAN = (0.0, 1.0, 1.0, 0.3)
+MAGENTA = (1.0, 0.0, 1.0, 0.3)
+YELLOW = (1.0, 1.0, 0.0, 0.3)
+
+_SMALLEST = 1e-6  # [m] MuJoCo refuses sites without extent
+
+
+class BoundingBox(NamedTuple):
+    """A box with axes of the world: two opposite corners [m]."""
+
+    lower: tuple[float, float, float]
+    upper: tuple[float, float, float]
+
+
+def add_bbox_site(
+    body: mujoco.MjsBody,
+    lower: ArrayLike,
+    upper: ArrayLike,
+    visible: bool = False,
+    *,
+    name: str = "",
+    rgba: ArrayLike = BLUE,
+) -> mujoco.MjsSite:
+    """Add a site that shows a box.
+
+    Args:
+        body: the body it belongs to, such as ``arena.mjcf_model.worldbody``.
+        lower: (3,) the lower corner in the body's frame [m].
+        upper: (3,) the upper corner [m].
+        visible: whether it is drawn by default.
+        name: name of the site.
+        rgba: colour, 0..1.
+
+    Raises:
+        InvalidInputError: malformed corners, or lower above upper.
+    """
+    low, high = checks.vector("lower", lower, 3, "m"), checks.vector("upper", upper, 3, "m")
+    if (low > high).any():
+        raise InvalidInputError(f"lower must not be above upper, got {low.tolist()} and {high.tolist()}")
+    return body.add_site(
+        name=name,
+        type=mujoco.mjtGeom.mjGEOM_BOX,
+        pos=(low + high) / 2.0,
+        size=np.maximum((high - low) / 2.0, _SMALLEST),
+        rgba=checks.vector("rgba", rgba, 4, "0..1"),
+        group=VISIBLE_GROUP if visible else SITE_GROUP,
+    )
+
+
+def add_target_site(
+    body: mujoco.MjsBody, radius: float, visible: bool = False, *, name: str = "", rgba: ArrayLike = RED
+) -> mujoco.MjsSite:
+    """Add a spherical site that shows a goal, at the origin of a body.
+
+    Args:
+        body: the body it belongs to.
+        radius: of the sphere [m].
+        visible: whether it is drawn by default.
+        name: name of the site.
+        rgba: colour, 0..1.
+
+    Raises:
+        InvalidInputError: the radius is not positive, or a malformed colour.
+    """
+    return body.add_site(
+        name=name,
+        type=mujoco.mjtGeom.mjGEOM_SPHERE,
+        size=[checks.positive("radius", radius, "m")] * 3,
+        rgba=checks.vector("rgba", rgba, 4, "0..1"),
+        group=VISIBLE_GROUP if visible else SITE_GROUP,
+    )
