@@ -26,12 +26,7 @@ def seed_within_limits(robot: Robot, seed: ArrayLike | None, name: str = "seed")
     """
     if seed is None:
         return robot.home, ""
-    q = robot.configuration(seed, name)
-    if max(map(abs, q.tolist())) > FARTHEST_SEED:
-        worst = int(np.argmax(np.abs(q)))
-        raise InvalidInputError(
-            f"{name}: {robot.joint_names[worst]} = {q[worst]:.6g} rad is too far from zero; use a copy within 1e6 rad"
-        )
+    q = near_configuration(robot, seed, name)
     if (q >= robot.lower).all() and (q <= robot.upper).all():
         return q, ""
     outside = np.flatnonzero((q < robot.lower) | (q > robot.upper))
@@ -40,6 +35,22 @@ def seed_within_limits(robot: Robot, seed: ArrayLike | None, name: str = "seed")
     inside[turning] = angles.into_limits(q[turning], robot.lower[turning], robot.upper[turning])
     names = ", ".join(robot.joint_names[joint] for joint in outside)
     return inside, f"the seed was outside the limits of {names} and was moved inside"
+
+
+def near_configuration(robot: Robot, q: ArrayLike, name: str) -> Array:
+    """A configuration (dof,) [rad] whose angles a double still resolves; within the limits or not.
+
+    Raises:
+        InvalidInputError: wrong length, not finite, or more than 1e6 rad from zero.
+    """
+    checked = robot.configuration(q, name)
+    if max(map(abs, checked.tolist())) > FARTHEST_SEED:
+        worst = int(np.argmax(np.abs(checked)))
+        raise InvalidInputError(
+            f"{name}: {robot.joint_names[worst]} = {checked[worst]:.6g} rad is too far from zero; "
+            "use a copy within 1e6 rad"
+        )
+    return checked
 
 
 def starts(robot: Robot, first: list[Array], restarts: int, rng: np.random.Generator) -> Iterator[Array]:

@@ -17,6 +17,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
+from jacokin.ik.paths.timing import Profile
 from jacokin.ik.pose_error import rotation_angle
 from jacokin.model import checks, poses
 
@@ -31,59 +32,90 @@ class SampledPath:
     Attributes:
         poses: T_base_tool for every tick, the first one at t = 0.
         segment: (n,) which straight line each belongs to; the start belongs to the first.
+        part: (n,) how far along its line each is, 0 to 1.
     """
 
     poses: list[pin.SE3]
     segment: NDArray[np.intp]
+    part: Array
 
 
 def checked_waypoints(waypoints: Sequence[pin.SE3] | ArrayLike) -> list[pin.SE3]:
     """Two or more poses.
 
     Raises:
-        InvalidInputError: fewer than two, or one is malformed; its number is named.
+        InvalidInputError: fewer than two, or one is malformed (its number is named), or all are the same.
     """
     try:
         rows = list(waypoints)  # type: ignore[arg-type]  # whatever cannot be listed is refused below
     except TypeError as error:
-        raise InvalidInputError(f"waypoints must be a sequence of poses, got {waypoints!r}") from error
+        raise InvalidInputError(f"waypoints must be a sequence of poses, got {checks.shown(waypoints)}") from error
     if len(rows) < 2:
         raise InvalidInputError(f"a path needs at least two waypoints, got {len(rows)}")
-    return [poses.checked_pose(row, f"waypoints[{index}]") for index, row in enumerate(rows)]
+    found = [poses.checked_pose(row, f"waypoints[{index}]") for index, row in enumerate(rows)]
+    if all(_length(start, end) == (0.0, 0.0) for start, end in itertools.pairwise(found)):
+        raise InvalidInputError("all waypoints are the same pose")
+    return found
 
 
-def sample(waypoints: list[pin.SE3], speed: ArrayLike, angular_speed: ArrayLike, dt: float) -> SampledPath:
-    """The straight lines through the waypoints, each at its own constant speed.
+def durations(waypoints: list[pin.SE3], speed: ArrayLike, angular_speed: ArrayLike) -> Array:
+    """How long each line takes at constant speed (n - 1,) [s]: the longer of position and orientation.
 
     Args:
         waypoints: at least two checked poses.
-        speed: of the position [m/s], one for all segments or one for each.
-        angular_speed: of the orientation [rad/s], as `speed`; a segment takes the longer of the two durations.
-        dt: control step [s]; each segment takes whole ticks, so its speed is rounded down a little.
+        speed: of the position [m/s], one for all lines or one for each.
+        angular_speed: of the orientation [rad/s], as `speed`.
 
     Raises:
-        InvalidInputError: a speed is not positive or there is one too many or too few, all waypoints are equal, or
-            the path takes more than ten million ticks.
+        InvalidInputError: a speed is not positive, or there is one too many or too few.
     """
     count = len(waypoints) - 1
     linear = checks.positive_vector("speed", speed, count, "m/s")
     angular = checks.positive_vector("angular_speed", angular_speed, count, "rad/s")
-    found, segments = [waypoints[0]], [0]
-    for index, (start, end) in enumerate(itertools.pairwise(waypoints)):
-        way = end.translation - start.translation
-        relative = start.rotation.T @ end.rotation
-        duration = max(np.linalg.norm(way) / linear[index], rotation_angle(relative) / angular[index])
-        ticks = int(np.ceil(min(duration / dt, 2.0 * MAX_TICKS) - WHOLE_TICK))
-        if len(found) + ticks > MAX_TICKS:
-            raise InvalidInputError(
-                f"segment {index} takes {duration:.6g} s: more than {MAX_TICKS} ticks of {dt:.6g} s"
-            )
-        parts = np.arange(1, ticks + 1) / ticks
-        found.extend(_on_line(start, end, parts))
-        segments.extend([index] * ticks)
-    if len(found) == 1:
-        raise InvalidInputError("all waypoints are the same pose")
-    return SampledPath(found, np.array(segments, dtype=np.intp))
+    lengths = np.array([_length(start, end) for start, end in itertools.pairwise(waypoints)])
+    with np.errstate(over="ignore"):  # an infinite duration is refused when it is counted in ticks
+        return np.maximum(lengths[:, 0] / linear, lengths[:, 1] / angular)
+
+
+def sample(waypoints: list[pin.SE3], profiles: Sequence[Profile], dt: float) -> SampledPath:
+    """The straight lines through the waypoints.
+
+    Args:
+        waypoints: at least two checked poses.
+        profiles: how each line is run through in time; each takes whole ticks, rounded up, and is slowed down to that.
+        dt: control step [s].
+
+    Raises:
+        InvalidInputError: the path takes more than ten million ticks, or less than one.
+    """
+    total = sum(profile.duration for profile in profiles)
+    if not total / dt <= MAX_TICKS:
+        index = int(np.argmax([profile.duration for profile in profiles]))
+        raise InvalidInputError(
+            f"the path takes {total:.6g} s, most of it segment {index}: more than {MAX_TICKS} ticks of {dt:.6g} s"
+        )
+    if total < dt * (1.0 - WHOLE_TICK):
+        raise InvalidInputError(f"the path takes {total:.6g} s, less than one control step of {dt:.6g} s")
+    found, segments, parts = [waypoints[0]], [np.zeros(1, dtype=np.intp)], [np.zeros(1)]
+    for index, ((start, end), profile) in enumerate(zip(itertools.pairwise(waypoints), profiles, strict=True)):
+        if profile.duration == 0.0:
+            continue
+        ticks = max(1, int(np.ceil(profile.duration / dt - WHOLE_TICK)))
+        part = profile.parts(np.arange(1, ticks + 1) / ticks)
+        found.extend(_on_line(start, end, part))
+        segments.append(np.full(ticks, index, dtype=np.intp))
+        parts.append(part)
+    segment = np.concatenate(segments)
+    segment.setflags(write=False)
+    return SampledPath(found, segment, np.concatenate(parts))
+
+
+def _length(start: pin.SE3, end: pin.SE3) -> tuple[float, float]:
+    """Distance [m] and angle [rad] between two poses."""
+    return (
+        float(np.linalg.norm(end.translation - start.translation)),
+        rotation_angle(start.rotation.T @ end.rotation),
+    )
 
 
 def _on_line(start: pin.SE3, end: pin.SE3, parts: Array) -> list[pin.SE3]:

@@ -73,7 +73,7 @@ class PathResult(Frozen):
     message: str = ""
     """What happened, in a sentence."""
     start_distance: float = 0.0
-    """Largest angle of a joint between the seed and row 0 [rad]: the arm has to be brought there first."""
+    """Largest angle of a joint between the seed (home without one) and row 0 [rad]: the arm is to be brought there."""
 
     @property
     def success(self) -> bool:
@@ -109,14 +109,11 @@ class PathResult(Frozen):
         return len(self.t)
 
     def __str__(self) -> str:
-        """The result on two lines; where it starts away from the seed, on three."""
-        start = ""
-        if self.start_distance > AT_SEED:
-            start = f"\nit starts {self.start_distance:.3g} rad from the seed: bring the arm to q[0] first"
+        """The result on two lines."""
         return (
             f"{len(self)} rows, {self.t[-1]:.3f} s, {'on the path throughout' if self.success else 'NOT on the path'}: "
             f"largest error {self.position_error.max():.3g} m, {self.orientation_error.max():.3g} rad; "
-            f"off the path for {self.time_limited:.3f} s\n{self.message}{start}"
+            f"off the path for {self.time_limited:.3f} s\n{self.message}"
         )
 
     def save(self, path: str | Path) -> None:

@@ -1,8 +1,8 @@
-"""Follow a Cartesian path, from the start configuration that makes it possible.
+"""Follow a Cartesian path, from the start configuration that makes it possible. Read this file first.
 
 A pose is reached in up to a dozen ways, and a path that is easy from one of them runs into a joint limit from another.
-`track_path` starts the tracker on every legal branch of the first pose, nearest to the seed first, until one of them
-stays on the path throughout.
+`track_path` starts the tracker on every branch of the first pose within the limits, nearest to the seed first, until
+one of them stays on the path throughout; or on the one that the arm is on.
 """
 
 from __future__ import annotations
@@ -19,10 +19,12 @@ from jacokin.errors import InvalidInputError, StructureError
 from jacokin.ik import seeds
 from jacokin.ik.paths import lines
 from jacokin.ik.paths.lines import SampledPath
-from jacokin.ik.paths.result import BranchReport, PathResult
+from jacokin.ik.paths.result import AT_SEED, BranchReport, PathResult
+from jacokin.ik.paths.timing import Profile, profile_within
 from jacokin.ik.solver import IKSolver
 from jacokin.ik.tracking.clearance import Clearance
 from jacokin.ik.tracking.result import TrackerStep
+from jacokin.ik.tracking.setup import checked_start
 from jacokin.ik.tracking.tracker import Tracker
 from jacokin.model import angles, checks
 from jacokin.model.robot import Robot
@@ -31,7 +33,10 @@ SPEED = 0.05  # [m/s]
 ANGULAR_SPEED = 0.5  # [rad/s]
 QP_STARTS = 24  # random seeds that look for branches where the closed form does not apply
 PROGRESS_CALLS = 200  # per branch at most
+REHEARSAL_SPEED = 1e3  # [rad/s] no limit in effect
 SAME_BRANCH = 1e-3  # [rad] two starts nearer than this are one branch
+
+Progress = Callable[[int, int], None]
 
 
 def track_path(
@@ -44,6 +49,7 @@ def track_path(
     frame: str | None = None,
     tool: pin.SE3 | ArrayLike | None = None,
     seed: ArrayLike | None = None,
+    start: ArrayLike | None = None,
     velocity_limit: ArrayLike | None = None,
     acceleration_limit: ArrayLike | None = None,
     collision: Clearance | None = None,
@@ -60,65 +66,92 @@ def track_path(
         angular_speed: of turning [rad/s], as `speed`; a segment takes the longer of the two times.
         frame: frame to move; None for the robot's default frame.
         tool: T_frame_tool, a constant pose after the frame.
-        seed: (dof,) configuration [rad] to start near; None for home.
+        seed: (dof,) configuration [rad] to start near; None for home. The path may begin on another branch if that is
+            the one that allows it: `PathResult.start_distance` says how far from the seed.
+        start: (dof,) configuration [rad] that the arm is in, instead of `seed`; the path begins there, and no other
+            branch is tried.
         velocity_limit: (dof,) or one for all [rad/s]; None for the robot's own.
-        acceleration_limit: (dof,) or one for all [rad/s^2]; None for none. The arm then lags where the path's speed
-            jumps, as it does at its start.
+        acceleration_limit: (dof,) or one for all [rad/s^2]; None for none. With one, each line is run through from
+            rest to rest, and more slowly than asked for where the joints need it.
         collision: shapes to keep apart; None for none.
         qp_solver: a QP solver installed for qpsolvers.
         progress: called with ticks done and ticks in all, for the branch being tried.
 
     Returns:
-        The first branch that stays on the path, or the one that stays on it longest; `branches` says what became of
-        each. When no legal configuration reaches the first pose, the arm starts at the closest one and the result
+        The first branch that stays on the path, or the one that stays on it longest; `branches` reports on each. When
+        no configuration within the limits reaches the first pose, the arm starts at the closest one and the result
         says so.
 
     Raises:
-        InvalidInputError: malformed path, speeds or limits, see `Tracker`.
+        InvalidInputError: malformed path, speeds or limits, see `Tracker`; `start` outside the limits or beside `seed`.
         UnknownNameError: unknown frame, QP solver or shape.
     """
     if not isinstance(robot, Robot):
         raise InvalidInputError(f"robot must be a jacokin.Robot (see load_robot), got {type(robot).__name__}")
     if progress is not None and not callable(progress):
-        raise InvalidInputError(f"progress must be callable with two counts, or None, got {progress!r}")
+        raise InvalidInputError(f"progress must be callable with two counts, or None, got {checks.shown(progress)}")
+    if start is not None and seed is not None:
+        raise InvalidInputError("give at most one of seed and start")
     points = lines.checked_waypoints(waypoints)
-    start, note = seeds.seed_within_limits(robot, seed)
+    times = lines.durations(points, speed, angular_speed)
+    near, note = seeds.seed_within_limits(robot, seed) if start is None else (checked_start(robot, start, "start"), "")
+
     tracker = Tracker(
         robot,
         frame,
         dt=dt,
         tool=tool,
-        q=start,
+        q=near,
         velocity_limit=velocity_limit,
         acceleration_limit=acceleration_limit,
         collision=collision,
         qp_solver=qp_solver,
     )
-    path = lines.sample(points, speed, angular_speed, tracker.dt)
-    solver = IKSolver(robot, tracker.frame, tool=tool)
-    legal = start_branches(solver, points[0], start)
-    starts = legal or [solver.solve(points[0], seed=start).q]
+    follower = _Follower(tracker, points, times, progress)
+    if acceleration_limit is not None:
+        acceleration = checks.positive_vector("acceleration_limit", acceleration_limit, robot.dof, "rad/s^2")
+        follower.rehearse_with(Tracker(robot, frame, dt=dt, tool=tool, velocity_limit=REHEARSAL_SPEED), acceleration)
+    if start is not None:
+        starts, reaching = [near], 1
+    else:
+        solver = IKSolver(robot, tracker.frame, tool=tool, qp_solver=qp_solver)
+        starts = start_branches(solver, points[0], near)
+        reaching = len(starts)
+        starts = starts or [solver.solve(points[0], seed=near).q]
     best: PathResult | None = None
     reports: list[BranchReport] = []
     for q in starts:
-        result = _follow(tracker, path, q, progress)
+        result = follower.follow(q)
         reports.append(_report(q, result))
         if best is None or _rank(result) < _rank(best):
             best = result
         if result.success:
             break
     assert best is not None  # there is at least one start
-    words = [_sentence(best, len(reports), len(legal)), note]
-    return replace(best, branches=tuple(reports), message="; ".join(word for word in words if word))
+    if start is not None:
+        words = [_sentence_from_start(best), note]
+    else:
+        words = [
+            _sentence(best, len(reports), reaching),
+            _jump(best, near, "home" if seed is None else "the seed"),
+            note,
+        ]
+    return replace(
+        best,
+        branches=tuple(reports),
+        message="; ".join(word for word in words if word),
+        start_distance=float(np.abs(best.q[0] - near).max()),
+    )
 
 
 def start_branches(solver: IKSolver, pose: pin.SE3, seed: Array) -> list[Array]:
-    """Legal configurations that reach a pose, nearest to the seed first: all of them by the closed form.
+    """Configurations within the limits that reach a pose, nearest to the seed first: all of them by the closed form.
 
     Where the closed form does not apply, those that the QP finds from the seed and random configurations.
     """
     try:
-        return [np.array(q) for q in solver.solve_all(pose, seed=seed).legal]
+        branches = solver.solve_all(pose, seed=seed)
+        return [np.array(q) for q in branches.q[branches.within_limits]]
     except StructureError:
         pass
     robot, found = solver.robot, list[Array]()
@@ -131,21 +164,60 @@ def start_branches(solver: IKSolver, pose: pin.SE3, seed: Array) -> list[Array]:
     return sorted(found, key=lambda q: float(angles.circular_distance(q, seed, robot.unlimited)))
 
 
-def _follow(tracker: Tracker, path: SampledPath, q: Array, progress: Callable[[int, int], None] | None) -> PathResult:
-    """The whole path from one start."""
+class _Follower:
+    """Follows the lines from one start after another.
+
+    Under acceleration limits each start is rehearsed without limits on velocity and acceleration: how the joints move
+    along the lines decides how fast the lines can be run through.
+    """
+
+    def __init__(self, tracker: Tracker, points: list[pin.SE3], times: Array, progress: Progress | None) -> None:
+        """Sample the path at constant speed."""
+        self.tracker = tracker
+        self._points = points
+        self._times = times
+        self._progress = progress
+        self._path = lines.sample(points, [Profile(float(time)) for time in times], tracker.dt)
+        self._rehearsal: tuple[Tracker, Array] | None = None
+
+    def rehearse_with(self, tracker: Tracker, acceleration: Array) -> None:
+        """Rehearse with a tracker without limits; `acceleration` (dof,) are those to hold later [rad/s^2]."""
+        self._rehearsal = tracker, acceleration
+
+    def follow(self, q: Array) -> PathResult:
+        """The whole path from a configuration (dof,) [rad]."""
+        path = self._path
+        if self._rehearsal is not None:
+            rehearsal, acceleration = self._rehearsal
+            followed = np.array([step.q for step in _steps(rehearsal, path, q, None)])
+            dt, velocity = self.tracker.dt, self.tracker.velocity_limit
+            profiles = [Profile(float(time)) for time in self._times]
+            for index in np.unique(path.segment).tolist():
+                rows = np.flatnonzero(path.segment == index)
+                ends = followed[max(rows[0] - 1, 0) : rows[-1] + 1]
+                profiles[index] = profile_within(ends, float(self._times[index]), velocity, acceleration, dt)
+            path = lines.sample(self._points, profiles, dt)
+        return _result(self.tracker, path, _steps(self.tracker, path, q, self._progress))
+
+
+def _steps(tracker: Tracker, path: SampledPath, q: Array, progress: Progress | None) -> list[TrackerStep]:
+    """A tick for every pose of the path; the first goes nowhere and measures the start."""
     tracker.reset(q)
-    # The start is a tick that goes nowhere when it is on the path.
-    steps: list[TrackerStep] = [tracker.measure(path.poses[0])]
+    steps = [tracker.measure(path.poses[0])]
     total = len(path.poses)
     every = 1 + total // PROGRESS_CALLS
     for index in range(1, total):
         steps.append(tracker.step(path.poses[index]))
         if progress is not None and (index % every == 0 or index + 1 == total):
             progress(index + 1, total)
+    return steps
+
+
+def _result(tracker: Tracker, path: SampledPath, steps: list[TrackerStep]) -> PathResult:
     robot = tracker.robot
     return PathResult(
         joint_names=robot.joint_names,
-        t=checks.read_only(np.arange(total) * tracker.dt),
+        t=checks.read_only(np.arange(len(steps)) * tracker.dt),
         q=checks.read_only([step.q for step in steps]),
         v=checks.read_only([step.v for step in steps]),
         position_error=checks.read_only([step.position_error for step in steps]),
@@ -170,15 +242,38 @@ def _report(q: Array, result: PathResult) -> BranchReport:
     )
 
 
-def _rank(result: PathResult) -> tuple[int, float]:
-    """Fewest ticks off the path first, then the smaller error."""
-    return sum(status != "OK" for status in result.status), float(result.position_error.max())
+def _rank(result: PathResult) -> tuple[float, float]:
+    """Least part of the ticks off the path first, then the smaller error."""
+    return sum(status != "OK" for status in result.status) / len(result), float(result.position_error.max())
 
 
-def _sentence(result: PathResult, tried: int, legal: int) -> str:
-    if not legal:
-        return "no legal configuration reaches the first pose; started at the closest one found"
+def _failed(result: PathResult) -> str:
+    return ", ".join(str(segment) for segment in result.failed_segments)
+
+
+def _sentence(result: PathResult, tried: int, reaching: int) -> str:
+    if not reaching:
+        return "no configuration within the limits reaches the first pose; started at the closest one found"
     if result.success:
-        return f"branch {tried} of {legal} stays on the path"
-    failed = ", ".join(str(segment) for segment in result.failed_segments)
-    return f"none of the {legal} legal branches stays on the path; the best one leaves it on segment {failed}"
+        return f"branch {tried} of {reaching} stays on the path"
+    return f"none of the {reaching} branches stays on the path; the best one leaves it on segment {_failed(result)}"
+
+
+def _sentence_from_start(result: PathResult) -> str:
+    if result.success:
+        return "the given start stays on the path"
+    if result.status[0] != "OK":
+        return (
+            f"the given start is not at the first pose: {result.position_error[0]:.3g} m and "
+            f"{result.orientation_error[0]:.3g} rad away"
+        )
+    return f"the given start leaves the path on segment {_failed(result)}"
+
+
+def _jump(result: PathResult, seed: Array, name: str) -> str:
+    """Where the path starts, when that is not at the seed."""
+    away = np.abs(result.q[0] - seed)
+    joint = int(np.argmax(away))
+    if away[joint] <= AT_SEED:
+        return ""
+    return f"it starts {away[joint]:.3g} rad ({result.joint_names[joint]}) from {name}: bring the arm to q[0] first"

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
+from jacokin.ik import seeds
 from jacokin.ik.tracking.clearance import Clearance, compile_with
 from jacokin.ik.tracking.distances import ClearanceGuard
 from jacokin.ik.tracking.joint_limits import Follower, JointBox, velocity_limits
@@ -129,20 +130,20 @@ def check_moving_frame(robot: Robot, frame: str) -> None:
         raise InvalidInputError(f"frame {frame!r} is fixed to the base and cannot follow a target; {moving} move")
 
 
-def checked_start(robot: Robot, q: ArrayLike | None) -> Array:
+def checked_start(robot: Robot, q: ArrayLike | None, name: str = "q") -> Array:
     """A configuration (dof,) [rad] within the limits, read-only; noise past a limit is removed. None is home.
 
     Raises:
-        InvalidInputError: malformed or outside the limits.
+        InvalidInputError: malformed, outside the limits, or more than 1e6 rad from zero.
     """
     if q is None:
         return robot.home
-    angles = robot.configuration(q)
+    angles = seeds.near_configuration(robot, q, name)
     inside = np.clip(angles, robot.lower, robot.upper)
     joint = int(np.argmax(np.abs(angles - inside)))
     if abs(angles[joint] - inside[joint]) > LIMIT_NOISE:
         raise InvalidInputError(
-            f"q puts {robot.joint_names[joint]} at {angles[joint]:.6g} rad, outside "
+            f"{name} puts {robot.joint_names[joint]} at {angles[joint]:.6g} rad, outside "
             f"[{robot.lower[joint]:.6g}, {robot.upper[joint]:.6g}]"
         )
     return checks.read_only(inside)

@@ -12,20 +12,25 @@ import pytest
 from jacokin import IKSolver, Robot
 from jacokin.errors import InvalidInputError, UnknownNameError
 from jacokin.ik import PathResult, plot_path, track_path
-from jacokin.ik.paths.lines import sample
+from jacokin.ik.paths.lines import SampledPath, durations, sample
+from jacokin.ik.paths.timing import Profile, profile_within, rest_to_rest
 from jacokin.ik.paths.track import start_branches
+
+
+def at_speed(waypoints: list[pin.SE3], speed: float, angular_speed: float, dt: float) -> SampledPath:
+    return sample(waypoints, [Profile(float(time)) for time in durations(waypoints, speed, angular_speed)], dt)
 
 
 def test_lines_are_straight_and_timed(robot: Robot) -> None:
     start = robot.forward_kinematics(robot.home)
     end = pin.SE3(start.rotation @ pin.exp3(np.array([0.0, 0.3, 0.0])), start.translation + np.array([0.1, 0.0, 0.0]))
-    path = sample([start, end], 0.05, 1.0, 0.01)
+    path = at_speed([start, end], 0.05, 1.0, 0.01)
     assert len(path.poses) == 201  # 0.1 m at 0.05 m/s in steps of 0.01 s, and the start
     for tick, pose in enumerate(path.poses):
         assert np.allclose(pose.translation, start.translation + np.array([0.1 * tick / 200, 0.0, 0.0]), atol=1e-15)
         turned = pin.log3(start.rotation.T @ pose.rotation)
         assert np.allclose(turned, [0.0, 0.3 * tick / 200, 0.0], atol=1e-12)
-    slow_turn = sample([start, end], 10.0, 0.1, 0.01)
+    slow_turn = at_speed([start, end], 10.0, 0.1, 0.01)
     assert len(slow_turn.poses) == 301  # 0.3 rad at 0.1 rad/s takes longer
 
 
@@ -89,7 +94,7 @@ def test_a_first_pose_out_of_reach_is_said(robot: Robot, square: list[pin.SE3]) 
     poses = square[:2]
     far = pin.SE3(poses[0].rotation, np.array([2.0, 0.0, 0.5]))
     result = track_path(robot, [far, poses[0]], speed=1.0)
-    assert "no legal configuration reaches the first pose" in result.message
+    assert "no configuration within the limits reaches the first pose" in result.message
     assert result.status[0] != "OK"
 
 
@@ -144,6 +149,19 @@ def test_the_plot_shows_joints_and_error(result: PathResult, tmp_path: Path) -> 
         ({"speed": 0.0}, "speed must be"),
         ({"speed": [0.1, 0.1]}, "speed must have shape"),
         ({"speed": 1e-12}, "more than 10000000 ticks"),
+        ({"speed": 1e-320}, "more than 10000000 ticks"),
+        ({"dt": 1e300}, "less than one control step of 1e\\+300 s"),
+        ({"speed": "0.05"}, "speed must be one number or 1"),
+        ({"speed": True}, "speed must be one number or 1"),
+        ({"speed": np.datetime64("2026-01-01")}, "speed must be one number or 1"),
+        ({"speed": np.ma.masked_array([0.05], mask=[True])}, "speed must be one number or 1"),
+        ({"angular_speed": "fast"}, "angular_speed must be one number or 1"),
+        ({"velocity_limit": "0.5"}, "velocity_limit must be one number or 6"),
+        ({"velocity_limit": [True] * 6}, "velocity_limit must be one number or 6"),
+        ({"acceleration_limit": np.timedelta64(1, "s")}, "acceleration_limit must be one number or 6"),
+        ({"start": [0.0] * 6}, "start puts joint_2"),
+        ({"start": [1e17] * 6}, "start: joint_1 = 1e\\+17 rad is too far"),
+        ({"start": [4.8, 2.9, 1.0, 4.2, 1.4, 1.3], "seed": [4.8, 2.9, 1.0, 4.2, 1.4, 1.3]}, "at most one of seed and"),
         ({"angular_speed": -1.0}, "angular_speed must be"),
         ({"velocity_limit": [1.0] * 7}, "velocity_limit"),
         ({"velocity_limit": -1.0}, "velocity_limit"),
@@ -172,3 +190,106 @@ def test_wrong_types_are_refused(robot: Robot, square: list[pin.SE3]) -> None:
         track_path("j2n6s300", square)  # type: ignore[arg-type]  # wrong on purpose
     with pytest.raises(InvalidInputError, match="progress must be"):
         track_path(robot, square, progress=3)  # type: ignore[arg-type]  # wrong on purpose
+
+
+def test_profiles_start_and_end_at_rest() -> None:
+    for speed, acceleration in ((0.5, 0.2), (0.5, 0.25), (0.5, 10.0), (3.0, 0.1)):
+        profile = rest_to_rest(speed, acceleration)
+        times = np.linspace(0.0, 1.0, 20_001)
+        parts = profile.parts(times)
+        assert (parts[0], parts[-1]) == (0.0, 1.0)
+        velocity = np.diff(parts) / (times[1] * profile.duration)
+        assert velocity.min() >= 0.0
+        assert velocity.max() <= speed * (1 + 1e-9)
+        assert max(velocity[0], velocity[-1]) <= acceleration * times[1] * profile.duration
+        assert np.abs(np.diff(velocity)).max() / (times[1] * profile.duration) <= acceleration * (1 + 1e-4)
+    assert rest_to_rest(0.5, 10.0).duration == pytest.approx(1 / 0.5 + 0.5 / 10.0)
+
+
+def test_a_bent_joint_path_is_run_through_within_acceleration() -> None:
+    """One joint moves as sin(s), another as s: both parts of q' s'' + q'' s'^2 count."""
+    along = np.linspace(0.0, 1.0, 401)
+    q = np.column_stack([np.sin(3.0 * along), along])
+    limit = np.array([1.0, 0.5])
+    velocity = np.array([1.0, 10.0])
+    profile = profile_within(q, 0.1, velocity, limit, 0.01)
+    parts = profile.parts(np.linspace(0.0, 1.0, 5_001))
+    step = profile.duration / 5_000
+    joints = np.column_stack([np.sin(3.0 * parts), parts])
+    acceleration = np.abs(np.diff(joints, 2, axis=0) / step**2).max(axis=0)
+    assert (acceleration <= limit).all()
+    assert (acceleration > 0.3 * limit).any()  # and not much slower than that
+    assert (np.abs(np.diff(joints, axis=0) / step).max(axis=0) <= velocity).all()
+    hurried = profile_within(q, 0.1, velocity, 1e6 * limit, 0.01)
+    assert hurried.duration == pytest.approx(3.0 / 0.98, rel=0.02)  # joint 1 at its velocity limit, slope 3
+
+
+@pytest.mark.parametrize("acceleration", [5.0, 2.0, 1.0])
+def test_a_path_is_followed_from_rest_to_rest_within_acceleration(robot: Robot, acceleration: float) -> None:
+    """The corners of the documentation's example: a jump of the speed at each would throw the tool off the path."""
+    start = robot.forward_kinematics(robot.home)
+    ways = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.1], [0.05, 0.0, 0.1]])
+    corners = [pin.SE3(start.rotation, start.translation + way) for way in ways]
+    result = track_path(robot, corners, speed=[0.05, 0.1], acceleration_limit=acceleration)
+    assert result.success
+    assert len(result.branches) == 1
+    assert result.position_error.max() < 2e-5
+    assert (np.abs(result.a) <= acceleration + 1e-7).all()
+    assert (np.abs(result.v) <= robot.velocity_limit + 1e-9).all()
+    # At rest at the ends and at the corner, up to one tick of acceleration.
+    corner = int(np.flatnonzero(result.segment == 0)[-1])
+    for row in (1, corner, corner + 1, len(result) - 1):
+        assert np.abs(result.v[row]).max() <= acceleration * 0.01 + 1e-9
+    # On the lines, and at the waypoints at their ends.
+    for q in result.q[:: max(1, len(result) // 50)]:
+        offset = robot.forward_kinematics(q).translation - start.translation
+        assert min(np.hypot(offset[0], offset[1]), np.hypot(offset[1], offset[2] - 0.1)) < 2e-5
+    reached = robot.forward_kinematics(result.q[-1])
+    assert np.abs(reached.translation - corners[-1].translation).max() < 1e-5
+
+
+def test_a_start_is_never_left(robot: Robot) -> None:
+    """The path that made `seed` begin on another branch: from `start` it is refused by its result instead."""
+    rng = np.random.default_rng(5)
+    jumped = 0
+    for _ in range(12):
+        q = robot.sample(rng)
+        q[2] = robot.lower[2] + 0.05
+        first = robot.forward_kinematics(q)
+        beyond = robot.forward_kinematics(np.array([*q[:2], 1.0, *q[3:]])).translation
+        away = first.translation - 0.08 * (beyond - first.translation) / np.linalg.norm(beyond - first.translation)
+        path = [first, pin.SE3(first.rotation, away)]
+        near, fixed = track_path(robot, path, seed=q), track_path(robot, path, start=q)
+        assert np.array_equal(fixed.q[0], q)
+        assert fixed.start_distance == 0.0
+        assert len(fixed.branches) == 1
+        assert near.start_distance == pytest.approx(np.abs(near.q[0] - q).max())
+        if near.start_distance > 0.1 and near.success:
+            jumped += 1
+            assert not fixed.success
+            assert "the given start leaves the path on segment 0" in str(fixed)
+            assert f"it starts {near.start_distance:.3g} rad (joint_" in str(near)
+            assert "from the seed: bring the arm to q[0] first" in str(near)
+    assert jumped >= 2
+
+
+def test_a_start_away_from_the_first_pose_is_said(robot: Robot, square: list[pin.SE3]) -> None:
+    q = robot.home + np.array([0.2, 0.0, 0.0, 0.0, 0.0, 0.0])
+    result = track_path(robot, square[:2], start=q)
+    assert not result.success
+    assert "the given start is not at the first pose" in result.message
+    assert np.array_equal(result.q[0], q)
+
+
+def test_the_qp_solver_reaches_the_search_for_starts(robot: Robot, square: list[pin.SE3]) -> None:
+    seen: list[str] = []
+
+    class Recording(IKSolver):
+        def __init__(self, *arguments: Any, **options: Any) -> None:
+            seen.append(options["qp_solver"])
+            super().__init__(*arguments, **options)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("jacokin.ik.paths.track.IKSolver", Recording)
+        track_path(robot, square[:2], qp_solver="osqp")
+    assert seen == ["osqp"]

@@ -176,6 +176,15 @@ def test_named_pairs_only(robot: Robot) -> None:
         (lambda: Clearance(obstacles=[Box("b", [0.1] * 3, [np.nan] * 3)]), InvalidInputError, "b: pose"),
         (lambda: Clearance(obstacles=[Capsule("c", 0.1, np.inf, [0.0] * 3)]), InvalidInputError, "c: length"),
         (lambda: Clearance(obstacles=[Floor(np.nan)]), InvalidInputError, "floor: height"),
+        (lambda: Box("b", ["0.1"] * 3, [0.0] * 3), InvalidInputError, "b: size must be one number or 3"),
+        (lambda: Box("b", [True] * 3, [0.0] * 3), InvalidInputError, "b: size must be one number or 3"),
+        (lambda: Box("b", np.array(["2026-01-01"] * 3, "M8[D]"), [0.0] * 3), InvalidInputError, "b: size must be"),
+        (lambda: Box("b", [0.1] * 3, "here"), InvalidInputError, "b: pose must be a pose or a position"),
+        (lambda: Sphere("a", True, [0.0] * 3), InvalidInputError, "a: radius must be a positive number"),
+        (lambda: Sphere("a", "1", [0.0] * 3), InvalidInputError, "a: radius must be"),  # type: ignore[arg-type]  # wrong on purpose
+        (lambda: Capsule("c", 0.1, False, [0.0] * 3), InvalidInputError, "c: length must be a positive number"),
+        (lambda: Clearance(self_collision="no"), InvalidInputError, "self_collision must be True or False"),  # type: ignore[arg-type]  # wrong on purpose
+        (lambda: Clearance(obstacles=[Box("link_1_ring", [0.1] * 3, [5.0] * 3)]), InvalidInputError, "a shape of the"),
         (lambda: Clearance(obstacles=[Floor(), Floor(-0.1)]), InvalidInputError, "'floor' is used by two"),
     ],
 )

@@ -194,3 +194,15 @@ def test_targets_on_wrong_frames_are_refused(robot: Robot) -> None:
         tracker.step([PositionTarget([0.0] * 3), np.zeros(3)])
     with pytest.raises(InvalidInputError, match="unknown kind"):
         tracker.step(TrackingTarget())
+
+
+@pytest.mark.parametrize("answer", [np.zeros(5), np.zeros((6, 1)), np.full(6, np.nan), "fast", None, 0.1])
+def test_an_objective_that_answers_wrongly_is_named_and_moves_nothing(robot: Robot, answer: Any) -> None:
+    class Sway:
+        def velocity(self, robot: Robot, frame: str, q: Any) -> Any:
+            return answer
+
+    tracker = Tracker(robot, objectives=[Sway()])
+    with pytest.raises(InvalidInputError, match=r"Sway\.velocity\(\) must"):
+        tracker.step(np.array([0.3, -0.2, 0.5]))
+    assert np.array_equal(tracker.q, robot.home)

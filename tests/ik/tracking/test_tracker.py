@@ -302,6 +302,13 @@ def test_failed_calls_change_nothing(robot: Robot) -> None:
         ({"collision": "self"}, "collision must be"),
         ({"frame": "link_base"}, "fixed to the base"),
         ({"q": [0.0] * 6}, "q puts joint_2"),
+        ({"q": [1e17, 2.9, 1.0, 4.2, 1.4, 1.3]}, r"q: joint_1 = 1e\+17 rad is too far from zero"),
+        ({"q": np.ma.masked_array([4.8, 2.9, 1.0, 4.2, 1.4, 1.3], mask=[False] * 6)}, "q must be 6 numbers"),
+        ({"dt": True}, "dt must be a positive number"),
+        ({"dt": np.timedelta64(1, "s")}, "dt must be a positive number"),
+        ({"velocity_limit": "0.5"}, "velocity_limit must be one number or 6"),
+        ({"velocity_limit": True}, "velocity_limit must be one number or 6"),
+        ({"acceleration_limit": np.datetime64("2026-01-01")}, "acceleration_limit must be one number or 6"),
         ({"tool": np.zeros((4, 4))}, "tool"),
     ],
 )
