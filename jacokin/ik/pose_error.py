@@ -7,8 +7,6 @@ from typing import TYPE_CHECKING
 
 import pinocchio as pin
 
-from jacokin.arrays import Array
-
 if TYPE_CHECKING:
     from jacokin.ik.targets import TargetPose
 
@@ -32,12 +30,6 @@ def errors(T_base_tool: pin.SE3, target: TargetPose) -> tuple[float, float]:
         b * A + e * D + h * G - a * B - d * E - g * H,
     )
     return position, math.atan2(sine, a * A + b * B + c * C + d * D + e * E + f * F + g * G + h * H + k * K - 1.0)
-
-
-def rotation_angle(rotation: Array) -> float:
-    """Angle [rad] of a rotation matrix, accurate near zero and near a half turn."""
-    a, b, c, d, e, f, g, h, k = rotation.ravel().tolist()
-    return math.atan2(math.hypot(h - f, c - g, d - b), a + e + k - 1.0)
 
 
 def combined(position: float, orientation: float) -> float:

@@ -10,8 +10,8 @@ import numpy as np
 import pinocchio as pin
 
 from jacokin.arrays import Array
-from jacokin.errors import InvalidInputError, UnknownNameError
-from jacokin.model import checks
+from jacokin.errors import InvalidInputError, UnknownNameError, shown
+from jacokin.model import checks, poses
 from jacokin.model.robot import Robot
 
 QUANTITIES = {
@@ -168,7 +168,7 @@ def crosscheck(
     Args:
         robot_a: the first arm, in Pinocchio.
         robot_b: the second arm, in Pinocchio; None for MuJoCo's own computation on the description of the first.
-        samples: number of random legal configurations of the first arm.
+        samples: number of random configurations within the limits of the first arm.
         rng: randomness; None for a fixed seed.
         joint_map: name in the second for a joint of the first, where they differ.
         frame_map: name in the second for a frame of the first; None compares all frames of equal name.
@@ -180,16 +180,15 @@ def crosscheck(
         UnknownNameError: a mapped name does not exist.
         InvalidInputError: the arms have different joints or no frame in common, or `samples` is not positive.
     """
-    if isinstance(samples, bool) or not isinstance(samples, int | np.integer) or samples < 1:
-        raise InvalidInputError(f"samples must be a whole number >= 1, got {samples!r}")
+    samples = checks.whole_number("samples", samples, 1)
     for name, robot in (("robot_a", robot_a), ("robot_b", robot_b)):
         if not (isinstance(robot, Robot) or (name == "robot_b" and robot is None)):
-            raise InvalidInputError(f"{name} must be a Robot, from load_robot, got {robot!r}")
+            raise InvalidInputError(f"{name} must be a Robot, from load_robot, got {shown(robot)}")
     for name, mapping in (("joint_map", joint_map), ("frame_map", frame_map)):
         if mapping is not None and not isinstance(mapping, Mapping):
-            raise InvalidInputError(f"{name} must be a mapping of names, got {mapping!r}")
-    if rng is not None and not isinstance(rng, np.random.Generator):
-        raise InvalidInputError(f"rng must be a numpy.random.Generator, got {type(rng).__name__}")
+            raise InvalidInputError(f"{name} must be a mapping of names, got {shown(mapping)}")
+    if rng is not None:
+        checks.generator("rng", rng)
     first: Engine = PinocchioEngine(robot_a)
     second = _second_engine(robot_a, robot_b)
     order = _joint_order(first, second, joint_map or {})
@@ -199,7 +198,7 @@ def crosscheck(
 
     rng = np.random.default_rng(0) if rng is None else rng
     worst: dict[tuple[str, str], tuple[float, Array]] = {}
-    for q in robot_a.sample(rng, int(samples)):
+    for q in robot_a.sample(rng, samples):
         first.update(q)
         moved = np.empty_like(q)
         moved[order] = q
@@ -211,7 +210,7 @@ def crosscheck(
         Deviation(quantity, frame, value, QUANTITIES[quantity], checks.read_only(q))
         for (quantity, frame), (value, q) in sorted(worst.items(), key=lambda item: list(QUANTITIES).index(item[0][0]))
     )
-    return CrossCheckReport(first.label, second.label, int(samples), rows, notes)
+    return CrossCheckReport(first.label, second.label, samples, rows, notes)
 
 
 def _second_engine(robot_a: Robot, robot_b: Robot | None) -> Engine:
@@ -264,8 +263,7 @@ def _differences(
         position_a, rotation_a = first.pose(a)
         position_b, rotation_b = second.pose(b)
         values["position", a] = float(np.linalg.norm(position_a - position_b))
-        # Frobenius distance is sqrt(2) times the angle for small angles, and accurate where acos is not.
-        values["rotation", a] = float(np.linalg.norm(rotation_a - rotation_b)) / np.sqrt(2.0)
+        values["rotation", a] = poses.rotation_angle(rotation_a.T @ rotation_b)
         values["jacobian", a] = float(np.abs(first.jacobian(a) - second.jacobian(b)[:, order]).max())
     mass = second.mass_matrix(with_armature)[np.ix_(order, order)]
     values["mass_matrix", ""] = float(np.abs(first.mass_matrix(with_armature) - mass).max())

@@ -2,34 +2,54 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
+import pinocchio as pin
 
 from jacokin.arrays import Array
-from jacokin.model.descriptions import table
+from jacokin.model.descriptions import bundled, table
 from jacokin.model.mujoco_twin.contact import SelfContact
-from jacokin.model.robot import Robot
+from jacokin.model.robot import Home, Robot
 
 RANDOM_TRIES = 200  # of a fixed seed: a real arm is free of self-contact in nine of ten
 KEYFRAME = "home"  # of an MJCF file
+SINGULAR = 0.02  # least to largest singular value; 0.03 to 0.08 at the documented homes
+SAME_PLACE = 1e-3  # [m, or of a matrix] between the joints of a file and those of a bundled arm
 
 
-def find(robot: Robot) -> Array:
-    """The first candidate within the limits and free of contact; if none is, the one with the fewest touching pairs.
+def documented(name: str) -> Home:
+    """The home that the table gives a bundled robot; its tests see to it that it is free of contact."""
+    q = np.array(table.variant(name)["home"], dtype=np.float64)
+    return Home(q, f"documented for the {name}")
 
-    A keyframe called "home" in the file, the j2n6s300's home for other six-joint arms, the middle of the limits,
-    random configurations of a fixed seed. Coarse shapes may always overlap; that is no reason to have no home.
+
+def find(robot: Robot) -> Home:
+    """The first candidate within the limits, free of contact and not singular; if none is, the one that is closest.
+
+    A keyframe called "home" in the file; the documented home of a bundled robot whose joints stand where this one's
+    do; the middle of the limits; random configurations of a fixed seed. Coarse shapes may always overlap; that is no
+    reason to have no home.
     """
     checker = SelfContact.of(robot)
-    best, fewest = middle(robot), np.inf
-    for q in _candidates(robot):
-        if not robot.within_limits(q):
+    best, fewest, singular = Home(middle(robot), "the middle of the limits"), np.inf, True
+    for candidate in _candidates(robot):
+        if not robot.within_limits(candidate.q):
             continue
-        touching = len(checker.touching(q)) if checker else 0
-        if touching < fewest:
-            best, fewest = q, touching
-        if touching == 0:
+        touching, is_singular = len(checker.touching(candidate.q)) if checker else 0, _is_singular(robot, candidate.q)
+        if (touching, is_singular) < (fewest, singular):
+            best, fewest, singular = candidate, touching, is_singular
+        if (fewest, singular) == (0, False):
             break
-    return best
+    if checker is None:
+        return Home(best.q, f"{best.source}; without shapes to check for contact")
+    return Home(best.q, best.source if fewest == 0 else f"{best.source}; {fewest} pairs of shapes touch")
+
+
+def _is_singular(robot: Robot, q: Array) -> bool:
+    """Whether the tool can hardly move in some direction, as of a straight arm; solving from there goes badly."""
+    values = robot.singular_values(q)
+    return bool(values[-1] < SINGULAR * values[0])
 
 
 def middle(robot: Robot) -> Array:
@@ -40,28 +60,42 @@ def middle(robot: Robot) -> Array:
     return np.clip(q, robot.lower, robot.upper)
 
 
-def _candidates(robot: Robot) -> list[Array]:
-    found = []
+def _candidates(robot: Robot) -> Iterator[Home]:
     keyframe = _keyframe(robot)
     if keyframe is not None:
-        found.append(keyframe)
-    if robot.dof == 6:
-        found.append(np.array(table.variant("j2n6s300")["home"], dtype=np.float64))
-    found.append(middle(robot))
+        yield Home(keyframe, f"keyframe {KEYFRAME!r} of the file")
+    for name in bundled.NAMES:
+        if _has_the_joints_of(robot, name):
+            yield documented(name)
+            break
+    yield Home(middle(robot), "the middle of the limits")
     rng = np.random.default_rng(0)
     lower = np.where(np.isfinite(robot.lower), robot.lower, np.minimum(-np.pi, robot.upper))
     upper = np.where(np.isfinite(robot.upper), robot.upper, np.maximum(np.pi, robot.lower))
-    found.extend(rng.uniform(lower, upper, (RANDOM_TRIES, robot.dof)))
-    return found
+    for q in rng.uniform(lower, upper, (RANDOM_TRIES, robot.dof)):
+        yield Home(q, "a random search within the limits")
+
+
+def _has_the_joints_of(robot: Robot, name: str) -> bool:
+    """Whether the joints stand to each other as those of a bundled arm, wherever the base is and whatever the names."""
+    rows = list(table.arm_joints(name).values())
+    if robot.dof != len(rows):
+        return False
+    for row, placement in zip(rows[1:], list(robot.pin_model.jointPlacements)[2:], strict=True):
+        rpy = np.array([table.angle(value) for value in row["rpy"]])
+        expected = pin.SE3(pin.rpy.rpyToMatrix(rpy), np.array(row["xyz"], dtype=np.float64))
+        if not np.allclose(placement.homogeneous, expected.homogeneous, rtol=0.0, atol=SAME_PLACE):
+            return False
+    return all(joint.shortname() == "JointModelRZ" for joint in list(robot.pin_model.joints)[1:])
 
 
 def _keyframe(robot: Robot) -> Array | None:
     """The arm's part of the keyframe "home" of an MJCF file."""
-    if robot.source.kind != "mjcf":
+    model = robot.source.content
+    if model is None or isinstance(model, str):
         return None
     from jacokin.model.descriptions import mjcf
 
-    model = mjcf.compile_mjcf(robot.source.path)
     for key in range(model.nkey):
         if model.key(key).name == KEYFRAME:
             address = mjcf.joint_addresses(model, robot.joint_names)

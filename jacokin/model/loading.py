@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ET
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 
 from jacokin.arrays import Array
-from jacokin.errors import InvalidInputError, ModelError, UnknownNameError
+from jacokin.errors import InvalidInputError, ModelError, UnknownNameError, shown
 from jacokin.model import checks, home
-from jacokin.model.descriptions import bundled, chain, table, urdf
-from jacokin.model.robot import HomeFinder, Robot, Source
+from jacokin.model.descriptions import bundled, chain, reading
+from jacokin.model.descriptions.whole import Coupling
+from jacokin.model.robot import Home, HomeFinder, Robot, Source
 
 FINGER_ANGLE = 0.15  # [rad] fully open: the fingers' lower limit
-BASE_OF_BUNDLED = "link_base"
 TIP_OF_BUNDLED = "end_effector"
 
 
@@ -27,18 +26,21 @@ def load_robot(
     tip: str | None = None,
     finger_angle: float | None = None,
     limits: Mapping[str, tuple[float, float]] | None = None,
+    package_dirs: Sequence[str | Path] = (),
 ) -> Robot:
-    """Load an arm by name or from a file.
+    """Load an arm by name or from a file, which is not read again afterwards (meshes of a URDF: when first needed).
 
     Args:
-        robot: a bundled name ("j2n6s300", "j2n6s200", "j2s6s300", "j2s6s200", "m1n6s300", "m1n6s200"), or the path
-            of a .urdf or .xml (MJCF) file.
+        robot: a bundled name (`jacokin.model.NAMES`), or the path of a .urdf or .xml (MJCF) file. Load only files that
+            you trust, or in a sandbox: what an MJCF makes MuJoCo do is not bounded.
         base: frame in which poses are expressed. None: the root link of a URDF, the world of an MJCF.
         tip: frame at the end of the arm, and its default frame. None: the arm ends where the tree branches (into
             fingers), and its default frame is the end effector there.
         finger_angle: angle at which joints off the arm are locked [rad]. None: 0.15 for bundled robots, the reference
             position clipped into the limits for a user's file.
         limits: a user's own limits (lower, upper) [rad] by joint name, in place of those of the file.
+        package_dirs: folders that hold the packages of package:// meshes, searched before ROS_PACKAGE_PATH and the
+            folders above the file. Kinematics needs no meshes; self-contact does.
 
     Returns:
         The robot; nq == nv == dof in `robot.pin_model`.
@@ -48,94 +50,55 @@ def load_robot(
         InvalidInputError: limits malformed, or a finger angle that no finger can take.
         ModelError: the file is missing, malformed, or holds no such arm.
     """
-    path, name = _resolve(robot)
+    path, name = reading.resolve(robot)
     for argument, frame in (("base", base), ("tip", tip)):
         if frame is not None and not isinstance(frame, str):
             raise InvalidInputError(f"{argument} must be the name of a frame, got {frame!r}")
-    coupled: set[str] = set()
-    if name:
-        full = urdf.parse(path.read_text(encoding="utf-8"), str(path))
-        reference, kind = pin.neutral(full), "urdf"
-        base_name = base or _root_link(full)
-    elif path.suffix == ".urdf" or _is_urdf(path):
-        full, coupled = urdf.read(path)
-        reference, kind = pin.neutral(full), "urdf"
-        base_name = base or _root_link(full)
-    else:
-        from jacokin.model.descriptions import mjcf
-
-        compiled = mjcf.compile_mjcf(path)
-        full = mjcf.to_pinocchio(compiled, path.stem)
-        coupled = mjcf.coupled_joints(compiled)
-        reference, kind = mjcf.reference_configuration(compiled, full), "mjcf"
-        base_name = base or mjcf.WORLD
+    folders = _folders(package_dirs)
+    if finger_angle is not None:
+        finger_angle = checks.number("finger_angle", finger_angle, "rad")
+    whole = reading.read(path, name)
     if name:
         tip = tip or TIP_OF_BUNDLED
         finger_angle = FINGER_ANGLE if finger_angle is None else finger_angle
-    locked = _locked_reference(full, reference, finger_angle)
-    model = chain.extract(full, locked, base, tip, name or full.name or path.stem)
-    _refuse_coupled(model, coupled)
+    locked = _locked_reference(whole.model, whole.reference, finger_angle)
+    model = chain.extract(whole.model, locked, base, tip, name or whole.model.name or path.stem)
+    _refuse_coupled(model, whole.couplings)
     if finger_angle is not None:
-        _check_fingers(full, model, finger_angle)
+        _check_fingers(whole.model, model, finger_angle)
     if limits is not None:
         _override_limits(model, limits)
     _check_limits(model)
-    source = Source(path=path, kind=kind, bundled=name, base=base, tip=tip)
     return Robot(
         model,
-        base=base_name,
+        base=base or whole.base,
         tip=tip,
-        source=source,
+        source=Source(path, whole.kind, name, base, tip, folders, whole.content),
         finger_angle=finger_angle,
         home=_documented_home(name, model) if name else home.find,
     )
 
 
-def _documented_home(name: str, model: pin.Model) -> Array | HomeFinder:
+def _folders(package_dirs: Sequence[str | Path]) -> tuple[Path, ...]:
+    if isinstance(package_dirs, str | Path) or not all(isinstance(folder, str | Path) for folder in package_dirs):
+        raise InvalidInputError(f"package_dirs must be a list of folders, got {shown(package_dirs)}")
+    return tuple(Path(folder).absolute() for folder in package_dirs)
+
+
+def _documented_home(name: str, model: pin.Model) -> Home | HomeFinder:
     """The home of a bundled robot, free of contact by its tests; to be found where the chain or its limits differ."""
-    q = np.array(table.variant(name)["home"], dtype=np.float64)
-    if len(q) == model.nv and ((q >= model.lowerPositionLimit) & (q <= model.upperPositionLimit)).all():
-        return q
-    return home.find
-
-
-def _resolve(robot: str | Path) -> tuple[Path, str | None]:
-    """Path of the description, and the bundled name if it is one."""
-    if not isinstance(robot, str | Path):
-        raise InvalidInputError(f"robot must be a bundled name or a path, got {type(robot).__name__}")
-    text = str(robot)
-    if text in bundled.NAMES:
-        return bundled.urdf_folder() / f"{text}.urdf", text
-    path = Path(robot).absolute()
-    if path.suffix not in (".urdf", ".xml", ".mjcf"):
-        if _is_file(path):
-            raise ModelError(f"{path}: unknown file type {path.suffix!r}; valid: .urdf, .xml (MJCF)")
-        raise UnknownNameError("robot", text, [*bundled.NAMES, "or a path to a .urdf or .xml file"])
-    if not _is_file(path):
-        raise ModelError(f"{path}: no such file")
-    return path, None
-
-
-def _is_file(path: Path) -> bool:
-    """As `Path.is_file`, which raises for a path too long for the system."""
-    try:
-        return path.is_file()
-    except (OSError, ValueError):
-        return False
-
-
-def _root_link(full: pin.Model) -> str:
-    """Name of the first link that does not move."""
-    for index, frame in enumerate(full.frames):
-        if index and frame.type == pin.FrameType.BODY and frame.parentJoint == 0:
-            return str(frame.name)
-    return str(full.frames[0].name)
+    known = home.documented(name)
+    if (
+        len(known.q) != model.nv
+        or (known.q < model.lowerPositionLimit).any()
+        or (known.q > model.upperPositionLimit).any()
+    ):
+        return home.find
+    return known
 
 
 def _locked_reference(full: pin.Model, reference: Array, finger_angle: float | None) -> Array:
     """Configuration at which joints off the arm are frozen; the arm's own entries do not matter."""
-    if finger_angle is not None:
-        finger_angle = float(checks.vector("finger_angle", [finger_angle], 1, "rad")[0])
     q = np.array(reference, dtype=np.float64)
     for index in range(1, full.njoints):
         joint = full.joints[index]
@@ -147,22 +110,15 @@ def _locked_reference(full: pin.Model, reference: Array, finger_angle: float | N
     return q
 
 
-def _is_urdf(path: Path) -> bool:
-    """Whether an XML file holds a URDF, whatever it is called."""
-    try:
-        return ET.parse(path).getroot().tag == "robot"
-    except (OSError, ET.ParseError):
-        return False
-
-
-def _refuse_coupled(model: pin.Model, coupled: set[str]) -> None:
-    """An arm joint that must follow another one is not free to be solved for."""
+def _refuse_coupled(model: pin.Model, couplings: Iterable[Coupling]) -> None:
+    """Solving needs joints that move independently of each other and of what holds the arm."""
     for joint in tuple(model.names)[1:]:
-        if joint in coupled:
-            raise ModelError(
-                f"joint {joint!r} of the arm is coupled to another one (mimic or equality); jacokin solves for "
-                "independent joints only"
-            )
+        for coupling in couplings:
+            if joint in coupling.joints:
+                raise ModelError(
+                    f"joint {joint!r} of the arm is coupled ({coupling.what}); "
+                    "jacokin solves for independent joints only"
+                )
 
 
 def _check_fingers(full: pin.Model, model: pin.Model, finger_angle: float) -> None:

@@ -202,3 +202,9 @@ def quat_wxyz(rotation: Array) -> Array:
     x, y, z, w = pin.Quaternion(np.asarray(rotation)).normalized().coeffs()
     quat = np.array([w, x, y, z])
     return -quat if w < 0.0 else quat
+
+
+def rotation_angle(rotation: Array) -> float:
+    """Angle [rad] of a rotation matrix, accurate near zero and near a half turn."""
+    a, b, c, d, e, f, g, h, k = rotation.ravel().tolist()
+    return math.atan2(math.hypot(h - f, c - g, d - b), a + e + k - 1.0)

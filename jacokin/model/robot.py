@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
@@ -21,13 +22,16 @@ from jacokin.errors import InvalidInputError, UnknownNameError
 from jacokin.model import checks, differential
 from jacokin.model.descriptions import chain
 
+if TYPE_CHECKING:
+    import mujoco
+
 # Half-open bounds for sampling an unlimited joint [rad].
 UNLIMITED_RANGE = (-np.pi, np.pi)
 
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """Where a robot came from.
+    """Where a robot came from, and what was read there: the file is not read again.
 
     Attributes:
         path: the description file.
@@ -35,6 +39,8 @@ class Source:
         bundled: name of the bundled robot, or None for a user's own file.
         base: base frame that was asked for, or None.
         tip: tip frame that was asked for, or None.
+        package_dirs: folders that hold the packages of package:// meshes.
+        content: the checked text of a URDF, or an MJCF as MuJoCo compiled it; None for bundled robots.
     """
 
     path: Path
@@ -42,6 +48,18 @@ class Source:
     bundled: str | None
     base: str | None
     tip: str | None
+    package_dirs: tuple[Path, ...] = ()
+    content: str | mujoco.MjModel | None = field(default=None, repr=False, compare=False)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Home:
+    """A configuration to start from, and where it comes from."""
+
+    q: Array
+    """(dof,) [rad]."""
+    source: str
+    """In words: a documented configuration, a keyframe of the file, the middle of the limits, or a search."""
 
 
 class Robot:
@@ -73,7 +91,7 @@ class Robot:
         tip: str | None,
         source: Source,
         finger_angle: float | None = None,
-        home: ArrayLike | HomeFinder,
+        home: Home | HomeFinder,
     ) -> None:
         """Wrap a chain made by `chain.extract`; users call `load_robot`.
 
@@ -83,7 +101,7 @@ class Robot:
             tip: the default frame; None for an end effector or the last frame.
             source: where it came from.
             finger_angle: angle at which joints off the chain were locked [rad].
-            home: (dof,) [rad], or the function that finds it when it is first asked for; pickled by its name.
+            home: or the function that finds it when it is first asked for; pickled by its name.
         """
         self.pin_model = model
         self.name: str = model.name
@@ -125,7 +143,7 @@ class Robot:
             self.default_frame,
             self.source,
             self.finger_angle,
-            self.__dict__.get("home", self._home),
+            self.__dict__.get("_found_home", self._home),
         )
         return _rebuild, state
 
@@ -317,13 +335,22 @@ class Robot:
     @cached_property
     def home(self) -> Array:
         """A configuration within the limits, free of self-contact where there are collision shapes; (dof,) [rad]."""
-        return checks.read_only(self._home(self) if callable(self._home) else self._home)
+        return checks.read_only(self._found_home.q)
+
+    @property
+    def home_source(self) -> str:
+        """Where `home` comes from, in words; found with it."""
+        return self._found_home.source
+
+    @cached_property
+    def _found_home(self) -> Home:
+        return self._home(self) if callable(self._home) else self._home
 
 
 def _rebuild(
-    model: pin.Model, base: str, frame: str, source: Source, finger_angle: float | None, home: ArrayLike | HomeFinder
+    model: pin.Model, base: str, frame: str, source: Source, finger_angle: float | None, home: Home | HomeFinder
 ) -> Robot:
     return Robot(model, base=base, tip=frame, source=source, finger_angle=finger_angle, home=home)
 
 
-HomeFinder = Callable[[Robot], Array]
+HomeFinder = Callable[[Robot], Home]

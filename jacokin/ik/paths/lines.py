@@ -18,8 +18,8 @@ from scipy.spatial.transform import Rotation, Slerp
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.ik.paths.timing import Profile
-from jacokin.ik.pose_error import rotation_angle
 from jacokin.model import checks, poses
+from jacokin.model.poses import rotation_angle
 
 WHOLE_TICK = 1e-9  # a duration this near to whole ticks is whole; division rounds
 MAX_TICKS = 10_000_000  # more than a day at 100 Hz: a speed or a step was mistyped

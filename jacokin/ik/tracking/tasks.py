@@ -15,7 +15,6 @@ import numpy as np
 import pinocchio as pin
 
 from jacokin.arrays import Array
-from jacokin.ik import pose_error
 from jacokin.ik.pose_error import RADIAN_IN_METRES
 from jacokin.model import poses
 
@@ -92,7 +91,7 @@ class PoseTask(Task):
     def measure(self, data: mujoco.MjData) -> tuple[float, float]:
         """Distance and angle."""
         rotation = data.site_xmat[self._site].reshape(3, 3)
-        angle = pose_error.rotation_angle(rotation.T @ self._rotation)
+        angle = poses.rotation_angle(rotation.T @ self._rotation)
         if self._orientation_only:
             return 0.0, angle
         return math.hypot(*(data.site_xpos[self._site] - self._position).tolist()), angle

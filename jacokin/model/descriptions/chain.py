@@ -7,6 +7,8 @@ joints ends here: every revolute joint of the result has exactly one coordinate.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 import pinocchio as pin
 
@@ -15,6 +17,8 @@ from jacokin.errors import ModelError, UnknownNameError
 
 FRAME_TYPES = (pin.FrameType.BODY, pin.FrameType.OP_FRAME)
 END_EFFECTOR = "end_effector"
+SHORTEST_ARM = 2  # joints of a branch that may be an arm; one joint is a finger, also on a single slide
+NAMED_CANDIDATES = 6  # in a message
 NO_LIMIT = 1e6  # [rad] or [m]; files that must write a number for "none" write one beyond this
 
 _PLAIN_AXIS = {"X": pin.JointModelRX, "Y": pin.JointModelRY, "Z": pin.JointModelRZ}
@@ -54,7 +58,7 @@ def arm_tip_joint(model: pin.Model, base_joint: int) -> int:
     """The last joint before the tree branches, walking out from the base: where the arm ends and fingers begin.
 
     Raises:
-        ModelError: nothing moves, or several chains start at the base.
+        ModelError: nothing moves, or arms rather than fingers begin where the tree branches; names candidates for tip.
     """
     children: dict[int, list[int]] = {}
     for joint in range(1, model.njoints):
@@ -62,16 +66,45 @@ def arm_tip_joint(model: pin.Model, base_joint: int) -> int:
     # Free objects in the scene hang on the base too, and are not arms.
     start = children.get(base_joint, [])
     start = [joint for joint in start if model.joints[joint].nv == 1] or start
-    if len(start) != 1:
-        names = [model.names[j] for j in start]
-        raise ModelError(
-            f"{'several chains start' if start else 'no joint starts'} at the base ({', '.join(names) or 'none'}); "
-            "say which frame ends the arm with tip=..., and which begins it with base=..."
-        )
-    joint = start[0]
+    if not start:
+        raise ModelError("no joint starts at the base; say where the arm begins with base=...")
+    if len(start) > 1:
+        names = ", ".join(model.names[joint] for joint in start)
+        raise ModelError(f"several chains start at the base ({names}); {_advice(model, children, start)}")
+    joint, length = start[0], 1
     while len(children.get(joint, [])) == 1:
-        joint = children[joint][0]
+        joint, length = children[joint][0], length + 1
+    branches = children.get(joint, [])
+    longest = max((_length(children, branch) for branch in branches), default=0)
+    if longest >= max(length, SHORTEST_ARM):
+        raise ModelError(
+            f"the chain branches at joint {model.names[joint]!r}, its number {length}, into chains of up to {longest} "
+            f"joints: arms on a torso rather than fingers on an arm; {_advice(model, children, branches)}"
+        )
     return joint
+
+
+def _length(children: Mapping[int, list[int]], joint: int) -> int:
+    """Joints on the longest way outwards from a joint, itself included."""
+    longest, ahead = 0, [(joint, 1)]
+    while ahead:
+        joint, length = ahead.pop()
+        longest = max(longest, length)
+        ahead.extend((child, length + 1) for child in children.get(joint, []))
+    return longest
+
+
+def _advice(model: pin.Model, children: Mapping[int, list[int]], starts: list[int]) -> str:
+    """What to say with tip=..., with a frame at the end of each chain, the longest chains first."""
+    frames = {model.frames[index].parentJoint: name for name, index in reversed(frame_names(model).items())}
+    candidates = []
+    for joint in sorted(starts, key=lambda start: -_length(children, start)):
+        while len(children.get(joint, [])) == 1:
+            joint = children[joint][0]
+        if joint in frames:
+            candidates.append(frames[joint])
+    named = f", for example {', '.join(candidates[:NAMED_CANDIDATES])}" if candidates else ""
+    return f"say which frame ends the arm with tip=...{named} (and which begins it with base=...)"
 
 
 def default_frame(model: pin.Model, tip: str | None) -> str:

@@ -18,7 +18,19 @@ from jacokin.arrays import Array
 from jacokin.errors import ModelError
 
 WORLD = "world"
-NUMERIC = frozenset(("pos", "quat", "euler", "axisangle", "xyaxes", "zaxis", "axis", "range", "ref", "mass"))
+NUMERIC = frozenset(("pos", "quat", "euler", "axisangle", "xyaxes", "zaxis", "axis", "range", "ref", "mass", "qpos"))
+COMPILED = (
+    "body_pos",
+    "body_quat",
+    "jnt_pos",
+    "jnt_axis",
+    "jnt_range",
+    "site_pos",
+    "site_quat",
+    "body_mass",
+    "key_qpos",
+)
+SITE_SUFFIX = "_site"  # of a site that has the name of a body
 SCALAR_JOINTS = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))  # ints: numpy does not equal enums
 
 
@@ -33,7 +45,7 @@ def compile_mjcf(path: Path) -> mujoco.MjModel:
         model = mujoco.MjModel.from_xml_path(str(path))
     except (ValueError, RuntimeError) as error:
         raise ModelError(f"{path}: MuJoCo cannot load this file: {error}") from error
-    for name in ("body_pos", "body_quat", "jnt_pos", "jnt_axis", "jnt_range", "site_pos", "site_quat", "body_mass"):
+    for name in COMPILED:
         if not np.isfinite(getattr(model, name)).all():
             raise ModelError(f"{path}: {name} of the compiled model is not finite")
     return model
@@ -70,6 +82,19 @@ def body_name(model: mujoco.MjModel, body: int) -> str:
 def joint_name(model: mujoco.MjModel, joint: int) -> str:
     """Name of a joint; unnamed ones get a name from their number."""
     return str(model.joint(joint).name) or _free_name(model, mujoco.mjtObj.mjOBJ_JOINT, f"joint#{joint}")
+
+
+def site_name(model: mujoco.MjModel, site: int) -> str:
+    """Name of a site, "" for none; one that is named like a body gets an ending, as frames have unique names."""
+    name = str(model.site(site).name)
+    if not name or mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name) < 0:
+        return name
+    name += SITE_SUFFIX
+    while any(
+        mujoco.mj_name2id(model, kind, name) >= 0 for kind in (mujoco.mjtObj.mjOBJ_BODY, mujoco.mjtObj.mjOBJ_SITE)
+    ):
+        name += "_"
+    return name
 
 
 def _free_name(model: mujoco.MjModel, kind: mujoco.mjtObj, name: str) -> str:
@@ -119,7 +144,8 @@ def _joint_limits(model: mujoco.MjModel, joint: int) -> tuple[float, float]:
 def to_pinocchio(model: mujoco.MjModel, name: str) -> pin.Model:
     """The same tree in Pinocchio, its zero for ball and free joints at MuJoCo's reference pose.
 
-    Bodies become body frames, sites operational frames, the world body a frame called "world".
+    Bodies become body frames, sites operational frames, the world body a frame called "world". Names: `body_name`,
+    `site_name`.
     """
     out = pin.Model()
     out.name = name
@@ -165,9 +191,9 @@ def to_pinocchio(model: mujoco.MjModel, name: str) -> pin.Model:
     for site in range(model.nsite):
         parent, T_parent_body = carried[model.site_bodyid[site]]
         T_parent_site = T_parent_body * placement(model.site_quat[site], model.site_pos[site])
-        site_name = str(model.site(site).name)
-        if site_name:
-            out.addFrame(pin.Frame(site_name, parent, 0, T_parent_site, pin.FrameType.OP_FRAME), False)
+        name_of_site = site_name(model, site)
+        if name_of_site:
+            out.addFrame(pin.Frame(name_of_site, parent, 0, T_parent_site, pin.FrameType.OP_FRAME), False)
     out.armature = np.array(model.dof_armature[dofs])
     out.damping = np.array(model.dof_damping[dofs])
     out.upperDryFrictionLimit = np.array(model.dof_frictionloss[dofs])
@@ -196,14 +222,3 @@ def dof_addresses(model: mujoco.MjModel, names: tuple[str, ...]) -> list[int]:
     """Addresses in qvel of scalar joints, by the names `joint_name` gives."""
     by_name = {joint_name(model, joint): int(model.jnt_dofadr[joint]) for joint in range(model.njnt)}
     return [by_name[name] for name in names]
-
-
-def coupled_joints(model: mujoco.MjModel) -> set[str]:
-    """Names of the joints that an active equality ties to another joint or to a value."""
-    return {
-        joint_name(model, int(joint))
-        for equality in range(model.neq)
-        if model.eq_type[equality] == mujoco.mjtEq.mjEQ_JOINT and model.eq_active0[equality]
-        for joint in (model.eq_obj1id[equality], model.eq_obj2id[equality])
-        if joint >= 0
-    }

@@ -19,7 +19,7 @@ class MujocoEngine:
 
     def __init__(self, robot: Robot) -> None:
         """Prepare working memory."""
-        self._model = model = source.compiled(robot)
+        self._model = model = source.with_masses(robot)
         self._data = mujoco.MjData(model)
         self.label = f"{robot.name} in MuJoCo"
         self.joint_names = robot.joint_names
@@ -27,7 +27,7 @@ class MujocoEngine:
         self._dofs = mjcf.dof_addresses(model, robot.joint_names)
         self.has_armature = bool(np.any(model.dof_armature[self._dofs]))
         self._bodies = {mjcf.body_name(model, body): body for body in range(model.nbody)}
-        self._sites = {str(model.site(site).name): site for site in range(model.nsite)}
+        self._sites = {mjcf.site_name(model, site): site for site in range(model.nsite)}
         self.frames = tuple(name for name in robot.frames if name in self._bodies or name in self._sites)
         self._hold_still(robot)
         self._base = robot.base if robot.base in self._bodies or robot.base in self._sites else None
@@ -57,7 +57,6 @@ class MujocoEngine:
         mujoco.mj_fullM(self._model, self._data, self._mass)
 
     def _placement(self, frame: str) -> tuple[Array, Array]:
-        # A body's name wins over a site's, as in `Robot.frames`.
         if frame in self._bodies:
             body = self._bodies[frame]
             return np.array(self._data.xpos[body]), np.array(self._data.xmat[body]).reshape(3, 3)

@@ -17,7 +17,7 @@ GEOM_OF_MESH = mujoco.mjtGeom.mjGEOM_MESH
 
 def add_shapes(spec: mujoco.MjSpec, carriers: list[mujoco.MjsBody], robot: Robot) -> None:
     """Copy the colliding shapes of the arm, and MuJoCo's own choice of which pairs may touch."""
-    source = sources.compiled(robot)
+    source = sources.with_shapes(robot)
     model = robot.pin_model
     names = set(robot.frames)
     placed: dict[int, str] = {}  # geom of the source -> its name here

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from jacokin.errors import ModelError
 from jacokin.model.descriptions import mjcf
-from jacokin.model.robot import Robot, Source
+from jacokin.model.robot import Home, Robot, Source
 from jacokin.mujoco_bridge.simulation.binding import select
 
 Array = NDArray[np.float64]
@@ -112,7 +112,9 @@ def scene_chain(model: mujoco.MjModel, qpos: Array, joints: Sequence[int], site:
     arrays = _arrays(model, bodies, site)
     source = Source(path=Path("scene"), kind="mjcf", bundled=None, base=BASE, tip=SITE)
     return SceneChain(
-        robot=Robot(out, base=BASE, tip=SITE, source=source, home=qpos[addresses]),
+        robot=Robot(
+            out, base=BASE, tip=SITE, source=source, home=Home(qpos[addresses], "where the arm was in the scene")
+        ),
         base_body=int(model.body_parentid[bodies[0]]),
         base_is_fixed=not any(model.body_dofnum[body] or model.body_mocapid[body] >= 0 for body in above),
         base_arrays=_poses(model, above),

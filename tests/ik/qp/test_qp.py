@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 import jacokin
 from jacokin import IKSolver, Robot, Status
 from jacokin.errors import InvalidInputError, MissingExtraError, SolveError, UnknownNameError
-from jacokin.ik import pose_error
 from jacokin.ik.qp import backend
+from jacokin.model import poses
 
 Array = NDArray[np.float64]
 
@@ -294,7 +294,7 @@ def test_published_home_is_near_the_documented_angles(robot: Robot) -> None:
 def test_rotation_angles_are_accurate_at_both_ends() -> None:
     for angle in (0.0, 1e-9, 1e-4, 1.0, math.pi - 1e-7, math.pi):
         rotation = pin.AngleAxis(angle, np.array([0.6, 0.0, 0.8])).toRotationMatrix()
-        assert pose_error.rotation_angle(rotation) == pytest.approx(angle, abs=1e-15)
+        assert poses.rotation_angle(rotation) == pytest.approx(angle, abs=1e-15)
 
 
 def test_sliding_joints_reach_as_far_as_they_slide(tmp_path: Path, rng: np.random.Generator) -> None:
