@@ -48,6 +48,9 @@ REQUIRED: Mapping[str, Sequence[str]] = {
     "mass": ("value",),
     "inertia": ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"),
 }
+JOINT_ELEMENTS = (
+    "origin", "parent", "child", "axis", "limit", "dynamics", "mimic", "safety_controller", "calibration",
+)  # fmt: skip
 NEVER_NEGATIVE = {("limit", "effort"), ("limit", "velocity"), ("mass", "value")}
 
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)  # as C reads it: no "1_0", no other digits
@@ -149,10 +152,20 @@ def _numbers(text: str, count: int, what: str) -> list[float]:
     return values
 
 
+def _check_single(owner: ET.Element, tags: Sequence[str], where: str) -> None:
+    """Elements that parsers expect once: of two, one would take the first and another the last."""
+    counts = Counter(element.tag for element in owner)
+    for tag in tags:
+        if counts[tag] > 1:
+            raise ModelError(f"{where}: its <{owner.tag}> has more than one <{tag}>")
+
+
 def _check_inertial(link: ET.Element, where: str) -> None:
+    _check_single(link, ("inertial",), where)
     inertial = link.find("inertial")
     if inertial is None:
         return
+    _check_single(inertial, ("origin", "mass", "inertia"), where)
     for tag in ("mass", "inertia"):
         element = inertial.find(tag)
         if element is None:
@@ -162,6 +175,7 @@ def _check_inertial(link: ET.Element, where: str) -> None:
 
 
 def _check_joint(joint: ET.Element, links: set[str], joints: set[str], where: str) -> None:
+    _check_single(joint, JOINT_ELEMENTS, where)
     kind = joint.get("type")
     if kind not in JOINT_TYPES:
         raise ModelError(f"{where}: unknown type {kind!r}; valid: {', '.join(JOINT_TYPES)}")
