@@ -6,7 +6,7 @@ WHEEL = $(shell ls -t dist/jacokin-*.whl 2>/dev/null | head -n 1)
 SOURCES := pyproject.toml constraints.txt $(shell find jacokin urdf -name '*.py' -o -name '*.toml' -o -name '*.urdf' -o -name '*.xml')
 JOBS ?= 2
 
-.PHONY: demo test lint format type docs build test-oldest bench clean
+.PHONY: demo test lint format type docs build test-oldest bench fuzz clean
 
 demo: $(VENV)/demo.stamp  ## solve the example targets and draw the arm at a solution
 	$(BIN)/python examples/demo.py
@@ -35,6 +35,9 @@ test-oldest: .venv-oldest/test.stamp  ## the quick tests with the oldest support
 
 bench: $(VENV)/test.stamp  ## jacokin beside its peers; writes docs/performance.md
 	$(BIN)/python -m benchmarks.run
+
+fuzz: $(VENV)/test.stamp  ## random targets, arguments and files for at most half an hour; OPTIONS="--seed 1 files"
+	$(BIN)/python -m fuzz $(OPTIONS)
 
 clean:
 	rm -rf build dist site out $(VENV) .venv-oldest .venv-bench

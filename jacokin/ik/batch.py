@@ -5,6 +5,8 @@ A solver hands over what it can do (`Solvers`); nothing here knows which method 
 
 from __future__ import annotations
 
+import os
+import signal
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol
@@ -23,6 +25,7 @@ from jacokin.model import checks
 from jacokin.model.robot import Robot
 
 CHUNK = 4096  # targets in one compiled call: progress is seen, and the call's cost is spread
+MAX_CHUNK = 16  # targets that a worker process takes at once: an interrupted batch waits for no more
 
 
 class Rows(Protocol):
@@ -122,10 +125,14 @@ class _Columns:
 
 def _seeds_within_limits(robot: Robot, seeds: ArrayLike | None, size: int) -> tuple[Array, list[str]]:
     """One seed within the limits for each target, and what had to be done to it."""
-    if seeds is None or np.ndim(seeds) == 1:
-        seed, note = seed_within_limits(robot, seeds)
+    try:
+        given = None if seeds is None else checks.numbers(seeds)
+    except (TypeError, ValueError) as error:
+        raise InvalidInputError(f"seeds must be ({robot.dof},) or (n, {robot.dof}) numbers [rad]: {error}") from error
+    if given is None or given.ndim == 1:
+        seed, note = seed_within_limits(robot, given, "seeds")
         return np.tile(seed, (size, 1)), [note] * size
-    rows = checks.matrix("seeds", seeds, robot.dof, "rad")
+    rows = checks.matrix("seeds", given, robot.dof, "rad")
     if len(rows) != size:
         raise InvalidInputError(f"seeds must have one row for each of the {size} targets, got {len(rows)}")
     within = (rows >= robot.lower).all(axis=1) & (rows <= robot.upper).all(axis=1)
@@ -148,9 +155,10 @@ def _compiled(
     """Poses through the compiled loop; returns the rows it did not settle."""
     rows = np.flatnonzero(~position_only)
     left: list[int] = np.flatnonzero(position_only).tolist()
+    threads = min(workers, os.cpu_count() or 1)
     for first in range(0, len(rows), CHUNK):
         chunk = rows[first : first + CHUNK]
-        found, good = run(matrices[chunk], starts[chunk], workers)
+        found, good = run(matrices[chunk], starts[chunk], threads)
         settled = chunk[good]
         out.q[settled] = found.q[good]
         out.errors[settled] = np.column_stack((found.position_error[good], found.orientation_error[good]))
@@ -175,17 +183,22 @@ def _one_by_one(single: Single, jobs: list[_Job], workers: int) -> Iterator[tupl
     from concurrent.futures.process import BrokenProcessPool
 
     context = multiprocessing.get_context("spawn")  # threads of numba and BLAS do not survive a fork
+    pool = ProcessPoolExecutor(
+        min(workers, len(jobs)), mp_context=context, initializer=_prepare_process, initargs=(single,)
+    )
     try:
-        with ProcessPoolExecutor(workers, mp_context=context, initializer=_set_single, initargs=(single,)) as pool:
-            yield from pool.map(_job_in_process, jobs, chunksize=max(1, len(jobs) // (8 * workers)))
+        yield from pool.map(_job_in_process, jobs, chunksize=min(MAX_CHUNK, max(1, len(jobs) // (8 * workers))))
     except BrokenProcessPool as error:
         raise JacokinError(
             "the worker processes did not start: a script that uses workers > 1 must do so under "
             "`if __name__ == '__main__':`, because each worker imports it"
         ) from error
+    finally:  # also when the caller is interrupted: only jobs that have begun are waited for
+        pool.shutdown(cancel_futures=True)
 
 
-def _set_single(single: Single) -> None:
+def _prepare_process(single: Single) -> None:
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C ends a worker at once, without a traceback of its own
     _single_in_process[:] = [single]
 
 

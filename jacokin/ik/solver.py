@@ -135,7 +135,7 @@ class IKSolver:
         """
         if self._form is None:
             if self._misfit is not None:
-                raise self._misfit
+                raise self._misfit.with_traceback(None)  # one object, raised again and again
             from jacokin.ik.closed_form import ClosedForm
 
             try:
