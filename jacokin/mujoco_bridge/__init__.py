@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from jacokin.mujoco_bridge.control.commands import command_site_velocity as command_site_velocity
     from jacokin.mujoco_bridge.control.initializers import TcpInitializer as TcpInitializer
     from jacokin.mujoco_bridge.control.initializers import ToolCenterPointInitializer as ToolCenterPointInitializer
+    from jacokin.mujoco_bridge.control.prop_placer import PropPlacer as PropPlacer
     from jacokin.mujoco_bridge.distributions import uniform_box as uniform_box
     from jacokin.mujoco_bridge.entities.entity import Entity as Entity
     from jacokin.mujoco_bridge.entities.entity import ModelWrapperEntity as ModelWrapperEntity
@@ -86,6 +87,7 @@ __all__, __getattr__, __dir__ = lazy.door(
             "TcpInitializer",
             "ToolCenterPointInitializer",
         ),
+        "jacokin.mujoco_bridge.control.prop_placer": ("PropPlacer",),
         "jacokin.mujoco_bridge.distributions": ("uniform_box",),
         "jacokin.mujoco_bridge.observables.specs": ("ArraySpec",),
         "jacokin.mujoco_bridge.observables.joints": ("JointsObservables",),

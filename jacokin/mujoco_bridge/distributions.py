@@ -29,7 +29,7 @@ __all__ = [
     "Sampler",
     "Uniform",
     "UniformQuaternion",
-    "evaluate",
+    "constant_or_sampler",
     "sampler",
     "uniform_box",
 ]
@@ -87,19 +87,13 @@ def _caller(function: Callable[..., Any], form: tuple[str, ...] | int) -> Callab
     )
 
 
-def evaluate(
-    name: str,
-    value: ArrayLike | Sampler,
-    random_state: RandomState | None,
-    initial_value: ArrayLike | None = None,
-    current_value: ArrayLike | None = None,
-) -> Any:
-    """The value, or what it draws if it is a sampler.
+def constant_or_sampler(name: str, value: ArrayLike | Sampler) -> Callable[[Any, Any, Any], Any]:
+    """A callable of (initial_value, current_value, random_state) that returns the value, or draws it from a sampler.
 
     Raises:
         InvalidInputError: a callable with other arguments than a sampler's.
     """
-    return sampler(name, value)(initial_value, current_value, random_state) if callable(value) else value
+    return sampler(name, value) if callable(value) else lambda initial_value, current_value, random_state: value
 
 
 class _Distribution:
@@ -142,6 +136,7 @@ class Uniform(_Distribution):
     def __post_init__(self) -> None:
         """Check the bounds."""
         low, high = _finite("low", self.low), _finite("high", self.high)
+        _check_fit("low", low, "high", high)
         if (low > high).any():
             raise InvalidInputError(f"low must not be above high, got {low.tolist()} and {high.tolist()}")
 
@@ -165,8 +160,9 @@ class Normal(_Distribution):
 
     def __post_init__(self) -> None:
         """Check the parameters."""
-        _finite("loc", self.loc)
-        if (_finite("scale", self.scale) < 0.0).any():
+        loc, scale = _finite("loc", self.loc), _finite("scale", self.scale)
+        _check_fit("loc", loc, "scale", scale)
+        if (scale < 0.0).any():
             raise InvalidInputError(f"scale must not be negative, got {self.scale!r}")
 
     def _draw(self, random_state: RandomState, size: tuple[int, ...] | None) -> Any:
@@ -191,8 +187,7 @@ class QuaternionFromAxisAngle:
             raise InvalidInputError(f"axis must not be zero, got {self.axis!r}")
         if not callable(self.angle):
             checks.number("angle", self.angle, "rad")
-        else:
-            sampler("angle", self.angle)
+        constant_or_sampler("angle", self.angle)
 
     def __call__(self, initial_value: Any = None, current_value: Any = None, random_state: Any = None) -> Array:
         """Draw the angle.
@@ -200,7 +195,7 @@ class QuaternionFromAxisAngle:
         Raises:
             InvalidInputError: the angle drawn is not a number.
         """
-        drawn = evaluate("angle", self.angle, random_state, initial_value, current_value)
+        drawn = constant_or_sampler("angle", self.angle)(initial_value, current_value, random_state)
         angle = checks.vector("angle", np.reshape(drawn, -1), 1, "rad")[0]
         axis = checks.vector("axis", self.axis, 3, "1")
         quat_wxyz = np.empty(4)
@@ -246,3 +241,12 @@ def _finite(name: str, value: ArrayLike) -> Array:
     if not np.isfinite(array).all():
         raise InvalidInputError(f"{name} must be finite, got {array.tolist()}")
     return array
+
+
+def _check_fit(first_name: str, first: Array, second_name: str, second: Array) -> None:
+    try:
+        np.broadcast_shapes(first.shape, second.shape)
+    except ValueError:
+        raise InvalidInputError(
+            f"{first_name} and {second_name} must fit together, got shapes {first.shape} and {second.shape}"
+        ) from None

@@ -145,6 +145,7 @@ def test_public_names() -> None:
         "Pedestal",
         "Physics",
         "Primitive",
+        "PropPlacer",
         "RobotArm",
         "RobotHand",
         "TcpInitializer",

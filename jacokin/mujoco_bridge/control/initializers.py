@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import weakref
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -9,9 +11,11 @@ from jacokin.errors import EpisodeInitializationError, InvalidInputError
 from jacokin.model import checks
 from jacokin.mujoco_bridge.base import DOWN_QUATERNION, RandomState, RobotArm, RobotHand, check_random_state
 from jacokin.mujoco_bridge.control.collisions import Geoms, bodies_of, free_bodies, trial_of
-from jacokin.mujoco_bridge.distributions import Sampler, evaluate, sampler
+from jacokin.mujoco_bridge.distributions import Sampler, constant_or_sampler
 from jacokin.mujoco_bridge.quaternions import rotation_matrix, unit_quaternion
 from jacokin.mujoco_bridge.simulation.physics import Physics, check_physics
+
+Pairs = tuple[tuple[Geoms, Geoms], ...]
 
 BRANCHES = ("random", "nearest")
 
@@ -54,17 +58,15 @@ class ToolCenterPointInitializer:
         """
         if not isinstance(arm, RobotArm) or not isinstance(hand, RobotHand | None):
             raise InvalidInputError(f"hand and arm must be a RobotHand and a RobotArm, got {hand!r} and {arm!r}")
-        for name, value in (("position", position), ("quaternion", quaternion)):
-            if callable(value):
-                sampler(name, value)
         self._hand = hand
         self._arm = arm
-        self._position = position
-        self._quaternion = quaternion
+        self._position = constant_or_sampler("position", position)
+        self._quaternion = constant_or_sampler("quaternion", quaternion)
         self._ignore_collisions = checks.flag("ignore_collisions", ignore_collisions)
         self._max_ik_attempts = checks.whole_number("max_ik_attempts", max_ik_attempts, 1)
         self._max_rejection_samples = checks.whole_number("max_rejection_samples", max_rejection_samples, 1)
         self._shuffle = checks.choice("branch", branch, BRANCHES) == "random"
+        self._pairs: weakref.WeakKeyDictionary[Physics, Pairs] = weakref.WeakKeyDictionary()
 
     def __call__(self, physics: Physics, random_state: RandomState) -> None:
         """Place the tool centre point; only the arm's joint positions change.
@@ -82,10 +84,12 @@ class ToolCenterPointInitializer:
         solver = arm.site_solver(check_physics(physics), arm.wrist_site if hand is None else hand.tool_center_point)
         bounds = None if solver.has_closed_form else arm.sampling_bounds(physics)
         trial = trial_of(physics)
-        pairs = _pairs(physics, arm, hand)
+        pairs = self._pairs.get(physics)
+        if pairs is None:
+            pairs = self._pairs[physics] = _pairs(physics, arm, hand)
         for _ in range(self._max_rejection_samples):
-            position = checks.vector("position", evaluate("position", self._position, random_state), 3, "m")
-            quat_wxyz = unit_quaternion("quaternion", evaluate("quaternion", self._quaternion, random_state))
+            position = checks.vector("position", self._position(None, None, random_state), 3, "m")
+            quat_wxyz = unit_quaternion("quaternion", self._quaternion(None, None, random_state))
             found = solver.solutions(
                 position, rotation_matrix(quat_wxyz), bounds, random_state, self._max_ik_attempts, shuffle=self._shuffle
             )
@@ -105,7 +109,7 @@ TcpInitializer = ToolCenterPointInitializer
 """The same by its shorter name."""
 
 
-def _pairs(physics: Physics, arm: RobotArm, hand: RobotHand | None) -> tuple[tuple[Geoms, Geoms], ...]:
+def _pairs(physics: Physics, arm: RobotArm, hand: RobotHand | None) -> Pairs:
     """The pairs of sets of geoms that must not touch: the arm and all but free things, the hand and fixed things."""
     model = physics.model
     above = bodies_of(physics, arm)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from jacokin.errors import InvalidInputError
 from jacokin.model import checks
-from jacokin.mujoco_bridge.distributions import evaluate
+from jacokin.mujoco_bridge.distributions import sampler
 from jacokin.mujoco_bridge.observables.observable import Observable
 from jacokin.mujoco_bridge.observables.options import AGGREGATORS, RandomState, Steps
 from jacokin.mujoco_bridge.observables.specs import ArraySpec
@@ -126,5 +126,5 @@ class Channel:
     def _draw(self, option: str, value: Steps, lowest: int) -> int:
         if not callable(value):
             return value
-        drawn = evaluate(option, value, self._random_state)
+        drawn = sampler(option, value)(None, None, self._random_state)
         return checks.whole_number(f"{option} drawn for {self.name!r}", drawn, lowest)

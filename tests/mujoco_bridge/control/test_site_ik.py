@@ -320,6 +320,28 @@ def test_a_scene_that_is_not_finite_is_refused(field: str, is_known: bool) -> No
     assert arm.set_site_to_xpos(physics, rng, arm.wrist_site, [0.4, 0.0, 0.5])
 
 
+def test_a_scene_without_memory_for_its_contacts_is_refused_with_the_arm_unmoved() -> None:
+    refused = 0
+    for memory in (60_000, 300_000, 400_000):  # [bytes]
+        arm, arena = JacoArm(), Arena()
+        arena.attach(arm)
+        cubes = [Primitive("box", name=f"cube_{i}") for i in range(40)]
+        for number, cube in enumerate(cubes):
+            arena.add_free_entity(cube, position=(1.0 + number, 0.0, 0.5))
+        arena.mjcf_model.memory = memory
+        physics = Physics.from_entity(arena)
+        arm.set_home(physics)
+        for number, cube in enumerate(cubes):  # side by side in the floor
+            cube.set_pose(physics, (0.6 + 0.05 * (number % 8), 0.05 * (number // 8), 0.019))
+        before = physics.get_state()
+        try:
+            arm.set_site_to_xpos(physics, np.random.default_rng(0), arm.wrist_site, (0.4, 0.0, 0.5))
+        except PhysicsError:
+            refused += 1
+            assert physics.get_state().tobytes() == before.tobytes()
+    assert refused
+
+
 def test_a_site_that_the_arm_does_not_move() -> None:
     arm, cube, arena = JacoArm(), Primitive(name="cube"), Arena()
     site = cube.mjcf_model.worldbody.add_site(name="top")
