@@ -206,3 +206,44 @@ def test_a_nearly_aligned_spherical_wrist_is_not(
         rows = form.solve_all(target(robot, q), q)
         assert not rows.family.any()
         assert contains(rows, q, 1e-4)
+
+
+def vertical_forearms(robot: Robot, rng: np.random.Generator, number: int) -> Iterator[Array]:
+    """Configurations whose axis 4 is within 1e-7 to 3e-2 rad of parallel to axis 1: two branches differ by q1 + pi."""
+    data = robot.pin_model.createData()
+
+    def misalignment(q: Array) -> float:
+        pin.forwardKinematics(robot.pin_model, data, q)
+        z1, z3, z4 = (data.oMi[joint].rotation[:, 2].copy() for joint in (1, 3, 4))
+        return float(np.cross(z1, z4) @ z3)
+
+    made = 0
+    while made < number:
+        q = robot.sample(rng)
+        for _ in range(30):
+            here = misalignment(q)
+            slope = (misalignment(q + 1e-6 * np.eye(6)[2]) - here) / 1e-6
+            q[2] -= np.clip(here / slope, -0.5, 0.5) if abs(slope) > 1e-3 else 0.5
+        q[2] += rng.choice([-1.0, 1.0]) * 10.0 ** rng.uniform(-7.0, -1.5)
+        if abs(misalignment(q)) < 0.05 and robot.within_limits(q):
+            made += 1
+            yield q
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", NAMES)
+def test_a_forearm_along_axis_1_loses_no_branch(bundled: Callable[[str], Robot], name: str) -> None:
+    robot = bundled(name)
+    form = closed_form(robot)
+    for q in vertical_forearms(robot, np.random.default_rng(5), 2000):
+        assert contains(form.solve_all(target(robot, q), robot.home), q), q.tolist()
+
+
+def test_two_branches_that_differ_by_half_a_turn_of_joint_1_are_both_found(robot: Robot) -> None:
+    # The sphere condition gives both branches one q6, an interval of 4e-7 rad that bisection leaves undecided.
+    q = np.array([1.0774785, 5.12, 1.97, 4.7388, 3.90147, 1.78233])
+    rng = np.random.default_rng(0)
+    form = closed_form(robot)
+    for tilt in rng.uniform(-1e-2, 1e-2, 2000):
+        near = q + np.array([0.0, 0.0, tilt, 0.0, 0.0, 0.0])
+        assert contains(form.solve_all(target(robot, near), robot.home), near), near.tolist()

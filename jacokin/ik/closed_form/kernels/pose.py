@@ -217,18 +217,23 @@ def polish(task: Task, work: BranchWork, worst: float) -> bool:
 
 
 def insert(work: BranchWork) -> None:
-    """Append the row at hand; of two that are the same on the circle the better one stays."""
+    """Add the row at hand; of rows that are the same on the circle the best one stays."""
     row, rows, count = work.row, work.rows, work.filled[0]
     here = max(row[POSITION_ERROR], row[ORIENTATION_ERROR])
+    better, kept = True, 0
     for i in range(count):
         there = max(rows[i, POSITION_ERROR], rows[i, ORIENTATION_ERROR])
         if same_configuration(rows[i], row, SAME_BRANCH + FOLD_FACTOR * math.sqrt(max(here, there))):
             if here < there:
-                copy_row(row, rows[i])
-            return
-    if count < MAX_BRANCHES:
-        copy_row(row, rows[count])
-        work.filled[0] = count + 1
+                continue
+            better = False
+        if kept < i:
+            copy_row(rows[i], rows[kept])
+        kept += 1
+    if better and kept < MAX_BRANCHES:
+        copy_row(row, rows[kept])
+        kept += 1
+    work.filled[0] = kept
 
 
 def copy_row(source: NDArray[np.float64], target: NDArray[np.float64]) -> None:
