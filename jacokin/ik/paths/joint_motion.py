@@ -9,22 +9,27 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from functools import partial
 from pathlib import Path
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, MissingExtraError
-from jacokin.ik.paths import export, files
+from jacokin.ik import seeds
+from jacokin.ik.paths import export, files, lines
 from jacokin.ik.results import Frozen
 from jacokin.ik.tracking.joint_limits import velocity_limits
 from jacokin.model import angles, checks
 from jacokin.model.robot import Robot
 
+if TYPE_CHECKING:
+    import ruckig
+
 ACCELERATION = 1.0  # [rad/s^2] full speed in about 0.7 s; the maker publishes no figure, so this is a gentle guess
 
 
+MISSED = 1e-6  # [rad] a motion that ends farther from its goal is not one
 COLUMNS = ("q", "v", "a")
 NOTES = ("lower", "upper", "velocity_limit")
 
@@ -175,28 +180,56 @@ def move_joints(
     velocity = velocity_limits(robot, velocity_limit)
     acceleration = checks.positive_vector("acceleration_limit", acceleration_limit, robot.dof, "rad/s^2")
     jerk = None if jerk_limit is None else checks.positive_vector("jerk_limit", jerk_limit, robot.dof, "rad/s^3")
+    trajectory = _timed(start, end, velocity, acceleration, jerk)
+    duration = trajectory.duration
+    if not duration / step <= lines.MAX_TICKS:
+        raise InvalidInputError(f"the motion takes {duration:.6g} s: more than {lines.MAX_TICKS} steps of {step:.6g} s")
+    times = np.append(np.arange(0.0, duration, step), duration) if duration > 0.0 else np.zeros(1)
+    rows = [trajectory.at_time(float(time)) for time in times]
+    q, v, a = (np.array(column) for column in zip(*rows, strict=True))
+    if not np.abs(q[-1] - end).max() <= MISSED:
+        raise InvalidInputError(f"no motion found within these limits: it ends {np.abs(q[-1] - end).max():.3g} rad off")
+    # Rounding may pass the ends by one unit in the last place, and an end may be a limit.
+    q = np.clip(q, np.minimum(start, end), np.maximum(start, end))
+    q[0], q[-1] = start, end
+    return JointMotion(robot.joint_names, *map(checks.read_only, (times, q, v, a, robot.lower, robot.upper, velocity)))
+
+
+def _timed(start: Array, end: Array, velocity: Array, acceleration: Array, jerk: Array | None) -> ruckig.Trajectory:
+    """Ruckig's trajectory from rest to rest; limits (dof,) in rad and s.
+
+    Raises:
+        InvalidInputError: Ruckig finds none; limits of very different or extreme sizes defeat its polynomials.
+        MissingExtraError: Ruckig is not installed.
+    """
     try:
         import ruckig
     except ImportError:
         raise MissingExtraError("ruckig", "motion") from None
 
-    given = ruckig.InputParameter(robot.dof)
+    given = ruckig.InputParameter(len(start))
     given.current_position, given.target_position = start.tolist(), end.tolist()
     given.max_velocity, given.max_acceleration = velocity.tolist(), acceleration.tolist()
     if jerk is not None:
         given.max_jerk = jerk.tolist()
-    trajectory = ruckig.Trajectory(robot.dof)
-    result = ruckig.Ruckig(robot.dof).calculate(given, trajectory)
-    if result not in (ruckig.Result.Working, ruckig.Result.Finished):
-        raise InvalidInputError(f"no motion found within these limits ({result.name}): are they of sensible size?")
-    whole = np.arange(0.0, trajectory.duration, step)
-    times = np.append(whole, trajectory.duration) if trajectory.duration > 0.0 else np.zeros(1)
-    rows = [trajectory.at_time(float(time)) for time in times]
-    q, v, a = (np.array(column) for column in zip(*rows, strict=True))
-    # Rounding may pass the ends by one unit in the last place, and an end may be a limit.
-    q = np.clip(q, np.minimum(start, end), np.maximum(start, end))
-    q[0], q[-1] = start, end
-    return JointMotion(robot.joint_names, *map(checks.read_only, (times, q, v, a, robot.lower, robot.upper, velocity)))
+    trajectory = ruckig.Trajectory(len(start))
+    try:
+        result = ruckig.Ruckig(len(start)).calculate(given, trajectory)
+        reason = "" if result in (ruckig.Result.Working, ruckig.Result.Finished) else result.name
+    except Exception:  # an error class of its own, and result codes that its enum does not have
+        reason = "Ruckig failed"
+    if reason:
+        raise InvalidInputError(
+            f"no motion found within these limits ({reason}); velocity_limit {_range(velocity)} rad/s, "
+            f"acceleration_limit {_range(acceleration)} rad/s^2"
+            + ("" if jerk is None else f", jerk_limit {_range(jerk)} rad/s^3")
+        )
+    return trajectory
+
+
+def _range(values: Array) -> str:
+    low, high = float(values.min()), float(values.max())
+    return f"{low:.3g}" if low == high else f"{low:.3g} to {high:.3g}"
 
 
 def _checked_configuration(robot: Robot, q: ArrayLike, name: str) -> Array:
@@ -205,7 +238,7 @@ def _checked_configuration(robot: Robot, q: ArrayLike, name: str) -> Array:
     Raises:
         InvalidInputError: malformed, or a joint is outside; it is named.
     """
-    angles = robot.configuration(q, name)
+    angles = seeds.near_configuration(robot, q, name)
     outside = np.flatnonzero((angles < robot.lower) | (angles > robot.upper))
     if outside.size:
         joint = int(outside[0])

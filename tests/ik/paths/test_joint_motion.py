@@ -10,7 +10,7 @@ import pytest
 
 from jacokin import Robot
 from jacokin.errors import InvalidInputError, MissingExtraError
-from jacokin.ik.paths.joint_motion import move_joints
+from jacokin.ik import move_joints
 
 ROUNDING = 1e-9  # [rad/s, rad/s^2] in Ruckig's polynomials
 
@@ -48,7 +48,7 @@ def test_the_time_is_the_least_possible(robot: Robot) -> None:
     assert len(motion) == int(np.ceil(motion.duration / 0.01)) + 1
 
 
-def test_free_joints_take_the_short_way(robot: Robot) -> None:
+def test_unlimited_joints_take_the_short_way(robot: Robot) -> None:
     pytest.importorskip("ruckig")
     start, end = robot.home.copy(), robot.home.copy()
     start[0], end[0] = 3.0, -3.0
@@ -76,6 +76,12 @@ def test_going_nowhere_takes_no_time(robot: Robot) -> None:
         ({"velocity_limit": -1.0}, "velocity_limit must be positive"),
         ({"acceleration_limit": 0.0}, "acceleration_limit must be positive"),
         ({"jerk_limit": np.inf}, "jerk_limit must be finite"),
+        ({"q_from": [1e17, 2.9, 1.0, 4.2, 1.4, 1.3]}, r"q_from: joint_1 = 1e\+17 rad is too far from zero"),
+        ({"q_to": [4.8, 2.9, 1.0, 4.2, 1.4, -1e7]}, r"q_to: joint_6 = -1e\+07 rad is too far from zero"),
+        ({"velocity_limit": "0.5"}, "velocity_limit must be one number or 6"),
+        ({"acceleration_limit": True}, "acceleration_limit must be one number or 6"),
+        ({"jerk_limit": np.datetime64("2026-01-01")}, "jerk_limit must be one number or 6"),
+        ({"q_to": np.ma.masked_array([4.8, 2.9, 1.0, 4.2, 1.4, 1.3], mask=[True] + 5 * [False])}, "q_to must be 6"),
     ],
 )
 def test_wrong_arguments_are_refused(robot: Robot, arguments: dict[str, Any], match: str) -> None:
@@ -84,7 +90,7 @@ def test_wrong_arguments_are_refused(robot: Robot, arguments: dict[str, Any], ma
         move_joints(robot, **given)
 
 
-def test_a_name_is_no_robot(robot: Robot) -> None:
+def test_a_name_is_not_a_robot(robot: Robot) -> None:
     with pytest.raises(InvalidInputError, match="robot must be"):
         move_joints("j2n6s300", robot.home, robot.home)  # type: ignore[arg-type]  # wrong on purpose
 
@@ -93,3 +99,37 @@ def test_without_ruckig_the_extra_is_named(robot: Robot, monkeypatch: pytest.Mon
     monkeypatch.setitem(sys.modules, "ruckig", None)
     with pytest.raises(MissingExtraError, match=r"jacokin\[motion\]"):
         move_joints(robot, robot.home, robot.home)
+
+
+@pytest.mark.parametrize("name", ["velocity_limit", "acceleration_limit", "jerk_limit"])
+@pytest.mark.parametrize("size", [10.0**k for k in (-300, -100, -20, -12, -9, -6, -4, 4, 6, 9, 12, 100, 300)])
+def test_limits_of_extreme_size_hold_or_are_refused(robot: Robot, name: str, size: float) -> None:
+    pytest.importorskip("ruckig")
+    goal = robot.home.copy()
+    goal[[0, 1, 5]] += [2.0, 0.4, -1.0]
+    limits: dict[str, float] = {"velocity_limit": 0.6, "acceleration_limit": 1.0, name: size}
+    if size < {"velocity_limit": 1e-3, "acceleration_limit": 1e-5, "jerk_limit": 1e-8}[name]:
+        with pytest.raises(InvalidInputError, match=r"no motion found within these limits|more than 10000000 steps"):
+            move_joints(robot, robot.home, goal, dt=1e-4, **limits)
+        return
+    try:
+        motion = move_joints(robot, robot.home, goal, **limits)
+    except InvalidInputError as error:
+        if "no motion found within these limits" not in str(error) or size < 1e6:
+            raise
+        return
+    assert len(motion) > 10
+    assert np.array_equal(motion.q[-1], goal)
+    assert (np.abs(motion.v) <= limits["velocity_limit"] * (1 + 1e-9)).all()
+    assert (np.abs(motion.a) <= limits["acceleration_limit"] * (1 + 1e-9)).all()
+    slope = np.abs(np.diff(motion.q, axis=0) / np.diff(motion.t)[:, None])
+    assert (slope <= limits["velocity_limit"] * (1 + 1e-6) + 1e-9).all()
+
+
+def test_far_turns_are_kept(robot: Robot) -> None:
+    """An unlimited joint that has turned many times moves by the short way from where it is."""
+    pytest.importorskip("ruckig")
+    start = robot.home.copy()
+    start[0] += 1000 * 2 * np.pi
+    motion = move_joints(robot, start, robot.home)
+    assert np.abs(motion.q - start).max() < 1e-9
