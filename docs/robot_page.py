@@ -89,7 +89,7 @@ def _variants(numbers: Row) -> list[str]:
         f"`{DEFAULT_ROBOT}` is the default. A name reads: `j2` Jaco generation 2, `m1` Mico; `n` non-spherical, "
         "`s` spherical wrist; `6` joints; `s` service; `300` three fingers, `200` two.",
         grid(("name", "arm", "hand", "home [rad]"), map(row, NAMES)),
-        f"Every home is legal and free of self-contact. {origin(numbers['variants'][DEFAULT_ROBOT])}",
+        f"Every home is within the limits and free of self-contact. {origin(numbers['variants'][DEFAULT_ROBOT])}",
         "\n".join(doubts),
     ]
 

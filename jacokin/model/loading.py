@@ -80,9 +80,11 @@ def load_robot(
 
 
 def _folders(package_dirs: Sequence[str | Path]) -> tuple[Path, ...]:
-    if isinstance(package_dirs, str | Path) or not all(isinstance(folder, str | Path) for folder in package_dirs):
-        raise InvalidInputError(f"package_dirs must be a list of folders, got {shown(package_dirs)}")
-    return tuple(Path(folder).absolute() for folder in package_dirs)
+    folders = checks.listed("package_dirs", package_dirs)
+    for folder in folders:
+        if not isinstance(folder, str | Path):
+            raise InvalidInputError(f"package_dirs must be a list of folders, got {shown(folder)} in it")
+    return tuple(Path(folder).absolute() for folder in folders)
 
 
 def _documented_home(name: str, model: pin.Model) -> Home | HomeFinder:

@@ -16,7 +16,7 @@ STL_HEADER, STL_FACE = 84, 50  # bytes of a binary file
 
 
 def embedded(robot: ET.Element, path: Path, package_dirs: Sequence[Path]) -> dict[str, bytes]:
-    """Replace the file names of all meshes by short ones, and return the files' contents by these names.
+    """Replace the file names of all meshes by unique ones without folders, and return the contents by these names.
 
     Args:
         robot: the robot element of a checked URDF; changed.
@@ -33,7 +33,7 @@ def embedded(robot: ET.Element, path: Path, package_dirs: Sequence[Path]) -> dic
         found = _find(file_name, path, package_dirs)
         if found not in names:
             content, suffix = _content(found, path)
-            names[found] = f"mesh_{len(names)}{suffix}"
+            names[found] = f"{len(names)}_{found.stem}{suffix}"  # MuJoCo's messages name it
             contents[names[found]] = content
         mesh.set("filename", names[found])
     return contents
