@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping
 
-# Options followed by as many numbers as the robot has joints.
-NUMBER_LISTS = frozenset({"--seed"})
+# Options followed by any number of numbers, such as one for each joint.
+NUMBER_LISTS = frozenset({"--seed", "--velocity-limit", "--acceleration-limit", "--box", "--sphere"})
 
 _NUMBER = re.compile(r"[-+]?((\d+\.?\d*|\.\d+)(e[-+]?\d+)?|inf(inity)?|nan)", re.IGNORECASE | re.ASCII)
 

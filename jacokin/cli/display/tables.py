@@ -55,7 +55,7 @@ def facts(rows: Iterable[tuple[str, str]], title: str | None = None) -> Table:
     return made
 
 
-def number(value: float, digits: int = 6, *, missing: str = "free") -> str:
+def number(value: float, digits: int = 6, *, missing: str = "unlimited") -> str:
     """A number for a table; an infinite one is said in words."""
     return missing if math.isinf(value) else f"{value:.{digits}f}"
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from jacokin.cli.arguments.units import Angles
+from jacokin.cli.arguments.units import Units
 from jacokin.cli.display import json_output, tables
 
 if TYPE_CHECKING:
@@ -14,9 +14,10 @@ if TYPE_CHECKING:
     from jacokin.ik.solver import IKSolver
 
 
-def show_result(solver: IKSolver, result: IKResult, angles: Angles, *, as_json: bool) -> bool:
+def show_result(solver: IKSolver, result: IKResult, units: Units, *, as_json: bool) -> bool:
     """Print one answer; returns whether the pose is reached."""
     robot = solver.robot
+    joints = units.of_joints(robot)
     margin = np.minimum(result.q - robot.lower, robot.upper - result.q)
     if as_json:
         json_output.print_json(
@@ -24,15 +25,16 @@ def show_result(solver: IKSolver, result: IKResult, angles: Angles, *, as_json: 
                 "robot": robot.name,
                 "frame": solver.frame,
                 "joint_names": robot.joint_names,
-                "angle_unit": angles.unit,
+                "angle_unit": units.angle,
+                "joint_units": joints.names,
                 "success": result.success,
                 "status": result.status,
                 "message": result.message,
                 "advice": None if result.success else result.status.value,
-                "q": angles.shown(result.q),
-                "limit_margin": angles.shown(margin),
+                "q": joints.shown(result.q),
+                "limit_margin": joints.shown(margin),
                 "position_error": result.position_error,
-                "orientation_error": angles.one(result.orientation_error),
+                "orientation_error": units.shown(result.orientation_error),
                 "method": result.method,
                 "qp_solver": result.qp_solver,
                 "iterations": result.iterations,
@@ -41,22 +43,21 @@ def show_result(solver: IKSolver, result: IKResult, angles: Angles, *, as_json: 
             }
         )
         return result.success
-    columns = ("joint", f"angle [{angles.unit}]", "lower", "upper", "to the limit")
-    rows = [
-        (name, *(tables.number(value) for value in angles.shown(values)))
-        for name, *values in zip(robot.joint_names, result.q, robot.lower, robot.upper, margin, strict=True)
-    ]
+    columns = ("joint", joints.heading("angle"), "lower", "upper", "to the limit")
+    values = [map(tables.number, joints.shown(row)) for row in (result.q, robot.lower, robot.upper, margin)]
+    rows = list(zip(joints.labels(robot.joint_names), *values, strict=True))
     ran = result.method
     if result.qp_solver is not None:
         ran += f" ({result.qp_solver}, {result.iterations} iterations, {result.restarts} restarts)"
     screen = tables.console()
-    title = f"{robot.name}: {solver.frame} reaches the target" if result.success else "the closest legal configuration"
+    title = f"{robot.name}: {solver.frame} reaches the target"
     if not result.success:
+        title = "the closest configuration within the limits"
         tables.say(screen, f"{result.status.name}: {result.message}.\n{result.status.value}.")
     screen.print(tables.table(title, columns, rows))
     lines = [
         ("position error", tables.small(result.position_error, "m")),
-        ("orientation error", tables.small(angles.one(result.orientation_error), angles.unit)),
+        ("orientation error", tables.small(units.shown(result.orientation_error), units.angle)),
         ("method", ran),
     ]
     if result.success and result.message:

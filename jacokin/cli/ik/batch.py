@@ -8,11 +8,15 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
+import numpy as np
+
 from jacokin import files
+from jacokin.cli.arguments.units import Units, warn_of_degrees
 from jacokin.cli.display import json_output, tables
 from jacokin.cli.display.progress import progress_bar
 from jacokin.cli.ik.tally import Tally
 from jacokin.ik.files.answers_csv import write_answers, write_header
+from jacokin.ik.files.columns import RPY
 from jacokin.ik.files.targets_csv import read_targets, target_blocks
 
 if TYPE_CHECKING:
@@ -54,7 +58,13 @@ def _checked(targets: Path) -> tuple[Iterable[TargetFile], int]:
     if not targets.is_file():  # a pipe can be read once only
         whole = read_targets(targets)
         return [whole], len(whole)
-    return target_blocks(targets), sum(len(block) for block in target_blocks(targets))
+    count, widest = 0, 0.0
+    for block in target_blocks(targets):
+        count += len(block)
+        if block.columns[3:] == RPY:
+            widest = max(widest, float(np.abs(block.values[:, 3:]).max()))
+    warn_of_degrees(f"{targets}: roll, pitch, yaw", [widest], Units(degrees=False))
+    return target_blocks(targets), count
 
 
 def _solve(

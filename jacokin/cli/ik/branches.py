@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from jacokin.cli.arguments.units import Angles
+from jacokin.cli.arguments.units import Units
 from jacokin.cli.display import json_output, tables
 
 if TYPE_CHECKING:
@@ -14,9 +14,10 @@ if TYPE_CHECKING:
     from jacokin.ik.solver import IKSolver
 
 
-def show_branches(solver: IKSolver, branches: Branches, angles: Angles, *, reject_contact: bool, as_json: bool) -> bool:
+def show_branches(solver: IKSolver, branches: Branches, units: Units, *, reject_contact: bool, as_json: bool) -> bool:
     """Print every branch; returns whether one is inside the limits and, if asked for, free of self-contact."""
     robot = solver.robot
+    joints = units.of_joints(robot)
     acceptable = branches.within_limits.copy()
     if branches.touching is not None and reject_contact:
         acceptable &= np.array([not pairs for pairs in branches.touching], dtype=bool)
@@ -26,16 +27,17 @@ def show_branches(solver: IKSolver, branches: Branches, angles: Angles, *, rejec
                 "robot": robot.name,
                 "frame": solver.frame,
                 "joint_names": robot.joint_names,
-                "angle_unit": angles.unit,
+                "angle_unit": units.angle,
+                "joint_units": joints.names,
                 "complete": branches.complete,
                 "branches": [
                     {
-                        "q": angles.shown(branches.q[row]),
+                        "q": joints.shown(branches.q[row]),
                         "within_limits": bool(branches.within_limits[row]),
-                        "limit_margin": angles.shown(branches.margin[row]),
-                        "distance": angles.one(branches.distance[row]),
+                        "limit_margin": joints.shown(branches.margin[row]),
+                        "distance": joints.distance(branches.distance[row]),
                         "position_error": branches.position_error[row],
-                        "orientation_error": angles.one(branches.orientation_error[row]),
+                        "orientation_error": units.shown(branches.orientation_error[row]),
                         "touching": None if branches.touching is None else branches.touching[row],
                     }
                     for row in range(len(branches))
@@ -47,27 +49,28 @@ def show_branches(solver: IKSolver, branches: Branches, angles: Angles, *, rejec
     if not len(branches):
         screen.print("UNREACHABLE: no joint angles reach this pose, with or without limits.")
         return False
-    columns = ["", "limits", *robot.joint_names, "margin", "distance"]
+    columns = ["", "limits", *joints.labels(robot.joint_names), "margin", "distance"]
     rows = []
     for row in range(len(branches)):
         joint = int(np.argmin(branches.margin[row]))
         cells = [str(row + 1), "kept" if branches.within_limits[row] else f"broken: {robot.joint_names[joint]}"]
-        cells += [tables.number(value, 4) for value in angles.shown(branches.q[row])]
+        cells += [tables.number(value, 4) for value in joints.shown(branches.q[row])]
         cells += [
-            tables.number(angles.one(value), 4) for value in (branches.margin[row, joint], branches.distance[row])
+            tables.number(joints.shown(branches.margin[row])[joint], 4),
+            tables.number(joints.distance(branches.distance[row]), 4),
         ]
         if branches.touching is not None:
             cells.append(", ".join(f"{a} and {b}" for a, b in branches.touching[row]) or "nothing")
         rows.append(cells)
     if branches.touching is not None:
         columns.append("touches")
-    title = f"{robot.name}: {len(branches)} branches, {int(acceptable.sum())} usable; angles in {angles.unit}"
+    title = f"{robot.name}: {len(branches)} branches, {int(acceptable.sum())} usable; angles in {units.angle}"
     screen.print(tables.table(title, columns, rows, text=2))
-    worst = float(branches.position_error.max()), angles.one(float(branches.orientation_error.max()))
+    worst = float(branches.position_error.max()), units.shown(float(branches.orientation_error.max()))
     lines = [
         ("margin", "distance of the joint nearest to its limit; negative outside"),
         ("distance", "to the seed"),
-        ("worst error", f"{tables.small(worst[0], 'm')}, {tables.small(worst[1], angles.unit)}"),
+        ("worst error", f"{tables.small(worst[0], 'm')}, {tables.small(worst[1], units.angle)}"),
     ]
     if not branches.complete:
         lines.append(("note", "this pose has a one-parameter family of solutions; the rows are members of it"))

@@ -20,7 +20,7 @@ from jacokin.cli.arguments.options import (
     TipOption,
 )
 from jacokin.cli.arguments.outputs import keep_apart
-from jacokin.cli.arguments.units import Angles
+from jacokin.cli.arguments.units import Units, numbers, warn_of_degrees
 from jacokin.cli.exit_codes import NOT_SOLVED
 
 if TYPE_CHECKING:
@@ -93,29 +93,32 @@ def ik(
     oriented = quat_wxyz is not None or rpy is not None or down
     combinations.check(position, oriented, every, targets, output, random_seed, degrees and targets is not None)
     keep_apart({"--output": output}, {"--targets": targets, "--robot": robot})
-    angles = Angles(degrees)
-    start = angles.seed(seed)
+    units = Units(degrees)
     arm = options.load(robot, base, tip)
+    if rpy is not None:
+        warn_of_degrees("--rpy", rpy, units)
+    typed = numbers("--seed", seed)
+    start = None if typed is None else units.of_joints(arm).read(typed)
     solver = IKSolver(arm, frame, method=method, qp_solver=qp_solver, collision=collision, warm=None)
     if targets is not None:
         from jacokin.cli.ik import batch
 
         solved = batch.run(solver, targets, output, start, workers=workers, as_json=json)
     elif every:
-        branches = solver.solve_all(_target(position, quat_wxyz, rpy, down, angles), start)
-        solved = show_branches(solver, branches, angles, reject_contact=collision == "reject", as_json=json)
+        branches = solver.solve_all(_target(position, quat_wxyz, rpy, down, units), start)
+        solved = show_branches(solver, branches, units, reject_contact=collision == "reject", as_json=json)
     else:
         import numpy as np
 
         rng = None if random_seed is None else np.random.default_rng(random_seed)
-        result = solver.solve(_target(position, quat_wxyz, rpy, down, angles), start, rng)
-        solved = show_result(solver, result, angles, as_json=json)
+        result = solver.solve(_target(position, quat_wxyz, rpy, down, units), start, rng)
+        solved = show_result(solver, result, units, as_json=json)
     if not solved:
         raise typer.Exit(NOT_SOLVED)
 
 
 def _target(
-    position: Vector3 | None, quat_wxyz: Vector4 | None, rpy: Vector3 | None, down: bool, angles: Angles
+    position: Vector3 | None, quat_wxyz: Vector4 | None, rpy: Vector3 | None, down: bool, units: Units
 ) -> pin.SE3 | NDArray[np.float64]:
     """The pose, or the position alone when the orientation is free."""
     import numpy as np
@@ -125,4 +128,4 @@ def _target(
     assert position is not None  # combinations.check
     if quat_wxyz is None and rpy is None and not down:
         return np.array(position)
-    return pose(position, quat_wxyz, rpy=None if rpy is None else angles.given(rpy), down=down)
+    return pose(position, quat_wxyz, rpy=None if rpy is None else units.read(rpy), down=down)

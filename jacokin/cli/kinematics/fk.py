@@ -15,7 +15,7 @@ from jacokin.cli.arguments.options import (
     RobotOption,
     TipOption,
 )
-from jacokin.cli.arguments.units import Angles
+from jacokin.cli.arguments.units import Units
 from jacokin.cli.display import json_output, tables
 
 
@@ -40,12 +40,12 @@ def fk(
     from jacokin.model import poses
 
     arm = options.load(robot, base, tip)
-    angles = Angles(degrees)
-    configuration = arm.configuration(angles.given(q))
+    units = Units(degrees)
+    configuration = arm.configuration(units.of_joints(arm).read(q))
     pose = arm.forward_kinematics(configuration, frame)
     quat = poses.quat_wxyz(pose.rotation)
-    rpy = angles.shown(pin.rpy.matrixToRpy(pose.rotation))
-    legal = arm.within_limits(configuration)
+    rpy = [units.shown(angle) for angle in pin.rpy.matrixToRpy(pose.rotation)]
+    within = arm.within_limits(configuration)
     name = frame or arm.default_frame
     if json:
         json_output.print_json(
@@ -53,20 +53,20 @@ def fk(
                 "robot": arm.name,
                 "base": arm.base,
                 "frame": name,
-                "angle_unit": angles.unit,
+                "angle_unit": units.angle,
                 "position": pose.translation,
                 "quat_wxyz": quat,
                 "rpy": rpy,
                 "matrix": pose.homogeneous,
-                "within_limits": legal,
+                "within_limits": within,
             }
         )
         return
     rows = [
         ("position x y z [m]", _row(pose.translation)),
         ("quaternion w x y z", _row(quat)),
-        (f"roll pitch yaw [{angles.unit}]", _row(rpy)),
-        ("joint limits", "all kept" if legal else _broken(arm.joint_names, arm.lower, arm.upper, configuration)),
+        (f"roll pitch yaw [{units.angle}]", _row(rpy)),
+        ("joint limits", "all kept" if within else _broken(arm.joint_names, arm.lower, arm.upper, configuration)),
     ]
     tables.console().print(tables.facts(rows, f"{arm.name}: {name} in {arm.base}"))
 

@@ -18,7 +18,7 @@ from jacokin.cli.arguments.options import (
     RobotOption,
     TipOption,
 )
-from jacokin.cli.arguments.units import Angles
+from jacokin.cli.arguments.units import Units
 from jacokin.cli.display import json_output, tables
 
 
@@ -37,14 +37,14 @@ def jacobian(
     """Show the Jacobian of a frame.
 
     Linear rows [m/rad] come first, then angular ones.
-    --degrees is for the joint angles given; the Jacobian stays per radian.
+    --degrees is for the joint angles given; the Jacobian stays per radian (per metre where a joint slides).
 
     Examples:
       jacokin jacobian 4.8 2.92 1.0 4.2 1.45 1.32
       jacokin jacobian 4.8 2.92 1.0 4.2 1.45 1.32 --reference local --frame gripsite --json
     """
     arm = options.load(robot, base, tip)
-    configuration = arm.configuration(Angles(degrees).given(q))
+    configuration = arm.configuration(Units(degrees).of_joints(arm).read(q))
     matrix = arm.jacobian(configuration, frame, reference)
     singular_values = arm.singular_values(configuration, frame)
     manipulability = arm.manipulability(configuration, frame)

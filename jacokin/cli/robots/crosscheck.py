@@ -34,8 +34,11 @@ def crosscheck(
     frame: Annotated[
         list[str] | None, typer.Option("--frame", metavar="A=B", help="Compare frame A with frame B. Repeatable.")
     ] = None,
-    base: Annotated[str | None, typer.Option("--base", metavar="FRAME", help="Base frame of both arms.")] = None,
+    base: Annotated[str | None, typer.Option("--base", metavar="FRAME", help="Base frame of the first arm.")] = None,
     tip: Annotated[str | None, typer.Option("--tip", metavar="FRAME", help="End of the first arm.")] = None,
+    second_base: Annotated[
+        str | None, typer.Option("--second-base", metavar="FRAME", help="Base of the second arm; --base if not given.")
+    ] = None,
     second_tip: Annotated[
         str | None, typer.Option("--second-tip", metavar="FRAME", help="End of the second arm.")
     ] = None,
@@ -62,7 +65,7 @@ def crosscheck(
     limits = checking.TOLERANCES if tolerance is None else dict.fromkeys(checking.QUANTITIES, tolerance)
     report = checking.crosscheck(
         options.load(first, base, tip),
-        None if second is None else options.load(second, base, second_tip),
+        None if second is None else options.load(second, base if second_base is None else second_base, second_tip),
         samples=samples,
         rng=None if random_seed is None else np.random.default_rng(random_seed),
         joint_map=_pairs("--joint", joint),

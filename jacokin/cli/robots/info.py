@@ -8,7 +8,7 @@ import typer
 
 from jacokin.cli.arguments import options
 from jacokin.cli.arguments.options import DEFAULT_ROBOT, BaseOption, DegreesOption, JsonOption, TipOption
-from jacokin.cli.arguments.units import Angles
+from jacokin.cli.arguments.units import JointUnits, Units
 from jacokin.cli.display import json_output, tables
 
 if TYPE_CHECKING:
@@ -34,8 +34,9 @@ def info(
       jacokin info urdf/j2n6s300.urdf --json
     """
     arm = options.load(robot, base, tip)
-    angles = Angles(degrees)
-    joints = [_joint(arm, index, angles) for index in range(arm.dof)]
+    units = Units(degrees)
+    in_units = units.of_joints(arm)
+    joints = [_joint(arm, index, in_units) for index in range(arm.dof)]
     sources = _sources(arm)
     frames = _frames(arm)
     if json:
@@ -45,25 +46,26 @@ def info(
                 "file": str(arm.source.path),
                 "base": arm.base,
                 "default_frame": arm.default_frame,
-                "angle_unit": angles.unit,
+                "angle_unit": units.angle,
                 "joints": joints,
                 "sources": sources,
-                "home": angles.shown(arm.home),
+                "home": in_units.shown(arm.home),
                 "frames": [{"name": name, "moved_by": joint} for name, joint in frames],
             }
         )
         return
-    _show(arm, angles, joints, sources, frames)
+    _show(arm, in_units, joints, sources, frames)
 
 
-def _joint(arm: Robot, index: int, angles: Angles) -> dict[str, object]:
+def _joint(arm: Robot, index: int, units: JointUnits) -> dict[str, object]:
     """Limits of a joint; the datasheet's torque where the robot is a bundled one."""
     row: dict[str, object] = {
         "name": arm.joint_names[index],
-        "free": bool(arm.unlimited[index]),
-        "lower": angles.one(arm.lower[index]),
-        "upper": angles.one(arm.upper[index]),
-        "velocity": angles.one(arm.velocity_limit[index]),
+        "unlimited": bool(arm.unlimited[index]),
+        "unit": units.names[index],
+        "lower": units.shown(arm.lower)[index],
+        "upper": units.shown(arm.upper)[index],
+        "velocity": units.shown(arm.velocity_limit)[index],
         "effort": float(arm.effort_limit[index]),
         "datasheet_torque": None,
         "source": "file",
@@ -105,9 +107,16 @@ def _frames(arm: Robot) -> list[tuple[str, str]]:
     ]
 
 
+def _home(arm: Robot, units: JointUnits) -> str:
+    shown = [tables.number(value) for value in units.shown(arm.home)]
+    if arm.sliding.any():
+        shown = [f"{value} {unit}" for value, unit in zip(shown, units.names, strict=True)]
+    return "  ".join(shown)
+
+
 def _show(
     arm: Robot,
-    angles: Angles,
+    units: JointUnits,
     joints: list[dict[str, object]],
     sources: dict[str, str],
     frames: list[tuple[str, str]],
@@ -119,19 +128,18 @@ def _show(
                 ("file", str(arm.source.path)),
                 ("base", arm.base),
                 ("default frame", arm.default_frame),
-                (f"home [{angles.unit}]", "  ".join(tables.number(value) for value in angles.shown(arm.home))),
+                (units.heading("home"), _home(arm, units)),
             ],
             arm.name,
         )
     )
-    unit = angles.unit
     columns = (
         "joint",
-        f"lower [{unit}]",
-        f"upper [{unit}]",
-        f"speed [{unit}/s]",
+        units.heading("lower"),
+        units.heading("upper"),
+        "speed [unit/s]" if arm.sliding.any() else f"speed [{units.units.angle}/s]",
         "source",
-        "effort [N m]",
+        "effort [N or N m]" if arm.sliding.any() else "effort [N m]",
         "datasheet",
     )
     rows = []
@@ -139,10 +147,10 @@ def _show(
         torque, letter = joint["datasheet_torque"], joint["datasheet_source"]
         rows.append(
             (
-                arm.joint_names[index],
-                tables.number(angles.one(arm.lower[index])),
-                tables.number(angles.one(arm.upper[index])),
-                tables.number(angles.one(arm.velocity_limit[index]), missing="not given"),
+                units.labels(arm.joint_names)[index],
+                tables.number(units.shown(arm.lower)[index]),
+                tables.number(units.shown(arm.upper)[index]),
+                tables.number(units.shown(arm.velocity_limit)[index], missing="not given"),
                 str(joint["source"]),
                 tables.number(arm.effort_limit[index], 1, missing="not given"),
                 "unknown" if torque is None else f"{torque} ({letter})",

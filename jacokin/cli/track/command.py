@@ -13,6 +13,7 @@ from jacokin.cli.arguments import options
 from jacokin.cli.arguments.options import (
     DEFAULT_ROBOT,
     BaseOption,
+    DegreesOption,
     FrameOption,
     JsonOption,
     RobotOption,
@@ -20,7 +21,7 @@ from jacokin.cli.arguments.options import (
     TipOption,
 )
 from jacokin.cli.arguments.outputs import keep_apart
-from jacokin.cli.arguments.units import Angles
+from jacokin.cli.arguments.units import JointUnits, Units, numbers
 from jacokin.cli.display.progress import progress_bar
 from jacokin.cli.exit_codes import NOT_SOLVED
 from jacokin.errors import InvalidInputError, MissingExtraError
@@ -46,10 +47,34 @@ def track(
     ] = None,
     speed: Annotated[float, typer.Option("--speed", metavar="V", help="Speed along the path [m/s].")] = 0.05,
     angular_speed: Annotated[
-        float, typer.Option("--angular-speed", metavar="W", help="Speed of turning [rad/s].")
-    ] = 0.5,
+        float | None, typer.Option("--angular-speed", metavar="W", help="Speed of turning [rad/s]; 0.5 if not given.")
+    ] = None,
+    velocity_limit: Annotated[
+        str | None,
+        typer.Option("--velocity-limit", metavar="V ..", help="Of the joints [rad/s], one for all or one for each."),
+    ] = None,
+    acceleration_limit: Annotated[
+        str | None,
+        typer.Option("--acceleration-limit", metavar="A ..", help="Of the joints [rad/s^2]; none if not given."),
+    ] = None,
+    clearance: Annotated[
+        float | None,
+        typer.Option("--clearance", metavar="D", help="Distance kept between shapes [m]; 0.01 with obstacles."),
+    ] = None,
+    box: Annotated[
+        list[str] | None,
+        typer.Option("--box", metavar="X Y Z A B C", help="An obstacle: centre and edge lengths [m]. Repeatable."),
+    ] = None,
+    sphere: Annotated[
+        list[str] | None,
+        typer.Option("--sphere", metavar="X Y Z R", help="An obstacle: centre and radius [m]. Repeatable."),
+    ] = None,
+    floor: Annotated[
+        float | None, typer.Option("--floor", metavar="Z", help="An obstacle: everything below this height [m].")
+    ] = None,
     frame: FrameOption = None,
     seed: SeedOption = None,
+    degrees: DegreesOption = False,
     json: JsonOption = False,
     robot: RobotOption = DEFAULT_ROBOT,
     base: BaseOption = None,
@@ -64,28 +89,36 @@ def track(
     Examples:
       jacokin track --path path.csv --output trajectory.csv
       jacokin track --path path.csv --dt 0.005 --speed 0.1 --output trajectory.npz --plot trajectory.png
+      jacokin track --path path.csv --degrees --velocity-limit 20 --acceleration-limit 60
+      jacokin track --path path.csv --floor 0 --box 0.5 -0.5 0.1 0.6 0.6 0.05 --clearance 0.02
     """
     from jacokin import files
-    from jacokin.cli.track import report
-    from jacokin.ik.paths import track as paths
+    from jacokin.cli.track import clearances, report
     from jacokin.ik.paths.result import FORMATS
+    from jacokin.ik.paths.track import ANGULAR_SPEED, track_path
 
     poses = _poses(path)
     _check_files(output, FORMATS, plot)
     keep_apart({"--output": output, "--plot": plot}, {"--path": path, "--robot": robot})
+    obstacles = clearances.read(clearance, box, sphere, floor)
     arm = options.load(robot, base, tip)
+    units = Units(degrees)
+    joints = units.of_joints(arm)
     with contextlib.ExitStack() as stack:
         writable = None if output is None else stack.enter_context(files.replacing(output))
         drawable = None if plot is None else stack.enter_context(files.replacing(plot))
         with progress_bar("tracking") as progress:
-            result = paths.track_path(
+            result = track_path(
                 arm,
                 poses,
                 dt=dt,
                 speed=speed,
-                angular_speed=angular_speed,
+                angular_speed=ANGULAR_SPEED if angular_speed is None else units.read([angular_speed])[0],
                 frame=frame,
-                seed=Angles(degrees=False).seed(seed),
+                seed=_of_joints("--seed", seed, joints),
+                velocity_limit=_of_joints("--velocity-limit", velocity_limit, joints),
+                acceleration_limit=_of_joints("--acceleration-limit", acceleration_limit, joints),
+                collision=obstacles,
                 progress=progress,
             )
         if writable is not None:
@@ -95,9 +128,9 @@ def track(
 
             plot_path(result, drawable)
     if json:
-        report.print_json(arm, result, output, plot)
+        report.print_json(arm, result, units, output, plot)
     else:
-        report.show(result, output, plot)
+        report.show(arm, result, units, output, plot)
     if not result.success:
         raise typer.Exit(NOT_SOLVED)
 
@@ -114,6 +147,18 @@ def _check_files(output: Path | None, formats: tuple[str, ...], plot: Path | Non
             raise InvalidInputError(f"{option} must end in {' or '.join(endings)}, got {str(file)!r}")
     if plot is not None and importlib.util.find_spec("matplotlib") is None:
         raise MissingExtraError("matplotlib", "plot")
+
+
+def _of_joints(option: str, text: str | None, joints: JointUnits) -> list[float] | None:
+    """Numbers for the joints, in [rad] and [m]; one number stands for all.
+
+    Raises:
+        InvalidInputError: not numbers.
+    """
+    values = numbers(option, text)
+    if values is not None and len(values) == 1 and option != "--seed":
+        values *= len(joints.sliding)
+    return None if values is None else joints.read(values)
 
 
 def _poses(path: Path) -> Array:

@@ -9,32 +9,35 @@ from jacokin.cli.display import json_output
 from jacokin.cli.display.tables import console, facts, number, small, table
 
 if TYPE_CHECKING:
+    from jacokin.cli.arguments.units import Units
     from jacokin.ik.paths.result import PathResult
     from jacokin.model.robot import Robot
 
 
-def print_json(arm: Robot, result: PathResult, output: Path | None, plot: Path | None) -> None:
+def print_json(arm: Robot, result: PathResult, units: Units, output: Path | None, plot: Path | None) -> None:
     """Print the errors, the margins and every start that was tried as one JSON document."""
+    joints = units.of_joints(arm)
     json_output.print_json(
         {
             "robot": arm.name,
             "joint_names": result.joint_names,
-            "angle_unit": "rad",
+            "angle_unit": units.angle,
+            "joint_units": joints.names,
             "success": result.success,
             "message": result.message,
             "duration": result.t[-1],
             "rows": len(result),
             "max_position_error": result.position_error.max(),
-            "max_orientation_error": result.orientation_error.max(),
+            "max_orientation_error": units.shown(result.orientation_error.max()),
             "time_off_the_path": result.time_limited,
             "failed_segments": result.failed_segments,
-            "limit_margin": result.limit_margin.min(axis=0),
+            "limit_margin": joints.shown(result.limit_margin.min(axis=0)),
             "branches": [
                 {
-                    "q_start": branch.q_start,
+                    "q_start": joints.shown(branch.q_start),
                     "failed_segments": branch.failed_segments,
                     "position_error": branch.position_error,
-                    "orientation_error": branch.orientation_error,
+                    "orientation_error": units.shown(branch.orientation_error),
                 }
                 for branch in result.branches
             ],
@@ -44,21 +47,23 @@ def print_json(arm: Robot, result: PathResult, output: Path | None, plot: Path |
     )
 
 
-def show(result: PathResult, output: Path | None, plot: Path | None) -> None:
+def show(arm: Robot, result: PathResult, units: Units, output: Path | None, plot: Path | None) -> None:
     """Print a summary; when the tool left the path, where it did from every start."""
     margin = result.limit_margin
     nearest = int(margin.min(axis=0).argmin())
     at = int(margin[:, nearest].argmin())
+    joints = units.of_joints(arm)
+    away = joints.shown(margin[at])[nearest]
     lines = [
         ("result", "on the path throughout" if result.success else "NOT on the path throughout"),
         ("note", result.message),
         ("duration", f"{result.t[-1]:.3f} s, {len(result)} rows"),
         ("largest position error", small(float(result.position_error.max()), "m")),
-        ("largest orientation error", small(float(result.orientation_error.max()), "rad")),
+        ("largest orientation error", small(units.shown(result.orientation_error.max()), units.angle)),
         ("time off the path", f"{result.time_limited:.3f} s"),
         (
             "nearest to a limit",
-            f"{result.joint_names[nearest]}, {number(margin[at, nearest])} rad away at {result.t[at]:.3f} s",
+            f"{result.joint_names[nearest]}, {number(away)} {joints.names[nearest]} away at {result.t[at]:.3f} s",
         ),
     ]
     lines += [(name, str(file)) for name, file in (("written to", output), ("drawn in", plot)) if file is not None]
@@ -70,7 +75,7 @@ def show(result: PathResult, output: Path | None, plot: Path | None) -> None:
                 str(index),
                 ", ".join(str(segment) for segment in branch.failed_segments) or "none",
                 small(branch.position_error, "m"),
-                small(branch.orientation_error, "rad"),
+                small(units.shown(branch.orientation_error), units.angle),
             )
             for index, branch in enumerate(result.branches, start=1)
         ]

@@ -74,7 +74,7 @@ def test_ik_out_of_reach_says_why_and_leaves_with_1(run: Run) -> None:
     answer = run("ik", *FAR)
     assert answer.code == 1
     assert "UNREACHABLE" in answer.out
-    assert "closest legal configuration" in answer.out
+    assert "closest configuration within the limits" in answer.out
     document = run("ik", *FAR, "--json").document
     assert document["success"] is False
     assert document["position_error"] > 10.0

@@ -62,3 +62,12 @@ def test_crosscheck_with_frames_and_joints_by_name(run: Run) -> None:
     answer = run(*words, "--joint", "joint_1=joint_1", "--frame", "end_effector=end_effector")
     frames = {row["frame"] for row in answer.document["deviations"]}
     assert frames == {"end_effector", None}
+
+
+def test_crosscheck_with_bases_of_their_own(run: Run) -> None:
+    urdf, mjcf = (str(bundled.urdf_folder() / f"j2n6s300.{ending}") for ending in ("urdf", "xml"))
+    words = ("crosscheck", urdf, mjcf, "--samples", "5", "--base", "link_1", "--json")
+    same = run(*words, "--second-base", "link_1")
+    assert same.code == 0
+    assert run(*words).document == same.document
+    assert "'lnk'" in run(*words, "--second-base", "lnk").err

@@ -52,14 +52,19 @@ def test_track_of_a_path_that_leaves_the_reach_ends_with_1(path_file: Path, caps
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("--dt", "0"), "dt must be"),
-        (("--dt", "-0.01"), "dt must be"),
-        (("--speed", "0"), "speed"),
+        (("--dt", "0"), "--dt must be"),
+        (("--dt", "-0.01"), "--dt must be"),
+        (("--speed", "0"), "--speed"),
         (("--output", "trajectory.txt"), ".csv or .npz"),
         (("--output", "nowhere/trajectory.csv"), "nowhere"),
         (("--plot", "trajectory.doc"), ".png"),
         (("--frame", "link_9"), "link_6"),
-        (("--seed", "1", "2"), "seed"),
+        (("--seed", "1", "2"), "--seed"),
+        (("--velocity-limit", "1", "2"), "--velocity-limit"),
+        (("--acceleration-limit", "0"), "--acceleration-limit"),
+        (("--box", "1", "2", "3"), "--box must be 6 numbers"),
+        (("--sphere", "1", "2", "3"), "--sphere must be 4 numbers"),
+        (("--clearance", "-1"), "distance"),
     ],
 )
 def test_track_refuses_wrong_input_before_the_first_tick(
@@ -87,3 +92,27 @@ def test_plotting_without_matplotlib_names_the_extra(
     monkeypatch.setattr("importlib.util.find_spec", lambda _: None)
     assert leave("track", "--path", str(path_file), "--plot", "a.png") == 2
     assert "jacokin[plot]" in capsys.readouterr().err
+
+
+def test_track_keeps_limits_in_degrees_and_clear_of_obstacles(
+    path_file: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = path_file.with_name("trajectory.npz")
+    words = ("track", "--path", str(path_file), "--output", str(out), "--dt", "0.02", "--degrees")
+    assert leave(*words, "--velocity-limit", "12", "--angular-speed", "20", "--speed", "0.02") == 0
+    assert np.abs(PathResult.load(out).v).max() <= np.radians(12.0) + 1e-9
+    capsys.readouterr()
+    # The path leads through a box: the tool stops before it.
+    box = ("--box", "0.4", "-0.2", "0.5", "0.1", "0.1", "0.1", "--clearance", "0.01")
+    assert leave(*words, *box) == 1
+    assert "NOT on the path" in capsys.readouterr().out
+
+
+def test_track_starts_near_a_seed_in_degrees(path_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ("track", "--path", str(path_file), "--dt", "0.05", "--json")
+    leave(*words)
+    starts = [branch["q_start"] for branch in json.loads(capsys.readouterr().out)["branches"]]
+    leave(*words, "--degrees", "--seed", *map(repr, np.degrees(starts[0]).tolist()))
+    again = json.loads(capsys.readouterr().out)
+    assert again["angle_unit"] == "deg"
+    assert np.allclose(again["branches"][0]["q_start"], np.degrees(starts[0]), rtol=0.0, atol=1e-9)

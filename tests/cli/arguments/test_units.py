@@ -1,0 +1,64 @@
+"""Degrees are for what turns; what slides stays in metres, and each value says its unit."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import jacokin
+from tests.cli.run import POSE, Run
+
+TURNING = [True, True, False, True]  # the joints of the scene's arm
+Q = [0.3, -0.4, 0.05, 0.2]
+
+
+@pytest.fixture
+def arm(scene: Path) -> tuple[str, ...]:
+    return "--robot", str(scene), "--base", "pedestal", "--tip", "tool"
+
+
+def in_degrees(q: list[float]) -> list[float]:
+    return [math.degrees(value) if turns else value for value, turns in zip(q, TURNING, strict=True)]
+
+
+def test_fk_converts_turning_joints_only(run: Run, arm: tuple[str, ...]) -> None:
+    radians = run("fk", *map(repr, Q), *arm, "--json").document
+    degrees = run("fk", *map(repr, in_degrees(Q)), *arm, "--json", "--degrees").document
+    assert np.allclose(degrees["position"], radians["position"], rtol=0.0, atol=1e-14)
+    assert np.allclose(np.radians(degrees["rpy"]), radians["rpy"], rtol=0.0, atol=1e-14)
+
+
+def test_info_labels_each_joint_with_its_unit(run: Run, scene: Path) -> None:
+    words = ("info", str(scene), "--base", "pedestal", "--tip", "tool", "--degrees")
+    document = run(*words, "--json").document
+    assert [joint["unit"] for joint in document["joints"]] == ["deg", "deg", "m", "deg"]
+    rail = document["joints"][2]
+    assert (rail["lower"], rail["upper"]) == (0.0, 0.1)
+    assert document["joints"][0]["upper"] == pytest.approx(math.degrees(2.0))
+    table = run(*words).out
+    assert "rail [m]" in table
+    assert "shoulder [deg]" in table
+
+
+def test_ik_takes_a_seed_and_shows_an_answer_in_each_unit(run: Run, arm: tuple[str, ...], scene: Path) -> None:
+    robot = jacokin.load_robot(scene, base="pedestal", tip="tool")
+    position = list(map(repr, robot.forward_kinematics(Q).translation.tolist()))
+    words = ("ik", "--position", *position, *arm, "--seed", *map(repr, in_degrees(Q)), "--degrees")
+    document = run(*words, "--json").document
+    assert document["joint_units"] == ["deg", "deg", "m", "deg"]
+    assert np.allclose(document["q"], in_degrees(Q), rtol=0.0, atol=1e-4)
+    assert "rail [m]" in run(*words).out
+
+
+def test_angles_that_look_like_degrees_are_noticed(run: Run, tmp_path: Path) -> None:
+    words = ("ik", *POSE[:4], "--rpy", "90", "0", "-30")
+    assert "--rpy is in radians" in run(*words).err
+    assert run(*words, "--degrees").err == ""
+    file = tmp_path / "targets.csv"
+    file.write_text("x,y,z,roll,pitch,yaw\n0.3,-0.2,0.5,1.57,0,-0.5\n", encoding="utf-8")
+    assert "radians" not in run("ik", "--targets", str(file)).err
+    file.write_text("x,y,z,roll,pitch,yaw\n0.3,-0.2,0.5,90,0,-30\n", encoding="utf-8")
+    assert "radians" in run("ik", "--targets", str(file)).err
