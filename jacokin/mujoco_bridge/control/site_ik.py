@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from jacokin.errors import PhysicsError
 from jacokin.ik import targets
+from jacokin.ik.closed_form.kernels.pose import WITHIN_LIMITS
 from jacokin.ik.options import Options
 from jacokin.ik.solver import IKSolver
 from jacokin.ik.verification import Verifier
@@ -58,16 +59,18 @@ class SiteSolver:
         self._joints = tuple(joints)
         self._site = site
         self._T = np.eye(4)
+        self._qpos: Array = self._data.qpos
+        self._qvel: Array = self._data.qvel
         self._prepare()
 
     def chain(self) -> SceneChain:
         """The joints that move the site; others on the way to it are held at their present positions."""
-        if not self._chain.is_current(self._data.qpos):
+        if not self._chain.is_current(self._qpos):
             self._prepare()
         return self._chain
 
     def _prepare(self) -> None:
-        _check_finite(self._data)
+        self._check_finite()
         self._chain = scene_chain(self._model, self._data.qpos, self._joints, self._site)
         robot = self._chain.robot
         self._solver = IKSolver(robot, SITE, warm=None)
@@ -78,6 +81,24 @@ class SiteSolver:
         self._base_position: Array = self._scratch.xpos[self._chain.base_body]
         self._R_base_world: Array = self._scratch.xmat[self._chain.base_body].reshape(3, 3).T
         self._base_then: list[bytes] = []
+
+    def nearest(self, position: Array, rotation: Array) -> tuple[NDArray[np.intp], Array] | None:
+        """The nearest branch of the closed form within the limits, as addresses in qpos and values; None without one.
+
+        Args:
+            position: (3,) target position of the site in the world [m].
+            rotation: (3, 3) target orientation, R_world_site.
+
+        Raises:
+            PhysicsError: positions or velocities in the scene are not finite.
+        """
+        chain = self._target(position, rotation)
+        rows = self._solver.closed_form().solve_all(self._T, self._qpos[chain.qpos]).rows
+        try:
+            first = rows[:, WITHIN_LIMITS].tolist().index(1.0)
+        except ValueError:
+            return None
+        return chain.qpos, self._canonical(rows[first, : len(chain.qpos)])
 
     def solutions(
         self,
@@ -102,19 +123,39 @@ class SiteSolver:
         Raises:
             PhysicsError: positions or velocities in the scene are not finite.
         """
-        _check_finite(self._data)
+        chain = self._target(position, rotation)
+        present = self._qpos[chain.qpos]
+        if bounds is None:
+            found = self._branches(present, random_state if shuffle else None)
+        else:
+            found = self._by_qp(self._starts(None if shuffle else present, bounds, random_state, attempts))
+        for q in found:
+            yield chain.qpos, self._canonical(q)
+
+    def _target(self, position: Array, rotation: Array) -> SceneChain:
+        """Write T_base_site of a target in the world to `_T`; returns the chain as it is now."""
+        self._check_finite()
         chain = self.chain()
         self._find_base(chain)
         T = self._T
-        T[:3, :3] = self._R_base_world.dot(rotation)
-        T[:3, 3] = self._R_base_world.dot(position - self._base_position)
-        present = self._data.qpos[chain.qpos]
-        if bounds is None:
-            found = self._branches(T, present, random_state if shuffle else None)
+        if self._is_upright:
+            T[:3, :3] = rotation
+            T[:3, 3] = position - self._base_position
         else:
-            found = self._by_qp(T, self._starts(None if shuffle else present, bounds, random_state, attempts))
-        for q in found:
-            yield chain.qpos, self._canonical(q)
+            T[:3, :3] = self._R_base_world.dot(rotation)
+            T[:3, 3] = self._R_base_world.dot(position - self._base_position)
+        return chain
+
+    def _check_finite(self) -> None:
+        """Check that the scene has a finite state.
+
+        Raises:
+            PhysicsError: qpos or qvel is not finite.
+        """
+        for name, values in (("qpos", self._qpos), ("qvel", self._qvel)):
+            # A dot product is the cheapest test; only a suspicious one is looked at again.
+            if not math.isfinite(values.dot(values)) and not np.isfinite(values).all():
+                raise PhysicsError(f"the simulation is not finite in {name}; reset it first")
 
     def _find_base(self, chain: SceneChain) -> None:
         """Bring the base's pose in the scratch data up to date."""
@@ -127,9 +168,10 @@ class SiteSolver:
         scratch.mocap_quat[:] = data.mocap_quat
         mujoco.mj_kinematics(self._model, scratch)
         self._base_then = base_now
+        self._is_upright = np.array_equal(self._R_base_world, np.eye(3))
 
-    def _branches(self, T_base_site: Array, present: Array, shuffled_by: RandomState | None) -> Iterator[Array]:
-        branches = self._solver.closed_form().solve_all(T_base_site, present)
+    def _branches(self, present: Array, shuffled_by: RandomState | None) -> Iterator[Array]:
+        branches = self._solver.closed_form().solve_all(self._T, present)
         q = branches.q
         order = branches.within_limits.nonzero()[0]
         for index in order if shuffled_by is None else shuffled_by.permutation(order):
@@ -143,8 +185,8 @@ class SiteSolver:
             q[joint] = turned if turned < TURN else 0.0  # the remainder of -1e-17 is rounded up to a full turn
         return q
 
-    def _by_qp(self, T_base_site: Array, starts: Iterator[Array]) -> Iterator[Array]:
-        target = targets.checked(T_base_site)
+    def _by_qp(self, starts: Iterator[Array]) -> Iterator[Array]:
+        target = targets.checked(self._T)
         if self._qp is None:
             self._qp = self._multi_start()
         for start in starts:
@@ -166,18 +208,6 @@ class SiteSolver:
             yield np.clip(present, self._chain.robot.lower, self._chain.robot.upper)
         for _ in range(attempts - (present is not None)):
             yield random_state.uniform(*bounds)[members]
-
-
-def _check_finite(data: mujoco.MjData) -> None:
-    """Check that a scene has a finite state.
-
-    Raises:
-        PhysicsError: qpos or qvel is not finite.
-    """
-    for name, values in (("qpos", data.qpos), ("qvel", data.qvel)):
-        # A dot product is the cheapest test; only a suspicious one is looked at again.
-        if not math.isfinite(values.dot(values)) and not np.isfinite(values).all():
-            raise PhysicsError(f"the simulation is not finite in {name}; reset it first")
 
 
 class SceneSolvers:
