@@ -4,7 +4,7 @@
     python -m benchmarks.run --only peers --targets poses.csv --peers solve_all ssik rtb
 
 The peers are installed into .venv-bench on the first run. One that cannot be installed or run is in the table with the
-reason. What other modules of this folder measure (`bridge`, `tracker`) is run from here too.
+reason. What other modules of this folder measure (`bridge`, `tracker`, `latency`) is run from here too.
 """
 
 from __future__ import annotations
@@ -23,7 +23,11 @@ from benchmarks import comparison, completeness, costs, environments, qp_success
 from jacokin import Robot
 
 # Modules that print their figures when run, and the title of their part of the page.
-PRINTING = {"bridge": "The MuJoCo bridge beside dm_control", "tracker": "One tick of the tracker"}
+PRINTING = {
+    "bridge": "The MuJoCo bridge beside dm_control",
+    "tracker": "One tick of the tracker",
+    "latency": "Single calls, the slowest included",
+}
 SECTIONS = ("peers", "costs", "completeness", "qp", *PRINTING)
 PRINTING_TIMEOUT = 600.0  # [s]
 

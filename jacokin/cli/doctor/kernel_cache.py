@@ -34,6 +34,7 @@ def _state() -> tuple[str, str]:
     existing = next(parent for parent in file.parents if parent.exists())
     if not os.access(existing, os.W_OK):
         return WARNING, (
-            f"{existing} cannot be written, so each process compiles anew: set NUMBA_CACHE_DIR to a folder of your own"
+            f"{file.parent} cannot be written, so each process compiles anew: "
+            "set NUMBA_CACHE_DIR to a folder of your own"
         )
     return MISSING, f"not compiled yet: `jacokin warmup` compiles it into {file.parent}"

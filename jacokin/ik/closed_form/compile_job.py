@@ -55,11 +55,12 @@ class CompileJob(threading.Thread):
                 code = cache.read().code  # another process may have filled the cache meanwhile
                 if code is None:
                     code = self._compile()
+                    logger.info("compiled the closed form in %.0f s", time.perf_counter() - start)
                     problem = cache.write(code)
-                    kept = problem or f"it is kept in {cache.folder()}"
-                    logger.info("compiled the closed form in %.0f s; %s", time.perf_counter() - start, kept)
                     if problem:
                         logger.warning("%s", problem)
+                    else:
+                        logger.info("kept it in %s", cache.folder())
             self.library = KernelLibrary(code)
         except (OSError, RuntimeError, ValueError) as error:
             self.failure = f"{error}"

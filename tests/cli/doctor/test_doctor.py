@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 import pytest
 
 from jacokin.cli.doctor import checks, kernel_cache, packages, probes, rendering
 from jacokin.cli.doctor.finding import FAILED, MISSING, OK, WARNING, Finding
+from jacokin.ik.closed_form import cache
+from jacokin.ik.closed_form.compilation import KERNELS
 from tests.cli.run import leave
 
 
@@ -69,12 +72,40 @@ def test_a_shadowing_package_is_noticed_in_a_real_process(monkeypatch: pytest.Mo
 
 
 def test_the_cache_of_the_kernels(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "new"))
+    KERNELS.warmup()
+    code = cache.read().code
+    assert code is not None
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     finding = kernel_cache.kernel_cache()
     assert finding.state == MISSING
     assert "jacokin warmup" in finding.detail
-    monkeypatch.setenv("NUMBA_CACHE_DIR", "/proc/nowhere")
-    assert kernel_cache.kernel_cache().state in (WARNING, MISSING)  # root may write where others may not
+    assert cache.write(code) == ""
+    file = cache.path()
+    assert file is not None
+    assert kernel_cache.kernel_cache() == Finding("closed form", "cache", OK, f"compiled, in {file}")
+    file.parent.chmod(0o777)
+    finding = kernel_cache.kernel_cache()
+    assert finding.state == WARNING
+    assert "a folder of your own" in finding.detail
+    file.parent.chmod(0o700)
+    file.write_bytes(bytes(file.stat().st_size))
+    finding = kernel_cache.kernel_cache()
+    assert finding.state == WARNING
+    assert "damaged or incomplete" in finding.detail
+
+
+def test_what_keeps_the_closed_form_from_being_cached(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    monkeypatch.setattr(os, "access", lambda *_: False)  # root may write everywhere
+    finding = kernel_cache.kernel_cache()
+    assert finding.state == WARNING
+    assert f"{cache.folder()} cannot be written" in finding.detail
+    monkeypatch.setattr(cache, "path", lambda: None)
+    assert "no home folder" in kernel_cache.kernel_cache().detail
+    monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
+    finding = kernel_cache.kernel_cache()
+    assert finding.state == WARNING
+    assert "NUMBA_DISABLE_JIT is set" in finding.detail
 
 
 def test_a_renderer_that_is_missing_names_its_package(monkeypatch: pytest.MonkeyPatch) -> None:
