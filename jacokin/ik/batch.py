@@ -25,7 +25,7 @@ from jacokin.model import checks
 from jacokin.model.robot import Robot
 
 CHUNK = 4096  # targets in one compiled call: progress is seen, and the call's cost is spread
-MAX_CHUNK = 16  # targets that a worker process takes at once: an interrupted batch waits for no more
+MAX_CHUNK = 4  # targets that a worker process takes at once: an interrupted batch waits for no more
 
 
 class Rows(Protocol):
