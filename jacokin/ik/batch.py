@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import signal
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol
@@ -187,7 +188,13 @@ def _one_by_one(single: Single, jobs: list[_Job], workers: int) -> Iterator[tupl
         min(workers, len(jobs)), mp_context=context, initializer=_prepare_process, initargs=(single,)
     )
     try:
-        yield from pool.map(_job_in_process, jobs, chunksize=min(MAX_CHUNK, max(1, len(jobs) // (8 * workers))))
+        # The processes start here and inherit the mask: Ctrl-C is for this process, which then stops them.
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            results = pool.map(_job_in_process, jobs, chunksize=min(MAX_CHUNK, max(1, len(jobs) // (8 * workers))))
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        yield from results
     except BrokenProcessPool as error:
         raise JacokinError(
             "the worker processes did not start: a script that uses workers > 1 must do so under "
@@ -198,8 +205,18 @@ def _one_by_one(single: Single, jobs: list[_Job], workers: int) -> Iterator[tupl
 
 
 def _prepare_process(single: Single) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C ends a worker at once, without a traceback of its own
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     _single_in_process[:] = [single]
+
+
+def _end_with_parent() -> None:
+    """A process whose parent was killed would wait for jobs for ever."""
+    import multiprocessing
+
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
 
 
 def _job_in_process(job: _Job) -> tuple[int, IKResult]:
