@@ -19,6 +19,7 @@ ERRORS = (
     errors.StructureError("axes apart", ("joint_3", "joint_4"), 0.02),
     errors.SolveError("UNREACHABLE: too far", None),
     errors.PhysicsError("diverged"),
+    errors.EpisodeInitializationError("no state without contact in 10 attempts"),
     errors.MissingExtraError("ruckig", "motion"),
 )
 
