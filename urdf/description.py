@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from jacokin.model.descriptions.table import angle, section
+from urdf.checks import check
 
 FOLDER = Path(__file__).resolve().parent
 # Below this a sine or cosine of a multiple of pi/6 is rounding and written as 0.
@@ -99,11 +100,17 @@ class Description:
 
 
 def read_table() -> dict[str, Any]:
-    """Both files as one dictionary; the shapes are under ``"shapes"``."""
+    """Both files as one dictionary; the shapes are under ``"shapes"``.
+
+    Raises:
+        ModelError: a robot is not complete; see `checks.check`.
+    """
     with (FOLDER / "jaco.toml").open("rb") as file:
         table = tomllib.load(file)
     with (FOLDER / "shapes.toml").open("rb") as file:
-        return table | {"shapes": tomllib.load(file)}
+        table["shapes"] = tomllib.load(file)
+    check(table)
+    return table
 
 
 def describe(table: Mapping[str, Any], name: str) -> Description:

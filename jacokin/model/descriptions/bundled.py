@@ -4,18 +4,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
-DEFAULT_ROBOT = "j2n6s300"
+from jacokin.model.descriptions import table
+from jacokin.model.descriptions.table import urdf_folder as urdf_folder
 
-NAMES = ("j2n6s300", "j2n6s200", "j2s6s300", "j2s6s200", "m1n6s300", "m1n6s200")
+#: The robot that is meant when none is named.
+DEFAULT_ROBOT = "j2n6s300"
+#: Names of the bundled robots, in the order of the table.
+NAMES: tuple[str, ...] = tuple(table.load()["variants"])
 
 
 def part_file(robot: str, part: str) -> Path:
     """The MJCF file of the "arm" or the "hand" of a bundled robot."""
     return urdf_folder() / f"{'jaco' if robot == DEFAULT_ROBOT else robot}_{part}.xml"
-
-
-def urdf_folder() -> Path:
-    """Folder of the generated descriptions: inside the installed package, or beside it in a source tree."""
-    package = Path(__file__).resolve().parents[2]
-    installed = package / "urdf"
-    return installed if installed.is_dir() else package.parent / "urdf"

@@ -7,15 +7,23 @@ import math
 import re
 import tomllib
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
-from jacokin.model.descriptions import bundled
+from jacokin.errors import ModelError, UnknownNameError
+
+
+def urdf_folder() -> Path:
+    """Folder of the generated descriptions: inside the installed package, or beside it in a source tree."""
+    package = Path(__file__).resolve().parents[2]
+    installed = package / "urdf"
+    return installed if installed.is_dir() else package.parent / "urdf"
 
 
 @functools.cache
 def load(file_name: str = "jaco.toml") -> Mapping[str, Any]:
     """The whole table as nested dictionaries; treat it as read-only."""
-    with (bundled.urdf_folder() / file_name).open("rb") as file:
+    with (urdf_folder() / file_name).open("rb") as file:
         return tomllib.load(file)
 
 
@@ -23,7 +31,7 @@ def angle(value: float | str) -> float:
     """A number [rad], or an exact multiple of pi such as ``"pi"``, ``"-pi/2"``, ``"pi/3"``.
 
     Raises:
-        ValueError: the text is no such multiple.
+        ValueError: the text is not such a multiple.
     """
     if not isinstance(value, str):
         return float(value)
@@ -35,13 +43,35 @@ def angle(value: float | str) -> float:
 
 
 def section(group: Mapping[str, Any], name: str) -> dict[str, Any]:
-    """Section `name` of a group, completed from the one it names with ``like``."""
-    own = dict(group[name])
-    merged = section(group, own.pop("like")) if "like" in own else {}
-    for key, value in own.items():
-        both_tables = isinstance(value, dict) and isinstance(merged.get(key), dict)
-        merged[key] = {**merged[key], **value} if both_tables else value
+    """Section `name` of a group, completed from the one it names with ``like``.
+
+    Raises:
+        UnknownNameError: the group has no such section; lists those it has.
+        ModelError: sections name each other in a circle.
+    """
+    merged: dict[str, Any] = {}
+    for ancestor in reversed(ancestors(group, name)):
+        for key, value in group[ancestor].items():
+            both_tables = isinstance(value, dict) and isinstance(merged.get(key), dict)
+            merged[key] = {**merged[key], **value} if both_tables else value
+    merged.pop("like", None)
     return merged
+
+
+def ancestors(group: Mapping[str, Any], name: str) -> list[str]:
+    """A section, the one it is ``like``, the one that is like, and so on. Errors as `section`."""
+    names: list[str] = []
+    following: str | None = name
+    while following is not None:
+        if following in names:
+            raise ModelError(f"sections are like each other in a circle: {' -> '.join([*names, following])}")
+        if not isinstance(group.get(following), Mapping):
+            raise UnknownNameError(
+                "section of the table", following, [k for k, v in group.items() if isinstance(v, dict)]
+            )
+        names.append(following)
+        following = group[following].get("like")
+    return names
 
 
 def variant(name: str) -> Mapping[str, Any]:
