@@ -13,14 +13,13 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 import jacokin
+from jacokin.arrays import Array
 from jacokin.ik.closed_form import warmup
 from jacokin.model import quat_wxyz
 from jacokin.mujoco_bridge import Arena, JacoArm, JacoHand, Physics, observations, robots
 
-Array = NDArray[np.float64]
 Solve = Callable[[Array, Array | None], bool]
 
 LOWER, UPPER = (-0.2, -0.2, 0.02), (0.2, 0.2, 0.4)  # [m] where the manipulation tasks place the pinch site

@@ -6,14 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 import jacokin
 from benchmarks import targets
 from benchmarks.referee import apart
 from jacokin import Robot
-
-Array = NDArray[np.float64]
+from jacokin.arrays import Array
 
 NEWTON_STARTS = 400  # a target of the brute-force count
 NEWTON_STEPS = 40

@@ -7,16 +7,14 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.environments import InstallError, Peer, interpreter
 from benchmarks.referee import Referee, apart, rotation_angle
 from benchmarks.targets import Targets
 from benchmarks.worker import Worker, WorkerError
 from jacokin import Robot
+from jacokin.arrays import Array
 from jacokin.model.descriptions import bundled
-
-Array = NDArray[np.float64]
 
 POSITION_TOLERANCE = 1e-6  # [m], what jacokin promises
 ORIENTATION_TOLERANCE = 1e-6  # [rad]

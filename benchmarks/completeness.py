@@ -12,16 +12,14 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 import jacokin
 from benchmarks import brute_force, environments, report, targets
 from benchmarks.referee import apart, rotation_angle
 from jacokin import Robot
+from jacokin.arrays import Array
 from jacokin.ik import closed_form
 from jacokin.model.descriptions import bundled
-
-Array = NDArray[np.float64]
 
 SAME_CONFIGURATION = 1e-4  # [rad] on the circle: the generating configuration counts as found
 DUPLICATE = 1e-6  # [rad] two branches nearer than this are one

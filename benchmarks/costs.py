@@ -13,15 +13,12 @@ from collections.abc import Callable
 import mink
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 import jacokin
 from benchmarks import report, targets
 from jacokin import Robot
 from jacokin.ik import closed_form
 from jacokin.model import to_mujoco
-
-Array = NDArray[np.float64]
 
 QP_TARGETS = 150
 LOOP_ITERATIONS = 60  # of the bare loop from one start

@@ -15,14 +15,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 import jacokin
 from benchmarks import report
+from jacokin.arrays import Array
 from jacokin.ik.closed_form.compilation import KERNELS
 from jacokin.mujoco_bridge import Arena, Physics, observations, robots
-
-Array = NDArray[np.float64]
 
 CALLS = 20_000
 POSES = 2_000

@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from jacokin.arrays import Array
 
 
 def rotation_angle(a: Array, b: Array) -> Array:

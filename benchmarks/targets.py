@@ -8,11 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from jacokin import Robot
-
-Array = NDArray[np.float64]
+from jacokin.arrays import Array
 
 VERTICAL = 1e-13  # [rad] tilt left when a tool counts as vertical
 NEWTON_STEPS = 30

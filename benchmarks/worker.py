@@ -13,9 +13,8 @@ from types import TracebackType
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from jacokin.arrays import Array
 
 PEERS_FOLDER = Path(__file__).resolve().parent / "peers"
 REPLY_TIMEOUT = 180.0  # [s]; the slowest peer needs a few seconds a round, imports and compilation included

@@ -9,12 +9,10 @@ import csv
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 import jacokin
+from jacokin.arrays import Array
 from jacokin.model import quat_wxyz
-
-Array = NDArray[np.float64]
 
 REACHABLE = 200
 RANDOM_SEED = 20

@@ -12,7 +12,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
-from jacokin.errors import InvalidInputError
+from jacokin.errors import InvalidInputError, shown
 from jacokin.model import checks
 
 QUATERNION_NORM_TOLERANCE = 0.01  # hand-typed quaternions have two or three digits; more than 1 % is a mistake
@@ -139,7 +139,7 @@ def matrix_of(target: pin.SE3 | ArrayLike, name: str = "target") -> Array:
     try:
         matrix = np.array(checks.numbers(target), order="C")
     except (TypeError, ValueError) as error:
-        raise InvalidInputError(f"{name} must be a pin.SE3 or a (4, 4) matrix, got {target!r}") from error
+        raise InvalidInputError(f"{name} must be a pin.SE3 or a (4, 4) matrix, got {shown(target)}") from error
     if matrix.shape != (4, 4):
         raise InvalidInputError(f"{name} must be a pin.SE3 or a (4, 4) matrix, got shape {matrix.shape}")
     return checked_matrix(name, matrix)
@@ -178,8 +178,7 @@ def pose(
     Raises:
         InvalidInputError: more than one orientation, or a malformed one.
     """
-    if not isinstance(down, bool | np.bool_):
-        raise InvalidInputError(f"down must be True or False, got {down!r}")
+    down = checks.flag("down", down)
     given = [n for n, v in (("quat_wxyz", quat_wxyz), ("rpy", rpy), ("rotation", rotation)) if v is not None]
     if down:
         given.append("down")

@@ -13,12 +13,12 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.model import checks
 
-Array = NDArray[np.float64]
 RandomState = np.random.RandomState | np.random.Generator
 Sampler = Callable[..., ArrayLike]
 

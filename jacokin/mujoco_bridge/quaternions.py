@@ -6,13 +6,12 @@ import math
 
 import mujoco
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.model import checks
 from jacokin.model.poses import QUATERNION_NORM_TOLERANCE
-
-Array = NDArray[np.float64]
 
 
 def unit_quaternion(name: str, quat_wxyz: ArrayLike) -> Array:

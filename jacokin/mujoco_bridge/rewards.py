@@ -8,12 +8,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.model import checks
-
-Array = NDArray[np.float64]
 
 VALUE_AT_MARGIN = 0.1
 

@@ -14,15 +14,13 @@ import pinocchio as pin
 import pytest
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 import jacokin
 from jacokin import IKSolver, Robot, Status
+from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, StructureError
 from jacokin.ik.closed_form import compilation
 from jacokin.model import NAMES, SelfContact, urdf_folder
-
-Array = NDArray[np.float64]
 
 angles = st.floats(-math.pi, math.pi)
 fractions = st.floats(0.0, 1.0)

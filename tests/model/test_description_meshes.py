@@ -14,6 +14,8 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
+from jacokin.arrays import Array
+
 FOLDER = Path(__file__).resolve().parents[2] / "urdf"
 NAMES = ("j2n6s300", "j2n6s200", "j2s6s200", "j2s6s300", "m1n6s200", "m1n6s300")
 # The other description writes quaternions with six digits: 8e-7 rad and 3e-8 m at the wrist.
@@ -21,8 +23,6 @@ SIX_DIGITS = 2e-6
 MOST_FALSE_CONTACTS = 0.015  # of configurations
 # What the table of shapes promises, less what lies between samples [m].
 LEAST_DEPTH = 0.9e-4
-
-Array = NDArray[np.float64]
 
 
 def mjcf(name: str) -> mujoco.MjModel:

@@ -10,14 +10,12 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
-from numpy.typing import NDArray
 
 import jacokin
 from jacokin import Robot
+from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, RepresentationSingularity, UnknownNameError
 from jacokin.model import NAMES, poses, to_mujoco
-
-Array = NDArray[np.float64]
 
 STEP = 1e-6  # [rad] central differences: truncation and rounding both near 1e-10
 

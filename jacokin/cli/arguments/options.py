@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from jacokin.model.descriptions.bundled import DEFAULT_ROBOT as DEFAULT_ROBOT
+
 if TYPE_CHECKING:
     from jacokin.model.robot import Robot
 
-DEFAULT_ROBOT = "j2n6s300"
 
 RobotOption = Annotated[
     str, typer.Option("--robot", metavar="NAME|FILE", help="A bundled robot, or the path of a .urdf or .xml (MJCF).")

@@ -8,10 +8,10 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from jacokin.arrays import Array
 from jacokin.mujoco_bridge.entities.entity import Entity
 from jacokin.mujoco_bridge.simulation.physics import Physics
 
-Array = NDArray[np.float64]
 Geoms = NDArray[np.bool_]  # one flag for each geom of the model
 
 _FULL = int(mujoco.mjtWarning.mjWARN_CONTACTFULL)

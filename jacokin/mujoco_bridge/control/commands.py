@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.model import checks
 from jacokin.model.angles import nearest_copy
 from jacokin.mujoco_bridge.base import RobotArm
 from jacokin.mujoco_bridge.jaco_arm import JacoArm
 from jacokin.mujoco_bridge.simulation.physics import Physics, check_physics
-
-Array = NDArray[np.float64]
 
 GAIN = 5.0  # [1/s] velocity per position error; removes 20 % of the error in a control step of 0.04 s
 DAMPING = 0.005  # of the Jacobian's singular values [m/rad, rad/rad]; keeps joint speeds bounded at singular poses

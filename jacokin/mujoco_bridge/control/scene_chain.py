@@ -16,12 +16,11 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from jacokin.arrays import Array
 from jacokin.errors import ModelError
 from jacokin.model.descriptions import mjcf
 from jacokin.model.robot import Home, Robot, Source
 from jacokin.mujoco_bridge.simulation.binding import select
-
-Array = NDArray[np.float64]
 
 BASE = "base"
 SITE = "site"

@@ -16,6 +16,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from jacokin.arrays import Array
 from jacokin.errors import PhysicsError
 from jacokin.ik import targets
 from jacokin.ik.closed_form.kernels.pose import WITHIN_LIMITS
@@ -29,7 +30,6 @@ from jacokin.mujoco_bridge.simulation.physics import Physics
 if TYPE_CHECKING:
     from jacokin.ik.qp.multistart import MultiStartQP
 
-Array = NDArray[np.float64]
 RandomState = np.random.RandomState | np.random.Generator
 Bounds = tuple[Array, Array]
 

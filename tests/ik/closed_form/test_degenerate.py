@@ -13,9 +13,9 @@ import pinocchio as pin
 import pytest
 
 from jacokin import Robot
+from jacokin.arrays import Array
 from jacokin.ik.closed_form import warmup
 from tests.ik.closed_form.tools import (
-    Array,
     brute_force,
     circular,
     closed_form,

@@ -13,12 +13,12 @@ from hypothesis import strategies as st
 
 import jacokin
 from jacokin import Robot
+from jacokin.arrays import Array
 from jacokin.errors import StructureError
 from jacokin.ik.closed_form import ClosedForm, warmup
 from jacokin.ik.closed_form.geometry import measure
 from jacokin.ik.closed_form.kernels import chain as kernels_chain
 from tests.ik.closed_form.tools import (
-    Array,
     brute_force,
     circular,
     closed_form,

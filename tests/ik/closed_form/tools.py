@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from jacokin import Robot
+from jacokin.arrays import Array
 from jacokin.ik.closed_form import BranchTable, ClosedForm
-
-Array = NDArray[np.float64]
 
 
 def closed_form(robot: Robot, frame: str | None = None, tool: pin.SE3 | None = None) -> ClosedForm:

@@ -11,16 +11,13 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import qpsolvers
-from numpy.typing import NDArray
 
 import jacokin
 from jacokin import IKSolver, Robot, Status
+from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, MissingExtraError, SolveError, UnknownNameError
 from jacokin.ik.qp import backend
 from jacokin.model import poses
-
-Array = NDArray[np.float64]
-
 
 CRANE = """<robot name="crane">
 <link name="base"/><link name="mast"/><link name="slide"/><link name="hook"/>
