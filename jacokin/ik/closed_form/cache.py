@@ -167,7 +167,8 @@ def lock() -> Iterator[None]:
     if place is not None:
         with contextlib.suppress(OSError):
             _make_private(place)
-            handle = os.open(place / "lock", os.O_RDWR | os.O_CREAT, 0o600)
+            if not distrust(place.stat(), place):
+                handle = os.open(place / "lock", os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o600)
     try:
         deadline = time.monotonic() + _LOCK_TIMEOUT
         while handle is not None and time.monotonic() < deadline and read().code is None:

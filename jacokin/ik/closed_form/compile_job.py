@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import atexit
 import json
 import logging
 import os
@@ -17,10 +16,14 @@ from jacokin.ik.closed_form.kernel_library import KernelLibrary
 
 logger = logging.getLogger(__name__)
 
-_PROGRAM = (
-    "import json, os, sys; sys.path[:] = json.loads(sys.argv[1]); os.nice(int(sys.argv[2]))\n"
-    "from jacokin.ik.closed_form import compiler; compiler.main()"
-)
+# Its arguments: where to import from, its niceness, and a pipe whose other end closes when this process ends.
+_PROGRAM = """
+import json, os, sys, threading
+threading.Thread(target=lambda: (os.read(int(sys.argv[3]), 1), os._exit(1)), daemon=True).start()
+sys.path[:] = json.loads(sys.argv[1])
+os.nice(int(sys.argv[2]))
+"""
+_COMPILE = "from jacokin.ik.closed_form import compiler; compiler.main()"
 _BACKGROUND_NICENESS = 10  # a control loop on the same cores comes first
 
 
@@ -44,8 +47,6 @@ class CompileJob(threading.Thread):
         self.failure = ""
         self._niceness = _BACKGROUND_NICENESS if background else 0
         self._when_done = when_done
-        self._owner = os.getpid()
-        self._process: subprocess.Popen[bytes] | None = None
 
     def run(self) -> None:
         """Compile, load, and keep the result in the cache."""
@@ -67,11 +68,6 @@ class CompileJob(threading.Thread):
         finally:
             self._when_done(self)
 
-    def stop(self) -> None:
-        """End the compiling process, if this process started one."""
-        if self._process is not None and self._owner == os.getpid():
-            self._process.kill()
-
     def _compile(self) -> bytes:
         """The machine code, from a process of its own.
 
@@ -83,24 +79,25 @@ class CompileJob(threading.Thread):
         if not sys.executable:
             raise RuntimeError("there is no Python program to compile with")
         places = json.dumps([place for place in sys.path if place])
-        command = [sys.executable, "-P", "-W", "ignore", "-c", _PROGRAM, places, str(self._niceness)]
-        atexit.register(self.stop)
+        theirs, ours = os.pipe()
+        command = [sys.executable, "-P", "-W", "ignore", "-c", _PROGRAM + _COMPILE]
         try:
-            self._process = subprocess.Popen(
-                command,
+            done = subprocess.run(
+                [*command, places, str(self._niceness), str(theirs)],
+                pass_fds=[theirs],
                 env={name: value for name, value in os.environ.items() if _is_kept(name)},
                 stdin=subprocess.DEVNULL,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.PIPE,
+                capture_output=True,
                 start_new_session=True,  # Ctrl-C in the terminal is not meant for it
+                check=False,
             )
-            output, errors = self._process.communicate()
         finally:
-            atexit.unregister(self.stop)
-        if self._process.returncode != 0:
-            lines = errors.decode(errors="replace").strip().splitlines()
-            raise RuntimeError(lines[-1] if lines else f"the compiler ended with code {self._process.returncode}")
-        return cache.unpacked(output[output.find(cache.FORMAT) :])
+            os.close(theirs)
+            os.close(ours)
+        if done.returncode != 0:
+            lines = done.stderr.decode(errors="replace").strip().splitlines()
+            raise RuntimeError(lines[-1] if lines else f"the compiler ended with code {done.returncode}")
+        return cache.unpacked(done.stdout[done.stdout.find(cache.FORMAT) :])
 
 
 def _is_kept(variable: str) -> bool:

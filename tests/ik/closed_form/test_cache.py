@@ -87,6 +87,8 @@ def test_a_folder_that_others_may_write_to_is_not_used(mode: int) -> None:
     assert "group or others may write to it" in found.problem
     assert "NUMBA_CACHE_DIR" in found.problem
     assert "group or others may write to it" in cache.write(b"other code")  # nor written to
+    with cache.lock():
+        assert [entry.name for entry in file.parent.iterdir()] == [file.name]
     file.parent.chmod(0o700)
     assert cache.read() == cache.Found(CODE)
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import time
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -38,7 +40,7 @@ def runs(compiled: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Pat
         f"sys.stdout.buffer.write(b'noise' + open({str(compiled)!r}, 'rb').read())"
     )
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
-    monkeypatch.setattr(compile_job, "_PROGRAM", program)
+    monkeypatch.setattr(compile_job, "_COMPILE", program)
     notes.touch()
     return notes
 
@@ -52,6 +54,14 @@ def background(kernels: Kernels) -> None:
     job = kernels._job
     if job is not None:
         job.join()
+
+
+def until(condition: Callable[[], bool]) -> None:
+    """Wait for another process."""
+    end = time.monotonic() + 60.0  # [s]
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.02)
 
 
 def test_single_poses_compile_in_the_background(runs: Path, caplog: pytest.LogCaptureFixture) -> None:
@@ -130,23 +140,23 @@ def test_what_another_process_compiled_meanwhile_is_used(runs: Path, compiled: P
 def test_a_compiler_that_fails_leaves_the_plain_form(
     runs: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    working = compile_job._PROGRAM
-    monkeypatch.setattr(compile_job, "_PROGRAM", FAILING)
+    working = compile_job._COMPILE
+    monkeypatch.setattr(compile_job, "_COMPILE", FAILING)
     kernels = Kernels()
     for _ in range(3):
         assert kernels.for_poses(WAIT_FOR) is None
     assert caplog.text.count("no compiler here") == 1
     with pytest.raises(JacokinError, match="no compiler here"):
         kernels.warmup()
-    monkeypatch.setattr(compile_job, "_PROGRAM", working)
+    monkeypatch.setattr(compile_job, "_COMPILE", working)
     kernels.warmup()
     assert kernels.library is not None
 
 
 def test_output_that_is_cut_off_is_not_run(runs: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(compile_job, "_PROGRAM", compile_job._PROGRAM + "[:-10]")
-    program = compile_job._PROGRAM.replace(".read())[:-10]", ".read()[:-10])")
-    monkeypatch.setattr(compile_job, "_PROGRAM", program)
+    monkeypatch.setattr(compile_job, "_COMPILE", compile_job._COMPILE + "[:-10]")
+    program = compile_job._COMPILE.replace(".read())[:-10]", ".read()[:-10])")
+    monkeypatch.setattr(compile_job, "_COMPILE", program)
     with pytest.raises(JacokinError, match="damaged or incomplete"):
         Kernels().warmup()
 
@@ -168,7 +178,7 @@ def test_options_of_numba_do_not_reach_the_compiler(
 ) -> None:
     seen = tmp_path / "environment"
     program = f"import os; open({str(seen)!r}, 'w').write(' '.join(os.environ));"
-    monkeypatch.setattr(compile_job, "_PROGRAM", program + compile_job._PROGRAM)
+    monkeypatch.setattr(compile_job, "_COMPILE", program + compile_job._COMPILE)
     monkeypatch.setenv("NUMBA_BOUNDSCHECK", "1")
     monkeypatch.setenv("NUMBA_CPU_NAME", "generic")
     monkeypatch.setenv("SOMETHING_ELSE", "1")
@@ -178,25 +188,6 @@ def test_options_of_numba_do_not_reach_the_compiler(
     assert "SOMETHING_ELSE" in names
     assert "NUMBA_CPU_NAME" in names
     assert "NUMBA_BOUNDSCHECK" not in names
-
-
-def test_a_forked_child_does_not_stop_its_parents_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
-    class Process:
-        killed = False
-
-        def kill(self) -> None:
-            self.killed = True
-
-    job = compile_job.CompileJob(lambda job: None, background=True)
-    process = Process()
-    monkeypatch.setattr(job, "_process", process)
-    parent = os.getpid()
-    monkeypatch.setattr(os, "getpid", lambda: parent + 1)
-    job.stop()
-    assert not process.killed
-    monkeypatch.setattr(os, "getpid", lambda: parent)
-    job.stop()
-    assert process.killed
 
 
 def test_an_arm_with_a_cache_solves_its_first_pose_compiled(
@@ -231,15 +222,21 @@ def test_no_solve_needs_numba(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []  # one pose compiles nothing
 
 
-def test_an_interrupted_compiler_leaves_no_process(runs: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(compile_job, "_PROGRAM", "import time; time.sleep(600)")
-    kernels = Kernels()
-    job = kernels._compiling(background=True)
-    assert job is not None
-    while job._process is None:
-        job.join(0.01)
-    job.stop()
-    job.join()
-    assert job._process.returncode != 0
-    assert "ended with code" in job.failure
-    assert cache.read() == cache.Found(None)
+def test_no_compiler_outlives_the_process_that_started_it(tmp_path: Path) -> None:
+    note = tmp_path / "pid"
+    sleeping = f"open({str(note)!r}, 'w').write(str(os.getpid())); import time; time.sleep(600)"
+    program = (
+        "from jacokin.ik.closed_form import compile_job\n"
+        f"compile_job._COMPILE = {sleeping!r}\n"
+        "compile_job.CompileJob(lambda job: None, background=True).run()\n"
+    )
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+    with subprocess.Popen([sys.executable, "-P", "-c", program], env=environment) as parent:
+        try:
+            until(lambda: note.is_file() and note.read_text() != "")
+            compiler = Path("/proc", note.read_text())
+            assert compiler.exists()
+        finally:
+            parent.kill()
+    until(lambda: not (compiler / "exe").exists())  # a process that has ended but was not waited for has none either
+    assert list(tmp_path.rglob("*" + cache.ENDING)) == []
