@@ -3,7 +3,11 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 WHEEL = $(shell ls -t dist/jacokin-*.whl 2>/dev/null | head -n 1)
-SOURCES := pyproject.toml constraints.txt $(shell find jacokin urdf -name '*.py' -o -name '*.toml' -o -name '*.urdf' -o -name '*.xml')
+SOURCES := $(sort pyproject.toml constraints.txt README.md LICENSE NOTICE \
+	$(shell find jacokin urdf -type f -not -path '*/__pycache__/*'))
+# Rewritten where it differs, which is when a source was added, renamed or removed.
+LIST := build/sources.txt
+$(shell mkdir -p build; echo $(SOURCES) | cmp -s - $(LIST) || echo $(SOURCES) > $(LIST))
 JOBS ?= 2
 
 .PHONY: demo test lint format type docs build test-oldest bench fuzz clean
@@ -26,7 +30,7 @@ type: $(VENV)/test.stamp  ## static types, strict
 	$(BIN)/mypy
 
 docs: $(VENV)/docs.stamp  ## build the documentation site, warnings are errors
-	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 
 build: dist/wheel.stamp  ## build the wheel
 
@@ -46,7 +50,7 @@ $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --upgrade pip build
 
-dist/wheel.stamp: $(VENV)/bin/python $(SOURCES) README.md LICENSE NOTICE
+dist/wheel.stamp: $(VENV)/bin/python $(LIST) $(SOURCES)
 	rm -rf dist
 	$(BIN)/python -m build --wheel --outdir dist .
 	touch $@
@@ -67,5 +71,6 @@ $(VENV)/docs.stamp: $(VENV)/test.stamp
 .venv-oldest/test.stamp: dist/wheel.stamp constraints-oldest.txt
 	$(PYTHON) -m venv .venv-oldest
 	.venv-oldest/bin/python -m pip install --quiet --upgrade pip
+	.venv-oldest/bin/python -m pip install --quiet --force-reinstall --no-deps $(WHEEL)
 	.venv-oldest/bin/python -m pip install --quiet --constraint constraints-oldest.txt "jacokin[test] @ file://$(abspath $(WHEEL))"
 	touch $@

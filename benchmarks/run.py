@@ -21,6 +21,7 @@ import numpy as np
 import jacokin
 from benchmarks import comparison, completeness, costs, environments, qp_success, report, targets
 from jacokin import Robot
+from jacokin.errors import JacokinError
 
 # Modules that print their figures when run, and the title of their part of the page.
 PRINTING = {
@@ -132,7 +133,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     robot = jacokin.load_robot()
     rng = np.random.default_rng(1)
     if options.targets:
-        sets = [targets.from_csv(options.targets)]
+        try:
+            sets = [targets.from_csv(options.targets)]
+        except JacokinError as error:
+            parser.error(f"--targets: {error}")
     else:
         count = max(options.count // share, options.rounds)
         sets = [

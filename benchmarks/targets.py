@@ -7,10 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
 
 from jacokin import Robot
 from jacokin.arrays import Array
+from jacokin.errors import InvalidInputError
+from jacokin.ik import read_targets
 
 VERTICAL = 1e-13  # [rad] tilt left when a tool counts as vertical
 NEWTON_STEPS = 30
@@ -75,14 +76,16 @@ def _upright(robot: Robot, q: Array, direction: float) -> Array | None:
 
 
 def from_csv(path: Path) -> Targets:
-    """Poses of a file with columns x, y, z [m], qw, qx, qy, qz, and optionally q1, q2, ... [rad]."""
-    with path.open(newline="") as file:
-        rows = list(csv.DictReader(file))
+    """Poses of a file that `jacokin.ik.read_targets` reads, and optionally q1, q2, ... [rad].
+
+    Raises:
+        InvalidInputError: the file cannot be read, or has no orientations.
+    """
+    targets = read_targets(path)
+    if targets.targets.ndim != 3:
+        raise InvalidInputError(f"{path}: orientations are missing, columns qw, qx, qy, qz or roll, pitch, yaw")
+    with path.open(newline="", encoding="utf-8-sig") as file:
+        rows = [row for row in csv.DictReader(file, skipinitialspace=True) if any(row.values())]
     joints = [name for name in (rows[0] if rows else ()) if name.startswith("q") and name[1:].isdigit()]
-    poses = []
-    for row in rows:
-        quaternion = pin.Quaternion(*(float(row[name]) for name in ("qw", "qx", "qy", "qz")))
-        quaternion.normalize()
-        poses.append(pin.SE3(quaternion, np.array([float(row[name]) for name in "xyz"])).homogeneous)
     known = [[float(row[name]) for name in joints] for row in rows]
-    return Targets(path.stem, np.array(poses), np.array(known, dtype=np.float64).reshape(len(rows), len(joints)))
+    return Targets(path.stem, targets.targets, np.array(known, dtype=np.float64).reshape(len(rows), len(joints)))

@@ -8,10 +8,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, settings
 
 import jacokin
 from jacokin import Robot
 from tests.robot_files import INCLUDED, SCENE
+
+# The same examples every time, however slow the machine is at the moment.
+settings.register_profile("jacokin", derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("jacokin")
 
 
 @functools.cache

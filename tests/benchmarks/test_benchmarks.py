@@ -270,3 +270,14 @@ def test_part_that_fails_says_why() -> None:
     section = run.measured("Pictures", explode)
     assert section.failed
     assert section.body == "Not measured: RuntimeError: no display"
+
+
+def test_targets_without_orientations_are_refused_in_a_sentence(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "positions.csv"
+    path.write_text("x,y,z\n0.3,-0.2,0.5\n", encoding="utf-8")
+    with pytest.raises(SystemExit) as leaving:
+        run.main(["--only", "peers", "--targets", str(path)])
+    assert leaving.value.code == 2
+    assert "qw, qx, qy, qz" in capsys.readouterr().err

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from jacokin.arrays import Array
+from tests.optional import needs_dm_control
 
 FOLDER = Path(__file__).resolve().parents[2] / "urdf"
 NAMES = ("j2n6s300", "j2n6s200", "j2s6s200", "j2s6s300", "m1n6s200", "m1n6s300")
@@ -32,6 +33,7 @@ def mjcf(name: str) -> mujoco.MjModel:
 @pytest.fixture(scope="module")
 def meshes() -> mujoco.MjModel:
     """dm_control's arm with its hand, read from its files without importing it."""
+    needs_dm_control()
     spec = importlib.util.find_spec("dm_control")
     assert spec is not None
     assert spec.submodule_search_locations is not None

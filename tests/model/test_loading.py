@@ -13,6 +13,7 @@ import jacokin
 import jacokin.model
 from jacokin.errors import InvalidInputError, ModelError, UnknownNameError
 from jacokin.model import urdf_folder
+from tests.optional import needs_dm_control
 from tests.robot_files import urdf_text
 
 
@@ -75,6 +76,7 @@ def test_a_hand_attached_through_mujoco(tmp_path: Path, rng: np.random.Generator
 
 
 def test_dm_control_arm_agrees_with_mujoco_and_with_ours(rng: np.random.Generator) -> None:
+    needs_dm_control()
     import dm_control
 
     path = Path(dm_control.__file__).parent / "third_party" / "kinova" / "jaco_arm.xml"

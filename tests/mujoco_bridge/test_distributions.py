@@ -17,6 +17,7 @@ from jacokin.mujoco_bridge.distributions import (
     constant_or_sampler,
     uniform_box,
 )
+from tests.optional import needs_dm_control
 
 KINDS = [np.random.RandomState, np.random.default_rng]
 
@@ -38,6 +39,7 @@ def test_draws_are_those_of_the_random_state(kind: Any) -> None:
 
 @pytest.mark.filterwarnings("ignore")
 def test_dm_control_draws_the_same() -> None:
+    needs_dm_control()
     from dm_control.composer.variation import distributions, rotations
 
     z = (0.0, 0.0, 1.0)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from tests.mujoco_bridge.scenes import HOME, Scene
+from tests.optional import needs_dm_control
 
 SAME = 1e-6  # [m], [rad], [rad/s]; the reference rounds its limits and two of its quaternions to six digits
 SAME_TORQUE = 0.02  # [1] logarithmic; dry friction makes torques jump where velocities are near zero
@@ -18,6 +19,7 @@ SAME_TORQUE = 0.02  # [1] logarithmic; dry friction makes torques jump where vel
 @pytest.fixture(scope="module")
 def reference() -> Any:
     """dm_control's physics, arm and hand in its arena."""
+    needs_dm_control()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # GLFW without a display
         from dm_control.mujoco.wrapper.mjbindings import sizes

@@ -11,6 +11,7 @@ import pytest
 
 from jacokin.errors import InvalidInputError, UnknownNameError
 from jacokin.mujoco_bridge.rewards import SHAPES, tolerance
+from tests.optional import needs_dm_control
 
 REACH_ZERO = ("cosine", "linear", "quadratic")
 SAME = 1e-12  # of values in 0..1; the same formulas in another order
@@ -79,6 +80,7 @@ def test_arrays_are_their_numbers() -> None:
 
 @pytest.mark.filterwarnings("ignore")
 def test_dm_control_gives_the_same() -> None:
+    needs_dm_control()
     from dm_control.utils import rewards as reference
 
     x = np.array([*np.linspace(-3.0, 3.0, 241), 1e200, -1e200])

@@ -14,6 +14,7 @@ import pytest
 from jacokin.errors import InvalidInputError
 from jacokin.mujoco_bridge import Arena, Brick, Physics
 from jacokin.mujoco_bridge.props import table
+from tests.optional import needs_dm_control
 
 REFERENCE = Path("entities", "props", "duplo", "duplo2x4.xml")
 HEIGHT = 0.0192  # [m] of a brick stacked on another
@@ -73,6 +74,7 @@ def geometry(model: mujoco.MjModel) -> list[tuple[float, ...]]:
 
 
 def test_the_geometry_is_that_of_the_reference() -> None:
+    needs_dm_control()
     found = find_spec("dm_control")
     assert found is not None
     assert found.origin is not None
