@@ -162,8 +162,8 @@ class Branches:
 
     @property
     def complete(self) -> bool:
-        """False when a one-parameter family of solutions is represented by members."""
-        return not self._rows.family.any()
+        """False when members stand for a family of solutions, or when a table of the closed form was full."""
+        return not (self._rows.dropped or self._rows.family.any())
 
     @property
     def touching(self) -> tuple[tuple[tuple[str, str], ...], ...] | None:

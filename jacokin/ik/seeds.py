@@ -19,7 +19,8 @@ DEFAULT_RANDOM_SEED = 0  # of the generator used when the caller brings none: re
 def seed_within_limits(robot: Robot, seed: ArrayLike | None, name: str = "seed") -> tuple[Array, str]:
     """The seed inside the limits, and a sentence when it had to be moved; home when there is none.
 
-    A joint that turns takes the copy inside its limits, any number of turns away; without one, the nearer limit.
+    A joint that turns takes the copy inside its limits, any number of turns away; without one, the nearer limit. With
+    more than a turn of travel it takes the nearer limit: the copies nearest to that are those nearest to the seed.
 
     Raises:
         InvalidInputError: wrong length, not finite, or more than 1e6 rad from zero.
@@ -31,7 +32,7 @@ def seed_within_limits(robot: Robot, seed: ArrayLike | None, name: str = "seed")
         return q, ""
     outside = np.flatnonzero((q < robot.lower) | (q > robot.upper))
     inside = np.clip(q, robot.lower, robot.upper)
-    turning = ~robot.sliding
+    turning = ~robot.sliding & (robot.upper - robot.lower < angles.TURN)
     inside[turning] = angles.into_limits(q[turning], robot.lower[turning], robot.upper[turning])
     names = ", ".join(robot.joint_names[joint] for joint in outside)
     return inside, f"the seed was outside the limits of {names} and was moved inside"

@@ -14,18 +14,20 @@ class BranchTable:
 
     Attributes:
         rows: (k, 17) or (k, 19), the columns that ``kernels.pose`` and ``kernels.batch`` name; read-only.
+        dropped: whether a table of the kernels was full, so that branches may be missing.
     """
 
-    __slots__ = ("rows",)
+    __slots__ = ("dropped", "rows")
 
-    def __init__(self, rows: NDArray[np.float64]) -> None:
+    def __init__(self, rows: NDArray[np.float64], dropped: bool = False) -> None:
         """Take over an array and make it read-only."""
         rows.flags.writeable = False
         self.rows = rows
+        self.dropped = dropped
 
     def __reduce__(self) -> tuple[object, tuple[object, ...]]:
         """Rebuild from the array, which stays read-only."""
-        return type(self), (self.rows,)
+        return type(self), (self.rows, self.dropped)
 
     def __len__(self) -> int:
         """How many rows."""

@@ -32,6 +32,7 @@ KERNEL_MODULES = (
     "spherical",
     "chain",
     "limits",
+    "folds",
     "pose",
     "batch",
 )

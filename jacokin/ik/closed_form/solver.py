@@ -91,13 +91,14 @@ class ClosedForm:
             if library is None:
                 rows = np.empty((MAX_BRANCHES, COLUMNS))
                 count = solve(self._chain, self._arm, self._limits, T[np.newaxis], seed[np.newaxis], rows, NO_BATCH)
-                return BranchTable(rows[:count])
+                return _table(rows, count)
             call = Call(library, self._chain, self._arm, self._limits, np.empty((1, 4, 4)), np.empty((1, 6)))
         call.T[0] = T
         call.seed[0] = seed
-        rows = call.rows[: call()].copy()
+        count = call()
+        table = _table(call.rows.copy(), count)
         self._calls.append(call)
-        return BranchTable(rows)
+        return table
 
     def __reduce__(self) -> tuple[object, tuple[object, ...]]:
         """Pickle the constants; calls are made anew."""
@@ -142,6 +143,11 @@ def _rebuild(
     form._chain, form._arm, form._limits = chain, arm, limits
     form.spherical, form.misfit, form._calls = spherical, misfit, []
     return form
+
+
+def _table(rows: NDArray[np.float64], count: int) -> BranchTable:
+    """The rows that the kernels filled; a negative count says that branches may have been dropped."""
+    return BranchTable(rows[:count]) if count >= 0 else BranchTable(rows[:~count], dropped=True)
 
 
 def _clipped_positions(T: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -45,7 +45,8 @@ def solve(
             without any branch.
 
     Returns:
-        How many rows were filled.
+        How many rows were filled for the last target; its complement, ~count, if a table was full and entries may have
+        been dropped.
     """
     return solve_targets(chain, arm, limits, T, seed, make_work(rows), best)
 
@@ -67,7 +68,8 @@ def solve_targets(
             choose_branch(work.branches, best[i])
     if best.shape[0] == 0:
         sort_rows(work.branches)
-    return int(work.branches.filled[0])
+    count = int(work.branches.filled[0])
+    return ~count if work.branches.filled[1] > 0 else count
 
 
 def choose_branch(work: BranchWork, best: NDArray[np.float64]) -> None:

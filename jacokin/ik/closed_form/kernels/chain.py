@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,28 +76,46 @@ def linearise(
         system[i + 3, 6] = turn[i]
 
 
-def newton_step(
-    chain: NDArray[np.float64], T: NDArray[np.float64], q: NDArray[np.float64], system: NDArray[np.float64]
-) -> bool:
+class Newton(NamedTuple):
+    """A configuration and what Newton's method on it needs."""
+
+    q: NDArray[np.float64]  # (6,) [rad], changed in place
+    held: NDArray[np.float64]  # (6,) 1 for joints that a least-squares step leaves alone
+    system: NDArray[np.float64]  # (6, 7)
+    normal: NDArray[np.float64]  # (6, 7)
+
+
+def make_newton() -> Newton:
+    """Fresh work arrays."""
+    return Newton(np.empty(6), np.empty(6), np.empty((6, 7)), np.empty((6, 7)))
+
+
+def newton_step(chain: NDArray[np.float64], T: NDArray[np.float64], work: Newton) -> bool:
     """One Newton step on all joints, in place; False (q untouched) where the Jacobian is singular."""
-    linearise(chain, T, q, system)
-    if not eliminate(system):
+    linearise(chain, T, work.q, work.system)
+    if not eliminate(work.system):
         return False
     for j in range(6):
-        q[j] += system[j, 6]
+        work.q[j] += work.system[j, 6]
     return True
 
 
-def held_step(
-    chain: NDArray[np.float64],
-    T: NDArray[np.float64],
-    q: NDArray[np.float64],
-    held: NDArray[np.float64],
-    system: NDArray[np.float64],
-    normal: NDArray[np.float64],
-) -> bool:
-    """One least-squares step on the joints that are not held (held[j] > 0), in place; normal is (6, 7)."""
-    linearise(chain, T, q, system)
+def least_squares(chain: NDArray[np.float64], T: NDArray[np.float64], work: Newton, steps: int) -> bool:
+    """Gauss-Newton steps on the joints that are not held, in place; False where the equations are singular."""
+    q, held, system, normal = work.q, work.held, work.system, work.normal
+    for _ in range(steps):
+        linearise(chain, T, q, system)
+        normal_equations(system, held, normal)
+        if not eliminate(normal):
+            return False
+        for j in range(6):
+            q[j] += normal[j, 6]
+    return True
+
+
+def normal_equations(system: NDArray[np.float64], held: NDArray[np.float64], normal: NDArray[np.float64]) -> None:
+    """Fill normal (6, 7) with the damped normal equations of system (6, 7); held joints get a step of zero."""
+    trace = 0.0
     for i in range(6):
         for j in range(7):
             product = 0.0
@@ -104,12 +123,9 @@ def held_step(
                 for row in range(6):
                     product += system[row, i] * system[row, j]
             normal[i, j] = product
-        normal[i, i] += 1.0 if held[i] > 0.0 else DAMPING
-    if not eliminate(normal):
-        return False
-    for j in range(6):
-        q[j] += normal[j, 6]
-    return True
+        trace += normal[i, i]
+    for i in range(6):
+        normal[i, i] += 1.0 if held[i] > 0.0 else DAMPING * trace
 
 
 def eliminate(system: NDArray[np.float64]) -> bool:

@@ -9,14 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.ik.closed_form.kernels.arm import Arm, Pose, pose_of
-from jacokin.ik.closed_form.kernels.chain import errors, held_step, newton_step
-from jacokin.ik.closed_form.kernels.limits import circular_distance, fit_to_limits, same_configuration
+from jacokin.ik.closed_form.kernels.chain import Newton, errors, make_newton, newton_step
+from jacokin.ik.closed_form.kernels.folds import FoldWork, make_folds, solve_fold
+from jacokin.ik.closed_form.kernels.limits import circular_distance, fit_to_limits, hold_on_limits, same_configuration
 from jacokin.ik.closed_form.kernels.resultant import fourier_of_F
 from jacokin.ik.closed_form.kernels.roots import MAX_ROOTS, STACK, RootWork, find_roots
 from jacokin.ik.closed_form.kernels.spherical import spherical_starts
 from jacokin.ik.closed_form.kernels.tolerances import (
     CLOSURE,
     EXACT_MISFIT,
+    FOLD_DETERMINANT,
     FOLD_FACTOR,
     MAX_POLISH_ERROR,
     MAX_START_ERROR,
@@ -25,9 +27,9 @@ from jacokin.ik.closed_form.kernels.tolerances import (
     POLISHED_CLOSURE,
     REACH_SLACK,
     SAME_BRANCH,
+    SAME_FOLD,
     SAME_START,
     TANGENCY_CLOSURE,
-    TANGENCY_EXCESS,
 )
 from jacokin.ik.closed_form.kernels.wrist import MAX_STARTS, Starts, complete, refine, starts_at_q6
 
@@ -36,19 +38,16 @@ POSITION_ERROR, ORIENTATION_ERROR, DISTANCE, WITHIN_LIMITS, FAMILY, COLUMNS = 12
 #: 16 is the most a 6R arm can have; families add members, and a fold may be cut in two by rounding.
 MAX_BRANCHES = 24
 POLISH_STEPS = 16
-TANGENCY_STEPS = 3
 
 
 class BranchWork(NamedTuple):
     """A candidate, what it takes to verify it, and the branches found so far."""
 
-    q: NDArray[np.float64]  # (6,)
-    held: NDArray[np.float64]  # (6,) 1 for joints held on their limit
-    system: NDArray[np.float64]  # (6, 7)
-    normal: NDArray[np.float64]  # (6, 7)
+    newton: Newton  # with q, the candidate
+    fold: FoldWork
     row: NDArray[np.float64]  # (17,) the branch at hand
     rows: NDArray[np.float64]  # (24, 17)
-    filled: NDArray[np.int64]  # (1,) how many rows
+    filled: NDArray[np.int64]  # (2,) how many rows, and 1 if a table was full: entries may have been dropped
 
 
 class Work(NamedTuple):
@@ -68,13 +67,11 @@ def make_work(rows: NDArray[np.float64]) -> Work:
         RootWork(np.empty(9), np.empty(9), np.empty((MAX_ROOTS, 2)), stack, place),
         Starts(np.empty((MAX_STARTS, 4)), np.zeros(1, np.int64)),
         BranchWork(
-            np.empty(6),
-            np.empty(6),
-            np.empty((6, 7)),
-            np.empty((6, 7)),
+            make_newton(),
+            make_folds(),
             np.empty(COLUMNS),
             rows,
-            np.zeros(1, np.int64),
+            np.zeros(2, np.int64),
         ),
     )
 
@@ -90,20 +87,32 @@ class Task(NamedTuple):
 
 def solve_pose(arm: NDArray[np.float64], k: Arm, task: Task, work: Work) -> None:
     """Fill work.branches.rows with every branch of one target, in no particular order."""
-    work.branches.filled[0] = 0
+    work.branches.filled[0], work.branches.filled[1] = 0, 0
+    work.branches.fold.filled[0] = 0
     pose = pose_of(arm, k, task.T)
     if not pose.distance <= math.sqrt(k.R2) + abs(k.c4) + abs(k.b5) + REACH_SLACK:
         return
     if k.spherical:
-        spherical_starts(k, pose, task.seed, work.starts, work.branches.q)
-        for i in range(work.starts.filled[0]):
-            complete(k, pose, work.starts.rows[i, 0], work.starts.rows[i, 1], work.starts.rows[i, 2], work.branches.q)
-            add_branch(task, work.branches, work.starts.rows[i, 3])
+        branches_of_spherical_wrist(k, pose, task, work)
         return
     noise = fourier_of_F(k, pose, work.roots.cosine, work.roots.sine)
     branches_at_roots(k, pose, task, work, noise, 0.0)
     if k.misfit > EXACT_MISFIT:
         branches_at_roots(k, pose, task, work, noise, MISFIT_FACTOR * k.misfit)
+
+
+def branches_of_spherical_wrist(k: Arm, pose: Pose, task: Task, work: Work) -> None:
+    """Every branch of an arm with axes 4, 5 and 6 in one point."""
+    starts, branches = work.starts, work.branches
+    spherical_starts(k, pose, task.seed, starts, branches.newton.q)
+    for i in range(starts.filled[0]):
+        q1, q5, q6, family = starts.rows[i, 0], starts.rows[i, 1], starts.rows[i, 2], starts.rows[i, 3]
+        singular = family == 0.0 and refine(k, pose, q1, q5, q6, math.inf, FOLD_DETERMINANT)[4]
+        complete(k, pose, q1, q5, q6, branches.newton.q)
+        if singular and add_fold(task, branches):
+            continue
+        complete(k, pose, q1, q5, q6, branches.newton.q)
+        add_branch(task, branches, family)
 
 
 def branches_at_roots(k: Arm, pose: Pose, task: Task, work: Work, noise: float, tolerance: float) -> None:
@@ -115,7 +124,9 @@ def branches_at_roots(k: Arm, pose: Pose, task: Task, work: Work, noise: float, 
     """
     starts, branches = work.starts, work.branches
     end = -math.inf  # [rad] of the undecided interval before; the next one often begins there
-    for i in range(find_roots(noise, tolerance, work.roots)):
+    found = find_roots(noise, tolerance, work.roots)
+    note_full(branches, found, MAX_ROOTS)
+    for i in range(found):
         q6, half = work.roots.roots[i, 0], work.roots.roots[i, 1]
         if half == 0.0 and tolerance > 0.0:
             continue
@@ -130,15 +141,29 @@ def branches_at_roots(k: Arm, pose: Pose, task: Task, work: Work, noise: float, 
                     starts_at_q6(k, pose, q6 - half, half, starts, work.inner)
                 end = q6 + half
                 starts_at_q6(k, pose, end, half, starts, work.inner)
+            note_full(branches, starts.filled[0], MAX_STARTS)
             for n in range(starts.filled[0]):
-                q1, q5, exact, plausible = refine(
-                    k, pose, starts.rows[n, 0], starts.rows[n, 1], starts.rows[n, 2], max_error
-                )
-                if plausible and not (skip_known and is_known(branches, q1, q5, exact)):
-                    complete(k, pose, q1, q5, exact, branches.q)
-                    add_branch(task, branches, 0.0)
+                branch_from_start(k, pose, task, work, n, skip_known, max_error)
             if half > 0.0 or branches.filled[0] > before:
                 break
+
+
+def branch_from_start(k: Arm, pose: Pose, task: Task, work: Work, n: int, skip_known: bool, max_error: float) -> None:
+    """Refine start n and append its branch; at a fold, both branches."""
+    branches = work.branches
+    first = (work.starts.rows[n, 0], work.starts.rows[n, 1], work.starts.rows[n, 2])
+    smallest_det = FOLD_DETERMINANT
+    while True:
+        q1, q5, q6, plausible, singular = refine(k, pose, first[0], first[1], first[2], max_error, smallest_det)
+        if not plausible or (skip_known and is_known(branches, q1, q5, q6)):
+            return
+        complete(k, pose, q1, q5, q6, branches.newton.q)
+        if not singular:
+            add_branch(task, branches, 0.0)
+            return
+        if add_fold(task, branches):
+            return
+        first, smallest_det = (q1, q5, q6), 0.0
 
 
 def is_known(work: BranchWork, q1: float, q5: float, q6: float) -> bool:
@@ -155,18 +180,35 @@ def is_known(work: BranchWork, q1: float, q5: float, q6: float) -> bool:
     return False
 
 
-def add_branch(task: Task, work: BranchWork, family: float) -> None:
-    """Polish work.q, verify it, and append it to the rows unless it is there already."""
-    q, row = work.q, work.row
+def add_fold(task: Task, work: BranchWork) -> bool:
+    """Append both branches of the fold near work.newton.q; False if there is none."""
+    q, fold = work.newton.q, work.fold
+    for i in range(fold.filled[0]):
+        if same_configuration(fold.known[i], q, SAME_FOLD):
+            return True
+    if not solve_fold(task.chain, task.T, work.newton, fold):
+        return False
+    found = False
+    for i in range(2):
+        for j in range(6):
+            q[j] = fold.branches[i, j]
+        found = add_branch(task, work, 0.0) or found
+    return found
+
+
+def add_branch(task: Task, work: BranchWork, family: float) -> bool:
+    """Polish work.newton.q, check it on the model, and append it unless it is there; False if it misses the target."""
+    q, row = work.newton.q, work.row
     distance, within = fit_to_limits(q, task.seed, task.limits, row)
     position, orientation = errors(task.chain, task.T, row)
     # Members of a family stay at the seed's angle: Newton would slide them along.
     if max(position, orientation) > (CLOSURE if family > 0.0 else POLISHED_CLOSURE):
-        if not polish(task, work, max(position, orientation)):
-            return
+        if not polish(task, work):
+            return False
         distance, within = fit_to_limits(q, task.seed, task.limits, row)
         position, orientation = errors(task.chain, task.T, row)
-    if not within and hold_on_limits(task, work):
+    settled = within and max(position, orientation) <= TANGENCY_CLOSURE
+    if not settled and hold_on_limits(task.chain, task.T, task.limits, row, work.newton):
         distance, within = fit_to_limits(q, task.seed, task.limits, row)
         position, orientation = errors(task.chain, task.T, row)
     row[POSITION_ERROR], row[ORIENTATION_ERROR] = position, orientation
@@ -174,39 +216,21 @@ def add_branch(task: Task, work: BranchWork, family: float) -> None:
     row[WITHIN_LIMITS] = 1.0 if within else 0.0
     row[FAMILY] = family
     insert(work)
+    return True
 
 
-def hold_on_limits(task: Task, work: BranchWork) -> bool:
-    """Put joints slightly past a limit on it, and solve for the others: whether the pose is still reached.
-
-    At a fold the joints are known only to the square root of the rounding errors, and a branch on a limit may come
-    out 1e-8 rad past it. A regular branch does not reach the pose when a joint is held.
-    """
-    q, row, held = work.q, work.row, work.held
-    for j in range(6):
-        q[j], held[j] = row[j], 0.0
-        if row[6 + j] < 0.0:
-            if row[6 + j] < -TANGENCY_EXCESS:
-                return False
-            held[j] = 1.0
-            q[j] = task.limits[0, j] if row[j] < task.limits[0, j] else task.limits[1, j]
-    for _ in range(TANGENCY_STEPS):
-        if not held_step(task.chain, task.T, q, held, work.system, work.normal):
-            return False
+def polish(task: Task, work: BranchWork) -> bool:
+    """Newton on all six joints of work.newton.q, while it helps; whether it then closes the pose."""
+    q, row = work.newton.q, work.row
     position, orientation = errors(task.chain, task.T, q)
-    return max(position, orientation) < TANGENCY_CLOSURE
-
-
-def polish(task: Task, work: BranchWork, worst: float) -> bool:
-    """Newton on all six joints of work.q, while it helps; whether it then closes the pose."""
-    q, row = work.q, work.row
+    worst = max(position, orientation)
     for _ in range(POLISH_STEPS):
         if not POLISHED_CLOSURE < worst < MAX_POLISH_ERROR:
             break
         for j in range(6):
             row[j] = q[j]
         position, orientation = MAX_POLISH_ERROR, MAX_POLISH_ERROR
-        if newton_step(task.chain, task.T, q, work.system):
+        if newton_step(task.chain, task.T, work.newton):
             position, orientation = errors(task.chain, task.T, q)
         if max(position, orientation) >= worst:
             for j in range(6):
@@ -217,29 +241,37 @@ def polish(task: Task, work: BranchWork, worst: float) -> bool:
 
 
 def insert(work: BranchWork) -> None:
-    """Add the row at hand; of rows that are the same on the circle the best one stays."""
-    row, rows, count = work.row, work.rows, work.filled[0]
+    """Append the row at hand; of those that are the same on the circle one stays: within limits, then the closer."""
+    row, rows = work.row, work.rows
     here = max(row[POSITION_ERROR], row[ORIENTATION_ERROR])
-    better, kept = True, 0
-    for i in range(count):
+    i = 0
+    while i < work.filled[0]:
         there = max(rows[i, POSITION_ERROR], rows[i, ORIENTATION_ERROR])
         if same_configuration(rows[i], row, SAME_BRANCH + FOLD_FACTOR * math.sqrt(max(here, there))):
-            if here < there:
-                continue
-            better = False
-        if kept < i:
-            copy_row(rows[i], rows[kept])
-        kept += 1
-    if better and kept < MAX_BRANCHES:
-        copy_row(row, rows[kept])
-        kept += 1
-    work.filled[0] = kept
+            better = row[WITHIN_LIMITS] > rows[i, WITHIN_LIMITS]
+            if not better and (row[WITHIN_LIMITS] < rows[i, WITHIN_LIMITS] or here >= there):
+                return
+            work.filled[0] -= 1
+            copy_row(rows[work.filled[0]], rows[i])
+        else:
+            i += 1
+    count = work.filled[0]
+    note_full(work, count, MAX_BRANCHES)
+    if count < MAX_BRANCHES:
+        copy_row(row, rows[count])
+        work.filled[0] = count + 1
 
 
 def copy_row(source: NDArray[np.float64], target: NDArray[np.float64]) -> None:
     """One by one: compiled, an assignment of arrays brings the code of its error message, which allocates memory."""
     for column in range(COLUMNS):
         target[column] = source[column]
+
+
+def note_full(work: BranchWork, count: int, size: int) -> None:
+    """Note when a table is full: an entry may have been dropped."""
+    if count >= size:
+        work.filled[1] = 1
 
 
 def sort_rows(work: BranchWork) -> None:

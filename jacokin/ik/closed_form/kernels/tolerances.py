@@ -74,15 +74,35 @@ POLISHED_CLOSURE = 1e-13
 MAX_POLISH_ERROR = 2e-2
 #: Smaller pivots mean a singular Jacobian.
 SMALLEST_PIVOT = 1e-14
-#: [m^2] and [rad^2]; added to the normal equations, so that directions that do not move the tool stay put.
-DAMPING = 1e-9
+#: Added to the diagonal of the normal equations, relative to its sum: directions that do not move the tool stay put,
+#: and those with singular values down to 1e-5 converge in three steps.
+DAMPING = 1e-13
+
+# Folds, where two branches merge (folds)
+
+#: [m^2]; where the determinant of the three equations is smaller, another branch may be nearer than 1e-2 rad. Singular
+#: values of the Jacobian are about as large, in m or rad.
+FOLD_DETERMINANT = 1e-5
+#: [m]; starts that miss the three equations by more are not near enough to a fold to stop there.
+MAX_FOLD_ERROR = 1e-4
+#: [rad]; first distance at which the closure is sampled beside a fold. Cubic terms matter as its square.
+FOLD_SAMPLE = 1e-3
+#: [rad]; smallest distance of the samples: their differences, 1e-10, stand well above rounding.
+SMALLEST_FOLD_SAMPLE = 1e-5
+#: [rad]; a fold farther than this from the candidate is not the one that makes it singular.
+MAX_FOLD_DISTANCE = 2e-2
+#: [rad]; Newton's method separates branches farther than this from the fold between them.
+MAX_FOLD_WIDTH = 1e-3
+#: [rad]; candidates this close to a fold lead to it again.
+SAME_FOLD = 2e-5
 
 # Limits (pose)
 
-#: [rad]; at a fold, rounding may put a joint this far past its limit.
-TANGENCY_EXCESS = 1e-6
-#: [m] and [rad]; what a branch held on its limit must close to, far below what moving a regular one by TANGENCY_EXCESS
-#: costs.
+#: [rad]; at a fold, rounding may put a joint this far past its limit: about the square root of 1e-15 over the smallest
+#: curvature of folds, and the cube root where three branches merge.
+TANGENCY_EXCESS = 1e-4
+#: [m] and [rad]; the closure of a branch held on its limit: a thousand times rounding, and a regular branch may be past
+#: its limit by no more than this over its smallest singular value.
 TANGENCY_CLOSURE = 1e-12
 
 # Two branches or one (pose)
