@@ -96,7 +96,7 @@ class ClosedForm:
         call.T[0] = T
         call.seed[0] = seed
         count = call()
-        table = _table(call.rows.copy(), count)
+        table = _table(call.rows, count)
         self._calls.append(call)
         return table
 
@@ -146,8 +146,8 @@ def _rebuild(
 
 
 def _table(rows: NDArray[np.float64], count: int) -> BranchTable:
-    """The rows that the kernels filled; a negative count says that branches may have been dropped."""
-    return BranchTable(rows[:count]) if count >= 0 else BranchTable(rows[:~count], dropped=True)
+    """A copy of the rows that the kernels filled; a negative count says that branches may have been dropped."""
+    return BranchTable(rows[:count].copy()) if count >= 0 else BranchTable(rows[:~count].copy(), dropped=True)
 
 
 def _clipped_positions(T: NDArray[np.float64]) -> NDArray[np.float64]:

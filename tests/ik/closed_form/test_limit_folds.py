@@ -10,14 +10,14 @@ import pytest
 
 import jacokin
 from jacokin import Robot
+from jacokin.arrays import Array
 from jacokin.ik import Status
-from jacokin.ik.closed_form import compilation
-from jacokin.ik.closed_form.kernels import batch as kernels_batch
+from jacokin.ik.closed_form import ClosedForm, warmup
+from jacokin.ik.closed_form.compilation import KERNELS
 from jacokin.ik.closed_form.kernels import pose as kernels_pose
 from jacokin.ik.closed_form.kernels import roots as kernels_roots
 from jacokin.ik.closed_form.kernels import wrist as kernels_wrist
-from jacokin.ik.closed_form.solver import ClosedForm
-from tests.ik.closed_form.tools import Array, circular, closed_form, target
+from tests.ik.closed_form.tools import circular, closed_form, target
 
 TOOLS = [
     None,
@@ -28,7 +28,7 @@ TOOLS = [
 
 @pytest.fixture(scope="module", autouse=True)
 def compiled() -> None:
-    compilation.warmup()
+    warmup()
 
 
 def on_a_limit(robot: Robot, rng: np.random.Generator, joints: list[int]) -> tuple[Array, int]:
@@ -134,7 +134,7 @@ def test_a_regular_branch_past_its_limit_stays_outside(robot: Robot, rng: np.ran
 def test_a_full_table_is_not_complete(
     table: str, robot: Robot, rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(compilation, "solver", lambda poses=1: kernels_batch.solve)
+    monkeypatch.setattr(KERNELS, "for_poses", lambda poses: None)
     solver = jacokin.IKSolver(robot)
     pose = robot.forward_kinematics(robot.home)
     assert solver.solve_all(pose).complete
