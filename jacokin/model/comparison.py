@@ -12,7 +12,7 @@ import pinocchio as pin
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, UnknownNameError, shown
 from jacokin.model import checks, poses
-from jacokin.model.robot import Robot
+from jacokin.model.robot import Robot, checked_robot
 
 QUANTITIES = {
     "position": "m",
@@ -71,13 +71,19 @@ class CrossCheckReport:
         Raises:
             UnknownNameError: not a quantity that was compared.
         """
-        rows = [row for row in self.deviations if row.quantity == quantity]
-        if not rows:
-            raise UnknownNameError("quantity", quantity, {row.quantity for row in self.deviations})
-        return max(rows, key=lambda row: row.value)
+        checks.choice("quantity", quantity, dict.fromkeys(row.quantity for row in self.deviations))
+        return max((row for row in self.deviations if row.quantity == quantity), key=lambda row: row.value)
 
     def within(self, tolerances: Mapping[str, float] = TOLERANCES) -> bool:
-        """Whether every deviation is at most the tolerance of its quantity (1e-12, for dynamics 1e-11)."""
+        """Whether every deviation is at most the tolerance of its quantity (1e-12, for dynamics 1e-11).
+
+        Raises:
+            InvalidInputError: the tolerances are not numbers by the names of quantities.
+        """
+        if not isinstance(tolerances, Mapping):
+            raise InvalidInputError(f"tolerances must map quantities to numbers, got {shown(tolerances)}")
+        for quantity, tolerance in tolerances.items():
+            checks.non_negative(f"tolerances[{checks.choice('quantity', quantity, QUANTITIES)!r}]", tolerance)
         return all(row.value <= tolerances.get(row.quantity, np.inf) for row in self.deviations)
 
     def __str__(self) -> str:
@@ -181,9 +187,9 @@ def crosscheck(
         InvalidInputError: the arms have different joints or no frame in common, or `samples` is not positive.
     """
     samples = checks.whole_number("samples", samples, 1)
-    for name, robot in (("robot_a", robot_a), ("robot_b", robot_b)):
-        if not (isinstance(robot, Robot) or (name == "robot_b" and robot is None)):
-            raise InvalidInputError(f"{name} must be a Robot, from load_robot, got {shown(robot)}")
+    checked_robot("robot_a", robot_a)
+    if robot_b is not None:
+        checked_robot("robot_b", robot_b)
     for name, mapping in (("joint_map", joint_map), ("frame_map", frame_map)):
         if mapping is not None and not isinstance(mapping, Mapping):
             raise InvalidInputError(f"{name} must be a mapping of names, got {shown(mapping)}")

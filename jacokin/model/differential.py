@@ -18,7 +18,7 @@ import pinocchio as pin
 
 from jacokin.arrays import Array
 from jacokin.errors import RepresentationSingularity, UnknownNameError
-from jacokin.model import poses
+from jacokin.model import checks, poses
 
 REFERENCES = {
     "local_world_aligned": pin.ReferenceFrame.LOCAL_WORLD_ALIGNED,
@@ -79,14 +79,13 @@ def analytical(rotation: Array, jacobian: Array, representation: str) -> Array:
         UnknownNameError: unknown representation.
         RepresentationSingularity: rpy at pitch +-pi/2, rotation vector at a half turn.
     """
-    if representation not in REPRESENTATIONS:
-        raise UnknownNameError("representation", representation, REPRESENTATIONS)
+    checks.choice("representation", representation, REPRESENTATIONS)
     linear, angular = jacobian[:3], jacobian[3:]
     if representation == "rpy":
         return np.vstack((linear, _rpy_rate(rotation) @ angular))
     if representation == "rotation_vector":
         return np.vstack((linear, _rotation_vector_rate(rotation) @ angular))
-    w, x, y, z = poses.quat_wxyz(rotation)
+    w, x, y, z = poses.quaternion(rotation)
     rate = 0.5 * np.array([[-x, -y, -z], [w, z, -y], [-z, w, x], [y, -x, w]])
     return np.vstack((linear, rate @ angular))
 

@@ -53,7 +53,7 @@ def load_robot(
     path, name = reading.resolve(robot)
     for argument, frame in (("base", base), ("tip", tip)):
         if frame is not None and not isinstance(frame, str):
-            raise InvalidInputError(f"{argument} must be the name of a frame, got {frame!r}")
+            raise InvalidInputError(f"{argument} must be the name of a frame, got {shown(frame)}")
     folders = _folders(package_dirs)
     if finger_angle is not None:
         finger_angle = checks.number("finger_angle", finger_angle, "rad")
@@ -141,18 +141,22 @@ def _override_limits(model: pin.Model, limits: Mapping[str, tuple[float, float]]
     names = tuple(model.names)[1:]
     lower, upper = model.lowerPositionLimit.copy(), model.upperPositionLimit.copy()
     if not isinstance(limits, Mapping):
-        raise InvalidInputError(f"limits must map joint names to pairs (lower, upper) [rad], got {limits!r}")
+        raise InvalidInputError(f"limits must map joint names to pairs (lower, upper) [rad], got {shown(limits)}")
     for joint, pair in limits.items():
         if joint not in names:
             raise UnknownNameError("joint", joint, names)
+        where = f"limits[{joint!r}]"
         try:
-            low, high = checks.numbers(pair).tolist()
+            both = checks.numbers(pair)
         except (TypeError, ValueError) as error:
-            raise InvalidInputError(f"limits[{joint!r}] must be a pair (lower, upper) [rad], got {pair!r}") from error
+            raise InvalidInputError(f"{where} must be a pair (lower, upper) [rad], got {shown(pair)}") from error
+        if both.shape != (2,):
+            raise InvalidInputError(f"{where} must be a pair (lower, upper) [rad], got {shown(pair)}")
+        low, high = both.tolist()
         if not low <= high:
-            raise InvalidInputError(f"limits[{joint!r}]: lower {low} must not be above upper {high}")
+            raise InvalidInputError(f"{where}: lower {low} must not be above upper {high}")
         if low > chain.NO_LIMIT or high < -chain.NO_LIMIT:
-            raise InvalidInputError(f"limits[{joint!r}]: no angle within 1e6 rad lies between {low} and {high}")
+            raise InvalidInputError(f"{where}: no angle within 1e6 rad lies between {low} and {high}")
         lower[names.index(joint)], upper[names.index(joint)] = low, high
     model.lowerPositionLimit, model.upperPositionLimit = lower, upper
 

@@ -215,7 +215,7 @@ def _add(body: mujoco.MjsBody, name: str, kind: mujoco.mjtGeom, size: ArrayLike,
         type=kind,
         size=full,
         pos=pose.translation,
-        quat=poses.quat_wxyz(pose.rotation),
+        quat=poses.quaternion(pose.rotation),
         contype=0,
         conaffinity=0,
     )

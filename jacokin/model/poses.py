@@ -196,8 +196,17 @@ def pose(
     return pin.SE3(np.eye(3), at)
 
 
-def quat_wxyz(rotation: Array) -> Array:
-    """Unit quaternion (w, x, y, z) of a rotation matrix (3, 3), with w >= 0."""
+def quat_wxyz(rotation: ArrayLike) -> Array:
+    """Unit quaternion (w, x, y, z) of a rotation matrix (3, 3), with w >= 0.
+
+    Raises:
+        InvalidInputError: not a rotation matrix.
+    """
+    return quaternion(checked_rotation("rotation", rotation))
+
+
+def quaternion(rotation: Array) -> Array:
+    """As `quat_wxyz`, for callers inside the package: the argument is trusted."""
     x, y, z, w = pin.Quaternion(np.asarray(rotation)).normalized().coeffs()
     quat = np.array([w, x, y, z])
     return -quat if w < 0.0 else quat

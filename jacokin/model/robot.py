@@ -18,7 +18,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
-from jacokin.errors import InvalidInputError, UnknownNameError
+from jacokin.errors import InvalidInputError, UnknownNameError, shown
 from jacokin.model import checks, differential
 from jacokin.model.descriptions import chain
 
@@ -351,6 +351,17 @@ def _rebuild(
     model: pin.Model, base: str, frame: str, source: Source, finger_angle: float | None, home: Home | HomeFinder
 ) -> Robot:
     return Robot(model, base=base, tip=frame, source=source, finger_angle=finger_angle, home=home)
+
+
+def checked_robot(name: str, value: object) -> Robot:
+    """A robot, or an error that names the argument.
+
+    Raises:
+        InvalidInputError: not a `Robot`.
+    """
+    if not isinstance(value, Robot):
+        raise InvalidInputError(f"{name} must be a Robot, from load_robot, got {shown(value)}")
+    return value
 
 
 HomeFinder = Callable[[Robot], Home]

@@ -77,7 +77,7 @@ class MultiStartQP:
         T_joint_tool = placed.placement if tool is None else placed.placement * tool
         joint = placed.parentJoint
         body = spec.body(body_of_joint(robot, joint))
-        body.add_site(name=TOOL_SITE, pos=T_joint_tool.translation, quat=poses.quat_wxyz(T_joint_tool.rotation))
+        body.add_site(name=TOOL_SITE, pos=T_joint_tool.translation, quat=poses.quaternion(T_joint_tool.rotation))
         model = spec.compile()
         self._configuration = mink.Configuration(model)
         self._limits = [mink.ConfigurationLimit(model, gain=1.0)]
@@ -138,7 +138,7 @@ class MultiStartQP:
 
     def _aim(self, task: mink.FrameTask, target: TargetPose) -> mink.FrameTask:
         task.set_target(
-            mink.SE3.from_rotation_and_translation(mink.SO3(poses.quat_wxyz(target.rotation)), target.position)
+            mink.SE3.from_rotation_and_translation(mink.SO3(poses.quaternion(target.rotation)), target.position)
         )
         return task
 

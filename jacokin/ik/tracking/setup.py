@@ -113,7 +113,7 @@ def _twin(
     T_joint_tool = placed.placement if tool is None else placed.placement * poses.checked_pose(tool, "tool")
     spec = to_spec(robot, geometry=collision is not None)
     spec.body(body_of_joint(robot, placed.parentJoint)).add_site(
-        name=TOOL_SITE, pos=T_joint_tool.translation, quat=poses.quat_wxyz(T_joint_tool.rotation)
+        name=TOOL_SITE, pos=T_joint_tool.translation, quat=poses.quaternion(T_joint_tool.rotation)
     )
     return (spec.compile(), []) if collision is None else compile_with(spec, robot.name, collision)
 

@@ -78,7 +78,7 @@ class PoseTask(Task):
     def set(self, pose: pin.SE3) -> None:
         """Set T_base_frame."""
         self._position, self._rotation = pose.translation, pose.rotation
-        self._task.set_target(mink.SE3(np.concatenate([poses.quat_wxyz(self._rotation), _within_far(self._position)])))
+        self._task.set_target(mink.SE3(np.concatenate([poses.quaternion(self._rotation), _within_far(self._position)])))
 
     def error(self, configuration: mink.Configuration) -> Array:
         """Weighted SE(3) logarithm of T_frame_target."""

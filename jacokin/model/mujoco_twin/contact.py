@@ -5,7 +5,8 @@ from __future__ import annotations
 import threading
 from typing import TYPE_CHECKING
 
-from jacokin.arrays import Array
+from numpy.typing import ArrayLike
+
 from jacokin.errors import ModelError
 
 if TYPE_CHECKING:
@@ -23,6 +24,7 @@ class SelfContact:
         """Build the shapes of the robot in MuJoCo.
 
         Raises:
+            InvalidInputError: `robot` is not a Robot.
             ModelError: the description's shapes cannot be loaded.
         """
         import mujoco
@@ -30,6 +32,7 @@ class SelfContact:
         from jacokin.model.mujoco_twin.export import to_mujoco
 
         self._mujoco = mujoco
+        self._robot = robot
         self._model = to_mujoco(robot, geometry=True)
         self._local = threading.local()
         self.pairs = int(self._model.npair)
@@ -43,13 +46,18 @@ class SelfContact:
             return None
         return checker if checker.pairs else None
 
-    def touching(self, q: Array) -> list[tuple[str, str]]:
-        """Names of the shapes that touch at `q` (dof,) [rad]; empty when none do."""
+    def touching(self, q: ArrayLike) -> list[tuple[str, str]]:
+        """Names of the shapes that touch at `q` (dof,) [rad]; empty when none do.
+
+        Raises:
+            InvalidInputError: `q` malformed.
+        """
+        checked = self._robot.configuration(q)
         try:
             data = self._local.data
         except AttributeError:
             data = self._local.data = self._mujoco.MjData(self._model)
-        data.qpos[:] = q
+        data.qpos[:] = checked
         self._mujoco.mj_kinematics(self._model, data)
         self._mujoco.mj_collision(self._model, data)
         contact = data.contact

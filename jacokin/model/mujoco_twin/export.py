@@ -9,9 +9,9 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from jacokin.model import poses
+from jacokin.model import checks, poses
 from jacokin.model.mujoco_twin.shapes import add_shapes
-from jacokin.model.robot import Robot
+from jacokin.model.robot import Robot, checked_robot
 
 UNLIMITED = 1e6  # [rad] stands for an open side
 LOCKED_ROOM = 1e-9  # [rad] on both sides of a joint with equal limits
@@ -31,9 +31,10 @@ def to_mujoco(robot: Robot, *, geometry: bool = False) -> mujoco.MjModel:
         site for every name in `robot.frames`. The world of the model is the robot's base.
 
     Raises:
+        InvalidInputError: `robot` is not a Robot, `geometry` neither True nor False.
         ModelError: `geometry` and the description's shapes cannot be loaded by MuJoCo.
     """
-    return to_spec(robot, geometry=geometry).compile()
+    return to_spec(checked_robot("robot", robot), geometry=checks.flag("geometry", geometry)).compile()
 
 
 def to_spec(robot: Robot, *, geometry: bool = False) -> mujoco.MjSpec:
@@ -49,7 +50,7 @@ def to_spec(robot: Robot, *, geometry: bool = False) -> mujoco.MjSpec:
         body = carriers[model.parents[index]].add_body(
             name=body_of_joint(robot, index),
             pos=placement.translation,
-            quat=poses.quat_wxyz(placement.rotation),
+            quat=poses.quaternion(placement.rotation),
         )
         # Kinematics needs no mass; MuJoCo refuses moving bodies without one.
         body.mass, body.inertia, body.explicitinertial = 1.0, np.ones(3), True
@@ -58,7 +59,7 @@ def to_spec(robot: Robot, *, geometry: bool = False) -> mujoco.MjSpec:
     for name in robot.frames:
         frame = model.frames[robot.frame_id(name)]
         carriers[frame.parentJoint].add_site(
-            name=name, pos=frame.placement.translation, quat=poses.quat_wxyz(frame.placement.rotation)
+            name=name, pos=frame.placement.translation, quat=poses.quaternion(frame.placement.rotation)
         )
     if geometry:
         add_shapes(spec, carriers, robot)

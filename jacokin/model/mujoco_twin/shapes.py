@@ -47,7 +47,7 @@ def _add_geom(
         name=name,
         type=kind,
         pos=T_body_geom.translation,
-        quat=poses.quat_wxyz(T_body_geom.rotation),
+        quat=poses.quaternion(T_body_geom.rotation),
         contype=0,
         conaffinity=0,
         rgba=source.geom_rgba[geom] if source.geom_matid[geom] < 0 else source.mat_rgba[source.geom_matid[geom]],

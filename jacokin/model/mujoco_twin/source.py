@@ -123,4 +123,4 @@ def _write_inertial(model: mujoco.MjModel, body: int, inertial: ET.Element | Non
         axes[:, 0] *= -1.0
     model.body_inertia[body] = moments
     model.body_ipos[body] = position
-    model.body_iquat[body] = poses.quat_wxyz(poses.rotation_from_rpy(rpy) @ axes)
+    model.body_iquat[body] = poses.quaternion(poses.rotation_from_rpy(rpy) @ axes)
