@@ -13,7 +13,13 @@ from jacokin.cli.exit_codes import INTERRUPTED
 from jacokin.errors import JacokinError, UnknownNameError
 
 # Arguments of the library whose options have other names.
-_OTHER_NAMES = {"joint_map": "--joint", "frame_map": "--frame", "waypoints": "--path"}
+_OTHER_NAMES = {
+    "joint_map": "--joint",
+    "frame_map": "--frame",
+    "waypoints": "--path",
+    "q": "ANGLE ...",
+    "package_dirs": "--package-dir",
+}
 
 
 class Refusal(Exception):  # noqa: N818 - it is not an error of the program
@@ -46,19 +52,20 @@ class Command(typer.core.TyperCommand):
         except JacokinError as error:
             flags = {str(parameter.name): parameter.opts[0] for parameter in self.params if parameter.opts}
             options = {name: flag for name, flag in flags.items() if flag.startswith("-")}
-            raise Refusal(with_flags(error, {**options, **_OTHER_NAMES})) from error
+            raise Refusal(with_flags(error, {**options, **_OTHER_NAMES}, ctx.params)) from error
         except KeyboardInterrupt:
             typer.echo("jacokin: interrupted", err=True)
             raise SystemExit(INTERRUPTED) from None
         return result
 
 
-def with_flags(error: JacokinError, flags: Mapping[str, str]) -> str:
+def with_flags(error: JacokinError, flags: Mapping[str, str], values: Mapping[str, object]) -> str:
     """The message of an error with `--tip` instead of `tip=`.
 
     Args:
         error: what the library raised.
         flags: argument of the library and option of the command.
+        values: what was given for each argument.
     """
     text = str(error)
     for name, flag in flags.items():
@@ -66,7 +73,7 @@ def with_flags(error: JacokinError, flags: Mapping[str, str]) -> str:
         text = re.sub(rf"\b{name}=", flag, text)
         text = re.sub(rf"^{name}(?=[ :\[])", flag, text)
     if isinstance(error, UnknownNameError):
-        option = flags.get(error.kind.lower().replace(" ", "_"))
-        if option is not None:
-            text = f"{option}: {text}"
+        given = [flag for name, flag in flags.items() if values.get(name) == error.given]
+        if len(given) == 1:
+            text = f"{given[0]}: {text}"
     return text

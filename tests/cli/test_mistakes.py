@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
 
 from jacokin.cli.arguments import options
+from jacokin.model import urdf_folder
 from tests.cli.run import HOME, POSE, Run
 
 
@@ -46,6 +48,13 @@ from tests.cli.run import HOME, POSE, Run
         (("crosscheck", "--joint", "a=b"), "joint_1"),
         (("crosscheck", "--tolerance", "-1"), "--tolerance"),
         (("solve",), "solve"),
+        (("ik", *POSE, "--tip", "nowhere"), "--tip: unknown frame 'nowhere'"),
+        (("ik", *POSE, "--base", "nowhere"), "--base: unknown frame 'nowhere'"),
+        (("ik", *POSE, "--frame", "nowhere"), "--frame: unknown frame 'nowhere'"),
+        (("ik", *POSE, "--qp-solver", "magic", "--method", "qp"), "--qp-solver: unknown"),
+        (("ik", *POSE, "--seed", "1", "2", "3"), "jacokin: --seed must have shape (6,)"),
+        (("ik", *POSE, "--robot", "/"), "folder"),
+        (("fk", "1", "2"), "ANGLE ... must have shape (6,)"),
     ],
 )
 def test_wrong_input_is_one_sentence_and_exit_code_2(run: Run, words: tuple[str, ...], message: str) -> None:
@@ -73,3 +82,23 @@ def test_a_mistake_of_our_own_is_no_traceback(run: Run, monkeypatch: pytest.Monk
     answer = run("info")
     assert answer.code == 2
     assert "internal error" in answer.err
+
+
+def test_a_mesh_that_is_not_found_names_the_option_that_finds_it(run: Run, tmp_path: Path) -> None:
+    text = (urdf_folder() / "j2n6s300.urdf").read_text(encoding="utf-8")
+    mesh = '<mesh filename="package://jaco/meshes/base.obj"/>'
+    file = tmp_path / "arm" / "jaco.urdf"
+    file.parent.mkdir()
+    file.write_text(
+        re.sub(r"(<collision.*?<geometry>)\s*<[^>]*/>", rf"\1{mesh}", text, count=1, flags=re.DOTALL), encoding="utf-8"
+    )
+    words = ("ik", *POSE, "--robot", str(file), "--collision", "report")
+    answer = run(*words)
+    assert answer.code == 2
+    assert "--package-dir or ROS_PACKAGE_PATH" in answer.err
+    meshes = tmp_path / "packages" / "jaco" / "meshes"
+    meshes.mkdir(parents=True)
+    corners = "".join(f"v {x} {y} {z}\n" for x in (0, 0.01) for y in (0, 0.01) for z in (0, 0.01))
+    (meshes / "base.obj").write_text(corners + "f 1 2 4\nf 1 3 5\nf 8 7 6\nf 2 6 7\n", encoding="utf-8")
+    assert run(*words, "--package-dir", str(tmp_path / "packages"), "--frame", "end_effector").code in (0, 1)
+    assert run("fk", *HOME, "--robot", str(file)).code == 0  # kinematics needs no meshes

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -20,6 +22,14 @@ BaseOption = Annotated[
 ]
 TipOption = Annotated[
     str | None, typer.Option("--tip", metavar="FRAME", help="Frame at the end of the arm, for a file with several.")
+]
+PackageDirOption = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--package-dir",
+        metavar="FOLDER",
+        help="Folder that holds the packages of package:// meshes, beside ROS_PACKAGE_PATH. Repeatable.",
+    ),
 ]
 FrameOption = Annotated[
     str | None, typer.Option("--frame", metavar="NAME", help="Frame of the tool; `jacokin info` lists them.")
@@ -45,8 +55,10 @@ QArgument = Annotated[
 ]
 
 
-def load(robot: str, base: str | None = None, tip: str | None = None) -> Robot:
+def load(
+    robot: str, base: str | None = None, tip: str | None = None, package_dirs: Sequence[Path] | None = None
+) -> Robot:
     """The robot the options name."""
     from jacokin.model.loading import load_robot
 
-    return load_robot(robot, base=base, tip=tip)
+    return load_robot(robot, base=base, tip=tip, package_dirs=package_dirs or ())

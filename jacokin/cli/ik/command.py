@@ -14,6 +14,7 @@ from jacokin.cli.arguments.options import (
     DegreesOption,
     FrameOption,
     JsonOption,
+    PackageDirOption,
     RandomSeedOption,
     RobotOption,
     SeedOption,
@@ -70,6 +71,7 @@ def ik(
     robot: RobotOption = DEFAULT_ROBOT,
     base: BaseOption = None,
     tip: TipOption = None,
+    package_dir: PackageDirOption = None,
 ) -> None:
     """Find joint angles, inside the joint limits, for a pose.
 
@@ -92,9 +94,9 @@ def ik(
 
     oriented = quat_wxyz is not None or rpy is not None or down
     combinations.check(position, oriented, every, targets, output, random_seed, degrees and targets is not None)
-    keep_apart({"--output": output}, {"--targets": targets, "--robot": robot})
+    keep_apart({"--output": output}, {"--targets": targets, "--robot": robot}, package_dir or ())
     units = Units(degrees)
-    arm = options.load(robot, base, tip)
+    arm = options.load(robot, base, tip, package_dir)
     if rpy is not None:
         warn_of_degrees("--rpy", rpy, units)
     typed = numbers("--seed", seed)

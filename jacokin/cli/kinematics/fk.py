@@ -11,6 +11,7 @@ from jacokin.cli.arguments.options import (
     DegreesOption,
     FrameOption,
     JsonOption,
+    PackageDirOption,
     QArgument,
     RobotOption,
     TipOption,
@@ -27,6 +28,7 @@ def fk(
     robot: RobotOption = DEFAULT_ROBOT,
     base: BaseOption = None,
     tip: TipOption = None,
+    package_dir: PackageDirOption = None,
 ) -> None:
     """Show the pose of a frame for given joint angles.
 
@@ -39,7 +41,7 @@ def fk(
 
     from jacokin.model import poses
 
-    arm = options.load(robot, base, tip)
+    arm = options.load(robot, base, tip, package_dir)
     units = Units(degrees)
     configuration = arm.configuration(units.of_joints(arm).read(q))
     pose = arm.forward_kinematics(configuration, frame)

@@ -14,6 +14,7 @@ from jacokin.cli.arguments.options import (
     DegreesOption,
     FrameOption,
     JsonOption,
+    PackageDirOption,
     QArgument,
     RobotOption,
     TipOption,
@@ -33,6 +34,7 @@ def jacobian(
     robot: RobotOption = DEFAULT_ROBOT,
     base: BaseOption = None,
     tip: TipOption = None,
+    package_dir: PackageDirOption = None,
 ) -> None:
     """Show the Jacobian of a frame.
 
@@ -43,7 +45,7 @@ def jacobian(
       jacokin jacobian 4.8 2.92 1.0 4.2 1.45 1.32
       jacokin jacobian 4.8 2.92 1.0 4.2 1.45 1.32 --reference local --frame gripsite --json
     """
-    arm = options.load(robot, base, tip)
+    arm = options.load(robot, base, tip, package_dir)
     configuration = arm.configuration(Units(degrees).of_joints(arm).read(q))
     matrix = arm.jacobian(configuration, frame, reference)
     singular_values = arm.singular_values(configuration, frame)

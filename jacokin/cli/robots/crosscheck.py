@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from jacokin.cli.arguments import options
-from jacokin.cli.arguments.options import DEFAULT_ROBOT, JsonOption, RandomSeedOption
+from jacokin.cli.arguments.options import DEFAULT_ROBOT, JsonOption, PackageDirOption, RandomSeedOption
 from jacokin.cli.display import json_output, tables
 from jacokin.cli.exit_codes import NOT_SOLVED
 from jacokin.errors import InvalidInputError
@@ -42,6 +42,7 @@ def crosscheck(
     second_tip: Annotated[
         str | None, typer.Option("--second-tip", metavar="FRAME", help="End of the second arm.")
     ] = None,
+    package_dir: PackageDirOption = None,
     random_seed: RandomSeedOption = None,
     json: JsonOption = False,
 ) -> None:
@@ -64,8 +65,8 @@ def crosscheck(
         raise InvalidInputError(f"--tolerance must be a number >= 0, got {tolerance}")
     limits = checking.TOLERANCES if tolerance is None else dict.fromkeys(checking.QUANTITIES, tolerance)
     report = checking.crosscheck(
-        options.load(first, base, tip),
-        None if second is None else options.load(second, base if second_base is None else second_base, second_tip),
+        options.load(first, base, tip, package_dir),
+        None if second is None else options.load(second, second_base or base, second_tip, package_dir),
         samples=samples,
         rng=None if random_seed is None else np.random.default_rng(random_seed),
         joint_map=_pairs("--joint", joint),

@@ -7,7 +7,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from jacokin.cli.arguments import options
-from jacokin.cli.arguments.options import DEFAULT_ROBOT, BaseOption, DegreesOption, JsonOption, TipOption
+from jacokin.cli.arguments.options import (
+    DEFAULT_ROBOT,
+    BaseOption,
+    DegreesOption,
+    JsonOption,
+    PackageDirOption,
+    TipOption,
+)
 from jacokin.cli.arguments.units import JointUnits, Units
 from jacokin.cli.display import json_output, tables
 
@@ -23,6 +30,7 @@ def info(
     json: JsonOption = False,
     base: BaseOption = None,
     tip: TipOption = None,
+    package_dir: PackageDirOption = None,
 ) -> None:
     """Show joints, limits with their source, home and frames.
 
@@ -33,7 +41,7 @@ def info(
       jacokin info j2s6s200 --degrees
       jacokin info urdf/j2n6s300.urdf --json
     """
-    arm = options.load(robot, base, tip)
+    arm = options.load(robot, base, tip, package_dir)
     units = Units(degrees)
     in_units = units.of_joints(arm)
     joints = [_joint(arm, index, in_units) for index in range(arm.dof)]

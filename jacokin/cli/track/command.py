@@ -16,6 +16,7 @@ from jacokin.cli.arguments.options import (
     DegreesOption,
     FrameOption,
     JsonOption,
+    PackageDirOption,
     RobotOption,
     SeedOption,
     TipOption,
@@ -74,11 +75,16 @@ def track(
     ] = None,
     frame: FrameOption = None,
     seed: SeedOption = None,
+    start: Annotated[
+        str | None,
+        typer.Option("--start", metavar="Q1 .. Q6", help="Joint angles the arm is at: no other branch is tried."),
+    ] = None,
     degrees: DegreesOption = False,
     json: JsonOption = False,
     robot: RobotOption = DEFAULT_ROBOT,
     base: BaseOption = None,
     tip: TipOption = None,
+    package_dir: PackageDirOption = None,
 ) -> None:
     """Follow a path of poses at control rate.
 
@@ -99,9 +105,9 @@ def track(
 
     poses = _poses(path)
     _check_files(output, FORMATS, plot)
-    keep_apart({"--output": output, "--plot": plot}, {"--path": path, "--robot": robot})
+    keep_apart({"--output": output, "--plot": plot}, {"--path": path, "--robot": robot}, package_dir or ())
     obstacles = clearances.read(clearance, box, sphere, floor)
-    arm = options.load(robot, base, tip)
+    arm = options.load(robot, base, tip, package_dir)
     units = Units(degrees)
     joints = units.of_joints(arm)
     with contextlib.ExitStack() as stack:
@@ -116,6 +122,7 @@ def track(
                 angular_speed=ANGULAR_SPEED if angular_speed is None else units.read([angular_speed])[0],
                 frame=frame,
                 seed=_of_joints("--seed", seed, joints),
+                start=_of_joints("--start", start, joints),
                 velocity_limit=_of_joints("--velocity-limit", velocity_limit, joints),
                 acceleration_limit=_of_joints("--acceleration-limit", acceleration_limit, joints),
                 collision=obstacles,
@@ -156,7 +163,7 @@ def _of_joints(option: str, text: str | None, joints: JointUnits) -> list[float]
         InvalidInputError: not numbers.
     """
     values = numbers(option, text)
-    if values is not None and len(values) == 1 and option != "--seed":
+    if values is not None and len(values) == 1 and option.endswith("-limit"):
         values *= len(joints.sliding)
     return None if values is None else joints.read(values)
 
