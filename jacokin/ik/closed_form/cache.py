@@ -1,8 +1,9 @@
 """The compiled kernels on disk: one file, named after everything that its machine code depends on.
 
 A file holds a line of format, its name, the SHA-256 of the machine code, and the machine code; nothing of it is used
-before the hash is checked. It is used wherever it can be read, whoever may write there, on one condition: nobody but
-its owner could have written it, and the owner is the user or root. A new file takes its name when it is complete.
+before the hash is checked. It is used wherever it can be read, also where it could not be written, on one condition:
+only its owner may write to it and to its folder, and the owner is the user or root. A new file takes its name when it
+is complete.
 """
 
 from __future__ import annotations

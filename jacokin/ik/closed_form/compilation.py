@@ -122,8 +122,6 @@ class Kernels:
             if self.library is None and self._job is None:
                 if background:
                     logger.info("compiling the closed form in the background")
-                else:
-                    logger.warning("compiling the closed form (10 to 30 s, once)")
                 self._job = CompileJob(self._finished, background=background)
                 self._job.start()
             return self._job
@@ -132,6 +130,7 @@ class Kernels:
         """Wait until the compiler is done; returns why it failed, or nothing."""
         if job is None:
             return ""
+        logger.warning("compiling the closed form (10 to 30 s, once)")
         job.join()
         return job.failure
 

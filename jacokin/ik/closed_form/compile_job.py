@@ -63,8 +63,8 @@ class CompileJob(threading.Thread):
                     else:
                         logger.info("kept it in %s", cache.folder())
             self.library = KernelLibrary(code)
-        except (OSError, RuntimeError, ValueError) as error:
-            self.failure = f"{error}"
+        except Exception as error:  # whatever it is, the plain form goes on
+            self.failure = f"{error}" or type(error).__name__
         finally:
             self._when_done(self)
 

@@ -142,6 +142,7 @@ def _rebuild(
         array.flags.writeable = False
     form._chain, form._arm, form._limits = chain, arm, limits
     form.spherical, form.misfit, form._calls = spherical, misfit, []
+    KERNELS.prepare()
     return form
 
 

@@ -91,6 +91,14 @@ def test_a_small_batch_does_not_wait(runs: Path) -> None:
     assert kernels.for_poses(1) is not None
 
 
+def test_a_large_batch_waits_for_a_compiler_in_the_background(runs: Path, caplog: pytest.LogCaptureFixture) -> None:
+    kernels = Kernels()
+    assert kernels.for_poses(COMPILE_AFTER + 1) is None
+    assert kernels.for_poses(WAIT_FOR) is not None
+    assert how_often(runs) == 1
+    assert "jacokin warmup" in caplog.text
+
+
 def test_a_cache_is_loaded_silently(runs: Path, caplog: pytest.LogCaptureFixture) -> None:
     Kernels().warmup()
     caplog.clear()
