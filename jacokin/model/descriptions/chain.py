@@ -19,6 +19,7 @@ FRAME_TYPES = (pin.FrameType.BODY, pin.FrameType.OP_FRAME)
 END_EFFECTOR = "end_effector"
 SHORTEST_ARM = 2  # joints of a branch that may be an arm; one joint is a finger, also on a single slide
 NAMED_CANDIDATES = 6  # in a message
+FARTHEST = 1e6  # [m] between a joint and the next one, or a frame; beyond, rounding is larger than any tolerance
 NO_LIMIT = 1e6  # [rad] or [m]; files that must write a number for "none" write one beyond this
 
 _PLAIN_AXIS = {"X": pin.JointModelRX, "Y": pin.JointModelRY, "Z": pin.JointModelRZ}
@@ -166,7 +167,9 @@ def extract(full: pin.Model, q_reference: Array, base: str | None, tip: str | No
         arm.appendBodyToJoint(carrier, inertia, T_carrier_joint)
     for frame in list(full.frames)[1:]:
         carrier, T_carrier_joint = carried[frame.parentJoint]
-        arm.addFrame(pin.Frame(frame.name, carrier, 0, T_carrier_joint * frame.placement, frame.type), False)
+        placement = T_carrier_joint * frame.placement
+        _check_place(f"frame {frame.name!r}", placement)
+        arm.addFrame(pin.Frame(frame.name, carrier, 0, placement, frame.type), False)
     dofs = [full.joints[joint].idx_v for joint in sorted(chain)]
     arm.armature, arm.damping = full.armature[dofs], full.damping[dofs]
     arm.upperDryFrictionLimit = full.upperDryFrictionLimit[dofs]
@@ -195,6 +198,7 @@ def _add_joint(arm: pin.Model, parent: int, placement: pin.SE3, full: pin.Model,
             f"joint {full.names[index]!r} in the chain has {joint.nv} degrees of freedom; "
             "an arm needs hinge (or slide) joints"
         )
+    _check_place(f"joint {full.names[index]!r}", placement)
     plain, continuous = _one_coordinate_joint(joint)
     lower, upper = -np.inf, np.inf
     if not continuous:
@@ -211,6 +215,15 @@ def _add_joint(arm: pin.Model, parent: int, placement: pin.SE3, full: pin.Model,
         np.array([upper if upper < NO_LIMIT else np.inf]),
     )
     return added
+
+
+def _check_place(what: str, placement: pin.SE3) -> None:
+    """Refuse what is not finite, or so far from the joint before it that no tolerance can be met there."""
+    if not np.abs(placement.homogeneous).max() <= FARTHEST:
+        x, y, z = placement.translation
+        raise ModelError(
+            f"{what} is at ({x:.3g}, {y:.3g}, {z:.3g}) m of the joint before it: not finite, or beyond 1e6 m"
+        )
 
 
 def _one_coordinate_joint(joint: pin.JointModel) -> tuple[object, bool]:

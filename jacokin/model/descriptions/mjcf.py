@@ -18,7 +18,12 @@ from jacokin.arrays import Array
 from jacokin.errors import ModelError
 
 WORLD = "world"
-NUMERIC = frozenset(("pos", "quat", "euler", "axisangle", "xyaxes", "zaxis", "axis", "range", "ref", "mass", "qpos"))
+NUMERIC = frozenset((
+    "pos", "quat", "euler", "axisangle", "xyaxes", "zaxis", "axis", "range", "ref", "springref", "mass", "qpos", "size",
+    "fromto", "diaginertia", "fullinertia", "damping", "armature", "frictionloss", "stiffness", "margin", "friction",
+    "actuatorfrcrange", "solref", "solimp", "gravity", "timestep", "rgba",
+))  # fmt: skip
+MUJOCO_ERRORS = (ValueError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError)  # of its compiler
 COMPILED = (
     "body_pos",
     "body_quat",
@@ -29,6 +34,7 @@ COMPILED = (
     "site_quat",
     "body_mass",
     "key_qpos",
+    "qpos0",
 )
 SITE_SUFFIX = "_site"  # of a site that has the name of a body
 SCALAR_JOINTS = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))  # ints: numpy does not equal enums
@@ -43,7 +49,7 @@ def compile_mjcf(path: Path) -> mujoco.MjModel:
     _refuse_nan(path)
     try:
         model = mujoco.MjModel.from_xml_path(str(path))
-    except (ValueError, RuntimeError) as error:
+    except MUJOCO_ERRORS as error:
         raise ModelError(f"{path}: MuJoCo cannot load this file: {error}") from error
     for name in COMPILED:
         if not np.isfinite(getattr(model, name)).all():

@@ -40,13 +40,18 @@ NUMBERS: Mapping[str, Mapping[str, int]] = {
     "mesh": {"scale": 3},
     "color": {"rgba": 4},
 }
-# Attributes that an element cannot do without, in joints and inertials.
+# Attributes that an element cannot do without.
 REQUIRED: Mapping[str, Sequence[str]] = {
     "limit": ("effort", "velocity"),
     "mimic": ("joint",),
     "safety_controller": ("k_velocity",),
     "mass": ("value",),
     "inertia": ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"),
+    "box": ("size",),
+    "cylinder": ("radius", "length"),
+    "sphere": ("radius",),
+    "capsule": ("radius", "length"),
+    "mesh": ("filename",),
 }
 JOINT_ELEMENTS = (
     "origin", "parent", "child", "axis", "limit", "dynamics", "mimic", "safety_controller", "calibration",
@@ -126,8 +131,10 @@ def _check_size(links: list[ET.Element], joints: list[ET.Element], source: str) 
 
 
 def _check_numbers(owner: ET.Element, where: str) -> None:
-    """Every number of a link, joint or material is a finite number, and complete."""
+    """Every number of a link, joint or material is a finite number, and what must be there is there."""
     for element in owner.iter():
+        for attribute in REQUIRED.get(element.tag, ()):
+            _required(element, attribute, where)
         for attribute, count in NUMBERS.get(element.tag, {}).items():
             text = element.get(attribute)
             if text is None:
@@ -167,11 +174,8 @@ def _check_inertial(link: ET.Element, where: str) -> None:
         return
     _check_single(inertial, ("origin", "mass", "inertia"), where)
     for tag in ("mass", "inertia"):
-        element = inertial.find(tag)
-        if element is None:
+        if inertial.find(tag) is None:
             raise ModelError(f"{where}: its <inertial> has no <{tag}>")
-        for attribute in REQUIRED[tag]:
-            _required(element, attribute, where)
 
 
 def _check_joint(joint: ET.Element, links: set[str], joints: set[str], where: str) -> None:
@@ -195,11 +199,6 @@ def _check_joint(joint: ET.Element, links: set[str], joints: set[str], where: st
     dynamics = joint.find("dynamics")
     if dynamics is not None and not {"damping", "friction"} & set(dynamics.keys()):
         raise ModelError(f"{where}: a <dynamics> has neither damping nor friction")
-    for tag in ("mimic", "safety_controller"):
-        element = joint.find(tag)
-        if element is not None:
-            for attribute in REQUIRED[tag]:
-                _required(element, attribute, where)
     mimic = joint.find("mimic")
     if mimic is not None and mimic.get("joint") not in joints:
         raise ModelError(f"{where}: follows joint {mimic.get('joint')!r}, which does not exist")
@@ -211,9 +210,9 @@ def _check_limit(joint: ET.Element, kind: str, where: str) -> None:
         if kind in LIMITED_TYPES:
             raise ModelError(f"{where}: a {kind} joint needs <limit>; an unlimited one has type continuous")
         return
-    for attribute in (*REQUIRED["limit"], *(("lower", "upper") if kind in LIMITED_TYPES else ())):
-        _required(limit, attribute, where)
     if kind in LIMITED_TYPES:
+        for attribute in ("lower", "upper"):
+            _required(limit, attribute, where)
         lower, upper = float(limit.get("lower", "")), float(limit.get("upper", ""))
         if lower > upper:
             raise ModelError(f"{where}: lower limit {lower} is above upper limit {upper}")

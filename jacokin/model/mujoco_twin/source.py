@@ -77,7 +77,7 @@ def _compile(tree: ET.Element, assets: dict[str, bytes], source: Source) -> mujo
         spec = mujoco.MjSpec.from_string(ET.tostring(tree, encoding="unicode"), assets=assets)
         spec.compiler.fusestatic = False
         return spec.compile()
-    except (ValueError, RuntimeError) as error:
+    except mjcf.MUJOCO_ERRORS as error:
         raise ModelError(f"{source.path}: MuJoCo cannot load this URDF: {error}") from error
 
 
