@@ -19,6 +19,7 @@ from jacokin.arrays import Array
 from jacokin.ik.closed_form import warmup
 from jacokin.model import quat_wxyz
 from jacokin.mujoco_bridge import Arena, JacoArm, JacoHand, Physics, observations, robots
+from jacokin.mujoco_bridge.simulation.element_arrays import KINDS
 
 Solve = Callable[[Array, Array | None], bool]
 
@@ -26,6 +27,7 @@ LOWER, UPPER = (-0.2, -0.2, 0.02), (0.2, 0.2, 0.4)  # [m] where the manipulation
 POSES = 1000
 BLOCKS = 10  # of poses, in which the two take turns
 ROUNDS = 300
+BINDINGS = 1000
 
 
 def timed(call: Callable[[], Any]) -> float:
@@ -47,13 +49,24 @@ def scene() -> tuple[Physics, JacoArm, JacoHand]:
 
 
 def step_overhead() -> None:
-    """`Physics.step(20)` against the same calls of MuJoCo, taken in turns."""
+    """`Physics.step` against the same calls of MuJoCo, taken in turns, before and after many bindings were made."""
     physics, _, _ = scene()
+    bound = physics.copy()
+    for each, label in ((physics, "nothing bound"), (bound, f"{BINDINGS} bindings, {bind_much(bound)} fields")):
+        for n in (1, 20):
+            own_time, bare_time = step_times(each, n)
+            ratio = own_time / bare_time
+            print(f"step({n}), {label}: {own_time * 1e6:.1f} us, bare {bare_time * 1e6:.1f} us, ratio {ratio:.3f}")
+
+
+def step_times(physics: Physics, n: int) -> tuple[float, float]:
+    """Seconds of n steps here and in bare MuJoCo."""
     model, data = physics.model, physics.data
 
     def bare() -> None:
         mujoco.mj_step2(model, data)
-        mujoco.mj_step(model, data, 19)
+        if n > 1:
+            mujoco.mj_step(model, data, n - 1)
         mujoco.mj_step1(model, data)
 
     bare_times, own_times = [], []
@@ -62,9 +75,29 @@ def step_overhead() -> None:
         bare_times.append(timed(bare))
         physics.set_state(state)
         physics.forward()
-        own_times.append(timed(lambda: physics.step(20)))
-    bare_time, own_time = np.median(bare_times), np.median(own_times)
-    print(f"step(20): {own_time * 1e6:.1f} us, bare {bare_time * 1e6:.1f} us, ratio {own_time / bare_time:.3f}")
+        own_times.append(timed(lambda: physics.step(n)))
+    return float(np.median(own_times)), float(np.median(bare_times))
+
+
+def bind_much(physics: Physics) -> int:
+    """Bind random lists of elements of every kind, and hold every field of theirs; returns how many fields."""
+    rng = np.random.default_rng(0)
+    kinds = [
+        [mujoco.mj_id2name(physics.model, kind.object_type, i) for i in range(getattr(physics.model, kind.count))]
+        for kind in KINDS.values()
+    ]
+    names = [[name for name in each if name] for each in kinds]
+    names = [each for each in names if each]
+    fields = 0
+    for number in range(BINDINGS):
+        known = names[number % len(names)]
+        chosen = rng.choice(known, size=rng.integers(1, len(known) + 1), replace=False)
+        bound = physics.bind([str(name) for name in chosen])
+        for field in dir(bound):
+            if not field.startswith(("_", "element_id")):
+                getattr(bound, field)
+                fields += 1
+    return fields
 
 
 def observation_time() -> None:

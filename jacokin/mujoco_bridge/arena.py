@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import mujoco
@@ -18,6 +19,9 @@ _CHECKER_REPEAT = (5.0, 5.0)
 _CHECKER_RGB = ((0.62, 0.68, 0.74), (0.44, 0.50, 0.56))
 _SKY_RGB = ((0.85, 0.90, 0.95), (0.45, 0.55, 0.65))
 _LIGHT_HEIGHT = 1.5  # [m]
+# Intensities of light. What faces the lamp and the camera gets their sum, which stays below 1: no picture is
+# over-exposed, not even of pure colours. Geoms reflect half of the shine.
+_AMBIENT, _HEADLIGHT, _LAMP, _SHINE = 0.3, 0.3, 0.35, 0.08
 _MEMORY = 64 * 2**20  # [bytes] two arms at q = 0, where everything touches, need more than MuJoCo's estimate
 _NEAREST_DRAWN = 0.01  # of the model's extent
 
@@ -50,13 +54,15 @@ class Arena(Entity):
             solimp=ground["solimp"],
         )
 
-    def attach_offset(self, entity: Entity, offset: ArrayLike, attach_site: Any = None) -> Any:
+    def attach_offset(
+        self, entity: Entity, offset: ArrayLike, attach_site: mujoco.MjsSite | None = None
+    ) -> mujoco.MjsBody:
         """Attach an entity at an offset (3,) [m]; the same as ``attach(entity, position=offset)``."""
         return self.attach(entity, attach_site, position=offset)
 
     def add_free_entity(
         self, entity: Entity, *, position: ArrayLike | None = None, quaternion: ArrayLike | None = None
-    ) -> Any:
+    ) -> mujoco.MjsBody:
         """Attach an entity that moves freely; `Entity.set_pose` places it.
 
         Args:
@@ -75,7 +81,7 @@ class Arena(Entity):
         return body
 
 
-def _set_options(spec: mujoco.MjSpec, row: Any) -> None:
+def _set_options(spec: mujoco.MjSpec, row: Mapping[str, Any]) -> None:
     spec.memory = _MEMORY
     spec.option.timestep = row["timestep"]  # [s]
     spec.option.cone = getattr(mujoco.mjtCone, f"mjCONE_{row['cone'].upper()}")
@@ -87,8 +93,9 @@ def _set_options(spec: mujoco.MjSpec, row: Any) -> None:
 
 def _add_looks(spec: mujoco.MjSpec) -> None:
     spec.visual.map.znear = _NEAREST_DRAWN
-    spec.visual.headlight.ambient = (0.3, 0.3, 0.3)
-    spec.visual.headlight.diffuse = (0.5, 0.5, 0.5)
+    spec.visual.headlight.ambient = _grey(_AMBIENT)
+    spec.visual.headlight.diffuse = _grey(_HEADLIGHT)
+    spec.visual.headlight.specular = _grey(0.0)
     spec.stat.center = (0.0, 0.0, 0.0)
     spec.add_texture(
         name="sky",
@@ -108,15 +115,19 @@ def _add_looks(spec: mujoco.MjSpec) -> None:
         width=300,
         height=300,
     )
-    material = spec.add_material(name=_FLOOR, texrepeat=_CHECKER_REPEAT, texuniform=True, reflectance=0.0)
+    material = spec.add_material(name=_FLOOR, texrepeat=_CHECKER_REPEAT, texuniform=True, reflectance=0.0, specular=0.0)
     material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = _FLOOR
     spec.worldbody.add_light(
         pos=(0.0, 0.0, _LIGHT_HEIGHT),
         dir=(0.0, 0.0, -1.0),
-        diffuse=(0.7, 0.7, 0.7),
-        specular=(0.3, 0.3, 0.3),
+        diffuse=_grey(_LAMP),
+        specular=_grey(_SHINE),
         castshadow=True,
     )
     camera = spec.worldbody.add_camera(name=CAMERA, pos=(0.75, -0.75, 0.6))
     camera.alt.type = mujoco.mjtOrientation.mjORIENTATION_XYAXES
     camera.alt.xyaxes = (0.768, 0.640, 0.0, -0.207, 0.248, 0.946)  # looks at (0, 0.15, 0.2)
+
+
+def _grey(intensity: float) -> tuple[float, float, float]:
+    return intensity, intensity, intensity

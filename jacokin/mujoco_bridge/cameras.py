@@ -6,34 +6,23 @@ before Python starts.
 
 from __future__ import annotations
 
-import os
-import sys
-import warnings
-import weakref
 from typing import TYPE_CHECKING, Any, NamedTuple, Unpack
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from jacokin.errors import InvalidInputError, PhysicsError
+from jacokin.errors import InvalidInputError
+from jacokin.model import checks as number_checks
 from jacokin.mujoco_bridge.observables.observable import Bound, Observable
 from jacokin.mujoco_bridge.observables.options import CAMERA_CHECKS, Options
+from jacokin.mujoco_bridge.observables.specs import ArraySpec
 from jacokin.mujoco_bridge.observations import ObservationSettings
+from jacokin.mujoco_bridge.simulation.rendering import RenderFlags
 
 if TYPE_CHECKING:
     from jacokin.mujoco_bridge.entities.entity import Entity
     from jacokin.mujoco_bridge.simulation.physics import Physics
-
-_NO_CONTEXT = (
-    "no picture can be rendered: {reason}. Without a display, set MUJOCO_GL=egl (Debian: libegl1 and "
-    "libegl-mesa0) or MUJOCO_GL=osmesa (Debian: libosmesa6) before Python starts"
-)
-_RENDERERS: weakref.WeakKeyDictionary[Physics, dict[tuple[int, int], mujoco.Renderer]]
-_RENDERERS = weakref.WeakKeyDictionary()
-
-# The first failure to make a context, if there was one: a second attempt makes MuJoCo abort the process.
-_FAILURES: list[str] = []
 
 
 class CameraSpec(NamedTuple):
@@ -52,7 +41,7 @@ RIGHT_CLOSE = CameraSpec("right_close", pos=(0.6, 0.0, 0.75), xyaxes=(0.0, 1.0, 
 
 
 class MJCFCamera(Observable):
-    """The picture a camera of the model takes, (height, width, 3), uint8 RGB.
+    """The picture a camera of the model takes: colours, depth, or what is seen; see `Physics.render`.
 
     Attributes:
         height: rows of the picture [pixels].
@@ -64,33 +53,68 @@ class MJCFCamera(Observable):
 
     checks = CAMERA_CHECKS
 
-    def __init__(self, camera: Any, *, height: int = 240, width: int = 320, **options: Unpack[Options]) -> None:
+    def __init__(
+        self,
+        camera: mujoco.MjsCamera,
+        *,
+        height: int = 240,
+        width: int = 320,
+        depth: bool = False,
+        segmentation: bool = False,
+        scene_option: mujoco.MjvOption | None = None,
+        render_flag_overrides: RenderFlags | None = None,
+        **options: Unpack[Options],
+    ) -> None:
         """Observe a camera element.
 
         Args:
             camera: the camera element, of the model's ``MjSpec``.
             height: rows of the picture [pixels].
             width: columns of the picture [pixels].
+            depth: observe distances (height, width) float32 [m] instead of colours (height, width, 3) uint8.
+            segmentation: observe ids and types of what is seen, (height, width, 2) int32, instead of colours.
+            scene_option: what is drawn; None for MuJoCo's default.
+            render_flag_overrides: flags of rendering to switch, such as ``{"shadow": False}``.
             options: the options of ``Observable``.
 
         Raises:
-            InvalidInputError: camera is no camera element, or an option has a wrong value.
+            InvalidInputError: camera is not a camera element, both depth and segmentation are asked for, or an option
+                has a wrong value.
         """
         if not isinstance(camera, mujoco.MjsCamera):
             raise InvalidInputError(f"camera must be a camera element of an MjSpec, got {camera!r}")
+        if number_checks.flag("depth", depth) and number_checks.flag("segmentation", segmentation):
+            raise InvalidInputError("at most one of depth and segmentation can be observed by one camera observable")
         self._camera = Bound(camera)
+        self._depth = depth
+        self._segmentation = segmentation
+        self._scene_option = scene_option
+        self._render_flag_overrides = render_flag_overrides
         super().__init__(self._picture, **options)
         self.height = height
         self.width = width
 
-    def _picture(self, physics: Physics) -> NDArray[np.uint8]:
-        """Return the picture of the present state; raises what `_new_renderer` raises."""
+    @property
+    def array_spec(self) -> ArraySpec:
+        """Shape, type and bounds of the picture."""
+        if self._depth:
+            return ArraySpec((self.height, self.width), np.float32, minimum=0.0)
+        if self._segmentation:
+            return ArraySpec((self.height, self.width, 2), np.int32, minimum=-1)
+        return ArraySpec((self.height, self.width, 3), np.uint8, minimum=0, maximum=255)
+
+    def _picture(self, physics: Physics) -> NDArray[Any]:
+        """The picture of the present state; raises what `Physics.render` raises."""
         camera = self._camera(physics)
-        renderer = _renderer(physics, self.height, self.width)
-        _ = camera.xpos  # runs a forward pass if one is due
-        renderer.update_scene(physics.data, camera=camera.element_id)
-        picture: NDArray[np.uint8] = renderer.render()
-        return picture
+        return physics.render(
+            self.height,
+            self.width,
+            int(camera.element_ids[0]),
+            depth=self._depth,
+            segmentation=self._segmentation,
+            scene_option=self._scene_option,
+            render_flag_overrides=self._render_flag_overrides,
+        )
 
 
 def add_camera_observables(
@@ -132,34 +156,3 @@ def add_camera_observables(
         camera.alt.xyaxes = xyaxes
         found[name] = MJCFCamera(camera, **options)
     return found
-
-
-def _renderer(physics: Physics, height: int, width: int) -> mujoco.Renderer:
-    """Return the renderer of this size, made when it is first needed."""
-    renderers = _RENDERERS.setdefault(physics, {})
-    if (height, width) not in renderers:
-        renderers[height, width] = _new_renderer(physics.model, height, width)
-    return renderers[height, width]
-
-
-def _new_renderer(model: mujoco.MjModel, height: int, width: int) -> mujoco.Renderer:
-    largest = model.vis.global_.offheight, model.vis.global_.offwidth
-    if height > largest[0] or width > largest[1]:
-        raise InvalidInputError(
-            f"height x width is {height} x {width}, larger than the model's offscreen buffer of "
-            f"{largest[0]} x {largest[1]} (mjcf_model.visual.global_.offheight and offwidth)"
-        )
-    backend = os.environ.get("MUJOCO_GL", "").lower().strip()
-    headless = sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
-    if headless and backend not in ("egl", "osmesa"):
-        # Not even tried: GLFW warns without end about a missing display.
-        raise PhysicsError(_NO_CONTEXT.format(reason=f"there is no display and MUJOCO_GL is {backend or 'not set'}"))
-    if _FAILURES:
-        raise PhysicsError(_NO_CONTEXT.format(reason=_FAILURES[0]))
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # GLFW's; the error below says what they say
-            return mujoco.Renderer(model, height, width)
-    except Exception as error:  # each backend fails with its own type
-        _FAILURES.append(f"{type(error).__name__}: {error}")
-        raise PhysicsError(_NO_CONTEXT.format(reason=_FAILURES[0])) from error

@@ -69,7 +69,7 @@ def command_site_velocity(physics: Physics, arm: JacoArm, site: mujoco.MjsSite |
         raise InvalidInputError(f"twist must not be faster than {MAX_TWIST:g} m/s and rad/s, got {commanded.tolist()}")
     chain = _checked_arm(arm).site_solver(check_physics(physics), site).chain()
     jacobian = chain.robot.jacobian(physics.data.qpos[chain.qpos])
-    physics.refresh()
+    physics.update()
     R_base_world = physics.data.xmat[chain.base_body].reshape(3, 3).T
     twist_base = np.concatenate([R_base_world @ commanded[:3], R_base_world @ commanded[3:]])
     members = list(chain.joints)

@@ -24,7 +24,7 @@ from jacokin.mujoco_bridge.entities.hooks import Hooks
 from jacokin.mujoco_bridge.entities.placement import Placed
 from jacokin.mujoco_bridge.observables.observable import Observables
 from jacokin.mujoco_bridge.quaternions import unit_quaternion
-from jacokin.mujoco_bridge.simulation.physics import flag_bits
+from jacokin.mujoco_bridge.simulation.flags import mask
 
 _UNNAMED = ("", "MuJoCo Model")  # what MuJoCo calls a model without a name
 
@@ -270,8 +270,7 @@ class Entity(Placed, Hooks):
             own.boundmass = max(own.boundmass, spec.compiler.boundmass)
             own.boundinertia = max(own.boundinertia, spec.compiler.boundinertia)
         flags = spec.option.disableflags
-        for flag in {flag for each in self.iter_entities() for flag in each.disabled_flags}:
-            spec.option.disableflags |= flag_bits()[flag]
+        spec.option.disableflags |= mask([flag for each in self.iter_entities() for flag in each.disabled_flags])
         try:
             model = spec.compile()
         except (ValueError, mujoco.FatalError) as error:

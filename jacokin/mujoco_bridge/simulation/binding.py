@@ -156,8 +156,7 @@ class Binding:
             source.setflags(write=False)
         array = select(source, rows, self._single)
         if field.in_model:
-            shortcuts = [(getattr(model, other), np.concatenate(rows)) for other in field.shortcuts]
-            cache.watch(array, shortcuts)
+            cache.watch(field.array)
         found = self._arrays[name] = (array, field.derived, isinstance(array, IndexedArray))
         return found
 

@@ -26,15 +26,12 @@ class Field:
         array: its name there.
         rows: gives the rows of an element with a given id.
         derived: whether MuJoCo computes it in a forward pass.
-        shortcuts: arrays of the model in which the same rows say "same frame as the body" and must be cleared when
-            this one is written.
     """
 
     in_model: bool
     array: str
     rows: RowFinder
     derived: bool = False
-    shortcuts: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,16 +187,6 @@ KINDS: dict[type, Kind] = {
     mujoco.MjsMaterial: Kind("material", "materials", "nmat", mujoco.mjtObj.mjOBJ_MATERIAL, (("mat_", _by_id),)),
 }
 
-# MuJoCo shortcuts frames that coincide with their body's; moving such a frame must clear the shortcut.
-_SHORTCUTS = {
-    "geom_pos": ("geom_sameframe",),
-    "geom_quat": ("geom_sameframe",),
-    "site_pos": ("site_sameframe",),
-    "site_quat": ("site_sameframe",),
-    "body_ipos": ("body_sameframe", "body_simple"),
-    "body_iquat": ("body_sameframe", "body_simple"),
-}
-
 # The only arrays of the model without a prefix that have rows for the joints.
 _QPOS_FIELDS = ("qpos0", "qpos_spring")
 
@@ -218,7 +205,7 @@ def fields_of(kind: Kind) -> dict[str, Field]:
     for array in dir(mujoco.MjModel):
         for prefix, rows in kind.prefixes:
             if array.startswith(prefix) if prefix else array in _QPOS_FIELDS:
-                field = Field(True, array, rows, shortcuts=_SHORTCUTS.get(array, ()))
+                field = Field(True, array, rows)
                 found.setdefault(array.removeprefix(prefix), field)
                 found.setdefault(array, field)
     return found

@@ -1,14 +1,14 @@
 """Keeping what MuJoCo derives from the state in step with the state.
 
 MuJoCo computes positions, velocities, contacts and forces in a forward pass and keeps them until the next one: after a
-write to qpos they belong to the old state. `ForwardCache` remembers the inputs of the last pass,
-compares, and runs a pass when one is due. Comparing finds every write, also one through ``physics.data``.
+write to qpos they belong to the old state. `ForwardCache` remembers the inputs of the last pass, compares, and runs a
+pass when one is due. Comparing finds every write, also one through ``physics.data``.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+import threading
 from typing import Any
 
 import mujoco
@@ -16,8 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.errors import PhysicsError
+from jacokin.mujoco_bridge.simulation.model_watch import ModelWatch
 
-Array = NDArray[Any]
+Array = NDArray[Any]  # of any dtype that MuJoCo has
 
 _INTEGRATION = int(mujoco.mjtState.mjSTATE_INTEGRATION)
 _BOUNDARIES = (
@@ -37,30 +38,10 @@ _INPUTS = (
     "mocap_quat",
     "qacc_warmstart",
 )
-_RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)  # comparing the enum itself takes 2 us
-# MuJoCo's warnings of a simulation that went wrong. Of too little memory for all contacts it warns on its own.
-_UNSTABLE = {
-    int(getattr(mujoco.mjtWarning, name)): name
-    for name in ("mjWARN_INERTIA", "mjWARN_BADQPOS", "mjWARN_BADQVEL", "mjWARN_BADQACC", "mjWARN_BADCTRL")
-}
-
-
-class _Watched:
-    """An array of the model that a user holds, and what it was at the last pass."""
-
-    def __init__(self, array: Array, shortcuts: Sequence[tuple[Array, NDArray[np.intp]]]) -> None:
-        self.array = array
-        self.shortcuts = shortcuts
-        self.known = array.tobytes()
-
-    def has_changed(self) -> bool:
-        now = self.array.tobytes()
-        if now == self.known:
-            return False
-        self.known = now
-        for flags, rows in self.shortcuts:
-            flags[rows] = 0
-        return True
+_RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
+_UNSTABLE = ("mjWARN_INERTIA", "mjWARN_BADQPOS", "mjWARN_BADQVEL", "mjWARN_BADQACC", "mjWARN_BADCTRL")
+_FULL = ("mjWARN_CONTACTFULL", "mjWARN_CNSTRFULL")
+_MORE_MEMORY = "give the scene more memory: mjcf_model.memory [bytes] of the root entity, before it is compiled"
 
 
 class _State:
@@ -81,29 +62,27 @@ class ForwardCache:
 
     Attributes:
         forces_are_due: `forward_motion` has run, and no whole pass since.
+        lock: held while MuJoCo computes; two threads in the same data would crash the interpreter.
     """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """Watch a model and its data; a pass is due."""
         self.model = model
         self.data = data
+        self.lock = threading.RLock()
+        self.forces_are_due = False
         self._options = model.opt
-        self._watched: list[_Watched] = []
+        self._watch = ModelWatch(model)
         self._now = _State(model)
         self._at_pass = _State(model)
         self._is_known = False
-        self.forces_are_due = False
         self._warnings: Array = data.warning.number
         self._no_warnings = np.zeros_like(self._warnings).tobytes()
 
-    def watch(self, array: Array, shortcuts: Sequence[tuple[Array, NDArray[np.intp]]]) -> None:
-        """Look for changes in an array of the model from now on.
-
-        Args:
-            array: the array, or some rows of it.
-            shortcuts: (flags, rows) to clear when it changes.
-        """
-        self._watched.append(_Watched(array, shortcuts))
+    def watch(self, name: str) -> None:
+        """Look for changes in an array of the model from now on."""
+        with self.lock:
+            self._watch.add(name)
 
     def invalidate(self) -> None:
         """Make a pass due, for example after a change of the options."""
@@ -113,66 +92,74 @@ class ForwardCache:
         """Run a forward pass if the state, the controls or a watched array changed since the last.
 
         Raises:
-            PhysicsError: the state is not finite, or MuJoCo warns.
+            PhysicsError: the state is not finite, MuJoCo warns, or it gives up.
         """
-        if self._is_stale() or self._now.ctrl.tobytes() != self._at_pass.ctrl.tobytes():
-            self.forward()
+        with self.lock:
+            if self._is_stale() or self._now.ctrl.tobytes() != self._at_pass.ctrl.tobytes():
+                self.forward()
 
-    def forward(self) -> None:
+    def forward(self, *, may_be_crowded: bool = False) -> None:
         """Run a forward pass.
 
+        Args:
+            may_be_crowded: do not raise yet when there is no room for all contacts; another pass is due then.
+
         Raises:
-            PhysicsError: the state is not finite, or MuJoCo warns.
+            PhysicsError: the state is not finite, MuJoCo warns, or it gives up.
         """
-        self._is_stale()  # reads the state, and clears the shortcuts of watched arrays that were written to
-        self._is_known = False
-        self._refuse_infinite(self._now.all)
-        try:
-            mujoco.mj_forward(self.model, self.data)
-        except mujoco.FatalError as error:
-            raise PhysicsError(f"MuJoCo gave up: {error}") from error
-        self._refuse_warnings()
-        self._now, self._at_pass = self._at_pass, self._now  # a pass changes nothing of this but the warm start
-        self._is_known = True
-        self.forces_are_due = False
+        with self.lock:
+            self._is_stale()  # reads the state, and looks at the watched arrays
+            self._is_known = False
+            self._refuse_infinite(self._now.all)
+            try:
+                mujoco.mj_forward(self.model, self.data)
+            except mujoco.FatalError as error:
+                raise self._gave_up(error) from error
+            is_complete = self._refuse_warnings(may_be_crowded)
+            self._now, self._at_pass = self._at_pass, self._now  # a pass changes nothing of this but the warm start
+            self._is_known = is_complete
+            self.forces_are_due = False
 
     def forward_motion(self) -> None:
         """Compute what follows from positions and velocities; forces and accelerations when they are asked for.
 
         Raises:
-            PhysicsError: MuJoCo gives up.
+            PhysicsError: MuJoCo warns, or gives up.
         """
-        self._is_known = False
-        model, data = self.model, self.data
-        try:
-            mujoco.mj_fwdPosition(model, data)
-            mujoco.mj_sensorPos(model, data)
-            mujoco.mj_fwdVelocity(model, data)
-            mujoco.mj_sensorVel(model, data)
-        except mujoco.FatalError as error:
-            raise PhysicsError(f"MuJoCo gave up: {error}") from error
-        self.forces_are_due = True
+        with self.lock:
+            self._is_known = False
+            model, data = self.model, self.data
+            try:
+                mujoco.mj_fwdPosition(model, data)
+                mujoco.mj_sensorPos(model, data)
+                mujoco.mj_fwdVelocity(model, data)
+                mujoco.mj_sensorVel(model, data)
+            except mujoco.FatalError as error:
+                raise self._gave_up(error) from error
+            self._refuse_warnings()
+            self.forces_are_due = True
 
     def step(self, n: int) -> None:
         """Advance n time steps; what follows from positions and velocities is then that of the new state.
 
         Raises:
-            PhysicsError: the state is not finite, or MuJoCo warns; the state is then as before.
+            PhysicsError: the state is not finite, MuJoCo warns, or it gives up; the state is then as before.
         """
-        if self._is_stale():
-            self.forward()
-            before = self._at_pass
-        else:
-            self._refuse_infinite(self._now.ctrl)
-            before = self._now
-        try:
-            self._advance(n)
-            self._refuse_warnings()
-        except PhysicsError:
-            mujoco.mj_setState(self.model, self.data, before.all, _INTEGRATION)
-            self._is_known = False
-            raise
-        mujoco.mj_getState(self.model, self.data, self._at_pass.all, _INTEGRATION)
+        with self.lock:
+            if self._is_stale():
+                self.forward()
+                before = self._at_pass
+            else:
+                self._refuse_infinite(self._now.ctrl)
+                before = self._now
+            try:
+                self._advance(n)
+                self._refuse_warnings()
+            except PhysicsError:
+                mujoco.mj_setState(self.model, self.data, before.all, _INTEGRATION)
+                self._is_known = False
+                raise
+            mujoco.mj_getState(self.model, self.data, self._at_pass.all, _INTEGRATION)
 
     def _advance(self, n: int) -> None:
         model, data = self.model, self.data
@@ -185,15 +172,14 @@ class ForwardCache:
                     mujoco.mj_step(model, data, n - 1)
             mujoco.mj_step1(model, data)
         except mujoco.FatalError as error:
-            raise PhysicsError(f"MuJoCo gave up: {error}") from error
+            raise self._gave_up(error) from error
 
     def _is_stale(self) -> bool:
         """Whether a step would start from old positions or forces; controls do not matter for that."""
         now, known = self._now, self._at_pass
         mujoco.mj_getState(self.model, self.data, now.all, _INTEGRATION)
-        for each in self._watched:
-            if each.has_changed():
-                self._is_known = False
+        if self._watch.changed():
+            self._is_known = False
         return (
             not self._is_known
             or now.motion.tobytes() != known.motion.tobytes()
@@ -208,10 +194,29 @@ class ForwardCache:
         wrong = [name for name in _INPUTS if not np.isfinite(getattr(data, name)).all()]
         raise PhysicsError(f"the simulation is not finite in {', '.join(wrong) or 'its state'} at {data.time:.6g} s")
 
-    def _refuse_warnings(self) -> None:
+    def _refuse_warnings(self, may_be_crowded: bool = False) -> bool:
+        """Raise what MuJoCo warned of; returns whether there was room for all contacts."""
         if self._warnings.tobytes() == self._no_warnings:
-            return
-        names = [name for number, name in _UNSTABLE.items() if self._warnings[number]]
+            return True
+        names = [name for name, kind in mujoco.mjtWarning.__members__.items() if self._counted(kind)]
         self._warnings[:] = 0
-        if names:
+        self._is_known = False
+        if any(name in _UNSTABLE for name in names):
             raise PhysicsError(f"MuJoCo warns of {', '.join(names)}: the simulation is unstable")
+        is_crowded = any(name in _FULL for name in names)
+        if is_crowded and not may_be_crowded:
+            raise PhysicsError(f"MuJoCo warns of {', '.join(names)}: not all contacts find room; {_MORE_MEMORY}")
+        return not is_crowded
+
+    def _counted(self, kind: mujoco.mjtWarning) -> bool:
+        return int(kind) < len(self._warnings) and bool(self._warnings[int(kind)])
+
+    def _gave_up(self, error: mujoco.FatalError) -> PhysicsError:
+        """The error to raise; makes the data usable again, as MuJoCo leaves its stack as it was when it gave up."""
+        state = np.empty_like(self._now.all)
+        mujoco.mj_getState(self.model, self.data, state, _INTEGRATION)
+        mujoco.mj_resetData(self.model, self.data)
+        mujoco.mj_setState(self.model, self.data, state, _INTEGRATION)
+        self._is_known = False
+        advice = f"; {_MORE_MEMORY}" if "memory" in str(error) else ""
+        return PhysicsError(f"MuJoCo gave up: {' '.join(str(error).split())}{advice}")

@@ -2,11 +2,15 @@
 
 `Physics` wraps MuJoCo's model and data: `bind` reads and writes the values of elements, `step` advances time. What
 MuJoCo derives from the state is never read, nor integrated from, when it is older than the state.
+
+A physics may be used by several threads: calls that compute wait for one another. The arrays are live all the same, so
+whoever reads several values of one moment holds ``physics.lock``.
 """
 
 from __future__ import annotations
 
 import copy
+import threading
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any, Protocol, cast, runtime_checkable
@@ -16,12 +20,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from jacokin.errors import InvalidInputError, PhysicsError, UnknownNameError
+from jacokin.model import checks
 from jacokin.mujoco_bridge.simulation.binding import EMPTY, Binding
 from jacokin.mujoco_bridge.simulation.element_arrays import KINDS
 from jacokin.mujoco_bridge.simulation.elements import Element, ElementIds
+from jacokin.mujoco_bridge.simulation.flags import mask
 from jacokin.mujoco_bridge.simulation.forward_cache import ForwardCache
+from jacokin.mujoco_bridge.simulation.rendering import FREE_CAMERA, Renderers, RenderFlags
 
-_FLAG = "mjDSBL_"
 _WHOLE_NUMBER = int | np.integer
 
 
@@ -60,11 +66,11 @@ class Physics:
             raise InvalidInputError(f"model must be a mujoco.MjModel, got {model!r}")
         self.model = model
         self._data = mujoco.MjData(model)
-        self._spec = spec
         self._ids = ElementIds(model, spec)
         self._bindings: dict[Element | str | tuple[Element | str, ...], Binding] = {}
         self._cache = ForwardCache(model, self._data)
-        self.after_reset()
+        self._renderers = Renderers(model)
+        self._forward_without_actuators(may_be_crowded=True)
 
     @classmethod
     def from_entity(cls, entity: Compilable) -> Physics:
@@ -89,6 +95,11 @@ class Physics:
         if self._cache.forces_are_due:
             self._cache.forward()
         return self._data
+
+    @property
+    def lock(self) -> threading.RLock:
+        """Held while MuJoCo computes; hold it to read or write several values without another thread in between."""
+        return self._cache.lock
 
     @property
     def time(self) -> float:
@@ -153,22 +164,88 @@ class Physics:
         Raises:
             PhysicsError: MuJoCo gives up, for example for lack of memory; qpos is then as before.
         """
-        qpos = self._data.qpos
-        before = qpos[rows]
-        qpos[rows] = values
-        try:
-            self._cache.forward_motion()
-        except PhysicsError:
-            qpos[rows] = before
-            raise
+        with self.lock:
+            qpos = self._data.qpos
+            before = qpos[rows]
+            qpos[rows] = values
+            try:
+                self._cache.forward_motion()
+            except PhysicsError:
+                qpos[rows] = before
+                raise
 
     def refresh(self) -> None:
-        """Run `forward` if anything changed since the last pass; for those who read ``physics.data`` directly.
+        """The same as `forward`: for those who changed derived values in ``physics.data`` themselves.
+
+        Raises:
+            PhysicsError: the state is not finite, or MuJoCo warns.
+        """
+        self._cache.forward()
+
+    def update(self) -> None:
+        """Run `forward` if anything was changed since the last pass, as reading a derived field through `bind` does.
+
+        For those who read ``physics.data`` directly.
 
         Raises:
             PhysicsError: the state is not finite, or MuJoCo warns.
         """
         self._cache.ensure()
+
+    def set_control(self, control: ArrayLike) -> None:
+        """Write the controls of all actuators.
+
+        Args:
+            control: (nu,) in the order of the model's actuators.
+
+        Raises:
+            InvalidInputError: wrong shape, not numbers, or not finite.
+        """
+        self._data.ctrl[:] = checks.vector("control", control, self.model.nu, "control")
+
+    def render(
+        self,
+        height: int = 240,
+        width: int = 320,
+        camera_id: int | str = FREE_CAMERA,
+        *,
+        depth: bool = False,
+        segmentation: bool = False,
+        scene_option: mujoco.MjvOption | None = None,
+        render_flag_overrides: RenderFlags | None = None,
+    ) -> NDArray[Any]:
+        """Take a picture of the present state.
+
+        Args:
+            height: rows [pixels].
+            width: columns [pixels].
+            camera_id: a camera's number or full name; -1 for the free camera.
+            depth: return distances instead of colours.
+            segmentation: return what is seen instead of colours.
+            scene_option: what is drawn; None for MuJoCo's default.
+            render_flag_overrides: flags of rendering to switch, such as ``{"wireframe": True}``.
+
+        Returns:
+            (height, width, 3) uint8 red, green, blue; of depth (height, width) float32 [m]; of segmentation (height,
+            width, 2) int32: the id and the type (`mujoco.mjtObj`) of what is seen, -1 and -1 for nothing.
+
+        Raises:
+            InvalidInputError: an argument is wrong.
+            UnknownNameError: no such camera or flag.
+            PhysicsError: there is no OpenGL context, or the state cannot be simulated.
+        """
+        with self.lock:
+            self.update()
+            return self._renderers.render(
+                self._data,
+                height,
+                width,
+                camera_id,
+                depth=depth,
+                segmentation=segmentation,
+                scene_option=scene_option,
+                render_flag_overrides=render_flag_overrides,
+            )
 
     def step(self, n: int = 1) -> None:
         """Advance n time steps; positions and velocities are then those of the new state.
@@ -191,15 +268,16 @@ class Physics:
         Raises:
             UnknownNameError: there is no such keyframe; lists those there are.
         """
-        if keyframe is None:
-            mujoco.mj_resetData(self.model, self._data)
-        else:
-            names = [self.model.key(i).name or i for i in range(self.model.nkey)]
-            index = names.index(keyframe) if keyframe in names else keyframe
-            if not isinstance(index, int) or not 0 <= index < self.model.nkey:
-                raise UnknownNameError("keyframe", str(keyframe), map(str, names))
-            mujoco.mj_resetDataKeyframe(self.model, self._data, index)
-        self.after_reset()
+        names = [self.model.key(i).name or i for i in range(self.model.nkey)]
+        index = names.index(keyframe) if keyframe in names else keyframe
+        if index is not None and (not isinstance(index, int) or not 0 <= index < self.model.nkey):
+            raise UnknownNameError("keyframe", str(keyframe), map(str, names))
+        with self.lock:
+            if index is None:
+                mujoco.mj_resetData(self.model, self._data)
+            else:
+                mujoco.mj_resetDataKeyframe(self.model, self._data, index)
+            self._forward_without_actuators(may_be_crowded=True)
 
     def after_reset(self) -> None:
         """Compute everything derived from the state, with the actuators off: controls may not make sense yet.
@@ -207,12 +285,17 @@ class Physics:
         Raises:
             PhysicsError: the state is not finite, or MuJoCo warns.
         """
-        flags = self.model.opt.disableflags
-        self.model.opt.disableflags = flags | int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
-        try:
-            self._cache.forward()
-        finally:
-            self.model.opt.disableflags = flags
+        self._forward_without_actuators(may_be_crowded=False)
+
+    def _forward_without_actuators(self, *, may_be_crowded: bool) -> None:
+        """Run a forward pass; the reference state of a Jaco, where all of it touches, need not fit into the memory."""
+        with self.lock:
+            flags = self.model.opt.disableflags
+            self.model.opt.disableflags = flags | int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
+            try:
+                self._cache.forward(may_be_crowded=may_be_crowded)
+            finally:
+                self.model.opt.disableflags = flags
 
     @contextmanager
     def disable(self, *flags: str) -> Iterator[None]:
@@ -224,24 +307,23 @@ class Physics:
         Raises:
             UnknownNameError: there is no such part; lists those there are.
         """
-        valid = flag_bits()
-        for flag in flags:
-            if not isinstance(flag, str) or flag not in valid:
-                raise UnknownNameError("flag", str(flag), valid)
-        before = self.model.opt.disableflags
-        self.model.opt.disableflags = before | sum({valid[flag] for flag in flags})
-        self._cache.invalidate()
-        try:
-            yield
-        finally:
-            self.model.opt.disableflags = before
+        bits = mask(flags)
+        with self.lock:  # for the whole block: other threads must not see the flags
+            before = self.model.opt.disableflags
+            self.model.opt.disableflags = before | bits
             self._cache.invalidate()
+            try:
+                yield
+            finally:
+                self.model.opt.disableflags = before
+                self._cache.invalidate()
 
     def get_state(self) -> NDArray[np.float64]:
         """A copy of the state: time, positions, velocities, controls, applied forces, and MuJoCo's warm start."""
         signature = int(mujoco.mjtState.mjSTATE_INTEGRATION)
         state = np.empty(mujoco.mj_stateSize(self.model, signature))
-        mujoco.mj_getState(self.model, self._data, state, signature)
+        with self.lock:
+            mujoco.mj_getState(self.model, self._data, state, signature)
         return state
 
     def set_state(self, state: ArrayLike) -> None:
@@ -258,17 +340,31 @@ class Physics:
             raise InvalidInputError(f"state must be {size} numbers, as get_state gives them, got {state!r}") from None
         if values.shape != (size,):
             raise InvalidInputError(f"state must have shape ({size},), got {values.shape}")
-        mujoco.mj_setState(self.model, self._data, values, signature)
+        with self.lock:
+            mujoco.mj_setState(self.model, self._data, values, signature)
 
     def copy(self) -> Physics:
         """A second simulation in the same state, independent of this one."""
-        twin = Physics(copy.copy(self.model), self._spec)
-        twin.set_state(self.get_state())
+        with self.lock:
+            twin = Physics(copy.copy(self.model))
+            twin.set_state(self.get_state())
+        twin._ids = self._ids
         return twin
 
-    def __deepcopy__(self, memo: dict[int, Any]) -> Physics:
-        """The same as `copy`: the spec, which MuJoCo cannot copy deeply, is shared."""
+    def __deepcopy__(self, memo: dict[int, object]) -> Physics:
+        """The same as `copy`."""
         return self.copy()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle the model and the state; elements are looked up by their names afterwards."""
+        with self.lock:
+            return _unpickled, (self.model, self.get_state())
+
+
+def _unpickled(model: mujoco.MjModel, state: NDArray[np.float64]) -> Physics:
+    physics = Physics(model)
+    physics.set_state(state)
+    return physics
 
 
 def check_physics(physics: Physics) -> Physics:
@@ -280,9 +376,3 @@ def check_physics(physics: Physics) -> Physics:
     if not isinstance(physics, Physics):
         raise InvalidInputError(f"physics must be a Physics, made by Physics.from_entity(arena); got {physics!r}")
     return physics
-
-
-def flag_bits() -> dict[str, int]:
-    """MuJoCo's flags that switch parts of the simulation off, by their names in lower case."""
-    members = mujoco.mjtDisableBit.__members__
-    return {name.removeprefix(_FLAG).lower(): int(bit) for name, bit in members.items() if name.startswith(_FLAG)}

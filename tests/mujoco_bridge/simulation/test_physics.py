@@ -229,13 +229,13 @@ def test_switching_parts_off() -> None:
     swing = float(physics.data.qacc[0])
     assert abs(swing) > 1.0
     with physics.disable("gravity", "actuation"):
-        physics.refresh()
+        physics.update()
         assert physics.data.qacc[0] == 0.0
         physics.data.ctrl[0] = 5.0
         physics.step(100)
         assert physics.data.qpos[0] == 1.0
     physics.data.ctrl[0] = 0.0
-    physics.refresh()
+    physics.update()
     assert physics.data.qacc[0] == pytest.approx(swing)
     with pytest.raises(RuntimeError, match="inside"), physics.disable("contact"):
         raise RuntimeError("inside")
@@ -366,3 +366,29 @@ def test_one_tree_makes_several_independent_simulations() -> None:
     first, second = Physics.from_entity(arena), Physics.from_entity(arena)
     first.step(3)
     assert second.time == 0.0
+
+
+def test_a_trial_pose_computed_by_hand_is_made_good_by_refresh() -> None:
+    """MuJoCo's own functions may be run on the data; the state alone does not tell that they were."""
+    physics = pendulum()
+    physics.data.qpos[0] = 0.3
+    end = physics.bind("end")
+    before = end.xpos.copy()
+    physics.data.qpos[0] = 1.5
+    mujoco.mj_kinematics(physics.model, physics.data)
+    physics.data.qpos[0] = 0.3
+    physics.refresh()
+    np.testing.assert_array_equal(end.xpos, before)
+
+
+def test_update_computes_only_what_is_due(passes: ForwardCounter) -> None:
+    physics = pendulum()
+    physics.data.qpos[0] = 0.3
+    physics.update()
+    fresh = physics.data.site("end").xpos.copy()
+    count = passes.count
+    physics.update()
+    assert passes.count == count
+    physics.refresh()
+    assert passes.count == count + 1
+    np.testing.assert_array_equal(physics.data.site("end").xpos, fresh)

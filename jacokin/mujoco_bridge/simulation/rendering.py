@@ -1,0 +1,156 @@
+"""Pictures of a simulation: colours, depth, and which geom is where.
+
+Rendering needs an OpenGL context: a display, or ``MUJOCO_GL=egl`` or ``osmesa`` in the environment before Python
+starts.
+"""
+
+from __future__ import annotations
+
+import atexit
+import os
+import sys
+import warnings
+import weakref
+from collections.abc import Mapping
+from typing import Any
+
+import mujoco
+from numpy.typing import NDArray
+
+from jacokin.errors import InvalidInputError, PhysicsError, UnknownNameError
+from jacokin.model import checks
+
+FREE_CAMERA = -1
+RenderFlags = Mapping[str, bool]
+
+_FLAG = "mjRND_"
+_NO_CONTEXT = (
+    "no picture can be rendered: {reason}. Without a display, set MUJOCO_GL=egl (Debian: libegl1 and "
+    "libegl-mesa0) or MUJOCO_GL=osmesa (Debian: libosmesa6) before Python starts"
+)
+
+# The first failure to make a context, if there was one: a second attempt makes MuJoCo abort the process.
+_FAILURES: list[str] = []
+_OPEN: weakref.WeakSet[Renderers] = weakref.WeakSet()
+
+
+class Renderers:
+    """The renderers of one model, made for each size of picture when first needed."""
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        """Start without any."""
+        self._model = model
+        self._by_size: dict[tuple[int, int], mujoco.Renderer] = {}
+
+    def render(
+        self,
+        data: mujoco.MjData,
+        height: int,
+        width: int,
+        camera: int | str,
+        *,
+        depth: bool,
+        segmentation: bool,
+        scene_option: mujoco.MjvOption | None,
+        render_flag_overrides: RenderFlags | None,
+    ) -> NDArray[Any]:
+        """Take a picture of up-to-date data; see `Physics.render` for the arguments.
+
+        Raises:
+            InvalidInputError: an argument is wrong.
+            UnknownNameError: no such camera or flag.
+            PhysicsError: there is no OpenGL context.
+        """
+        if checks.flag("depth", depth) and checks.flag("segmentation", segmentation):
+            raise InvalidInputError("at most one of depth and segmentation can be rendered at a time")
+        if not isinstance(scene_option, mujoco.MjvOption | None):
+            raise InvalidInputError(f"scene_option must be a mujoco.MjvOption or None, got {scene_option!r}")
+        flags = _checked_flags(render_flag_overrides)
+        number = self._camera_id(camera)
+        size = checks.whole_number("height", height, 1), checks.whole_number("width", width, 1)
+        if size not in self._by_size:
+            self._by_size[size] = _new_renderer(self._model, *size)
+            _close_at_exit(self)
+        renderer = self._by_size[size]
+        renderer.update_scene(data, camera=number, scene_option=scene_option)
+        before = renderer.scene.flags.copy()
+        try:
+            for flag, value in flags.items():
+                renderer.scene.flags[flag] = value
+            if depth:
+                renderer.enable_depth_rendering()
+            elif segmentation:
+                renderer.enable_segmentation_rendering()
+            picture: NDArray[Any] = renderer.render()
+        finally:
+            renderer.scene.flags[:] = before
+            renderer.disable_depth_rendering()
+            renderer.disable_segmentation_rendering()
+        return picture
+
+    def close(self) -> None:
+        """Free the renderers."""
+        for renderer in self._by_size.values():
+            renderer.close()
+        self._by_size.clear()
+
+    def _camera_id(self, camera: int | str) -> int:
+        count = self._model.ncam
+        names = [self._model.camera(i).name for i in range(count)]
+        if isinstance(camera, str):
+            if camera not in names:
+                raise UnknownNameError("camera", camera, names)
+            return names.index(camera)
+        number = checks.whole_number("camera_id", camera, FREE_CAMERA)
+        if number >= count:
+            raise InvalidInputError(
+                f"camera_id must be below {count}, a name, or -1 for the free camera, got {number}. "
+                f"Cameras: {', '.join(names) or '(none)'}"
+            )
+        return number
+
+
+def _close_at_exit(renderers: Renderers) -> None:
+    """Free OpenGL's contexts before Python and OpenGL come apart; to be called after the first context was made."""
+    if not _OPEN:
+        atexit.register(_close_all)
+    _OPEN.add(renderers)
+
+
+def _close_all() -> None:
+    for each in _OPEN:
+        each.close()
+
+
+def _checked_flags(overrides: RenderFlags | None) -> dict[int, bool]:
+    known = {name.removeprefix(_FLAG).lower(): int(flag) for name, flag in mujoco.mjtRndFlag.__members__.items()}
+    valid = {name: number for name, number in known.items() if number < len(mujoco.MjvScene().flags)}
+    if not isinstance(overrides, Mapping | None):
+        raise InvalidInputError(f"render_flag_overrides must be a dict of flags, got {overrides!r}")
+    return {
+        valid[checks.choice("render flag", name, valid)]: checks.flag(f"render_flag_overrides[{name!r}]", value)
+        for name, value in (overrides or {}).items()
+    }
+
+
+def _new_renderer(model: mujoco.MjModel, height: int, width: int) -> mujoco.Renderer:
+    largest = model.vis.global_.offheight, model.vis.global_.offwidth
+    if height > largest[0] or width > largest[1]:
+        raise InvalidInputError(
+            f"height x width is {height} x {width}, larger than the model's offscreen buffer of "
+            f"{largest[0]} x {largest[1]} (mjcf_model.visual.global_.offheight and offwidth)"
+        )
+    backend = os.environ.get("MUJOCO_GL", "").lower().strip()
+    headless = sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+    if headless and backend not in ("egl", "osmesa"):
+        # Not even tried: GLFW warns without end about a missing display.
+        raise PhysicsError(_NO_CONTEXT.format(reason=f"there is no display and MUJOCO_GL is {backend or 'not set'}"))
+    if _FAILURES:
+        raise PhysicsError(_NO_CONTEXT.format(reason=_FAILURES[0]))
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # GLFW's; the error below says what they say
+            return mujoco.Renderer(model, height, width)
+    except Exception as error:  # each backend fails with its own type
+        _FAILURES.append(f"{type(error).__name__}: {error}")
+        raise PhysicsError(_NO_CONTEXT.format(reason=_FAILURES[0])) from error
