@@ -202,7 +202,7 @@ def test_a_camera_of_another_model_is_refused() -> None:
 def test_the_page_on_observables_runs() -> None:
     page = Path(__file__).parents[2] / "docs" / "observables.md"
     blocks = re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), flags=re.DOTALL)
-    assert len(blocks) == 6
+    assert blocks
     run("\n".join(blocks), MUJOCO_GL="egl")
 
 
