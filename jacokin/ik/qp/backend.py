@@ -6,6 +6,7 @@ from here.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -108,7 +109,7 @@ class Backend:
             rows, ends = inequalities
             return _solve(qpsolvers.Problem(hessian, gradient, rows, ends, lb=low, ub=high), solver)
 
-        return np.clip(self._first_solution(run), low, high)
+        return np.minimum(np.maximum(self._first_solution(run), low), high)
 
     def _first_solution(self, run: Callable[[str], Array | None]) -> Array:
         for solver in self._order:
@@ -117,7 +118,7 @@ class Backend:
             except (qpsolvers.QPError, ValueError):
                 continue
             # An active-set solver given NaN reports success.
-            if found is not None and np.isfinite(found).all():
+            if found is not None and math.isfinite(sum(found.tolist())):  # of six numbers faster than NumPy
                 if solver != self.name:
                     self.used = f"{self.name}, then {solver}"
                 return found
@@ -142,7 +143,7 @@ def _run_daqp(hessian: Array, gradient: Array, inequalities: Inequalities, low: 
     """
     rows, ends = inequalities
     if rows is None or ends is None:
-        rows, above, below = np.empty((0, gradient.size)), high, low
+        rows, above, below = hessian[:0], high, low
     else:
         above, below = np.concatenate([high, ends]), np.concatenate([low, np.full(ends.size, -DAQP_INFINITY)])
     found, _, flag, _ = daqp.solve(hessian, gradient, rows, above, below, np.zeros(above.size, dtype=np.int32))

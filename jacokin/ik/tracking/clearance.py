@@ -9,7 +9,9 @@ import mujoco
 
 from jacokin.errors import InvalidInputError, ModelError, UnknownNameError
 from jacokin.model import checks
+from jacokin.model.mujoco_twin.export import to_spec
 from jacokin.model.obstacles import Obstacle, add_to_spec, checked_obstacles, collision_pairs
+from jacokin.model.robot import Robot
 
 CLEARANCE = 0.01  # [m] kept between shapes unless told otherwise
 
@@ -39,10 +41,8 @@ class Clearance:
             object.__setattr__(self, "pairs", tuple(_checked_pair(p) for p in checks.listed("pairs", self.pairs)))
 
 
-def compile_with(
-    spec: mujoco.MjSpec, robot_name: str, clearance: Clearance
-) -> tuple[mujoco.MjModel, list[tuple[int, int]]]:
-    """Add the obstacles to the robot's twin, compile it, and list the pairs of shapes to keep apart.
+def compile_with(robot: Robot, clearance: Clearance) -> tuple[mujoco.MjModel, list[tuple[int, int]]]:
+    """The robot's twin with its shapes and the obstacles, and the pairs of shapes to keep apart.
 
     Returns:
         The model, and pairs of shapes by number, the one nearer to the base first.
@@ -50,10 +50,11 @@ def compile_with(
     Raises:
         InvalidInputError: an obstacle's name is taken, or a pair cannot move apart.
         UnknownNameError: a pair names a shape that does not exist.
-        ModelError: the description has no shapes.
+        ModelError: the description has no shapes, or they cannot be loaded.
     """
+    spec = to_spec(robot, geometry=True)
     if not spec.geoms:
-        raise ModelError(f"{robot_name}: the description has no collision shapes, so nothing can be kept apart")
+        raise ModelError(f"{robot.name}: the description has no collision shapes, so nothing can be kept apart")
     add_to_spec(spec, clearance.obstacles)
     model = spec.compile()
     if clearance.pairs is None:

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -29,6 +30,7 @@ HORIZON = 0.05  # [m] beyond the watched range up to which distances are measure
 SEPARATION_WEIGHT = 100.0  # of moving too near pairs apart, against 1 for the target: its pull then costs microns
 SEPARATION_PART = 0.2  # part of the missing distance asked back in one tick
 WORSE = 1e-9  # [m] rounding of a distance
+NO_DISTANCES, NO_POINTS = np.empty(0), np.empty((0, 6))
 TOUCHING = 1e-12  # [m] nearest points this near to each other give no direction
 
 
@@ -74,7 +76,7 @@ class Separation:
 
 
 class ClearanceGuard:
-    """Keeps given pairs of shapes a distance apart. Holds no state: what changes is in `Distances`."""
+    """Keeps given pairs of shapes a distance apart. What changes from tick to tick is in `Distances`."""
 
     def __init__(
         self, model: mujoco.MjModel, pairs: list[tuple[int, int]], distance: float, velocity: Array, dt: float
@@ -98,34 +100,51 @@ class ClearanceGuard:
         self._watch = distance + BUFFER + LOOK_AHEAD * dt * (self._lever @ velocity)
         self._slide = model.jnt_type == mujoco.mjtJoint.mjJNT_SLIDE
         self._fixed = model.body_weldid[model.geom_bodyid[first]] == 0
-        self._buffer = np.empty(6)
+        self._reach = (self._watch + HORIZON).tolist()
+        self._data = mujoco.MjData(model)
+        self._computed: Array | None = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Everything but what was computed last."""
+        return {**self.__dict__, "_computed": None}
 
     def name(self, pair: int) -> str:
         """Names of the two shapes, joined by "~"."""
         return f"{self._model.geom(self._first[pair]).name}~{self._model.geom(self._second[pair]).name}"
 
-    def start(self, data: mujoco.MjData) -> Distances:
-        """Distances at a configuration nothing is known about."""
+    def start(self, q: Array) -> Distances:
+        """Distances at a configuration (dof,) [rad] nothing is known about."""
+        data = self._at(q)
         # Distance of the bounding spheres; planes and shapes without a sphere are measured.
         radius = self._model.geom_rbound
         gap = np.linalg.norm(data.geom_xpos[self._first] - data.geom_xpos[self._second], axis=1)
         bounded = (radius[self._first] > 0.0) & (radius[self._second] > 0.0)
-        return self._measure(data, np.where(bounded, gap - radius[self._first] - radius[self._second], -np.inf), {})
+        return self._measure(q, np.where(bounded, gap - radius[self._first] - radius[self._second], -np.inf), {})
 
-    def moved(self, data: mujoco.MjData, before: Distances, step: Array, exits: Mapping[int, Array]) -> Distances:
-        """Distances after a displacement (dof,) [rad] from where `before` was taken."""
-        return self._measure(data, before.bound - self._lever @ np.abs(step), exits)
+    def moved(self, q: Array, before: Distances, step: Array, exits: Mapping[int, Array]) -> Distances:
+        """Distances at `q` (dof,) [rad], a displacement (dof,) [rad] away from where `before` was taken."""
+        return self._measure(q, before.bound - self._lever.dot(np.abs(step)), exits)
 
-    def _measure(self, data: mujoco.MjData, bound: Array, exits: Mapping[int, Array]) -> Distances:
+    def _at(self, q: Array) -> mujoco.MjData:
+        """The shapes at a configuration, computed unless it was the last one."""
+        if self._computed is not q:
+            self._computed = None  # until it is done
+            self._data.qpos[:] = q
+            mujoco.mj_kinematics(self._model, self._data)
+            self._computed = q
+        return self._data
+
+    def _measure(self, q: Array, bound: Array, exits: Mapping[int, Array]) -> Distances:
+        """Distances of the pairs that may be in the watched range; `bound` is updated in place."""
         near = np.flatnonzero(bound < self._watch)
+        if not near.size:
+            return Distances(bound, near, NO_DISTANCES, NO_POINTS, exits)
+        data = self._at(q)
         distance = np.empty(near.size)
         points = np.empty((near.size, 6))
         for row, pair in enumerate(near.tolist()):
             first, second = self._pairs[pair]
-            distance[row] = mujoco.mj_geomDistance(
-                self._model, data, first, second, self._watch[pair] + HORIZON, self._buffer
-            )
-            points[row] = self._buffer
+            distance[row] = mujoco.mj_geomDistance(self._model, data, first, second, self._reach[pair], points[row])
         bound[near] = distance
         close = distance < self._watch[near]
         return Distances(bound, near[close], distance[close], points[close], exits)
@@ -147,8 +166,9 @@ class ClearanceGuard:
             return True
         return bool(bound_after.min() >= min(self._distance, bound_before.min()) - WORSE)
 
-    def linearise(self, data: mujoco.MjData, now: Distances) -> Separation:
-        """Inequalities, and the error of pairs that are too near, at a configuration."""
+    def linearise(self, q: Array, now: Distances) -> Separation:
+        """Inequalities, and the error of pairs that are too near, at a configuration (dof,) [rad]."""
+        data = self._at(q)
         normals = self._normals(now)
         exits = self._exits(now, normals)
         leaving = self._leaving(exits)[now.near]

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import mujoco
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
@@ -16,10 +15,9 @@ from jacokin.ik import seeds
 from jacokin.ik.tracking.clearance import Clearance, compile_with
 from jacokin.ik.tracking.distances import ClearanceGuard
 from jacokin.ik.tracking.joint_limits import Follower, JointBox, velocity_limits
+from jacokin.ik.tracking.kinematics import Kinematics
 from jacokin.ik.tracking.objectives import Objective, Posture
-from jacokin.ik.tracking.task_factory import TOOL_SITE, TaskFactory
 from jacokin.model import checks, poses
-from jacokin.model.mujoco_twin.export import body_of_joint, to_spec
 from jacokin.model.robot import Robot
 
 LIMIT_NOISE = 0.01  # [rad] an encoder may report a joint this far past its limit
@@ -50,11 +48,10 @@ class Parts:
     frame: str
     dt: float
     velocity: Array
-    model: mujoco.MjModel
+    kinematics: Kinematics
     box: JointBox
     follower: Follower | None
     guard: ClearanceGuard | None
-    tasks: TaskFactory
     objectives: tuple[Objective, ...]
     position_tolerance: float
     orientation_tolerance: float
@@ -73,18 +70,18 @@ def prepare(robot: Robot, options: Options) -> Parts:
     if options.acceleration_limit is not None:
         acceleration = checks.positive_vector("acceleration_limit", options.acceleration_limit, robot.dof, "rad/s^2")
         follower = Follower(robot.joint_names, box, acceleration, dt)
-    collision = options.collision
-    model, pairs = _twin(robot, frame, options.tool, collision)
-    guard = None if collision is None else ClearanceGuard(model, pairs, collision.distance, velocity, dt)
+    placed = robot.pin_model.frames[robot.frame_id(frame)]
+    T_joint_tool = pin.SE3(placed.placement)
+    if options.tool is not None:
+        T_joint_tool = T_joint_tool * poses.checked_pose(options.tool, "tool")
     return Parts(
         frame=frame,
         dt=dt,
         velocity=velocity,
-        model=model,
+        kinematics=Kinematics(robot, placed.parentJoint, T_joint_tool),
         box=box,
         follower=follower,
-        guard=guard,
-        tasks=TaskFactory(robot, model),
+        guard=_guard(robot, options.collision, velocity, dt),
         objectives=_objectives(robot, options),
         position_tolerance=checks.positive("position_tolerance", options.position_tolerance, "m"),
         orientation_tolerance=checks.positive("orientation_tolerance", options.orientation_tolerance, "rad"),
@@ -103,19 +100,13 @@ def _objectives(robot: Robot, options: Options) -> tuple[Objective, ...]:
     return objectives
 
 
-def _twin(
-    robot: Robot, frame: str, tool: pin.SE3 | ArrayLike | None, collision: Clearance | None
-) -> tuple[mujoco.MjModel, list[tuple[int, int]]]:
-    """The robot in MuJoCo with a site at the tool; with shapes, obstacles and their pairs where they are kept apart."""
-    if collision is not None and not isinstance(collision, Clearance):
+def _guard(robot: Robot, collision: Clearance | None, velocity: Array, dt: float) -> ClearanceGuard | None:
+    if collision is None:
+        return None
+    if not isinstance(collision, Clearance):
         raise InvalidInputError(f"collision must be a jacokin.ik.Clearance or None, got {checks.shown(collision)}")
-    placed = robot.pin_model.frames[robot.frame_id(frame)]
-    T_joint_tool = placed.placement if tool is None else placed.placement * poses.checked_pose(tool, "tool")
-    spec = to_spec(robot, geometry=collision is not None)
-    spec.body(body_of_joint(robot, placed.parentJoint)).add_site(
-        name=TOOL_SITE, pos=T_joint_tool.translation, quat=poses.quaternion(T_joint_tool.rotation)
-    )
-    return (spec.compile(), []) if collision is None else compile_with(spec, robot.name, collision)
+    model, pairs = compile_with(robot, collision)
+    return ClearanceGuard(model, pairs, collision.distance, velocity, dt)
 
 
 def check_moving_frame(robot: Robot, frame: str) -> None:

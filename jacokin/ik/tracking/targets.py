@@ -1,10 +1,11 @@
-"""What the tracker can be asked for besides a pose: parts of a pose, a region, other frames, weights.
+"""What the tracker can be asked for: poses, parts of poses, regions, on any frame, with weights; and their tasks.
 
 Each target constrains one frame; `Tracker.step` takes one of them or several at once. All are in the base frame.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -13,7 +14,12 @@ from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
+from jacokin.ik import targets
+from jacokin.ik.tracking.kinematics import Kinematics
+from jacokin.ik.tracking.tasks import AxisTask, PoseTask, PositionTask, RegionTask, Task
 from jacokin.model import checks, poses
+
+RIGID = 1e-9  # a pose this near to rigid is used as it is; others are checked and made rigid
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,6 +38,10 @@ class TrackingTarget:
         """Check the weight."""
         object.__setattr__(self, "weight", checks.positive("weight", self.weight))
 
+    def make_task(self, frame: int) -> Task:
+        """The task for the tracker, on a frame by its number."""
+        raise InvalidInputError(f"unknown kind of target {type(self).__name__}")
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PoseTarget(TrackingTarget):
@@ -43,6 +53,13 @@ class PoseTarget(TrackingTarget):
         """Check the pose."""
         TrackingTarget.__post_init__(self)
         object.__setattr__(self, "pose", poses.checked_pose(self.pose, "pose"))
+
+    def make_task(self, frame: int) -> Task:
+        """Position and orientation."""
+        assert isinstance(self.pose, pin.SE3)  # __post_init__ made it one
+        task = PoseTask(frame, self.weight)
+        task.set(self.pose)
+        return task
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,6 +73,10 @@ class PositionTarget(TrackingTarget):
         TrackingTarget.__post_init__(self)
         object.__setattr__(self, "position", checks.read_only(checks.vector("position", self.position, 3, "m")))
 
+    def make_task(self, frame: int) -> Task:
+        """Position alone."""
+        return PositionTask(frame, self.weight, np.asarray(self.position))
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OrientationTarget(TrackingTarget):
@@ -67,6 +88,12 @@ class OrientationTarget(TrackingTarget):
         """Check the rotation."""
         TrackingTarget.__post_init__(self)
         object.__setattr__(self, "rotation", checks.read_only(poses.checked_rotation("rotation", self.rotation)))
+
+    def make_task(self, frame: int) -> Task:
+        """Orientation alone."""
+        task = PoseTask(frame, self.weight, orientation_only=True)
+        task.set(pin.SE3(np.asarray(self.rotation), np.zeros(3)))
+        return task
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,6 +113,10 @@ class AxisTarget(TrackingTarget):
         TrackingTarget.__post_init__(self)
         object.__setattr__(self, "direction", _unit("direction", self.direction))
         object.__setattr__(self, "axis", _unit("axis", self.axis))
+
+    def make_task(self, frame: int) -> Task:
+        """Two directions aligned."""
+        return AxisTask(frame, self.weight, np.asarray(self.axis), np.asarray(self.direction))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -116,6 +147,56 @@ class RegionTarget(TrackingTarget):
             corners.append(corner)
         if not (corners[0] <= corners[1]).all():
             raise InvalidInputError(f"lower {corners[0].tolist()} must not exceed upper {corners[1].tolist()}")
+
+    def make_task(self, frame: int) -> Task:
+        """Position in the box."""
+        return RegionTask(frame, self.weight, np.asarray(self.lower), np.asarray(self.upper))
+
+
+class TaskFactory:
+    """Makes tasks from what `Tracker.step` takes; the one for a plain pose is built once."""
+
+    def __init__(self, kinematics: Kinematics) -> None:
+        """Keep the kinematics for its frames."""
+        self._kinematics = kinematics
+        self._pose = PoseTask(kinematics.tool, 1.0)
+
+    def tasks(self, target: pin.SE3 | ArrayLike | TrackingTarget | Sequence[TrackingTarget] | None) -> list[Task]:
+        """Tasks for a target or several; errors as in `Tracker.step`."""
+        if isinstance(target, pin.SE3):
+            self._pose.set(target if _rigid(target) else poses.checked_pose(target))
+            return [self._pose]
+        if isinstance(target, TrackingTarget):
+            return [self._task(target)]
+        if isinstance(target, list | tuple) and any(isinstance(one, TrackingTarget) for one in target):
+            return [self._task(one) for one in target]
+        checked = targets.checked(target)  # refuses what is neither a pose nor a position
+        if checked.position_only:
+            return [self._task(PositionTarget(checked.position))]
+        self._pose.set(pin.SE3(checked.rotation, checked.position))
+        return [self._pose]
+
+    def _task(self, target: TrackingTarget) -> Task:
+        if not isinstance(target, TrackingTarget):
+            raise InvalidInputError(
+                f"several targets must each be a PoseTarget, PositionTarget, ..., got {type(target).__name__}"
+            )
+        return target.make_task(self._kinematics.frame(target.frame))
+
+
+def _rigid(pose: pin.SE3) -> bool:
+    """Whether a pose is finite, right-handed and orthonormal to 1e-9; cheap, as every tick asks it."""
+    (a, b, c), (d, e, f), (g, h, i) = pose.rotation.tolist()
+    x, y, z = pose.translation.tolist()
+    misfit: float = (
+        abs(a * a + b * b + c * c - 1.0)
+        + abs(d * d + e * e + f * f - 1.0)
+        + abs(a * d + b * e + c * f)
+        + abs(b * f - c * e - g)
+        + abs(c * d - a * f - h)
+        + abs(a * e - b * d - i)
+    )
+    return bool(misfit < RIGID and abs(x) + abs(y) + abs(z) < 1e9)
 
 
 def _unit(name: str, value: ArrayLike) -> Array:

@@ -1,7 +1,7 @@
 """Tasks: the error of a frame against its target, and the Jacobian of that error.
 
 Each task gives a Jacobian J and an error e, weights included: a displacement x of the joints with J x = e reaches the
-target to first order. It also measures the error in metres and radians. Poses and orientations use mink's `FrameTask`.
+target to first order. It also measures the error in metres and radians.
 """
 
 from __future__ import annotations
@@ -9,16 +9,16 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 
-import mink
-import mujoco
 import numpy as np
 import pinocchio as pin
 
 from jacokin.arrays import Array
 from jacokin.ik.pose_error import RADIAN_IN_METRES
+from jacokin.ik.tracking.kinematics import Kinematics
 from jacokin.model import poses
 
 FAR = 100.0  # [m] from the base; nothing beyond is within reach, and its error would drown all else in the QP
+IN_BASE = pin.LOCAL_WORLD_ALIGNED  # at the frame's origin, axes of the base
 
 
 def _within_far(position: Array) -> Array:
@@ -31,91 +31,90 @@ def _within_far(position: Array) -> Array:
 
 
 class Task(ABC):
-    """One target on one site of the MuJoCo twin."""
+    """One target on one frame."""
 
-    def __init__(self, site: int, weight: float) -> None:
-        """Remember the site's number and the weight."""
-        self._site = site
+    def __init__(self, frame: int, weight: float) -> None:
+        """Remember the frame's number and the weight."""
+        self._frame = frame
         self._weight = weight
 
     @abstractmethod
-    def error(self, configuration: mink.Configuration) -> Array:
+    def error(self, kinematics: Kinematics) -> Array:
         """Weighted error e (k,): what is missing to the target."""
 
     @abstractmethod
-    def jacobian(self, configuration: mink.Configuration) -> Array:
-        """Weighted Jacobian J (k, dof)."""
+    def linearised(self, kinematics: Kinematics) -> tuple[Array, Array]:
+        """Weighted Jacobian J (k, dof) and the same error e (k,)."""
 
     @abstractmethod
-    def measure(self, data: mujoco.MjData) -> tuple[float, float]:
+    def measure(self, kinematics: Kinematics) -> tuple[float, float]:
         """Distance [m] and angle [rad] to the target."""
 
-    def inequalities(self, configuration: mink.Configuration) -> tuple[Array, Array] | None:
+    def inequalities(self, kinematics: Kinematics) -> tuple[Array, Array] | None:
         """G and h of G x <= h that keep what is reached, or None."""
         return None
 
-    def _site_jacobian(self, configuration: mink.Configuration) -> tuple[Array, Array]:
-        """Linear and angular rows (3, dof) each, in the axes of the base."""
-        linear = np.empty((3, configuration.nv))
-        angular = np.empty((3, configuration.nv))
-        mujoco.mj_jacSite(configuration.model, configuration.data, linear, angular, self._site)
-        return linear, angular
-
 
 class PoseTask(Task):
-    """Position and orientation, or orientation alone."""
+    """Position and orientation, or orientation alone: the SE(3) logarithm of T_target_frame.
 
-    def __init__(self, site: int, weight: float, name: str, *, orientation_only: bool = False) -> None:
-        """Build mink's task, which wants the site's name."""
-        super().__init__(site, weight)
+    With M = T_target_frame, log(M exp(v)) = log(M) + Jlog(M) v to first order, so log(M) vanishes where
+    Jlog(M) J x = -log(M) (Sola, Deray, Atchuthan: A micro Lie theory for state estimation in robotics, 2018).
+    """
+
+    def __init__(self, frame: int, weight: float, *, orientation_only: bool = False) -> None:
+        """Start at the identity; `set` gives the pose."""
+        super().__init__(frame, weight)
         self._orientation_only = orientation_only
         linear = 0.0 if orientation_only else weight
-        self._task = mink.FrameTask(name, "site", linear, weight * RADIAN_IN_METRES)
         self._cost = np.array([linear] * 3 + [weight * RADIAN_IN_METRES] * 3)
-        self._pose = pin.SE3.Identity()
-        self._position, self._rotation = self._pose.translation, self._pose.rotation
+        self._costs = self._cost[:, None]
+        self.set(pin.SE3.Identity())
 
     def set(self, pose: pin.SE3) -> None:
-        """Set T_base_frame."""
-        self._position, self._rotation = pose.translation, pose.rotation
-        self._task.set_target(mink.SE3(np.concatenate([poses.quaternion(self._rotation), _within_far(self._position)])))
+        """Set T_base_frame, which must not change until it is set again."""
+        self._pose, position = pose, pose.translation
+        near = _within_far(position)
+        self._near = pose if near is position else pin.SE3(pose.rotation, near)
 
-    def error(self, configuration: mink.Configuration) -> Array:
-        """Weighted SE(3) logarithm of T_frame_target."""
-        return np.asarray(-self._cost * self._task.compute_error(configuration))
+    def error(self, kinematics: Kinematics) -> Array:
+        """Weighted logarithm of the way to the target."""
+        return np.asarray(-self._cost * pin.log6(self._near.actInv(kinematics.pose(self._frame))).vector)
 
-    def jacobian(self, configuration: mink.Configuration) -> Array:
-        """Weighted Jacobian of that logarithm."""
-        return np.asarray(self._cost[:, None] * self._task.compute_jacobian(configuration))
+    def linearised(self, kinematics: Kinematics) -> tuple[Array, Array]:
+        """Weighted Jacobian of that logarithm, and itself."""
+        way = self._near.actInv(kinematics.pose(self._frame))
+        jacobian = pin.Jlog6(way).dot(kinematics.jacobian(self._frame, pin.LOCAL))
+        return self._costs * jacobian, -self._cost * pin.log6(way).vector
 
-    def measure(self, data: mujoco.MjData) -> tuple[float, float]:
+    def measure(self, kinematics: Kinematics) -> tuple[float, float]:
         """Distance and angle."""
-        rotation = data.site_xmat[self._site].reshape(3, 3)
-        angle = poses.rotation_angle(rotation.T @ self._rotation)
+        pose = kinematics.pose(self._frame)
+        angle = poses.rotation_angle(pose.rotation.T.dot(self._pose.rotation))
         if self._orientation_only:
             return 0.0, angle
-        return math.hypot(*(data.site_xpos[self._site] - self._position).tolist()), angle
+        return math.dist(pose.translation.tolist(), self._pose.translation.tolist()), angle
 
 
 class PositionTask(Task):
     """Position alone."""
 
-    def __init__(self, site: int, weight: float, position: Array) -> None:
+    def __init__(self, frame: int, weight: float, position: Array) -> None:
         """Keep the position (3,) [m]."""
-        super().__init__(site, weight)
-        self._position, self._reachable = position, _within_far(position)
+        super().__init__(frame, weight)
+        self._position, self._near = position, _within_far(position)
 
-    def error(self, configuration: mink.Configuration) -> Array:
+    def error(self, kinematics: Kinematics) -> Array:
         """Weighted difference of the positions."""
-        return np.asarray(self._weight * (self._reachable - configuration.data.site_xpos[self._site]))
+        return np.asarray(self._weight * (self._near - kinematics.pose(self._frame).translation))
 
-    def jacobian(self, configuration: mink.Configuration) -> Array:
-        """Weighted linear Jacobian."""
-        return self._weight * self._site_jacobian(configuration)[0]
+    def linearised(self, kinematics: Kinematics) -> tuple[Array, Array]:
+        """Weighted linear Jacobian, and the error."""
+        return self._weight * kinematics.jacobian(self._frame, IN_BASE)[:3], self.error(kinematics)
 
-    def measure(self, data: mujoco.MjData) -> tuple[float, float]:
+    def measure(self, kinematics: Kinematics) -> tuple[float, float]:
         """Distance; the orientation is free."""
-        return math.hypot(*(data.site_xpos[self._site] - self._position).tolist()), 0.0
+        return math.dist(kinematics.pose(self._frame).translation.tolist(), self._position.tolist()), 0.0
 
 
 class AxisTask(Task):
@@ -125,14 +124,14 @@ class AxisTask(Task):
     are opposite, so the arm would stay there; the rotation vector used here is longest there.
     """
 
-    def __init__(self, site: int, weight: float, axis: Array, direction: Array) -> None:
+    def __init__(self, frame: int, weight: float, axis: Array, direction: Array) -> None:
         """Keep a unit axis (3,) of the frame and the unit direction (3,) of the base to align it with."""
-        super().__init__(site, weight)
+        super().__init__(frame, weight)
         self._axis, self._direction = axis, direction
 
-    def _now(self, data: mujoco.MjData) -> tuple[Array, Array, float]:
+    def _rotation(self, kinematics: Kinematics) -> tuple[Array, Array, float]:
         """Where the axis points, the rotation vector to the direction, and its angle."""
-        points = data.site_xmat[self._site].reshape(3, 3) @ self._axis
+        points = kinematics.pose(self._frame).rotation @ self._axis
         turn = np.cross(points, self._direction)
         sine, cosine = float(np.linalg.norm(turn)), float(points @ self._direction)
         angle = math.atan2(sine, cosine)
@@ -141,51 +140,54 @@ class AxisTask(Task):
             sine = float(np.linalg.norm(turn))
         return points, turn * (angle / sine), angle
 
-    def error(self, configuration: mink.Configuration) -> Array:
+    def error(self, kinematics: Kinematics) -> Array:
         """Weighted rotation vector of the shortest rotation."""
-        return self._weight * RADIAN_IN_METRES * self._now(configuration.data)[1]
+        return self._weight * RADIAN_IN_METRES * self._rotation(kinematics)[1]
 
-    def jacobian(self, configuration: mink.Configuration) -> Array:
-        """Weighted angular Jacobian without the rotation about the axis."""
-        points = self._now(configuration.data)[0]
-        angular = self._site_jacobian(configuration)[1]
-        return self._weight * RADIAN_IN_METRES * (angular - np.outer(points, points @ angular))
+    def linearised(self, kinematics: Kinematics) -> tuple[Array, Array]:
+        """Weighted angular Jacobian without the rotation about the axis, and the error."""
+        points, rotation, _ = self._rotation(kinematics)
+        angular = kinematics.jacobian(self._frame, IN_BASE)[3:]
+        weight = self._weight * RADIAN_IN_METRES
+        return weight * (angular - np.outer(points, points @ angular)), weight * rotation
 
-    def measure(self, data: mujoco.MjData) -> tuple[float, float]:
+    def measure(self, kinematics: Kinematics) -> tuple[float, float]:
         """Angle between axis and direction."""
-        return 0.0, self._now(data)[2]
+        return 0.0, self._rotation(kinematics)[2]
 
 
 class RegionTask(Task):
     """Position inside a box: pulled in from outside, kept in once inside."""
 
-    def __init__(self, site: int, weight: float, lower: Array, upper: Array) -> None:
+    def __init__(self, frame: int, weight: float, lower: Array, upper: Array) -> None:
         """Keep the corners (3,) [m]."""
-        super().__init__(site, weight)
+        super().__init__(frame, weight)
         self._lower, self._upper = lower, upper
 
-    def _difference(self, data: mujoco.MjData) -> Array:
-        position = data.site_xpos[self._site]
+    def _difference(self, kinematics: Kinematics) -> Array:
+        position = kinematics.pose(self._frame).translation
         return np.asarray(np.clip(position, self._lower, self._upper) - position)
 
-    def error(self, configuration: mink.Configuration) -> Array:
+    def error(self, kinematics: Kinematics) -> Array:
         """Weighted difference to the nearest point of the box."""
-        return self._weight * self._difference(configuration.data)
+        return self._weight * self._difference(kinematics)
 
-    def jacobian(self, configuration: mink.Configuration) -> Array:
-        """Weighted linear Jacobian along the axes of the base in which the frame is outside."""
-        outside = (self._difference(configuration.data) != 0.0).astype(np.float64)
-        return np.asarray(self._weight * outside[:, None] * self._site_jacobian(configuration)[0])
+    def linearised(self, kinematics: Kinematics) -> tuple[Array, Array]:
+        """Weighted linear Jacobian along the axes of the base in which the frame is outside, and the error."""
+        difference = self._difference(kinematics)
+        outside = (difference != 0.0).astype(np.float64)[:, None]
+        jacobian = self._weight * outside * kinematics.jacobian(self._frame, IN_BASE)[:3]
+        return np.asarray(jacobian), self._weight * difference
 
-    def inequalities(self, configuration: mink.Configuration) -> tuple[Array, Array] | None:
+    def inequalities(self, kinematics: Kinematics) -> tuple[Array, Array] | None:
         """Faces of the box that the frame must not cross, along the axes in which it is inside."""
-        position = configuration.data.site_xpos[self._site]
-        linear = self._site_jacobian(configuration)[0]
+        position = kinematics.pose(self._frame).translation
+        linear = kinematics.jacobian(self._frame, IN_BASE)[:3]
         normals = np.vstack([linear, -linear])
         gaps = np.concatenate([self._upper - position, position - self._lower])
         use = (gaps >= 0.0) & np.isfinite(gaps)
         return (normals[use], gaps[use]) if use.any() else None
 
-    def measure(self, data: mujoco.MjData) -> tuple[float, float]:
+    def measure(self, kinematics: Kinematics) -> tuple[float, float]:
         """Distance to the box."""
-        return float(np.linalg.norm(self._difference(data))), 0.0
+        return float(np.linalg.norm(self._difference(kinematics))), 0.0

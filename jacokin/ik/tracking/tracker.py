@@ -9,8 +9,8 @@ shortened. So the error never oscillates and the limits hold exactly.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
-import mink
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
@@ -26,7 +26,7 @@ from jacokin.ik.tracking.objectives import Objective
 from jacokin.ik.tracking.problem import Problem, Quadratic, linearise, null_space_objective
 from jacokin.ik.tracking.result import TrackerStatus, TrackerStep
 from jacokin.ik.tracking.state import JointState, TrackerState
-from jacokin.ik.tracking.targets import TrackingTarget
+from jacokin.ik.tracking.targets import TaskFactory, TrackingTarget
 from jacokin.ik.tracking.tasks import Task
 from jacokin.model.robot import Robot
 
@@ -112,8 +112,8 @@ class Tracker:
         self.velocity_limit = self._parts.velocity
         self._negligible = (NEGLIGIBLE * self._parts.position_tolerance) ** 2
         self._qp = Backend(qp_solver)
-        self._configuration = mink.Configuration(self._parts.model)
-        self._computed: Array | None = None
+        self._kinematics = self._parts.kinematics
+        self._targets = TaskFactory(self._kinematics)
         self.reset(q)
 
     @property
@@ -137,11 +137,8 @@ class Tracker:
             InvalidInputError: malformed or outside the limits; the tracker stays as it was.
         """
         start = setup.checked_start(self.robot, q)
-        self._compute(start)
         guard = self._parts.guard
-        self._state = TrackerState.at_rest(
-            JointState(start, None if guard is None else guard.start(self._configuration.data)), DAMPING[0]
-        )
+        self._state = TrackerState.at_rest(JointState(start, None if guard is None else guard.start(start)), DAMPING[0])
 
     def step(
         self,
@@ -171,7 +168,7 @@ class Tracker:
         if twist is not None:
             twist_pose = setup.moved_by_twist(self._twist_start(state), twist, reference, self.dt)
             target = twist_pose
-        after, step = self._tick(state, self._parts.tasks.tasks(target))
+        after, step = self._tick(state, self._targets.tasks(target))
         # Rounding does not add up while the arm keeps up; when it cannot, no backlog builds.
         keeps_up = step.status is TrackerStatus.OK
         # One assignment, the last one: an interrupt leaves the old state or the new one.
@@ -180,30 +177,29 @@ class Tracker:
 
     def measure(self, target: pin.SE3 | ArrayLike | TrackingTarget | Sequence[TrackingTarget]) -> TrackerStep:
         """How far the tool is from a target, without moving; errors as `step`."""
-        tasks = self._parts.tasks.tasks(target)
+        tasks = self._targets.tasks(target)
         self._qp.reset()
         return self._report(tasks, self._state, self._state, "", excused=False)[1]
 
-    def _compute(self, q: Array) -> None:
-        """Kinematics at a configuration, unless it was the last one computed."""
-        if self._computed is not q:
-            self._computed = None
-            self._configuration.update(q)
-            self._computed = q
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Unpickled arrays are writable until told otherwise."""
+        self.__dict__.update(state)
+        for array in (self._state.arm.q, self._state.v, self._state.reference.q, self.velocity_limit):
+            array.setflags(write=False)
 
     def _twist_start(self, state: TrackerState) -> pin.SE3:
         """T_base_tool that a twist moves on from."""
         if state.twist_pose is not None:
             return state.twist_pose
-        self._compute(state.arm.q)
-        return self._parts.tasks.tool_pose(self._configuration.data)
+        self._kinematics.move_to(state.arm.q)
+        return pin.SE3(self._kinematics.pose(self._kinematics.tool))
 
     def _tick(self, state: TrackerState, tasks: list[Task]) -> tuple[TrackerState, TrackerStep]:
         """Solve, check and move: the state after the tick."""
         parts, before = self._parts, state.reference
         self._qp.reset()
-        self._compute(before.q)
-        problem = linearise(self._configuration, tasks, parts.guard, before.distances)
+        self._kinematics.move_to(before.q)
+        problem = linearise(self._kinematics, tasks, before.q, parts.guard, before.distances)
         null_space = None
         if parts.objectives:
             null_space = null_space_objective(
@@ -238,7 +234,7 @@ class Tracker:
             except QPFailed:
                 return start, damping, "no QP solver solved this tick"
             found = self._try(start, displacement, problem.exits)
-            if problem.separating or self._nearer(tasks, problem.cost):
+            if problem.separating or self._nearer(tasks, found.q, problem.cost):
                 return found, max(damping / LESS_DAMPING, DAMPING[0]), ""
             null_space = None
             if damping >= DAMPING[1]:
@@ -251,32 +247,32 @@ class Tracker:
         guard = self._parts.guard
         for _ in range(SHORTENINGS):
             q = self._parts.box.moved(start.q, displacement)
-            self._compute(q)
             if guard is None or start.distances is None:
                 return JointState(q, None)
-            distances = guard.moved(self._configuration.data, start.distances, displacement, exits)
+            distances = guard.moved(q, start.distances, displacement, exits)
             if guard.acceptable(start.distances, distances):
                 return JointState(q, distances)
             displacement = 0.5 * displacement
-        self._compute(start.q)
         return start
 
-    def _nearer(self, tasks: list[Task], cost: float) -> bool:
+    def _nearer(self, tasks: list[Task], q: Array, cost: float) -> bool:
         """Whether the error shrank, or is too small to matter."""
+        self._kinematics.move_to(q)
         now = 0.0
         for task in tasks:
-            error = task.error(self._configuration)
-            now += float(error @ error)
+            error = task.error(self._kinematics)
+            now += float(error.dot(error))
         return now <= cost or now <= self._negligible
 
     def _report(
         self, tasks: list[Task], before: TrackerState, after: TrackerState, held: str, *, excused: bool
     ) -> tuple[TrackerState, TrackerStep]:
         """Measure where the arm is; the state with what was learned of the error."""
-        self._compute(after.arm.q)
         parts = self._parts
-        measured = [task.measure(self._configuration.data) for task in tasks]
-        position, orientation = max(m[0] for m in measured), max(m[1] for m in measured)
+        self._kinematics.move_to(after.arm.q)
+        position, orientation = tasks[0].measure(self._kinematics)
+        for task in tasks[1:]:
+            position, orientation = map(max, (position, orientation), task.measure(self._kinematics))
         on_target = position <= parts.position_tolerance and orientation <= parts.orientation_tolerance
         error = pose_error.combined(position, orientation)
         grows = not (excused or on_target) and error > before.error + GROWTH

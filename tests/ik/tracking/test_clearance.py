@@ -25,7 +25,7 @@ class Referee:
     """Distances by brute force: every pair, every time."""
 
     def __init__(self, robot: Robot, clearance: Clearance) -> None:
-        self.model, self.pairs = compile_with(to_spec(robot, geometry=True), robot.name, clearance)
+        self.model, self.pairs = compile_with(robot, clearance)
         self.data = mujoco.MjData(self.model)
 
     def least(self, q: NDArray[np.float64]) -> float:

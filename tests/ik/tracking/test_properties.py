@@ -117,7 +117,7 @@ def interrupt_at(function: Callable[..., Any], call: int) -> Callable[..., Any]:
 
 @pytest.mark.parametrize("acceleration", [None, 2.0])
 @pytest.mark.parametrize("call", [1, 2, 3])
-@pytest.mark.parametrize("what", ["_compute", "_try", "_report", "_nearer"])
+@pytest.mark.parametrize("what", ["_try", "_report", "_nearer", "_descend"])
 def test_an_interrupted_tick_leaves_the_state_of_before(
     robot: Robot, monkeypatch: pytest.MonkeyPatch, acceleration: float | None, call: int, what: str
 ) -> None:
