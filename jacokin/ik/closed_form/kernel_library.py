@@ -73,7 +73,10 @@ def cpu() -> tuple[str, str]:
     name = os.environ.get("NUMBA_CPU_NAME") or llvm.get_host_cpu_name()
     features = os.environ.get("NUMBA_CPU_FEATURES")
     if features is None:
-        features = "" if name == "generic" else llvm.get_host_cpu_features().flatten()
+        try:
+            features = "" if name == "generic" else llvm.get_host_cpu_features().flatten()
+        except RuntimeError:  # not known to LLVM on every system
+            features = ""
     return name, features
 
 

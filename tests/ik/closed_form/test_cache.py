@@ -103,13 +103,17 @@ def test_a_file_that_others_may_write_to_is_not_used(mode: int) -> None:
 
 def test_the_cache_of_another_user_is_not_used(monkeypatch: pytest.MonkeyPatch) -> None:
     file = written()
-    if os.geteuid() == 0:
-        os.chown(file, 4321, -1)
-    else:
-        monkeypatch.setattr(os, "geteuid", lambda: 4321)
+    fstat = os.fstat
+
+    def by_another_user(handle: int) -> os.stat_result:
+        status = list(fstat(handle))
+        status[4] = os.geteuid() + 4321  # whoever runs the tests, root included
+        return os.stat_result(status)
+
+    monkeypatch.setattr(os, "fstat", by_another_user)
     found = cache.read()
     assert found.code is None
-    assert "belongs to another user" in found.problem
+    assert f"{file} is not used: it belongs to another user" in found.problem
 
 
 def test_the_cache_of_root_is_used() -> None:
