@@ -58,6 +58,7 @@ def info(
                 "joints": joints,
                 "sources": sources,
                 "home": in_units.shown(arm.home),
+                "home_source": arm.home_source,
                 "frames": [{"name": name, "moved_by": joint} for name, joint in frames],
             }
         )
@@ -137,6 +138,7 @@ def _show(
                 ("base", arm.base),
                 ("default frame", arm.default_frame),
                 (units.heading("home"), _home(arm, units)),
+                ("home from", arm.home_source),
             ],
             arm.name,
         )

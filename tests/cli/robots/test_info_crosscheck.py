@@ -17,6 +17,7 @@ def test_info_of_each_bundled_robot(run: Run, name: str) -> None:
     assert [joint["name"] for joint in document["joints"]] == list(robot.joint_names)
     assert [frame["name"] for frame in document["frames"]] == list(robot.frames)
     assert document["home"] == robot.home.tolist()
+    assert document["home_source"] == robot.home_source
     lower = [-np.inf if joint["lower"] is None else joint["lower"] for joint in document["joints"]]
     assert lower == robot.lower.tolist()
     assert all(joint["source"] in document["sources"] for joint in document["joints"])
