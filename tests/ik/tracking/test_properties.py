@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import copy
+import sys
 from collections.abc import Callable
+from pathlib import Path
+from types import FrameType
 from typing import Any
 
 import numpy as np
@@ -12,10 +16,12 @@ from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+import jacokin
 from jacokin import Robot, Tracker
 from jacokin.errors import InvalidInputError
 from jacokin.ik import AxisTarget, Clearance, OrientationTarget, PositionTarget, RegionTarget, Sphere
 
+PACKAGE = str(Path(jacokin.__file__).parent / "ik")
 ROUNDING = 1e-9  # [rad/s] positions are subtracted and divided by dt
 
 Command = Callable[[Tracker], Any]
@@ -88,71 +94,64 @@ def test_what_is_measured_or_refused_changes_nothing(robot: Robot, command: Comm
     assert np.array_equal(command(tracker).q, command(twin).q)
 
 
-class Interrupting:
-    """An objective that is interrupted, like anything that runs during a tick."""
+class InterruptAt:
+    """A trace function that interrupts at the n-th line that runs in the package's inverse kinematics."""
 
-    def __init__(self) -> None:
-        self.armed = False
+    def __init__(self, line: int) -> None:
+        self.left = line
 
-    def velocity(self, robot: Robot, frame: str, q: NDArray[np.float64]) -> NDArray[np.float64]:
-        if self.armed:
+    def __call__(self, frame: FrameType, event: str, argument: object) -> InterruptAt | None:
+        if PACKAGE not in frame.f_code.co_filename:
+            return None
+        self.left -= event == "line"
+        if self.left == 0 and event == "line":
             raise KeyboardInterrupt
-        return np.zeros(robot.dof)
+        return self
 
 
-def interrupt_at(function: Callable[..., Any], call: int) -> Callable[..., Any]:
-    """The function, interrupted after its n-th call from now on."""
-    calls = 0
-
-    def wrapped(*arguments: Any, **options: Any) -> Any:
-        nonlocal calls
-        result = function(*arguments, **options)
-        calls += 1
-        if calls == call:
-            raise KeyboardInterrupt
-        return result
-
-    return wrapped
+BALL = Clearance(0.01, [Sphere("ball", 0.05, [0.25, -0.2, 0.62])])
 
 
-@pytest.mark.parametrize("acceleration", [None, 2.0])
-@pytest.mark.parametrize("call", [1, 2, 3])
-@pytest.mark.parametrize("what", ["_try", "_report", "_nearer", "_descend"])
-def test_an_interrupted_tick_leaves_the_state_of_before(
-    robot: Robot, monkeypatch: pytest.MonkeyPatch, acceleration: float | None, call: int, what: str
+@pytest.mark.parametrize("use_twist", [False, True], ids=["pose", "twist"])
+@pytest.mark.parametrize(
+    "options", [{}, {"acceleration_limit": 2.0}, {"collision": BALL}], ids=["plain", "acceleration", "collision"]
+)
+def test_an_interrupted_tick_leaves_the_old_state_or_the_new_one(
+    robot: Robot, options: dict[str, Any], use_twist: bool
 ) -> None:
-    """The tick after the interrupt moves no joint faster than its limit."""
-    ball = Clearance(0.01, [Sphere("ball", 0.05, [0.5, 0.0, 0.5])])
-    arguments: dict[str, Any] = {"acceleration_limit": acceleration, "collision": ball}
-    tracker, twin = Tracker(robot, **arguments), Tracker(robot, **arguments)
+    """Interrupted at every seventh line of a tick; the ticks that follow move no joint faster than its limit."""
     target = robot.forward_kinematics(robot.home + 0.3)
-    for _ in range(5):
-        tracker.step(target)
-        twin.step(target)
-    with monkeypatch.context() as patch:
-        patch.setattr(tracker, what, interrupt_at(getattr(tracker, what), call))
+
+    def tick(tracker: Tracker) -> NDArray[np.float64]:
+        if use_twist:
+            return tracker.step(twist=[0.05, 0.0, 0.05, 0.0, 0.1, 0.0]).q
+        return tracker.step(target).q
+
+    start = Tracker(robot, **options)
+    for _ in range(8):
+        start.step(target)
+    after = copy.deepcopy(start)
+    tick(after)
+    for line in range(1, 2_000, 7):
+        tracker = copy.deepcopy(start)
+        before = sys.gettrace()
+        sys.settrace(InterruptAt(line))
         try:
-            tracker.step(target)
-            twin.step(target)  # that call happens less often in a tick
+            tick(tracker)
+            break  # the tick has fewer lines
         except KeyboardInterrupt:
-            assert np.array_equal(tracker.q, twin.q)
-    for _ in range(20):
-        before = tracker.q
-        step = tracker.step(target)
-        assert (np.abs(step.q - before) <= (robot.velocity_limit + ROUNDING) * tracker.dt).all()
-        assert np.array_equal(step.q, twin.step(target).q)
-        assert np.array_equal(step.v, tracker.v)
-
-
-def test_an_interrupted_objective_leaves_the_state_of_before(robot: Robot) -> None:
-    objective = Interrupting()
-    tracker, twin = Tracker(robot, objectives=[objective]), Tracker(robot, objectives=[Interrupting()])
-    target = np.array([0.3, -0.2, 0.5])
-    objective.armed = True
-    with pytest.raises(KeyboardInterrupt):
-        tracker.step(target)
-    objective.armed = False
-    assert np.array_equal(tracker.step(target).q, twin.step(target).q)
+            pass
+        finally:
+            sys.settrace(before)
+        unmoved = np.array_equal(tracker.q, start.q)
+        twin = copy.deepcopy(start if unmoved else after)
+        assert np.array_equal(tracker.q, twin.q)
+        for _ in range(3):
+            from_here = tracker.q
+            step = tick(tracker)
+            assert np.array_equal(step, tick(twin))
+            assert (np.abs(step - from_here) <= (robot.velocity_limit + ROUNDING) * tracker.dt).all()
+    assert line > 100
 
 
 @given(scale=st.floats(-100.0, 100.0))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +16,7 @@ from numpy.typing import NDArray
 import jacokin
 from jacokin import IKSolver, Robot, Tracker
 from jacokin.errors import InvalidInputError, UnknownNameError
-from jacokin.ik import TrackerStatus
+from jacokin.ik import Clearance, TrackerStatus
 from jacokin.ik.qp import backend
 from jacokin.ik.qp.backend import Backend, QPFailed
 
@@ -219,6 +221,18 @@ def test_reset_puts_the_arm_there_and_noise_past_a_limit_is_removed(robot: Robot
     assert not tracker.v.any()
     step = tracker.step(robot.forward_kinematics(robot.home))
     assert robot.within_limits(step.q)
+
+
+def test_copies_go_on_from_where_the_tracker_is(robot: Robot) -> None:
+    tracker = Tracker(robot, collision=Clearance(0.005))
+    for pose in line(robot)[:5]:
+        tracker.step(pose)
+    for other in (pickle.loads(pickle.dumps(tracker)), copy.deepcopy(tracker)):
+        for array in (other.q, other.v, other.velocity_limit):
+            assert not array.flags.writeable
+        here = copy.deepcopy(tracker)
+        for pose in line(robot)[5:15]:
+            assert np.array_equal(other.step(pose).q, here.step(pose).q)
 
 
 def test_a_qp_that_cannot_be_solved_holds_the_arm_and_says_so(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
