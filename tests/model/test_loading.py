@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import resource
 from pathlib import Path
 
 import mujoco
@@ -14,7 +15,7 @@ import jacokin.model
 from jacokin.errors import InvalidInputError, ModelError, UnknownNameError
 from jacokin.model import urdf_folder
 from tests.optional import needs_dm_control
-from tests.robot_files import urdf_text
+from tests.robot_files import SCENE, urdf_text
 
 
 @pytest.mark.parametrize("base", [None, "pedestal", "mark"])
@@ -239,3 +240,25 @@ def test_a_joint_may_have_any_name(tmp_path: Path, name: str) -> None:
     assert robot.within_limits(robot.home)
     assert jacokin.crosscheck(robot, samples=5).within()
     assert jacokin.model.to_mujoco(robot).njnt == 2
+
+
+def test_many_objects_in_the_scene_take_no_memory(tmp_path: Path) -> None:
+    """Working memory for the whole scene would be 3 GB: it grows with the cube of the degrees of freedom."""
+    boxes = "".join(f'<body pos="{i} 5 0"><freejoint/><geom size="0.1"/></body>' for i in range(60))
+    path = tmp_path / "many.xml"
+    path.write_text(
+        SCENE.replace('<include file="common.xml"/>', "<default><default class='arm'/></default>").replace(
+            "<worldbody>", f"<worldbody>{boxes}"
+        )
+    )
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss  # [kB]
+    assert jacokin.load_robot(path).dof == 4
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 500_000
+
+
+def test_an_arm_has_at_most_200_joints(tmp_path: Path) -> None:
+    path = tmp_path / "rope.xml"
+    open_tags = "".join(f'<body pos="0 0 0.1"><joint name="j{i}"/><geom size="0.01"/>' for i in range(201))
+    path.write_text(f"<mujoco><worldbody>{open_tags}{'</body>' * 201}</worldbody></mujoco>")
+    with pytest.raises(ModelError, match="the chain has 201 joints; at most 200"):
+        jacokin.load_robot(path)

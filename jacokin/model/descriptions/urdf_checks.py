@@ -13,11 +13,11 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 
 from jacokin.errors import ModelError
+from jacokin.model.descriptions.whole import MOST_JOINTS
 
 JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 LIMITED_TYPES = ("revolute", "prismatic")
 AXIS_TOLERANCE = 1e-3  # a hand-typed unit axis has three digits or more
-MOST_JOINTS = 200  # moving ones; Pinocchio's memory grows with the cube of their number: 6 GiB at a thousand
 MOST_LINKS = 1000  # rigid ones included: the parser of Pinocchio walks the tree by recursion and ends the process
 DEEPEST = 100  # elements within elements; writing them down again is recursive
 SMALLEST = 1e-300  # numbers below are read as 0: some parsers refuse denormal numbers

@@ -14,6 +14,9 @@ if TYPE_CHECKING:
     import mujoco
 
 
+MOST_JOINTS = 200  # of an arm; Pinocchio's memory grows with the cube of their number: 6 GiB at a thousand
+
+
 @dataclass(frozen=True, slots=True)
 class Coupling:
     """Joints that do not move independently of each other."""

@@ -75,7 +75,7 @@ def _add_joint(body: mujoco.MjsBody, robot: Robot, index: int) -> None:
     """The joint that moves a body, about (or along) the axis Pinocchio has."""
     joint = robot.pin_model.joints[index]
     data = joint.createData()
-    joint.calc(data, np.zeros(joint.nq))
+    joint.calc(data, np.zeros(robot.dof))
     subspace = np.asarray(data.S).ravel()
     hinge = bool(subspace[3:].any())
     limited = bool(np.isfinite(robot.lower[index - 1]) or np.isfinite(robot.upper[index - 1]))
