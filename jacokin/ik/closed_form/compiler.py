@@ -15,7 +15,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from jacokin.ik.closed_form.kernel_library import SYMBOL, Call, KernelLibrary, target_machine
+from jacokin.ik.closed_form.curves.curve_family import make_curve_work
+from jacokin.ik.closed_form.kernel_library import (
+    HEADER,
+    SOLVE_TARGETS,
+    SYMBOL,
+    Call,
+    CurveCall,
+    KernelLibrary,
+    target_machine,
+)
 from jacokin.ik.closed_form.kernels.pose import COLUMNS, MAX_BRANCHES, make_work
 
 if TYPE_CHECKING:
@@ -23,20 +32,29 @@ if TYPE_CHECKING:
 
 #: In order of use: each module needs only functions of the ones before it.
 KERNEL_MODULES = (
-    "vector",
-    "tolerances",
-    "arm",
-    "resultant",
-    "roots",
-    "wrist",
-    "spherical",
-    "chain",
-    "limits",
-    "folds",
-    "pose",
-    "batch",
+    "kernels.vector",
+    "kernels.tolerances",
+    "kernels.arm",
+    "kernels.resultant",
+    "kernels.roots",
+    "kernels.wrist",
+    "kernels.spherical",
+    "kernels.chain",
+    "kernels.limits",
+    "kernels.folds",
+    "kernels.pose",
+    "kernels.batch",
+    "curves.chain7",
+    "curves.follow",
+    "curves.seven",
+    "curves.slices",
+    "curves.graph",
+    "curves.arcs",
+    "curves.between",
+    "curves.limit_cuts",
+    "curves.curve_family",
 )
-_KERNELS = "jacokin.ik.closed_form.kernels"
+_PACKAGE = "jacokin.ik.closed_form"
 #: Shapes of the arguments of `kernels.batch.solve_targets`, apart from its work arrays; n targets, m rows to keep.
 _SHAPES = {"chain": "(7, 3, 4)", "arm": "(39,)", "limits": "(3, 6)", "T": "(n, 4, 4)", "seed": "(n, 6)"}
 # The compiled form does the plain form's operations in the same order, without fastmath: both give the same bits.
@@ -50,8 +68,8 @@ def compile_kernels() -> bytes:
     import numba
     from numba import types as nb
 
-    namespace = one_namespace([importlib.import_module(f"{_KERNELS}.{name}") for name in KERNEL_MODULES])
-    namespace.update(__name__=_KERNELS, __builtins__=__builtins__)
+    namespace = one_namespace([importlib.import_module(f"{_PACKAGE}.{name}") for name in KERNEL_MODULES])
+    namespace.update(__name__=_PACKAGE, __builtins__=__builtins__)
     # Copies that see each other's compiled forms; the modules themselves stay plain.
     for name, value in list(namespace.items()):
         if isinstance(value, types.FunctionType):
@@ -78,30 +96,47 @@ def one_namespace(modules: Sequence[types.ModuleType]) -> dict[str, Any]:
 
 
 def _entry_source(namespace: dict[str, Any]) -> str:
-    """A function that finds the arrays of `kernel_library.Call` through its table of addresses."""
-    addresses = 2  # after the two counts
-
-    def array(dtype: str, shape: str) -> str:
-        nonlocal addresses
-        addresses += 1
-        return f"carray(pointer({dtype}, table[{addresses - 1}]), {shape})"
-
-    def nested(value: object) -> str:
-        if isinstance(value, np.ndarray):
-            return array(value.dtype.name, repr(value.shape))
-        assert isinstance(value, tuple)
-        namespace[type(value).__name__] = type(value)
-        return f"{type(value).__name__}({', '.join(map(nested, value))})"
-
-    arguments = [array("float64", shape) for shape in _SHAPES.values()]
-    arguments.append(nested(make_work(np.empty((MAX_BRANCHES, COLUMNS)))))
-    arguments.append(array("float64", "(m, BATCH_COLUMNS)"))
+    """A function that finds the arrays of a `kernel_library.Call` or `CurveCall` through its table of addresses."""
+    targets = _Arrays(namespace)
+    arguments = [targets.array("float64", shape) for shape in _SHAPES.values()]
+    arguments.append(targets.nested(make_work(np.empty((MAX_BRANCHES, COLUMNS)))))
+    arguments.append(targets.array("float64", "(m, BATCH_COLUMNS)"))
+    curves = _Arrays(namespace)
+    work = curves.nested(make_curve_work())
     return (
         "def entry(address):\n"
-        f"    table = carray(pointer(int64, address), {addresses})\n"
-        "    n, m = table[0], table[1]\n"
-        f"    return solve_targets({', '.join(arguments)})\n"
+        f"    header = carray(pointer(int64, address), {HEADER})\n    task, n, m = header[0], header[1], header[2]\n"
+        f"    if task == {SOLVE_TARGETS}:\n"
+        f"        table = carray(pointer(int64, address), {targets.addresses})\n"
+        f"        return solve_targets({', '.join(arguments)})\n"
+        f"    table = carray(pointer(int64, address), {curves.addresses})\n"
+        f"    return run_curves({work})\n"
     )
+
+
+class _Arrays:
+    """Source text that builds arrays from the addresses of a table, one after another.
+
+    Attributes:
+        addresses: size of the table so far.
+    """
+
+    def __init__(self, namespace: dict[str, Any]) -> None:
+        self.addresses = HEADER
+        self._namespace = namespace
+
+    def array(self, dtype: str, shape: str) -> str:
+        """The next address as an array."""
+        self.addresses += 1
+        return f"carray(pointer({dtype}, table[{self.addresses - 1}]), {shape})"
+
+    def nested(self, value: object) -> str:
+        """The next addresses as the arrays of nested tuples."""
+        if isinstance(value, np.ndarray):
+            return self.array(value.dtype.name, repr(value.shape))
+        assert isinstance(value, tuple)
+        self._namespace[type(value).__name__] = type(value)
+        return f"{type(value).__name__}({', '.join(map(self.nested, value))})"
 
 
 def _pointer_intrinsic() -> Any:
@@ -149,7 +184,9 @@ def main() -> None:
 
     code = compile_kernels()
     empty = np.zeros((7, 3, 4)), np.zeros(39), np.zeros((3, 6)), np.zeros((0, 4, 4)), np.zeros((0, 6))
-    Call(KernelLibrary(code), *empty)()
+    library = KernelLibrary(code)
+    Call(library, *empty)()
+    CurveCall(library)()
     sys.stdout.buffer.write(cache.packed(code))
     sys.stdout.buffer.flush()
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.errors import JacokinError
+from jacokin.ik.closed_form.curves.curve_family import make_curve_work, run_curves
 from jacokin.ik.closed_form.kernels.batch import BATCH_COLUMNS
 from jacokin.ik.closed_form.kernels.pose import COLUMNS, MAX_BRANCHES, make_work
 
@@ -19,6 +20,10 @@ if TYPE_CHECKING:
 
 #: Name of the one function of the machine code.
 SYMBOL = "jacokin_solve_targets"
+
+#: First entry of a table of addresses: what to run. Two sizes follow, then the addresses.
+SOLVE_TARGETS, RUN_CURVES = 0, 1
+HEADER = 3
 
 NO_BATCH = np.empty((0, BATCH_COLUMNS))
 
@@ -110,7 +115,7 @@ class Call:
         arrays = list(flattened((chain, arm, limits, T, seed, make_work(self.rows), best)))
         if T.shape != (len(T), 4, 4) or seed.shape != (len(T), 6) or not all(map(_is_readable, arrays)):
             raise ValueError("the kernels need C-contiguous arrays of 64-bit numbers, a seed for each target")
-        table = np.array([len(T), len(best), *(array.ctypes.data for array in arrays)], dtype=np.int64)
+        table = np.array([SOLVE_TARGETS, len(T), len(best), *(array.ctypes.data for array in arrays)], dtype=np.int64)
         self._returned = np.zeros(2, np.int64)  # the count; where an exception would be described
         self._alive = (library, arrays, table)
         self._function = library.function
@@ -118,6 +123,34 @@ class Call:
 
     def __call__(self) -> int:
         """Run the kernels; returns how many rows were filled."""
+        if self._function(*self._addresses) != 0:
+            raise JacokinError("internal error in the compiled closed form, please report it")
+        return int(self._returned[0])
+
+
+class CurveCall:
+    """Everything one call of `curves.curve_family.run_curves` at a time needs.
+
+    Attributes:
+        work: the arrays, to be filled in and read.
+    """
+
+    __slots__ = ("_addresses", "_alive", "_function", "_returned", "work")
+
+    def __init__(self, library: KernelLibrary | None) -> None:
+        """Make the arrays; without machine code the plain form runs."""
+        self.work = make_curve_work()
+        self._function = None if library is None else library.function
+        arrays = list(flattened(self.work))
+        table = np.array([RUN_CURVES, 0, 0, *(array.ctypes.data for array in arrays)], dtype=np.int64)
+        self._returned = np.zeros(2, np.int64)
+        self._alive = (library, arrays, table)
+        self._addresses = (self._returned.ctypes.data, self._returned.ctypes.data + 8, table.ctypes.data)
+
+    def __call__(self) -> int:
+        """Run the kernels; returns what `run_curves` returns."""
+        if self._function is None:
+            return run_curves(self.work)
         if self._function(*self._addresses) != 0:
             raise JacokinError("internal error in the compiled closed form, please report it")
         return int(self._returned[0])

@@ -1,0 +1,107 @@
+"""The entry point: all intervals of the parameter for one target, or a point of a curve. Read this file first.
+
+slices       all configurations at some values of the parameter, in closed form
+graph        which points of neighbouring slices belong together; in doubt `follow` walks along the curve
+arcs         pieces of the curves along which the parameter rises, from fold to fold
+limit_cuts   what is left of them within the joint limits
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jacokin.arrays import Array
+from jacokin.ik.closed_form.curves.arcs import Arcs, assemble, make_arcs
+from jacokin.ik.closed_form.curves.between import between, where_joint_is
+from jacokin.ik.closed_form.curves.follow import Walk
+from jacokin.ik.closed_form.curves.graph import LINKS, TRACED, Graph, join
+from jacokin.ik.closed_form.curves.limit_cuts import Cuts, cut, make_cuts
+from jacokin.ik.closed_form.curves.slices import POINTS, SLICES, SevenJoints, SixJoints, Slices, fill_slices
+from jacokin.ik.closed_form.kernels.pose import COLUMNS, MAX_BRANCHES, make_work
+
+#: What to do: find the intervals; find a point at a share of a chord; find a point where the parameter has a value.
+FIND_INTERVALS, FIND_AT_SHARE, FIND_AT_PARAMETER = 0, 1, 2
+
+
+class CurveWork(NamedTuple):
+    """What a call reads and writes; one set for each thread."""
+
+    options: NDArray[np.int64]  # (4,) task, index of the parameter, number of slices, 1 if they close the circle
+    counts: NDArray[np.int64]  # (3,) intervals, sides that were not linked, points that were lost
+    chain: Array  # (8, 3, 4) placements between seven joints that turn about z
+    T: Array  # (4, 4) target
+    six: SixJoints
+    seven: SevenJoints
+    slices: Slices
+    graph: Graph
+    arcs: Arcs
+    cuts: Cuts
+    chord: Array  # (2, 14) nodes between which a point is asked for
+    at: Array  # (1,) share of the chord, or value of the parameter
+    x: Array  # (7,) the point
+
+
+def make_walk() -> Walk:
+    """Fresh arrays."""
+    a, b, c, d, e, f, g = (np.empty(7) for _ in range(7))
+    return Walk(a, b, c, d, e, f, g, np.empty((7, 8)))
+
+
+def make_curve_work() -> CurveWork:
+    """Fresh arrays."""
+    points = (SLICES, POINTS)
+    return CurveWork(
+        np.zeros(4, np.int64),
+        np.zeros(3, np.int64),
+        np.zeros((8, 3, 4)),
+        np.eye(4),
+        SixJoints(
+            np.zeros((7, 3, 4)),
+            np.zeros(39),
+            np.zeros((3, 6)),
+            np.zeros(3),
+            np.eye(4),
+            np.zeros(6),
+            make_work(np.empty((MAX_BRANCHES, COLUMNS))),
+        ),
+        SevenJoints(np.zeros(12), np.empty((8, 7))),
+        Slices(
+            np.zeros(SLICES),
+            np.zeros(SLICES, np.int64),
+            np.empty((*points, 7)),
+            np.empty((*points, 7)),
+            np.empty(points),
+        ),
+        Graph(
+            np.zeros((*points, 2, 2), np.int64),
+            np.zeros((LINKS, 8), np.int64),
+            np.empty((TRACED, 15)),
+            np.zeros(POINTS, np.int64),
+            np.zeros(POINTS, np.int64),
+            make_walk(),
+        ),
+        make_arcs(),
+        make_cuts(),
+        np.zeros((2, 14)),
+        np.zeros(1),
+        np.zeros(7),
+    )
+
+
+def run_curves(work: CurveWork) -> int:
+    """Do what work.options[0] asks for; returns the number of intervals, or 1 if the point was found, else 0."""
+    chain, T, walk = work.chain, work.T, work.graph.walk
+    task, parameter, n, closed = work.options[0], work.options[1], work.options[2], work.options[3] > 0
+    if task == FIND_AT_SHARE:
+        return 1 if between(chain, T, work.chord[0], work.chord[1], work.at[0], work.x, walk) else 0
+    if task == FIND_AT_PARAMETER:
+        share = where_joint_is(chain, T, work.chord[0], work.chord[1], parameter, work.at[0], work.x, walk)
+        return 1 if share >= 0.0 else 0
+    work.counts[2] = fill_slices(chain, T, parameter, n, work.slices, work.six, work.seven, walk)
+    made, work.counts[1] = join(chain, T, n, closed, parameter, work.slices, work.graph)
+    assemble(n, closed, parameter, made, work.slices, work.graph, work.arcs)
+    work.counts[0] = cut(chain, T, work.arcs, work.cuts, walk)
+    return int(work.counts[0])

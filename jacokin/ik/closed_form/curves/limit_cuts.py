@@ -1,0 +1,183 @@
+"""Where joints pass their limits along an arc, and the intervals between: what exists and is within the limits."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from jacokin.arrays import Array
+from jacokin.ik.closed_form.curves.arcs import Arcs
+from jacokin.ik.closed_form.curves.between import between, chord_length, where_joint_is
+from jacokin.ik.closed_form.curves.chain7 import tangent7
+from jacokin.ik.closed_form.curves.follow import Walk
+from jacokin.ik.closed_form.curves.graph import wrapped
+from jacokin.ik.closed_form.kernels.limits import TURN
+
+#: Share of the square of a chord: an extremum this near to a limit is looked at on halves of the chord.
+DOUBT = 2e-3
+#: [rad] shorter chords are not halved.
+SHORTEST_CHORD = 1e-7
+HALVINGS = 14
+EVENTS, INTERVALS = 512, 256
+#: Columns of an event: first node of its chord, share of the chord, code, point. A code is 2 j for the lower and
+#: 2 j + 1 for the upper limit of joint j; -1 - n for an arc's end of kind n.
+NODE, SHARE, CODE, POINT, EVENT_COLUMNS = 0, 1, 2, 3, 10
+#: Columns of an interval: arc, first and last chord, codes of both ends, shares of both chords, points at both ends.
+INTERVAL_COLUMNS = 21
+
+
+class Cuts(NamedTuple):
+    """Events of one arc, and the intervals of all arcs."""
+
+    limits: Array  # (2, 7) lower and upper limits [rad], infinite where a joint is unlimited
+    events: Array  # (EVENTS, 10)
+    intervals: Array  # (INTERVALS, 21)
+    stack: Array  # (16, 31) halves of a chord: its nodes, its share of the whole, how often it was halved
+
+
+def make_cuts() -> Cuts:
+    """Fresh arrays."""
+    return Cuts(
+        np.empty((2, 7)),
+        np.empty((EVENTS, EVENT_COLUMNS)),
+        np.empty((INTERVALS, INTERVAL_COLUMNS)),
+        np.empty((HALVINGS + 2, 31)),
+    )
+
+
+def is_within(x: Array, limits: Array) -> bool:
+    """Whether a 2 pi copy of every joint is within its limits."""
+    for j in range(7):
+        if limits[0, j] > -math.inf:
+            middle, half = 0.5 * (limits[0, j] + limits[1, j]), 0.5 * (limits[1, j] - limits[0, j])
+            if abs(wrapped(x[j] - middle)) > half:
+                return False
+    return True
+
+
+def doubtful(v0: float, v1: float, d0: float, d1: float, slack: float) -> bool:
+    """Whether the cubic with these values and slopes at 0 and 1 has an extremum between that leaves its sign open."""
+    c3, c2 = 2.0 * (v0 - v1) + d0 + d1, 3.0 * (v1 - v0) - 2.0 * d0 - d1
+    square = c2 * c2 - 3.0 * c3 * d0
+    if square <= 0.0:
+        return False
+    q = -(c2 + math.copysign(math.sqrt(square), c2))
+    for n in range(2):
+        denominator, numerator = (3.0 * c3, q) if n == 0 else (q, d0)
+        u = numerator / denominator if denominator != 0.0 else -1.0
+        if 0.0 < u < 1.0:
+            value = v0 + u * (d0 + u * (c2 + u * c3))
+            if abs(value) < slack or value * v0 <= 0.0 or value * v1 <= 0.0:
+                return True
+    return False
+
+
+def add_crossings(
+    chain: Array, T: Array, arcs: Arcs, node: int, j: int, level: float, code: int, n: int, cuts: Cuts, walk: Walk
+) -> int:
+    """Append the places where joint j crosses a level on the chord that begins at a node; returns the new count."""
+    stack = cuts.stack
+    for m in range(14):
+        stack[0, m] = arcs.nodes[node, m]
+        stack[0, 14 + m] = arcs.nodes[node + 1, m]
+    stack[0, 28], stack[0, 29], stack[0, 30] = 0.0, 1.0, 0.0
+    top = 0
+    while top >= 0:
+        half = stack[top]
+        a, b = half[0:14], half[14:28]
+        begin, end, depth = half[28], half[29], half[30]
+        length = chord_length(a, b)
+        v0, v1 = a[j] - level, b[j] - level
+        slack = DOUBT * length * length
+        if (
+            length > SHORTEST_CHORD
+            and depth < HALVINGS
+            and doubtful(v0, v1, a[7 + j] * length, b[7 + j] * length, slack)
+            and between(chain, T, a, b, 0.5, walk.x, walk)
+            and tangent7(chain, T, walk.x, walk.border, walk.t, walk.system) != 0.0
+        ):
+            later = stack[top + 1]
+            for m in range(7):
+                later[m], later[7 + m], later[14 + m], later[21 + m] = walk.x[m], walk.t[m], b[m], b[7 + m]
+                half[14 + m], half[21 + m] = walk.x[m], walk.t[m]
+            later[28], later[29], later[30] = 0.5 * (begin + end), end, depth + 1.0
+            half[29], half[30] = 0.5 * (begin + end), depth + 1.0
+            top += 1
+            continue
+        if (v0 < 0.0) != (v1 < 0.0) and n < EVENTS:
+            share = where_joint_is(chain, T, a, b, j, level, walk.x, walk)
+            if share >= 0.0:
+                event = cuts.events[n]
+                event[NODE], event[SHARE], event[CODE] = node, begin + share * (end - begin), code
+                for m in range(7):
+                    event[POINT + m] = walk.x[m]
+                event[POINT + j] = level
+                n += 1
+        top -= 1
+    return n
+
+
+def events_of_arc(chain: Array, T: Array, arcs: Arcs, arc: int, cuts: Cuts, walk: Walk) -> int:
+    """Fill cuts.events with where limits are crossed along an arc, in order; returns how many."""
+    n = 0
+    for j in range(7):
+        if not cuts.limits[0, j] > -math.inf:
+            continue
+        for node in range(arcs.arcs[arc, 0], arcs.arcs[arc, 1] - 1):
+            here, there = arcs.nodes[node, j], arcs.nodes[node + 1, j]
+            farthest = abs(there - here) + 0.1 + chord_length(arcs.nodes[node], arcs.nodes[node + 1])
+            for side in range(2):
+                level = cuts.limits[side, j]
+                level += TURN * math.floor((0.5 * (here + there) - level) / TURN + 0.5)
+                if abs(level - 0.5 * (here + there)) <= farthest:
+                    n = add_crossings(chain, T, arcs, node, j, level, 2 * j + side, n, cuts, walk)
+    for i in range(1, n):
+        k = i
+        while k > 0 and comes_before(cuts.events[k], cuts.events[k - 1]):
+            for m in range(EVENT_COLUMNS):
+                swap = cuts.events[k, m]
+                cuts.events[k, m] = cuts.events[k - 1, m]
+                cuts.events[k - 1, m] = swap
+            k -= 1
+    return n
+
+
+def comes_before(a: Array, b: Array) -> bool:
+    """Whether event a lies before event b on their arc."""
+    return bool(a[NODE] < b[NODE] or (a[NODE] == b[NODE] and a[SHARE] < b[SHARE]))
+
+
+def cut(chain: Array, T: Array, arcs: Arcs, cuts: Cuts, walk: Walk) -> int:
+    """Fill cuts.intervals with the parts of all arcs that are within the limits; returns how many."""
+    found = 0
+    for arc in range(arcs.size[1]):
+        first, last = arcs.arcs[arc, 0], arcs.arcs[arc, 1] - 2  # first and last chord
+        n = events_of_arc(chain, T, arcs, arc, cuts, walk)
+        for i in range(n + 1):
+            a, u, code_a = first, 0.0, -1 - arcs.arcs[arc, 2]
+            b, v, code_b = last, 1.0, -1 - arcs.arcs[arc, 3]
+            if i > 0:
+                event = cuts.events[i - 1]
+                a, u, code_a = int(event[NODE]), event[SHARE], int(event[CODE])
+            if i < n:
+                event = cuts.events[i]
+                b, v, code_b = int(event[NODE]), event[SHARE], int(event[CODE])
+            # Any point between tells for all of them.
+            middle, share = (a + b) // 2, 0.5
+            if a == b:
+                share = 0.5 * (u + v)
+            elif b == a + 1:
+                middle, share = (a, 0.5 * (u + 1.0)) if 1.0 - u > v else (b, 0.5 * v)
+            if not between(chain, T, arcs.nodes[middle], arcs.nodes[middle + 1], share, walk.x, walk):
+                continue
+            if not is_within(walk.x, cuts.limits) or found == INTERVALS:
+                continue
+            row = cuts.intervals[found]
+            row[0], row[1], row[2], row[3], row[4], row[5], row[6] = arc, a, b, code_a, code_b, u, v
+            for m in range(7):
+                row[7 + m] = cuts.events[i - 1, POINT + m] if i > 0 else arcs.nodes[first, m]
+                row[14 + m] = cuts.events[i, POINT + m] if i < n else arcs.nodes[last + 1, m]
+            found += 1
+    return found
