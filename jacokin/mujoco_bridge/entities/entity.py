@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import abc
 import functools
+import inspect
 import re
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
@@ -50,6 +51,10 @@ def _constructor(cls: type[Entity]) -> Callable[..., None]:
         super(cls, self).__init__(*args, **kwargs)
 
     constructor.__name__, constructor.__qualname__ = "__init__", f"{cls.__qualname__}.__init__"
+    own = list(inspect.signature(cls._build).parameters.values())
+    options = inspect.Parameter("observable_options", inspect.Parameter.KEYWORD_ONLY, default=None)
+    own.insert(len(own) - any(each.kind is inspect.Parameter.VAR_KEYWORD for each in own), options)
+    setattr(constructor, "__signature__", inspect.Signature(own))  # noqa: B010 - mypy knows no such attribute
     return constructor
 
 

@@ -13,6 +13,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from jacokin.errors import PhysicsError
+
 _GAP = 4096  # [bytes] comparing these is cheaper than a second comparison
 
 # MuJoCo takes shortcuts where a frame coincides with its body's; moving such a frame must clear the flag that says so.
@@ -21,9 +23,10 @@ _SHORTCUTS = {
     "geom_quat": ("geom_sameframe",),
     "site_pos": ("site_sameframe",),
     "site_quat": ("site_sameframe",),
-    "body_ipos": ("body_sameframe", "body_simple"),
-    "body_iquat": ("body_sameframe", "body_simple"),
+    "body_ipos": ("body_sameframe",),
+    "body_iquat": ("body_sameframe",),
 }
+_INERTIAL = ("body_ipos", "body_iquat")
 
 
 class _Span(NamedTuple):
@@ -65,7 +68,11 @@ class ModelWatch:
             self._spans.append(_Span(memory, memory.tobytes()))
 
     def changed(self) -> bool:
-        """Whether anything was written since the last call; clears the flags of frames that were moved."""
+        """Whether anything was written since the last call; clears the flags of frames that were moved.
+
+        Raises:
+            PhysicsError: an inertial frame was moved that MuJoCo cannot move; it is put back.
+        """
         changed, self._has_changed = self._has_changed, False
         for i, (memory, known) in enumerate(self._spans):
             now = memory.tobytes()
@@ -80,7 +87,20 @@ class ModelWatch:
         for name, flags in _SHORTCUTS.items():
             now, known = getattr(self._model, name), self._frames[name]
             moved = (now != known).any(axis=1)
+            if name in _INERTIAL:
+                self._put_back(name, moved & (self._model.body_simple != 0))
             if moved.any():
                 known[...] = now
                 for flag in flags:
                     getattr(self._model, flag)[moved] = 0
+
+    def _put_back(self, name: str, bodies: NDArray[np.bool_]) -> None:
+        """Refuse to move inertial frames of bodies for whose mass matrix MuJoCo has compiled a diagonal alone."""
+        if not bodies.any():
+            return
+        getattr(self._model, name)[bodies] = self._frames[name][bodies]
+        names = ", ".join(repr(self._model.body(i).name) for i in np.flatnonzero(bodies))
+        raise PhysicsError(
+            f"{name} of {names} cannot be changed in a compiled model: MuJoCo has no room for the mass matrix that "
+            "follows. Set it in the spec and make the physics anew"
+        )

@@ -374,6 +374,7 @@ def test_names_of_entities() -> None:
 def test_constructors_say_what_they_take() -> None:
     assert list(inspect.signature(JacoArm.__init__).parameters)[:2] == ["self", "name"]
     assert "use_pinch_site_as_tcp" in inspect.signature(JacoHand).parameters
+    assert list(inspect.signature(Primitive.__init__).parameters)[-2:] == ["observable_options", "geom_options"]
     assert "name" in (JacoArm.__init__.__doc__ or "")
     with pytest.raises(TypeError, match=r"JacoArm\._build\(\) got an unexpected keyword argument 'nme'"):
         JacoArm(nme="x")
