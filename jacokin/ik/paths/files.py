@@ -9,7 +9,7 @@ import csv
 import math
 import zipfile
 import zlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -62,7 +62,7 @@ def save(path: str | Path, writers: Mapping[str, Callable[[Path], None]]) -> Non
     Raises:
         InvalidInputError: another ending, or the file cannot be written.
     """
-    file, ending = _by_ending(path, writers)
+    file, ending = by_ending(path, writers)
     try:
         with files.replacing(file) as temporary:
             writers[ending](temporary)
@@ -70,16 +70,12 @@ def save(path: str | Path, writers: Mapping[str, Callable[[Path], None]]) -> Non
         raise InvalidInputError(f"cannot write {file}: {error.strerror or error}") from error
 
 
-def read_by_ending(path: str | Path, readers: Sequence[str]) -> tuple[Path, str]:
-    """The file and its ending.
+def by_ending(path: str | Path, endings: Iterable[str]) -> tuple[Path, str]:
+    """The file and its ending, the longest one that fits.
 
     Raises:
         InvalidInputError: not a file name, or another ending.
     """
-    return _by_ending(path, readers)
-
-
-def _by_ending(path: str | Path, endings: Mapping[str, object] | Sequence[str]) -> tuple[Path, str]:
     if not isinstance(path, str | Path):
         raise InvalidInputError(f"path must be a file name, got {checks.shown(path)}")
     for ending in sorted(endings, key=len, reverse=True):

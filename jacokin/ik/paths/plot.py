@@ -7,20 +7,25 @@ from pathlib import Path
 import numpy as np
 
 from jacokin.errors import InvalidInputError, MissingExtraError
+from jacokin.ik.paths import files
 from jacokin.ik.paths.result import PathResult
 
+FORMATS = (".png", ".svg", ".pdf")
 SIZE = (10.0, 9.0)  # [inch]
 DPI = 110
 LEAST_ERROR = 1e-12  # [m, rad] bottom of the logarithmic error axis: below is rounding
 
 
 def plot_path(result: PathResult, path: str | Path) -> None:
-    """Write the plot of a path to a file; the ending says which kind (.png, .svg, .pdf).
+    """Write the plot of a path to a file; the ending says which kind: .png, .svg or .pdf.
 
     Raises:
+        InvalidInputError: not a path, another ending, or the file cannot be written.
         MissingExtraError: matplotlib is not installed.
-        InvalidInputError: the file cannot be written, or its kind is unknown.
     """
+    if not isinstance(result, PathResult):
+        raise InvalidInputError(f"result must be a PathResult (see track_path), got {type(result).__name__}")
+    files.by_ending(path, FORMATS)
     try:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
@@ -60,7 +65,4 @@ def plot_path(result: PathResult, path: str | Path) -> None:
     errors.set_xlabel("time [s]")
     errors.legend(loc="upper right", fontsize="small")
     figure.suptitle(f"{'on the path throughout' if result.success else 'off the path in places'}, {result.t[-1]:.2f} s")
-    try:
-        figure.savefig(path, dpi=DPI)
-    except (OSError, ValueError) as error:
-        raise InvalidInputError(f"cannot write the plot {str(path)!r}: {error}") from error
+    files.save(path, dict.fromkeys(FORMATS, lambda file: figure.savefig(file, dpi=DPI)))

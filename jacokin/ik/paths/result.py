@@ -142,7 +142,7 @@ class PathResult(Frozen):
         Raises:
             InvalidInputError: no such file, or it was not written by `save`; names the line where there is one.
         """
-        file, ending = files.read_by_ending(path, (".csv", ".npz"))
+        file, ending = files.by_ending(path, (".csv", ".npz"))
         found = cls._read_csv(file) if ending == ".csv" else cls._read_npz(file)
         wrong = found._misshapen()
         if wrong:

@@ -130,10 +130,14 @@ def test_the_plot_shows_joints_and_error(result: PathResult, tmp_path: Path) -> 
     plot_path(result, file)
     assert file.read_bytes().startswith(b"\x89PNG")
     assert file.stat().st_size > 20_000
-    with pytest.raises(InvalidInputError, match="cannot write the plot"):
+    with pytest.raises(InvalidInputError, match="cannot be written"):
         plot_path(result, tmp_path / "missing" / "path.png")
-    with pytest.raises(InvalidInputError, match="cannot write the plot"):
+    with pytest.raises(InvalidInputError, match=r"must end in \.png or \.svg or \.pdf"):
         plot_path(result, tmp_path / "path.nonsense")
+    with pytest.raises(InvalidInputError, match="file name"):
+        plot_path(result, None)  # type: ignore[arg-type]  # wrong on purpose
+    with pytest.raises(InvalidInputError, match="must be a PathResult"):
+        plot_path(None, file)  # type: ignore[arg-type]  # wrong on purpose
 
 
 @pytest.mark.parametrize(
