@@ -46,7 +46,42 @@ _FORMS: tuple[tuple[str, ...] | int, ...] = (
 )
 
 
-def sampler(name: str, function: Callable[..., Any]) -> Callable[[Any, Any, Any], Any]:
+class Drawn:
+    """A user's function as a callable of (initial_value, current_value, random_state); pickles if the function does."""
+
+    __slots__ = ("_form", "_function")
+
+    def __init__(self, function: Callable[..., Any], form: tuple[str, ...] | int) -> None:
+        """Call a function in one of the ways of `_FORMS`."""
+        self._function = function
+        self._form = form
+
+    def __call__(self, initial_value: Any, current_value: Any, random_state: RandomState | None) -> Any:
+        """What the function draws."""
+        if self._form == 1:
+            return self._function(random_state)
+        if self._form == 3:
+            return self._function(initial_value, current_value, random_state)
+        if self._form == ("random_state",):
+            return self._function(random_state=random_state)
+        return self._function(initial_value=initial_value, current_value=current_value, random_state=random_state)
+
+
+class Constant:
+    """A value as a callable of (initial_value, current_value, random_state)."""
+
+    __slots__ = ("_value",)
+
+    def __init__(self, value: Any) -> None:
+        """Return this value."""
+        self._value = value
+
+    def __call__(self, initial_value: Any, current_value: Any, random_state: RandomState | None) -> Any:
+        """The value."""
+        return self._value
+
+
+def sampler(name: str, function: Callable[..., Any]) -> Drawn:
     """A callable of (initial_value, current_value, random_state) that calls a user's function.
 
     Args:
@@ -68,32 +103,20 @@ def sampler(name: str, function: Callable[..., Any]) -> Callable[[Any, Any, Any]
             signature.bind(*[None] * (form if isinstance(form, int) else 0), **keywords)
         except TypeError:
             continue
-        return _caller(function, form)
+        return Drawn(function, form)
     raise InvalidInputError(
         f"{name} must take (initial_value, current_value, random_state), or (random_state), so that a seed determines "
         f"what it returns; got a callable of {signature}"
     )
 
 
-def _caller(function: Callable[..., Any], form: tuple[str, ...] | int) -> Callable[[Any, Any, Any], Any]:
-    if form == 1:
-        return lambda initial_value, current_value, random_state: function(random_state)
-    if form == 3:
-        return function
-    if form == ("random_state",):
-        return lambda initial_value, current_value, random_state: function(random_state=random_state)
-    return lambda initial_value, current_value, random_state: function(
-        initial_value=initial_value, current_value=current_value, random_state=random_state
-    )
-
-
-def constant_or_sampler(name: str, value: ArrayLike | Sampler) -> Callable[[Any, Any, Any], Any]:
+def constant_or_sampler(name: str, value: ArrayLike | Sampler) -> Drawn | Constant:
     """A callable of (initial_value, current_value, random_state) that returns the value, or draws it from a sampler.
 
     Raises:
         InvalidInputError: a callable with other arguments than a sampler's.
     """
-    return sampler(name, value) if callable(value) else lambda initial_value, current_value, random_state: value
+    return sampler(name, value) if callable(value) else Constant(value)
 
 
 class _Distribution:
@@ -137,6 +160,7 @@ class Uniform(_Distribution):
         """Check the bounds."""
         low, high = _finite("low", self.low), _finite("high", self.high)
         _check_fit("low", low, "high", high)
+        checks.flag("single_sample", self.single_sample)
         if (low > high).any():
             raise InvalidInputError(f"low must not be above high, got {low.tolist()} and {high.tolist()}")
 
@@ -162,6 +186,7 @@ class Normal(_Distribution):
         """Check the parameters."""
         loc, scale = _finite("loc", self.loc), _finite("scale", self.scale)
         _check_fit("loc", loc, "scale", scale)
+        checks.flag("single_sample", self.single_sample)
         if (scale < 0.0).any():
             raise InvalidInputError(f"scale must not be negative, got {self.scale!r}")
 

@@ -173,7 +173,7 @@ def _robot_with(fingers: int | None, robot: str | None) -> str:
 
 def _checked_factors(close_factors: float | Sequence[float], fingers: int) -> NDArray[np.float64]:
     try:
-        factors = np.asarray(close_factors, dtype=np.float64)
+        factors = checks.numbers(close_factors)
     except (TypeError, ValueError) as error:
         raise InvalidInputError(f"close_factors must be numbers in 0..1, got {close_factors!r}") from error
     if factors.shape not in ((), (fingers,)):

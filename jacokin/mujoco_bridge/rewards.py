@@ -90,7 +90,7 @@ def tolerance(
     """
     try:
         values = checks.numbers(x)
-        lower, upper = (float(bound) for bound in bounds)
+        lower, upper = checks.numbers(bounds).tolist()
     except (TypeError, ValueError) as error:
         raise InvalidInputError(
             f"x must be numbers and bounds two of them, got {checks.shown(x)} and {checks.shown(bounds)}"

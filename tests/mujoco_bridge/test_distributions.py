@@ -72,7 +72,7 @@ def test_rotations_are_about_the_axis_and_uniform_ones_have_no_direction() -> No
 
 
 def test_styles_of_samplers() -> None:
-    marker = object()
+    marker: Any = object()
     styles: list[Any] = [
         lambda initial_value, current_value, random_state: (initial_value, current_value, random_state),
         lambda *, random_state, current_value, initial_value: (initial_value, current_value, random_state),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import weakref
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -103,6 +104,14 @@ class ToolCenterPointInitializer:
             "the joint limits and free of collisions. Sample from another region, raise max_rejection_samples, or set "
             "ignore_collisions=True"
         )
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Everything but what belongs to simulations."""
+        return {**vars(self), "_pairs": None}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Find the geoms of simulations anew."""
+        vars(self).update(state, _pairs=weakref.WeakKeyDictionary())
 
 
 TcpInitializer = ToolCenterPointInitializer

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -64,9 +64,7 @@ class PropPlacer:
         Raises:
             InvalidInputError: an argument is wrong.
         """
-        if not isinstance(props, Iterable) or not all(isinstance(prop, Entity) for prop in props):
-            raise InvalidInputError(f"props must be a list of entities, got {props!r}")
-        self._props = tuple(props)
+        self._props = _entities("props", props)
         self._position = constant_or_sampler("position", position)
         self._quaternion = constant_or_sampler("quaternion", quaternion)
         self._ignore_collisions = checks.flag("ignore_collisions", ignore_collisions)
@@ -99,11 +97,13 @@ class PropPlacer:
             InvalidInputError: an argument is wrong, or a sampler returns something else than a position or quaternion.
         """
         check_random_state(random_state)
+        others = () if ignore_contacts_with_entities is None else ignore_contacts_with_entities
+        ignored = _entities("ignore_contacts_with_entities", others)
         state, poses = check_physics(physics).get_state(), [prop.get_pose(physics) for prop in self._props]
         try:
             last = None
             for _ in range(self._settle_attempts if self._settles else 1):
-                self._place(physics, random_state, ignore_contacts_with_entities or ())
+                self._place(physics, random_state, ignored)
                 last = self._settle(physics) if self._settles else None
                 if last is None or last.success:
                     return
@@ -178,6 +178,12 @@ class PropPlacer:
         if self._raises:
             raise EpisodeInitializationError(message)
         _log.warning(message)
+
+
+def _entities(name: str, value: Sequence[Entity]) -> tuple[Entity, ...]:
+    if not isinstance(value, list | tuple) or not all(isinstance(each, Entity) for each in value):
+        raise InvalidInputError(f"{name} must be a list of entities, got {checks.shown(value)}")
+    return tuple(value)
 
 
 def _free_rows(physics: Physics, prop: Entity) -> int | None:

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from jacokin.errors import InvalidInputError
+from jacokin.model import checks
 from jacokin.model.angles import nearest_copy, wrap_to_turn
 
 
@@ -27,8 +28,8 @@ def angles_from_sin_cos(sin_cos: ArrayLike, near: ArrayLike | None = None) -> ND
             zeros.
     """
     try:
-        pairs = np.asarray(sin_cos, dtype=np.float64)
-        reference = None if near is None else np.asarray(near, dtype=np.float64)
+        pairs = checks.numbers(sin_cos)
+        reference = None if near is None else checks.numbers(near)
     except (TypeError, ValueError) as error:
         raise InvalidInputError(f"sin_cos and near must be numbers: {error}") from None
     if pairs.ndim < 1 or pairs.shape[-1] != 2:

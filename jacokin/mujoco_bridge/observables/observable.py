@@ -240,7 +240,7 @@ class Observables:
         """
         try:
             return self._observables[name]
-        except KeyError:
+        except (KeyError, TypeError):  # a TypeError for what cannot be a key
             raise UnknownObservableError("observable", name, sorted(self._observables)) from None
 
     def add_observable(self, name: str, observable: Observable, enabled: bool = True) -> None:
@@ -327,7 +327,12 @@ def observables_of(root: Entity) -> dict[str, Observable]:
     They are in the order of dm_control: entity by entity as they are attached, the arm before its hand; of each entity
     those that its class declares by name, then those that were added. Observables of a task come before them:
     ``{**own, **observables_of(arena)}``.
+
+    Raises:
+        InvalidInputError: root is not an entity.
     """
+    if not callable(getattr(root, "iter_entities", None)):
+        raise InvalidInputError(f"root must be an Entity such as an Arena, got {root!r}")
     found: dict[str, Observable] = {}
     for entity in root.iter_entities():
         found.update(entity.observables.as_dict())

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike
 
 from jacokin.errors import InvalidInputError
+from jacokin.model import checks
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,7 +44,7 @@ class ArraySpec:
             InvalidInputError: not a shape or a type of numbers.
         """
         try:
-            sizes, kind = tuple(map(int, shape)), np.dtype(dtype)
+            sizes, kind = tuple(checks.whole_number("shape", size) for size in shape), np.dtype(dtype)
         except (TypeError, ValueError) as error:
             raise InvalidInputError(f"shape must be whole numbers and dtype a NumPy type: {error}") from None
         for field, value in zip(self.__slots__, (sizes, kind, minimum, maximum, name), strict=True):

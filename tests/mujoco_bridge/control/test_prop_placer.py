@@ -214,6 +214,8 @@ def test_wrong_arguments_are_refused() -> None:
         (lambda: PropPlacer(props, (0, 0, 0), settle_physics=1), "settle_physics must be"),  # type: ignore[arg-type]  # wrong on purpose
         (lambda: PropPlacer(props, (0, 0))(physics, np.random.RandomState(0)), "position must have shape"),
         (lambda: PropPlacer(props, (0, 0, 1), (0, 0, 0, 0))(physics, np.random.RandomState(0)), "quaternion"),
+        (lambda: PropPlacer(props, (0, 0, 1))(physics, np.random.RandomState(0), 3), "ignore_contacts_with_entities"),  # type: ignore[arg-type]  # wrong on purpose
+        (lambda: PropPlacer(props, Uniform(single_sample=2)), "single_sample must be"),  # type: ignore[arg-type]  # wrong on purpose
         (lambda: PropPlacer(props, (0, 0, 1))(physics, None), "random_state must be"),  # type: ignore[arg-type]  # wrong on purpose
     ]
     before = physics.get_state()

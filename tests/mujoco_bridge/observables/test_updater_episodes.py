@@ -240,7 +240,7 @@ def test_wrong_specifications_are_refused() -> None:
         Observable(lambda physics: 0.0, array_spec=cast(Any, (3,)))
     wrongs: list[Any] = [lambda: ArraySpec(cast(Any, "three")), lambda: ArraySpec((3,), cast(Any, "metres"))]
     for wrong in wrongs:
-        with pytest.raises(InvalidInputError, match="shape must be whole numbers"):
+        with pytest.raises(InvalidInputError, match="shape must be"):
             wrong()
     with pytest.raises(InvalidInputError, match="entity must be an Entity"):
         Updater({}, entity=cast(Any, 3))
