@@ -34,7 +34,7 @@ from jacokin.ik.targets import checked as checked_target
 from jacokin.ik.verification import Verifier
 from jacokin.model import checks, poses
 from jacokin.model.loading import load_robot
-from jacokin.model.robot import Robot
+from jacokin.model.robot import Robot, checked_robot
 
 if TYPE_CHECKING:
     from jacokin.ik.closed_form import BranchTable, ClosedForm
@@ -84,8 +84,7 @@ class IKSolver:
             JacokinError: warm=True and the closed form could not be compiled.
             ModelError: self-contact is asked for and the description has no shapes to check.
         """
-        if not isinstance(robot, Robot):
-            raise InvalidInputError(f"robot must be a jacokin.Robot (see load_robot), got {type(robot).__name__}")
+        checked_robot("robot", robot)
         options = Options(
             method, qp_solver, collision, position_tolerance, orientation_tolerance, limit_snap, max_restarts
         )

@@ -21,7 +21,7 @@ from jacokin.ik.paths import export, files, lines
 from jacokin.ik.results import Frozen
 from jacokin.ik.tracking.joint_limits import velocity_limits
 from jacokin.model import angles, checks
-from jacokin.model.robot import Robot
+from jacokin.model.robot import Robot, checked_robot
 
 if TYPE_CHECKING:
     import ruckig
@@ -172,8 +172,7 @@ def move_joints(
         InvalidInputError: a configuration outside the limits, or a number that is malformed or not positive.
         MissingExtraError: Ruckig is not installed.
     """
-    if not isinstance(robot, Robot):
-        raise InvalidInputError(f"robot must be a jacokin.Robot (see load_robot), got {type(robot).__name__}")
+    checked_robot("robot", robot)
     step = checks.positive("dt", dt, "s")
     start, end = (_checked_configuration(robot, q, name) for q, name in ((q_from, "q_from"), (q_to, "q_to")))
     end = angles.nearest_copy(end, start, robot.unlimited)

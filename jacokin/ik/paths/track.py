@@ -27,7 +27,7 @@ from jacokin.ik.tracking.result import TrackerStep
 from jacokin.ik.tracking.setup import checked_start
 from jacokin.ik.tracking.tracker import Tracker
 from jacokin.model import angles, checks
-from jacokin.model.robot import Robot
+from jacokin.model.robot import Robot, checked_robot
 
 SPEED = 0.05  # [m/s]
 ANGULAR_SPEED = 0.5  # [rad/s]
@@ -86,8 +86,7 @@ def track_path(
         InvalidInputError: malformed path, speeds or limits, see `Tracker`; `start` outside the limits or beside `seed`.
         UnknownNameError: unknown frame, QP solver or shape.
     """
-    if not isinstance(robot, Robot):
-        raise InvalidInputError(f"robot must be a jacokin.Robot (see load_robot), got {type(robot).__name__}")
+    checked_robot("robot", robot)
     if progress is not None and not callable(progress):
         raise InvalidInputError(f"progress must be callable with two counts, or None, got {checks.shown(progress)}")
     if start is not None and seed is not None:

@@ -18,7 +18,7 @@ from jacokin.ik.tracking.joint_limits import Follower, JointBox, velocity_limits
 from jacokin.ik.tracking.kinematics import Kinematics
 from jacokin.ik.tracking.objectives import Objective, Posture
 from jacokin.model import checks, poses
-from jacokin.model.robot import Robot
+from jacokin.model.robot import Robot, checked_robot
 
 LIMIT_NOISE = 0.01  # [rad] an encoder may report a joint this far past its limit
 
@@ -59,8 +59,7 @@ class Parts:
 
 def prepare(robot: Robot, options: Options) -> Parts:
     """Check the options and build the parts; errors as in `Tracker`."""
-    if not isinstance(robot, Robot):
-        raise InvalidInputError(f"robot must be a jacokin.Robot (see load_robot), got {type(robot).__name__}")
+    checked_robot("robot", robot)
     frame = robot.default_frame if options.frame is None else options.frame
     check_moving_frame(robot, frame)
     dt = checks.positive("dt", options.dt, "s")
