@@ -27,15 +27,13 @@ if TYPE_CHECKING:
     from jacokin.model.poses import pose as pose
     from jacokin.model.poses import quat_wxyz as quat_wxyz
     from jacokin.model.robot import Robot as Robot
-    from jacokin.model.robot import Source as Source
+    from jacokin.model.source import Source as Source
 
 __all__, __getattr__, __dir__ = lazy.door(
     __name__,
     {
-        "jacokin.model.robot": (
-            "Robot",
-            "Source",
-        ),
+        "jacokin.model.robot": ("Robot",),
+        "jacokin.model.source": ("Source",),
         "jacokin.model.loading": ("load_robot",),
         "jacokin.model.descriptions.bundled": (
             "DEFAULT_ROBOT",

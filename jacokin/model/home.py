@@ -10,7 +10,8 @@ import pinocchio as pin
 from jacokin.arrays import Array
 from jacokin.model.descriptions import bundled, table
 from jacokin.model.mujoco_twin.contact import SelfContact
-from jacokin.model.robot import Home, Robot
+from jacokin.model.robot import Robot
+from jacokin.model.source import Home
 
 RANDOM_TRIES = 200  # of a fixed seed: a real arm is free of self-contact in nine of ten
 KEYFRAME = "home"  # of an MJCF file

@@ -8,10 +8,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from functools import cached_property
-from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
@@ -21,45 +18,10 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, UnknownNameError, shown
 from jacokin.model import checks, differential
 from jacokin.model.descriptions import chain
-
-if TYPE_CHECKING:
-    import mujoco
+from jacokin.model.source import Home, Source
 
 # Half-open bounds for sampling an unlimited joint [rad].
 UNLIMITED_RANGE = (-np.pi, np.pi)
-
-
-@dataclass(frozen=True, slots=True)
-class Source:
-    """Where a robot came from, and what was read there: the file is not read again.
-
-    Attributes:
-        path: the description file.
-        kind: "urdf" or "mjcf".
-        bundled: name of the bundled robot, or None for a user's own file.
-        base: base frame that was asked for, or None.
-        tip: tip frame that was asked for, or None.
-        package_dirs: folders that hold the packages of package:// meshes.
-        content: the checked text of a URDF, or an MJCF as MuJoCo compiled it; None for bundled robots.
-    """
-
-    path: Path
-    kind: str
-    bundled: str | None
-    base: str | None
-    tip: str | None
-    package_dirs: tuple[Path, ...] = ()
-    content: str | mujoco.MjModel | None = field(default=None, repr=False, compare=False)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Home:
-    """A configuration to start from, and where it comes from."""
-
-    q: Array
-    """(dof,) [rad]."""
-    source: str
-    """In words: a documented configuration, a keyframe of the file, the middle of the limits, or a search."""
 
 
 class Robot:

@@ -11,7 +11,8 @@ from jacokin.arrays import Array
 from jacokin.errors import ModelError
 from jacokin.model import poses
 from jacokin.model.descriptions import bundled, meshes, mjcf, urdf
-from jacokin.model.robot import Robot, Source
+from jacokin.model.robot import Robot
+from jacokin.model.source import Source
 
 # Off the joint's axes and turned, or MuJoCo's compiler marks the body for shortcuts that its true numbers forbid.
 PLACEHOLDER = """<inertial><origin xyz="0.1 0.2 0.3" rpy="0.3 0.2 0.1"/><mass value="1"/>

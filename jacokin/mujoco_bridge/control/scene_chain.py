@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from jacokin.arrays import Array
 from jacokin.errors import ModelError
 from jacokin.model.descriptions import mjcf
-from jacokin.model.robot import Home, Robot, Source
+from jacokin.model.robot import Robot
+from jacokin.model.source import Home, Source
 from jacokin.mujoco_bridge.simulation.binding import select
 
 BASE = "base"
