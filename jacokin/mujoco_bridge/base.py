@@ -125,16 +125,17 @@ class RobotArm(Entity):
         position = checks.vector("target_pos", target_pos, 3, "m")
         rotation = _DOWN if target_quat is None else rotation_matrix(unit_quaternion("target_quat", target_quat))
         attempts = checks.whole_number("max_ik_attempts", max_ik_attempts, 1)
-        solver = self.site_solver(check_physics(physics), site)
-        if solver.has_closed_form:
-            found = solver.nearest(position, rotation)
-        else:
-            bounds = self.sampling_bounds(physics)
-            found = next(solver.solutions(position, rotation, bounds, random_state, attempts), None)
-        if found is None:
-            return False
-        physics.set_qpos(*found)
-        return True
+        with check_physics(physics).lock:
+            solver = self.site_solver(physics, site)
+            if solver.has_closed_form:
+                found = solver.nearest(position, rotation)
+            else:
+                bounds = self.sampling_bounds(physics)
+                found = next(solver.solutions(position, rotation, bounds, random_state, attempts), None)
+            if found is None:
+                return False
+            physics.set_qpos(*found)
+            return True
 
     def prepare(self, physics: Physics, site: mujoco.MjsSite | str | None = None) -> None:
         """Do now what `set_site_to_xpos` would do first: load the closed form, compiled if it is not yet (10 to 30 s).

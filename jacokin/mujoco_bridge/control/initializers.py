@@ -81,8 +81,12 @@ class ToolCenterPointInitializer:
             InvalidInputError: a sampler returns something else than a position or quaternion.
         """
         check_random_state(random_state)
+        with check_physics(physics).lock:
+            self._place(physics, random_state)
+
+    def _place(self, physics: Physics, random_state: RandomState) -> None:
         arm, hand = self._arm, self._hand
-        solver = arm.site_solver(check_physics(physics), arm.wrist_site if hand is None else hand.tool_center_point)
+        solver = arm.site_solver(physics, arm.wrist_site if hand is None else hand.tool_center_point)
         bounds = None if solver.has_closed_form else arm.sampling_bounds(physics)
         trial = trial_of(physics)
         pairs = self._pairs.get(physics)

@@ -99,7 +99,11 @@ class PropPlacer:
         check_random_state(random_state)
         others = () if ignore_contacts_with_entities is None else ignore_contacts_with_entities
         ignored = _entities("ignore_contacts_with_entities", others)
-        state, poses = check_physics(physics).get_state(), [prop.get_pose(physics) for prop in self._props]
+        with check_physics(physics).lock:
+            self._run(physics, random_state, ignored)
+
+    def _run(self, physics: Physics, random_state: RandomState, ignored: Sequence[Entity]) -> None:
+        state, poses = physics.get_state(), [prop.get_pose(physics) for prop in self._props]
         try:
             last = None
             for _ in range(self._settle_attempts if self._settles else 1):

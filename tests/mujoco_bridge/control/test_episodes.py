@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+import threading
 from typing import Any
 
 import numpy as np
@@ -56,3 +57,30 @@ def test_a_pickled_task_starts_in_the_same_way() -> None:
     parts = task()
     expected = start(parts, 4)
     np.testing.assert_array_equal(start(pickle.loads(pickle.dumps(parts)), 4), expected)
+
+
+def test_threads_that_share_a_physics_take_turns() -> None:
+    _, physics, arm, hand, place_tool, place_cubes = task()
+    arm.set_home(physics)
+    failures: list[BaseException] = []
+
+    def work(seed: int) -> None:
+        rng = np.random.RandomState(seed)
+        try:
+            for _ in range(10):
+                with physics.lock:
+                    goal = rng.uniform((-0.1, -0.1, 0.2), (0.1, 0.1, 0.4))
+                    assert arm.set_site_to_xpos(physics, rng, hand.pinch_site, goal)
+                    np.testing.assert_allclose(physics.bind(hand.pinch_site).xpos, goal, atol=1e-6)
+                arm.set_site_to_xpos(physics, rng, hand.pinch_site, (0.0, 0.0, 0.3))
+                place_tool(physics, rng)
+                place_cubes(physics, rng)
+        except BaseException as error:
+            failures.append(error)
+
+    threads = [threading.Thread(target=work, args=(seed,)) for seed in range(6)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert failures == []
