@@ -21,6 +21,7 @@ Item = TypeVar("Item")
 FLOAT64 = np.dtype(np.float64)
 NUMBER_KINDS = "iuf"  # of NumPy's dtypes: no booleans, complex numbers, strings, dates or objects
 NOT_NUMBERS = frozenset((bool, np.bool_, np.ma.MaskedArray, type(np.ma.masked)))  # NumPy would convert these in lists
+PLAIN = frozenset((float, int, np.float64))
 NESTING = 3  # lists in lists in lists that are searched for values that are not numbers
 
 
@@ -153,6 +154,8 @@ def numbers(value: ArrayLike) -> Array:
         raise TypeError(f"{type(value).__name__} does not convert to an array: {error}") from error
     if array.dtype.kind not in NUMBER_KINDS:
         raise TypeError(f"{array.dtype} is not a type of real numbers")
+    if array.dtype.itemsize <= FLOAT64.itemsize:
+        return array.astype(np.float64)
     with np.errstate(over="ignore"):  # of long doubles beyond 1e308: infinite, and refused where it must be finite
         return array.astype(np.float64)
 
@@ -163,6 +166,8 @@ def _refuse_hidden(value: object, nesting: int) -> None:
         raise TypeError("masked arrays are not accepted: fill or drop the masked values")
     if nesting and isinstance(value, list | tuple):
         kinds = set(map(type, value))
+        if kinds <= PLAIN:
+            return
         if kinds & NOT_NUMBERS:
             raise TypeError(f"{', '.join(sorted(kind.__name__ for kind in kinds & NOT_NUMBERS))} is not a number")
         if not kinds.isdisjoint((list, tuple)):
