@@ -84,7 +84,6 @@ class Entity(Placed, Hooks):
         self._parent: Entity | None = None
         self._attached: list[Entity] = []
         self._attachment: spec_attachment.Attachment | None = None
-        self._is_compiled = False
         if name is not None:
             check_name(name)
         self._build(*args, **kwargs)
@@ -165,11 +164,6 @@ class Entity(Placed, Hooks):
     def disabled_flags(self) -> tuple[str, ...]:
         """Parts of MuJoCo that a scene with this entity does without: names as `Physics.disable` takes them."""
         return ()
-
-    @property
-    def is_compiled(self) -> bool:
-        """Whether a physics was made from this entity."""
-        return self._is_compiled
 
     def iter_entities(self, exclude_self: bool = False) -> Iterator[Entity]:
         """This entity and all attached to it, depth first, in the order of attaching."""
@@ -277,13 +271,11 @@ class Entity(Placed, Hooks):
         flags = spec.option.disableflags
         spec.option.disableflags |= mask([flag for each in self.iter_entities() for flag in each.disabled_flags])
         try:
-            model = spec.compile()
+            return spec.compile()
         except (ValueError, mujoco.FatalError) as error:
             raise ModelError(f"MuJoCo cannot compile {self.name!r}: {error}") from error
         finally:
             spec.option.disableflags = flags
-        self._is_compiled = True
-        return model
 
     @property
     def recipe(self) -> pickling.Recipe:

@@ -1,7 +1,7 @@
 """A compiled scene and its simulation. Read this file first, then `entity`.
 
-`Physics` wraps MuJoCo's model and data: `bind` reads and writes the values of elements, `step` advances time. What
-MuJoCo derives from the state is never read, nor integrated from, when it is older than the state.
+`Physics` wraps MuJoCo's model and data: `bind` reads and writes the values of elements, `render` takes pictures. Steps,
+resets and states are those of `Simulation`, which it extends.
 
 A physics may be used by several threads: calls that compute wait for one another. The arrays are live all the same, so
 whoever reads several values of one moment holds ``physics.lock``.
@@ -10,25 +10,19 @@ whoever reads several values of one moment holds ``physics.lock``.
 from __future__ import annotations
 
 import copy
-import threading
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable
 from typing import Any, Protocol, cast, runtime_checkable
 
 import mujoco
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from jacokin.errors import InvalidInputError, PhysicsError, UnknownNameError
-from jacokin.model import checks
+from jacokin.errors import InvalidInputError
 from jacokin.mujoco_bridge.simulation.binding import EMPTY, Binding
 from jacokin.mujoco_bridge.simulation.element_arrays import KINDS
 from jacokin.mujoco_bridge.simulation.elements import Element, ElementIds
-from jacokin.mujoco_bridge.simulation.flags import mask
-from jacokin.mujoco_bridge.simulation.forward_cache import ForwardCache
 from jacokin.mujoco_bridge.simulation.rendering import FREE_CAMERA, Renderers, RenderFlags
-
-_WHOLE_NUMBER = int | np.integer
+from jacokin.mujoco_bridge.simulation.simulation import Simulation
 
 
 @runtime_checkable
@@ -43,12 +37,8 @@ class Compilable(Protocol):
         """The compiled model."""
 
 
-class Physics:
-    """One MuJoCo simulation.
-
-    Attributes:
-        model: the `mujoco.MjModel`. After writing to it directly, call `forward`.
-    """
+class Physics(Simulation):
+    """One MuJoCo simulation, whose elements can be bound and pictured."""
 
     def __init__(self, model: mujoco.MjModel, spec: mujoco.MjSpec | None = None) -> None:
         """Start a simulation at the model's reference state; see also `from_entity`.
@@ -62,15 +52,10 @@ class Physics:
             InvalidInputError: model is not a `mujoco.MjModel`.
             PhysicsError: the reference state cannot be simulated.
         """
-        if not isinstance(model, mujoco.MjModel):
-            raise InvalidInputError(f"model must be a mujoco.MjModel, got {model!r}")
-        self.model = model
-        self._data = mujoco.MjData(model)
+        super().__init__(model)
         self._ids = ElementIds(model, spec)
         self._bindings: dict[Element | str | tuple[Element | str, ...], Binding] = {}
-        self._cache = ForwardCache(model, self._data)
         self._renderers = Renderers(model)
-        self._forward_without_actuators(may_be_crowded=True)
 
     @classmethod
     def from_entity(cls, entity: Compilable) -> Physics:
@@ -88,28 +73,6 @@ class Physics:
     def from_model(cls, model: mujoco.MjModel) -> Physics:
         """Simulate a `mujoco.MjModel` that was compiled elsewhere; elements are looked up by their names."""
         return cls(model)
-
-    @property
-    def data(self) -> mujoco.MjData:
-        """The `mujoco.MjData`. Writes to its state, controls and applied forces are noticed."""
-        if self._cache.forces_are_due:
-            self._cache.forward()
-        return self._data
-
-    @property
-    def lock(self) -> threading.RLock:
-        """Held while MuJoCo computes; hold it to read or write several values without another thread in between."""
-        return self._cache.lock
-
-    @property
-    def time(self) -> float:
-        """Simulated time [s]."""
-        return float(self._data.time)
-
-    @property
-    def timestep(self) -> float:
-        """Length of one time step [s]."""
-        return float(self.model.opt.timestep)
 
     def bind(self, elements: Element | str | Iterable[Element | str]) -> Binding:
         """The values MuJoCo keeps for one element of a spec, or for several of one kind.
@@ -143,65 +106,6 @@ class Physics:
         kind, ids = self._ids.find(each)
         binding = self._bindings[key] = Binding(kind, ids, single=single, cache=self._cache)
         return binding
-
-    def forward(self) -> None:
-        """Compute everything MuJoCo derives from the present state and controls.
-
-        Raises:
-            PhysicsError: the state is not finite, or MuJoCo warns.
-        """
-        self._cache.forward()
-
-    def set_qpos(self, rows: NDArray[np.intp], values: NDArray[np.float64]) -> None:
-        """Write some of qpos, and compute what follows from positions and velocities at once.
-
-        Forces and accelerations follow when they are read, through `bind` or `data`, or needed for a step.
-
-        Args:
-            rows: (k,) where in qpos.
-            values: (k,) what to write there.
-
-        Raises:
-            PhysicsError: MuJoCo gives up, for example for lack of memory; qpos is then as before.
-        """
-        with self.lock:
-            qpos = self._data.qpos
-            before = qpos[rows]
-            qpos[rows] = values
-            try:
-                self._cache.forward_motion()
-            except PhysicsError:
-                qpos[rows] = before
-                raise
-
-    def refresh(self) -> None:
-        """The same as `forward`: for those who changed derived values in ``physics.data`` themselves.
-
-        Raises:
-            PhysicsError: the state is not finite, or MuJoCo warns.
-        """
-        self._cache.forward()
-
-    def update(self) -> None:
-        """Run `forward` if anything was changed since the last pass, as reading a derived field through `bind` does.
-
-        For those who read ``physics.data`` directly.
-
-        Raises:
-            PhysicsError: the state is not finite, or MuJoCo warns.
-        """
-        self._cache.ensure()
-
-    def set_control(self, control: ArrayLike) -> None:
-        """Write the controls of all actuators.
-
-        Args:
-            control: (nu,) in the order of the model's actuators.
-
-        Raises:
-            InvalidInputError: wrong shape, not numbers, or not finite.
-        """
-        self._data.ctrl[:] = checks.vector("control", control, self.model.nu, "control")
 
     def render(
         self,
@@ -246,102 +150,6 @@ class Physics:
                 scene_option=scene_option,
                 render_flag_overrides=render_flag_overrides,
             )
-
-    def step(self, n: int = 1) -> None:
-        """Advance n time steps; positions and velocities are then those of the new state.
-
-        Forces, accelerations and the sensors of both are of the last step taken, as MuJoCo computes them on the way.
-
-        Raises:
-            InvalidInputError: n is not a whole number >= 1.
-            PhysicsError: the simulation diverged or MuJoCo warned; the state is as before the call.
-        """
-        if isinstance(n, bool) or not isinstance(n, _WHOLE_NUMBER) or n < 1:
-            raise InvalidInputError(f"n must be a whole number of steps >= 1, got {n!r}")
-        self._cache.step(int(n))
-
-    def reset(self, keyframe: int | str | None = None) -> None:
-        """Go to the model's reference state, or to a keyframe.
-
-        For a Jaco the reference state is q = 0, outside the limits of the joints: go on with `set_home`.
-
-        Raises:
-            UnknownNameError: there is no such keyframe; lists those there are.
-        """
-        names = [self.model.key(i).name or i for i in range(self.model.nkey)]
-        index = names.index(keyframe) if keyframe in names else keyframe
-        if index is not None and (not isinstance(index, int) or not 0 <= index < self.model.nkey):
-            raise UnknownNameError("keyframe", str(keyframe), map(str, names))
-        with self.lock:
-            if index is None:
-                mujoco.mj_resetData(self.model, self._data)
-            else:
-                mujoco.mj_resetDataKeyframe(self.model, self._data, index)
-            self._forward_without_actuators(may_be_crowded=True)
-
-    def after_reset(self) -> None:
-        """Compute everything derived from the state, with the actuators off: controls may not make sense yet.
-
-        Raises:
-            PhysicsError: the state is not finite, or MuJoCo warns.
-        """
-        self._forward_without_actuators(may_be_crowded=False)
-
-    def _forward_without_actuators(self, *, may_be_crowded: bool) -> None:
-        """Run a forward pass; the reference state of a Jaco, where all of it touches, need not fit into the memory."""
-        with self.lock:
-            flags = self.model.opt.disableflags
-            self.model.opt.disableflags = flags | int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
-            try:
-                self._cache.forward(may_be_crowded=may_be_crowded)
-            finally:
-                self.model.opt.disableflags = flags
-
-    @contextmanager
-    def disable(self, *flags: str) -> Iterator[None]:
-        """Switch parts of the simulation off for the length of a ``with`` block.
-
-        Args:
-            flags: "contact", "gravity", "actuation", "limit", ... : MuJoCo's names, in lower case.
-
-        Raises:
-            UnknownNameError: there is no such part; lists those there are.
-        """
-        bits = mask(flags)
-        with self.lock:  # for the whole block: other threads must not see the flags
-            before = self.model.opt.disableflags
-            self.model.opt.disableflags = before | bits
-            self._cache.invalidate()
-            try:
-                yield
-            finally:
-                self.model.opt.disableflags = before
-                self._cache.invalidate()
-
-    def get_state(self) -> NDArray[np.float64]:
-        """A copy of the state: time, positions, velocities, controls, applied forces, and MuJoCo's warm start."""
-        signature = int(mujoco.mjtState.mjSTATE_INTEGRATION)
-        state = np.empty(mujoco.mj_stateSize(self.model, signature))
-        with self.lock:
-            mujoco.mj_getState(self.model, self._data, state, signature)
-        return state
-
-    def set_state(self, state: ArrayLike) -> None:
-        """Go back to a state that `get_state` gave; the simulation goes on from it bit by bit as it did then.
-
-        Raises:
-            InvalidInputError: not a state of this model.
-        """
-        signature = int(mujoco.mjtState.mjSTATE_INTEGRATION)
-        size = mujoco.mj_stateSize(self.model, signature)
-        try:
-            values = np.asarray(state, dtype=np.float64)
-        except (TypeError, ValueError):
-            raise InvalidInputError(f"state must be {size} numbers, as get_state gives them, got {state!r}") from None
-        if values.shape != (size,):
-            raise InvalidInputError(f"state must have shape ({size},), got {values.shape}")
-        with self.lock:
-            mujoco.mj_setState(self.model, self._data, values, signature)
 
     def copy(self) -> Physics:
         """A second simulation in the same state, independent of this one."""

@@ -1,0 +1,216 @@
+"""MuJoCo's model and data, and what advances them: forward passes, steps, resets, states.
+
+What MuJoCo derives from the state is never read, nor integrated from, when it is older than the state.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import mujoco
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from jacokin.errors import InvalidInputError, PhysicsError, UnknownNameError
+from jacokin.model import checks
+from jacokin.mujoco_bridge.simulation.flags import mask
+from jacokin.mujoco_bridge.simulation.forward_cache import ForwardCache
+
+_STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
+
+
+class Simulation:
+    """One model and its data; `Physics` adds bindings of elements and pictures.
+
+    Attributes:
+        model: the `mujoco.MjModel`. After writing to it directly, call `forward`.
+    """
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        """Start at the model's reference state.
+
+        Raises:
+            InvalidInputError: model is not a `mujoco.MjModel`.
+            PhysicsError: the reference state cannot be simulated.
+        """
+        if not isinstance(model, mujoco.MjModel):
+            raise InvalidInputError(f"model must be a mujoco.MjModel, got {model!r}")
+        self.model = model
+        self._data = mujoco.MjData(model)
+        self._cache = ForwardCache(model, self._data)
+        self._forward_without_actuators(may_be_crowded=True)
+
+    @property
+    def data(self) -> mujoco.MjData:
+        """The `mujoco.MjData`. Writes to its state, controls and applied forces are noticed."""
+        if self._cache.forces_are_due:
+            self._cache.forward()
+        return self._data
+
+    @property
+    def lock(self) -> threading.RLock:
+        """Held while MuJoCo computes; hold it to read or write several values without another thread in between."""
+        return self._cache.lock
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+        return float(self._data.time)
+
+    @property
+    def timestep(self) -> float:
+        """Length of one time step [s]."""
+        return float(self.model.opt.timestep)
+
+    def forward(self) -> None:
+        """Compute everything MuJoCo derives from the present state and controls.
+
+        Raises:
+            PhysicsError: the state is not finite, or MuJoCo warns.
+        """
+        self._cache.forward()
+
+    def set_qpos(self, rows: NDArray[np.intp], values: NDArray[np.float64]) -> None:
+        """Write some of qpos, and compute what follows from positions and velocities at once.
+
+        Forces and accelerations follow when they are read, through `bind` or `data`, or needed for a step.
+
+        Args:
+            rows: (k,) where in qpos.
+            values: (k,) what to write there.
+
+        Raises:
+            PhysicsError: MuJoCo gives up, for example for lack of memory; qpos is then as before.
+        """
+        with self.lock:
+            qpos = self._data.qpos
+            before = qpos[rows]
+            qpos[rows] = values
+            try:
+                self._cache.forward_motion()
+            except PhysicsError:
+                qpos[rows] = before
+                raise
+
+    def refresh(self) -> None:
+        """The same as `forward`: for those who changed derived values in ``physics.data`` themselves.
+
+        Raises:
+            PhysicsError: the state is not finite, or MuJoCo warns.
+        """
+        self._cache.forward()
+
+    def update(self) -> None:
+        """Run `forward` if anything was changed since the last pass, as reading a derived field through `bind` does.
+
+        For those who read ``physics.data`` directly.
+
+        Raises:
+            PhysicsError: the state is not finite, or MuJoCo warns.
+        """
+        self._cache.ensure()
+
+    def set_control(self, control: ArrayLike) -> None:
+        """Write the controls of all actuators.
+
+        Args:
+            control: (nu,) in the order of the model's actuators.
+
+        Raises:
+            InvalidInputError: wrong shape, not numbers, or not finite.
+        """
+        self._data.ctrl[:] = checks.vector("control", control, self.model.nu, "control")
+
+    def step(self, n: int = 1) -> None:
+        """Advance n time steps; positions and velocities are then those of the new state.
+
+        Forces, accelerations and the sensors of both are of the last step taken, as MuJoCo computes them on the way.
+
+        Raises:
+            InvalidInputError: n is not a whole number >= 1.
+            PhysicsError: the simulation diverged or MuJoCo warned; the state is as before the call.
+        """
+        self._cache.step(checks.whole_number("n", n, 1))
+
+    def reset(self, keyframe: int | str | None = None) -> None:
+        """Go to the model's reference state, or to a keyframe.
+
+        For a Jaco the reference state is q = 0, outside the limits of the joints: go on with `set_home`.
+
+        Raises:
+            UnknownNameError: there is no such keyframe; lists those there are.
+        """
+        names = [self.model.key(i).name or i for i in range(self.model.nkey)]
+        index = names.index(keyframe) if keyframe in names else keyframe
+        if index is not None and (not isinstance(index, int) or not 0 <= index < self.model.nkey):
+            raise UnknownNameError("keyframe", str(keyframe), map(str, names))
+        with self.lock:
+            if index is None:
+                mujoco.mj_resetData(self.model, self._data)
+            else:
+                mujoco.mj_resetDataKeyframe(self.model, self._data, index)
+            self._forward_without_actuators(may_be_crowded=True)
+
+    def after_reset(self) -> None:
+        """Compute everything derived from the state, with the actuators off: controls may not make sense yet.
+
+        Raises:
+            PhysicsError: the state is not finite, or MuJoCo warns.
+        """
+        self._forward_without_actuators(may_be_crowded=False)
+
+    def _forward_without_actuators(self, *, may_be_crowded: bool) -> None:
+        """Run a forward pass; the reference state of a Jaco, where all of it touches, need not fit into the memory."""
+        with self.lock:
+            flags = self.model.opt.disableflags
+            self.model.opt.disableflags = flags | int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
+            try:
+                self._cache.forward(may_be_crowded=may_be_crowded)
+            finally:
+                self.model.opt.disableflags = flags
+
+    @contextmanager
+    def disable(self, *flags: str) -> Iterator[None]:
+        """Switch parts of the simulation off for the length of a ``with`` block.
+
+        Args:
+            flags: "contact", "gravity", "actuation", "limit", ... : MuJoCo's names, in lower case.
+
+        Raises:
+            UnknownNameError: there is no such part; lists those there are.
+        """
+        bits = mask(flags)
+        with self.lock:  # for the whole block: other threads must not see the flags
+            before = self.model.opt.disableflags
+            self.model.opt.disableflags = before | bits
+            self._cache.invalidate()
+            try:
+                yield
+            finally:
+                self.model.opt.disableflags = before
+                self._cache.invalidate()
+
+    def get_state(self) -> NDArray[np.float64]:
+        """A copy of the state: time, positions, velocities, controls, applied forces, and MuJoCo's warm start."""
+        state = np.empty(mujoco.mj_stateSize(self.model, _STATE))
+        with self.lock:
+            mujoco.mj_getState(self.model, self._data, state, _STATE)
+        return state
+
+    def set_state(self, state: ArrayLike) -> None:
+        """Go back to a state that `get_state` gave; the simulation goes on from it bit by bit as it did then.
+
+        Raises:
+            InvalidInputError: not a state of this model.
+        """
+        size = mujoco.mj_stateSize(self.model, _STATE)
+        try:
+            values = np.asarray(state, dtype=np.float64)
+        except (TypeError, ValueError):
+            raise InvalidInputError(f"state must be {size} numbers, as get_state gives them, got {state!r}") from None
+        if values.shape != (size,):
+            raise InvalidInputError(f"state must have shape ({size},), got {values.shape}")
+        with self.lock:
+            mujoco.mj_setState(self.model, self._data, values, _STATE)
