@@ -16,7 +16,7 @@ USED = 0.9  # part of the acceleration limits that a path plans with; the rest i
 SPEED_USED = 0.98  # the same of the velocity limits
 CURVATURE_USED = 0.5  # of the acceleration, the most that the bend of the joint path may use at full speed
 TINY = 1e-12  # [rad] a joint that moves less along a line limits nothing
-SLOWEST = 0.02  # of the speed asked for: a line that needs less passes a singular pose
+SLOWEST = 0.1  # of the speed asked for: a line that needs less passes a singular pose, and is not worth the wait
 
 
 @dataclass(frozen=True, slots=True)

@@ -188,11 +188,14 @@ class _Follower:
         path = self._path
         if self._rehearsal is not None:
             rehearsal, acceleration = self._rehearsal
-            followed = np.array([step.q for step in _steps(rehearsal, path, q, None)])
+            steps = _steps(rehearsal, path, q, None)
+            followed, reached = np.array([step.q for step in steps]), [step.status.name == "OK" for step in steps]
             dt, velocity = self.tracker.dt, self.tracker.velocity_limit
             profiles = [Profile(float(time)) for time in self._times]
             for index in np.unique(path.segment).tolist():
                 rows = np.flatnonzero(path.segment == index)
+                if not all(reached[rows[0] : rows[-1] + 1]):
+                    continue  # fails at any speed
                 ends = followed[max(rows[0] - 1, 0) : rows[-1] + 1]
                 profiles[index] = profile_within(ends, float(self._times[index]), velocity, acceleration, dt)
             path = lines.sample(self._points, profiles, dt)

@@ -216,7 +216,7 @@ def test_a_bent_joint_path_is_run_through_within_acceleration() -> None:
     q = np.column_stack([np.sin(3.0 * along), along])
     limit = np.array([1.0, 0.5])
     velocity = np.array([1.0, 10.0])
-    profile = profile_within(q, 0.1, velocity, limit, 0.01)
+    profile = profile_within(q, 1.0, velocity, limit, 0.01)
     parts = profile.parts(np.linspace(0.0, 1.0, 5_001))
     step = profile.duration / 5_000
     joints = np.column_stack([np.sin(3.0 * parts), parts])
@@ -224,7 +224,7 @@ def test_a_bent_joint_path_is_run_through_within_acceleration() -> None:
     assert (acceleration <= limit).all()
     assert (acceleration > 0.3 * limit).any()  # and not much slower than that
     assert (np.abs(np.diff(joints, axis=0) / step).max(axis=0) <= velocity).all()
-    hurried = profile_within(q, 0.1, velocity, 1e6 * limit, 0.01)
+    hurried = profile_within(q, 1.0, velocity, 1e6 * limit, 0.01)
     assert hurried.duration == pytest.approx(3.0 / 0.98, rel=0.02)  # joint 1 at its velocity limit, slope 3
 
 
