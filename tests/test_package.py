@@ -20,7 +20,7 @@ from jacokin.model.descriptions import bundled
 PACKAGE = Path(jacokin.__file__).parent
 REPOSITORY = Path(__file__).parents[1]
 LAYERS = {"model": 0, "ik": 1, "mujoco_bridge": 2, "cli": 3}
-HEAVY = ("mujoco", "mink", "numba", "pinocchio", "yourdfpy", "qpsolvers", "scipy", "typer", "rich", "matplotlib")
+HEAVY = ("mujoco", "mink", "numba", "pinocchio", "yourdfpy", "qpsolvers", "scipy", "click", "orjson", "matplotlib")
 
 
 def module_files() -> dict[str, Path]:

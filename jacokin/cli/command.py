@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from typing import Any
 
-import typer.core
+import click
 
 from jacokin.cli.arguments.argv import separated
+from jacokin.cli.arguments.declared import Positional
 from jacokin.cli.exit_codes import INTERRUPTED
 from jacokin.errors import JacokinError, UnknownNameError
 
@@ -17,7 +17,7 @@ _OTHER_NAMES = {
     "joint_map": "--joint",
     "frame_map": "--frame",
     "waypoints": "--path",
-    "q": "ANGLE ...",
+    "q": "ANGLE...",
     "package_dirs": "--package-dir",
 }
 
@@ -26,11 +26,10 @@ class Refusal(Exception):  # noqa: N818 - it is not an error of the program
     """The sentence that says what is wrong with the input."""
 
 
-class Command(typer.core.TyperCommand):
+class Command(click.Command):
     """A command that takes negative numbers, and whose messages name its options."""
 
-    # Any, twice: the class of `ctx` is click's or typer's own copy of it, depending on typer's version.
-    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Parse the arguments after `separated` has put them in order."""
         values = {
             name: 0 if getattr(parameter, "is_flag", False) else parameter.nargs
@@ -40,7 +39,15 @@ class Command(typer.core.TyperCommand):
         }
         return super().parse_args(ctx, separated(args, values))
 
-    def invoke(self, ctx: Any) -> object:
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the arguments and the options into the help."""
+        rows = [(str(each.metavar), each.text) for each in self.params if isinstance(each, Positional)]
+        if rows:
+            with formatter.section("Arguments"):
+                formatter.write_dl(rows)
+        super().format_options(ctx, formatter)
+
+    def invoke(self, ctx: click.Context) -> object:
         """Run the command; what it refuses is said with the names of the options.
 
         Raises:
@@ -54,7 +61,7 @@ class Command(typer.core.TyperCommand):
             options = {name: flag for name, flag in flags.items() if flag.startswith("-")}
             raise Refusal(with_flags(error, {**options, **_OTHER_NAMES}, ctx.params)) from error
         except KeyboardInterrupt:
-            typer.echo("jacokin: interrupted", err=True)
+            click.echo("jacokin: interrupted", err=True)
             raise SystemExit(INTERRUPTED) from None
         return result
 

@@ -5,73 +5,91 @@ Exit codes: 0 solved, 1 not all solved (or a check failed), 2 wrong usage or inp
 
 from __future__ import annotations
 
+import importlib
 import inspect
 import sys
-from collections.abc import Callable, Sequence
-from typing import Annotated
+from collections.abc import Sequence
 
-import typer
+import click
 
 from jacokin import __version__
 from jacokin.cli import process
+from jacokin.cli.arguments.declared import parameters
 from jacokin.cli.command import Command, Refusal
 from jacokin.cli.display.tables import printable
-from jacokin.cli.doctor.command import doctor
 from jacokin.cli.exit_codes import WRONG_INPUT
-from jacokin.cli.ik.command import ik
-from jacokin.cli.kinematics.fk import fk
-from jacokin.cli.kinematics.jacobian import jacobian
-from jacokin.cli.robots.crosscheck import crosscheck
-from jacokin.cli.robots.info import info
-from jacokin.cli.track.command import track
-from jacokin.cli.warmup import warmup
+
+HELP = """Kinematics of the Kinova Jaco: poses, Jacobians, and joint angles for a pose within the joint limits.
+
+Lengths are in metres, angles in radians (--degrees for degrees), quaternions in the order w x y z.
+
+Examples:
+  jacokin ik --position 0.3 -0.2 0.5 --down        joint angles for a tool pointing down
+  jacokin ik --position 0.3 -0.2 0.5 --down --all  every branch
+  jacokin fk 4.8 2.92 1.0 4.2 1.45 1.32            pose of the end effector
+  jacokin info                                     joints, limits, frames
+  jacokin doctor                                   is everything installed?
+
+`jacokin COMMAND --help` has examples for each command.
+"""
+
+# Name of a command, which is that of its function, and the module it is in: loaded when it is asked for.
+COMMANDS = {
+    "ik": "jacokin.cli.ik.command",
+    "fk": "jacokin.cli.kinematics.fk",
+    "jacobian": "jacokin.cli.kinematics.jacobian",
+    "info": "jacokin.cli.robots.info",
+    "track": "jacokin.cli.track.command",
+    "crosscheck": "jacokin.cli.robots.crosscheck",
+    "doctor": "jacokin.cli.doctor.command",
+    "warmup": "jacokin.cli.warmup",
+}
+NEED_ARGUMENTS = ("ik", "fk", "jacobian", "track")
+SETTINGS = {"help_option_names": ["-h", "--help"]}
 
 
-def _help(command: Callable[..., None]) -> str:
-    """The docstring of a command, its examples kept line by line, as the mark for click says."""
-    return inspect.cleandoc(command.__doc__ or "").replace("\nExamples:\n", "\n\b\nExamples:\n")
+class Commands(click.Group):
+    """The subcommands."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Their names, in the order of the help."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
+        """One of them."""
+        if name not in COMMANDS:
+            return None
+        function = getattr(importlib.import_module(COMMANDS[name]), name)
+        return Command(
+            name,
+            callback=function,
+            params=parameters(function),
+            help=_help(inspect.getdoc(function) or ""),
+            no_args_is_help=name in NEED_ARGUMENTS,
+            context_settings=SETTINGS,
+        )
 
 
-# Plain help: rich's costs a tenth of a second at every start.
-app = typer.Typer(
-    name="jacokin",
-    no_args_is_help=True,
-    add_completion=False,
-    rich_markup_mode=None,
-    pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"]},
-)
-for command in (ik, fk, jacobian, info, track, crosscheck, doctor, warmup):
-    app.command(cls=Command, help=_help(command), no_args_is_help=command in (ik, fk, jacobian, track))(command)
+def _help(text: str) -> str:
+    """A help text whose examples are kept line by line, as the mark for click says."""
+    return text.replace("\nExamples:\n", "\n\b\nExamples:\n")
 
 
-def _show_version(wanted: bool) -> None:
+def _show_version(context: click.Context, parameter: click.Parameter, wanted: bool) -> None:
     if wanted:
-        typer.echo(f"jacokin {__version__}")
-        raise typer.Exit
+        click.echo(f"jacokin {__version__}")
+        context.exit()
 
 
-def jacokin(
-    version: Annotated[
-        bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version and leave.")
-    ] = False,
-) -> None:
-    """Kinematics of the Kinova Jaco: poses, Jacobians, and joint angles for a pose within the joint limits.
-
-    Lengths are in metres, angles in radians (--degrees for degrees), quaternions in the order w x y z.
-
-    Examples:
-      jacokin ik --position 0.3 -0.2 0.5 --down        joint angles for a tool pointing down
-      jacokin ik --position 0.3 -0.2 0.5 --down --all  every branch
-      jacokin fk 4.8 2.92 1.0 4.2 1.45 1.32            pose of the end effector
-      jacokin info                                     joints, limits, frames
-      jacokin doctor                                   is everything installed?
-
-    `jacokin COMMAND --help` has examples for each command.
-    """
-
-
-app.callback(help=_help(jacokin))(jacokin)
+VERSION = click.Option(
+    ["--version"],
+    is_flag=True,
+    is_eager=True,
+    expose_value=False,
+    callback=_show_version,
+    help="Show the version and leave.",
+)
+app = Commands("jacokin", help=_help(HELP), params=[VERSION], no_args_is_help=True, context_settings=SETTINGS)
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -86,7 +104,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     with process.around_command():
         try:
             try:
-                app(args=sys.argv[1:] if argv is None else list(argv), prog_name="jacokin")
+                app.main(args=sys.argv[1:] if argv is None else list(argv), prog_name="jacokin")
             finally:
                 process.flush()
         except Refusal as refusal:
@@ -102,5 +120,5 @@ def main(argv: Sequence[str] | None = None) -> None:
 
 def _refuse(sentence: str) -> None:
     """Say on stderr, on one line, what is wrong, and leave."""
-    typer.echo(f"jacokin: {printable(' '.join(sentence.split()))}", err=True)
+    click.echo(f"jacokin: {printable(' '.join(sentence.split()))}", err=True)
     raise SystemExit(WRONG_INPUT)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import typer
+import click
 
 NOT_COMPILED = 1  # exit code
 
@@ -21,5 +21,5 @@ def warmup() -> None:
 
     seconds = compilation.warmup()
     if compilation.is_disabled():
-        raise typer.Exit(NOT_COMPILED)
-    typer.echo(f"the closed form is ready ({seconds:.1f} s)")
+        raise SystemExit(NOT_COMPILED)
+    click.echo(f"the closed form is ready ({seconds:.1f} s)")

@@ -29,7 +29,7 @@ def test_help_loads_nothing_heavy() -> None:
         "import sys\n"
         "from jacokin.cli.main import main\n"
         "try:\n    main(['--help'])\nexcept SystemExit:\n    pass\n"
-        "print([m for m in ('numpy', 'pinocchio', 'mujoco', 'mink', 'numba', 'rich') if m in sys.modules])\n"
+        "print([m for m in ('numpy', 'pinocchio', 'mujoco', 'mink', 'numba', 'orjson') if m in sys.modules])\n"
     )
     done = subprocess.run([sys.executable, "-P", "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout.splitlines()[-1] == "[]"

@@ -54,7 +54,7 @@ from tests.cli.run import HOME, POSE, Run
         (("ik", *POSE, "--qp-solver", "magic", "--method", "qp"), "--qp-solver: unknown"),
         (("ik", *POSE, "--seed", "1", "2", "3"), "jacokin: --seed must have shape (6,)"),
         (("ik", *POSE, "--robot", "/"), "folder"),
-        (("fk", "1", "2"), "ANGLE ... must have shape (6,)"),
+        (("fk", "1", "2"), "ANGLE... must have shape (6,)"),
     ],
 )
 def test_wrong_input_is_one_sentence_and_exit_code_2(run: Run, words: tuple[str, ...], message: str) -> None:

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
+from jacokin.cli.arguments.declared import Argument, Option
 from jacokin.model.descriptions.bundled import DEFAULT_ROBOT as DEFAULT_ROBOT
 
 if TYPE_CHECKING:
@@ -15,43 +14,38 @@ if TYPE_CHECKING:
 
 
 RobotOption = Annotated[
-    str, typer.Option("--robot", metavar="NAME|FILE", help="A bundled robot, or the path of a .urdf or .xml (MJCF).")
+    str, Option("--robot", metavar="NAME|FILE", help="A bundled robot, or the path of a .urdf or .xml (MJCF).")
 ]
 BaseOption = Annotated[
-    str | None, typer.Option("--base", metavar="FRAME", help="Base frame of the arm; the file's root if not given.")
+    str | None, Option("--base", metavar="FRAME", help="Base frame of the arm; the file's root if not given.")
 ]
 TipOption = Annotated[
-    str | None, typer.Option("--tip", metavar="FRAME", help="Frame at the end of the arm, for a file with several.")
+    str | None, Option("--tip", metavar="FRAME", help="Frame at the end of the arm, for a file with several.")
 ]
 PackageDirOption = Annotated[
     list[Path] | None,
-    typer.Option(
+    Option(
         "--package-dir",
         metavar="FOLDER",
         help="Folder that holds the packages of package:// meshes, beside ROS_PACKAGE_PATH. Repeatable.",
     ),
 ]
 FrameOption = Annotated[
-    str | None, typer.Option("--frame", metavar="NAME", help="Frame of the tool; `jacokin info` lists them.")
+    str | None, Option("--frame", metavar="NAME", help="Frame of the tool; `jacokin info` lists them.")
 ]
-DegreesOption = Annotated[bool, typer.Option("--degrees", help="Angles in and out in degrees.")]
-JsonOption = Annotated[bool, typer.Option("--json", help="One JSON document on stdout, floats in full precision.")]
+DegreesOption = Annotated[bool, Option("--degrees", help="Angles in and out in degrees.")]
+JsonOption = Annotated[bool, Option("--json", help="One JSON document on stdout, floats in full precision.")]
 SeedOption = Annotated[
     str | None,
-    typer.Option(
-        "--seed",
-        metavar="Q1 .. Q6",
-        help="Joint angles to stay near to; the robot's home if not given.",
-        show_default=False,
-    ),
+    Option("--seed", metavar="Q1 .. Q6", help="Joint angles to stay near to; the robot's home if not given."),
 ]
 RandomSeedOption = Annotated[
     int | None,
-    typer.Option("--random-seed", metavar="N", min=0, help="Seed of the random numbers; fixed if not given."),
+    Option("--random-seed", metavar="N", at_least=0, help="Seed of the random numbers; fixed if not given."),
 ]
 QArgument = Annotated[
     list[float],
-    typer.Argument(metavar="ANGLE", help="Joint angles, base to tip, one for each joint.", show_default=False),
+    Argument(metavar="ANGLE", help="Joint angles, base to tip, one for each joint."),
 ]
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import typer
+import click
 
 from jacokin.errors import InvalidInputError
 
@@ -109,4 +109,4 @@ def numbers(option: str, text: str | None, count: int | None = None) -> list[flo
 def warn_of_degrees(option: str, values: Iterable[float], units: Units) -> None:
     """A note on stderr where angles in radians look like degrees: they exceed a full turn."""
     if not units.degrees and any(abs(value) > 2.0 * math.pi for value in values):
-        typer.echo(f"jacokin: note: {option} is in radians, and an angle exceeds a full turn", err=True)
+        click.echo(f"jacokin: note: {option} is in radians, and an angle exceeds a full turn", err=True)

@@ -7,12 +7,12 @@ import math
 from collections.abc import Mapping
 from enum import Enum
 
-import typer
+import click
 
 
 def print_json(document: Mapping[str, object]) -> None:
     """Print one JSON document; floats as the shortest text that reads back the same, infinite ones as null."""
-    typer.echo(json.dumps(plain(document), indent=2, allow_nan=False))
+    click.echo(json.dumps(plain(document), indent=2, allow_nan=False))
 
 
 def plain(value: object) -> object:

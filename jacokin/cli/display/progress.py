@@ -1,10 +1,14 @@
-"""A progress bar on stderr, where that is a terminal."""
+"""Progress on stderr, where that is a terminal."""
 
 from __future__ import annotations
 
 import contextlib
 import sys
+import time
 from collections.abc import Callable, Iterator
+
+PERIOD = 0.1  # [s] between two lines
+CLEAR = "\r\x1b[K"  # back to the start of the line, and erase it
 
 
 @contextlib.contextmanager
@@ -13,11 +17,17 @@ def progress_bar(title: str) -> Iterator[Callable[[int, int], None]]:
     if not sys.stderr.isatty():
         yield lambda done, total: None
         return
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+    shown = 0.0
 
-    from jacokin.cli.display.tables import console
+    def show(done: int, total: int) -> None:
+        nonlocal shown
+        if time.monotonic() - shown > PERIOD:
+            shown = time.monotonic()
+            sys.stderr.write(f"{CLEAR}{title} {done} of {total} ({100.0 * done / max(total, 1):.0f} %)")
+            sys.stderr.flush()
 
-    columns = (TextColumn(title), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console(stderr=True), transient=True) as bar:
-        task = bar.add_task(title, total=None)
-        yield lambda done, total: bar.update(task, completed=done, total=total)
+    try:
+        yield show
+    finally:
+        sys.stderr.write(CLEAR)
+        sys.stderr.flush()

@@ -3,23 +3,21 @@
 from __future__ import annotations
 
 import math
+import shutil
 import sys
+import textwrap
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from rich.console import Console
-    from rich.table import Table
+import click
 
-PIPE_WIDTH = 160  # columns of a table that is not shown in a terminal, so that nothing is cut
+PIPE_WIDTH = 160  # columns of what is not shown in a terminal, so that little is broken
+GAP = 3  # columns between columns
+NARROWEST = 16  # columns that text is broken into at least
 
 
-def console(*, stderr: bool = False) -> Console:
-    """Where tables go; wide enough for them when it is a file or a pipe."""
-    from rich.console import Console
-
-    stream = sys.stderr if stderr else sys.stdout
-    return Console(file=stream, width=None if stream.isatty() else PIPE_WIDTH, highlight=False, soft_wrap=False)
+def say(text: str) -> None:
+    """Print a text, its control characters escaped."""
+    click.echo(printable(text))
 
 
 def printable(text: str) -> str:
@@ -27,32 +25,56 @@ def printable(text: str) -> str:
     return "".join(char if char.isprintable() or char == "\n" else ascii(char)[1:-1] for char in text)
 
 
-def say(screen: Console, text: str) -> None:
-    """Print a text as it is, without markup."""
-    screen.print(printable(text), markup=False)
+def table(title: str | None, columns: Sequence[str], rows: Iterable[Sequence[str]], *, text: int = 1) -> str:
+    """A table whose first `text` columns are text, broken where it is too wide, and whose others are numbers."""
+    lines = [list(columns), *(list(row) for row in rows)]
+    widths = _widths(lines, text)
+    rule = " " + _dash() * (sum(widths) + GAP * (len(widths) - 1) + 2)
+    head = _row(lines[0], widths, text)
+    body = [line for row in lines[1:] for line in _row(row, widths, text)]
+    return "\n".join([*([] if title is None else [title]), "", *head, rule, *body, ""])
 
 
-def table(title: str | None, columns: Sequence[str], rows: Iterable[Sequence[str]], *, text: int = 1) -> Table:
-    """A table whose first `text` columns are text and whose others are numbers."""
-    from rich import box
-    from rich.markup import escape
-    from rich.table import Table
-
-    made = Table(
-        title=title and escape(printable(title)), box=box.SIMPLE_HEAD, title_justify="left", title_style="bold"
-    )
-    for index, column in enumerate(columns):
-        made.add_column(escape(printable(column)), justify="left" if index < text else "right", overflow="fold")
-    for row in rows:
-        made.add_row(*(escape(printable(cell)) for cell in row))
-    return made
+def facts(rows: Iterable[tuple[str, str]], title: str | None = None) -> str:
+    """Names and what they are."""
+    lines = [list(row) for row in rows]
+    widths = _widths(lines, 2)
+    body = [line for row in lines for line in _row(row, widths, 2)]
+    return "\n".join([*([] if title is None else [title, ""]), *body, ""])
 
 
-def facts(rows: Iterable[tuple[str, str]], title: str | None = None) -> Table:
-    """A table of names and what they are."""
-    made = table(title, ("", ""), rows, text=2)
-    made.show_header = False
-    return made
+def _widths(lines: Sequence[Sequence[str]], text: int) -> list[int]:
+    """Width of each column; the widest text gives way where all do not fit."""
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    space = shutil.get_terminal_size().columns if sys.stdout.isatty() else PIPE_WIDTH
+    excess = 2 + sum(widths) + GAP * (len(widths) - 1) - space
+    while excess > 0:
+        widest = max(range(text), key=widths.__getitem__)
+        cut = min(excess, widths[widest] - NARROWEST)
+        if cut <= 0:
+            break
+        widths[widest] -= cut
+        excess -= cut
+    return widths
+
+
+def _row(cells: Sequence[str], widths: Sequence[int], text: int) -> list[str]:
+    """The lines of a row."""
+    broken = [textwrap.wrap(cell, width) or [""] for cell, width in zip(cells, widths, strict=True)]
+    lines = []
+    for index in range(max(map(len, broken))):
+        parts = [
+            (cell[index] if index < len(cell) else "").ljust(width)
+            if column < text
+            else (cell[index] if index < len(cell) else "").rjust(width)
+            for column, (cell, width) in enumerate(zip(broken, widths, strict=True))
+        ]
+        lines.append(f"  {(' ' * GAP).join(parts)}".rstrip())
+    return lines
+
+
+def _dash() -> str:
+    return "─" if (sys.stdout.encoding or "").lower().startswith("utf") else "-"
 
 
 def number(value: float, digits: int = 6, *, missing: str = "unlimited") -> str:

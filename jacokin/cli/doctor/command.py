@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import typer
-
 from jacokin.cli.arguments.options import JsonOption
 from jacokin.cli.display import json_output, tables
 from jacokin.cli.exit_codes import NOT_SOLVED
@@ -36,10 +34,7 @@ def doctor(json: JsonOption = False) -> None:
         )
     else:
         rows = [(finding.area, finding.name, finding.state, finding.detail) for finding in findings]
-        screen = tables.console()
-        screen.print(tables.table(None, ("area", "what", "state", "detail"), rows, text=4))
-        screen.print(
-            "Everything needed works." if well else "Something that is needed does not work, see FAILED above."
-        )
+        tables.say(tables.table(None, ("area", "what", "state", "detail"), rows, text=4))
+        tables.say("Everything needed works." if well else "Something that is needed does not work, see FAILED above.")
     if not well:
-        raise typer.Exit(NOT_SOLVED)
+        raise SystemExit(NOT_SOLVED)

@@ -24,8 +24,7 @@ NEEDED = {
     "orjson": "orjson",
     "osqp": "osqp",
     "yourdfpy": "yourdfpy",
-    "typer": "typer",
-    "rich": "rich",
+    "click": "click",
 }
 # Import name -> distribution, extra of jacokin that brings it.
 OPTIONAL = {

@@ -49,12 +49,11 @@ def show_result(solver: IKSolver, result: IKResult, units: Units, *, as_json: bo
     ran = result.method
     if result.qp_solver is not None:
         ran += f" ({result.qp_solver}, {result.iterations} iterations, {result.restarts} restarts)"
-    screen = tables.console()
     title = f"{robot.name}: {solver.frame} reaches the target"
     if not result.success:
         title = "the closest configuration within the limits"
-        tables.say(screen, f"{result.status.name}: {result.message}.\n{result.status.value}.")
-    screen.print(tables.table(title, columns, rows))
+        tables.say(f"{result.status.name}: {result.message}.\n{result.status.value}.")
+    tables.say(tables.table(title, columns, rows))
     lines = [
         ("position error", tables.small(result.position_error, "m")),
         ("orientation error", tables.small(units.shown(result.orientation_error), units.angle)),
@@ -64,5 +63,5 @@ def show_result(solver: IKSolver, result: IKResult, units: Units, *, as_json: bo
         lines.append(("note", result.message))
     if result.touching:
         lines.append(("touching", ", ".join(f"{a} and {b}" for a, b in result.touching)))
-    screen.print(tables.facts(lines))
+    tables.say(tables.facts(lines))
     return result.success

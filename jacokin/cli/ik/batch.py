@@ -117,7 +117,6 @@ def _document(solver: IKSolver, tally: Tally, seconds: float, out: Path | None) 
 
 
 def _show(tally: Tally, seconds: float, out: Path | None) -> None:
-    screen = tables.console()
     lines = [
         ("solved", f"{tally.solved} of {tally.count} ({100.0 * tally.solved / tally.count:.1f} %)"),
         ("time", f"{seconds:.3f} s, {tally.count / seconds:.0f} poses/s"),
@@ -133,9 +132,9 @@ def _show(tally: Tally, seconds: float, out: Path | None) -> None:
     ]
     if out is not None:
         lines.append(("written to", str(out)))
-    screen.print(tables.facts(lines))
+    tables.say(tables.facts(lines))
     if tally.failures:
         failed = tally.count - tally.solved
         rows = [(str(line), status.name, message) for line, status, message in tally.failures]
         more = f", the first {len(rows)} of {failed}" if failed > len(rows) else ""
-        screen.print(tables.table(f"Not solved{more}", ("line", "status", "why"), rows, text=3))
+        tables.say(tables.table(f"Not solved{more}", ("line", "status", "why"), rows, text=3))

@@ -45,9 +45,8 @@ def show_branches(solver: IKSolver, branches: Branches, units: Units, *, reject_
             }
         )
         return bool(acceptable.any())
-    screen = tables.console()
     if not len(branches):
-        screen.print("UNREACHABLE: no joint angles reach this pose, with or without limits.")
+        tables.say("UNREACHABLE: no joint angles reach this pose, with or without limits.")
         return False
     columns = ["", "limits", *joints.labels(robot.joint_names), "margin", "distance"]
     rows = []
@@ -65,7 +64,7 @@ def show_branches(solver: IKSolver, branches: Branches, units: Units, *, reject_
     if branches.touching is not None:
         columns.append("touches")
     title = f"{robot.name}: {len(branches)} branches, {int(acceptable.sum())} usable; angles in {units.angle}"
-    screen.print(tables.table(title, columns, rows, text=2))
+    tables.say(tables.table(title, columns, rows, text=2))
     worst = float(branches.position_error.max()), units.shown(float(branches.orientation_error.max()))
     lines = [
         ("margin", "distance of the joint nearest to its limit; negative outside"),
@@ -74,5 +73,5 @@ def show_branches(solver: IKSolver, branches: Branches, units: Units, *, reject_
     ]
     if not branches.complete:
         lines.append(("note", "this pose has a one-parameter family of solutions; the rows are members of it"))
-    screen.print(tables.facts(lines))
+    tables.say(tables.facts(lines))
     return bool(acceptable.any())

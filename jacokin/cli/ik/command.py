@@ -5,9 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from jacokin.cli.arguments import options
+from jacokin.cli.arguments.declared import Option
 from jacokin.cli.arguments.options import (
     DEFAULT_ROBOT,
     BaseOption,
@@ -36,35 +35,33 @@ Vector4 = tuple[float, float, float, float]
 
 def ik(
     position: Annotated[
-        Vector3 | None, typer.Option("--position", metavar="X Y Z", help="Where the tool should be [m].")
+        Vector3 | None, Option("--position", metavar="X Y Z", help="Where the tool should be [m].")
     ] = None,
     quat_wxyz: Annotated[
-        Vector4 | None, typer.Option("--quat-wxyz", metavar="W X Y Z", help="Its orientation as a quaternion.")
+        Vector4 | None, Option("--quat-wxyz", metavar="W X Y Z", help="Its orientation as a quaternion.")
     ] = None,
     rpy: Annotated[
         Vector3 | None,
-        typer.Option("--rpy", metavar="R P Y", help="Its orientation as R = Rz(Y) Ry(P) Rx(R)."),
+        Option("--rpy", metavar="R P Y", help="Its orientation as R = Rz(Y) Ry(P) Rx(R)."),
     ] = None,
-    down: Annotated[bool, typer.Option("--down", help="Its orientation: pointing vertically down.")] = False,
-    every: Annotated[bool, typer.Option("--all", help="Show every branch, inside the limits or not.")] = False,
+    down: Annotated[bool, Option("--down", help="Its orientation: pointing vertically down.")] = False,
+    every: Annotated[bool, Option("--all", help="Show every branch, inside the limits or not.")] = False,
     targets: Annotated[
         Path | None,
-        typer.Option("--targets", metavar="FILE.csv", help="Solve every row: columns x,y,z and qw,qx,qy,qz or none."),
+        Option("--targets", metavar="FILE.csv", help="Solve every row: columns x,y,z and qw,qx,qy,qz or none."),
     ] = None,
     output: Annotated[
         Path | None,
-        typer.Option("--output", metavar="FILE.csv", help="Write the answers to --targets here, in radians."),
+        Option("--output", metavar="FILE.csv", help="Write the answers to --targets here, in radians."),
     ] = None,
-    workers: Annotated[int, typer.Option("--workers", metavar="N", min=1, help="Threads for --targets.")] = 1,
+    workers: Annotated[int, Option("--workers", metavar="N", at_least=1, help="Threads for --targets.")] = 1,
     frame: FrameOption = None,
     seed: SeedOption = None,
     random_seed: RandomSeedOption = None,
-    method: Annotated[str, typer.Option("--method", metavar="NAME", help="auto, closed_form or qp.")] = "auto",
-    qp_solver: Annotated[
-        str, typer.Option("--qp-solver", metavar="NAME", help="daqp, quadprog, osqp or proxqp.")
-    ] = "daqp",
+    method: Annotated[str, Option("--method", metavar="NAME", help="auto, closed_form or qp.")] = "auto",
+    qp_solver: Annotated[str, Option("--qp-solver", metavar="NAME", help="daqp, quadprog, osqp or proxqp.")] = "daqp",
     collision: Annotated[
-        str, typer.Option("--collision", metavar="NAME", help="Self-contact: ignore, report or reject.")
+        str, Option("--collision", metavar="NAME", help="Self-contact: ignore, report or reject.")
     ] = "ignore",
     degrees: DegreesOption = False,
     json: JsonOption = False,
@@ -116,7 +113,7 @@ def ik(
         result = solver.solve(_target(position, quat_wxyz, rpy, down, units), start, rng)
         solved = show_result(solver, result, units, as_json=json)
     if not solved:
-        raise typer.Exit(NOT_SOLVED)
+        raise SystemExit(NOT_SOLVED)
 
 
 def _target(

@@ -70,7 +70,7 @@ def fk(
         (f"roll pitch yaw [{units.angle}]", _row(rpy)),
         ("joint limits", "all kept" if within else _broken(arm.joint_names, arm.lower, arm.upper, configuration)),
     ]
-    tables.console().print(tables.facts(rows, f"{arm.name}: {name} in {arm.base}"))
+    tables.say(tables.facts(rows, f"{arm.name}: {name} in {arm.base}"))
 
 
 def _row(values: Iterable[float]) -> str:

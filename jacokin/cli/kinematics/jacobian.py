@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Annotated
 
-import typer
-
 from jacokin.cli.arguments import options
+from jacokin.cli.arguments.declared import Option
 from jacokin.cli.arguments.options import (
     DEFAULT_ROBOT,
     BaseOption,
@@ -27,7 +26,7 @@ def jacobian(
     q: QArgument,
     frame: FrameOption = None,
     reference: Annotated[
-        str, typer.Option("--reference", metavar="NAME", help="local_world_aligned, local or world.")
+        str, Option("--reference", metavar="NAME", help="local_world_aligned, local or world.")
     ] = "local_world_aligned",
     degrees: DegreesOption = False,
     json: JsonOption = False,
@@ -66,9 +65,8 @@ def jacobian(
         return
     names = ("vx", "vy", "vz", "wx", "wy", "wz")
     rows = [(label, *(tables.number(value) for value in row)) for label, row in zip(names, matrix, strict=True)]
-    screen = tables.console()
-    screen.print(tables.table(f"Jacobian of {name}, {reference}", ("", *arm.joint_names), rows))
-    screen.print(
+    tables.say(tables.table(f"Jacobian of {name}, {reference}", ("", *arm.joint_names), rows))
+    tables.say(
         tables.facts(
             [("singular values", _row(singular_values)), ("manipulability", f"{manipulability:.6g}")],
         )

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from jacokin.cli.arguments import options
+from jacokin.cli.arguments.declared import Argument, Option
 from jacokin.cli.arguments.options import DEFAULT_ROBOT, JsonOption, PackageDirOption, RandomSeedOption
 from jacokin.cli.display import json_output, tables
 from jacokin.cli.exit_codes import NOT_SOLVED
@@ -18,30 +17,28 @@ if TYPE_CHECKING:
 
 def crosscheck(
     first: Annotated[
-        str, typer.Argument(metavar="[NAME|FILE]", help="A bundled robot, or the path of a .urdf or .xml (MJCF).")
+        str, Argument(metavar="[NAME|FILE]", help="A bundled robot, or the path of a .urdf or .xml (MJCF).")
     ] = DEFAULT_ROBOT,
     second: Annotated[
-        str | None, typer.Argument(metavar="[NAME|FILE]", help="What to compare it with; MuJoCo if not given.")
+        str | None, Argument(metavar="[NAME|FILE]", help="What to compare it with; MuJoCo if not given.")
     ] = None,
-    samples: Annotated[int, typer.Option("--samples", metavar="N", min=1, help="Random configurations.")] = 1000,
+    samples: Annotated[int, Option("--samples", metavar="N", at_least=1, help="Random configurations.")] = 1000,
     tolerance: Annotated[
         float | None,
-        typer.Option("--tolerance", metavar="T", help="Largest difference allowed in every quantity, in its unit."),
+        Option("--tolerance", metavar="T", help="Largest difference allowed in every quantity, in its unit."),
     ] = None,
     joint: Annotated[
-        list[str] | None, typer.Option("--joint", metavar="A=B", help="Joint A is called B in the second. Repeatable.")
+        list[str] | None, Option("--joint", metavar="A=B", help="Joint A is called B in the second. Repeatable.")
     ] = None,
     frame: Annotated[
-        list[str] | None, typer.Option("--frame", metavar="A=B", help="Compare frame A with frame B. Repeatable.")
+        list[str] | None, Option("--frame", metavar="A=B", help="Compare frame A with frame B. Repeatable.")
     ] = None,
-    base: Annotated[str | None, typer.Option("--base", metavar="FRAME", help="Base frame of the first arm.")] = None,
-    tip: Annotated[str | None, typer.Option("--tip", metavar="FRAME", help="End of the first arm.")] = None,
+    base: Annotated[str | None, Option("--base", metavar="FRAME", help="Base frame of the first arm.")] = None,
+    tip: Annotated[str | None, Option("--tip", metavar="FRAME", help="End of the first arm.")] = None,
     second_base: Annotated[
-        str | None, typer.Option("--second-base", metavar="FRAME", help="Base of the second arm; --base if not given.")
+        str | None, Option("--second-base", metavar="FRAME", help="Base of the second arm; --base if not given.")
     ] = None,
-    second_tip: Annotated[
-        str | None, typer.Option("--second-tip", metavar="FRAME", help="End of the second arm.")
-    ] = None,
+    second_tip: Annotated[str | None, Option("--second-tip", metavar="FRAME", help="End of the second arm.")] = None,
     package_dir: PackageDirOption = None,
     random_seed: RandomSeedOption = None,
     json: JsonOption = False,
@@ -77,7 +74,7 @@ def crosscheck(
     else:
         _show(report, limits)
     if not report.within(limits):
-        raise typer.Exit(NOT_SOLVED)
+        raise SystemExit(NOT_SOLVED)
 
 
 def _pairs(option: str, words: list[str] | None) -> dict[str, str] | None:
@@ -119,7 +116,6 @@ def _document(report: CrossCheckReport, limits: dict[str, float]) -> dict[str, o
 
 
 def _show(report: CrossCheckReport, limits: dict[str, float]) -> None:
-    screen = tables.console()
     kinematic = [
         name for name in ("position", "rotation", "jacobian") if any(row.quantity == name for row in report.deviations)
     ]
@@ -128,8 +124,8 @@ def _show(report: CrossCheckReport, limits: dict[str, float]) -> None:
     rows = [(frame, *(_verdict(value[name, frame], limits[name]) for name in kinematic)) for frame in frames]
     columns = ("frame", *(f"{name} [{_unit(report, name)}]" for name in kinematic))
     title = f"{report.first} against {report.second}: largest difference in {report.samples} random configurations"
-    screen.print(tables.table(title, columns, rows))
-    screen.print(
+    tables.say(tables.table(title, columns, rows))
+    tables.say(
         tables.facts(
             (row.quantity.replace("_", " "), f"{_verdict(row.value, limits[row.quantity])} {row.unit}")
             for row in report.deviations
@@ -137,14 +133,14 @@ def _show(report: CrossCheckReport, limits: dict[str, float]) -> None:
         )
     )
     allowed = ", ".join(f"{name.replace('_', ' ')} {limit:.0e}" for name, limit in limits.items())
-    tables.say(screen, f"allowed: {allowed}")
+    tables.say(f"allowed: {allowed}")
     for note in report.notes:
-        tables.say(screen, note)
+        tables.say(note)
     if not report.within(limits):
         row = max(report.deviations, key=lambda row: row.value / max(limits[row.quantity], 1e-300))
         place = f" of {row.frame}" if row.frame else ""
         angles = " ".join(f"{angle:.17g}" for angle in row.q)
-        tables.say(screen, f"They differ most in {row.quantity.replace('_', ' ')}{place}, at q = {angles}")
+        tables.say(f"They differ most in {row.quantity.replace('_', ' ')}{place}, at q = {angles}")
 
 
 def _verdict(value: float, limit: float) -> str:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from jacokin.cli.arguments import options
+from jacokin.cli.arguments.declared import Argument
 from jacokin.cli.arguments.options import (
     DEFAULT_ROBOT,
     BaseOption,
@@ -24,7 +23,7 @@ if TYPE_CHECKING:
 
 def info(
     robot: Annotated[
-        str, typer.Argument(metavar="[NAME|FILE]", help="A bundled robot, or the path of a .urdf or .xml (MJCF).")
+        str, Argument(metavar="[NAME|FILE]", help="A bundled robot, or the path of a .urdf or .xml (MJCF).")
     ] = DEFAULT_ROBOT,
     degrees: DegreesOption = False,
     json: JsonOption = False,
@@ -130,8 +129,7 @@ def _show(
     sources: dict[str, str],
     frames: list[tuple[str, str]],
 ) -> None:
-    screen = tables.console()
-    screen.print(
+    tables.say(
         tables.facts(
             [
                 ("file", str(arm.source.path)),
@@ -166,10 +164,10 @@ def _show(
                 "unknown" if torque is None else f"{torque} ({letter})",
             )
         )
-    screen.print(tables.table("Joints", columns, rows))
+    tables.say(tables.table("Joints", columns, rows))
     notes = [(f"source {key}", text) for key, text in sources.items()]
     notes.append(("effort", "the limit the file states, same source as the angles"))
     if arm.source.bundled is not None:
         notes.append(("datasheet", "peak torque [N m]; it differs from the file's effort"))
-    screen.print(tables.facts(notes))
-    screen.print(tables.table("Frames", ("frame", "moved by"), frames, text=2))
+    tables.say(tables.facts(notes))
+    tables.say(tables.table("Frames", ("frame", "moved by"), frames, text=2))

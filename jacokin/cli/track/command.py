@@ -7,9 +7,8 @@ import importlib.util
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from jacokin.cli.arguments import options
+from jacokin.cli.arguments.declared import Option
 from jacokin.cli.arguments.options import (
     DEFAULT_ROBOT,
     BaseOption,
@@ -36,48 +35,48 @@ PLOT_FORMATS = (".png", ".svg", ".pdf")
 
 def track(
     path: Annotated[
-        Path, typer.Option("--path", metavar="FILE.csv", help="Poses to pass through: columns x,y,z,qw,qx,qy,qz.")
+        Path, Option("--path", metavar="FILE.csv", help="Poses to pass through: columns x,y,z,qw,qx,qy,qz.")
     ],
-    dt: Annotated[float, typer.Option("--dt", metavar="T", help="Control step [s].")] = 0.01,
+    dt: Annotated[float, Option("--dt", metavar="T", help="Control step [s].")] = 0.01,
     output: Annotated[
         Path | None,
-        typer.Option("--output", metavar="FILE", help="Write the trajectory here, .csv or .npz, in radians."),
+        Option("--output", metavar="FILE", help="Write the trajectory here, .csv or .npz, in radians."),
     ] = None,
     plot: Annotated[
-        Path | None, typer.Option("--plot", metavar="FILE.png", help="Draw joints, limits and errors over time.")
+        Path | None, Option("--plot", metavar="FILE.png", help="Draw joints, limits and errors over time.")
     ] = None,
-    speed: Annotated[float, typer.Option("--speed", metavar="V", help="Speed along the path [m/s].")] = 0.05,
+    speed: Annotated[float, Option("--speed", metavar="V", help="Speed along the path [m/s].")] = 0.05,
     angular_speed: Annotated[
-        float | None, typer.Option("--angular-speed", metavar="W", help="Speed of turning [rad/s]; 0.5 if not given.")
+        float | None, Option("--angular-speed", metavar="W", help="Speed of turning [rad/s]; 0.5 if not given.")
     ] = None,
     velocity_limit: Annotated[
         str | None,
-        typer.Option("--velocity-limit", metavar="V ..", help="Of the joints [rad/s], one for all or one for each."),
+        Option("--velocity-limit", metavar="V ..", help="Of the joints [rad/s], one for all or one for each."),
     ] = None,
     acceleration_limit: Annotated[
         str | None,
-        typer.Option("--acceleration-limit", metavar="A ..", help="Of the joints [rad/s^2]; none if not given."),
+        Option("--acceleration-limit", metavar="A ..", help="Of the joints [rad/s^2]; none if not given."),
     ] = None,
     clearance: Annotated[
         float | None,
-        typer.Option("--clearance", metavar="D", help="Distance kept between shapes [m]; 0.01 with obstacles."),
+        Option("--clearance", metavar="D", help="Distance kept between shapes [m]; 0.01 with obstacles."),
     ] = None,
     box: Annotated[
         list[str] | None,
-        typer.Option("--box", metavar="X Y Z A B C", help="An obstacle: centre and edge lengths [m]. Repeatable."),
+        Option("--box", metavar="X Y Z A B C", help="An obstacle: centre and edge lengths [m]. Repeatable."),
     ] = None,
     sphere: Annotated[
         list[str] | None,
-        typer.Option("--sphere", metavar="X Y Z R", help="An obstacle: centre and radius [m]. Repeatable."),
+        Option("--sphere", metavar="X Y Z R", help="An obstacle: centre and radius [m]. Repeatable."),
     ] = None,
     floor: Annotated[
-        float | None, typer.Option("--floor", metavar="Z", help="An obstacle: everything below this height [m].")
+        float | None, Option("--floor", metavar="Z", help="An obstacle: everything below this height [m].")
     ] = None,
     frame: FrameOption = None,
     seed: SeedOption = None,
     start: Annotated[
         str | None,
-        typer.Option("--start", metavar="Q1 .. Q6", help="Joint angles the arm is at: no other branch is tried."),
+        Option("--start", metavar="Q1 .. Q6", help="Joint angles the arm is at: no other branch is tried."),
     ] = None,
     degrees: DegreesOption = False,
     json: JsonOption = False,
@@ -139,7 +138,7 @@ def track(
     else:
         report.show(arm, result, units, output, plot)
     if not result.success:
-        raise typer.Exit(NOT_SOLVED)
+        raise SystemExit(NOT_SOLVED)
 
 
 def _check_files(output: Path | None, formats: tuple[str, ...], plot: Path | None) -> None:

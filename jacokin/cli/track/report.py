@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from jacokin.cli.display import json_output
-from jacokin.cli.display.tables import console, facts, number, small, table
+from jacokin.cli.display.tables import facts, number, say, small, table
 
 if TYPE_CHECKING:
     from jacokin.cli.arguments.units import Units
@@ -67,8 +67,7 @@ def show(arm: Robot, result: PathResult, units: Units, output: Path | None, plot
         ),
     ]
     lines += [(name, str(file)) for name, file in (("written to", output), ("drawn in", plot)) if file is not None]
-    screen = console()
-    screen.print(facts(lines))
+    say(facts(lines))
     if not result.success:
         rows = [
             (
@@ -80,4 +79,4 @@ def show(arm: Robot, result: PathResult, units: Units, output: Path | None, plot
             for index, branch in enumerate(result.branches, start=1)
         ]
         columns = ("start branch", "off the path on segments", "position error", "orientation error")
-        screen.print(table("Every start that was tried", columns, rows, text=2))
+        say(table("Every start that was tried", columns, rows, text=2))

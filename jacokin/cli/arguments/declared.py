@@ -1,0 +1,106 @@
+"""Options and arguments as the signature of a command declares them: `Annotated[float, Option("--dt", ...)]`."""
+
+from __future__ import annotations
+
+import inspect
+import typing
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from types import NoneType
+from typing import Any
+
+import click
+
+
+@dataclass(frozen=True, slots=True)
+class Option:
+    """An option.
+
+    Attributes:
+        flag: how it is typed.
+        help: what it means, in a sentence.
+        metavar: what stands for its value in the help.
+        at_least: the smallest whole number allowed.
+    """
+
+    flag: str
+    help: str
+    metavar: str | None = None
+    at_least: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Argument:
+    """An argument without a flag.
+
+    Attributes:
+        metavar: its name in the help.
+        help: what it means, in a sentence.
+    """
+
+    metavar: str
+    help: str
+
+
+class Positional(click.Argument):
+    """An argument that the help explains; click's own have no text."""
+
+    def __init__(self, name: str, text: str, **attributes: Any) -> None:  # Any: click's own have a dozen types
+        """Keep the text; the attributes are those of `click.Argument`."""
+        super().__init__([name], **attributes)
+        self.text = text
+
+
+def parameters(command: Callable[..., None]) -> list[click.Parameter]:
+    """What click has to know about the parameters of a command."""
+    hints = typing.get_type_hints(command, include_extras=True)
+    return [_parameter(each, hints[each.name]) for each in inspect.signature(command).parameters.values()]
+
+
+def _parameter(parameter: inspect.Parameter, hint: object) -> click.Parameter:
+    annotated, declared = typing.get_args(hint)
+    kind = _without_none(annotated)
+    items = typing.get_args(kind)
+    required = parameter.default is inspect.Parameter.empty
+    default = None if required else parameter.default
+    several = typing.get_origin(kind) is list
+    if isinstance(declared, Argument):
+        return Positional(
+            parameter.name,
+            declared.help,
+            type=_converter(items[0] if several else kind),
+            metavar=f"{declared.metavar}..." if several else declared.metavar,
+            nargs=-1 if several else 1,
+            required=required,
+            default=default,
+        )
+    assert isinstance(declared, Option)
+    if kind is bool:
+        return click.Option([declared.flag, parameter.name], is_flag=True, default=default, help=declared.help)
+    return click.Option(
+        [declared.flag, parameter.name],
+        type=_converter(items[0] if items else kind, declared.at_least),
+        nargs=len(items) if items and not several else 1,
+        multiple=several,
+        metavar=declared.metavar,
+        required=required,
+        default=default,
+        show_default=default is not None,
+        help=declared.help,
+    )
+
+
+def _without_none(kind: object) -> object:
+    """`T` of `T | None`."""
+    if NoneType not in typing.get_args(kind):
+        return kind
+    (kind,) = (item for item in typing.get_args(kind) if item is not NoneType)
+    return kind
+
+
+def _converter(kind: object, at_least: int | None = None) -> object:
+    """What click converts a word with."""
+    if at_least is not None:
+        return click.IntRange(min=at_least)
+    return click.Path(path_type=Path) if kind is Path else kind
