@@ -43,12 +43,12 @@ if TYPE_CHECKING:
     from jacokin.mujoco_bridge.jaco_arm import JacoArm as JacoArm
     from jacokin.mujoco_bridge.jaco_hand import JacoHand as JacoHand
     from jacokin.mujoco_bridge.observables.angles import angles_from_sin_cos as angles_from_sin_cos
+    from jacokin.mujoco_bridge.observables.declaration import Observables as Observables
+    from jacokin.mujoco_bridge.observables.declaration import observable as observable
+    from jacokin.mujoco_bridge.observables.declaration import observables_of as observables_of
+    from jacokin.mujoco_bridge.observables.features import MJCFFeature as MJCFFeature
     from jacokin.mujoco_bridge.observables.joints import JointsObservables as JointsObservables
-    from jacokin.mujoco_bridge.observables.observable import MJCFFeature as MJCFFeature
     from jacokin.mujoco_bridge.observables.observable import Observable as Observable
-    from jacokin.mujoco_bridge.observables.observable import Observables as Observables
-    from jacokin.mujoco_bridge.observables.observable import observable as observable
-    from jacokin.mujoco_bridge.observables.observable import observables_of as observables_of
     from jacokin.mujoco_bridge.observables.specs import ArraySpec as ArraySpec
     from jacokin.mujoco_bridge.observables.updater import Updater as Updater
     from jacokin.mujoco_bridge.props.box import Box as Box
@@ -91,13 +91,13 @@ __all__, __getattr__, __dir__ = lazy.door(
         "jacokin.mujoco_bridge.distributions": ("uniform_box",),
         "jacokin.mujoco_bridge.observables.specs": ("ArraySpec",),
         "jacokin.mujoco_bridge.observables.joints": ("JointsObservables",),
-        "jacokin.mujoco_bridge.observables.observable": (
-            "MJCFFeature",
-            "Observable",
+        "jacokin.mujoco_bridge.observables.declaration": (
             "Observables",
             "observable",
             "observables_of",
         ),
+        "jacokin.mujoco_bridge.observables.features": ("MJCFFeature",),
+        "jacokin.mujoco_bridge.observables.observable": ("Observable",),
         "jacokin.mujoco_bridge.observables.angles": ("angles_from_sin_cos",),
         "jacokin.mujoco_bridge.observables.updater": ("Updater",),
     },

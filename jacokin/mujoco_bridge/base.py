@@ -19,8 +19,8 @@ from jacokin.model import angles, checks
 from jacokin.model.descriptions import table
 from jacokin.mujoco_bridge.control.site_ik import SceneSolvers, SiteSolver
 from jacokin.mujoco_bridge.entities.entity import Entity
+from jacokin.mujoco_bridge.observables.declaration import Observables
 from jacokin.mujoco_bridge.observables.joints import JointsObservables
-from jacokin.mujoco_bridge.observables.observable import Observables
 from jacokin.mujoco_bridge.quaternions import rotation_matrix, unit_quaternion
 from jacokin.mujoco_bridge.simulation.physics import Physics, check_physics
 

@@ -23,7 +23,7 @@ from jacokin.model import checks
 from jacokin.mujoco_bridge.entities import pickling, spec_attachment
 from jacokin.mujoco_bridge.entities.hooks import Hooks
 from jacokin.mujoco_bridge.entities.placement import Placed
-from jacokin.mujoco_bridge.observables.observable import Observables
+from jacokin.mujoco_bridge.observables.declaration import Observables
 from jacokin.mujoco_bridge.quaternions import unit_quaternion
 from jacokin.mujoco_bridge.simulation.flags import mask
 

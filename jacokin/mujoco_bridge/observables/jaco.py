@@ -7,8 +7,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from jacokin.mujoco_bridge.observables.bound import Bound
+from jacokin.mujoco_bridge.observables.declaration import observable
+from jacokin.mujoco_bridge.observables.features import MJCFFeature
 from jacokin.mujoco_bridge.observables.joints import JointsObservables
-from jacokin.mujoco_bridge.observables.observable import Bound, MJCFFeature, Observable, observable
+from jacokin.mujoco_bridge.observables.observable import Observable
 
 if TYPE_CHECKING:
     from jacokin.mujoco_bridge.simulation.physics import Physics

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from jacokin.mujoco_bridge.observables.observable import MJCFFeature, Observable, Observables, observable
+from jacokin.mujoco_bridge.observables.declaration import Observables, observable
+from jacokin.mujoco_bridge.observables.features import MJCFFeature
+from jacokin.mujoco_bridge.observables.observable import Observable
 
 
 class JointsObservables(Observables):

@@ -7,7 +7,9 @@ from collections.abc import Mapping
 import mujoco
 
 from jacokin.mujoco_bridge.entities.entity import Entity
-from jacokin.mujoco_bridge.observables.observable import MJCFFeature, Observable, Observables, observable
+from jacokin.mujoco_bridge.observables.declaration import Observables, observable
+from jacokin.mujoco_bridge.observables.features import MJCFFeature
+from jacokin.mujoco_bridge.observables.observable import Observable
 
 _SENSORS = {
     "position": mujoco.mjtSensor.mjSENS_FRAMEPOS,

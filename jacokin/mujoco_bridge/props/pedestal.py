@@ -9,7 +9,9 @@ from jacokin.errors import InvalidInputError
 from jacokin.model import checks
 from jacokin.mujoco_bridge import workspaces
 from jacokin.mujoco_bridge.entities.entity import Entity, check_name
-from jacokin.mujoco_bridge.observables.observable import MJCFFeature, Observable, Observables, observable
+from jacokin.mujoco_bridge.observables.declaration import Observables, observable
+from jacokin.mujoco_bridge.observables.features import MJCFFeature
+from jacokin.mujoco_bridge.observables.observable import Observable
 from jacokin.mujoco_bridge.props import table
 
 _TOP_SITE = "top"

@@ -79,6 +79,9 @@ def test_bad_commands_change_nothing() -> None:
         lambda: command_joint_positions(physics, arm, (np.nan,) * 6),
         lambda: command_joint_positions(physics, arm, (0.0,) * 6, gain=0.0),
         lambda: command_joint_positions(physics, arm, (0.0,) * 6, gain=np.inf),
+        lambda: command_joint_positions(physics, arm, (0.0,) * 6, gain=True),
+        lambda: command_joint_positions(physics, arm, (True,) * 6),
+        lambda: command_site_velocity(physics, arm, hand.pinch_site, (True,) * 6),
         lambda: command_site_velocity(physics, arm, hand.pinch_site, (0.0,) * 3),
         lambda: command_site_velocity(physics, arm, 5, (0.0,) * 6),
     ]

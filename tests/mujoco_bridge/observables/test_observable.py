@@ -10,7 +10,8 @@ import pytest
 from numpy.typing import NDArray
 
 from jacokin.errors import InvalidInputError, UnknownNameError
-from jacokin.mujoco_bridge.observables.observable import Observable, Observables, observable, observables_of
+from jacokin.mujoco_bridge.observables.declaration import Observables, observable, observables_of
+from jacokin.mujoco_bridge.observables.observable import Observable
 from jacokin.mujoco_bridge.observables.options import AGGREGATORS
 
 DEFAULTS = {
