@@ -88,7 +88,9 @@ def test_no_folder_holds_more_than_a_dozen_modules() -> None:
     assert max(sizes.values()) <= 12, sizes.most_common(3)
 
 
-@pytest.mark.parametrize("package", ["jacokin", "jacokin.model", "jacokin.ik", "jacokin.mujoco_bridge"])
+@pytest.mark.parametrize(
+    "package", ["jacokin", "jacokin.model", "jacokin.ik", "jacokin.mujoco_bridge", "jacokin.mujoco_bridge.props"]
+)
 def test_a_door_loads_what_it_names(package: str) -> None:
     module = importlib.import_module(package)
     tree = ast.parse(MODULES[package].read_text())

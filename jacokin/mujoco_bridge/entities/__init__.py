@@ -1,1 +1,1 @@
-"""The parts a scene is made of. Read `entity` first."""
+"""Entities, the parts of a scene: attaching, poses, hooks, pickling. Read `entity` first."""

@@ -18,8 +18,11 @@ from jacokin.model import checks
 from jacokin.mujoco_bridge import workspaces
 from jacokin.mujoco_bridge.entities.entity import check_name
 from jacokin.mujoco_bridge.entities.hooks import RandomState
+from jacokin.mujoco_bridge.observables.declaration import observable
+from jacokin.mujoco_bridge.observables.features import MJCFFeature
+from jacokin.mujoco_bridge.observables.observable import Observable
 from jacokin.mujoco_bridge.props import table
-from jacokin.mujoco_bridge.props.free_prop import FreeProp
+from jacokin.mujoco_bridge.props.free_prop import FreeProp, FreePropObservables
 from jacokin.mujoco_bridge.props.vertices import add_vertex_sites
 from jacokin.mujoco_bridge.simulation.physics import Physics
 
@@ -182,6 +185,9 @@ class Brick(FreeProp):
             **more,
         )
 
+    def _build_observables(self) -> FreePropObservables:
+        return BrickObservables(self)
+
     def initialize_episode(self, physics: Physics, random_state: RandomState) -> None:
         """Draw the radius of the studs, unless it does not vary; masses stay as they are.
 
@@ -238,6 +244,15 @@ class Brick(FreeProp):
     def force(self) -> mujoco.MjsSensor:
         """The sensor of the force that the brick exerts on what holds it, (3,) [N]."""
         return self._sensors["force"]
+
+
+class BrickObservables(FreePropObservables):
+    """Pose and velocity of a brick, and the force that it exerts."""
+
+    @observable
+    def force(self) -> Observable:
+        """Force on what holds the brick, in its axes, (3,) [N]."""
+        return MJCFFeature("sensordata", self._entity.force)
 
 
 _FRICTION_REST = (0.005, 0.0001)  # MuJoCo's default torsional and rolling friction [m]

@@ -1,1 +1,1 @@
-"""The compiled scene: physics, live arrays, the forward pass. Read `physics` first."""
+"""The compiled scene: bindings of elements, forward passes, steps, pictures. Read `physics` first."""

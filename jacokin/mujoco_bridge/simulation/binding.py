@@ -20,8 +20,7 @@ from jacokin.mujoco_bridge.simulation.indexed_array import IndexedArray
 if TYPE_CHECKING:
     from jacokin.mujoco_bridge.simulation.forward_cache import ForwardCache
 
-Array = NDArray[Any]
-
+Array = NDArray[Any]  # of any dtype that MuJoCo has
 
 # A forward pass computes these, and the inverse dynamics take them in.
 _DERIVED_INPUTS = ("qacc",)

@@ -39,11 +39,22 @@ class ElementIds:
         Args:
             model: the compiled model.
             spec: what it was just compiled from; None to look elements up by their names alone.
+
+        Raises:
+            InvalidInputError: the spec has other elements than the model.
         """
         self._model = model
         self._ids: dict[Element, int] | None = None
         if spec is not None:
-            self._ids = {element: i for kind in KINDS for i, element in enumerate(getattr(spec, KINDS[kind].plural))}
+            self._ids = {}
+            for kind in KINDS.values():
+                elements, count = getattr(spec, kind.plural), getattr(model, kind.count)
+                if len(elements) != count:
+                    raise InvalidInputError(
+                        f"spec has {len(elements)} {kind.plural} and the model {count}: it is not what the model was "
+                        "compiled from, or was changed since; compile it again"
+                    )
+                self._ids.update((element, i) for i, element in enumerate(elements))
 
     def find(self, elements: Sequence[Element | str]) -> tuple[type, list[int]]:
         """The class that elements have in common, and their ids.

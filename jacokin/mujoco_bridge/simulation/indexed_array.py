@@ -1,4 +1,4 @@
-"""Entries of an array that no slice selects, as something that still reads and writes like an array."""
+"""Arrays of entries that no slice selects, such as those of joints in any order, which still read and write through."""
 
 from __future__ import annotations
 

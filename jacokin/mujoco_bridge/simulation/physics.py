@@ -49,7 +49,7 @@ class Physics(Simulation):
                 up by their names alone.
 
         Raises:
-            InvalidInputError: model is not a `mujoco.MjModel`.
+            InvalidInputError: model is not a `mujoco.MjModel`, or the spec was changed since.
             PhysicsError: the reference state cannot be simulated.
         """
         super().__init__(model)

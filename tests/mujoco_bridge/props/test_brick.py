@@ -163,7 +163,7 @@ def test_a_brick_rests_on_the_floor_and_is_observed_at_its_centre() -> None:
     corners = physics.bind(brick.vertices).xpos
     assert corners.shape == (8, 3)
     np.testing.assert_allclose(corners[:, 2].min(), position[2] - 1e-4, atol=1e-6)
-    assert physics.bind(brick.force).sensordata.shape == (3,)
+    assert brick.observables.force(physics).shape == (3,)
 
 
 def test_a_hint_is_translucent_and_touches_nothing() -> None:
@@ -192,3 +192,16 @@ def test_other_arguments_are_checked() -> None:
         Brick(variation=-0.1)
     with pytest.raises(InvalidInputError, match="easy_align"):
         Brick(easy_align="yes")
+
+
+@pytest.mark.parametrize("count", [3, 6])
+def test_a_stack_stays_together_and_needs_no_more_memory(count: int) -> None:
+    arena, bricks = Arena(), [Brick(name=f"brick_{i}") for i in range(count)]
+    arena.attach(bricks[0])
+    for level, brick in enumerate(bricks[1:], 1):
+        arena.add_free_entity(brick, position=(0.0, 0.0, level * HEIGHT))
+    physics = Physics.from_entity(arena)
+    physics.step(100)
+    for lower, upper in itertools.pairwise(bricks):
+        studs, holes = (physics.bind(list(sites.ravel())).xpos for sites in (lower.studs, upper.holes))
+        np.testing.assert_allclose(studs, holes, atol=1e-4)

@@ -273,3 +273,12 @@ def test_elements_made_after_compiling_are_refused() -> None:
     for element in (first, far):
         with pytest.raises(InvalidInputError, match="added after this one was compiled"):
             old.bind(element)
+
+
+def test_a_spec_that_was_changed_since_is_refused() -> None:
+    spec = mujoco.MjSpec()
+    spec.worldbody.add_geom(size=(0.1, 0.1, 0.1))
+    model = spec.compile()
+    spec.worldbody.add_geom(size=(0.1, 0.1, 0.1))
+    with pytest.raises(InvalidInputError, match="spec has 2 geoms and the model 1"):
+        Physics(model, spec)
