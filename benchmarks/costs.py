@@ -133,6 +133,7 @@ def cold_starts() -> list[tuple[str, float]]:
         ("jacokin ik ... (one pose)", [COMMAND, "ik", "--position", "0.3", "-0.2", "0.5", "--down"]),
         ("jacokin ik ... --method qp", [COMMAND, "ik", "--position", "0.3", "-0.2", "0.5", "--down", "--method", "qp"]),
         ("python -c 'import jacokin'", ["import jacokin"]),
+        ("python -c 'pass'", ["pass"]),
     ]
     return [(title, _best_start(arguments)) for title, arguments in commands]
 

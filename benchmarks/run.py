@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 import jacokin
-from benchmarks import comparison, completeness, costs, environments, qp_success, report, targets
+from benchmarks import comparison, completeness, costs, environments, pose_files, qp_success, report, targets
 from jacokin import Robot
 from jacokin.errors import JacokinError
 
@@ -29,7 +29,7 @@ PRINTING = {
     "tracker": "One tick of the tracker",
     "latency": "Single calls, the slowest included",
 }
-SECTIONS = ("peers", "costs", "completeness", "qp", *PRINTING)
+SECTIONS = ("peers", "costs", "files", "completeness", "qp", *PRINTING)
 PRINTING_TIMEOUT = 600.0  # [s]
 
 PEERS_INTRODUCTION = f"""Every solver gets the same poses, in rounds in which they take turns, one process at a time.
@@ -146,6 +146,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     measure: dict[str, Callable[[], report.Section]] = {
         "peers": lambda: peers_section(robot, sets, options.peers, options.rounds),
         "costs": lambda: costs.section(robot),
+        "files": lambda: pose_files.section(robot),
         "completeness": lambda: completeness.section(share),
         "qp": lambda: qp_success.section(
             robot, [targets.random_configurations(robot, rng, 300 // share)], qp_success.QP_SOLVERS

@@ -14,7 +14,7 @@ from jacokin import Robot
 
 sys.path.append(str(Path(__file__).resolve().parents[2]))  # last: the installed package is what gets tested
 
-from benchmarks import brute_force, comparison, environments, report, run, targets
+from benchmarks import brute_force, comparison, environments, pose_files, report, run, targets
 from benchmarks.environments import InstallError, Peer
 from benchmarks.referee import apart
 from benchmarks.worker import Worker, WorkerError
@@ -281,3 +281,12 @@ def test_targets_without_orientations_are_refused_in_a_sentence(
         run.main(["--only", "peers", "--targets", str(path)])
     assert leaving.value.code == 2
     assert "qw, qx, qy, qz" in capsys.readouterr().err
+
+
+def test_a_file_of_poses_is_solved_by_the_command(robot: Robot, tmp_path: Path) -> None:
+    path = tmp_path / "poses.csv"
+    pose_files.write(robot, path, 20)
+    seconds, memory = pose_files.run(path, workers=1)
+    assert 0.0 < seconds < 60.0
+    assert 20.0 < memory < 2000.0
+    assert len((tmp_path / "answers.csv").read_text(encoding="utf-8").splitlines()) == 21
