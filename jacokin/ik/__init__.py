@@ -3,6 +3,7 @@
 solver, batch       poses to joint angles, one or many
 closed_form         every branch of a six-joint Jaco
 qp                  quadratic programs, for what the closed form does not cover
+closest             the closest configuration to a pose that cannot be reached
 tracking            following targets at a fixed rate
 paths               joint trajectories along poses and between configurations
 files               files of target poses

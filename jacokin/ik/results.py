@@ -70,11 +70,11 @@ class IKResult(Frozen):
     orientation_error: float
     """Angle between target and tool orientation [rad]; 0 for position-only targets."""
     method: str
-    """"closed_form" or "qp": what produced `q`."""
+    """"closed_form", or "qp" for whatever descends: what produced `q`."""
     qp_solver: str | None
-    """QP back end that ran, with a fallback named; None when none ran."""
+    """QP solver that ran, with a fallback named; None when none ran."""
     iterations: int
-    """QP iterations over all starts; 0 when none ran."""
+    """Iterations of the descents over all starts; 0 for the closed form."""
     restarts: int
     """Starts after the first one."""
     message: str

@@ -58,7 +58,12 @@ def starts(robot: Robot, first: list[Array], restarts: int, rng: np.random.Gener
     """The given configurations, then random ones within the limits; `1 + restarts` in all at most."""
     total = 1 + restarts
     yield from first[:total]
+    for _ in range(total - len(first)):
+        yield random_configurations(robot, 1, rng)[0]
+
+
+def random_configurations(robot: Robot, size: int, rng: np.random.Generator) -> Array:
+    """Configurations (size, dof) within the limits; joints limited on one side stay within 1e3 rad of zero."""
     lower = np.where(robot.unlimited, -np.pi, np.maximum(robot.lower, -1e3))
     upper = np.where(robot.unlimited, np.pi, np.minimum(robot.upper, 1e3))
-    for _ in range(total - len(first)):
-        yield rng.uniform(lower, upper)
+    return rng.uniform(lower, upper, (size, robot.dof))

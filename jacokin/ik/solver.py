@@ -2,7 +2,7 @@
 
 The closed form gives every branch of a six-joint Jaco, so a pose is reached, or known to be out of reach, or known to
 need a joint beyond its limit. What it does not cover (other structures, positions without orientation) goes to mink's
-QP from many starts, as does the search for the closest configuration to a pose that cannot be reached.
+QP from many starts. For a pose that cannot be reached, descents look for the closest configuration.
 """
 
 from __future__ import annotations
@@ -38,6 +38,7 @@ from jacokin.model.robot import Robot, checked_robot
 
 if TYPE_CHECKING:
     from jacokin.ik.closed_form import BranchTable, ClosedForm
+    from jacokin.ik.closest.search import ClosestSearch
     from jacokin.ik.qp.search import QPSearch
 
 
@@ -96,6 +97,7 @@ class IKSolver:
         self._verifier = Verifier(robot, name, None if tool is None else poses.checked_pose(tool, "tool"), options)
         self._form: ClosedForm | None = None
         self._misfit: StructureError | None = None
+        self._closest: ClosestSearch | None = None
         self._local = threading.local()
         if qp_solver != DEFAULT_QP_SOLVER:
             from jacokin.ik.qp import backend
@@ -272,8 +274,6 @@ class IKSolver:
             from jacokin.ik.closed_form import warmup
 
             warmup()
-        from jacokin.ik.qp import closest  # noqa: F401  # imports scipy.optimize
-
         self._qp_search()
 
     def _qp_search(self) -> QPSearch:
@@ -287,8 +287,16 @@ class IKSolver:
         except AttributeError:
             from jacokin.ik.qp.search import QPSearch
 
-            search = self._local.search = QPSearch(self._verifier)
+            search = self._local.search = QPSearch(self._verifier, self._closest_search())
         return search
+
+    def _closest_search(self) -> ClosestSearch:
+        """The search for the closest configuration, built once."""
+        if self._closest is None:
+            from jacokin.ik.closest.search import ClosestSearch
+
+            self._closest = ClosestSearch(self._verifier)
+        return self._closest
 
     def _compiled(self, matrices: Array, seeds: Array, workers: int) -> tuple[BranchTable, NDArray[np.bool_]]:
         """The best branch of each of many poses, and which of them are successes."""
@@ -319,7 +327,7 @@ class IKSolver:
         outcome = diagnosis.of_branches(rows, self.robot.joint_names)
         if request.closest:
             nearby = [np.clip(q, self.robot.lower, self.robot.upper) for q in rows.q]
-            return self._qp_search().closest(request, outcome, nearby)
+            return self._closest_search().result(request, outcome, nearby)
         errors = verifier.measure(request.seed, target)
         return verifier.result(request.seed, outcome.status, errors, request.message(outcome.message))
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 import pinocchio as pin
@@ -20,7 +20,22 @@ from jacokin.model.robot import Robot
 
 if TYPE_CHECKING:
     from jacokin.ik.closed_form import BranchTable
-    from jacokin.ik.qp.multistart import Attempt
+
+
+class Effort(Protocol):
+    """What it took to find a configuration by descents."""
+
+    @property
+    def iterations(self) -> int:
+        """Over all starts."""
+
+    @property
+    def starts(self) -> int:
+        """How many there were."""
+
+    @property
+    def qp_solver(self) -> str | None:
+        """The QP solver that ran; None for none."""
 
 
 class Verifier:
@@ -90,19 +105,19 @@ class Verifier:
         errors: tuple[float, float],
         message: str,
         *,
-        attempt: Attempt | None = None,
+        effort: Effort | None = None,
         touching: Sequence[tuple[str, str]] = (),
     ) -> IKResult:
-        """A result by the closed form, or by the QP when there is an attempt."""
+        """A result by the closed form, or by descents when their effort is given."""
         return IKResult(
             q=checks.read_only(q),
             status=status,
             position_error=errors[0],
             orientation_error=errors[1],
-            method="closed_form" if attempt is None else "qp",
-            qp_solver=None if attempt is None else attempt.qp_solver,
-            iterations=0 if attempt is None else attempt.iterations,
-            restarts=0 if attempt is None else attempt.starts - 1,
+            method="closed_form" if effort is None else "qp",
+            qp_solver=None if effort is None else effort.qp_solver,
+            iterations=0 if effort is None else effort.iterations,
+            restarts=0 if effort is None else effort.starts - 1,
             message=message,
             touching=tuple(touching),
         )

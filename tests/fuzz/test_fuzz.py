@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
+
+sys.path.append(str(Path(__file__).resolve().parents[2]))  # last: the installed package is what gets tested
 
 from fuzz import arguments, examples, files, targets, values
 from fuzz.kinematics import bundled_chain, rotation_error, urdf_chain

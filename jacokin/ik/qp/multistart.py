@@ -14,7 +14,6 @@ import numpy as np
 
 from jacokin.arrays import Array
 from jacokin.ik import pose_error
-from jacokin.ik.pose_error import RADIAN_IN_METRES
 from jacokin.ik.qp.backend import Backend, QPFailed
 from jacokin.ik.targets import TargetPose
 from jacokin.ik.verification import Verifier
@@ -26,10 +25,6 @@ MAX_ITERATIONS = 60  # per start; a start that converges needs 4 near its answer
 STALL_ITERATIONS = 8  # without halving the error: a local minimum, or too slow to wait for
 CONVERGED = 0.01  # of the tolerances: one quadratic step past them, so that measuring anew cannot fail
 LM_DAMPING = 1e-3  # relative to the squared error; keeps steps finite near singular poses
-SEARCH_DAMPING = (1e-4, 1e4)  # range of the relative damping while looking for the closest pose
-SEARCH_ITERATIONS = 30  # gets within a few per cent; the best ends are refined on the exact measure
-SEARCH_STEP = 1e-6  # [rad] a step below this ends the descent
-REFINED = 5  # ends of descents that are refined
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +78,6 @@ class MultiStartQP:
         self._limits = [mink.ConfigurationLimit(model, gain=1.0)]
         self._pose_task = mink.FrameTask(TOOL_SITE, "site", position_cost=1.0, orientation_cost=1.0)
         self._position_task = mink.FrameTask(TOOL_SITE, "site", position_cost=1.0, orientation_cost=0.0)
-        self._search_task = mink.FrameTask(TOOL_SITE, "site", position_cost=1.0, orientation_cost=RADIAN_IN_METRES)
 
     def solve(self, target: TargetPose, starts: Iterable[Array], before: Attempt | None = None) -> Attempt:
         """Descend from each start until one reaches the target; the best attempt when none does.
@@ -100,20 +94,6 @@ class MultiStartQP:
                 break
         assert best is not None  # callers pass at least one start
         return replace(best, iterations=attempt.iterations, starts=attempt.starts)
-
-    def closest(self, target: TargetPose, starts: Iterable[Array], before: Attempt | None = None) -> Attempt:
-        """The least cost among the local minima that descents from the starts end in; counts as in `solve`."""
-        from jacokin.ik.qp import closest
-
-        task = self._aim(self._position_task if target.position_only else self._search_task, target)
-        ends = list(self._ends(target, starts, before, lambda q: self._search(task, q, target)))
-        last = ends[-1]
-        ends.sort(key=lambda attempt: attempt.cost)
-        for end in ends[:REFINED]:
-            q = closest.refine(self._robot, self._verifier.frame, self._verifier.tool, target, end.q)
-            ends.append(self._verified(replace(end, q=q), target))
-        best = min(ends, key=lambda attempt: attempt.cost)
-        return replace(best, iterations=last.iterations, starts=last.starts)
 
     def _ends(
         self,
@@ -167,32 +147,3 @@ class MultiStartQP:
                 return q, iteration, True
             configuration.update(q)
         return q, MAX_ITERATIONS, False
-
-    def _search(self, task: mink.FrameTask, start: Array, target: TargetPose) -> tuple[Array, int, bool]:
-        """Levenberg-Marquardt: a step that makes things worse is taken back and damped more."""
-        configuration, lower, upper = self._configuration, self._robot.lower, self._robot.upper
-        weights = np.array([1.0] * 3 + [0.0 if target.position_only else RADIAN_IN_METRES] * 3)
-        q = np.clip(start, lower, upper)
-        configuration.update(q)
-        cost = float(np.linalg.norm(weights * task.compute_error(configuration)))
-        task.lm_damping = 1.0
-        for iteration in range(SEARCH_ITERATIONS):
-            try:
-                step = self.backend.step(configuration, [task], self._limits)
-            except QPFailed:
-                return q, iteration, True
-            new = np.clip(q + step, lower, upper)
-            configuration.update(new)
-            new_cost = float(np.linalg.norm(weights * task.compute_error(configuration)))
-            if new_cost <= cost:
-                moved = float(np.abs(new - q).max())
-                q, cost = new, new_cost
-                task.lm_damping = max(task.lm_damping / 2.0, SEARCH_DAMPING[0])
-                if moved < SEARCH_STEP:
-                    break
-            else:
-                configuration.update(q)
-                task.lm_damping *= 4.0
-                if task.lm_damping > SEARCH_DAMPING[1]:
-                    break
-        return q, iteration + 1, False

@@ -1,28 +1,29 @@
-"""Solving by the QP alone: from the seed, from home, from random starts; and the closest pose when none reaches."""
+"""Solving by the QP alone: from the seed, from home, from random starts."""
 
 from __future__ import annotations
-
-from dataclasses import replace
 
 import numpy as np
 
 from jacokin.arrays import Array
 from jacokin.ik import diagnosis, seeds
-from jacokin.ik.diagnosis import Outcome, Reach
+from jacokin.ik.closest.search import ClosestSearch
+from jacokin.ik.diagnosis import Outcome
 from jacokin.ik.qp.multistart import Attempt, MultiStartQP
 from jacokin.ik.request import Request, joined
 from jacokin.ik.results import IKResult, Status
 from jacokin.ik.verification import Verifier
 from jacokin.model import angles
 
-CLOSEST_STARTS = 20  # descents besides those from the branches while looking for the closest configuration
-
 
 class QPSearch:
     """mink's QP on one robot, frame and tool, and what its attempts mean."""
 
-    def __init__(self, verifier: Verifier) -> None:
+    def __init__(self, verifier: Verifier, closest: ClosestSearch) -> None:
         """Build the QP.
+
+        Args:
+            verifier: the robot, frame and tool, and what a success is.
+            closest: looks for the closest configuration when no start reaches the target.
 
         Raises:
             UnknownNameError: the QP solver is not installed.
@@ -30,16 +31,16 @@ class QPSearch:
         self._verifier = verifier
         self._robot = verifier.robot
         self._qp = MultiStartQP(verifier)
-        self._reach = Reach(verifier)
+        self._closest = closest
 
     def solve(self, request: Request) -> IKResult:
         """Start after start until one reaches the target, free of contact if that matters."""
         seed, home = request.seed, self._robot.home
         first = [seed] if np.array_equal(seed, home) else [seed, home]
-        out_of_reach = self._reach.exceeded(request.target)
+        out_of_reach = self._closest.reach.exceeded(request.target)
         if out_of_reach is not None:
             if request.closest:
-                return self.closest(request, out_of_reach, first)
+                return self._closest.result(request, out_of_reach, first)
             errors = self._verifier.measure(seed, request.target)
             return self._result(request, out_of_reach, Attempt(seed, *errors, False, 0, 1, self._qp.backend.name))
         starts = seeds.starts(self._robot, first, request.restarts, request.generator())
@@ -56,28 +57,7 @@ class QPSearch:
         failure = diagnosis.of_descents(attempt)
         if failure.status is Status.SOLVER_ERROR or not request.closest:
             return self._result(request, failure, attempt)
-        return self.closest(request, failure, [attempt.q], attempt)
-
-    def closest(
-        self, request: Request, failure: Outcome, nearby: list[Array], before: Attempt | None = None
-    ) -> IKResult:
-        """The closest configuration within the limits; a success after all if it meets the tolerances.
-
-        Args:
-            request: what was asked for.
-            failure: why it is not reached.
-            nearby: configurations (dof,) within the limits to descend from, before the seed and random ones.
-            before: what was tried already; its counts go on.
-        """
-        first = [*nearby, request.seed]
-        starts = seeds.starts(self._robot, first, len(nearby) + CLOSEST_STARTS - 1, request.generator())
-        attempt = self._qp.closest(self._reach.pulled_in(request.target), starts, before)
-        result = self._result(request, failure, attempt)
-        errors = (result.position_error, result.orientation_error)
-        if self._verifier.reached(result.q, errors) and not (result.touching and self._verifier.rejects_contact):
-            message = request.message("found by the QP while looking for the closest pose")
-            return replace(result, status=Status.OK, message=message)
-        return result
+        return self._closest.result(request, failure, [attempt.q], attempt)
 
     def _clear_of_contact(self, request: Request, starts: list[Array]) -> tuple[Attempt, Outcome | None]:
         """The first attempt that reaches without self-contact; else the first that reaches, and its contact."""
@@ -105,4 +85,4 @@ class QPSearch:
         if attempt.reached and not verifier.reached(q, errors):
             q, errors = attempt.q, (attempt.position_error, attempt.orientation_error)
         message = joined(outcome.message, request.note)
-        return verifier.result(q, outcome.status, errors, message, attempt=attempt, touching=verifier.touching(q))
+        return verifier.result(q, outcome.status, errors, message, effort=attempt, touching=verifier.touching(q))

@@ -1,0 +1,1 @@
+"""The configuration within the limits that comes closest to a target; read `search` first."""

@@ -1,0 +1,135 @@
+"""The closest configuration: derivatives against differences, minima against another search."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import jacokin
+from jacokin import IKSolver, Robot, Status
+from jacokin.ik import targets
+from jacokin.ik.closest.chain import Chain
+from jacokin.ik.closest.measure import Duals, Measure, duals_after
+from jacokin.ik.closest.search import ClosestSearch
+from jacokin.ik.options import Options
+from jacokin.ik.verification import Verifier
+
+sys.path.append(str(Path(__file__).resolve().parents[3]))  # last: the installed package is what gets tested
+
+from benchmarks import closest as other
+
+SLIDING = """<robot name="crane">
+<link name="base"/><link name="mast"/><link name="slide"/><link name="hook"/>
+<joint name="turn" type="continuous"><parent link="base"/><child link="mast"/><axis xyz="0 0 1"/>
+  <limit effort="1" velocity="1"/></joint>
+<joint name="slide" type="prismatic"><parent link="mast"/><child link="slide"/><origin xyz="0.1 0 0" rpy="0 0.3 0"/>
+  <axis xyz="0.6 0 0.8"/><limit lower="0" upper="1.5" effort="1" velocity="1"/></joint>
+<joint name="tilt" type="revolute"><parent link="slide"/><child link="hook"/><origin xyz="0.1 0 0"/>
+  <axis xyz="0 0.6 0.8"/><limit lower="-3" upper="3" effort="1" velocity="1"/></joint>
+</robot>"""
+
+
+@pytest.fixture(scope="module")
+def crane(tmp_path_factory: pytest.TempPathFactory) -> Robot:
+    path = tmp_path_factory.mktemp("crane") / "crane.urdf"
+    path.write_text(SLIDING)
+    return jacokin.load_robot(path)
+
+
+def a_target(rng: np.random.Generator) -> targets.TargetPose:
+    return targets.checked(jacokin.pose(rng.uniform(-0.6, 0.6, 3), rpy=rng.uniform(-3.0, 3.0, 3)))
+
+
+@pytest.mark.parametrize("frame", ["end_effector", "link_4", "pinchsite"])
+def test_the_chain_is_that_of_pinocchio(robot: Robot, rng: np.random.Generator, frame: str) -> None:
+    tool = jacokin.pose([0.1, -0.2, 0.05], rpy=[0.3, 0.2, -1.0])
+    q = robot.sample(rng, 10)
+    placed = Chain(robot, robot.frame_id(frame), tool).placements(q)
+    for index, row in enumerate(q):
+        T = robot.forward_kinematics(row, frame)
+        jacobian = robot.jacobian(row, frame)
+        lever = T.rotation @ tool.translation
+        np.testing.assert_allclose(placed.position[index], (T * tool).translation, atol=1e-14)
+        np.testing.assert_allclose(placed.rotation[index], (T * tool).rotation, atol=1e-14)
+        np.testing.assert_allclose(placed.angular[index].T, jacobian[3:], atol=1e-14)
+        np.testing.assert_allclose(placed.linear[index].T, jacobian[:3] - pin.skew(lever) @ jacobian[3:], atol=1e-14)
+
+
+@pytest.mark.parametrize("position_only", [False, True])
+@pytest.mark.parametrize("name", ["j2n6s300", "crane"])
+def test_derivatives_are_those_of_the_measure(
+    bundled: Callable[[str], Robot], crane: Robot, rng: np.random.Generator, name: str, position_only: bool
+) -> None:
+    robot = crane if name == "crane" else bundled(name)
+    chain = Chain(robot, robot.frame_id(), None)
+    target = targets.checked([0.2, 0.1, 0.3]) if position_only else a_target(rng)
+    measure = Measure(chain, target)
+    q, h = robot.sample(rng, 8), 1e-6
+    points = measure.points(q, 1e-2)
+    for joint in range(robot.dof):
+        step = h * np.eye(robot.dof)[joint]
+        ahead, behind = measure.points(q + step, 1e-2), measure.points(q - step, 1e-2)
+        np.testing.assert_allclose(points.gradient[:, joint], (ahead.value - behind.value) / (2 * h), atol=1e-8)
+        np.testing.assert_allclose(points.hessian[:, joint], (ahead.gradient - behind.gradient) / (2 * h), atol=1e-7)
+    np.testing.assert_allclose(measure.points(q, 1e-12).value, measure.exact(q), rtol=1e-10)
+
+
+def test_the_unit_vectors_follow_a_small_step(robot: Robot, rng: np.random.Generator) -> None:
+    measure = Measure(Chain(robot, robot.frame_id(), None), a_target(rng))
+    q = robot.sample(rng, 8)
+    step = 1e-5 * rng.standard_normal(q.shape)
+    points, ahead = measure.points(q, 1e-2), measure.points(q + step, 1e-2)
+    duals = duals_after(points, Duals(points.position, points.rotation), step)
+    np.testing.assert_allclose(duals.position, ahead.position, atol=1e-7)
+    np.testing.assert_allclose(duals.rotation, ahead.rotation, atol=1e-7)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["j2n6s300", "j2s6s200"])
+def test_no_other_search_comes_closer(name: str, bundled: Callable[[str], Robot], rng: np.random.Generator) -> None:
+    robot = bundled(name)
+    figures = other.compare(robot, other.targets_not_reached(robot, rng, 9), 25, rng)
+    assert figures.worst < 1e-6
+
+
+def test_a_slide_goes_to_its_end(crane: Robot) -> None:
+    # The crane's reach is the end of its slide, whose direction is that of its axis in the base.
+    far = IKSolver(crane).solve([50.0, 0.0, 0.0])
+    assert far.q[1] == 1.5
+    assert crane.within_limits(far.q)
+
+
+def test_positions_are_met_exactly_where_only_the_orientation_cannot_be(robot: Robot) -> None:
+    # A tool that points up from below: the position is within reach, and the minimum lies on the kink of the measure.
+    result = IKSolver(robot).solve(jacokin.pose([0.15, -0.05, 0.1], down=True))
+    assert result.status is Status.OUTSIDE_LIMITS
+    assert robot.within_limits(result.q)
+    assert min(result.position_error, result.orientation_error) < 1e-5
+    assert max(result.position_error, result.orientation_error) > 1e-3
+
+
+def test_the_search_repeats_and_takes_the_callers_randomness(robot: Robot, rng: np.random.Generator) -> None:
+    search = ClosestSearch(Verifier(robot, "end_effector", None, Options()))
+    target = targets.checked(jacokin.pose([0.5, 0.5, 0.9], down=True))
+    first, second = (search.find(target, [robot.home], np.random.default_rng(3)) for _ in range(2))
+    np.testing.assert_array_equal(first.q, second.q)
+    assert (first.iterations, first.starts) == (second.iterations, second.starts)
+    values = [Measure(search._chain, target).exact(search.find(target, [robot.home], rng).q[None])[0] for _ in range(3)]
+    assert max(values) - min(values) < 1e-6
+
+
+def test_a_pose_that_the_search_reaches_is_a_success(robot: Robot, rng: np.random.Generator) -> None:
+    solver = IKSolver(robot, method="qp", max_restarts=0)
+    for q in robot.sample(rng, 8):
+        target = robot.forward_kinematics(q)
+        result = solver.solve(target)
+        assert result.success, str(result)
+        assert robot.within_limits(result.q)
+        reached = robot.forward_kinematics(result.q)
+        assert np.linalg.norm(reached.translation - target.translation) <= 1e-6
+        assert np.linalg.norm(pin.log3(reached.rotation.T @ target.rotation)) <= 1e-6
