@@ -31,7 +31,12 @@ class Outcome(NamedTuple):
 
 
 def of_branches(rows: BranchTable, joint_names: Sequence[str]) -> Outcome:
-    """When no branch of the closed form is a success: there is none, or each breaks a limit."""
+    """When no branch of the closed form is a success: there is none, or each breaks a limit, or some may be missing."""
+    if rows.dropped:
+        return Outcome(
+            Status.NO_CONVERGENCE,
+            f"none of the {len(rows)} branches found is within the limits, and there were more than could be followed",
+        )
     if not len(rows):
         return Outcome(Status.UNREACHABLE, "no configuration reaches this pose, whatever the limits")
     within = rows.within_limits

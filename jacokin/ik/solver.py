@@ -210,7 +210,7 @@ class IKSolver:
         if not wanted.position_only and self.has_closed_form:
             return self._by_branches(request)
         if self._misfit is not None:
-            request = dataclasses.replace(request, note=request.message(f"no closed form: {self._misfit}"))
+            request = request._replace(note=request.message(f"no closed form: {self._misfit}"))
         return self._qp_search().solve(request)
 
     def solve_all(self, target: pin.SE3 | ArrayLike, seed: ArrayLike | None = None) -> Branches:

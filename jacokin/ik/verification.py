@@ -13,6 +13,7 @@ from jacokin.arrays import Array
 from jacokin.ik import pose_error
 from jacokin.ik.options import Options
 from jacokin.ik.results import IKResult, Status
+from jacokin.ik.seeds import inside_exactly
 from jacokin.ik.targets import TargetPose
 from jacokin.model import checks
 from jacokin.model.mujoco_twin.contact import SelfContact
@@ -61,7 +62,7 @@ class Verifier:
         self.frame_id = robot.frame_id(frame)
         self.tool = tool
         self.options = options
-        self._lower = robot.lower.tolist()  # as plain floats: six comparisons are not worth an array
+        self._lower = robot.lower.tolist()
         self._upper = robot.upper.tolist()
         self._contact = None if options.collision == "ignore" else SelfContact(robot)
 
@@ -89,7 +90,7 @@ class Verifier:
         return (
             errors[0] <= self.options.position_tolerance
             and errors[1] <= self.options.orientation_tolerance
-            and all(low <= angle <= high for low, angle, high in zip(self._lower, q.tolist(), self._upper, strict=True))
+            and inside_exactly(self._lower, q.tolist(), self._upper)
         )
 
     def reached_rows(self, rows: BranchTable) -> NDArray[np.bool_]:

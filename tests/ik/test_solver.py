@@ -320,3 +320,20 @@ def test_a_warm_solver_is_compiled_before_its_first_solve(robot: Robot, monkeypa
     assert calls == ["warm"]
     with pytest.raises(InvalidInputError, match="warm"):
         IKSolver(robot, warm="yes")  # type: ignore[arg-type]  # on purpose
+
+
+def test_missing_branches_are_no_proof(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    from jacokin.ik.closed_form import BranchTable, ClosedForm
+
+    solve_all = ClosedForm.solve_all
+
+    def full(self: ClosedForm, T: Array, seed: Array) -> BranchTable:
+        return BranchTable(solve_all(self, T, seed).rows, dropped=True)
+
+    monkeypatch.setattr(ClosedForm, "solve_all", full)
+    solver = IKSolver(robot)
+    for target in (jacokin.pose([0.15, -0.05, 0.1], down=True), jacokin.pose([1.5, 0.0, 0.4])):
+        result = solver.solve(target, closest=False)
+        assert result.status is Status.NO_CONVERGENCE
+        assert "more than could be followed" in result.message
+    assert solver.solve(robot.forward_kinematics(robot.home)).success
