@@ -37,11 +37,11 @@ def replacing(path: Path) -> Iterator[Path]:
     if final.exists() and not os.access(final, os.W_OK):
         raise InvalidInputError(f"{path}: cannot be written: permission denied")
     temporary = final.with_name(f".{secrets.token_hex(8)}-{final.name[-KEPT_NAME:]}")
-    try:
-        temporary.touch(exist_ok=False)
-    except OSError as error:
-        raise InvalidInputError(f"{path}: cannot be written: {error.strerror}") from error
-    try:
+    try:  # from here on an interrupt, too, leaves nothing behind
+        try:
+            temporary.touch(exist_ok=False)
+        except OSError as error:
+            raise InvalidInputError(f"{path}: cannot be written: {error.strerror}") from error
         yield temporary
         try:
             if final.exists():
