@@ -3,17 +3,17 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 WHEEL = $(shell ls -t dist/jacokin-*.whl 2>/dev/null | head -n 1)
-SOURCES := $(sort pyproject.toml constraints.txt README.md LICENSE NOTICE \
+SOURCES := $(sort pyproject.toml package_page.py examples/targets.csv constraints.txt README.md LICENSE NOTICE \
 	$(shell find jacokin urdf -type f -not -path '*/__pycache__/*'))
 # Rewritten where it differs, which is when a source was added, renamed or removed.
 LIST := build/sources.txt
 $(shell mkdir -p build; echo $(SOURCES) | cmp -s - $(LIST) || echo $(SOURCES) > $(LIST))
 JOBS ?= 2
 
-.PHONY: demo test lint format type docs build test-oldest bench fuzz clean
+.PHONY: demo test lint format type docs build test-oldest bench fuzz release-check clean
 
 demo: $(VENV)/demo.stamp  ## solve the example targets and draw the arm at a solution
-	$(BIN)/python examples/demo.py
+	$(BIN)/jacokin demo --output out/jaco.png
 
 test: $(VENV)/test.stamp  ## run all tests against the built wheel
 	$(BIN)/pytest -n $(JOBS)
@@ -43,6 +43,16 @@ bench: $(VENV)/test.stamp  ## jacokin beside its peers; writes docs/performance.
 fuzz: $(VENV)/test.stamp  ## random targets, arguments and files for at most half an hour; OPTIONS="--seed 1 files"
 	$(BIN)/python -m fuzz $(OPTIONS)
 
+release-check: $(VENV)/release.stamp  ## build what would be uploaded, and check it; uploads nothing
+	rm -rf build/release
+	$(BIN)/python -m build --outdir build/release .
+	$(BIN)/python -m twine check --strict build/release/*
+	$(BIN)/check-wheel-contents build/release/*.whl
+	$(BIN)/python -m pip install --quiet --force-reinstall --no-deps build/release/*.whl
+	tar -xzf build/release/*.tar.gz -C build/release
+	cd build/release/jacokin-*/ && $(abspath $(BIN))/pytest -n $(JOBS) -m "not slow"
+	@grep -q PLACEHOLDER package_page.py && echo "The repository's address in package_page.py is still a placeholder."
+
 clean:
 	rm -rf build dist site out $(VENV) .venv-oldest .venv-bench
 
@@ -66,6 +76,10 @@ $(VENV)/test.stamp: $(VENV)/demo.stamp
 
 $(VENV)/docs.stamp: $(VENV)/test.stamp
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt "jacokin[docs] @ file://$(abspath $(WHEEL))"
+	touch $@
+
+$(VENV)/release.stamp: $(VENV)/test.stamp
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt "jacokin[release] @ file://$(abspath $(WHEEL))"
 	touch $@
 
 .venv-oldest/test.stamp: dist/wheel.stamp constraints-oldest.txt

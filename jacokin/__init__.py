@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from jacokin.model.poses import pose as pose
     from jacokin.model.robot import Robot as Robot
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 _public, __getattr__, _ = lazy.door(
     __name__,

@@ -29,6 +29,7 @@ Examples:
   jacokin fk 4.8 2.92 1.0 4.2 1.45 1.32            pose of the end effector
   jacokin info                                     joints, limits, frames
   jacokin doctor                                   is everything installed?
+  jacokin demo                                     206 poses, and a picture
 
 `jacokin COMMAND --help` has examples for each command.
 """
@@ -41,6 +42,7 @@ COMMANDS = {
     "info": "jacokin.cli.robots.info",
     "track": "jacokin.cli.track.command",
     "crosscheck": "jacokin.cli.robots.crosscheck",
+    "demo": "jacokin.cli.demo.command",
     "doctor": "jacokin.cli.doctor.command",
     "warmup": "jacokin.cli.warmup",
 }

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import jacokin
+from jacokin.cli.demo.command import targets_file
 from jacokin.ik import read_targets
 from tests.rendering import backends
 
@@ -29,7 +30,7 @@ def test_the_targets_are_those_the_script_writes() -> None:
         [sys.executable, "-P", "-c", program], capture_output=True, text=True, check=True, env=ENVIRONMENT
     )
     rows = json.loads(done.stdout)
-    file = read_targets(EXAMPLES / "targets.csv")
+    file = read_targets(targets_file())
     assert len(file) == len(rows) == 206
     made = np.array([[float(cell) for cell in row[:7]] for row in rows])
     assert np.allclose(made, file.values, rtol=0.0, atol=1e-12)  # libm may differ in the last digit
@@ -38,7 +39,7 @@ def test_the_targets_are_those_the_script_writes() -> None:
 @pytest.mark.slow
 def test_the_demo_solves_what_can_be_solved_and_says_why_not(tmp_path: Path) -> None:
     done = subprocess.run(
-        [sys.executable, str(EXAMPLES / "demo.py")],
+        [sys.executable, "-P", "-m", "jacokin", "demo", "--output", "out/jaco.png"],
         cwd=tmp_path,
         env=ENVIRONMENT,
         capture_output=True,
@@ -61,9 +62,9 @@ def test_the_demo_solves_what_can_be_solved_and_says_why_not(tmp_path: Path) -> 
 def test_the_arm_is_in_the_picture(tmp_path: Path) -> None:
     """The pixels MuJoCo attributes to the arm are dark as its links are, light as its rings are, and many."""
     program = (
-        f"import sys; sys.path.insert(0, {str(EXAMPLES)!r})\n"
-        "import numpy as np, jacokin, render_arm\n"
-        "picture, arm = render_arm.render(jacokin.load_robot().home)\n"
+        "import numpy as np, jacokin\n"
+        "from jacokin.cli.demo import render\n"
+        "picture, arm = render(jacokin.load_robot().home)\n"
         f"np.savez({str(tmp_path / 'seen.npz')!r}, picture=picture, arm=arm)\n"
     )
     drawing = set(backends()) & {"egl", "osmesa"}

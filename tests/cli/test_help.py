@@ -12,7 +12,9 @@ import jacokin
 from tests.cli.run import HOME, Run
 
 
-@pytest.mark.parametrize("command", ["", "ik", "fk", "jacobian", "info", "track", "crosscheck", "doctor", "warmup"])
+@pytest.mark.parametrize(
+    "command", ["", "ik", "fk", "jacobian", "info", "track", "crosscheck", "demo", "doctor", "warmup"]
+)
 def test_help_teaches_by_example(run: Run, command: str) -> None:
     answer = run(*command.split(), "--help")
     assert answer.code == 0

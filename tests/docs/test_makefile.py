@@ -36,6 +36,8 @@ def clone(tmp_path: Path) -> Path:
     ):
         shutil.copy(ROOT / name, tmp_path)
     for name in (
+        "package_page.py",
+        "examples/targets.csv",
         "jacokin/a.py",
         "jacokin/py.typed",
         "urdf/jaco.toml",

@@ -1,6 +1,6 @@
-"""Draw the arm at given joint angles [rad] and write a PNG. MuJoCo needs MUJOCO_GL=egl or osmesa without a display.
+"""A picture of the arm, as PNG: `python -m jacokin.cli.demo.picture jaco.png 4.8 2.92 1.0 4.2 1.45 1.32`.
 
-MUJOCO_GL=egl python examples/render_arm.py out/jaco.png 4.8 2.92 1.0 4.2 1.45 1.32
+MuJoCo needs MUJOCO_GL=egl or osmesa where there is no display.
 """
 
 from __future__ import annotations
@@ -89,6 +89,7 @@ def write_png(path: Path, picture: NDArray[np.uint8]) -> None:
 
 
 def main(words: list[str]) -> None:
+    """Draw the arm: the file and the joint angles [rad]."""
     picture, _ = render([float(word) for word in words[1:]])
     write_png(Path(words[0]), picture)
 
