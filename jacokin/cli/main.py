@@ -8,6 +8,7 @@ from __future__ import annotations
 import importlib
 import inspect
 import sys
+import traceback
 from collections.abc import Sequence
 
 import click
@@ -117,7 +118,15 @@ def main(argv: Sequence[str] | None = None) -> None:
         except Exception as error:
             if sys.flags.dev_mode:  # python -X dev -m jacokin ... shows the traceback
                 raise
+            if _from_mujoco(error):
+                _refuse(f"MuJoCo does not load ({error}): `jacokin doctor` says what helps")
             _refuse(f"internal error, please report it: {type(error).__name__}: {error}")
+
+
+def _from_mujoco(error: Exception) -> bool:
+    """Whether an error comes from MuJoCo's import, which MUJOCO_GL and half an installation make fail."""
+    modules = {str(frame.f_globals.get("__name__")) for frame, _ in traceback.walk_tb(error.__traceback__)}
+    return "mujoco" in modules
 
 
 def _refuse(sentence: str) -> None:

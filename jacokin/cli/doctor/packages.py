@@ -42,7 +42,7 @@ def packages() -> list[Finding]:
     for module, distribution in NEEDED.items():
         place, error = found.get(module, (None, "the process crashed while importing it"))
         version = _version(distribution)
-        detail = f"{version}, {place}" if error is None else error
+        detail = f"{version}, {place}" if error is None else error + _advice(module, error)
         findings.append(Finding("package", distribution, OK if error is None else FAILED, detail))
     for module, (distribution, extra) in OPTIONAL.items():
         place, error = found.get(module, (None, "the process crashed while importing it"))
@@ -51,6 +51,17 @@ def packages() -> list[Finding]:
         else:
             findings.append(Finding("package", distribution, MISSING, f"pip install 'jacokin[{extra}]'"))
     return findings
+
+
+def _advice(module: str, error: str) -> str:
+    """What helps where MuJoCo does not load; mink loads it."""
+    if module not in ("mujoco", "mink"):
+        return ""
+    backend = os.environ.get("MUJOCO_GL")
+    if error.startswith(("ImportError", "ModuleNotFoundError")):
+        # pip may remove mujoco-core, which shares its folder with mujoco, when it changes versions.
+        return "; pip install --force-reinstall mujoco mujoco-core"
+    return f"; MUJOCO_GL={backend} asks for a back end that is not there: unset it, or see below" if backend else ""
 
 
 def shadows() -> Finding:

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import json
 import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
+import jacokin
 from jacokin.cli.doctor import checks, kernel_cache, packages, probes, rendering
 from jacokin.cli.doctor.finding import FAILED, MISSING, OK, WARNING, Finding
 from jacokin.ik.closed_form import cache
@@ -125,3 +128,34 @@ def test_modules_of_the_current_folder_are_not_run(monkeypatch: pytest.MonkeyPat
     assert error is None
     assert place != str(planted)
     assert not (tmp_path / "was_run").exists()
+
+
+def test_a_back_end_that_is_not_there_is_named_with_what_helps(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MUJOCO_GL", "magic")
+    monkeypatch.setattr(packages, "NEEDED", {"mujoco": "mujoco"})
+    monkeypatch.setattr(packages, "OPTIONAL", {})
+    (finding,) = packages.packages()
+    assert finding.state == FAILED
+    assert "MUJOCO_GL=magic" in finding.detail
+    assert "unset it" in finding.detail
+
+
+def test_half_an_installation_of_mujoco_is_named_with_what_helps(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    (tmp_path / "mujoco.py").write_text("import mujoco_core_that_is_gone", encoding="utf-8")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    monkeypatch.setattr(packages, "NEEDED", {"mujoco": "mujoco"})
+    monkeypatch.setattr(packages, "OPTIONAL", {})
+    (finding,) = packages.packages()
+    assert finding.state == FAILED
+    assert "--force-reinstall mujoco mujoco-core" in finding.detail
+
+
+def test_commands_that_need_mujoco_point_to_the_doctor() -> None:
+    environment = {**os.environ, "MUJOCO_GL": "magic", "PYTHONPATH": str(Path(jacokin.__file__).parent.parent)}
+    words = [sys.executable, "-P", "-m", "jacokin", "crosscheck", "--samples", "1"]
+    done = subprocess.run(words, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert "jacokin doctor" in done.stderr
+    assert "MUJOCO_GL" in done.stderr
