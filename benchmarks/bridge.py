@@ -155,7 +155,7 @@ def reference_ik() -> Solve:
 
 
 def targets() -> dict[str, list[tuple[Array, Array | None]]]:
-    """Tool down in the workspace of the tasks; and wrist poses of random legal configurations."""
+    """Tool down in the workspace of the tasks; and wrist poses of random configurations within the limits."""
     box = np.random.RandomState(1).uniform(LOWER, UPPER, (POSES, 3))
     robot = jacokin.load_robot()
     T_world_base = jacokin.pose(robots.ARM_OFFSET)

@@ -1,4 +1,4 @@
-"""Draw every legal branch of one pose side by side: the hand stays, the arm does not. Eight for this one.
+"""Draw every branch of one pose within the limits side by side: one pose of the hand, eight of the arm.
 
 MUJOCO_GL=egl python -m examples.draw_branches docs/images/branches.png
 """

@@ -24,12 +24,12 @@ def make_targets() -> list[list[str]]:
     robot = jacokin.load_robot()
     rng = np.random.default_rng(RANDOM_SEED)
     rows = [_row(robot, q, "reachable") for q in robot.sample(rng, REACHABLE)]
-    rows += [_row(robot, q, "outside the limits") for q in _illegal(robot, rng, 3)]
+    rows += [_row(robot, q, "outside the limits") for q in _folded(robot, rng, 3)]
     far = ((1.6, 0.2, 0.4), (0.0, 0.0, -1.2), (0.2, -0.1, 1.9))  # [m]
     return rows + [_text(position, (1.0, 0.0, 0.0, 0.0), "out of reach") for position in far]
 
 
-def _illegal(robot: jacokin.Robot, rng: np.random.Generator, count: int) -> list[Array]:
+def _folded(robot: jacokin.Robot, rng: np.random.Generator, count: int) -> list[Array]:
     """Configurations with a folded elbow whose pose no other branch reaches within the limits either."""
     solver = jacokin.IKSolver(robot)
     found: list[Array] = []

@@ -113,3 +113,23 @@ def test_defaults_in_the_table_of_options_are_those_of_the_code() -> None:
     assert set(shown) == set(options) - {"robot", "frame", "tool"}
     for name, default in shown.items():
         assert default == repr(options[name].default)
+
+
+def test_the_files_that_the_overview_names_exist_and_hold_what_it_says() -> None:
+    text = (DOCS / "index.md").read_text(encoding="utf-8").partition("## How it is laid out")[2]
+    named = re.findall(r"`([\w/]+\.(?:py|toml))`", text)
+    assert len(named) > 15
+    package = Path(jacokin.__file__).parent
+    for name in named:
+        assert any((root / name).is_file() for root in (ROOT, package)), name
+    holds = {  # file in the package, text that is only where the thing is
+        "model/obstacles.py": "class Box",
+        "ik/verification.py": "class Verifier",
+        "ik/results.py": "class Status",
+        "ik/diagnosis.py": "Status.UNREACHABLE",
+        "ik/tracking/tracker.py": "def step",
+        "mujoco_bridge/observables/channel.py": "delay",
+    }
+    for name, thing in holds.items():
+        assert f"`{name}`" in text
+        assert thing in (package / name).read_text(encoding="utf-8"), name
