@@ -109,6 +109,7 @@ def test_no_module_is_longer_than_400_lines() -> None:
 
 def test_public_names_are_exactly_these() -> None:
     assert jacokin.__all__ == [
+        "FreeAxis",
         "IKResult",
         "IKSolver",
         "JacokinError",

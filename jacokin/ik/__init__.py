@@ -2,6 +2,7 @@
 
 solver, batch       poses to joint angles, one or many
 closed_form         every branch of a six-joint Jaco
+families            all configurations where one parameter is free
 qp                  quadratic programs, for what the closed form does not cover
 closest             the closest configuration to a pose that cannot be reached
 tracking            following targets at a fixed rate
@@ -17,6 +18,9 @@ from jacokin import lazy
 
 if TYPE_CHECKING:
     from jacokin.ik.closed_form import warmup as warmup
+    from jacokin.ik.families.family import Family as Family
+    from jacokin.ik.families.interval import Interval as Interval
+    from jacokin.ik.families.interval import IntervalEnd as IntervalEnd
     from jacokin.ik.files.targets_csv import TargetFile as TargetFile
     from jacokin.ik.files.targets_csv import read_targets as read_targets
     from jacokin.ik.paths.joint_motion import JointMotion as JointMotion
@@ -49,6 +53,7 @@ if TYPE_CHECKING:
     from jacokin.model.obstacles import Floor as Floor
     from jacokin.model.obstacles import Obstacle as Obstacle
     from jacokin.model.obstacles import Sphere as Sphere
+    from jacokin.model.pose_targets import FreeAxis as FreeAxis
 
 __all__, __getattr__, __dir__ = lazy.door(
     __name__,
@@ -64,6 +69,8 @@ __all__, __getattr__, __dir__ = lazy.door(
             "Status",
         ),
         "jacokin.ik.closed_form": ("warmup",),
+        "jacokin.ik.families.family": ("Family",),
+        "jacokin.ik.families.interval": ("Interval", "IntervalEnd"),
         "jacokin.ik.tracking.tracker": ("Tracker",),
         "jacokin.ik.tracking.result": (
             "TrackerStatus",
@@ -90,6 +97,7 @@ __all__, __getattr__, __dir__ = lazy.door(
             "Obstacle",
             "Sphere",
         ),
+        "jacokin.model.pose_targets": ("FreeAxis",),
         "jacokin.ik.files.targets_csv": (
             "TargetFile",
             "read_targets",

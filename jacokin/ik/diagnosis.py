@@ -30,6 +30,17 @@ class Outcome(NamedTuple):
     message: str
 
 
+class Mildest(NamedTuple):
+    """Of everything that reaches a target, what breaks limits least."""
+
+    q: Array
+    """(dof,) moved onto the limits it breaks [rad]."""
+    excess: Array
+    """(dof,) beyond the limits [rad], 0 within them."""
+    parameter: float
+    """Value of the free parameter [rad]."""
+
+
 def of_branches(rows: BranchTable, joint_names: Sequence[str]) -> Outcome:
     """When no branch of the closed form is a success: there is none, or each breaks a limit, or some may be missing."""
     if rows.dropped:
@@ -47,10 +58,39 @@ def of_branches(rows: BranchTable, joint_names: Sequence[str]) -> Outcome:
             f"{rows.orientation_error[within].min():.3g} rad, which is rounding and more than the tolerances allow",
         )
     excess = np.maximum(-rows.margin, 0.0)
-    mildest = excess[np.argmin(excess.max(axis=1))].tolist()
-    broken = ", ".join(f"{name} by {by:.6g} rad" for name, by in zip(joint_names, mildest, strict=True) if by > 0.0)
+    broken = _broken(joint_names, excess[np.argmin(excess.max(axis=1))])
     return Outcome(
         Status.OUTSIDE_LIMITS, f"each of the {len(rows)} branches breaks a limit; the mildest breaks {broken}"
+    )
+
+
+def of_family(complete: bool, branches: int, mildest: Mildest | None, joint_names: Sequence[str]) -> Outcome:
+    """When no member of a family is a success: nothing reaches the target, or every branch breaks a limit throughout.
+
+    Args:
+        complete: whether nothing is missing in the family.
+        branches: how many there are.
+        mildest: where they come nearest to the limits; None without branches.
+        joint_names: (dof,).
+    """
+    if not complete:
+        return Outcome(
+            Status.NO_CONVERGENCE, f"none of the {branches} branches found is within the limits, and some are lost"
+        )
+    if mildest is None:
+        return Outcome(Status.UNREACHABLE, "no configuration reaches the target, whatever the parameter and the limits")
+    broken = _broken(joint_names, mildest.excess)
+    return Outcome(
+        Status.OUTSIDE_LIMITS,
+        f"each of the {branches} branches breaks a limit wherever the parameter is; the mildest breaks {broken}, "
+        f"at parameter {mildest.parameter:.6g} rad",
+    )
+
+
+def _broken(joint_names: Sequence[str], excess: Array) -> str:
+    """Which joints are beyond their limits, and by how much."""
+    return ", ".join(
+        f"{name} by {by:.6g} rad" for name, by in zip(joint_names, excess.tolist(), strict=True) if by > 0.0
     )
 
 

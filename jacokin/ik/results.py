@@ -81,6 +81,8 @@ class IKResult(Frozen):
     """What happened in this solve, with numbers."""
     touching: tuple[tuple[str, str], ...] = ()
     """Pairs of shapes that touch at `q`; filled when the solver looks for self-contact."""
+    parameter: float | None = None
+    """Value of the free parameter at `q` [rad]: the angle about a free axis, or joint 3 of a seven-joint arm."""
 
     @property
     def success(self) -> bool:

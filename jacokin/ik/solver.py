@@ -10,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 import threading
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, overload
 
 import numpy as np
 import pinocchio as pin
@@ -30,15 +30,19 @@ from jacokin.ik.options import (
 from jacokin.ik.request import Request
 from jacokin.ik.results import BatchResult, Branches, IKResult, Status
 from jacokin.ik.seeds import seed_within_limits
+from jacokin.ik.targets import TargetPose
 from jacokin.ik.targets import checked as checked_target
 from jacokin.ik.verification import Verifier
 from jacokin.model import checks, poses
 from jacokin.model.loading import load_robot
+from jacokin.model.pose_targets import FreeAxis
 from jacokin.model.robot import Robot, checked_robot
 
 if TYPE_CHECKING:
     from jacokin.ik.closed_form import BranchTable, ClosedForm
     from jacokin.ik.closest.search import ClosestSearch
+    from jacokin.ik.families.family import Family
+    from jacokin.ik.families.search import SixJointFamilies
     from jacokin.ik.qp.search import QPSearch
 
 
@@ -98,6 +102,7 @@ class IKSolver:
         self._form: ClosedForm | None = None
         self._misfit: StructureError | None = None
         self._closest: ClosestSearch | None = None
+        self._search: SixJointFamilies | None = None
         self._local = threading.local()
         if qp_solver != DEFAULT_QP_SOLVER:
             from jacokin.ik.qp import backend
@@ -171,7 +176,7 @@ class IKSolver:
 
     def solve(
         self,
-        target: pin.SE3 | ArrayLike,
+        target: pin.SE3 | ArrayLike | FreeAxis,
         seed: ArrayLike | None = None,
         rng: np.random.Generator | None = None,
         *,
@@ -181,7 +186,7 @@ class IKSolver:
         """Joint angles that bring the tool to a target.
 
         Args:
-            target: T_base_tool as `pin.SE3` or (4, 4), or a position (3,) [m] with free orientation.
+            target: T_base_tool as `pin.SE3` or (4, 4), a `FreeAxis`, or a position (3,) [m] with free orientation.
             seed: (dof,) configuration [rad] to stay near to; None for the robot's home. One outside the
                 limits is moved inside and the message says so.
             rng: randomness of the QP's restarts; None for a fixed seed.
@@ -196,7 +201,7 @@ class IKSolver:
         Raises:
             InvalidInputError: target or seed malformed; method="closed_form" with a position-only target.
         """
-        wanted = checked_target(target)
+        wanted = target if isinstance(target, FreeAxis) else checked_target(target)
         start, note = seed_within_limits(self.robot, seed)
         if rng is not None:
             checks.generator("rng", rng)
@@ -204,6 +209,9 @@ class IKSolver:
         if max_restarts is not None:
             restarts = checks.whole_number("max_restarts", max_restarts)
         checks.flag("closest", closest)
+        if isinstance(wanted, FreeAxis):
+            at_zero = TargetPose(wanted.matrix, position_only=False)
+            return self._of_family(wanted, Request(at_zero, start, note, rng, restarts, closest))
         if self.method == "closed_form" and wanted.position_only:
             raise InvalidInputError("the closed form needs an orientation; use method='auto' or 'qp' for positions")
         request = Request(wanted, start, note, rng, restarts, closest)
@@ -213,20 +221,28 @@ class IKSolver:
             request = request._replace(note=request.message(f"no closed form: {self._misfit}"))
         return self._qp_search().solve(request)
 
-    def solve_all(self, target: pin.SE3 | ArrayLike, seed: ArrayLike | None = None) -> Branches:
-        """Every branch that reaches a pose, inside the limits or not.
+    @overload
+    def solve_all(self, target: FreeAxis, seed: ArrayLike | None = None) -> Family: ...
+
+    @overload
+    def solve_all(self, target: pin.SE3 | ArrayLike, seed: ArrayLike | None = None) -> Branches: ...
+
+    def solve_all(self, target: pin.SE3 | ArrayLike | FreeAxis, seed: ArrayLike | None = None) -> Branches | Family:
+        """Every branch that reaches a pose, inside the limits or not; all of a family within the limits.
 
         Args:
-            target: T_base_tool as `pin.SE3` or (4, 4).
-            seed: (dof,) configuration [rad] branches are ordered by; None for home.
+            target: T_base_tool as `pin.SE3` or (4, 4), or a `FreeAxis`.
+            seed: (dof,) configuration [rad] branches are ordered by, and unlimited joints are near to; None for home.
 
         Returns:
-            All branches, nearest first; none when the pose is out of reach.
+            All branches, nearest first; none when the pose is out of reach. For a `FreeAxis` a `Family`.
 
         Raises:
             InvalidInputError: target or seed malformed, or a target without orientation.
             StructureError: the robot has no closed form.
         """
+        if isinstance(target, FreeAxis):
+            return self._families().find(target, seed_within_limits(self.robot, seed)[0]).family
         wanted = checked_target(target)
         if wanted.position_only:
             raise InvalidInputError("solve_all needs an orientation: a position alone is reached by infinitely many")
@@ -263,6 +279,29 @@ class IKSolver:
         compiled = self._compiled if self.has_closed_form and not self._verifier.looks_for_contact else None
         solvers = batch.Solvers(self.robot, self.solve, compiled)
         return batch.solve(solvers, targets, seeds, workers=workers, progress=progress, closest=closest)
+
+    def _families(self) -> SixJointFamilies:
+        """What finds families, built once.
+
+        Raises:
+            StructureError: the robot has no closed form.
+            InvalidInputError: the method is "qp".
+        """
+        if self.method == "qp":
+            raise InvalidInputError("a FreeAxis needs the closed form; use method='auto'")
+        if self._search is None:
+            from jacokin.ik.families.search import SixJointFamilies
+
+            self._search = SixJointFamilies(self.closed_form(), self._verifier)
+        return self._search
+
+    def _of_family(self, target: FreeAxis, request: Request) -> IKResult:
+        """The member nearest to the seed, or why there is none."""
+        from jacokin.ik.families import answer
+        from jacokin.ik.families.choosing import by_distance
+
+        found = self._families().find(target, request.seed)
+        return answer.of_findings(found, self._verifier, request, by_distance(request.seed), self._closest_search)
 
     def __reduce__(self) -> tuple[object, tuple[object, ...]]:
         """Pickle the options; working memory is made anew."""

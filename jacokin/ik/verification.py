@@ -80,10 +80,14 @@ class Verifier:
         """Pairs of shapes that touch; none when the solver does not look."""
         return [] if self._contact is None else self._contact.touching(q)
 
+    def tool_pose(self, q: Array) -> pin.SE3:
+        """The pose of the tool in the base at `q`."""
+        pose = self.robot.placement(q, self.frame_id)
+        return pose if self.tool is None else pose * self.tool
+
     def measure(self, q: Array, target: TargetPose) -> tuple[float, float]:
         """Position error [m] and orientation error [rad] at `q`, by Pinocchio."""
-        pose = self.robot.placement(q, self.frame_id)
-        return pose_error.errors(pose if self.tool is None else pose * self.tool, target)
+        return pose_error.errors(self.tool_pose(q), target)
 
     def reached(self, q: Array, errors: tuple[float, float]) -> bool:
         """The condition of every success: inside the limits to the last bit, and within the tolerances."""

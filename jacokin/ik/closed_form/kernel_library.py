@@ -133,13 +133,14 @@ class CurveCall:
 
     Attributes:
         work: the arrays, to be filled in and read.
+        library: the machine code that runs; None for the plain form.
     """
 
-    __slots__ = ("_addresses", "_alive", "_function", "_returned", "work")
+    __slots__ = ("_addresses", "_alive", "_function", "_returned", "library", "work")
 
     def __init__(self, library: KernelLibrary | None) -> None:
         """Make the arrays; without machine code the plain form runs."""
-        self.work = make_curve_work()
+        self.work, self.library = make_curve_work(), library
         self._function = None if library is None else library.function
         arrays = list(flattened(self.work))
         table = np.array([RUN_CURVES, 0, 0, *(array.ctypes.data for array in arrays)], dtype=np.int64)

@@ -75,6 +75,11 @@ class ClosedForm:
         self._calls: list[Call] = []  # idle ones; each thread takes one, or makes one, and puts it back
         KERNELS.prepare()
 
+    @property
+    def constants(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """What the kernels know about the arm: chain (7, 3, 4), arm (39,), limits (3, 6); read-only."""
+        return self._chain, self._arm, self._limits
+
     def solve_all(self, T: NDArray[np.float64], seed: NDArray[np.float64]) -> BranchTable:
         """Every branch, nearest to the seed first.
 

@@ -1,0 +1,116 @@
+"""One answer out of a family: the member that is wanted, or why there is none."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from jacokin.arrays import Array
+from jacokin.ik import diagnosis, pose_error
+from jacokin.ik.families.choosing import Cost
+from jacokin.ik.request import Request
+from jacokin.ik.results import IKResult, Status
+from jacokin.ik.verification import Verifier
+from jacokin.model import angles
+from jacokin.model.angles import TURN
+from jacokin.model.pose_targets import FreeAxis
+
+if TYPE_CHECKING:
+    from jacokin.ik.closest.search import ClosestSearch
+    from jacokin.ik.families.search import Findings
+
+#: Members of each interval that are looked at where the best one is in contact.
+TRIED = 16
+#: Times that a search for the closest configuration turns the target to where it has come.
+AIMS = 4
+#: [rad] a target turned by less than this is the same.
+SAME_AIM = 1e-3
+
+
+def of_findings(
+    found: Findings, verifier: Verifier, request: Request, cost: Cost, closest: Callable[[], ClosestSearch]
+) -> IKResult:
+    """The member of the least cost, or the status that says why there is none.
+
+    Args:
+        found: everything that reaches the target.
+        verifier: measures the result, and looks for contact.
+        request: seed, and how hard to try; its target is not used.
+        cost: of configurations, see `choosing`.
+        closest: makes what looks for the closest configuration where there is no member.
+    """
+    touched: IKResult | None = None
+    for q, p in _candidates(found, request.seed, cost, several=verifier.rejects_contact):
+        if isinstance(found.members.target, FreeAxis) and found.members.target.full_turn:
+            p = float(angles.wrap_to_pi(p))
+        errors = verifier.measure(q, found.members.pose_at(p))
+        if not verifier.reached(q, errors):
+            continue
+        pairs = verifier.touching(q)
+        message = request.message(f"parameter {p:.6g} rad, in one of {len(found.family)} intervals")
+        if not (pairs and verifier.rejects_contact):
+            return replace(verifier.result(q, Status.OK, errors, message, touching=pairs), parameter=p)
+        if touched is None:
+            status, why = diagnosis.of_contact("every member that was tried touches itself; the best one", pairs)
+            touched = verifier.result(q, status, errors, request.message(why), touching=pairs)
+            touched = replace(touched, parameter=p)
+    return _failure(found, verifier, request, closest) if touched is None else touched
+
+
+def _candidates(found: Findings, seed: Array, cost: Cost, *, several: bool) -> Iterator[tuple[Array, float]]:
+    """Members and their parameters, the best one first; one, or several of each interval."""
+    best = found.family.choose(cost, seed)
+    if best is None:
+        return
+    yield best
+    if not several:
+        return
+    rows: list[Array] = []
+    parameters: list[float] = []
+    for interval in found.family:
+        for p, q in zip(*interval.sample(TRIED), strict=True):
+            rows.append(found.members.copies(q, seed))
+            parameters.append(float(p))
+    for index in np.argsort(cost(np.array(rows)), kind="stable").tolist():
+        yield rows[index], parameters[index]
+
+
+def _failure(found: Findings, verifier: Verifier, request: Request, closest: Callable[[], ClosestSearch]) -> IKResult:
+    """Why there is no member; with the closest configuration, if it is wanted."""
+    mildest = found.mildest()
+    outcome = diagnosis.of_family(found.family.complete, found.family.branches, mildest, verifier.robot.joint_names)
+    target = found.members.target
+    p = _inside(target, 0.0 if mildest is None else mildest.parameter)
+    if not request.closest:
+        errors = verifier.measure(request.seed, found.members.pose_at(p))
+        seed = verifier.result(request.seed, outcome.status, errors, request.message(outcome.message))
+        return replace(seed, parameter=p)
+    nearby = [] if mildest is None else [mildest.q]
+    best: IKResult | None = None
+    for _ in range(AIMS if isinstance(target, FreeAxis) else 1):
+        result = closest().result(request._replace(target=found.members.pose_at(p)), outcome, nearby)
+        if best is None or result.success or _error(result) < _error(best):
+            best = replace(result, parameter=p if isinstance(target, FreeAxis) else float(result.q[2]))
+        if best.success:
+            break
+        last, p, nearby = p, _inside(target, found.members.parameter(result.q)), [result.q]
+        if abs(p - last) < SAME_AIM:
+            break
+    assert best is not None  # there is always a first aim
+    return best
+
+
+def _error(result: IKResult) -> float:
+    return pose_error.combined(result.position_error, result.orientation_error)
+
+
+def _inside(target: object, p: float) -> float:
+    """The parameter in the range of a target that is nearest to a value, up to whole turns."""
+    if not isinstance(target, FreeAxis):
+        return p
+    low, high = target.range
+    moved = p + TURN * round((0.5 * (low + high) - p) / TURN)
+    return min(max(moved, low), high)

@@ -1,0 +1,152 @@
+"""Solution curves of one arm: intervals of the parameter for a target, and points on them, by the compiled kernels."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from jacokin.arrays import Array
+from jacokin.ik.closed_form.compilation import KERNELS
+from jacokin.ik.closed_form.curves.curve_family import FIND_AT_PARAMETER, FIND_AT_SHARE, FIND_INTERVALS
+from jacokin.ik.closed_form.kernel_library import CurveCall
+from jacokin.ik.families import pieces
+from jacokin.ik.families.pieces import Found
+from jacokin.model.angles import TURN
+from jacokin.model.pose_targets import FreeAxis
+
+#: Index of the parameter among the seven joints of a chain: the free axis comes last, and joint 3 is in the middle.
+FREE_AXIS, JOINT_3 = 6, 2
+#: Values of the parameter that are solved at, for a full turn.
+SLICES_SIX, SLICES_SEVEN = 96, 48
+#: [rad] where they begin: no structured pose has a fold or a limit just there.
+FIRST_SLICE = -math.pi + 0.0123
+
+
+class Arm(NamedTuple):
+    """What the kernels know about an arm, as arrays that are not changed."""
+
+    parameter: int
+    chain: Array  # (7, 3, 4) of six joints, or (8, 3, 4) of seven
+    constants: Array  # (39,) of `closed_form.geometry`, or (12,) of `closed_form.curves.seven`
+    limits: Array  # (2, 7) [rad], infinite where some copy of every angle is within them
+
+
+class Problem(NamedTuple):
+    """One target for one arm."""
+
+    arm: Arm
+    chain: Array  # (8, 3, 4)
+    T: Array  # (4, 4)
+    axis: Array  # (3,) the free axis in the tool frame
+
+
+class Curves:
+    """Intervals and points of solution curves of one arm; may be shared between threads."""
+
+    __slots__ = ("_arm", "_idle")
+
+    def __init__(self, arm: Arm) -> None:
+        """Keep the arm, and load compiled kernels if there are any."""
+        self._arm = arm
+        self._idle: list[CurveCall] = []  # each thread takes one, or makes one, and puts it back
+        KERNELS.prepare()
+
+    def __reduce__(self) -> tuple[object, tuple[object, ...]]:
+        """Working memory is made anew."""
+        return Curves, (self._arm,)
+
+    def problem(self, T: Array, axis: Array | None = None) -> Problem:
+        """A target T_base_tool (4, 4), for six joints with a free axis (3,) in the tool frame."""
+        if axis is None:
+            return Problem(self._arm, self._arm.chain, T, np.zeros(3))
+        # Turning the tool about the axis by p is turning it back by a seventh joint of angle p about minus the axis.
+        align = _frame_with_z(-axis)
+        chain = np.zeros((8, 3, 4))
+        chain[:7] = self._arm.chain
+        chain[6, :, :3] = chain[6, :, :3] @ align
+        chain[7, :, :3] = align.T
+        return Problem(self._arm, chain, T, axis)
+
+    def find(self, problem: Problem, target: FreeAxis | None = None) -> Found:
+        """All pieces of the curves of a problem, in the range of a target."""
+        call = self._take(SLICES_SIX if problem.arm.parameter == FREE_AXIS else SLICES_SEVEN)
+        work, arm = call.work, problem.arm
+        values, closed = _slices(arm.parameter, target)
+        self._fill(call, problem)
+        if arm.parameter == FREE_AXIS:
+            work.six.chain[:] = arm.chain
+            work.six.arm[:] = arm.constants
+            work.six.limits[0], work.six.limits[1], work.six.limits[2] = -np.inf, np.inf, 0.0
+            work.six.axis[:] = problem.axis
+            work.six.seed[:] = 0.0
+        else:
+            work.seven.arm[:] = arm.constants
+        work.cuts.limits[:] = arm.limits
+        work.slices.p[: len(values)] = values
+        work.options[:] = FIND_INTERVALS, arm.parameter, len(values), int(closed)
+        found = pieces.read(work, call())
+        self._idle.append(call)
+        return found
+
+    def at_share(self, problem: Problem, chord: Array, share: float) -> Array | None:
+        """The point (7,) of a curve across the chord between two nodes (2, 14), at a share of it."""
+        return self._point(problem, chord, share, FIND_AT_SHARE)
+
+    def at_parameter(self, problem: Problem, chord: Array, parameter: float) -> Array | None:
+        """The point (7,) of a curve between two nodes (2, 14) where the parameter has a value between theirs [rad]."""
+        return self._point(problem, chord, parameter, FIND_AT_PARAMETER)
+
+    def _point(self, problem: Problem, chord: Array, at: float, task: int) -> Array | None:
+        call = self._take(1)
+        self._fill(call, problem)
+        call.work.chord[:] = chord
+        call.work.at[0] = at
+        call.work.options[:] = task, problem.arm.parameter, 0, 0
+        x = call.work.x.copy() if call() else None
+        self._idle.append(call)
+        return x
+
+    def _take(self, poses: int) -> CurveCall:
+        library = KERNELS.for_poses(poses)
+        while self._idle:
+            try:
+                call = self._idle.pop()
+            except IndexError:  # another thread was quicker
+                break
+            if call.library is library:
+                return call
+        return CurveCall(library)
+
+    def _fill(self, call: CurveCall, problem: Problem) -> None:
+        call.work.chain[:] = problem.chain
+        call.work.T[:] = problem.T
+
+
+def limits_of(lower: Array, upper: Array) -> Array:
+    """(2, 7) limits [rad] for the kernels from those of six or seven joints.
+
+    A joint that has a copy of every angle within its limits does not end an interval.
+    """
+    limits = np.array([np.full(7, -np.inf), np.full(7, np.inf)])
+    bounded = upper - lower < TURN
+    limits[0, : len(lower)][bounded] = lower[bounded]
+    limits[1, : len(upper)][bounded] = upper[bounded]
+    return limits
+
+
+def _slices(parameter: int, target: FreeAxis | None) -> tuple[Array, bool]:
+    """Values of the parameter to solve at, and whether they close the circle."""
+    slices = SLICES_SIX if parameter == FREE_AXIS else SLICES_SEVEN
+    if target is None or target.full_turn:
+        return np.asarray(FIRST_SLICE + TURN / slices * np.arange(slices)), True
+    low, high = target.range
+    return np.linspace(low, high, 2 + math.ceil(slices * (high - low) / TURN)), False
+
+
+def _frame_with_z(z: Array) -> Array:
+    """A rotation (3, 3) whose third column is a unit vector (3,)."""
+    x = np.cross(z, np.eye(3)[int(np.argmin(np.abs(z)))])
+    x /= np.linalg.norm(x)
+    return np.column_stack([x, np.cross(z, x), z])

@@ -1,0 +1,139 @@
+"""One interval of the parameter: a run of configurations that all reach the target within the limits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from jacokin.arrays import Array
+from jacokin.errors import InvalidInputError
+from jacokin.ik.families.choosing import Cost, by_distance, by_margin, least
+from jacokin.ik.families.members import Members
+from jacokin.ik.families.tracks import Track
+from jacokin.model import checks
+from jacokin.model.angles import TURN
+
+#: [rad] a value of the parameter this far outside an interval is at its end.
+PARAMETER_SLACK = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class IntervalEnd:
+    """Why an interval ends."""
+
+    kind: str
+    """"limit"; "fold", where two branches meet and exist no further; "range", of the target; "circle", where nothing
+    ends; "lost", where the curve could not be followed any further."""
+    joint: str | None = None
+    """The joint on its limit."""
+    limit: float | None = None
+    """That limit [rad]."""
+
+    def __str__(self) -> str:
+        """In words."""
+        return self.kind if self.joint is None else f"{self.joint} at its limit {self.limit:.6g} rad"
+
+
+class Interval:
+    """Configurations on one branch for start <= p <= stop; each reaches the target and is within the limits.
+
+    Attributes:
+        branch: number of the branch; two intervals on one branch are parts of one curve.
+        start: least value of the parameter [rad]; in [-pi, pi) when the parameter may go full circle.
+        stop: largest value of the parameter [rad]; at most start + 2 pi.
+        ends: why it ends at start and at stop.
+    """
+
+    __slots__ = ("_members", "_track", "branch", "ends", "start", "stop")
+
+    def __init__(self, members: Members, track: Track, branch: int, ends: tuple[IntervalEnd, IntervalEnd]) -> None:
+        """Take a track within the limits."""
+        self._members, self._track = members, track
+        self.branch, self.ends = branch, ends
+        self.start, self.stop = track.start, track.stop
+
+    def __repr__(self) -> str:
+        """Ends and their reasons."""
+        return f"Interval(branch {self.branch}, {self.start:.6f} ({self.ends[0]}) to {self.stop:.6f} ({self.ends[1]}))"
+
+    @property
+    def length(self) -> float:
+        """Stop - start [rad]."""
+        return self.stop - self.start
+
+    def contains(self, parameter: float) -> bool:
+        """Whether a value of the parameter, or one whole turns away, is in the interval."""
+        return self._moved_inside(checks.number("parameter", parameter, "rad")) is not None
+
+    def at(self, parameter: float, seed: ArrayLike | None = None) -> Array:
+        """The member (dof,) [rad] where the parameter has a value.
+
+        Args:
+            parameter: [rad] from start to stop, or whole turns away from there.
+            seed: (dof,) unlimited joints take the copy nearest to it [rad]; None for the seed of the family.
+
+        Raises:
+            InvalidInputError: the parameter is outside the interval.
+        """
+        p = self._moved_inside(checks.number("parameter", parameter, "rad"))
+        if p is None:
+            raise InvalidInputError(
+                f"parameter must be from {self.start:.17g} to {self.stop:.17g} rad, got {parameter!r}"
+            )
+        return self.member(p, self._track.at(p), self._seed(seed))
+
+    def nearest(self, seed: ArrayLike | None = None) -> Array:
+        """The member (dof,) [rad] nearest to a seed; None for the seed of the family."""
+        return self.choose(by_distance(self._seed(seed)), self._seed(seed))[1]
+
+    def widest(self) -> Array:
+        """The member (dof,) [rad] with the largest limit margin."""
+        return self.choose(by_margin(self._members.robot), self._members.seed)[1]
+
+    @property
+    def margin(self) -> float:
+        """The largest limit margin of a member [rad]; inf for an arm without limits."""
+        return -self.choose(by_margin(self._members.robot), self._members.seed)[0]
+
+    def choose(self, cost: Cost, seed: Array) -> tuple[float, Array, float]:
+        """Least cost, the member (dof,) that has it, and its parameter [rad]; for callers inside the package.
+
+        Args:
+            cost: of rows (m, dof).
+            seed: (dof,) unlimited joints take the copies nearest to it.
+        """
+        members, track = self._members, self._track
+        coordinates, rows = track.guesses()
+
+        def exact(coordinate: float) -> Array:
+            return members.copies(track.point(coordinate)[1], seed)
+
+        best = least(cost, coordinates, members.copies(rows, seed), exact)
+        p, q = track.point(best)
+        q = self.member(p, q, seed)
+        return float(cost(q[np.newaxis])[0]), q, p
+
+    def sample(self, n: int) -> tuple[Array, Array]:
+        """Values of the parameter (n,) and members (n, dof) [rad], spread over the interval; the middle for n = 1."""
+        if n == 1:
+            p = np.array([0.5 * (self.start + self.stop)])
+        else:
+            p = np.linspace(self.start, self.stop, n, endpoint=self.ends[1].kind != "circle")
+        return p, np.array([self.member(value, self._track.at(value), self._members.seed) for value in p.tolist()])
+
+    def member(self, parameter: float, q: Array, seed: Array) -> Array:
+        """A configuration (dof,) of the track, in the copies nearest to a seed, verified."""
+        return self._members.verified(self._members.copies(q, seed), parameter)
+
+    def _seed(self, seed: ArrayLike | None) -> Array:
+        return self._members.seed if seed is None else self._members.robot.configuration(seed, "seed")
+
+    def _moved_inside(self, p: float) -> float | None:
+        moved = p + TURN * round((0.5 * (self.start + self.stop) - p) / TURN)
+        if self.start <= p <= self.stop:
+            return p
+        if not self.start - PARAMETER_SLACK <= moved <= self.stop + PARAMETER_SLACK:
+            return None
+        return min(max(moved, self.start), self.stop)

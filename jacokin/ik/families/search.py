@@ -1,0 +1,154 @@
+"""From a target to its `Family`: which kind of free parameter it has, and what its intervals are."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from jacokin.arrays import Array
+from jacokin.ik.closed_form.solver import ClosedForm
+from jacokin.ik.diagnosis import Mildest
+from jacokin.ik.families import pieces
+from jacokin.ik.families.choosing import least
+from jacokin.ik.families.curves import FREE_AXIS, Arm, Curves, Problem, limits_of
+from jacokin.ik.families.family import Family
+from jacokin.ik.families.interval import Interval, IntervalEnd
+from jacokin.ik.families.members import Members
+from jacokin.ik.families.tracks import CircleTrack, CurveTrack, Track
+from jacokin.ik.verification import Verifier
+from jacokin.model import angles
+from jacokin.model.angles import TURN
+from jacokin.model.pose_targets import FreeAxis
+from jacokin.model.robot import Robot
+
+#: Sine and [m]: a free axis this near to the axis of the last joint is that axis. Members close to 1e-9 all the same.
+SAME_AXIS = 1e-10
+
+
+class Findings(NamedTuple):
+    """The family of a target, and what its members have in common."""
+
+    family: Family
+    members: Members
+    mildest: Callable[[], Mildest | None]  # of branches that break limits; None when nothing reaches the target
+
+
+class SixJointFamilies:
+    """Families of a six-joint arm whose tool may turn about an axis."""
+
+    __slots__ = ("_curves", "_form", "_tool_in_joint_6", "_verifier")
+
+    def __init__(self, form: ClosedForm, verifier: Verifier) -> None:
+        """Take the closed form of the arm."""
+        chain, constants, _ = form.constants
+        robot = verifier.robot
+        self._form, self._verifier = form, verifier
+        self._tool_in_joint_6 = chain[6]
+        self._curves = Curves(Arm(FREE_AXIS, chain, constants, limits_of(robot.lower, robot.upper)))
+
+    def find(self, target: FreeAxis, seed: Array) -> Findings:
+        """Everything that reaches a target; unlimited joints in the copies nearest to a seed (6,)."""
+        members = Members(self._verifier, target, seed)
+        sign = self._sign_of_last_axis(target.axis)
+        if sign != 0.0:
+            return self._about_last_axis(target, members, sign)
+        return on_curves(self._curves, self._curves.problem(target.matrix, target.axis), members)
+
+    def _sign_of_last_axis(self, axis: Array) -> float:
+        """1 or -1 where the axis (3,) in the tool frame is that of the last joint, else 0."""
+        last = self._tool_in_joint_6[2, :3]  # z of joint 6 in the tool frame
+        offset = math.hypot(*self._tool_in_joint_6[:2, 3].tolist())
+        if offset > SAME_AXIS or float(np.linalg.norm(np.cross(axis, last))) > SAME_AXIS:
+            return 0.0
+        return math.copysign(1.0, float(axis @ last))
+
+    def _about_last_axis(self, target: FreeAxis, members: Members, sign: float) -> Findings:
+        """Joint 6 takes up every turn, the others stay: the branches of one pose, and a range of joint 6 for each."""
+        robot = self._verifier.robot
+        table = self._form.solve_all(target.matrix, members.seed)
+        intervals, tracks = [], []
+        low, high = target.range
+        for branch, (q, margin) in enumerate(zip(table.q, table.margin, strict=True)):
+            tracks.append(CircleTrack(q, sign, low, high))
+            if (margin[:5] < 0.0).any():
+                continue
+            for start, stop, ends in _turns_of_joint_6(q[5], sign, target, robot.lower[5], robot.upper[5]):
+                reasons = (_end(ends[0], robot), _end(ends[1], robot))
+                intervals.append(Interval(members, CircleTrack(q, sign, start, stop), branch, reasons))
+        complete = not (table.dropped or table.family.any())
+        family = Family(tuple(intervals), members, branches=len(table), complete=complete)
+        return Findings(family, members, lambda: _mildest(tracks, robot))
+
+
+def _turns_of_joint_6(
+    q6: float, sign: float, target: FreeAxis, lower: float, upper: float
+) -> list[tuple[float, float, tuple[int, int]]]:
+    """Ranges of the parameter in which joint 6 has a copy within its limits, with the codes of their ends."""
+    low, high = target.range
+    if target.full_turn:
+        low, high = -math.pi, math.pi
+    free = pieces.SEAM if target.full_turn else pieces.RANGE
+    if upper - lower >= TURN:
+        return [(low, high, (free, free))]
+    edges = sorted((sign * (lower - q6), sign * (upper - q6)))
+    codes = (10, 11) if sign > 0.0 else (11, 10)  # of joint 6, see `limit_cuts`
+    found = []
+    for turn in range(math.floor((low - edges[1]) / TURN), math.ceil((high - edges[0]) / TURN) + 1):
+        a, b = edges[0] + TURN * turn, edges[1] + TURN * turn
+        if target.full_turn:
+            if low <= a < high:  # an interval may pass pi
+                found.append((a, b, codes))
+        elif max(a, low) <= min(b, high):
+            found.append((max(a, low), min(b, high), (codes[0] if a >= low else free, codes[1] if b <= high else free)))
+    return found
+
+
+def on_curves(curves: Curves, problem: Problem, members: Members) -> Findings:
+    """Everything on the solution curves of a problem."""
+    robot, target = members.robot, members.target
+    axis = target if isinstance(target, FreeAxis) else None
+    found = curves.find(problem, axis)
+    closed = axis is None or axis.full_turn
+    intervals = []
+    for piece in sorted(found.pieces, key=lambda piece: (piece.branch, piece.ends[0, problem.arm.parameter])):
+        ends = (_end(piece.codes[0], robot), _end(piece.codes[1], robot))
+        intervals.append(Interval(members, CurveTrack(curves, problem, piece, closed), piece.branch, ends))
+    family = Family(tuple(intervals), members, branches=len(found.arcs), complete=found.complete)
+
+    def mildest() -> Mildest | None:
+        whole = [pieces.whole(arc, branch) for branch, arc in enumerate(found.arcs)]
+        return _mildest([CurveTrack(curves, problem, piece, closed) for piece in whole], robot)
+
+    return Findings(family, members, mildest)
+
+
+def _mildest(tracks: Sequence[Track], robot: Robot) -> Mildest | None:
+    """Where tracks come nearest to the limits."""
+    bounded = robot.upper - robot.lower < TURN
+    lower, upper = np.where(bounded, robot.lower, -np.inf), np.where(bounded, robot.upper, np.inf)
+
+    def excess(rows: Array) -> Array:
+        beyond: Array = np.abs(angles.wrap_to_pi(rows - angles.into_limits(rows, lower, upper)))
+        return beyond
+
+    best: tuple[float, Track, float] | None = None
+    for track in tracks:
+        at = least(lambda rows: excess(rows).max(axis=1), *track.guesses(), track.joints)
+        worst = float(excess(track.joints(at)).max())
+        if best is None or worst < best[0]:
+            best = (worst, track, at)
+    if best is None:
+        return None
+    parameter, q = best[1].point(best[2])
+    return Mildest(angles.into_limits(q, robot.lower, robot.upper), excess(q), parameter)
+
+
+def _end(code: int, robot: Robot) -> IntervalEnd:
+    """An end in words from its code, see `pieces`."""
+    if code >= 0:
+        limit = (robot.lower, robot.upper)[code % 2][code // 2]
+        return IntervalEnd("limit", robot.joint_names[code // 2], float(limit))
+    return IntervalEnd({pieces.FOLD: "fold", pieces.RANGE: "range", pieces.SEAM: "circle", pieces.LOST: "lost"}[code])

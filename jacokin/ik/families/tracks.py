@@ -1,0 +1,140 @@
+"""What an interval runs along: a piece of a solution curve, or the circle that the last joint turns on.
+
+A track is walked by a coordinate of its own, in which it is smooth also where the parameter turns back.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+
+from jacokin.arrays import Array
+from jacokin.errors import JacokinError
+from jacokin.ik.families.curves import Curves, Problem
+from jacokin.ik.families.pieces import Piece
+from jacokin.model.angles import TURN
+
+#: [rad] distance in joint space between guesses along a track.
+GUESS_SPACING = 0.05
+
+
+class Track(Protocol):
+    """A run of configurations; angles are in any 2 pi copy."""
+
+    start: float
+    stop: float
+
+    def at(self, parameter: float) -> Array:
+        """(dof,) the configuration where the parameter has a value in [start, stop]."""
+
+    def point(self, coordinate: float) -> tuple[float, Array]:
+        """Parameter and configuration (dof,) at a coordinate."""
+
+    def joints(self, coordinate: float) -> Array:
+        """The configuration (dof,) at a coordinate."""
+        return self.point(coordinate)[1]
+
+    def guesses(self) -> tuple[Array, Array]:
+        """Coordinates (m,) in order, from start to stop, and the configurations there (m, dof) to about 1e-4 rad."""
+
+
+class CurveTrack(Track):
+    """A piece of a solution curve; the coordinate counts chords between nodes."""
+
+    __slots__ = ("_curves", "_parameter", "_piece", "_problem", "_turns", "start", "stop")
+
+    def __init__(self, curves: Curves, problem: Problem, piece: Piece, closed: bool) -> None:
+        """Take a piece; on a closed circle of parameters the start is moved into [-pi, pi)."""
+        self._curves, self._problem, self._piece = curves, problem, piece
+        self._parameter = problem.arm.parameter
+        start, stop = piece.ends[:, self._parameter].tolist()
+        turns = -TURN * np.floor((start + np.pi) / TURN) if closed else 0.0
+        self._turns = turns
+        self.start, self.stop = start + turns, max(start, stop) + turns
+
+    def at(self, parameter: float) -> Array:
+        """See `Track`."""
+        if parameter <= self.start or parameter >= self.stop:
+            return self._joints(self._piece.ends[0 if parameter <= self.start else 1])
+        first, last = self._piece.ends[:, self._parameter].tolist()
+        p = min(max(parameter - self._turns, first), last)
+        nodes = self._piece.nodes
+        chord = int(np.searchsorted(nodes[:, self._parameter], p)) - 1
+        chord = min(max(chord, 0), len(nodes) - 2)
+        return self._joints(self._found(self._curves.at_parameter(self._problem, nodes[chord : chord + 2], p)))
+
+    def point(self, coordinate: float) -> tuple[float, Array]:
+        """See `Track`."""
+        piece = self._piece
+        first, last = self._coordinates()
+        if coordinate <= first or coordinate >= last:
+            x = piece.ends[0 if coordinate <= first else 1]
+        else:
+            chord = min(int(coordinate), len(piece.nodes) - 2)
+            nodes = piece.nodes[chord : chord + 2]
+            x = self._found(self._curves.at_share(self._problem, nodes, coordinate - chord))
+        p = float(x[self._parameter]) + self._turns
+        return min(max(p, self.start), self.stop), self._joints(x)
+
+    def guesses(self) -> tuple[Array, Array]:
+        """See `Track`."""
+        nodes = self._piece.nodes
+        lengths = np.linalg.norm(np.diff(nodes[:, :7], axis=0), axis=1)
+        counts = np.maximum(1, np.ceil(lengths / GUESS_SPACING).astype(int))
+        chord = np.repeat(np.arange(len(counts)), counts)
+        within = np.arange(len(chord)) - np.repeat(np.cumsum(counts) - counts, counts)
+        coordinates = chord + within / counts[chord]
+        first, last = self._coordinates()
+        inside = (coordinates > first) & (coordinates < last)
+        coordinates, chord = coordinates[inside], chord[inside]
+        u = (coordinates - chord)[:, np.newaxis]
+        v, length = 1.0 - u, lengths[chord][:, np.newaxis]
+        a, b = nodes[chord], nodes[chord + 1]
+        x = (
+            (1.0 + 2.0 * u) * v * v * a[:, :7]
+            + u * v * v * length * a[:, 7:]
+            + u * u * (3.0 - 2.0 * u) * b[:, :7]
+            - u * u * v * length * b[:, 7:]
+        )
+        points = np.vstack([self._piece.ends[0], x, self._piece.ends[1]])
+        return np.concatenate([[first], coordinates, [last]]), self._joints(points)
+
+    def _coordinates(self) -> tuple[float, float]:
+        return self._piece.shares[0], len(self._piece.nodes) - 2 + self._piece.shares[1]
+
+    def _joints(self, x: Array) -> Array:
+        """(..., 6) of six joints and an axis, (..., 7) of seven joints."""
+        return x[..., :6] if self._parameter == 6 else x
+
+    def _found(self, x: Array | None) -> Array:
+        if x is None:
+            raise JacokinError("internal error: a point of a solution curve was lost, please report it")
+        return x
+
+
+class CircleTrack(Track):
+    """A branch of a six-joint arm whose free axis is the axis of its last joint; the coordinate is the parameter."""
+
+    __slots__ = ("_q", "_sign", "start", "stop")
+
+    def __init__(self, q: Array, sign: float, start: float, stop: float) -> None:
+        """Take the branch (6,) at parameter 0, and the sign of the last joint's turn."""
+        self._q, self._sign, self.start, self.stop = q, sign, start, stop
+
+    def at(self, parameter: float) -> Array:
+        """See `Track`."""
+        q = self._q.copy()
+        q[5] += self._sign * parameter
+        return q
+
+    def point(self, coordinate: float) -> tuple[float, Array]:
+        """See `Track`."""
+        return coordinate, self.at(coordinate)
+
+    def guesses(self) -> tuple[Array, Array]:
+        """See `Track`."""
+        p = np.linspace(self.start, self.stop, 2 + int((self.stop - self.start) / GUESS_SPACING))
+        q = np.tile(self._q, (len(p), 1))
+        q[:, 5] += self._sign * p
+        return p, q

@@ -1,0 +1,213 @@
+"""A tool that may turn about one axis: intervals against a scan of the closed form, members, statuses, mistakes."""
+
+from __future__ import annotations
+
+import math
+import pickle
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import jacokin
+from jacokin import FreeAxis, IKSolver, Robot, Status
+from jacokin.arrays import Array
+from jacokin.errors import InvalidInputError, StructureError
+from jacokin.ik import Family
+from jacokin.model.angles import wrap_to_pi
+
+AXES = {"tool x": (1.0, 0.0, 0.0), "last joint": (0.0, 0.0, -1.0), "skew": (0.3, -0.5, 0.4)}
+RANGES = {"circle": (-math.pi, math.pi), "part": (-0.7, 1.1), "past pi": (2.5, 4.0)}
+
+
+@pytest.fixture(scope="module")
+def solver() -> IKSolver:
+    jacokin.warmup()
+    return IKSolver(jacokin.load_robot())
+
+
+def scan(solver: IKSolver, target: FreeAxis, parameters: Array) -> NDArray[np.int64]:
+    """How many branches are within the limits at each parameter, pose by pose."""
+    poses = np.array([target.at(p).homogeneous for p in parameters])
+    rows = solver.closed_form().solve_batch(poses, np.tile(solver.robot.home, (len(poses), 1)))
+    return rows.branches_within_limits
+
+
+def counted(family: Family, parameters: Array) -> NDArray[np.int64]:
+    """How many intervals hold each parameter."""
+    return np.array([sum(interval.contains(p) for interval in family) for p in parameters])
+
+
+@pytest.mark.parametrize("limits", RANGES)
+@pytest.mark.parametrize("axis", AXES)
+def test_intervals_are_those_of_a_scan(solver: IKSolver, rng: np.random.Generator, axis: str, limits: str) -> None:
+    for q in solver.robot.sample(rng, 3):
+        target = FreeAxis(solver.robot.forward_kinematics(q), axis=AXES[axis], range=RANGES[limits])
+        family = solver.solve_all(target)
+        assert family.complete
+        low, high = RANGES[limits]
+        parameters = rng.uniform(low, high, 400)
+        ends = [p for interval in family for p in (interval.start, interval.stop)]
+        apart = [min(np.abs(wrap_to_pi(p - np.array([*ends, p + 1.0])))) > 1e-8 for p in parameters]
+        parameters = parameters[apart]
+        np.testing.assert_array_equal(counted(family, parameters), scan(solver, target, parameters))
+
+
+@pytest.mark.parametrize("axis", AXES)
+def test_members_reach_the_target_within_the_limits(solver: IKSolver, rng: np.random.Generator, axis: str) -> None:
+    robot = solver.robot
+    for q in robot.sample(rng, 4):
+        target = FreeAxis(robot.forward_kinematics(q), axis=AXES[axis])
+        for interval in solver.solve_all(target):
+            assert -math.pi <= interval.start < math.pi
+            assert interval.start <= interval.stop <= interval.start + 2.0 * math.pi
+            for p in (interval.start, *rng.uniform(interval.start, interval.stop, 5), interval.stop):
+                member = interval.at(p)
+                assert robot.within_limits(member)
+                error = target.at(p).actInv(robot.forward_kinematics(member))
+                assert np.abs(error.homogeneous - np.eye(4)).max() < 1e-9
+
+
+def test_an_interval_ends_where_its_joint_is_on_its_limit(solver: IKSolver, rng: np.random.Generator) -> None:
+    robot, seen = solver.robot, 0
+    for q in robot.sample(rng, 20):
+        for interval in solver.solve_all(FreeAxis(robot.forward_kinematics(q), axis=(1.0, 0.2, 0.0))):
+            for p, end in zip((interval.start, interval.stop), interval.ends, strict=True):
+                if end.kind == "limit":
+                    assert end.joint is not None
+                    assert interval.at(p)[robot.joint_index(end.joint)] == end.limit
+                    seen += 1
+    assert seen > 10
+
+
+@pytest.mark.parametrize("axis", AXES)
+def test_the_nearest_member_to_a_member_is_itself(solver: IKSolver, rng: np.random.Generator, axis: str) -> None:
+    for q in solver.robot.sample(rng, 5):
+        target = FreeAxis(solver.robot.forward_kinematics(q), axis=AXES[axis])
+        result = solver.solve(target, seed=q).raise_for_status()
+        np.testing.assert_allclose(result.q, q, atol=1e-7)
+        assert result.parameter == pytest.approx(0.0, abs=1e-7)
+
+
+@pytest.mark.parametrize("axis", AXES)
+def test_no_other_member_is_nearer_to_the_seed(solver: IKSolver, rng: np.random.Generator, axis: str) -> None:
+    robot = solver.robot
+    for q, seed in zip(robot.sample(rng, 4), robot.sample(rng, 4), strict=True):
+        target = FreeAxis(robot.forward_kinematics(q), axis=AXES[axis])
+        result = solver.solve(target, seed=seed).raise_for_status()
+        assert result.parameter is not None
+        family = solver.solve_all(target, seed=seed)
+        best = min(np.linalg.norm(row - seed) for row in family.sample(2000))
+        assert np.linalg.norm(result.q - seed) <= best + 1e-9
+        error = target.at(result.parameter).actInv(robot.forward_kinematics(result.q))
+        assert np.abs(error.homogeneous - np.eye(4)).max() < 1e-9
+
+
+def test_the_widest_member_has_the_largest_margin(solver: IKSolver, rng: np.random.Generator) -> None:
+    robot = solver.robot
+
+    def margin(q: Array) -> float:
+        return float(np.minimum(q - robot.lower, robot.upper - q).min())
+
+    for q in robot.sample(rng, 3):
+        family = solver.solve_all(FreeAxis(robot.forward_kinematics(q), axis=(1.0, 0.0, 0.0)))
+        widest = family.widest()
+        assert widest is not None
+        assert margin(widest) == pytest.approx(max(interval.margin for interval in family))
+        assert margin(widest) >= max(map(margin, family.sample(2000))) - 1e-9
+
+
+def test_members_are_spread_over_all_intervals(solver: IKSolver) -> None:
+    family = solver.solve_all(FreeAxis(solver.robot.forward_kinematics(solver.robot.home), axis=(0.0, 1.0, 0.0)))
+    assert len(family.sample(50)) == 50
+    assert len(family.sample(1)) == len(family) > 1
+    assert [family.parameter(q) for q in family.sample(len(family))] == pytest.approx(
+        [float(wrap_to_pi(0.5 * (interval.start + interval.stop))) for interval in family]
+    )
+
+
+def test_a_turn_about_the_last_axis_is_a_turn_of_joint_6(solver: IKSolver) -> None:
+    robot = solver.robot
+    target = FreeAxis(robot.forward_kinematics(robot.home), axis=(0.0, 0.0, 1.0))
+    family = solver.solve_all(target)
+    branches = solver.solve_all(target.pose)
+    assert len(family) == branches.within_limits.sum()
+    rows = family.sample(40)
+    assert len(np.unique(rows[:, :5].round(9), axis=0)) == len(family)
+
+
+def test_own_limits_of_joint_6_cut_the_circle(rng: np.random.Generator) -> None:
+    robot = jacokin.load_robot(limits={"joint_6": (-1.0, 2.0)})
+    for q in robot.sample(rng, 5):
+        for axis in ((0.0, 0.0, 1.0), (0.0, 0.0, -1.0), (1.0, 0.0, 0.0)):
+            target = FreeAxis(robot.forward_kinematics(q), axis=axis)
+            family = IKSolver(robot).solve_all(target)
+            parameters = rng.uniform(-math.pi, math.pi, 200)
+            np.testing.assert_array_equal(counted(family, parameters), scan(IKSolver(robot), target, parameters))
+
+
+def test_statuses_name_the_reason(solver: IKSolver) -> None:
+    far = solver.solve(FreeAxis(jacokin.pose((2.0, 0.0, 0.0)), axis=(1.0, 0.0, 0.0)), closest=False)
+    assert far.status is Status.UNREACHABLE
+    tight = solver.solve(FreeAxis(jacokin.pose((0.05, 0.05, 0.2), down=True), axis=(0.0, 0.0, 1.0)), closest=False)
+    assert tight.status is Status.OUTSIDE_LIMITS
+    assert "joint_3 by 0.07663" in tight.message
+
+
+def test_a_failure_comes_with_the_closest_configuration(solver: IKSolver) -> None:
+    target = FreeAxis(jacokin.pose((0.05, 0.05, 0.2), down=True), axis=(0.0, 0.0, 1.0))
+    result = solver.solve(target)
+    assert result.status is Status.OUTSIDE_LIMITS
+    assert solver.robot.within_limits(result.q)
+    assert result.position_error + 0.1 * result.orientation_error < 0.01
+    assert result.parameter is not None
+
+
+def test_contact_is_avoided_among_the_members(rng: np.random.Generator) -> None:
+    robot = jacokin.load_robot()
+    solver = IKSolver(robot, collision="reject")
+    for q in robot.sample(rng, 3):
+        result = solver.solve(FreeAxis(robot.forward_kinematics(q), axis=(1.0, 0.0, 0.0)), seed=q)
+        assert result.status in (Status.OK, Status.IN_COLLISION)
+        assert bool(result.touching) == (result.status is Status.IN_COLLISION)
+
+
+@pytest.mark.parametrize(
+    ("axis", "limits", "message"),
+    [
+        ((0.0, 0.0, 0.0), (-1.0, 1.0), "axis must have a direction"),
+        ((1.0, 0.0), (-1.0, 1.0), "axis must have shape"),
+        ((1.0, 0.0, math.nan), (-1.0, 1.0), "axis must be finite"),
+        ((1.0, 0.0, 0.0), (1.0, -1.0), "least < largest"),
+        ((1.0, 0.0, 0.0), (1.0, 1.0), "least < largest"),
+        ((1.0, 0.0, 0.0), (-1.0, math.nan), "range must be finite"),
+        ((1.0, 0.0, 0.0), (-4.0, 4.0), "at most one turn"),
+    ],
+)
+def test_malformed_targets_are_refused(axis: tuple[float, ...], limits: tuple[float, float], message: str) -> None:
+    with pytest.raises(InvalidInputError, match=message):
+        FreeAxis(jacokin.pose((0.3, 0.0, 0.3)), axis=axis, range=limits)
+
+
+def test_a_target_is_immutable_and_survives_pickling() -> None:
+    target = FreeAxis(jacokin.pose((0.3, 0.0, 0.3)), axis=(0.0, 3.0, 0.0), range=(0.0, 1.0))
+    with pytest.raises(ValueError, match="read-only"):
+        target.matrix[0, 3] = 1.0
+    again = pickle.loads(pickle.dumps(target))
+    assert again.range == (0.0, 1.0)
+    np.testing.assert_array_equal(again.axis, (0.0, 1.0, 0.0))
+    np.testing.assert_array_equal(again.at(0.4).homogeneous, target.at(0.4).homogeneous)
+
+
+def test_a_free_axis_needs_the_closed_form(robot: Robot) -> None:
+    target = FreeAxis(robot.forward_kinematics(robot.home), axis=(1.0, 0.0, 0.0))
+    with pytest.raises((InvalidInputError, StructureError), match="closed form"):
+        IKSolver(robot, method="qp").solve(target)
+
+
+def test_parameters_outside_are_refused(solver: IKSolver) -> None:
+    target = FreeAxis(solver.robot.forward_kinematics(solver.robot.home), axis=(1.0, 0.0, 0.0), range=(-0.1, 0.1))
+    interval = solver.solve_all(target).intervals[0]
+    with pytest.raises(InvalidInputError, match="parameter must be from"):
+        interval.at(1.0)
+    np.testing.assert_allclose(interval.at(interval.start + 2.0 * math.pi), interval.at(interval.start), atol=1e-12)
