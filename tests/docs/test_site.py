@@ -6,6 +6,7 @@ import importlib.util
 import inspect
 import re
 import struct
+import tomllib
 from pathlib import Path
 from types import ModuleType
 
@@ -133,3 +134,19 @@ def test_the_files_that_the_overview_names_exist_and_hold_what_it_says() -> None
     for name, thing in holds.items():
         assert f"`{name}`" in text
         assert thing in (package / name).read_text(encoding="utf-8"), name
+
+
+def test_every_dependency_is_described() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    text = (DOCS / "dependencies.md").read_text(encoding="utf-8")
+    needed, extras = text.split("Extras, installed")
+    assert sorted(re.findall(r"^\| `([\w-]+)` \|", needed, re.M)) == sorted(_names(project["dependencies"]))
+    for extra, packages in project["optional-dependencies"].items():
+        if extra in ("test", "docs", "release"):
+            continue
+        for name in _names(packages):
+            assert f"| `{extra}` | `{name}` |" in extras
+
+
+def _names(requirements: list[str]) -> list[str]:
+    return [re.split(r"[\[<>=!~; ]", requirement)[0] for requirement in requirements]
