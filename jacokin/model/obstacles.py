@@ -109,6 +109,34 @@ class Capsule:
         _add(body, self.name, mujoco.mjtGeom.mjGEOM_CAPSULE, [self.radius, 0.5 * self.length], self.pose)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Cylinder:
+    """A cylinder along its z axis with flat ends.
+
+    Attributes:
+        name: name of the shape.
+        radius: [m].
+        length: [m].
+        pose: where its centre is: T_base_cylinder, or a position (3,) [m].
+    """
+
+    name: str
+    radius: float
+    length: float
+    pose: pin.SE3 | ArrayLike
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        _check_name(self.name)
+        object.__setattr__(self, "radius", checks.positive(f"{self.name}: radius", self.radius, "m"))
+        object.__setattr__(self, "length", checks.positive(f"{self.name}: length", self.length, "m"))
+        object.__setattr__(self, "pose", _pose(f"{self.name}: pose", self.pose))
+
+    def add_to(self, body: mujoco.MjsBody) -> None:
+        """Add the shape to the base body."""
+        _add(body, self.name, mujoco.mjtGeom.mjGEOM_CYLINDER, [self.radius, 0.5 * self.length], self.pose)
+
+
 @dataclass(frozen=True, slots=True)
 class Floor:
     """A horizontal plane; everything below it is solid.
@@ -145,7 +173,7 @@ def checked_obstacles(obstacles: Iterable[Obstacle]) -> tuple[Obstacle, ...]:
         name = getattr(shape, "name", None)
         if not callable(getattr(shape, "add_to", None)) or not isinstance(name, str) or not name:
             raise InvalidInputError(
-                f"obstacles must each be a Box, Sphere, Capsule or Floor with a name, got {checks.shown(shape)}"
+                f"obstacles must each be a Box, Sphere, Capsule, Cylinder or Floor with a name, got {checks.shown(shape)}"
             )
         if name in names:
             raise InvalidInputError(f"the name {name!r} is used by two shapes; names must differ")
@@ -164,6 +192,15 @@ def add_to_spec(spec: mujoco.MjSpec, obstacles: Iterable[Obstacle]) -> None:
         if obstacle.name in taken:
             raise InvalidInputError(f"the name {obstacle.name!r} is used by a shape of the arm; names must differ")
         obstacle.add_to(spec.worldbody)
+
+
+def add_pairs(spec: mujoco.MjSpec, obstacles: Iterable[Obstacle]) -> None:
+    """Let MuJoCo test each obstacle against each shape that moves."""
+    names = {obstacle.name for obstacle in obstacles}
+    moving = [geom.name for geom in spec.geoms if geom.name not in names and geom.parent.parent.name != "world"]
+    for name in names:
+        for other in moving:
+            spec.add_pair(name=f"{name}~{other}", geomname1=name, geomname2=other)
 
 
 def collision_pairs(

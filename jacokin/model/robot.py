@@ -9,6 +9,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 import pinocchio as pin
@@ -22,6 +23,13 @@ from jacokin.model.source import Home, Source
 
 # Half-open bounds for sampling an unlimited joint [rad].
 UNLIMITED_RANGE = (-np.pi, np.pi)
+
+
+class Surroundings(Protocol):
+    """What `Robot.clearance` measures against: a `Scene`."""
+
+    def measure(self, robot: Robot, rows: Array, *, self_collision: bool = False) -> Array:
+        """Distances (n,) [m] for configurations (n, dof) [rad]."""
 
 
 class Robot:
@@ -293,6 +301,32 @@ class Robot:
             return rng.uniform(lower, upper, self.dof if size is None else (size, self.dof))
         except (MemoryError, ValueError, OverflowError) as error:
             raise InvalidInputError(f"size {size} is too large: that many samples do not fit in memory") from error
+
+    def clearance(self, q: ArrayLike, scene: Surroundings, *, self_collision: bool = False) -> float | Array:
+        """Smallest distance between the arm's collision shapes and those of a scene.
+
+        Args:
+            q: (dof,) or (n, dof) joint angles [rad].
+            scene: a `jacokin.ik.Scene`.
+            self_collision: True to measure the arm's own shapes against each other too.
+
+        Returns:
+            Distance [m], one for each row of `q`: negative where shapes overlap, infinite without any pair of shapes.
+
+        Raises:
+            InvalidInputError: `q` malformed, not a Scene, or an obstacle has the name of a shape of the arm.
+            ModelError: the description has no collision shapes, or they cannot be loaded.
+        """
+        if not callable(getattr(scene, "measure", None)):
+            raise InvalidInputError(f"scene must be a Scene, got {shown(scene)}")
+        checks.flag("self_collision", self_collision)
+        try:
+            single = checks.numbers(q).ndim == 1
+        except (TypeError, ValueError):
+            single = True  # `configuration` names what is wrong
+        rows = self.configuration(q)[np.newaxis] if single else checks.matrix("q", q, self.dof, "rad")
+        found = scene.measure(self, rows, self_collision=self_collision)
+        return float(found[0]) if single else found
 
     @cached_property
     def home(self) -> Array:

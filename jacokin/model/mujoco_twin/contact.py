@@ -1,8 +1,9 @@
-"""Does the arm touch itself? Asked of MuJoCo, on the collision shapes of the description."""
+"""Does the arm touch itself, or an obstacle? Asked of MuJoCo, on the collision shapes of the description."""
 
 from __future__ import annotations
 
 import threading
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from numpy.typing import ArrayLike
@@ -10,41 +11,57 @@ from numpy.typing import ArrayLike
 from jacokin.errors import ModelError
 
 if TYPE_CHECKING:
+    from jacokin.model.obstacles import Obstacle
     from jacokin.model.robot import Robot
 
 
-class SelfContact:
-    """Self-contact of one robot; may be shared between threads, each of which gets working memory of its own.
+class Contact:
+    """Contact of one robot with itself and with obstacles; may be shared between threads.
+
+    Each thread gets working memory of its own.
 
     Attributes:
         pairs: how many pairs of shapes are tested.
     """
 
-    def __init__(self, robot: Robot) -> None:
-        """Build the shapes of the robot in MuJoCo.
+    def __init__(
+        self,
+        robot: Robot,
+        obstacles: Sequence[Obstacle] = (),
+        *,
+        clearance: float = 0.0,
+        finger_angle: float | None = None,
+    ) -> None:
+        """Build the shapes in MuJoCo.
+
+        Args:
+            robot: the arm.
+            obstacles: checked obstacles, in the base frame.
+            clearance: shapes this near to each other count as touching [m].
+            finger_angle: angle of the joints off the arm [rad]; None for the one the robot was loaded with.
 
         Raises:
-            InvalidInputError: `robot` is not a Robot.
+            InvalidInputError: `robot` is not a Robot, an obstacle has the name of a shape of the arm, or no finger can
+                take the angle.
             ModelError: the description's shapes cannot be loaded.
         """
         import mujoco
 
-        from jacokin.model.mujoco_twin.export import to_mujoco
+        from jacokin.model.mujoco_twin.export import to_spec
+        from jacokin.model.obstacles import add_pairs, add_to_spec
+        from jacokin.model.robot import checked_robot
 
         self._mujoco = mujoco
-        self._robot = robot
-        self._model = to_mujoco(robot, geometry=True)
+        self._robot = checked_robot("robot", robot)
+        self._clearance = clearance
+        spec = to_spec(robot, geometry=True, finger_angle=finger_angle)
+        add_to_spec(spec, obstacles)
+        add_pairs(spec, obstacles)
+        for pair in spec.pairs:
+            pair.margin = clearance
+        self._model = spec.compile()
         self._local = threading.local()
         self.pairs = int(self._model.npair)
-
-    @classmethod
-    def of(cls, robot: Robot) -> SelfContact | None:
-        """A checker, or None when the description has no shapes to check."""
-        try:
-            checker = cls(robot)
-        except ModelError:
-            return None
-        return checker if checker.pairs else None
 
     def touching(self, q: ArrayLike) -> list[tuple[str, str]]:
         """Names of the shapes that touch at `q` (dof,) [rad]; empty when none do.
@@ -64,6 +81,28 @@ class SelfContact:
         touching = [
             (self._model.geom(int(a)).name, self._model.geom(int(b)).name)
             for (a, b), distance in zip(contact.geom, contact.dist, strict=True)
-            if distance <= 0.0
+            if distance <= self._clearance
         ]
         return sorted(set(touching))
+
+
+class SelfContact(Contact):
+    """Self-contact of one robot; may be shared between threads."""
+
+    def __init__(self, robot: Robot) -> None:
+        """Build the shapes of the robot in MuJoCo.
+
+        Raises:
+            InvalidInputError: `robot` is not a Robot.
+            ModelError: the description's shapes cannot be loaded.
+        """
+        super().__init__(robot)
+
+    @classmethod
+    def of(cls, robot: Robot) -> SelfContact | None:
+        """A checker, or None when the description has no shapes to check."""
+        try:
+            checker = cls(robot)
+        except ModelError:
+            return None
+        return checker if checker.pairs else None

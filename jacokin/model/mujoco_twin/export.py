@@ -37,8 +37,11 @@ def to_mujoco(robot: Robot, *, geometry: bool = False) -> mujoco.MjModel:
     return to_spec(checked_robot("robot", robot), geometry=checks.flag("geometry", geometry)).compile()
 
 
-def to_spec(robot: Robot, *, geometry: bool = False) -> mujoco.MjSpec:
-    """As `to_mujoco`, before compiling: scene geometry can still be added."""
+def to_spec(robot: Robot, *, geometry: bool = False, finger_angle: float | None = None) -> mujoco.MjSpec:
+    """As `to_mujoco`, before compiling: scene geometry can still be added.
+
+    With `finger_angle` [rad] the shapes of the fingers stand at that angle instead of the robot's own.
+    """
     model = robot.pin_model
     spec = mujoco.MjSpec()
     spec.modelname = robot.name
@@ -62,7 +65,7 @@ def to_spec(robot: Robot, *, geometry: bool = False) -> mujoco.MjSpec:
             name=name, pos=frame.placement.translation, quat=poses.quaternion(frame.placement.rotation)
         )
     if geometry:
-        add_shapes(spec, carriers, robot)
+        add_shapes(spec, carriers, robot, finger_angle)
     return spec
 
 
