@@ -50,10 +50,12 @@ if TYPE_CHECKING:
     from jacokin.ik.tracking.tracker import Tracker as Tracker
     from jacokin.model.obstacles import Box as Box
     from jacokin.model.obstacles import Capsule as Capsule
+    from jacokin.model.obstacles import Cylinder as Cylinder
     from jacokin.model.obstacles import Floor as Floor
     from jacokin.model.obstacles import Obstacle as Obstacle
     from jacokin.model.obstacles import Sphere as Sphere
     from jacokin.model.pose_targets import FreeAxis as FreeAxis
+    from jacokin.model.scenes.scene import Scene as Scene
 
 __all__, __getattr__, __dir__ = lazy.door(
     __name__,
@@ -93,11 +95,13 @@ __all__, __getattr__, __dir__ = lazy.door(
         "jacokin.model.obstacles": (
             "Box",
             "Capsule",
+            "Cylinder",
             "Floor",
             "Obstacle",
             "Sphere",
         ),
         "jacokin.model.pose_targets": ("FreeAxis",),
+        "jacokin.model.scenes.scene": ("Scene",),
         "jacokin.ik.files.targets_csv": (
             "TargetFile",
             "read_targets",

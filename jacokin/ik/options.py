@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
+from jacokin.errors import InvalidInputError
 from jacokin.model import checks
+
+if TYPE_CHECKING:
+    from jacokin.model.scenes.scene import Scene
 
 METHODS = ("auto", "closed_form", "qp")
 COLLISION = ("ignore", "report", "reject")
@@ -33,7 +38,8 @@ class Options:
 
     Raises:
         UnknownNameError: unknown method or collision mode.
-        InvalidInputError: a tolerance that is not positive, a negative number of restarts.
+        InvalidInputError: a tolerance that is not positive, a negative number of restarts, a scene that is not one, or
+            a scene or clearance with collision="ignore".
     """
 
     method: str = "auto"
@@ -43,6 +49,8 @@ class Options:
     orientation_tolerance: float = ORIENTATION_TOLERANCE
     limit_snap: float = LIMIT_SNAP
     max_restarts: int = MAX_RESTARTS
+    scene: Scene | None = None
+    clearance: float = 0.0
 
     def __post_init__(self) -> None:
         """Check every option once."""
@@ -52,3 +60,11 @@ class Options:
         checks.positive("orientation_tolerance", self.orientation_tolerance, "rad")
         checks.non_negative("limit_snap", self.limit_snap, "rad")
         checks.whole_number("max_restarts", self.max_restarts)
+        checks.non_negative("clearance", self.clearance, "m")
+        if self.scene is not None:
+            from jacokin.model.scenes.scene import checked_scene  # loads MuJoCo
+
+            checked_scene("scene", self.scene)
+        if self.collision == "ignore" and (self.scene is not None or self.clearance):
+            name = "scene" if self.scene is not None else "clearance"
+            raise InvalidInputError(f"{name} has no effect with collision='ignore'; use 'report' or 'reject'")

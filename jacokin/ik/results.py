@@ -47,7 +47,7 @@ class Status(Enum):
         "or load the robot with wider limits if yours allows it"
     )
     IN_COLLISION = (
-        "the pose is reached only with the arm touching itself: turn or shift the target, "
+        "the pose is reached only with the arm touching itself or an obstacle: turn or shift the target, "
         "or use collision='report' to get the configuration anyway"
     )
     NO_CONVERGENCE = (
@@ -80,7 +80,7 @@ class IKResult(Frozen):
     message: str
     """What happened in this solve, with numbers."""
     touching: tuple[tuple[str, str], ...] = ()
-    """Pairs of shapes that touch at `q`; filled when the solver looks for self-contact."""
+    """Pairs of shapes that touch at `q`; filled when the solver looks for contact."""
     parameter: float | None = None
     """Value of the free parameter at `q` [rad]: the angle about a free axis, or joint 3 of a seven-joint arm."""
 

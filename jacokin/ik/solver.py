@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from jacokin.ik.families.family import Family
     from jacokin.ik.families.search import SixJointFamilies
     from jacokin.ik.qp.search import QPSearch
+    from jacokin.model.scenes.scene import Scene
 
 
 class IKSolver:
@@ -62,6 +63,8 @@ class IKSolver:
         orientation_tolerance: float = ORIENTATION_TOLERANCE,
         limit_snap: float = LIMIT_SNAP,
         max_restarts: int = MAX_RESTARTS,
+        scene: Scene | None = None,
+        clearance: float = 0.0,
         warm: bool | None = False,
     ) -> None:
         """Prepare a solver, and load what solving needs: no later call waits for an import.
@@ -72,11 +75,14 @@ class IKSolver:
             tool: T_frame_tool, a constant pose after the frame.
             method: "auto" (closed form where it applies, else QP), "closed_form" or "qp".
             qp_solver: a QP solver installed for qpsolvers: "daqp", "osqp", "proxqp", "quadprog".
-            collision: self-contact is "ignore"d, "report"ed in the result, or "reject"ed for another branch.
+            collision: contact of the arm with itself and with the scene is "ignore"d, "report"ed in the result, or
+                "reject"ed for another branch.
             position_tolerance: a success is this near in position [m].
             orientation_tolerance: a success is this near in orientation [rad].
             limit_snap: a closed-form branch past a limit by no more than this [rad] is put on it and measured again.
             max_restarts: random starts of the QP after the first ones.
+            scene: obstacles around the arm; they count as self-contact does.
+            clearance: shapes this near to each other count as touching [m].
             warm: True compiles the closed form, if no cache holds it, before the first solve (10 to 30 s, once); False
                 leaves that to the background; None loads nothing before it is needed, for programs that solve once.
 
@@ -84,14 +90,22 @@ class IKSolver:
             UnknownNameError: unknown frame, method, collision mode or QP solver.
             MissingExtraError: the QP solver comes with an extra that is not installed.
             InvalidInputError: a tolerance that is not positive, a negative number of restarts, a malformed tool, or a
-                frame that no joint moves; warm is not a bool or None.
+                frame that no joint moves; warm is not a bool or None; a scene or clearance with collision="ignore".
             StructureError: method="closed_form" and the robot has another structure.
             JacokinError: warm=True and the closed form could not be compiled.
-            ModelError: self-contact is asked for and the description has no shapes to check.
+            ModelError: contact is asked for and the description has no shapes to check.
         """
         checked_robot("robot", robot)
         options = Options(
-            method, qp_solver, collision, position_tolerance, orientation_tolerance, limit_snap, max_restarts
+            method=method,
+            qp_solver=qp_solver,
+            collision=collision,
+            position_tolerance=position_tolerance,
+            orientation_tolerance=orientation_tolerance,
+            limit_snap=limit_snap,
+            max_restarts=max_restarts,
+            scene=scene,
+            clearance=clearance,
         )
         self._frame_id = robot.frame_id(frame)
         name = robot.default_frame if frame is None else frame
@@ -127,6 +141,11 @@ class IKSolver:
     def tool(self) -> pin.SE3 | None:
         """Constant pose of the tool in that frame, a copy; or None."""
         return None if self._verifier.tool is None else self._verifier.tool.copy()
+
+    @property
+    def options(self) -> Options:
+        """The options it was made with."""
+        return self._options
 
     @property
     def method(self) -> str:
@@ -359,7 +378,7 @@ class IKSolver:
                 message = request.message(f"branch {index + 1} of {len(rows)}")
                 return verifier.result(q, Status.OK, errors, message, touching=pairs)
             if touched is None:
-                status, why = diagnosis.of_contact("every branch within the limits touches itself; the nearest", pairs)
+                status, why = diagnosis.of_contact("every branch within the limits is in contact; the nearest", pairs)
                 touched = verifier.result(q, status, errors, request.message(why), touching=pairs)
         if touched is not None:
             return touched
@@ -372,7 +391,8 @@ class IKSolver:
 
 
 def _rebuild(robot: Robot, frame: str, tool: pin.SE3 | None, options: Options) -> IKSolver:
-    return IKSolver(robot, frame, tool=tool, **dataclasses.asdict(options))
+    given = {field.name: getattr(options, field.name) for field in dataclasses.fields(options)}
+    return IKSolver(robot, frame, tool=tool, **given)
 
 
 def solve_ik(

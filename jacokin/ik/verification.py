@@ -16,7 +16,7 @@ from jacokin.ik.results import IKResult, Status
 from jacokin.ik.seeds import inside_exactly
 from jacokin.ik.targets import TargetPose
 from jacokin.model import checks
-from jacokin.model.mujoco_twin.contact import SelfContact
+from jacokin.model.mujoco_twin.contact import Contact
 from jacokin.model.robot import Robot
 
 if TYPE_CHECKING:
@@ -51,11 +51,12 @@ class Verifier:
     """
 
     def __init__(self, robot: Robot, frame: str, tool: pin.SE3 | None, options: Options) -> None:
-        """Prepare measuring; the shapes for self-contact are loaded when asked for.
+        """Prepare measuring; the shapes for contact are loaded when asked for.
 
         Raises:
             UnknownNameError: unknown frame.
-            ModelError: self-contact is asked for and the description has no shapes that MuJoCo can load.
+            InvalidInputError: an obstacle has the name of a shape of the arm, or no finger can take the scene's angle.
+            ModelError: contact is asked for and the description has no shapes that MuJoCo can load.
         """
         self.robot = robot
         self.frame = frame
@@ -64,16 +65,16 @@ class Verifier:
         self.options = options
         self._lower = robot.lower.tolist()
         self._upper = robot.upper.tolist()
-        self._contact = None if options.collision == "ignore" else SelfContact(robot)
+        self._contact = None if options.collision == "ignore" else _contact(robot, options)
 
     @property
     def rejects_contact(self) -> bool:
-        """Whether a configuration in self-contact counts as not solved."""
+        """Whether a configuration in contact counts as not solved."""
         return self.options.collision == "reject"
 
     @property
     def looks_for_contact(self) -> bool:
-        """Whether self-contact is looked for at all."""
+        """Whether contact is looked for at all."""
         return self._contact is not None
 
     def touching(self, q: Array) -> list[tuple[str, str]]:
@@ -126,3 +127,10 @@ class Verifier:
             message=message,
             touching=tuple(touching),
         )
+
+
+def _contact(robot: Robot, options: Options) -> Contact:
+    scene = options.scene
+    if scene is None:
+        return Contact(robot, clearance=options.clearance)
+    return Contact(robot, scene.obstacles, clearance=options.clearance, finger_angle=scene.finger_angle)

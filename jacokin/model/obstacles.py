@@ -173,7 +173,8 @@ def checked_obstacles(obstacles: Iterable[Obstacle]) -> tuple[Obstacle, ...]:
         name = getattr(shape, "name", None)
         if not callable(getattr(shape, "add_to", None)) or not isinstance(name, str) or not name:
             raise InvalidInputError(
-                f"obstacles must each be a Box, Sphere, Capsule, Cylinder or Floor with a name, got {checks.shown(shape)}"
+                f"obstacles must each be a shape with a name (Box, Sphere, Capsule, Cylinder, Floor), "
+                f"got {checks.shown(shape)}"
             )
         if name in names:
             raise InvalidInputError(f"the name {name!r} is used by two shapes; names must differ")

@@ -23,6 +23,7 @@ NEEDED = {
     "daqp": "daqp",
     "orjson": "orjson",
     "osqp": "osqp",
+    "yaml": "PyYAML",
     "yourdfpy": "yourdfpy",
     "click": "click",
 }

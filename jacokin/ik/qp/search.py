@@ -72,7 +72,7 @@ class QPSearch:
             pairs = self._verifier.touching(attempt.q)
             if not pairs:
                 return attempt, None
-            failure = diagnosis.of_contact("every configuration found touches itself; the first", pairs)
+            failure = diagnosis.of_contact("every configuration found is in contact; the first", pairs)
             touched = touched or (attempt, failure)
         assert total is not None  # there is always a first start
         return touched or (total, None)

@@ -47,7 +47,7 @@ def _shape(model: mujoco.MjModel, geom: int, pose: pin.SE3) -> Obstacle:
     kind, size = int(model.geom_type[geom]), model.geom_size[geom]
     if kind == GEOM.mjGEOM_PLANE:
         if pose.rotation[2, 2] < 1.0 - HORIZONTAL:
-            raise InvalidInputError(f"the plane {name!r} is not horizontal in the base frame: leave it out with exclude")
+            raise InvalidInputError(f"the plane {name!r} is not horizontal in the base: leave it out with exclude")
         return Floor(float(pose.translation[2]), name)
     if kind == GEOM.mjGEOM_SPHERE:
         return Sphere(name, float(size[0]), pose.translation)

@@ -1,0 +1,272 @@
+"""Scenes: distances to known shapes, files, MuJoCo models, and what a solver does with them."""
+
+from __future__ import annotations
+
+import copy
+import json
+import pickle
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import jacokin
+from jacokin import IKSolver, Robot, Status
+from jacokin.errors import InvalidInputError, ModelError, UnknownNameError
+from jacokin.ik import Box, Capsule, Cylinder, Floor, Scene, Sphere
+from jacokin.model import SelfContact
+
+TABLE = Box("table", [0.6, 0.6, 0.05], [0.5, -0.5, 0.1])
+
+
+def test_the_distance_to_a_ball_is_measured_from_its_surface(robot: Robot) -> None:
+    """Two balls around one centre: their distances differ by the difference of their radii."""
+    centre = [0.9, 0.2, 0.9]
+    small, large = (robot.clearance(robot.home, Scene([Sphere("ball", r, centre)])) for r in (0.01, 0.11))
+    assert isinstance(small, float)
+    assert isinstance(large, float)
+    assert small > large > 0.0
+    assert small - large == pytest.approx(0.1, abs=1e-6)
+
+
+def test_a_floor_is_as_far_as_the_lowest_shape_is_high(robot: Robot, rng: np.random.Generator) -> None:
+    rows = robot.sample(rng, 20)
+    low, high = (robot.clearance(rows, Scene([Floor(height)])) for height in (-2.0, -1.5))
+    assert isinstance(low, np.ndarray)
+    assert isinstance(high, np.ndarray)
+    assert low.shape == (20,)
+    np.testing.assert_allclose(low - high, 0.5, atol=1e-9)
+
+
+def test_contact_and_distance_agree(robot: Robot, rng: np.random.Generator) -> None:
+    """Contact is found by MuJoCo's collision pipeline, distance pair by pair."""
+    scene = Scene([TABLE, Floor(-0.1), Capsule("post", 0.05, 0.6, [-0.4, 0.2, 0.3])])
+    rows = robot.sample(rng, 150)
+    distance = robot.clearance(rows, scene, self_collision=True)
+    for clearance in (0.0, 0.03):
+        solver = IKSolver(robot, collision="report", scene=scene, clearance=clearance)
+        for q, far in zip(rows, np.atleast_1d(distance), strict=True):
+            result = solver.solve(robot.forward_kinematics(q), seed=q)
+            np.testing.assert_allclose(result.q, q, atol=1e-6)
+            if abs(far - clearance) > 1e-5:
+                assert bool(result.touching) == (far <= clearance)
+    assert 10 < int((np.atleast_1d(distance) < 0.0).sum()) < 140
+
+
+def test_a_solver_goes_around_what_it_can(robot: Robot, rng: np.random.Generator) -> None:
+    scene = Scene([TABLE, Floor(-0.3)])
+    solver = IKSolver(robot, collision="reject", scene=scene)
+    own = SelfContact(robot)
+    other, refused = 0, 0
+    for q in robot.sample(rng, 600):
+        if own.touching(q) or float(robot.clearance(q, scene)) > 0.0:
+            continue
+        result = solver.solve(robot.forward_kinematics(q), seed=q)
+        if result.success:
+            assert float(robot.clearance(result.q, scene)) > 0.0
+            other += 1
+        else:
+            assert result.status is Status.IN_COLLISION
+            assert any({"table", "floor"} & set(pair) for pair in result.touching)
+            refused += 1
+    assert other > 5
+    assert refused > 5
+
+
+def test_fingers_can_stand_at_another_angle(robot: Robot, rng: np.random.Generator) -> None:
+    closed = jacokin.load_robot(finger_angle=1.2)
+    rows = robot.sample(rng, 30)
+    open_scene, closed_scene = Scene([TABLE]), Scene([TABLE], finger_angle=1.2)
+    as_loaded = robot.clearance(rows, closed_scene)
+    np.testing.assert_allclose(as_loaded, closed.clearance(rows, open_scene), atol=1e-12)
+    assert np.abs(as_loaded - robot.clearance(rows, open_scene)).max() > 0.01
+    with pytest.raises(InvalidInputError, match=r"finger_angle = 7.0 rad: the fingers move from"):
+        robot.clearance(robot.home, Scene([TABLE], finger_angle=7.0))
+
+
+FILE = """
+finger_angle: 0.8
+obstacles:
+  - {shape: box, name: table, size: [0.6, 0.6, 0.05], position: [0.5, -0.5, 0.1], rpy: [0, 0, 0.3]}
+  - {shape: sphere, name: ball, radius: 0.1, position: [0.1, 0.2, 0.3]}
+  - {shape: capsule, name: post, radius: 0.05, length: 0.6, position: [-0.4, 0.2, 0.3]}
+  - {shape: cylinder, name: can, radius: 0.03, length: 0.1, position: [0.4, 0.2, 0.3], quat_wxyz: [0, 1, 0, 0]}
+  - {shape: floor, height: -0.1}
+"""
+
+
+def test_a_file_means_what_it_says(tmp_path: Path, robot: Robot, rng: np.random.Generator) -> None:
+    import yaml
+
+    (tmp_path / "scene.yaml").write_text(FILE)
+    (tmp_path / "scene.json").write_text(json.dumps(yaml.safe_load(FILE)))
+    here = Scene(
+        [
+            Box("table", [0.6, 0.6, 0.05], jacokin.pose([0.5, -0.5, 0.1], rpy=[0.0, 0.0, 0.3])),
+            Sphere("ball", 0.1, [0.1, 0.2, 0.3]),
+            Capsule("post", 0.05, 0.6, [-0.4, 0.2, 0.3]),
+            Cylinder("can", 0.03, 0.1, jacokin.pose([0.4, 0.2, 0.3], quat_wxyz=[0.0, 1.0, 0.0, 0.0])),
+            Floor(-0.1),
+        ],
+        finger_angle=0.8,
+    )
+    rows = robot.sample(rng, 20)
+    for name in ("scene.yaml", "scene.json"):
+        read = Scene.load(tmp_path / name)
+        assert read.names == ("table", "ball", "post", "can", "floor_4")
+        assert read.finger_angle == 0.8
+        np.testing.assert_array_equal(robot.clearance(rows, read), robot.clearance(rows, here))
+    (tmp_path / "list.yaml").write_text("- {shape: floor, name: ground}\n")
+    assert Scene.load(tmp_path / "list.yaml").names == ("ground",)
+
+
+@pytest.mark.parametrize(
+    ("text", "error", "words"),
+    [
+        ("- {shape: cone}", UnknownNameError, r"obstacle 0: shape 'cone'.* Valid: box, sphere"),
+        ("- {size: 3}", UnknownNameError, r"shape None"),
+        ("- {shape: sphere, radius: 1}", InvalidInputError, r"sphere needs position"),
+        ("- {shape: sphere, radius: -1, position: [0, 0, 0]}", InvalidInputError, r"radius must be a positive"),
+        ("- {shape: sphere, radius: .nan, position: [0, 0, 0]}", InvalidInputError, r"radius must be a positive"),
+        ("- {shape: box, size: [1, 2], position: [0, 0, 0]}", InvalidInputError, r"obstacle 0: .*size must"),
+        ("- {shape: box, size: 1, position: oben}", InvalidInputError, r"obstacle 0"),
+        ("- {shape: floor, hight: 1}", UnknownNameError, r"key 'hight'. Did you mean 'height'"),
+        ("- {shape: floor, name: [1]}", InvalidInputError, r"name must be a word"),
+        ("- [1, 2]", InvalidInputError, r"must be a mapping"),
+        ("shapes: []", UnknownNameError, r"key 'shapes'"),
+        ("obstacles: 3", InvalidInputError, r"must be a list"),
+        ("finger_angle: open", InvalidInputError, r"finger_angle must be a finite number"),
+        ("just words", InvalidInputError, r"must be a list"),
+        ("- {shape: floor", InvalidInputError, r"not a YAML file"),
+        ("- {shape: floor}\n- {shape: floor, name: floor_0}", InvalidInputError, r"'floor_0' is used by two"),
+        ("- !!python/object/apply:os.getcwd []", InvalidInputError, r"not a YAML file"),
+    ],
+)
+def test_wrong_files_are_refused_by_name(tmp_path: Path, text: str, error: type[Exception], words: str) -> None:
+    file = tmp_path / "scene.yaml"
+    file.write_text(text)
+    with pytest.raises(error, match=words):
+        Scene.load(file)
+
+
+def test_files_that_are_not_scenes(tmp_path: Path) -> None:
+    with pytest.raises(InvalidInputError, match="cannot read"):
+        Scene.load(tmp_path / "none.yaml")
+    with pytest.raises(InvalidInputError, match=r"must end in .yaml or .yml or .json"):
+        Scene.load(tmp_path / "scene.txt")
+    (tmp_path / "broken.json").write_text("{")
+    with pytest.raises(InvalidInputError, match="not a JSON file"):
+        Scene.load(tmp_path / "broken.json")
+    (tmp_path / "binary.yaml").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(InvalidInputError, match="not a text file"):
+        Scene.load(tmp_path / "binary.yaml")
+    with pytest.raises(InvalidInputError, match="path must be a file name"):
+        Scene.load(3)  # type: ignore[arg-type]  # what is tested
+
+
+WORLD = """
+<mujoco>
+  <worldbody>
+    <geom name="ground" type="plane" size="1 1 0.1" pos="0 0 -0.2"/>
+    <geom name="paint" type="box" size="1 1 1" contype="0" conaffinity="0"/>
+    <body name="stand" pos="0.5 -0.3 0.1" euler="0 0 30">
+      <geom name="top" type="box" size="0.2 0.3 0.02"/>
+      <geom type="ellipsoid" size="0.1 0.05 0.02" pos="0 0 0.4"/>
+      <site name="mount" pos="0 0 0.02"/>
+    </body>
+    <body name="mast" pos="-0.5 0 0.3"><geom name="rod" type="cylinder" size="0.03 0.2" euler="40 0 0"/></body>
+    <body name="cup" pos="0.5 0 1"><freejoint/><geom name="cup" size="0.05"/></body>
+    <body name="base" pos="1 1 0"><geom name="foot" type="capsule" size="0.1 0.1"/>
+      <body name="arm"><joint name="hinge" axis="0 0 1"/><geom name="bar" size="0.2"/></body></body>
+  </worldbody>
+</mujoco>
+"""
+
+
+def test_a_mujoco_model_gives_its_static_geoms() -> None:
+    model = mujoco.MjModel.from_xml_string(WORLD)
+    scene = Scene.from_mujoco(model)
+    assert scene.names == ("ground", "top", "stand#3", "rod")
+    from_mount = Scene.from_mujoco(model, base="mount", exclude=["ground", "mast"])
+    assert from_mount.names == ("top", "stand#3")
+    top = from_mount.obstacles[0]
+    assert isinstance(top, Box)
+    assert isinstance(top.pose, pin.SE3)
+    np.testing.assert_allclose(top.pose.translation, [0.0, 0.0, -0.02], atol=1e-12)
+    np.testing.assert_allclose(top.pose.rotation, np.eye(3), atol=1e-12)
+    np.testing.assert_allclose(np.asarray(top.size), [0.4, 0.6, 0.04])
+
+
+def test_distances_are_those_of_the_model_it_came_from(robot: Robot, rng: np.random.Generator) -> None:
+    """The other way: geoms of the same numbers, put together by hand."""
+    model = mujoco.MjModel.from_xml_string(WORLD)
+    place = pin.SE3(pin.utils.rotate("z", 0.4), np.array([0.1, 0.2, -0.1]))
+    moved = Scene.from_mujoco(model, base=place, exclude=["stand"])
+    turned = pin.utils.rotate("x", np.radians(40.0))
+    by_hand = Scene(
+        [
+            Floor(-0.1, "ground"),
+            Cylinder("rod", 0.03, 0.4, place.inverse() * pin.SE3(turned, np.array([-0.5, 0.0, 0.3]))),
+        ]
+    )
+    rows = robot.sample(rng, 30)
+    np.testing.assert_allclose(robot.clearance(rows, moved), robot.clearance(rows, by_hand), atol=1e-9)
+
+
+def test_models_that_do_not_fit_are_refused() -> None:
+    model = mujoco.MjModel.from_xml_string(WORLD)
+    with pytest.raises(InvalidInputError, match="compiled mujoco.MjModel"):
+        Scene.from_mujoco("scene.xml")
+    with pytest.raises(UnknownNameError, match="body or site 'mout'. Did you mean 'mount'"):
+        Scene.from_mujoco(model, base="mout")
+    with pytest.raises(UnknownNameError, match="geom or body 'tops'"):
+        Scene.from_mujoco(model, exclude=["tops"])
+    with pytest.raises(InvalidInputError, match="'ground' is not horizontal"):
+        Scene.from_mujoco(model, base=pin.SE3(pin.utils.rotate("x", 0.1), np.zeros(3)))
+
+
+def test_wrong_arguments(robot: Robot, tmp_path: Path) -> None:
+    scene = Scene([TABLE])
+    for collision in ("report", "reject"):
+        with pytest.raises(InvalidInputError, match="scene must be a Scene"):
+            IKSolver(robot, scene=[TABLE], collision=collision)  # type: ignore[arg-type]  # what is tested
+    with pytest.raises(InvalidInputError, match="scene has no effect with collision='ignore'"):
+        IKSolver(robot, scene=scene)
+    with pytest.raises(InvalidInputError, match="clearance has no effect"):
+        IKSolver(robot, clearance=0.01)
+    with pytest.raises(InvalidInputError, match="clearance must be a finite number >= 0"):
+        IKSolver(robot, scene=scene, collision="reject", clearance=-1.0)
+    with pytest.raises(InvalidInputError, match="'hand_palm' is used by a shape of the arm"):
+        robot.clearance(robot.home, Scene([Sphere("hand_palm", 0.1, [1.0, 1.0, 1.0])]))
+    with pytest.raises(InvalidInputError, match="scene must be a Scene"):
+        robot.clearance(robot.home, [TABLE])  # type: ignore[arg-type]  # what is tested
+    with pytest.raises(InvalidInputError, match="q must have shape"):
+        robot.clearance([1.0, 2.0], scene)
+    with pytest.raises(InvalidInputError, match="row 1 is not"):
+        robot.clearance([robot.home, robot.home * np.nan], scene)
+    with pytest.raises(AttributeError, match="a Scene does not change"):
+        scene.finger_angle = 1.0
+    bare = tmp_path / "bare.xml"
+    bare.write_text(
+        '<mujoco><worldbody><body name="a"><joint name="j" axis="0 0 1"/><inertial pos="0 0 0" mass="1" '
+        'diaginertia="1 1 1"/><body name="b"><joint name="k" axis="0 1 0"/><inertial pos="0 0 0" mass="1" '
+        'diaginertia="1 1 1"/></body></body></worldbody></mujoco>'
+    )
+    with pytest.raises(ModelError, match="no collision shapes"):
+        jacokin.load_robot(bare).clearance([0.0, 0.0], scene)
+
+
+def test_scenes_and_their_solvers_can_be_copied(robot: Robot) -> None:
+    scene = Scene([TABLE, Floor(-0.1)], finger_angle=0.5)
+    expected = robot.clearance(robot.home, scene)
+    for again in (pickle.loads(pickle.dumps(scene)), copy.deepcopy(scene)):
+        assert again.names == scene.names
+        assert robot.clearance(robot.home, again) == expected
+    solver = pickle.loads(pickle.dumps(IKSolver(robot, scene=scene, collision="reject", clearance=0.01)))
+    assert solver.options.scene.names == scene.names
+    assert solver.options.clearance == 0.01
+    assert repr(scene) == "Scene(table, floor)"
+    assert len(scene) == len(list(scene)) == 2
+    assert robot.clearance(robot.home, Scene()) == np.inf
