@@ -12,10 +12,10 @@ TYPE_CHECKING = False  # as in typing, whose import takes longer than the rest o
 if TYPE_CHECKING:
     from jacokin.errors import JacokinError as JacokinError
     from jacokin.ik.closed_form import warmup as warmup
+    from jacokin.ik.one_pose import solve_ik as solve_ik
     from jacokin.ik.results import IKResult as IKResult
     from jacokin.ik.results import Status as Status
     from jacokin.ik.solver import IKSolver as IKSolver
-    from jacokin.ik.solver import solve_ik as solve_ik
     from jacokin.ik.tracking.tracker import Tracker as Tracker
     from jacokin.model.comparison import crosscheck as crosscheck
     from jacokin.model.loading import load_robot as load_robot
@@ -34,10 +34,8 @@ _public, __getattr__, _ = lazy.door(
             "IKResult",
             "Status",
         ),
-        "jacokin.ik.solver": (
-            "IKSolver",
-            "solve_ik",
-        ),
+        "jacokin.ik.solver": ("IKSolver",),
+        "jacokin.ik.one_pose": ("solve_ik",),
         "jacokin.ik.tracking.tracker": ("Tracker",),
         "jacokin.model.comparison": ("crosscheck",),
         "jacokin.model.loading": ("load_robot",),

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from jacokin.ik.families.interval import IntervalEnd as IntervalEnd
     from jacokin.ik.files.targets_csv import TargetFile as TargetFile
     from jacokin.ik.files.targets_csv import read_targets as read_targets
+    from jacokin.ik.one_pose import solve_ik as solve_ik
     from jacokin.ik.paths.joint_motion import JointMotion as JointMotion
     from jacokin.ik.paths.joint_motion import move_joints as move_joints
     from jacokin.ik.paths.plot import plot_path as plot_path
@@ -34,7 +35,6 @@ if TYPE_CHECKING:
     from jacokin.ik.results import IKResult as IKResult
     from jacokin.ik.results import Status as Status
     from jacokin.ik.solver import IKSolver as IKSolver
-    from jacokin.ik.solver import solve_ik as solve_ik
     from jacokin.ik.tracking.clearance import Clearance as Clearance
     from jacokin.ik.tracking.objectives import LimitDistance as LimitDistance
     from jacokin.ik.tracking.objectives import Manipulability as Manipulability
@@ -60,10 +60,8 @@ if TYPE_CHECKING:
 __all__, __getattr__, __dir__ = lazy.door(
     __name__,
     {
-        "jacokin.ik.solver": (
-            "IKSolver",
-            "solve_ik",
-        ),
+        "jacokin.ik.solver": ("IKSolver",),
+        "jacokin.ik.one_pose": ("solve_ik",),
         "jacokin.ik.results": (
             "BatchResult",
             "Branches",
