@@ -104,7 +104,7 @@ SCALARS: tuple[Callable[[], object], ...] = (
     object,
     lambda: int,
     lambda: np,
-    lambda: len,
+    lambda: id,
     lambda: lambda *_, **__: None,
     lambda: np.random.default_rng(0),
     lambda: np.random.RandomState(0),

@@ -17,7 +17,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
-from jacokin.errors import InvalidInputError, JacokinError
+from jacokin.errors import InvalidInputError, JacokinError, shown
 from jacokin.ik.request import joined
 from jacokin.ik.results import BatchResult, IKResult, Status
 from jacokin.ik.seeds import FARTHEST_SEED, seed_within_limits
@@ -79,7 +79,7 @@ def solve(
     closest = checks.flag("closest", closest)
     matrices, position_only = checked_batch(targets)
     if progress is not None and not callable(progress):
-        raise InvalidInputError(f"progress must be callable, got {progress!r}")
+        raise InvalidInputError(f"progress must be callable, got {shown(progress)}")
     starts, notes = _seeds_within_limits(solvers.robot, seeds, len(matrices))
     out = _Columns(len(matrices), solvers.robot.dof, notes)
     rest = list(range(len(matrices)))
