@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import copy
 import pickle
+import subprocess
+import sys
+import textwrap
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -12,6 +15,15 @@ import pytest
 import jacokin
 from jacokin import IKSolver, Robot, Status
 from jacokin.errors import InvalidInputError, UnknownNameError
+
+
+def test_one_search_for_the_closest_configuration_serves_many_threads(robot: Robot) -> None:
+    solver = IKSolver(robot)
+    targets = [jacokin.pose([1.0 + 0.1 * index, 0.2, 0.3], down=True) for index in range(8)]
+    with ThreadPoolExecutor(4) as pool:
+        together = list(pool.map(solver.solve, targets))
+    for one, other in zip(map(IKSolver(robot).solve, targets), together, strict=True):
+        np.testing.assert_array_equal(one.q, other.q)
 
 
 @pytest.mark.parametrize("options", [{}, {"collision": "reject"}, {"method": "qp"}])
@@ -24,6 +36,36 @@ def test_one_solver_serves_many_threads(robot: Robot, rng: np.random.Generator, 
     for one, other in zip(alone, together, strict=True):
         np.testing.assert_array_equal(one.q, other.q)
         assert (one.status, one.iterations, one.restarts) == (other.status, other.iterations, other.restarts)
+
+
+FORKING = """
+    import os, sys
+    from concurrent.futures import ThreadPoolExecutor
+    import numpy as np
+    import jacokin
+
+    robot = jacokin.load_robot()
+    reachable = robot.forward_kinematics(robot.home)
+    wanted = [(jacokin.IKSolver(robot), reachable), (jacokin.IKSolver(robot), jacokin.pose([1.5, 0.0, 0.3])),
+              (jacokin.IKSolver(robot, method="qp"), reachable)]
+    solve = lambda pair: pair[0].solve(pair[1], seed=robot.home + 0.3).q
+    with ThreadPoolExecutor(3) as pool:
+        expected = list(pool.map(solve, wanted))
+    children = []
+    for _ in range(2):
+        child = os.fork()
+        if child == 0:
+            same = all(np.array_equal(solve(pair), q) for pair, q in zip(wanted, expected))
+            os._exit(0 if same else 1)
+        children.append(child)
+    sys.exit(max(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) for child in children))
+"""
+
+
+def test_forked_processes_solve_with_the_solvers_of_their_parent() -> None:
+    words = [sys.executable, "-P", "-W", "ignore::DeprecationWarning", "-c", textwrap.dedent(FORKING)]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 0, done.stderr
 
 
 def test_copies_of_results_stay_read_only(robot: Robot) -> None:
