@@ -19,8 +19,21 @@ from jacokin.model.descriptions import bundled
 
 PACKAGE = Path(jacokin.__file__).parent
 REPOSITORY = Path(__file__).parents[1]
-LAYERS = {"model": 0, "ik": 1, "mujoco_bridge": 2, "cli": 3}
-HEAVY = ("mujoco", "mink", "numba", "pinocchio", "yourdfpy", "qpsolvers", "scipy", "click", "orjson", "matplotlib")
+LAYERS = {"model": 0, "ik": 1, "mujoco_bridge": 2, "tasks": 3, "cli": 5}
+HEAVY = (
+    "mujoco",
+    "mink",
+    "numba",
+    "pinocchio",
+    "yourdfpy",
+    "qpsolvers",
+    "scipy",
+    "click",
+    "orjson",
+    "matplotlib",
+    "dm_env",
+    "gymnasium",
+)
 
 
 def module_files() -> dict[str, Path]:
@@ -89,7 +102,15 @@ def test_no_folder_holds_more_than_a_dozen_modules() -> None:
 
 
 @pytest.mark.parametrize(
-    "package", ["jacokin", "jacokin.model", "jacokin.ik", "jacokin.mujoco_bridge", "jacokin.mujoco_bridge.props"]
+    "package",
+    [
+        "jacokin",
+        "jacokin.model",
+        "jacokin.ik",
+        "jacokin.mujoco_bridge",
+        "jacokin.mujoco_bridge.props",
+        "jacokin.tasks",
+    ],
 )
 def test_a_door_loads_what_it_names(package: str) -> None:
     module = importlib.import_module(package)
