@@ -142,6 +142,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sets = [
             targets.random_configurations(robot, rng, count),
             targets.vertical_tool(robot, rng, max(count // 5, options.rounds)),
+            targets.structured(robot, rng, max(count // 5, options.rounds)),
         ]
     measure: dict[str, Callable[[], report.Section]] = {
         "peers": lambda: peers_section(robot, sets, options.peers, options.rounds),

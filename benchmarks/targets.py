@@ -7,13 +7,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 
 from jacokin import Robot
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.ik import read_targets
 
-VERTICAL = 1e-13  # [rad] tilt left when a tool counts as vertical
+VERTICAL = 1e-13  # [rad] tilt left when a tool counts as vertical; also [m] of the shoulder from axis 5
+DIFFERENCE = 1e-7  # [rad] step of difference quotients
 NEWTON_STEPS = 30
 DAMPING = 1e-9  # far below the square of any lever the wrist has
 
@@ -72,6 +74,45 @@ def _upright(robot: Robot, q: Array, direction: float) -> Array | None:
         rows = rotation[:, :2].T @ robot.jacobian(q)[3:]
         step = rows.T @ np.linalg.solve(rows @ rows.T + DAMPING * np.eye(2), rotation[:2, :2].T @ turn)
         q = np.clip(q + step * min(1.0, 0.5 / max(float(np.abs(step).max()), 1e-12)), robot.lower, robot.upper)
+    return None
+
+
+def structured(robot: Robot, rng: np.random.Generator, size: int) -> Targets:
+    """Reachable poses where eliminating joint angles degenerates: tool vertical, shoulder on axis 5, both in turn.
+
+    The shoulder is the point where axes 1 and 2 meet. Random configurations within the limits are moved by Newton's
+    method until the conditions hold to rounding.
+    """
+    configurations: list[Array] = []
+    while len(configurations) < size:
+        kind = len(configurations) % 3
+        q = _meeting(robot, robot.sample(rng), vertical=kind != 1, shoulder=kind != 0)
+        if q is not None:
+            configurations.append(q)
+    poses = [robot.forward_kinematics(q).homogeneous for q in configurations]
+    return Targets("tool vertical, shoulder on axis 5, or both", np.array(poses), np.array(configurations))
+
+
+def _meeting(robot: Robot, q: Array, *, vertical: bool, shoulder: bool) -> Array | None:
+    """A configuration within the limits near `q` that meets the conditions, or None."""
+    model, data, frame = robot.pin_model, robot.pin_model.createData(), robot.frame_id()
+    pin.forwardKinematics(model, data, q)
+    axis = data.oMi[1].rotation[:, 2].copy()
+    base = data.oMi[1].translation.copy()
+    point = base + ((data.oMi[2].translation - base) @ axis) * axis
+
+    def misses(q: Array) -> Array:
+        pin.framesForwardKinematics(model, data, q)
+        values = list(data.oMf[frame].rotation[:2, 2]) if vertical else []
+        return np.array(values + (list(data.oMi[5].actInv(point)[:2]) if shoulder else []))
+
+    for _ in range(NEWTON_STEPS):
+        here = misses(q)
+        if np.abs(here).max() < VERTICAL:
+            return q
+        slopes = np.column_stack([(misses(q + DIFFERENCE * unit) - here) / DIFFERENCE for unit in np.eye(robot.dof)])
+        step = -slopes.T @ np.linalg.solve(slopes @ slopes.T + DAMPING * np.eye(len(here)), here)
+        q = np.clip(q + step * min(1.0, 0.3 / max(float(np.abs(step).max()), 1e-12)), robot.lower, robot.upper)
     return None
 
 

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from numpy.typing import NDArray
 
@@ -213,6 +214,20 @@ def test_vertical_targets_are_vertical_legal_and_reached(robot: Robot, up: bool)
         assert np.linalg.det(pose[:3, :3]) == pytest.approx(1.0, abs=1e-15)
         assert robot.within_limits(q)
         assert np.abs(robot.forward_kinematics(q).homogeneous - pose).max() < 1e-12
+
+
+def test_structured_targets_meet_their_conditions(robot: Robot) -> None:
+    wanted = targets.structured(robot, np.random.default_rng(3), 9)
+    assert np.abs(wanted.poses[0::3, :2, 2]).max() < 1e-12
+    assert np.abs(wanted.poses[2::3, :2, 2]).max() < 1e-12
+    model, data = robot.pin_model, robot.pin_model.createData()
+    for index, (pose, q) in enumerate(zip(wanted.poses, wanted.generating, strict=True)):
+        assert robot.within_limits(q)
+        assert np.abs(robot.forward_kinematics(q).homogeneous - pose).max() < 1e-12
+        if index % 3:
+            pin.forwardKinematics(model, data, q)
+            shoulder = np.array([0.0, 0.0, data.oMi[2].translation[2]])  # axes 1 and 2 meet there
+            assert np.abs(data.oMi[5].actInv(shoulder)[:2]).max() < 1e-12
 
 
 def test_targets_from_csv(tmp_path: Path) -> None:

@@ -59,6 +59,24 @@ _PACKAGE = "jacokin.ik.closed_form"
 _SHAPES = {"chain": "(7, 3, 4)", "arm": "(39,)", "limits": "(3, 6)", "T": "(n, 4, 4)", "seed": "(n, 6)"}
 # The compiled form does the plain form's operations in the same order, without fastmath: both give the same bits.
 _OPTIONS: dict[str, Any] = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+# Functions that most poses need not: these stay calls. The others become part of their callers, because passing a tuple
+# of arrays takes as long as most of them do.
+_CALLED = frozenset(
+    (
+        "add_fold",
+        "branches_in_interval",
+        "branches_of_spherical_wrist",
+        "eliminate",
+        "hold_on_limits",
+        "least_squares",
+        "linearise",
+        "polish",
+        "solve_fold",
+        "sort_rows",
+        "spherical_starts",
+        "starts_of_g",
+    )
+)
 # What frees an array that nobody needs any more. All arrays here belong to the caller: there is nothing to free.
 _NOTHING_TO_FREE = "define void @NRT_MemInfo_call_dtor(ptr %memory) { ret void }"
 
@@ -73,7 +91,8 @@ def compile_kernels() -> bytes:
     # Copies that see each other's compiled forms; the modules themselves stay plain.
     for name, value in list(namespace.items()):
         if isinstance(value, types.FunctionType):
-            namespace[name] = numba.njit(types.FunctionType(value.__code__, namespace, name), **_OPTIONS)
+            copy = types.FunctionType(value.__code__, namespace, name)
+            namespace[name] = numba.njit(copy, forceinline=name not in _CALLED, **_OPTIONS)
     namespace.update(carray=numba.carray, pointer=_pointer_intrinsic(), float64=np.float64, int64=np.int64)
     exec(_entry_source(namespace), namespace)
     entry = numba.njit(namespace["entry"], **_OPTIONS)

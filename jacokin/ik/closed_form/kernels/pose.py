@@ -13,7 +13,7 @@ from jacokin.ik.closed_form.kernels.chain import Newton, errors, make_newton, ne
 from jacokin.ik.closed_form.kernels.folds import FoldWork, make_folds, solve_fold
 from jacokin.ik.closed_form.kernels.limits import circular_distance, fit_to_limits, hold_on_limits, same_configuration
 from jacokin.ik.closed_form.kernels.resultant import fourier_of_F
-from jacokin.ik.closed_form.kernels.roots import MAX_ROOTS, STACK, RootWork, find_roots
+from jacokin.ik.closed_form.kernels.roots import MAX_ROOTS, RootWork, add_known, find_roots, make_roots
 from jacokin.ik.closed_form.kernels.spherical import spherical_starts
 from jacokin.ik.closed_form.kernels.tolerances import (
     CLOSURE,
@@ -28,16 +28,27 @@ from jacokin.ik.closed_form.kernels.tolerances import (
     REACH_SLACK,
     SAME_BRANCH,
     SAME_FOLD,
+    SAME_ROOT,
     SAME_START,
     TANGENCY_CLOSURE,
 )
-from jacokin.ik.closed_form.kernels.wrist import MAX_STARTS, Starts, complete, refine, starts_at_q6
+from jacokin.ik.closed_form.kernels.wrist import (
+    MAX_STARTS,
+    Starts,
+    complete,
+    refine,
+    starts_along_axis_1,
+    starts_at_q6,
+    starts_on_axis_5,
+)
 
 #: Columns of a branch: 0:6 q, 6:12 limit margins, then these.
 POSITION_ERROR, ORIENTATION_ERROR, DISTANCE, WITHIN_LIMITS, FAMILY, COLUMNS = 12, 13, 14, 15, 16, 17
 #: 16 is the most a 6R arm can have; families add members, and a fold may be cut in two by rounding.
 MAX_BRANCHES = 24
 POLISH_STEPS = 16
+#: How often F is searched again with the roots found meanwhile: at most once for each branch.
+MAX_PASSES = MAX_BRANCHES
 
 
 class BranchWork(NamedTuple):
@@ -61,10 +72,9 @@ class Work(NamedTuple):
 
 def make_work(rows: NDArray[np.float64]) -> Work:
     """Fresh work arrays, writing the branches to rows."""
-    stack, place = np.empty((STACK, 17)), np.empty((STACK, 2))
     return Work(
-        RootWork(np.empty(9), np.empty(9), np.empty((MAX_ROOTS, 2)), stack, place),
-        RootWork(np.empty(9), np.empty(9), np.empty((MAX_ROOTS, 2)), stack, place),
+        make_roots(),
+        make_roots(),
         Starts(np.empty((MAX_STARTS, 4)), np.zeros(1, np.int64)),
         BranchWork(
             make_newton(),
@@ -96,6 +106,7 @@ def solve_pose(arm: NDArray[np.float64], k: Arm, task: Task, work: Work) -> None
         branches_of_spherical_wrist(k, pose, task, work)
         return
     noise = fourier_of_F(k, pose, work.roots.cosine, work.roots.sine)
+    branches_at_double_roots(k, pose, task, work)
     branches_at_roots(k, pose, task, work, noise, 0.0)
     if k.misfit > EXACT_MISFIT:
         branches_at_roots(k, pose, task, work, noise, MISFIT_FACTOR * k.misfit)
@@ -115,37 +126,88 @@ def branches_of_spherical_wrist(k: Arm, pose: Pose, task: Task, work: Work) -> N
         add_branch(task, branches, family)
 
 
+def branches_at_double_roots(k: Arm, pose: Pose, task: Task, work: Work) -> None:
+    """The branches where F has multiple roots that are known beforehand, or nearly; their q6 become known roots."""
+    starts, roots = work.starts, work.roots
+    roots.known_count[0], starts.filled[0] = 0, 0
+    if k.misfit > EXACT_MISFIT:
+        return
+    starts_along_axis_1(k, pose, starts)
+    starts_on_axis_5(k, pose, starts, work.inner)
+    note_full(work.branches, starts.filled[0], MAX_STARTS)
+    for n in range(starts.filled[0]):
+        branch_from_start(k, pose, task, work, n, True, MAX_START_ERROR)
+    note_known(work)
+
+
+def note_known(work: Work) -> None:
+    """Make the branches found so far known roots of F."""
+    work.roots.known_count[0] = 0
+    for i in range(work.branches.filled[0]):
+        add_known(work.roots, work.branches.rows[i, 5])
+
+
 def branches_at_roots(k: Arm, pose: Pose, task: Task, work: Work, noise: float, tolerance: float) -> None:
     """Every branch at every root of F; with a tolerance, only those near a double root.
 
-    A sure root carries a branch: where its best candidate yields none, all candidates are tried. In an undecided
-    interval all are tried from the start, at its ends too, for several roots may share it. Most of these candidates
-    are wrong or repeat each other, so that those far off and those that end on a known branch are dropped early.
+    Undecided intervals come after the single roots, the widest first, and only as long as they are undecided: with the
+    roots that were found meanwhile, the others may all be accounted for.
     """
+    roots, exact = work.roots.roots, k.misfit <= EXACT_MISFIT
+    for _ in range(MAX_PASSES):
+        found = find_roots(noise, tolerance, work.roots)
+        note_full(work.branches, found, MAX_ROOTS)
+        before = work.branches.filled[0]
+        for i in range(found):
+            if roots[i, 1] == 0.0 and tolerance == 0.0:
+                branch_at_root(k, pose, task, work, roots[i, 0])
+        while not (exact and work.branches.filled[0] > before):
+            widest = -1
+            for i in range(found):
+                if roots[i, 1] > 0.0 and (widest < 0 or roots[i, 1] > roots[widest, 1]):
+                    widest = i
+            if widest < 0:
+                return
+            branches_in_interval(k, pose, task, work, roots[widest, 0], roots[widest, 1])
+            roots[widest, 1] = 0.0
+        undecided = 0
+        for i in range(found):
+            undecided += roots[i, 1] > 0.0
+        if undecided == 0:
+            return
+        note_known(work)
+
+
+def branch_at_root(k: Arm, pose: Pose, task: Task, work: Work, q6: float) -> None:
+    """The branch of a single root: from its best start, or else from any."""
     starts, branches = work.starts, work.branches
-    end = -math.inf  # [rad] of the undecided interval before; the next one often begins there
-    found = find_roots(noise, tolerance, work.roots)
-    note_full(branches, found, MAX_ROOTS)
-    for i in range(found):
-        q6, half = work.roots.roots[i, 0], work.roots.roots[i, 1]
-        if half == 0.0 and tolerance > 0.0:
-            continue
-        before = branches.filled[0]
-        skip_known = half > 0.0 and k.misfit <= EXACT_MISFIT
-        max_error = MAX_START_ERROR if skip_known and half <= MIN_WIDTH else math.inf
-        for attempt in range(2):
-            starts.filled[0] = 0
-            starts_at_q6(k, pose, q6, half + attempt * MIN_WIDTH, starts, work.inner)
-            if half > 0.0:
-                if abs(q6 - half - end) > SAME_START:
-                    starts_at_q6(k, pose, q6 - half, half, starts, work.inner)
-                end = q6 + half
-                starts_at_q6(k, pose, end, half, starts, work.inner)
-            note_full(branches, starts.filled[0], MAX_STARTS)
-            for n in range(starts.filled[0]):
-                branch_from_start(k, pose, task, work, n, skip_known, max_error)
-            if half > 0.0 or branches.filled[0] > before:
-                break
+    before = branches.filled[0]
+    for attempt in range(2):
+        starts.filled[0] = 0
+        starts_at_q6(k, pose, q6, attempt * MIN_WIDTH, starts, work.inner)
+        note_full(branches, starts.filled[0], MAX_STARTS)
+        for n in range(starts.filled[0]):
+            count = branches.filled[0]
+            branch_from_start(k, pose, task, work, n, False, math.inf)
+            if branches.filled[0] == count + 1 and circular_distance(branches.rows[count, 5] - q6) < SAME_ROOT:
+                return
+        if branches.filled[0] > before:
+            return
+
+
+def branches_in_interval(k: Arm, pose: Pose, task: Task, work: Work, q6: float, half: float) -> None:
+    """The branches of an undecided interval, from its middle and its ends: several roots may share it.
+
+    Most starts are wrong or repeat each other: those far off, and those that end on a known branch, are dropped early.
+    """
+    skip_known = k.misfit <= EXACT_MISFIT
+    max_error = MAX_START_ERROR if skip_known and half <= MIN_WIDTH else math.inf
+    work.starts.filled[0] = 0
+    for i in range(3):
+        starts_at_q6(k, pose, q6 + (i - 1) * half, half, work.starts, work.inner)
+    note_full(work.branches, work.starts.filled[0], MAX_STARTS)
+    for n in range(work.starts.filled[0]):
+        branch_from_start(k, pose, task, work, n, skip_known, max_error)
 
 
 def branch_from_start(k: Arm, pose: Pose, task: Task, work: Work, n: int, skip_known: bool, max_error: float) -> None:

@@ -109,3 +109,16 @@ def value_and_slope(cosine: NDArray[np.float64], sine: NDArray[np.float64], q: f
         value = value * z + coefficient
         slope = slope * z + n * coefficient
     return cosine[0] + (value * z).real, -(slope * z).imag
+
+
+def slope_and_curvature(cosine: NDArray[np.float64], sine: NDArray[np.float64], q: float) -> tuple[float, float]:
+    """dF/dq and its derivative at q, by Horner's rule in z = exp(i q)."""
+    z = complex(math.cos(q), math.sin(q))
+    slope = DEGREE * complex(cosine[DEGREE], -sine[DEGREE])
+    curvature = DEGREE * slope
+    for j in range(1, DEGREE):
+        n = DEGREE - j
+        term = n * complex(cosine[n], -sine[n])
+        slope = slope * z + term
+        curvature = curvature * z + n * term
+    return -(slope * z).imag, -(curvature * z).real

@@ -15,8 +15,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from jacokin.ik.closed_form.kernels.resultant import DEGREE, value_and_slope
-from jacokin.ik.closed_form.kernels.tolerances import MAX_NOISE_WIDTH, MIN_WIDTH, ROOT_STEP
+from jacokin.ik.closed_form.kernels.resultant import DEGREE, slope_and_curvature, value_and_slope
+from jacokin.ik.closed_form.kernels.tolerances import (
+    EXTREMUM_STEP,
+    MAX_NOISE_WIDTH,
+    MIN_WIDTH,
+    ROOT_STEP,
+    SMALLEST_HALF_WIDTH,
+    SMALLEST_PART,
+)
 
 SECTORS = 8
 SIZE = 2 * DEGREE + 1  # Bernstein coefficients of a sector
@@ -26,7 +33,9 @@ TAU = math.tan(0.5 * HALF)
 OFFSET = 0.1234567
 ROOT_ITERATIONS = 40
 MAX_ROOTS = 256
-STACK = 32  # deeper than log2(2 HALF / MIN_WIDTH) + 2
+STACK = 64  # deeper than log2(2 HALF / MIN_WIDTH) + 2, and some splits elsewhere than in the middle
+MAX_KNOWN = 24
+EXTREMUM_ITERATIONS = 8
 
 
 class RootWork(NamedTuple):
@@ -35,8 +44,23 @@ class RootWork(NamedTuple):
     cosine: NDArray[np.float64]  # (9,) coefficients of cos(k q)
     sine: NDArray[np.float64]  # (9,) coefficients of sin(k q)
     roots: NDArray[np.float64]  # (256, 2) root [rad] and half-width of its interval, 0 where it is single and sure
-    stack: NDArray[np.float64]  # (32, 17)
-    place: NDArray[np.float64]  # (32, 2)
+    stack: NDArray[np.float64]  # (64, 17)
+    place: NDArray[np.float64]  # (64, 2)
+    known: NDArray[np.float64]  # (24, 2) sector and place of roots that are known beforehand
+    known_count: NDArray[np.int64]  # (1,)
+
+
+def make_roots() -> RootWork:
+    """Fresh work arrays."""
+    return RootWork(
+        np.empty(9),
+        np.empty(9),
+        np.empty((MAX_ROOTS, 2)),
+        np.empty((STACK, SIZE)),
+        np.empty((STACK, 2)),
+        np.empty((MAX_KNOWN, 2)),
+        np.zeros(1, np.int64),
+    )
 
 
 def _sector_tables() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -88,7 +112,10 @@ def sector_coefficients(
 
 
 def count_roots(b: NDArray[np.float64], noise: float) -> int:
-    """0: no root, 1: exactly one, 2: perhaps more, or not to be told within the noise, 3: all noise."""
+    """The largest number of roots in an interval, each as often as it is multiple; 1 means exactly one.
+
+    Coefficients within the noise may have either sign. ``SIZE`` means that all are within it.
+    """
     above, below, changes = 0, 0, 0
     for j in range(SIZE):
         above += b[j] > noise
@@ -98,29 +125,32 @@ def count_roots(b: NDArray[np.float64], noise: float) -> int:
     if above + below == SIZE:
         for j in range(SIZE - 1):
             changes += (b[j] > 0.0) != (b[j + 1] > 0.0)
-        return min(changes, 2)
+        return changes
     if above + below == 0:
-        return 3
-    # A single coefficient within the noise does no harm between two of opposite sign: one change either way.
-    last, gap = 0, 0
+        return SIZE
+    last, gap, ends = 0, 0, 0  # gap: coefficients within the noise since the last sign
     for j in range(SIZE):
         sign = 1 if b[j] > noise else (-1 if b[j] < -noise else 0)
         if sign == 0:
             gap += 1
             continue
-        if gap > 1 or (gap == 1 and sign != -last):
-            return 2
-        changes += sign == -last
+        if last == 0:
+            ends = gap
+        elif (gap % 2 == 0) == (sign == last):
+            changes += gap
+        else:
+            changes += gap + 1
         last, gap = sign, 0
-    return 2 if gap > 0 else min(changes, 2)
+    ends += gap
+    return changes if ends == 0 else max(changes + ends, 2)
 
 
-def split(b: NDArray[np.float64], left: NDArray[np.float64]) -> None:
-    """De Casteljau at the middle: left gets the left half's coefficients, b becomes the right half's."""
+def split(b: NDArray[np.float64], left: NDArray[np.float64], part: float) -> None:
+    """De Casteljau: left gets the coefficients of the left part, b becomes those of the rest."""
     for level in range(SIZE):
         left[level] = b[0]
         for j in range(SIZE - 1 - level):
-            b[j] = 0.5 * (b[j] + b[j + 1])
+            b[j] += part * (b[j + 1] - b[j])
 
 
 def angle_at(sector: int, x: float) -> float:
@@ -161,48 +191,147 @@ def single_root(
     return q
 
 
+def extremum(
+    cosine: NDArray[np.float64],
+    sine: NDArray[np.float64],
+    b: NDArray[np.float64],
+    sector: int,
+    x: float,
+    width: float,
+) -> float:
+    """Where F comes closest to zero, or farthest past it, between ends of the same sign; NaN if it is not found."""
+    side = 1.0 if b[0] > 0.0 else -1.0
+    if side * b[SIZE - 1] <= 0.0:
+        return math.nan
+    lowest = 1
+    for j in range(2, SIZE - 1):
+        if side * b[j] < side * b[lowest]:
+            lowest = j
+    bend = b[lowest - 1] + b[lowest + 1] - 2.0 * b[lowest]
+    shift = 0.5 * (b[lowest - 1] - b[lowest + 1]) / bend if bend != 0.0 else 0.0
+    low, high = angle_at(sector, x), angle_at(sector, x + width)
+    q = angle_at(sector, x + width * (lowest + min(max(shift, -1.0), 1.0)) / (SIZE - 1))
+    for _ in range(EXTREMUM_ITERATIONS):
+        slope, curvature = slope_and_curvature(cosine, sine, q)
+        if side * curvature <= 0.0:
+            return math.nan
+        step = slope / curvature
+        q -= step
+        if not low < q < high:
+            return math.nan
+        if abs(step) < EXTREMUM_STEP:
+            return q
+    return math.nan
+
+
+def place_of(q: float) -> tuple[int, float]:
+    """The sector of an angle, and its place in [0, 1] there: the inverse of `angle_at`."""
+    turned = q - OFFSET + HALF
+    turned -= 2.0 * math.pi * math.floor(turned / (2.0 * math.pi))
+    sector = min(int(turned / (2.0 * HALF)), SECTORS - 1)
+    return sector, 0.5 * (math.tan(0.5 * (turned - HALF * (2 * sector + 1))) / TAU + 1.0)
+
+
+def add_known(work: RootWork, q: float) -> None:
+    """Add the joint angle of a branch that was found before the search for roots."""
+    count = work.known_count[0]
+    if count < MAX_KNOWN:
+        sector, x = place_of(q)
+        work.known[count, 0], work.known[count, 1] = sector, x
+        work.known_count[0] = count + 1
+
+
+def count_known(work: RootWork, sector: int, x: float, width: float) -> int:
+    """How many known roots an interval has."""
+    count = 0
+    for i in range(work.known_count[0]):
+        count += work.known[i, 0] == sector and x < work.known[i, 1] < x + width
+    return count
+
+
+def part_away_from_known(work: RootWork, sector: int, x: float, width: float) -> float:
+    """Where to split an interval: in the middle of the largest gap between its ends and the known roots in it.
+
+    Near multiple roots F is within its noise, and an end there would make the signs on both sides uncertain.
+    """
+    largest, part = 0.0, 0.5
+    for i in range(-1, work.known_count[0]):
+        low = x if i < 0 else work.known[i, 1]
+        if i >= 0 and not (work.known[i, 0] == sector and x < low < x + width):
+            continue
+        high = x + width
+        for j in range(work.known_count[0]):
+            if work.known[j, 0] == sector and low < work.known[j, 1] < high:
+                high = work.known[j, 1]
+        if high - low > largest:
+            largest, part = high - low, (0.5 * (low + high) - x) / width
+    return part
+
+
 def find_roots(noise: float, tolerance: float, work: RootWork) -> int:
     """Real roots of the trigonometric polynomial with the coefficients ``work.cosine`` and ``work.sine``.
+
+    Intervals that have no more roots than there are known ones are left out.
 
     Args:
         noise: values this close to zero may be zero.
         tolerance: more of that, relative to the coefficients' sizes, for an inexact model; 0 for an exact one.
-        work: coefficients in; ``work.roots`` out.
+        work: coefficients and known roots in; ``work.roots`` out.
 
     Returns:
         How many roots and undecided candidates were written.
     """
-    stack, place, roots = work.stack, work.place, work.roots
+    stack, place, roots, cosine, sine = work.stack, work.place, work.roots, work.cosine, work.sine
     if tolerance > 0.0:
         for n in range(DEGREE + 1):
-            noise += tolerance * (abs(work.cosine[n]) + abs(work.sine[n]))
+            noise += tolerance * (abs(cosine[n]) + abs(sine[n]))
     min_width = max(MIN_WIDTH, math.sqrt(tolerance)) / (2.0 * HALF)
     # The second search, with a tolerance, is for near-double roots; its wide stretches were searched before.
     max_width = MAX_NOISE_WIDTH / (2.0 * HALF) if tolerance == 0.0 else 1.0
     found = 0
     for sector in range(SECTORS):
-        sector_coefficients(work.cosine, work.sine, sector, stack[0], stack[1])
+        sector_coefficients(cosine, sine, sector, stack[0], stack[1])
         place[0, 0], place[0, 1] = 0.0, 1.0
         top = 0
         while top >= 0:
             b = stack[top]
             x, width = place[top, 0], place[top, 1]
-            roots_here = count_roots(b, noise)
-            if (roots_here == 2 and width > min_width) or (roots_here == 3 and width > max_width):
-                split(b, stack[top + 1])
-                place[top, 0], place[top, 1] = x + 0.5 * width, 0.5 * width
-                place[top + 1, 0], place[top + 1, 1] = x, 0.5 * width
+            possible = count_roots(b, noise)
+            if possible == 0 or found == MAX_ROOTS:
+                top -= 1
+                continue
+            # With the sign at both ends certain, roots of the exact F are on the side where they seem to be.
+            sure_ends = abs(b[0]) > noise and abs(b[SIZE - 1]) > noise
+            known = count_known(work, sector, x, width) if work.known_count[0] > 0 else 0
+            if sure_ends and known == possible:
+                top -= 1
+                continue
+            if possible == 1:
+                roots[found, 0], roots[found, 1] = single_root(cosine, sine, b, sector, x, width), 0.0
+                found += 1
+                top -= 1
+                continue
+            part = 0.5 if known == 0 else part_away_from_known(work, sector, x, width)
+            if possible == 2 and sure_ends and tolerance == 0.0 and width > min_width:
+                q = extremum(cosine, sine, b, sector, x, width)
+                if q == q:
+                    value, _ = value_and_slope(cosine, sine, q)
+                    if abs(value) <= noise:
+                        _, curvature = slope_and_curvature(cosine, sine, q)
+                        roots[found, 0] = q
+                        roots[found, 1] = max(math.sqrt(2.0 * noise / abs(curvature)), SMALLEST_HALF_WIDTH)
+                        found += 1
+                        top -= 1
+                        continue
+                    part = min(max((place_of(q)[1] - x) / width, SMALLEST_PART), 1.0 - SMALLEST_PART)
+            if width > (max_width if possible == SIZE else min_width):
+                split(b, stack[top + 1], part)
+                place[top, 0], place[top, 1] = x + part * width, (1.0 - part) * width
+                place[top + 1, 0], place[top + 1, 1] = x, part * width
                 top += 1
                 continue
-            top -= 1
-            if roots_here == 0 or found == MAX_ROOTS:
-                continue
-            if roots_here == 1:
-                roots[found, 0] = single_root(work.cosine, work.sine, b, sector, x, width)
-                roots[found, 1] = 0.0
-            else:
-                low, high = angle_at(sector, x), angle_at(sector, x + width)
-                roots[found, 0] = 0.5 * (low + high)
-                roots[found, 1] = 0.5 * (high - low)
+            low, high = angle_at(sector, x), angle_at(sector, x + width)
+            roots[found, 0], roots[found, 1] = 0.5 * (low + high), 0.5 * (high - low)
             found += 1
+            top -= 1
     return found

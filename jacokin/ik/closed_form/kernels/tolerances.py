@@ -31,6 +31,12 @@ NOISE = 32.0 * 2.2e-16
 MIN_WIDTH = 1e-6
 #: [rad]; intervals that are all noise are candidates up to this width; wider ones are halved first.
 MAX_NOISE_WIDTH = 1e-2
+#: [rad]; Newton's method for an extremum of F stops after a step this small, a quadratically larger accuracy.
+EXTREMUM_STEP = 1e-5
+#: [rad]; where F touches zero, the half-width of the interval it may have roots in is at least this.
+SMALLEST_HALF_WIDTH = 1e-9
+#: The smallest part of an interval that is split off.
+SMALLEST_PART = 1e-3
 #: [rad]; a single root is refined until Newton moves less than this; the step after it is quadratically smaller.
 ROOT_STEP = 1e-5
 #: On a model that misses the structure, candidates of F within this many times the misfit of zero are kept as well.
@@ -44,6 +50,10 @@ MISFIT_FACTOR = 3.0
 SMALL_N = 3e-2
 #: [m]; r below this: O is nearly on axis 5, and the sphere condition hardly depends on q5.
 SMALL_R = 3e-3
+#: Difference of cosines: axis 4 this close to axis 1 is started from there. Newton's method comes from farther.
+NEAR_AXIS_1 = 3e-2
+#: [m], and the same of a relative length: O this close to axis 5 is started from there.
+NEAR_AXIS_5 = 3e-2
 #: [m^2]; rounding noise of g.
 G_NOISE = 1e-15
 #: [m^2]; where |g| is below this, the second q5 of a root is tried too.
@@ -112,5 +122,8 @@ SAME_BRANCH = 1e-6
 #: At a fold, where two branches merge, errors grow with the square of the distance: everything within
 #: FOLD_FACTOR * sqrt(closure) [rad] of a branch is the same double solution.
 FOLD_FACTOR = 20.0
+#: [rad]; a branch this close to a single root in joint 6 is the one that belongs to it: single roots are known to
+#: ROOT_STEP squared, and to some 1e-9 beside another one.
+SAME_ROOT = 1e-7
 #: [rad]; a refined start this close to a branch in joints 1, 5 and 6 is that branch again.
 SAME_START = 1e-10

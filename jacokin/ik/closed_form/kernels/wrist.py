@@ -21,10 +21,13 @@ from jacokin.ik.closed_form.kernels.tolerances import (
     MAX_FOLD_ERROR,
     MAX_REFINE_STEP,
     MIN_WIDTH,
+    NEAR_AXIS_1,
+    NEAR_AXIS_5,
     REFINED_STEP,
     SMALL_G,
     SMALL_N,
     SMALL_R,
+    SMALLEST_PIVOT,
 )
 from jacokin.ik.closed_form.kernels.vector import Vec, cross, dot, mix, norm
 
@@ -91,15 +94,65 @@ def starts_at_q6(k: Arm, pose: Pose, q6: float, half_width: float, starts: Start
         if half_width > 0.0 or g_other < SMALL_G:
             starts_at_q5(k, pose, view, other, half_width, starts)
     if r2 < SMALL_R * SMALL_R:
-        for n in range(3, DEGREE + 1):
-            work.cosine[n] = 0.0
-            work.sine[n] = 0.0
-        work.cosine[0], work.sine[0] = G0, 0.0
-        work.cosine[1], work.sine[1] = 2.0 * G1.real, -2.0 * G1.imag
-        work.cosine[2], work.sine[2] = 2.0 * G2.real, -2.0 * G2.imag
-        for i in range(find_roots(G_NOISE, 0.0, work)):
-            zeta = complex(math.cos(work.roots[i, 0]), math.sin(work.roots[i, 0]))
-            starts_at_q5(k, pose, view, zeta, MIN_WIDTH, starts)
+        starts_of_g(k, pose, view, starts, work)
+
+
+def starts_of_g(k: Arm, pose: Pose, view: AfterJoint6, starts: Starts, work: RootWork) -> None:
+    """Add candidates for one q6 that are roots q5 of g alone."""
+    G2, G1, G0 = axis_terms(k, view.D, view.m)
+    for n in range(3, DEGREE + 1):
+        work.cosine[n] = 0.0
+        work.sine[n] = 0.0
+    work.cosine[0], work.sine[0] = G0, 0.0
+    work.cosine[1], work.sine[1] = 2.0 * G1.real, -2.0 * G1.imag
+    work.cosine[2], work.sine[2] = 2.0 * G2.real, -2.0 * G2.imag
+    for i in range(find_roots(G_NOISE, 0.0, work)):
+        zeta = complex(math.cos(work.roots[i, 0]), math.sin(work.roots[i, 0]))
+        starts_at_q5(k, pose, view, zeta, MIN_WIDTH, starts)
+
+
+def starts_on_axis_5(k: Arm, pose: Pose, starts: Starts, work: RootWork) -> None:
+    """Add the candidates where axis 5 passes O, or nearly: at one q6, up to four roots of g.
+
+    W is linear in (cos q6, sin q6): it vanishes where two linear equations have a solution of length 1.
+    """
+    det = pose.Dc[0] * pose.Ds[1] - pose.Ds[0] * pose.Dc[1]
+    if abs(det) < SMALLEST_PIVOT:
+        return
+    c = (pose.Ds[0] * pose.D0[1] - pose.D0[0] * pose.Ds[1]) / det
+    s = (pose.D0[0] * pose.Dc[1] - pose.Dc[0] * pose.D0[1]) / det
+    if not abs(math.hypot(c, s) - 1.0) < NEAR_AXIS_5:
+        return
+    view = seen_after_joint_6(k, pose, math.atan2(s, c))
+    W, right = sphere_terms(k, view.D)
+    if max(abs(W.real), abs(W.imag), abs(right)) < NEAR_AXIS_5:
+        starts_of_g(k, pose, view, starts, work)
+
+
+def starts_along_axis_1(k: Arm, pose: Pose, starts: Starts) -> None:
+    """Add the candidates where axis 4 is along axis 1, or nearly: two for each of up to four q6.
+
+    With z4 = m or z4 = -m the sphere condition is linear in (cos q6, sin q6).
+    """
+    m = mix(pose.m0, 1.0, pose.mc, 1.0, pose.mc, 0.0)
+    D = mix(pose.D0, 1.0, pose.Dc, 1.0, pose.Dc, 0.0)
+    lift = dot(m, D) - k.b5 * m[2]  # z4.D = lift + b5 m_z for z4 = m, at every q6
+    square = dot(D, D) - 2.0 * k.b5 * D[2]  # |D|^2 = square + 2 b5 D_z
+    for i in range(2):
+        side = 1.0 - 2.0 * i
+        scale = k.b5 / k.c4
+        f0 = side * (lift + k.b5 * pose.m0[2]) + 0.5 * (square + k.c4 * k.c4 - k.R2) / k.c4 + scale * pose.D0[2]
+        fc = side * k.b5 * pose.mc[2] + scale * pose.Dc[2]
+        fs = side * k.b5 * pose.ms[2] + scale * pose.Ds[2]
+        size = math.hypot(fc, fs)
+        if not abs(f0) <= size:
+            continue
+        middle, half = math.atan2(fs, fc), math.acos(-f0 / size)
+        for j in range(2):
+            view = seen_after_joint_6(k, pose, middle + (half if j == 0 else -half))
+            if abs(side * view.m[2] - k.cos_a) < NEAR_AXIS_1:
+                flat = math.hypot(view.m[0], view.m[1])
+                starts_across_axis_1(k, pose, view, complex(side * view.m[0] / flat, -side * view.m[1] / flat), starts)
 
 
 def g_at(G2: complex, G1: complex, G0: float, zeta: complex) -> float:
@@ -119,12 +172,18 @@ def starts_at_q5(k: Arm, pose: Pose, view: AfterJoint6, zeta: complex, half_widt
         if half_width > 0.0:
             add_start(starts, pose, view, zeta, mix(n, -along, n, 0.0, n, 0.0))
     if length < SMALL_N:
-        arm = mix(D, 1.0, z4, k.c4, m, 0.0)  # C - O
-        flat = mix(arm, 1.0, m, -dot(arm, m), m, 0.0)  # its part across axis 1, of length rho
-        v = cross(m, flat)
-        side = math.sqrt(max(dot(flat, flat) - k.e3 * k.e3, 0.0))
-        add_start(starts, pose, view, zeta, mix(flat, k.e3, v, side, v, 0.0))
-        add_start(starts, pose, view, zeta, mix(flat, k.e3, v, -side, v, 0.0))
+        starts_across_axis_1(k, pose, view, zeta, starts)
+
+
+def starts_across_axis_1(k: Arm, pose: Pose, view: AfterJoint6, zeta: complex, starts: Starts) -> None:
+    """The two directions of axis 3 across axis 1 and at its distance from O: right where axis 4 is along axis 1."""
+    z4 = (k.sin_a * zeta.real, -k.sin_a * zeta.imag, k.cos_a)
+    arm = mix(view.D, 1.0, z4, k.c4, z4, 0.0)  # C - O
+    flat = mix(arm, 1.0, view.m, -dot(arm, view.m), arm, 0.0)  # its part across axis 1, of length rho
+    v = cross(view.m, flat)
+    side = math.sqrt(max(dot(flat, flat) - k.e3 * k.e3, 0.0))
+    add_start(starts, pose, view, zeta, mix(flat, k.e3, v, side, v, 0.0))
+    add_start(starts, pose, view, zeta, mix(flat, k.e3, v, -side, v, 0.0))
 
 
 def add_start(starts: Starts, pose: Pose, view: AfterJoint6, zeta: complex, z3: Vec) -> None:
