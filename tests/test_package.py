@@ -19,7 +19,7 @@ from jacokin.model.descriptions import bundled
 
 PACKAGE = Path(jacokin.__file__).parent
 REPOSITORY = Path(__file__).parents[1]
-LAYERS = {"model": 0, "ik": 1, "mujoco_bridge": 2, "tasks": 3, "cli": 5}
+LAYERS = {"model": 0, "ik": 1, "mujoco_bridge": 2, "viewer": 3, "cli": 4}
 HEAVY = (
     "mujoco",
     "mink",
@@ -31,8 +31,7 @@ HEAVY = (
     "click",
     "orjson",
     "matplotlib",
-    "dm_env",
-    "gymnasium",
+    "viser",
 )
 
 
@@ -109,7 +108,7 @@ def test_no_folder_holds_more_than_a_dozen_modules() -> None:
         "jacokin.ik",
         "jacokin.mujoco_bridge",
         "jacokin.mujoco_bridge.props",
-        "jacokin.tasks",
+        "jacokin.viewer",
     ],
 )
 def test_a_door_loads_what_it_names(package: str) -> None:

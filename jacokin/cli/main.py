@@ -42,6 +42,7 @@ COMMANDS = {
     "jacobian": "jacokin.cli.kinematics.jacobian",
     "info": "jacokin.cli.robots.info",
     "track": "jacokin.cli.track.command",
+    "view": "jacokin.cli.viewer.command",
     "crosscheck": "jacokin.cli.robots.crosscheck",
     "demo": "jacokin.cli.demo.command",
     "doctor": "jacokin.cli.doctor.command",

@@ -6,7 +6,9 @@ import re
 from collections.abc import Iterable, Mapping
 
 # Options followed by any number of numbers, such as one for each joint.
-NUMBER_LISTS = frozenset({"--seed", "--start", "--velocity-limit", "--acceleration-limit", "--box", "--sphere"})
+NUMBER_LISTS = frozenset(
+    {"--seed", "--start", "--velocity-limit", "--acceleration-limit", "--box", "--sphere", "--target"}
+)
 
 _NUMBER = re.compile(r"[-+]?((\d+\.?\d*|\.\d+)(e[-+]?\d+)?|inf(inity)?|nan)", re.IGNORECASE | re.ASCII)
 

@@ -33,6 +33,7 @@ OPTIONAL = {
     "quadprog": ("quadprog", "quadprog"),
     "ruckig": ("ruckig", "motion"),
     "matplotlib": ("matplotlib", "plot"),
+    "viser": ("viser", "viewer"),
 }
 
 

@@ -1,8 +1,7 @@
 """Where an entity is and how it moves: pose and velocity of the body that holds it.
 
 An entity with a free joint (`Arena.add_free_entity`) has a pose in the world and a velocity. The pose of any other is
-that of its body in the parent body, and it has no velocity of its own. If that body is a mocap body, which stands still
-but may be put elsewhere, the pose is part of the simulation's state, otherwise of its model.
+that of its body in the parent body, and it has no velocity of its own.
 """
 
 from __future__ import annotations
@@ -41,11 +40,6 @@ class Placed(abc.ABC):
         joints = [] if mount is None else mount.joints
         return next((joint for joint in joints if joint.type == mujoco.mjtJoint.mjJNT_FREE), None)
 
-    @property
-    def is_mocap(self) -> bool:
-        """Whether the body that holds the entity is a mocap body."""
-        return self.mount is not None and bool(self.mount.mocap)
-
     def get_pose(self, physics: Physics) -> tuple[Vector, Vector]:
         """Position (3,) [m] and orientation (4,) wxyz: in the world for a free entity, else in the parent body.
 
@@ -58,8 +52,6 @@ class Placed(abc.ABC):
             qpos = physics.bind(free).qpos
             return qpos[:3].copy(), qpos[3:].copy()
         bound = physics.bind(self._mounted())
-        if self.is_mocap:
-            return bound.mocap_pos.copy(), bound.mocap_quat.copy()
         return bound.pos.copy(), bound.quat.copy()
 
     def set_pose(
@@ -81,16 +73,10 @@ class Placed(abc.ABC):
         turn = None if quaternion is None else unit_quaternion("quaternion", quaternion)
         free = self.freejoint
         bound = physics.bind(self._mounted() if free is None else free)
-        if free is not None:
-            place, orientation = bound.qpos[:3], bound.qpos[3:]
-        elif self.is_mocap:
-            place, orientation = bound.mocap_pos, bound.mocap_quat
-        else:
-            place, orientation = bound.pos, bound.quat
         if at is not None:
-            place[:] = at
+            (bound.pos if free is None else bound.qpos)[:3] = at
         if turn is not None:
-            orientation[:] = turn
+            (bound.quat if free is None else bound.qpos[3:])[:] = turn
 
     def shift_pose(
         self,

@@ -1,0 +1,176 @@
+"""What a view says in words: the status, why a branch is out, the margins as bars, and text to paste."""
+
+from __future__ import annotations
+
+import html
+import math
+import shlex
+
+import numpy as np
+
+from jacokin.arrays import Array
+from jacokin.ik.results import Status
+from jacokin.model import poses
+from jacokin.viewer.view import Inspector, View
+
+GREEN, RED, ORANGE, GREY = "#2f9e44", "#e03131", "#e8890c", "#868e96"
+COLOUR = {Status.OK: GREEN, Status.IN_COLLISION: ORANGE}
+
+
+def headline(inspector: Inspector, view: View) -> str:
+    """The status in one sentence, with the numbers of this view."""
+    total, good = len(view.branches), int(view.feasible.sum())
+    if view.selected is not None:
+        place = f"branch {view.selected + 1} of {total}"
+        over = inspector.excess(view.q)
+        if over:
+            return f"{place} is outside the limits: {_joints(inspector, over)}"
+        if view.arm_touching:
+            return f"{place} touches itself: {_pairs(view.arm_touching)}"
+        return f"Reached: {place}, {good} of them feasible"
+    if view.status is Status.OK:
+        return "Reached" if not total else f"Reached, in a posture that is none of the {total} branches"
+    if not total:
+        what = view.message or "no configuration reaches this pose, whatever the limits"
+    elif view.status is Status.IN_COLLISION:
+        what = f"each of the {total} branches touches itself or is outside the limits"
+    else:
+        mildest = view.branches[int(np.argmax(view.margins.min(axis=1)))]
+        over = inspector.excess(mildest)
+        what = f"each of the {total} branches is outside the limits; the mildest: {_joints(inspector, over)}"
+    return f"{_name(view.status)}: {what}"
+
+
+def advice(view: View) -> str:
+    """What to try, and how far the closest configuration is; empty when the target is reached."""
+    if view.status is Status.OK:
+        return ""
+    if view.selected is not None:
+        return "Choose another branch to stay within the limits." if view.feasible.any() else ""
+    if view.pending:
+        return f"{view.status.value}. Looking for the closest configuration."
+    position, angle = view.errors
+    return (
+        f"{view.status.value}. The arm shows the closest configuration found: {1e3 * position:.1f} mm and "
+        f"{math.degrees(angle):.1f} deg from the target."
+    )
+
+
+def reason(inspector: Inspector, view: View, branch: int) -> str:
+    """Why a branch is not feasible; or its smallest margin."""
+    over = inspector.excess(view.branches[branch])
+    if over:
+        return f"outside: {_joints(inspector, over)}"
+    if view.touching is not None and view.touching[branch]:
+        return f"touches: {_pairs(view.touching[branch])}"
+    margins = view.margins[branch]
+    joint = int(np.argmin(margins))
+    if math.isinf(margins[joint]):
+        return "no joint has limits"
+    return f"margin {_amount(inspector, joint, float(margins[joint]))} at {inspector.robot.joint_names[joint]}"
+
+
+def status_html(inspector: Inspector, view: View) -> str:
+    """Headline, advice, the list of branches, and a bar for each joint."""
+    colour = COLOUR.get(view.status, RED)
+    lines = [f'<div style="color:{colour};font-weight:600">{html.escape(headline(inspector, view))}</div>']
+    if words := advice(view):
+        lines.append(f"<div>{html.escape(words)}</div>")
+    if len(view.branches):
+        lines.append('<table style="border-spacing:4px 0">')
+        feasible = view.feasible
+        for branch in range(len(view.branches)):
+            shade = GREEN if feasible[branch] else (ORANGE if view.within[branch] else RED)
+            mark = "&#9654;" if branch == view.selected else ""
+            words = html.escape(reason(inspector, view, branch))
+            lines.append(f'<tr><td>{mark}</td><td>{branch + 1}</td><td style="color:{shade}">{words}</td></tr>')
+        lines.append("</table>")
+    return f'<div style="font-size:0.8em;padding:0 0.75em">{"".join(lines)}{bars_html(inspector, view.q)}</div>'
+
+
+def bars_html(inspector: Inspector, q: Array) -> str:
+    """A bar from limit to limit for each joint, with a mark where it is; a full circle for a joint without limits."""
+    robot = inspector.robot
+    rows = []
+    for joint, margin in enumerate(inspector.margin(q).tolist()):
+        low, high = float(robot.lower[joint]), float(robot.upper[joint])
+        if math.isinf(margin):
+            low, high, text, shade = -math.pi, math.pi, "no limits", GREY
+            share = (wrapped(float(q[joint])) - low) / (high - low)
+        else:
+            share = (float(q[joint]) - low) / (high - low) if math.isfinite(high - low) and high > low else 0.5
+            text = _amount(inspector, joint, margin)
+            shade = RED if margin < 0.0 else (ORANGE if margin < 0.1 * (high - low) else GREEN)
+        left = 100.0 * min(max(share, 0.0), 1.0)
+        rows.append(
+            f"<tr><td>{html.escape(robot.joint_names[joint])}</td>"
+            '<td style="width:50%"><div style="background:#dee2e6;height:8px;position:relative">'
+            f'<div style="position:absolute;left:calc({left:.1f}% - 3px);width:6px;height:8px;background:{shade}">'
+            f'</div></div></td><td style="color:{shade};text-align:right">{text}</td></tr>'
+        )
+    return f'<table style="width:100%;margin-top:4px">{"".join(rows)}</table>'
+
+
+def python_text(inspector: Inspector, view: View) -> str:
+    """The target and the answer as Python to paste."""
+    solver, robot = inspector.solver, inspector.robot
+    position, quat = _pose_numbers(view)
+    tool = ""
+    if solver.tool is not None:
+        at, turn = solver.tool.translation.tolist(), poses.quaternion(solver.tool.rotation).tolist()
+        tool = f", tool=jacokin.pose({at}, quat_wxyz={turn})"
+    return (
+        "import jacokin\n"
+        f"robot = jacokin.load_robot({_source(inspector)!r})\n"
+        f"solver = jacokin.IKSolver(robot, {solver.frame!r}{tool})\n"
+        f"target = jacokin.pose({position}, quat_wxyz={quat})\n"
+        f"q = {[float(value) for value in view.q]}  # {'' if view.status is Status.OK else 'not '}reached\n"
+        f"result = solver.solve(target, seed=q)  # {robot.dof} joints [rad]\n"
+    )
+
+
+def command_text(inspector: Inspector, view: View) -> str:
+    """The target as a command line to paste; a tool after the frame is folded into the target."""
+    solver = inspector.solver
+    target = view.target if solver.tool is None else view.target * solver.tool.inverse()
+    numbers = " ".join(repr(float(value)) for value in target.translation)
+    quat = " ".join(repr(float(value)) for value in poses.quaternion(target.rotation))
+    seed = " ".join(repr(float(value)) for value in view.q)
+    source = _source(inspector)
+    return (
+        f"jacokin ik --robot {shlex.quote(source)} --frame {shlex.quote(solver.frame)} "
+        f"--position {numbers} --quat-wxyz {quat} --seed {seed}"
+    )
+
+
+def wrapped(angle: float) -> float:
+    """An angle [rad] by full turns into [-pi, pi]."""
+    return math.remainder(angle, 2.0 * math.pi)
+
+
+def _source(inspector: Inspector) -> str:
+    source = inspector.robot.source
+    return source.bundled if source.bundled is not None else str(source.path)
+
+
+def _pose_numbers(view: View) -> tuple[list[float], list[float]]:
+    return view.target.translation.tolist(), poses.quaternion(view.target.rotation).tolist()
+
+
+def _name(status: Status) -> str:
+    return status.name.replace("_", " ").capitalize()
+
+
+def _amount(inspector: Inspector, joint: int, value: float) -> str:
+    if inspector.robot.sliding[joint]:
+        return f"{value:.4f} m"
+    return f"{value:.3f} rad ({math.degrees(value):.1f} deg)"
+
+
+def _joints(inspector: Inspector, over: list[tuple[str, float]]) -> str:
+    robot = inspector.robot
+    return ", ".join(f"{name} by {_amount(inspector, robot.joint_index(name), value)}" for name, value in over)
+
+
+def _pairs(pairs: tuple[tuple[str, str], ...]) -> str:
+    return ", ".join(f"{a} and {b}" for a, b in pairs[:3]) + (f" and {len(pairs) - 3} more" if len(pairs) > 3 else "")

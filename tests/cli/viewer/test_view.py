@@ -1,0 +1,61 @@
+"""`jacokin view` as a process: the address it prints, Ctrl-C, and what it refuses."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import urllib.request
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+import jacokin
+from jacokin.viewer import serve
+from tests.cli.run import leave
+
+ENVIRONMENT = {**os.environ, "PYTHONPATH": str(Path(jacokin.__file__).parent.parent)}
+
+
+@contextmanager
+def viewing(*words: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
+    """A running viewer and its address."""
+    command = [sys.executable, "-P", "-u", "-m", "jacokin", "view", "--port", "0", *words]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=ENVIRONMENT)
+    try:
+        assert process.stdout is not None
+        yield process, process.stdout.readline()
+    finally:
+        process.kill()
+        process.communicate()
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 0), (signal.SIGTERM, 143)])
+def test_it_prints_its_address_and_ends_cleanly_without_any_browser(number: signal.Signals, code: int) -> None:
+    with viewing("--target", "0.3", "-0.2", "0.5") as (process, line):
+        address, rest = line.split(maxsplit=1)
+        assert rest == "shows j2n6s300; Ctrl-C ends it\n"
+        with urllib.request.urlopen(address, timeout=20.0) as page:
+            assert page.status == 200
+        process.send_signal(number)
+        out, err = process.communicate(timeout=30.0)
+    assert (process.returncode, out) == (code, "")
+    said = [line for line in err.splitlines() if "not compiled yet" not in line]
+    assert said == (["closed"] if code == 0 else [])
+
+
+def test_a_port_in_use_is_one_sentence(capsys: pytest.CaptureFixture[str]) -> None:
+    with serve(port=0) as viewer:
+        port = viewer.url.rsplit(":", 1)[1]
+        assert leave("view", "--port", port) == 2
+    said = capsys.readouterr().err
+    assert f"jacokin: --port {port} of 127.0.0.1 cannot be used (Address already in use); choose another" in said
+
+
+@pytest.mark.parametrize("words", [("1", "2"), ("1", "2", "3", "0", "0", "0", "0"), ("left",), ("nan", "0", "0")])
+def test_a_target_that_is_none_is_refused(words: tuple[str, ...], capsys: pytest.CaptureFixture[str]) -> None:
+    assert leave("view", "--port", "0", "--target", *words) == 2
+    assert "target" in capsys.readouterr().err or words[-1] == "0"

@@ -1,0 +1,164 @@
+"""Who may use the viewer: pages that it served itself, on this machine."""
+
+from __future__ import annotations
+
+import http.client
+import logging
+import socket
+from collections.abc import Iterator
+
+import pytest
+import viser
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import connect
+
+from jacokin import Robot
+from jacokin.errors import InvalidInputError
+from jacokin.viewer import Viewer, serve, server
+from tests.viewer.page import opened, until
+
+
+@pytest.fixture(scope="module")
+def viewer() -> Iterator[Viewer]:
+    with serve(port=0) as running:
+        yield running
+
+
+def address(viewer: Viewer) -> tuple[str, int]:
+    host, port = viewer.url.removeprefix("http://").split(":")
+    return host, int(port)
+
+
+def status(viewer: Viewer, origin: str | None, host: str | None = None, path: str = "/") -> int:
+    """The answer to a request for a websocket, or for the page where there is no Origin."""
+    name, port = address(viewer)
+    connection = http.client.HTTPConnection(name, port, timeout=20)
+    headers = {"Host": host or f"{name}:{port}"}
+    if origin is not None:
+        headers |= {
+            "Origin": origin,
+            "Upgrade": "websocket",
+            "Connection": "Upgrade",
+            "Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ==",
+            "Sec-WebSocket-Version": "13",
+        }
+    try:
+        connection.request("GET", path, headers=headers)
+        return connection.getresponse().status
+    finally:
+        connection.close()
+
+
+def test_the_page_is_served_to_this_machine_only(viewer: Viewer) -> None:
+    assert viewer.url.startswith("http://127.0.0.1:")
+    assert status(viewer, None) == 200
+    listening = viewer.server._websock_server._port
+    outward = [a[4][0] for a in socket.getaddrinfo(socket.gethostname(), None, socket.AF_INET)]
+    for place in set(outward) - {"127.0.0.1"}:
+        with socket.socket() as caller:
+            caller.settimeout(2.0)
+            assert caller.connect_ex((place, listening)) != 0
+
+
+@pytest.mark.parametrize("name", ["127.0.0.1", "localhost"])
+def test_pages_of_the_viewer_itself_may_use_it(viewer: Viewer, name: str) -> None:
+    host = f"{name}:{address(viewer)[1]}"
+    assert status(viewer, f"http://{host}", host) == 101
+    forwarded = f"{name}:9000"  # another port, as through ssh -L
+    assert status(viewer, f"http://{forwarded}", forwarded) == 101
+
+
+@pytest.mark.parametrize(
+    "origin",
+    [
+        "http://evil.example",
+        "https://127.0.0.1",
+        "null",
+        "",
+        "http://localhost:3000",
+        "http://127.0.0.1",
+        "file://",
+        "http://127.0.0.1.evil.example:8080",
+    ],
+)
+def test_other_pages_may_not(viewer: Viewer, origin: str) -> None:
+    assert status(viewer, origin) == 403
+
+
+@pytest.mark.parametrize("host", ["evil.example:8080", "127.0.0.1.evil.example", "[", ""])
+def test_names_that_were_made_to_point_here_are_refused(viewer: Viewer, host: str) -> None:
+    if host:
+        assert status(viewer, f"http://{host}", host) == 403
+        assert status(viewer, None, host) == 403
+
+
+def test_a_websocket_of_another_page_does_not_open(viewer: Viewer) -> None:
+    before = viewer.view
+    with pytest.raises(InvalidStatus, match="403"), opened(viewer, origin="http://evil.example") as page:
+        page.move_gizmo((0.3, -0.2, 0.5))
+    assert viewer.view is before
+
+
+def test_a_program_without_a_page_may_connect(viewer: Viewer) -> None:
+    kind = f"viser-v{viser.__version__}"
+    with connect(viewer.url.replace("http", "ws"), subprotocols=[kind]) as connection:  # type: ignore[list-item]  # a NewType of str
+        assert connection.subprotocol == kind
+
+
+@pytest.mark.parametrize(
+    "path", ["/../pyproject.toml", "/%2e%2e/%2e%2e/pyproject.toml", "//etc/passwd", "/..%5c..%5cx", "/etc/passwd"]
+)
+def test_no_file_but_the_page_is_served(viewer: Viewer, path: str) -> None:
+    assert status(viewer, None, path=path) == 404
+
+
+def test_a_client_cannot_ask_for_a_public_address(
+    viewer: Viewer, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    from viser import _tunnel
+
+    tunnels: list[object] = []
+    monkeypatch.setattr(_tunnel.ViserTunnel, "__init__", lambda *given: tunnels.append(given))
+    with caplog.at_level(logging.WARNING), opened(viewer) as page:
+        page.send("ShareUrlRequest")
+        assert until(lambda: "public address" in caplog.text)
+    assert not tunnels
+    assert viewer.server.request_share_url() is None
+
+
+def test_another_host_warns(caplog: pytest.LogCaptureFixture, robot: Robot) -> None:
+    with caplog.at_level(logging.WARNING), serve(robot, host="0.0.0.0", port=0) as viewer:
+        assert "every computer" in caplog.text
+        assert viewer.url.startswith("http://127.0.0.1:")
+        assert status(viewer, viewer.url) == 101
+        assert status(viewer, "http://evil.example") == 403
+
+
+def test_a_port_in_use_is_named(viewer: Viewer, robot: Robot) -> None:
+    port = address(viewer)[1]
+    with pytest.raises(InvalidInputError, match=f"port {port} of 127.0.0.1 cannot be used .*or 0 for any free one"):
+        serve(robot, port=port)
+
+
+@pytest.mark.parametrize(
+    ("host", "port", "message"),
+    [
+        ("127.0.0.1", 70000, "port must be from 0 to 65535, got 70000"),
+        ("127.0.0.1", -1, "port"),
+        ("no such host", 0, "host 'no such host' is not known"),
+        ("", 0, "host must be a name or an address"),
+        ("192.0.2.1", 0, "cannot be used"),
+    ],
+)
+def test_a_wrong_host_or_port_is_refused(robot: Robot, host: str, port: int, message: str) -> None:
+    with pytest.raises(InvalidInputError, match=message):
+        serve(robot, host=host, port=port)
+
+
+def test_servers_of_others_are_not_guarded() -> None:
+    import websockets.asyncio.server
+
+    before = websockets.asyncio.server.serve
+    running, _ = server.start("127.0.0.1", 0, "guarded")
+    server.stop(running)
+    assert websockets.asyncio.server.serve is before

@@ -1,0 +1,89 @@
+"""What a view says, and that what it offers to paste gives the same answer."""
+
+from __future__ import annotations
+
+import json
+import math
+import shlex
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import jacokin
+from jacokin import IKSolver, Robot, Status
+from jacokin.viewer import Inspector, texts
+from tests.cli.run import leave
+from tests.viewer.test_view import FAR, outside
+
+
+@pytest.fixture(scope="module")
+def inspector() -> Inspector:
+    return Inspector(IKSolver(jacokin.load_robot()))
+
+
+def test_a_reached_target_is_said_with_its_branch(inspector: Inspector) -> None:
+    view = inspector.posture(inspector.robot.home)
+    assert texts.headline(inspector, view) == "Reached: branch 1 of 8, 8 of them feasible"
+    assert texts.advice(view) == ""
+
+
+def test_a_branch_outside_names_joint_and_amount(inspector: Inspector, rng: np.random.Generator) -> None:
+    view = outside(inspector, rng)
+    branch = int(np.flatnonzero(~view.within)[0])
+    chosen = inspector.choose(view, branch)
+    name, amount = inspector.excess(chosen.q)[0]
+    said = texts.headline(inspector, chosen)
+    assert f"branch {branch + 1} of {len(view.branches)} is outside the limits" in said
+    assert f"{name} by {amount:.3f} rad ({math.degrees(amount):.1f} deg)" in said
+    assert f"{name} by {amount:.3f} rad" in texts.reason(inspector, view, branch)
+
+
+def test_out_of_reach_the_advice_is_that_of_the_status_with_the_distance(inspector: Inspector) -> None:
+    view = inspector.closest(inspector.at(FAR, inspector.robot.home))
+    assert texts.headline(inspector, view).startswith("Unreachable: ")
+    assert texts.advice(view).startswith(Status.UNREACHABLE.value)
+    assert f"{1e3 * view.errors[0]:.1f} mm" in texts.advice(view)
+
+
+def test_bars_stand_where_the_joint_is_between_its_limits(inspector: Inspector) -> None:
+    robot = inspector.robot
+    q = np.array(robot.home)
+    q[1] = robot.lower[1] + 0.25 * (robot.upper[1] - robot.lower[1])
+    bars = texts.bars_html(inspector, q)
+    assert bars.count("<tr>") == 6
+    assert "calc(25.0% - 3px)" in bars
+    assert bars.count("no limits") == int(robot.unlimited.sum())
+    q[1] = robot.upper[1] + 0.5
+    assert "-0.500 rad" in texts.bars_html(inspector, q)
+
+
+def test_names_of_a_file_are_text_and_not_html(inspector: Inspector) -> None:
+    view = replace(inspector.posture(inspector.robot.home), arm_touching=(("<script>", "a&b"),), selected=0)
+    shown = texts.status_html(inspector, view)
+    assert "<script>" not in shown
+    assert "&lt;script&gt; and a&amp;b" in shown
+
+
+@pytest.mark.parametrize("tool", [None, pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.1]))])
+def test_python_to_paste_gives_the_same_answer(robot: Robot, tool: pin.SE3 | None) -> None:
+    inspector = Inspector(IKSolver(robot, tool=tool))
+    view = inspector.posture(robot.home)
+    names: dict[str, object] = {}
+    exec(texts.python_text(inspector, view), names)
+    result = names["result"]
+    assert isinstance(result, jacokin.IKResult)
+    assert result.success
+    assert np.allclose(result.q, view.q, atol=1e-9)
+
+
+@pytest.mark.parametrize("tool", [None, pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.1]))])
+def test_a_command_to_paste_gives_the_same_answer(
+    robot: Robot, tool: pin.SE3 | None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    inspector = Inspector(IKSolver(robot, tool=tool))
+    view = inspector.posture(robot.home)
+    words = shlex.split(texts.command_text(inspector, view))
+    assert leave(*words[1:], "--json") == 0
+    assert np.allclose(json.loads(capsys.readouterr().out)["q"], view.q, atol=1e-9)

@@ -1,0 +1,155 @@
+"""What is shown for a target, without a browser: branches, the arm, and why."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import jacokin
+from jacokin import IKSolver, Robot, Status
+from jacokin.viewer import Inspector, View
+from tests.robot_files import urdf_text
+
+FAR = jacokin.pose([2.0, 0.0, 0.3], down=True)
+
+
+@pytest.fixture(scope="module")
+def inspector(bundled: Callable[[str], Robot]) -> Inspector:
+    return Inspector(IKSolver(bundled("j2n6s300")))
+
+
+def reaches(inspector: Inspector, view: View) -> bool:
+    return bool(pin.log6(inspector.pose_of(view.q).actInv(view.target)).vector @ np.ones(6) < 1e-6)
+
+
+def outside(inspector: Inspector, rng: np.random.Generator) -> View:
+    """A view with branches within the limits and others outside."""
+    while True:
+        target = inspector.robot.forward_kinematics(inspector.robot.sample(rng))
+        view = inspector.at(target, inspector.robot.home)
+        if 0 < view.within.sum() < len(view.branches):
+            return view
+
+
+def test_the_arm_is_at_the_nearest_feasible_branch(inspector: Inspector, rng: np.random.Generator) -> None:
+    robot = inspector.robot
+    for _ in range(50):
+        target = robot.forward_kinematics(robot.sample(rng))
+        view = inspector.at(target, robot.home)
+        raw = inspector.solver.solve_all(target, robot.home)
+        first = int(np.flatnonzero(raw.within_limits)[0])
+        assert (view.status, view.selected) == (Status.OK, first)
+        assert np.array_equal(view.q, raw.q[first])
+        assert robot.within_limits(view.q)
+        assert reaches(inspector, view)
+        assert max(view.errors) < 1e-6
+        assert len(view.ghosts) == len(raw) - 1
+        assert first not in view.ghosts
+
+
+def test_branches_outside_say_which_joint_and_by_how_much(inspector: Inspector, rng: np.random.Generator) -> None:
+    robot = inspector.robot
+    view = outside(inspector, rng)
+    for branch in np.flatnonzero(~view.within):
+        chosen = inspector.choose(view, int(branch))
+        assert chosen.status is Status.OUTSIDE_LIMITS
+        assert reaches(inspector, chosen)
+        excess = dict(inspector.excess(chosen.q))
+        assert excess
+        for joint, name in enumerate(robot.joint_names):
+            wanted = max(robot.lower[joint] - chosen.q[joint], chosen.q[joint] - robot.upper[joint], 0.0)
+            assert excess.get(name, 0.0) == pytest.approx(wanted, abs=1e-15)
+        assert np.array_equal(inspector.margin(chosen.q) < 0.0, [name in excess for name in robot.joint_names])
+    back = inspector.choose(view, int(view.ghosts[0]) if view.selected is None else view.selected)
+    assert back.status is Status.OK
+
+
+def test_out_of_reach_the_arm_waits_and_then_goes_to_the_closest_configuration(inspector: Inspector) -> None:
+    home = inspector.robot.home
+    waiting = inspector.at(FAR, home)
+    assert (waiting.status, waiting.pending, waiting.selected) == (Status.UNREACHABLE, True, None)
+    assert np.array_equal(waiting.q, home)
+    closest = inspector.closest(waiting)
+    assert (closest.status, closest.pending, closest.selected) == (Status.UNREACHABLE, False, None)
+    assert inspector.robot.within_limits(closest.q)
+    assert closest.errors[0] < waiting.errors[0]
+    reached = inspector.pose_of(closest.q).translation
+    assert closest.errors[0] == pytest.approx(float(np.linalg.norm(FAR.translation - reached)), abs=1e-9)
+
+
+def test_the_target_follows_the_joints(inspector: Inspector, rng: np.random.Generator) -> None:
+    for _ in range(30):
+        q = inspector.robot.sample(rng)
+        view = inspector.posture(q)
+        assert view.status is Status.OK
+        assert np.array_equal(view.q, q)
+        assert view.target.isApprox(inspector.pose_of(q), 1e-12)
+        assert view.selected is not None
+        assert np.abs(view.branches[view.selected] - q).max() < 1e-6
+
+
+def test_joints_stop_at_their_limits(inspector: Inspector) -> None:
+    robot = inspector.robot
+    view = inspector.posture(np.full(6, 100.0))
+    assert robot.within_limits(view.q)
+    assert view.q[1] == robot.upper[1]
+
+
+def test_places_are_those_of_forward_kinematics(inspector: Inspector, rng: np.random.Generator) -> None:
+    robot = inspector.robot
+    configurations = robot.sample(rng, 5)
+    places = inspector.places(configurations)
+    assert places.positions.shape == (5, 7, 3)
+    for row, q in enumerate(configurations):
+        for part in range(1, 7):
+            link = robot.forward_kinematics(q, f"link_{part}")
+            frame = robot.pin_model.frames[robot.frame_id(f"link_{part}")].placement
+            w, x, y, z = (float(value) for value in places.wxyzs[row, part])
+            place = pin.SE3(pin.Quaternion(w, x, y, z).normalized(), places.positions[row, part].astype(np.float64))
+            assert (place * frame).isApprox(link, 1e-6)
+
+
+def test_contact_that_is_looked_for_counts(bundled: Callable[[str], Robot], rng: np.random.Generator) -> None:
+    robot = bundled("j2n6s300")
+    watching = Inspector(IKSolver(robot, collision="reject"))
+    touched = 0
+    for _ in range(60):
+        view = watching.at(robot.forward_kinematics(robot.sample(rng)), robot.home)
+        assert view.touching is not None
+        assert np.array_equal(view.feasible, view.within & np.array([not pairs for pairs in view.touching]))
+        for branch in np.flatnonzero(view.within & ~view.feasible):
+            chosen = watching.choose(view, int(branch))
+            assert chosen.status is Status.IN_COLLISION
+            assert chosen.arm_touching == view.touching[branch] != ()
+            touched += 1
+        assert (view.selected is None) == (not view.feasible.any())
+    assert touched
+
+
+def test_a_tool_after_the_frame_counts(robot: Robot) -> None:
+    tool = pin.SE3(pin.rpy.rpyToMatrix(0.1, 0.2, 0.3), np.array([0.0, 0.05, 0.1]))
+    inspector = Inspector(IKSolver(robot, tool=tool))
+    view = inspector.posture(robot.home)
+    assert view.target.isApprox(robot.forward_kinematics(robot.home) * tool, 1e-12)
+    assert reaches(inspector, inspector.at(view.target, robot.home))
+
+
+def test_a_robot_without_a_closed_form_has_one_answer(tmp_path: Path) -> None:
+    path = tmp_path / "bent.urdf"
+    straight = 'xyz="0.0 0.2073 -0.0114"'
+    assert urdf_text().count(straight) == 1
+    path.write_text(urdf_text().replace(straight, 'xyz="0.03 0.2073 -0.0114"'), encoding="utf-8")
+    robot = jacokin.load_robot(path)
+    inspector = Inspector(IKSolver(robot, "end_effector"))
+    assert not inspector.solver.has_closed_form
+    view = inspector.posture(robot.home)
+    assert view.status is Status.OK
+    moved = view.target * pin.SE3(np.eye(3), np.array([0.02, 0.0, 0.0]))
+    answer = inspector.at(moved, robot.home)
+    assert answer.status is Status.OK
+    assert robot.within_limits(answer.q)
+    assert max(answer.errors) < 1e-5
