@@ -29,8 +29,8 @@ from jacokin.errors import JacokinError
 DOORS = ("jacokin", "jacokin.model", "jacokin.ik", "jacokin.mujoco_bridge")
 # Made by jacokin alone, and known to compile or to run for as long as they are told to.
 RESULTS = {
-    "BatchResult", "BranchReport", "Branches", "CrossCheckReport", "Deviation", "IKResult", "JointMotion",
-    "PathResult", "Robot", "Source", "TargetFile", "TrackerStep",
+    "BatchResult", "BranchReport", "Branches", "CrossCheckReport", "Deviation", "Family", "IKResult", "Interval",
+    "JointMotion", "PathResult", "Robot", "Source", "TargetFile", "TrackerStep",
 }  # fmt: skip
 SKIPPED = {"warmup", "Physics.disable"}
 # Trusted arguments, by their documentation.

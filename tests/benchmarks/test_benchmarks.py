@@ -301,7 +301,5 @@ def test_targets_without_orientations_are_refused_in_a_sentence(
 def test_a_file_of_poses_is_solved_by_the_command(robot: Robot, tmp_path: Path) -> None:
     path = tmp_path / "poses.csv"
     pose_files.write(robot, path, 20)
-    seconds, memory = pose_files.run(path, workers=1)
-    assert 0.0 < seconds < 60.0
-    assert 20.0 < memory < 2000.0
+    pose_files.run(path, workers=1)
     assert len((tmp_path / "answers.csv").read_text(encoding="utf-8").splitlines()) == 21

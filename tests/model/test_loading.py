@@ -8,6 +8,7 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import jacokin
@@ -262,3 +263,20 @@ def test_an_arm_has_at_most_200_joints(tmp_path: Path) -> None:
     path.write_text(f"<mujoco><worldbody>{open_tags}{'</body>' * 201}</worldbody></mujoco>")
     with pytest.raises(ModelError, match="the chain has 201 joints; at most 200"):
         jacokin.load_robot(path)
+
+
+def test_continuous_joints_turn_about_any_axis(tmp_path: Path, rng: np.random.Generator) -> None:
+    path = tmp_path / "oblique.urdf"
+    path.write_text("""<robot name="oblique"><link name="base"/><link name="one"/><link name="two"/>
+      <joint name="turn" type="continuous"><parent link="base"/><child link="one"/>
+        <origin xyz="0.1 0 0.2" rpy="0.1 0.2 0.3"/><axis xyz="0.6 0 0.8"/><limit effort="1" velocity="1"/></joint>
+      <joint name="bend" type="revolute"><parent link="one"/><child link="two"/><origin xyz="0.3 0 0"/>
+        <axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>""")
+    robot = jacokin.load_robot(path)
+    assert robot.unlimited.tolist() == [True, False]
+    first = jacokin.pose([0.1, 0.0, 0.2], rpy=[0.1, 0.2, 0.3])
+    for q in robot.sample(rng, 10):
+        turn = pin.SE3(pin.AngleAxis(q[0], np.array([0.6, 0.0, 0.8])).toRotationMatrix(), np.zeros(3))
+        bend = jacokin.pose([0.3, 0.0, 0.0], rpy=[0.0, 0.0, q[1]])
+        reached = robot.forward_kinematics(q, "two")
+        np.testing.assert_allclose(reached.homogeneous, (first * turn * bend).homogeneous, atol=1e-14)

@@ -5,13 +5,12 @@ from __future__ import annotations
 import warnings
 from typing import Any
 
-import mujoco
 import numpy as np
 import pytest
 
 from jacokin.mujoco_bridge import Physics, Primitive, Updater, observables_of, observations
 from tests.mujoco_bridge.scenes import HOME, Scene, jaco_parts
-from tests.optional import needs_dm_control
+from tests.optional import make_dm_control_run, needs_dm_control
 
 SAME = 1e-6  # [m], [rad], [rad/s]; the reference rounds its limits and two of its quaternions to six digits
 SAME_TORQUE = 0.02  # [1] logarithmic; dry friction makes torques jump where velocities are near zero
@@ -21,14 +20,9 @@ SAME_TORQUE = 0.02  # [1] logarithmic; dry friction makes torques jump where vel
 def reference() -> Any:
     """dm_control's physics, arm and hand in its arena."""
     needs_dm_control()
+    make_dm_control_run()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # GLFW without a display
-        from dm_control.mujoco.wrapper.mjbindings import sizes
-
-        # dm_control 1.0.50 lists fields that MuJoCo 4 has dropped.
-        for struct, owner in (("mjmodel", mujoco.MjModel), ("mjdata", mujoco.MjData)):
-            for name in [name for name in sizes.array_sizes[struct] if not hasattr(owner, name)]:
-                sizes.array_sizes[struct].pop(name)
         from dm_control import mjcf
         from dm_control.manipulation.shared import arenas
         from dm_control.manipulation.shared import observations as settings

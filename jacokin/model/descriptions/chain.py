@@ -216,7 +216,7 @@ def _add_joint(arm: pin.Model, parent: int, placement: pin.SE3, full: pin.Model,
             "an arm needs hinge (or slide) joints"
         )
     _check_place(f"joint {full.names[index]!r}", placement)
-    plain, continuous = _one_coordinate_joint(joint)
+    plain, continuous = _one_coordinate_joint(full, index)
     lower, upper = -np.inf, np.inf
     if not continuous:
         lower, upper = full.lowerPositionLimit[joint.idx_q], full.upperPositionLimit[joint.idx_q]
@@ -243,11 +243,14 @@ def _check_place(what: str, placement: pin.SE3) -> None:
         )
 
 
-def _one_coordinate_joint(joint: pin.JointModel) -> tuple[object, bool]:
-    """The joint with one plain coordinate, and whether it was a continuous one."""
+def _one_coordinate_joint(full: pin.Model, index: int) -> tuple[object, bool]:
+    """A joint with one plain coordinate, and whether it was a continuous one."""
+    joint = full.joints[index]
     kind = joint.shortname()
     if kind.startswith("JointModelRUB") and kind[-1] in _PLAIN_AXIS:
         return _PLAIN_AXIS[kind[-1]](), True
     if kind == "JointModelRevoluteUnboundedUnaligned":
-        return pin.JointModelRevoluteUnaligned(np.array(joint.extract().axis)), True
+        motion = joint.createData()  # the joint itself does not tell its axis
+        joint.calc(motion, pin.neutral(full))
+        return pin.JointModelRevoluteUnaligned(np.array(motion.S[3:])), True
     return joint.extract(), False

@@ -34,6 +34,10 @@ class Trial:
     def start_from(self, physics: Physics) -> None:
         """Take over the positions of a simulation."""
         self.qpos[:] = physics.data.qpos
+        self.follow_mocap(physics)
+
+    def follow_mocap(self, physics: Physics) -> None:
+        """Take over the poses of the mocap bodies."""
         self._data.mocap_pos[:] = physics.data.mocap_pos
         self._data.mocap_quat[:] = physics.data.mocap_quat
 

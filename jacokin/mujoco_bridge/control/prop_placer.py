@@ -150,6 +150,7 @@ class PropPlacer:
             quat_wxyz = unit_quaternion("quaternion", self._quaternion(first[1], quat_wxyz, random_state))
             if row is None:
                 prop.set_pose(physics, position, quat_wxyz)
+                trial.follow_mocap(physics)
             else:
                 trial.qpos[row : row + 7] = *position, *quat_wxyz
             if self._ignore_collisions or not trial.touching(pair):

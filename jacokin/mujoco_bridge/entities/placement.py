@@ -1,7 +1,8 @@
 """Where an entity is and how it moves: pose and velocity of the body that holds it.
 
 An entity with a free joint (`Arena.add_free_entity`) has a pose in the world and a velocity. The pose of any other is
-that of its body in the parent body, and it has no velocity of its own.
+that of its body in the parent body, and it has no velocity of its own. If that body is a mocap body, which stands still
+but may be put elsewhere, the pose is part of the simulation's state, otherwise of its model.
 """
 
 from __future__ import annotations
@@ -40,6 +41,11 @@ class Placed(abc.ABC):
         joints = [] if mount is None else mount.joints
         return next((joint for joint in joints if joint.type == mujoco.mjtJoint.mjJNT_FREE), None)
 
+    @property
+    def is_mocap(self) -> bool:
+        """Whether the body that holds the entity is a mocap body."""
+        return self.mount is not None and bool(self.mount.mocap)
+
     def get_pose(self, physics: Physics) -> tuple[Vector, Vector]:
         """Position (3,) [m] and orientation (4,) wxyz: in the world for a free entity, else in the parent body.
 
@@ -52,6 +58,8 @@ class Placed(abc.ABC):
             qpos = physics.bind(free).qpos
             return qpos[:3].copy(), qpos[3:].copy()
         bound = physics.bind(self._mounted())
+        if self.is_mocap:
+            return bound.mocap_pos.copy(), bound.mocap_quat.copy()
         return bound.pos.copy(), bound.quat.copy()
 
     def set_pose(
@@ -73,10 +81,16 @@ class Placed(abc.ABC):
         turn = None if quaternion is None else unit_quaternion("quaternion", quaternion)
         free = self.freejoint
         bound = physics.bind(self._mounted() if free is None else free)
+        if free is not None:
+            place, orientation = bound.qpos[:3], bound.qpos[3:]
+        elif self.is_mocap:
+            place, orientation = bound.mocap_pos, bound.mocap_quat
+        else:
+            place, orientation = bound.pos, bound.quat
         if at is not None:
-            (bound.pos if free is None else bound.qpos)[:3] = at
+            place[:] = at
         if turn is not None:
-            (bound.quat if free is None else bound.qpos[3:])[:] = turn
+            orientation[:] = turn
 
     def shift_pose(
         self,

@@ -223,3 +223,26 @@ def test_wrong_arguments_are_refused() -> None:
         with pytest.raises(InvalidInputError, match=message):
             call()
     np.testing.assert_array_equal(physics.get_state(), before)
+
+
+def test_props_on_mocap_bodies_are_placed_in_the_state_and_not_in_the_model() -> None:
+    arena = Arena()
+    fixed = [Primitive("sphere", (RADIUS,), name=f"fixed_{i}") for i in range(3)]
+    for prop in fixed:
+        arena.attach(prop).mocap = True
+    free = Primitive("sphere", (RADIUS,), name="free")
+    arena.add_free_entity(free)
+    physics = Physics.from_entity(arena)
+    assert fixed[0].is_mocap
+    assert not free.is_mocap
+    before = physics.model.body_pos.copy(), physics.model.body_quat.copy()
+    half = RADIUS
+    placer = PropPlacer([*fixed, free], uniform_box((-half, -half, 0.03), (half, 4.0 * half, 0.1)))
+    for seed in range(5):
+        placer(physics, np.random.default_rng(seed))
+        poses = [prop.get_pose(physics)[0] for prop in (*fixed, free)]
+        for pose in poses[:3]:  # what cannot move does not touch what cannot move
+            assert np.linalg.norm(pose - poses[3]) > 2.0 * RADIUS
+        np.testing.assert_array_equal(physics.data.mocap_pos, poses[:3])
+    np.testing.assert_array_equal(physics.model.body_pos, before[0])
+    np.testing.assert_array_equal(physics.model.body_quat, before[1])

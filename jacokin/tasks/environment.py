@@ -1,0 +1,175 @@
+"""Tasks as environments of dm_env, with the names, observations, actions and rewards of dm_control's manipulation."""
+
+from __future__ import annotations
+
+import copy
+from collections import OrderedDict
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jacokin.errors import InvalidInputError, MissingExtraError
+from jacokin.mujoco_bridge import Physics
+from jacokin.mujoco_bridge.base import RandomState
+from jacokin.tasks import registry
+from jacokin.tasks.episode import PICTURE, STEPS, Episode, Snapshot
+from jacokin.tasks.task import CAMERA, CONTROL_TIMESTEP, Task
+
+try:
+    import dm_env
+    from dm_env import specs
+except ImportError as error:
+    raise MissingExtraError("dm_env", "tasks") from error
+
+Observation = OrderedDict[str, NDArray[Any]]
+
+
+class Environment(dm_env.Environment):  # type: ignore[misc]  # dm_env has no types
+    """One task; made by `load`.
+
+    Episodes end after 10 s, 250 steps, with discount 1. Observations have the leading axis of dm_control's buffers and
+    are new arrays each time. Pickles and copies, in the middle of an episode too.
+    """
+
+    def __init__(self, name: str, seed: int | RandomState | None = None) -> None:
+        """Compile the scene; see `load`."""
+        self._name = name
+        self._task_name, observed = registry.task_and_observations(name)
+        self._random_state = checked_random_state(seed)
+        self._episode = Episode(self._task_name)
+        self._has_camera = observed == registry.VISION
+        self._features = [
+            each for each in self._episode.task.features if each.is_proprioceptive or not self._has_camera
+        ]
+
+    @property
+    def name(self) -> str:
+        """The name it was loaded by."""
+        return self._name
+
+    @property
+    def task(self) -> Task:
+        """The task."""
+        return self._episode.task
+
+    @property
+    def physics(self) -> Physics:
+        """The simulation."""
+        return self._episode.physics
+
+    @property
+    def random_state(self) -> RandomState:
+        """The source of all random numbers."""
+        return self._random_state
+
+    def control_timestep(self) -> float:
+        """Time between two actions [s]."""
+        return CONTROL_TIMESTEP
+
+    def reset(self) -> dm_env.TimeStep:
+        """Start an episode.
+
+        Raises:
+            EpisodeInitializationError: no initial state was found.
+        """
+        self._episode.start(self._random_state)
+        return dm_env.restart(self._observation())
+
+    def step(self, action: object) -> dm_env.TimeStep:
+        """Apply an action for 0.04 s; starts an episode instead, if there is none or the last has ended.
+
+        Args:
+            action: (9,) velocities of the joints and the fingers [rad/s]; beyond the limits, the limits are applied.
+
+        Raises:
+            InvalidInputError: wrong shape, not numbers, or NaN; nothing is simulated.
+            PhysicsError: the simulation diverged; the next call starts an episode.
+        """
+        episode = self._episode
+        if episode.steps is None or episode.steps >= STEPS:
+            return self.reset()
+        episode.advance(episode.checked_action(action))
+        task, view, goal = episode.task, episode.view, episode.goal
+        reward = float(task.reward(task.achieved(view, goal), task.desired(view, goal)))
+        kind = dm_env.StepType.LAST if episode.steps >= STEPS else dm_env.StepType.MID
+        return dm_env.TimeStep(kind, reward, 1.0, self._observation())
+
+    def action_spec(self) -> specs.BoundedArray:
+        """Velocities (9,) of the arm's joints and the fingers [rad/s]."""
+        model = self._episode.physics.model
+        name = "\t".join(model.actuator(i).name for i in range(model.nu))
+        return specs.BoundedArray((model.nu,), np.float64, self._episode.lower, self._episode.upper, name)
+
+    def observation_spec(self) -> OrderedDict[str, specs.Array]:
+        """Shapes and types of the observations, by key, in their order."""
+        found: OrderedDict[str, specs.Array] = OrderedDict()
+        if self._has_camera:
+            found[CAMERA] = specs.BoundedArray((1, PICTURE, PICTURE, 3), np.uint8, 0, 255, CAMERA)
+        for each in self._features:
+            found[each.name] = specs.Array((1, *each.shape), np.float64, each.name)
+        return found
+
+    def reward_spec(self) -> specs.Array:
+        """A number in 0..1."""
+        return specs.Array((), np.float64, "reward")
+
+    def close(self) -> None:
+        """Free what pictures need."""
+        self._episode.close()
+
+    def _observation(self) -> Observation:
+        view, goal = self._episode.view, self._episode.goal
+        found: Observation = OrderedDict()
+        if self._has_camera:
+            found[CAMERA] = self._episode.picture()[None]
+        for each in self._features:
+            found[each.name] = np.array(each.read(view, goal))[None]
+        return found
+
+    def __reduce__(self) -> tuple[Callable[..., Environment], tuple[object, ...]]:
+        """Pickle the name, the source of random numbers, and where the episode is."""
+        return _restored, (self._name, self._random_state, self._episode.snapshot())
+
+    def __copy__(self) -> Environment:
+        """The same as `copy.deepcopy`: two environments cannot share a simulation."""
+        return self.__deepcopy__({})
+
+    def __deepcopy__(self, memo: dict[int, object]) -> Environment:
+        """An independent environment in the same state."""
+        return _restored(self._name, copy.deepcopy(self._random_state, memo), self._episode.snapshot())
+
+
+def load(name: str, seed: int | RandomState | None = None) -> Environment:
+    """Make an environment.
+
+    Args:
+        name: one of `names`; without ``_features`` or ``_vision`` features are observed.
+        seed: of the random numbers, or their source itself; None for another one each time.
+
+    Raises:
+        UnknownNameError: no such task; tells the nearest name and lists all.
+        InvalidInputError: seed is neither a whole number from 0 nor a source of random numbers.
+        MissingExtraError: dm_env is not installed.
+    """
+    return Environment(name, seed)
+
+
+def checked_random_state(seed: object) -> RandomState:
+    """The source of random numbers that a seed means.
+
+    Raises:
+        InvalidInputError: not a seed.
+    """
+    if isinstance(seed, np.random.Generator | np.random.RandomState):
+        return seed
+    if seed is not None and (isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0):
+        raise InvalidInputError(f"seed must be a whole number >= 0, a numpy.random.Generator or None, got {seed!r}")
+    return np.random.default_rng(seed)
+
+
+def _restored(name: str, random_state: RandomState, snapshot: Snapshot) -> Environment:
+    environment = Environment(name, random_state)
+    environment._episode.restore(snapshot)
+    return environment

@@ -1,0 +1,146 @@
+"""One simulation of a task, from reset to reset: what the environments for dm_env and Gymnasium have in common."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jacokin.arrays import Array
+from jacokin.errors import InvalidInputError, PhysicsError
+from jacokin.model import checks
+from jacokin.mujoco_bridge.base import RandomState
+from jacokin.mujoco_bridge.simulation.rendering import Renderers
+from jacokin.tasks import registry
+from jacokin.tasks.task import CAMERA, CONTROL_TIMESTEP, SUBSTEPS, TIME_LIMIT
+from jacokin.tasks.view import View
+
+PICTURE = 84  # rows and columns of what the camera observes [pixels]
+STEPS = round(TIME_LIMIT / CONTROL_TIMESTEP)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Snapshot:
+    """Where an episode is.
+
+    Attributes:
+        state: of the simulation.
+        sensordata: readings, some of which belong to the last step and do not follow from the state.
+        goal: of the episode.
+        steps: control steps since the start; None before the first reset.
+    """
+
+    state: Array
+    sensordata: Array
+    goal: Array
+    steps: int | None
+
+
+class Episode:
+    """A task, its simulation, and the number of steps taken.
+
+    Attributes:
+        name: of the task.
+        task: the task.
+        physics: the simulation, that of the task.
+        goal: of the episode.
+        steps: control steps since the start; None before the first reset, and after an error.
+    """
+
+    def __init__(self, name: str) -> None:
+        """Compile the scene of a task.
+
+        Raises:
+            UnknownNameError: no such task.
+        """
+        self.name = name
+        self.task = registry.make(name)
+        self.physics = self.task.physics
+        self.view = View.of(self.physics.data)
+        self.goal: Array = np.empty(0)
+        self.steps: int | None = None
+        self._renderers = Renderers(self.physics.model)
+        limits = self.physics.model.actuator_ctrlrange
+        self.lower, self.upper = (checks.read_only(bound) for bound in limits.T)
+
+    def start(self, random_state: RandomState) -> None:
+        """Draw an initial state.
+
+        Raises:
+            EpisodeInitializationError: none was found; a reset is due.
+        """
+        self.steps = None
+        self.goal = self.task.initialize_episode(random_state)
+        self.steps = 0
+
+    def advance(self, action: Array) -> None:
+        """Simulate one control step.
+
+        Args:
+            action: (nu,) what `checked_action` returned.
+
+        Raises:
+            PhysicsError: the simulation diverged; a reset is due.
+        """
+        steps = self.steps
+        if steps is None:
+            raise PhysicsError("call reset() before the first step")
+        self.steps = None  # until the step has succeeded
+        self.physics.data.ctrl[:] = action
+        self.physics.step(SUBSTEPS)
+        self.steps = steps + 1
+
+    def checked_action(self, action: object) -> Array:
+        """An action within the limits; values beyond them are put on them.
+
+        Raises:
+            InvalidInputError: wrong shape, not real numbers, or not finite.
+        """
+        values = action if isinstance(action, np.ndarray) else np.asarray(action)
+        if values.shape != self.lower.shape or values.dtype.kind not in "fiu":
+            raise InvalidInputError(
+                f"action must be {len(self.lower)} numbers, got shape {values.shape} and dtype {values.dtype}"
+            )
+        bounded = np.minimum(np.maximum(values, self.lower), self.upper)
+        total = float(bounded.sum())
+        if total != total:  # NaN; infinite values are bounded
+            raise InvalidInputError(f"action must not be NaN, got {values.tolist()}")
+        return np.asarray(bounded, dtype=np.float64)
+
+    def picture(self, height: int = PICTURE, width: int = PICTURE, *, depth: bool = False) -> NDArray[np.generic]:
+        """What the camera sees, (height, width, 3) uint8, or the depth, (height, width) float32 [m].
+
+        Raises:
+            PhysicsError: there is no OpenGL context.
+        """
+        with self.physics.lock:
+            return self._renderers.render(
+                self.physics.data,
+                height,
+                width,
+                CAMERA,
+                depth=depth,
+                segmentation=False,
+                scene_option=None,
+                render_flag_overrides=None,
+            )
+
+    def snapshot(self) -> Snapshot:
+        """Where the episode is now."""
+        return Snapshot(self.physics.get_state(), self.physics.data.sensordata.copy(), self.goal.copy(), self.steps)
+
+    def restore(self, snapshot: Snapshot) -> None:
+        """Go back to where an episode of the same task was; it goes on from there bit by bit as it did."""
+        self.physics.set_state(snapshot.state)
+        if snapshot.steps is not None:
+            self.physics.forward()
+            self.physics.set_state(snapshot.state)  # the pass has changed MuJoCo's warm start
+            self.physics.data.sensordata[:] = snapshot.sensordata
+        self.goal = snapshot.goal.copy()
+        self.steps = snapshot.steps
+        self.task.show_goal(self.goal)
+
+    def close(self) -> None:
+        """Free what pictures need."""
+        self._renderers.close()

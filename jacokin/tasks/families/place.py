@@ -1,0 +1,86 @@
+"""Placing: a brick is to be put on a pedestal, and the hand to move away."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from jacokin.arrays import Array
+from jacokin.mujoco_bridge import Cradle, Pedestal, PropPlacer
+from jacokin.mujoco_bridge.base import RandomState
+from jacokin.mujoco_bridge.distributions import uniform_box
+from jacokin.mujoco_bridge.entities.entity import Entity
+from jacokin.mujoco_bridge.workspaces import BoundingBox
+from jacokin.tasks import features
+from jacokin.tasks.features import Feature
+from jacokin.tasks.task import ANY_YAW, Task, brick, qpos_rows, shaped
+from jacokin.tasks.view import View, length
+
+RADIUS = 0.05  # [m] of the target
+AWAY = 4.0 * RADIUS  # [m] of the hand from the target
+_AWAY_MARGIN = 3.0 * RADIUS  # [m]
+_IN_PLACE = 10.0  # weight
+_ATTEMPTS = 50
+_BRICK_BOX = BoundingBox((-0.1, -0.1, 1e-6), (0.1, 0.1, 1e-6))
+_PEDESTAL_BOX = BoundingBox((-0.1, -0.1, 0.07), (0.1, 0.1, 0.17))
+
+
+class _Place(Task):
+    """Put a brick on a pedestal and take the hand away."""
+
+    tool_box = BoundingBox((-0.1, -0.1, 0.17), (0.1, 0.1, 0.4))
+
+    def _add_pedestal(self, top: Entity) -> None:
+        self.brick = brick()
+        self._add_free(self.brick)
+        self.pedestal = Pedestal(top)
+        self._add_fixed(self.pedestal)
+        self._place_brick = PropPlacer(
+            [self.brick], uniform_box(*_BRICK_BOX), ANY_YAW, settle_physics=True, max_attempts_per_prop=_ATTEMPTS
+        )
+        self._place_pedestal = PropPlacer([self.pedestal], uniform_box(*_PEDESTAL_BOX))
+
+    def _features(self) -> tuple[list[Feature], list[Feature]]:
+        self._position = qpos_rows(self.physics, self.brick)[0]
+        position = Feature(f"{self.pedestal.prefix}position", (3,), self.desired)
+        return [], [*features.of_prop(self.physics, self.brick), position]
+
+    def _initialize(self, random_state: RandomState) -> Array:
+        self._place_pedestal(self.physics, random_state, ignore_contacts_with_entities=[self.brick])
+        self._place_robot(random_state)
+        self._place_brick(self.physics, random_state)
+        return np.empty(0)
+
+    def achieved(self, view: View, goal: Array) -> Array:
+        """Positions of the brick and of the tool centre point, (..., 6) [m]."""
+        return np.concatenate((view.qpos[..., self._position], self.tool(view)), axis=-1)
+
+    def desired(self, view: View, goal: Array) -> Array:
+        """Where the brick is to be, (..., 3) [m]."""
+        return view.mocap_pos[..., 0, :]
+
+    def reward(self, achieved: Array, desired: Array) -> Array:
+        """Ten parts for the brick in place; one for the hand at the brick or, once that is in place, away."""
+        prop, tool = achieved[..., :3], achieved[..., 3:]
+        grasped = shaped(length(prop - tool) - RADIUS, RADIUS, "long_tail")
+        in_place = shaped(length(prop - desired) - RADIUS, RADIUS, "long_tail")
+        away = shaped(AWAY - length(tool - desired), _AWAY_MARGIN, "long_tail")
+        return (grasped * (1.0 - in_place) + away * in_place + _IN_PLACE * in_place) / (1.0 + _IN_PLACE)
+
+    def success(self, achieved: Array, desired: Array) -> Array:
+        """Whether the brick is within 0.05 m of the target, and the tool centre point at least 0.2 m away."""
+        prop, tool = achieved[..., :3], achieved[..., 3:]
+        return np.asarray((length(prop - desired) <= RADIUS) & (length(tool - desired) >= AWAY))
+
+
+class PlaceBrick(_Place):
+    """Put a brick on a pedestal that carries another brick."""
+
+    def _add_props(self) -> None:
+        self._add_pedestal(brick())
+
+
+class PlaceCradle(_Place):
+    """Put a brick into a cradle of three spheres."""
+
+    def _add_props(self) -> None:
+        self._add_pedestal(Cradle())

@@ -1,0 +1,124 @@
+"""What an agent observes: the arm, the hand, and the things it handles.
+
+Names, shapes and order are those of dm_control's manipulation tasks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jacokin.arrays import Array
+from jacokin.mujoco_bridge import JacoArm, JacoHand, Physics
+from jacokin.mujoco_bridge.observations import symmetric_log
+from jacokin.mujoco_bridge.props import FreeProp
+from jacokin.tasks.view import View, ids, rows
+
+Reader = Callable[[View, Array], Array]
+
+PROP_SENSORS = ("angular_velocity", "linear_velocity", "orientation", "position")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Feature:
+    """One observation.
+
+    Attributes:
+        name: its key.
+        shape: of its value.
+        read: gives the value (..., *shape) from a view and the goals (..., k) of the episodes.
+        is_proprioceptive: whether it is about the arm and the hand; others are left out where a camera is used.
+    """
+
+    name: str
+    shape: tuple[int, ...]
+    read: Reader
+    is_proprioceptive: bool = False
+
+
+def of_robot(physics: Physics, arm: JacoArm, hand: JacoHand) -> list[Feature]:
+    """The observations of the arm and the hand.
+
+    Args:
+        physics: the compiled scene.
+        arm: the arm.
+        hand: the hand on the arm.
+    """
+    model = physics.model
+    arm_ids, hand_ids = (ids(physics, each.joints) for each in (arm, hand))
+    q, v = rows(model.jnt_qposadr[arm_ids]), rows(model.jnt_dofadr[arm_ids])
+    finger_q, finger_v = rows(model.jnt_qposadr[hand_ids]), rows(model.jnt_dofadr[hand_ids])
+    axis = model.jnt_axis[arm_ids].copy()
+    sensors = ids(physics, arm.joint_torque_sensors)
+    torque = rows(_readings(physics, sensors, 3).ravel())
+    site = int(ids(physics, hand.tool_center_point)[0])
+    joints, fingers = len(arm_ids), len(hand_ids)
+
+    def joints_pos(view: View, goal: Array) -> Array:
+        angles = view.qpos[..., q]
+        pairs = np.empty((*angles.shape, 2))
+        np.sin(angles, out=pairs[..., 0])
+        np.cos(angles, out=pairs[..., 1])
+        return pairs
+
+    def joints_torque(view: View, goal: Array) -> Array:
+        torques = view.sensordata[..., torque]
+        return symmetric_log(np.vecdot(torques.reshape(*torques.shape[:-1], joints, 3), axis))
+
+    own = [
+        Feature(f"{arm.prefix}joints_pos", (joints, 2), joints_pos),
+        Feature(f"{arm.prefix}joints_torque", (joints,), joints_torque),
+        Feature(f"{arm.prefix}joints_vel", (joints,), lambda view, goal: view.qvel[..., v]),
+        Feature(f"{hand.prefix}joints_pos", (fingers,), lambda view, goal: view.qpos[..., finger_q]),
+        Feature(f"{hand.prefix}joints_vel", (fingers,), lambda view, goal: view.qvel[..., finger_v]),
+        Feature(f"{hand.prefix}pinch_site_pos", (3,), lambda view, goal: view.site_xpos[..., site, :]),
+        Feature(f"{hand.prefix}pinch_site_rmat", (9,), lambda view, goal: view.site_xmat[..., site, :]),
+    ]
+    return [Feature(each.name, each.shape, each.read, is_proprioceptive=True) for each in own]
+
+
+def of_prop(physics: Physics, prop: FreeProp) -> list[Feature]:
+    """The observations of a prop: pose and velocity in the world."""
+    found = []
+    for name in PROP_SENSORS:
+        sensor = ids(physics, prop.sensors[name])
+        size = int(physics.model.sensor_dim[sensor[0]])
+        found.append(Feature(prop.prefix + name, (size,), _reading(rows(_readings(physics, sensor, size).ravel()))))
+    return found
+
+
+def of_props_in_roles(
+    physics: Physics, props: Sequence[FreeProp], slot: Callable[[Array, int], NDArray[np.intp]]
+) -> list[Feature]:
+    """The observations of equal props that play one another's roles.
+
+    Args:
+        physics: the compiled scene.
+        props: the props; the names of the observations are those of the roles.
+        slot: gives the index (...) of the prop that plays role k, from the goals (..., m) of the episodes.
+    """
+    found = []
+    for role, prop in enumerate(props):
+        for name in PROP_SENSORS:
+            sensors = [int(ids(physics, each.sensors[name])[0]) for each in props]
+            size = int(physics.model.sensor_dim[sensors[0]])
+            table = _readings(physics, sensors, size)
+
+            def read(view: View, goal: Array, table: NDArray[np.intp] = table, role: int = role) -> Array:
+                return np.take_along_axis(view.sensordata, table[slot(goal, role)], axis=-1)
+
+            found.append(Feature(prop.prefix + name, (size,), read))
+    return found
+
+
+def _reading(where: slice | NDArray[np.intp]) -> Reader:
+    return lambda view, goal: view.sensordata[..., where]
+
+
+def _readings(physics: Physics, sensors: Sequence[int] | NDArray[np.intp], size: int) -> NDArray[np.intp]:
+    """Where the readings of sensors are, (k, size)."""
+    starts = physics.model.sensor_adr[np.asarray(sensors, dtype=np.intp)]
+    return np.asarray(starts[:, None] + np.arange(size), dtype=np.intp)

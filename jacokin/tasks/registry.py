@@ -1,0 +1,104 @@
+"""The tasks by name.
+
+A name of an environment is that of a task and what is observed: ``reach_site_features``, ``reach_site_vision``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+from jacokin.errors import UnknownNameError
+from jacokin.model import checks
+from jacokin.tasks.families import lift, place, reach, reassemble, stack
+from jacokin.tasks.task import Task
+
+FEATURES, VISION, EASY = "features", "vision", "easy"
+OBSERVATIONS = (FEATURES, VISION)
+TAGS = (FEATURES, VISION, EASY)
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """A task of the list.
+
+    Attributes:
+        make: makes the task.
+        id: name of its Gymnasium environment, without the version.
+        tags: its tags beside what is observed.
+        observations: what may be observed: "features", and "vision" where dm_control has it.
+    """
+
+    make: Callable[[], Task]
+    id: str
+    tags: tuple[str, ...] = ()
+    observations: tuple[str, ...] = OBSERVATIONS
+
+
+TASKS = {
+    "reach_site": Entry(reach.ReachSite, "ReachSite", (EASY,)),
+    "reach_duplo": Entry(reach.ReachBrick, "ReachBrick", (EASY,)),
+    "lift_brick": Entry(lift.LiftBrick, "LiftBrick"),
+    "lift_large_box": Entry(lift.LiftLargeBox, "LiftBox"),
+    "place_brick": Entry(place.PlaceBrick, "PlaceBrick"),
+    "place_cradle": Entry(place.PlaceCradle, "PlaceCradle"),
+    "stack_2_bricks": Entry(partial(stack.Stack, 2), "Stack2"),
+    "stack_2_bricks_moveable_base": Entry(partial(stack.Stack, 2, is_base_fixed=False), "Stack2MoveableBase"),
+    "stack_3_bricks": Entry(partial(stack.Stack, 3), "Stack3"),
+    "stack_3_bricks_random_order": Entry(
+        partial(stack.Stack, 3, order_varies=True), "Stack3RandomOrder", observations=(FEATURES,)
+    ),
+    "stack_2_of_3_bricks_random_order": Entry(partial(stack.Stack, 3, 2, order_varies=True), "Stack2Of3RandomOrder"),
+    "reassemble_3_bricks_fixed_order": Entry(partial(reassemble.Reassemble, 3), "Reassemble3"),
+    "reassemble_5_bricks_random_order": Entry(
+        partial(reassemble.Reassemble, 5, order_varies=True), "Reassemble5RandomOrder"
+    ),
+    "reach_top_left": Entry(reach.corner("top_left"), "ReachTopLeft", (EASY,)),
+    "reach_top_right": Entry(reach.corner("top_right"), "ReachTopRight", (EASY,)),
+    "reach_bottom_left": Entry(reach.corner("bottom_left"), "ReachBottomLeft", (EASY,)),
+    "reach_bottom_right": Entry(reach.corner("bottom_right"), "ReachBottomRight", (EASY,)),
+}
+
+_ENVIRONMENTS = {
+    f"{name}_{observed}": (name, observed) for name, entry in TASKS.items() for observed in entry.observations
+}
+
+
+def names(tag: str | None = None) -> tuple[str, ...]:
+    """The names of the environments that `load` makes.
+
+    Args:
+        tag: only those with this tag: "features", "vision" or "easy"; None for all.
+
+    Raises:
+        UnknownNameError: no such tag.
+    """
+    if tag is None:
+        return tuple(_ENVIRONMENTS)
+    checks.choice("tag", tag, TAGS)
+    return tuple(name for name, (task, observed) in _ENVIRONMENTS.items() if tag in (observed, *TASKS[task].tags))
+
+
+def task_and_observations(name: str) -> tuple[str, str]:
+    """The name of the task and what is observed, of the name of an environment.
+
+    A name without ``_features`` or ``_vision`` means features.
+
+    Raises:
+        UnknownNameError: no such environment; tells the nearest name and lists all.
+    """
+    if isinstance(name, str) and name in TASKS:
+        return name, FEATURES
+    if not isinstance(name, str) or name not in _ENVIRONMENTS:
+        raise UnknownNameError("task", name, _ENVIRONMENTS)
+    return _ENVIRONMENTS[name]
+
+
+def make(task: str) -> Task:
+    """A task by its name.
+
+    Raises:
+        UnknownNameError: no such task.
+    """
+    return TASKS[checks.choice("task", task, TASKS)].make()

@@ -1,0 +1,165 @@
+"""What every task consists of: a scene, initial states, observations, and a reward of what is achieved and desired."""
+
+from __future__ import annotations
+
+import abc
+from collections.abc import Callable
+
+import mujoco
+import numpy as np
+
+from jacokin.arrays import Array
+from jacokin.mujoco_bridge import Arena, Brick, Physics, ToolCenterPointInitializer, cameras, observations, robots
+from jacokin.mujoco_bridge.base import RandomState
+from jacokin.mujoco_bridge.distributions import QuaternionFromAxisAngle, Uniform, uniform_box
+from jacokin.mujoco_bridge.entities.entity import Entity
+from jacokin.mujoco_bridge.rewards import SHAPES, VALUE_AT_MARGIN
+from jacokin.mujoco_bridge.workspaces import BoundingBox
+from jacokin.tasks import features
+from jacokin.tasks.features import Feature
+from jacokin.tasks.view import View, ids
+
+CONTROL_TIMESTEP = 0.04  # [s]
+SUBSTEPS = 20  # physics steps of 0.002 s
+TIME_LIMIT = 10.0  # [s]
+CAMERA = cameras.FRONT_CLOSE.name
+BRICK = "duplo2x4"  # name of the first brick in dm_control's observations
+
+ANY_YAW = QuaternionFromAxisAngle((0.0, 0.0, 1.0), Uniform(-np.pi, np.pi, single_sample=True))
+"""A sampler of rotations about the vertical axis."""
+
+_WAITING = (0.5, 0.0, 0.0)  # [m] where props are before the first reset
+_APART = np.array((0.1, 0.0, 0.0))  # [m]
+
+
+class Task(abc.ABC):
+    """One task with its compiled scene, in which initial states are made; simulating is left to environments.
+
+    Read `families/reach` for an example.
+
+    Attributes:
+        arena: the root of the scene.
+        arm: the arm.
+        hand: the hand; its tool centre point is the pinch site.
+        physics: the compiled scene.
+        features: the observations in their order, without the camera.
+        goal_size: how many numbers belong to an episode beside the state of its simulation.
+        tool_box: where the tool centre point is at the start of an episode.
+    """
+
+    goal_size = 0
+    tool_box: BoundingBox
+
+    def __init__(self) -> None:
+        """Compile the scene."""
+        self.arena = Arena()
+        cameras.add_camera_observables(self.arena, observations.VISION, cameras.FRONT_CLOSE)
+        self.arm = robots.make_arm(observations.PERFECT_FEATURES)
+        self.hand = robots.make_hand(observations.PERFECT_FEATURES)
+        self.arm.attach(self.hand)
+        self.arena.attach(self.arm, position=robots.ARM_OFFSET)
+        self._waiting = 0
+        self._add_props()
+        self.physics = Physics.from_entity(self.arena)
+        self.arm.set_home(self.physics)
+        self._home: Array = self.physics.data.qpos.copy()
+        self._tool = int(ids(self.physics, self.hand.tool_center_point)[0])
+        self._place_tool = ToolCenterPointInitializer(self.hand, self.arm, uniform_box(*self.tool_box))
+        own = features.of_robot(self.physics, self.arm, self.hand)
+        before, after = self._features()
+        self.features: tuple[Feature, ...] = (*before, *own, *after)
+
+    @abc.abstractmethod
+    def _add_props(self) -> None:
+        """Add what the task needs to the arena, before it is compiled."""
+
+    @abc.abstractmethod
+    def _features(self) -> tuple[list[Feature], list[Feature]]:
+        """The observations that come before those of the robot, and those after them."""
+
+    @abc.abstractmethod
+    def _initialize(self, random_state: RandomState) -> Array:
+        """Draw an initial state of the physics; returns the goal (goal_size,)."""
+
+    @abc.abstractmethod
+    def achieved(self, view: View, goal: Array) -> Array:
+        """What counts for the reward, (..., a), of simulations with the goals (..., goal_size)."""
+
+    @abc.abstractmethod
+    def desired(self, view: View, goal: Array) -> Array:
+        """What `achieved` should be, (..., d)."""
+
+    @abc.abstractmethod
+    def reward(self, achieved: Array, desired: Array) -> Array:
+        """The reward (...) in 0..1 of what is achieved (..., a) and desired (..., d)."""
+
+    @abc.abstractmethod
+    def success(self, achieved: Array, desired: Array) -> Array:
+        """Whether (...) the task is solved: all that its reward asks for is within its bounds."""
+
+    def initialize_episode(self, random_state: RandomState) -> Array:
+        """Start an episode in `physics`: at rest, at time 0, controls 0.
+
+        Args:
+            random_state: drawn from in the same order each time.
+
+        Returns:
+            The goal (goal_size,) of the episode.
+
+        Raises:
+            EpisodeInitializationError: no initial state was found.
+        """
+        self._start_afresh()
+        goal = self._initialize(random_state)
+        self.physics.after_reset()
+        return goal
+
+    def show_goal(self, goal: Array) -> None:  # noqa: B027 - most tasks have nothing to show
+        """Show the goal of an episode in pictures, as far as the state of the simulation does not."""
+
+    def _start_afresh(self) -> None:
+        physics = self.physics
+        with physics.lock:
+            mujoco.mj_resetData(physics.model, physics.data)
+            physics.data.qpos[:] = self._home  # not q = 0, where the arm touches itself, which is slow to simulate
+
+    def _place_robot(self, random_state: RandomState) -> None:
+        self.hand.set_grasp(self.physics, float(random_state.uniform()))
+        self._place_tool(self.physics, random_state)
+
+    def tool(self, view: View) -> Array:
+        """Position (..., 3) of the tool centre point [m]."""
+        return view.site_xpos[..., self._tool, :]
+
+    def _add_free(self, prop: Entity) -> None:
+        """Add a prop that moves; it waits aside until it is placed."""
+        self.arena.add_free_entity(prop, position=np.array(_WAITING) + self._waiting * _APART)
+        self._waiting += 1
+
+    def _add_fixed(self, prop: Entity) -> None:
+        """Add something that stands still during an episode, and may be put elsewhere between two."""
+        body = self.arena.attach(prop, position=np.array(_WAITING) + self._waiting * _APART)
+        body.mocap = True
+        self._waiting += 1
+
+
+def brick(name: str = BRICK, color: tuple[float, float, float] = (1.0, 0.0, 0.0), *, hint: bool = False) -> Brick:
+    """A brick of the tasks."""
+    return Brick(color=color, name=name, hint=hint)
+
+
+def qpos_rows(physics: Physics, prop: Entity) -> tuple[slice, slice]:
+    """Where the position and the quaternion of a free prop are in qpos."""
+    joint = prop.freejoint
+    assert joint is not None, prop.name
+    start = int(physics.model.jnt_qposadr[ids(physics, joint)[0]])
+    return slice(start, start + 3), slice(start + 3, start + 7)
+
+
+def shaped(beyond: Array, margin: float, shape: str) -> Array:
+    """1 where something is within its bounds, and a value that falls with the distance from them.
+
+    The same as `rewards.tolerance`, for distances (...) beyond a bound, negative within, and fixed margins.
+    """
+    fall: Callable[[Array, float], Array] = SHAPES[shape]
+    return fall(np.maximum(beyond, 0.0) / margin, 0.0 if shape == "linear" else VALUE_AT_MARGIN)

@@ -1,0 +1,219 @@
+"""Tasks as environments of dm_env: specifications, determinism, mistakes."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+import subprocess
+import sys
+from pathlib import Path
+
+import dm_env
+import numpy as np
+import pytest
+
+import jacokin.tasks
+from jacokin.errors import InvalidInputError, PhysicsError, UnknownNameError
+from jacokin.tasks import Environment
+from jacokin.tasks.registry import TASKS
+from tests.rendering import backends
+
+FEATURES = jacokin.tasks.names("features")
+QUICK = ("reach_site", "lift_brick", "place_cradle", "stack_3_bricks_random_order")
+
+
+def actions(environment: Environment, count: int, seed: int = 0) -> list[np.ndarray]:
+    spec = environment.action_spec()
+    return list(np.random.default_rng(seed).uniform(spec.minimum, spec.maximum, (count, *spec.shape)))
+
+
+def same(one: dm_env.TimeStep, other: dm_env.TimeStep) -> bool:
+    return (
+        one.step_type == other.step_type
+        and one.reward == other.reward
+        and list(one.observation) == list(other.observation)
+        and all(np.array_equal(one.observation[key], other.observation[key]) for key in one.observation)
+    )
+
+
+def test_names_and_tags() -> None:
+    assert len(jacokin.tasks.names()) == 25 + 8
+    assert len(jacokin.tasks.names("features")) == 13 + 4
+    assert set(jacokin.tasks.names("easy")) > {"reach_site_features", "reach_duplo_vision"}
+    with pytest.raises(UnknownNameError, match="unknown tag 'hard'"):
+        jacokin.tasks.names("hard")
+
+
+@pytest.mark.parametrize("name", FEATURES)
+def test_steps_are_as_specified(name: str) -> None:
+    environment = jacokin.tasks.load(name, seed=0)
+    model = environment.physics.model
+    spec = environment.observation_spec()
+    for _ in range(2):
+        step = environment.reset()
+        assert step.first()
+        assert step.reward is step.discount is None
+        assert environment.physics.time == 0.0
+        for action in [None, *actions(environment, 2)]:
+            if action is not None:
+                step = environment.step(action)
+                assert 0.0 <= environment.reward_spec().validate(step.reward) <= 1.0
+                assert environment.discount_spec().validate(step.discount) == 1.0
+            assert list(step.observation) == list(spec)
+            for key, value in step.observation.items():
+                spec[key].validate(value)
+                assert np.isfinite(value).all()
+    assert environment.physics.model is model  # nothing is compiled anew
+
+
+@pytest.mark.parametrize("name", QUICK)
+def test_a_seed_gives_an_episode_bit_for_bit(name: str) -> None:
+    def episode(environment: Environment) -> list[dm_env.TimeStep]:
+        return [environment.reset(), *(environment.step(action) for action in actions(environment, 5))]
+
+    reused = jacokin.tasks.load(name, seed=1)
+    first, second = episode(reused), episode(reused)
+    fresh = jacokin.tasks.load(name, seed=1)
+    assert all(map(same, episode(fresh), first))
+    # In the middle of an episode, and after an exception, the next one is the same all the same.
+    fresh = jacokin.tasks.load(name, seed=1)
+    fresh.reset()
+    for action in actions(fresh, 7, seed=3):
+        fresh.step(action)
+    with pytest.raises(InvalidInputError):
+        fresh.step([1.0])
+    assert all(map(same, episode(fresh), second))
+
+
+@pytest.mark.parametrize("name", QUICK)
+def test_copies_go_on_in_the_middle_of_an_episode(name: str) -> None:
+    environment = jacokin.tasks.load(name, seed=2)
+    environment.reset()
+    for action in actions(environment, 4):
+        environment.step(action)
+    copies = [pickle.loads(pickle.dumps(environment)), copy.deepcopy(environment), copy.copy(environment)]
+    for action in actions(environment, 4, seed=5):
+        step = environment.step(action)
+        assert all(same(each.step(action), step) for each in copies)
+    again = environment.reset()
+    assert all(same(each.reset(), again) for each in copies)
+
+
+def test_another_process_gives_the_same_episode() -> None:
+    code = (
+        "import sys, numpy as np, jacokin.tasks; e = jacokin.tasks.load('place_brick', seed=4); s = e.reset();"
+        "s = e.step(np.full(9, 0.3)); sys.stdout.write(b''.join(v.tobytes() for v in s.observation.values()).hex())"
+    )
+    environment = jacokin.tasks.load("place_brick", seed=4)
+    environment.reset()
+    step = environment.step(np.full(9, 0.3))
+    done = subprocess.run([sys.executable, "-P", "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == b"".join(value.tobytes() for value in step.observation.values()).hex()
+
+
+def test_episodes_end_after_ten_seconds() -> None:
+    environment = jacokin.tasks.load("reach_site", seed=0)
+    assert environment.step(np.zeros(9)).first()  # there was no episode yet
+    steps = [environment.step(np.zeros(9)) for _ in range(250)]
+    assert [step.last() for step in steps] == [False] * 249 + [True]
+    assert steps[-1].discount == 1.0
+    assert environment.physics.time == pytest.approx(10.0)
+    assert environment.step(np.zeros(9)).first()
+
+
+def test_observations_are_not_views_of_the_simulation() -> None:
+    environment = jacokin.tasks.load("lift_brick", seed=0)
+    first = environment.reset()
+    before = copy.deepcopy(first.observation)
+    environment.step(np.ones(9))
+    assert all(np.array_equal(first.observation[key], before[key]) for key in before)
+
+
+def test_actions_beyond_the_limits_are_put_on_them() -> None:
+    one, other = jacokin.tasks.load("reach_site", seed=0), jacokin.tasks.load("reach_site", seed=0)
+    one.reset(), other.reset()
+    assert same(one.step(np.full(9, np.inf)), other.step(one.action_spec().maximum))
+    assert same(one.step([-100] * 9), other.step(one.action_spec().minimum))
+
+
+@pytest.mark.parametrize(
+    "action", [np.full(9, np.nan), np.zeros(8), np.zeros((9, 1)), "up", [None] * 9, 1j * np.ones(9)]
+)
+def test_what_is_not_an_action_changes_nothing(action: object) -> None:
+    environment = jacokin.tasks.load("reach_site", seed=0)
+    environment.reset()
+    before = environment.physics.get_state()
+    with pytest.raises(InvalidInputError, match="action"):
+        environment.step(action)
+    assert np.array_equal(environment.physics.get_state(), before)
+    assert environment.step(np.zeros(9)).mid()
+
+
+def test_a_diverged_simulation_is_an_error_and_then_a_new_episode() -> None:
+    environment = jacokin.tasks.load("reach_site", seed=0)
+    environment.reset()
+    environment.physics.data.qvel[:] = 1e12
+    with pytest.raises(PhysicsError):
+        environment.step(np.zeros(9))
+    assert environment.step(np.zeros(9)).first()
+
+
+def test_mistakes_in_names_and_seeds() -> None:
+    with pytest.raises(UnknownNameError, match="Did you mean 'reach_site_features'"):
+        jacokin.tasks.load("reach_sit_features")
+    with pytest.raises(UnknownNameError, match="stack_3_bricks_random_order_vision"):
+        jacokin.tasks.load("stack_3_bricks_random_order_vision")
+    for seed in (-1, 0.5, "0", True):
+        with pytest.raises(InvalidInputError, match="seed must be"):
+            jacokin.tasks.load("reach_site", seed=seed)  # type: ignore[arg-type]  # the mistake
+
+
+def test_the_wanted_order_and_the_fixed_brick_vary_without_recompiling() -> None:
+    environment = jacokin.tasks.load("stack_3_bricks_random_order", seed=0)
+    model, bases = environment.physics.model, set()
+    for _ in range(20):
+        observation = environment.reset().observation
+        order = observation["desired_order"][0].astype(int)
+        bases.add(int(order[0]))
+        keys = ["duplo2x4", "duplo2x4_2", "duplo2x4_4"]
+        observation = environment.step(np.zeros(9)).observation
+        still = [not observation[f"{key}/linear_velocity"].any() for key in keys]
+        assert still[order[0]]
+        assert sum(still) == 1
+    assert bases == {0, 1, 2}
+    assert environment.physics.model is model
+
+
+def test_a_reassembled_stack_is_built_at_first() -> None:
+    task = jacokin.tasks.load("reassemble_3_bricks_fixed_order", seed=0)
+    task.reset()
+    reward = task.step(np.zeros(9)).reward
+    assert reward is not None
+    assert reward < 1e-6  # 0, 2, 1 is wanted, 0, 1, 2 is there
+    names = TASKS["reassemble_3_bricks_fixed_order"]
+    assert names.observations == ("features", "vision")
+
+
+@pytest.mark.skipif(not backends(), reason="no rendering back end works here")
+def test_pictures_instead_of_props(tmp_path: Path) -> None:
+    code = (
+        "import numpy as np, jacokin.tasks; e = jacokin.tasks.load('stack_2_bricks_vision', seed=0); o = e.reset();"
+        "s = e.observation_spec(); assert list(s) == list(o.observation); [s[k].validate(o.observation[k]) for k in s];"
+        "f = jacokin.tasks.load('stack_2_bricks', seed=0); f.reset(); a = e.step(np.ones(9)); b = f.step(np.ones(9));"
+        "assert a.reward == b.reward; assert a.observation['front_close'].std() > 10; print(list(s)[0], len(s))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", code],
+        env={"MUJOCO_GL": backends()[0], "PATH": "/usr/bin", **_environment()},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split() == ["front_close", "8"]
+
+
+def _environment() -> dict[str, str]:
+    import os
+
+    return {key: value for key, value in os.environ.items() if key != "MUJOCO_GL"}
