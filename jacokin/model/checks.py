@@ -76,14 +76,16 @@ def non_negative(name: str, value: object, unit: str = "") -> float:
     return result
 
 
-def whole_number(name: str, value: object, lowest: int = 0) -> int:
-    """A whole number, at least `lowest`.
+def whole_number(name: str, value: object, lowest: int = 0, highest: int | None = None) -> int:
+    """A whole number, at least `lowest` and, if given, at most `highest`.
 
     Raises:
-        InvalidInputError: not a whole number (2.0 is a float), or too small.
+        InvalidInputError: not a whole number (2.0 is a float), too small or too large.
     """
     if isinstance(value, bool | np.timedelta64) or not isinstance(value, int | np.integer) or value < lowest:
         raise InvalidInputError(f"{name} must be a whole number >= {lowest}, got {shown(value)}")
+    if highest is not None and value > highest:
+        raise InvalidInputError(f"{name} must be a whole number <= {highest}, got {shown(value)}")
     return int(value)
 
 

@@ -300,7 +300,7 @@ class Robot:
         try:
             return rng.uniform(lower, upper, self.dof if size is None else (size, self.dof))
         except (MemoryError, ValueError, OverflowError) as error:
-            raise InvalidInputError(f"size {size} is too large: that many samples do not fit in memory") from error
+            raise InvalidInputError(f"size {shown(size)} is too large: so many samples do not fit in memory") from error
 
     def clearance(self, q: ArrayLike, scene: Surroundings, *, self_collision: bool = False) -> float | Array:
         """Smallest distance between the arm's collision shapes and those of a scene.

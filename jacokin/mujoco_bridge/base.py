@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from jacokin.errors import InvalidInputError, PhysicsError, UnknownNameError
+from jacokin.errors import InvalidInputError, PhysicsError, UnknownNameError, shown
 from jacokin.ik.closed_form import warmup
 from jacokin.model import angles, checks
 from jacokin.model.descriptions import table
@@ -208,7 +208,7 @@ def check_random_state(random_state: RandomState) -> None:
     """
     if not isinstance(random_state, RandomState):
         raise InvalidInputError(
-            f"random_state must be a numpy.random.RandomState or numpy.random.Generator, got {random_state!r}"
+            f"random_state must be a numpy.random.RandomState or numpy.random.Generator, got {shown(random_state)}"
         )
 
 
@@ -218,7 +218,7 @@ def _site_id(physics: Physics, site: mujoco.MjsSite | str) -> int:
     names = [physics.model.site(i).name for i in range(physics.model.nsite)]
     if not isinstance(site, str):
         raise InvalidInputError(
-            f"site must be a site element or the full name of a site, got {site!r}. Sites: {', '.join(names)}"
+            f"site must be a site element or the full name of a site, got {shown(site)}. Sites: {', '.join(names)}"
         )
     if site not in names:
         raise UnknownNameError("site", site, names)

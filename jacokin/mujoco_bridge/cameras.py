@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from jacokin.errors import InvalidInputError
+from jacokin.errors import InvalidInputError, shown
 from jacokin.model import checks as number_checks
 from jacokin.mujoco_bridge.observables.bound import Bound
 from jacokin.mujoco_bridge.observables.observable import Observable
@@ -83,7 +83,7 @@ class MJCFCamera(Observable):
                 has a wrong value.
         """
         if not isinstance(camera, mujoco.MjsCamera):
-            raise InvalidInputError(f"camera must be a camera element of an MjSpec, got {camera!r}")
+            raise InvalidInputError(f"camera must be a camera element of an MjSpec, got {shown(camera)}")
         if number_checks.flag("depth", depth) and number_checks.flag("segmentation", segmentation):
             raise InvalidInputError("at most one of depth and segmentation can be observed by one camera observable")
         self._camera = Bound(camera)
@@ -138,14 +138,14 @@ def add_camera_observables(
     from jacokin.mujoco_bridge.entities.entity import Entity  # which need not load for cameras alone
 
     if not isinstance(entity, Entity):
-        raise InvalidInputError(f"entity must be an Entity such as an Arena, got {entity!r}")
+        raise InvalidInputError(f"entity must be an Entity such as an Arena, got {shown(entity)}")
     if not isinstance(obs_settings, ObservationSettings):
-        raise InvalidInputError(f"obs_settings must be ObservationSettings, got {obs_settings!r}")
+        raise InvalidInputError(f"obs_settings must be ObservationSettings, got {shown(obs_settings)}")
     options = MJCFCamera.check_options(obs_settings.camera._asdict())
     taken = {camera.name for camera in entity.root.mjcf_model.cameras}
     for camera_spec in camera_specs:
         if not isinstance(camera_spec, CameraSpec):
-            raise InvalidInputError(f"camera_specs must be CameraSpec, got {camera_spec!r}")
+            raise InvalidInputError(f"camera_specs must be CameraSpec, got {shown(camera_spec)}")
         full_name = entity.prefix + camera_spec.name
         if full_name in taken:
             raise InvalidInputError(f"a camera named {full_name!r} is there already")

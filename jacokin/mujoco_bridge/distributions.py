@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
-from jacokin.errors import InvalidInputError
+from jacokin.errors import InvalidInputError, shown
 from jacokin.model import checks
 
 RandomState = np.random.RandomState | np.random.Generator
@@ -95,7 +95,7 @@ def sampler(name: str, function: Callable[..., Any]) -> Drawn:
         signature = inspect.signature(function)
     except (TypeError, ValueError):
         raise InvalidInputError(
-            f"{name}: Python cannot tell the arguments of {function!r}; wrap it, as in lambda random_state: ..."
+            f"{name}: Python cannot tell the arguments of {shown(function)}; wrap it, as in lambda random_state: ..."
         ) from None
     for form in _FORMS:
         keywords = {} if isinstance(form, int) else dict.fromkeys(form)
@@ -188,7 +188,7 @@ class Normal(_Distribution):
         _check_fit("loc", loc, "scale", scale)
         checks.flag("single_sample", self.single_sample)
         if (scale < 0.0).any():
-            raise InvalidInputError(f"scale must not be negative, got {self.scale!r}")
+            raise InvalidInputError(f"scale must not be negative, got {shown(self.scale)}")
 
     def _draw(self, random_state: RandomState, size: tuple[int, ...] | None) -> Any:
         return random_state.normal(np.asarray(self.loc, float), np.asarray(self.scale, float), size)
@@ -209,7 +209,7 @@ class QuaternionFromAxisAngle:
     def __post_init__(self) -> None:
         """Check the axis."""
         if not np.linalg.norm(checks.vector("axis", self.axis, 3, "1")) > 0.0:
-            raise InvalidInputError(f"axis must not be zero, got {self.axis!r}")
+            raise InvalidInputError(f"axis must not be zero, got {shown(self.axis)}")
         if not callable(self.angle):
             checks.number("angle", self.angle, "rad")
         constant_or_sampler("angle", self.angle)
@@ -253,7 +253,7 @@ def uniform_box(lower: ArrayLike, upper: ArrayLike) -> Uniform:
 def _checked(random_state: Any) -> RandomState:
     if not isinstance(random_state, RandomState):
         raise InvalidInputError(
-            f"random_state must be a numpy.random.RandomState or numpy.random.Generator, got {random_state!r}"
+            f"random_state must be a numpy.random.RandomState or numpy.random.Generator, got {shown(random_state)}"
         )
     return random_state
 

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from jacokin.errors import InvalidInputError
+from jacokin.errors import InvalidInputError, shown
 from jacokin.model import checks
 from jacokin.model.descriptions import bundled, table
 from jacokin.mujoco_bridge.base import RobotHand
@@ -164,7 +164,7 @@ def _fingers_of(robot: str) -> list[str]:
 def _robot_with(fingers: int | None, robot: str | None) -> str:
     """The bundled robot whose hand has so many fingers."""
     if fingers is not None and checks.whole_number("fingers", fingers) not in _HANDS:
-        raise InvalidInputError(f"fingers must be 3 or 2, got {fingers!r}")
+        raise InvalidInputError(f"fingers must be 3 or 2, got {shown(fingers)}")
     name = _HANDS[3 if fingers is None else fingers] if robot is None else checks.choice("robot", robot, bundled.NAMES)
     if fingers is not None and len(_fingers_of(name)) != fingers:
         raise InvalidInputError(f"the hand of the {name} has {len(_fingers_of(name))} fingers, not {fingers}")
@@ -175,7 +175,7 @@ def _checked_factors(close_factors: float | Sequence[float], fingers: int) -> ND
     try:
         factors = checks.numbers(close_factors)
     except (TypeError, ValueError) as error:
-        raise InvalidInputError(f"close_factors must be numbers in 0..1, got {close_factors!r}") from error
+        raise InvalidInputError(f"close_factors must be numbers in 0..1, got {shown(close_factors)}") from error
     if factors.shape not in ((), (fingers,)):
         raise InvalidInputError(f"close_factors must be one number or {fingers}, got shape {factors.shape}")
     if not ((factors >= 0.0) & (factors <= 1.0)).all():

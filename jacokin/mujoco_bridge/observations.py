@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from jacokin.errors import InvalidInputError
+from jacokin.errors import InvalidInputError, shown
 from jacokin.mujoco_bridge.observables.options import Aggregator, Corruptor, RandomState, Steps
 
 
@@ -97,9 +97,9 @@ def make_options(obs_settings: ObservationSettings, obs_names: ObservableNames) 
         InvalidInputError: an argument has another type.
     """
     if not isinstance(obs_settings, ObservationSettings):
-        raise InvalidInputError(f"obs_settings must be ObservationSettings, got {obs_settings!r}")
+        raise InvalidInputError(f"obs_settings must be ObservationSettings, got {shown(obs_settings)}")
     if not isinstance(obs_names, ObservableNames):
-        raise InvalidInputError(f"obs_names must be ObservableNames, got {obs_names!r}")
+        raise InvalidInputError(f"obs_names must be ObservableNames, got {shown(obs_names)}")
     return {
         name: spec._asdict()
         for category, spec in obs_settings._asdict().items()

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
-from jacokin.errors import InvalidInputError
+from jacokin.errors import InvalidInputError, shown
 from jacokin.model import checks
 
 VALUE_AT_MARGIN = 0.1
@@ -96,13 +96,14 @@ def tolerance(
             f"x must be numbers and bounds two of them, got {checks.shown(x)} and {checks.shown(bounds)}"
         ) from error
     if not lower <= upper:
-        raise InvalidInputError(f"bounds must be (lower, upper) with lower <= upper, got {bounds!r}")
+        raise InvalidInputError(f"bounds must be (lower, upper) with lower <= upper, got {shown(bounds)}")
     width = checks.non_negative("margin", margin)
     shape = SHAPES[checks.choice("sigmoid", sigmoid, SHAPES)]
     value = checks.number("value_at_margin", value_at_margin)
     if not (0.0 < value < 1.0 or (value == 0.0 and sigmoid in _REACH_ZERO)):
         raise InvalidInputError(
-            f"value_at_margin must be above 0 and below 1, or 0 for {', '.join(_REACH_ZERO)}; got {value_at_margin!r}"
+            f"value_at_margin must be above 0 and below 1, or 0 for {', '.join(_REACH_ZERO)}; "
+            f"got {shown(value_at_margin)}"
         )
     with np.errstate(over="ignore", invalid="ignore"):  # far away, the squares are infinite and the values 0
         distance = np.where(values < lower, lower - values, np.where(values > upper, values - upper, 0.0 * values))

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
-from jacokin.errors import InvalidInputError
+from jacokin.errors import InvalidInputError, shown
 from jacokin.model import checks
 from jacokin.model.angles import nearest_copy
 from jacokin.mujoco_bridge.base import RobotArm
@@ -86,7 +86,7 @@ def command_site_velocity(physics: Physics, arm: JacoArm, site: mujoco.MjsSite |
 
 def _checked_arm(arm: JacoArm) -> JacoArm:
     if not isinstance(arm, RobotArm) or not hasattr(arm, "actuators"):
-        raise InvalidInputError(f"arm must be an arm with actuators such as a JacoArm, got {arm!r}")
+        raise InvalidInputError(f"arm must be an arm with actuators such as a JacoArm, got {shown(arm)}")
     return arm
 
 

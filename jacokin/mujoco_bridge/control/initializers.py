@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from jacokin.errors import EpisodeInitializationError, InvalidInputError
+from jacokin.errors import EpisodeInitializationError, InvalidInputError, shown
 from jacokin.model import checks
 from jacokin.mujoco_bridge.base import DOWN_QUATERNION, RandomState, RobotArm, RobotHand, check_random_state
 from jacokin.mujoco_bridge.control.collisions import Geoms, bodies_of, free_bodies, trial_of
@@ -58,7 +58,9 @@ class ToolCenterPointInitializer:
             InvalidInputError: another argument is wrong.
         """
         if not isinstance(arm, RobotArm) or not isinstance(hand, RobotHand | None):
-            raise InvalidInputError(f"hand and arm must be a RobotHand and a RobotArm, got {hand!r} and {arm!r}")
+            raise InvalidInputError(
+                f"hand and arm must be a RobotHand and a RobotArm, got {shown(hand)} and {shown(arm)}"
+            )
         self._hand = hand
         self._arm = arm
         self._position = constant_or_sampler("position", position)

@@ -18,7 +18,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
-from jacokin.errors import InvalidInputError, ModelError
+from jacokin.errors import InvalidInputError, ModelError, shown
 from jacokin.model import checks
 from jacokin.mujoco_bridge.entities import pickling, spec_attachment
 from jacokin.mujoco_bridge.entities.hooks import Hooks
@@ -34,12 +34,16 @@ def check_name(name: str) -> str:
     """The name of an entity, or an error that says what is wrong with it.
 
     Raises:
-        InvalidInputError: not a string, empty, or with a slash.
+        InvalidInputError: not a string, not one in UTF-8, empty, or with a slash.
     """
     if not isinstance(name, str):
-        raise InvalidInputError(f"name must be a string, got {name!r}")
+        raise InvalidInputError(f"name must be a string, got {shown(name)}")
+    try:
+        name.encode()
+    except UnicodeEncodeError:
+        raise InvalidInputError(f"name must be a text that UTF-8 can write, got {shown(name)}") from None
     if not name or "/" in name:
-        raise InvalidInputError(f"name must not be empty and must not contain '/', got {name!r}")
+        raise InvalidInputError(f"name must not be empty and must not contain '/', got {shown(name)}")
     return name
 
 
@@ -215,7 +219,7 @@ class Entity(Placed, Hooks):
 
     def _check_attach(self, entity: Entity, attach_site: mujoco.MjsSite | None) -> None:
         if not isinstance(entity, Entity):
-            raise InvalidInputError(f"entity must be an Entity, got {entity!r}")
+            raise InvalidInputError(f"entity must be an Entity, got {shown(entity)}")
         if entity._parent is not None:
             raise InvalidInputError(f"{entity.name!r} is attached to {entity._parent.name!r} already; detach it first")
         if entity is self.root:
@@ -223,7 +227,9 @@ class Entity(Placed, Hooks):
         sites = self.root.mjcf_model.sites
         if attach_site is not None and attach_site not in sites:
             names = ", ".join(site.name for site in sites) or "(none)"
-            raise InvalidInputError(f"attach_site must be a site of {self.name!r}, got {attach_site!r}. Sites: {names}")
+            raise InvalidInputError(
+                f"attach_site must be a site of {self.name!r}, got {shown(attach_site)}. Sites: {names}"
+            )
 
     def detach(self) -> None:
         """Undo `attach`: the entity is again as it was before, with what was attached to it still attached.
@@ -302,7 +308,7 @@ class ModelWrapperEntity(Entity):
             name: replaces the name of the model.
         """
         if not isinstance(mjcf_model, mujoco.MjSpec):
-            raise InvalidInputError(f"mjcf_model must be a mujoco.MjSpec, got {mjcf_model!r}")
+            raise InvalidInputError(f"mjcf_model must be a mujoco.MjSpec, got {shown(mjcf_model)}")
         self._mjcf_root = mjcf_model
         if name is not None:
             mjcf_model.modelname = check_name(name)

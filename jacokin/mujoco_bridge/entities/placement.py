@@ -113,6 +113,7 @@ class Placed(abc.ABC):
             PhysicsError: the entity is not attached.
             InvalidInputError: a malformed position or quaternion.
         """
+        checks.flag("rotate_velocity", rotate_velocity)
         at, turn = self.get_pose(physics)
         shifted = None if position is None else at + checks.vector("position", position, 3, "m")
         if quaternion is None:

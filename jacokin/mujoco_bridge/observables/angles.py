@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from jacokin.errors import InvalidInputError
+from jacokin.errors import InvalidInputError, shown
 from jacokin.model import checks
 from jacokin.model.angles import nearest_copy, wrap_to_turn
 
@@ -42,5 +42,5 @@ def angles_from_sin_cos(sin_cos: ArrayLike, near: ArrayLike | None = None) -> ND
     if reference is None:
         return wrap_to_turn(angles)
     if not np.isfinite(reference).all() or reference.shape != angles.shape:
-        raise InvalidInputError(f"near must be finite angles of the shape {angles.shape}, got {reference!r}")
+        raise InvalidInputError(f"near must be finite angles of the shape {angles.shape}, got {shown(reference)}")
     return np.asarray(nearest_copy(angles, reference))

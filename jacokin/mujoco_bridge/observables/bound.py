@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from jacokin.errors import InvalidInputError
+from jacokin.errors import InvalidInputError, shown
 from jacokin.mujoco_bridge.simulation.physics import Physics
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ class Bound:
         """
         if physics is None or physics is not self._physics:
             if not isinstance(physics, Physics):
-                raise InvalidInputError(f"physics must be a Physics, made by Physics.from_entity, got {physics!r}")
+                raise InvalidInputError(f"physics must be a Physics, made by Physics.from_entity, got {shown(physics)}")
             self._binding = physics.bind(self._elements)
             self._physics = physics
         return self._binding

@@ -10,7 +10,8 @@ from functools import cached_property
 from inspect import getattr_static
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
-from jacokin.errors import InvalidInputError
+from jacokin.errors import InvalidInputError, shown
+from jacokin.model import checks
 from jacokin.mujoco_bridge.observables.observable import Observable
 from jacokin.mujoco_bridge.observables.options import CHECKS, UnknownObservableError
 
@@ -36,7 +37,12 @@ class Observables:
     """
 
     def __init__(self, entity: Entity) -> None:
-        """Make the observables that the class declares; they are disabled."""
+        """Make the observables that the class declares; they are disabled.
+
+        Raises:
+            InvalidInputError: not an entity.
+        """
+        _check_entity("entity", entity)
         self._entity: Any = entity  # each subclass knows what its entity has
         self._observables: dict[str, Observable] = {}
         for name in sorted(dir(type(self))):
@@ -69,9 +75,9 @@ class Observables:
             InvalidInputError: the name is in use or not an identifier, or this is not an ``Observable``.
         """
         if not isinstance(observable, Observable):
-            raise InvalidInputError(f"observable must be an Observable, got {observable!r}")
+            raise InvalidInputError(f"observable must be an Observable, got {shown(observable)}")
         if not isinstance(name, str) or not name.isidentifier() or hasattr(self, name):
-            raise InvalidInputError(f"name must be an identifier that is not in use, got {name!r}")
+            raise InvalidInputError(f"name must be an identifier that is not in use, got {shown(name)}")
         observable.enabled = enabled
         self._observables[name] = observable
 
@@ -81,7 +87,14 @@ class Observables:
         Args:
             former: the observables the entity had before its elements were replaced.
             replaced: gives the present element for each former one.
+
+        Raises:
+            InvalidInputError: not observables, or not a function.
         """
+        if not isinstance(former, Observables):
+            raise InvalidInputError(f"former must be Observables, got {shown(former)}")
+        if not callable(replaced):
+            raise InvalidInputError(f"replaced must be callable with an element, got {shown(replaced)}")
         for name, each in former._observables.items():
             if name in self._observables:
                 self._observables[name].configure(**each.options)
@@ -117,14 +130,14 @@ class Observables:
         """
         options = {} if options is None else options
         if not isinstance(options, Mapping):
-            raise InvalidInputError(f"options must be a dict, got {options!r}")
+            raise InvalidInputError(f"options must be a dict, got {shown(options)}")
         if options and all(name in CHECKS for name in options) and not set(options) & set(self._observables):
             options = dict.fromkeys(self._observables, options)
         checked: list[tuple[Observable, Mapping[str, Any]]] = []
         for name, values in options.items():
             each = self.get_observable(name)
             if not isinstance(values, Mapping):
-                raise InvalidInputError(f"options of {name!r} must be a dict, got {values!r}")
+                raise InvalidInputError(f"options of {name!r} must be a dict, got {shown(values)}")
             checked.append((each, each.check_options(values)))
         for each, values in checked:
             each.configure(**values)
@@ -136,8 +149,14 @@ class Observables:
             fully_qualified: prefix the names with the entity's, as in
                 ``"jaco_arm/jaco_hand/joints_pos"``.
         """
-        prefix = self._entity.prefix if fully_qualified else ""
+        prefix = self._entity.prefix if checks.flag("fully_qualified", fully_qualified) else ""
         return {prefix + name: each for name, each in self._observables.items()}
+
+
+def _check_entity(name: str, value: object) -> None:
+    """Refuse what is not an entity; `Entity` itself is made of this module."""
+    if isinstance(value, type) or not callable(getattr(value, "iter_entities", None)):
+        raise InvalidInputError(f"{name} must be an Entity such as an Arena, got {shown(value)}")
 
 
 def observables_of(root: Entity) -> dict[str, Observable]:
@@ -150,8 +169,7 @@ def observables_of(root: Entity) -> dict[str, Observable]:
     Raises:
         InvalidInputError: root is not an entity.
     """
-    if not callable(getattr(root, "iter_entities", None)):
-        raise InvalidInputError(f"root must be an Entity such as an Arena, got {root!r}")
+    _check_entity("root", root)
     found: dict[str, Observable] = {}
     for entity in root.iter_entities():
         found.update(entity.observables.as_dict())

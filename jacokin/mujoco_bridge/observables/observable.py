@@ -7,12 +7,12 @@ it is read, its delay, its buffer, the aggregator of the buffer, and the corrupt
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from jacokin.errors import InvalidInputError
+from jacokin.errors import InvalidInputError, shown
 from jacokin.mujoco_bridge.observables.bound import Bound
 from jacokin.mujoco_bridge.observables.options import (
     CHECKS,
@@ -24,9 +24,6 @@ from jacokin.mujoco_bridge.observables.options import (
 )
 from jacokin.mujoco_bridge.observables.specs import ArraySpec
 from jacokin.mujoco_bridge.simulation.physics import Physics
-
-if TYPE_CHECKING:
-    pass
 
 T = TypeVar("T")
 
@@ -83,9 +80,9 @@ class Observable:
             InvalidInputError: raw is not callable, or an option has a wrong value.
         """
         if not callable(raw):
-            raise InvalidInputError(f"raw must be a callable of the physics, got {raw!r}")
+            raise InvalidInputError(f"raw must be a callable of the physics, got {shown(raw)}")
         if not isinstance(array_spec, ArraySpec | None):
-            raise InvalidInputError(f"array_spec must be an ArraySpec or None, got {array_spec!r}")
+            raise InvalidInputError(f"array_spec must be an ArraySpec or None, got {shown(array_spec)}")
         self._raw = raw
         self._array_spec = array_spec
         self.update_interval = update_interval
@@ -123,6 +120,8 @@ class Observable:
     @classmethod
     def check_options(cls, options: Mapping[str, Any]) -> dict[str, Any]:
         """Return the checked values, or raise what ``configure`` would, changing nothing."""
+        if not isinstance(options, Mapping):
+            raise InvalidInputError(f"options must be a dict, got {shown(options)}")
         for name in options:
             if name not in cls.checks:
                 raise UnknownObservableError("option", name, cls.checks)

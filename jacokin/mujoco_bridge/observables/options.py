@@ -9,7 +9,7 @@ from typing import Any, TypedDict
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from jacokin.errors import InvalidInputError, UnknownNameError
+from jacokin.errors import InvalidInputError, UnknownNameError, shown
 from jacokin.model import checks
 from jacokin.mujoco_bridge import distributions
 
@@ -66,7 +66,7 @@ def _check_aggregator(name: str, value: Any) -> str | Aggregator | None:
 
 def _check_callable(name: str, value: Any) -> Any:
     if value is not None and not callable(value):
-        raise InvalidInputError(f"{name} must be None or callable, got {value!r}")
+        raise InvalidInputError(f"{name} must be None or callable, got {shown(value)}")
     return value
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from numpy.typing import NDArray
 
-from jacokin.errors import InvalidInputError, PhysicsError
+from jacokin.errors import InvalidInputError, PhysicsError, shown
 from jacokin.model import checks
 from jacokin.mujoco_bridge.entities.hooks import Hooks
 from jacokin.mujoco_bridge.observables.channel import Channel
@@ -63,12 +63,12 @@ class Updater:
             InvalidInputError: an argument has a wrong type or value.
         """
         if not isinstance(observables, Mapping):
-            raise InvalidInputError(f"observables must be a dict by name, got {observables!r}")
+            raise InvalidInputError(f"observables must be a dict by name, got {shown(observables)}")
         for name, observable in observables.items():
             if not isinstance(observable, Observable):
-                raise InvalidInputError(f"observables[{name!r}] must be an Observable, got {observable!r}")
+                raise InvalidInputError(f"observables[{name!r}] must be an Observable, got {shown(observable)}")
         if entity is not None and not callable(getattr(entity, "iter_entities", None)):
-            raise InvalidInputError(f"entity must be an Entity such as an Arena, got {entity!r}")
+            raise InvalidInputError(f"entity must be an Entity such as an Arena, got {shown(entity)}")
         self._observables = dict(observables)
         self._control_steps = checks.whole_number("physics_steps_per_control_step", physics_steps_per_control_step, 1)
         self._strip = checks.flag("strip_singleton_buffer_dim", strip_singleton_buffer_dim)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from jacokin.errors import InvalidInputError
+from jacokin.errors import InvalidInputError, shown
 from jacokin.model import checks
 from jacokin.mujoco_bridge import workspaces
 from jacokin.mujoco_bridge.entities.entity import Entity, check_name
@@ -57,7 +57,7 @@ class Pedestal(Entity):
             InvalidInputError: cradle is not an entity or is attached to another, or the radius is not positive.
         """
         if not isinstance(cradle, Entity | None):
-            raise InvalidInputError(f"cradle must be an Entity or None, got {cradle!r}")
+            raise InvalidInputError(f"cradle must be an Entity or None, got {shown(cradle)}")
         row = table.load()["pedestal"]
         radius = row["target_radius"] if target_radius is None else checks.positive("target_radius", target_radius, "m")
         spec = self._mjcf_root = mujoco.MjSpec()

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
-from jacokin.errors import InvalidInputError
+from jacokin.errors import InvalidInputError, shown
 from jacokin.model import checks
 from jacokin.mujoco_bridge.entities.entity import check_name
 from jacokin.mujoco_bridge.props.free_prop import FreeProp
@@ -59,7 +59,7 @@ class Primitive(FreeProp):
         shape, count = _SHAPES[checks.choice("geom_type", geom_type, _SHAPES)]
         lengths = checks.vector("size", size, count, "m")
         if not (lengths > 0.0).all():
-            raise InvalidInputError(f"size of a {geom_type} must be {count} positive lengths [m], got {size!r}")
+            raise InvalidInputError(f"size of a {geom_type} must be {count} positive lengths [m], got {shown(size)}")
         if mass is not None:
             geom_options["mass"] = checks.positive("mass", mass, "kg")
         colour = checks.vector("rgba", rgba, 4, "0..1")

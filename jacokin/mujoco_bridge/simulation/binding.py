@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from jacokin.errors import InvalidInputError, UnknownNameError
+from jacokin.errors import InvalidInputError, UnknownNameError, shown
 from jacokin.mujoco_bridge.simulation.element_arrays import KINDS, Field, Kind, fields_of
 from jacokin.mujoco_bridge.simulation.indexed_array import IndexedArray
 
@@ -134,7 +134,7 @@ class Binding:
             array[...] = value
         except (TypeError, ValueError) as error:
             raise InvalidInputError(
-                f"{name} of {len(self._ids)} {self._kind.plural} must fit shape {array.shape}, got {value!r}"
+                f"{name} of {len(self._ids)} {self._kind.plural} must fit shape {array.shape}, got {shown(value)}"
             ) from error
 
     def __dir__(self) -> list[str]:

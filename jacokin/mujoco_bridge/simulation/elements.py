@@ -7,7 +7,7 @@ from typing import TypeAlias
 
 import mujoco
 
-from jacokin.errors import InvalidInputError, UnknownNameError
+from jacokin.errors import InvalidInputError, UnknownNameError, shown
 from jacokin.mujoco_bridge.simulation.element_arrays import KINDS, Kind
 
 Element: TypeAlias = (
@@ -46,6 +46,8 @@ class ElementIds:
         self._model = model
         self._ids: dict[Element, int] | None = None
         if spec is not None:
+            if not isinstance(spec, mujoco.MjSpec):
+                raise InvalidInputError(f"spec must be a mujoco.MjSpec or None, got {shown(spec)}")
             self._ids = {}
             for kind in KINDS.values():
                 elements, count = getattr(spec, kind.plural), getattr(model, kind.count)
@@ -71,7 +73,7 @@ class ElementIds:
         classes = {type(element) for element in elements if not isinstance(element, str)}
         for element in elements:
             if not isinstance(element, str) and type(element) not in KINDS:
-                raise InvalidInputError(f"{element!r} is not an element of an MjSpec that can be bound")
+                raise InvalidInputError(f"{shown(element)} is not an element of an MjSpec that can be bound")
         if len(classes) > 1:
             kinds = sorted(KINDS[each].name for each in classes)
             raise InvalidInputError(f"elements must be of one kind, got {' and '.join(kinds)}")
@@ -81,7 +83,7 @@ class ElementIds:
 
     def _class_of(self, names: list[str]) -> type:
         for candidate, kind in KINDS.items():
-            if all(mujoco.mj_name2id(self._model, kind.object_type, name) >= 0 for name in names):
+            if all(self._index(kind, name) >= 0 for name in names):
                 return candidate
         known = {name: None for kind in KINDS.values() for name in self._names(kind)}
         for name in names:
@@ -94,16 +96,22 @@ class ElementIds:
         return [name for i in range(count) if (name := mujoco.mj_id2name(self._model, kind.object_type, i))]
 
     def _named(self, kind: Kind, name: str) -> int:
-        index = mujoco.mj_name2id(self._model, kind.object_type, name)
+        index = self._index(kind, name)
         if index < 0:
             raise UnknownNameError(kind.name, name, self._names(kind))
-        return int(index)
+        return index
+
+    def _index(self, kind: Kind, name: str) -> int:
+        try:
+            return int(mujoco.mj_name2id(self._model, kind.object_type, name))
+        except TypeError:  # not a text in UTF-8, which no name in a model is
+            return -1
 
     def _id(self, kind: Kind, element: Element) -> int:
         if self._ids is not None:
             found = self._ids.get(element, -1)
         else:
-            found = mujoco.mj_name2id(self._model, kind.object_type, element.name) if element.name else -1
+            found = self._index(kind, element.name) if element.name else -1
         if found < 0:
             raise InvalidInputError(
                 f"{kind.name} {element.name!r} is not part of this physics: it belongs to another model, "

@@ -17,7 +17,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from jacokin.errors import InvalidInputError
+from jacokin.errors import InvalidInputError, shown
 from jacokin.mujoco_bridge.simulation.binding import EMPTY, Binding
 from jacokin.mujoco_bridge.simulation.element_arrays import KINDS
 from jacokin.mujoco_bridge.simulation.elements import Element, ElementIds
@@ -66,7 +66,7 @@ class Physics(Simulation):
             ModelError: MuJoCo refuses the model; its message is passed on.
         """
         if isinstance(entity, type) or not isinstance(entity, Compilable):
-            raise InvalidInputError(f"entity must be an Entity such as an Arena, got {entity!r}")
+            raise InvalidInputError(f"entity must be an Entity such as an Arena, got {shown(entity)}")
         return cls(entity.compile(), entity.mjcf_model)
 
     @classmethod
@@ -99,7 +99,7 @@ class Physics(Simulation):
             pass
         except TypeError:
             raise InvalidInputError(
-                f"elements must be an MjSpec element, a name, or a list of them, got {elements!r}"
+                f"elements must be an MjSpec element, a name, or a list of them, got {shown(elements)}"
             ) from None
         if not each:
             return EMPTY
@@ -182,5 +182,5 @@ def check_physics(physics: Physics) -> Physics:
         InvalidInputError: not a `Physics`.
     """
     if not isinstance(physics, Physics):
-        raise InvalidInputError(f"physics must be a Physics, made by Physics.from_entity(arena); got {physics!r}")
+        raise InvalidInputError(f"physics must be a Physics, made by Physics.from_entity(arena); got {shown(physics)}")
     return physics

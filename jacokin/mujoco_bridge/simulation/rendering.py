@@ -17,13 +17,14 @@ from typing import Any
 import mujoco
 from numpy.typing import NDArray
 
-from jacokin.errors import InvalidInputError, PhysicsError, UnknownNameError
+from jacokin.errors import InvalidInputError, PhysicsError, UnknownNameError, shown
 from jacokin.model import checks
 
 FREE_CAMERA = -1
 RenderFlags = Mapping[str, bool]
 
 _FLAG = "mjRND_"
+_MOST_PIXELS = 2**31 - 1  # along one side, in MuJoCo
 _NO_CONTEXT = (
     "no picture can be rendered: {reason}. Without a display, set MUJOCO_GL=egl (Debian: libegl1 and "
     "libegl-mesa0) or MUJOCO_GL=osmesa (Debian: libosmesa6) before Python starts"
@@ -64,10 +65,13 @@ class Renderers:
         if checks.flag("depth", depth) and checks.flag("segmentation", segmentation):
             raise InvalidInputError("at most one of depth and segmentation can be rendered at a time")
         if not isinstance(scene_option, mujoco.MjvOption | None):
-            raise InvalidInputError(f"scene_option must be a mujoco.MjvOption or None, got {scene_option!r}")
+            raise InvalidInputError(f"scene_option must be a mujoco.MjvOption or None, got {shown(scene_option)}")
         flags = _checked_flags(render_flag_overrides)
         number = self._camera_id(camera)
-        size = checks.whole_number("height", height, 1), checks.whole_number("width", width, 1)
+        size = (
+            checks.whole_number("height", height, 1, _MOST_PIXELS),
+            checks.whole_number("width", width, 1, _MOST_PIXELS),
+        )
         if size not in self._by_size:
             self._by_size[size] = _new_renderer(self._model, *size)
             _close_at_exit(self)
@@ -104,7 +108,7 @@ class Renderers:
         number = checks.whole_number("camera_id", camera, FREE_CAMERA)
         if number >= count:
             raise InvalidInputError(
-                f"camera_id must be below {count}, a name, or -1 for the free camera, got {number}. "
+                f"camera_id must be below {count}, a name, or -1 for the free camera, got {shown(number)}. "
                 f"Cameras: {', '.join(names) or '(none)'}"
             )
         return number
@@ -126,7 +130,7 @@ def _checked_flags(overrides: RenderFlags | None) -> dict[int, bool]:
     known = {name.removeprefix(_FLAG).lower(): int(flag) for name, flag in mujoco.mjtRndFlag.__members__.items()}
     valid = {name: number for name, number in known.items() if number < len(mujoco.MjvScene().flags)}
     if not isinstance(overrides, Mapping | None):
-        raise InvalidInputError(f"render_flag_overrides must be a dict of flags, got {overrides!r}")
+        raise InvalidInputError(f"render_flag_overrides must be a dict of flags, got {shown(overrides)}")
     return {
         valid[checks.choice("render flag", name, valid)]: checks.flag(f"render_flag_overrides[{name!r}]", value)
         for name, value in (overrides or {}).items()

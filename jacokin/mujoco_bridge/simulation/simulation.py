@@ -13,12 +13,13 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from jacokin.errors import InvalidInputError, PhysicsError, UnknownNameError
+from jacokin.errors import InvalidInputError, PhysicsError, UnknownNameError, shown
 from jacokin.model import checks
 from jacokin.mujoco_bridge.simulation.flags import mask
 from jacokin.mujoco_bridge.simulation.forward_cache import ForwardCache
 
 _STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
+_MOST_STEPS = 2**31 - 1  # in one call of MuJoCo
 
 
 class Simulation:
@@ -36,7 +37,7 @@ class Simulation:
             PhysicsError: the reference state cannot be simulated.
         """
         if not isinstance(model, mujoco.MjModel):
-            raise InvalidInputError(f"model must be a mujoco.MjModel, got {model!r}")
+            raise InvalidInputError(f"model must be a mujoco.MjModel, got {shown(model)}")
         self.model = model
         self._data = mujoco.MjData(model)
         self._cache = ForwardCache(model, self._data)
@@ -82,8 +83,11 @@ class Simulation:
             values: (k,) what to write there.
 
         Raises:
+            InvalidInputError: not such rows, or not as many finite numbers.
             PhysicsError: MuJoCo gives up, for example for lack of memory; qpos is then as before.
         """
+        rows = self._checked_rows(rows)
+        values = checks.vector("values", values, len(rows), "qpos")
         with self.lock:
             qpos = self._data.qpos
             before = qpos[rows]
@@ -93,6 +97,15 @@ class Simulation:
             except PhysicsError:
                 qpos[rows] = before
                 raise
+
+    def _checked_rows(self, rows: NDArray[np.intp]) -> NDArray[np.intp]:
+        try:
+            found = checks.numbers(rows)
+        except (TypeError, ValueError):
+            found = np.full(1, np.nan)
+        if found.ndim != 1 or not ((found >= 0) & (found < self.model.nq) & (found % 1 == 0)).all():
+            raise InvalidInputError(f"rows must be whole numbers from 0 to {self.model.nq - 1}, got {shown(rows)}")
+        return found.astype(np.intp)
 
     def refresh(self) -> None:
         """The same as `forward`: for those who changed derived values in ``physics.data`` themselves.
@@ -132,7 +145,7 @@ class Simulation:
             InvalidInputError: n is not a whole number >= 1.
             PhysicsError: the simulation diverged or MuJoCo warned; the state is as before the call.
         """
-        self._cache.step(checks.whole_number("n", n, 1))
+        self._cache.step(checks.whole_number("n", n, 1, _MOST_STEPS))
 
     def reset(self, keyframe: int | str | None = None) -> None:
         """Go to the model's reference state, or to a keyframe.
@@ -143,9 +156,9 @@ class Simulation:
             UnknownNameError: there is no such keyframe; lists those there are.
         """
         names = [self.model.key(i).name or i for i in range(self.model.nkey)]
-        index = names.index(keyframe) if keyframe in names else keyframe
+        index = names.index(keyframe) if isinstance(keyframe, str) and keyframe in names else keyframe
         if index is not None and (not isinstance(index, int) or not 0 <= index < self.model.nkey):
-            raise UnknownNameError("keyframe", str(keyframe), map(str, names))
+            raise UnknownNameError("keyframe", keyframe, map(str, names))
         with self.lock:
             if index is None:
                 mujoco.mj_resetData(self.model, self._data)
@@ -207,9 +220,11 @@ class Simulation:
         """
         size = mujoco.mj_stateSize(self.model, _STATE)
         try:
-            values = np.asarray(state, dtype=np.float64)
+            values = checks.numbers(state)
         except (TypeError, ValueError):
-            raise InvalidInputError(f"state must be {size} numbers, as get_state gives them, got {state!r}") from None
+            raise InvalidInputError(
+                f"state must be {size} numbers, as get_state gives them, got {shown(state)}"
+            ) from None
         if values.shape != (size,):
             raise InvalidInputError(f"state must have shape ({size},), got {values.shape}")
         with self.lock:
