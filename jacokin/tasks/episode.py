@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.errors import InvalidInputError, PhysicsError
+from jacokin.errors import PhysicsError
 from jacokin.model import checks
 from jacokin.mujoco_bridge.base import RandomState
 from jacokin.mujoco_bridge.simulation.rendering import Renderers
-from jacokin.tasks import registry
+from jacokin.tasks import actions, registry
 from jacokin.tasks.task import CAMERA, CONTROL_TIMESTEP, SUBSTEPS, TIME_LIMIT
 from jacokin.tasks.view import View
 
@@ -97,16 +97,7 @@ class Episode:
         Raises:
             InvalidInputError: wrong shape, not real numbers, or not finite.
         """
-        values = action if isinstance(action, np.ndarray) else np.asarray(action)
-        if values.shape != self.lower.shape or values.dtype.kind not in "fiu":
-            raise InvalidInputError(
-                f"action must be {len(self.lower)} numbers, got shape {values.shape} and dtype {values.dtype}"
-            )
-        bounded = np.minimum(np.maximum(values, self.lower), self.upper)
-        total = float(bounded.sum())
-        if total != total:  # NaN; infinite values are bounded
-            raise InvalidInputError(f"action must not be NaN, got {values.tolist()}")
-        return np.asarray(bounded, dtype=np.float64)
+        return actions.bounded(action, self.lower, self.upper)
 
     def picture(self, height: int = PICTURE, width: int = PICTURE, *, depth: bool = False) -> NDArray[np.generic]:
         """What the camera sees, (height, width, 3) uint8, or the depth, (height, width) float32 [m].

@@ -51,7 +51,7 @@ class Task(abc.ABC):
     tool_box: BoundingBox
 
     def __init__(self) -> None:
-        """Compile the scene."""
+        """Compile the scene; for the first time on a machine, the closed form of the arm too (10 to 30 s)."""
         self.arena = Arena()
         cameras.add_camera_observables(self.arena, observations.VISION, cameras.FRONT_CLOSE)
         self.arm = robots.make_arm(observations.PERFECT_FEATURES)
@@ -61,6 +61,7 @@ class Task(abc.ABC):
         self._waiting = 0
         self._add_props()
         self.physics = Physics.from_entity(self.arena)
+        self.arm.prepare(self.physics)
         self.arm.set_home(self.physics)
         self._home: Array = self.physics.data.qpos.copy()
         self._tool = int(ids(self.physics, self.hand.tool_center_point)[0])

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import copy
+import os
 import pickle
 import subprocess
 import sys
-from pathlib import Path
 
 import dm_env
 import numpy as np
@@ -195,7 +195,7 @@ def test_a_reassembled_stack_is_built_at_first() -> None:
 
 
 @pytest.mark.skipif(not backends(), reason="no rendering back end works here")
-def test_pictures_instead_of_props(tmp_path: Path) -> None:
+def test_pictures_instead_of_props() -> None:
     code = (
         "import numpy as np, jacokin.tasks; e = jacokin.tasks.load('stack_2_bricks_vision', seed=0); o = e.reset();"
         "s = e.observation_spec(); assert list(s) == list(o.observation); [s[k].validate(o.observation[k]) for k in s];"
@@ -204,7 +204,7 @@ def test_pictures_instead_of_props(tmp_path: Path) -> None:
     )
     done = subprocess.run(
         [sys.executable, "-P", "-c", code],
-        env={"MUJOCO_GL": backends()[0], "PATH": "/usr/bin", **_environment()},
+        env={**_environment(), "MUJOCO_GL": backends()[0]},
         capture_output=True,
         text=True,
         check=False,
@@ -213,7 +213,27 @@ def test_pictures_instead_of_props(tmp_path: Path) -> None:
     assert done.stdout.split() == ["front_close", "8"]
 
 
-def _environment() -> dict[str, str]:
-    import os
+@pytest.mark.skipif(not backends(), reason="no rendering back end works here")
+def test_pictures_of_gymnasium() -> None:
+    code = (
+        "import copy, gymnasium, numpy as np, jacokin.tasks; make = gymnasium.make\n"
+        "e = make('jacokin/LiftBrick-v0', observations='vision', render_mode='rgb_array', width=64, height=48)\n"
+        "o, _ = e.reset(seed=0); assert e.observation_space.contains(o); frame = e.render(); o2 = e.step(np.ones(9))[0]\n"
+        "f = make('jacokin/LiftBrick-v0', render_mode='depth_array'); f.reset(seed=0); depth = f.render()\n"
+        "p = f.step(np.ones(9))[0]; assert frame.shape == (48, 64, 3) and frame.std() > 10\n"
+        "assert depth.shape == (480, 480) and depth.dtype == np.float32 and 0.2 < depth.min() < depth.max()\n"
+        "assert np.array_equal(o2['proprioception'], p[: o2['proprioception'].size])  # pictures change nothing\n"
+    )
+    environment = {**_environment(), "MUJOCO_GL": backends()[0]}
+    done = subprocess.run(
+        [sys.executable, "-P", "-W", "ignore", "-c", code],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
 
+
+def _environment() -> dict[str, str]:
     return {key: value for key, value in os.environ.items() if key != "MUJOCO_GL"}

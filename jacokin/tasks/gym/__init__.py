@@ -1,0 +1,1 @@
+"""The tasks as environments of Gymnasium. Read `environment` first, then `controls`."""

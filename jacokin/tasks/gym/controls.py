@@ -1,0 +1,182 @@
+"""What actions mean: velocities of the joints, a velocity of the tool, or a pose of the tool.
+
+Those of the tool move a reference configuration within the limits of the joints, which the arm follows with velocities;
+gravity is compensated.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from typing import Protocol
+
+import numpy as np
+import pinocchio as pin
+
+import jacokin
+from jacokin.arrays import Array
+from jacokin.errors import InvalidInputError
+from jacokin.model.angles import nearest_copy
+from jacokin.model.robot import Robot
+from jacokin.mujoco_bridge import Physics, robots
+from jacokin.mujoco_bridge.control.commands import GAIN
+from jacokin.tasks.task import CONTROL_TIMESTEP
+
+FRAME = "pinchsite"
+SPEED = 0.25  # [m/s] of the tool at most
+TURN = 1.5  # [rad/s] of the tool at most
+FINGERS = 3
+LEAD = 0.1  # [rad] how far the reference may be ahead of the arm, which an obstacle may stop
+_REACH = np.array((0.6, 0.6, 0.8))  # [m] half-extent of the poses that can be asked for, about the arena's origin
+_HEIGHT = 0.4  # [m] of their middle
+_SMALLEST = 1e-3  # norm of a quaternion
+
+
+class Control(Protocol):
+    """Turns actions into velocities; one for each environment. Pickles."""
+
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """Lower and upper bounds of actions."""
+
+    def start(self, physics: Physics) -> None:
+        """Begin an episode."""
+
+    def velocities(self, physics: Physics, action: Array) -> Array:
+        """The velocities (9,) for a control step [rad/s], of an action within the bounds."""
+
+
+class JointVelocity:
+    """Actions are the velocities of the joints and the fingers, as in the reference.
+
+    Attributes:
+        bounds: of the actions, (9,) [rad/s].
+    """
+
+    def __init__(self, lower: Array, upper: Array) -> None:
+        """Allow velocities between two bounds (9,) [rad/s]."""
+        self.bounds = lower, upper
+
+    def start(self, physics: Physics) -> None:
+        """Nothing to do."""
+
+    def velocities(self, physics: Physics, action: Array) -> Array:
+        """The action itself."""
+        return action
+
+
+class _ToolControl:
+    """A reference configuration, and velocities that follow it."""
+
+    def __init__(self, lower: Array, upper: Array) -> None:
+        self._lower, self._upper = lower, upper
+        self._robot = _robot()
+        self._tracker = jacokin.Tracker(self._robot, FRAME, dt=CONTROL_TIMESTEP)
+        self._joints = self._robot.dof
+        self._gain: Array | None = None
+
+    def start(self, physics: Physics) -> None:
+        """Begin where the arm is."""
+        self._gain = physics.model.actuator_gainprm[:, 0].copy()
+        self._tracker.reset(self._within(physics.data.qpos[: self._joints]))
+
+    def _within(self, q: Array) -> Array:
+        return np.asarray(np.clip(q, self._robot.lower, self._robot.upper))
+
+    def _follow(self, physics: Physics, speed: Array, fingers: Array) -> Array:
+        """Velocities of all actuators, for the arm to be at the reference at the end of the control step."""
+        data, joints = physics.data, self._joints
+        assert self._gain is not None
+        error = self._tracker.q - speed * CONTROL_TIMESTEP - data.qpos[:joints]
+        found = np.concatenate((speed + GAIN * error, fingers))
+        found += (data.qfrc_bias - data.qfrc_passive)[: len(found)] / self._gain
+        return np.asarray(np.minimum(np.maximum(found, self._lower), self._upper))
+
+    def _keep_near(self, physics: Physics) -> None:
+        """Put the reference back to an arm that something has stopped."""
+        q = physics.data.qpos[: self._joints]
+        if np.abs(self._tracker.q - q).max() > LEAD:
+            self._tracker.reset(self._within(q))
+
+
+class ToolVelocity(_ToolControl):
+    """Actions are velocities of the pinch site in world axes and of the fingers; the `Tracker` keeps all limits.
+
+    Attributes:
+        bounds: of the actions, (7,): [m/s], [rad/s], and one velocity of all fingers [rad/s].
+    """
+
+    def __init__(self, lower: Array, upper: Array) -> None:
+        """Allow velocities of actuators between two bounds (9,) [rad/s]."""
+        super().__init__(lower, upper)
+        bound = np.array([SPEED] * 3 + [TURN] * 3 + [upper[-1]])
+        self.bounds = -bound, bound
+
+    def velocities(self, physics: Physics, action: Array) -> Array:
+        """Move the reference along the twist, and follow it."""
+        self._keep_near(physics)
+        step = self._tracker.step(twist=action[:6])
+        return self._follow(physics, step.v, np.full(FINGERS, action[6]))
+
+
+class ToolPose(_ToolControl):
+    """Actions are poses of the pinch site in the world, and how far the fingers are to be closed.
+
+    The solver finds the nearest configuration, to which the joints move together; without one the `Tracker` goes as
+    near as it can.
+
+    Attributes:
+        bounds: of the actions, (8,): position [m], quaternion wxyz of any norm but 0, close factor 0..1.
+    """
+
+    def __init__(self, lower: Array, upper: Array) -> None:
+        """Allow velocities of actuators between two bounds (9,) [rad/s]."""
+        super().__init__(lower, upper)
+        middle = np.array((0.0, 0.0, _HEIGHT))
+        low = np.concatenate((middle - _REACH, -np.ones(4), (0.0,)))
+        high = np.concatenate((middle + _REACH, np.ones(4), (1.0,)))
+        self.bounds = low, high
+        self._solver = jacokin.IKSolver(self._robot, FRAME)
+
+    def velocities(self, physics: Physics, action: Array) -> Array:
+        """Move the reference towards the pose, and follow it.
+
+        Raises:
+            InvalidInputError: the quaternion is 0.
+        """
+        norm = float(np.linalg.norm(action[3:7]))
+        if norm < _SMALLEST:
+            raise InvalidInputError(f"the quaternion of a pose must not be 0, got {action[3:7].tolist()}")
+        self._keep_near(physics)
+        quat = action[3:7] / norm
+        rotation = pin.Quaternion(quat[0], quat[1], quat[2], quat[3]).toRotationMatrix()
+        target = pin.SE3(rotation, action[:3] - robots.ARM_OFFSET)
+        speed = self._speed(target)
+        model, fingers = physics.model, slice(self._joints, self._joints + FINGERS)
+        lower, upper = model.jnt_range[fingers].T
+        closing = GAIN * (lower + action[7] * (upper - lower) - physics.data.qpos[fingers])
+        return self._follow(physics, speed, closing)
+
+    def _speed(self, target: pin.SE3) -> Array:
+        """Move the reference; returns its velocities [rad/s]."""
+        before = self._tracker.q
+        result = self._solver.solve(target, seed=before)
+        if not result.success:
+            return self._tracker.step(target).v
+        way = nearest_copy(result.q, before, self._robot.unlimited) - before
+        longest = float(np.max(np.abs(way) / (self._tracker.velocity_limit * CONTROL_TIMESTEP)))
+        after = before + way / max(1.0, longest)
+        self._tracker.reset(self._within(after))
+        return (self._tracker.q - before) / CONTROL_TIMESTEP
+
+
+CONTROLS: dict[str, Callable[[Array, Array], Control]] = {
+    "joint_velocity": JointVelocity,
+    "tool_velocity": ToolVelocity,
+    "tool_pose": ToolPose,
+}
+
+
+@functools.cache
+def _robot() -> Robot:
+    return jacokin.load_robot()

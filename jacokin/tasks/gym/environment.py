@@ -1,0 +1,286 @@
+"""One task as an environment of Gymnasium."""
+
+from __future__ import annotations
+
+import copy
+import os
+import sys
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import gymnasium
+import mujoco
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import ArrayLike, NDArray
+
+from jacokin.arrays import Array
+from jacokin.errors import InvalidInputError, PhysicsError
+from jacokin.model import checks
+from jacokin.tasks import actions, registry
+from jacokin.tasks.environment import checked_random_state
+from jacokin.tasks.episode import STEPS, Episode, Snapshot
+from jacokin.tasks.gym.controls import CONTROLS, Control
+from jacokin.tasks.gym.options import RENDER_MODES, Options
+from jacokin.tasks.gym.packing import Observation, Packing, with_picture
+from jacokin.tasks.task import CONTROL_TIMESTEP, Task
+
+SIZE = 480  # rows and columns of rendered pictures [pixels]
+
+Info = dict[str, Any]
+
+
+class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
+    """A task; made by ``gymnasium.make("jacokin/ReachSite-v0")``.
+
+    Nothing ends an episode but the time limit of 10 s, so ``terminated`` is always False. Observations are new arrays.
+    Pickles and copies, in the middle of an episode too.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {  # type: ignore[misc]  # an attribute of instances for Gymnasium
+        "render_modes": list(RENDER_MODES),
+        "render_fps": round(1.0 / CONTROL_TIMESTEP),
+    }
+
+    def __init__(
+        self,
+        task: str,
+        *,
+        control: str = "joint_velocity",
+        reward: str = "dense",
+        goal: bool = False,
+        observations: str = registry.FEATURES,
+        flatten: bool = True,
+        render_mode: str | None = None,
+        width: int = SIZE,
+        height: int = SIZE,
+    ) -> None:
+        """Compile the scene.
+
+        Args:
+            task: name of the task.
+            control: what actions mean: "joint_velocity", "tool_velocity" or "tool_pose".
+            reward: "dense", as in dm_control, or "sparse": 1 when the task is solved, else 0.
+            goal: give observations with ``achieved_goal`` and ``desired_goal``.
+            observations: "features" or "vision".
+            flatten: give the features as one array; False for a dictionary by name.
+            render_mode: what `render` gives: "rgb_array", "depth_array", "human" (a window), or None.
+            width: columns of rendered pictures [pixels].
+            height: rows of rendered pictures [pixels].
+
+        Raises:
+            UnknownNameError: an unknown option; lists the valid ones.
+            InvalidInputError: options that do not go together.
+            PhysicsError: "human" without a display.
+        """
+        self.options = Options(task, control, reward, goal, observations, flatten)
+        if render_mode is not None:
+            checks.choice("render_mode", render_mode, RENDER_MODES)
+        if render_mode == "human" and sys.platform == "linux" and not _has_display():
+            raise PhysicsError("render_mode='human' needs a display; without one use 'rgb_array' and MUJOCO_GL=egl")
+        self.render_mode = render_mode
+        self._size = checks.whole_number("height", height, 1), checks.whole_number("width", width, 1)
+        self._episode = Episode(task)
+        self._packing = Packing(self._episode.task, self.options)
+        self._control: Control = CONTROLS[control](self._episode.lower, self._episode.upper)
+        self.observation_space = self._packing.space
+        self.action_space = spaces.Box(*self._control.bounds, dtype=np.float64)
+        self._window: Any = None
+
+    @property
+    def task(self) -> Task:
+        """The task."""
+        return self._episode.task
+
+    @property
+    def model(self) -> mujoco.MjModel:
+        """MuJoCo's model."""
+        return self._episode.physics.model
+
+    @property
+    def data(self) -> mujoco.MjData:
+        """MuJoCo's data."""
+        return self._episode.physics.data
+
+    @property
+    def dt(self) -> float:
+        """Time between two actions [s]."""
+        return CONTROL_TIMESTEP
+
+    def reset(self, *, seed: int | None = None, options: Mapping[str, Any] | None = None) -> tuple[Observation, Info]:
+        """Start an episode.
+
+        Args:
+            seed: starts the random numbers anew; None goes on with them.
+            options: none are known.
+
+        Returns:
+            The observation, and ``info`` with ``is_success``.
+
+        Raises:
+            InvalidInputError: a seed that is not a whole number >= 0, or an unknown option.
+            EpisodeInitializationError: no initial state was found.
+        """
+        for name in options or ():
+            checks.choice("option of reset", name, ())
+        if seed is not None:
+            checked_random_state(seed)
+        super().reset(seed=seed)
+        self._episode.start(self.np_random)
+        self._control.start(self._episode.physics)
+        observation, _, success = self._outcome()
+        self._show()
+        return observation, {"is_success": success}
+
+    def step(self, action: ArrayLike) -> tuple[Observation, float, bool, bool, Info]:
+        """Apply an action for 0.04 s.
+
+        A simulation that diverges ends the episode: the step is truncated, with the last observation and reward 0, and
+        ``info["error"]`` says why.
+
+        Args:
+            action: of the action space; values beyond its bounds are put on them.
+
+        Raises:
+            InvalidInputError: wrong shape, not numbers, or NaN; nothing is simulated.
+            PhysicsError: there is no episode: call `reset`.
+        """
+        episode = self._episode
+        if episode.steps is None:
+            raise PhysicsError("there is no episode: call reset() before step()")
+        steps = episode.steps
+        values = actions.bounded(action, *self._control.bounds)
+        try:
+            episode.advance(self._control.velocities(episode.physics, values))
+        except PhysicsError as error:
+            return copy.deepcopy(self._last), 0.0, False, True, {"is_success": False, "error": str(error)}
+        observation, reward, success = self._outcome()
+        self._show()
+        return observation, reward, False, steps + 1 >= STEPS, {"is_success": success}
+
+    def compute_reward(self, achieved_goal: ArrayLike, desired_goal: ArrayLike, info: object = None) -> float | Array:
+        """The reward of goals, as `step` gives it.
+
+        Args:
+            achieved_goal: (..., a) what is achieved.
+            desired_goal: (..., d) what is desired.
+            info: unused; Gymnasium's interface has it.
+
+        Returns:
+            Rewards (...); a float for single goals.
+
+        Raises:
+            InvalidInputError: not numbers, or of other sizes than in observations.
+        """
+        sizes = self._packing.goal_sizes
+        achieved, desired = (
+            _goals(name, value, size)
+            for name, value, size in zip(
+                ("achieved_goal", "desired_goal"), (achieved_goal, desired_goal), sizes, strict=True
+            )
+        )
+        found = self._rewards(achieved, desired)
+        return float(found) if np.ndim(found) == 0 else found
+
+    def compute_terminated(self, achieved_goal: ArrayLike, desired_goal: ArrayLike, info: object = None) -> bool:
+        """False: nothing ends an episode but its time limit."""
+        return False
+
+    def compute_truncated(self, achieved_goal: ArrayLike, desired_goal: ArrayLike, info: object = None) -> bool:
+        """Whether the time limit is reached."""
+        return self._episode.steps is not None and self._episode.steps >= STEPS
+
+    def render(self) -> NDArray[Any] | None:
+        """A picture, (height, width, 3) uint8, or the depth, (height, width) float32 [m]; None in a window.
+
+        Raises:
+            PhysicsError: there is no OpenGL context.
+        """
+        if self.render_mode is None or self.render_mode == "human":
+            self._show()
+            return None
+        height, width = self._size
+        return self._episode.picture(height, width, depth=self.render_mode == "depth_array")
+
+    def close(self) -> None:
+        """Free what pictures need."""
+        self._episode.close()
+        if self._window is not None:
+            self._window.close()
+            self._window = None
+
+    def _rewards(self, achieved: Array, desired: Array) -> Array:
+        task = self._episode.task
+        if self.options.reward == "dense":
+            return task.reward(achieved, desired)
+        return task.success(achieved, desired).astype(np.float64)
+
+    def _outcome(self) -> tuple[Observation, float, bool]:
+        """The observation, the reward, and whether the task is solved."""
+        episode = self._episode
+        task, view, goal = episode.task, episode.view, episode.goal
+        achieved, desired = task.achieved(view, goal), task.desired(view, goal)
+        observation = self._packing.pack(view, goal, achieved, desired)
+        if self.options.has_camera:
+            observation = with_picture(observation, episode.picture())
+        self._last = observation
+        return observation, float(self._rewards(achieved, desired)), bool(task.success(achieved, desired))
+
+    def _show(self) -> None:
+        if self.render_mode != "human":
+            return
+        if self._window is None:
+            import mujoco.viewer  # needs a display
+
+            self._window = mujoco.viewer.launch_passive(self.model, self.data, show_left_ui=False, show_right_ui=False)
+        self._window.sync()
+
+    def __getstate__(self) -> dict[str, Any]:
+        """How it was made, its random numbers, and where the episode is."""
+        height, width = self._size
+        return {
+            "options": self.options,
+            "render": {"render_mode": self.render_mode, "height": height, "width": width},
+            "random": (self._np_random, self._np_random_seed),
+            "spec": self.spec,
+            "control": self._control,
+            "snapshot": self._episode.snapshot(),
+        }
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Compile the scene and go on."""
+        options: Options = state["options"]
+        fields = {name: getattr(options, name) for name in options.__slots__}
+        self.__init__(**fields, **state["render"])  # type: ignore[misc]  # an object without state is made as usual
+        self._np_random, self._np_random_seed = state["random"]
+        self.spec = state["spec"]
+        self._control = state["control"]
+        snapshot: Snapshot = state["snapshot"]
+        self._episode.restore(snapshot)
+        if snapshot.steps is not None:
+            self._outcome()
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> TaskEnv:
+        """An independent environment in the same state."""
+        twin = object.__new__(type(self))
+        state = self.__getstate__()
+        twin.__setstate__({**state, **copy.deepcopy({name: state[name] for name in ("random", "control")}, memo)})
+        return twin
+
+    def __copy__(self) -> TaskEnv:
+        """The same as `copy.deepcopy`: two environments cannot share a simulation."""
+        return self.__deepcopy__({})
+
+
+def _goals(name: str, value: ArrayLike, size: int) -> Array:
+    try:
+        goals = checks.numbers(value)
+    except (TypeError, ValueError) as error:
+        raise InvalidInputError(f"{name} must be numbers, got {checks.shown(value)}") from error
+    if goals.ndim < 1 or goals.shape[-1] != size:
+        raise InvalidInputError(f"{name} must have shape (..., {size}), got {goals.shape}")
+    return goals
+
+
+def _has_display() -> bool:
+    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))

@@ -1,0 +1,87 @@
+"""Observations as Gymnasium has them: one array, or a dictionary, of one simulation or of many."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from jacokin.arrays import Array
+from jacokin.tasks.episode import PICTURE
+from jacokin.tasks.gym.options import Options
+from jacokin.tasks.task import CAMERA, Task
+from jacokin.tasks.view import View
+
+Observation = Array | dict[str, NDArray[Any]]
+PROPRIOCEPTION = "proprioception"
+
+
+class Packing:
+    """Puts features together.
+
+    Attributes:
+        space: of the observations of one environment.
+        goal_sizes: numbers of what is achieved and of what is desired.
+    """
+
+    def __init__(self, task: Task, options: Options) -> None:
+        """Prepare for a task that has been reset."""
+        self._task = task
+        self._options = options
+        self._features = [each for each in task.features if each.is_proprioceptive or not options.has_camera]
+        ends = np.cumsum([int(np.prod(each.shape)) for each in self._features]).tolist()
+        self._slices = [slice(start, end) for start, end in zip([0, *ends[:-1]], ends, strict=True)]
+        self._size = ends[-1]
+        view, goal = View.of(task.physics.data), np.zeros(task.goal_size)
+        self.goal_sizes = task.achieved(view, goal).shape[-1], task.desired(view, goal).shape[-1]
+        self.space = self._space()
+
+    def _space(self) -> spaces.Space[Any]:
+        options = self._options
+        flat = _box(self._size)
+        if options.goal:
+            achieved, desired = map(_box, self.goal_sizes)
+            return spaces.Dict({"observation": flat, "achieved_goal": achieved, "desired_goal": desired})
+        if options.flatten and not options.has_camera:
+            return flat
+        found: dict[str, spaces.Space[Any]] = {}
+        if options.has_camera:
+            found[CAMERA] = spaces.Box(0, 255, (PICTURE, PICTURE, 3), np.uint8)
+        if options.flatten:
+            found[PROPRIOCEPTION] = flat
+        else:
+            found.update({each.name: _box(*each.shape) for each in self._features})
+        return spaces.Dict(found)
+
+    def pack(self, view: View, goal: Array, achieved: Array, desired: Array) -> Observation:
+        """The observation, as new arrays, without the picture.
+
+        Args:
+            view: of one simulation, or of n.
+            goal: (goal_size,), or (n, goal_size).
+            achieved: what is achieved.
+            desired: what is desired.
+        """
+        options = self._options
+        if not options.flatten:
+            return {each.name: np.array(each.read(view, goal)) for each in self._features}
+        leading = view.qpos.shape[:-1]
+        flat = np.empty((*leading, self._size))
+        for each, where in zip(self._features, self._slices, strict=True):
+            value = each.read(view, goal)
+            flat[..., where] = value if len(each.shape) == 1 else value.reshape(*leading, -1)
+        if options.goal:
+            return {"observation": flat, "achieved_goal": np.array(achieved), "desired_goal": np.array(desired)}
+        return {PROPRIOCEPTION: flat} if options.has_camera else flat
+
+
+def with_picture(observation: Observation, picture: NDArray[Any]) -> Observation:
+    """The observation with the picture in front."""
+    assert isinstance(observation, dict)
+    return {CAMERA: picture, **observation}
+
+
+def _box(*shape: int) -> spaces.Box:
+    return spaces.Box(-np.inf, np.inf, shape, np.float64)

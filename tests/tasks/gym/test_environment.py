@@ -1,0 +1,218 @@
+"""Tasks as environments of Gymnasium: its own checks, copies, goals, mistakes."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+import warnings
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.envs.mujoco.utils import check_mujoco_reset_state
+from gymnasium.utils.env_checker import check_env
+
+import jacokin.tasks
+from jacokin.errors import InvalidInputError, PhysicsError, UnknownNameError
+from jacokin.tasks.gym.registration import id_of
+from jacokin.tasks.registry import TASKS
+
+gymnasium.register_envs(jacokin.tasks)
+OPTIONS: dict[str, dict[str, Any]] = {
+    "plain": {},
+    "sparse": {"reward": "sparse"},
+    "tool_velocity": {"control": "tool_velocity"},
+    "tool_pose": {"control": "tool_pose"},
+    "goal": {"goal": True},
+    "by name": {"flatten": False},
+}
+
+
+def make(task: str, **options: Any) -> gymnasium.Env[Any, Any]:
+    return gymnasium.make(id_of(task), **options)
+
+
+def flat(observation: Any) -> np.ndarray:
+    values = [observation] if isinstance(observation, np.ndarray) else list(observation.values())
+    return np.concatenate([np.ravel(value) for value in values])
+
+
+def check(environment: gymnasium.Env[Any, Any]) -> None:
+    with warnings.catch_warnings():
+        # Velocities have no bounds, and actions are in rad/s.
+        warnings.filterwarnings("ignore", ".*infinity|.*symmetric and normalized")
+        check_env(environment.unwrapped, skip_render_check=True)
+    check_mujoco_reset_state(environment)  # type: ignore[arg-type]  # has `model` and `data` as a MujocoEnv
+
+
+def test_ids() -> None:
+    ids = [name for name in gymnasium.registry if name.startswith("jacokin/")]
+    assert len(ids) == len(TASKS) == 17
+    assert {"jacokin/ReachSite-v0", "jacokin/ReachBrick-v0", "jacokin/LiftBrick-v0", "jacokin/LiftBox-v0"} <= set(ids)
+    assert {"jacokin/PlaceBrick-v0", "jacokin/PlaceCradle-v0", "jacokin/Stack2-v0", "jacokin/Stack3-v0"} <= set(ids)
+
+
+@pytest.mark.parametrize("task", [task for task in TASKS if not task.startswith("reassemble_5")])
+def test_gymnasium_accepts_every_task(task: str) -> None:
+    check(make(task))
+
+
+@pytest.mark.parametrize("name", OPTIONS)
+@pytest.mark.parametrize("task", ["reach_site", "stack_2_of_3_bricks_random_order"])
+def test_gymnasium_accepts_every_option(task: str, name: str) -> None:
+    check(make(task, **OPTIONS[name]))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", OPTIONS)
+@pytest.mark.parametrize("task", TASKS)
+def test_gymnasium_accepts_every_option_of_every_task(task: str, name: str) -> None:
+    check(make(task, **OPTIONS[name]))
+
+
+@pytest.mark.parametrize("name", OPTIONS)
+def test_copies_go_on_in_the_middle_of_an_episode(name: str) -> None:
+    environment = make("place_cradle", **OPTIONS[name])
+    environment.reset(seed=3)
+    environment.action_space.seed(0)
+    for _ in range(4):
+        environment.step(environment.action_space.sample())
+    copies = [pickle.loads(pickle.dumps(environment)), copy.deepcopy(environment)]
+    for _ in range(4):
+        action = environment.action_space.sample()
+        observation, *rest = environment.step(action)
+        for each in copies:
+            other, *others = each.step(action)
+            assert others == rest
+            np.testing.assert_array_equal(flat(other), flat(observation))
+    observation, _ = environment.reset()
+    for each in copies:
+        np.testing.assert_array_equal(flat(each.reset()[0]), flat(observation))
+
+
+def test_a_seed_gives_the_episode_of_dm_env() -> None:
+    ours, theirs = make("lift_brick", flatten=False), jacokin.tasks.load("lift_brick", seed=7)
+    observation, _ = ours.reset(seed=7)
+    step = theirs.reset()
+    action = np.full(9, 0.2)
+    for _ in range(3):
+        assert list(observation) == list(step.observation)
+        for key, value in observation.items():
+            np.testing.assert_array_equal(value, step.observation[key][0])
+        observation, reward, *_ = ours.step(action)
+        step = theirs.step(action)
+        assert reward == step.reward
+
+
+@pytest.mark.parametrize("task", ["reach_duplo", "lift_brick", "place_brick", "stack_3_bricks_random_order"])
+@pytest.mark.parametrize("reward", ["dense", "sparse"])
+def test_rewards_of_goals_are_those_of_steps(task: str, reward: str) -> None:
+    environment = make(task, goal=True, reward=reward)
+    environment.reset(seed=0)
+    environment.action_space.seed(0)
+    achieved, desired, rewards = [], [], []
+    for _ in range(6):
+        observation, value, *_ = environment.step(environment.action_space.sample())
+        achieved.append(observation["achieved_goal"])
+        desired.append(observation["desired_goal"])
+        rewards.append(value)
+        compute = environment.unwrapped.compute_reward  # type: ignore[attr-defined]  # of goal environments
+        assert compute(achieved[-1], desired[-1], {}) == value
+    np.testing.assert_array_equal(compute(np.array(achieved), np.array(desired), [{}] * 6), rewards)
+    with pytest.raises(InvalidInputError, match="achieved_goal must have shape"):
+        compute(np.zeros(0), desired[0])
+
+
+def test_success_is_what_the_task_asks_for() -> None:
+    reach = TASKS["reach_site"].make()
+    at = np.array([[0.0, 0.0, 0.05], [0.0, 0.0, 0.0501]])
+    np.testing.assert_array_equal(reach.success(at, np.zeros(3)), [True, False])
+    lift = TASKS["lift_brick"].make()
+    np.testing.assert_array_equal(lift.success(np.array([[0.3], [0.299]]), np.array([0.3])), [True, False])
+    place = TASKS["place_cradle"].make()
+    brick_and_tool = np.array(
+        [[0.0, 0.0, 0.04, 0.0, 0.0, 0.2], [0.0, 0.0, 0.04, 0.0, 0.0, 0.19], [0.06, 0, 0, 0, 0, 1]]
+    )
+    np.testing.assert_array_equal(place.success(brick_and_tool, np.zeros(3)), [True, False, False])
+    np.testing.assert_allclose(place.reward(brick_and_tool[0], np.zeros(3)), 1.0, rtol=0.0, atol=1e-12)
+
+
+def test_the_time_limit_truncates() -> None:
+    environment = make("reach_site")
+    environment.reset(seed=0)
+    ends = [environment.step(np.zeros(9))[2:4] for _ in range(250)]
+    assert ends == [(False, False)] * 249 + [(False, True)]
+
+
+@pytest.mark.parametrize("control", ["tool_velocity", "tool_pose"])
+def test_the_arm_keeps_its_limits_under_control_of_the_tool(control: str) -> None:
+    environment: Any = make("reach_site", control=control).unwrapped
+    environment.reset(seed=1)
+    environment.action_space.seed(1)
+    lower, upper = environment.model.jnt_range[:6].T
+    limited = environment.model.jnt_limited[:6].astype(bool)
+    for number in range(60):
+        if number % 20 == 0:
+            action = environment.action_space.sample()
+        environment.step(action)
+        q = environment.data.qpos[:6]
+        assert (np.abs(environment.data.ctrl) <= environment.model.actuator_ctrlrange[:, 1]).all()
+        assert (q[limited] > lower[limited] - 0.02).all()  # MuJoCo's limits are soft
+        assert (q[limited] < upper[limited] + 0.02).all()
+
+
+def test_the_tool_moves_as_it_is_told() -> None:
+    environment: Any = make("reach_site", control="tool_velocity").unwrapped
+    environment.reset(seed=0)
+    tool = environment.task.tool
+    view = environment._episode.view
+    before = tool(view).copy()
+    for _ in range(25):
+        environment.step(np.array([0.0, 0.05, 0.05, 0.0, 0.0, 0.0, 0.0]))
+    np.testing.assert_allclose(tool(view) - before, (0.0, 0.05, 0.05), rtol=0.0, atol=0.005)
+    environment = make("reach_site", control="tool_pose").unwrapped
+    environment.reset(seed=0)
+    view = environment._episode.view
+    goal = np.array([0.05, 0.1, 0.3, *jacokin.mujoco_bridge.DOWN_QUATERNION, 0.5])
+    for _ in range(200):
+        environment.step(goal)
+    np.testing.assert_allclose(environment.task.tool(view), goal[:3], rtol=0.0, atol=0.003)
+    fingers = environment.model.jnt_range[6:9]
+    np.testing.assert_allclose(environment.data.qpos[6:9], fingers.mean(axis=1), rtol=0.0, atol=0.02)
+
+
+def test_a_diverged_simulation_truncates() -> None:
+    environment: Any = make("reach_site").unwrapped
+    before, _ = environment.reset(seed=0)
+    environment.data.qvel[:] = 1e12
+    observation, reward, terminated, truncated, info = environment.step(np.zeros(9))
+    assert (reward, terminated, truncated) == (0.0, False, True)
+    assert "error" in info
+    np.testing.assert_array_equal(observation, before)
+    with pytest.raises(PhysicsError, match="call reset"):
+        environment.step(np.zeros(9))
+    environment.reset()
+    assert "error" not in environment.step(np.zeros(9))[4]
+
+
+def test_mistakes() -> None:
+    environment: Any = make("reach_site").unwrapped
+    with pytest.raises(PhysicsError, match=r"call reset\(\)"):
+        environment.step(np.zeros(9))
+    environment.reset(seed=0)
+    with pytest.raises(InvalidInputError, match="NaN"):
+        environment.step(np.full(9, np.nan))
+    for options in ({"control": "torque"}, {"reward": "spars"}, {"observations": "pixels"}, {"render_mode": "ansi"}):
+        with pytest.raises(UnknownNameError, match="Valid:"):
+            jacokin.tasks.TaskEnv("reach_site", **options)  # type: ignore[arg-type]  # the mistakes
+    with pytest.raises(InvalidInputError, match="goal=True needs"):
+        make("reach_site", goal=True, flatten=False)
+    with pytest.raises(InvalidInputError, match="which order"):
+        make("stack_3_bricks_random_order", observations="vision")
+    with pytest.raises(UnknownNameError, match="option of reset"):
+        environment.reset(options={"speed": 1})
+    tool: Any = make("reach_site", control="tool_pose").unwrapped
+    tool.reset(seed=0)
+    with pytest.raises(InvalidInputError, match="quaternion"):
+        tool.step(np.zeros(8))
