@@ -25,39 +25,33 @@ class Entry:
 
     Attributes:
         make: makes the task.
-        id: name of its Gymnasium environment, without the version.
         tags: its tags beside what is observed.
         observations: what may be observed: "features", and "vision" where dm_control has it.
     """
 
     make: Callable[[], Task]
-    id: str
     tags: tuple[str, ...] = ()
     observations: tuple[str, ...] = OBSERVATIONS
 
 
 TASKS = {
-    "reach_site": Entry(reach.ReachSite, "ReachSite", (EASY,)),
-    "reach_duplo": Entry(reach.ReachBrick, "ReachBrick", (EASY,)),
-    "lift_brick": Entry(lift.LiftBrick, "LiftBrick"),
-    "lift_large_box": Entry(lift.LiftLargeBox, "LiftBox"),
-    "place_brick": Entry(place.PlaceBrick, "PlaceBrick"),
-    "place_cradle": Entry(place.PlaceCradle, "PlaceCradle"),
-    "stack_2_bricks": Entry(partial(stack.Stack, 2), "Stack2"),
-    "stack_2_bricks_moveable_base": Entry(partial(stack.Stack, 2, is_base_fixed=False), "Stack2MoveableBase"),
-    "stack_3_bricks": Entry(partial(stack.Stack, 3), "Stack3"),
-    "stack_3_bricks_random_order": Entry(
-        partial(stack.Stack, 3, order_varies=True), "Stack3RandomOrder", observations=(FEATURES,)
-    ),
-    "stack_2_of_3_bricks_random_order": Entry(partial(stack.Stack, 3, 2, order_varies=True), "Stack2Of3RandomOrder"),
-    "reassemble_3_bricks_fixed_order": Entry(partial(reassemble.Reassemble, 3), "Reassemble3"),
-    "reassemble_5_bricks_random_order": Entry(
-        partial(reassemble.Reassemble, 5, order_varies=True), "Reassemble5RandomOrder"
-    ),
-    "reach_top_left": Entry(reach.corner("top_left"), "ReachTopLeft", (EASY,)),
-    "reach_top_right": Entry(reach.corner("top_right"), "ReachTopRight", (EASY,)),
-    "reach_bottom_left": Entry(reach.corner("bottom_left"), "ReachBottomLeft", (EASY,)),
-    "reach_bottom_right": Entry(reach.corner("bottom_right"), "ReachBottomRight", (EASY,)),
+    "reach_site": Entry(reach.ReachSite, tags=(EASY,)),
+    "reach_duplo": Entry(reach.ReachBrick, tags=(EASY,)),
+    "lift_brick": Entry(lift.LiftBrick),
+    "lift_large_box": Entry(lift.LiftLargeBox),
+    "place_brick": Entry(place.PlaceBrick),
+    "place_cradle": Entry(place.PlaceCradle),
+    "stack_2_bricks": Entry(partial(stack.Stack, 2)),
+    "stack_2_bricks_moveable_base": Entry(partial(stack.Stack, 2, is_base_fixed=False)),
+    "stack_3_bricks": Entry(partial(stack.Stack, 3)),
+    "stack_3_bricks_random_order": Entry(partial(stack.Stack, 3, order_varies=True), observations=(FEATURES,)),
+    "stack_2_of_3_bricks_random_order": Entry(partial(stack.Stack, 3, 2, order_varies=True)),
+    "reassemble_3_bricks_fixed_order": Entry(partial(reassemble.Reassemble, 3)),
+    "reassemble_5_bricks_random_order": Entry(partial(reassemble.Reassemble, 5, order_varies=True)),
+    "reach_top_left": Entry(reach.corner("top_left"), tags=(EASY,)),
+    "reach_top_right": Entry(reach.corner("top_right"), tags=(EASY,)),
+    "reach_bottom_left": Entry(reach.corner("bottom_left"), tags=(EASY,)),
+    "reach_bottom_right": Entry(reach.corner("bottom_right"), tags=(EASY,)),
 }
 
 _ENVIRONMENTS = {

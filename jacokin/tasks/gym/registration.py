@@ -1,21 +1,14 @@
-"""The ids of the Gymnasium environments."""
+"""Makes the tasks known to Gymnasium."""
 
 from __future__ import annotations
 
 import gymnasium
 
-from jacokin.tasks.registry import TASKS
-
-NAMESPACE, VERSION = "jacokin", "v0"
-
-
-def id_of(task: str) -> str:
-    """The id of the environment of a task, such as "jacokin/ReachSite-v0"."""
-    return f"{NAMESPACE}/{TASKS[task].id}-{VERSION}"
+from jacokin.tasks.ids import IDS
 
 
 def register() -> None:
     """Make the tasks known to ``gymnasium.make``; again has no effect."""
-    for task in TASKS:
-        if id_of(task) not in gymnasium.registry:
-            gymnasium.register(id_of(task), entry_point="jacokin.tasks.gym.environment:TaskEnv", kwargs={"task": task})
+    for task, name in IDS.items():
+        if name not in gymnasium.registry:
+            gymnasium.register(name, entry_point="jacokin.tasks.gym.environment:TaskEnv", kwargs={"task": task})

@@ -15,7 +15,7 @@ from gymnasium.utils.env_checker import check_env
 
 import jacokin.tasks
 from jacokin.errors import InvalidInputError, PhysicsError, UnknownNameError
-from jacokin.tasks.gym.registration import id_of
+from jacokin.tasks.ids import IDS
 from jacokin.tasks.registry import TASKS
 
 gymnasium.register_envs(jacokin.tasks)
@@ -30,7 +30,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
 
 
 def make(task: str, **options: Any) -> gymnasium.Env[Any, Any]:
-    return gymnasium.make(id_of(task), **options)
+    return gymnasium.make(IDS[task], **options)
 
 
 def flat(observation: Any) -> np.ndarray:
@@ -49,6 +49,7 @@ def check(environment: gymnasium.Env[Any, Any]) -> None:
 def test_ids() -> None:
     ids = [name for name in gymnasium.registry if name.startswith("jacokin/")]
     assert len(ids) == len(TASKS) == 17
+    assert list(IDS) == list(TASKS)
     assert {"jacokin/ReachSite-v0", "jacokin/ReachBrick-v0", "jacokin/LiftBrick-v0", "jacokin/LiftBox-v0"} <= set(ids)
     assert {"jacokin/PlaceBrick-v0", "jacokin/PlaceCradle-v0", "jacokin/Stack2-v0", "jacokin/Stack3-v0"} <= set(ids)
 
