@@ -13,7 +13,8 @@ Everything public is imported from here. Read `families/reach` first, then `task
 
 from __future__ import annotations
 
-from importlib.util import find_spec
+import importlib
+import importlib.util
 from typing import TYPE_CHECKING
 
 from jacokin import lazy
@@ -35,7 +36,5 @@ __all__, __getattr__, __dir__ = lazy.door(
     },
 )
 
-if find_spec("gymnasium") is not None:
-    from jacokin.tasks.gym import registration
-
-    registration.register()
+if importlib.util.find_spec("gymnasium") is not None:
+    importlib.import_module("jacokin.tasks.gym.registration").register()
