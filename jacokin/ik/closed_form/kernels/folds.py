@@ -22,16 +22,22 @@ from jacokin.ik.closed_form.kernels.chain import (
     linearise,
     normal_equations,
 )
+from jacokin.ik.closed_form.kernels.limits import same_configuration
 from jacokin.ik.closed_form.kernels.tolerances import (
     CLOSURE,
     FOLD_SAMPLE,
     MAX_FOLD_DISTANCE,
     MAX_FOLD_WIDTH,
+    SAME_FOLD,
     SMALLEST_FOLD_SAMPLE,
 )
 
 MAX_FOLDS = 16
 STEPS = 3
+#: What `solve_fold` found.
+NO_FOLD, NEW_FOLD, KNOWN_FOLD = 0, 1, 2
+#: The sample in the middle comes first: it shows whether the fold is known.
+ORDER = (1, 0, 2)
 ROUNDS = 3
 
 
@@ -50,29 +56,32 @@ def make_folds() -> FoldWork:
     return FoldWork(np.empty((MAX_FOLDS, 6)), np.zeros(1, np.int64), np.empty((2, 6)), np.empty(6), np.empty((3, 6)))
 
 
-def solve_fold(chain: NDArray[np.float64], T: NDArray[np.float64], work: Newton, fold: FoldWork) -> bool:
-    """Fill fold.branches with the two branches near work.q, and append the fold to the known; False: there is none."""
+def solve_fold(chain: NDArray[np.float64], T: NDArray[np.float64], work: Newton, fold: FoldWork) -> int:
+    """Fill fold.branches with the two branches near work.q, and append the fold to the known ones, if it is new."""
     q = work.q
     joint = most_singular_joint(chain, T, work)
     if joint < 0:
-        return False
+        return NO_FOLD
     for j in range(6):
         work.held[j] = 1.0 if j == joint else 0.0
     middle, step = q[joint], FOLD_SAMPLE
     origin, gap, curvature = middle, 0.0, 0.0
-    for _ in range(ROUNDS):
-        for i in range(3):
+    for turn in range(ROUNDS):
+        for n in range(3):
+            i = ORDER[n]
             q[joint] = middle + (i - 1) * step
             if not sample(chain, T, work, fold.samples[i]):
-                return False
+                return NO_FOLD
+            if n == 0 and turn > 0 and is_known_fold(fold, q):
+                return KNOWN_FOLD
         below, here, above = project(fold)
         curvature = (above + below - 2.0 * here) / (2.0 * step * step)
         slope = (above - below) / (2.0 * step)
         if curvature == 0.0:
-            return False
+            return NO_FOLD
         shift = -0.5 * slope / curvature
         if not abs(middle + shift - origin) < MAX_FOLD_DISTANCE:
-            return False
+            return NO_FOLD
         middle += shift
         gap = here + 0.5 * slope * shift
         step = max(math.sqrt(max(-gap / curvature, 0.0)), SMALLEST_FOLD_SAMPLE)
@@ -80,21 +89,39 @@ def solve_fold(chain: NDArray[np.float64], T: NDArray[np.float64], work: Newton,
     if gap * curvature < 0.0:
         apart = math.sqrt(-gap / curvature)
     elif abs(gap) > CLOSURE:
-        return False
+        q[joint] = middle
+        if least_squares(chain, T, work, STEPS):
+            note_fold(fold, q)
+        return NO_FOLD
     if apart > MAX_FOLD_WIDTH:
-        return False
+        return NO_FOLD
     for i in range(2):
         q[joint] = middle + (2 * i - 1) * apart
         if not least_squares(chain, T, work, STEPS):
-            return False
+            return NO_FOLD
         for j in range(6):
             fold.branches[i, j] = q[j]
+    for j in range(6):
+        q[j] = 0.5 * (fold.branches[0, j] + fold.branches[1, j])
+    note_fold(fold, q)
+    return NEW_FOLD
+
+
+def note_fold(fold: FoldWork, q: NDArray[np.float64]) -> None:
+    """Append a fold to the known ones."""
     count = fold.filled[0]
     if count < MAX_FOLDS:
         for j in range(6):
-            fold.known[count, j] = 0.5 * (fold.branches[0, j] + fold.branches[1, j])
+            fold.known[count, j] = q[j]
         fold.filled[0] = count + 1
-    return True
+
+
+def is_known_fold(fold: FoldWork, q: NDArray[np.float64]) -> bool:
+    """Whether a configuration leads to a fold that is known."""
+    for i in range(fold.filled[0]):  # noqa: SIM110  # numba compiles no generator expressions
+        if same_configuration(fold.known[i], q, SAME_FOLD):
+            return True
+    return False
 
 
 def most_singular_joint(chain: NDArray[np.float64], T: NDArray[np.float64], work: Newton) -> int:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from jacokin.ik.closed_form.kernels.arm import Arm, Pose, pose_of
 from jacokin.ik.closed_form.kernels.chain import Newton, errors, make_newton, newton_step
-from jacokin.ik.closed_form.kernels.folds import FoldWork, make_folds, solve_fold
+from jacokin.ik.closed_form.kernels.folds import KNOWN_FOLD, NEW_FOLD, FoldWork, is_known_fold, make_folds, solve_fold
 from jacokin.ik.closed_form.kernels.limits import circular_distance, fit_to_limits, hold_on_limits, same_configuration
 from jacokin.ik.closed_form.kernels.resultant import fourier_of_F
 from jacokin.ik.closed_form.kernels.roots import MAX_ROOTS, RootWork, add_known, find_roots, make_roots
@@ -20,6 +20,7 @@ from jacokin.ik.closed_form.kernels.tolerances import (
     EXACT_MISFIT,
     FOLD_DETERMINANT,
     FOLD_FACTOR,
+    LEVER,
     MAX_POLISH_ERROR,
     MAX_START_ERROR,
     MIN_WIDTH,
@@ -27,7 +28,6 @@ from jacokin.ik.closed_form.kernels.tolerances import (
     POLISHED_CLOSURE,
     REACH_SLACK,
     SAME_BRANCH,
-    SAME_FOLD,
     SAME_ROOT,
     SAME_START,
     TANGENCY_CLOSURE,
@@ -201,7 +201,7 @@ def branches_in_interval(k: Arm, pose: Pose, task: Task, work: Work, q6: float, 
     Most starts are wrong or repeat each other: those far off, and those that end on a known branch, are dropped early.
     """
     skip_known = k.misfit <= EXACT_MISFIT
-    max_error = MAX_START_ERROR if skip_known and half <= MIN_WIDTH else math.inf
+    max_error = MAX_START_ERROR + LEVER * half if skip_known else math.inf
     work.starts.filled[0] = 0
     for i in range(3):
         starts_at_q6(k, pose, q6 + (i - 1) * half, half, work.starts, work.inner)
@@ -245,11 +245,11 @@ def is_known(work: BranchWork, q1: float, q5: float, q6: float) -> bool:
 def add_fold(task: Task, work: BranchWork) -> bool:
     """Append both branches of the fold near work.newton.q; False if there is none."""
     q, fold = work.newton.q, work.fold
-    for i in range(fold.filled[0]):
-        if same_configuration(fold.known[i], q, SAME_FOLD):
-            return True
-    if not solve_fold(task.chain, task.T, work.newton, fold):
-        return False
+    if is_known_fold(fold, q):
+        return True
+    result = solve_fold(task.chain, task.T, work.newton, fold)
+    if result != NEW_FOLD:
+        return result == KNOWN_FOLD
     found = False
     for i in range(2):
         for j in range(6):
