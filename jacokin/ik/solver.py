@@ -142,9 +142,9 @@ class IKSolver:
         return None if self._verifier.tool is None else self._verifier.tool.copy()
 
     @property
-    def options(self) -> Options:
-        """The options it was made with."""
-        return self._options
+    def verifier(self) -> Verifier:
+        """What measures its answers, with its options."""
+        return self._verifier
 
     @property
     def method(self) -> str:

@@ -21,6 +21,7 @@ from jacokin.model.robot import Robot
 
 if TYPE_CHECKING:
     from jacokin.ik.closed_form import BranchTable
+    from jacokin.model.scenes.scene import Scene
 
 
 class Effort(Protocol):
@@ -65,6 +66,7 @@ class Verifier:
         self.options = options
         self._lower = robot.lower.tolist()
         self._upper = robot.upper.tolist()
+        self._scene: Scene | None = None
         self._contact = None if options.collision == "ignore" else _contact(robot, options)
 
     @property
@@ -85,6 +87,14 @@ class Verifier:
         """The pose of the tool in the base at `q`."""
         pose = self.robot.placement(q, self.frame_id)
         return pose if self.tool is None else pose * self.tool
+
+    def distances(self, rows: Array) -> Array:
+        """Smallest distance [m] of shapes that count as contact, for configurations (n, dof)."""
+        if self._scene is None:
+            from jacokin.model.scenes.scene import Scene
+
+            self._scene = self.options.scene or Scene()
+        return self._scene.measure(self.robot, rows, self_collision=True)
 
     def measure(self, q: Array, target: TargetPose) -> tuple[float, float]:
         """Position error [m] and orientation error [rad] at `q`, by Pinocchio."""

@@ -80,6 +80,11 @@ class ClosedForm:
         """What the kernels know about the arm: chain (7, 3, 4), arm (39,), limits (3, 6); read-only."""
         return self._chain, self._arm, self._limits
 
+    @property
+    def chain(self) -> NDArray[np.float64]:
+        """(7, 3, 4) placements, read-only: pose = C0 Rz(q1) C1 Rz(q2) ... Rz(q6) C6."""
+        return self._chain
+
     def solve_all(self, T: NDArray[np.float64], seed: NDArray[np.float64]) -> BranchTable:
         """Every branch, nearest to the seed first.
 

@@ -69,10 +69,15 @@ def durations(waypoints: list[pin.SE3], speed: ArrayLike, angular_speed: ArrayLi
     Raises:
         InvalidInputError: a speed is not positive, or there is one too many or too few.
     """
-    count = len(waypoints) - 1
+    lengths = np.array([_length(start, end) for start, end in itertools.pairwise(waypoints)])
+    return durations_of(lengths, speed, angular_speed)
+
+
+def durations_of(lengths: Array, speed: ArrayLike, angular_speed: ArrayLike) -> Array:
+    """As `durations`, for lines of known length and angle (n - 1, 2) [m] and [rad]."""
+    count = len(lengths)
     linear = checks.positive_vector("speed", speed, count, "m/s")
     angular = checks.positive_vector("angular_speed", angular_speed, count, "rad/s")
-    lengths = np.array([_length(start, end) for start, end in itertools.pairwise(waypoints)])
     with np.errstate(over="ignore"):  # an infinite duration is refused when it is counted in ticks
         return np.maximum(lengths[:, 0] / linear, lengths[:, 1] / angular)
 
@@ -88,14 +93,7 @@ def sample(waypoints: list[pin.SE3], profiles: Sequence[Profile], dt: float) -> 
     Raises:
         InvalidInputError: the path takes more than ten million ticks, or less than one.
     """
-    total = sum(profile.duration for profile in profiles)
-    if not total / dt <= MAX_TICKS:
-        index = int(np.argmax([profile.duration for profile in profiles]))
-        raise InvalidInputError(
-            f"the path takes {total:.6g} s, most of it segment {index}: more than {MAX_TICKS} ticks of {dt:.6g} s"
-        )
-    if total < dt * (1.0 - WHOLE_TICK):
-        raise InvalidInputError(f"the path takes {total:.6g} s, less than one control step of {dt:.6g} s")
+    check_ticks(np.array([profile.duration for profile in profiles]), dt)
     found, segments, parts = [waypoints[0]], [np.zeros(1, dtype=np.intp)], [np.zeros(1)]
     for index, ((start, end), profile) in enumerate(zip(itertools.pairwise(waypoints), profiles, strict=True)):
         if profile.duration == 0.0:
@@ -108,6 +106,22 @@ def sample(waypoints: list[pin.SE3], profiles: Sequence[Profile], dt: float) -> 
     segment = np.concatenate(segments)
     segment.setflags(write=False)
     return SampledPath(found, segment, np.concatenate(parts))
+
+
+def check_ticks(durations: Array, dt: float) -> None:
+    """Refuse a path that takes too many ticks of `dt` [s], or none; durations of its lines (n - 1,) [s].
+
+    Raises:
+        InvalidInputError: names the longest segment.
+    """
+    total = float(durations.sum())
+    if not total / dt <= MAX_TICKS:
+        raise InvalidInputError(
+            f"the path takes {total:.6g} s, most of it segment {int(np.argmax(durations))}: more than {MAX_TICKS} "
+            f"ticks of {dt:.6g} s"
+        )
+    if total < dt * (1.0 - WHOLE_TICK):
+        raise InvalidInputError(f"the path takes {total:.6g} s, less than one control step of {dt:.6g} s")
 
 
 def _length(start: pin.SE3, end: pin.SE3) -> tuple[float, float]:

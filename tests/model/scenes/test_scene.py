@@ -265,8 +265,8 @@ def test_scenes_and_their_solvers_can_be_copied(robot: Robot) -> None:
         assert again.names == scene.names
         assert robot.clearance(robot.home, again) == expected
     solver = pickle.loads(pickle.dumps(IKSolver(robot, scene=scene, collision="reject", clearance=0.01)))
-    assert solver.options.scene.names == scene.names
-    assert solver.options.clearance == 0.01
+    assert solver.verifier.options.scene.names == scene.names
+    assert solver.verifier.options.clearance == 0.01
     assert repr(scene) == "Scene(table, floor)"
     assert len(scene) == len(list(scene)) == 2
     assert robot.clearance(robot.home, Scene()) == np.inf

@@ -1,0 +1,227 @@
+"""Plan a path over all branches, before anything moves. Read this file first, then `jacokin.ik.planning`.
+
+`track_path` follows the path from one start after another, tick by tick, and never changes its mind. `plan_path` first
+computes all solutions at steps along the path, links those that follow each other, and takes the cheapest way from the
+first to the last; then it computes every tick exactly on the path.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike, NDArray
+
+from jacokin.arrays import Array
+from jacokin.errors import InvalidInputError, shown
+from jacokin.ik import seeds
+from jacokin.ik.paths import lines
+from jacokin.ik.paths.planned import Planned, Settings
+from jacokin.ik.paths.result import PathResult
+from jacokin.ik.paths.track import ANGULAR_SPEED, SPEED
+from jacokin.ik.planning import reasons
+from jacokin.ik.planning.cartesian import CartesianPath
+from jacokin.ik.planning.curve import Curve
+from jacokin.ik.planning.ladder import Ladder, Rung
+from jacokin.ik.planning.search import Search, Way
+from jacokin.ik.tracking.joint_limits import velocity_limits
+from jacokin.ik.tracking.setup import checked_start
+from jacokin.model import checks
+from jacokin.model.angles import TURN
+from jacokin.model.pose_targets import FreeAxis
+
+if TYPE_CHECKING:
+    from jacokin.ik.solver import IKSolver
+
+TIMINGS = ("keep", "slow")
+FREE_STEP = float(np.radians(10.0))  # [rad] between values of a free angle that are tried
+SPACING = 0.01  # [m] of the tool between two steps of the path
+TURNING = 0.05  # [rad] the same of its orientation
+RESOLUTION = 0.02  # [rad] no joint moves farther between two places at which contact is looked for
+AT_START = 1e-3  # [rad] a solution this near to `start` is the one the arm is on
+FROM_SEED = 0.1  # cost of a first solution's squared distance to the seed, beside that of the motion
+MOST_ROUNDS = 200  # times the way is changed because a closer look found a gap or an obstacle
+
+
+def plan_path(
+    solver: IKSolver,
+    targets: Sequence[pin.SE3 | FreeAxis] | ArrayLike,
+    dt: float = 0.01,
+    *,
+    speed: ArrayLike = SPEED,
+    angular_speed: ArrayLike = ANGULAR_SPEED,
+    timing: str = "keep",
+    seed: ArrayLike | None = None,
+    start: ArrayLike | None = None,
+    velocity_limit: ArrayLike | None = None,
+    acceleration_limit: ArrayLike | None = None,
+    free_step: float = FREE_STEP,
+) -> PathResult:
+    """Joint trajectory of least cost along straight lines through poses, over all branches.
+
+    Every tick is on the path: positions move on straight lines, orientations turn about one axis by the short way.
+    Contact is looked for as the solver does, at every tick and wherever a joint has moved 0.02 rad.
+
+    Args:
+        solver: a solver whose robot has a closed form; its scene, clearance and limits hold along the path.
+        targets: two or more poses T_base_tool (`pin.SE3` or (4, 4)) or `FreeAxis` targets with one axis in common.
+        dt: control step [s].
+        speed: along the lines [m/s], one for all or (n - 1,).
+        angular_speed: of turning [rad/s], as `speed`; a line takes the longer of the two times. Turning about a free
+            axis does not count.
+        timing: "keep" holds these speeds and says where joints cannot follow; "slow" slows down there.
+        seed: (dof,) configuration [rad] to start near; None for home.
+        start: (dof,) configuration [rad] that the arm is in, instead of `seed`.
+        velocity_limit: (dof,) or one for all [rad/s]; None for the robot's own.
+        acceleration_limit: (dof,) or one for all [rad/s^2], with timing="slow"; None for none. With one, the path is
+            run through from rest to rest, and the arm stands still at corners.
+        free_step: between values of the free angle that are tried [rad].
+
+    Returns:
+        The trajectory; when there is no way to the end, the best one as far as it leads, where the arm then stays, and
+        the reason in `message`.
+
+    Raises:
+        InvalidInputError: malformed targets, speeds or limits; `start` outside the limits or beside `seed`;
+            acceleration limits with timing="keep".
+        UnknownNameError: unknown timing.
+        StructureError: the robot has no closed form.
+    """
+    settings = _settings(solver, dt, timing, velocity_limit, acceleration_limit)
+    path = CartesianPath(targets)
+    free_step = checks.positive("free_step", free_step, "rad")
+    times = lines.durations_of(path.lengths, speed, angular_speed)
+    lines.check_ticks(times, settings.dt)
+    if start is not None and seed is not None:
+        raise InvalidInputError("give at most one of seed and start")
+    robot = solver.robot
+    near, note = seeds.seed_within_limits(robot, seed) if start is None else (checked_start(robot, start, "start"), "")
+    ladder = Ladder(solver, path, times, settings.velocity, free_step, keep=timing == "keep")
+    search = Search(ladder, path.places(SPACING, TURNING), _Begin(ladder, near, settings.velocity, start is not None))
+    found = _climb(search, solver, near, settings)
+    planned = Planned(solver, path, times, settings)
+    if found is None:
+        failed = reasons.of_first(search.rungs[0], solver, path, start is not None)
+        return planned.nowhere(solver.solve(path.poses[0], seed=near).q if start is None else near, near, failed, note)
+    reached = search.rungs[found.way_length - 1].u
+    reason = "" if reached == path.lines else reasons.of_end(search, found.way_length - 1, found.blocked, solver)
+    return planned.result(found.curve, reached, near, reason, note)
+
+
+@dataclass(frozen=True, slots=True)
+class _Found:
+    """The way that passed every closer look, and its knots."""
+
+    curve: Curve
+    way_length: int
+    blocked: str
+
+
+class _Begin:
+    """Cost of beginning at a solution."""
+
+    def __init__(self, ladder: Ladder, near: Array, velocity: Array, exactly: bool) -> None:
+        self._ladder, self._near, self._exactly = ladder, near, exactly
+        self._scale = np.where(np.isfinite(velocity), velocity, 1.0)
+
+    def __call__(self, rung: Rung) -> Array:
+        """(k,) for the solutions of the first rung; infinite where the arm cannot be."""
+        away = self._ladder.difference(np.broadcast_to(self._near, rung.q.shape), rung.q)
+        if self._exactly:
+            return np.where(np.abs(away).max(axis=1, initial=0.0) <= AT_START, 0.0, np.inf)
+        return np.asarray(FROM_SEED * ((away / self._scale) ** 2).sum(axis=1))
+
+
+def _settings(
+    solver: IKSolver,
+    dt: float,
+    timing: str,
+    velocity_limit: ArrayLike | None,
+    acceleration_limit: ArrayLike | None,
+) -> Settings:
+    from jacokin.ik.solver import IKSolver
+
+    if not isinstance(solver, IKSolver):
+        raise InvalidInputError(f"solver must be an IKSolver, got {shown(solver)}")
+    solver.closed_form()
+    checks.choice("timing", timing, TIMINGS)
+    acceleration = None
+    if acceleration_limit is not None:
+        if timing == "keep":
+            raise InvalidInputError("acceleration_limit needs timing='slow': the speed that is kept has corners")
+        acceleration = checks.positive_vector("acceleration_limit", acceleration_limit, solver.robot.dof, "rad/s^2")
+    return Settings(
+        checks.positive("dt", dt, "s"), timing == "slow", velocity_limits(solver.robot, velocity_limit), acceleration
+    )
+
+
+def _climb(search: Search, solver: IKSolver, near: Array, settings: Settings) -> _Found | None:
+    """The best way without gaps and contact between its steps; None when it does not even begin."""
+    step = np.minimum(settings.velocity * settings.dt, RESOLUTION)
+    blocked = ""
+    for rounds in range(MOST_ROUNDS):
+        way = search.best()
+        if not way.chosen:
+            return None
+        if len(way.chosen) == 1:
+            rung = search.rungs[0]
+            curve = _curve(search, way, solver, near, settings)
+            return _Found(curve, 1, blocked) if len(rung.q) else None
+        curve = _curve(search, way, solver, near, settings)
+        u, q, bad = curve.refined(_with_ticks(curve.u, search.ladder, settings), step)
+        touched = _touched(solver, curve, u, q, bad)
+        if not bad.size and not touched:
+            knots = Curve(search.ladder, solver.robot, u, q, curve.parameter(u), solver.verifier.options.limit_snap)
+            return _Found(knots, len(way.chosen), blocked)
+        last = rounds == MOST_ROUNDS - 1
+        for interval in sorted({*bad.tolist(), *touched}, reverse=True):  # from the end: numbers stay as they are
+            if interval in touched:
+                blocked = touched[interval]
+            if interval not in touched and search.can_halve(interval + 1) and not last:
+                search.halve(interval + 1)
+            else:
+                search.cut(interval + 1, way.chosen[interval], way.chosen[interval + 1])
+    return None
+
+
+def _with_ticks(u: Array, ladder: Ladder, settings: Settings) -> Array:
+    """The knots, and the places of the ticks between the first and the last of them."""
+    ticks = ladder.path.ticks(ladder.times, settings.dt)
+    return np.unique(np.concatenate([u, ticks[(ticks > u[0]) & (ticks < u[-1])]]))
+
+
+def _curve(search: Search, way: Way, solver: IKSolver, near: Array, settings: Settings) -> Curve:
+    """The knots of a way, turns of unlimited joints and of the free angle counted."""
+    rungs, ladder = search.rungs[: len(way.chosen)], search.ladder
+    q = np.array([rung.q[node] for rung, node in zip(rungs, way.chosen, strict=True)])
+    parameter = np.array([rung.parameter[node] for rung, node in zip(rungs, way.chosen, strict=True)])
+    first = near + ladder.difference(near[None], q[:1])[0]
+    first = np.where(ladder.unlimited, first, q[0])
+    steps = ladder.difference(q[:-1], q[1:])
+    unrolled = np.vstack([first, first + np.cumsum(steps, axis=0)])
+    q = np.where(ladder.unlimited, unrolled, q)
+    for index in range(1, len(rungs)):
+        away = parameter[index] - parameter[index - 1]
+        if ladder.path.turns(min(int(rungs[index - 1].u), ladder.path.lines - 1)):
+            parameter[index:] -= TURN * np.round(away / TURN)
+    u = np.array([rung.u for rung in rungs])
+    return Curve(ladder, solver.robot, u, q, parameter, solver.verifier.options.limit_snap)
+
+
+def _touched(solver: IKSolver, curve: Curve, u: Array, q: Array, bad: NDArray[np.intp]) -> dict[int, str]:
+    """Numbers of intervals of the curve in which shapes touch, with their names; none unless contact is rejected."""
+    verifier = solver.verifier
+    if not verifier.rejects_contact:
+        return {}
+    found: dict[int, str] = {}
+    interval = np.clip(np.searchsorted(curve.u, u, side="left") - 1, 0, len(curve.u) - 2)
+    for row, index in enumerate(interval.tolist()):
+        if index in found or index in bad:
+            continue
+        pairs = verifier.touching(q[row])
+        if pairs:
+            found[index] = ", ".join(f"{a} and {b}" for a, b in pairs[:2])
+    return found

@@ -1,0 +1,181 @@
+"""From a planned joint path to ticks, measured: the result of `plan_path`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jacokin.arrays import Array
+from jacokin.ik.paths.result import AT_SEED, PathResult
+from jacokin.ik.planning import pacing
+from jacokin.ik.planning.cartesian import CartesianPath
+from jacokin.ik.planning.curve import Curve
+from jacokin.ik.targets import TargetPose
+from jacokin.model import checks
+
+if TYPE_CHECKING:
+    from jacokin.ik.solver import IKSolver
+
+SPEED_ROUNDING = 1e-9  # [rad/s] of positions subtracted and divided by a step
+ATTEMPTS = 8  # to find a pace whose ticks are all within the limits
+LESS = 0.9  # of the limits is used at the next attempt
+CORNER = 0.2  # [rad/s] a joint's speed changes by more than this between two lines: a corner
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """How a path is run through.
+
+    Attributes:
+        dt: control step [s].
+        slow: True to slow down where joints cannot follow.
+        velocity: (dof,) limits [rad/s].
+        acceleration: (dof,) limits [rad/s^2], or None.
+    """
+
+    dt: float
+    slow: bool
+    velocity: Array
+    acceleration: Array | None
+
+
+class Planned:
+    """Writes results."""
+
+    def __init__(self, solver: IKSolver, path: CartesianPath, times: Array, settings: Settings) -> None:
+        """Take what was asked for; `times` (lines,) at the given speed [s]."""
+        self._solver, self._path, self._times, self._settings = solver, path, times, settings
+
+    def nowhere(self, q: Array, near: Array, reason: str, note: str) -> PathResult:
+        """A path that does not begin: the arm stays where it is nearest to the first pose."""
+        u = self._path.ticks(self._times, self._settings.dt)
+        return self._measured(u, np.tile(q, (len(u), 1)), np.zeros(len(u)), -1.0, near, reason, note)
+
+    def result(self, curve: Curve, reached: float, near: Array, reason: str, note: str) -> PathResult:
+        """The ticks along a joint path; beyond its end the arm stays there."""
+        if self._settings.slow and len(curve.u) > 1:
+            ticks = self._slow(curve)
+        else:
+            ticks = self._path.ticks(self._times, self._settings.dt)
+        if reached == self._path.lines:
+            q, _ = curve.at(ticks)
+            return self._measured(ticks, q, curve.parameter(ticks), reached, near, reason, note)
+        if self._settings.slow:
+            rest = self._path.ticks(self._times, self._settings.dt)
+            ticks = np.concatenate([ticks, rest[rest > reached]])
+        inside = ticks <= reached
+        q = np.tile(curve.q[-1], (len(ticks), 1))
+        q[inside] = curve.at(ticks[inside])[0] if len(curve.u) > 1 else curve.q[0]
+        parameter = curve.parameter(np.minimum(ticks, reached))
+        return self._measured(ticks, q, parameter, reached, near, reason, note)
+
+    def _slow(self, curve: Curve) -> Array:
+        """Places of the ticks at a pace that every joint can follow."""
+        settings = self._settings
+        u, q = curve.u, curve.q
+        line = np.clip(0.5 * (u[:-1] + u[1:]), 0.0, None).astype(np.intp)
+        least = np.maximum(np.diff(u) * self._times[line], 1e-12)
+        part, used = pacing.SPEED_USED, pacing.ACCELERATION_USED
+        ticks = u
+        for _ in range(ATTEMPTS):
+            if settings.acceleration is None:
+                pace = pacing.within_speed(u, q, least, settings.velocity, part)
+            else:
+                velocity, acceleration = part * settings.velocity, used * settings.acceleration
+                stops = self._corners(u, q, least)
+                pace = pacing.within_acceleration(u, q, least, velocity, acceleration, stops)
+            ticks = pace.ticks(settings.dt)
+            there, _ = curve.at(ticks)
+            v = np.diff(there, axis=0) / settings.dt
+            fast = float((np.abs(v) / settings.velocity).max())
+            if fast > 1.0:
+                part *= min(LESS, 1.0 / fast) if fast > 1.05 else 1.0 / fast - 1e-6
+            hard = 0.0
+            if settings.acceleration is not None:
+                still = np.zeros((1, v.shape[1]))
+                change = np.diff(np.vstack([still, v, still]), axis=0) / settings.dt
+                hard = float((np.abs(change) / settings.acceleration).max())
+                used *= LESS if hard > 1.0 else 1.0
+            if fast <= 1.0 and hard <= 1.0:
+                break
+        return ticks
+
+    def _corners(self, u: Array, q: Array, least: Array) -> NDArray[np.bool_]:
+        """(n,) True at both ends, and where the joints' velocities change suddenly from one line to the next."""
+        assert self._settings.acceleration is not None
+        v = np.diff(q, axis=0) / least[:, None]
+        jump = np.abs(np.diff(v, axis=0)) - 0.5 * (least[:-1] + least[1:])[:, None] * self._settings.acceleration
+        sudden = (jump > 0.1 * self._settings.acceleration * self._settings.dt).any(axis=1)
+        stops = np.zeros(len(u), dtype=np.bool_)
+        stops[1:-1] = sudden & (u[1:-1] == np.round(u[1:-1]))
+        stops[[0, -1]] = True
+        return stops
+
+    def _measured(
+        self, u: Array, q: Array, parameter: Array, reached: float, near: Array, reason: str, note: str
+    ) -> PathResult:
+        """Every row measured by Pinocchio, against limits, and for contact."""
+        settings, robot, verifier = self._settings, self._solver.robot, self._solver.verifier
+        wanted = self._path.at(u, parameter)
+        errors = np.array(
+            [verifier.measure(row, TargetPose(T, position_only=False)) for row, T in zip(q, wanted, strict=True)]
+        )
+        v = np.zeros_like(q)
+        v[1:] = np.diff(q, axis=0) / settings.dt
+        off = (errors[:, 0] > verifier.options.position_tolerance) | (
+            errors[:, 1] > verifier.options.orientation_tolerance
+        )
+        fast = np.abs(v) > settings.velocity + SPEED_ROUNDING
+        status, limiting = [], []
+        for row in range(len(q)):
+            names = [f"{robot.joint_names[j]} velocity" for j in np.flatnonzero(fast[row])]
+            held = off[row] or u[row] > reached
+            status.append("HELD" if held else "LIMITED" if names else "OK")
+            limiting.append("; ".join(names) if names else reason if held else "")
+        clearance = self._clearance(q)
+        segment = np.clip(np.ceil(u).astype(np.intp) - 1, 0, self._path.lines - 1)
+        segment.setflags(write=False)
+        away = np.abs(q[0] - near)
+        words = [reason or self._sentence(fast, status), note]
+        joint = int(np.argmax(away))
+        if away[joint] > AT_SEED:
+            name = robot.joint_names[joint]
+            words.insert(1, f"it starts {away[joint]:.3g} rad ({name}) from the seed: bring the arm to q[0] first")
+        return PathResult(
+            joint_names=robot.joint_names,
+            t=checks.read_only(np.arange(len(q)) * settings.dt),
+            q=checks.read_only(q),
+            v=checks.read_only(v),
+            position_error=checks.read_only(errors[:, 0]),
+            orientation_error=checks.read_only(errors[:, 1]),
+            status=tuple(status),
+            limiting=tuple(limiting),
+            segment=segment,
+            clearance=clearance,
+            lower=robot.lower,
+            upper=robot.upper,
+            velocity_limit=checks.read_only(settings.velocity),
+            message="; ".join(word for word in words if word),
+            start_distance=float(away.max()),
+        )
+
+    def _clearance(self, q: Array) -> Array:
+        verifier = self._solver.verifier
+        if not verifier.looks_for_contact:
+            return checks.read_only(np.full(len(q), np.nan))
+        return checks.read_only(verifier.distances(q))
+
+    def _sentence(self, fast: NDArray[np.bool_], status: list[str]) -> str:
+        if all(word == "OK" for word in status):
+            return "on the path throughout"
+        ticks = np.flatnonzero(fast.any(axis=1))
+        if ticks.size:
+            names = ", ".join(self._solver.robot.joint_names[j] for j in np.flatnonzero(fast.any(axis=0)))
+            return (
+                f"{names} cannot follow at this speed on {ticks.size} of {len(fast)} ticks, first at "
+                f"{ticks[0] * self._settings.dt:.6g} s; timing='slow' slows down there"
+            )
+        return "a tick misses the path"

@@ -1,0 +1,121 @@
+"""How fast a joint path is run through: at the speed asked for, slower where joints could not follow.
+
+With acceleration limits the path is run from rest to rest, as fast as they allow but not faster than asked: by forward
+and backward passes over its knots (Pham and Pham, A New Approach to Time-Optimal Path Parameterization based on
+Reachability Analysis, IEEE T-RO 34(3), 2018). The path stands still where its direction changes suddenly.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jacokin.arrays import Array
+
+SPEED_USED = 0.995  # part of the velocity limits: a tick may take in a little of a faster part beside it
+ACCELERATION_USED = 0.9  # the same of the acceleration limits
+TINY = 1e-12
+
+
+@dataclass(frozen=True, slots=True)
+class Pace:
+    """When each knot is passed.
+
+    Attributes:
+        u: (n,) places of the knots.
+        t: (n,) times [s].
+        speed: (n,) du/dt at the knots; None when it is constant between them.
+    """
+
+    u: Array
+    t: Array
+    speed: Array | None = None
+
+    def ticks(self, dt: float) -> Array:
+        """Places (m,) at every tick of `dt` [s]; the last one is the end, and the whole is slowed down to that."""
+        count = max(1, int(np.ceil(self.t[-1] / dt - 1e-9)))
+        times = np.arange(count + 1) * (self.t[-1] / count)
+        times[-1] = self.t[-1]
+        if self.speed is None:
+            return np.asarray(np.interp(times, self.t, self.u))
+        i = np.clip(np.searchsorted(self.t, times, side="right") - 1, 0, len(self.t) - 2)
+        length, start, end = self.u[i + 1] - self.u[i], self.speed[i], self.speed[i + 1]
+        gone = times - self.t[i]
+        found = self.u[i] + start * gone + 0.25 * (end**2 - start**2) / length * gone**2
+        return np.maximum.accumulate(np.clip(found, self.u[i], self.u[i + 1]))
+
+
+def within_speed(u: Array, q: Array, least: Array, velocity: Array, part: float) -> Pace:
+    """Each interval takes the time that was asked for, or the longer one that the joints need.
+
+    Args:
+        u: (n,) places.
+        q: (n, dof) [rad].
+        least: (n - 1,) time asked for each interval [s].
+        velocity: (dof,) limits [rad/s].
+        part: of the limits that is used.
+    """
+    needed = (np.abs(np.diff(q, axis=0)) / (part * velocity)).max(axis=1)
+    return Pace(u, np.append(0.0, np.cumsum(np.maximum(least, needed))))
+
+
+def within_acceleration(
+    u: Array,
+    q: Array,
+    least: Array,
+    velocity: Array,
+    acceleration: Array,
+    stops: NDArray[np.bool_],
+) -> Pace:
+    """From rest to rest within velocity and acceleration limits.
+
+    Args:
+        u: (n,) places.
+        q: (n, dof) [rad].
+        least: (n - 1,) time asked for each interval [s].
+        velocity: (dof,) limits [rad/s], as far as they are to be used.
+        acceleration: (dof,) limits [rad/s^2], as far as they are to be used.
+        stops: (n,) True where the path stands still.
+    """
+    h = np.diff(u)
+    slope = np.diff(q, axis=0) / h[:, None]
+    fastest = np.minimum(h / least, (velocity / np.maximum(np.abs(slope), TINY)).min(axis=1))
+    # Of a knot: the slower of its two intervals.
+    top = np.append(fastest, fastest[-1])
+    top[1:-1] = np.minimum(fastest[:-1], fastest[1:])
+    top = np.where(stops, 0.0, top**2)
+    bend = np.zeros_like(slope)
+    inner = np.diff(slope, axis=0) / (0.5 * (h[:-1] + h[1:]))[:, None]
+    inner[stops[1:-1]] = 0.0
+    bend[:-1] = inner
+    bend[1:] = np.where(np.abs(bend[1:]) > np.abs(inner), bend[1:], inner)
+    slope = np.where(np.abs(slope) < TINY, TINY, slope)
+    # u'' in [low - tilt x, high - tilt x] for x = u'^2, joint by joint.
+    high, tilt = acceleration / np.abs(slope), bend / slope
+    reach = _controllable(h, high, tilt, top)
+    x = np.zeros(len(u))
+    for i in range(len(h)):
+        limit = float((high[i] - tilt[i] * x[i]).min())
+        x[i + 1] = min(reach[i + 1], max(x[i] + 2.0 * h[i] * limit, 0.0))
+    speed = np.sqrt(x)
+    total = speed[:-1] + speed[1:]
+    times = 2.0 * h / np.maximum(total, TINY)
+    return Pace(u, np.append(0.0, np.cumsum(times)), speed)
+
+
+def _controllable(h: Array, high: Array, tilt: Array, top: Array) -> Array:
+    """The largest squared speeds (n,) from which the path can be followed to its end."""
+    reach = top.copy()
+    for i in range(len(h) - 1, -1, -1):
+        # x is possible when some u'' keeps every joint within its limits and x + 2 h u'' within [0, reach]:
+        # each lower bound of u'' must not exceed any upper one. Both are linear in x: constant + factor x.
+        upper = np.append(high[i], reach[i + 1] / (2.0 * h[i])), np.append(-tilt[i], -1.0 / (2.0 * h[i]))
+        lower = np.append(-high[i], 0.0), np.append(-tilt[i], -1.0 / (2.0 * h[i]))
+        room = upper[0][:, None] - lower[0][None, :]
+        growing = lower[1][None, :] - upper[1][:, None]
+        bounded = growing > TINY
+        if bounded.any():
+            reach[i] = min(reach[i], float((room[bounded] / growing[bounded]).min()))
+    return reach
