@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from jacokin.errors import JacokinError as JacokinError
     from jacokin.ik.closed_form import warmup as warmup
     from jacokin.ik.one_pose import solve_ik as solve_ik
+    from jacokin.ik.paths.plan import plan_path as plan_path
     from jacokin.ik.results import IKResult as IKResult
     from jacokin.ik.results import Status as Status
     from jacokin.ik.solver import IKSolver as IKSolver
@@ -30,6 +31,7 @@ _public, __getattr__, _ = lazy.door(
     {
         "jacokin.errors": ("JacokinError",),
         "jacokin.ik.closed_form": ("warmup",),
+        "jacokin.ik.paths.plan": ("plan_path",),
         "jacokin.ik.results": (
             "IKResult",
             "Status",

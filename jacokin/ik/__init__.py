@@ -6,7 +6,8 @@ families            all configurations where one parameter is free
 qp                  quadratic programs, for what the closed form does not cover
 closest             the closest configuration to a pose that cannot be reached
 tracking            following targets at a fixed rate
-paths               joint trajectories along poses and between configurations
+paths               joint trajectories along poses and between configurations: tracked or planned
+planning            the parts of `plan_path`
 files               files of target poses
 """
 
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from jacokin.ik.one_pose import solve_ik as solve_ik
     from jacokin.ik.paths.joint_motion import JointMotion as JointMotion
     from jacokin.ik.paths.joint_motion import move_joints as move_joints
+    from jacokin.ik.paths.plan import plan_path as plan_path
     from jacokin.ik.paths.plot import plot_path as plot_path
     from jacokin.ik.paths.result import BranchReport as BranchReport
     from jacokin.ik.paths.result import PathResult as PathResult
@@ -104,6 +106,7 @@ __all__, __getattr__, __dir__ = lazy.door(
             "TargetFile",
             "read_targets",
         ),
+        "jacokin.ik.paths.plan": ("plan_path",),
         "jacokin.ik.paths.track": ("track_path",),
         "jacokin.ik.paths.result": (
             "BranchReport",

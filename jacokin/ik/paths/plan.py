@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
@@ -26,15 +25,13 @@ from jacokin.ik.planning import reasons
 from jacokin.ik.planning.cartesian import CartesianPath
 from jacokin.ik.planning.curve import Curve
 from jacokin.ik.planning.ladder import Ladder, Rung
-from jacokin.ik.planning.search import Search, Way
+from jacokin.ik.planning.search import Search
+from jacokin.ik.solver import IKSolver
 from jacokin.ik.tracking.joint_limits import velocity_limits
 from jacokin.ik.tracking.setup import checked_start
 from jacokin.model import checks
 from jacokin.model.angles import TURN
 from jacokin.model.pose_targets import FreeAxis
-
-if TYPE_CHECKING:
-    from jacokin.ik.solver import IKSolver
 
 TIMINGS = ("keep", "slow")
 FREE_STEP = float(np.radians(10.0))  # [rad] between values of a free angle that are tried
@@ -43,7 +40,7 @@ TURNING = 0.05  # [rad] the same of its orientation
 RESOLUTION = 0.02  # [rad] no joint moves farther between two places at which contact is looked for
 AT_START = 1e-3  # [rad] a solution this near to `start` is the one the arm is on
 FROM_SEED = 0.1  # cost of a first solution's squared distance to the seed, beside that of the motion
-MOST_ROUNDS = 200  # times the way is changed because a closer look found a gap or an obstacle
+MOST_ROUNDS = 100  # times the way is changed because a closer look found a gap or an obstacle
 
 
 def plan_path(
@@ -142,8 +139,6 @@ def _settings(
     velocity_limit: ArrayLike | None,
     acceleration_limit: ArrayLike | None,
 ) -> Settings:
-    from jacokin.ik.solver import IKSolver
-
     if not isinstance(solver, IKSolver):
         raise InvalidInputError(f"solver must be an IKSolver, got {shown(solver)}")
     solver.closed_form()
@@ -164,27 +159,24 @@ def _climb(search: Search, solver: IKSolver, near: Array, settings: Settings) ->
     blocked = ""
     for rounds in range(MOST_ROUNDS):
         way = search.best()
-        if not way.chosen:
-            return None
-        if len(way.chosen) == 1:
-            rung = search.rungs[0]
-            curve = _curve(search, way, solver, near, settings)
-            return _Found(curve, 1, blocked) if len(rung.q) else None
-        curve = _curve(search, way, solver, near, settings)
+        curve = _curve(search, way.chosen, solver, near) if way.chosen else None
+        if curve is None or len(way.chosen) == 1:
+            return None if curve is None else _Found(curve, 1, blocked)
         u, q, bad = curve.refined(_with_ticks(curve.u, search.ladder, settings), step)
         touched = _touched(solver, curve, u, q, bad)
-        if not bad.size and not touched:
+        wrong = sorted({*bad.tolist(), *touched}, reverse=True)
+        blocked = next(iter(touched.values()), blocked)
+        if not wrong:
             knots = Curve(search.ladder, solver.robot, u, q, curve.parameter(u), solver.verifier.options.limit_snap)
             return _Found(knots, len(way.chosen), blocked)
-        last = rounds == MOST_ROUNDS - 1
-        for interval in sorted({*bad.tolist(), *touched}, reverse=True):  # from the end: numbers stay as they are
-            if interval in touched:
-                blocked = touched[interval]
-            if interval not in touched and search.can_halve(interval + 1) and not last:
+        if rounds == MOST_ROUNDS - 1:
+            return _Found(_curve(search, way.chosen[: wrong[-1] + 1], solver, near), wrong[-1] + 1, blocked)
+        for interval in wrong:  # from the end: numbers of the others stay as they are
+            if interval not in touched and search.can_halve(interval + 1):
                 search.halve(interval + 1)
             else:
                 search.cut(interval + 1, way.chosen[interval], way.chosen[interval + 1])
-    return None
+    raise AssertionError("unreachable")
 
 
 def _with_ticks(u: Array, ladder: Ladder, settings: Settings) -> Array:
@@ -193,11 +185,11 @@ def _with_ticks(u: Array, ladder: Ladder, settings: Settings) -> Array:
     return np.unique(np.concatenate([u, ticks[(ticks > u[0]) & (ticks < u[-1])]]))
 
 
-def _curve(search: Search, way: Way, solver: IKSolver, near: Array, settings: Settings) -> Curve:
+def _curve(search: Search, chosen: list[int], solver: IKSolver, near: Array) -> Curve:
     """The knots of a way, turns of unlimited joints and of the free angle counted."""
-    rungs, ladder = search.rungs[: len(way.chosen)], search.ladder
-    q = np.array([rung.q[node] for rung, node in zip(rungs, way.chosen, strict=True)])
-    parameter = np.array([rung.parameter[node] for rung, node in zip(rungs, way.chosen, strict=True)])
+    rungs, ladder = search.rungs[: len(chosen)], search.ladder
+    q = np.array([rung.q[node] for rung, node in zip(rungs, chosen, strict=True)])
+    parameter = np.array([rung.parameter[node] for rung, node in zip(rungs, chosen, strict=True)])
     first = near + ladder.difference(near[None], q[:1])[0]
     first = np.where(ladder.unlimited, first, q[0])
     steps = ladder.difference(q[:-1], q[1:])

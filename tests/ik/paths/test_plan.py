@@ -1,0 +1,291 @@
+"""Planned paths: on the path at every tick by MuJoCo's kinematics, within limits, and the reason when there is none."""
+
+from __future__ import annotations
+
+import itertools
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import jacokin
+from jacokin import IKSolver, Robot, plan_path
+from jacokin.arrays import Array
+from jacokin.errors import InvalidInputError, StructureError, UnknownNameError
+from jacokin.ik import Box, FreeAxis, PathResult, Scene, Sphere, track_path
+from jacokin.model import to_mujoco
+
+DOWN = jacokin.pose([0.0, 0.0, 0.0], down=True).rotation
+
+
+def at(x: float, y: float, z: float, rotation: Array = DOWN) -> pin.SE3:
+    return pin.SE3(rotation, np.array([x, y, z]))
+
+
+def tool_poses(robot: Robot, rows: Array, frame: str = "end_effector") -> tuple[Array, Array]:
+    """Positions and rotations by MuJoCo, which the planner does not use."""
+    model = to_mujoco(robot)
+    data = mujoco.MjData(model)
+    site = model.site(frame).id
+    positions, rotations = [], []
+    for q in rows:
+        data.qpos[:] = q
+        mujoco.mj_kinematics(model, data)
+        positions.append(data.site_xpos[site].copy())
+        rotations.append(data.site_xmat[site].reshape(3, 3).copy())
+    return np.array(positions), np.array(rotations)
+
+
+def off_the_lines(positions: Array, corners: list[pin.SE3]) -> Array:
+    """Distance of each position to the nearest of the lines [m]."""
+    distances = []
+    for a, b in itertools.pairwise(corners):
+        way = b.translation - a.translation
+        part = np.clip((positions - a.translation) @ way / (way @ way), 0.0, 1.0)
+        distances.append(np.linalg.norm(positions - a.translation - part[:, None] * way, axis=1))
+    return np.asarray(np.min(distances, axis=0))
+
+
+def check(robot: Robot, result: PathResult, corners: list[pin.SE3], frame: str = "end_effector") -> None:
+    """What holds for every success."""
+    assert result.success
+    assert (result.q >= robot.lower).all()
+    assert (result.q <= robot.upper).all()
+    assert (np.abs(result.v) <= result.velocity_limit + 1e-9).all()
+    np.testing.assert_allclose(np.diff(result.q, axis=0), result.v[1:] * (result.t[1] - result.t[0]), atol=1e-12)
+    positions, _ = tool_poses(robot, result.q, frame)
+    assert off_the_lines(positions, corners).max() < 1e-8
+    assert np.linalg.norm(positions[0] - corners[0].translation) < 1e-8
+    assert np.linalg.norm(positions[-1] - corners[-1].translation) < 1e-8
+    assert result.position_error.max() < 1e-8
+    assert result.orientation_error.max() < 1e-8
+
+
+def test_a_path_with_corners_is_planned_tick_by_tick(robot: Robot) -> None:
+    corners = [at(0.4, -0.4, 0.3), at(0.4, -0.2, 0.3), at(0.3, -0.2, 0.4), at(0.3, -0.3, 0.4)]
+    result = plan_path(IKSolver(robot), corners, dt=0.01, speed=0.1)
+    check(robot, result, corners)
+    assert result.t[-1] == pytest.approx(2.0 + np.sqrt(2.0) + 1.0, abs=0.03)
+    assert set(result.segment.tolist()) == {0, 1, 2}
+    _, rotations = tool_poses(robot, result.q)
+    np.testing.assert_allclose(rotations, np.broadcast_to(DOWN, rotations.shape), atol=1e-8)
+
+
+def test_what_the_tracker_follows_is_planned_and_more(robot: Robot) -> None:
+    rng = np.random.default_rng(3)
+    solver = IKSolver(robot)
+    tracked = planned = 0
+    for _ in range(25):
+        start = robot.forward_kinematics(robot.sample(rng))
+        way, turn = rng.normal(size=3), rng.normal(size=3)
+        way *= rng.uniform(0.1, 0.4) / np.linalg.norm(way)
+        turn *= rng.uniform(0.0, 1.0) / np.linalg.norm(turn)
+        corners = [start, pin.SE3(start.rotation @ pin.exp3(turn), start.translation + way)]
+        result = plan_path(solver, corners, dt=0.02, speed=0.1, timing="slow")
+        followed = track_path(robot, corners, dt=0.02, speed=0.1).success
+        assert result.success or not followed
+        if result.success:
+            check(robot, result, corners)
+        tracked += followed
+        planned += result.success
+    assert planned > tracked > 5
+
+
+def test_across_the_base_axis_it_slows_down(robot: Robot) -> None:
+    """The wrist crosses the axis of joint 1 at 10 cm/s: the tracker is lost, joint 1 has to turn round."""
+    rotation = robot.forward_kinematics(robot.home, "link_6").rotation
+    corners = [at(side, 0.002, 0.75, rotation) for side in (0.12, -0.12)]
+    solver = IKSolver(robot, "link_6")
+    assert not track_path(robot, corners, speed=0.1, frame="link_6").success
+    kept = plan_path(solver, corners, speed=0.1)
+    assert not kept.success
+    assert "LIMITED" in kept.status
+    assert "cannot follow at this speed" in kept.message
+    assert any("velocity" in words for words in kept.limiting)
+    slow = plan_path(solver, corners, speed=0.1, timing="slow")
+    check(robot, slow, corners, "link_6")
+    assert kept.t[-1] < slow.t[-1] < 10.0
+
+
+def test_accelerations_are_held_from_rest_to_rest(robot: Robot) -> None:
+    corners = [at(0.4, -0.4, 0.3), at(0.4, -0.2, 0.3), at(0.3, -0.2, 0.4)]
+    result = plan_path(IKSolver(robot), corners, speed=0.1, timing="slow", acceleration_limit=1.5)
+    check(robot, result, corners)
+    assert np.abs(result.a).max() <= 1.5
+    assert np.abs(result.v[[1, -1]]).max() <= 1.5 * 0.01
+    free = plan_path(IKSolver(robot), corners, speed=0.1, timing="slow")
+    assert result.t[-1] < 2.0 * free.t[-1]
+
+
+def test_a_path_around_the_base_counts_turns(robot: Robot) -> None:
+    circle = [at(0.4 * np.cos(a), 0.4 * np.sin(a), 0.4) for a in np.linspace(0.0, 4.0 * np.pi, 60)]
+    result = plan_path(IKSolver(robot), circle, dt=0.05, speed=0.2, timing="slow")
+    check(robot, result, circle)
+    assert abs(result.q[-1, 0] - result.q[0, 0]) == pytest.approx(4.0 * np.pi, abs=1e-6)
+
+
+def test_the_limits_of_a_cable_hold() -> None:
+    """One and a half turns fit between -4 and 7 rad only from one end to the other; two do not."""
+    robot = jacokin.load_robot(limits={"joint_1": (-4.0, 7.0)})
+    solver = IKSolver(robot)
+    circle = [at(0.4 * np.cos(a), 0.4 * np.sin(a), 0.4) for a in np.linspace(0.0, 4.0 * np.pi, 61)]
+    result = plan_path(solver, circle[:46], dt=0.05, speed=0.2, timing="slow")
+    check(robot, result, circle[:46])
+    assert abs(result.q[-1, 0] - result.q[0, 0]) == pytest.approx(3.0 * np.pi, abs=1e-6)
+    result = plan_path(solver, circle, dt=0.05, speed=0.2, timing="slow")
+    assert not result.success
+    assert "joint_1 runs into its limit" in result.message
+    assert (result.q >= robot.lower).all()
+    assert (result.q <= robot.upper).all()
+
+
+def test_a_free_axis_goes_where_poses_do_not(robot: Robot) -> None:
+    """About its roll axis the tool may turn at will: a line that one roll cannot follow is followed."""
+    solver = IKSolver(robot)
+    rng = np.random.default_rng(8)
+    more = 0
+    for _ in range(12):
+        start = robot.forward_kinematics(robot.sample(rng))
+        way = rng.normal(size=3)
+        way *= 0.3 / np.linalg.norm(way)
+        corners = [start, pin.SE3(start.rotation, start.translation + way)]
+        axis = np.array([0.0, 1.0, 0.0])
+        fixed = plan_path(solver, corners, dt=0.05, timing="slow")
+        free = plan_path(solver, [FreeAxis(pose, axis=axis) for pose in corners], dt=0.05, timing="slow")
+        assert free.success or not fixed.success
+        if free.success:
+            positions, rotations = tool_poses(robot, free.q)
+            assert off_the_lines(positions, corners).max() < 1e-8
+            np.testing.assert_allclose(rotations @ axis, np.tile(start.rotation @ axis, (len(rotations), 1)), atol=1e-8)
+            assert (np.abs(free.v) <= robot.velocity_limit + 1e-9).all()
+            more += not fixed.success
+    assert more > 0
+
+
+def test_a_range_of_the_free_axis_is_kept(robot: Robot) -> None:
+    pose = at(0.4, -0.4, 0.3)
+    corners = [pose, at(0.4, -0.2, 0.3)]
+    targets = [FreeAxis(corner, axis=[0.0, 0.0, 1.0], range=(0.3, 0.8)) for corner in corners]
+    result = plan_path(IKSolver(robot), targets, dt=0.05)
+    assert result.success
+    _, rotations = tool_poses(robot, result.q)
+    for rotation in rotations:
+        turned = pin.log3(DOWN.T @ rotation)
+        assert np.abs(turned[:2]).max() < 1e-7
+        assert 0.3 - 1e-7 <= turned[2] <= 0.8 + 1e-7
+
+
+def test_the_way_leads_around_an_obstacle(robot: Robot) -> None:
+    """A ball where the cheapest way would put the elbow: another branch or another roll, clear at every tick."""
+    rng = np.random.default_rng(4)
+    around = 0
+    for _ in range(8):
+        start = robot.forward_kinematics(robot.sample(rng))
+        way = rng.normal(size=3)
+        way *= 0.15 / np.linalg.norm(way)
+        corners = [start, pin.SE3(start.rotation, start.translation + way)]
+        targets = [FreeAxis(pose, axis=[0.0, 0.0, 1.0]) for pose in corners]
+        plain = plan_path(IKSolver(robot), targets, dt=0.05, timing="slow")
+        if not plain.success:
+            continue
+        elbow = robot.forward_kinematics(plain.q[len(plain) // 2], "link_3").translation
+        scene = Scene([Sphere("ball", 0.05, elbow)])
+        assert np.min(robot.clearance(plain.q, scene)) < 0.0
+        solver = IKSolver(robot, scene=scene, collision="reject", clearance=0.01)
+        result = plan_path(solver, targets, dt=0.05, timing="slow")
+        if not result.success:
+            assert "contact of" in result.message or "of line 0" in result.message
+            continue
+        around += 1
+        assert off_the_lines(tool_poses(robot, result.q)[0], corners).max() < 1e-8
+        assert result.clearance.min() > 0.01
+        between = 0.5 * (result.q[1:] + result.q[:-1])
+        assert np.min(robot.clearance(between, scene)) > 0.01 - 1e-3
+    assert around > 1
+
+
+def test_thin_obstacles_between_waypoints_are_seen(robot: Robot) -> None:
+    corners = [at(0.4, -0.5, 0.3), at(0.4, 0.1, 0.3)]
+    wall = Scene([Box("wall", [0.4, 0.002, 0.4], [0.5, -0.1, 0.2])])
+    solver = IKSolver(robot, scene=wall, collision="reject")
+    result = plan_path(solver, corners, dt=0.05, speed=0.2)
+    assert not result.success
+    assert "contact of" in result.message
+    assert "wall" in result.message
+    reached = [row for row, status in enumerate(result.status) if status != "HELD"]
+    assert np.min(robot.clearance(result.q[reached], wall)) > 0.0
+
+
+def test_how_far_the_best_way_comes(robot: Robot) -> None:
+    corners = [at(0.4, -0.4, 0.3), at(0.4, 1.4, 0.3)]
+    result = plan_path(IKSolver(robot), corners, dt=0.05, speed=0.2, timing="slow")
+    assert not result.success
+    assert "of line 0" in result.message
+    assert "out of reach" in result.message or "limit" in result.message
+    ok = [status == "OK" for status in result.status]
+    assert 0.1 < np.mean(ok) < 0.9
+    assert ok.index(False) == sum(ok)
+    assert result.position_error[ok].max() < 1e-8
+    nowhere = plan_path(IKSolver(robot), [at(2.0, 0.0, 0.3), at(2.1, 0.0, 0.3)], dt=0.05)
+    assert not nowhere.success
+    assert "no configuration at the first pose: out of reach" in nowhere.message
+
+
+def test_from_where_the_arm_is(robot: Robot) -> None:
+    corners = [robot.forward_kinematics(robot.home)]
+    corners.append(pin.SE3(corners[0].rotation, corners[0].translation + np.array([0.0, 0.0, 0.1])))
+    turned = robot.home.copy()
+    turned[0] += 4.0 * np.pi
+    result = plan_path(IKSolver(robot), corners, start=turned)
+    check(robot, result, corners)
+    np.testing.assert_allclose(result.q[0], turned, atol=1e-6)
+    elsewhere = plan_path(IKSolver(robot), corners, start=turned + 0.1)
+    assert not elsewhere.success
+    assert "the given start is not at the first pose" in elsewhere.message
+
+
+def test_a_saved_plan_comes_back(robot: Robot, tmp_path: pytest.TempPathFactory) -> None:
+    corners = [at(0.4, -0.4, 0.3), at(0.4, -0.3, 0.3)]
+    result = plan_path(IKSolver(robot), corners)
+    for name in ("plan.csv", "plan.npz"):
+        result.save(f"{tmp_path}/{name}")
+        again = PathResult.load(f"{tmp_path}/{name}")
+        np.testing.assert_array_equal(again.q, result.q)
+        assert again.message == result.message
+    result.save(f"{tmp_path}/plan.kinova.csv")
+
+
+def test_wrong_input(robot: Robot) -> None:
+    solver = IKSolver(robot)
+    good = [at(0.4, -0.4, 0.3), at(0.4, -0.3, 0.3)]
+    bad = np.array([pose.homogeneous for pose in good])
+    bad[1, 0, 3] = np.nan
+    with pytest.raises(InvalidInputError, match="at least two targets, got 1"):
+        plan_path(solver, good[:1])
+    with pytest.raises(InvalidInputError, match=r"targets\[1\]"):
+        plan_path(solver, bad)
+    with pytest.raises(InvalidInputError, match="targets must be a sequence"):
+        plan_path(solver, 3.0)
+    with pytest.raises(InvalidInputError, match="all waypoints are the same"):
+        plan_path(solver, [good[0], good[0]])
+    with pytest.raises(InvalidInputError, match="solver must be an IKSolver"):
+        plan_path(robot, good)  # type: ignore[arg-type]  # what is tested
+    with pytest.raises(UnknownNameError, match="timing 'slowly'. Did you mean 'slow'"):
+        plan_path(solver, good, timing="slowly")
+    with pytest.raises(InvalidInputError, match="acceleration_limit needs timing='slow'"):
+        plan_path(solver, good, acceleration_limit=1.0)
+    with pytest.raises(InvalidInputError, match="at most one of seed and start"):
+        plan_path(solver, good, seed=robot.home, start=robot.home)
+    for name in ("dt", "speed", "angular_speed", "velocity_limit", "free_step"):
+        with pytest.raises(InvalidInputError, match=name):
+            plan_path(solver, good, **{name: -1.0})  # type: ignore[arg-type]  # names of arguments
+    with pytest.raises(InvalidInputError, match="less than one control step"):
+        plan_path(solver, good, dt=100.0)
+    with pytest.raises(InvalidInputError, match="another free axis"):
+        plan_path(solver, [FreeAxis(good[0], axis=[1, 0, 0]), FreeAxis(good[1], axis=[0, 1, 0])])
+
+
+def test_an_arm_without_a_closed_form_is_refused(robot: Robot) -> None:
+    with pytest.raises(StructureError):
+        plan_path(IKSolver(robot, "link_4"), [at(0.4, -0.4, 0.3), at(0.4, -0.3, 0.3)])
