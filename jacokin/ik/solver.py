@@ -117,7 +117,7 @@ class IKSolver:
         self._closest: ClosestSearch | None = None
         self._search: SixJointFamilies | None = None
         self._local = threading.local()
-        if qp_solver != DEFAULT_QP_SOLVER:
+        if not isinstance(qp_solver, str) or qp_solver != DEFAULT_QP_SOLVER:
             from jacokin.ik.qp import backend
 
             backend.checked(qp_solver)

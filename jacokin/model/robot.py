@@ -144,17 +144,20 @@ class Robot:
         Raises:
             UnknownNameError: no such joint; lists the valid names.
         """
-        try:
-            return self.joint_names.index(joint)
-        except ValueError:
-            raise UnknownNameError("joint", joint, self.joint_names) from None
+        return self.joint_names.index(checks.choice("joint", joint, self.joint_names))
 
     def configuration(self, q: ArrayLike, name: str = "q") -> Array:
         """`q` as a checked array (dof,) of angles [rad].
 
+        Args:
+            q: (dof,) joint angles [rad].
+            name: what messages call it.
+
         Raises:
-            InvalidInputError: wrong shape or not finite.
+            InvalidInputError: wrong shape or not finite, or `name` is not a string.
         """
+        if not isinstance(name, str):
+            raise InvalidInputError(f"name must be a string, got {checks.shown(name)}")
         return checks.vector(name, q, self.dof, "rad")
 
     def forward_kinematics(self, q: ArrayLike, frame: str | None = None) -> pin.SE3:

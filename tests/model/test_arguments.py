@@ -30,7 +30,8 @@ VALUES: list[Any] = [
     [np.ma.masked] * 6, np.datetime64("2020-01-01"), datetime.date(2020, 1, 1), [decimal.Decimal(1)] * 6, {}, {"a": 1},
     {"joint_1": 1}, {3: (1, 2)}, set(), object(), Unprintable(), [Unprintable()] * 6, np.array([1] * 6, dtype=object),
     np.eye(4), 2.0 * np.eye(3), np.random.RandomState(0), "link_3", Path(), Path("/dev/null"), range(6), [[1], [2, 3]],
-    float, np.array("link_3"), [1e308] * 6,
+    float, np.array("link_3"), [1e308] * 6, 10**5000, NotImplemented, np.timedelta64(5, "s"), "\ud800", "a\0b",
+    np.zeros(6, dtype=[("a", float)]),
 ]  # fmt: skip
 
 CALLS: dict[str, Callable[[Robot, Any], object]] = {
@@ -44,6 +45,7 @@ CALLS: dict[str, Callable[[Robot, Any], object]] = {
     "tolerance": lambda robot, x: robot.within_limits(robot.home, x),
     "rng": lambda robot, x: robot.sample(x),
     "size": lambda robot, x: robot.sample(np.random.default_rng(0), x),
+    "name": lambda robot, x: robot.configuration([0.1], name=x),
     "joint": lambda robot, x: robot.joint_index(x),
     "robot": lambda _, x: jacokin.load_robot(x),
     "base": lambda _, x: jacokin.load_robot(base=x),

@@ -247,6 +247,8 @@ def test_wrong_arguments_are_named(robot: Robot) -> None:
         IKSolver(robot, method="newton")
     with pytest.raises(UnknownNameError, match="qp_solver 'gurobi_x'.*daqp"):
         IKSolver(robot, qp_solver="gurobi_x")
+    with pytest.raises(UnknownNameError, match="qp_solver"):
+        IKSolver(robot, qp_solver=np.array(["daqp", "osqp"]))  # type: ignore[arg-type]  # what is tested
     with pytest.raises(UnknownNameError, match="collision"):
         IKSolver(robot, collision="avoid")
     with pytest.raises(UnknownNameError, match="frame"):
