@@ -79,7 +79,7 @@ def test_steps_and_pixels_are_numbers_that_mujoco_can_count(jaco: Scene, value: 
     assert jaco.physics.time == 0.0
 
 
-@pytest.mark.parametrize("rows", [[99], [-1], [0.5], [0, 1], 0, [[0]], slice(0, 1)])
+@pytest.mark.parametrize("rows", [[99], [-1], [0.5], [0, 1], 0, [[0]], slice(0, 1), [True], [[0], [1, 2]]])
 def test_rows_of_qpos_exist(jaco: Scene, rows: Any) -> None:
     before = jaco.physics.data.qpos.copy()
     with pytest.raises(InvalidInputError, match="rows must be whole numbers|values must have shape"):
