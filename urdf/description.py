@@ -136,7 +136,8 @@ def describe(table: Mapping[str, Any], name: str) -> Description:
     for joint_name in (key for key in rows if key.startswith("joint_")):
         row = rows[joint_name]
         bodies.append(body(row["child"], row["parent"], row, _joint(joint_name, row)))
-    bodies.append(body("hand", "link_6", {}, None))
+    last_link = bodies[-1].name
+    bodies.append(body("hand", last_link, {}, None))
     for finger in hand["fingers"]:
         link, tip = f"link_{finger}", f"link_{finger.replace('finger', 'finger_tip')}"
         bodies.append(body(link, "hand", hand[finger], _joint(finger, table["finger"]), "link_finger"))
@@ -146,7 +147,10 @@ def describe(table: Mapping[str, Any], name: str) -> Description:
     return Description(
         name=name,
         bodies=tuple(bodies),
-        frames=tuple(Frame(s, row["parent"], placement(row)) for s, row in sites.items()),
+        frames=tuple(
+            Frame(s, last_link if row["parent"] == "last_link" else row["parent"], placement(row))
+            for s, row in sites.items()
+        ),
         excluded=_excluded(table["contacts"], hand["fingers"]),
     )
 
