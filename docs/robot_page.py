@@ -87,7 +87,7 @@ def _variants(numbers: Row) -> list[str]:
     return [
         "## Robots",
         f"`{DEFAULT_ROBOT}` is the default. A name reads: `j2` Jaco generation 2, `m1` Mico; `n` non-spherical, "
-        "`s` spherical wrist; `6` joints; `s` service; `300` three fingers, `200` two.",
+        "`s` spherical wrist; `6` or `7` joints; `s` service; `300` three fingers, `200` two.",
         grid(("name", "arm", "hand", "home [rad]"), map(row, NAMES)),
         f"Every home is within the limits and free of self-contact. {origin(numbers['variants'][DEFAULT_ROBOT])}",
         "\n".join(doubts),
@@ -166,13 +166,13 @@ def _frames(numbers: Row) -> list[str]:
     ]
     return [
         "## Frames",
-        "`frame=` takes every link (`link_base`, `link_1` to `link_6`, `hand`, `link_finger_1` ..., "
+        "`frame=` takes every link (`link_base`, `link_1` to `link_6` or `link_7`, `hand`, `link_finger_1` ..., "
         "`link_finger_tip_1` ...) and the frames below: links of the URDF, sites of the MJCF. `link_base` is the base, "
         "`end_effector` the default. `gripsite` and `pinchsite` are tool centre points between the fingers; "
-        "two-finger hands have no `pinchsite`. `jaco_arm.xml`, the arm without its hand, has neither.",
+        "two-finger hands have no `pinchsite`. The last link is the arm's. `jaco_arm.xml`, the arm without its hand, has neither.",
         grid(("frame", "parent", "xyz [m]", "rpy [rad]", "source", "doubt"), rows),
-        "The axes of `hand` are those of `link_6`; the hand is attached at `wristsite`, whose rotation its own "
-        f"mount ({rotation(numbers['hand_mount'])} rad) undoes.",
+        "The axes of `hand` are those of the arm's last link; the hand is attached at `wristsite`, whose rotation its "
+        f"own mount ({rotation(numbers['hand_mount'])} rad) undoes.",
     ]
 
 
@@ -235,7 +235,7 @@ def _poses(numbers: Row) -> list[str]:
 def _dynamics(numbers: Row) -> list[str]:
     dynamics = numbers["dynamics"]
     groups = ("large", "small", "finger")
-    joints = {"large": "joint_1 to 3", "small": "joint_4 to 6", "finger": "fingers"}
+    joints = {"large": "joint_1 to 3, of seven 1 to 4", "small": "the other three", "finger": "fingers"}
     actuators = {group: table.actuator(group) for group in groups}
     return [
         "## Joint dynamics and actuators",

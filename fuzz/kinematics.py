@@ -64,8 +64,7 @@ def bundled_chain(folder: Path, name: str, frame: str) -> Chain:
     table = tomllib.loads((folder / "jaco.toml").read_text(encoding="utf-8"))
     rows = _section(table["arms"], table["variants"][name]["arm"])
     joints, lower, upper = [], [], []
-    for number in range(1, 7):
-        row = rows[f"joint_{number}"]
+    for row in (row for key, row in rows.items() if key.startswith("joint_")):
         joints.append((placement(np.array(row["xyz"]), _angles(row["rpy"])), np.array([0.0, 0.0, 1.0]), False))
         limited = row["type"] == "revolute"
         lower.append(math.radians(row["lower_deg"]) if limited else -math.inf)

@@ -18,7 +18,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, StructureError
-from jacokin.ik import batch, diagnosis
+from jacokin.ik import batch
+from jacokin.ik.answers import choosing
+from jacokin.ik.answers.branches import of_branches
+from jacokin.ik.answers.choosing import Prefer
+from jacokin.ik.answers.family import of_findings
+from jacokin.ik.families.finder import Finder
 from jacokin.ik.options import (
     DEFAULT_QP_SOLVER,
     LIMIT_SNAP,
@@ -28,7 +33,7 @@ from jacokin.ik.options import (
     Options,
 )
 from jacokin.ik.request import Request
-from jacokin.ik.results import BatchResult, Branches, IKResult, Status
+from jacokin.ik.results import BatchResult, Branches, IKResult
 from jacokin.ik.seeds import seed_within_limits
 from jacokin.ik.targets import TargetPose
 from jacokin.ik.targets import checked as checked_target
@@ -41,7 +46,6 @@ if TYPE_CHECKING:
     from jacokin.ik.closed_form import BranchTable, ClosedForm
     from jacokin.ik.closest.search import ClosestSearch
     from jacokin.ik.families.family import Family
-    from jacokin.ik.families.search import SixJointFamilies
     from jacokin.ik.qp.search import QPSearch
     from jacokin.model.scenes.scene import Scene
 
@@ -115,13 +119,13 @@ class IKSolver:
         self._form: ClosedForm | None = None
         self._misfit: StructureError | None = None
         self._closest: ClosestSearch | None = None
-        self._search: SixJointFamilies | None = None
+        self._finder = Finder(self._verifier, method, self.closed_form)
         self._local = threading.local()
         if not isinstance(qp_solver, str) or qp_solver != DEFAULT_QP_SOLVER:
             from jacokin.ik.qp import backend
 
             backend.checked(qp_solver)
-        if method == "closed_form":
+        if method == "closed_form" and not self.has_families:
             self.closed_form()
         if warm is not None:
             self._load(checks.flag("warm", warm))
@@ -158,6 +162,10 @@ class IKSolver:
             StructureError: the robot has another structure; names the pair of axes and the misfit.
         """
         if self._form is None:
+            if self.robot.dof == 7 and self.has_families:
+                raise StructureError(
+                    "this closed form is for six joints; on seven joints a pose has a family: use solve or solve_all"
+                )
             if self._misfit is not None:
                 raise self._misfit.with_traceback(None)  # one object, raised again and again
             from jacokin.ik.closed_form import ClosedForm
@@ -188,6 +196,11 @@ class IKSolver:
         return True
 
     @property
+    def has_families(self) -> bool:
+        """Whether a pose has a family: an arm of seven joints that its closed form fits, and the method allows it."""
+        return self._finder.applies_to_poses
+
+    @property
     def tolerances(self) -> tuple[float, float]:
         """Position [m] and orientation [rad] tolerance of a success."""
         return self._options.position_tolerance, self._options.orientation_tolerance
@@ -200,6 +213,7 @@ class IKSolver:
         *,
         max_restarts: int | None = None,
         closest: bool = True,
+        prefer: Prefer = "nearest",
     ) -> IKResult:
         """Joint angles that bring the tool to a target.
 
@@ -211,15 +225,19 @@ class IKSolver:
             max_restarts: in place of the solver's own number of QP restarts.
             closest: on failure, look for the closest configuration within the limits. False is quick: the result then
                 holds the seed, or the best end of the QP's starts.
+            prefer: which of the configurations within the limits: the one "nearest" to the seed, of the largest limit
+                "margin", of the largest "manipulability", or of the least cost that a function returns for q (dof,).
+                Of equal ones the nearest to the seed.
 
         Returns:
-            The branch within the limits nearest to the seed, unlimited joints in the 2 pi copy nearest to it, measured
-            by Pinocchio; or the reason why there is none.
+            The configuration within the limits that is preferred, unlimited joints in the 2 pi copy nearest to the
+            seed, measured by Pinocchio; or the reason why there is none. With a `FreeAxis`, and on seven joints, the
+            result has a `parameter`.
 
         Raises:
             InvalidInputError: target or seed malformed; method="closed_form" with a position-only target.
         """
-        wanted = target if isinstance(target, FreeAxis) else checked_target(target)
+        wanted = self._target(target)
         start, note = seed_within_limits(self.robot, seed)
         if rng is not None:
             checks.generator("rng", rng)
@@ -227,14 +245,23 @@ class IKSolver:
         if max_restarts is not None:
             restarts = checks.whole_number("max_restarts", max_restarts)
         checks.flag("closest", closest)
-        if isinstance(wanted, FreeAxis):
-            at_zero = TargetPose(wanted.matrix, position_only=False)
-            return self._of_family(wanted, Request(at_zero, start, note, rng, restarts, closest))
-        if self.method == "closed_form" and wanted.position_only:
-            raise InvalidInputError("the closed form needs an orientation; use method='auto' or 'qp' for positions")
-        request = Request(wanted, start, note, rng, restarts, closest)
-        if not wanted.position_only and self.has_closed_form:
-            return self._by_branches(request)
+        preferred = choosing.checked(prefer)
+        cost = None if preferred == "nearest" else choosing.cost_of(preferred, self.robot, self.frame)
+        at = TargetPose(wanted.matrix, position_only=False) if isinstance(wanted, FreeAxis) else wanted
+        request = Request(at, start, note, rng, restarts, closest)
+        if isinstance(wanted, FreeAxis) or self._finder.applies_to(wanted):
+            found, wish = self._finder.find(wanted, start), choosing.with_ties(cost, start)
+            return of_findings(found, self._verifier, request, wish, self._closest_search)
+        if wanted.position_only:
+            if self.method == "closed_form":
+                raise InvalidInputError("the closed form needs an orientation; use method='auto' or 'qp' for positions")
+            if cost is not None:
+                raise InvalidInputError("prefer needs an orientation: a position is solved for one configuration only")
+        elif self.has_closed_form:
+            rows = self.closed_form().solve_all(wanted.matrix, start)
+            return of_branches(rows, self._verifier, request, cost, self._closest_search)
+        if cost is not None:
+            raise InvalidInputError("prefer needs the closed form, which gives all configurations to choose from")
         if self._misfit is not None:
             request = request._replace(note=request.message(f"no closed form: {self._misfit}"))
         return self._qp_search().solve(request)
@@ -259,9 +286,9 @@ class IKSolver:
             InvalidInputError: target or seed malformed, or a target without orientation.
             StructureError: the robot has no closed form.
         """
-        if isinstance(target, FreeAxis):
-            return self._families().find(target, seed_within_limits(self.robot, seed)[0]).family
-        wanted = checked_target(target)
+        wanted = self._target(target)
+        if isinstance(wanted, FreeAxis) or self._finder.applies_to(wanted):
+            return self._finder.find(wanted, seed_within_limits(self.robot, seed)[0]).family
         if wanted.position_only:
             raise InvalidInputError("solve_all needs an orientation: a position alone is reached by infinitely many")
         start, _ = seed_within_limits(self.robot, seed)
@@ -298,28 +325,9 @@ class IKSolver:
         solvers = batch.Solvers(self.robot, self.solve, compiled)
         return batch.solve(solvers, targets, seeds, workers=workers, progress=progress, closest=closest)
 
-    def _families(self) -> SixJointFamilies:
-        """What finds families, built once.
-
-        Raises:
-            StructureError: the robot has no closed form.
-            InvalidInputError: the method is "qp".
-        """
-        if self.method == "qp":
-            raise InvalidInputError("a FreeAxis needs the closed form; use method='auto'")
-        if self._search is None:
-            from jacokin.ik.families.search import SixJointFamilies
-
-            self._search = SixJointFamilies(self.closed_form(), self._verifier)
-        return self._search
-
-    def _of_family(self, target: FreeAxis, request: Request) -> IKResult:
-        """The member nearest to the seed, or why there is none."""
-        from jacokin.ik.families import answer
-        from jacokin.ik.families.choosing import by_distance
-
-        found = self._families().find(target, request.seed)
-        return answer.of_findings(found, self._verifier, request, by_distance(request.seed), self._closest_search)
+    def _target(self, target: object) -> TargetPose | FreeAxis:
+        """A checked target."""
+        return target if isinstance(target, FreeAxis) else checked_target(target)
 
     def __reduce__(self) -> tuple[object, tuple[object, ...]]:
         """Pickle the options; working memory is made anew."""
@@ -327,7 +335,7 @@ class IKSolver:
 
     def _load(self, warm: bool) -> None:
         """Load now what the first solve would wait for."""
-        if self.has_closed_form and warm:
+        if warm and (self.has_families or self.has_closed_form):
             from jacokin.ik.closed_form import warmup
 
             warmup()
@@ -359,34 +367,6 @@ class IKSolver:
         """The best branch of each of many poses, and which of them are successes."""
         rows = self.closed_form().solve_batch(matrices, seeds, workers)
         return rows, self._verifier.reached_rows(rows) & rows.within_limits
-
-    def _by_branches(self, request: Request) -> IKResult:
-        """The branch within the limits nearest to the seed, or why there is none."""
-        verifier, target = self._verifier, request.target
-        rows = self.closed_form().solve_all(target.matrix, request.seed)
-        touched: IKResult | None = None
-        for index, within in enumerate(rows.within_limits.tolist()):
-            if not within:
-                continue
-            q = rows.q[index]
-            errors = verifier.measure(q, target)
-            if not verifier.reached(q, errors):
-                continue
-            pairs = verifier.touching(q)
-            if not (pairs and verifier.rejects_contact):
-                message = request.message(f"branch {index + 1} of {len(rows)}")
-                return verifier.result(q, Status.OK, errors, message, touching=pairs)
-            if touched is None:
-                status, why = diagnosis.of_contact("every branch within the limits is in contact; the nearest", pairs)
-                touched = verifier.result(q, status, errors, request.message(why), touching=pairs)
-        if touched is not None:
-            return touched
-        outcome = diagnosis.of_branches(rows, self.robot.joint_names)
-        if request.closest:
-            nearby = [np.clip(q, self.robot.lower, self.robot.upper) for q in rows.q]
-            return self._closest_search().result(request, outcome, nearby)
-        errors = verifier.measure(request.seed, target)
-        return verifier.result(request.seed, outcome.status, errors, request.message(outcome.message))
 
 
 def _rebuild(robot: Robot, frame: str, tool: pin.SE3 | None, options: Options) -> IKSolver:

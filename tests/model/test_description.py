@@ -23,8 +23,9 @@ from numpy.typing import NDArray
 from jacokin.model.descriptions import bundled
 
 FOLDER = Path(__file__).resolve().parents[2] / "urdf"
-NAMES = ("j2n6s300", "j2n6s200", "j2s6s200", "j2s6s300", "m1n6s200", "m1n6s300")
+NAMES = ("j2n6s300", "j2n6s200", "j2s6s200", "j2s6s300", "m1n6s200", "m1n6s300", "j2s7s300", "j2s7s200")
 ARM_LINKS = ["link_base", "link_1", "link_2", "link_3", "link_4", "link_5", "link_6"]
+JOINTS = {name: 7 if name[3] == "7" else 6 for name in NAMES}
 # Both engines compute the same chain in double precision; what is left is rounding.
 POSE_TOLERANCE = 1e-12
 DYNAMICS_TOLERANCE = 1e-11
@@ -130,8 +131,9 @@ def test_angles_are_exact(generator: ModuleType) -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_names_in_both_formats(name: str) -> None:
     tips = [finger.replace("finger", "finger_tip") for finger in fingers(name)]
-    bodies = [*ARM_LINKS, "hand", *(f"link_{x}" for pair in zip(fingers(name), tips, strict=True) for x in pair)]
-    joints = [f"joint_{i}" for i in range(1, 7)] + fingers(name)
+    arm = [*ARM_LINKS, "link_7"][: JOINTS[name] + 1]
+    bodies = [*arm, "hand", *(f"link_{x}" for pair in zip(fingers(name), tips, strict=True) for x in pair)]
+    joints = [f"joint_{i}" for i in range(1, JOINTS[name] + 1)] + fingers(name)
 
     model = mjcf(name)
     assert [model.body(i).name for i in range(1, model.nbody)] == bodies
@@ -190,6 +192,8 @@ def test_limits_are_the_published_degrees_to_the_last_bit() -> None:
         "j2s6s300": {"joint_2": (47, 313), "joint_3": (19, 341), "joint_5": (30, 330)},
         "m1n6s200": {"joint_2": (50, 310), "joint_3": (35, 325)},
         "m1n6s300": {"joint_2": (50, 310), "joint_3": (35, 325)},
+        "j2s7s300": {"joint_2": (47, 313), "joint_4": (30, 330), "joint_6": (65, 295)},
+        "j2s7s200": {"joint_2": (47, 313), "joint_4": (30, 330), "joint_6": (65, 295)},
     }
     for name, limits in expected.items():
         model, robot = mjcf(name), urdf(name)
@@ -214,6 +218,24 @@ def test_speeds_and_efforts_of_the_urdf() -> None:
     speeds = [math.radians(x) for x in (36, 36, 36, 48, 48, 48)] + [1.0] * 3
     np.testing.assert_array_equal(robot.velocityLimit, speeds)
     np.testing.assert_array_equal(robot.effortLimit, [40, 80, 40, 20, 20, 20, 2, 2, 2])
+
+
+def test_speeds_of_seven_joints() -> None:
+    speeds = [math.radians(x) for x in (36, 36, 36, 36, 48, 48, 48)] + [1.0] * 3
+    np.testing.assert_array_equal(urdf("j2s7s300").velocityLimit, speeds)
+
+
+def test_the_seven_joint_arm_is_the_six_joint_arm_when_its_upper_arm_does_not_turn() -> None:
+    """At q3 = 0 the two offsets of the seven-joint arm are the one of the six-joint arm with a spherical wrist."""
+    six, seven = mjcf("j2s6s300"), mjcf("j2s7s300")
+    a, b = mujoco.MjData(six), mujoco.MjData(seven)
+    for q in np.random.default_rng(5).uniform(-math.pi, math.pi, (20, 6)):
+        a.qpos[:6] = q
+        b.qpos[:7] = (q[0], q[1], 0.0, q[2], q[3], q[4], q[5])
+        mujoco.mj_kinematics(six, a)
+        mujoco.mj_kinematics(seven, b)
+        apart = np.linalg.norm(a.site("end_effector").xpos - b.site("end_effector").xpos)
+        assert apart < 1e-12, apart
 
 
 def test_total_mass() -> None:

@@ -18,7 +18,7 @@ from jacokin.arrays import Array
 from tests.optional import needs_dm_control
 
 FOLDER = Path(__file__).resolve().parents[2] / "urdf"
-NAMES = ("j2n6s300", "j2n6s200", "j2s6s200", "j2s6s300", "m1n6s200", "m1n6s300")
+NAMES = ("j2n6s300", "j2n6s200", "j2s6s200", "j2s6s300", "m1n6s200", "m1n6s300", "j2s7s300", "j2s7s200")
 # The other description writes quaternions with six digits: 8e-7 rad and 3e-8 m at the wrist.
 SIX_DIGITS = 2e-6
 MOST_FALSE_CONTACTS = 0.015  # of configurations
@@ -138,11 +138,11 @@ def test_home_is_legal_and_free_of_contact(name: str) -> None:
     with (FOLDER / "jaco.toml").open("rb") as file:
         home = tomllib.load(file)["variants"][name]["home"]
     model = mjcf(name)
-    limited = model.jnt_limited[:6] == 1
-    assert (home >= model.jnt_range[:6, 0])[limited].all()
-    assert (home <= model.jnt_range[:6, 1])[limited].all()
+    limited, limits = model.jnt_limited[: len(home)] == 1, model.jnt_range[: len(home)]
+    assert (home >= limits[:, 0])[limited].all()
+    assert (home <= limits[:, 1])[limited].all()
     for finger in (0.15, 0.5, 1.35):  # open, as in the sampled configurations, closed [rad]
-        assert not touching(model, np.array([[*home, *[finger] * (model.nq - 6)]])).any()
+        assert not touching(model, np.array([[*home, *[finger] * (model.nq - len(home))]])).any()
 
 
 def test_hand_alone_closes_without_touching_itself() -> None:

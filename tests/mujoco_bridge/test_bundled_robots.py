@@ -39,12 +39,12 @@ def test_arm_and_hand_are_the_bundled_robot(robot: str) -> None:
     whole = jacokin.load_robot(robot)
     assert arm.robot_name == hand.robot_name == robot
     assert arm.name == "jaco_arm"
-    assert [joint.name for joint in arm.joints] == [f"jaco_arm/joint_{i}" for i in range(1, 7)]
+    assert [joint.name for joint in arm.joints] == [f"jaco_arm/joint_{i}" for i in range(1, whole.dof + 1)]
     joints, actuators = physics.bind(arm.joints), physics.bind(arm.actuators)
     np.testing.assert_array_equal(np.where(joints.limited, joints.range[:, 0], -np.inf), whole.lower)
     np.testing.assert_array_equal(np.where(joints.limited, joints.range[:, 1], np.inf), whole.upper)
-    np.testing.assert_allclose(actuators.ctrlrange[:, 1], [math.radians(36)] * 3 + [math.radians(48)] * 3)
-    np.testing.assert_array_equal(actuators.forcerange[:, 1], [30.5] * 3 + [6.8] * 3)
+    np.testing.assert_allclose(actuators.ctrlrange[:, 1], [math.radians(36)] * (whole.dof - 3) + [math.radians(48)] * 3)
+    np.testing.assert_array_equal(actuators.forcerange[:, 1], [30.5] * (whole.dof - 3) + [6.8] * 3)
     rng = np.random.default_rng(0)
     for _ in range(5):
         q = whole.sample(rng)
@@ -72,7 +72,7 @@ def test_commanded_velocities_are_reached_and_clipped(robot: str) -> None:
     arm.set_home(physics)
     limit = physics.bind(arm.actuators).ctrlrange[:, 1]
     with physics.disable("contact", "gravity", "limit"):
-        for index in range(6):
+        for index in range(len(arm.joints)):
             arm.set_home(physics)
             physics.bind(arm.actuators[index]).ctrl = 2.0 * limit[index]
             physics.step(500)
@@ -91,8 +91,8 @@ def test_torque_observable_balances_the_joint(robot: str) -> None:
     checked = 0
     while checked < 5:
         arm.randomize_arm_joints(physics, rng)
-        joints.qvel = rng.uniform(-0.5, 0.5, 6)
-        physics.bind(arm.actuators).ctrl = rng.uniform(-0.5, 0.5, 6)
+        joints.qvel = rng.uniform(-0.5, 0.5, len(arm.joints))
+        physics.bind(arm.actuators).ctrl = rng.uniform(-0.5, 0.5, len(arm.joints))
         physics.forward()
         if physics.data.ncon:
             continue

@@ -33,7 +33,8 @@ def info(
 ) -> None:
     """Show joints, limits with their source, home and frames.
 
-    Bundled robots: j2n6s300 (the default), j2n6s200, j2s6s300, j2s6s200, m1n6s300, m1n6s200.
+    Bundled robots: j2n6s300 (the default), j2n6s200, j2s6s300, j2s6s200, m1n6s300, m1n6s200;
+    with seven joints j2s7s300, j2s7s200.
 
     Examples:
       jacokin info

@@ -48,6 +48,7 @@ KERNEL_MODULES = (
     "curves.follow",
     "curves.seven",
     "curves.slices",
+    "curves.windows",
     "curves.graph",
     "curves.arcs",
     "curves.between",

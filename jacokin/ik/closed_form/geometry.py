@@ -13,19 +13,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from jacokin.errors import StructureError
-from jacokin.ik.closed_form.kernels.tolerances import (
-    SMALLEST_LENGTH,
-    SMALLEST_TWIST,
-    SPHERICAL_TOLERANCE,
-    STRUCTURE_TOLERANCE,
-)
-
-_AXES = {
-    "JointModelRX": (1.0, 0.0, 0.0),
-    "JointModelRY": (0.0, 1.0, 0.0),
-    "JointModelRZ": (0.0, 0.0, 1.0),
-}
+from jacokin.ik.closed_form.kernels.tolerances import SPHERICAL_TOLERANCE
+from jacokin.ik.closed_form.structure import StructureCheck, axes_at_zero, chain_of
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,10 +46,10 @@ def measure(model: pin.Model, frame_id: int, tool: pin.SE3 | None = None) -> Geo
         StructureError: The model is no such chain, or a pair of axes does not meet, is not parallel or not
             perpendicular where the closed form needs it; names the joints and the misfit.
     """
-    chain = _chain(model, frame_id, tool)
+    chain = chain_of(model, frame_id, tool, 6)
     names = [str(name) for name in list(model.names)[1:]]
-    w, points, home = _axes_at_zero(chain)
-    check = _StructureCheck(names, w, points)
+    w, points, home = axes_at_zero(chain)
+    check = StructureCheck(names, w, points)
 
     check.angle(0, 1, 90.0)
     origin = check.meet(0, 1)
@@ -110,125 +99,8 @@ def measure(model: pin.Model, frame_id: int, tool: pin.SE3 | None = None) -> Geo
     return Geometry(chain=chain, arm=arm, spherical=spherical, misfit=check.worst)
 
 
-def _chain(model: pin.Model, frame_id: int, tool: pin.SE3 | None) -> NDArray[np.float64]:
-    """(7, 3, 4) placements between joints that all turn about z."""
-    joints = list(model.joints)[1:]
-    if model.nq != 6 or model.nv != 6 or len(joints) != 6:
-        raise StructureError(f"the closed form needs six joints of one angle each; this model has {model.nv}")
-    names = [str(name) for name in list(model.names)[1:]]
-    if list(model.parents)[1:] != list(range(6)):
-        raise StructureError("the closed form needs the six joints in one chain; this model branches")
-    frame = model.frames[frame_id]
-    if frame.parentJoint != 6:
-        raise StructureError(
-            f"the closed form solves for frames on the last link; frame {frame.name!r} does not move with "
-            f"joint {names[-1]!r}",
-            (names[-1], str(frame.name)),
-        )
-    chain = np.empty((7, 3, 4))
-    turn = np.eye(3)  # from z-aligned axes to the joint's own
-    for i, joint in enumerate(joints):
-        placement = model.jointPlacements[i + 1]
-        align = _align_z(joint, names[i])
-        chain[i, :, :3] = turn.T @ placement.rotation @ align
-        chain[i, :, 3] = turn.T @ placement.translation
-        turn = align
-    last = frame.placement if tool is None else frame.placement * tool
-    chain[6, :, :3] = turn.T @ last.rotation
-    chain[6, :, 3] = turn.T @ last.translation
-    return chain
-
-
-def _align_z(joint: pin.JointModel, name: str) -> NDArray[np.float64]:
-    """A rotation that takes z to the axis of a revolute joint; the identity for z itself."""
-    kind = joint.shortname()
-    if kind in _AXES:
-        axis = np.array(_AXES[kind])
-    elif kind == "JointModelRevoluteUnaligned":
-        axis = np.asarray(joint.extract().axis, dtype=np.float64).reshape(3)
-    else:
-        raise StructureError(f"the closed form needs revolute joints; joint {name!r} is a {kind}", (name, name))
-    if axis[2] == 1.0:
-        return np.eye(3)
-    x = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
-    x /= np.linalg.norm(x)
-    return np.column_stack([x, np.cross(axis, x), axis])
-
-
-def _axes_at_zero(
-    chain: NDArray[np.float64],
-) -> tuple[list[NDArray[np.float64]], list[NDArray[np.float64]], NDArray[np.float64]]:
-    """Axes and joint origins at q = 0 in the base frame, and the (3, 4) home pose of the solved frame."""
-    rotation, position = np.eye(3), np.zeros(3)
-    axes, points = [], []
-    for i in range(7):
-        position = position + rotation @ chain[i, :, 3]
-        rotation = rotation @ chain[i, :, :3]
-        if i < 6:
-            axes.append(rotation[:, 2].copy())
-            points.append(position.copy())
-    return axes, points, np.column_stack([rotation, position])
-
-
 def _orthonormal(z: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
     """Rotation into the frame with the given z and, as nearly as possible, the given y axis (rows are axes)."""
     y = y - (y @ z) * z
     y = y / np.linalg.norm(y)
     return np.vstack([np.cross(y, z), y, z])
-
-
-class _StructureCheck:
-    """Measures pairs of axes, keeps the worst misfit, and raises with the names of the pair."""
-
-    def __init__(self, names: list[str], w: list[NDArray[np.float64]], points: list[NDArray[np.float64]]) -> None:
-        self._names, self._w, self._points = names, w, points
-        self.worst = 0.0
-
-    def _check(self, i: int, j: int, misfit: float, unit: str, wanted: str) -> None:
-        self.worst = max(self.worst, misfit)
-        if not misfit <= STRUCTURE_TOLERANCE:
-            self._refuse(i, j, misfit, unit, f"{wanted}; they miss it by {misfit:.3g} {unit}")
-
-    def _refuse(self, i: int, j: int, misfit: float, unit: str, text: str) -> None:
-        pair = (self._names[i], self._names[j])
-        raise StructureError(
-            f"the closed form does not fit this robot: {pair[0]} and {pair[1]}: {text} "
-            f"(tolerance {STRUCTURE_TOLERANCE:g} {unit}). Use method='qp'.",
-            pair,
-            misfit,
-            unit,
-        )
-
-    def angle(self, i: int, j: int, degrees: float) -> None:
-        """Axes i and j must enclose this angle."""
-        sine = np.linalg.norm(np.cross(self._w[i], self._w[j]))
-        angle = np.arctan2(sine, self._w[i] @ self._w[j])
-        self._check(i, j, abs(float(angle) - np.radians(degrees)), "rad", f"the axes must enclose {degrees:g} deg")
-
-    def parallel(self, i: int, j: int) -> float:
-        """Axes i and j must be parallel (1.0) or antiparallel (-1.0)."""
-        sine = float(np.linalg.norm(np.cross(self._w[i], self._w[j])))
-        self._check(i, j, sine, "rad", "the axes must be parallel")
-        return 1.0 if self._w[i] @ self._w[j] > 0.0 else -1.0
-
-    def twist(self, i: int, j: int) -> None:
-        """Axes i and j must be clearly not parallel."""
-        sine = float(np.linalg.norm(np.cross(self._w[i], self._w[j])))
-        if sine < np.sin(SMALLEST_TWIST):
-            self._refuse(i, j, sine, "rad", f"the axes must not be parallel; they enclose {np.arcsin(sine):.3g} rad")
-
-    def meet(self, i: int, j: int) -> NDArray[np.float64]:
-        """The point where axes i and j meet: the middle of their common perpendicular."""
-        normal = np.cross(self._w[i], self._w[j])
-        normal /= np.linalg.norm(normal)
-        between = self._points[j] - self._points[i]
-        self._check(i, j, abs(float(between @ normal)), "m", "the axes must meet")
-        along = np.linalg.solve(np.column_stack([self._w[i], -self._w[j], normal]), between)
-        first = self._points[i] + along[0] * self._w[i]
-        second = self._points[j] + along[1] * self._w[j]
-        return np.asarray(0.5 * (first + second), dtype=np.float64)
-
-    def long_enough(self, i: int, j: int, length: float, what: str) -> None:
-        """A length of the mechanism must not vanish."""
-        if length < SMALLEST_LENGTH:
-            self._refuse(i, j, length, "m", f"{what} is {length:.3g} m; it must be at least {SMALLEST_LENGTH:g} m")

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
-from jacokin.ik.families.choosing import Cost, by_distance, by_margin
+from jacokin.ik.answers.choosing import Cost, by_distance, by_margin
 from jacokin.model import checks
 
 if TYPE_CHECKING:

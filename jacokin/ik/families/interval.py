@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
-from jacokin.ik.families.choosing import Cost, by_distance, by_margin, least
+from jacokin.ik.answers.choosing import Cost, by_distance, by_margin, least
 from jacokin.ik.families.members import Members
 from jacokin.ik.families.tracks import Track
 from jacokin.model import checks

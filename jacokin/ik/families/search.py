@@ -9,15 +9,17 @@ from typing import NamedTuple
 import numpy as np
 
 from jacokin.arrays import Array
+from jacokin.ik.answers.choosing import least
+from jacokin.ik.closed_form.geometry_seven import measure_seven
 from jacokin.ik.closed_form.solver import ClosedForm
 from jacokin.ik.diagnosis import Mildest
 from jacokin.ik.families import pieces
-from jacokin.ik.families.choosing import least
-from jacokin.ik.families.curves import FREE_AXIS, Arm, Curves, Problem, limits_of
+from jacokin.ik.families.curves import FREE_AXIS, JOINT_3, Arm, Curves, Problem, limits_of
 from jacokin.ik.families.family import Family
 from jacokin.ik.families.interval import Interval, IntervalEnd
 from jacokin.ik.families.members import Members
 from jacokin.ik.families.tracks import CircleTrack, CurveTrack, Track
+from jacokin.ik.targets import TargetPose
 from jacokin.ik.verification import Verifier
 from jacokin.model import angles
 from jacokin.model.angles import TURN
@@ -81,6 +83,28 @@ class SixJointFamilies:
         complete = not (table.dropped or table.family.any())
         family = Family(tuple(intervals), members, branches=len(table), complete=complete)
         return Findings(family, members, lambda: _mildest(tracks, robot))
+
+
+class SevenJointFamilies:
+    """Families of a seven-joint arm at full poses; the parameter is joint 3."""
+
+    __slots__ = ("_curves", "_verifier", "misfit")
+
+    def __init__(self, verifier: Verifier) -> None:
+        """Measure the structure of the arm.
+
+        Raises:
+            StructureError: axes 1 and 2, or 5, 6 and 7, do not meet.
+        """
+        robot = verifier.robot
+        geometry = measure_seven(robot.pin_model, verifier.frame_id, verifier.tool)
+        self._verifier = verifier
+        self.misfit = geometry.misfit
+        self._curves = Curves(Arm(JOINT_3, geometry.chain, geometry.arm, limits_of(robot.lower, robot.upper)))
+
+    def find(self, target: TargetPose, seed: Array) -> Findings:
+        """Everything that reaches a pose; unlimited joints in the copies nearest to a seed (7,)."""
+        return on_curves(self._curves, self._curves.problem(target.matrix), Members(self._verifier, target, seed))
 
 
 def _turns_of_joint_6(

@@ -23,6 +23,15 @@ def chord_length(a: Array, b: Array) -> float:
     return math.sqrt(square)
 
 
+def share_of(a: Array, b: Array, x: Array) -> float:
+    """The share of the chord between two nodes (14,) that a point (7,) between them lies across."""
+    along, square = 0.0, 0.0
+    for j in range(7):
+        along += (x[j] - a[j]) * (b[j] - a[j])
+        square += (b[j] - a[j]) * (b[j] - a[j])
+    return along / square if square > 0.0 else 0.0
+
+
 def between(chain: Array, T: Array, a: Array, b: Array, share: float, x: Array, walk: Walk) -> bool:
     """Fill x with the curve's point across the chord between two nodes (14,) at a share of it; False if not found."""
     length = chord_length(a, b)

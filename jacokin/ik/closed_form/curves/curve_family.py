@@ -1,5 +1,6 @@
 """The entry point: all intervals of the parameter for one target, or a point of a curve. Read this file first.
 
+windows      where configurations exist between two slices only: one more slice
 slices       all configurations at some values of the parameter, in closed form
 graph        which points of neighbouring slices belong together; in doubt `follow` walks along the curve
 arcs         pieces of the curves along which the parameter rises, from fold to fold
@@ -20,6 +21,7 @@ from jacokin.ik.closed_form.curves.follow import Walk
 from jacokin.ik.closed_form.curves.graph import LINKS, TRACED, Graph, join
 from jacokin.ik.closed_form.curves.limit_cuts import Cuts, cut, make_cuts
 from jacokin.ik.closed_form.curves.slices import POINTS, SLICES, SevenJoints, SixJoints, Slices, fill_slices
+from jacokin.ik.closed_form.curves.windows import add_windows
 from jacokin.ik.closed_form.kernels.pose import COLUMNS, MAX_BRANCHES, make_work
 
 #: What to do: find the intervals; find a point at a share of a chord; find a point where the parameter has a value.
@@ -100,6 +102,8 @@ def run_curves(work: CurveWork) -> int:
     if task == FIND_AT_PARAMETER:
         share = where_joint_is(chain, T, work.chord[0], work.chord[1], parameter, work.at[0], work.x, walk)
         return 1 if share >= 0.0 else 0
+    if parameter != 6:
+        n = add_windows(chain, work.seven.arm, T, n, closed, work.slices)
     work.counts[2] = fill_slices(chain, T, parameter, n, work.slices, work.six, work.seven, walk)
     made, work.counts[1] = join(chain, T, n, closed, parameter, work.slices, work.graph)
     assemble(n, closed, parameter, made, work.slices, work.graph, work.arcs)

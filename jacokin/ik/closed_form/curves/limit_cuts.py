@@ -9,7 +9,7 @@ import numpy as np
 
 from jacokin.arrays import Array
 from jacokin.ik.closed_form.curves.arcs import Arcs
-from jacokin.ik.closed_form.curves.between import between, chord_length, where_joint_is
+from jacokin.ik.closed_form.curves.between import between, chord_length, share_of, where_joint_is
 from jacokin.ik.closed_form.curves.chain7 import tangent7
 from jacokin.ik.closed_form.curves.follow import Walk
 from jacokin.ik.closed_form.curves.graph import wrapped
@@ -34,7 +34,7 @@ class Cuts(NamedTuple):
     limits: Array  # (2, 7) lower and upper limits [rad], infinite where a joint is unlimited
     events: Array  # (EVENTS, 10)
     intervals: Array  # (INTERVALS, 21)
-    stack: Array  # (16, 31) halves of a chord: its nodes, its share of the whole, how often it was halved
+    stack: Array  # (16, 29) halves of a chord: its nodes, how often it was halved
 
 
 def make_cuts() -> Cuts:
@@ -43,7 +43,7 @@ def make_cuts() -> Cuts:
         np.empty((2, 7)),
         np.empty((EVENTS, EVENT_COLUMNS)),
         np.empty((INTERVALS, INTERVAL_COLUMNS)),
-        np.empty((HALVINGS + 2, 31)),
+        np.empty((HALVINGS + 2, 29)),
     )
 
 
@@ -82,12 +82,12 @@ def add_crossings(
     for m in range(14):
         stack[0, m] = arcs.nodes[node, m]
         stack[0, 14 + m] = arcs.nodes[node + 1, m]
-    stack[0, 28], stack[0, 29], stack[0, 30] = 0.0, 1.0, 0.0
+    stack[0, 28] = 0.0
     top = 0
     while top >= 0:
         half = stack[top]
         a, b = half[0:14], half[14:28]
-        begin, end, depth = half[28], half[29], half[30]
+        depth = half[28]
         length = chord_length(a, b)
         v0, v1 = a[j] - level, b[j] - level
         slack = DOUBT * length * length
@@ -102,19 +102,19 @@ def add_crossings(
             for m in range(7):
                 later[m], later[7 + m], later[14 + m], later[21 + m] = walk.x[m], walk.t[m], b[m], b[7 + m]
                 half[14 + m], half[21 + m] = walk.x[m], walk.t[m]
-            later[28], later[29], later[30] = 0.5 * (begin + end), end, depth + 1.0
-            half[29], half[30] = 0.5 * (begin + end), depth + 1.0
+            later[28] = depth + 1.0
+            half[28] = depth + 1.0
             top += 1
             continue
-        if (v0 < 0.0) != (v1 < 0.0) and n < EVENTS:
-            share = where_joint_is(chain, T, a, b, j, level, walk.x, walk)
-            if share >= 0.0:
-                event = cuts.events[n]
-                event[NODE], event[SHARE], event[CODE] = node, begin + share * (end - begin), code
-                for m in range(7):
-                    event[POINT + m] = walk.x[m]
-                event[POINT + j] = level
-                n += 1
+        crosses = (v0 < 0.0) != (v1 < 0.0) and n < EVENTS
+        if crosses and where_joint_is(chain, T, a, b, j, level, walk.x, walk) >= 0.0:
+            event = cuts.events[n]
+            whole = share_of(arcs.nodes[node], arcs.nodes[node + 1], walk.x)
+            event[NODE], event[SHARE], event[CODE] = node, whole, code
+            for m in range(7):
+                event[POINT + m] = walk.x[m]
+            event[POINT + j] = level
+            n += 1
         top -= 1
     return n
 

@@ -53,6 +53,57 @@ def of_target(T: Array, v: Vec) -> Vec:
     )
 
 
+def wrist_from_shoulder(chain: Array, arm7: Array, T: Array) -> Vec:
+    """From O to W, in the axes of joint 1 at q1 = 0."""
+    W = of_target(T, (arm7[0], arm7[1], arm7[2]))
+    return turned_back(chain, 0, (W[0] + T[0, 3] - arm7[3], W[1] + T[1, 3] - arm7[4], W[2] + T[2, 3] - arm7[5]))
+
+
+def elbow(chain: Array, arm7: Array, c3: float, s3: float) -> Vec:
+    """From O to the origin of joint 4, in the axes after joint 2."""
+    d = turned(chain, 2, about_z(c3, s3, column_of(chain, 3, 3)))
+    return (chain[2, 0, 3] - arm7[6] + d[0], chain[2, 1, 3] - arm7[7] + d[1], chain[2, 2, 3] - arm7[8] + d[2])
+
+
+def elbow_equation(chain: Array, arm7: Array, D0: Vec, u: Vec, c3: float, s3: float) -> tuple[float, float, float]:
+    """The coefficients of a cos q4 + b sin q4 = c, from the distance of W from O."""
+    w4 = (arm7[9], arm7[10], arm7[11])
+    seen = turned_back(chain, 3, about_z(c3, -s3, turned_back(chain, 2, u)))
+    return plane_equation(seen, w4, 0.5 * (dot(D0, D0) - dot(u, u) - dot(w4, w4)))
+
+
+def wrist_after_joint_2(chain: Array, arm7: Array, u: Vec, c3: float, s3: float, q4: float) -> Vec:
+    """From O to W, in the axes after joint 2."""
+    at4 = about_z(math.cos(q4), math.sin(q4), (arm7[9], arm7[10], arm7[11]))
+    d = turned(chain, 2, about_z(c3, s3, turned(chain, 3, at4)))
+    return (u[0] + d[0], u[1] + d[1], u[2] + d[2])
+
+
+def discriminant(chain: Array, arm7: Array, D0: Vec, q3: float, sign: float) -> tuple[float, float]:
+    """How far from vanishing the configurations with this joint 3 are, < 0 where there are none.
+
+    Args:
+        chain: (8, 3, 4) the arm's placements.
+        arm7: (12,) see `solve_at_q3`.
+        D0: what `wrist_from_shoulder` returned.
+        q3: [rad].
+        sign: 1 or -1, which of the two values of joint 4.
+
+    Returns:
+        For joint 4, and for joint 2; the second one is -1 where the first one is negative.
+    """
+    c3, s3 = math.cos(q3), math.sin(q3)
+    u = elbow(chain, arm7, c3, s3)
+    a, b, c = elbow_equation(chain, arm7, D0, u, c3, s3)
+    first = a * a + b * b - c * c
+    if not first > 0.0:
+        return first, -1.0
+    q4 = math.atan2(b, a) + sign * math.acos(c / math.sqrt(a * a + b * b))
+    v = wrist_after_joint_2(chain, arm7, u, c3, s3, q4)
+    a, b, c = plane_equation(row_of(chain, 1, 2), v, D0[2])
+    return first, a * a + b * b - c * c
+
+
 def solve_at_q3(chain: Array, arm7: Array, T: Array, q3: float, rows: Array) -> int:
     """Fill rows (8, 7) with the configurations that reach T with this joint 3; row 4 a + 2 b + c has signs a, b, c.
 
@@ -68,14 +119,10 @@ def solve_at_q3(chain: Array, arm7: Array, T: Array, q3: float, rows: Array) -> 
     """
     for i in range(MOST_AT_Q3):
         rows[i, 0] = math.nan
-    W = of_target(T, (arm7[0], arm7[1], arm7[2]))
-    D0 = turned_back(chain, 0, (W[0] + T[0, 3] - arm7[3], W[1] + T[1, 3] - arm7[4], W[2] + T[2, 3] - arm7[5]))
-    w4 = (arm7[9], arm7[10], arm7[11])
+    D0 = wrist_from_shoulder(chain, arm7, T)
     c3, s3 = math.cos(q3), math.sin(q3)
-    d = turned(chain, 2, about_z(c3, s3, column_of(chain, 3, 3)))
-    u = (chain[2, 0, 3] - arm7[6] + d[0], chain[2, 1, 3] - arm7[7] + d[1], chain[2, 2, 3] - arm7[8] + d[2])
-    seen = turned_back(chain, 3, about_z(c3, -s3, turned_back(chain, 2, u)))
-    a, b, c = plane_equation(seen, w4, 0.5 * (dot(D0, D0) - dot(u, u) - dot(w4, w4)))
+    u = elbow(chain, arm7, c3, s3)
+    a, b, c = elbow_equation(chain, arm7, D0, u, c3, s3)
     r4 = math.sqrt(a * a + b * b)
     if not abs(c) <= r4 or r4 == 0.0:
         return 0
@@ -83,9 +130,7 @@ def solve_at_q3(chain: Array, arm7: Array, T: Array, q3: float, rows: Array) -> 
     count = 0
     for i in range(2):
         q4 = middle4 + (half4 if i == 0 else -half4)
-        c4, s4 = math.cos(q4), math.sin(q4)
-        d = turned(chain, 2, about_z(c3, s3, turned(chain, 3, about_z(c4, s4, w4))))
-        v = (u[0] + d[0], u[1] + d[1], u[2] + d[2])
+        v = wrist_after_joint_2(chain, arm7, u, c3, s3, q4)
         a, b, c = plane_equation(row_of(chain, 1, 2), v, D0[2])
         r2 = math.sqrt(a * a + b * b)
         if not abs(c) <= r2 or r2 == 0.0:

@@ -10,7 +10,7 @@ import numpy as np
 
 from jacokin.arrays import Array
 from jacokin.ik import diagnosis, pose_error
-from jacokin.ik.families.choosing import Cost
+from jacokin.ik.answers.choosing import Cost
 from jacokin.ik.request import Request
 from jacokin.ik.results import IKResult, Status
 from jacokin.ik.verification import Verifier
@@ -44,7 +44,9 @@ def of_findings(
     """
     touched: IKResult | None = None
     for q, p in _candidates(found, request.seed, cost, several=verifier.rejects_contact):
-        if isinstance(found.members.target, FreeAxis) and found.members.target.full_turn:
+        if not isinstance(found.members.target, FreeAxis):
+            p = found.members.parameter(q)  # joint 3 itself, in its copy
+        elif found.members.target.full_turn:
             p = float(angles.wrap_to_pi(p))
         errors = verifier.measure(q, found.members.pose_at(p))
         if not verifier.reached(q, errors):

@@ -1,4 +1,4 @@
-"""What makes one configuration better than another, and the best one along a track."""
+"""`prefer=`: what makes one configuration within the limits better than another; and the best one along a track."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
+from jacokin.errors import InvalidInputError, shown
+from jacokin.model import checks
 from jacokin.model.robot import Robot
 
 #: Costs (m,) of configurations (m, dof) within the limits; the least is best.
@@ -20,6 +22,63 @@ MINIMA = 3
 #: Steps of golden-section search: the last bracket is 1e-8 of the first.
 STEPS = 40
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
+
+
+#: What `prefer=` takes, besides a callable.
+PREFERENCES = ("nearest", "margin", "manipulability")
+#: Members of a family whose costs differ by less than this times the difference of their distances to the seed [rad]
+#: count as equal: the nearer one is taken.
+TIE = 1e-9
+
+Prefer: TypeAlias = str | Callable[[Array], float]
+
+
+def checked(prefer: object) -> Prefer:
+    """A preference.
+
+    Raises:
+        UnknownNameError: an unknown name; lists the valid ones.
+        InvalidInputError: neither a name nor callable.
+    """
+    if callable(prefer):
+        return prefer
+    if not isinstance(prefer, str):
+        raise InvalidInputError(f"prefer must be one of {', '.join(PREFERENCES)}, or callable, got {shown(prefer)}")
+    return checks.choice("prefer", prefer, PREFERENCES)
+
+
+def cost_of(prefer: Prefer, robot: Robot, frame: str) -> Cost | None:
+    """The cost that a preference stands for; None for the distance to the seed.
+
+    Args:
+        prefer: what `checked` returned.
+        robot: the arm.
+        frame: whose manipulability counts.
+    """
+    if callable(prefer):
+        return _by_function(prefer)
+    if prefer == "margin":
+        return by_margin(robot)
+    if prefer == "manipulability":
+        return lambda rows: np.array([-robot.manipulability(q, frame) for q in rows])
+    return None
+
+
+def with_ties(cost: Cost | None, seed: Array) -> Cost:
+    """A cost for members of a family: of equal ones the nearest to the seed is the best."""
+    distance = by_distance(seed)
+    if cost is None:
+        return distance
+    return lambda rows: cost(rows) + TIE * distance(rows)
+
+
+def _by_function(function: Callable[[Array], float]) -> Cost:
+    """The costs by a user's function, checked."""
+
+    def costs(rows: Array) -> Array:
+        return np.array([checks.number("the cost that prefer returns", function(q.copy())) for q in rows])
+
+    return costs
 
 
 def by_distance(seed: Array) -> Cost:

@@ -1,0 +1,176 @@
+"""The seven-joint arm at a pose: intervals of joint 3 against a scan by other code, members, statuses, structure."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import jacokin
+from jacokin import FreeAxis, IKSolver, Robot, Status
+from jacokin.arrays import Array
+from jacokin.errors import InvalidInputError, StructureError
+from jacokin.ik import Family
+from jacokin.ik.closed_form.geometry_seven import measure_seven
+from jacokin.model.angles import wrap_to_pi
+
+
+@pytest.fixture(scope="module")
+def solver() -> IKSolver:
+    jacokin.warmup()
+    return IKSolver(jacokin.load_robot("j2s7s300"))
+
+
+def by_descent(robot: Robot, T: pin.SE3, q3: float, rng: np.random.Generator, starts: int = 60) -> int:
+    """How many configurations within the limits reach a pose with joint 3 given: Newton from many random starts."""
+    free: list[int] = [0, 1, 3, 4, 5, 6]
+    found: list[Array] = []
+    for q in robot.sample(rng, starts):
+        q[2] = q3
+        for _ in range(30):
+            error = pin.log6(robot.forward_kinematics(q).actInv(T)).vector
+            if np.abs(error).max() < 1e-12:
+                break
+            q[free] += np.linalg.lstsq(robot.jacobian(q, reference="local")[:, free], error, rcond=1e-8)[0]
+        else:
+            continue
+        copies = np.where(robot.unlimited, wrap_to_pi(q), np.mod(q, 2.0 * math.pi))
+        apart = [np.abs(wrap_to_pi(copies - other)).max() for other in found]
+        if robot.within_limits(copies) and all(a > 1e-6 for a in apart):
+            found.append(copies)
+    return len(found)
+
+
+def test_intervals_are_those_of_another_solver(solver: IKSolver, rng: np.random.Generator) -> None:
+    robot, checked = solver.robot, 0
+    for q in robot.sample(rng, 2):
+        T = robot.forward_kinematics(q)
+        family = solver.solve_all(T)
+        assert isinstance(family, Family)
+        assert family.complete
+        for p in rng.uniform(-math.pi, math.pi, 2):
+            assert by_descent(robot, T, p, rng) == sum(interval.contains(p) for interval in family)
+            checked += 1
+    assert checked == 4
+
+
+def test_members_reach_the_pose_within_the_limits(solver: IKSolver, rng: np.random.Generator) -> None:
+    robot = solver.robot
+    for q in robot.sample(rng, 10):
+        T = robot.forward_kinematics(q)
+        family = solver.solve_all(T)
+        assert isinstance(family, Family)
+        for interval in family:
+            assert -math.pi <= interval.start < math.pi
+            for p in (interval.start, *rng.uniform(interval.start, interval.stop, 5), interval.stop):
+                member = interval.at(p)
+                assert robot.within_limits(member)
+                assert abs(wrap_to_pi(member[2] - p)) < 1e-12
+                assert np.abs(T.actInv(robot.forward_kinematics(member)).homogeneous - np.eye(4)).max() < 1e-9
+
+
+def test_the_seed_itself_is_found(solver: IKSolver, rng: np.random.Generator) -> None:
+    for q in solver.robot.sample(rng, 20):
+        result = solver.solve(solver.robot.forward_kinematics(q), seed=q).raise_for_status()
+        np.testing.assert_allclose(result.q, q, atol=1e-6)
+        assert result.parameter == result.q[2]
+
+
+@pytest.mark.parametrize("joint", [1, 3, 5])
+def test_a_joint_on_its_limit_is_an_end(solver: IKSolver, rng: np.random.Generator, joint: int) -> None:
+    robot = solver.robot
+    for side, q in zip(("lower", "upper") * 4, robot.sample(rng, 8), strict=True):
+        q[joint] = getattr(robot, side)[joint]
+        family = solver.solve_all(robot.forward_kinematics(q))
+        assert isinstance(family, Family)
+        ends = np.array([p for interval in family for p in (interval.start, interval.stop)])
+        assert np.abs(wrap_to_pi(ends - q[2])).min() < 1e-8
+
+
+def test_narrow_windows_of_joint_3_are_found(solver: IKSolver) -> None:
+    """The wrist near axis 1: configurations exist in some hundredths of a radian of joint 3 only."""
+    robot = solver.robot
+    rng = np.random.default_rng(7)
+    widths = []
+    for _ in range(20):
+        q = robot.sample(rng)
+        q[2] = rng.choice([0.0, math.pi]) + rng.uniform(-0.002, 0.002)
+        q[1] = math.pi + rng.uniform(-0.01, 0.01)
+        q[3] = math.pi + rng.uniform(-0.02, 0.02)
+        result = solver.solve(robot.forward_kinematics(q), seed=q).raise_for_status()
+        np.testing.assert_allclose(result.q, q, atol=1e-5)
+        family = solver.solve_all(robot.forward_kinematics(q))
+        assert isinstance(family, Family)
+        widths.append(min(interval.length for interval in family))
+    assert min(widths) < 0.06
+
+
+def test_structured_poses(solver: IKSolver) -> None:
+    robot = solver.robot
+    for position in ((0.5, 0.0, 0.2), (0.0, 0.5, 0.3), (0.3, -0.4, 0.4)):
+        for target in (jacokin.pose(position, down=True), jacokin.pose(position, rpy=(0.0, math.pi / 2.0, 0.0))):
+            result = solver.solve(target)
+            assert result.success
+            family = solver.solve_all(target)
+            assert isinstance(family, Family)
+            best = min(np.linalg.norm(q - robot.home) for q in family.sample(2000))
+            assert np.linalg.norm(result.q - robot.home) <= best + 1e-9
+
+
+def test_statuses(solver: IKSolver) -> None:
+    assert solver.solve(jacokin.pose((1.5, 0.0, 0.1), down=True)).status is Status.UNREACHABLE
+    tight = solver.solve(jacokin.pose((0.0, 0.05, 0.1), down=True))
+    assert tight.status is Status.OUTSIDE_LIMITS
+    assert "joint_4 by 0.465" in tight.message
+    assert solver.robot.within_limits(tight.q)
+
+
+def test_a_batch_answers_as_single_solves_do(solver: IKSolver, rng: np.random.Generator) -> None:
+    robot = solver.robot
+    targets = [robot.forward_kinematics(q) for q in robot.sample(rng, 5)]
+    batch = solver.solve_batch(targets)
+    assert batch.success.all()
+    for row, target in zip(batch.q, targets, strict=True):
+        np.testing.assert_array_equal(row, solver.solve(target).q)
+
+
+def test_what_needs_six_joints_is_refused(solver: IKSolver) -> None:
+    target = solver.robot.forward_kinematics(solver.robot.home)
+    with pytest.raises(InvalidInputError, match=r"two free parameters: give the pose at one angle"):
+        solver.solve(FreeAxis(target, axis=(0.0, 0.0, 1.0)))
+    with pytest.raises(StructureError, match="for six joints; on seven joints a pose has a family"):
+        solver.closed_form()
+    assert solver.has_families
+    assert not solver.has_closed_form
+
+
+def test_both_formats_have_the_structure(bundled: Callable[[str], Robot]) -> None:
+    for name in ("j2s7s300", "j2s7s200"):
+        robot = bundled(name)
+        geometry = measure_seven(robot.pin_model, robot.frame_id("end_effector"))
+        assert geometry.misfit < 1e-12
+
+
+def test_an_arm_of_another_structure_is_refused_with_its_misfit(bundled: Callable[[str], Robot]) -> None:
+    robot = bundled("j2s7s300")
+    bent = robot.pin_model.copy()
+    placement = bent.jointPlacements[7].copy()
+    placement.translation = placement.translation + np.array([0.003, 0.0, 0.0])
+    bent.jointPlacements[7] = placement
+    with pytest.raises(StructureError, match=r"joint_6 and joint_7.*0.003 m"):
+        measure_seven(bent, robot.frame_id("end_effector"))
+
+
+def test_without_compiled_kernels_too(monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator) -> None:
+    from jacokin.ik.closed_form import compilation
+
+    compiled = IKSolver(jacokin.load_robot("j2s7s300"))
+    q = compiled.robot.sample(rng)
+    target = compiled.robot.forward_kinematics(q)
+    expected = compiled.solve(target, seed=q).raise_for_status()
+    monkeypatch.setattr(compilation.KERNELS, "for_poses", lambda poses: None)
+    plain = IKSolver(jacokin.load_robot("j2s7s300"), warm=None).solve(target, seed=q).raise_for_status()
+    np.testing.assert_allclose(plain.q, expected.q, atol=1e-9)
