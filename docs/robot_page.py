@@ -169,8 +169,7 @@ def _frames(numbers: Row) -> list[str]:
         "`frame=` takes every link (`link_base`, `link_1` to `link_6` or `link_7`, `hand`, `link_finger_1` ..., "
         "`link_finger_tip_1` ...) and the frames below: links of the URDF, sites of the MJCF. `link_base` is the base, "
         "`end_effector` the default. `gripsite` and `pinchsite` are tool centre points between the fingers; "
-        "two-finger hands have no `pinchsite`. The last link is the arm's. `jaco_arm.xml`, the arm without its hand, has "
-        "neither.",
+        "two-finger hands have no `pinchsite`. `jaco_arm.xml`, the arm without its hand, has neither.",
         grid(("frame", "parent", "xyz [m]", "rpy [rad]", "source", "doubt"), rows),
         "The axes of `hand` are those of the arm's last link; the hand is attached at `wristsite`, whose rotation its "
         f"own mount ({rotation(numbers['hand_mount'])} rad) undoes.",
