@@ -335,10 +335,12 @@ class IKSolver:
 
     def _load(self, warm: bool) -> None:
         """Load now what the first solve would wait for."""
-        if warm and (self.has_families or self.has_closed_form):
-            from jacokin.ik.closed_form import warmup
+        if self.has_families or self.has_closed_form:
+            self._finder.load()
+            if warm:
+                from jacokin.ik.closed_form import warmup
 
-            warmup()
+                warmup()
         self._qp_search()
 
     def _qp_search(self) -> QPSearch:

@@ -56,6 +56,10 @@ class Finder:
         """Why the closed form of seven joints does not fit, once that was tried."""
         return self._misfit
 
+    def load(self) -> None:
+        """Import what finding a family needs, so that no search waits for it."""
+        from jacokin.ik.families import search  # noqa: F401  # imports the kernels of the curves
+
     def find(self, target: TargetPose | FreeAxis, seed: Array) -> Findings:
         """Everything that reaches a target with one free parameter.
 
