@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from jacokin.ik.closed_form.kernels.batch import BRANCHES, BRANCHES_WITHIN_LIMITS
+from jacokin.ik.closed_form.kernels.batch import BRANCHES, BRANCHES_WITHIN_LIMITS, LARGEST_MARGIN
 from jacokin.ik.closed_form.kernels.pose import DISTANCE, FAMILY, ORIENTATION_ERROR, POSITION_ERROR, WITHIN_LIMITS
 
 
@@ -13,7 +13,7 @@ class BranchTable:
     """The branches of one target, one row each, as the kernels computed them.
 
     Attributes:
-        rows: (k, 17) or (k, 19), the columns that ``kernels.pose`` and ``kernels.batch`` name; read-only.
+        rows: (k, 17) or (k, 20), the columns that ``kernels.pose`` and ``kernels.batch`` name; read-only.
         dropped: whether a table of the kernels was full, so that branches may be missing.
     """
 
@@ -86,3 +86,8 @@ class BestBranches(BranchTable):
     def branches_within_limits(self) -> NDArray[np.int64]:
         """(n,) how many of them are within the limits."""
         return self.rows[:, BRANCHES_WITHIN_LIMITS].astype(np.int64)
+
+    @property
+    def largest_margin(self) -> NDArray[np.float64]:
+        """(n,) distance to the nearest limit [rad] of the branch that keeps farthest from them; negative outside."""
+        return self.rows[:, LARGEST_MARGIN]

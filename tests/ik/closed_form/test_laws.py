@@ -242,6 +242,8 @@ def test_a_batch_is_the_nearest_branch_within_the_limits(robot: Robot, rng: np.r
             continue
         np.testing.assert_array_equal(batch.q[i], rows.q[best])
         assert batch.within_limits[i] == rows.within_limits[best]
+        assert batch.largest_margin[i] == rows.margin.min(axis=1).max()
+    assert np.isnan(batch.largest_margin[7])
     np.testing.assert_array_equal(form.solve_batch(targets, seeds, threads=2).rows, batch.rows)
     assert len(form.solve_batch(np.empty((0, 4, 4)), np.empty((0, 6)))) == 0
 

@@ -19,7 +19,7 @@ from jacokin.ik.closed_form.kernels.pose import (
 )
 
 #: Columns of a batch result: 0:17 the chosen branch, then these.
-BRANCHES, BRANCHES_WITHIN_LIMITS, BATCH_COLUMNS = 17, 18, 19
+BRANCHES, BRANCHES_WITHIN_LIMITS, LARGEST_MARGIN, BATCH_COLUMNS = 17, 18, 19, 20
 
 
 def solve(
@@ -40,7 +40,7 @@ def solve(
         T: (n, 4, 4) targets, T_base_frame.
         seed: (n, 6) seeds [rad].
         rows: (24, 17) filled with the branches of the last target, nearest to its seed first.
-        best: (n, 19) filled with one row for each target, or (0, 19) for the branches of one target only. The row is
+        best: (n, 20) filled with one row for each target, or (0, 20) for the branches of one target only. The row is
             the branch within the limits nearest to the seed; without one, the branch that breaks a limit least; NaN
             without any branch.
 
@@ -75,8 +75,11 @@ def solve_targets(
 def choose_branch(work: BranchWork, best: NDArray[np.float64]) -> None:
     """Copy the nearest branch within the limits, or else the one least outside them, to a row of the batch."""
     rows, count = work.rows, work.filled[0]
-    chosen, within = -1, 0
+    chosen, within, largest = -1, 0, np.nan
     for i in range(count):
+        margin = smallest_margin(rows[i])
+        if i == 0 or margin > largest:
+            largest = margin
         if rows[i, WITHIN_LIMITS] > 0.0:
             within += 1
         if chosen < 0 or is_better(rows[i], rows[chosen]):
@@ -85,6 +88,7 @@ def choose_branch(work: BranchWork, best: NDArray[np.float64]) -> None:
         best[j] = rows[chosen, j] if chosen >= 0 else np.nan
     best[BRANCHES] = count
     best[BRANCHES_WITHIN_LIMITS] = within
+    best[LARGEST_MARGIN] = largest
 
 
 def is_better(a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
