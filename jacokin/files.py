@@ -25,17 +25,10 @@ def replacing(path: Path) -> Iterator[Path]:
     Raises:
         InvalidInputError: the file cannot be written; raised before the block runs where that can be known.
     """
-    if path.exists() and not path.is_file() and not path.is_dir():
+    if is_device(path):
         yield path
         return
-    try:
-        final = path.resolve()
-    except (OSError, RuntimeError, ValueError) as error:  # a loop of links, a null byte
-        raise InvalidInputError(f"{path}: cannot be written: {error}") from error
-    if final.is_dir():
-        raise InvalidInputError(f"{path}: cannot be written: it is a folder")
-    if final.exists() and not os.access(final, os.W_OK):
-        raise InvalidInputError(f"{path}: cannot be written: permission denied")
+    final = writable(path)
     temporary = final.with_name(f".{secrets.token_hex(8)}-{final.name[-KEPT_NAME:]}")
     try:  # from here on an interrupt, too, leaves nothing behind
         try:
@@ -51,3 +44,25 @@ def replacing(path: Path) -> Iterator[Path]:
             raise InvalidInputError(f"{path}: cannot be written: {error.strerror}") from error
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def is_device(path: Path) -> bool:
+    """Whether something is there that is neither a file nor a folder, such as /dev/stdout or a pipe."""
+    return path.exists() and not path.is_file() and not path.is_dir()
+
+
+def writable(path: Path) -> Path:
+    """Where a file ends up when links are followed.
+
+    Raises:
+        InvalidInputError: a file there cannot be written, as far as that can be known.
+    """
+    try:
+        final = path.resolve()
+    except (OSError, RuntimeError, ValueError) as error:  # a loop of links, a null byte
+        raise InvalidInputError(f"{path}: cannot be written: {error}") from error
+    if final.is_dir():
+        raise InvalidInputError(f"{path}: cannot be written: it is a folder")
+    if final.exists() and not os.access(final, os.W_OK):
+        raise InvalidInputError(f"{path}: cannot be written: permission denied")
+    return final

@@ -8,7 +8,8 @@ closest             the closest configuration to a pose that cannot be reached
 tracking            following targets at a fixed rate
 paths               joint trajectories along poses and between configurations: tracked or planned
 planning            the parts of `plan_path`
-files               files of target poses
+files               files of target poses and of answers
+batches             files of any length, through any executor
 """
 
 from __future__ import annotations
@@ -18,11 +19,14 @@ from typing import TYPE_CHECKING
 from jacokin import lazy
 
 if TYPE_CHECKING:
+    from jacokin.ik.batches.solve_file import Progress as Progress
+    from jacokin.ik.batches.solve_file import solve_file as solve_file
+    from jacokin.ik.batches.summary import FileSummary as FileSummary
     from jacokin.ik.closed_form import warmup as warmup
     from jacokin.ik.families.family import Family as Family
     from jacokin.ik.families.interval import Interval as Interval
     from jacokin.ik.families.interval import IntervalEnd as IntervalEnd
-    from jacokin.ik.files.targets_csv import TargetFile as TargetFile
+    from jacokin.ik.files.target_rows import TargetFile as TargetFile
     from jacokin.ik.files.targets_csv import read_targets as read_targets
     from jacokin.ik.one_pose import solve_ik as solve_ik
     from jacokin.ik.paths.joint_motion import JointMotion as JointMotion
@@ -102,11 +106,14 @@ __all__, __getattr__, __dir__ = lazy.door(
         ),
         "jacokin.model.pose_targets": ("FreeAxis",),
         "jacokin.model.scenes.scene": ("Scene",),
-        "jacokin.ik.files.targets_csv": (
-            "TargetFile",
-            "read_targets",
+        "jacokin.ik.batches.solve_file": (
+            "Progress",
+            "solve_file",
         ),
         "jacokin.ik.paths.plan": ("plan_path",),
+        "jacokin.ik.batches.summary": ("FileSummary",),
+        "jacokin.ik.files.target_rows": ("TargetFile",),
+        "jacokin.ik.files.targets_csv": ("read_targets",),
         "jacokin.ik.paths.track": ("track_path",),
         "jacokin.ik.paths.result": (
             "BranchReport",

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import os
 import signal
-import threading
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol
@@ -17,6 +16,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
+from jacokin.chunks.processes import follow_parent
 from jacokin.errors import InvalidInputError, JacokinError, shown
 from jacokin.ik.request import joined
 from jacokin.ik.results import BatchResult, IKResult, Status
@@ -205,18 +205,8 @@ def _one_by_one(single: Single, jobs: list[_Job], workers: int) -> Iterator[tupl
 
 
 def _prepare_process(single: Single) -> None:
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+    follow_parent()
     _single_in_process[:] = [single]
-
-
-def _end_with_parent() -> None:
-    """A process whose parent was killed would wait for jobs for ever."""
-    import multiprocessing
-
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)
 
 
 def _job_in_process(job: _Job) -> tuple[int, IKResult]:

@@ -55,6 +55,7 @@ class Status(Enum):
         "give a seed near the answer, or loosen the tolerances"
     )
     SOLVER_ERROR = "the QP solver failed: try another qp_solver"
+    INVALID_TARGET = "this row of a file is not a target and was left out: see its message"
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -43,6 +43,13 @@ RandomSeedOption = Annotated[
     int | None,
     Option("--random-seed", metavar="N", at_least=0, help="Seed of the random numbers; fixed if not given."),
 ]
+WorkersOption = Annotated[
+    int, Option("--workers", metavar="N", at_least=1, help="Threads; processes where code is not compiled.")
+]
+DaskOption = Annotated[
+    str | None,
+    Option("--dask", metavar="ADDRESS", help="Work on a dask cluster, by its scheduler: tcp://10.0.0.1:8786."),
+]
 QArgument = Annotated[
     list[float],
     Argument(metavar="ANGLE", help="Joint angles, base to tip, one for each joint."),

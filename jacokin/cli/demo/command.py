@@ -18,7 +18,7 @@ from jacokin.errors import InvalidInputError
 
 if TYPE_CHECKING:
     from jacokin.arrays import Array
-    from jacokin.ik.files.targets_csv import TargetFile
+    from jacokin.ik.files.target_rows import TargetFile
     from jacokin.ik.results import BatchResult
 
 PICTURE = Path("jaco.png")

@@ -18,12 +18,17 @@ def progress_bar(title: str) -> Iterator[Callable[[int, int], None]]:
         yield lambda done, total: None
         return
     shown = 0.0
+    first: tuple[float, int] | None = None  # when, and what had been done
 
     def show(done: int, total: int) -> None:
-        nonlocal shown
-        if time.monotonic() - shown > PERIOD:
-            shown = time.monotonic()
-            sys.stderr.write(f"{CLEAR}{title} {done} of {total} ({100.0 * done / max(total, 1):.0f} %)")
+        nonlocal shown, first
+        now = time.monotonic()
+        first = first or (now, done)
+        if now - shown > PERIOD:
+            shown = now
+            rate = (done - first[1]) / max(now - first[0], PERIOD)
+            left = f", {rate:.0f}/s, {_duration((total - done) / rate)} left" if rate > 0.0 else ""
+            sys.stderr.write(f"{CLEAR}{title} {done} of {total} ({100.0 * done / max(total, 1):.0f} %){left}")
             sys.stderr.flush()
 
     try:
@@ -31,3 +36,9 @@ def progress_bar(title: str) -> Iterator[Callable[[int, int], None]]:
     finally:
         sys.stderr.write(CLEAR)
         sys.stderr.flush()
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 100.0:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60.0:.0f} min" if seconds < 6000.0 else f"{seconds / 3600.0:.1f} h"

@@ -1,140 +1,167 @@
-"""`jacokin ik --targets FILE.csv`: a file of poses in, a file of joint angles out."""
+"""`jacokin ik --targets FILE`: a file of poses in, a file of joint angles out."""
 
 from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Iterable
+from collections.abc import Iterator
+from concurrent.futures import Executor
 from pathlib import Path
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from jacokin import files
 from jacokin.cli.arguments.units import Units, warn_of_degrees
 from jacokin.cli.display import json_output, tables
 from jacokin.cli.display.progress import progress_bar
-from jacokin.cli.ik.tally import Tally
-from jacokin.ik.files.answers_csv import write_answers, write_header
+from jacokin.errors import InvalidInputError
+from jacokin.ik.batches.chunk import solve_rows
+from jacokin.ik.batches.solve_file import Progress, solve_file, unfinished
+from jacokin.ik.batches.summary import EMPTY, FileSummary, Tally
+from jacokin.ik.files import formats
 from jacokin.ik.files.columns import RPY
-from jacokin.ik.files.targets_csv import read_targets, target_blocks
 
 if TYPE_CHECKING:
-    from jacokin.ik.files.targets_csv import TargetFile
+    from jacokin.ik.files.target_rows import TargetFile
+    from jacokin.ik.results import BatchResult
     from jacokin.ik.solver import IKSolver
+
+FIRST_ROWS = 1000  # that are looked at for angles in degrees
+ROWS = 4096  # solved at a time where no file is written
 
 
 def run(
-    solver: IKSolver, targets: Path, out: Path | None, seed: list[float] | None, *, workers: int, as_json: bool
+    solver: IKSolver,
+    targets: Path,
+    out: Path | None,
+    seed: list[float] | None,
+    *,
+    resume: bool,
+    workers: int,
+    dask: str | None,
+    as_json: bool,
 ) -> bool:
     """Solve every row of a file; returns whether all of them are solved.
 
     Raises:
         InvalidInputError: the targets cannot be read or the output not written; nothing is solved then.
     """
-    blocks, count = _checked(targets)
-    tally = Tally()
-    started = time.perf_counter()
-    with contextlib.ExitStack() as stack:
-        stream = None
-        if out is not None:
-            writable = stack.enter_context(files.replacing(out))
-            stream = stack.enter_context(writable.open("w", encoding="utf-8", newline=""))
-        _solve(solver, blocks, count, seed, workers, tally, stream, keep=as_json and out is None)
-    seconds = time.perf_counter() - started
+    results: list[dict[str, object]] = []
+    if targets.is_file():
+        first = next(formats.blocks(targets, FIRST_ROWS))
+        if first.columns[3:] == RPY:
+            widest = float(np.nanmax(np.abs(first.values[:, 3:]), initial=0.0))
+            warn_of_degrees(f"{targets}: roll, pitch, yaw", [widest], Units(degrees=False))
+    with progress_bar("solving") as show:
+
+        def advance(so_far: Progress) -> None:
+            show(so_far.done, so_far.total)
+
+        if out is None:
+            summary = _to_nowhere(solver, targets, seed, workers, results if as_json else None)
+        else:
+            left = unfinished(out)
+            if left is not None and not resume:
+                raise InvalidInputError(
+                    f"{left} holds an unfinished run that was to write {out}: --resume continues it, "
+                    f"or remove that folder to start again"
+                )
+            with _executor(dask) as executor:
+                own = None if executor is not None else workers
+                summary = solve_file(solver, targets, out, executor, seed=seed, workers=own, progress=advance)
     if as_json:
-        json_output.print_json(_document(solver, tally, seconds, out))
+        json_output.print_json(_document(solver, summary, results))
     else:
-        _show(tally, seconds, out)
-    return tally.solved == tally.count
+        _show(summary)
+    return summary.solved == summary.targets
 
 
-def _checked(targets: Path) -> tuple[Iterable[TargetFile], int]:
-    """The blocks of a file and its number of rows, after everything in it has been read once.
+@contextlib.contextmanager
+def _executor(dask: str | None) -> Iterator[Executor | None]:
+    if dask is None:
+        yield None
+        return
+    from jacokin.chunks.cluster import dask_executor
 
-    Raises:
-        InvalidInputError: as `read_targets`.
-    """
-    if not targets.is_file():  # a pipe can be read once only
-        whole = read_targets(targets)
-        return [whole], len(whole)
-    count, widest = 0, 0.0
-    for block in target_blocks(targets):
-        count += len(block)
-        if block.columns[3:] == RPY:
-            widest = max(widest, float(np.abs(block.values[:, 3:]).max()))
-    warn_of_degrees(f"{targets}: roll, pitch, yaw", [widest], Units(degrees=False))
-    return target_blocks(targets), count
+    with dask_executor(dask) as executor:
+        yield executor
 
 
-def _solve(
+def _to_nowhere(
     solver: IKSolver,
-    blocks: Iterable[TargetFile],
-    count: int,
+    targets: Path,
     seed: list[float] | None,
     workers: int,
-    tally: Tally,
-    stream: TextIO | None,
-    *,
-    keep: bool,
-) -> None:
-    """Solve block by block, with a progress bar on stderr."""
-    done = 0
-
-    def advance(rows: int) -> None:
-        nonlocal done
-        done += rows
-        show(done, count)
-
-    with progress_bar("solving") as show:
-        for block in blocks:
-            batch = solver.solve_batch(block.targets, seed, workers=workers, progress=advance)
-            if stream is not None:
-                if not tally.count:
-                    write_header(stream, block.columns, solver.robot.dof)
-                write_answers(stream, block, batch)
-            tally.add(block, batch, keep=keep)
+    results: list[dict[str, object]] | None,
+) -> FileSummary:
+    """Solve without a file of answers; keep the rows in `results` if they are wanted."""
+    started = time.perf_counter()
+    tally = EMPTY
+    start = None if seed is None else np.array(seed)
+    for block in formats.blocks(targets, ROWS):
+        batch = solve_rows(solver, block, start, workers=workers)
+        tally += Tally.of_rows(block, batch)
+        if results is not None:
+            results += _documents(block, batch)
+    seconds = time.perf_counter() - started
+    return FileSummary(tally.count, dict(tally.statuses), *tally.worst, tally.failures, 0, seconds, None)
 
 
-def _document(solver: IKSolver, tally: Tally, seconds: float, out: Path | None) -> dict[str, object]:
+def _documents(targets: TargetFile, batch: BatchResult) -> Iterator[dict[str, object]]:
+    for row in range(len(targets)):
+        yield {
+            "line": int(targets.lines[row]),
+            "status": batch.status[row],
+            "q": batch.q[row],
+            "position_error": batch.position_error[row],
+            "orientation_error": batch.orientation_error[row],
+            "method": batch.method[row],
+            "message": batch.message[row],
+        }
+
+
+def _document(solver: IKSolver, found: FileSummary, results: list[dict[str, object]]) -> dict[str, object]:
     """The summary; the answers too when no file holds them."""
     summary: dict[str, object] = {
         "robot": solver.robot.name,
         "frame": solver.frame,
         "joint_names": solver.robot.joint_names,
         "angle_unit": "rad",
-        "targets": tally.count,
-        "solved": tally.solved,
-        "seconds": seconds,
-        "statuses": {status.name: count for status, count in tally.statuses.items()},
-        "worst_position_error": tally.worst_position_error,
-        "worst_orientation_error": tally.worst_orientation_error,
-        "output": None if out is None else str(out),
+        "targets": found.targets,
+        "solved": found.solved,
+        "resumed": found.resumed,
+        "seconds": found.seconds,
+        "statuses": {status.name: count for status, count in found.statuses.items()},
+        "worst_position_error": found.worst_position_error,
+        "worst_orientation_error": found.worst_orientation_error,
+        "output": None if found.output is None else str(found.output),
     }
-    if out is None:
-        summary["results"] = tally.results
+    if found.output is None:
+        summary["results"] = results
     return summary
 
 
-def _show(tally: Tally, seconds: float, out: Path | None) -> None:
+def _show(found: FileSummary) -> None:
     lines = [
-        ("solved", f"{tally.solved} of {tally.count} ({100.0 * tally.solved / tally.count:.1f} %)"),
-        ("time", f"{seconds:.3f} s, {tally.count / seconds:.0f} poses/s"),
+        ("solved", f"{found.solved} of {found.targets} ({100.0 * found.solved / found.targets:.1f} %)"),
+        ("time", f"{found.seconds:.3f} s, {(found.targets - found.resumed) / found.seconds:.0f} poses/s"),
     ]
     for name, unit, worst in (
-        ("worst position error", "m", tally.worst_position_error),
-        ("worst orientation error", "rad", tally.worst_orientation_error),
+        ("worst position error", "m", found.worst_position_error),
+        ("worst orientation error", "rad", found.worst_orientation_error),
     ):
         if worst is not None:
             lines.append((name, tables.small(worst, unit)))
     lines += [
-        (status.name, f"{count}: {status.value}") for status, count in tally.statuses.items() if status.name != "OK"
+        (status.name, f"{count}: {status.value}") for status, count in found.statuses.items() if status.name != "OK"
     ]
-    if out is not None:
-        lines.append(("written to", str(out)))
+    if found.resumed:
+        lines.append(("solved before", f"{found.resumed}, in a run that did not end"))
+    if found.output is not None:
+        lines.append(("written to", str(found.output)))
     tables.say(tables.facts(lines))
-    if tally.failures:
-        failed = tally.count - tally.solved
-        rows = [(str(line), status.name, message) for line, status, message in tally.failures]
+    if found.failures:
+        failed = found.targets - found.solved
+        rows = [(str(line), status.name, message) for line, status, message in found.failures]
         more = f", the first {len(rows)} of {failed}" if failed > len(rows) else ""
         tables.say(tables.table(f"Not solved{more}", ("line", "status", "why"), rows, text=3))

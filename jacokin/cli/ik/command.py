@@ -10,6 +10,7 @@ from jacokin.cli.arguments.declared import Option
 from jacokin.cli.arguments.options import (
     DEFAULT_ROBOT,
     BaseOption,
+    DaskOption,
     DegreesOption,
     FrameOption,
     JsonOption,
@@ -18,10 +19,12 @@ from jacokin.cli.arguments.options import (
     RobotOption,
     SeedOption,
     TipOption,
+    WorkersOption,
 )
 from jacokin.cli.arguments.outputs import keep_apart
 from jacokin.cli.arguments.units import Units, numbers, warn_of_degrees
 from jacokin.cli.exit_codes import NOT_SOLVED
+from jacokin.errors import InvalidInputError
 
 if TYPE_CHECKING:
     import numpy as np
@@ -48,13 +51,19 @@ def ik(
     every: Annotated[bool, Option("--all", help="Show every branch, inside the limits or not.")] = False,
     targets: Annotated[
         Path | None,
-        Option("--targets", metavar="FILE.csv", help="Solve every row: columns x,y,z and qw,qx,qy,qz or none."),
+        Option(
+            "--targets",
+            metavar="FILE",
+            help="Solve every row of a .csv, .npz or .parquet: columns x,y,z and qw,qx,qy,qz or none.",
+        ),
     ] = None,
     output: Annotated[
         Path | None,
-        Option("--output", metavar="FILE.csv", help="Write the answers to --targets here, in radians."),
+        Option("--output", metavar="FILE", help="Write the answers to --targets to this .csv, .npz or .parquet."),
     ] = None,
-    workers: Annotated[int, Option("--workers", metavar="N", at_least=1, help="Threads for --targets.")] = 1,
+    resume: Annotated[bool, Option("--resume", help="Continue a run with --targets that did not end.")] = False,
+    workers: WorkersOption = 1,
+    dask: DaskOption = None,
     frame: FrameOption = None,
     seed: SeedOption = None,
     random_seed: RandomSeedOption = None,
@@ -83,6 +92,7 @@ def ik(
       jacokin ik --position 0.3 -0.2 0.5 --down --json          for programs
       jacokin ik --position 0.3 -0.2 0.5 --down --seed 4.8 2.9 1.0 4.2 1.4 1.3
       jacokin ik --targets targets.csv --output joints.csv      a file of poses
+      jacokin ik --targets poses.parquet --output joints.parquet --workers 8 --resume
     """
     from jacokin.cli.ik import combinations
     from jacokin.cli.ik.answer import show_result
@@ -91,6 +101,8 @@ def ik(
 
     oriented = quat_wxyz is not None or rpy is not None or down
     combinations.check(position, oriented, every, targets, output, random_seed, degrees and targets is not None)
+    if output is None and (resume or dask is not None):
+        raise InvalidInputError(f"{'--resume' if resume else '--dask'} goes with --targets and --output")
     keep_apart({"--output": output}, {"--targets": targets, "--robot": robot}, package_dir or ())
     units = Units(degrees)
     arm = options.load(robot, base, tip, package_dir)
@@ -102,7 +114,7 @@ def ik(
     if targets is not None:
         from jacokin.cli.ik import batch
 
-        solved = batch.run(solver, targets, output, start, workers=workers, as_json=json)
+        solved = batch.run(solver, targets, output, start, resume=resume, workers=workers, dask=dask, as_json=json)
     elif every:
         branches = solver.solve_all(_target(position, quat_wxyz, rpy, down, units), start)
         solved = show_branches(solver, branches, units, reject_contact=collision == "reject", as_json=json)

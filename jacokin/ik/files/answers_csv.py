@@ -4,22 +4,42 @@ from __future__ import annotations
 
 import csv
 import io
+import shutil
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TextIO
 
 import numpy as np
 import orjson
 
 from jacokin.arrays import Array
-from jacokin.ik.files.targets_csv import TargetFile
+from jacokin.ik.files.target_rows import TargetFile
 from jacokin.ik.results import BatchResult
 
+#: Columns after those of the targets and q1, q2, ...
+MEASURED = ("status", "position_error", "orientation_error", "method", "message")
 
-def write_header(stream: TextIO, columns: Sequence[str], dof: int) -> None:
-    """Write the names of the columns: those of the targets, then q1, q2, ... and what was measured."""
-    joints = [f"q{index + 1}" for index in range(dof)]
-    names = [*columns, *joints, "status", "position_error", "orientation_error", "method", "message"]
-    stream.write(",".join(names) + "\n")
+
+class _CSV:
+    """Answers as text; see `formats.AnswerFormat`."""
+
+    def encoded(self, targets: TargetFile, batch: BatchResult) -> bytes:
+        """The rows."""
+        stream = io.StringIO(newline="")
+        write_answers(stream, targets, batch)
+        return stream.getvalue().encode()
+
+    def write_joined(self, path: Path, pieces: Sequence[Path], skip: Sequence[int], columns: Sequence[str]) -> None:
+        """The header, and all rows."""
+        with path.open("wb") as out:
+            out.write((",".join([*columns, *MEASURED]) + "\n").encode())
+            for piece, offset in zip(pieces, skip, strict=True):
+                with piece.open("rb") as file:
+                    file.seek(offset)
+                    shutil.copyfileobj(file, out)
+
+
+CSV = _CSV()
 
 
 def write_answers(stream: TextIO, targets: TargetFile, batch: BatchResult) -> None:

@@ -19,12 +19,15 @@ from jacokin.ik.files.columns import Columns
 
 # Python's float also takes 1_0 and digits of other scripts, which in a file are mistakes.
 _NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
+_NOT_FINITE = re.compile(r"[-+]?(nan|inf|infinity)", re.IGNORECASE)
 
 Block = tuple[Array, NDArray[np.int_]]
 
 
-def blocks(path: Path, file: TextIO, columns: Columns, size: int) -> Iterator[Block]:
+def blocks(path: Path, file: TextIO, columns: Columns, size: int, *, finite: bool) -> Iterator[Block]:
     """Values (n, columns) and line numbers (n,) of the rows after the header, at most `size` lines at a time.
+
+    NaN and infinities are refused if `finite` is wanted.
 
     Raises:
         InvalidInputError: a number or a row is malformed; names line and column.
@@ -34,11 +37,11 @@ def blocks(path: Path, file: TextIO, columns: Columns, size: int) -> Iterator[Bl
         if any('"' in line for line in lines):  # a quoted cell may hold commas and line ends
             rest = _numbered(itertools.chain(lines, file), first)
             while rows := list(itertools.islice(rest, size)):
-                yield _checked(path, rows, columns)
+                yield _checked(path, rows, columns, finite)
             return
-        values = _plain(lines, columns)
+        values = _plain(lines, columns, finite)
         if values is None:
-            yield _checked(path, list(_numbered(lines, first)), columns)
+            yield _checked(path, list(_numbered(lines, first)), columns, finite)
         else:
             yield values, np.arange(first, first + len(lines))
         first += len(lines)
@@ -52,8 +55,8 @@ def _numbered(lines: Iterable[str], first: int) -> Iterator[tuple[int, list[str]
             yield first + reader.line_num - 1, row
 
 
-def _plain(lines: Sequence[str], columns: Columns) -> Array | None:
-    """The values if every row has a finite number wherever one is needed; None where a closer look is needed."""
+def _plain(lines: Sequence[str], columns: Columns, finite: bool) -> Array | None:
+    """The values if every row has a number wherever one is needed; None where a closer look is needed."""
     commas = len(columns.header) - 1
     if any(line.count(",") != commas for line in lines):
         return None
@@ -62,10 +65,10 @@ def _plain(lines: Sequence[str], columns: Columns) -> Array | None:
     except ValueError:
         return None
     # Blank lines are skipped there.
-    return values if len(values) == len(lines) and np.isfinite(values).all() else None
+    return values if len(values) == len(lines) and (not finite or np.isfinite(values).all()) else None
 
 
-def _checked(path: Path, rows: Sequence[tuple[int, list[str]]], columns: Columns) -> Block:
+def _checked(path: Path, rows: Sequence[tuple[int, list[str]]], columns: Columns, finite: bool) -> Block:
     """The values of rows, one by one.
 
     Raises:
@@ -79,11 +82,13 @@ def _checked(path: Path, rows: Sequence[tuple[int, list[str]]], columns: Columns
                 f"(decimals need a point, texts with commas quotation marks)"
             )
         for place, name, at in zip(range(values.shape[1]), columns.names, columns.places, strict=True):
-            values[index, place] = _number(path, line, name, row[at].strip() if at < len(row) else "")
+            values[index, place] = _number(path, line, name, row[at].strip() if at < len(row) else "", finite)
     return values, np.array([line for line, _ in rows], dtype=np.int_)
 
 
-def _number(path: Path, line: int, column: str, text: str) -> float:
+def _number(path: Path, line: int, column: str, text: str, finite: bool) -> float:
+    if not finite and _NOT_FINITE.fullmatch(text):
+        return float(text)
     value = float(text) if _NUMBER.fullmatch(text) else math.nan
     if not math.isfinite(value):
         problem = f"{text!r} is not a finite number" if text else "is empty"

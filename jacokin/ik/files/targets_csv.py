@@ -4,47 +4,26 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TextIO
 
 import numpy as np
-from numpy.typing import NDArray
 
-from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.ik.files import rows
-from jacokin.ik.files.columns import QUATERNION, RPY, Columns, chosen
-from jacokin.ik.files.orientations import rotations_from_quats, rotations_from_rpys
+from jacokin.ik.files.columns import chosen
+from jacokin.ik.files.target_rows import TargetFile, target_rows
 
 BLOCK = 8192  # lines read at a time
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class TargetFile:
-    """Targets as a CSV file gives them."""
-
-    columns: tuple[str, ...]
-    """x, y, z [m], followed by qw, qx, qy, qz, by roll, pitch, yaw [rad], or by nothing where orientations are free."""
-    values: Array
-    """(n, len(columns)) as written."""
-    targets: Array
-    """(n, 4, 4) poses, or (n, 3) positions where orientations are free."""
-    lines: NDArray[np.int_]
-    """(n,) line of each row in the file, the first line is 1."""
-
-    def __len__(self) -> int:
-        """Number of targets."""
-        return len(self.values)
 
 
 def read_targets(path: str | Path) -> TargetFile:
     """Read a CSV file of targets.
 
     Args:
-        path: a file with the columns x, y, z [m] and, unless the orientation is free, either qw, qx, qy, qz or
-            roll, pitch, yaw [rad]. Columns named note, comment, name, label, id, index, t or time are ignored, as are
-            those that `jacokin ik --output` adds.
+        path: a file with the columns x, y, z [m] and, unless the orientation is free, qw, qx, qy, qz, or roll, pitch,
+            yaw [rad], or a rotation matrix r11, r12, ..., r33. Columns named note, comment, name, label, id, index, t
+            or time are ignored, as are those that `jacokin ik --output` adds.
 
     Raises:
         InvalidInputError: no such file, an unknown, missing or repeated column, a row that is longer than the header, a
@@ -59,8 +38,11 @@ def read_targets(path: str | Path) -> TargetFile:
     )
 
 
-def target_blocks(path: str | Path, size: int = BLOCK) -> Iterator[TargetFile]:
-    """As `read_targets`, in blocks of at most `size` rows, so that a file of any length fits into memory."""
+def target_blocks(path: str | Path, size: int = BLOCK, *, strict: bool = True) -> Iterator[TargetFile]:
+    """As `read_targets`, in blocks of at most `size` rows, so that a file of any length fits into memory.
+
+    Unless `strict`, numbers that are not finite and wrong norms are problems of their rows, and not errors.
+    """
     if not isinstance(path, str | Path):
         raise InvalidInputError(f"path must be a str or a Path, got {type(path).__name__}")
     path = Path(path)
@@ -68,10 +50,13 @@ def target_blocks(path: str | Path, size: int = BLOCK) -> Iterator[TargetFile]:
     try:
         with _opened(path) as file:
             columns = chosen(path, next(csv.reader([file.readline()], strict=True), []))
-            for values, lines in rows.blocks(path, file, columns, size):
+            for values, lines in rows.blocks(path, file, columns, size, finite=strict):
                 if len(values):
                     empty = False
-                    yield TargetFile(columns.names, values, _targets(path, columns, values, lines), lines)
+                    block = target_rows(columns.names, values, lines)
+                    if strict and block.problems:
+                        _refuse(path, block)
+                    yield block
     except OSError as error:
         raise InvalidInputError(f"{path}: cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:
@@ -89,25 +74,13 @@ def _opened(path: Path) -> TextIO:
         raise InvalidInputError(f"{str(path)!r}: cannot be read: {error}") from error
 
 
-def _targets(path: Path, columns: Columns, values: Array, lines: NDArray[np.int_]) -> Array:
-    """Poses (n, 4, 4), or positions (n, 3).
+def _refuse(path: Path, block: TargetFile) -> None:
+    """Refuse the first row that is not a target.
 
     Raises:
-        InvalidInputError: a quaternion whose norm is not 1.
+        InvalidInputError: names the line and the columns.
     """
-    orientation = columns.names[3:]
-    if not orientation:
-        return values
-    matrices = np.zeros((len(values), 4, 4))
-    matrices[:, 3, 3] = 1.0
-    matrices[:, :3, 3] = values[:, :3]
-    if orientation == RPY:
-        matrices[:, :3, :3] = rotations_from_rpys(values[:, 3:])
-        return matrices
-    rotations, wrong = rotations_from_quats(values[:, 3:])
-    if len(wrong):
-        line = f"{path}, line {lines[wrong[0]]}, columns {', '.join(QUATERNION)}"
-        norm = np.linalg.norm(values[wrong[0], 3:])
-        raise InvalidInputError(f"{line}: quat_wxyz must have norm 1 (within 1 %), got norm {norm:.6g}")
-    matrices[:, :3, :3] = rotations
-    return matrices
+    row = min(block.problems)
+    raise InvalidInputError(
+        f"{path}, line {block.lines[row]}, columns {', '.join(block.columns[3:])}: {block.problems[row]}"
+    )

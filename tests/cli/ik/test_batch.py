@@ -11,7 +11,7 @@ import pytest
 
 import jacokin
 from jacokin.errors import InvalidInputError
-from jacokin.ik import read_targets
+from jacokin.ik import read_targets, solve_file
 from jacokin.model import poses
 from tests.cli.run import leave
 
@@ -102,8 +102,6 @@ def test_an_unreachable_row_is_reported_and_the_code_is_1(targets: Path, capsys:
         ("x,y,z\n", "has no rows"),
         ("x,y,z\n0.3,-0.2,0.5\n0.3,north,0.5\n", "line 3, column y: 'north' is not a finite number"),
         ("x,y,z\n0.3,-0.2\n", "line 2, column z: is empty"),
-        ("x,y,z\n0.3,nan,1\n", "line 2, column y: 'nan'"),
-        ("x,y,z,qw,qx,qy,qz\n0,0,0,2,0,0,0\n", "line 2, columns qw, qx, qy, qz: quat_wxyz must have norm 1"),
     ],
 )
 def test_a_wrong_file_is_named_with_line_and_column(
@@ -116,6 +114,55 @@ def test_a_wrong_file_is_named_with_line_and_column(
     assert "targets.csv" in error
     assert message in error
     assert [file.name for file in tmp_path.iterdir()] == ["targets.csv"]
+
+
+def test_rows_that_are_not_targets_get_a_status_and_the_others_an_answer(
+    targets: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with targets.open("a", encoding="utf-8") as file:
+        file.write("gap,0.3,nan,0.5,1,0,0,0\n")
+        file.write("long,0.3,-0.2,0.5,2,0,0,0\n")
+    out = targets.with_name("joints.csv")
+    assert leave("ik", "--targets", str(targets), "--output", str(out)) == 1
+    shown = capsys.readouterr().out
+    assert "y is not finite" in shown
+    assert "quat_wxyz must have norm 1" in shown
+    with out.open(newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["status"] for row in rows] == ["OK"] * REACHED + ["INVALID_TARGET"] * 2
+    assert {row["q1"] for row in rows[REACHED:]} == {"nan"}
+    assert leave("ik", "--targets", str(targets), "--json") == 1
+    assert json.loads(capsys.readouterr().out)["statuses"] == {"OK": REACHED, "INVALID_TARGET": 2}
+
+
+def test_an_unfinished_run_is_continued_only_if_asked(targets: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = targets.with_name("joints.csv")
+    whole = targets.with_name("whole.csv")
+    leave("ik", "--targets", str(targets), "--output", str(whole))
+
+    def stop(_: object) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        solve_file(jacokin.IKSolver(jacokin.load_robot()), targets, out, progress=stop)
+    assert leave("ik", "--targets", str(targets), "--output", str(out)) == 2
+    assert "--resume" in capsys.readouterr().err
+    assert leave("ik", "--targets", str(targets), "--output", str(out), "--resume", "--json") == 0
+    assert json.loads(capsys.readouterr().out)["resumed"] == REACHED
+    assert out.read_bytes() == whole.read_bytes()
+    assert sorted(file.name for file in targets.parent.iterdir()) == ["joints.csv", "targets.csv", "whole.csv"]
+
+
+def test_a_scheduler_that_does_not_answer_is_a_sentence(
+    targets: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("distributed")
+    monkeypatch.setattr("jacokin.chunks.cluster.ANSWER_WITHIN", 0.5)
+    for address in ("tcp://127.0.0.1:9", "nonsense://x"):
+        out = targets.with_name("joints.csv")
+        assert leave("ik", "--targets", str(targets), "--output", str(out), "--dask", address) == 2
+        assert f"no dask scheduler answers at {address}" in capsys.readouterr().err
+    assert [file.name for file in targets.parent.iterdir()] == ["targets.csv"]
 
 
 def test_the_output_is_checked_before_the_work(

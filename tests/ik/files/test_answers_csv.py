@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import csv
-import io
+import tempfile
+from pathlib import Path
 
 import numpy as np
 from hypothesis import given
@@ -11,7 +12,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from jacokin.ik import BatchResult, Status, TargetFile
-from jacokin.ik.files.answers_csv import write_answers, write_header
+from jacokin.ik.files.answers_csv import CSV
 
 
 @given(
@@ -31,10 +32,12 @@ def test_answers_read_back_to_the_same_bits(values: np.ndarray, q: np.ndarray, m
         method=("closed_form", "qp", "closed_form"),
         message=(message, "out, far out", ""),
     )
-    stream = io.StringIO(newline="")
-    write_header(stream, targets.columns, 2)
-    write_answers(stream, targets, batch)
-    rows = list(csv.DictReader(io.StringIO(stream.getvalue(), newline="")))
+    with tempfile.TemporaryDirectory() as folder:
+        piece, whole = Path(folder) / "piece", Path(folder) / "whole"
+        piece.write_bytes(b"before" + CSV.encoded(targets, batch))
+        CSV.write_joined(whole, [piece], [len("before")], [*targets.columns, "q1", "q2"])
+        with whole.open(newline="", encoding="utf-8") as file:
+            rows = list(csv.DictReader(file))
     assert [row["message"] for row in rows] == list(batch.message)
     assert [row["status"] for row in rows] == ["OK", "UNREACHABLE", "OK"]
     names = ("x", "y", "z", "q1", "q2", "position_error", "orientation_error")

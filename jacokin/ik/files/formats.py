@@ -1,0 +1,75 @@
+"""The formats of files of targets and answers, told by the ending of the name."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import Protocol
+
+from jacokin.errors import InvalidInputError
+from jacokin.ik.files import answers_csv, answers_npz, answers_parquet, targets_csv, targets_npz, targets_parquet
+from jacokin.ik.files.target_rows import TargetFile
+from jacokin.ik.results import BatchResult
+
+OUTPUTS = (".csv", ".npz", ".parquet")
+_AS_CSV = ("", ".csv", ".txt")
+
+
+class AnswerFormat(Protocol):
+    """How answers are written: piece by piece, and then together."""
+
+    def encoded(self, targets: TargetFile, batch: BatchResult) -> bytes:
+        """The answers to some targets, for `write_joined`."""
+
+    def write_joined(self, path: Path, pieces: Sequence[Path], skip: Sequence[int], columns: Sequence[str]) -> None:
+        """Write the file of answers: all pieces in their order.
+
+        Args:
+            path: the file.
+            pieces: files with what `encoded` returned, after something else.
+            skip: how many bytes that is in each.
+            columns: names of the columns of the targets and q1, q2, ...
+        """
+
+
+def blocks(path: Path, size: int) -> Iterator[TargetFile]:
+    """The targets of a file, `size` at a time or less; rows that are not finite are problems of their own.
+
+    Raises:
+        InvalidInputError: the file cannot be read, or lacks columns; of a CSV file also rows that are not numbers.
+        MissingExtraError: the format needs a package that is not installed.
+    """
+    if path.suffix == ".npz":
+        return targets_npz.blocks(path, size)
+    if path.suffix == ".parquet":
+        return targets_parquet.blocks(path, size)
+    return targets_csv.target_blocks(path, size, strict=False)
+
+
+def sizes(path: Path, size: int) -> Iterable[int]:
+    """The number of rows in each of `blocks`. Errors as there, all of them: a CSV file is read to its end."""
+    if path.suffix == ".npz":
+        return _parts(targets_npz.count_rows(path), size)
+    if path.suffix == ".parquet":
+        return _parts(targets_parquet.count_rows(path), size)
+    return [len(block) for block in targets_csv.target_blocks(path, size, strict=False)]
+
+
+def answers(path: Path) -> AnswerFormat:
+    """The format of a file of answers.
+
+    Raises:
+        InvalidInputError: no format has this ending.
+        MissingExtraError: the format needs a package that is not installed.
+    """
+    if path.suffix in _AS_CSV:
+        return answers_csv.CSV
+    if path.suffix == ".npz":
+        return answers_npz.NPZ
+    if path.suffix == ".parquet":
+        return answers_parquet.prepared()
+    raise InvalidInputError(f"{path}: answers are written as {', '.join(OUTPUTS)}, told by the ending of the name")
+
+
+def _parts(total: int, size: int) -> list[int]:
+    return [min(size, total - first) for first in range(0, total, size)]

@@ -1,0 +1,123 @@
+"""Targets from an NPZ file, read piece by piece whether it is compressed or not."""
+
+from __future__ import annotations
+
+import contextlib
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import IO
+
+import numpy as np
+
+from jacokin.arrays import Array
+from jacokin.errors import InvalidInputError
+from jacokin.ik.files.columns import MATRIX, POSITION, QUATERNION, RPY, chosen
+from jacokin.ik.files.target_rows import TargetFile, target_rows
+from jacokin.model.checks import NUMBER_KINDS
+
+#: Arrays with several columns, by their names and shapes, and the columns that they stand for.
+_GROUPS = {("position", (3,)): POSITION, ("quat_wxyz", (4,)): QUATERNION, ("rpy", (3,)): RPY}
+_MATRICES = (4, 4)
+_NEEDED = (
+    "needed: targets (n, 4, 4) or (n, 3); or position (n, 3) with quat_wxyz (n, 4), rpy (n, 3) or nothing; "
+    "or an array (n,) for each column of a CSV file"
+)
+
+
+class _Member:
+    """One array of the archive, read from its beginning to its end."""
+
+    def __init__(self, path: Path, name: str, file: IO[bytes]) -> None:
+        place = f"{path}, array {name!r}"
+        version = np.lib.format.read_magic(file)
+        read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+        self.shape, fortran, self._dtype = read(file)
+        if self._dtype.kind not in NUMBER_KINDS or not self.shape:
+            raise InvalidInputError(f"{place}: must be rows of real numbers, got {self._dtype} of shape {self.shape}")
+        if fortran and len(self.shape) > 1:
+            raise InvalidInputError(f"{place}: is stored column by column: save numpy.ascontiguousarray of it")
+        self._place, self._file = place, file
+        self._size = int(np.prod(self.shape[1:])) * self._dtype.itemsize
+
+    def rows(self, count: int) -> Array:
+        """The next rows (count, ...)."""
+        data = self._file.read(count * self._size)
+        if len(data) != count * self._size:
+            raise InvalidInputError(f"{self._place}: is truncated")
+        return np.frombuffer(data, self._dtype).astype(np.float64).reshape(count, *self.shape[1:])
+
+
+def count_rows(path: Path) -> int:
+    """How many targets there are. Errors as `blocks`."""
+    with _reading(path) as (_, members):
+        return int(members[0].shape[0])
+
+
+def blocks(path: Path, size: int) -> Iterator[TargetFile]:
+    """The targets, at most `size` at a time.
+
+    Raises:
+        InvalidInputError: no such file, not an NPZ, other arrays than are needed, of different lengths, or no rows.
+    """
+    with _reading(path) as (columns, members):
+        total = int(members[0].shape[0])
+        for first in range(0, total, size):
+            count = min(size, total - first)
+            values = [_columns_of(member.rows(count)) for member in members]
+            yield target_rows(columns, np.hstack(values), np.arange(first + 1, first + count + 1))
+
+
+@contextlib.contextmanager
+def _reading(path: Path) -> Iterator[tuple[tuple[str, ...], list[_Member]]]:
+    """The columns, and the arrays that hold them, in their order."""
+    try:
+        with contextlib.ExitStack() as stack:
+            archive = stack.enter_context(zipfile.ZipFile(path))
+            names = [name.removesuffix(".npy") for name in archive.namelist() if name.endswith(".npy")]
+            found = {name: _Member(path, name, stack.enter_context(archive.open(f"{name}.npy"))) for name in names}
+            columns, chosen_names = _chosen(path, found)
+            members = [found[name] for name in chosen_names]
+            lengths = {member.shape[0] for member in members}
+            if len(lengths) > 1:
+                text = ", ".join(f"{name} {found[name].shape}" for name in chosen_names)
+                raise InvalidInputError(f"{path}: the arrays have different lengths: {text}")
+            if lengths == {0}:
+                raise InvalidInputError(f"{path}: has no rows of targets")
+            yield columns, members
+    except OSError as error:
+        raise InvalidInputError(f"{path}: cannot be read: {error.strerror or error}") from error
+    except (zipfile.BadZipFile, EOFError, ValueError) as error:
+        if isinstance(error, InvalidInputError):
+            raise
+        raise InvalidInputError(f"{path}: is not an NPZ file: {error}") from error
+
+
+def _chosen(path: Path, found: dict[str, _Member]) -> tuple[tuple[str, ...], list[str]]:
+    """The columns of a target, and the arrays that hold them."""
+    if "targets" in found:
+        shape = found["targets"].shape[1:]
+        if shape not in (_MATRICES, (3,)):
+            raise InvalidInputError(
+                f"{path}: targets must have shape (n, 4, 4) or (n, 3), got {found['targets'].shape}"
+            )
+        return (POSITION + MATRIX if shape == _MATRICES else POSITION), ["targets"]
+    flat = {name: place for place, name in enumerate(found) if len(found[name].shape) == 1}
+    if set(POSITION) <= set(flat):
+        columns = chosen(path, list(flat), "")
+        return columns.names, list(columns.names)
+    names = [name for name, shape in _GROUPS if name in found and found[name].shape[1:] == shape]
+    if names[:1] != ["position"] or len(names) > 2:
+        have = ", ".join(f"{name} {member.shape}" for name, member in found.items()) or "nothing"
+        raise InvalidInputError(f"{path}: {_NEEDED}; found: {have}")
+    columns_of = {name: columns for (name, _), columns in _GROUPS.items()}
+    return tuple(column for name in names for column in columns_of[name]), names
+
+
+def _columns_of(rows: Array) -> Array:
+    """Rows of an array as columns: of matrices, the position and the rotation."""
+    if rows.ndim == 1:
+        return rows[:, None]
+    if rows.ndim == 2:
+        return rows
+    return np.hstack([rows[:, :3, 3], rows[:, :3, :3].reshape(-1, 9)])

@@ -1,0 +1,303 @@
+"""Files of targets: every format, any executor, runs that are killed, and what is refused."""
+
+from __future__ import annotations
+
+import csv
+import errno
+import os
+import signal
+import subprocess
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from jacokin import IKSolver, Robot, Status
+from jacokin.arrays import Array
+from jacokin.errors import InvalidInputError, JacokinError
+from jacokin.ik import Progress, solve_file
+from jacokin.ik.batches import solve_file as module
+from jacokin.model import quat_wxyz
+
+N = 230
+ROWS = 32  # of a chunk in these tests, so that there are several
+
+
+@pytest.fixture
+def solver(robot: Robot) -> IKSolver:
+    return IKSolver(robot)
+
+
+@pytest.fixture(autouse=True)
+def _small_chunks(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "ROWS", ROWS)
+
+
+@pytest.fixture
+def targets(robot: Robot, rng: np.random.Generator) -> Array:
+    poses = np.array([robot.forward_kinematics(q).homogeneous for q in robot.sample(rng, N)])
+    poses[5, :3, 3] += 3.0  # [m], out of reach
+    return poses
+
+
+def quaternions(targets: Array) -> Array:
+    return np.array([[*pose[:3, 3], *quat_wxyz(pose[:3, :3])] for pose in targets])
+
+
+def write(path: Path, targets: Array) -> Path:
+    rows = quaternions(targets)
+    names = ("x", "y", "z", "qw", "qx", "qy", "qz")
+    if path.suffix == ".csv":
+        lines = [",".join(map(repr, row)) for row in rows.tolist()]
+        path.write_text("\n".join([",".join(names), *lines]) + "\n", encoding="utf-8")
+    elif path.suffix == ".npz":
+        np.savez_compressed(path, position=rows[:, :3], quat_wxyz=rows[:, 3:])
+    else:
+        pa = pytest.importorskip("pyarrow")
+        table = pa.table(dict(zip(names, rows.T, strict=True)))
+        pytest.importorskip("pyarrow.parquet").write_table(table, path, row_group_size=50)
+    return path
+
+
+def joints(path: Path) -> Array:
+    """The joint angles in a file of answers."""
+    if path.suffix == ".npz":
+        with np.load(path) as file:
+            return np.asarray(file["q"])
+    if path.suffix == ".parquet":
+        table = pytest.importorskip("pyarrow.parquet").read_table(path)
+        return np.column_stack([table.column(f"q{joint}").to_numpy() for joint in range(1, 7)])
+    with path.open(newline="", encoding="utf-8") as file:
+        return np.array([[float(row[f"q{joint}"]) for joint in range(1, 7)] for row in csv.DictReader(file)])
+
+
+@pytest.mark.parametrize("before", [".csv", ".npz", ".parquet"])
+@pytest.mark.parametrize("after", [".csv", ".npz", ".parquet"])
+def test_every_format_holds_the_answers_of_a_batch(
+    solver: IKSolver, targets: Array, tmp_path: Path, before: str, after: str
+) -> None:
+    source, out = write(tmp_path / f"in{before}", targets), tmp_path / f"out{after}"
+    summary = solve_file(solver, source, out)
+    assert (summary.targets, summary.solved) == (N, N - 1)
+    assert summary.statuses == {Status.OK: N - 1, Status.UNREACHABLE: 1}
+    assert summary.failures[0][0] == (7 if before == ".csv" else 6)  # the line, after a header, or the row
+    from jacokin.ik.files.target_rows import target_rows
+
+    rows = target_rows(("x", "y", "z", "qw", "qx", "qy", "qz"), quaternions(targets), np.arange(N))
+    np.testing.assert_array_equal(joints(out), solver.solve_batch(rows.targets).q)
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted([source.name, out.name])
+
+
+def test_matrices_in_an_npz_are_the_targets_of_a_batch(solver: IKSolver, targets: Array, tmp_path: Path) -> None:
+    np.savez(tmp_path / "in.npz", targets=targets)
+    solve_file(solver, tmp_path / "in.npz", tmp_path / "out.npz")
+    with np.load(tmp_path / "out.npz") as found:
+        np.testing.assert_array_equal(found["q"], solver.solve_batch(targets).q)
+        names = found["status_names"][found["status"]]
+        assert (names[5], names[6]) == ("UNREACHABLE", "OK")
+        np.testing.assert_array_equal(found["r12"], targets[:, 0, 1])
+
+
+def test_rows_that_are_not_finite_have_a_status(solver: IKSolver, targets: Array, tmp_path: Path) -> None:
+    targets[3, 0, 3] = np.nan
+    targets[40] *= 2.0
+    np.savez(tmp_path / "in.npz", targets=targets)
+    summary = solve_file(solver, tmp_path / "in.npz", tmp_path / "out.csv")
+    assert summary.statuses[Status.INVALID_TARGET] == 2
+    assert summary.solved == N - 3
+    np.testing.assert_array_equal(np.flatnonzero(np.isnan(joints(tmp_path / "out.csv")).any(axis=1)), [3, 40])
+
+
+def test_answers_do_not_depend_on_executors_or_chunks(
+    solver: IKSolver, targets: Array, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    source = write(tmp_path / "in.csv", targets)
+    solve_file(solver, source, tmp_path / "a.csv", workers=1)
+    with ThreadPoolExecutor(3) as executor:
+        solve_file(solver, source, tmp_path / "b.csv", executor)
+    monkeypatch.setattr(module, "ROWS", 7)
+    solve_file(solver, source, tmp_path / "c.csv", workers=2)
+    first = (tmp_path / "a.csv").read_bytes()
+    assert first == (tmp_path / "b.csv").read_bytes() == (tmp_path / "c.csv").read_bytes()
+
+
+def test_a_finished_chunk_is_not_solved_again(
+    solver: IKSolver, targets: Array, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    source, out = write(tmp_path / "in.csv", targets), tmp_path / "out.csv"
+    solve_file(solver, source, tmp_path / "whole.csv")
+
+    def stop(progress: Progress) -> None:
+        if progress.done >= 3 * ROWS:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        solve_file(solver, source, out, workers=1, progress=stop)
+    chunks = sorted((tmp_path / "out.csv.chunks").glob("*.chunk"))
+    assert len(chunks) >= 3
+    assert not out.exists()
+    chunks[0].write_bytes(chunks[0].read_bytes()[:-10])  # truncated: found by its hash, made again
+    seen: list[Progress] = []
+    summary = solve_file(solver, source, out, progress=seen.append)
+    assert summary.resumed == ROWS * (len(chunks) - 1)
+    assert seen[-1].done == seen[-1].total == N
+    assert seen[-1].rate > 0.0
+    assert out.read_bytes() == (tmp_path / "whole.csv").read_bytes()
+    assert not (tmp_path / "out.csv.chunks").exists()
+
+
+@pytest.mark.parametrize("what", ["targets", "robot", "options", "version"])
+def test_a_run_is_not_continued_with_something_else(
+    robot: Robot, targets: Array, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, what: str
+) -> None:
+    import jacokin
+
+    source, out = write(tmp_path / "in.csv", targets), tmp_path / "out.csv"
+
+    def stop(_: Progress) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        solve_file(IKSolver(robot), source, out, progress=stop)
+    solver = IKSolver(robot)
+    if what == "targets":
+        write(source, targets[::-1])
+    elif what == "robot":
+        solver = IKSolver(jacokin.load_robot(limits={"joint_2": (1.0, 5.0)}))
+    elif what == "options":
+        solver = IKSolver(robot, position_tolerance=1e-5)
+    else:
+        monkeypatch.setattr(jacokin, "__version__", "9.9.9")
+    with pytest.raises(InvalidInputError, match=rf"differs in {what}"):
+        solve_file(solver, source, out)
+    assert not out.exists()
+    solve_file(solver, source, out, resume=False)
+    assert out.exists()
+
+
+def test_a_full_disk_keeps_what_is_finished(
+    solver: IKSolver, targets: Array, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from jacokin.chunks.folder import ChunkFolder
+
+    source, out = write(tmp_path / "in.csv", targets), tmp_path / "out.csv"
+    out.write_text("old")
+    write_chunk = ChunkFolder._write
+
+    def full(self: ChunkFolder, path: Path, content: bytes) -> None:
+        if path.name.startswith("000002"):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        write_chunk(self, path, content)
+
+    monkeypatch.setattr(ChunkFolder, "_write", full)
+    with pytest.raises(JacokinError, match="No space left on device; the chunks that are finished are kept"):
+        solve_file(solver, source, out, workers=1)
+    assert out.read_text() == "old"
+    monkeypatch.undo()
+    monkeypatch.setattr(module, "ROWS", ROWS)
+    assert solve_file(solver, source, out).resumed >= 2 * ROWS
+
+
+def test_wrong_files_and_arguments_are_refused_before_anything_is_solved(
+    solver: IKSolver, targets: Array, tmp_path: Path
+) -> None:
+    pa = pytest.importorskip("pyarrow")
+    parquet = pytest.importorskip("pyarrow.parquet")
+    source, out = write(tmp_path / "in.csv", targets), tmp_path / "out.csv"
+    parquet.write_table(pa.table({"x": [0.1], "height": [0.2]}), tmp_path / "a.parquet")
+    parquet.write_table(pa.table({"x": ["a"], "y": [0.2], "z": [0.3]}), tmp_path / "b.parquet")
+    (tmp_path / "c.parquet").write_bytes(b"PAR1 no")
+    (tmp_path / "d.npz").write_bytes(b"no")
+    np.savez(tmp_path / "e.npz", q=np.zeros((3, 6)))
+    np.savez(tmp_path / "f.npz", position=np.zeros((3, 3)), rpy=np.zeros((2, 3)))
+    for name, message in (
+        ("a.parquet", "column y, z is missing; needed: x, y, z; found: x, height"),
+        ("b.parquet", "column x: must hold numbers, got string"),
+        ("c.parquet", "not a Parquet file"),
+        ("d.npz", "not an NPZ file"),
+        ("e.npz", r"needed: targets \(n, 4, 4\).*found: q \(3, 6\)"),
+        ("f.npz", "different lengths"),
+        ("none.npz", "cannot be read"),
+        ("none.parquet", "cannot be read"),
+    ):
+        with pytest.raises(InvalidInputError, match=message):
+            solve_file(solver, tmp_path / name, out)
+    with pytest.raises(InvalidInputError, match=r"\.csv, \.npz, \.parquet"):
+        solve_file(solver, source, tmp_path / "out.xlsx")
+    with pytest.raises(InvalidInputError, match=r"client\.get_executor"):
+        solve_file(solver, source, out, type("Client", (), {"get_executor": None})())
+    with pytest.raises(InvalidInputError, match="workers does not go with executor"), ThreadPoolExecutor(1) as pool:
+        solve_file(solver, source, out, pool, workers=2)
+    with pytest.raises(InvalidInputError, match="there is no folder"):
+        solve_file(solver, source, tmp_path / "nowhere" / "out.csv")
+    assert not out.exists()
+
+
+def test_one_process_at_a_time_works_on_a_file(solver: IKSolver, targets: Array, tmp_path: Path) -> None:
+    source, out = write(tmp_path / "in.csv", targets), tmp_path / "out.csv"
+    refusals: list[str] = []
+
+    def again(_: Progress) -> None:
+        with pytest.raises(InvalidInputError, match="another process is working on it") as refused:
+            solve_file(solver, source, out)
+        refusals.append(str(refused.value))
+
+    solve_file(solver, source, out, progress=again)
+    assert refusals
+
+
+RUN = """
+import sys, jacokin
+from jacokin.ik import solve_file
+from jacokin.ik.batches import solve_file as module
+module.ROWS = 64
+print("ready", flush=True)
+solve_file(jacokin.IKSolver(jacokin.load_robot(), warm=None), sys.argv[1], sys.argv[2])
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
+def test_killed_runs_end_in_the_same_bytes(robot: Robot, tmp_path: Path, rng: np.random.Generator, suffix: str) -> None:
+    poses = np.array([robot.forward_kinematics(q).homogeneous for q in robot.sample(rng, 30_000)])
+    np.savez(tmp_path / "in.npz", targets=poses)
+    words = [sys.executable, "-P", "-c", RUN, str(tmp_path / "in.npz")]
+    whole, out = tmp_path / f"whole{suffix}", tmp_path / f"out{suffix}"
+    subprocess.run([*words, str(whole)], check=True, capture_output=True)
+    kills = 0
+    for _ in range(4):
+        with subprocess.Popen([*words, str(out)], stdout=subprocess.PIPE) as process:
+            assert process.stdout is not None
+            process.stdout.readline()
+            time.sleep(rng.uniform(0.2, 0.6))
+            kills += process.poll() is None
+            process.send_signal(signal.SIGKILL)
+    assert kills
+    subprocess.run([*words, str(out)], check=True, capture_output=True)
+    assert out.read_bytes() == whole.read_bytes()
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(["in.npz", whole.name, out.name])
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")  # of dask about its own ports and clocks
+def test_a_cluster_that_loses_a_worker_gives_the_same_bytes(solver: IKSolver, targets: Array, tmp_path: Path) -> None:
+    distributed = pytest.importorskip("distributed")
+    source = write(tmp_path / "in.csv", np.tile(targets, (10, 1, 1)))
+    solve_file(solver, source, tmp_path / "whole.csv")
+    with (
+        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        killed: list[int] = []
+
+        def kill(_: Progress) -> None:
+            if not killed:
+                killed.append(next(iter(client.run(os.getpid).values())))
+                os.kill(killed[0], signal.SIGKILL)
+
+        solve_file(solver, source, tmp_path / "out.csv", client.get_executor(), progress=kill)
+    assert killed
+    assert (tmp_path / "out.csv").read_bytes() == (tmp_path / "whole.csv").read_bytes()
