@@ -43,12 +43,13 @@ COMMANDS = {
     "info": "jacokin.cli.robots.info",
     "track": "jacokin.cli.track.command",
     "view": "jacokin.cli.viewer.command",
+    "task": "jacokin.cli.tasks.command",
     "crosscheck": "jacokin.cli.robots.crosscheck",
     "demo": "jacokin.cli.demo.command",
     "doctor": "jacokin.cli.doctor.command",
     "warmup": "jacokin.cli.warmup",
 }
-NEED_ARGUMENTS = ("ik", "fk", "jacobian", "track")
+NEED_ARGUMENTS = ("ik", "fk", "jacobian", "track", "task")
 SETTINGS = {"help_option_names": ["-h", "--help"]}
 
 

@@ -22,6 +22,8 @@ from jacokin import lazy
 if TYPE_CHECKING:
     from jacokin.tasks.environment import Environment as Environment
     from jacokin.tasks.environment import load as load
+    from jacokin.tasks.experts.expert import Expert as Expert
+    from jacokin.tasks.experts.expert import expert as expert
     from jacokin.tasks.gym.environment import TaskEnv as TaskEnv
     from jacokin.tasks.registry import names as names
     from jacokin.tasks.task import Task as Task
@@ -30,6 +32,7 @@ __all__, __getattr__, __dir__ = lazy.door(
     __name__,
     {
         "jacokin.tasks.environment": ("Environment", "load"),
+        "jacokin.tasks.experts.expert": ("Expert", "expert"),
         "jacokin.tasks.gym.environment": ("TaskEnv",),
         "jacokin.tasks.registry": ("names",),
         "jacokin.tasks.task": ("Task",),

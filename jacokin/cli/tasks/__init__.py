@@ -1,0 +1,1 @@
+"""`jacokin task`: run a task, record it, show it."""

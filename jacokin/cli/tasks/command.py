@@ -1,0 +1,77 @@
+"""`jacokin task`: run episodes of a task, by chance or by its expert."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import click
+
+from jacokin.cli.arguments.declared import Argument, Option
+
+if TYPE_CHECKING:
+    from jacokin.cli.tasks.recording import Recording
+    from jacokin.tasks import TaskEnv
+    from jacokin.tasks.experts.expert import Expert
+
+
+def task(
+    name: Annotated[str, Argument("NAME", "The task, such as reach_site or lift_brick; an unknown name lists all.")],
+    expert: Annotated[bool, Option("--expert", "Let the scripted expert act; otherwise actions are random.")] = False,
+    episodes: Annotated[int, Option("--episodes", "How many episodes to run.", metavar="N", at_least=1)] = 1,
+    seed: Annotated[int, Option("--seed", "Start of the random numbers.", metavar="N", at_least=0)] = 0,
+    record: Annotated[
+        Path | None,
+        Option("--record", "Write pictures (.mp4) or observations, actions and rewards (.npz).", metavar="FILE"),
+    ] = None,
+    render: Annotated[bool, Option("--render", "Show a window, which needs a display.")] = False,
+) -> None:
+    """Run episodes of a task, and show how they end.
+
+    Needs the extra `tasks`. Episodes take 10 s of simulated time.
+
+    Examples:
+      jacokin task reach_site --expert
+      jacokin task lift_brick --expert --episodes 10 --record episodes.npz
+      MUJOCO_GL=egl jacokin task place_brick --expert --record video.mp4
+    """
+    from jacokin import tasks
+    from jacokin.cli.tasks.recording import Recording
+
+    recording = None if record is None else Recording(record)
+    policy = tasks.expert(name) if expert else None
+    mode = "human" if render else "rgb_array" if recording is not None and recording.is_video else None
+    environment = tasks.TaskEnv(name, flatten=False, render_mode=mode)
+    environment.action_space.seed(seed)
+    solved, returns = 0, []
+    for episode in range(episodes):
+        total, success = _run(environment, policy, seed if episode == 0 else None, episode, recording)
+        solved += success
+        returns.append(total)
+        click.echo(f"episode {episode + 1} of {episodes}: return {total:.1f}, {'solved' if success else 'not solved'}")
+    click.echo(f"{solved} of {episodes} solved, mean return {sum(returns) / episodes:.1f}")
+    environment.close()
+    if recording is not None:
+        recording.write()
+        click.echo(f"wrote {record}")
+
+
+def _run(
+    environment: TaskEnv, policy: Expert | None, seed: int | None, episode: int, recording: Recording | None
+) -> tuple[float, bool]:
+    """Run one episode; returns its return and whether the task is solved at its end."""
+    observation, info = environment.reset(seed=seed)
+    if policy is not None:
+        policy.reset()
+    total, is_over = 0.0, False
+    while not is_over:
+        action = environment.action_space.sample() if policy is None else policy(observation)
+        following, reward, _, is_over, info = environment.step(action)
+        if recording is not None and recording.is_video:
+            recording.add(picture=environment.render())
+        elif recording is not None:
+            assert isinstance(observation, dict)
+            recording.add(episode=episode, action=action, reward=reward, success=info["is_success"], **observation)
+        observation = following
+        total += reward
+    return total, bool(info["is_success"])
