@@ -20,7 +20,7 @@ BRICK = "duplo2x4/"
 CENTRE = np.array((0.0, -0.012, 0.0))  # [m] of the fingers' grip in the frame of the pinch site
 GRASP_HEIGHT = 0.012  # [m] of the pinch site above the bottom of a brick
 ABOVE = 0.08  # [m] where the hand waits above a brick
-WIDE = 0.9  # [rad] of the fingers around the short side of a brick
+WIDE = 1.0  # [rad] of the fingers around the short side of a brick
 SQUEEZE_STEPS = 10  # control steps until a grip holds
 LIFT = 0.33  # [m]
 # Tilts along the long and the short side of a brick [rad], and shifts along the long side [m], that may be tried.
