@@ -42,6 +42,7 @@ COMMANDS = {
     "jacobian": "jacokin.cli.kinematics.jacobian",
     "info": "jacokin.cli.robots.info",
     "track": "jacokin.cli.track.command",
+    "plan": "jacokin.cli.plan.command",
     "view": "jacokin.cli.viewer.command",
     "task": "jacokin.cli.tasks.command",
     "crosscheck": "jacokin.cli.robots.crosscheck",
@@ -49,7 +50,7 @@ COMMANDS = {
     "doctor": "jacokin.cli.doctor.command",
     "warmup": "jacokin.cli.warmup",
 }
-NEED_ARGUMENTS = ("ik", "fk", "jacobian", "track", "task")
+NEED_ARGUMENTS = ("ik", "fk", "jacobian", "track", "plan", "task")
 SETTINGS = {"help_option_names": ["-h", "--help"]}
 
 

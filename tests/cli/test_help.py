@@ -13,7 +13,8 @@ from tests.cli.run import HOME, Run
 
 
 @pytest.mark.parametrize(
-    "command", ["", "ik", "fk", "jacobian", "info", "track", "view", "task", "crosscheck", "demo", "doctor", "warmup"]
+    "command",
+    ["", "ik", "fk", "jacobian", "info", "track", "plan", "view", "task", "crosscheck", "demo", "doctor", "warmup"],
 )
 def test_help_teaches_by_example(run: Run, command: str) -> None:
     answer = run(*command.split(), "--help")

@@ -11,6 +11,7 @@ from jacokin.model.descriptions.bundled import DEFAULT_ROBOT as DEFAULT_ROBOT
 
 if TYPE_CHECKING:
     from jacokin.model.robot import Robot
+    from jacokin.model.scenes.scene import Scene
 
 
 RobotOption = Annotated[
@@ -32,6 +33,13 @@ PackageDirOption = Annotated[
 ]
 FrameOption = Annotated[
     str | None, Option("--frame", metavar="NAME", help="Frame of the tool; `jacokin info` lists them.")
+]
+SceneOption = Annotated[
+    Path | None, Option("--scene", metavar="FILE.yaml", help="Obstacles around the arm, .yaml or .json.")
+]
+ClearanceOption = Annotated[
+    float | None,
+    Option("--clearance", metavar="D", help="Shapes this near to each other count as touching [m]; 0 if not given."),
 ]
 DegreesOption = Annotated[bool, Option("--degrees", help="Angles in and out in degrees.")]
 JsonOption = Annotated[bool, Option("--json", help="One JSON document on stdout, floats in full precision.")]
@@ -63,3 +71,12 @@ def load(
     from jacokin.model.loading import load_robot
 
     return load_robot(robot, base=base, tip=tip, package_dirs=package_dirs or ())
+
+
+def surroundings(scene: Path | None, clearance: float | None) -> tuple[Scene | None, float]:
+    """The scene of a file, and the clearance [m]."""
+    if scene is None:
+        return None, clearance or 0.0
+    from jacokin.model.scenes.scene import Scene
+
+    return Scene.load(scene), clearance or 0.0

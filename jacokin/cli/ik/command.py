@@ -10,6 +10,7 @@ from jacokin.cli.arguments.declared import Option
 from jacokin.cli.arguments.options import (
     DEFAULT_ROBOT,
     BaseOption,
+    ClearanceOption,
     DaskOption,
     DegreesOption,
     FrameOption,
@@ -17,6 +18,7 @@ from jacokin.cli.arguments.options import (
     PackageDirOption,
     RandomSeedOption,
     RobotOption,
+    SceneOption,
     SeedOption,
     TipOption,
     WorkersOption,
@@ -70,8 +72,13 @@ def ik(
     method: Annotated[str, Option("--method", metavar="NAME", help="auto, closed_form or qp.")] = "auto",
     qp_solver: Annotated[str, Option("--qp-solver", metavar="NAME", help="daqp, quadprog, osqp or proxqp.")] = "daqp",
     collision: Annotated[
-        str, Option("--collision", metavar="NAME", help="Self-contact: ignore, report or reject.")
-    ] = "ignore",
+        str | None,
+        Option(
+            "--collision", metavar="NAME", help="Contact: ignore, report or reject; reject with a scene, else ignore."
+        ),
+    ] = None,
+    scene: SceneOption = None,
+    clearance: ClearanceOption = None,
     degrees: DegreesOption = False,
     json: JsonOption = False,
     robot: RobotOption = DEFAULT_ROBOT,
@@ -91,6 +98,7 @@ def ik(
       jacokin ik --position 0.3 -0.2 0.5 --down --all           every branch
       jacokin ik --position 0.3 -0.2 0.5 --down --json          for programs
       jacokin ik --position 0.3 -0.2 0.5 --down --seed 4.8 2.9 1.0 4.2 1.4 1.3
+      jacokin ik --position 0.3 -0.2 0.5 --down --scene scene.yaml --clearance 0.01
       jacokin ik --targets targets.csv --output joints.csv      a file of poses
       jacokin ik --targets poses.parquet --output joints.parquet --workers 8 --resume
     """
@@ -103,14 +111,26 @@ def ik(
     combinations.check(position, oriented, every, targets, output, random_seed, degrees and targets is not None)
     if output is None and (resume or dask is not None):
         raise InvalidInputError(f"{'--resume' if resume else '--dask'} goes with --targets and --output")
-    keep_apart({"--output": output}, {"--targets": targets, "--robot": robot}, package_dir or ())
+    keep_apart({"--output": output}, {"--targets": targets, "--robot": robot, "--scene": scene}, package_dir or ())
     units = Units(degrees)
     arm = options.load(robot, base, tip, package_dir)
     if rpy is not None:
         warn_of_degrees("--rpy", rpy, units)
     typed = numbers("--seed", seed)
     start = None if typed is None else units.of_joints(arm).read(typed)
-    solver = IKSolver(arm, frame, method=method, qp_solver=qp_solver, collision=collision, warm=None)
+    around, distance = options.surroundings(scene, clearance)
+    if collision is None:
+        collision = "ignore" if around is None and not distance else "reject"
+    solver = IKSolver(
+        arm,
+        frame,
+        method=method,
+        qp_solver=qp_solver,
+        collision=collision,
+        scene=around,
+        clearance=distance,
+        warm=None,
+    )
     if targets is not None:
         from jacokin.cli.ik import batch
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from jacokin.cli.arguments.units import numbers
@@ -12,7 +13,11 @@ if TYPE_CHECKING:
 
 
 def read(
-    clearance: float | None, boxes: list[str] | None, spheres: list[str] | None, floor: float | None
+    clearance: float | None,
+    boxes: list[str] | None,
+    spheres: list[str] | None,
+    floor: float | None,
+    scene: Path | None,
 ) -> Clearance | None:
     """What the options ask to keep apart; None if they ask for nothing.
 
@@ -21,11 +26,12 @@ def read(
         boxes: centre and edge lengths of each [m].
         spheres: centre and radius of each [m].
         floor: height of the floor [m].
+        scene: a file of obstacles.
 
     Raises:
-        InvalidInputError: a malformed number.
+        InvalidInputError: a malformed number or scene.
     """
-    if clearance is None and floor is None and not boxes and not spheres:
+    if clearance is None and floor is None and not boxes and not spheres and scene is None:
         return None
     from jacokin.ik.tracking.clearance import CLEARANCE, Clearance
     from jacokin.model.obstacles import Box, Floor, Sphere
@@ -39,4 +45,8 @@ def read(
         obstacles.append(Sphere(f"--sphere {index}", values[3], values[:3]))
     if floor is not None:
         obstacles.append(Floor(floor))
+    if scene is not None:
+        from jacokin.model.scenes.scene import Scene
+
+        obstacles.extend(Scene.load(scene))
     return Clearance(CLEARANCE if clearance is None else clearance, obstacles)

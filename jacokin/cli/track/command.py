@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-import importlib.util
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from jacokin.cli.arguments import options
 from jacokin.cli.arguments.declared import Option
@@ -17,20 +16,14 @@ from jacokin.cli.arguments.options import (
     JsonOption,
     PackageDirOption,
     RobotOption,
+    SceneOption,
     SeedOption,
     TipOption,
 )
 from jacokin.cli.arguments.outputs import keep_apart
-from jacokin.cli.arguments.units import JointUnits, Units, numbers
+from jacokin.cli.arguments.units import Units
 from jacokin.cli.display.progress import progress_bar
 from jacokin.cli.exit_codes import NOT_SOLVED
-from jacokin.errors import InvalidInputError, MissingExtraError
-
-if TYPE_CHECKING:
-    from jacokin.arrays import Array
-
-
-PLOT_FORMATS = (".png", ".svg", ".pdf")
 
 
 def track(
@@ -72,6 +65,7 @@ def track(
     floor: Annotated[
         float | None, Option("--floor", metavar="Z", help="An obstacle: everything below this height [m].")
     ] = None,
+    scene: SceneOption = None,
     frame: FrameOption = None,
     seed: SeedOption = None,
     start: Annotated[
@@ -98,14 +92,16 @@ def track(
       jacokin track --path path.csv --floor 0 --box 0.5 -0.5 0.1 0.6 0.6 0.05 --clearance 0.02
     """
     from jacokin import files
-    from jacokin.cli.track import clearances, report
+    from jacokin.cli.track import clearances, inputs, report
     from jacokin.ik.paths.result import FORMATS
     from jacokin.ik.paths.track import ANGULAR_SPEED, track_path
 
-    poses = _poses(path)
-    _check_files(output, FORMATS, plot)
-    keep_apart({"--output": output, "--plot": plot}, {"--path": path, "--robot": robot}, package_dir or ())
-    obstacles = clearances.read(clearance, box, sphere, floor)
+    poses = inputs.poses(path)
+    inputs.check_files(output, FORMATS, plot)
+    keep_apart(
+        {"--output": output, "--plot": plot}, {"--path": path, "--robot": robot, "--scene": scene}, package_dir or ()
+    )
+    obstacles = clearances.read(clearance, box, sphere, floor, scene)
     arm = options.load(robot, base, tip, package_dir)
     units = Units(degrees)
     joints = units.of_joints(arm)
@@ -120,10 +116,10 @@ def track(
                 speed=speed,
                 angular_speed=ANGULAR_SPEED if angular_speed is None else units.read([angular_speed])[0],
                 frame=frame,
-                seed=_of_joints("--seed", seed, joints),
-                start=_of_joints("--start", start, joints),
-                velocity_limit=_of_joints("--velocity-limit", velocity_limit, joints),
-                acceleration_limit=_of_joints("--acceleration-limit", acceleration_limit, joints),
+                seed=inputs.of_joints("--seed", seed, joints),
+                start=inputs.of_joints("--start", start, joints),
+                velocity_limit=inputs.of_joints("--velocity-limit", velocity_limit, joints),
+                acceleration_limit=inputs.of_joints("--acceleration-limit", acceleration_limit, joints),
                 collision=obstacles,
                 progress=progress,
             )
@@ -139,46 +135,3 @@ def track(
         report.show(arm, result, units, output, plot)
     if not result.success:
         raise SystemExit(NOT_SOLVED)
-
-
-def _check_files(output: Path | None, formats: tuple[str, ...], plot: Path | None) -> None:
-    """Find out before the work what would fail after it.
-
-    Raises:
-        InvalidInputError: a file of another kind.
-        MissingExtraError: matplotlib is needed and not installed.
-    """
-    for option, file, endings in (("--output", output, formats), ("--plot", plot, PLOT_FORMATS)):
-        if file is not None and file.suffix not in endings:
-            raise InvalidInputError(f"{option} must end in {' or '.join(endings)}, got {str(file)!r}")
-    if plot is not None and importlib.util.find_spec("matplotlib") is None:
-        raise MissingExtraError("matplotlib", "plot")
-
-
-def _of_joints(option: str, text: str | None, joints: JointUnits) -> list[float] | None:
-    """Numbers for the joints, in [rad] and [m]; one number stands for all.
-
-    Raises:
-        InvalidInputError: not numbers.
-    """
-    values = numbers(option, text)
-    if values is not None and len(values) == 1 and option.endswith("-limit"):
-        values *= len(joints.sliding)
-    return None if values is None else joints.read(values)
-
-
-def _poses(path: Path) -> Array:
-    """The poses of a path file (n, 4, 4).
-
-    Raises:
-        InvalidInputError: as `read_targets`, or the file has no orientations.
-    """
-    from jacokin.ik.files.columns import QUATERNION, RPY
-    from jacokin.ik.files.targets_csv import read_targets
-
-    targets = read_targets(path).targets
-    if targets.ndim != 3:
-        raise InvalidInputError(
-            f"{path}: a path needs orientations, columns {', '.join(QUATERNION)} or {', '.join(RPY)}"
-        )
-    return targets

@@ -1,4 +1,4 @@
-"""How `jacokin track` shows what it did."""
+"""How `jacokin track` and `jacokin plan` show what they did."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def show(arm: Robot, result: PathResult, units: Units, output: Path | None, plot
     ]
     lines += [(name, str(file)) for name, file in (("written to", output), ("drawn in", plot)) if file is not None]
     say(facts(lines))
-    if not result.success:
+    if not result.success and result.branches:
         rows = [
             (
                 str(index),

@@ -99,7 +99,7 @@ def plan_path(
     ladder = Ladder(solver, path, times, settings.velocity, free_step, keep=timing == "keep")
     search = Search(ladder, path.places(SPACING, TURNING), _Begin(ladder, near, settings.velocity, start is not None))
     found = _climb(search, solver, near, settings)
-    planned = Planned(solver, path, times, settings)
+    planned = Planned(solver, path, times, settings, "home" if seed is None and start is None else "the seed")
     if found is None:
         failed = reasons.of_first(search.rungs[0], solver, path, start is not None)
         return planned.nowhere(solver.solve(path.poses[0], seed=near).q if start is None else near, near, failed, note)

@@ -45,9 +45,12 @@ class Settings:
 class Planned:
     """Writes results."""
 
-    def __init__(self, solver: IKSolver, path: CartesianPath, times: Array, settings: Settings) -> None:
-        """Take what was asked for; `times` (lines,) at the given speed [s]."""
+    def __init__(
+        self, solver: IKSolver, path: CartesianPath, times: Array, settings: Settings, begin: str = "the seed"
+    ) -> None:
+        """Take what was asked for; `times` (lines,) at the given speed [s], `begin` where the arm is taken to be."""
         self._solver, self._path, self._times, self._settings = solver, path, times, settings
+        self._begin = begin
 
     def nowhere(self, q: Array, near: Array, reason: str, note: str) -> PathResult:
         """A path that does not begin: the arm stays where it is nearest to the first pose."""
@@ -143,7 +146,7 @@ class Planned:
         joint = int(np.argmax(away))
         if away[joint] > AT_SEED:
             name = robot.joint_names[joint]
-            words.insert(1, f"it starts {away[joint]:.3g} rad ({name}) from the seed: bring the arm to q[0] first")
+            words.insert(1, f"it starts {away[joint]:.3g} rad ({name}) from {self._begin}: bring the arm to q[0] first")
         return PathResult(
             joint_names=robot.joint_names,
             t=checks.read_only(np.arange(len(q)) * settings.dt),

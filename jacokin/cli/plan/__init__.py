@@ -1,0 +1,1 @@
+"""`jacokin plan`: a joint trajectory planned over all branches."""

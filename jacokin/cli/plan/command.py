@@ -1,0 +1,165 @@
+"""`jacokin plan`: a joint trajectory along a path of poses, planned over all branches."""
+
+from __future__ import annotations
+
+import contextlib
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from jacokin.cli.arguments import options
+from jacokin.cli.arguments.declared import Option
+from jacokin.cli.arguments.options import (
+    DEFAULT_ROBOT,
+    BaseOption,
+    ClearanceOption,
+    DegreesOption,
+    FrameOption,
+    JsonOption,
+    PackageDirOption,
+    RobotOption,
+    SceneOption,
+    SeedOption,
+    TipOption,
+)
+from jacokin.cli.arguments.outputs import keep_apart
+from jacokin.cli.arguments.units import Units, numbers
+from jacokin.cli.exit_codes import NOT_SOLVED
+from jacokin.errors import InvalidInputError
+
+if TYPE_CHECKING:
+    from jacokin.arrays import Array
+    from jacokin.model.pose_targets import FreeAxis
+
+AXES = {"x": [1.0, 0.0, 0.0], "y": [0.0, 1.0, 0.0], "z": [0.0, 0.0, 1.0]}
+
+
+def plan(
+    path: Annotated[
+        Path, Option("--path", metavar="FILE.csv", help="Poses to pass through: columns x,y,z,qw,qx,qy,qz.")
+    ],
+    dt: Annotated[float, Option("--dt", metavar="T", help="Control step [s].")] = 0.01,
+    output: Annotated[
+        Path | None,
+        Option("--output", metavar="FILE", help="Write the trajectory here, .csv, .npz, .json (ROS) or .kinova.csv."),
+    ] = None,
+    plot: Annotated[
+        Path | None, Option("--plot", metavar="FILE.png", help="Draw joints, limits and errors over time.")
+    ] = None,
+    speed: Annotated[float, Option("--speed", metavar="V", help="Speed along the path [m/s].")] = 0.05,
+    angular_speed: Annotated[
+        float | None, Option("--angular-speed", metavar="W", help="Speed of turning [rad/s]; 0.5 if not given.")
+    ] = None,
+    timing: Annotated[
+        str, Option("--timing", metavar="NAME", help="keep the speed, or slow down where joints cannot follow.")
+    ] = "keep",
+    free_axis: Annotated[
+        str | None,
+        Option("--free-axis", metavar="X|X Y Z", help="Axis of the tool it may turn about: x, y, z or a direction."),
+    ] = None,
+    free_range: Annotated[
+        tuple[float, float] | None,
+        Option("--free-range", metavar="A B", help="How far it may turn; a full turn if not given."),
+    ] = None,
+    velocity_limit: Annotated[
+        str | None,
+        Option("--velocity-limit", metavar="V ..", help="Of the joints [rad/s], one for all or one for each."),
+    ] = None,
+    acceleration_limit: Annotated[
+        str | None,
+        Option("--acceleration-limit", metavar="A ..", help="Of the joints [rad/s^2]; needs --timing slow."),
+    ] = None,
+    scene: SceneOption = None,
+    clearance: ClearanceOption = None,
+    frame: FrameOption = None,
+    seed: SeedOption = None,
+    start: Annotated[
+        str | None, Option("--start", metavar="Q1 .. Q6", help="Joint angles the arm is at, instead of --seed.")
+    ] = None,
+    degrees: DegreesOption = False,
+    json: JsonOption = False,
+    robot: RobotOption = DEFAULT_ROBOT,
+    base: BaseOption = None,
+    tip: TipOption = None,
+    package_dir: PackageDirOption = None,
+) -> None:
+    """Plan a path of poses over all branches, before anything moves.
+
+    The tool moves on straight lines from pose to pose, without jumps, inside position and velocity limits, clear of
+    the scene and of itself.
+    Exit code: 0 on the path throughout, 1 not, 2 wrong input.
+
+    Examples:
+      jacokin plan --path path.csv --output trajectory.csv
+      jacokin plan --path path.csv --free-axis x --scene scene.yaml --output trajectory.npz
+      jacokin plan --path path.csv --speed 0.2 --timing slow --acceleration-limit 2 --output arm.kinova.csv
+      jacokin plan --path path.csv --degrees --free-axis z --free-range -30 30
+    """
+    from jacokin import files
+    from jacokin.cli.track import inputs, report
+    from jacokin.ik.paths.plan import plan_path
+    from jacokin.ik.paths.result import FORMATS
+    from jacokin.ik.paths.track import ANGULAR_SPEED
+    from jacokin.ik.solver import IKSolver
+
+    inputs.check_files(output, FORMATS, plot)
+    keep_apart(
+        {"--output": output, "--plot": plot}, {"--path": path, "--robot": robot, "--scene": scene}, package_dir or ()
+    )
+    units = Units(degrees)
+    targets = _targets(inputs.poses(path), free_axis, free_range, units)
+    around, distance = options.surroundings(scene, clearance)
+    arm = options.load(robot, base, tip, package_dir)
+    joints = units.of_joints(arm)
+    solver = IKSolver(arm, frame, collision="reject", scene=around, clearance=distance)
+    with contextlib.ExitStack() as stack:
+        writable = None if output is None else stack.enter_context(files.replacing(output))
+        drawable = None if plot is None else stack.enter_context(files.replacing(plot))
+        result = plan_path(
+            solver,
+            targets,
+            dt=dt,
+            speed=speed,
+            angular_speed=ANGULAR_SPEED if angular_speed is None else units.read([angular_speed])[0],
+            timing=timing,
+            seed=inputs.of_joints("--seed", seed, joints),
+            start=inputs.of_joints("--start", start, joints),
+            velocity_limit=inputs.of_joints("--velocity-limit", velocity_limit, joints),
+            acceleration_limit=inputs.of_joints("--acceleration-limit", acceleration_limit, joints),
+        )
+        if writable is not None:
+            result.save(writable)
+        if drawable is not None:
+            from jacokin.ik.paths.plot import plot_path
+
+            plot_path(result, drawable)
+    if json:
+        report.print_json(arm, result, units, output, plot)
+    else:
+        report.show(arm, result, units, output, plot)
+    if not result.success:
+        raise SystemExit(NOT_SOLVED)
+
+
+def _targets(
+    poses: Array, free_axis: str | None, free_range: tuple[float, float] | None, units: Units
+) -> Array | list[FreeAxis]:
+    """The poses, or the same with a free axis.
+
+    Raises:
+        InvalidInputError: a malformed axis or range, or a range without an axis.
+    """
+    import math
+
+    from jacokin.model.pose_targets import FreeAxis
+
+    if free_axis is None:
+        if free_range is not None:
+            raise InvalidInputError("--free-range needs --free-axis")
+        return poses
+    axis = AXES.get(free_axis.strip().lower()) or numbers("--free-axis", free_axis, 3) or []
+    allowed = (-math.pi, math.pi) if free_range is None else tuple(units.read(free_range))
+    try:
+        return [FreeAxis(pose, axis=axis, range=allowed) for pose in poses]
+    except InvalidInputError as error:
+        name = "--free-axis" if str(error).startswith("axis") else "--free-range"
+        raise InvalidInputError(f"{name}: {error}") from error
