@@ -55,6 +55,7 @@ BROKEN: dict[str, tuple[Callable[[str], str], str]] = {
     "inverted limits": (lambda text: text.replace('lower="0.8203', 'lower="9.8203'), "above upper limit"),
     "negative mass": (lambda text: text.replace('<mass value="', '<mass value="-', 1), "negative"),
     "zero axis": (lambda text: re.sub('<axis xyz="[^"]*"', '<axis xyz="0 0 0"', text), "unit vector"),
+    "axis without numbers": (lambda text: re.sub('<axis xyz="[^"]*"', "<axis", text), "the axis has no xyz"),
     "unknown joint type": (
         lambda text: text.replace('type="continuous"', 'type="spinning"', 1),
         "unknown type 'spinning'",

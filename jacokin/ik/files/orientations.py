@@ -11,9 +11,9 @@ from jacokin.model.poses import QUATERNION_NORM_TOLERANCE
 
 def rotations_from_quats(quats_wxyz: Array) -> tuple[Array, NDArray[np.int_]]:
     """Rotations (n, 3, 3) of quaternions (n, 4), and the rows whose norm is not within 1 % of one."""
-    norms = np.linalg.norm(quats_wxyz, axis=1)
-    wrong = np.flatnonzero(~(np.abs(norms - 1.0) <= QUATERNION_NORM_TOLERANCE))
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
+        norms = np.linalg.norm(quats_wxyz, axis=1)
+        wrong = np.flatnonzero(~(np.abs(norms - 1.0) <= QUATERNION_NORM_TOLERANCE))
         w, x, y, z = (quats_wxyz / norms[:, None]).T
     rotation = np.empty((len(quats_wxyz), 3, 3))
     rotation[:, 0] = np.stack([1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)], axis=1)

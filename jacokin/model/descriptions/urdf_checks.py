@@ -192,7 +192,10 @@ def _check_joint(joint: ET.Element, links: set[str], joints: set[str], where: st
             raise ModelError(f"{where}: {role} link {link!r} does not exist")
     axis = joint.find("axis")
     if axis is not None and kind not in ("fixed", "floating"):
-        norm = math.hypot(*map(float, axis.get("xyz", "1 0 0").split()))
+        xyz = axis.get("xyz")
+        if xyz is None:  # the specification's default is 1 0 0, that of Pinocchio's parser 0 0 0
+            raise ModelError(f"{where}: the axis has no xyz")
+        norm = math.hypot(*map(float, xyz.split()))
         if abs(norm - 1.0) > AXIS_TOLERANCE:
             raise ModelError(f"{where}: the axis must be a unit vector, its norm is {norm:.6g}")
     _check_limit(joint, kind, where)

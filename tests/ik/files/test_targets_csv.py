@@ -52,6 +52,11 @@ def test_columns_may_stand_in_any_order_beside_remarks(file: Path) -> None:
     assert read.lines.tolist() == [2, 4, 6]
 
 
+def test_a_quaternion_whose_norm_overflows_is_refused(file: Path) -> None:
+    with pytest.raises(InvalidInputError, match="norm 1 .within 1 %., got norm inf"):
+        read_targets(written(file, "x,y,z,qw,qx,qy,qz\n0.3,0.2,0.4,-1e300,0,0,0\n"))
+
+
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
 def test_every_line_end_is_read(file: Path, end: str) -> None:
     file.write_bytes(end.join(["x,y,z", "1,2,3", "4,5,6"]).encode())
