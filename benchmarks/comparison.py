@@ -58,7 +58,7 @@ class Score:
 
     solved: float
     """Share of targets with an answer inside the limits and the tolerances."""
-    legal: float | None
+    within_limits: float | None
     """Share of answers inside every limit, at tolerance 0."""
     position: float | None
     """Worst position error of an answer [m]."""
@@ -111,23 +111,23 @@ def score(contestant: Contestant, targets: Targets, rounds: int, referee: Refere
     known = targets.generating.size > 0 and not np.isnan(targets.generating).any()
     near = max(SAME_ANGLE, FOLD_SPREAD * max(contestant.offset) ** 0.5)
     solved, found = 0, 0
-    positions, orientations, legal = [np.empty(0)], [np.empty(0)], [np.empty(0, dtype=bool)]
+    positions, orientations, insides = [np.empty(0)], [np.empty(0)], [np.empty(0, dtype=bool)]
     for index, q in zip(order, contestant.answers[targets.name], strict=True):
         if not len(q):
             continue
         position, orientation = referee.errors(q, targets.poses[index])
-        inside = referee.legal(q)
+        inside = referee.within_limits(q)
         solved += bool((inside & (position <= tolerance[0]) & (orientation <= tolerance[1])).any())
         found += known and bool((apart(q, targets.generating[index]) <= near).any())
         positions.append(position)
         orientations.append(orientation)
-        legal.append(inside)
-    inside = np.concatenate(legal)
+        insides.append(inside)
+    inside = np.concatenate(insides)
     count = len(order)
     seconds = np.array(contestant.seconds[targets.name])
     return Score(
         solved=solved / count,
-        legal=float(inside.mean()) if len(inside) else None,
+        within_limits=float(inside.mean()) if len(inside) else None,
         position=float(np.concatenate(positions).max()) if len(inside) else None,
         orientation=float(np.concatenate(orientations).max()) if len(inside) else None,
         branches=len(inside) / count,

@@ -29,7 +29,7 @@ class QPSuccess:
     qp_solver: str
     count: int
     solved: int
-    illegal: int
+    outside: int
     """Answers outside a limit at tolerance 0, successes or not."""
     position: float
     orientation: float
@@ -44,13 +44,13 @@ def measure(robot: Robot, wanted: targets.Targets, qp_solver: str) -> QPSuccess:
     solver = jacokin.IKSolver(robot, method="qp", qp_solver=qp_solver)
     referee = make_referee(robot)
     solver.solve(wanted.poses[0])
-    solved = illegal = fallbacks = 0
+    solved = outside = fallbacks = 0
     position, orientation, seconds = [0.0], [0.0], []
     for pose in wanted.poses:
         begin = time.perf_counter()
         result = solver.solve(pose, closest=False)
         seconds.append(time.perf_counter() - begin)
-        illegal += not referee.legal(result.q[None])[0]
+        outside += not referee.within_limits(result.q[None])[0]
         fallbacks += result.qp_solver not in (qp_solver, None)
         if result.success:
             solved += 1
@@ -62,7 +62,7 @@ def measure(robot: Robot, wanted: targets.Targets, qp_solver: str) -> QPSuccess:
         qp_solver=qp_solver,
         count=len(wanted.poses),
         solved=solved,
-        illegal=illegal,
+        outside=outside,
         position=max(position),
         orientation=max(orientation),
         fallbacks=fallbacks,
@@ -109,7 +109,7 @@ def _row(measured: QPSuccess) -> tuple[str, ...]:
         measured.qp_solver,
         f"{measured.count:,}",
         report.percent(measured.solved / measured.count),
-        str(measured.illegal),
+        str(measured.outside),
         report.number(measured.position, "m"),
         report.number(measured.orientation, "rad"),
         str(measured.fallbacks),

@@ -60,7 +60,7 @@ class Referee:
         position = np.linalg.norm(reached[:, :3, 3] - target[:3, 3], axis=1)
         return np.asarray(position), rotation_angle(reached[:, :3, :3], target[:3, :3])
 
-    def legal(self, q: Array) -> NDArray[np.bool_]:
+    def within_limits(self, q: Array) -> NDArray[np.bool_]:
         """Which configurations (n, dof) are inside every limit, at tolerance 0."""
         return np.asarray(((q >= self.limits[:, 0]) & (q <= self.limits[:, 1])).all(axis=1))
 

@@ -38,12 +38,12 @@ One referee, Pinocchio on `urdf/j2n6s300.urdf`, measures every answer. Each has 
 and added to their tolerance. All start from home, ssik without a start. Times are of the call from Python alone.
 
 *Solved*: an answer inside the limits within {comparison.POSITION_TOLERANCE:g} m and
-{comparison.ORIENTATION_TOLERANCE:g} rad. *Legal*: the share of answers inside every limit, at tolerance 0. *Position*,
+{comparison.ORIENTATION_TOLERANCE:g} rad. *In limits*: share of answers inside every limit, at tolerance 0. *Position*,
 *orientation*: the worst error of all answers. *Branches*: mean number of answers inside the limits. *Found*: the
 configuration the pose was made from is among them. *p99 CPU* counts processor time, all threads added up, and so
 leaves out other work on the machine."""
 
-HEADER = ("solver", "solved", "legal", "position", "orientation", "branches", "found", "median", "p99", "p99 CPU")
+HEADER = ("solver", "solved", "in limits", "position", "orientation", "branches", "found", "median", "p99", "p99 CPU")
 
 
 def peers_section(robot: Robot, sets: Sequence[targets.Targets], names: Sequence[str], rounds: int) -> report.Section:
@@ -69,7 +69,7 @@ def _score_row(peer: environments.Peer, score: comparison.Score) -> tuple[str, .
     return (
         peer.title,
         report.percent(score.solved),
-        report.percent(score.legal),
+        report.percent(score.within_limits),
         report.number(score.position, "m"),
         report.number(score.orientation, "rad"),
         f"{score.branches:.2f}" if peer.all_branches else "one",

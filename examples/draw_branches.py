@@ -24,7 +24,7 @@ GAP = 4  # white, between the panels [pixel]
 
 def main(path: Path) -> None:
     branches = jacokin.IKSolver(jacokin.load_robot()).solve_all(TARGET)
-    panels = [_framed(_small(render(q)[0][CROP])) for q in branches.legal]
+    panels = [_framed(_small(render(q)[0][CROP])) for q in branches.q_within_limits]
     panels += [np.full_like(panels[0], 255)] * (-len(panels) % COLUMNS)
     rows = [np.concatenate(panels[first : first + COLUMNS], axis=1) for first in range(0, len(panels), COLUMNS)]
     write_png(path, np.concatenate(rows, axis=0))

@@ -36,7 +36,7 @@ def _folded(robot: jacokin.Robot, rng: np.random.Generator, count: int) -> list[
     while len(found) < count:
         q = robot.sample(rng)
         q[robot.joint_index("joint_3")] = rng.uniform(*FOLDED_ELBOW)
-        if not len(solver.solve_all(robot.forward_kinematics(q)).legal):
+        if not len(solver.solve_all(robot.forward_kinematics(q)).q_within_limits):
             found.append(q)
     return found
 

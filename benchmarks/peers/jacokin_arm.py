@@ -33,5 +33,5 @@ class Peer:
 
     def answers(self, raw):
         if self.variant == "solve_all":
-            return raw.legal
+            return raw.q_within_limits
         return [raw.q] if raw.success else []

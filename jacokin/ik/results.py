@@ -174,9 +174,14 @@ class Branches:
         return self._touching
 
     @property
-    def legal(self) -> Array:
-        """(m, dof) joint angles [rad] of the branches inside the limits."""
+    def q_within_limits(self) -> Array:
+        """(m, dof) joint angles [rad] of the branches within the limits."""
         return checks.read_only(self.q[self.within_limits])
+
+    @property
+    def legal(self) -> Array:
+        """The former name of `q_within_limits`."""
+        return self.q_within_limits
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -155,7 +155,7 @@ def test_referee_agrees_with_the_robot_and_counts_every_ulp(robot: Robot) -> Non
     edge = np.array([robot.home, robot.home])
     edge[0, 1] = robot.upper[1]
     edge[1, 1] = np.nextafter(robot.upper[1], np.inf)
-    assert referee.legal(edge).tolist() == [True, False]
+    assert referee.within_limits(edge).tolist() == [True, False]
 
 
 def test_referee_measures_small_and_large_turns(robot: Robot) -> None:
@@ -179,16 +179,16 @@ def test_score_counts_what_the_referee_sees(robot: Robot) -> None:
     referee = comparison.make_referee(robot)
     q = robot.sample(np.random.default_rng(2), 4)
     wanted = targets.Targets("set", referee.forward(q), q)
-    turned, off, illegal = q[1].copy(), q[2].copy(), q[3].copy()
+    turned, off, beyond = q[1].copy(), q[2].copy(), q[3].copy()
     turned[0] += 2.0 * np.pi  # another copy of the same configuration
     off[5] += 1e-5  # ten times the tolerance
-    illegal[1] += 2.0 * np.pi  # exact, and outside the limits
+    beyond[1] += 2.0 * np.pi  # exact, and outside the limits
     # Two rounds of two: targets 0 and 2 come first, then 1 and 3.
-    answers = [np.empty((0, 6)), off[None], np.array([q[1], turned]), illegal[None]]
+    answers = [np.empty((0, 6)), off[None], np.array([q[1], turned]), beyond[None]]
     score = comparison.score(contestant(answers), wanted, 2, referee)
     assert score.solved == 0.25  # target 1 alone
-    assert score.found == 0.75  # `off` and `illegal` too: neither limits nor tolerance matter there
-    assert score.legal == 0.75
+    assert score.found == 0.75  # `off` and `beyond` too: neither limits nor tolerance matter there
+    assert score.within_limits == 0.75
     assert score.branches == 1.0
     assert score.orientation == pytest.approx(1e-5)
     assert score.median == 1e-3
@@ -202,11 +202,11 @@ def test_score_without_answers(robot: Robot) -> None:
     wanted = targets.Targets("set", referee.forward(q), q)
     score = comparison.score(contestant([np.empty((0, 6))] * 2), wanted, 1, referee)
     assert (score.solved, score.found, score.branches) == (0.0, 0.0, 0.0)
-    assert score.legal is score.position is score.orientation is None
+    assert score.within_limits is score.position is score.orientation is None
 
 
 @pytest.mark.parametrize("up", [False, True])
-def test_vertical_targets_are_vertical_legal_and_reached(robot: Robot, up: bool) -> None:
+def test_vertical_targets_are_vertical_within_limits_and_reached(robot: Robot, up: bool) -> None:
     wanted = targets.vertical_tool(robot, np.random.default_rng(3), 10, up=up)
     for pose, q in zip(wanted.poses, wanted.generating, strict=True):
         assert np.array_equal(pose[:3, 2], [0.0, 0.0, 1.0 if up else -1.0])

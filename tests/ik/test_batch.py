@@ -105,6 +105,7 @@ def test_options_of_any_type_are_named(robot: Robot) -> None:
         ("method", np.array(["qp", "auto"]), UnknownNameError),
         ("collision", 10**5000, UnknownNameError),
         ("qp_solver", ["daqp"], UnknownNameError),
+        ("qp_solver", np.array(["daqp", "osqp"]), UnknownNameError),
         ("position_tolerance", 10**400, InvalidInputError),
         ("limit_snap", np.datetime64("2020-01-01"), InvalidInputError),
         ("max_restarts", np.timedelta64(3, "s"), InvalidInputError),

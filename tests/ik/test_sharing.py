@@ -76,7 +76,7 @@ def test_copies_of_results_stay_read_only(robot: Robot) -> None:
         for other in (pickle.loads(pickle.dumps(original)), copy.deepcopy(original)):
             np.testing.assert_array_equal(other.q, original.q)
             assert not other.q.flags.writeable
-    for array in (branches.within_limits, branches.margin, branches.distance, branches.legal, batch.success):
+    for array in (branches.within_limits, branches.margin, branches.distance, branches.q_within_limits, batch.success):
         assert not array.flags.writeable
     with pytest.raises(AttributeError):
         result.status = Status.OK  # type: ignore[misc]  # what a user might try
@@ -106,7 +106,7 @@ def test_seeds_many_turns_away(robot: Robot) -> None:
 def test_seeds_of_limited_joints_any_number_of_turns_away(robot: Robot) -> None:
     solver = IKSolver(robot)
     target = robot.forward_kinematics(robot.home)
-    branch = solver.solve_all(target).legal[-1]
+    branch = solver.solve_all(target).q_within_limits[-1]
     for turns in (-3, -1, 2, 40):
         seed = branch + 2.0 * np.pi * turns
         result = solver.solve(target, seed).raise_for_status()

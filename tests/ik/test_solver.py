@@ -145,7 +145,8 @@ def test_branches_come_nearest_first_with_margins(robot: Robot, rng: np.random.G
     expected = np.minimum(branches.q - robot.lower, robot.upper - branches.q)
     np.testing.assert_allclose(branches.margin, expected, atol=1e-12)
     np.testing.assert_array_equal(branches.within_limits, (branches.margin >= 0.0).all(axis=1))
-    assert len(branches.legal) == branches.within_limits.sum()
+    assert len(branches.q_within_limits) == branches.within_limits.sum()
+    np.testing.assert_array_equal(branches.legal, branches.q_within_limits)  # the former name
     assert branches.complete
     assert not branches.q.flags.writeable
 
@@ -154,8 +155,8 @@ def test_limits_that_exclude_every_branch_are_named(rng: np.random.Generator) ->
     robot = jacokin.load_robot()
     q = robot.sample(rng)
     target = robot.forward_kinematics(q)
-    legal = IKSolver(robot).solve_all(target).legal
-    narrow = jacokin.load_robot(limits={"joint_2": (legal[:, 1].max() + 0.05, robot.upper[1])})
+    within = IKSolver(robot).solve_all(target).q_within_limits
+    narrow = jacokin.load_robot(limits={"joint_2": (within[:, 1].max() + 0.05, robot.upper[1])})
     solver = IKSolver(narrow)
     result = solver.solve(target)
     assert result.status is Status.OUTSIDE_LIMITS

@@ -49,7 +49,7 @@ def our_name(body: str) -> str:
     return re.sub(r"^b_", "link_", body.removeprefix("hand:"))
 
 
-def random_legal(model: mujoco.MjModel, count: int, seed: int) -> Array:
+def random_within_limits(model: mujoco.MjModel, count: int, seed: int) -> Array:
     """Configurations uniform within the limits, free joints in [-pi, pi], fingers at 0.5 rad."""
     limited = model.jnt_limited[:6, None] == 1
     low, high = np.where(limited, model.jnt_range[:6], [-math.pi, math.pi]).T
@@ -71,7 +71,7 @@ def touching(model: mujoco.MjModel, configurations: Array) -> NDArray[np.bool_]:
 
 def test_no_mesh_contact_is_missed_and_few_are_invented(meshes: mujoco.MjModel) -> None:
     ours = mjcf("j2n6s300")
-    q = random_legal(ours, 4000, seed=20)
+    q = random_within_limits(ours, 4000, seed=20)
     true, seen = touching(meshes, q), touching(ours, q)
     assert 0.04 < true.mean() < 0.07
     assert not (true & ~seen).any()
@@ -81,7 +81,7 @@ def test_no_mesh_contact_is_missed_and_few_are_invented(meshes: mujoco.MjModel) 
 @pytest.mark.slow
 def test_no_mesh_contact_is_missed_over_many(meshes: mujoco.MjModel) -> None:
     ours = mjcf("j2n6s300")
-    q = random_legal(ours, 40_000, seed=21)
+    q = random_within_limits(ours, 40_000, seed=21)
     true, seen = touching(meshes, q), touching(ours, q)
     assert not (true & ~seen).any()
     assert (seen & ~true).mean() <= MOST_FALSE_CONTACTS
@@ -134,7 +134,7 @@ def signed_distance(model: mujoco.MjModel, geom: int, points: Array) -> Array:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_home_is_legal_and_free_of_contact(name: str) -> None:
+def test_home_is_within_limits_and_free_of_contact(name: str) -> None:
     with (FOLDER / "jaco.toml").open("rb") as file:
         home = tomllib.load(file)["variants"][name]["home"]
     model = mjcf(name)
@@ -153,7 +153,7 @@ def test_hand_alone_closes_without_touching_itself() -> None:
 def test_same_chain(meshes: mujoco.MjModel) -> None:
     ours = mjcf("j2n6s300")
     a, b = mujoco.MjData(ours), mujoco.MjData(meshes)
-    for q in random_legal(ours, 100, seed=22):
+    for q in random_within_limits(ours, 100, seed=22):
         a.qpos[:] = b.qpos[:] = q
         mujoco.mj_forward(ours, a)
         mujoco.mj_forward(meshes, b)

@@ -146,7 +146,7 @@ def test_twin_in_mujoco_has_every_frame(robot: Robot, rng: np.random.Generator) 
             np.testing.assert_allclose(data.site(frame).xmat.reshape(3, 3), placement.rotation, atol=1e-12)
 
 
-def test_samples_are_legal_and_fill_the_ranges(robot: Robot, rng: np.random.Generator) -> None:
+def test_samples_are_within_limits_and_fill_the_ranges(robot: Robot, rng: np.random.Generator) -> None:
     q = robot.sample(rng, 4000)
     assert all(robot.within_limits(row) for row in q)
     low, high = np.where(robot.unlimited, -np.pi, robot.lower), np.where(robot.unlimited, np.pi, robot.upper)

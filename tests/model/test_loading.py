@@ -131,7 +131,7 @@ def test_urdf_from_a_user_is_the_bundled_one(tmp_path: Path, rng: np.random.Gene
     assert (mine.effort_limit == [40, 80, 40, 20, 20, 20]).all()
 
 
-def test_home_is_legal_and_free_of_contact(scene: Path) -> None:
+def test_home_is_within_limits_and_free_of_contact(scene: Path) -> None:
     from jacokin.model import SelfContact
 
     robot = jacokin.load_robot(scene)

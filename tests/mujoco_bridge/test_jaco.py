@@ -187,7 +187,7 @@ def test_parts_of_the_hand() -> None:
     assert arm.wrist_site.name == "wristsite"
 
 
-def test_home_is_legal_at_rest_and_free_of_contact() -> None:
+def test_home_is_within_limits_at_rest_and_free_of_contact() -> None:
     physics, _, arm, hand = jaco_scene()
     physics.bind(arm.joints).qvel = 1.0
     physics.bind(arm.actuators).ctrl = 0.3

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -57,7 +58,7 @@ def target_rows(columns: tuple[str, ...], values: Array, lines: NDArray[np.int_]
     elif orientation == QUATERNION:
         rotations, wrong = rotations_from_quats(usable[:, 3:])
         for row in wrong:
-            norm = np.linalg.norm(values[row, 3:])
+            norm = math.hypot(*values[row, 3:])
             problems[int(row)] = f"quat_wxyz must have norm 1 (within 1 %), got norm {norm:.6g}"
     else:
         rotations = usable[:, 3:].reshape(-1, 3, 3).copy()

@@ -22,7 +22,6 @@ from jacokin.model import checks
 if TYPE_CHECKING:
     import mink
 
-Array = Array
 Inequalities = tuple[Array, Array] | tuple[None, None]  # G (m, n) and h (m,) of G x <= h, or none
 
 DEFAULT = "daqp"

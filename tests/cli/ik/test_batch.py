@@ -33,7 +33,7 @@ def targets(tmp_path: Path) -> Path:
     return path
 
 
-def test_every_answer_in_the_file_is_legal_and_reaches_its_target(targets: Path) -> None:
+def test_every_answer_in_the_file_is_within_limits_and_reaches_its_target(targets: Path) -> None:
     out = targets.with_name("joints.csv")
     assert leave("ik", "--targets", str(targets), "--output", str(out)) == 0
     with out.open(newline="", encoding="utf-8") as file:

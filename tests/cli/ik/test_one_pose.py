@@ -41,9 +41,9 @@ def test_ik_degrees_are_for_angles_in_and_out(run: Run) -> None:
 
 def test_ik_takes_the_branch_nearest_to_the_seed(run: Run) -> None:
     every = run("ik", *POSE, "--all", "--json").document["branches"]
-    legal = [branch["q"] for branch in every if branch["within_limits"]]
-    assert len(legal) >= 2
-    for q in legal:
+    within = [branch["q"] for branch in every if branch["within_limits"]]
+    assert len(within) >= 2
+    for q in within:
         answer = run("ik", *POSE, "--seed", *(repr(angle) for angle in q), "--json")
         assert np.allclose(answer.document["q"], q, rtol=0.0, atol=1e-9)
 

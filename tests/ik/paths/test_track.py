@@ -70,8 +70,8 @@ def test_a_branch_that_fails_gives_way_to_one_that_does_not(robot: Robot) -> Non
             assert result.branches[-1].position_error <= 1e-4
             assert "stays on the path" in result.message
         elif not result.success:
-            legal = IKSolver(robot).solve_all(start).legal
-            assert len(result.branches) == len(legal)
+            within = IKSolver(robot).solve_all(start).q_within_limits
+            assert len(result.branches) == len(within)
             assert all(report.failed_segments == (0,) for report in result.branches)
         if found >= 2:
             return
@@ -103,7 +103,7 @@ def test_without_closed_form_branches_come_from_many_seeds(robot: Robot, monkeyp
 
     solver = IKSolver(robot)
     pose = robot.forward_kinematics(robot.home)
-    exact = [np.array(q) for q in solver.solve_all(pose).legal]
+    exact = [np.array(q) for q in solver.solve_all(pose).q_within_limits]
 
     def refuse() -> None:
         raise StructureError("no closed form")

@@ -61,7 +61,7 @@ def test_over_the_shoulder(robot: Robot, offset: float, recovering: int) -> None
     rotation = robot.forward_kinematics(robot.home, "link_6").rotation
     ends = [np.array([side, offset, 0.75]) for side in (0.12, -0.12)]
     solver = IKSolver(robot, frame="link_6")
-    starts = solver.solve_all(pin.SE3(rotation, ends[0])).legal
+    starts = solver.solve_all(pin.SE3(rotation, ends[0])).q_within_limits
     assert len(starts) > 0
     way = np.concatenate([np.linspace(0.0, 1.0, 240), np.ones(300)])
     path = [pin.SE3(rotation, ends[0] + part * (ends[1] - ends[0])) for part in way]

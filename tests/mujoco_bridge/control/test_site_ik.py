@@ -132,7 +132,7 @@ def test_tool_down_in_the_workspace_of_the_tasks() -> None:
         if not arm.set_site_to_xpos(physics, rng, hand.pinch_site, position):
             missed += 1
             target = jacokin.pose(position - robots.ARM_OFFSET, DOWN_QUATERNION)
-            assert len(solver.solve_all(target).legal) == 0
+            assert len(solver.solve_all(target).q_within_limits) == 0
             continue
         assert_reached(physics, arm, hand.pinch_site, position, DOWN_QUATERNION)
         np.testing.assert_allclose(hand.observables.pinch_site_pos(physics), position, rtol=0.0, atol=REACHED)
@@ -154,9 +154,9 @@ def test_the_nearest_branch_within_the_limits_is_taken() -> None:
         target = robot.forward_kinematics(robot.sample(rng), "wristsite")
         assert arm.set_site_to_xpos(physics, rng, arm.wrist_site, target.translation, quaternion_of(target.rotation))
         chosen = physics.bind(arm.joints).qpos
-        legal = solver.solve_all(target, present).legal
-        several += len(legal) > 1
-        distances = circular_distance(legal, present, robot.unlimited)
+        within = solver.solve_all(target, present).q_within_limits
+        several += len(within) > 1
+        distances = circular_distance(within, present, robot.unlimited)
         assert circular_distance(chosen, present, robot.unlimited) == pytest.approx(distances.min(), abs=1e-6)
     assert several > 20
 
@@ -179,7 +179,7 @@ def test_failure_changes_nothing_at_all() -> None:
         q = robot.sample(rng)
         q[1] = robot.lower[1] - 0.4
         target = robot.forward_kinematics(q, "wristsite")
-        if len(solver.solve_all(target).legal):
+        if len(solver.solve_all(target).q_within_limits):
             continue
         failures += 1
         draws = rng.bit_generator.state
