@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from jacokin.tasks.experts.expert import Expert as Expert
     from jacokin.tasks.experts.expert import expert as expert
     from jacokin.tasks.gym.environment import TaskEnv as TaskEnv
+    from jacokin.tasks.randomization import Randomization as Randomization
     from jacokin.tasks.registry import names as names
     from jacokin.tasks.task import Task as Task
 
@@ -34,6 +35,7 @@ __all__, __getattr__, __dir__ = lazy.door(
         "jacokin.tasks.environment": ("Environment", "load"),
         "jacokin.tasks.experts.expert": ("Expert", "expert"),
         "jacokin.tasks.gym.environment": ("TaskEnv",),
+        "jacokin.tasks.randomization": ("Randomization",),
         "jacokin.tasks.registry": ("names",),
         "jacokin.tasks.task": ("Task",),
     },

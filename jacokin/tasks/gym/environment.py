@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import os
 import sys
+from collections import deque
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
@@ -23,6 +24,7 @@ from jacokin.tasks.episode import STEPS, Episode, Snapshot
 from jacokin.tasks.gym.controls import CONTROLS, Control
 from jacokin.tasks.gym.options import RENDER_MODES, Options
 from jacokin.tasks.gym.packing import Observation, Packing, with_picture
+from jacokin.tasks.randomization import Randomization, Variation, steps_of
 from jacokin.tasks.task import CONTROL_TIMESTEP, Task
 
 SIZE = 480  # rows and columns of rendered pictures [pixels]
@@ -51,6 +53,7 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
         goal: bool = False,
         observations: str = registry.FEATURES,
         flatten: bool = True,
+        randomization: Randomization | None = None,
         render_mode: str | None = None,
         width: int = SIZE,
         height: int = SIZE,
@@ -64,6 +67,8 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
             goal: give observations with ``achieved_goal`` and ``desired_goal``.
             observations: "features" or "vision".
             flatten: give the features as one array; False for a dictionary by name.
+            randomization: what is drawn at each reset beside the initial state; ``info["randomization"]`` has the
+                values, ``reset(options={"randomization": values})`` uses them again.
             render_mode: what `render` gives: "rgb_array", "depth_array", "human" (a window), or None.
             width: columns of rendered pictures [pixels].
             height: rows of rendered pictures [pixels].
@@ -74,6 +79,9 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
             PhysicsError: "human" without a display.
         """
         self.options = Options(task, control, reward, goal, observations, flatten)
+        if not isinstance(randomization, Randomization | None):
+            raise InvalidInputError(f"randomization must be a Randomization or None, got {randomization!r}")
+        self.randomization = randomization
         if render_mode is not None:
             checks.choice("render_mode", render_mode, RENDER_MODES)
         if render_mode == "human" and sys.platform == "linux" and not _has_display():
@@ -86,6 +94,9 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
         self.observation_space = self._packing.space
         self.action_space = spaces.Box(*self._control.bounds, dtype=np.float64)
         self._window: Any = None
+        self._variation = None if randomization is None else Variation(self.model)
+        self._values: dict[str, float] = {}
+        self._delayed: deque[Array] = deque()
 
     @property
     def task(self) -> Task:
@@ -112,25 +123,32 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
 
         Args:
             seed: starts the random numbers anew; None goes on with them.
-            options: none are known.
+            options: "randomization", the values of an earlier episode, which are then not drawn.
 
         Returns:
-            The observation, and ``info`` with ``is_success``.
+            The observation, and ``info`` with ``is_success`` and, if anything is randomized, ``randomization``.
 
         Raises:
             InvalidInputError: a seed that is not a whole number >= 0, or an unknown option.
             EpisodeInitializationError: no initial state was found.
         """
         for name in options or ():
-            checks.choice("option of reset", name, ())
+            checks.choice("option of reset", name, () if self.randomization is None else ("randomization",))
         if seed is not None:
             checked_random_state(seed)
+        replayed = None
+        if self.randomization is not None and options:
+            replayed = self.randomization.replayed(options["randomization"])
         super().reset(seed=seed)
+        if self.randomization is not None:
+            drawn = self.randomization.draw(self.np_random)
+            self._apply(drawn if replayed is None else replayed)
         self._episode.start(self.np_random)
         self._control.start(self._episode.physics)
+        self._delayed.clear()
         observation, _, success = self._outcome()
         self._show()
-        return observation, {"is_success": success}
+        return observation, self._info(success)
 
     def step(self, action: ArrayLike) -> tuple[Observation, float, bool, bool, Info]:
         """Apply an action for 0.04 s.
@@ -151,12 +169,13 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
         steps = episode.steps
         values = actions.bounded(action, *self._control.bounds)
         try:
-            episode.advance(self._control.velocities(episode.physics, values))
+            velocities = self._control.velocities(episode.physics, values)
+            episode.advance(self._late(velocities) if self._values else velocities)
         except PhysicsError as error:
             return copy.deepcopy(self._last), 0.0, False, True, {"is_success": False, "error": str(error)}
         observation, reward, success = self._outcome()
         self._show()
-        return observation, reward, False, steps + 1 >= STEPS, {"is_success": success}
+        return observation, reward, False, steps + 1 >= STEPS, self._info(success)
 
     def compute_reward(self, achieved_goal: ArrayLike, desired_goal: ArrayLike, info: object = None) -> float | Array:
         """The reward of goals, as `step` gives it.
@@ -223,8 +242,27 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
         observation = self._packing.pack(view, goal, achieved, desired)
         if self.options.has_camera:
             observation = with_picture(observation, episode.picture())
+        if "observation_noise" in self._values:
+            self._packing.add_noise(observation, self._values["observation_noise"], self.np_random)
         self._last = observation
         return observation, float(self._rewards(achieved, desired)), bool(task.success(achieved, desired))
+
+    def _info(self, success: bool) -> Info:
+        if self.randomization is None:
+            return {"is_success": success}
+        return {"is_success": success, "randomization": dict(self._values)}
+
+    def _apply(self, values: dict[str, float]) -> None:
+        """Give the model these values."""
+        assert self._variation is not None
+        self._values = values
+        self._variation.apply(values)
+
+    def _late(self, velocities: Array) -> Array:
+        """The velocities asked for some steps ago; none at first."""
+        self._delayed.append(velocities)
+        late = len(self._delayed) > steps_of(self._values)
+        return self._delayed.popleft() if late else np.zeros_like(velocities)
 
     def _show(self) -> None:
         if self.render_mode != "human":
@@ -245,20 +283,26 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
             "spec": self.spec,
             "control": self._control,
             "snapshot": self._episode.snapshot(),
+            "randomization": self.randomization,
+            "values": self._values,
+            "delayed": deque(self._delayed),
+            "last": getattr(self, "_last", None),
         }
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Compile the scene and go on."""
         options: Options = state["options"]
         fields = {name: getattr(options, name) for name in options.__slots__}
-        self.__init__(**fields, **state["render"])  # type: ignore[misc]  # an object without state is made as usual
+        self.__init__(**fields, randomization=state["randomization"], **state["render"])  # type: ignore[misc]  # an object without state is made as usual
         self._np_random, self._np_random_seed = state["random"]
         self.spec = state["spec"]
         self._control = state["control"]
+        self._delayed = state["delayed"]
+        if self.randomization is not None and state["values"]:
+            self._apply(state["values"])
         snapshot: Snapshot = state["snapshot"]
         self._episode.restore(snapshot)
-        if snapshot.steps is not None:
-            self._outcome()
+        self._last = copy.deepcopy(state["last"])
 
     def __deepcopy__(self, memo: dict[int, Any]) -> TaskEnv:
         """An independent environment in the same state."""

@@ -76,6 +76,15 @@ class Packing:
             return {"observation": flat, "achieved_goal": np.array(achieved), "desired_goal": np.array(desired)}
         return {PROPRIOCEPTION: flat} if options.has_camera else flat
 
+    def add_noise(self, observation: Observation, deviation: float, random_state: np.random.Generator) -> None:
+        """Add normal noise to the features of one environment, in place; goals and pictures are left as they are."""
+        if isinstance(observation, np.ndarray):
+            observation += random_state.normal(0.0, deviation, observation.shape)
+            return
+        names = ["observation"] if self._options.goal else [PROPRIOCEPTION]
+        for name in names if self._options.flatten else [each.name for each in self._features]:
+            observation[name] += random_state.normal(0.0, deviation, observation[name].shape)
+
 
 def with_picture(observation: Observation, picture: NDArray[Any]) -> Observation:
     """The observation with the picture in front."""

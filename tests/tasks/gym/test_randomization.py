@@ -1,0 +1,104 @@
+"""Randomization: drawn from the environment's numbers, reported, replayed, refused where it is impossible."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+from typing import Any
+
+import numpy as np
+import pytest
+from gymnasium.envs.mujoco.utils import check_mujoco_reset_state
+
+from jacokin.errors import InvalidInputError, UnknownNameError
+from jacokin.mujoco_bridge.distributions import Uniform
+from jacokin.tasks import Randomization, TaskEnv
+
+ALL = Randomization(
+    friction=Uniform(0.3, 1.2),
+    mass=Uniform(0.5, 2.0),
+    gains=Uniform(0.8, 1.2),
+    damping=Uniform(0.5, 2.0),
+    lights=Uniform(0.5, 1.5),
+    latency=Uniform(0.0, 0.12),
+    observation_noise=Uniform(0.0, 0.01),
+    camera=Uniform(0.0, 0.05),
+)
+
+
+def episode(environment: TaskEnv, **reset: Any) -> tuple[list[Any], dict[str, float]]:
+    observation, info = environment.reset(**reset)
+    observations = [observation, *(environment.step(np.full(9, 0.2))[0] for _ in range(4))]
+    return observations, info["randomization"]
+
+
+def test_values_are_drawn_reported_and_replayed() -> None:
+    environment = TaskEnv("lift_brick", randomization=ALL)
+    first, values = episode(environment, seed=1)
+    _, others = episode(environment)
+    assert all(values[name] != others[name] for name in values)
+    model = environment.model
+    before = model.body_mass.copy(), model.geom_friction.copy()
+    again, same = episode(environment, seed=1)
+    assert same == values
+    np.testing.assert_array_equal(again, first)
+    assert not np.array_equal(model.body_mass, before[0])
+    assert not np.array_equal(model.geom_friction, before[1])
+    _, replayed = episode(environment, seed=5, options={"randomization": values})
+    assert replayed == values
+    plain = TaskEnv("lift_brick").model
+    brick = int(np.flatnonzero(model.jnt_type == 0)[0])
+    body = model.jnt_bodyid[brick]
+    assert model.body_mass[body] == pytest.approx(values["mass"] * plain.body_mass[body])
+    assert model.actuator_gainprm[0, 0] == pytest.approx(values["gains"] * 500.0)
+    np.testing.assert_allclose(model.dof_damping[:6], values["damping"] * plain.dof_damping[:6])
+    np.testing.assert_array_equal(model.body_mass[:body], plain.body_mass[:body])
+
+
+def test_copies_keep_the_values() -> None:
+    environment = TaskEnv("place_cradle", randomization=ALL)
+    episode(environment, seed=2)
+    copies = [pickle.loads(pickle.dumps(environment)), copy.deepcopy(environment)]
+    for _ in range(4):
+        observation, _, _, _, info = environment.step(np.full(9, -0.3))
+        for each in copies:
+            other, _, _, _, others = each.step(np.full(9, -0.3))
+            np.testing.assert_array_equal(other, observation)
+            assert others == info
+    check_mujoco_reset_state(environment)  # type: ignore[arg-type]  # has `model` and `data` as a MujocoEnv
+
+
+def test_actions_come_late() -> None:
+    late, prompt = TaskEnv("reach_site", randomization=Randomization(latency=0.08)), TaskEnv("reach_site")
+    late.reset(seed=0)
+    prompt.reset(seed=0)
+    for _ in range(2):
+        late.step(np.ones(9))
+        prompt.step(np.zeros(9))
+    for _ in range(2):
+        np.testing.assert_array_equal(late.step(np.zeros(9))[0], prompt.step(np.ones(9))[0])
+
+
+def test_noise_is_on_features_alone() -> None:
+    noisy = TaskEnv("reach_site", goal=True, randomization=Randomization(observation_noise=0.1))
+    clean = TaskEnv("reach_site", goal=True)
+    one: Any = noisy.reset(seed=0)[0]
+    other: Any = clean.reset(seed=0)[0]
+    assert 0.01 < np.abs(one["observation"] - other["observation"]).mean() < 0.3
+    np.testing.assert_array_equal(one["desired_goal"], other["desired_goal"])
+
+
+def test_what_physics_does_not_allow_is_refused() -> None:
+    for wrong in ({"mass": 0.0}, {"friction": -1.0}, {"latency": 2.0}, {"observation_noise": np.nan}, {"gains": "big"}):
+        with pytest.raises(InvalidInputError):
+            Randomization(**wrong)
+    environment = TaskEnv("reach_site", randomization=Randomization(mass=Uniform(-2.0, -1.0)))
+    with pytest.raises(InvalidInputError, match="mass must be a factor above 0"):
+        environment.reset(seed=0)
+    environment = TaskEnv("reach_site", randomization=Randomization(mass=2.0))
+    with pytest.raises(UnknownNameError, match="Valid: mass"):
+        environment.reset(options={"randomization": {"weight": 1.0}})
+    with pytest.raises(InvalidInputError, match="lacks mass"):
+        environment.reset(options={"randomization": {}})
+    with pytest.raises(InvalidInputError, match="must be a Randomization"):
+        TaskEnv("reach_site", randomization={"mass": 2.0})  # type: ignore[arg-type]  # the mistake
