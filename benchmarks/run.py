@@ -28,6 +28,7 @@ PRINTING = {
     "bridge": "The MuJoCo bridge beside dm_control",
     "tracker": "One tick of the tracker",
     "latency": "Single calls, the slowest included",
+    "planning": "Planned paths",
 }
 SECTIONS = ("peers", "costs", "files", "completeness", "qp", *PRINTING)
 PRINTING_TIMEOUT = 600.0  # [s]

@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from jacokin.ik.files.target_rows import TargetFile as TargetFile
     from jacokin.ik.files.targets_csv import read_targets as read_targets
     from jacokin.ik.one_pose import solve_ik as solve_ik
+    from jacokin.ik.paths.clearances import PathClearance as PathClearance
+    from jacokin.ik.paths.clearances import path_clearance as path_clearance
     from jacokin.ik.paths.joint_motion import JointMotion as JointMotion
     from jacokin.ik.paths.joint_motion import move_joints as move_joints
     from jacokin.ik.paths.plan import plan_path as plan_path
@@ -111,6 +113,10 @@ __all__, __getattr__, __dir__ = lazy.door(
             "solve_file",
         ),
         "jacokin.ik.paths.plan": ("plan_path",),
+        "jacokin.ik.paths.clearances": (
+            "PathClearance",
+            "path_clearance",
+        ),
         "jacokin.ik.batches.summary": ("FileSummary",),
         "jacokin.ik.files.target_rows": ("TargetFile",),
         "jacokin.ik.files.targets_csv": ("read_targets",),
