@@ -19,14 +19,16 @@ Cost: TypeAlias = Callable[[Array], Array]
 
 #: Local minima among the guesses that are looked at exactly.
 MINIMA = 3
-#: Steps of golden-section search: the last bracket is 1e-8 of the first.
-STEPS = 40
+#: Steps towards a minimum at most.
+STEPS = 60
+#: Share of a chord at which a minimum is found: rounding allows no more.
+ACCURACY = 1e-9
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 
 
 #: What `prefer=` takes, besides a callable.
 PREFERENCES = ("nearest", "margin", "manipulability")
-#: Members of a family whose costs differ by less than this times the difference of their distances to the seed [rad]
+#: Members of a family whose costs differ by less than this times the difference of their squared distances to the seed [rad^2]
 #: count as equal: the nearer one is taken.
 TIE = 1e-9
 
@@ -82,8 +84,13 @@ def _by_function(function: Callable[[Array], float]) -> Cost:
 
 
 def by_distance(seed: Array) -> Cost:
-    """Euclidean distance to a seed (dof,) [rad]; rows are in the copies nearest to it."""
-    return lambda rows: np.asarray(np.linalg.norm(rows - seed, axis=1))
+    """Square of the distance to a seed (dof,) [rad^2]; rows are in the copies nearest to it."""
+
+    def squares(rows: Array) -> Array:
+        apart = rows - seed
+        return np.asarray(np.einsum("ij,ij->i", apart, apart))
+
+    return squares
 
 
 def by_margin(robot: Robot) -> Cost:
@@ -101,39 +108,65 @@ def least(cost: Cost, coordinates: Array, rows: Array, exact: Callable[[float], 
         rows: (m, dof) configurations there, roughly.
         exact: the configuration (dof,) at a coordinate.
     """
-    values = cost(rows)
+    ends = [refined(cost, coordinates, end, exact) for end in minima(cost(rows))[:MINIMA]]
+    return min(ends, key=lambda end: end[0])[1]
+
+
+def minima(values: Array) -> NDArray[np.int64]:
+    """Indices of the local minima, best first, ends included."""
+    padded = np.concatenate([[np.inf], values, [np.inf]])
+    local = np.flatnonzero((values <= padded[:-2]) & (values <= padded[2:]))
+    return local[np.argsort(values[local], kind="stable")]
+
+
+def refined(cost: Cost, coordinates: Array, index: int, exact: Callable[[float], Array]) -> tuple[float, float]:
+    """The least cost between the neighbours of a guess, and its coordinate."""
 
     def at(coordinate: float) -> float:
         return float(cost(exact(coordinate)[np.newaxis])[0])
 
-    best, best_value = float(coordinates[0]), at(float(coordinates[0]))
-    for end in _minima(values):
-        low, high = float(coordinates[max(end - 1, 0)]), float(coordinates[min(end + 1, len(coordinates) - 1)])
-        for coordinate in (_golden(at, low, high), float(coordinates[end])):
-            value = at(coordinate)
-            if value < best_value:
-                best, best_value = coordinate, value
-    return best
+    low, high = coordinates[[max(index - 1, 0), min(index + 1, len(coordinates) - 1)]].tolist()
+    middle = float(coordinates[index])
+    known = (at(middle), middle)
+    found = (
+        brent(at, low, known[1], high, known[0]) if low < middle < high else brent(at, low, 0.5 * (low + high), high)
+    )
+    return min(known, found)
 
 
-def _minima(values: Array) -> NDArray[np.int64]:
-    """Indices of the local minima, best first, ends included."""
-    padded = np.concatenate([[np.inf], values, [np.inf]])
-    local = np.flatnonzero((values <= padded[:-2]) & (values <= padded[2:]))
-    return local[np.argsort(values[local], kind="stable")][:MINIMA]
+def brent(
+    at: Callable[[float], float], low: float, x: float, high: float, fx: float | None = None
+) -> tuple[float, float]:
+    """The minimum of a function between low and high, and where it is.
 
-
-def _golden(at: Callable[[float], float], low: float, high: float) -> float:
-    """The minimum between low and high by golden-section search."""
-    a, b = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
-    at_a, at_b = at(a), at(b)
+    Parabolas through the three best points, golden section where they fail (Brent, 1973, chapter 5).
+    """
+    w = v = x
+    fx = at(x) if fx is None else fx
+    fw = fv = fx
+    step = before = high - low
     for _ in range(STEPS):
-        if at_a <= at_b:
-            high, b, at_b = b, a, at_a
-            a = high - GOLDEN * (high - low)
-            at_a = at(a)
+        middle, tolerance = 0.5 * (low + high), ACCURACY * (1.0 + abs(x))
+        if abs(x - middle) <= 2.0 * tolerance - 0.5 * (high - low):
+            break
+        r, q = (x - w) * (fx - fv), (x - v) * (fx - fw)
+        p = (x - v) * q - (x - w) * r
+        q = 2.0 * (q - r)
+        p, q = (-p, q) if q > 0.0 else (p, -q)
+        if abs(p) < abs(0.5 * q * before) and q * (low - x) < p < q * (high - x):
+            before, step = step, p / q
         else:
-            low, a, at_a = a, b, at_b
-            b = low + GOLDEN * (high - low)
-            at_b = at(b)
-    return 0.5 * (low + high)
+            before = (high if x < middle else low) - x
+            step = (1.0 - GOLDEN) * before
+        u = x + (step if abs(step) >= tolerance else math.copysign(tolerance, step))
+        fu = at(u)
+        if fu <= fx:
+            low, high = (x, high) if u >= x else (low, x)
+            v, fv, w, fw, x, fx = w, fw, x, fx, u, fu
+        else:
+            low, high = (u, high) if u < x else (low, u)
+            if fu <= fw or w == x:
+                v, fv, w, fw = w, fw, u, fu
+            elif fu <= fv or v in (x, w):
+                v, fv = u, fu
+    return fx, x

@@ -15,10 +15,10 @@ from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
 from jacokin.ik.answers.choosing import Cost, by_distance, by_margin
+from jacokin.ik.families.interval import Interval, choose
 from jacokin.model import checks
 
 if TYPE_CHECKING:
-    from jacokin.ik.families.interval import Interval
     from jacokin.ik.families.members import Members
 
 
@@ -79,12 +79,7 @@ class Family:
             cost: of rows (m, dof), see `choosing`.
             seed: (dof,) unlimited joints take the copies nearest to it.
         """
-        best: tuple[float, Array, float] | None = None
-        for interval in self.intervals:
-            found = interval.choose(cost, seed)
-            if best is None or found[0] < best[0]:
-                best = found
-        return None if best is None else best[1:]
+        return choose(self.intervals, cost, seed) if self.intervals else None
 
     def sample(self, n: int) -> Array:
         """Members (k, dof) [rad] spread over all intervals in proportion to their lengths.

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
-from jacokin.ik.answers.choosing import Cost, by_distance, by_margin, least
+from jacokin.ik.answers.choosing import Cost, by_distance, by_margin, minima, refined
 from jacokin.ik.families.members import Members
 from jacokin.ik.families.tracks import Track
 from jacokin.model import checks
@@ -86,34 +89,31 @@ class Interval:
 
     def nearest(self, seed: ArrayLike | None = None) -> Array:
         """The member (dof,) [rad] nearest to a seed; None for the seed of the family."""
-        return self.choose(by_distance(self._seed(seed)), self._seed(seed))[1]
+        return choose([self], by_distance(self._seed(seed)), self._seed(seed))[0]
 
     def widest(self) -> Array:
         """The member (dof,) [rad] with the largest limit margin."""
-        return self.choose(by_margin(self._members.robot), self._members.seed)[1]
+        return choose([self], by_margin(self._members.robot), self._members.seed)[0]
 
     @property
     def margin(self) -> float:
         """The largest limit margin of a member [rad]; inf for an arm without limits."""
-        return -self.choose(by_margin(self._members.robot), self._members.seed)[0]
+        cost = by_margin(self._members.robot)
+        return -float(cost(choose([self], cost, self._members.seed)[0][np.newaxis])[0])
 
-    def choose(self, cost: Cost, seed: Array) -> tuple[float, Array, float]:
-        """Least cost, the member (dof,) that has it, and its parameter [rad]; for callers inside the package.
+    def guesses(self, cost: Cost, seed: Array) -> Guesses:
+        """Members all along, roughly, and their costs; unlimited joints in the copies nearest to a seed (dof,)."""
+        coordinates, rows = self._track.guesses()
+        return Guesses(self, coordinates, cost(self._members.copies(rows, seed)))
 
-        Args:
-            cost: of rows (m, dof).
-            seed: (dof,) unlimited joints take the copies nearest to it.
-        """
-        members, track = self._members, self._track
-        coordinates, rows = track.guesses()
+    def near(self, guesses: Guesses, index: int, cost: Cost, seed: Array) -> tuple[float, float]:
+        """The least cost between the neighbours of a guess, and its coordinate."""
+        return refined(cost, guesses.coordinates, index, lambda c: self._members.copies(self._track.joints(c), seed))
 
-        def exact(coordinate: float) -> Array:
-            return members.copies(track.point(coordinate)[1], seed)
-
-        best = least(cost, coordinates, members.copies(rows, seed), exact)
-        p, q = track.point(best)
-        q = self.member(p, q, seed)
-        return float(cost(q[np.newaxis])[0]), q, p
+    def at_coordinate(self, coordinate: float, seed: Array) -> tuple[Array, float]:
+        """The member (dof,) at a coordinate of the track, and its parameter [rad]."""
+        p, q = self._track.point(coordinate)
+        return self.member(p, q, seed), p
 
     def sample(self, n: int) -> tuple[Array, Array]:
         """Values of the parameter (n,) and members (n, dof) [rad], spread over the interval; the middle for n = 1."""
@@ -137,3 +137,34 @@ class Interval:
         if not self.start - PARAMETER_SLACK <= moved <= self.stop + PARAMETER_SLACK:
             return None
         return min(max(moved, self.start), self.stop)
+
+
+class Guesses(NamedTuple):
+    """Costs along an interval."""
+
+    interval: Interval
+    coordinates: Array
+    values: Array
+
+
+def choose(intervals: Sequence[Interval], cost: Cost, seed: Array) -> tuple[Array, float]:
+    """The member (dof,) of the least cost on one or more intervals, and its parameter [rad].
+
+    Guesses all along tell where minima may be; a minimum is looked at unless the change from guess to guess leaves no
+    doubt that it is worse than the best one found.
+    """
+    doubts: list[tuple[float, int, int, Guesses]] = []
+    for number, interval in enumerate(intervals):
+        guesses = interval.guesses(cost, seed)
+        change = np.abs(np.diff(guesses.values, prepend=guesses.values[0], append=guesses.values[-1]))
+        for index in minima(guesses.values).tolist():
+            bound = float(guesses.values[index] - max(change[index], change[index + 1]))
+            doubts.append((bound, number, index, guesses))
+    best = (math.inf, 0.0, intervals[0])
+    for bound, _, index, guesses in sorted(doubts, key=lambda doubt: doubt[:3]):
+        if bound > best[0]:
+            break
+        value, coordinate = guesses.interval.near(guesses, index, cost, seed)
+        if value < best[0]:
+            best = (value, coordinate, guesses.interval)
+    return best[2].at_coordinate(best[1], seed)
