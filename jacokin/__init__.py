@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from jacokin.model.comparison import crosscheck as crosscheck
     from jacokin.model.loading import load_robot as load_robot
     from jacokin.model.pose_targets import FreeAxis as FreeAxis
-    from jacokin.model.poses import pose as pose
+    from jacokin.model.pose_targets import pose as pose
     from jacokin.model.robot import Robot as Robot
 
 __version__ = "0.2.0"
@@ -41,8 +41,7 @@ _public, __getattr__, _ = lazy.door(
         "jacokin.ik.tracking.tracker": ("Tracker",),
         "jacokin.model.comparison": ("crosscheck",),
         "jacokin.model.loading": ("load_robot",),
-        "jacokin.model.pose_targets": ("FreeAxis",),
-        "jacokin.model.poses": ("pose",),
+        "jacokin.model.pose_targets": ("FreeAxis", "pose"),
         "jacokin.model.robot": ("Robot",),
     },
 )

@@ -6,6 +6,7 @@ A solver hands over what it can do (`Solvers`); nothing here knows which method 
 from __future__ import annotations
 
 import os
+import pickle
 import signal
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -21,8 +22,9 @@ from jacokin.errors import InvalidInputError, JacokinError, shown
 from jacokin.ik.request import joined
 from jacokin.ik.results import BatchResult, IKResult, Status
 from jacokin.ik.seeds import FARTHEST_SEED, seed_within_limits
-from jacokin.ik.targets import TargetPose, checked_batch
+from jacokin.ik.targets import checked_batch
 from jacokin.model import checks
+from jacokin.model.pose_targets import FreeAxis
 from jacokin.model.robot import Robot
 
 CHUNK = 4096  # targets in one compiled call: progress is seen, and the call's cost is spread
@@ -48,7 +50,7 @@ class Rows(Protocol):
 class Single(Protocol):
     """Solves one target; can be pickled, and runs in other processes."""
 
-    def __call__(self, target: Array, seed: Array, *, closest: bool) -> IKResult:
+    def __call__(self, target: Array | FreeAxis, seed: Array, *, closest: bool) -> IKResult:
         """As `IKSolver.solve`."""
 
 
@@ -77,20 +79,40 @@ def solve(
     """See `IKSolver.solve_batch`."""
     workers = checks.whole_number("workers", workers, lowest=1)
     closest = checks.flag("closest", closest)
-    matrices, position_only = checked_batch(targets)
+    matrices, position_only, free = checked_batch(targets)
     if progress is not None and not callable(progress):
         raise InvalidInputError(f"progress must be callable, got {shown(progress)}")
     starts, notes = _seeds_within_limits(solvers.robot, seeds, len(matrices))
     out = _Columns(len(matrices), solvers.robot.dof, notes)
     rest = list(range(len(matrices)))
     if solvers.compiled is not None:
-        rest = _compiled(solvers.compiled, matrices, position_only, starts, out, workers, progress)
-    jobs = [(index, TargetPose(matrices[index], bool(position_only[index])), starts[index], closest) for index in rest]
+        apart = position_only.copy()
+        apart[list(free)] = True
+        rest = _compiled(solvers.compiled, matrices, apart, starts, out, workers, progress)
+
+    def target(index: int) -> Array | FreeAxis:
+        return free[index] if index in free else matrices[index, :3, 3] if position_only[index] else matrices[index]
+
+    jobs = [(index, target(index), starts[index], closest) for index in rest]
     for index, result in _one_by_one(solvers.single, jobs, workers):
         out.put(index, result)
         if progress is not None:
             progress(1)
     return out.result()
+
+
+def check_picklable(name: str, value: object) -> None:
+    """A function that worker processes are to call.
+
+    Raises:
+        InvalidInputError: it cannot be pickled.
+    """
+    try:
+        pickle.dumps(value)
+    except (pickle.PicklingError, AttributeError, TypeError) as error:
+        raise InvalidInputError(
+            f"{name} must be picklable for several workers, such as a named function: {error}"
+        ) from error
 
 
 class _Columns:
@@ -99,6 +121,7 @@ class _Columns:
     def __init__(self, size: int, dof: int, notes: list[str]) -> None:
         self.q = np.zeros((size, dof))
         self.errors = np.zeros((size, 2))
+        self.parameter = np.full(size, np.nan)
         self.status: list[Status] = [Status.OK] * size
         self.method = ["closed_form"] * size
         self.message = list(notes)
@@ -109,6 +132,8 @@ class _Columns:
         self.errors[index] = result.position_error, result.orientation_error
         self.status[index], self.method[index] = result.status, result.method
         self.message[index] = joined(result.message, self._notes[index])
+        if result.parameter is not None:
+            self.parameter[index] = result.parameter
 
     def result(self) -> BatchResult:
         success = np.array([status is Status.OK for status in self.status])
@@ -121,6 +146,7 @@ class _Columns:
             orientation_error=checks.read_only(self.errors[:, 1]),
             method=tuple(self.method),
             message=tuple(self.message),
+            parameter=checks.read_only(self.parameter),
         )
 
 
@@ -147,15 +173,15 @@ def _seeds_within_limits(robot: Robot, seeds: ArrayLike | None, size: int) -> tu
 def _compiled(
     run: Callable[[Array, Array, int], tuple[Rows, NDArray[np.bool_]]],
     matrices: Array,
-    position_only: NDArray[np.bool_],
+    apart: NDArray[np.bool_],
     starts: Array,
     out: _Columns,
     workers: int,
     progress: Callable[[int], None] | None,
 ) -> list[int]:
     """Poses through the compiled loop; returns the rows it did not settle."""
-    rows = np.flatnonzero(~position_only)
-    left: list[int] = np.flatnonzero(position_only).tolist()
+    rows = np.flatnonzero(~apart)
+    left: list[int] = np.flatnonzero(apart).tolist()
     threads = min(workers, os.cpu_count() or 1)
     for first in range(0, len(rows), CHUNK):
         chunk = rows[first : first + CHUNK]
@@ -169,7 +195,7 @@ def _compiled(
     return left
 
 
-_Job = tuple[int, TargetPose, Array, bool]
+_Job = tuple[int, Array | FreeAxis, Array, bool]
 _single_in_process: list[Single] = []
 
 
@@ -215,4 +241,4 @@ def _job_in_process(job: _Job) -> tuple[int, IKResult]:
 
 def _job(single: Single, job: _Job) -> tuple[int, IKResult]:
     index, target, seed, closest = job
-    return index, single(target.position if target.position_only else target.matrix, seed, closest=closest)
+    return index, single(target, seed, closest=closest)

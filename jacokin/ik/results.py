@@ -202,6 +202,8 @@ class BatchResult(Frozen):
     """(n,) "closed_form" or "qp"."""
     message: tuple[str, ...]
     """(n,) what happened."""
+    parameter: Array | None = None
+    """(n,) value of the free parameter [rad]; NaN where there is none."""
 
     def __len__(self) -> int:
         """Number of targets."""

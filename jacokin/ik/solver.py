@@ -8,6 +8,7 @@ QP from many starts. For a pose that cannot be reached, descents look for the cl
 from __future__ import annotations
 
 import dataclasses
+import functools
 import threading
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, overload
@@ -35,8 +36,7 @@ from jacokin.ik.options import (
 from jacokin.ik.request import Request
 from jacokin.ik.results import BatchResult, Branches, IKResult
 from jacokin.ik.seeds import seed_within_limits
-from jacokin.ik.targets import TargetPose
-from jacokin.ik.targets import checked as checked_target
+from jacokin.ik.targets import PartialTarget, Target, TargetPose, understood
 from jacokin.ik.verification import Verifier
 from jacokin.model import checks, poses
 from jacokin.model.pose_targets import FreeAxis
@@ -207,7 +207,7 @@ class IKSolver:
 
     def solve(
         self,
-        target: pin.SE3 | ArrayLike | FreeAxis,
+        target: Target,
         seed: ArrayLike | None = None,
         rng: np.random.Generator | None = None,
         *,
@@ -218,7 +218,8 @@ class IKSolver:
         """Joint angles that bring the tool to a target.
 
         Args:
-            target: T_base_tool as `pin.SE3` or (4, 4), a `FreeAxis`, or a position (3,) [m] with free orientation.
+            target: T_base_tool as `pin.SE3` or (4, 4), a `FreeAxis`, or a position (3,) [m] with free orientation; also
+                targets of the tracker, such as ``[PositionTarget(...), AxisTarget(...)]``, a `FreeAxis` in other words.
             seed: (dof,) configuration [rad] to stay near to; None for the robot's home. One outside the
                 limits is moved inside and the message says so.
             rng: randomness of the QP's restarts; None for a fixed seed.
@@ -237,7 +238,7 @@ class IKSolver:
         Raises:
             InvalidInputError: target or seed malformed; method="closed_form" with a position-only target.
         """
-        wanted = self._target(target)
+        wanted = understood(target, self.frame)
         start, note = seed_within_limits(self.robot, seed)
         if rng is not None:
             checks.generator("rng", rng)
@@ -267,12 +268,14 @@ class IKSolver:
         return self._qp_search().solve(request)
 
     @overload
-    def solve_all(self, target: FreeAxis, seed: ArrayLike | None = None) -> Family: ...
+    def solve_all(
+        self, target: FreeAxis | PartialTarget | Sequence[PartialTarget], seed: ArrayLike | None = None
+    ) -> Family: ...
 
     @overload
     def solve_all(self, target: pin.SE3 | ArrayLike, seed: ArrayLike | None = None) -> Branches: ...
 
-    def solve_all(self, target: pin.SE3 | ArrayLike | FreeAxis, seed: ArrayLike | None = None) -> Branches | Family:
+    def solve_all(self, target: Target, seed: ArrayLike | None = None) -> Branches | Family:
         """Every branch that reaches a pose, inside the limits or not; all of a family within the limits.
 
         Args:
@@ -286,7 +289,7 @@ class IKSolver:
             InvalidInputError: target or seed malformed, or a target without orientation.
             StructureError: the robot has no closed form.
         """
-        wanted = self._target(target)
+        wanted = understood(target, self.frame)
         if isinstance(wanted, FreeAxis) or self._finder.applies_to(wanted):
             return self._finder.find(wanted, seed_within_limits(self.robot, seed)[0]).family
         if wanted.position_only:
@@ -297,14 +300,27 @@ class IKSolver:
             return Branches(raw)
         return Branches(raw, tuple(tuple(self._verifier.touching(q)) for q in raw.q))
 
+    def family(self, target: Target, seed: ArrayLike | None = None) -> Family:
+        """As `solve_all` for a target that has a family: a `FreeAxis`, or a pose of a seven-joint arm.
+
+        Raises:
+            InvalidInputError: target or seed malformed, or a target that has no family.
+            StructureError: the robot has no closed form.
+        """
+        wanted = understood(target, self.frame)
+        if isinstance(wanted, FreeAxis) or self._finder.applies_to(wanted):
+            return self._finder.find(wanted, seed_within_limits(self.robot, seed)[0]).family
+        raise InvalidInputError("only a FreeAxis, or a pose of a seven-joint arm, has a family; use solve_all")
+
     def solve_batch(
         self,
-        targets: Sequence[pin.SE3] | ArrayLike,
+        targets: Sequence[Target] | ArrayLike,
         seeds: ArrayLike | None = None,
         *,
         workers: int = 1,
         progress: Callable[[int], None] | None = None,
         closest: bool = True,
+        prefer: Prefer = "nearest",
     ) -> BatchResult:
         """Answers to many targets; row i answers target i as `solve` would.
 
@@ -315,19 +331,19 @@ class IKSolver:
                 than one must do so under ``if __name__ == "__main__":``.
             progress: called with the number of targets newly finished.
             closest: as in `solve`.
+            prefer: as in `solve`; a function must be one that can be pickled where there are several workers.
 
         Raises:
             InvalidInputError: empty, malformed targets (the row is named), seeds or workers.
             JacokinError: the worker processes did not start.
         """
         # A batch looks for contact branch by branch, which the compiled loop does not.
-        compiled = self._compiled if self.has_closed_form and not self._verifier.looks_for_contact else None
-        solvers = batch.Solvers(self.robot, self.solve, compiled)
+        nearest = choosing.checked(prefer) == "nearest"
+        if callable(prefer) and workers != 1:
+            batch.check_picklable("prefer", prefer)
+        compiled = self._compiled if nearest and self.has_closed_form and not self._verifier.looks_for_contact else None
+        solvers = batch.Solvers(self.robot, functools.partial(self.solve, prefer=prefer), compiled)
         return batch.solve(solvers, targets, seeds, workers=workers, progress=progress, closest=closest)
-
-    def _target(self, target: object) -> TargetPose | FreeAxis:
-        """A checked target."""
-        return target if isinstance(target, FreeAxis) else checked_target(target)
 
     def __reduce__(self) -> tuple[object, tuple[object, ...]]:
         """Pickle the options; working memory is made anew."""

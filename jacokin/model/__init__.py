@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from jacokin.model.loading import load_robot as load_robot
     from jacokin.model.mujoco_twin.contact import SelfContact as SelfContact
     from jacokin.model.mujoco_twin.export import to_mujoco as to_mujoco
-    from jacokin.model.poses import pose as pose
+    from jacokin.model.pose_targets import pose as pose
     from jacokin.model.poses import quat_wxyz as quat_wxyz
     from jacokin.model.robot import Robot as Robot
     from jacokin.model.source import Source as Source
@@ -41,10 +41,8 @@ __all__, __getattr__, __dir__ = lazy.door(
             "NAMES",
             "urdf_folder",
         ),
-        "jacokin.model.poses": (
-            "pose",
-            "quat_wxyz",
-        ),
+        "jacokin.model.pose_targets": ("pose",),
+        "jacokin.model.poses": ("quat_wxyz",),
         "jacokin.model.mujoco_twin.export": ("to_mujoco",),
         "jacokin.model.mujoco_twin.contact": ("SelfContact",),
         "jacokin.model.comparison": (

@@ -1,9 +1,10 @@
-"""Targets that leave something free: a pose that may be turned about one axis of the tool."""
+"""Targets from what users know: poses, and poses that may turn about one axis of the tool."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import overload
 
 import numpy as np
 import pinocchio as pin
@@ -16,6 +17,8 @@ from jacokin.model.angles import TURN
 
 #: [rad] a range this near to a full turn is one, and one longer by no more than this is too: what a double resolves.
 FULL_TURN = 1e-12
+#: Sine; an approach this near to vertical has no horizontal direction of its own.
+VERTICAL = 1e-9
 FARTHEST_ANGLE = 1e3  # [rad] of a range: a parameter keeps its digits
 
 
@@ -117,3 +120,84 @@ class FreeAxis:
 
 def _rebuild(matrix: Array, axis: Array, limits: tuple[float, float]) -> FreeAxis:
     return FreeAxis(matrix, axis=axis, range=limits)
+
+
+@overload
+def pose(
+    position: ArrayLike,
+    quat_wxyz: ArrayLike | None = None,
+    *,
+    rpy: ArrayLike | None = None,
+    rotation: ArrayLike | None = None,
+    down: bool = False,
+    approach: None = None,
+) -> pin.SE3: ...
+
+
+@overload
+def pose(position: ArrayLike, *, approach: ArrayLike) -> FreeAxis: ...
+
+
+def pose(
+    position: ArrayLike,
+    quat_wxyz: ArrayLike | None = None,
+    *,
+    rpy: ArrayLike | None = None,
+    rotation: ArrayLike | None = None,
+    down: bool = False,
+    approach: ArrayLike | None = None,
+) -> pin.SE3 | FreeAxis:
+    """Build a pose from a position and at most one orientation; without one the orientation is the identity.
+
+    ``approach`` counts as an orientation that leaves the roll free: the result is a `FreeAxis` about the tool's z axis,
+    which points the way given. At parameter 0 the tool's x axis is horizontal, and its y axis points up; where the
+    approach is vertical, x is the base's y axis, so that straight down is ``down=True``.
+
+    Args:
+        position: (3,) position [m].
+        quat_wxyz: (4,) quaternion w, x, y, z; normalised when its norm is within 1 % of one.
+        rpy: (3,) roll, pitch, yaw [rad], R = Rz(yaw) Ry(pitch) Rx(roll).
+        rotation: (3, 3) rotation matrix.
+        down: True for a tool pointing vertically down.
+        approach: (3,) direction in the base in which the tool's z axis points, any length but zero.
+
+    Returns:
+        The pose as `pin.SE3`; with ``approach`` a `FreeAxis`.
+
+    Raises:
+        InvalidInputError: more than one orientation, or a malformed one.
+    """
+    down = checks.flag("down", down)
+    given = [n for n, v in (("quat_wxyz", quat_wxyz), ("rpy", rpy), ("rotation", rotation)) if v is not None]
+    if down:
+        given.append("down")
+    if approach is not None:
+        given.append("approach")
+    if len(given) > 1:
+        raise InvalidInputError(f"give at most one orientation, got {' and '.join(given)}")
+    at = checks.vector("position", position, 3, "m").copy()
+    if approach is not None:
+        return FreeAxis(pin.SE3(_facing(approach), at), axis=(0.0, 0.0, 1.0))
+    if quat_wxyz is not None:
+        return pin.SE3(poses.rotation_from_quat_wxyz(quat_wxyz), at)
+    if rpy is not None:
+        return pin.SE3(poses.rotation_from_rpy(rpy), at)
+    if rotation is not None:
+        return pin.SE3(poses.checked_rotation("rotation", rotation), at)
+    if down:
+        return pin.SE3(poses.rotation_from_quat_wxyz(poses.DOWN_QUAT_WXYZ), at)
+    return pin.SE3(np.eye(3), at)
+
+
+def _facing(approach: ArrayLike) -> Array:
+    """The rotation (3, 3) of a tool whose z axis points in a direction (3,), its x axis horizontal."""
+    z = checks.vector("approach", approach, 3, "")
+    length = float(np.linalg.norm(z))
+    if not length > 0.0 or not math.isfinite(length):
+        raise InvalidInputError(f"approach must have a direction, got {z.tolist()}")
+    z = z / length
+    across = math.hypot(z[0], z[1])
+    x = np.array([0.0, 1.0, 0.0]) if across < VERTICAL else np.array([-z[1], z[0], 0.0]) / across
+    x = x - (x @ z) * z
+    x /= np.linalg.norm(x)
+    return np.column_stack([x, np.cross(z, x), z])

@@ -155,47 +155,6 @@ def checked_pose(target: pin.SE3 | ArrayLike, name: str = "target") -> pin.SE3:
     return pin.SE3(matrix[:3, :3], matrix[:3, 3])
 
 
-def pose(
-    position: ArrayLike,
-    quat_wxyz: ArrayLike | None = None,
-    *,
-    rpy: ArrayLike | None = None,
-    rotation: ArrayLike | None = None,
-    down: bool = False,
-) -> pin.SE3:
-    """Build a pose from a position and at most one orientation; without one the orientation is the identity.
-
-    Args:
-        position: (3,) position [m].
-        quat_wxyz: (4,) quaternion w, x, y, z; normalised when its norm is within 1 % of one.
-        rpy: (3,) roll, pitch, yaw [rad], R = Rz(yaw) Ry(pitch) Rx(roll).
-        rotation: (3, 3) rotation matrix.
-        down: True for a tool pointing vertically down.
-
-    Returns:
-        The pose as `pin.SE3`.
-
-    Raises:
-        InvalidInputError: more than one orientation, or a malformed one.
-    """
-    down = checks.flag("down", down)
-    given = [n for n, v in (("quat_wxyz", quat_wxyz), ("rpy", rpy), ("rotation", rotation)) if v is not None]
-    if down:
-        given.append("down")
-    if len(given) > 1:
-        raise InvalidInputError(f"give at most one orientation, got {' and '.join(given)}")
-    at = checks.vector("position", position, 3, "m").copy()
-    if quat_wxyz is not None:
-        return pin.SE3(rotation_from_quat_wxyz(quat_wxyz), at)
-    if rpy is not None:
-        return pin.SE3(rotation_from_rpy(rpy), at)
-    if rotation is not None:
-        return pin.SE3(checked_rotation("rotation", rotation), at)
-    if down:
-        return pin.SE3(rotation_from_quat_wxyz(DOWN_QUAT_WXYZ), at)
-    return pin.SE3(np.eye(3), at)
-
-
 def quat_wxyz(rotation: ArrayLike) -> Array:
     """Unit quaternion (w, x, y, z) of a rotation matrix (3, 3), with w >= 0.
 

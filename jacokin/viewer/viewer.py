@@ -20,6 +20,7 @@ from jacokin.ik.targets import TargetPose
 from jacokin.ik.targets import checked as checked_target
 from jacokin.model import poses
 from jacokin.model.loading import load_robot
+from jacokin.model.pose_targets import pose
 from jacokin.model.robot import Robot
 from jacokin.viewer import shapes, texts
 from jacokin.viewer.inbox import Inbox
@@ -138,7 +139,7 @@ class Viewer:
             self._show(self._inspector.posture(self._panel.joints(view.q)))
         elif "target" in names or "shown" in names:
             position, quat = self._stage.target()
-            self._show(self._inspector.at(poses.pose(position, quat), self._seed()), move_gizmo="shown" in names)
+            self._show(self._inspector.at(pose(position, quat), self._seed()), move_gizmo="shown" in names)
         elif names.keys() & {"branch", "next", "previous"} and len(view.branches):
             chosen = self._panel.branch if "branch" in names else view.selected
             step = names.get("next", 0) - names.get("previous", 0)

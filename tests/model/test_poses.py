@@ -89,4 +89,30 @@ def test_only_real_numbers_are_numbers(value: list[object]) -> None:
 
 def test_down_is_yes_or_no() -> None:
     with pytest.raises(InvalidInputError, match="down must be True or False"):
-        jacokin.pose([0, 0, 0], down=np.array([1, 0]))  # type: ignore[arg-type]  # wrong on purpose
+        jacokin.pose([0, 0, 0], down=np.array([1, 0]))  # type: ignore[call-overload]  # wrong on purpose
+
+
+@pytest.mark.parametrize("approach", [(1.0, 0.0, 0.0), (0.0, -2.0, 0.0), (0.3, 0.4, -0.5), (0.0, 0.0, 1.0)])
+def test_an_approach_points_the_tool_and_leaves_its_roll_free(approach: tuple[float, float, float]) -> None:
+    target = jacokin.pose((0.4, 0.1, 0.3), approach=approach)
+    wanted = np.array(approach) / np.linalg.norm(approach)
+    for angle in (0.0, 1.0, -2.0):
+        np.testing.assert_allclose(target.at(angle).rotation[:, 2], wanted, atol=1e-15)
+        np.testing.assert_array_equal(target.at(angle).translation, (0.4, 0.1, 0.3))
+    assert target.full_turn
+    x, y = target.pose.rotation[:, 0], target.pose.rotation[:, 1]
+    assert abs(x[2]) < 1e-15
+    assert y[2] >= -1e-15 or abs(wanted[2]) == 1.0
+
+
+def test_an_approach_straight_down_is_down() -> None:
+    down = jacokin.pose((0.4, 0.1, 0.3), down=True)
+    target = jacokin.pose((0.4, 0.1, 0.3), approach=(0.0, 0.0, -1.0))
+    np.testing.assert_allclose(target.pose.homogeneous, down.homogeneous, atol=1e-15)
+
+
+def test_an_approach_is_the_only_orientation() -> None:
+    with pytest.raises(InvalidInputError, match="at most one orientation, got down and approach"):
+        jacokin.pose((0.4, 0.1, 0.3), down=True, approach=(1.0, 0.0, 0.0))  # type: ignore[call-overload]  # wrong on purpose
+    with pytest.raises(InvalidInputError, match="approach must have a direction"):
+        jacokin.pose((0.4, 0.1, 0.3), approach=(0.0, 0.0, 0.0))

@@ -176,6 +176,19 @@ def test_sites_are_brought_to_poses(robot: str) -> None:
         assert whole.within_limits(physics.bind(arm.joints).qpos)
 
 
+def test_seven_joints_reach_every_reachable_pose() -> None:
+    physics, arm, hand = scene("j2s7s300")
+    arm.prepare(physics, hand.grip_site)
+    whole, rng = jacokin.load_robot("j2s7s300"), np.random.default_rng(4)
+    for q in whole.sample(rng, 200):
+        T = whole.forward_kinematics(q, "gripsite")
+        quat_wxyz = np.empty(4)
+        mujoco.mju_mat2Quat(quat_wxyz, np.ascontiguousarray(T.rotation).ravel())
+        assert arm.set_site_to_xpos(physics, rng, hand.grip_site, T.translation + robots.ARM_OFFSET, quat_wxyz)
+        assert whole.within_limits(physics.bind(arm.joints).qpos)
+        assert np.abs(physics.bind(hand.grip_site).xpos - robots.ARM_OFFSET - T.translation).max() < REACHED
+
+
 @pytest.mark.parametrize("robot", TWO_FINGERS)
 def test_hands_with_two_fingers_have_a_grip_site_and_no_pinch_site(robot: str) -> None:
     physics, _, hand = scene(robot)

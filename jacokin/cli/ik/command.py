@@ -154,7 +154,7 @@ def _target(
     """The pose, or the position alone when the orientation is free."""
     import numpy as np
 
-    from jacokin.model.poses import pose
+    from jacokin.model.pose_targets import pose
 
     assert position is not None  # combinations.check
     if quat_wxyz is None and rpy is None and not down:

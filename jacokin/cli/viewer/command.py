@@ -87,6 +87,6 @@ def _target(text: str | None) -> pin.SE3 | ArrayLike | None:
         return values
     if len(values) != 7:
         raise InvalidInputError(f"--target must be 3 numbers, or 7 with a quaternion, got {len(values)}")
-    from jacokin.model.poses import pose
+    from jacokin.model.pose_targets import pose
 
     return pose(values[:3], values[3:])

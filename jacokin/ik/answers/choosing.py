@@ -28,8 +28,8 @@ GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 
 #: What `prefer=` takes, besides a callable.
 PREFERENCES = ("nearest", "margin", "manipulability")
-#: Members of a family whose costs differ by less than this times the difference of their squared distances to the seed [rad^2]
-#: count as equal: the nearer one is taken.
+#: Members of a family whose costs differ by less than this times the difference of their squared distances to the seed
+#: [rad^2] count as equal: the nearer one is taken.
 TIE = 1e-9
 
 Prefer: TypeAlias = str | Callable[[Array], float]

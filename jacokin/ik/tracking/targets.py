@@ -23,7 +23,7 @@ RIGID = 1e-9  # a pose this near to rigid is used as it is; others are checked a
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class TrackingTarget:
+class TrackingTarget(targets.PartialTarget):
     """What all targets share.
 
     Attributes:
@@ -54,6 +54,11 @@ class PoseTarget(TrackingTarget):
         TrackingTarget.__post_init__(self)
         object.__setattr__(self, "pose", poses.checked_pose(self.pose, "pose"))
 
+    def constraint(self) -> targets.Constraint:
+        """Position and orientation."""
+        assert isinstance(self.pose, pin.SE3)  # __post_init__ made it one
+        return targets.Constraint(position=self.pose.translation.copy(), rotation=self.pose.rotation.copy())
+
     def make_task(self, frame: int) -> Task:
         """Position and orientation."""
         assert isinstance(self.pose, pin.SE3)  # __post_init__ made it one
@@ -73,6 +78,10 @@ class PositionTarget(TrackingTarget):
         TrackingTarget.__post_init__(self)
         object.__setattr__(self, "position", checks.read_only(checks.vector("position", self.position, 3, "m")))
 
+    def constraint(self) -> targets.Constraint:
+        """The position."""
+        return targets.Constraint(position=np.asarray(self.position))
+
     def make_task(self, frame: int) -> Task:
         """Position alone."""
         return PositionTask(frame, self.weight, np.asarray(self.position))
@@ -88,6 +97,10 @@ class OrientationTarget(TrackingTarget):
         """Check the rotation."""
         TrackingTarget.__post_init__(self)
         object.__setattr__(self, "rotation", checks.read_only(poses.checked_rotation("rotation", self.rotation)))
+
+    def constraint(self) -> targets.Constraint:
+        """The orientation."""
+        return targets.Constraint(rotation=np.asarray(self.rotation))
 
     def make_task(self, frame: int) -> Task:
         """Orientation alone."""
@@ -113,6 +126,10 @@ class AxisTarget(TrackingTarget):
         TrackingTarget.__post_init__(self)
         object.__setattr__(self, "direction", _unit("direction", self.direction))
         object.__setattr__(self, "axis", _unit("axis", self.axis))
+
+    def constraint(self) -> targets.Constraint:
+        """The direction of the axis."""
+        return targets.Constraint(axis=np.asarray(self.axis), direction=np.asarray(self.direction))
 
     def make_task(self, frame: int) -> Task:
         """Two directions aligned."""

@@ -10,8 +10,9 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from jacokin.errors import InvalidInputError, UnknownNameError, shown
-from jacokin.model import checks, poses
+from jacokin.model import checks
 from jacokin.model.obstacles import Box, Capsule, Cylinder, Floor, Obstacle, Sphere
+from jacokin.model.pose_targets import pose
 
 ENDINGS = (".yaml", ".yml", ".json")
 LARGEST = 10_000_000  # [byte] of a file
@@ -103,7 +104,7 @@ def _check_keys(where: str, entry: Mapping[object, object], known: tuple[str, ..
 
 
 def _pose(entry: Mapping[str, ArrayLike]) -> pin.SE3:
-    return poses.pose(entry["position"], quat_wxyz=entry.get("quat_wxyz"), rpy=entry.get("rpy"))
+    return pose(entry["position"], quat_wxyz=entry.get("quat_wxyz"), rpy=entry.get("rpy"))
 
 
 def _round(kind: type[Capsule] | type[Cylinder]) -> Callable[[str, Mapping[str, ArrayLike]], Obstacle]:

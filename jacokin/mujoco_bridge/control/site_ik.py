@@ -1,8 +1,9 @@
 """Inverse kinematics on an arm as it stands in a scene: what `RobotArm.set_site_to_xpos` runs.
 
-Where the arm has a closed form, it gives every branch, and the nearest within the limits is taken. Otherwise the QP
-starts from the present configuration and then from random ones. The chain of joints has the numbers of the compiled
-scene. The simulation is read only; nothing is written before there is a solution.
+Where the arm has a closed form, it gives every branch (of seven joints, the family of configurations), and the nearest
+one within the limits is taken. Otherwise the QP starts from the present configuration and then from random ones. The
+chain of joints has the numbers of the compiled scene. The simulation is read only; nothing is written before there is
+a solution.
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
 
 RandomState = np.random.RandomState | np.random.Generator
 Bounds = tuple[Array, Array]
+MEMBERS = 32  # of a family that are tried for contact
 
 
 class SiteSolver:
@@ -74,7 +76,8 @@ class SiteSolver:
         self._chain = scene_chain(self._model, self._data.qpos, self._joints, self._site)
         robot = self._chain.robot
         self._solver = IKSolver(robot, SITE, warm=None)
-        self.has_closed_form = self._solver.has_closed_form
+        self._has_families = self._solver.has_families
+        self.has_closed_form = self._has_families or self._solver.has_closed_form
         self._qp = None if self.has_closed_form else self._multi_start()
         kinds = self._model.jnt_type[list(self._chain.joints)]
         self._wraps: list[int] = np.flatnonzero(robot.unlimited & (kinds == mujoco.mjtJoint.mjJNT_HINGE)).tolist()
@@ -93,6 +96,9 @@ class SiteSolver:
             PhysicsError: positions or velocities in the scene are not finite.
         """
         chain = self._target(position, rotation)
+        if self._has_families:
+            q = next(self._members(self._qpos[chain.qpos], None), None)
+            return None if q is None else (chain.qpos, self._canonical(q))
         rows = self._solver.closed_form().solve_all(self._T, self._qpos[chain.qpos]).rows
         try:
             first = rows[:, WITHIN_LIMITS].tolist().index(1.0)
@@ -170,7 +176,23 @@ class SiteSolver:
         self._base_then = base_now
         self._is_upright = np.array_equal(self._R_base_world, np.eye(3))
 
+    def _members(self, present: Array, shuffled_by: RandomState | None) -> Iterator[Array]:
+        """Members of the family of seven joints: the nearest one, then some of all others by distance; or at random."""
+        family = self._solver.family(self._T, present)
+        nearest = family.nearest()
+        if nearest is None:
+            return
+        if shuffled_by is None:
+            yield nearest
+        rows = family.sample(MEMBERS)
+        order = np.argsort(((rows - present) ** 2).sum(axis=1), kind="stable")
+        for index in order if shuffled_by is None else shuffled_by.permutation(len(rows)):
+            yield rows[index]
+
     def _branches(self, present: Array, shuffled_by: RandomState | None) -> Iterator[Array]:
+        if self._has_families:
+            yield from self._members(present, shuffled_by)
+            return
         branches = self._solver.closed_form().solve_all(self._T, present)
         q = branches.q
         order = branches.within_limits.nonzero()[0]
