@@ -33,6 +33,10 @@ OPTIONAL = {
     "quadprog": ("quadprog", "quadprog"),
     "ruckig": ("ruckig", "motion"),
     "matplotlib": ("matplotlib", "plot"),
+    "dm_env": ("dm-env", "tasks"),
+    "gymnasium": ("gymnasium", "tasks"),
+    "pyarrow": ("pyarrow", "parquet"),
+    "distributed": ("distributed", "cluster"),
     "viser": ("viser", "viewer"),
 }
 

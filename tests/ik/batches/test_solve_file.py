@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import errno
+import importlib
 import os
 import signal
 import subprocess
@@ -56,9 +57,9 @@ def write(path: Path, targets: Array) -> Path:
     elif path.suffix == ".npz":
         np.savez_compressed(path, position=rows[:, :3], quat_wxyz=rows[:, 3:])
     else:
-        pa = pytest.importorskip("pyarrow")
+        pa = importlib.import_module("pyarrow")
         table = pa.table(dict(zip(names, rows.T, strict=True)))
-        pytest.importorskip("pyarrow.parquet").write_table(table, path, row_group_size=50)
+        importlib.import_module("pyarrow.parquet").write_table(table, path, row_group_size=50)
     return path
 
 
@@ -68,7 +69,7 @@ def joints(path: Path) -> Array:
         with np.load(path) as file:
             return np.asarray(file["q"])
     if path.suffix == ".parquet":
-        table = pytest.importorskip("pyarrow.parquet").read_table(path)
+        table = importlib.import_module("pyarrow.parquet").read_table(path)
         return np.column_stack([table.column(f"q{joint}").to_numpy() for joint in range(1, 7)])
     with path.open(newline="", encoding="utf-8") as file:
         return np.array([[float(row[f"q{joint}"]) for joint in range(1, 7)] for row in csv.DictReader(file)])
@@ -204,8 +205,8 @@ def test_a_full_disk_keeps_what_is_finished(
 def test_wrong_files_and_arguments_are_refused_before_anything_is_solved(
     solver: IKSolver, targets: Array, tmp_path: Path
 ) -> None:
-    pa = pytest.importorskip("pyarrow")
-    parquet = pytest.importorskip("pyarrow.parquet")
+    pa = importlib.import_module("pyarrow")
+    parquet = importlib.import_module("pyarrow.parquet")
     source, out = write(tmp_path / "in.csv", targets), tmp_path / "out.csv"
     parquet.write_table(pa.table({"x": [0.1], "height": [0.2]}), tmp_path / "a.parquet")
     parquet.write_table(pa.table({"x": ["a"], "y": [0.2], "z": [0.3]}), tmp_path / "b.parquet")
@@ -284,7 +285,7 @@ def test_killed_runs_end_in_the_same_bytes(robot: Robot, tmp_path: Path, rng: np
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")  # of dask about its own ports and clocks
 def test_a_cluster_that_loses_a_worker_gives_the_same_bytes(solver: IKSolver, targets: Array, tmp_path: Path) -> None:
-    distributed = pytest.importorskip("distributed")
+    distributed = importlib.import_module("distributed")
     source = write(tmp_path / "in.csv", np.tile(targets, (10, 1, 1)))
     solve_file(solver, source, tmp_path / "whole.csv")
     with (

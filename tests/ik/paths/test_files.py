@@ -28,7 +28,6 @@ from jacokin.ik.paths import files as paths_files
 
 @pytest.fixture(scope="module")
 def motion(robot: Robot) -> JointMotion:
-    pytest.importorskip("ruckig")
     goal = robot.home.copy()
     goal[[0, 1, 5]] += [2.0, 0.4, -1.0]
     return move_joints(robot, robot.home, goal, dt=0.013)

@@ -16,7 +16,6 @@ ROUNDING = 1e-9  # [rad/s, rad/s^2] in Ruckig's polynomials
 
 
 def test_limits_hold_and_the_ends_are_met(robot: Robot, rng: np.random.Generator) -> None:
-    pytest.importorskip("ruckig")
     for jerk in (None, 10.0):
         for _ in range(20):
             start, end = robot.sample(rng), robot.sample(rng)
@@ -39,7 +38,6 @@ def test_limits_hold_and_the_ends_are_met(robot: Robot, rng: np.random.Generator
 
 def test_the_time_is_the_least_possible(robot: Robot) -> None:
     """One joint alone: up to speed, along, and down again."""
-    pytest.importorskip("ruckig")
     end = robot.home.copy()
     end[1] -= 1.0
     motion = move_joints(robot, robot.home, end, acceleration_limit=1.0)
@@ -49,7 +47,6 @@ def test_the_time_is_the_least_possible(robot: Robot) -> None:
 
 
 def test_unlimited_joints_take_the_short_way(robot: Robot) -> None:
-    pytest.importorskip("ruckig")
     start, end = robot.home.copy(), robot.home.copy()
     start[0], end[0] = 3.0, -3.0
     motion = move_joints(robot, start, end)
@@ -58,7 +55,6 @@ def test_unlimited_joints_take_the_short_way(robot: Robot) -> None:
 
 
 def test_going_nowhere_takes_no_time(robot: Robot) -> None:
-    pytest.importorskip("ruckig")
     motion = move_joints(robot, robot.home, robot.home)
     assert motion.duration == 0.0
     assert np.array_equal(motion.q, robot.home[None])
@@ -104,7 +100,6 @@ def test_without_ruckig_the_extra_is_named(robot: Robot, monkeypatch: pytest.Mon
 @pytest.mark.parametrize("name", ["velocity_limit", "acceleration_limit", "jerk_limit"])
 @pytest.mark.parametrize("size", [10.0**k for k in (-300, -100, -20, -12, -9, -6, -4, 4, 6, 9, 12, 100, 300)])
 def test_limits_of_extreme_size_hold_or_are_refused(robot: Robot, name: str, size: float) -> None:
-    pytest.importorskip("ruckig")
     goal = robot.home.copy()
     goal[[0, 1, 5]] += [2.0, 0.4, -1.0]
     limits: dict[str, float] = {"velocity_limit": 0.6, "acceleration_limit": 1.0, name: size}
@@ -128,7 +123,6 @@ def test_limits_of_extreme_size_hold_or_are_refused(robot: Robot, name: str, siz
 
 def test_far_turns_are_kept(robot: Robot) -> None:
     """An unlimited joint that has turned many times moves by the short way from where it is."""
-    pytest.importorskip("ruckig")
     start = robot.home.copy()
     start[0] += 1000 * 2 * np.pi
     motion = move_joints(robot, start, robot.home)

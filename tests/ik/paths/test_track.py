@@ -125,7 +125,6 @@ def test_progress_is_reported(robot: Robot, square: list[pin.SE3]) -> None:
 
 
 def test_the_plot_shows_joints_and_error(result: PathResult, tmp_path: Path) -> None:
-    pytest.importorskip("matplotlib")
     file = tmp_path / "path.png"
     plot_path(result, file)
     assert file.read_bytes().startswith(b"\x89PNG")

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import copy
 import pickle
+import subprocess
+import sys
 import warnings
 from typing import Any
 
@@ -44,6 +46,18 @@ def check(environment: gymnasium.Env[Any, Any]) -> None:
         warnings.filterwarnings("ignore", ".*infinity|.*symmetric and normalized")
         check_env(environment.unwrapped, skip_render_check=True)
     check_mujoco_reset_state(environment)  # type: ignore[arg-type]  # has `model` and `data` as a MujocoEnv
+
+
+def test_without_gymnasium_the_extra_is_named() -> None:
+    program = (
+        "import importlib.util as util; find = util.find_spec\n"
+        "util.find_spec = lambda name, *rest: None if name == 'gymnasium' else find(name, *rest)\n"
+        "import jacokin.tasks\n"
+        "try: jacokin.tasks.TaskEnv\n"
+        "except jacokin.JacokinError as error: print(error)"
+    )
+    done = subprocess.run([sys.executable, "-P", "-c", program], capture_output=True, text=True, check=True)
+    assert "pip install 'jacokin[tasks]'" in done.stdout
 
 
 def test_ids() -> None:
