@@ -94,6 +94,10 @@ def test_mjcf_mistakes_are_named(tmp_path: Path, scene: Path) -> None:
         jacokin.load_robot(ball)
     with pytest.raises(ModelError, match="'float' in the chain has 6"):
         jacokin.load_robot(scene, tip="box")
+    huge = tmp_path / "huge.xml"
+    huge.write_text(SCENE.replace('<body name="fore" pos="0 0 0.3">', '<body name="fore" quat="0 0 -1e300 0">'))
+    with pytest.raises(ModelError, match=r"body_quat\[4\] of the compiled model has norm 0"):
+        jacokin.load_robot(huge)
     two = tmp_path / "two.xml"
     two.write_text("""<mujoco><worldbody>
       <body name="a"><joint name="ja"/><geom size="0.1"/></body>

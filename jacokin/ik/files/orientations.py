@@ -10,11 +10,12 @@ from jacokin.model.poses import QUATERNION_NORM_TOLERANCE
 
 
 def rotations_from_quats(quats_wxyz: Array) -> tuple[Array, NDArray[np.int_]]:
-    """Rotations (n, 3, 3) of quaternions (n, 4), and the rows whose norm is not within 1 % of one."""
-    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
+    """Rotations (n, 3, 3) of quaternions (n, 4), and the rows whose norm is not within 1 % of one (no rotations)."""
+    with np.errstate(over="ignore"):
         norms = np.linalg.norm(quats_wxyz, axis=1)
-        wrong = np.flatnonzero(~(np.abs(norms - 1.0) <= QUATERNION_NORM_TOLERANCE))
-        w, x, y, z = (quats_wxyz / norms[:, None]).T
+    wrong = np.flatnonzero(~(np.abs(norms - 1.0) <= QUATERNION_NORM_TOLERANCE))
+    norms[wrong] = np.nan
+    w, x, y, z = (quats_wxyz / norms[:, None]).T
     rotation = np.empty((len(quats_wxyz), 3, 3))
     rotation[:, 0] = np.stack([1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)], axis=1)
     rotation[:, 1] = np.stack([2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)], axis=1)

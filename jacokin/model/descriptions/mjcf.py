@@ -36,6 +36,8 @@ COMPILED = (
     "key_qpos",
     "qpos0",
 )
+UNIT = ("body_quat", "body_iquat", "site_quat", "jnt_axis")  # zeros in the compiled model where a norm overflowed
+UNIT_TOLERANCE = 1e-6  # of a norm; MuJoCo normalises
 SITE_SUFFIX = "_site"  # of a site that has the name of a body
 SCALAR_JOINTS = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))  # ints: numpy does not equal enums
 
@@ -44,7 +46,8 @@ def compile_mjcf(path: Path) -> mujoco.MjModel:
     """Compile an MJCF file.
 
     Raises:
-        ModelError: MuJoCo refuses the file (its message is passed on), or a number in it is not finite.
+        ModelError: MuJoCo refuses the file (its message is passed on), or a number in it is not finite, or so large
+            that MuJoCo cannot normalise it.
     """
     _refuse_nan(path)
     try:
@@ -54,6 +57,11 @@ def compile_mjcf(path: Path) -> mujoco.MjModel:
     for name in COMPILED:
         if not np.isfinite(getattr(model, name)).all():
             raise ModelError(f"{path}: {name} of the compiled model is not finite")
+    for name in UNIT:
+        norms = np.linalg.norm(getattr(model, name), axis=1)
+        if not (np.abs(norms - 1.0) <= UNIT_TOLERANCE).all():
+            at = int(np.argmax(np.abs(norms - 1.0)))
+            raise ModelError(f"{path}: {name}[{at}] of the compiled model has norm {norms[at]:.6g} instead of 1")
     return model
 
 

@@ -85,6 +85,8 @@ def test_every_line_end_is_read(file: Path, end: str) -> None:
         ("X,Y,Z\n1,2,3\n", "column x, y, z is missing"),
         ('x,y,z\n1,2,"3\n', "not a CSV file"),
         ("x,y,z,qw,qx,qy,qz\n0,0,0,1,0,0,0\n0,0,0,0,0,0,0\n", "line 3, columns qw, qx, qy, qz: .* norm 0"),
+        ("x,y,z,qw,qx,qy,qz\n0,0,0,1,0,0,0\n0,0,0,0,-1e300,0,0\n", "line 3, columns qw, .* norm 1e\\+300"),
+        ("x,y,z,qw,qx,qy,qz\n0,0,0,1e-300,0,1e-200,0\n", "line 2, columns qw, .* norm 1e-200"),
     ],
 )
 def test_mistakes_are_named_with_their_place(file: Path, text: str, message: str) -> None:
