@@ -112,6 +112,19 @@ def choice(kind: str, value: object, valid: Iterable[str]) -> str:
     return value
 
 
+def text(name: str, value: object) -> str:
+    """A string that other languages can keep: one that UTF-8 can write, without null characters.
+
+    Raises:
+        InvalidInputError: anything else.
+    """
+    if not isinstance(value, str):
+        raise InvalidInputError(f"{name} must be a string, got {shown(value)}")
+    if "\0" in value or value.encode(errors="ignore").decode() != value:
+        raise InvalidInputError(f"{name} must be a text that UTF-8 can write, without nulls, got {shown(value)}")
+    return value
+
+
 def listed(name: str, items: Iterable[Item]) -> tuple[Item, ...]:
     """The items of a list.
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from jacokin.errors import InvalidInputError, shown
+from jacokin.model import checks
 from jacokin.mujoco_bridge.observables.options import Aggregator, Corruptor, RandomState, Steps
 
 
@@ -63,8 +64,14 @@ def symmetric_log(value: ArrayLike, random_state: RandomState = None) -> NDArray
     Args:
         value: readings of any shape.
         random_state: unused; corruptors are called with it.
+
+    Raises:
+        InvalidInputError: value is not made of real numbers.
     """
-    x = np.asarray(value, dtype=np.float64)
+    try:
+        x = checks.numbers(value)
+    except (TypeError, ValueError) as error:
+        raise InvalidInputError(f"value must be numbers, got {shown(value)}") from error
     return np.asarray(np.copysign(np.log1p(np.abs(x)), x))
 
 

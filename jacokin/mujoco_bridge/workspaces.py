@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
-from jacokin.errors import InvalidInputError
+from jacokin.errors import InvalidInputError, shown
 from jacokin.model import checks
 
 SITE_GROUP = 3  # of sites of tasks, which MuJoCo does not draw unless told to
@@ -51,18 +51,19 @@ def add_bbox_site(
         rgba: colour, 0..1.
 
     Raises:
-        InvalidInputError: malformed corners, or lower above upper.
+        InvalidInputError: not a body, malformed corners, lower above upper, or another argument is malformed.
     """
+    _check_body(body)
     low, high = checks.vector("lower", lower, 3, "m"), checks.vector("upper", upper, 3, "m")
     if (low > high).any():
         raise InvalidInputError(f"lower must not be above upper, got {low.tolist()} and {high.tolist()}")
     return body.add_site(
-        name=name,
+        name=checks.text("name", name),
         type=mujoco.mjtGeom.mjGEOM_BOX,
         pos=(low + high) / 2.0,
         size=np.maximum((high - low) / 2.0, _SMALLEST),
         rgba=checks.vector("rgba", rgba, 4, "0..1"),
-        group=VISIBLE_GROUP if visible else SITE_GROUP,
+        group=VISIBLE_GROUP if checks.flag("visible", visible) else SITE_GROUP,
     )
 
 
@@ -79,12 +80,18 @@ def add_target_site(
         rgba: colour, 0..1.
 
     Raises:
-        InvalidInputError: the radius is not positive, or a malformed colour.
+        InvalidInputError: not a body, the radius is not positive, or another argument is malformed.
     """
+    _check_body(body)
     return body.add_site(
-        name=name,
+        name=checks.text("name", name),
         type=mujoco.mjtGeom.mjGEOM_SPHERE,
         size=[checks.positive("radius", radius, "m")] * 3,
         rgba=checks.vector("rgba", rgba, 4, "0..1"),
-        group=VISIBLE_GROUP if visible else SITE_GROUP,
+        group=VISIBLE_GROUP if checks.flag("visible", visible) else SITE_GROUP,
     )
+
+
+def _check_body(body: mujoco.MjsBody) -> None:
+    if not isinstance(body, mujoco.MjsBody):
+        raise InvalidInputError(f"body must be a body of an MjSpec, such as worldbody, got {shown(body)}")

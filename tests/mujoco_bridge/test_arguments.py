@@ -27,7 +27,8 @@ DIGITS = 10**5000  # more than Python prints
 FLAGS = np.eye(3)  # neither true nor false
 RNG = np.random.RandomState(0)
 NO_UTF8 = "\ud800"
-EVERY = [DIGITS, 1e300 + 2j, object(), FLAGS, [[1.0], [2.0, 3.0]], np, True, NO_UTF8]
+NULL = "a\0b"  # MuJoCo keeps the a
+EVERY = [DIGITS, 1e300 + 2j, object(), FLAGS, [[1.0], [2.0, 3.0]], np, True, NO_UTF8, NULL]
 
 
 @pytest.mark.parametrize(

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
+from jacokin.errors import InvalidInputError
 from jacokin.mujoco_bridge.observations import (
     FREEPROP_OBSERVABLES,
     JACO_ARM_OBSERVABLES,
@@ -66,3 +69,7 @@ def test_symmetric_log() -> None:
     np.testing.assert_array_equal(symmetric_log(x), -symmetric_log(-x, random_state=None))
     np.testing.assert_allclose(np.sign(x) * np.expm1(np.abs(symmetric_log(x))), x, rtol=1e-13)
     assert symmetric_log(1e-300) == 1e-300  # no cancellation at small values
+    wrong: Any
+    for wrong in ("daqp", 1j, 10**400, [np.ma.masked], object()):
+        with pytest.raises(InvalidInputError, match="value must be numbers"):
+            symmetric_log(wrong)

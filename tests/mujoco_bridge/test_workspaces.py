@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import mujoco
 import numpy as np
 import pytest
@@ -31,3 +33,15 @@ def test_malformed_boxes_are_refused() -> None:
         workspaces.add_bbox_site(world, (0.0, 0.0, 1.0), (1.0, 1.0, 0.0))
     with pytest.raises(InvalidInputError, match="radius"):
         workspaces.add_target_site(world, 0.0)
+    wrong: Any
+    for wrong in (None, "worldbody", Arena().mjcf_model):
+        with pytest.raises(InvalidInputError, match="body must be a body of an MjSpec"):
+            workspaces.add_target_site(wrong, 0.05)
+        with pytest.raises(InvalidInputError, match="body must be a body of an MjSpec"):
+            workspaces.add_bbox_site(wrong, (0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
+    for wrong in (None, 3, "a\0b", "\ud800"):
+        with pytest.raises(InvalidInputError, match="name must be a"):
+            workspaces.add_target_site(world, 0.05, name=wrong)
+    with pytest.raises(InvalidInputError, match="visible must be True or False"):
+        workspaces.add_target_site(world, 0.05, visible=np.ones(2))  # type: ignore[arg-type]  # what is tested
+    assert not world.sites

@@ -34,15 +34,9 @@ def check_name(name: str) -> str:
     """The name of an entity, or an error that says what is wrong with it.
 
     Raises:
-        InvalidInputError: not a string, not one in UTF-8, empty, or with a slash.
+        InvalidInputError: not a string, not one in UTF-8, empty, with a slash or a null character.
     """
-    if not isinstance(name, str):
-        raise InvalidInputError(f"name must be a string, got {shown(name)}")
-    try:
-        name.encode()
-    except UnicodeEncodeError:
-        raise InvalidInputError(f"name must be a text that UTF-8 can write, got {shown(name)}") from None
-    if not name or "/" in name:
+    if not checks.text("name", name) or "/" in name:
         raise InvalidInputError(f"name must not be empty and must not contain '/', got {shown(name)}")
     return name
 
