@@ -15,7 +15,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
-from jacokin.errors import InvalidInputError, shown
+from jacokin.errors import InvalidInputError, StructureError, shown
 from jacokin.ik import seeds
 from jacokin.ik.paths import lines
 from jacokin.ik.paths.planned import Planned, Settings
@@ -141,7 +141,10 @@ def _settings(
 ) -> Settings:
     if not isinstance(solver, IKSolver):
         raise InvalidInputError(f"solver must be an IKSolver, got {shown(solver)}")
-    solver.closed_form()
+    try:
+        solver.closed_form()
+    except StructureError as error:
+        raise StructureError(f"plan_path needs the closed form of a six-joint arm: {error}") from error
     checks.choice("timing", timing, TIMINGS)
     acceleration = None
     if acceleration_limit is not None:

@@ -16,6 +16,7 @@ from jacokin.model.angles import TURN
 from jacokin.model.pose_targets import FreeAxis
 
 SAME_AXIS = 1e-9  # of unit vectors
+MOST_PLACES = 50_000  # steps of a path: half a kilometre, or that many waypoints
 WHOLE_TICK = 1e-9  # a duration this near to whole ticks is whole; division rounds
 
 
@@ -102,8 +103,16 @@ class CartesianPath:
         return np.concatenate([np.zeros(1), *parts])
 
     def places(self, spacing: float, angle: float) -> Array:
-        """Places from start to end, every waypoint among them, at most so far apart [m] and [rad]."""
+        """Places from start to end, every waypoint among them, at most so far apart [m] and [rad].
+
+        Raises:
+            InvalidInputError: a path longer than a search can take.
+        """
         counts = np.maximum(np.ceil(np.maximum(self.lengths[:, 0] / spacing, self.lengths[:, 1] / angle)), 1.0)
+        if not counts.sum() <= MOST_PLACES:
+            raise InvalidInputError(
+                f"the path is {self.lengths[:, 0].sum():.6g} m long: more than {MOST_PLACES} steps of {spacing:g} m"
+            )
         parts = [line + np.arange(count) / count for line, count in enumerate(counts)]
         return np.append(np.concatenate(parts), float(self.lines))
 

@@ -12,7 +12,7 @@ from jacokin.arrays import Array
 from jacokin.ik.planning.ladder import Ladder, Links, Rung
 
 FINEST = 2e-5  # [m] and [rad / 5] no step of the path is made smaller
-MOST_RUNGS = 6000  # times solutions on a rung is what a search costs
+MOST_RUNGS = 6000  # more than the path began with: steps that are halved cost time
 TOGETHER = 20_000  # pairs of solutions that are looked at in one go
 MOST_REFINED = 24  # steps that are halved at once, the last ones first
 
@@ -44,6 +44,7 @@ class Search:
         self.ladder = ladder
         self.rungs = ladder.rungs(places)
         self._links: list[Links | None] = [None] * len(self.rungs)  # from the rung before
+        self._most = len(self.rungs) + MOST_RUNGS
         self._start_cost = start_cost
         self._costs: list[Array] = []
         self._back: list[NDArray[np.intp]] = []
@@ -118,7 +119,7 @@ class Search:
                 ended.append(index)
             if len(ended) == MOST_REFINED:
                 break
-        if not ended or len(self.rungs) + len(ended) > MOST_RUNGS:
+        if not ended or len(self.rungs) + len(ended) > self._most:
             return False
         for index in ended:  # from the end: earlier numbers stay as they are
             self.halve(index)
@@ -133,7 +134,7 @@ class Search:
 
     def can_halve(self, index: int) -> bool:
         """Whether the step before a rung can be made smaller."""
-        return self._size(index) > FINEST and len(self.rungs) < MOST_RUNGS
+        return self._size(index) > FINEST and len(self.rungs) < self._most
 
     def _size(self, index: int) -> float:
         """Length of the step before a rung: metres, or a fifth of the radians."""
