@@ -34,6 +34,25 @@ PackageDirOption = Annotated[
 FrameOption = Annotated[
     str | None, Option("--frame", metavar="NAME", help="Frame of the tool; `jacokin info` lists them.")
 ]
+PathOption = Annotated[
+    Path, Option("--path", metavar="FILE.csv", help="Poses to pass through: columns x,y,z,qw,qx,qy,qz.")
+]
+TimeStepOption = Annotated[float, Option("--dt", metavar="T", help="Control step [s].")]
+TrajectoryOption = Annotated[
+    Path | None,
+    Option("--output", metavar="FILE", help="Write the trajectory here, .csv, .npz, .json (ROS) or .kinova.csv."),
+]
+PlotOption = Annotated[
+    Path | None, Option("--plot", metavar="FILE.png", help="Draw joints, limits and errors over time.")
+]
+SpeedOption = Annotated[float, Option("--speed", metavar="V", help="Speed along the path [m/s].")]
+AngularSpeedOption = Annotated[
+    float | None, Option("--angular-speed", metavar="W", help="Speed of turning [rad/s]; 0.5 if not given.")
+]
+VelocityLimitOption = Annotated[
+    str | None,
+    Option("--velocity-limit", metavar="V ..", help="Of the joints [rad/s], one for all or one for each."),
+]
 SceneOption = Annotated[
     Path | None, Option("--scene", metavar="FILE.yaml", help="Obstacles around the arm, .yaml or .json.")
 ]

@@ -3,23 +3,29 @@
 from __future__ import annotations
 
 import contextlib
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from jacokin.cli.arguments import options
 from jacokin.cli.arguments.declared import Option
 from jacokin.cli.arguments.options import (
     DEFAULT_ROBOT,
+    AngularSpeedOption,
     BaseOption,
     ClearanceOption,
     DegreesOption,
     FrameOption,
     JsonOption,
     PackageDirOption,
+    PathOption,
+    PlotOption,
     RobotOption,
     SceneOption,
     SeedOption,
+    SpeedOption,
+    TimeStepOption,
     TipOption,
+    TrajectoryOption,
+    VelocityLimitOption,
 )
 from jacokin.cli.arguments.outputs import keep_apart
 from jacokin.cli.arguments.units import Units, numbers
@@ -34,21 +40,12 @@ AXES = {"x": [1.0, 0.0, 0.0], "y": [0.0, 1.0, 0.0], "z": [0.0, 0.0, 1.0]}
 
 
 def plan(
-    path: Annotated[
-        Path, Option("--path", metavar="FILE.csv", help="Poses to pass through: columns x,y,z,qw,qx,qy,qz.")
-    ],
-    dt: Annotated[float, Option("--dt", metavar="T", help="Control step [s].")] = 0.01,
-    output: Annotated[
-        Path | None,
-        Option("--output", metavar="FILE", help="Write the trajectory here, .csv, .npz, .json (ROS) or .kinova.csv."),
-    ] = None,
-    plot: Annotated[
-        Path | None, Option("--plot", metavar="FILE.png", help="Draw joints, limits and errors over time.")
-    ] = None,
-    speed: Annotated[float, Option("--speed", metavar="V", help="Speed along the path [m/s].")] = 0.05,
-    angular_speed: Annotated[
-        float | None, Option("--angular-speed", metavar="W", help="Speed of turning [rad/s]; 0.5 if not given.")
-    ] = None,
+    path: PathOption,
+    dt: TimeStepOption = 0.01,
+    output: TrajectoryOption = None,
+    plot: PlotOption = None,
+    speed: SpeedOption = 0.05,
+    angular_speed: AngularSpeedOption = None,
     timing: Annotated[
         str, Option("--timing", metavar="NAME", help="keep the speed, or slow down where joints cannot follow.")
     ] = "keep",
@@ -60,10 +57,7 @@ def plan(
         tuple[float, float] | None,
         Option("--free-range", metavar="A B", help="How far it may turn; a full turn if not given."),
     ] = None,
-    velocity_limit: Annotated[
-        str | None,
-        Option("--velocity-limit", metavar="V ..", help="Of the joints [rad/s], one for all or one for each."),
-    ] = None,
+    velocity_limit: VelocityLimitOption = None,
     acceleration_limit: Annotated[
         str | None,
         Option("--acceleration-limit", metavar="A ..", help="Of the joints [rad/s^2]; needs --timing slow."),

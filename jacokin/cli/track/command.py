@@ -3,22 +3,28 @@
 from __future__ import annotations
 
 import contextlib
-from pathlib import Path
 from typing import Annotated
 
 from jacokin.cli.arguments import options
 from jacokin.cli.arguments.declared import Option
 from jacokin.cli.arguments.options import (
     DEFAULT_ROBOT,
+    AngularSpeedOption,
     BaseOption,
     DegreesOption,
     FrameOption,
     JsonOption,
     PackageDirOption,
+    PathOption,
+    PlotOption,
     RobotOption,
     SceneOption,
     SeedOption,
+    SpeedOption,
+    TimeStepOption,
     TipOption,
+    TrajectoryOption,
+    VelocityLimitOption,
 )
 from jacokin.cli.arguments.outputs import keep_apart
 from jacokin.cli.arguments.units import Units
@@ -27,25 +33,13 @@ from jacokin.cli.exit_codes import NOT_SOLVED
 
 
 def track(
-    path: Annotated[
-        Path, Option("--path", metavar="FILE.csv", help="Poses to pass through: columns x,y,z,qw,qx,qy,qz.")
-    ],
-    dt: Annotated[float, Option("--dt", metavar="T", help="Control step [s].")] = 0.01,
-    output: Annotated[
-        Path | None,
-        Option("--output", metavar="FILE", help="Write the trajectory here, .csv or .npz, in radians."),
-    ] = None,
-    plot: Annotated[
-        Path | None, Option("--plot", metavar="FILE.png", help="Draw joints, limits and errors over time.")
-    ] = None,
-    speed: Annotated[float, Option("--speed", metavar="V", help="Speed along the path [m/s].")] = 0.05,
-    angular_speed: Annotated[
-        float | None, Option("--angular-speed", metavar="W", help="Speed of turning [rad/s]; 0.5 if not given.")
-    ] = None,
-    velocity_limit: Annotated[
-        str | None,
-        Option("--velocity-limit", metavar="V ..", help="Of the joints [rad/s], one for all or one for each."),
-    ] = None,
+    path: PathOption,
+    dt: TimeStepOption = 0.01,
+    output: TrajectoryOption = None,
+    plot: PlotOption = None,
+    speed: SpeedOption = 0.05,
+    angular_speed: AngularSpeedOption = None,
+    velocity_limit: VelocityLimitOption = None,
     acceleration_limit: Annotated[
         str | None,
         Option("--acceleration-limit", metavar="A ..", help="Of the joints [rad/s^2]; none if not given."),
