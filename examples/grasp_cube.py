@@ -27,7 +27,6 @@ from jacokin.mujoco_bridge import (
     observations,
     robots,
 )
-from jacokin.mujoco_bridge.arena import CAMERA
 
 HALF = 0.02  # [m] half the cube's side
 CLEARANCE = 0.15  # [m] above the cube before and after
@@ -90,7 +89,7 @@ def camera(physics: Physics, width: int, height: int) -> Callable[[], NDArray[np
     renderer = mujoco.Renderer(physics.model, height, width)
 
     def picture() -> NDArray[np.uint8]:
-        renderer.update_scene(physics.data, camera=CAMERA)
+        renderer.update_scene(physics.data, camera="overview")
         return np.asarray(renderer.render())
 
     return picture

@@ -11,6 +11,7 @@ from jacokin.mujoco_bridge.distributions import uniform_box
 from jacokin.mujoco_bridge.entities.entity import Entity
 from jacokin.mujoco_bridge.workspaces import BoundingBox
 from jacokin.tasks import features
+from jacokin.tasks.families.bricks import BRICK_BOX
 from jacokin.tasks.features import Feature
 from jacokin.tasks.task import ANY_YAW, Task, brick, qpos_rows, shaped
 from jacokin.tasks.view import View, length
@@ -20,7 +21,6 @@ AWAY = 4.0 * RADIUS  # [m] of the hand from the target
 _AWAY_MARGIN = 3.0 * RADIUS  # [m]
 _IN_PLACE = 10.0  # weight
 _ATTEMPTS = 50
-_BRICK_BOX = BoundingBox((-0.1, -0.1, 1e-6), (0.1, 0.1, 1e-6))
 _PEDESTAL_BOX = BoundingBox((-0.1, -0.1, 0.07), (0.1, 0.1, 0.17))
 
 
@@ -35,7 +35,7 @@ class _Place(Task):
         self.pedestal = Pedestal(top)
         self._add_fixed(self.pedestal)
         self._place_brick = PropPlacer(
-            [self.brick], uniform_box(*_BRICK_BOX), ANY_YAW, settle_physics=True, max_attempts_per_prop=_ATTEMPTS
+            [self.brick], uniform_box(*BRICK_BOX), ANY_YAW, settle_physics=True, max_attempts_per_prop=_ATTEMPTS
         )
         self._place_pedestal = PropPlacer([self.pedestal], uniform_box(*_PEDESTAL_BOX))
 
