@@ -275,6 +275,9 @@ class IKSolver:
     @overload
     def solve_all(self, target: pin.SE3 | ArrayLike, seed: ArrayLike | None = None) -> Branches: ...
 
+    @overload
+    def solve_all(self, target: Target, seed: ArrayLike | None = None) -> Branches | Family: ...
+
     def solve_all(self, target: Target, seed: ArrayLike | None = None) -> Branches | Family:
         """Every branch that reaches a pose, inside the limits or not; all of a family within the limits.
 

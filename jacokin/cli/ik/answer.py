@@ -40,6 +40,7 @@ def show_result(solver: IKSolver, result: IKResult, units: Units, *, as_json: bo
                 "iterations": result.iterations,
                 "restarts": result.restarts,
                 "touching": result.touching,
+                "parameter": None if result.parameter is None else units.shown(result.parameter),
             }
         )
         return result.success

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from jacokin.cli.arguments import options
 from jacokin.cli.arguments.declared import Option
@@ -28,12 +28,6 @@ from jacokin.cli.arguments.units import Units, numbers, warn_of_degrees
 from jacokin.cli.exit_codes import NOT_SOLVED
 from jacokin.errors import InvalidInputError
 
-if TYPE_CHECKING:
-    import numpy as np
-    import pinocchio as pin
-    from numpy.typing import NDArray
-
-
 Vector3 = tuple[float, float, float]
 Vector4 = tuple[float, float, float, float]
 
@@ -50,6 +44,21 @@ def ik(
         Option("--rpy", metavar="R P Y", help="Its orientation as R = Rz(Y) Ry(P) Rx(R)."),
     ] = None,
     down: Annotated[bool, Option("--down", help="Its orientation: pointing vertically down.")] = False,
+    approach: Annotated[
+        Vector3 | None,
+        Option("--approach", metavar="X Y Z", help="The direction its z axis points in; the roll is free."),
+    ] = None,
+    free_axis: Annotated[
+        str | None,
+        Option("--free-axis", metavar="AXIS", help="It may turn about this axis of its own: x, y, z or X,Y,Z."),
+    ] = None,
+    free_range: Annotated[
+        tuple[float, float] | None,
+        Option("--free-range", metavar="A B", help="From and to which angle it may turn; a full turn by default."),
+    ] = None,
+    prefer: Annotated[
+        str, Option("--prefer", metavar="NAME", help="Which configuration: nearest, margin or manipulability.")
+    ] = "nearest",
     every: Annotated[bool, Option("--all", help="Show every branch, inside the limits or not.")] = False,
     targets: Annotated[
         Path | None,
@@ -99,15 +108,19 @@ def ik(
       jacokin ik --position 0.3 -0.2 0.5 --down --json          for programs
       jacokin ik --position 0.3 -0.2 0.5 --down --seed 4.8 2.9 1.0 4.2 1.4 1.3
       jacokin ik --position 0.3 -0.2 0.5 --down --scene scene.yaml --clearance 0.01
+      jacokin ik --position 0.3 -0.2 0.3 --approach 1 0 0       from the side, roll free
+      jacokin ik --position 0.3 -0.2 0.3 --down --free-axis y --free-range -0.5 0.5 --prefer margin
       jacokin ik --targets targets.csv --output joints.csv      a file of poses
       jacokin ik --targets poses.parquet --output joints.parquet --workers 8 --resume
     """
-    from jacokin.cli.ik import combinations
+    from jacokin.cli.ik import combinations, target
     from jacokin.cli.ik.answer import show_result
     from jacokin.cli.ik.branches import show_branches
+    from jacokin.cli.ik.family import show_family
+    from jacokin.ik.families.family import Family
     from jacokin.ik.solver import IKSolver
 
-    oriented = quat_wxyz is not None or rpy is not None or down
+    oriented = quat_wxyz is not None or rpy is not None or down or approach is not None
     combinations.check(position, oriented, every, targets, output, random_seed, degrees and targets is not None)
     if output is None and (resume or dask is not None):
         raise InvalidInputError(f"{'--resume' if resume else '--dask'} goes with --targets and --output")
@@ -136,27 +149,18 @@ def ik(
 
         solved = batch.run(solver, targets, output, start, resume=resume, workers=workers, dask=dask, as_json=json)
     elif every:
-        branches = solver.solve_all(_target(position, quat_wxyz, rpy, down, units), start)
-        solved = show_branches(solver, branches, units, reject_contact=collision == "reject", as_json=json)
+        wanted = target.build(position, quat_wxyz, rpy, down, approach, free_axis, free_range, units)
+        found = solver.solve_all(wanted, start)
+        if isinstance(found, Family):
+            solved = show_family(solver, found, units, as_json=json)
+        else:
+            solved = show_branches(solver, found, units, reject_contact=collision == "reject", as_json=json)
     else:
         import numpy as np
 
         rng = None if random_seed is None else np.random.default_rng(random_seed)
-        result = solver.solve(_target(position, quat_wxyz, rpy, down, units), start, rng)
+        wanted = target.build(position, quat_wxyz, rpy, down, approach, free_axis, free_range, units)
+        result = solver.solve(wanted, start, rng, prefer=prefer)
         solved = show_result(solver, result, units, as_json=json)
     if not solved:
         raise SystemExit(NOT_SOLVED)
-
-
-def _target(
-    position: Vector3 | None, quat_wxyz: Vector4 | None, rpy: Vector3 | None, down: bool, units: Units
-) -> pin.SE3 | NDArray[np.float64]:
-    """The pose, or the position alone when the orientation is free."""
-    import numpy as np
-
-    from jacokin.model.pose_targets import pose
-
-    assert position is not None  # combinations.check
-    if quat_wxyz is None and rpy is None and not down:
-        return np.array(position)
-    return pose(position, quat_wxyz, rpy=None if rpy is None else units.read(rpy), down=down)
