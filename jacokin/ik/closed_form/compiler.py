@@ -60,8 +60,8 @@ _PACKAGE = "jacokin.ik.closed_form"
 _SHAPES = {"chain": "(7, 3, 4)", "arm": "(39,)", "limits": "(3, 6)", "T": "(n, 4, 4)", "seed": "(n, 6)"}
 # The compiled form does the plain form's operations in the same order, without fastmath: both give the same bits.
 _OPTIONS: dict[str, Any] = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-# Functions that most poses need not: these stay calls. The others become part of their callers, because passing a tuple
-# of arrays takes as long as most of them do.
+# Functions that most poses need not: these stay calls. The other kernels become part of their callers, because passing
+# a tuple of arrays takes as long as most of them do. Curves are left to the compiler: they take longer anyway.
 _CALLED = frozenset(
     (
         "add_fold",
@@ -92,8 +92,9 @@ def compile_kernels() -> bytes:
     # Copies that see each other's compiled forms; the modules themselves stay plain.
     for name, value in list(namespace.items()):
         if isinstance(value, types.FunctionType):
+            inlined = name not in _CALLED and value.__module__.startswith(f"{_PACKAGE}.kernels.")
             copy = types.FunctionType(value.__code__, namespace, name)
-            namespace[name] = numba.njit(copy, forceinline=name not in _CALLED, **_OPTIONS)
+            namespace[name] = numba.njit(copy, forceinline=inlined, **_OPTIONS)
     namespace.update(carray=numba.carray, pointer=_pointer_intrinsic(), float64=np.float64, int64=np.int64)
     exec(_entry_source(namespace), namespace)
     entry = numba.njit(namespace["entry"], **_OPTIONS)

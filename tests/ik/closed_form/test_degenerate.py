@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from jacokin import Robot
+from jacokin import IKSolver, Robot
 from jacokin.arrays import Array
 from jacokin.ik.closed_form import warmup
 from tests.ik.closed_form.tools import (
@@ -247,3 +247,18 @@ def test_two_branches_that_differ_by_half_a_turn_of_joint_1_are_both_found(robot
     for tilt in rng.uniform(-1e-2, 1e-2, 2000):
         near = q + np.array([0.0, 0.0, tilt, 0.0, 0.0, 0.0])
         assert contains(form.solve_all(target(robot, near), robot.home), near), near.tolist()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("axis", [0, 1])
+def test_branches_change_in_pairs_while_the_tool_turns(robot: Robot, axis: int) -> None:
+    """A lost branch shows as an odd number at a single angle: branches come and go in folds, two at a time."""
+    solver = IKSolver(robot)
+    unit = np.eye(3)[axis]
+    for q in robot.sample(np.random.default_rng(9), 20):
+        start = robot.forward_kinematics(q)
+        turned = [start * pin.SE3(pin.exp3(unit * angle), np.zeros(3)) for angle in np.linspace(-np.pi, np.pi, 4000)]
+        form = solver.closed_form()
+        matrices = np.array([pose.homogeneous for pose in turned])
+        number = form.solve_batch(matrices, np.tile(robot.home, (len(matrices), 1))).branches
+        assert not (number % 2).any(), (q.tolist(), np.flatnonzero(number % 2).tolist())

@@ -20,9 +20,7 @@ from jacokin.ik.closed_form.kernels.tolerances import (
     EXACT_MISFIT,
     FOLD_DETERMINANT,
     FOLD_FACTOR,
-    LEVER,
     MAX_POLISH_ERROR,
-    MAX_START_ERROR,
     MIN_WIDTH,
     MISFIT_FACTOR,
     POLISHED_CLOSURE,
@@ -118,7 +116,7 @@ def branches_of_spherical_wrist(k: Arm, pose: Pose, task: Task, work: Work) -> N
     spherical_starts(k, pose, task.seed, starts, branches.newton.q)
     for i in range(starts.filled[0]):
         q1, q5, q6, family = starts.rows[i, 0], starts.rows[i, 1], starts.rows[i, 2], starts.rows[i, 3]
-        singular = family == 0.0 and refine(k, pose, q1, q5, q6, math.inf, FOLD_DETERMINANT)[4]
+        singular = family == 0.0 and refine(k, pose, q1, q5, q6, FOLD_DETERMINANT)[3]
         complete(k, pose, q1, q5, q6, branches.newton.q)
         if singular and add_fold(task, branches):
             continue
@@ -136,7 +134,7 @@ def branches_at_double_roots(k: Arm, pose: Pose, task: Task, work: Work) -> None
     starts_on_axis_5(k, pose, starts, work.inner)
     note_full(work.branches, starts.filled[0], MAX_STARTS)
     for n in range(starts.filled[0]):
-        branch_from_start(k, pose, task, work, n, True, MAX_START_ERROR)
+        branch_from_start(k, pose, task, work, n, True)
     note_known(work)
 
 
@@ -188,7 +186,7 @@ def branch_at_root(k: Arm, pose: Pose, task: Task, work: Work, q6: float) -> Non
         note_full(branches, starts.filled[0], MAX_STARTS)
         for n in range(starts.filled[0]):
             count = branches.filled[0]
-            branch_from_start(k, pose, task, work, n, False, math.inf)
+            branch_from_start(k, pose, task, work, n, False)
             if branches.filled[0] == count + 1 and circular_distance(branches.rows[count, 5] - q6) < SAME_ROOT:
                 return
         if branches.filled[0] > before:
@@ -198,26 +196,26 @@ def branch_at_root(k: Arm, pose: Pose, task: Task, work: Work, q6: float) -> Non
 def branches_in_interval(k: Arm, pose: Pose, task: Task, work: Work, q6: float, half: float) -> None:
     """The branches of an undecided interval, from its middle and its ends: several roots may share it.
 
-    Most starts are wrong or repeat each other: those far off, and those that end on a known branch, are dropped early.
+    Most starts are wrong or repeat each other; those that end on a known branch are dropped early. How far off a start
+    is tells nothing: right ones may be as far off as wrong ones.
     """
     skip_known = k.misfit <= EXACT_MISFIT
-    max_error = MAX_START_ERROR + LEVER * half if skip_known else math.inf
     work.starts.filled[0] = 0
     for i in range(3):
         starts_at_q6(k, pose, q6 + (i - 1) * half, half, work.starts, work.inner)
     note_full(work.branches, work.starts.filled[0], MAX_STARTS)
     for n in range(work.starts.filled[0]):
-        branch_from_start(k, pose, task, work, n, skip_known, max_error)
+        branch_from_start(k, pose, task, work, n, skip_known)
 
 
-def branch_from_start(k: Arm, pose: Pose, task: Task, work: Work, n: int, skip_known: bool, max_error: float) -> None:
+def branch_from_start(k: Arm, pose: Pose, task: Task, work: Work, n: int, skip_known: bool) -> None:
     """Refine start n and append its branch; at a fold, both branches."""
     branches = work.branches
     first = (work.starts.rows[n, 0], work.starts.rows[n, 1], work.starts.rows[n, 2])
     smallest_det = FOLD_DETERMINANT
     while True:
-        q1, q5, q6, plausible, singular = refine(k, pose, first[0], first[1], first[2], max_error, smallest_det)
-        if not plausible or (skip_known and is_known(branches, q1, q5, q6)):
+        q1, q5, q6, singular = refine(k, pose, first[0], first[1], first[2], smallest_det)
+        if skip_known and is_known(branches, q1, q5, q6):
             return
         complete(k, pose, q1, q5, q6, branches.newton.q)
         if not singular:

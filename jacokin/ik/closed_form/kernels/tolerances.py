@@ -62,12 +62,6 @@ SMALL_G = 1e-5
 REFINED_STEP = 1e-9
 #: [rad]; Newton's steps are cut to this size.
 MAX_REFINE_STEP = 0.3
-#: [m]; a start from an interval undecided at MIN_WIDTH that misses e3 or R by more is a wrong one: the right ones were
-#: up to 1e-4 off, and with O near axis 5 may be 6e-3 off; axis 3 the wrong way round is off by twice the shoulder's
-#: offset, 14 or 20 mm.
-MAX_START_ERROR = 1e-2
-#: [m]; in wider intervals, starts may be farther off by this times half the width: O is nearer to axis 6 than this.
-LEVER = 1.0
 #: sin of the angle between axes 4 and 6 below which they count as aligned: q4 and q6 then turn the same axis, and any
 #: q6 closes the pose to this many radians.
 ALIGNED_SINE = 1e-10

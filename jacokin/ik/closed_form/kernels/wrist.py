@@ -198,15 +198,14 @@ def add_start(starts: Starts, pose: Pose, view: AfterJoint6, zeta: complex, z3: 
 
 
 def refine(
-    k: Arm, pose: Pose, q1: float, q5: float, q6: float, max_error: float, smallest_det: float
-) -> tuple[float, float, float, bool, bool]:
+    k: Arm, pose: Pose, q1: float, q5: float, q6: float, smallest_det: float
+) -> tuple[float, float, float, bool]:
     """Newton on the three equations, to the last digit or to the iteration limit.
 
     Returns:
-        The angles; False, and nothing was done, for a start that misses one of the two distances by more than
-        ``max_error`` [m]; and whether it stopped at a fold, where the determinant is below ``smallest_det`` [m^2].
+        The angles, and whether it stopped at a fold, where the determinant is below ``smallest_det`` [m^2].
     """
-    for iteration in range(REFINE_ITERATIONS):
+    for _ in range(REFINE_ITERATIONS):
         c1, s1, c5, s5 = math.cos(q1), math.sin(q1), math.cos(q5), math.sin(q5)
         c6, s6 = math.cos(q6), math.sin(q6)
         D = mix(pose.D0, 1.0, pose.Dc, c6, pose.Ds, s6)
@@ -222,14 +221,12 @@ def refine(
         f1 = dot(z3, z4)
         f2 = dot(z3, D) - k.e3
         f3 = dot(z4, D) + (dot(D, D) + k.c4 * k.c4 - k.R2) / (2.0 * k.c4)
-        if iteration == 0 and max(abs(f2), abs(f3)) > max_error:
-            return q1, q5, q6, False, False
         a11, a12, a13 = dot(z3_1, z4), dot(z3, z4_5), dot(z3_6, z4)
         a21, a23 = dot(z3_1, D), dot(z3_6, D) + dot(z3, dD)
         a32, a33 = dot(z4_5, D), dot(z4, dD) + dot(D, dD) / k.c4
         det = -a11 * a23 * a32 - a21 * (a12 * a33 - a13 * a32)
         if abs(det) < smallest_det and max(abs(f1), abs(f2), abs(f3)) < MAX_FOLD_ERROR:
-            return q1, q5, q6, True, True
+            return q1, q5, q6, True
         if det == 0.0:
             break
         d1 = (-f1 * a23 * a32 - f2 * (a12 * a33 - a13 * a32) + f3 * a12 * a23) / det
@@ -242,7 +239,7 @@ def refine(
         q1, q5, q6 = q1 - d1, q5 - d5, q6 - d6
         if size < REFINED_STEP:
             break
-    return q1, q5, q6, True, False
+    return q1, q5, q6, False
 
 
 def complete(arm: Arm, pose: Pose, q1: float, q5: float, q6: float, q: NDArray[np.float64]) -> None:
