@@ -67,8 +67,9 @@ class Stage:
         scene.add_light_directional("/light/front", intensity=2.0, position=(1.0, -1.0, 2.0))
         scene.add_light_directional("/light/back", intensity=0.7, position=(-1.0, 0.5, 0.5))
         self._show_ghosts = True
-        server.initial_camera.position = (1.2, -1.2, 0.9)
+        server.initial_camera.position = (1.25, -1.25, 0.95)
         server.initial_camera.look_at = (0.0, 0.0, 0.35)
+        server.initial_camera.fov = 0.75  # [rad]
 
     def show(self, view: View, *, move_gizmo: bool) -> None:
         """Bring every node to a view.

@@ -1,0 +1,149 @@
+"""Chromium without a screen, and what its pictures should show."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+import shutil
+import subprocess
+import time
+import urllib.request
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw
+from websockets.sync.client import connect
+from websockets.sync.connection import Connection
+
+from jacokin.arrays import Array
+from jacokin.model import poses
+from jacokin.viewer import Viewer, shapes
+from jacokin.viewer.view import Places
+
+Mask = NDArray[np.bool_]
+
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+WITHOUT_SCREEN = (
+    "--headless=new",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--no-sandbox",
+    "--no-first-run",
+    "--disable-dev-shm-usage",
+    "--window-size=1000,700",
+    "--remote-debugging-port=0",
+)
+STARTING = 60.0  # [s]
+
+WIDTH, HEIGHT, FOV = 480, 360, 0.8
+EYE, AIM = np.array([1.3, -1.3, 1.0]), np.array([0.0, 0.0, 0.35])
+
+
+class Tab:
+    """A page of the viewer in Chromium, driven by its own mouse and keys."""
+
+    def __init__(self, socket: Connection) -> None:
+        self._socket = socket
+        self._sent = 0
+
+    def ask(self, method: str, **parameters: object) -> dict[str, object]:
+        """Call Chromium's debugging interface and wait for its answer."""
+        self._sent += 1
+        self._socket.send(json.dumps({"id": self._sent, "method": method, "params": parameters}))
+        while True:
+            answer: dict[str, object] = json.loads(self._socket.recv(timeout=STARTING))
+            if answer.get("id") == self._sent:
+                assert "error" not in answer, answer
+                return answer
+
+    def press(self, letter: str) -> None:
+        code = {"key": letter.lower(), "code": f"Key{letter}", "windowsVirtualKeyCode": ord(letter)}
+        self.ask("Input.dispatchKeyEvent", type="keyDown", text=letter.lower(), **code)
+        self.ask("Input.dispatchKeyEvent", type="keyUp", **code)
+
+    def drag(self, start: Array, end: Array, steps: int = 8) -> None:
+        """Hold the left button from one pixel to another."""
+        self._mouse("mouseMoved", start, "none")
+        time.sleep(0.2)  # the page looks at what is under the mouse once a frame
+        self._mouse("mousePressed", start, "left")
+        for step in range(1, steps + 1):
+            self._mouse("mouseMoved", start + (end - start) * step / steps, "left")
+            time.sleep(0.03)
+        self._mouse("mouseReleased", end, "left")
+
+    def _mouse(self, kind: str, at: Array, button: str) -> None:
+        self.ask("Input.dispatchMouseEvent", type=kind, x=float(at[0]), y=float(at[1]), button=button, clickCount=1)
+
+
+@contextlib.contextmanager
+def showing(viewer: Viewer, folder: Path) -> Iterator[Tab]:
+    """A browser of its own that shows the viewer."""
+    assert CHROMIUM is not None
+    known = set(viewer.server.get_clients())
+    command = [CHROMIUM, *WITHOUT_SCREEN, f"--user-data-dir={folder}", viewer.url]
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    try:
+        end = time.monotonic() + STARTING
+        while not set(viewer.server.get_clients()) - known:
+            assert time.monotonic() < end, "the page did not connect"
+            time.sleep(0.05)
+        port = (folder / "DevToolsActivePort").read_text(encoding="utf-8").split()[0]
+        with urllib.request.urlopen(f"http://127.0.0.1:{port}/json", timeout=STARTING) as listed:
+            (address,) = [item["webSocketDebuggerUrl"] for item in json.load(listed) if item["type"] == "page"]
+        with connect(address, max_size=None) as socket:
+            yield Tab(socket)
+    finally:
+        process.terminate()
+        process.wait(timeout=STARTING)
+
+
+def camera() -> Array:
+    """(3, 3) axes of the camera at EYE: x right, y down, z forward."""
+    forward = (AIM - EYE) / np.linalg.norm(AIM - EYE)
+    right = np.cross(forward, [0.0, 0.0, 1.0])
+    right /= np.linalg.norm(right)
+    return np.column_stack((right, np.cross(forward, right), forward))
+
+
+def pixels(points: Array, axes: Array, eye: Array, fov: float, width: int, height: int) -> Array:
+    """(n, 2) where points (n, 3) are in a picture."""
+    seen = (points - eye) @ axes
+    scale = 0.5 * height / math.tan(0.5 * fov)
+    return np.column_stack((0.5 * width, 0.5 * height)) + scale * seen[:, :2] / seen[:, 2:]
+
+
+def silhouette(parts: tuple[shapes.Part, ...], places: Places, arm: int, first: int = 0) -> Mask:
+    """The pixels that one of the placed arms covers, from part `first` on."""
+    picture = Image.new("1", (WIDTH, HEIGHT))
+    draw = ImageDraw.Draw(picture)
+    for part, position, quat in list(zip(parts, places.positions[arm], places.wxyzs[arm], strict=True))[first:]:
+        if part.mesh is None:
+            continue
+        w, x, y, z = (float(value) for value in quat)
+        rotation = np.array(
+            [
+                [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+                [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+                [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+            ]
+        )
+        corners = pixels(part.mesh.vertices @ rotation.T + position, camera(), EYE, FOV, WIDTH, HEIGHT)
+        for face in part.mesh.faces:
+            draw.polygon([(float(u), float(v)) for u, v in corners[face]], fill=1)
+    return np.array(picture)
+
+
+def picture(viewer: Viewer) -> Mask:
+    """The pixels where the first page draws anything."""
+    client = next(iter(viewer.server.get_clients().values()))
+    wxyz = poses.quaternion(camera())
+    image = client.get_render(HEIGHT, WIDTH, wxyz=wxyz, position=EYE, fov=FOV, transport_format="png", timeout=STARTING)
+    return np.asarray(image[:, :, 3] > 0)
+
+
+def agreement(first: Mask, second: Mask) -> float:
+    """Pixels that two masks share, of those that either has."""
+    return float((first & second).sum() / max(int((first | second).sum()), 1))
