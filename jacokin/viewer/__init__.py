@@ -1,10 +1,10 @@
 """What it looks like: every branch in the browser. Everything public is imported from here; read `view` first.
 
-view                        what to show for a target, as data
-texts                       what it says in words
-shapes                      the meshes of the arm
-stage, panel                the scene and the controls in the browser
-viewer, inbox, server       the running viewer, what pages did, the guarded web server
+view, inspector             what to show for a target, as data, and how it is found
+texts, shapes               what it says in words; the meshes of the arm
+motion                      trajectories that are played, and following the gizmo
+serving, viewer, inbox      `serve`, the running viewer, what pages did
+browser                     the scene, the controls and the guarded web server of viser
 """
 
 from __future__ import annotations
@@ -14,21 +14,17 @@ from typing import TYPE_CHECKING
 from jacokin import lazy
 
 if TYPE_CHECKING:
-    from jacokin.viewer.view import Inspector as Inspector
+    from jacokin.viewer.inspector import Inspector as Inspector
+    from jacokin.viewer.serving import serve as serve
     from jacokin.viewer.view import View as View
     from jacokin.viewer.viewer import Viewer as Viewer
-    from jacokin.viewer.viewer import serve as serve
 
 __all__, __getattr__, __dir__ = lazy.door(
     __name__,
     {
-        "jacokin.viewer.view": (
-            "Inspector",
-            "View",
-        ),
-        "jacokin.viewer.viewer": (
-            "Viewer",
-            "serve",
-        ),
+        "jacokin.viewer.inspector": ("Inspector",),
+        "jacokin.viewer.serving": ("serve",),
+        "jacokin.viewer.view": ("View",),
+        "jacokin.viewer.viewer": ("Viewer",),
     },
 )

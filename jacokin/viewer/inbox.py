@@ -36,6 +36,11 @@ class Inbox:
             taken, self._counts = self._counts, {}
             return taken
 
+    def waits(self, name: str) -> bool:
+        """Whether a name waits to be taken."""
+        with self._changed:
+            return name in self._counts
+
     def close(self) -> None:
         """Let the taker finish."""
         with self._changed:

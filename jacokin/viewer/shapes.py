@@ -16,9 +16,11 @@ if TYPE_CHECKING:
     import mujoco
 
     from jacokin.model.robot import Robot
+    from jacokin.model.scenes.scene import Scene
 
 SIDES = 24  # of what is round
 RINGS = 6  # from the equator of a sphere to its pole
+PLATE = (1.0, 1.0, 0.002)  # [m] half edges of what is drawn of a floor
 BONE_RADIUS = 0.02  # [m] of the sticks that stand for an arm without shapes
 
 
@@ -59,6 +61,24 @@ def parts_of(robot: Robot) -> tuple[Part, ...]:
         meshes = [mesh for geom in geoms if (mesh := _mesh_of_geom(model, geom)) is not None]
         parts.append(Part(name, _merged(meshes), tuple(str(model.geom(g).name) for g in geoms)))
     return tuple(parts) if any(part.mesh for part in parts) else _sticks(robot)
+
+
+def of_obstacles(scene: Scene) -> dict[str, Mesh]:
+    """The shapes of a scene by name, in the base frame; a floor as a thin plate."""
+    import mujoco
+
+    spec = mujoco.MjSpec()
+    for obstacle in scene:
+        obstacle.add_to(spec.worldbody)
+    model = spec.compile()
+    meshes = {}
+    for geom in range(model.ngeom):
+        mesh = _mesh_of_geom(model, geom)
+        if mesh is None:
+            z = float(model.geom_pos[geom][2])
+            mesh = placed(box(np.array(PLATE)), np.eye(3), np.array([0.0, 0.0, z - PLATE[2]]))
+        meshes[str(model.geom(geom).name)] = mesh
+    return meshes
 
 
 def box(half: Array) -> Mesh:

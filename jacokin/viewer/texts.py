@@ -11,7 +11,8 @@ import numpy as np
 from jacokin.arrays import Array
 from jacokin.ik.results import Status
 from jacokin.model import poses
-from jacokin.viewer.view import Inspector, View
+from jacokin.viewer.inspector import Inspector
+from jacokin.viewer.view import FreeTurn, View
 
 GREEN, RED, ORANGE, GREY = "#2f9e44", "#e03131", "#e8890c", "#868e96"
 COLOUR = {Status.OK: GREEN, Status.IN_COLLISION: ORANGE}
@@ -20,6 +21,8 @@ COLOUR = {Status.OK: GREEN, Status.IN_COLLISION: ORANGE}
 def headline(inspector: Inspector, view: View) -> str:
     """The status in one sentence, with the numbers of this view."""
     total, good = len(view.branches), int(view.feasible.sum())
+    if view.note:
+        return view.note
     if view.selected is not None:
         place = f"branch {view.selected + 1} of {total}"
         over = inspector.excess(view.q)
@@ -43,7 +46,7 @@ def headline(inspector: Inspector, view: View) -> str:
 
 def advice(view: View) -> str:
     """What to try, and how far the closest configuration is; empty when the target is reached."""
-    if view.status is Status.OK:
+    if view.status is Status.OK or view.note:
         return ""
     if view.selected is not None:
         return "Choose another branch to stay within the limits." if view.feasible.any() else ""
@@ -85,6 +88,8 @@ def status_html(inspector: Inspector, view: View) -> str:
             words = html.escape(reason(inspector, view, branch))
             lines.append(f'<tr><td>{mark}</td><td>{branch + 1}</td><td style="color:{shade}">{words}</td></tr>')
         lines.append("</table>")
+    if view.turned is not None:
+        lines.append(intervals_html(view.turned))
     return f'<div style="font-size:0.8em;padding:0 0.75em">{"".join(lines)}{bars_html(inspector, view.q)}</div>'
 
 
@@ -109,6 +114,32 @@ def bars_html(inspector: Inspector, q: Array) -> str:
             f'</div></div></td><td style="color:{shade};text-align:right">{text}</td></tr>'
         )
     return f'<table style="width:100%;margin-top:4px">{"".join(rows)}</table>'
+
+
+def intervals_html(turned: FreeTurn) -> str:
+    """A bar of a full turn: what is reached within the limits in green, and a mark where the tool is."""
+
+    def share(angle: float) -> float:
+        return 100.0 * (angle + math.pi) / (2.0 * math.pi)
+
+    bars, words = [], []
+    for start, stop in sorted(set(turned.intervals)):
+        words.append(f"{math.degrees(start):.1f} to {math.degrees(stop):.1f}")
+        for turn in (-2.0 * math.pi, 0.0, 2.0 * math.pi):
+            left, right = max(share(start + turn), 0.0), min(share(stop + turn), 100.0)
+            if left < right:
+                bars.append(
+                    f'<div style="position:absolute;left:{left:.2f}%;width:{right - left:.2f}%;height:8px;'
+                    f'background:{GREEN};opacity:0.6"></div>'
+                )
+    mark = share(wrapped(turned.angle))
+    said = "; ".join(words) if words else "none"
+    return (
+        f"<div>Angles about {'xyz'[turned.axis]} within the limits [deg]: {said}</div>"
+        '<div style="background:#dee2e6;height:8px;position:relative">'
+        f'{"".join(bars)}<div style="position:absolute;left:calc({mark:.2f}% - 2px);width:4px;height:8px;'
+        'background:#212529"></div></div>'
+    )
 
 
 def python_text(inspector: Inspector, view: View) -> str:

@@ -1,10 +1,11 @@
-"""`serve`: the viewer of one robot in the browser, from what pages do to what they show."""
+"""`Viewer`: the viewer of one robot in the browser, from what pages do to what they show."""
 
 from __future__ import annotations
 
-import importlib.util
 import logging
 import threading
+import time
+from dataclasses import dataclass, replace
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
@@ -13,46 +14,55 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
-from jacokin.errors import JacokinError, MissingExtraError
-from jacokin.ik.seeds import seed_within_limits
-from jacokin.ik.solver import IKSolver
-from jacokin.ik.targets import TargetPose
-from jacokin.ik.targets import checked as checked_target
+from jacokin.errors import JacokinError
 from jacokin.model import poses
-from jacokin.model.loading import load_robot
 from jacokin.model.pose_targets import pose
-from jacokin.model.robot import Robot
+from jacokin.model.scenes.scene import Scene
 from jacokin.viewer import shapes, texts
 from jacokin.viewer.inbox import Inbox
-from jacokin.viewer.view import Inspector, View
+from jacokin.viewer.inspector import Inspector
+from jacokin.viewer.motion import Following, Playback
+from jacokin.viewer.view import View
 
 if TYPE_CHECKING:
     import viser
 
-DEFAULT_PORT = 8080
-DEFAULT_HOST = "127.0.0.1"  # this machine and no other
+PERIOD = 0.02  # [s] from one picture to the next of what moves by itself
 
 logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """What a viewer shows beside the arm, and where it listens."""
+
+    host: str
+    port: int
+    scene: Scene | None
+    playback: Playback | None
 
 
 class Viewer:
     """A running viewer, made by `serve`. A context manager: leaving it closes the viewer."""
 
-    def __init__(self, inspector: Inspector, target: pin.SE3 | None, start: Array, host: str, port: int) -> None:
+    def __init__(self, inspector: Inspector, start: View, options: Options) -> None:
         """Start the server and the thread that answers pages; users call `serve`."""
-        from jacokin.viewer import server
-        from jacokin.viewer.panel import Panel
-        from jacokin.viewer.stage import Stage
+        from jacokin.viewer.browser import server
+        from jacokin.viewer.browser.panel import Panel
+        from jacokin.viewer.browser.stage import Stage
 
         self._inspector = inspector
         self._inbox = Inbox()
-        self._view = inspector.posture(start) if target is None else inspector.at(target, start)
+        self._view = start
+        self._playback = options.playback
+        self._following: Following | None = None
+        self._goal = self._asked = start.target
         parts = shapes.parts_of(inspector.robot)
-        self._server, self._url = server.start(host, port, inspector.robot.name)
-        self._stage = Stage(self._server, inspector, parts)
-        self._panel = Panel(self._server, inspector, self._inbox.post)
+        self._server, self._url = server.start(options.host, options.port, inspector.robot.name)
+        self._stage = Stage(self._server, inspector, parts, options.scene)
+        self._panel = Panel(self._server, inspector, self._inbox.post, options.playback)
         self._stage.gizmo.on_update(self._gizmo_moved)
-        self._show(self._view)
+        self._show(start)
         self._done = threading.Event()
         self._thread = threading.Thread(target=self._answer, name="jacokin viewer", daemon=True)
         self._thread.start()
@@ -78,7 +88,7 @@ class Viewer:
         Raises:
             InvalidInputError: the target is malformed.
         """
-        self._stage.place_gizmo(poses.checked_pose(target))
+        self._asked = poses.checked_pose(target)
         self._inbox.post("shown")
 
     def wait(self, timeout: float | None = None) -> bool:
@@ -89,7 +99,7 @@ class Viewer:
         """Stop serving; pages stay open and say so. May be called again."""
         if self._done.is_set():
             return
-        from jacokin.viewer import server
+        from jacokin.viewer.browser import server
 
         self._inbox.close()
         self._thread.join()
@@ -110,41 +120,123 @@ class Viewer:
         self._inbox.post("target")
 
     def _answer(self) -> None:
-        """Answer what pages do, until the viewer is closed; the closest configuration when there is time for it."""
+        """Answer what pages do until the viewer is closed; move what moves by itself; then look for closest ones."""
+        before = time.monotonic()
         while True:
-            names = self._inbox.take(0.0 if self._view.pending else None)
+            moving = self._following is not None or (self._playback is not None and self._playback.playing)
+            names = self._inbox.take(PERIOD if moving else 0.0 if self._view.pending else None)
+            now = time.monotonic()
+            elapsed, before = now - before, now
             if names is None:
                 return
             try:
-                self._act(names)
-            except JacokinError as error:  # a client sent what is not a number: show again what was there
+                if names:
+                    self._act(names)
+                if moving:
+                    self._move(elapsed)
+                elif not names:
+                    self._show(self._inspector.closest(self._view), move_gizmo=False)
+            except JacokinError as error:  # a client sent what is not a number, or this robot cannot do it
                 logger.warning("ignored: %s", error)
-                self._show(self._view)
+                self._show(replace(self._view, note=f"Ignored: {error}", pending=False))
             except Exception:
                 logger.exception("the viewer could not answer %s", ", ".join(names))
+                self._view = replace(self._view, pending=False)
 
     def _act(self, names: dict[str, int]) -> None:
-        view = self._view
-        if not names:
-            self._show(self._inspector.closest(view), move_gizmo=False)
-            return
+        """Answer the latest of each kind."""
+        panel, view = self._panel, replace(self._view, note="")
         for name in ("python", "command"):
             if name in names:
                 make = texts.python_text if name == "python" else texts.command_text
-                self._panel.say(make(self._inspector, view))
-        if "ghosts" in names:
-            self._stage.show_ghosts(self._panel.ghosts)
+                panel.say(make(self._inspector, view))
+        if names.keys() & {"ghosts", "ellipsoid"}:
+            self._stage.show_ghosts(panel.ghosts)
+            self._stage.show_ellipsoid(panel.ellipsoid)
             self._show(view)
-        if "joints" in names:
-            self._show(self._inspector.posture(self._panel.joints(view.q)))
-        elif "target" in names or "shown" in names:
-            position, quat = self._stage.target()
-            self._show(self._inspector.at(pose(position, quat), self._seed()), move_gizmo="shown" in names)
+        if "track" in names:
+            self._track(panel.track)
+        if names.keys() & {"play", "time", "speed"}:
+            self._play(names)
+        elif "joints" in names:
+            self._stop()
+            self._show(self._inspector.posture(panel.joints(view.q)))
+        elif names.keys() & {"target", "shown", "axis", "angle"}:
+            self._aim(names)
         elif names.keys() & {"branch", "next", "previous"} and len(view.branches):
-            chosen = self._panel.branch if "branch" in names else view.selected
+            self._stop()
+            chosen = panel.branch if "branch" in names else view.selected
             step = names.get("next", 0) - names.get("previous", 0)
             wanted = 0 if chosen is None else (chosen + step) % len(view.branches)
             self._show(self._inspector.choose(view, wanted), move_gizmo=False)
+
+    def _aim(self, names: dict[str, int]) -> None:
+        """Take the gizmo for the target, free axis included."""
+        if "shown" in names:
+            self._stage.place_gizmo(self._asked)
+        position, quat = self._stage.target()
+        target, axis = pose(position, quat), self._panel.axis
+        if self._following is not None and axis is None:
+            self._goal = target
+            return
+        self._stop()
+        if axis is None:
+            view = self._inspector.at(target, self._seed())
+        else:
+            view = self._inspector.turned(target, axis, self._seed(), self._panel.angle if "angle" in names else None)
+        self._show(view, move_gizmo=False)
+
+    def _track(self, wanted: bool) -> None:
+        """Begin or end following the gizmo."""
+        self._stop()
+        if not wanted:
+            return
+        try:
+            self._following = Following(self._inspector.solver, self._seed())
+        except JacokinError:
+            self._panel.stop_tracking()
+            raise
+        position, quat = self._stage.target()
+        self._goal = pose(position, quat)
+
+    def _play(self, names: dict[str, int]) -> None:
+        """Play, pause, scrub, change the speed."""
+        playback, player = self._playback, self._panel.player
+        if playback is None or player is None:
+            return
+        if self._following is not None:
+            self._stop()
+        if "speed" in names:
+            playback.set_speed(player.speed)
+        if "time" in names:
+            playback.scrub(player.time)
+        if names.get("play", 0) % 2:
+            if playback.playing:
+                playback.playing = False
+            else:
+                playback.play()
+        self._move(0.0)
+
+    def _stop(self) -> None:
+        """Let nothing move by itself."""
+        if self._following is not None:
+            self._following = None
+            self._panel.stop_tracking()
+        if self._playback is not None and self._panel.player is not None and self._playback.playing:
+            self._playback.playing = False
+            self._panel.player.show()
+
+    def _move(self, elapsed: float) -> None:
+        """Let a time [s] pass for what moves by itself."""
+        if self._following is not None:
+            step = self._following.advance(self._goal, elapsed)
+            if step is not None:
+                self._show(self._inspector.followed(self._goal, step), move_gizmo=False)
+        elif self._playback is not None and self._panel.player is not None:
+            q = self._playback.advance(elapsed)
+            note = f"Trajectory at {self._playback.time:.2f} of {self._playback.duration:.2f} s"
+            self._show(self._inspector.played(q, note))
+            self._panel.player.show()
 
     def _seed(self) -> Array:
         """Where the arm is, within the limits."""
@@ -152,55 +244,7 @@ class Viewer:
         return np.asarray(np.clip(self._view.q, robot.lower, robot.upper))
 
     def _show(self, view: View, *, move_gizmo: bool = True) -> None:
-        self._stage.show(view, move_gizmo=move_gizmo)
+        # A gizmo that somebody moved meanwhile stays where it is: that target is the next one.
+        self._stage.show(view, move_gizmo=move_gizmo and not self._inbox.waits("target"))
         self._panel.show(view)
         self._view = view
-
-
-def serve(
-    robot: Robot | str | None = None,
-    *,
-    frame: str | None = None,
-    tool: pin.SE3 | ArrayLike | None = None,
-    collision: str = "ignore",
-    target: pin.SE3 | ArrayLike | None = None,
-    seed: ArrayLike | None = None,
-    host: str = DEFAULT_HOST,
-    port: int = DEFAULT_PORT,
-) -> Viewer:
-    """Show a robot in the browser: a gizmo for the target, and every branch that reaches it.
-
-    Args:
-        robot: a robot, or what `load_robot` takes; None for the j2n6s300.
-        frame: frame to bring to the target; None for the robot's default frame.
-        tool: T_frame_tool, a constant pose after the frame.
-        collision: self-contact of the branches: "ignore", "report" or "reject", as for `IKSolver`.
-        target: T_base_tool to begin with, as `pin.SE3` or (4, 4); a position (3,) [m] keeps the orientation that the
-            tool has at `seed`; None for where the tool is there.
-        seed: (dof,) where the arm is at first [rad]; None for the robot's home.
-        host: address to serve at. Any other than this machine's own lets every computer that reaches it move the gizmo.
-        port: 0 for any free one.
-
-    Returns:
-        The running viewer: open its `url` in a browser, and `close()` it.
-
-    Raises:
-        MissingExtraError: viser is not installed.
-        InvalidInputError: target or seed malformed, the host unknown here, or the port in use.
-        JacokinError: as `load_robot` and `IKSolver`.
-    """
-    if importlib.util.find_spec("viser") is None:
-        raise MissingExtraError("viser", "viewer")
-    if not isinstance(robot, Robot):
-        robot = load_robot() if robot is None else load_robot(robot)
-    solver = IKSolver(robot, frame, tool=tool, collision=collision)
-    inspector = Inspector(solver)
-    start, _ = seed_within_limits(robot, seed)
-    wanted = None if target is None else _pose(inspector, checked_target(target), start)
-    return Viewer(inspector, wanted, start, host, port)
-
-
-def _pose(inspector: Inspector, target: TargetPose, start: Array) -> pin.SE3:
-    """A target whose orientation, if free, is that of the tool at `start`."""
-    rotation = inspector.pose_of(start).rotation if target.position_only else target.rotation
-    return pin.SE3(rotation, target.position)

@@ -67,7 +67,7 @@ class Tab:
     def drag(self, start: Array, end: Array, steps: int = 8) -> None:
         """Hold the left button from one pixel to another."""
         self._mouse("mouseMoved", start, "none")
-        time.sleep(0.2)  # the page looks at what is under the mouse once a frame
+        time.sleep(0.4)  # the page looks at what is under the mouse once a frame
         self._mouse("mousePressed", start, "left")
         for step in range(1, steps + 1):
             self._mouse("mouseMoved", start + (end - start) * step / steps, "left")

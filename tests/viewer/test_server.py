@@ -14,7 +14,8 @@ from websockets.sync.client import connect
 
 from jacokin import Robot
 from jacokin.errors import InvalidInputError
-from jacokin.viewer import Viewer, serve, server
+from jacokin.viewer import Viewer, serve
+from jacokin.viewer.browser import server
 from tests.viewer.page import opened, until
 
 

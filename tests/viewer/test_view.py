@@ -11,9 +11,11 @@ import pytest
 
 import jacokin
 from jacokin import IKSolver, Robot, Status
+from jacokin.arrays import Array
 from jacokin.viewer import Inspector, View
 from tests.robot_files import urdf_text
 
+TURNS = (-2 * np.pi, 0.0, 2 * np.pi)
 FAR = jacokin.pose([2.0, 0.0, 0.3], down=True)
 
 
@@ -128,6 +130,51 @@ def test_contact_that_is_looked_for_counts(bundled: Callable[[str], Robot], rng:
             touched += 1
         assert (view.selected is None) == (not view.feasible.any())
     assert touched
+
+
+def test_the_ellipsoid_is_how_fast_the_tool_can_move(robot: Robot, rng: np.random.Generator) -> None:
+    tool = pin.SE3(pin.rpy.rpyToMatrix(0.1, 0.2, 0.3), np.array([0.0, 0.05, 0.1]))
+    for inspector in (Inspector(IKSolver(robot)), Inspector(IKSolver(robot, tool=tool))):
+        q = robot.sample(rng)
+        lengths, directions = inspector.ellipsoid(q)
+        assert np.linalg.det(directions) == pytest.approx(1.0)
+        rates = rng.normal(size=(2000, 6))
+        rates /= np.linalg.norm(rates, axis=1)[:, None]
+        step = 1e-6
+        start = inspector.pose_of(q).translation
+        moved = np.array([(inspector.pose_of(q + step * rate).translation - start) / step for rate in rates])
+        inside = ((moved @ directions / lengths) ** 2).sum(axis=1)
+        assert inside.max() <= 1.0 + 1e-4
+        assert np.abs(moved @ directions[:, 0]).max() > 0.9 * lengths[0]
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_a_free_axis_is_taken_where_the_arm_has_least_to_move(
+    inspector: Inspector, rng: np.random.Generator, axis: int
+) -> None:
+    robot = inspector.robot
+    for _ in range(4):
+        pose = inspector.pose_of(robot.sample(rng))
+        view = inspector.turned(pose, axis, robot.home)
+        assert view.turned is not None
+        assert view.status is Status.OK
+        turned = pose.rotation.T @ inspector.pose_of(view.q).rotation
+        assert turned[:, axis] == pytest.approx(np.eye(3)[axis], abs=1e-6)
+        assert inspector.pose_of(view.q).translation == pytest.approx(pose.translation, abs=1e-6)
+        for angle in np.linspace(-3.0, 3.0, 13):
+            other = inspector.turned(pose, axis, robot.home, float(angle))
+            assert other.turned is not None
+            assert other.turned.angle == angle
+            reached = any(start <= angle + turn <= stop for start, stop in other.turned.intervals for turn in TURNS)
+            assert reached == (other.status is Status.OK)
+            if other.status is Status.OK:
+                assert distance(robot, other.q) >= distance(robot, view.q) - 1e-6
+
+
+def distance(robot: Robot, q: Array) -> float:
+    """From home [rad], circular on joints without limits."""
+    away = q - robot.home
+    return float(np.linalg.norm(np.where(robot.unlimited, (away + np.pi) % (2 * np.pi) - np.pi, away)))
 
 
 def test_a_tool_after_the_frame_counts(robot: Robot) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import click
@@ -44,6 +45,12 @@ def view(
     collision: Annotated[
         str, Option("--collision", metavar="NAME", help="Self-contact: ignore, report or reject.")
     ] = "ignore",
+    scene: Annotated[
+        Path | None, Option("--scene", metavar="FILE", help="Obstacles to draw: a .yaml or .json file.")
+    ] = None,
+    trajectory: Annotated[
+        Path | None, Option("--trajectory", metavar="FILE", help="A saved trajectory to play, .csv or .npz.")
+    ] = None,
     frame: FrameOption = None,
     seed: SeedOption = None,
     degrees: DegreesOption = False,
@@ -61,6 +68,7 @@ def view(
       jacokin view --robot my_arm.urdf --port 0
       jacokin view --target 0.3 -0.2 0.5 --collision report
       jacokin view --target 0.3 -0.2 0.5 0 1 0 0
+      jacokin view --scene table.yaml --collision report --trajectory trajectory.csv
     """
     from jacokin.viewer import serve
 
@@ -68,7 +76,23 @@ def view(
     arm = options.load(robot, base, tip, package_dir)
     typed = numbers("--seed", seed)
     start = None if typed is None else Units(degrees).of_joints(arm).read(typed)
-    with serve(arm, frame=frame, collision=collision, target=wanted, seed=start, host=host, port=port) as viewer:
+    obstacles = None
+    if scene is not None:
+        from jacokin.model.scenes.scene import Scene
+
+        obstacles = Scene.load(scene)
+    viewer = serve(
+        arm,
+        frame=frame,
+        collision=collision,
+        scene=obstacles,
+        trajectory=trajectory,
+        target=wanted,
+        seed=start,
+        host=host,
+        port=port,
+    )
+    with viewer:
         click.echo(f"{viewer.url} shows {arm.name}; Ctrl-C ends it")
         try:
             viewer.wait()

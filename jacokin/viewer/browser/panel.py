@@ -3,29 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Protocol, TypeVar
 
 import numpy as np
 import viser
 
 from jacokin.arrays import Array
 from jacokin.viewer import texts
-from jacokin.viewer.view import Inspector, View
+from jacokin.viewer.browser.controls import Post, from_client, set_value
+from jacokin.viewer.browser.player import Player
+from jacokin.viewer.inspector import Inspector
+from jacokin.viewer.motion import Playback
+from jacokin.viewer.view import View
 
-Post = Callable[[str], None]
-
-
-class FromClient(Protocol):
-    """What viser tells a callback."""
-
-    @property
-    def client(self) -> object:
-        """Who moved the control; None when the viewer did."""
-
-
-Value = TypeVar("Value")
-
+AXES: tuple[str, ...] = ("none", "x", "y", "z")
 STEP = 0.001  # [rad] or [m] of a joint's slider
 ONE_SIDED = 2.0 * math.pi  # how far a slider goes where a joint has no limit
 
@@ -33,28 +23,40 @@ ONE_SIDED = 2.0 * math.pi  # how far a slider goes where a joint has no limit
 class Panel:
     """Controls that every page shares. What a client does is posted as the name of a control; values are read later."""
 
-    def __init__(self, server: viser.ViserServer, inspector: Inspector, post: Post) -> None:
+    def __init__(self, server: viser.ViserServer, inspector: Inspector, post: Post, playback: Playback | None) -> None:
         """Add the controls.
 
         Args:
             server: viser's.
             inspector: of the robot.
-            post: called from any thread with "branch", "joints", "next", "previous", "ghosts", "python" or "command".
+            post: called from any thread with the name of what was moved: "branch", "next", "previous", "ghosts",
+                "ellipsoid", "track", "axis", "angle", "joints", "python", "command", or a name of the player.
+            playback: a trajectory to play, or None.
         """
         self._inspector = inspector
-        self._post = post
         gui = server.gui
         gui.configure_theme(show_logo=False, show_share_button=False, control_width="large")
         self._status = gui.add_html("")
         self._branch = gui.add_slider("Branch", 1, 2, 1, 1, hint="N and P: the next and the previous one")
-        self._branch.on_update(self._from_client("branch"))
+        self._branch.on_update(from_client(post, "branch"))
         gui.add_command("Next branch", hotkey="N").on_trigger(lambda _: post("next"))
         gui.add_command("Previous branch", hotkey="P").on_trigger(lambda _: post("previous"))
         self._ghosts = gui.add_checkbox("Ghosts", True, hint="Draw the other branches")
-        self._ghosts.on_update(self._from_client("ghosts"))
+        self._ghosts.on_update(from_client(post, "ghosts"))
+        self._ellipsoid = gui.add_checkbox("Manipulability", False, hint="Draw how fast the tool can move each way")
+        self._ellipsoid.on_update(from_client(post, "ellipsoid"))
+        self._track = gui.add_checkbox("Track", False, hint="Follow the gizmo at 100 Hz within the velocity limits")
+        self._track.on_update(from_client(post, "track"))
+        self._axis = gui.add_dropdown(
+            "Free axis", AXES, initial_value=AXES[0], hint="The tool may turn about this axis of its own"
+        )
+        self._axis.on_update(from_client(post, "axis"))
+        self._angle = gui.add_slider("Angle [deg]", -180.0, 180.0, 0.5, 0.0, disabled=True)
+        self._angle.on_update(from_client(post, "angle"))
+        self.player = None if playback is None else Player(gui, inspector.robot, playback, post)
         self._shown = np.zeros(inspector.robot.dof)  # values the sliders were last set to
         with gui.add_folder("Joints"):
-            self._joints = [self._add_joint(gui, joint) for joint in range(inspector.robot.dof)]
+            self._joints = [self._add_joint(gui, joint, post) for joint in range(inspector.robot.dof)]
         with gui.add_folder("Copy", expand_by_default=False):
             gui.add_button("As Python").on_click(lambda _: post("python"))
             gui.add_button("As command line").on_click(lambda _: post("command"))
@@ -67,18 +69,21 @@ class Panel:
         self._branch.disabled = count < 2
         self._branch.max = max(count, 2)
         if view.selected is not None:
-            _set(self._branch, view.selected + 1)
+            set_value(self._branch, view.selected + 1)
+        self._angle.disabled = view.turned is None
+        if view.turned is not None:
+            set_value(self._angle, math.degrees(texts.wrapped(view.turned.angle)))
         for joint, slider in enumerate(self._joints):
             value = float(view.q[joint])
             if self._inspector.robot.unlimited[joint] and not self._inspector.robot.sliding[joint]:
                 value = texts.wrapped(value)
             value = min(max(value, slider.min), slider.max)
-            _set(slider, value)
+            set_value(slider, value)
             self._shown[joint] = value
 
     def say(self, text: str) -> None:
         """Text to paste."""
-        _set(self._text, text)
+        set_value(self._text, text)
 
     @property
     def branch(self) -> int:
@@ -89,6 +94,30 @@ class Panel:
     def ghosts(self) -> bool:
         """Whether ghosts are to be drawn."""
         return bool(self._ghosts.value)
+
+    @property
+    def ellipsoid(self) -> bool:
+        """Whether the ellipsoid of manipulability is to be drawn."""
+        return bool(self._ellipsoid.value)
+
+    @property
+    def track(self) -> bool:
+        """Whether a tracker is to follow the gizmo."""
+        return bool(self._track.value)
+
+    @property
+    def axis(self) -> int | None:
+        """The free axis: 0, 1 or 2; None for none, and for what is not in the list."""
+        return AXES.index(self._axis.value) - 1 if self._axis.value in AXES[1:] else None
+
+    @property
+    def angle(self) -> float:
+        """Angle about the free axis [rad]; as a client sent it."""
+        return math.radians(float(self._angle.value))
+
+    def stop_tracking(self) -> None:
+        """Take the mark from "Track"."""
+        set_value(self._track, False)
 
     def joints(self, q: Array) -> Array:
         """(dof,) what the sliders say; a joint whose slider was not moved stays exactly where `q` has it."""
@@ -102,7 +131,7 @@ class Panel:
             wanted[joint] = q[joint] + texts.wrapped(value - q[joint]) if turns and math.isfinite(value) else value
         return wanted
 
-    def _add_joint(self, gui: viser.GuiApi, joint: int) -> viser.GuiSliderHandle[float]:
+    def _add_joint(self, gui: viser.GuiApi, joint: int, post: Post) -> viser.GuiSliderHandle[float]:
         robot = self._inspector.robot
         low, high = float(robot.lower[joint]), float(robot.upper[joint])
         if robot.unlimited[joint]:
@@ -110,20 +139,6 @@ class Panel:
         low = high - ONE_SIDED if math.isinf(low) else low
         high = low + ONE_SIDED if math.isinf(high) else high
         slider = gui.add_slider(robot.joint_names[joint], low, high, STEP, low, disabled=not low < high)
-        slider.on_update(self._from_client("joints"))
+        slider.on_update(from_client(post, "joints"))
         self._shown[joint] = low
         return slider
-
-    def _from_client(self, name: str) -> Callable[[FromClient], None]:
-        """A callback that posts what clients do, and not what the viewer sets itself."""
-
-        def updated(event: FromClient) -> None:
-            if event.client is not None:
-                self._post(name)
-
-        return updated
-
-
-def _set(control: viser.GuiInputHandle[Value], value: Value) -> None:
-    """Bring a control to a value on every page."""
-    control.value = value  # type: ignore[misc]  # viser's setter stands behind another method, where mypy misses it

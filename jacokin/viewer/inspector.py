@@ -1,0 +1,234 @@
+"""From a target to a `View`: which branches there are, where the arm is, and why the others are not feasible.
+
+An `Inspector` knows the robot and the solver but no browser.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+
+from jacokin.arrays import Array
+from jacokin.ik.results import Branches, Status
+from jacokin.ik.solver import IKSolver
+from jacokin.ik.tracking.result import TrackerStep
+from jacokin.model import checks
+from jacokin.model.pose_targets import FreeAxis
+from jacokin.viewer.view import FreeTurn, Places, View
+
+SAME = 1e-6  # [rad] a branch this near to the joint angles is the arm itself
+
+
+class Inspector:
+    """Computes views. One thread at a time."""
+
+    def __init__(self, solver: IKSolver) -> None:
+        """Prepare working memory."""
+        self.solver = solver
+        self.robot = solver.robot
+        self._data = self.robot.pin_model.createData()
+        self._lower, self._upper = self.robot.lower, self.robot.upper
+
+    def pose_of(self, q: Array) -> pin.SE3:
+        """T_base_tool at joint values (dof,)."""
+        pose = self.robot.forward_kinematics(q, self.solver.frame)
+        tool = self.solver.tool
+        return pose if tool is None else pose * tool
+
+    def at(self, target: pin.SE3, seed: Array) -> View:
+        """The view of a target: the arm at the nearest feasible branch, or waiting at `seed` for the closest one.
+
+        Args:
+            target: T_base_tool, checked.
+            seed: (dof,) where the arm is, within the limits [rad].
+        """
+        if not self.solver.has_closed_form:
+            return self._searched(target, seed)
+        found = self.solver.solve_all(target, seed)
+        if not isinstance(found, Branches):  # a robot with a joint too many
+            return self._searched(target, seed)
+        view = View(
+            target=target,
+            status=Status.OK,
+            q=seed,
+            selected=None,
+            branches=found.q,
+            margins=found.margin,
+            within=found.within_limits,
+            touching=found.touching,
+        )
+        feasible = np.flatnonzero(view.feasible)
+        if len(feasible):
+            return self.choose(view, int(feasible[0]))
+        status = Status.UNREACHABLE
+        if len(found):
+            status = Status.IN_COLLISION if view.within.any() else Status.OUTSIDE_LIMITS
+        return replace(view, status=status, errors=self._errors(seed, target), pending=True)
+
+    def turned(self, pose: pin.SE3, axis: int, seed: Array, angle: float | None = None) -> View:
+        """The view of a target that may turn about an axis of the tool.
+
+        Args:
+            pose: T_base_tool at angle 0, checked.
+            axis: 0, 1 or 2.
+            seed: (dof,) where the arm is, within the limits [rad].
+            angle: where to turn [rad]; None for where the arm has least to move.
+
+        Raises:
+            InvalidInputError: the robot has no closed form.
+        """
+        free = FreeAxis(pose, axis=np.eye(3)[axis])
+        family = self.solver.solve_all(free, seed)
+        if angle is None:
+            found = self.solver.solve(free, seed, closest=False)
+            angle = 0.0 if found.parameter is None else float(found.parameter)
+            seed = found.q if found.success else seed
+        rotation = pin.exp3(angle * np.eye(3)[axis])
+        intervals = tuple((float(interval.start), float(interval.stop)) for interval in family)
+        view = self.at(pose * pin.SE3(rotation, np.zeros(3)), seed)
+        return replace(view, turned=FreeTurn(pose, axis, angle, intervals))
+
+    def ellipsoid(self, q: Array) -> tuple[Array, Array]:
+        """The ellipsoid of manipulability: how fast the tool moves each way when the joint rates have length 1.
+
+        Returns:
+            Its semi-axes (3,) [m/s for rad/s], longest first, and their directions as the columns of a rotation (3, 3).
+        """
+        jacobian = self.robot.jacobian(q, self.solver.frame)
+        linear = jacobian[:3]
+        if self.solver.tool is not None:
+            arm = self.robot.forward_kinematics(q, self.solver.frame).rotation @ self.solver.tool.translation
+            linear = linear - pin.skew(arm) @ jacobian[3:]
+        directions, lengths, _ = np.linalg.svd(linear, full_matrices=True)
+        if np.linalg.det(directions) < 0.0:
+            directions[:, 2] *= -1.0
+        return np.pad(lengths, (0, 3 - len(lengths))), directions
+
+    def choose(self, view: View, branch: int) -> View:
+        """The same view with the solid arm at another branch, within the limits or not."""
+        q = view.branches[branch]
+        touching = view.touching[branch] if view.touching is not None else ()
+        status = Status.OK
+        if not view.within[branch]:
+            status = Status.OUTSIDE_LIMITS
+        elif touching:
+            status = Status.IN_COLLISION
+        return replace(
+            view,
+            status=status,
+            q=checks.read_only(q),
+            selected=branch,
+            arm_touching=touching,
+            errors=self._errors(q, view.target),
+            message="",
+            pending=False,
+        )
+
+    def posture(self, q: Array) -> View:
+        """The view of an arm whose joints are set by hand: the target is where its tool is."""
+        inside = np.clip(q, self._lower, self._upper)
+        target = self.pose_of(inside)
+        if not self.solver.has_closed_form:
+            return replace(self._empty(target, inside), status=Status.OK)
+        view = self.at(target, inside)
+        if view.selected is not None and np.abs(view.q - inside).max() < SAME:
+            return replace(view, q=checks.read_only(inside))
+        # In a singular posture the branch that the arm is at may stand for many, or be in contact.
+        near = np.flatnonzero((np.abs(view.branches - inside) < SAME).all(axis=1))
+        if len(near):
+            return replace(self.choose(view, int(near[0])), q=checks.read_only(inside))
+        return replace(
+            view, status=Status.OK, q=checks.read_only(inside), selected=None, errors=(0.0, 0.0), pending=False
+        )
+
+    def followed(self, target: pin.SE3, step: TrackerStep) -> View:
+        """The view of a target that a tracker follows: the arm where the tracker is."""
+        view = self.at(target, step.q) if self.solver.has_closed_form else self._empty(target, step.q)
+        by = f", held back by {', '.join(step.limiting)}" if step.limiting else ""
+        position, angle = step.position_error, step.orientation_error
+        far = f"{1e3 * position:.1f} mm and {math.degrees(angle):.1f} deg from the target{by}"
+        return replace(
+            view,
+            status=Status.OK,
+            q=step.q,
+            selected=None,
+            arm_touching=(),
+            errors=(position, angle),
+            pending=False,
+            note=f"Tracking, {step.status.name.lower()}: {far}",
+        )
+
+    def played(self, q: Array, note: str) -> View:
+        """The view of an arm at the joint values (dof,) of a trajectory, within the limits or not."""
+        view = self.posture(q)
+        over = ", ".join(name for name, _ in self.excess(q))
+        if not over:
+            return replace(view, note=note)
+        return replace(
+            view,
+            target=self.pose_of(q),
+            status=Status.OUTSIDE_LIMITS,
+            q=checks.read_only(q),
+            selected=None,
+            note=f"{note}; outside the limits: {over}",
+        )
+
+    def closest(self, view: View) -> View:
+        """A view whose target is not reached, with the arm at the closest configuration: a search."""
+        result = self.solver.solve(view.target, view.q)
+        return replace(
+            view,
+            q=result.q,
+            selected=None,
+            status=result.status,
+            errors=(result.position_error, result.orientation_error),
+            arm_touching=result.touching,
+            message=result.message,
+            pending=False,
+        )
+
+    def places(self, configurations: Sequence[Array] | Array) -> Places:
+        """Where the base and the part of each joint are, for k configurations (k, dof)."""
+        count, parts = len(configurations), self.robot.dof + 1
+        table = np.empty((count, parts, 7))
+        model, data = self.robot.pin_model, self._data
+        for row, q in enumerate(configurations):
+            pin.forwardKinematics(model, data, np.ascontiguousarray(q))
+            for part, placement in enumerate(data.oMi):
+                table[row, part] = pin.SE3ToXYZQUAT(placement)
+        return Places(table[:, :, :3].astype(np.float32), table[:, :, [6, 3, 4, 5]].astype(np.float32))
+
+    def excess(self, q: Array) -> list[tuple[str, float]]:
+        """The joints that are outside their limits at `q`, each with by how much [rad]."""
+        over = np.maximum(np.maximum(self._lower - q, q - self._upper), 0.0)
+        return [(self.robot.joint_names[joint], float(over[joint])) for joint in np.flatnonzero(over > 0.0)]
+
+    def margin(self, q: Array) -> Array:
+        """(dof,) distance to the nearer limit [rad]: negative outside, inf where there are none."""
+        return np.minimum(q - self._lower, self._upper - q)
+
+    def _searched(self, target: pin.SE3, seed: Array) -> View:
+        """Without a closed form there is one answer at a time."""
+        view = self._empty(target, seed)
+        result = self.solver.solve(target, seed)
+        return replace(
+            view,
+            status=result.status,
+            q=result.q,
+            errors=(result.position_error, result.orientation_error),
+            arm_touching=result.touching,
+            message=result.message,
+        )
+
+    def _empty(self, target: pin.SE3, q: Array) -> View:
+        none = np.zeros((0, self.robot.dof))
+        return View(target, Status.OK, checks.read_only(q), None, none, none, np.zeros(0, dtype=np.bool_), None)
+
+    def _errors(self, q: Array, target: pin.SE3) -> tuple[float, float]:
+        reached = self.pose_of(q)
+        angle = float(np.linalg.norm(pin.log3(reached.rotation.T @ target.rotation)))
+        return float(np.linalg.norm(target.translation - reached.translation)), angle

@@ -1,0 +1,97 @@
+"""Trajectories that are played, and files of them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import jacokin
+from jacokin import Robot
+from jacokin.arrays import Array
+from jacokin.errors import InvalidInputError
+from jacokin.ik import track_path
+from jacokin.viewer.motion import Playback, Trajectory, load
+
+
+def recorded(robot: Robot, t: list[float], q: Array) -> Trajectory:
+    made: Trajectory = SimpleNamespace(joint_names=robot.joint_names, t=np.array(t), q=q)
+    return made
+
+
+@pytest.fixture
+def playback(robot: Robot) -> Playback:
+    return Playback(recorded(robot, [1.0, 2.0, 4.0], robot.home + np.array([[0.0], [0.1], [0.5]])), robot)
+
+
+def test_time_starts_at_zero_and_rows_are_joined_by_lines(playback: Playback, robot: Robot) -> None:
+    assert playback.duration == 3.0
+    assert np.allclose(playback.at(0.5), robot.home + 0.05)
+    assert np.allclose(playback.at(2.0), robot.home + 0.3)
+
+
+def test_speed_scales_the_clock_and_the_end_is_a_pause(playback: Playback, robot: Robot) -> None:
+    assert np.allclose(playback.advance(1.0), robot.home)  # paused
+    playback.play()
+    playback.set_speed(2.0)
+    assert np.allclose(playback.advance(0.5), robot.home + 0.1)
+    assert np.allclose(playback.advance(100.0), robot.home + 0.5)
+    assert not playback.playing
+    playback.play()
+    assert playback.time == 0.0
+
+
+@pytest.mark.parametrize(("asked", "given"), [(-1.0, 0.0), (9.0, 3.0), (1.5, 1.5)])
+def test_scrubbing_stays_in_the_trajectory(playback: Playback, asked: float, given: float) -> None:
+    playback.scrub(asked)
+    assert playback.time == given
+    for wrong in (float("nan"), float("inf")):
+        with pytest.raises(InvalidInputError):
+            playback.scrub(wrong)
+        with pytest.raises(InvalidInputError):
+            playback.set_speed(wrong)
+    assert playback.time == given
+
+
+@pytest.mark.parametrize("t", [[], [0.0, 0.0], [1.0, 0.5], [0.0, float("nan")], [0.0]])
+def test_what_is_not_a_trajectory_is_refused(robot: Robot, t: list[float]) -> None:
+    rows = np.tile(robot.home, (2 if len(t) < 2 else len(t), 1))
+    with pytest.raises(InvalidInputError, match="trajectory"):
+        Playback(recorded(robot, t, rows), robot)
+
+
+def test_a_trajectory_of_another_robot_is_refused(robot: Robot) -> None:
+    other: Trajectory = SimpleNamespace(joint_names=("a", "b"), t=np.zeros(1), q=np.zeros((1, 2)))
+    with pytest.raises(InvalidInputError, match="trajectory has the joints a, b"):
+        Playback(other, robot)
+
+
+@pytest.mark.parametrize("ending", [".csv", ".npz"])
+def test_saved_paths_are_loaded(robot: Robot, tmp_path: Path, ending: str) -> None:
+    start = robot.forward_kinematics(robot.home)
+    end = jacokin.pose(start.translation + np.array([0.0, 0.0, 0.01]), rotation=start.rotation)
+    path = track_path(robot, [start, end], start=robot.home)
+    path.save(tmp_path / f"path{ending}")
+    loaded = Playback(load(tmp_path / f"path{ending}"), robot)
+    assert np.array_equal(loaded.q, path.q)
+    assert np.allclose(loaded.t, path.t)
+
+
+def test_saved_joint_motions_are_loaded(robot: Robot, tmp_path: Path) -> None:
+    pytest.importorskip("ruckig")
+    from jacokin.ik import move_joints
+
+    end = np.array(robot.home)
+    end[0] += 0.1
+    motion = move_joints(robot, robot.home, end, acceleration_limit=1.0)
+    motion.save(tmp_path / "motion.csv")
+    assert np.array_equal(Playback(load(tmp_path / "motion.csv"), robot).q, motion.q)
+
+
+@pytest.mark.parametrize("name", ["missing.csv", "text.csv", "x.txt"])
+def test_a_file_that_is_none_is_named(tmp_path: Path, name: str) -> None:
+    (tmp_path / "text.csv").write_text("hello\n", encoding="utf-8")
+    with pytest.raises(InvalidInputError, match=name):
+        load(tmp_path / name)
