@@ -11,8 +11,10 @@ from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from jacokin.arrays import Array
+from jacokin.ik.answers import choosing
 from jacokin.ik.results import Branches, Status
 from jacokin.ik.solver import IKSolver
 from jacokin.ik.tracking.result import TrackerStep
@@ -20,15 +22,27 @@ from jacokin.model import checks
 from jacokin.model.pose_targets import FreeAxis
 from jacokin.viewer.view import FreeTurn, Places, View
 
+MEMBERS = 12  # least number of postures drawn of a family
 SAME = 1e-6  # [rad] a branch this near to the joint angles is the arm itself
 
 
 class Inspector:
-    """Computes views. One thread at a time."""
+    """Computes views. One thread at a time.
 
-    def __init__(self, solver: IKSolver) -> None:
-        """Prepare working memory."""
+    Attributes:
+        solver: the solver.
+        robot: its robot.
+        prefer: which feasible branch the arm goes to: "nearest", or one of "margin" and "manipulability".
+    """
+
+    def __init__(self, solver: IKSolver, *, prefer: str = "nearest") -> None:
+        """Prepare working memory.
+
+        Raises:
+            UnknownNameError: an unknown preference.
+        """
         self.solver = solver
+        self.prefer = checks.choice("prefer", prefer, choosing.PREFERENCES)
         self.robot = solver.robot
         self._data = self.robot.pin_model.createData()
         self._lower, self._upper = self.robot.lower, self.robot.upper
@@ -63,7 +77,7 @@ class Inspector:
         )
         feasible = np.flatnonzero(view.feasible)
         if len(feasible):
-            return self.choose(view, int(feasible[0]))
+            return self.choose(view, self._preferred(view, feasible))
         status = Status.UNREACHABLE
         if len(found):
             status = Status.IN_COLLISION if view.within.any() else Status.OUTSIDE_LIMITS
@@ -133,7 +147,7 @@ class Inspector:
         inside = np.clip(q, self._lower, self._upper)
         target = self.pose_of(inside)
         if not self.solver.has_closed_form:
-            return replace(self._empty(target, inside), status=Status.OK)
+            return self._with_family(self._empty(target, inside))
         view = self.at(target, inside)
         if view.selected is not None and np.abs(view.q - inside).max() < SAME:
             return replace(view, q=checks.read_only(inside))
@@ -215,7 +229,7 @@ class Inspector:
         """Without a closed form there is one answer at a time."""
         view = self._empty(target, seed)
         result = self.solver.solve(target, seed)
-        return replace(
+        view = replace(
             view,
             status=result.status,
             q=result.q,
@@ -223,6 +237,28 @@ class Inspector:
             arm_touching=result.touching,
             message=result.message,
         )
+        return self._with_family(view) if result.success else view
+
+    def _with_family(self, view: View) -> View:
+        """A reached view of an arm with a joint too many: some of the postures that reach the target for branches."""
+        if not self.solver.has_families:
+            return view
+        found = self.solver.solve_all(view.target, view.q)
+        members = found.q if isinstance(found, Branches) else found.sample(MEMBERS)
+        branches = np.vstack((view.q, members))
+        margins = np.minimum(branches - self._lower, self._upper - branches)
+        return replace(
+            view,
+            selected=0,
+            branches=checks.read_only(branches),
+            margins=checks.read_only(margins),
+            within=(margins >= 0.0).all(axis=1),
+        )
+
+    def _preferred(self, view: View, feasible: NDArray[np.intp]) -> int:
+        """The number of the feasible branch that is preferred."""
+        cost = choosing.cost_of(self.prefer, self.robot, self.solver.frame)
+        return int(feasible[0 if cost is None else np.argmin(cost(view.branches[feasible]))])
 
     def _empty(self, target: pin.SE3, q: Array) -> View:
         none = np.zeros((0, self.robot.dof))

@@ -34,6 +34,7 @@ def serve(
     collision: str = "ignore",
     scene: Scene | None = None,
     clearance: float = 0.0,
+    prefer: str = "nearest",
     trajectory: Trajectory | str | Path | None = None,
     target: pin.SE3 | ArrayLike | None = None,
     seed: ArrayLike | None = None,
@@ -49,6 +50,8 @@ def serve(
         collision: contact of the branches: "ignore", "report" or "reject", as for `IKSolver`.
         scene: obstacles around the arm; they are drawn, and count as self-contact does unless that is ignored.
         clearance: shapes this near to each other count as touching [m].
+        prefer: which feasible branch the arm goes to: the one "nearest" to where it is, of the largest limit "margin",
+            or of the largest "manipulability".
         trajectory: to play: a `PathResult`, a `JointMotion`, or a file that one of them saved.
         target: T_base_tool to begin with, as `pin.SE3` or (4, 4); a position (3,) [m] keeps the orientation that the
             tool has at `seed`; None for where the tool is there.
@@ -73,7 +76,7 @@ def serve(
     solver = IKSolver(
         robot, frame, tool=tool, collision=collision, scene=obstacles if looking else None, clearance=clearance
     )
-    inspector = Inspector(solver)
+    inspector = Inspector(solver, prefer=prefer)
     playback = None
     if trajectory is not None:
         playback = Playback(motion.load(trajectory) if isinstance(trajectory, str | Path) else trajectory, robot)

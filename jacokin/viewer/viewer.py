@@ -154,6 +154,7 @@ class Viewer:
             self._stage.show_ghosts(panel.ghosts)
             self._stage.show_ellipsoid(panel.ellipsoid)
             self._show(view)
+        self._inspector.prefer = panel.prefer
         if "track" in names:
             self._track(panel.track)
         if names.keys() & {"play", "time", "speed"}:
@@ -161,7 +162,7 @@ class Viewer:
         elif "joints" in names:
             self._stop()
             self._show(self._inspector.posture(panel.joints(view.q)))
-        elif names.keys() & {"target", "shown", "axis", "angle"}:
+        elif names.keys() & {"target", "shown", "axis", "angle", "prefer"}:
             self._aim(names)
         elif names.keys() & {"branch", "next", "previous"} and len(view.branches):
             self._stop()

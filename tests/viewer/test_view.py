@@ -12,6 +12,7 @@ import pytest
 import jacokin
 from jacokin import IKSolver, Robot, Status
 from jacokin.arrays import Array
+from jacokin.errors import UnknownNameError
 from jacokin.viewer import Inspector, View
 from tests.robot_files import urdf_text
 
@@ -51,6 +52,40 @@ def test_the_arm_is_at_the_nearest_feasible_branch(inspector: Inspector, rng: np
         assert max(view.errors) < 1e-6
         assert len(view.ghosts) == len(raw) - 1
         assert first not in view.ghosts
+
+
+@pytest.mark.parametrize("prefer", ["margin", "manipulability"])
+def test_another_branch_may_be_preferred(robot: Robot, rng: np.random.Generator, prefer: str) -> None:
+    inspector = Inspector(IKSolver(robot), prefer=prefer)
+    different = 0
+    for _ in range(20):
+        view = inspector.at(robot.forward_kinematics(robot.sample(rng)), robot.home)
+        assert view.selected is not None
+        assert view.within[view.selected]
+        good = view.branches[view.within]
+        if prefer == "margin":
+            values = np.minimum(good - robot.lower, robot.upper - good).min(axis=1)
+            chosen = inspector.margin(view.q).min()
+        else:
+            values = np.array([robot.manipulability(q) for q in good])
+            chosen = robot.manipulability(view.q)
+        assert chosen == pytest.approx(values.max())
+        different += view.selected != int(np.flatnonzero(view.within)[0])
+    assert different
+    with pytest.raises(UnknownNameError, match="nearest, margin, manipulability"):
+        Inspector(inspector.solver, prefer="best")
+
+
+def test_a_seven_joint_arm_shows_postures_of_its_family(bundled: Callable[[str], Robot]) -> None:
+    robot = bundled("j2s7s300")
+    inspector = Inspector(IKSolver(robot))
+    for view in (inspector.posture(robot.home), inspector.at(robot.forward_kinematics(robot.home), robot.home)):
+        assert (view.status, view.selected) == (Status.OK, 0)
+        assert len(view.branches) > 10
+        for branch in range(len(view.branches)):
+            chosen = inspector.choose(view, branch)
+            assert robot.within_limits(chosen.q)
+            assert reaches(inspector, chosen)
 
 
 def test_branches_outside_say_which_joint_and_by_how_much(inspector: Inspector, rng: np.random.Generator) -> None:

@@ -342,4 +342,4 @@ def test_every_bundled_robot_is_served() -> None:
     for name in jacokin.model.NAMES:
         with serve(name, port=0) as viewer:
             assert viewer.view.status is Status.OK
-            assert ghosts(viewer) == len(viewer.view.branches) - 1
+            assert ghosts(viewer) == len(viewer.view.branches) - 1 > 0

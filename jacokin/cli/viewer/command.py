@@ -12,10 +12,12 @@ from jacokin.cli.arguments.declared import Option
 from jacokin.cli.arguments.options import (
     DEFAULT_ROBOT,
     BaseOption,
+    ClearanceOption,
     DegreesOption,
     FrameOption,
     PackageDirOption,
     RobotOption,
+    SceneOption,
     SeedOption,
     TipOption,
 )
@@ -45,9 +47,11 @@ def view(
     collision: Annotated[
         str, Option("--collision", metavar="NAME", help="Self-contact: ignore, report or reject.")
     ] = "ignore",
-    scene: Annotated[
-        Path | None, Option("--scene", metavar="FILE", help="Obstacles to draw: a .yaml or .json file.")
-    ] = None,
+    scene: SceneOption = None,
+    clearance: ClearanceOption = None,
+    prefer: Annotated[
+        str, Option("--prefer", metavar="NAME", help="The branch to go to: nearest, margin or manipulability.")
+    ] = "nearest",
     trajectory: Annotated[
         Path | None, Option("--trajectory", metavar="FILE", help="A saved trajectory to play, .csv or .npz.")
     ] = None,
@@ -76,16 +80,14 @@ def view(
     arm = options.load(robot, base, tip, package_dir)
     typed = numbers("--seed", seed)
     start = None if typed is None else Units(degrees).of_joints(arm).read(typed)
-    obstacles = None
-    if scene is not None:
-        from jacokin.model.scenes.scene import Scene
-
-        obstacles = Scene.load(scene)
+    obstacles, kept = options.surroundings(scene, clearance)
     viewer = serve(
         arm,
         frame=frame,
         collision=collision,
         scene=obstacles,
+        clearance=kept,
+        prefer=prefer,
         trajectory=trajectory,
         target=wanted,
         seed=start,

@@ -8,6 +8,7 @@ import numpy as np
 import viser
 
 from jacokin.arrays import Array
+from jacokin.ik.answers.choosing import PREFERENCES
 from jacokin.viewer import texts
 from jacokin.viewer.browser.controls import Post, from_client, set_value
 from jacokin.viewer.browser.player import Player
@@ -30,7 +31,7 @@ class Panel:
             server: viser's.
             inspector: of the robot.
             post: called from any thread with the name of what was moved: "branch", "next", "previous", "ghosts",
-                "ellipsoid", "track", "axis", "angle", "joints", "python", "command", or a name of the player.
+                "ellipsoid", "track", "prefer", "axis", "angle", "joints", "python", "command", or a name of the player.
             playback: a trajectory to play, or None.
         """
         self._inspector = inspector
@@ -47,6 +48,8 @@ class Panel:
         self._ellipsoid.on_update(from_client(post, "ellipsoid"))
         self._track = gui.add_checkbox("Track", False, hint="Follow the gizmo at 100 Hz within the velocity limits")
         self._track.on_update(from_client(post, "track"))
+        self._prefer = gui.add_dropdown("Prefer", PREFERENCES, initial_value=inspector.prefer, hint="Which branch")
+        self._prefer.on_update(from_client(post, "prefer"))
         self._axis = gui.add_dropdown(
             "Free axis", AXES, initial_value=AXES[0], hint="The tool may turn about this axis of its own"
         )
@@ -104,6 +107,11 @@ class Panel:
     def track(self) -> bool:
         """Whether a tracker is to follow the gizmo."""
         return bool(self._track.value)
+
+    @property
+    def prefer(self) -> str:
+        """Which branch is preferred; the nearest for what is not in the list."""
+        return self._prefer.value if self._prefer.value in PREFERENCES else PREFERENCES[0]
 
     @property
     def axis(self) -> int | None:
