@@ -26,7 +26,11 @@ from fuzz.examples import Examples
 from fuzz.findings import Finding
 from jacokin.errors import JacokinError
 
-DOORS = ("jacokin", "jacokin.model", "jacokin.ik", "jacokin.mujoco_bridge")
+DOORS = (
+    "jacokin", "jacokin.model", "jacokin.ik", "jacokin.mujoco_bridge", "jacokin.mujoco_bridge.cameras",
+    "jacokin.mujoco_bridge.distributions", "jacokin.mujoco_bridge.observations", "jacokin.mujoco_bridge.rewards",
+    "jacokin.mujoco_bridge.robots", "jacokin.mujoco_bridge.workspaces",
+)  # fmt: skip
 # Made by jacokin alone, and known to compile or to run for as long as they are told to.
 RESULTS = {
     "BatchResult", "BranchReport", "Branches", "CrossCheckReport", "Deviation", "Family", "IKResult", "Interval",
@@ -52,7 +56,7 @@ def callables(made: Examples) -> dict[str, Callable[..., object]]:
     found: dict[str, Callable[..., object]] = {}
     for door in DOORS:
         module = importlib.import_module(door)
-        for name in module.__all__:
+        for name in _public(module):
             thing = getattr(module, name)
             if isinstance(thing, types.ModuleType) or not callable(thing):
                 continue
@@ -70,6 +74,12 @@ def callables(made: Examples) -> dict[str, Callable[..., object]]:
                     if callable(getattr(type(instance), method)):  # not a property: that may raise by now
                         found[full] = getattr(instance, method)
     return dict(sorted(found.items()))
+
+
+def _public(module: types.ModuleType) -> list[str]:
+    """What a module says is public, or all that it defines under a public name."""
+    own = [name for name, thing in vars(module).items() if getattr(thing, "__module__", None) == module.__name__]
+    return list(getattr(module, "__all__", [name for name in own if not name.startswith("_")]))
 
 
 def _has_no_instances(thing: type) -> bool:

@@ -89,8 +89,9 @@ def sampler(name: str, function: Callable[..., Any]) -> Drawn:
         function: takes these three by name or position, or the random state alone.
 
     Raises:
-        InvalidInputError: the function takes other arguments, or none.
+        InvalidInputError: the function takes other arguments, or none, or the name is not a string.
     """
+    checks.text("name", name)
     try:
         signature = inspect.signature(function)
     except (TypeError, ValueError):

@@ -82,6 +82,12 @@ def test_a_raw_exception_is_noticed_and_an_error_of_jacokin_is_not(
     assert list(arguments.call(made, np.random.default_rng(0))) == []
 
 
+def test_functions_of_public_modules_are_called() -> None:
+    names = set(arguments.callables(examples.Examples({}, {})))
+    assert {"load_robot", "track_path", "Physics", "tolerance", "make_arm", "add_target_site", "Uniform"} <= names
+    assert not {"check_name", "shown", "ArrayLike"} & names  # imported by such modules, and not theirs
+
+
 def test_a_file_that_is_read_wrongly_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     forward = Robot.forward_kinematics
     for name in ("j2n6s300.urdf", "j2n6s300.xml"):

@@ -108,6 +108,7 @@ def test_wrong_arguments_are_refused() -> None:
         (lambda: constant_or_sampler("position", lambda: 3), "position must take .*so that a seed"),
         (lambda: constant_or_sampler("position", lambda a, b: 3), "position must take"),
         (lambda: constant_or_sampler("position", max), "wrap it"),
+        (lambda: constant_or_sampler(10**5000, max), "name must be a string"),  # type: ignore[arg-type]  # wrong on purpose
     ]
     for call, message in wrong:
         with pytest.raises(InvalidInputError, match=message):
