@@ -9,7 +9,8 @@ import importlib
 import inspect
 import sys
 import traceback
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import click
 
@@ -45,27 +46,47 @@ COMMANDS = {
     "plan": "jacokin.cli.plan.command",
     "view": "jacokin.cli.viewer.command",
     "task": "jacokin.cli.tasks.command",
+    "place": "jacokin.cli.reachability.place",
     "crosscheck": "jacokin.cli.robots.crosscheck",
     "demo": "jacokin.cli.demo.command",
     "doctor": "jacokin.cli.doctor.command",
     "warmup": "jacokin.cli.warmup",
 }
-NEED_ARGUMENTS = ("ik", "fk", "jacobian", "track", "plan", "task")
+# Commands that have commands of their own, and what they are about.
+GROUPS = {
+    "map": (
+        "Maps of where the arm reaches: build one, draw it, ask it.",
+        {
+            "build": "jacokin.cli.reachability.build",
+            "show": "jacokin.cli.reachability.show",
+            "query": "jacokin.cli.reachability.query",
+        },
+    )
+}
+NEED_ARGUMENTS = ("build", "show", "query", "place", "ik", "fk", "jacobian", "track", "plan", "task")
 SETTINGS = {"help_option_names": ["-h", "--help"]}
 
 
 class Commands(click.Group):
-    """The subcommands."""
+    """The subcommands, loaded when they are asked for."""
+
+    def __init__(self, name: str, commands: Mapping[str, str], text: str, **settings: Any) -> None:  # Any: click's own
+        """Keep names and modules of commands; the settings are those of `click.Group`."""
+        super().__init__(name, help=_help(text), no_args_is_help=True, context_settings=SETTINGS, **settings)
+        self._modules = commands
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Their names, in the order of the help."""
-        return list(COMMANDS)
+        return [*self._modules, *(GROUPS if self._modules is COMMANDS else ())]
 
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
         """One of them."""
-        if name not in COMMANDS:
+        if name in GROUPS and self._modules is COMMANDS:
+            text, modules = GROUPS[name]
+            return Commands(name, modules, text)
+        if name not in self._modules:
             return None
-        function = getattr(importlib.import_module(COMMANDS[name]), name)
+        function = getattr(importlib.import_module(self._modules[name]), name)
         return Command(
             name,
             callback=function,
@@ -95,7 +116,7 @@ VERSION = click.Option(
     callback=_show_version,
     help="Show the version and leave.",
 )
-app = Commands("jacokin", help=_help(HELP), params=[VERSION], no_args_is_help=True, context_settings=SETTINGS)
+app = Commands("jacokin", COMMANDS, HELP, params=[VERSION])
 
 
 def main(argv: Sequence[str] | None = None) -> None:

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 from jacokin import lazy
 
 if TYPE_CHECKING:
-    from jacokin.ik.batches.solve_file import Progress as Progress
+    from jacokin.ik.batches.progress import Progress as Progress
     from jacokin.ik.batches.solve_file import solve_file as solve_file
     from jacokin.ik.batches.summary import FileSummary as FileSummary
     from jacokin.ik.closed_form import warmup as warmup
@@ -108,10 +108,8 @@ __all__, __getattr__, __dir__ = lazy.door(
         ),
         "jacokin.model.pose_targets": ("FreeAxis",),
         "jacokin.model.scenes.scene": ("Scene",),
-        "jacokin.ik.batches.solve_file": (
-            "Progress",
-            "solve_file",
-        ),
+        "jacokin.ik.batches.progress": ("Progress",),
+        "jacokin.ik.batches.solve_file": ("solve_file",),
         "jacokin.ik.paths.plan": ("plan_path",),
         "jacokin.ik.paths.clearances": (
             "PathClearance",

@@ -16,7 +16,8 @@ from jacokin.cli.display import json_output, tables
 from jacokin.cli.display.progress import progress_bar
 from jacokin.errors import InvalidInputError
 from jacokin.ik.batches.chunk import solve_rows
-from jacokin.ik.batches.solve_file import Progress, solve_file, unfinished
+from jacokin.ik.batches.progress import Progress
+from jacokin.ik.batches.solve_file import solve_file, unfinished
 from jacokin.ik.batches.summary import EMPTY, FileSummary, Tally
 from jacokin.ik.files import formats
 from jacokin.ik.files.columns import RPY

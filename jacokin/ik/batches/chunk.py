@@ -50,7 +50,7 @@ def make(job: ChunkJob) -> bytes:
     """
     if job.version != jacokin.__version__:
         raise JacokinError(f"the worker has jacokin {jacokin.__version__}, and the batch needs {job.version}")
-    batch = solve_rows(_solver(job.solver), job.targets, job.seed, closest=job.closest)
+    batch = solve_rows(unpickled_solver(job.solver), job.targets, job.seed, closest=job.closest)
     tally = orjson.dumps(Tally.of_rows(job.targets, batch).document())
     return tally + b"\n" + formats.answers(Path(f"_{job.suffix}")).encoded(job.targets, batch)
 
@@ -95,7 +95,7 @@ def solve_rows(
 
 
 @functools.lru_cache(maxsize=4)
-def _solver(pickled: bytes) -> IKSolver:
+def unpickled_solver(pickled: bytes) -> IKSolver:
     """The solver of a job, built once in each process."""
     solver = pickle.loads(pickled)
     assert isinstance(solver, IKSolver)

@@ -16,7 +16,6 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
-from dataclasses import dataclass
 from pathlib import Path
 
 from numpy.typing import ArrayLike
@@ -29,6 +28,7 @@ from jacokin.chunks.folder import RECIPE, ChunkFolder, digest, file_digest
 from jacokin.chunks.processes import worker_processes
 from jacokin.errors import InvalidInputError, JacokinError
 from jacokin.ik.batches.chunk import ChunkJob, make, read_tally
+from jacokin.ik.batches.progress import Progress, reporter
 from jacokin.ik.batches.summary import EMPTY, FileSummary
 from jacokin.ik.files import formats
 from jacokin.ik.files.columns import POSITION
@@ -40,20 +40,6 @@ from jacokin.model.fingerprint import fingerprint
 ROWS = 16384  # rows of a chunk that the compiled loop solves: about a third of a second
 SINGLE_ROWS = 256  # rows of a chunk that is solved row by row: a few seconds
 FOLDER_SUFFIX = ".chunks"
-
-
-@dataclass(frozen=True, slots=True)
-class Progress:
-    """How far a long run has come."""
-
-    done: int
-    """Rows or cells that are finished."""
-    total: int
-    """How many there are."""
-    rate: float
-    """How many are finished in a second of this run."""
-    seconds_left: float
-    """How long the rest takes at this rate [s]; infinite before the first chunk."""
 
 
 def solve_file(
@@ -127,7 +113,7 @@ def solve_file(
                 executor = stack.enter_context(_executor(workers, compiled))
             if executor is not None:
                 jobs = _jobs(solver, source, rows, start, closest, out.suffix, finished)
-                show = _shown(progress, sum(sizes), resumed)
+                show = reporter(progress, sum(sizes), resumed)
                 for index, content in made(make, jobs, executor):
                     finished[index] = folder.put(index, content)
                     show(sizes[index])
@@ -243,20 +229,6 @@ def _jobs(
     for index, block in enumerate(formats.blocks(targets, rows)):
         if index not in left_out:
             yield index, ChunkJob(jacokin.__version__, pickled, seed, closest, suffix, block)
-
-
-def _shown(progress: Callable[[Progress], None] | None, total: int, done: int) -> Callable[[int], None]:
-    """A function that is told how many rows more are finished, and reports them."""
-    began, before = time.perf_counter(), done
-
-    def advance(rows: int) -> None:
-        nonlocal done
-        done += rows
-        if progress is not None:
-            rate = (done - before) / max(time.perf_counter() - began, 1e-9)
-            progress(Progress(done, total, rate, (total - done) / rate if rate > 0.0 else float("inf")))
-
-    return advance
 
 
 def _write(

@@ -1,0 +1,55 @@
+"""`jacokin place`: where to put the base for a file of targets."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from jacokin.cli.arguments.declared import Option
+from jacokin.cli.arguments.options import DEFAULT_ROBOT, JsonOption
+from jacokin.cli.display import json_output, tables
+from jacokin.cli.exit_codes import NOT_SOLVED
+from jacokin.cli.reachability.maps import load
+
+
+def place(
+    targets: Annotated[Path, Option("--targets", metavar="FILE.csv", help="Poses of the tool in the world.")],
+    folder: Annotated[
+        str, Option("--map", metavar="FOLDER|NAME", help="A map, or the bundled one of a robot.")
+    ] = DEFAULT_ROBOT,
+    height: Annotated[
+        float | None, Option("--height", metavar="Z", help="Height that the base stands at [m]; any if not given.")
+    ] = None,
+    json: JsonOption = False,
+) -> None:
+    """Find places for the base of the arm from which it reaches as many targets as possible.
+
+    Exit code: 0 if the best place reaches all of them, 1 if not.
+
+    Examples:
+      jacokin place --targets examples/targets.csv
+      jacokin place --targets examples/targets.csv --map out/jaco --height 0.75
+    """
+    from jacokin.ik.files.targets_csv import read_targets
+    from jacokin.reachability import place_base
+
+    wanted = read_targets(targets).targets
+    found = place_base(load(folder), wanted, heights=None if height is None else [height])
+    if json:
+        places = [
+            {"position": each.pose.translation.tolist(), "reached": each.reached, "margin": each.margin}
+            for each in found
+        ]
+        json_output.print_json({"targets": len(wanted), "places": places})
+    else:
+        rows = [
+            (
+                *(f"{value:.3f}" for value in each.pose.translation),
+                f"{each.reached} of {len(wanted)}",
+                f"{each.margin:.3f}",
+            )
+            for each in found
+        ]
+        tables.say(tables.table("Places for the base", ("x [m]", "y [m]", "z [m]", "reached", "margin [rad]"), rows))
+    if not found or found[0].reached < len(wanted):
+        raise SystemExit(NOT_SOLVED)

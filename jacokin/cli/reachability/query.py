@@ -1,0 +1,46 @@
+"""`jacokin map query`: what a map says about a position or a pose."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from jacokin.cli.arguments.declared import Argument, Option
+from jacokin.cli.arguments.options import JsonOption
+from jacokin.cli.display import json_output, tables
+from jacokin.cli.reachability.maps import load
+
+Vector3 = tuple[float, float, float]
+Vector4 = tuple[float, float, float, float]
+
+
+def query(
+    folder: Annotated[str, Argument(metavar="FOLDER|NAME", help="A map, or the bundled one of a robot.")],
+    position: Annotated[Vector3, Option("--position", metavar="X Y Z", help="A position in the base [m].")],
+    quat_wxyz: Annotated[
+        Vector4 | None, Option("--quat-wxyz", metavar="W X Y Z", help="An orientation as a quaternion.")
+    ] = None,
+    down: Annotated[bool, Option("--down", help="An orientation: pointing vertically down.")] = False,
+    json: JsonOption = False,
+) -> None:
+    """Say how many orientations are reached at a position, and which pose near a given one is.
+
+    Examples:
+      jacokin map query j2n6s300 --position 0.4 0.2 0.3
+      jacokin map query j2n6s300 --position 1.4 0.2 0.3 --down
+    """
+    from jacokin.model import poses
+
+    reach = load(folder)
+    document: dict[str, object] = {"dexterity": reach.dexterity(position)}
+    if quat_wxyz is not None or down:
+        nearest = reach.nearest_reachable(poses.pose(position, quat_wxyz, down=down))
+        document["nearest_position"] = nearest.translation.tolist()
+        document["nearest_quat_wxyz"] = poses.quat_wxyz(nearest.rotation).tolist()
+    if json:
+        json_output.print_json(document)
+        return
+    lines = [("orientations reached", f"{document['dexterity']:.1%}")]
+    for name, key in (("nearest position [m]", "nearest_position"), ("its quaternion wxyz", "nearest_quat_wxyz")):
+        if key in document:
+            lines.append((name, str(document[key])))
+    tables.say(tables.facts(lines))

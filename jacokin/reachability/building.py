@@ -1,0 +1,157 @@
+"""`build`: a map of where an arm reaches. Read this file first.
+
+Every orientation of a set is tried at every position of a grid, with the closed form, which gives all configurations
+and needs no seed: what a map calls unreachable is unreachable. The work is cut into chunks that are kept in a folder
+with the recipe of the map; a build that is killed continues from there, and several can share the work.
+
+The folder is plain: `recipe.json`, the chunks as NPZ files `000000-<hash>.npz`, and, once complete, `manifest.json`
+with the SHA-256 of each.
+"""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, ThreadPoolExecutor
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import orjson
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+import jacokin
+from jacokin import files
+from jacokin.chunks.execution import checked_executor, made, usable_cores
+from jacokin.chunks.folder import RECIPE, ChunkFolder, file_digest
+from jacokin.errors import InvalidInputError
+from jacokin.ik.batches.progress import Progress, reporter
+from jacokin.ik.solver import IKSolver
+from jacokin.model import checks
+from jacokin.model.robot import Robot
+from jacokin.reachability import symmetries
+from jacokin.reachability.chunk import MapJob, make
+from jacokin.reachability.grid import Grid
+from jacokin.reachability.map import MANIFEST, ReachabilityMap, load
+from jacokin.reachability.orientations import Orientations, checked_orientations
+from jacokin.reachability.recipe import recipe_of
+from jacokin.reachability.samples import Samples
+
+if TYPE_CHECKING:
+    from jacokin.model.scenes.scene import Scene
+
+SPACING = 0.05  # [m] of the grid where none is given
+COUNT = 200  # of orientations where none are given
+
+
+def build(
+    robot: Robot,
+    *,
+    folder: str | Path,
+    grid: Grid | None = None,
+    orientations: Orientations | int = COUNT,
+    executor: Executor | None = None,
+    shard: str | None = None,
+    progress: Callable[[Progress], None] | None = None,
+    frame: str | None = None,
+    tool: pin.SE3 | ArrayLike | None = None,
+    collision: str = "ignore",
+    scene: Scene | None = None,
+    use_symmetry: bool = True,
+) -> ReachabilityMap | None:
+    """Build a map, or the part of it that is missing.
+
+    Args:
+        robot: a six-joint arm with a closed form.
+        folder: where the map is kept; made if it is not there. A map that is there is completed.
+        grid: the box to cover; None for all that the arm could reach, in steps of 5 cm.
+        orientations: a set, or a number of evenly spread ones: of rotations, or, where joint 6 rolls the tool freely,
+            of directions of its axis.
+        executor: any executor; None for threads of this process, one for each core.
+        shard: "i/n" builds the i-th of n parts (1/n to n/n) and returns None while others are missing.
+        progress: called when a chunk is finished, with numbers of positions.
+        frame: frame of the tool; None for the robot's default frame.
+        tool: T_frame_tool, a constant pose after the frame.
+        collision: "reject" counts only configurations that touch neither the arm itself nor the scene: some hundred
+            times slower, and without symmetry.
+        scene: obstacles; needs collision="reject".
+        use_symmetry: use that joints 1 and 6 turn freely, where they do; see `symmetries`.
+
+    Returns:
+        The map; None while chunks of other shards are missing.
+
+    Raises:
+        InvalidInputError: malformed arguments, too large a grid, or a folder of another map (says what differs).
+        StructureError: the robot has no closed form.
+        JacokinError: a worker failed or the disk is full; finished chunks are kept.
+    """
+    mine = _shard(shard)
+    use_symmetry = checks.flag("use_symmetry", use_symmetry)
+    checked_executor(executor)
+    if not isinstance(folder, str | Path) or not str(folder):
+        raise InvalidInputError(f"folder must be a str or a Path, got {checks.shown(folder)}")
+    if grid is not None and not isinstance(grid, Grid):
+        raise InvalidInputError(f"grid must be a Grid, got {checks.shown(grid)}")
+    if collision == "report":
+        raise InvalidInputError("collision must be 'ignore' or 'reject' for a map, got 'report'")
+    solver = IKSolver(robot, frame, tool=tool, method="closed_form", collision=collision, scene=scene, warm=None)
+    found = symmetries.of_solver(solver) if use_symmetry and collision == "ignore" else symmetries.NONE
+    samples = Samples(
+        Grid.around(robot, SPACING) if grid is None else grid,
+        checked_orientations(orientations, found.tool_axis),
+        found,
+    )
+    recipe = recipe_of(solver, samples)
+    size = recipe["chunks"]["positions"]  # type: ignore[index]  # a dictionary, written above
+    starts = range(0, samples.positions, size)
+    chunks = ChunkFolder(Path(folder), recipe, len(starts), ".npz")
+    finished = chunks.finished()
+    manifest = chunks.path / MANIFEST
+    if len(finished) < len(starts):
+        manifest.unlink(missing_ok=True)
+    missing = [index for index in range(len(starts)) if index not in finished and index % mine[1] == mine[0]]
+    with ExitStack() as stack:
+        if executor is None:
+            executor = stack.enter_context(ThreadPoolExecutor(usable_cores()))
+        total = min(samples.positions, (len(missing) + len(finished)) * size)
+        advance = reporter(progress, total, min(total, len(finished) * size))
+        for index, content in made(make, _jobs(solver, samples, size, missing), executor):
+            finished[index] = chunks.put(index, content)
+            advance(min(size, samples.positions - index * size))
+    finished = chunks.finished()
+    if len(finished) < len(starts):
+        return None
+    with files.replacing(manifest) as written:
+        hashes = {finished[index].name: file_digest(finished[index]) for index in range(len(starts))}
+        document = {
+            "sha256": hashes,
+            "recipe": file_digest(chunks.path / RECIPE),
+            "symmetries": recipe["symmetries"],
+        }
+        written.write_bytes(orjson.dumps(document, option=orjson.OPT_INDENT_2))
+    chunks.remove_unfinished()
+    return load(folder, robot=robot)
+
+
+def _jobs(solver: IKSolver, samples: Samples, size: int, missing: list[int]) -> Iterator[tuple[int, MapJob]]:
+    pickled = pickle.dumps(solver)
+    for index in missing:
+        stop = min((index + 1) * size, samples.positions)
+        yield index, MapJob(jacokin.__version__, pickled, samples, index * size, stop)
+
+
+def _shard(shard: str | None) -> tuple[int, int]:
+    """Remainder and divisor of the chunks that are this one's.
+
+    Raises:
+        InvalidInputError: not "i/n" with 1 <= i <= n.
+    """
+    if shard is None:
+        return 0, 1
+    parts = shard.split("/") if isinstance(shard, str) else []
+    if len(parts) == 2 and all(part.isascii() and part.isdigit() for part in parts):
+        number, count = int(parts[0]), int(parts[1])
+        if 1 <= number <= count:
+            return number - 1, count
+    raise InvalidInputError(f"shard must be 'i/n' with 1 <= i <= n, got {checks.shown(shard)}")

@@ -1,0 +1,281 @@
+"""Maps that were built: what fraction of orientations is reached where, and what is near."""
+
+from __future__ import annotations
+
+import functools
+from functools import cached_property
+from importlib.resources import files as package_files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import orjson
+import pinocchio as pin
+from numpy.typing import ArrayLike, NDArray
+
+from jacokin.arrays import Array
+from jacokin.chunks.folder import HASH_DIGITS, RECIPE, digest
+from jacokin.errors import InvalidInputError, JacokinError
+from jacokin.ik.solver import IKSolver
+from jacokin.model import checks, poses
+from jacokin.model.descriptions.bundled import DEFAULT_ROBOT
+from jacokin.model.fingerprint import fingerprint
+from jacokin.model.loading import load_robot
+from jacokin.model.robot import Robot, checked_robot
+from jacokin.reachability.grid import Grid
+from jacokin.reachability.orientations import Orientations
+from jacokin.reachability.recipe import samples_of
+from jacokin.reachability.samples import NOWHERE, Samples, turned
+
+MANIFEST = "manifest.json"
+RADIAN = 0.1  # [m] that a radian counts when distances of poses are compared, as for closest configurations
+
+
+class ReachabilityMap:
+    """A map. Arrays are read-only, and have one number for each cell of the grid, [x, y, z].
+
+    Attributes:
+        folder: where it is kept.
+        recipe: everything it depends on, as in recipe.json.
+        samples: the poses that were tried, and which of them stands for a given one.
+        counts: (positions, orientations) configurations within the limits at each sample, 0 where none.
+        margins: (positions, orientations) largest distance to the nearest limit [rad] at each sample, NaN where none.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        recipe: dict[str, Any],  # Any: JSON
+        counts: NDArray[np.uint8],
+        margins: NDArray[np.float16],
+        robot: Robot | None,
+    ) -> None:
+        """Take what `load` has read."""
+        self.folder = folder
+        self.recipe = recipe
+        self.samples: Samples = samples_of(recipe, str(folder))
+        self.counts = counts
+        self.margins = margins
+        self._robot = robot
+        for array in (counts, margins):
+            array.setflags(write=False)
+
+    def __repr__(self) -> str:
+        """Robot, grid and orientations."""
+        name = self.recipe["robot"]["name"]
+        return f"ReachabilityMap({name!r}, {self.grid!r}, {self.orientations.name})"
+
+    @property
+    def grid(self) -> Grid:
+        """The box in space that it covers."""
+        return self.samples.grid
+
+    @property
+    def orientations(self) -> Orientations:
+        """Those that were tried at each position."""
+        return self.samples.orientations
+
+    @property
+    def robot(self) -> Robot:
+        """The robot.
+
+        Raises:
+            InvalidInputError: it is not a bundled one, and the map was loaded without it.
+        """
+        if self._robot is None:
+            name = self.recipe["robot"]["bundled"]
+            if name is None:
+                raise InvalidInputError(f"{self.folder}: load the map with robot=, it is not a bundled one")
+            self._robot = _same_robot(self.folder, self.recipe, load_robot(name))
+        return self._robot
+
+    @property
+    def solver(self) -> IKSolver:
+        """The solver of the robot, frame and tool of the map."""
+        return self._solver
+
+    @cached_property
+    def _solver(self) -> IKSolver:
+        return IKSolver(self.robot, self.recipe["frame"], tool=self.recipe["tool"], warm=None)
+
+    @cached_property
+    def fraction(self) -> Array:
+        """(nx, ny, nz) fraction of the orientations that are reached, 0 to 1."""
+        return self._spread((self.counts > 0).mean(axis=1))
+
+    @cached_property
+    def branches(self) -> Array:
+        """(nx, ny, nz) mean number of configurations within the limits, over all orientations."""
+        return self._spread(self.counts.mean(axis=1))
+
+    @cached_property
+    def margin(self) -> Array:
+        """(nx, ny, nz) largest distance to the nearest limit [rad] of any orientation; NaN where none is reached."""
+        largest = np.where(np.isnan(self.margins), -np.inf, self.margins).max(axis=1).astype(np.float64)
+        return self._spread(np.where(self.counts.any(axis=1), largest, np.nan))
+
+    def dexterity(self, position: ArrayLike) -> float:
+        """Fraction of the orientations that are reached in the cell of a position (3,) [m]; 0 outside the grid.
+
+        Raises:
+            InvalidInputError: `position` malformed.
+        """
+        cell = int(self.samples.cell_of(checks.vector("position", position, 3, "m")[None])[0])
+        return 0.0 if cell == NOWHERE else float((self.counts[cell] > 0).mean())
+
+    def reached(self, targets: Array) -> NDArray[np.bool_]:
+        """(n,) whether the sample nearest to each pose (n, 4, 4) is reached: quick, and right up to the spacing.
+
+        Raises:
+            InvalidInputError: `targets` malformed.
+        """
+        return self.count_at(checked_poses(targets)) > 0
+
+    def count_at(self, targets: Array) -> NDArray[np.uint8]:
+        """(n,) configurations within the limits at the sample that stands for each checked pose (n, 4, 4)."""
+        positions, rotations = targets[:, :3, 3], targets[:, :3, :3]
+        cells = self.samples.cell_of(positions)
+        found = self.counts[np.maximum(cells, 0), self.samples.orientation_of(rotations, positions)]
+        return np.where(cells == NOWHERE, np.uint8(0), found)
+
+    def nearest_reachable(self, pose: pin.SE3 | ArrayLike) -> pin.SE3:
+        """The pose of the map nearest to a given one that is reached: distance in m, plus 0.1 times the angle in rad.
+
+        Raises:
+            InvalidInputError: `pose` malformed, or nothing is reached anywhere.
+        """
+        wanted = poses.checked_pose(pose, "pose")
+        position, rotation = wanted.translation, wanted.rotation
+        angle, symmetries = 0.0, self.samples.symmetries
+        if symmetries.turns:  # the nearest pose that comes from a sample by turning is in the same half plane
+            angle = float(np.arctan2(position[1], position[0]))
+            position = np.array([np.hypot(position[0], position[1]), 0.0, position[2]])
+            rotation = turned(rotation[None], np.array([-angle]))[0]
+        away = np.linalg.norm(self.samples.position(np.arange(self.samples.positions)) - position, axis=1)
+        aside = RADIAN * np.arccos(np.clip(self.samples.cosines(rotation[None])[0], -1.0, 1.0))
+        best, where = np.inf, (0, 0)
+        for cell in np.argsort(away):
+            if away[cell] >= best:
+                break
+            costs = np.where(self.counts[cell] > 0, aside, np.inf)
+            nearest = int(np.argmin(costs))
+            if away[cell] + costs[nearest] < best:
+                best, where = float(away[cell] + costs[nearest]), (int(cell), nearest)
+        if not np.isfinite(best):
+            raise InvalidInputError(f"{self.folder}: no pose of this map is reached")
+        found = self.orientations.rotations[where[1]]
+        if symmetries.tool_axis is not None:
+            found = _rolled(found, rotation, symmetries.tool_axis)
+        turn = turned(np.eye(3)[None], np.array([angle]))[0]
+        return pin.SE3(turn @ found, turn @ self.samples.position(np.array([where[0]]))[0])
+
+    def plot(self, path: str | Path) -> None:
+        """Draw the map: slices and a view in space as .png, .svg or .pdf, or an .html page that turns it.
+
+        Raises:
+            MissingExtraError: matplotlib is not installed.
+            InvalidInputError: another ending, or the file cannot be written.
+        """
+        from jacokin.reachability.pictures import draw
+
+        draw(self, path)
+
+    def _spread(self, values: Array) -> Array:
+        """Numbers of positions as numbers of the cells of the grid."""
+        if not self.samples.symmetries.turns:
+            return checks.read_only(values.reshape(self.grid.shape))
+        x, y = np.meshgrid(self.grid.axis(0), self.grid.axis(1), indexing="ij")
+        radius = np.minimum(np.hypot(x, y) / self.grid.spacing, self.samples.shape[0] - 1).astype(np.int_)
+        return checks.read_only(values.reshape(self.samples.shape)[radius])
+
+
+def load(folder: str | Path, *, robot: Robot | None = None) -> ReachabilityMap:
+    """Read a map, and check every chunk against its hash.
+
+    Args:
+        folder: where it was built.
+        robot: the robot, for a map of one that is not bundled; only some questions need it.
+
+    Raises:
+        InvalidInputError: not a map, not complete, damaged, or of another robot.
+    """
+    if not isinstance(folder, str | Path):
+        raise InvalidInputError(f"folder must be a str or a Path, got {checks.shown(folder)}")
+    path = Path(folder)
+    try:
+        recipe = orjson.loads((path / RECIPE).read_bytes())
+        manifest = orjson.loads((path / MANIFEST).read_bytes())
+    except FileNotFoundError as error:
+        raise InvalidInputError(
+            f"{path}: is not a complete map: it has no {Path(error.filename).name}; build the rest of it"
+        ) from error
+    except OSError as error:
+        raise InvalidInputError(f"{path}: cannot be read: {error.strerror}") from error
+    except orjson.JSONDecodeError as error:
+        raise InvalidInputError(f"{path}: {RECIPE} or {MANIFEST} is not JSON: {error}") from error
+    if robot is not None:
+        _same_robot(path, recipe, checked_robot("robot", robot))
+    samples = samples_of(recipe, str(path))
+    counts = np.empty((samples.positions, len(samples.orientations)), dtype=np.uint8)
+    margins = np.empty(counts.shape, dtype=np.float16)
+    first = 0
+    for name, content in manifest["sha256"].items():
+        chunk = _chunk(path / name, content)
+        stop = first + len(chunk["branches"])
+        counts[first:stop], margins[first:stop] = chunk["branches"], chunk["margin"]
+        first = stop
+    if first != samples.positions:
+        raise InvalidInputError(f"{path}: has {first} positions of {samples.positions}; build the rest of it")
+    return ReachabilityMap(path, recipe, counts, margins, robot)
+
+
+@functools.cache
+def bundled(name: str = DEFAULT_ROBOT) -> ReachabilityMap:
+    """The coarse map of a bundled robot that comes with the package.
+
+    Raises:
+        UnknownNameError: no such robot; lists those that there are.
+    """
+    folder = Path(str(package_files("jacokin.reachability"))) / "maps"
+    known = sorted(path.name for path in folder.iterdir() if path.is_dir())
+    return load(folder / checks.choice("robot", name, known))
+
+
+def checked_poses(targets: ArrayLike) -> Array:
+    """Poses (n, 4, 4), rigid.
+
+    Raises:
+        InvalidInputError: malformed.
+    """
+    from jacokin.ik.targets import checked_batch
+
+    matrices, position_only = checked_batch(targets)
+    if position_only.any():
+        raise InvalidInputError("targets must be poses (n, 4, 4): positions alone have no orientation to look up")
+    return matrices
+
+
+def _chunk(path: Path, wanted: str) -> dict[str, NDArray[np.generic]]:
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise JacokinError(f"{path}: cannot be read: {error.strerror}; build the map again to mend it") from error
+    if digest(content) != wanted or wanted[:HASH_DIGITS] not in path.name:
+        raise InvalidInputError(f"{path}: is damaged: its hash is not that of the manifest; build again to mend it")
+    with np.load(path) as file:
+        return {name: file[name] for name in ("branches", "margin")}
+
+
+def _same_robot(path: Path, recipe: dict[str, Any], robot: Robot) -> Robot:  # Any: JSON
+    if fingerprint(robot, shapes=recipe["collision"] != "ignore") != recipe["robot"]["sha256"]:
+        raise InvalidInputError(f"{path}: is a map of another robot than this {robot.name}")
+    return robot
+
+
+def _rolled(rotation: Array, wanted: Array, axis: Array) -> Array:
+    """A rotation turned about its own axis until it is nearest to another one."""
+    left = rotation.T @ wanted
+    # Of R(axis, angle), trace(R^T left) is largest at this angle.
+    skew = np.array([left[2, 1] - left[1, 2], left[0, 2] - left[2, 0], left[1, 0] - left[0, 1]])
+    angle = np.arctan2(float(axis @ skew), float(np.trace(left) - axis @ left @ axis))
+    return np.asarray(rotation @ pin.exp3(angle * axis))

@@ -1,0 +1,90 @@
+"""Maps as pictures: two slices and a view in space; a page that turns it is in `page`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from jacokin import files
+from jacokin.arrays import Array
+from jacokin.errors import InvalidInputError, MissingExtraError
+from jacokin.model import checks
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from jacokin.reachability.map import ReachabilityMap
+
+ENDINGS = (".png", ".svg", ".pdf", ".html")
+COLOURS = "viridis"
+POINTS = 12_000  # cells in a view of space, at most
+
+
+def draw(map: ReachabilityMap, path: str | Path) -> None:  # noqa: A002 - as everywhere in this package
+    """See `ReachabilityMap.plot`."""
+    if not isinstance(path, str | Path) or Path(path).suffix not in ENDINGS:
+        raise InvalidInputError(f"path must end in {', '.join(ENDINGS)}, got {checks.shown(path)}")
+    out = Path(path)
+    if out.suffix == ".html":
+        from jacokin.reachability.page import page
+
+        points, values = shown_cells(map)
+        title = f"{map.recipe['robot']['name']}, frame {map.recipe['frame']}: {map.orientations.name}"
+        with files.replacing(out) as written:
+            written.write_text(page(title, points, values, map.grid.spacing), encoding="utf-8")
+        return
+    figure = figure_of(map)
+    with files.replacing(out) as written:
+        figure.savefig(written, format=out.suffix[1:], dpi=120)
+
+
+def figure_of(map: ReachabilityMap) -> Figure:  # noqa: A002 - as everywhere in this package
+    """A vertical slice, a horizontal one at the most dexterous height, and the cells in space.
+
+    Raises:
+        MissingExtraError: matplotlib is not installed.
+    """
+    try:
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise MissingExtraError("matplotlib", "plot") from error
+    grid, fraction = map.grid, map.fraction
+    figure = Figure(figsize=(13.0, 4.4), layout="constrained")
+    middle = int(np.argmin(np.abs(grid.axis(1))))
+    height = int(np.argmax(fraction.sum(axis=(0, 1))))
+    sides = [(float(grid.lower[axis]), float(grid.lower[axis] + grid.shape[axis] * grid.spacing)) for axis in range(3)]
+    for place, (values, across, title) in enumerate(
+        (
+            (fraction[:, middle], (0, 2), f"y = {grid.axis(1)[middle]:.2f} m"),
+            (fraction[:, :, height], (0, 1), f"z = {grid.axis(2)[height]:.2f} m"),
+        )
+    ):
+        axes = figure.add_subplot(1, 3, place + 1)
+        shown = np.ma.masked_equal(values.T, 0.0)
+        extent = (*sides[across[0]], *sides[across[1]])
+        image = axes.imshow(shown, origin="lower", extent=extent, cmap=COLOURS, vmin=0.0, vmax=1.0)
+        axes.set(xlabel=f"{'xyz'[across[0]]} [m]", ylabel=f"{'xyz'[across[1]]} [m]", title=title)
+    figure.colorbar(image, ax=axes, label="fraction of orientations reached")
+    space = figure.add_subplot(1, 3, 3, projection="3d")
+    points, values = shown_cells(map)
+    behind = points[:, 1] >= 0.0  # the half in front is left out, so that the inside is seen
+    space.scatter(*points[behind].T, c=values[behind], cmap=COLOURS, vmin=0.0, vmax=1.0, s=3.0, linewidths=0.0)
+    space.set(xlabel="x [m]", ylabel="y [m]", title=f"{map.recipe['robot']['name']}, y >= 0")
+    space.set_box_aspect([high - low for low, high in sides])
+    space.view_init(elev=20.0, azim=-60.0)
+    return figure
+
+
+def shown_cells(map: ReachabilityMap) -> tuple[Array, Array]:  # noqa: A002 - as everywhere in this package
+    """Centres (n, 3) [m] and fractions (n,) of cells that are reached; every second, third, ... one of a fine grid."""
+    stride = 1
+    while True:
+        some = (slice(stride // 2, None, stride),) * 3
+        values = map.fraction[some]
+        if np.count_nonzero(values) <= POINTS:
+            axes = [map.grid.axis(index)[some[index]] for index in range(3)]
+            centres = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+            return centres[values > 0.0], values[values > 0.0]
+        stride += 1

@@ -1,0 +1,199 @@
+"""Where to put the base of an arm, so that it reaches as many of some targets as possible.
+
+The map counts quickly how many targets each place of a grid reaches. The best places are then checked with the closed
+form itself, and moved in smaller and smaller steps as long as that reaches more targets, or the same with more margin.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike, NDArray
+
+from jacokin.arrays import Array
+from jacokin.errors import InvalidInputError
+from jacokin.ik.results import Frozen
+from jacokin.model import checks
+from jacokin.reachability.chunk import reached
+from jacokin.reachability.grid import Grid
+from jacokin.reachability.map import ReachabilityMap, checked_poses
+from jacokin.reachability.samples import NOWHERE, turned
+
+STARTS = 12  # places from the grid that are checked and moved
+TURNS = 256  # steps of a full turn, for which the nearest orientation of each target is looked up once
+FINEST = 0.001  # [m] of the last steps
+MOST_ROUNDS = 40
+PLACES = 64  # places whose distances to all targets are held at the same time
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BasePlacement(Frozen):
+    """A place for the base."""
+
+    pose: pin.SE3
+    """T_world_base: the base, where the targets are given in the world."""
+    reached: int
+    """How many targets it reaches, by the closed form."""
+    margin: float
+    """Smallest limit margin among those [rad], each in its best configuration; NaN if there are none."""
+    success: NDArray[np.bool_]
+    """(n,) which targets it reaches."""
+
+
+def place_base(
+    map: ReachabilityMap,  # noqa: A002 - the name of the contract; the builtin is not needed here
+    targets: Sequence[pin.SE3] | ArrayLike,
+    *,
+    heights: ArrayLike | None = None,
+    yaws: int = 8,
+    count: int = 5,
+) -> tuple[BasePlacement, ...]:
+    """Rank places for the base of the robot of a map, upright.
+
+    Args:
+        map: of the robot, frame and tool.
+        targets: (n, 4, 4) poses of the tool, or a sequence of `pin.SE3`, in the world [m].
+        heights: (k,) z at which the base may stand [m]; None for any.
+        yaws: turns of the base that are tried, where joint 1 does not turn freely.
+        count: how many places to return, at most.
+
+    Returns:
+        The best places, best first: most targets, then the largest margin.
+
+    Raises:
+        InvalidInputError: malformed targets or numbers, or a map of a robot that was not given to `load`.
+    """
+    if not isinstance(map, ReachabilityMap):
+        raise InvalidInputError(f"map must be a ReachabilityMap, got {checks.shown(map)}")
+    wanted = checked_poses(targets)
+    levels = None if heights is None else np.sort(_levels(heights))
+    count = checks.whole_number("count", count, lowest=1)
+    turns = map.samples.symmetries.turns
+    angles = [0.0] if turns else (2.0 * np.pi * np.arange(checks.whole_number("yaws", yaws, lowest=1)) / yaws).tolist()
+    starts: list[tuple[int, float, Array]] = []
+    for yaw in angles:
+        local = _seen_from(wanted, np.zeros(3), yaw)
+        places, counts = _counted(map, local, levels)
+        best = _spread_out(places, counts, 2.0 * map.grid.spacing)
+        starts += [(int(counts[index]), yaw, places[index]) for index in best]
+    starts.sort(key=lambda start: -start[0])
+    found = [_settled(map, wanted, yaw, place, fixed_height=levels is not None) for _, yaw, place in starts[:STARTS]]
+    found.sort(key=lambda placement: (-placement.reached, -np.nan_to_num(placement.margin, nan=-np.inf)))
+    distinct: list[BasePlacement] = []
+    for placement in found:
+        if all(np.linalg.norm(placement.pose.translation - other.pose.translation) > FINEST for other in distinct):
+            distinct.append(placement)
+    return tuple(distinct[:count])
+
+
+def _levels(heights: ArrayLike) -> Array:
+    values = np.atleast_1d(checks.numbers(heights))
+    if values.ndim != 1 or not len(values) or not np.isfinite(values).all():
+        raise InvalidInputError(f"heights must be finite numbers (k,) [m], got {checks.shown(heights)}")
+    return values
+
+
+def _seen_from(targets: Array, place: Array, yaw: float) -> Array:
+    """Targets in a base at a place (3,), turned by `yaw` about the vertical."""
+    seen = targets.copy()
+    turn = turned(np.eye(3)[None], np.array([-yaw]))[0]
+    seen[:, :3, 3] = (targets[:, :3, 3] - place) @ turn.T
+    seen[:, :3, :3] = turn @ targets[:, :3, :3]
+    return seen
+
+
+def _counted(map: ReachabilityMap, local: Array, levels: Array | None) -> tuple[Array, NDArray[np.int_]]:  # noqa: A002 - as above
+    """Places in the base's own axes, and how many targets the map says each reaches."""
+    positions, grid = local[:, :3, 3], map.grid
+    lower, upper = positions.max(axis=0) - grid.upper, positions.min(axis=0) - grid.lower
+    # Places from which all targets are in the grid; if there are none, those from which any is.
+    if (upper - lower < grid.spacing).any():
+        lower, upper = positions.min(axis=0) - grid.upper, positions.max(axis=0) - grid.lower
+    step = max(grid.spacing, float((upper - lower).max()) / 60.0)
+    places = Grid(lower, upper, step).centres().reshape(-1, 3)
+    if levels is not None:
+        flat = np.unique(places[:, :2], axis=0)
+        places = np.concatenate([np.column_stack([flat, np.full(len(flat), level)]) for level in levels])
+    table = _orientation_table(map, local[:, :3, :3])
+    counts = np.empty(len(places), dtype=np.int_)
+    for first in range(0, len(places), PLACES):
+        some = places[first : first + PLACES]
+        offsets = positions[None] - some[:, None]
+        cells = map.samples.cell_of(offsets.reshape(-1, 3)).reshape(offsets.shape[:2])
+        steps = np.zeros(offsets.shape[:2], dtype=np.int_)
+        if map.samples.symmetries.turns:
+            angle = np.arctan2(offsets[..., 1], offsets[..., 0])
+            steps = np.rint(angle / (2.0 * np.pi) * TURNS).astype(np.int_) % TURNS
+        orientation = table[np.arange(len(local)), steps]
+        hit = (map.counts[np.maximum(cells, 0), orientation] > 0) & (cells != NOWHERE)
+        counts[first : first + PLACES] = hit.sum(axis=1)
+    return places, counts
+
+
+def _orientation_table(map: ReachabilityMap, rotations: Array) -> NDArray[np.int_]:  # noqa: A002 - as above
+    """(n, steps) the nearest orientation of each target, for every direction that it may lie in from the base."""
+    if not map.samples.symmetries.turns:
+        return map.samples.nearest(rotations)[:, None]
+    angles = 2.0 * np.pi * np.arange(TURNS) / TURNS
+    columns = [map.samples.nearest(turned(rotations, np.full(len(rotations), -angle))) for angle in angles]
+    return np.stack(columns, axis=1)
+
+
+def _spread_out(places: Array, counts: NDArray[np.int_], distance: float) -> list[int]:
+    """The best places that are not next to a better one."""
+    chosen: list[int] = []
+    for index in np.argsort(-counts, kind="stable").tolist():
+        if all(np.linalg.norm(places[index] - places[other]) > distance for other in chosen):
+            chosen.append(index)
+            if len(chosen) == STARTS:
+                break
+    return chosen
+
+
+def _settled(map: ReachabilityMap, targets: Array, yaw: float, place: Array, *, fixed_height: bool) -> BasePlacement:  # noqa: A002 - as above
+    """The best place that smaller and smaller steps lead to."""
+    turn = turned(np.eye(3)[None], np.array([yaw]))[0]
+    place = turn @ place
+    moves = np.stack(np.meshgrid(*([-1.0, 0.0, 1.0],) * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    if fixed_height:
+        moves = moves[moves[:, 2] == 0.0]
+    moves = moves[np.abs(moves).sum(axis=1) > 0.0]
+    step = map.grid.spacing
+    best, success = _measured(map, targets, place[None], yaw)
+    score = best[0]
+    for _ in range(MOST_ROUNDS):
+        around = place + step * moves
+        scores, hits = _measured(map, targets, around, yaw)
+        index = max(range(len(scores)), key=scores.__getitem__)
+        if scores[index] > score:
+            place, score, success = around[index], scores[index], hits[index : index + 1]
+        elif step > FINEST:
+            step /= 2.0
+        else:
+            break
+    pose = pin.SE3(turn, place)
+    return BasePlacement(pose, score[0], score[1] if score[0] else np.nan, _read_only(success[0]))
+
+
+def _measured(
+    map: ReachabilityMap,  # noqa: A002 - as above
+    targets: Array,
+    places: Array,
+    yaw: float,
+) -> tuple[list[tuple[int, float]], NDArray[np.bool_]]:
+    """Targets reached and smallest margin of each place, by the closed form; and which targets."""
+    seen = np.concatenate([_seen_from(targets, place, yaw) for place in places])
+    counts, margins = reached(map.solver, np.ascontiguousarray(seen))
+    hits = (counts > 0).reshape(len(places), len(targets))
+    smallest = np.where(hits, margins.reshape(hits.shape), np.inf).min(axis=1)
+    return list(zip(hits.sum(axis=1).tolist(), smallest.tolist(), strict=True)), hits
+
+
+def _read_only(success: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """A copy that cannot be written to."""
+    copy = success.copy()
+    copy.setflags(write=False)
+    return copy
