@@ -96,6 +96,7 @@ def build(
     if collision == "report":
         raise InvalidInputError("collision must be 'ignore' or 'reject' for a map, got 'report'")
     solver = IKSolver(robot, frame, tool=tool, method="closed_form", collision=collision, scene=scene, warm=None)
+    solver.closed_form()
     found = symmetries.of_solver(solver) if use_symmetry and collision == "ignore" else symmetries.NONE
     samples = Samples(
         Grid.around(robot, SPACING) if grid is None else grid,

@@ -1,0 +1,45 @@
+"""The maps in the package: small, of the robots they name, and what building them again gives."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from jacokin import Robot
+from jacokin.errors import UnknownNameError
+from jacokin.reachability import Grid, build, bundled
+
+SIX_JOINTS = ("j2n6s300", "j2n6s200", "j2s6s300", "j2s6s200", "m1n6s300", "m1n6s200")
+
+
+@pytest.mark.parametrize("name", SIX_JOINTS)
+def test_a_bundled_map_is_of_its_robot_and_small(name: str) -> None:
+    reach = bundled(name)
+    assert reach.robot.name == name
+    assert reach.robot.source.bundled == name  # the hash was compared
+    assert sum(path.stat().st_size for path in reach.folder.iterdir()) < 1_000_000
+    assert 0.1 < (reach.counts > 0).mean() < 0.5
+
+
+def test_building_a_bundled_map_again_gives_the_same(bundled_robot: Robot, tmp_path: Path) -> None:
+    before = bundled(bundled_robot.name)
+    again = build(bundled_robot, folder=tmp_path / "map", grid=Grid.around(bundled_robot, 0.05), orientations=100)
+    assert again is not None
+    # Machine code for another processor may round poses at the edge of reach otherwise.
+    assert ((again.counts > 0) == (before.counts > 0)).mean() > 0.9999
+    np.testing.assert_allclose(
+        np.nan_to_num(again.margins.astype(float)).mean(), np.nan_to_num(before.margins.astype(float)).mean(), rtol=1e-3
+    )
+
+
+@pytest.fixture
+def bundled_robot(bundled: Callable[[str], Robot]) -> Robot:
+    return bundled("m1n6s300")
+
+
+def test_an_unknown_robot_has_no_map() -> None:
+    with pytest.raises(UnknownNameError, match="j2n6s300"):
+        bundled("jaco")
