@@ -57,7 +57,7 @@ def made(
             if not under_way:
                 return
             done, _ = wait(under_way, return_when=FIRST_COMPLETED)
-            for future in done:
+            for future in sorted(done, key=under_way.__getitem__):
                 index = under_way.pop(future)
                 yield index, _result(future, index)
     finally:

@@ -249,9 +249,9 @@ def checked_poses(targets: ArrayLike) -> Array:
     """
     from jacokin.ik.targets import checked_batch
 
-    matrices, position_only = checked_batch(targets)
-    if position_only.any():
-        raise InvalidInputError("targets must be poses (n, 4, 4): positions alone have no orientation to look up")
+    matrices, position_only, turning = checked_batch(targets)
+    if position_only.any() or turning:
+        raise InvalidInputError("targets must be poses (n, 4, 4): positions and free axes have no one orientation")
     return matrices
 
 

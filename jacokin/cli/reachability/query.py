@@ -29,11 +29,12 @@ def query(
       jacokin map query j2n6s300 --position 1.4 0.2 0.3 --down
     """
     from jacokin.model import poses
+    from jacokin.model.pose_targets import pose
 
     reach = load(folder)
     document: dict[str, object] = {"dexterity": reach.dexterity(position)}
     if quat_wxyz is not None or down:
-        nearest = reach.nearest_reachable(poses.pose(position, quat_wxyz, down=down))
+        nearest = reach.nearest_reachable(pose(position, quat_wxyz, down=down))
         document["nearest_position"] = nearest.translation.tolist()
         document["nearest_quat_wxyz"] = poses.quat_wxyz(nearest.rotation).tolist()
     if json:
