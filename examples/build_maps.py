@@ -9,6 +9,8 @@ import shutil
 import sys
 from pathlib import Path
 
+from PIL import Image
+
 import jacokin
 from jacokin.errors import StructureError
 from jacokin.model import NAMES
@@ -34,7 +36,9 @@ def main() -> None:
         size = sum(path.stat().st_size for path in (folder / name).iterdir())
         print(f"{name}: {reach.counts.size} poses, {size / 1000:.0f} kB")
         if name == "j2n6s300" and not given:
-            reach.plot(ROOT / "docs" / "images" / "workspace.png")
+            picture = ROOT / "docs" / "images" / "workspace.png"
+            reach.plot(picture)
+            Image.open(picture).convert("RGB").quantize(128).save(picture, optimize=True)  # a third of the size
 
 
 if __name__ == "__main__":

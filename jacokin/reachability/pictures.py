@@ -72,6 +72,7 @@ def figure_of(map: ReachabilityMap) -> Figure:  # noqa: A002 - as everywhere in 
     behind = points[:, 1] >= 0.0  # the half in front is left out, so that the inside is seen
     space.scatter(*points[behind].T, c=values[behind], cmap=COLOURS, vmin=0.0, vmax=1.0, s=3.0, linewidths=0.0)
     space.set(xlabel="x [m]", ylabel="y [m]", title=f"{map.recipe['robot']['name']}, y >= 0")
+    space.locator_params(nbins=4)
     space.set_box_aspect([high - low for low, high in sides])
     space.view_init(elev=20.0, azim=-60.0)
     return figure
