@@ -163,4 +163,6 @@ def shaped(beyond: Array, margin: float, shape: str) -> Array:
     The same as `rewards.tolerance`, for distances (...) beyond a bound, negative within, and fixed margins.
     """
     fall: Callable[[Array, float], Array] = SHAPES[shape]
-    return fall(np.maximum(beyond, 0.0) / margin, 0.0 if shape == "linear" else VALUE_AT_MARGIN)
+    # As an array even for one number, whose powers numpy rounds differently.
+    distance = np.atleast_1d(np.maximum(beyond, 0.0) / margin)
+    return fall(distance, 0.0 if shape == "linear" else VALUE_AT_MARGIN).reshape(np.shape(beyond))

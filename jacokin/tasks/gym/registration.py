@@ -11,4 +11,9 @@ def register() -> None:
     """Make the tasks known to ``gymnasium.make``; again has no effect."""
     for task, name in IDS.items():
         if name not in gymnasium.registry:
-            gymnasium.register(name, entry_point="jacokin.tasks.gym.environment:TaskEnv", kwargs={"task": task})
+            gymnasium.register(
+                name,
+                entry_point="jacokin.tasks.gym.environment:TaskEnv",
+                vector_entry_point="jacokin.tasks.gym.vector:make_vector",
+                kwargs={"task": task},
+            )
