@@ -14,6 +14,6 @@ def register() -> None:
             gymnasium.register(
                 name,
                 entry_point="jacokin.tasks.gym.environment:TaskEnv",
-                vector_entry_point="jacokin.tasks.gym.vector:make_vector",
+                vector_entry_point="jacokin.tasks.gym.make_vector:make_vector",
                 kwargs={"task": task},
             )

@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, ClassVar, cast
 
-import gymnasium
 import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space, concatenate, create_empty_array
@@ -15,7 +14,6 @@ from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
-from jacokin.model import checks
 from jacokin.tasks import actions
 from jacokin.tasks.gym.environment import Info, TaskEnv
 from jacokin.tasks.gym.packing import Observation
@@ -164,27 +162,3 @@ def _put(observations: list[Observation] | Observation, index: int, observation:
             observations[name][index] = value
     else:
         observations[index] = observation  # type: ignore[index, assignment]  # a list or an array
-
-
-def make_vector(num_envs: int = 1, *, threads: int = 1, **options: Any) -> gymnasium.vector.VectorEnv[Any, Any, Any]:
-    """Make environments of one task that are stepped together.
-
-    Args:
-        num_envs: how many.
-        threads: how many threads simulate.
-        options: as for `TaskEnv`, without rendering.
-
-    Raises:
-        InvalidInputError: a wrong number, or an option that vectors do not have.
-    """
-    checks.whole_number("num_envs", num_envs, 1)
-    checks.whole_number("threads", threads, 1)
-    if options.pop("render_mode", None) is not None:
-        raise InvalidInputError("a vector of environments does not render; make a single one with the same seed")
-    plain = options.get("control", "joint_velocity") == "joint_velocity" and options.get("randomization") is None
-    if plain and options.get("observations", "features") == "features":
-        from jacokin.tasks.gym import batched
-
-        if batched.is_available():
-            return batched.BatchedVectorEnv(num_envs, threads, **options)
-    return ThreadedVectorEnv(num_envs, threads, **options)

@@ -13,7 +13,8 @@ from jacokin.errors import InvalidInputError
 from jacokin.mujoco_bridge.distributions import Uniform
 from jacokin.tasks import Randomization, TaskEnv
 from jacokin.tasks.gym import batched
-from jacokin.tasks.gym.vector import ThreadedVectorEnv, make_vector
+from jacokin.tasks.gym.make_vector import make_vector
+from jacokin.tasks.gym.vector import ThreadedVectorEnv
 
 gymnasium.register_envs(jacokin.tasks)
 COUNT = 4
