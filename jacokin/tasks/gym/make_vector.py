@@ -28,7 +28,6 @@ def make_vector(num_envs: int = 1, *, threads: int = 1, **options: Any) -> gymna
     if options.pop("render_mode", None) is not None:
         raise InvalidInputError("a vector of environments does not render; make a single one with the same seed")
     plain = options.get("control", "joint_velocity") == "joint_velocity" and options.get("randomization") is None
-    if plain and options.get("observations", "features") == "features":
-        if batched.is_available():
-            return batched.BatchedVectorEnv(num_envs, threads, **options)
+    if plain and options.get("observations", "features") == "features" and batched.is_available():
+        return batched.BatchedVectorEnv(num_envs, threads, **options)
     return ThreadedVectorEnv(num_envs, threads, **options)
