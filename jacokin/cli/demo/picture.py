@@ -25,7 +25,7 @@ LOOK_AT = (0.05, -0.1, 0.42)  # [m]
 
 def render(q: ArrayLike, robot: str = DEFAULT_ROBOT) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
     """Picture (HEIGHT, WIDTH, 3) of a bundled arm at q (6,) [rad], and a mask (HEIGHT, WIDTH): True on the arm."""
-    model = _scene(robot)
+    model = scene(robot).compile()
     data = mujoco.MjData(model)
     for index, angle in enumerate(np.asarray(q, dtype=float), start=1):
         data.joint(f"joint_{index}").qpos[0] = angle
@@ -48,8 +48,8 @@ def render(q: ArrayLike, robot: str = DEFAULT_ROBOT) -> tuple[NDArray[np.uint8],
     return picture, (objects >= 0) & (objects != floor)
 
 
-def _scene(robot: str) -> mujoco.MjModel:
-    """The arm on a floor, with light."""
+def scene(robot: str = DEFAULT_ROBOT) -> mujoco.MjSpec:
+    """A bundled arm on a floor, with light and sky."""
     spec = mujoco.MjSpec.from_file(str(urdf_folder() / f"{robot}.xml"))
     spec.visual.global_.offwidth, spec.visual.global_.offheight = SMOOTHING * WIDTH, SMOOTHING * HEIGHT
     spec.visual.quality.shadowsize = 4096
@@ -67,7 +67,7 @@ def _scene(robot: str) -> mujoco.MjModel:
     floor.rgba = (0.62, 0.64, 0.67, 1.0)
     light = spec.worldbody.add_light(pos=(0.8, -1.0, 2.5), dir=(-0.3, 0.4, -1.0))
     light.diffuse = (0.5, 0.5, 0.5)
-    return spec.compile()
+    return spec
 
 
 def write_png(path: Path, picture: NDArray[np.uint8]) -> None:
