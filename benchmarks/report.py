@@ -20,6 +20,19 @@ HEAD = """# Performance
 
 Written by `python -m benchmarks.run`; do not edit. Each figure is of one run on the machine below. Ratios between
 rows carry over to other machines, absolute times do not.
+
+**With your own poses**, from a clone: `python -m benchmarks.run --only peers --targets poses.csv`, where the file
+has the columns x, y, z [m], qw, qx, qy, qz. `--peers solve_all solve rtb` takes some of the solvers, `--quick` a
+tenth of the random poses, `--only costs qp` some of the parts; only a complete run writes this page.
+Afterwards `python -m docs.readme_table` brings the table to the README.
+
+**Poses that cannot be reached take longer.** A success ends when the branches are known and one is within the
+limits. A failure searches on for the closest configuration, a hundred descents in some hundredths of a second;
+`closest=False` leaves that out. The peers above search until their restarts are used up, and the targets here are
+reachable for that reason.
+
+**From Python only.** There is no C++ interface and no ROS plugin: a program in another language pays for a process
+or a service of its own, which is not measured here.
 """
 
 

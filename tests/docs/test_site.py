@@ -16,11 +16,13 @@ from jacokin.model.descriptions import table
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
+LARGEST_MOVING_IMAGE = 2_000_000  # bytes
 LARGEST_IMAGE = 150_000  # bytes; pages should load quickly, and so should clones
 
 
-def robot_page() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("robot_page", DOCS / "robot_page.py")
+def script(name: str) -> ModuleType:
+    """A script of the docs folder, as a module."""
+    spec = importlib.util.spec_from_file_location(name, DOCS / f"{name}.py")
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
@@ -35,7 +37,9 @@ def described() -> set[str]:
 
 
 def test_page_of_numbers_is_what_the_table_gives() -> None:
-    assert (DOCS / "robot.md").read_text(encoding="utf-8") == robot_page().page(), "run python -m docs.robot_page"
+    assert (DOCS / "robot.md").read_text(encoding="utf-8") == script("robot_page").page(), (
+        "run python -m docs.robot_page"
+    )
 
 
 def test_page_of_numbers_has_every_robot_source_and_doubt() -> None:
@@ -91,7 +95,7 @@ def test_relative_links_lead_somewhere() -> None:
 
 
 def test_images_are_small_png_files() -> None:
-    images = sorted((DOCS / "images").iterdir())
+    images = sorted((DOCS / "images").glob("*.png"))
     assert images
     for image in images:
         content = image.read_bytes()
@@ -99,6 +103,19 @@ def test_images_are_small_png_files() -> None:
         width, height = struct.unpack(">II", content[16:24])
         assert min(width, height) >= 400, image.name
         assert len(content) <= LARGEST_IMAGE, image.name
+
+
+def test_the_moving_picture_is_small() -> None:
+    (moving,) = (file for file in (DOCS / "images").iterdir() if file.suffix != ".png")
+    content = moving.read_bytes()
+    assert content[:6] == b"GIF89a"
+    assert len(content) < LARGEST_MOVING_IMAGE
+
+
+def test_the_readme_shows_the_table_that_the_benchmark_wrote() -> None:
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert script("readme_table").with_table(text) == text, "run python -m docs.readme_table"
+    assert "| jacokin `solve_all` | 100 % |" in text
 
 
 def test_statuses_are_explained_in_their_own_words() -> None:
