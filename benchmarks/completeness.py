@@ -110,7 +110,7 @@ def dm_control_arm() -> Path | None:
 def section(share: int = 1) -> report.Section:
     """The part of the page on completeness, with one in `share` of the targets."""
     closed_form.warmup()
-    robots: list[Robot] = [jacokin.load_robot(name) for name in bundled.NAMES]
+    robots: list[Robot] = [robot for robot in map(jacokin.load_robot, bundled.NAMES) if robot.dof == 6]
     notes = []
     path = dm_control_arm()
     if path is not None:

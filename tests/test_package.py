@@ -50,12 +50,16 @@ MODULES = module_files()
 
 
 def imports(name: str) -> set[str]:
-    """The modules of this package that a module names in imports, in functions too, but not for type checkers."""
+    """The modules of this package that a module names in imports, in functions and for type checkers too.
+
+    The ``__init__`` of a package names its modules for type checkers only, and loads them when they are used.
+    """
     tree = ast.parse(MODULES[name].read_text())
+    is_door = MODULES[name].name == "__init__.py"
     skipped = {
         id(inner)
         for node in ast.walk(tree)
-        if isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
+        if is_door and isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
         for inner in ast.walk(node)
     }
     found: set[str] = set()
@@ -63,7 +67,8 @@ def imports(name: str) -> set[str]:
         if isinstance(node, ast.Import):
             found.update(alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and node.module and id(node) not in skipped:
-            found.update({node.module}, (f"{node.module}.{alias.name}" for alias in node.names))
+            names = {f"{node.module}.{alias.name}" for alias in node.names}
+            found.update(names & set(MODULES) or {node.module})
     return {other for other in found if other in MODULES and other != name}
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -11,18 +11,38 @@ from jacokin import files
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, MissingExtraError
 from jacokin.model import checks
+from jacokin.reachability.grid import Grid
+from jacokin.reachability.orientations import Orientations
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from jacokin.reachability.map import ReachabilityMap
 
 ENDINGS = (".png", ".svg", ".pdf", ".html")
 COLOURS = "viridis"
 POINTS = 12_000  # cells in a view of space, at most
 
 
-def draw(map: ReachabilityMap, path: str | Path) -> None:  # noqa: A002 - as everywhere in this package
+class DrawnMap(Protocol):
+    """What a picture needs of a `ReachabilityMap`, which is made of this module."""
+
+    @property
+    def recipe(self) -> dict[str, Any]:
+        """As in `ReachabilityMap`."""
+
+    @property
+    def grid(self) -> Grid:
+        """As in `ReachabilityMap`."""
+
+    @property
+    def orientations(self) -> Orientations:
+        """As in `ReachabilityMap`."""
+
+    @property
+    def fraction(self) -> Array:
+        """As in `ReachabilityMap`."""
+
+
+def draw(map: DrawnMap, path: str | Path) -> None:  # noqa: A002 - as everywhere in this package
     """See `ReachabilityMap.plot`."""
     if not isinstance(path, str | Path) or Path(path).suffix not in ENDINGS:
         raise InvalidInputError(f"path must end in {', '.join(ENDINGS)}, got {checks.shown(path)}")
@@ -40,7 +60,7 @@ def draw(map: ReachabilityMap, path: str | Path) -> None:  # noqa: A002 - as eve
         figure.savefig(written, format=out.suffix[1:], dpi=120)
 
 
-def figure_of(map: ReachabilityMap) -> Figure:  # noqa: A002 - as everywhere in this package
+def figure_of(map: DrawnMap) -> Figure:  # noqa: A002 - as everywhere in this package
     """A vertical slice, a horizontal one at the most dexterous height, and the cells in space.
 
     Raises:
@@ -78,7 +98,7 @@ def figure_of(map: ReachabilityMap) -> Figure:  # noqa: A002 - as everywhere in 
     return figure
 
 
-def shown_cells(map: ReachabilityMap) -> tuple[Array, Array]:  # noqa: A002 - as everywhere in this package
+def shown_cells(map: DrawnMap) -> tuple[Array, Array]:  # noqa: A002 - as everywhere in this package
     """Centres (n, 3) [m] and fractions (n,) of cells that are reached; every second, third, ... one of a fine grid."""
     stride = 1
     while True:

@@ -7,9 +7,9 @@ where. Changes made to elements by hand are not in there; elements added by hand
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol, Self
 
 import mujoco
 import numpy as np
@@ -17,11 +17,49 @@ from numpy.typing import NDArray
 
 from jacokin.errors import InvalidInputError
 
-if TYPE_CHECKING:
-    from jacokin.mujoco_bridge.entities.entity import Entity
-
 # Lists of a spec whose lengths tell whether something was added by hand.
 _COUNTED = ("bodies", "joints", "geoms", "sites", "cameras", "lights", "actuators", "sensors", "tendons", "equalities")
+
+
+class Rebuildable(Protocol):
+    """What copying needs of an entity: `Entity` itself is made of this module. Its members are described there."""
+
+    @property
+    def name(self) -> str:
+        """As in `Entity`."""
+
+    @property
+    def prefix(self) -> str:
+        """As in `Entity`."""
+
+    @property
+    def root(self) -> Rebuildable:
+        """As in `Entity`."""
+
+    @property
+    def recipe(self) -> Recipe:
+        """As in `Entity`."""
+
+    @property
+    def mjcf_model(self) -> mujoco.MjSpec:
+        """As in `Entity`."""
+
+    @property
+    def mount(self) -> mujoco.MjsBody | None:
+        """As in `Entity`."""
+
+    @property
+    def freejoint(self) -> mujoco.MjsJoint | None:
+        """As in `Entity`."""
+
+    def attachments(self) -> Iterable[tuple[Self, Any]]:
+        """As in `Entity`."""
+
+    def iter_entities(self) -> Iterable[Rebuildable]:
+        """As in `Entity`."""
+
+    def attach(self, entity: Any, attach_site: Any = None, *, position: Any = None, quaternion: Any = None) -> Any:
+        """As in `Entity`."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,14 +76,14 @@ class Recipe:
     args: tuple[Any, ...]
     kwargs: dict[str, Any]
     counts: Counter[str]
-    built_in: tuple[Entity, ...]
+    built_in: tuple[Rebuildable, ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Attached:
     """An attached entity, the name of its site without the parent's prefix, and where it is in the site's frame."""
 
-    entity: Entity
+    entity: Rebuildable
     site: str | None
     position: NDArray[np.float64]
     quaternion: NDArray[np.float64]
@@ -59,7 +97,7 @@ def count(spec: mujoco.MjSpec) -> Counter[str]:
     return found
 
 
-def reduced(entity: Entity, recipe: Recipe) -> tuple[Callable[..., Entity], tuple[Any, ...]]:
+def reduced(entity: Rebuildable, recipe: Recipe) -> tuple[Callable[..., Rebuildable], tuple[Any, ...]]:
     """What `copy` and `pickle` make the entity from.
 
     Raises:
@@ -75,11 +113,14 @@ def reduced(entity: Entity, recipe: Recipe) -> tuple[Callable[..., Entity], tupl
         free = child.freejoint
         site = None if attachment.site is None else attachment.site.name.removeprefix(entity.prefix)
         name = None if free is None else free.name.removeprefix(child.prefix)
-        attached.append(_Attached(child, site, *attachment.pose(), name))
+        position, quaternion = attachment.pose()
+        attached.append(_Attached(child, site, position, quaternion, name))
     return _made, (type(entity), recipe.args, recipe.kwargs, attached)
 
 
-def _made(cls: type[Entity], args: tuple[Any, ...], kwargs: dict[str, Any], attached: list[_Attached]) -> Entity:
+def _made(
+    cls: Callable[..., Rebuildable], args: tuple[Any, ...], kwargs: dict[str, Any], attached: list[_Attached]
+) -> Rebuildable:
     entity = cls(*args, **kwargs)
     for each in attached:
         site = None if each.site is None else entity.mjcf_model.site(each.site)
@@ -89,9 +130,9 @@ def _made(cls: type[Entity], args: tuple[Any, ...], kwargs: dict[str, Any], atta
     return entity
 
 
-def _refuse_additions(root: Entity) -> None:
+def _refuse_additions(root: Rebuildable) -> None:
     expected: Counter[str] = Counter()
-    built_in: set[Entity] = set()
+    built_in: set[Rebuildable] = set()
     for each in root.iter_entities():
         built_in.update(each.recipe.built_in)
         if each in built_in:

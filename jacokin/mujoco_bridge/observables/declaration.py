@@ -5,20 +5,32 @@ They are the methods marked ``@observable`` of the entity's ``Observables`` subc
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import cached_property
 from inspect import getattr_static
-from typing import TYPE_CHECKING, Any, Self, TypeVar
+from typing import Any, Protocol, Self, TypeVar
 
 from jacokin.errors import InvalidInputError, shown
 from jacokin.model import checks
 from jacokin.mujoco_bridge.observables.observable import Observable
 from jacokin.mujoco_bridge.observables.options import CHECKS, UnknownObservableError
 
-if TYPE_CHECKING:
-    from jacokin.mujoco_bridge.entities.entity import Entity
-
 T = TypeVar("T")
+
+
+class Observed(Protocol):
+    """What the observables of an entity need of it: `Entity` itself is made of this module."""
+
+    @property
+    def prefix(self) -> str:
+        """What stands before the names of its elements."""
+
+    @property
+    def observables(self) -> Observables:
+        """Its own observables."""
+
+    def iter_entities(self) -> Iterable[Observed]:
+        """The entity, and all entities attached to it."""
 
 
 class ObservableProperty(cached_property[T]):
@@ -36,7 +48,7 @@ class Observables:
     Each is also an attribute: ``arm.observables.joints_pos(physics)``.
     """
 
-    def __init__(self, entity: Entity) -> None:
+    def __init__(self, entity: Observed) -> None:
         """Make the observables that the class declares; they are disabled.
 
         Raises:
@@ -154,12 +166,12 @@ class Observables:
 
 
 def _check_entity(name: str, value: object) -> None:
-    """Refuse what is not an entity; `Entity` itself is made of this module."""
+    """Refuse what is not an entity."""
     if isinstance(value, type) or not callable(getattr(value, "iter_entities", None)):
         raise InvalidInputError(f"{name} must be an Entity such as an Arena, got {shown(value)}")
 
 
-def observables_of(root: Entity) -> dict[str, Observable]:
+def observables_of(root: Observed) -> dict[str, Observable]:
     """The observables of an entity and of all entities attached to it, by full name.
 
     They are in the order of dm_control: entity by entity as they are attached, the arm before its hand; of each entity
