@@ -166,7 +166,7 @@ def test_named_pairs_only(robot: Robot) -> None:
         (lambda: Clearance(pairs=[("link_1_ring", "link_1_column")]), InvalidInputError, "same link"),
         (lambda: Clearance("far"), InvalidInputError, "distance must be"),  # type: ignore[arg-type]  # wrong on purpose
         (lambda: Clearance(obstacles=Floor()), InvalidInputError, "obstacles must be a list"),  # type: ignore[arg-type]  # wrong on purpose
-        (lambda: Clearance(obstacles=["floor"]), InvalidInputError, "each be a Box, Sphere"),  # type: ignore[list-item]  # wrong on purpose
+        (lambda: Clearance(obstacles=["floor"]), InvalidInputError, "each be a shape with a name"),  # type: ignore[list-item]  # wrong on purpose
         (lambda: Clearance(obstacles=[Floor(name="")]), InvalidInputError, "must have a name"),
         (lambda: Clearance(-0.01), InvalidInputError, "distance must be"),
         (lambda: Clearance(np.nan), InvalidInputError, "distance must be"),
