@@ -51,7 +51,7 @@ class Task(abc.ABC):
     tool_box: BoundingBox
 
     def __init__(self) -> None:
-        """Compile the scene; for the first time on a machine, the closed form of the arm too (10 to 30 s)."""
+        """Compile the scene; for the first time on a machine, the closed form of the arm too (a minute)."""
         self.arena = Arena()
         cameras.add_camera_observables(self.arena, observations.VISION, cameras.FRONT_CLOSE)
         self.arm = robots.make_arm(observations.PERFECT_FEATURES)
