@@ -16,6 +16,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 
 from numpy.typing import ArrayLike
@@ -199,6 +200,8 @@ def _folder(
     path = _folder_of(final)
     if not resume and (path / RECIPE).exists():
         shutil.rmtree(path)
+    if not path.exists():
+        stack.push(partial(_remove_new, path))
     folder = ChunkFolder(path, recipe, count, ".chunk")
     lock = stack.enter_context((path / RECIPE).open("rb"))
     try:
@@ -206,6 +209,12 @@ def _folder(
     except OSError as error:
         raise InvalidInputError(f"{path}: another process is working on it") from error
     return final, folder
+
+
+def _remove_new(path: Path, kind: type[BaseException] | None, *_: object) -> None:
+    """A signal while the folder is made, or before its first chunk is there, leaves nothing."""
+    if kind is not None and not issubclass(kind, Exception) and not any(path.glob("*.chunk")):
+        shutil.rmtree(path, ignore_errors=True)
 
 
 def _executor(workers: int | None, compiled: bool) -> Executor:

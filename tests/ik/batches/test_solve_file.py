@@ -202,6 +202,20 @@ def test_a_full_disk_keeps_what_is_finished(
     assert solve_file(solver, source, out).resumed >= 2 * ROWS
 
 
+def test_a_signal_while_the_folder_is_made_leaves_nothing(
+    solver: IKSolver, targets: Array, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    source = write(tmp_path / "targets.csv", targets)
+
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("jacokin.chunks.folder.ChunkFolder._write", interrupted)  # the recipe, which waits for the disk
+    with pytest.raises(KeyboardInterrupt):
+        solve_file(solver, source, tmp_path / "answers.csv")
+    assert [path.name for path in tmp_path.iterdir()] == ["targets.csv"]
+
+
 def test_wrong_files_and_arguments_are_refused_before_anything_is_solved(
     solver: IKSolver, targets: Array, tmp_path: Path
 ) -> None:
