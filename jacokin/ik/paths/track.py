@@ -1,8 +1,8 @@
 """Follow a Cartesian path, from the start configuration that makes it possible. Read this file first.
 
 A pose is reached in up to a dozen ways, and a path that is easy from one of them runs into a joint limit from another.
-`track_path` starts the tracker on every branch of the first pose within the limits, nearest to the seed first, until
-one of them stays on the path throughout; or on the one that the arm is on.
+`track_path` starts the tracker on every branch of the first pose within the limits (on seven joints: on members of its
+family), nearest to the seed first, until one of them stays on the path throughout; or on the one that the arm is on.
 """
 
 from __future__ import annotations
@@ -32,6 +32,7 @@ from jacokin.model.robot import Robot, checked_robot
 SPEED = 0.05  # [m/s]
 ANGULAR_SPEED = 0.5  # [rad/s]
 QP_STARTS = 24  # random seeds that look for branches where the closed form does not apply
+FAMILY_STARTS = 24  # members of the first pose's family that are tried on seven joints
 PROGRESS_CALLS = 200  # per branch at most
 REHEARSAL_SPEED = 1e3  # [rad/s] no limit in effect
 SAME_BRANCH = 1e-3  # [rad] two starts nearer than this are one branch
@@ -131,7 +132,7 @@ def track_path(
         words = [_sentence_from_start(best), note]
     else:
         words = [
-            _sentence(best, len(reports), reaching),
+            _sentence(best, len(reports), reaching, "start" if solver.has_families else "branch"),
             _jump(best, near, "home" if seed is None else "the seed"),
             note,
         ]
@@ -146,8 +147,17 @@ def track_path(
 def start_branches(solver: IKSolver, pose: pin.SE3, seed: Array) -> list[Array]:
     """Configurations within the limits that reach a pose, nearest to the seed first: all of them by the closed form.
 
-    Where the closed form does not apply, those that the QP finds from the seed and random configurations.
+    On seven joints the nearest one and others spread over all intervals. Where the closed form does not apply, those
+    that the QP finds from the seed and random configurations.
     """
+    if solver.has_families:
+        family = solver.family(pose, seed=seed)
+        nearest = family.nearest(seed)
+        if nearest is None:
+            return []
+        others = family.sample(FAMILY_STARTS)
+        order = np.argsort(angles.circular_distance(others, seed, solver.robot.unlimited), kind="stable")
+        return [nearest, *(np.array(q) for q in others[order])]
     try:
         branches = solver.solve_all(pose, seed=seed)
         return [np.array(q) for q in branches.q[branches.within_limits]]
@@ -253,12 +263,13 @@ def _failed(result: PathResult) -> str:
     return ", ".join(str(segment) for segment in result.failed_segments)
 
 
-def _sentence(result: PathResult, tried: int, reaching: int) -> str:
+def _sentence(result: PathResult, tried: int, reaching: int, word: str) -> str:
     if not reaching:
         return "no configuration within the limits reaches the first pose; started at the closest one found"
     if result.success:
-        return f"branch {tried} of {reaching} stays on the path"
-    return f"none of the {reaching} branches stays on the path; the best one leaves it on segment {_failed(result)}"
+        return f"{word} {tried} of {reaching} stays on the path"
+    words = "branches" if word == "branch" else f"{word}s"
+    return f"none of the {reaching} {words} stays on the path; the best one leaves it on segment {_failed(result)}"
 
 
 def _sentence_from_start(result: PathResult) -> str:

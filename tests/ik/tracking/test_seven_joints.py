@@ -1,0 +1,140 @@
+"""The tracker and tracked paths on seven joints: on the path by MuJoCo's kinematics, within limits, elbow at will."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from jacokin import IKSolver, Robot, Tracker
+from jacokin.arrays import Array
+from jacokin.ik import AxisTarget, Clearance, Floor, PositionTarget, Sphere, TrackerStatus, track_path
+from jacokin.model import to_mujoco
+
+DT = 0.01  # [s]
+NAME = "j2s7s300"
+
+
+@pytest.fixture
+def seven(bundled: Callable[[str], Robot]) -> Robot:
+    return bundled(NAME)
+
+
+def positions(robot: Robot, rows: Array) -> Array:
+    """Of the end effector (n, 3) [m], by MuJoCo."""
+    model = to_mujoco(robot)
+    data = mujoco.MjData(model)
+    site, found = model.site("end_effector").id, []
+    for q in rows:
+        data.qpos[:] = q
+        mujoco.mj_kinematics(model, data)
+        found.append(data.site_xpos[site].copy())
+    return np.array(found)
+
+
+def within_limits(robot: Robot, q: Array, dt: float) -> bool:
+    """Positions exactly, velocities to rounding."""
+    inside = (q >= robot.lower).all() and (q <= robot.upper).all()
+    return bool(inside and (np.abs(np.diff(q, axis=0)) <= robot.velocity_limit * dt + 1e-12).all())
+
+
+def test_a_line_and_a_circle_are_followed(seven: Robot) -> None:
+    start = seven.forward_kinematics(seven.home)
+    angles = 2.0 * np.pi * np.arange(1, 315) / 314
+    circle = 0.05 * np.column_stack([np.zeros(314), np.sin(angles), 1.0 - np.cos(angles)])
+    line = np.column_stack([np.zeros((200, 2)), np.arange(1, 201) * 5e-4])
+    for offsets in (line, circle):
+        tracker, rows = Tracker(seven, dt=DT), [seven.home]
+        for offset in offsets:
+            step = tracker.step(pin.SE3(start.rotation, start.translation + offset))
+            assert step.status is TrackerStatus.OK
+            rows.append(step.q)
+        q = np.array(rows)
+        assert within_limits(seven, q, DT)
+        assert np.abs(positions(seven, q)[1:] - start.translation - offsets).max() < 2e-5
+
+
+def test_limits_hold_to_the_last_bit(seven: Robot) -> None:
+    """Targets that need a joint beyond its limit, and jumps that no joint can follow."""
+    rng = np.random.default_rng(1)
+    tracker, rows = Tracker(seven, dt=0.05), [seven.home]
+    touched = False
+    for _ in range(12):
+        target = seven.forward_kinematics(seven.sample(rng))
+        target.translation *= rng.uniform(0.5, 1.5)
+        rows.extend(tracker.step(target).q for _ in range(60))
+        touched |= bool((tracker.q == seven.lower).any() or (tracker.q == seven.upper).any())
+    assert touched
+    assert within_limits(seven, np.array(rows), 0.05)
+
+
+def test_the_elbow_moves_while_the_tool_stays(seven: Robot) -> None:
+    pose = seven.forward_kinematics(seven.home)
+    family = IKSolver(seven).family(pose)
+    own = [interval for interval in family if np.abs(interval.nearest(seven.home) - seven.home).max() < 1e-6]
+    elsewhere = own[0].at(seven.home[2] + 0.4, seed=seven.home)
+    tracker = Tracker(seven, dt=DT, posture=elsewhere)
+    before = np.abs(seven.home - elsewhere).max()
+    for _ in range(300):
+        step = tracker.step(pose)
+        assert step.status is TrackerStatus.OK
+        assert step.position_error < 1e-4
+    assert np.abs(tracker.q - elsewhere).max() < 0.3 * before
+
+
+def test_a_path_is_tracked_from_a_start_that_allows_it(seven: Robot) -> None:
+    """The nearest member of the first pose's family runs into a limit on some lines, and another one does not."""
+    rng = np.random.default_rng(0)
+    solved, later = 0, 0
+    for _ in range(8):
+        start = seven.forward_kinematics(seven.sample(rng))
+        way, turn = rng.normal(size=3), rng.normal(size=3)
+        way *= rng.uniform(0.1, 0.4) / np.linalg.norm(way)
+        turn *= rng.uniform(0.0, 1.0) / np.linalg.norm(turn)
+        corners = [start, pin.SE3(start.rotation @ pin.exp3(turn), start.translation + way)]
+        result = track_path(seven, corners, dt=0.02, speed=0.1)
+        assert within_limits(seven, result.q, 0.02)
+        if result.success:
+            part = np.linspace(0.0, 1.0, len(result))[:, None]
+            assert np.abs(positions(seven, result.q) - start.translation - part * way).max() < 2e-4
+        else:
+            assert "starts" in result.message
+        solved += result.success
+        later += result.success and len(result.branches) > 1
+    assert solved > 1
+    assert later > 0
+
+
+def test_the_first_pose_out_of_reach(seven: Robot) -> None:
+    far = pin.SE3(np.eye(3), np.array([2.0, 0.0, 0.3]))
+    result = track_path(seven, [far, pin.SE3(np.eye(3), np.array([2.1, 0.0, 0.3]))], dt=0.1)
+    assert not result.success
+    assert "no configuration within the limits reaches the first pose" in result.message
+
+
+def test_obstacles_accelerations_and_axes(seven: Robot) -> None:
+    start = seven.forward_kinematics(seven.home)
+    clearance = Clearance(0.02, [Floor(0.0), Sphere("ball", 0.05, start.translation + np.array([0.0, 0.0, 0.25]))])
+    tracker = Tracker(seven, dt=DT, collision=clearance)
+    for tick in range(1, 401):
+        step = tracker.step(pin.SE3(start.rotation, start.translation + np.array([0.0, 0.0, 5e-4 * tick])))
+        assert step.clearance is not None
+        assert step.clearance > 0.02 - 2e-3
+    assert step.status is not TrackerStatus.OK
+    assert any("ball" in words for words in step.limiting)
+
+    tracker = Tracker(seven, dt=DT, acceleration_limit=1.0)
+    target = [
+        PositionTarget(start.translation + np.array([0.0, 0.05, 0.0])),
+        AxisTarget(start.rotation[:, 2]),
+    ]
+    velocity = [np.zeros(7)]
+    for _ in range(300):
+        step = tracker.step(target)
+        velocity.append(step.v)
+    assert step.status is TrackerStatus.OK
+    assert np.abs(np.diff(velocity, axis=0)).max() <= 1.0 * DT + 1e-9
+    np.testing.assert_allclose(seven.forward_kinematics(step.q).rotation[:, 2], start.rotation[:, 2], atol=1e-3)
