@@ -5,6 +5,9 @@ from __future__ import annotations
 import importlib.metadata
 import json
 import os
+import re
+import sys
+from collections.abc import Iterable
 from pathlib import Path
 
 from jacokin.cli.doctor import probes
@@ -47,16 +50,58 @@ def packages() -> list[Finding]:
     findings = []
     for module, distribution in NEEDED.items():
         place, error = found.get(module, (None, "the process crashed while importing it"))
-        version = _version(distribution)
-        detail = f"{version}, {place}" if error is None else error + _advice(module, error)
-        findings.append(Finding("package", distribution, OK if error is None else FAILED, detail))
+        if error is None:
+            findings.append(_present(distribution, place, FAILED, f"pip install '{_requirement(distribution)}'"))
+        else:
+            findings.append(Finding("package", distribution, FAILED, error + _advice(module, error)))
     for module, (distribution, extra) in OPTIONAL.items():
         place, error = found.get(module, (None, "the process crashed while importing it"))
         if error is None:
-            findings.append(Finding("package", distribution, OK, f"{_version(distribution)}, {place}"))
+            findings.append(_present(distribution, place, WARNING, f"pip install 'jacokin[{extra}]'"))
         else:
             findings.append(Finding("package", distribution, MISSING, f"pip install 'jacokin[{extra}]'"))
     return findings
+
+
+def _present(distribution: str, place: str | None, too_old: str, remedy: str) -> Finding:
+    """A package that can be imported, held against the oldest version that jacokin supports."""
+    version, oldest = _version(distribution), oldest_version(distribution, _requirements())
+    if oldest is not None and _numbers(version) < _numbers(oldest):
+        return Finding(
+            "package", distribution, too_old, f"{version} is older than {oldest}, the oldest supported: {remedy}"
+        )
+    return Finding("package", distribution, OK, f"{version}, {place}")
+
+
+def oldest_version(distribution: str, requirements: Iterable[str]) -> str | None:
+    """The bound of a distribution in requirements such as "viser>=1.1; extra == 'viewer'"; None without one."""
+    for requirement in requirements:
+        match = re.match(rf"{re.escape(distribution)}\s*(?:\[[^\]]*\])?\s*>=\s*([0-9.]+)", requirement, re.IGNORECASE)
+        if match:
+            return match[1]
+    return None
+
+
+def _requirement(distribution: str) -> str:
+    return f"{distribution}>={oldest_version(distribution, _requirements())}"
+
+
+def _requirements() -> list[str]:
+    try:
+        return importlib.metadata.requires("jacokin") or []
+    except importlib.metadata.PackageNotFoundError:  # run from a folder, never installed
+        return []
+
+
+def _numbers(version: str) -> tuple[int, ...]:
+    """The leading numbers of a version, by which releases are ordered."""
+    match = re.match(r"[0-9]+(?:\.[0-9]+)*", version)
+    if match is None:
+        return (sys.maxsize,)  # unknown: not judged
+    numbers = [int(number) for number in match[0].split(".")]
+    while numbers and numbers[-1] == 0:
+        numbers.pop()
+    return tuple(numbers)
 
 
 def _advice(module: str, error: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.metadata
 import json
 import os
 import subprocess
@@ -52,6 +53,25 @@ def test_a_package_that_does_not_import_is_a_failure(monkeypatch: pytest.MonkeyP
     assert states["json"][0] == OK
     assert states["mink"] == (FAILED, "OSError: no such library")
     assert states["daqp"] == (FAILED, "the process crashed while importing it")
+
+
+def test_a_package_that_is_too_old_is_named_with_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    bounds = ["jso>=9", "json>=1.10", "csv>=2.0; extra == 'viewer'", "io>=1.2"]
+    monkeypatch.setattr(packages, "_requirements", lambda: bounds)
+    monkeypatch.setattr(packages, "NEEDED", {"json": "json", "io": "io", "os": "os"})
+    monkeypatch.setattr(packages, "OPTIONAL", {"csv": ("csv", "viewer")})
+    monkeypatch.setattr(packages, "_version", {"json": "1.9.3", "io": "1.2.0", "os": "0.1", "csv": "0.2"}.__getitem__)
+    found = {finding.name: (finding.state, finding.detail) for finding in packages.packages()}
+    assert found["json"] == (FAILED, "1.9.3 is older than 1.10, the oldest supported: pip install 'json>=1.10'")
+    assert found["io"][0] == OK
+    assert found["os"][0] == OK  # no bound
+    assert found["csv"] == (WARNING, "0.2 is older than 2.0, the oldest supported: pip install 'jacokin[viewer]'")
+
+
+def test_every_package_that_is_judged_has_a_bound() -> None:
+    names = [*packages.NEEDED.values(), *(distribution for distribution, _ in packages.OPTIONAL.values())]
+    requirements = importlib.metadata.requires("jacokin") or []
+    assert [name for name in names if packages.oldest_version(name, requirements) is None] == []
 
 
 def test_a_ros_copy_of_pinocchio_is_found(tmp_path: Path) -> None:
