@@ -22,6 +22,7 @@ from jacokin.arrays import Array
 from jacokin.model import poses
 from jacokin.viewer import Viewer, shapes
 from jacokin.viewer.view import Places
+from tests.viewer.page import until
 
 Mask = NDArray[np.bool_]
 
@@ -74,23 +75,27 @@ class Tab:
             time.sleep(0.03)
         self._mouse("mouseReleased", end, "left")
 
+    def value(self, script: str) -> object:
+        """What a script in the page comes to, promises included."""
+        answer = self.ask("Runtime.evaluate", expression=script, awaitPromise=True, returnByValue=True)["result"]
+        assert isinstance(answer, dict)
+        assert "exceptionDetails" not in answer, answer
+        return answer["result"].get("value")
+
     def _mouse(self, kind: str, at: Array, button: str) -> None:
         self.ask("Input.dispatchMouseEvent", type=kind, x=float(at[0]), y=float(at[1]), button=button, clickCount=1)
 
 
 @contextlib.contextmanager
-def showing(viewer: Viewer, folder: Path) -> Iterator[Tab]:
-    """A browser of its own that shows the viewer."""
+def browsing(url: str, folder: Path) -> Iterator[Tab]:
+    """A browser of its own that opens a page, with its files in a folder."""
     assert CHROMIUM is not None
-    known = set(viewer.server.get_clients())
-    command = [CHROMIUM, *WITHOUT_SCREEN, f"--user-data-dir={folder}", viewer.url]
+    command = [CHROMIUM, *WITHOUT_SCREEN, f"--user-data-dir={folder}", url]
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
-        end = time.monotonic() + STARTING
-        while not set(viewer.server.get_clients()) - known:
-            assert time.monotonic() < end, "the page did not connect"
-            time.sleep(0.05)
-        port = (folder / "DevToolsActivePort").read_text(encoding="utf-8").split()[0]
+        listening = folder / "DevToolsActivePort"
+        assert until(lambda: listening.exists() and listening.read_text(encoding="utf-8").count("\n"), STARTING)
+        port = listening.read_text(encoding="utf-8").split()[0]
         with urllib.request.urlopen(f"http://127.0.0.1:{port}/json", timeout=STARTING) as listed:
             (address,) = [item["webSocketDebuggerUrl"] for item in json.load(listed) if item["type"] == "page"]
         with connect(address, max_size=None) as socket:
@@ -98,6 +103,15 @@ def showing(viewer: Viewer, folder: Path) -> Iterator[Tab]:
     finally:
         process.terminate()
         process.wait(timeout=STARTING)
+
+
+@contextlib.contextmanager
+def showing(viewer: Viewer, folder: Path) -> Iterator[Tab]:
+    """A browser of its own that shows the viewer."""
+    known = set(viewer.server.get_clients())
+    with browsing(viewer.url, folder) as tab:
+        assert until(lambda: set(viewer.server.get_clients()) - known, STARTING), "the page did not connect"
+        yield tab
 
 
 def camera() -> Array:

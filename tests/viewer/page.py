@@ -70,9 +70,9 @@ def opened(viewer: Viewer, origin: str | None = None) -> Iterator[Page]:
         yield Page(socket)
 
 
-def until(condition: Callable[[], object]) -> bool:
-    """Whether a condition comes true in time."""
-    end = time.monotonic() + PATIENCE
+def until(condition: Callable[[], object], patience: float = PATIENCE) -> bool:
+    """Whether a condition comes true in time [s]."""
+    end = time.monotonic() + patience
     while not condition():
         if time.monotonic() > end:
             return False

@@ -133,15 +133,8 @@ def test_a_page_of_another_address_cannot_connect(viewer: Viewer, robot: Robot, 
         f"new Promise(done => {{ const s = new WebSocket({address!r}, {kind!r});"
         " s.onopen = () => done('open'); s.onerror = () => done('refused'); })"
     )
-    ask = {"expression": script, "awaitPromise": True, "returnByValue": True}
-
-    def answer() -> object:
-        result = tab.ask("Runtime.evaluate", **ask)["result"]
-        assert isinstance(result, dict)
-        return result["result"]["value"]
-
-    assert answer() == "open"
+    assert tab.value(script) == "open"
     with serve(robot, port=0) as other:
         tab.ask("Page.navigate", url=other.url)
         assert until(other.server.get_clients)
-        assert answer() == "refused"
+        assert tab.value(script) == "refused"

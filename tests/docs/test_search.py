@@ -1,0 +1,47 @@
+"""Search of the documentation works where nothing is served: the site is opened from its folder, without a network."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.viewer.browser import CHROMIUM, browsing
+from tests.viewer.page import until
+
+ROOT = Path(__file__).resolve().parents[2]
+FOUND = "[...document.querySelectorAll('.md-search-result__link')].map(link => link.href)"
+FETCHED = re.compile(r"<(?:script|link|img|iframe)[^>]*(?:src|href)=\"?(https?:[^\"\s>]*)")
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed (Debian: apt-get install chromium)"),
+]
+
+
+def test_a_site_in_a_folder_is_searched(tmp_path: Path) -> None:
+    pytest.importorskip("material", reason="the site's theme is not installed (pip install 'jacokin[docs]')")
+    words = ["mkdocs", "build", "--quiet", "--strict", "--site-dir", str(tmp_path / "site")]
+    command = [sys.executable, "-P", "-m", *words]
+    environment = {**os.environ, "NO_MKDOCS_2_WARNING": "1"}
+    subprocess.run(command, cwd=ROOT, env=environment, check=True, capture_output=True)
+    for folder in ("", "api/"):
+        page = (tmp_path / "site" / folder / "index.html").as_uri()
+        with browsing(page, tmp_path / f"chromium{len(folder)}") as tab:
+            assert until(lambda: tab.value("document.readyState") == "complete")
+            tab.press("S")  # the theme's key for the search box
+            assert until(lambda: tab.value("typeof __index") == "object")
+            tab.ask("Input.insertText", text="nearest_reachabl")
+            tab.press("E")
+            assert until(lambda: tab.value(FOUND))
+            found = tab.value(FOUND)
+        assert isinstance(found, list)
+        assert any("/reachability.html" in link for link in found)
+        assert all(link.startswith("file:") for link in found)
+    pages = list((tmp_path / "site").rglob("*.html"))
+    assert len(pages) > 20
+    assert [FETCHED.findall(page.read_text(encoding="utf-8")) for page in pages] == [[]] * len(pages)
