@@ -44,7 +44,7 @@ def made(
     Raises:
         JacokinError: a job failed, or the executor did.
     """
-    ahead = max(FEWEST_AHEAD, AHEAD * _workers(executor))
+    ahead = max(FEWEST_AHEAD, AHEAD * workers_of(executor))
     under_way: dict[Future[Made], int] = {}
     jobs = iter(jobs)
     try:
@@ -79,10 +79,10 @@ def _result(future: Future[Made], index: int) -> Made:
         raise JacokinError(f"chunk {index} failed: {type(error).__name__}: {error}; {KEPT}") from error
 
 
-def _workers(executor: Executor) -> int:
-    """Workers of an executor; the interface does not tell, so this looks into those that are known."""
+def workers_of(executor: Executor) -> int:
+    """How many workers an executor has; the interface does not tell, so this looks into those that are known."""
     known = getattr(executor, "_max_workers", None)
     if isinstance(known, int):
         return known
     client = getattr(executor, "_client", None)  # of dask.distributed
-    return 2 * usable_cores() if client is None else sum(client.nthreads().values())
+    return 2 * usable_cores() if client is None else max(1, sum(client.nthreads().values()))

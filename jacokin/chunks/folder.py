@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
-import os
 import re
-import secrets
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 import orjson
 
-from jacokin.errors import InvalidInputError, JacokinError
+from jacokin.chunks.keeping import HASH_DIGITS, RECIPE, TEMPORARY, Keeper, digest, temporary, unwritten, write
+from jacokin.errors import InvalidInputError
 
-RECIPE = "recipe.json"
-HASH_DIGITS = 16  # of SHA-256, in names of chunks
-_TEMPORARY = ".unfinished"
+REMOVALS = 5  # times that a folder is emptied while somebody still writes into it
 
 Recipe = Mapping[str, object]
 
@@ -27,6 +24,7 @@ class ChunkFolder:
     Attributes:
         path: the folder.
         count: how many chunks there are when all are finished.
+        keeper: writes chunks into it, in whatever process.
     """
 
     def __init__(self, path: Path, recipe: Recipe, count: int, suffix: str) -> None:
@@ -50,13 +48,16 @@ class ChunkFolder:
         try:
             path.mkdir(parents=True, exist_ok=True)
             if (path / RECIPE).exists():
-                _refuse_other(path, (path / RECIPE).read_bytes(), text)
-                return
-            if any(not other.name.endswith(_TEMPORARY) for other in path.iterdir()):
+                there = (path / RECIPE).read_bytes()
+                _refuse_other(path, there, text)
+                text = there
+            elif any(not other.name.endswith(TEMPORARY) for other in path.iterdir()):
                 raise InvalidInputError(f"{path}: is a folder with other things in it, without {RECIPE}")
-            self._write(path / RECIPE, text)
+            else:
+                write(path / RECIPE, text)
         except OSError as error:
             raise InvalidInputError(f"{path}: cannot be used: {error.strerror}") from error
+        self.keeper = Keeper(path.absolute(), digest(text), suffix)
 
     def finished(self) -> dict[int, Path]:
         """Number and file of every chunk that is complete; files that are truncated or changed are removed."""
@@ -71,56 +72,47 @@ class ChunkFolder:
                 found[int(match[1])] = path
         return found
 
-    def put(self, index: int, content: bytes) -> Path:
-        """Keep a finished chunk; it is on disk when this returns.
+    def is_empty(self) -> bool:
+        """Whether it holds no chunk, complete or not."""
+        return not any(self._name.fullmatch(path.name) for path in self.path.iterdir())
+
+    def put(self, index: int, made: str | bytes) -> Path:
+        """Keep what `keeper` returned for a chunk, in whatever process: its name, or what is still to be written.
 
         Raises:
             JacokinError: the disk is full, or fails.
         """
-        path = self.path / f"{index:06d}-{digest(content)[:HASH_DIGITS]}{self._suffix}"
+        if isinstance(made, str):
+            return self.path / made
+        path = self.path / f"{index:06d}-{digest(made)[:HASH_DIGITS]}{self._suffix}"
         try:
-            self._write(path, content)
+            write(path, made)
         except OSError as error:
-            raise JacokinError(
-                f"{path}: cannot be written: {error.strerror}; the chunks that are finished are kept, "
-                f"do the same again when this is mended"
-            ) from error
+            raise unwritten(path, error) from error
         return path
 
     def remove(self) -> None:
         """Remove the chunks, the recipe and the folder."""
-        for path in self.path.iterdir():
-            if self._name.fullmatch(path.name) or path.name.endswith(_TEMPORARY):
-                path.unlink(missing_ok=True)
-        (self.path / RECIPE).unlink(missing_ok=True)  # last: without it, chunks would be somebody else's
-        self.path.rmdir()
+        for attempt in range(REMOVALS):
+            for path in self.path.iterdir():
+                if self._name.fullmatch(path.name) or path.name.endswith(TEMPORARY):
+                    path.unlink(missing_ok=True)
+            (self.path / RECIPE).unlink(missing_ok=True)  # last: without it, chunks would be somebody else's
+            try:
+                self.path.rmdir()
+                return
+            except OSError:  # a worker that was given up still writes
+                if attempt == REMOVALS - 1:
+                    raise
 
     def remove_unfinished(self) -> None:
         """Remove what killed processes left, once nobody writes any more."""
-        for path in self.path.glob(f"*{_TEMPORARY}"):
+        for path in self.path.glob(f"*{TEMPORARY}"):
             path.unlink(missing_ok=True)
 
-    @contextlib.contextmanager
-    def temporary(self) -> Iterator[Path]:
+    def temporary(self) -> AbstractContextManager[Path]:
         """A path to write to and to move to its place; removed if it is still there in the end."""
-        path = self.path / f".{secrets.token_hex(8)}{_TEMPORARY}"
-        try:
-            yield path
-        finally:
-            path.unlink(missing_ok=True)
-
-    def _write(self, path: Path, content: bytes) -> None:
-        with self.temporary() as temporary:
-            with temporary.open("wb") as file:
-                file.write(content)
-                file.flush()
-                os.fsync(file.fileno())
-            temporary.replace(path)
-
-
-def digest(content: bytes) -> str:
-    """SHA-256 in hexadecimal digits."""
-    return hashlib.sha256(content).hexdigest()
+        return temporary(self.path)
 
 
 def file_digest(path: Path) -> str:

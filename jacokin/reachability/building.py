@@ -24,7 +24,8 @@ from numpy.typing import ArrayLike
 import jacokin
 from jacokin import files
 from jacokin.chunks.execution import checked_executor, made, usable_cores
-from jacokin.chunks.folder import RECIPE, ChunkFolder, file_digest
+from jacokin.chunks.folder import ChunkFolder, file_digest
+from jacokin.chunks.keeping import RECIPE, Keeper
 from jacokin.errors import InvalidInputError
 from jacokin.ik.batches.progress import Progress, reporter
 from jacokin.ik.solver import IKSolver
@@ -117,7 +118,7 @@ def build(
             executor = stack.enter_context(ThreadPoolExecutor(usable_cores()))
         total = min(samples.positions, (len(missing) + len(finished)) * size)
         advance = reporter(progress, total, min(total, len(finished) * size))
-        for index, content in made(make, _jobs(solver, samples, size, missing), executor):
+        for index, content in made(make, _jobs(solver, samples, size, missing, chunks.keeper), executor):
             finished[index] = chunks.put(index, content)
             advance(min(size, samples.positions - index * size))
     finished = chunks.finished()
@@ -135,11 +136,13 @@ def build(
     return load(folder, robot=robot)
 
 
-def _jobs(solver: IKSolver, samples: Samples, size: int, missing: list[int]) -> Iterator[tuple[int, MapJob]]:
+def _jobs(
+    solver: IKSolver, samples: Samples, size: int, missing: list[int], keeper: Keeper
+) -> Iterator[tuple[int, MapJob]]:
     pickled = pickle.dumps(solver)
     for index in missing:
         stop = min((index + 1) * size, samples.positions)
-        yield index, MapJob(jacokin.__version__, pickled, samples, index * size, stop)
+        yield index, MapJob(jacokin.__version__, pickled, samples, index * size, stop, index, keeper)
 
 
 def _shard(shard: str | None) -> tuple[int, int]:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 import jacokin
 from jacokin.arrays import Array
+from jacokin.chunks.keeping import Keeper
 from jacokin.errors import JacokinError
 from jacokin.ik.batches.chunk import unpickled_solver
 from jacokin.ik.solver import IKSolver
@@ -28,6 +29,8 @@ class MapJob:
         samples: the poses of the map.
         first: the first position of the chunk.
         stop: the position after the last.
+        index: number of the chunk.
+        keeper: where it is kept.
     """
 
     version: str
@@ -35,10 +38,12 @@ class MapJob:
     samples: Samples
     first: int
     stop: int
+    index: int
+    keeper: Keeper
 
 
-def make(job: MapJob) -> bytes:
-    """An NPZ file with the arrays that the recipe names.
+def make(job: MapJob) -> str | bytes:
+    """Keep an NPZ file with the arrays that the recipe names; returns what `Keeper.keep` does.
 
     Raises:
         JacokinError: this process has another version of jacokin.
@@ -52,7 +57,7 @@ def make(job: MapJob) -> bytes:
     np.savez_compressed(
         stream, branches=branches.reshape(shape), margin=margin.astype(np.float16).reshape(shape), allow_pickle=False
     )
-    return stream.getvalue()
+    return job.keeper.keep(job.index, stream.getvalue())
 
 
 def reached(solver: IKSolver, targets: Array) -> tuple[NDArray[np.uint8], Array]:

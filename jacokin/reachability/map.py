@@ -14,7 +14,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
-from jacokin.chunks.folder import HASH_DIGITS, RECIPE, digest
+from jacokin.chunks.keeping import HASH_DIGITS, RECIPE, digest
 from jacokin.errors import InvalidInputError, JacokinError
 from jacokin.ik.solver import IKSolver
 from jacokin.model import checks, poses

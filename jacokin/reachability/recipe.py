@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 import jacokin
-from jacokin.chunks.folder import digest
+from jacokin.chunks.keeping import digest
 from jacokin.errors import InvalidInputError
 from jacokin.ik.solver import IKSolver
 from jacokin.model.fingerprint import fingerprint

@@ -4,26 +4,68 @@ from __future__ import annotations
 
 import functools
 import pickle
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import orjson
+from numpy.typing import NDArray
 
 import jacokin
 from jacokin.arrays import Array
+from jacokin.chunks.keeping import Keeper
 from jacokin.errors import JacokinError
 from jacokin.ik.batches.summary import Tally
 from jacokin.ik.files import formats
-from jacokin.ik.files.target_rows import TargetFile
+from jacokin.ik.files.parts import Part
+from jacokin.ik.files.target_rows import TargetFile, target_rows
 from jacokin.ik.results import BatchResult, Status
 from jacokin.ik.solver import IKSolver
 from jacokin.model import checks
 
 
+class FileStamp(NamedTuple):
+    """What tells a file from another one, or from itself after a change."""
+
+    path: Path
+    size: int
+    """[bytes]"""
+    modified: int
+    """[s] since 1970; file systems of other machines may not know it any better."""
+
+    @classmethod
+    def of(cls, path: Path) -> FileStamp | None:
+        """The stamp of a file; None if it is not there."""
+        try:
+            stat = path.stat()
+        except OSError:
+            return None
+        return cls(path, stat.st_size, int(stat.st_mtime))
+
+
+class RowsInFile(NamedTuple):
+    """Rows that the worker reads, where it sees the file."""
+
+    stamp: FileStamp
+    size: int
+    """Rows of a chunk."""
+    parts: tuple[Part, ...]
+    """One for each chunk, consecutive."""
+
+
+class GivenRows(NamedTuple):
+    """Rows of one chunk, for a worker that does not see the file, or of a file that cannot be read from the middle."""
+
+    columns: tuple[str, ...]
+    values: Array
+    lines: NDArray[np.int_]
+
+
 @dataclass(frozen=True, slots=True)
 class ChunkJob:
-    """All that a chunk depends on; can be sent to other machines.
+    """All that some consecutive chunks depend on; can be sent to other machines.
 
     Attributes:
         version: of jacokin, which has to be that of the worker.
@@ -31,7 +73,9 @@ class ChunkJob:
         seed: (dof,) [rad], or None for home.
         closest: see `IKSolver.solve`.
         suffix: format of the answers.
-        targets: the rows.
+        keeper: where the chunks are kept.
+        first: number of the first chunk.
+        rows: the targets.
     """
 
     version: str
@@ -39,20 +83,38 @@ class ChunkJob:
     seed: Array | None
     closest: bool
     suffix: str
-    targets: TargetFile
+    keeper: Keeper
+    first: int
+    rows: RowsInFile | GivenRows
 
 
-def make(job: ChunkJob) -> bytes:
-    """Counts of the rows on one line of JSON, and then their answers in the format.
+def make(job: ChunkJob) -> list[str | bytes] | None:
+    """Solve and keep the chunks: counts of the rows on one line of JSON, and then their answers in the format.
+
+    Returns:
+        What `Keeper.keep` returned for each; None where this machine does not see the file of targets.
 
     Raises:
-        JacokinError: this process has another version of jacokin.
+        JacokinError: this process has another version of jacokin, or the disk is full.
+        InvalidInputError: the file cannot be read.
     """
     if job.version != jacokin.__version__:
         raise JacokinError(f"the worker has jacokin {jacokin.__version__}, and the batch needs {job.version}")
-    batch = solve_rows(unpickled_solver(job.solver), job.targets, job.seed, closest=job.closest)
-    tally = orjson.dumps(Tally.of_rows(job.targets, batch).document())
-    return tally + b"\n" + formats.answers(Path(f"_{job.suffix}")).encoded(job.targets, batch)
+    if isinstance(job.rows, RowsInFile) and FileStamp.of(job.rows.stamp.path) != job.rows.stamp:
+        return None
+    solver, layout = unpickled_solver(job.solver), formats.answers(Path(f"_{job.suffix}"))
+    kept = []
+    for index, targets in enumerate(_targets(job.rows), job.first):
+        batch = solve_rows(solver, targets, job.seed, closest=job.closest)
+        tally = orjson.dumps(Tally.of_rows(targets, batch).document())
+        kept.append(job.keeper.keep(index, tally + b"\n" + layout.encoded(targets, batch)))
+    return kept
+
+
+def _targets(rows: RowsInFile | GivenRows) -> Iterator[TargetFile]:
+    if isinstance(rows, GivenRows):
+        return iter((target_rows(*rows),))
+    return formats.blocks_of(rows.stamp.path, rows.size, rows.parts)
 
 
 def read_tally(path: Path) -> tuple[Tally, int]:

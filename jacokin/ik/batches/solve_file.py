@@ -1,7 +1,8 @@
 """`solve_file`: a file of targets of any length in, a file of answers out. Read this file first.
 
-The targets are read in chunks. Each is solved by some worker (`chunk`) and kept in a folder beside the output until all
-are there; then they are put together and take the name of the output in one step. Whoever is killed goes on from the
+The targets are solved in chunks (`chunk`) by workers that read the rows of the file themselves and keep the answers in
+a folder beside the output; all that is handed out are recipes (`jobs`). Meanwhile the finished chunks are put together
+in their order (`joining`), and the whole takes the name of the output in one step. Whoever is killed goes on from the
 folder.
 """
 
@@ -10,11 +11,12 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import fcntl
+import functools
 import pickle
 import shutil
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable
 from concurrent.futures import Executor, ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
@@ -24,13 +26,15 @@ from numpy.typing import ArrayLike
 import jacokin
 from jacokin import files
 from jacokin.arrays import Array
-from jacokin.chunks.execution import checked_executor, made, usable_cores
-from jacokin.chunks.folder import RECIPE, ChunkFolder, digest, file_digest
+from jacokin.chunks.execution import checked_executor, usable_cores
+from jacokin.chunks.folder import ChunkFolder, file_digest
+from jacokin.chunks.keeping import RECIPE, digest
 from jacokin.chunks.processes import worker_processes
-from jacokin.errors import InvalidInputError, JacokinError
-from jacokin.ik.batches.chunk import ChunkJob, make, read_tally
+from jacokin.errors import InvalidInputError
+from jacokin.ik.batches import joining
+from jacokin.ik.batches.jobs import Batch
 from jacokin.ik.batches.progress import Progress, reporter
-from jacokin.ik.batches.summary import EMPTY, FileSummary
+from jacokin.ik.batches.summary import FileSummary
 from jacokin.ik.files import formats
 from jacokin.ik.files.columns import POSITION
 from jacokin.ik.seeds import seed_within_limits
@@ -96,6 +100,7 @@ def solve_file(
         if executor is not None:
             raise InvalidInputError("workers does not go with executor, which has its own")
     checked_executor(executor)
+    own: Executor | None = None
     began = time.perf_counter()
     with contextlib.ExitStack() as stack:
         source = _source(stack, _path("targets", targets))
@@ -104,32 +109,37 @@ def solve_file(
         columns = next(formats.blocks(source, 1)).columns
         compiled = solver.has_closed_form and solver.verifier.options.collision == "ignore" and columns != POSITION
         rows = ROWS if compiled else SINGLE_ROWS
-        sizes = list(formats.sizes(source, rows))
-        recipe = _recipe(solver, source, sum(sizes), rows, start, closest, out.suffix)
-        final, folder = _folder(stack, out, recipe, len(sizes), resume=resume)
+        parts = formats.parts(source, rows)
+        total = sum(part.rows for part in parts)
+        recipe = _recipe(solver, source, total, rows, start, closest, out.suffix)
+        final, folder = _folder(stack, out, recipe, len(parts), resume=resume)
         finished = folder.finished()
-        resumed = sum(sizes[index] for index in finished)
+        resumed = sum(parts[index].rows for index in finished)
+        missing = [index for index in range(len(parts)) if index not in finished]
+        if executor is None and missing:
+            executor = own = _executor(workers, compiled)
+        names = [*columns, *(f"q{joint + 1}" for joint in range(solver.robot.dof))]
+        write = functools.partial(joining.write, layout, folder, final, names)
         try:
-            if executor is None and len(finished) < len(sizes):
-                executor = stack.enter_context(_executor(workers, compiled))
-            if executor is not None:
-                jobs = _jobs(solver, source, rows, start, closest, out.suffix, finished)
-                show = reporter(progress, sum(sizes), resumed)
-                for index, content in made(make, jobs, executor):
-                    finished[index] = folder.put(index, content)
-                    show(sizes[index])
+            with joining.Joining(write, len(parts), at_once=files.is_device(final)) as joined:
+                for index, path in finished.items():
+                    joined.add(index, path)
+                if executor is not None:
+                    batch = Batch(solver, source, parts, rows, start, closest, out.suffix)
+                    show = reporter(progress, total, resumed)
+                    for index, kept in batch.solved(missing, folder.keeper, executor, several=compiled):
+                        joined.add(index, folder.put(index, kept))
+                        show(parts[index].rows)
+                tally = joined.finish()
         except BaseException:
-            if not finished:
+            if own is not None:
+                own.shutdown(cancel_futures=True)  # what has begun may still be kept
+            if folder.is_empty():
                 folder.remove()
             raise
-        tally, skip = EMPTY, []
-        pieces = [finished[index] for index in range(len(sizes))]
-        for piece in pieces:
-            counts, offset = read_tally(piece)
-            tally += counts
-            skip.append(offset)
-        names = [*columns, *(f"q{joint + 1}" for joint in range(solver.robot.dof))]
-        _write(layout, folder, final, pieces, skip, names)
+        finally:
+            if own is not None:
+                own.shutdown()
         folder.remove()
     seconds = time.perf_counter() - began
     return FileSummary(tally.count, dict(tally.statuses), *tally.worst, tally.failures, resumed, seconds, out)
@@ -221,44 +231,3 @@ def _executor(workers: int | None, compiled: bool) -> Executor:
     if compiled:
         return ThreadPoolExecutor(usable_cores() if workers is None else workers)
     return ThreadPoolExecutor(1) if workers in (None, 1) else worker_processes(workers or 1)
-
-
-def _jobs(
-    solver: IKSolver,
-    targets: Path,
-    rows: int,
-    seed: Array | None,
-    closest: bool,
-    suffix: str,
-    finished: dict[int, Path],
-) -> Iterator[tuple[int, ChunkJob]]:
-    """The chunks that are left."""
-    pickled = pickle.dumps(solver)
-    left_out = frozenset(finished)
-    for index, block in enumerate(formats.blocks(targets, rows)):
-        if index not in left_out:
-            yield index, ChunkJob(jacokin.__version__, pickled, seed, closest, suffix, block)
-
-
-def _write(
-    layout: formats.AnswerFormat,
-    folder: ChunkFolder,
-    final: Path,
-    pieces: Sequence[Path],
-    skip: Sequence[int],
-    names: Sequence[str],
-) -> None:
-    """Put the pieces together, beside them, and give the whole the name of the output."""
-    try:
-        if files.is_device(final):
-            layout.write_joined(final, pieces, skip, names)
-            return
-        with folder.temporary() as whole:
-            layout.write_joined(whole, pieces, skip, names)
-            if final.exists():
-                shutil.copymode(final, whole)
-            whole.replace(final)
-    except OSError as error:
-        raise JacokinError(
-            f"{final}: cannot be written: {error.strerror or error}; every target is solved, do the same again"
-        ) from error

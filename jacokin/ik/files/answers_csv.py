@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import shutil
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TextIO
 
@@ -29,11 +29,11 @@ class _CSV:
         write_answers(stream, targets, batch)
         return stream.getvalue().encode()
 
-    def write_joined(self, path: Path, pieces: Sequence[Path], skip: Sequence[int], columns: Sequence[str]) -> None:
+    def write_joined(self, path: Path, pieces: Iterable[tuple[Path, int]], columns: Sequence[str]) -> None:
         """The header, and all rows."""
         with path.open("wb") as out:
             out.write((",".join([*columns, *MEASURED]) + "\n").encode())
-            for piece, offset in zip(pieces, skip, strict=True):
+            for piece, offset in pieces:
                 with piece.open("rb") as file:
                     file.seek(offset)
                     shutil.copyfileobj(file, out)

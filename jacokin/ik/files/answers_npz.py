@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import IO
 
@@ -37,18 +37,19 @@ class _NPZ:
         )
         return stream.getvalue()
 
-    def write_joined(self, path: Path, pieces: Sequence[Path], skip: Sequence[int], columns: Sequence[str]) -> None:
+    def write_joined(self, path: Path, pieces: Iterable[tuple[Path, int]], columns: Sequence[str]) -> None:
         """Every array as a whole, one after the other, so that none has to fit into memory."""
-        with zipfile.ZipFile(pieces[0]) as first:  # finds the archive after what is skipped
+        paths = [piece for piece, _ in pieces]
+        with zipfile.ZipFile(paths[0]) as first:  # finds the archive after what is skipped
             names = first.namelist()
         with zipfile.ZipFile(path, "w", zipfile.ZIP_STORED, allowZip64=True) as out:
             for name in names:
-                rows = sum(len(_array(piece, name, header_only=True)) for piece in pieces)
-                example = _array(pieces[0], name)
+                rows = sum(len(_array(piece, name, header_only=True)) for piece in paths)
+                example = _array(paths[0], name)
                 with _member(out, name) as stream:
                     header = np.lib.format.header_data_from_array_1_0(example)
                     np.lib.format.write_array_header_1_0(stream, {**header, "shape": (rows, *example.shape[1:])})
-                    for piece in pieces:
+                    for piece in paths:
                         stream.write(np.ascontiguousarray(_array(piece, name)).tobytes())
             for name, texts in (("status_names", STATUSES), ("method_names", METHODS)):
                 with _member(out, f"{name}.npy") as stream:

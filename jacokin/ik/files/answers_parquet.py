@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -40,13 +40,13 @@ class _Parquet:
             writer.write_table(table)
         return bytes(sink.getvalue())
 
-    def write_joined(self, path: Path, pieces: Sequence[Path], skip: Sequence[int], columns: Sequence[str]) -> None:
+    def write_joined(self, path: Path, pieces: Iterable[tuple[Path, int]], columns: Sequence[str]) -> None:
         """One row group for each piece."""
         import pyarrow.parquet as pq
 
         writer = None
         try:
-            for piece, offset in zip(pieces, skip, strict=True):
+            for piece, offset in pieces:
                 table = _table(piece, offset)
                 if writer is None:
                     writer = pq.ParquetWriter(path, table.schema, use_dictionary=list(TEXTS))

@@ -8,11 +8,14 @@ from typing import Protocol
 
 from jacokin.errors import InvalidInputError
 from jacokin.ik.files import answers_csv, answers_npz, answers_parquet, targets_csv, targets_npz, targets_parquet
+from jacokin.ik.files.parts import Part, equal_parts
 from jacokin.ik.files.target_rows import TargetFile
 from jacokin.ik.results import BatchResult
 
 OUTPUTS = (".csv", ".npz", ".parquet")
 _AS_CSV = ("", ".csv", ".txt")
+
+Piece = tuple[Path, int]
 
 
 class AnswerFormat(Protocol):
@@ -21,13 +24,13 @@ class AnswerFormat(Protocol):
     def encoded(self, targets: TargetFile, batch: BatchResult) -> bytes:
         """The answers to some targets, for `write_joined`."""
 
-    def write_joined(self, path: Path, pieces: Sequence[Path], skip: Sequence[int], columns: Sequence[str]) -> None:
+    def write_joined(self, path: Path, pieces: Iterable[Piece], columns: Sequence[str]) -> None:
         """Write the file of answers: all pieces in their order.
 
         Args:
             path: the file.
-            pieces: files with what `encoded` returned, after something else.
-            skip: how many bytes that is in each.
+            pieces: files with what `encoded` returned, and how many bytes of each come before it; may be a generator
+                that waits for them.
             columns: names of the columns of the targets and q1, q2, ...
         """
 
@@ -46,13 +49,26 @@ def blocks(path: Path, size: int) -> Iterator[TargetFile]:
     return targets_csv.target_blocks(path, size, strict=False)
 
 
-def sizes(path: Path, size: int) -> Iterable[int]:
-    """The number of rows in each of `blocks`. Errors as there, all of them: a CSV file is read to its end."""
+def parts(path: Path, size: int) -> list[Part]:
+    """Where the rows of each of `blocks` are. Errors as there, all of them: a CSV file is read to its end."""
     if path.suffix == ".npz":
-        return _parts(targets_npz.count_rows(path), size)
+        total, alone = targets_npz.count_rows(path)
+        return equal_parts(total, size, alone=alone)
     if path.suffix == ".parquet":
-        return _parts(targets_parquet.count_rows(path), size)
-    return [len(block) for block in targets_csv.target_blocks(path, size, strict=False)]
+        return equal_parts(targets_parquet.count_rows(path), size)
+    return targets_csv.parts(path, size)
+
+
+def blocks_of(path: Path, size: int, consecutive: Sequence[Part]) -> Iterator[TargetFile]:
+    """The rows of some consecutive `parts` that were made with the same size, one block for each; errors as `blocks`.
+
+    What comes before them is not read, or little of it.
+    """
+    if path.suffix == ".npz":
+        return targets_npz.blocks(path, size, consecutive)
+    if path.suffix == ".parquet":
+        return targets_parquet.blocks(path, size, consecutive)
+    return targets_csv.blocks_of(path, size, consecutive)
 
 
 def answers(path: Path) -> AnswerFormat:
@@ -69,7 +85,3 @@ def answers(path: Path) -> AnswerFormat:
     if path.suffix == ".parquet":
         return answers_parquet.prepared()
     raise InvalidInputError(f"{path}: answers are written as {', '.join(OUTPUTS)}, told by the ending of the name")
-
-
-def _parts(total: int, size: int) -> list[int]:
-    return [min(size, total - first) for first in range(0, total, size)]

@@ -24,15 +24,14 @@ _NOT_FINITE = re.compile(r"[-+]?(nan|inf|infinity)", re.IGNORECASE)
 Block = tuple[Array, NDArray[np.int_]]
 
 
-def blocks(path: Path, file: TextIO, columns: Columns, size: int, *, finite: bool) -> Iterator[Block]:
-    """Values (n, columns) and line numbers (n,) of the rows after the header, at most `size` lines at a time.
+def blocks(path: Path, file: TextIO, columns: Columns, size: int, *, finite: bool, first: int = 2) -> Iterator[Block]:
+    """Values (n, columns) and line numbers (n,) of the rows from line `first` on, at most `size` lines at a time.
 
     NaN and infinities are refused if `finite` is wanted.
 
     Raises:
         InvalidInputError: a number or a row is malformed; names line and column.
     """
-    first = 2
     while lines := list(itertools.islice(file, size)):
         if any('"' in line for line in lines):  # a quoted cell may hold commas and line ends
             rest = _numbered(itertools.chain(lines, file), first)

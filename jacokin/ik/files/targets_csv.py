@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterator
+import io
+import itertools
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TextIO
 
@@ -12,9 +14,11 @@ import numpy as np
 from jacokin.errors import InvalidInputError
 from jacokin.ik.files import rows
 from jacokin.ik.files.columns import chosen
+from jacokin.ik.files.parts import Part
 from jacokin.ik.files.target_rows import TargetFile, target_rows
 
 BLOCK = 8192  # lines read at a time
+HEADED = 2  # the first line after the header
 
 
 def read_targets(path: str | Path) -> TargetFile:
@@ -65,6 +69,47 @@ def target_blocks(path: str | Path, size: int = BLOCK, *, strict: bool = True) -
         raise InvalidInputError(f"{path}: is not a CSV file: {error}") from error
     if empty:
         raise InvalidInputError(f"{path}: has no rows of targets")
+
+
+def parts(path: Path, size: int) -> list[Part]:
+    """Where the rows of each block of `size` lines are; rows may be not finite. Errors as `read_targets`."""
+    offsets = _offsets(path, size)
+    found = []
+    for number, block in enumerate(target_blocks(path, size, strict=False)):
+        index = number if offsets is None else (int(block.lines[0]) - HEADED) // size  # blank blocks are left out
+        found.append(Part(HEADED + index * size, len(block), None if offsets is None else offsets[index]))
+    return found
+
+
+def blocks_of(path: Path, size: int, consecutive: Sequence[Part]) -> Iterator[TargetFile]:
+    """The rows of some consecutive `parts` that can be read alone."""
+    with _opened(path) as file:
+        columns = chosen(path, next(csv.reader([file.readline()], strict=True), []))
+    with path.open("rb") as binary:
+        for part in consecutive:
+            binary.seek(part.offset or 0)
+            text = io.StringIO(b"".join(itertools.islice(binary, size)).decode("utf-8"), newline=None)
+            for values, lines in rows.blocks(path, text, columns, size, finite=False, first=part.first):
+                yield target_rows(columns.names, values, lines)
+
+
+def _offsets(path: Path, size: int) -> list[int] | None:
+    """Byte offset of every `size`-th line after the header; None where lines cannot be told from bytes."""
+    try:
+        with path.open("rb") as file:
+            header = file.readline()
+            at, offsets = len(header), []
+            if header.count(b"\r") != header.count(b"\r\n"):
+                return None
+            while lines := list(itertools.islice(file, size)):
+                content = b"".join(lines)
+                if b'"' in content or content.count(b"\r") != content.count(b"\r\n"):
+                    return None
+                offsets.append(at)
+                at += len(content)
+    except (OSError, ValueError):
+        return None  # `target_blocks` says what is wrong
+    return offsets
 
 
 def _opened(path: Path) -> TextIO:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import IO
 
@@ -13,12 +14,15 @@ import numpy as np
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.ik.files.columns import MATRIX, POSITION, QUATERNION, RPY, chosen
+from jacokin.ik.files.parts import Part
 from jacokin.ik.files.target_rows import TargetFile, target_rows
 from jacokin.model.checks import NUMBER_KINDS
 
 #: Arrays with several columns, by their names and shapes, and the columns that they stand for.
 _GROUPS = {("position", (3,)): POSITION, ("quat_wxyz", (4,)): QUATERNION, ("rpy", (3,)): RPY}
 _MATRICES = (4, 4)
+LOCAL_HEADER = 30  # bytes before the name of a file in a ZIP archive; the lengths of name and extra field end it
+ENCRYPTED = 0x1  # flag of a file in a ZIP archive
 _NEEDED = (
     "needed: targets (n, 4, 4) or (n, 3); or position (n, 3) with quat_wxyz (n, 4), rpy (n, 3) or nothing; "
     "or an array (n,) for each column of a CSV file"
@@ -26,9 +30,14 @@ _NEEDED = (
 
 
 class _Member:
-    """One array of the archive, read from its beginning to its end."""
+    """One array of the archive, read forward.
 
-    def __init__(self, path: Path, name: str, file: IO[bytes]) -> None:
+    Attributes:
+        shape: of the array.
+        stored: whether it is not compressed, so that rows can be skipped without reading them.
+    """
+
+    def __init__(self, path: Path, name: str, file: IO[bytes], stored: bool) -> None:
         place = f"{path}, array {name!r}"
         version = np.lib.format.read_magic(file)
         read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
@@ -37,8 +46,12 @@ class _Member:
             raise InvalidInputError(f"{place}: must be rows of real numbers, got {self._dtype} of shape {self.shape}")
         if fortran and len(self.shape) > 1:
             raise InvalidInputError(f"{place}: is stored column by column: save numpy.ascontiguousarray of it")
-        self._place, self._file = place, file
+        self._place, self._file, self.stored = place, file, stored
         self._size = int(np.prod(self.shape[1:])) * self._dtype.itemsize
+
+    def skip(self, count: int) -> None:
+        """Leave out the next rows of an array that is not compressed."""
+        self._file.seek(count * self._size, io.SEEK_CUR)
 
     def rows(self, count: int) -> Array:
         """The next rows (count, ...)."""
@@ -48,22 +61,26 @@ class _Member:
         return np.frombuffer(data, self._dtype).astype(np.float64).reshape(count, *self.shape[1:])
 
 
-def count_rows(path: Path) -> int:
-    """How many targets there are. Errors as `blocks`."""
+def count_rows(path: Path) -> tuple[int, bool]:
+    """How many targets there are, and whether some can be read without those before. Errors as `blocks`."""
     with _reading(path) as (_, members):
-        return int(members[0].shape[0])
+        return int(members[0].shape[0]), all(member.stored for member in members)
 
 
-def blocks(path: Path, size: int) -> Iterator[TargetFile]:
-    """The targets, at most `size` at a time.
+def blocks(path: Path, size: int, consecutive: Sequence[Part] | None = None) -> Iterator[TargetFile]:
+    """The targets, at most `size` at a time; of some consecutive parts, or all.
 
     Raises:
         InvalidInputError: no such file, not an NPZ, other arrays than are needed, of different lengths, or no rows.
     """
     with _reading(path) as (columns, members):
-        total = int(members[0].shape[0])
-        for first in range(0, total, size):
-            count = min(size, total - first)
+        start, stop = 0, int(members[0].shape[0])
+        if consecutive:
+            start, stop = consecutive[0].first, consecutive[-1].first + consecutive[-1].rows
+            for member in members:
+                member.skip(start)
+        for first in range(start, stop, size):
+            count = min(size, stop - first)
             values = [_columns_of(member.rows(count)) for member in members]
             yield target_rows(columns, np.hstack(values), np.arange(first + 1, first + count + 1))
 
@@ -75,7 +92,7 @@ def _reading(path: Path) -> Iterator[tuple[tuple[str, ...], list[_Member]]]:
         with contextlib.ExitStack() as stack:
             archive = stack.enter_context(zipfile.ZipFile(path))
             names = [name.removesuffix(".npy") for name in archive.namelist() if name.endswith(".npy")]
-            found = {name: _Member(path, name, stack.enter_context(archive.open(f"{name}.npy"))) for name in names}
+            found = {name: _opened(stack, archive, path, name) for name in names}
             columns, chosen_names = _chosen(path, found)
             members = [found[name] for name in chosen_names]
             lengths = {member.shape[0] for member in members}
@@ -91,6 +108,19 @@ def _reading(path: Path) -> Iterator[tuple[tuple[str, ...], list[_Member]]]:
         if isinstance(error, InvalidInputError):
             raise
         raise InvalidInputError(f"{path}: is not an NPZ file: {error}") from error
+
+
+def _opened(stack: contextlib.ExitStack, archive: zipfile.ZipFile, path: Path, name: str) -> _Member:
+    """An array of the archive; one that is not compressed is read from the file itself, where it can be skipped in."""
+    info = archive.getinfo(f"{name}.npy")
+    member = stack.enter_context(archive.open(info))  # also checks that the archive has it where it says
+    if info.compress_type != zipfile.ZIP_STORED or info.flag_bits & ENCRYPTED:
+        return _Member(path, name, member, stored=False)
+    file = stack.enter_context(path.open("rb"))
+    file.seek(info.header_offset)
+    header = file.read(LOCAL_HEADER)
+    file.seek(int.from_bytes(header[26:28], "little") + int.from_bytes(header[28:30], "little"), io.SEEK_CUR)
+    return _Member(path, name, file, stored=True)
 
 
 def _chosen(path: Path, found: dict[str, _Member]) -> tuple[tuple[str, ...], list[str]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,6 +12,7 @@ import numpy as np
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, MissingExtraError
 from jacokin.ik.files.columns import chosen
+from jacokin.ik.files.parts import Part
 from jacokin.ik.files.target_rows import TargetFile, target_rows
 
 if TYPE_CHECKING:
@@ -25,8 +26,8 @@ def count_rows(path: Path) -> int:
         return int(file.metadata.num_rows)
 
 
-def blocks(path: Path, size: int) -> Iterator[TargetFile]:
-    """The targets, `size` at a time, whatever the row groups of the file are.
+def blocks(path: Path, size: int, consecutive: Sequence[Part] | None = None) -> Iterator[TargetFile]:
+    """The targets, `size` at a time, whatever the row groups of the file are; of some consecutive parts, or all.
 
     Raises:
         MissingExtraError: pyarrow is not installed.
@@ -34,17 +35,36 @@ def blocks(path: Path, size: int) -> Iterator[TargetFile]:
             are not numbers, or no rows.
     """
     with _reading(path) as (file, columns):
-        first, waiting, held = 1, list[Array](), 0
-        for batch in file.iter_batches(batch_size=size, columns=list(columns)):
-            waiting.append(np.column_stack([_numbers(path, name, batch.column(name)) for name in columns]))
+        start = consecutive[0].first if consecutive else 0
+        left = sum(part.rows for part in consecutive) if consecutive else file.metadata.num_rows
+        groups, before = _groups_from(file.metadata, start)
+        first, waiting, held = start + 1, list[Array](), 0
+        for batch in file.iter_batches(batch_size=size, row_groups=groups, columns=list(columns)):
+            if before >= len(batch):
+                before -= len(batch)
+                continue
+            rows = batch.slice(before, left)
+            before, left = 0, left - len(rows)
+            waiting.append(np.column_stack([_numbers(path, name, rows.column(name)) for name in columns]))
             held += len(waiting[-1])
             while held >= size:
                 values = np.concatenate(waiting)
                 waiting, held = [values[size:]], held - size
                 yield target_rows(columns, values[:size], np.arange(first, first + size))
                 first += size
+            if not left:
+                break
         if held:
             yield target_rows(columns, np.concatenate(waiting), np.arange(first, first + held))
+
+
+def _groups_from(metadata: pq.FileMetaData, start: int) -> tuple[list[int], int]:
+    """The row groups from the one that holds row `start`, and how many rows of it come before."""
+    for group in range(metadata.num_row_groups):
+        if start < metadata.row_group(group).num_rows:
+            return list(range(group, metadata.num_row_groups)), start
+        start -= metadata.row_group(group).num_rows
+    return [], 0
 
 
 @contextlib.contextmanager

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 import errno
 import importlib
 import os
@@ -18,8 +19,10 @@ import pytest
 
 from jacokin import IKSolver, Robot, Status
 from jacokin.arrays import Array
+from jacokin.chunks import keeping
 from jacokin.errors import InvalidInputError, JacokinError
 from jacokin.ik import Progress, solve_file
+from jacokin.ik.batches import chunk, jobs
 from jacokin.ik.batches import solve_file as module
 from jacokin.model import quat_wxyz
 
@@ -125,6 +128,46 @@ def test_answers_do_not_depend_on_executors_or_chunks(
     assert first == (tmp_path / "b.csv").read_bytes() == (tmp_path / "c.csv").read_bytes()
 
 
+@pytest.mark.parametrize("unseen", ["nothing", "the file", "the folder", "either"])
+@pytest.mark.parametrize("suffix", [".csv", ".npz", ".parquet"])
+def test_answers_do_not_depend_on_what_workers_see(
+    solver: IKSolver, targets: Array, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, unseen: str, suffix: str
+) -> None:
+    """On machines without the file the rows come with the job; without the folder, answers go back with it."""
+    source = write(tmp_path / f"in{suffix}", targets)
+    solve_file(solver, source, tmp_path / "a.parquet", workers=1)
+    monkeypatch.setattr(jobs, "JOBS_EACH", 1)  # several chunks in a job
+    numbers = iter(range(1000))
+
+    def elsewhere(job: chunk.ChunkJob) -> object:
+        if next(numbers) % 2 or unseen == "nothing":
+            return chunk.make(job)
+        keeper, rows = job.keeper, job.rows
+        if unseen in ("the folder", "either"):
+            keeper = dataclasses.replace(keeper, folder=tmp_path / "elsewhere")
+        if unseen in ("the file", "either") and isinstance(rows, chunk.RowsInFile):
+            rows = rows._replace(stamp=rows.stamp._replace(path=tmp_path / "elsewhere"))
+        return chunk.make(dataclasses.replace(job, keeper=keeper, rows=rows))
+
+    monkeypatch.setattr(jobs, "make", elsewhere)
+    solve_file(solver, source, tmp_path / "b.parquet", workers=2)
+    assert next(numbers) > 1
+    assert (tmp_path / "a.parquet").read_bytes() == (tmp_path / "b.parquet").read_bytes()
+
+
+def test_a_file_that_changes_meanwhile_is_refused(
+    solver: IKSolver, targets: Array, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    source, out = write(tmp_path / "in.csv", targets), tmp_path / "out.csv"
+
+    def change(_: Progress) -> None:
+        source.write_text(source.read_text(encoding="utf-8") + "0.1,0.2,0.3,1,0,0,0\n", encoding="utf-8")
+
+    with pytest.raises(InvalidInputError, match="has changed since the batch began"):
+        solve_file(solver, source, out, workers=1, progress=change)
+    assert not out.exists()
+
+
 def test_a_finished_chunk_is_not_solved_again(
     solver: IKSolver, targets: Array, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -182,18 +225,16 @@ def test_a_run_is_not_continued_with_something_else(
 def test_a_full_disk_keeps_what_is_finished(
     solver: IKSolver, targets: Array, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from jacokin.chunks.folder import ChunkFolder
-
     source, out = write(tmp_path / "in.csv", targets), tmp_path / "out.csv"
     out.write_text("old")
-    write_chunk = ChunkFolder._write
+    write_chunk = keeping.write
 
-    def full(self: ChunkFolder, path: Path, content: bytes) -> None:
+    def full(path: Path, content: bytes) -> None:
         if path.name.startswith("000002"):
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        write_chunk(self, path, content)
+        write_chunk(path, content)
 
-    monkeypatch.setattr(ChunkFolder, "_write", full)
+    monkeypatch.setattr(keeping, "write", full)
     with pytest.raises(JacokinError, match="No space left on device; the chunks that are finished are kept"):
         solve_file(solver, source, out, workers=1)
     assert out.read_text() == "old"
@@ -303,7 +344,7 @@ def test_a_cluster_that_loses_a_worker_gives_the_same_bytes(solver: IKSolver, ta
     source = write(tmp_path / "in.csv", np.tile(targets, (10, 1, 1)))
     solve_file(solver, source, tmp_path / "whole.csv")
     with (
-        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster,
+        distributed.LocalCluster(n_workers=3, threads_per_worker=1, dashboard_address=None) as cluster,
         distributed.Client(cluster) as client,
     ):
         killed: list[int] = []

@@ -35,7 +35,7 @@ def test_answers_read_back_to_the_same_bits(values: np.ndarray, q: np.ndarray, m
     with tempfile.TemporaryDirectory() as folder:
         piece, whole = Path(folder) / "piece", Path(folder) / "whole"
         piece.write_bytes(b"before" + CSV.encoded(targets, batch))
-        CSV.write_joined(whole, [piece], [len("before")], [*targets.columns, "q1", "q2"])
+        CSV.write_joined(whole, [(piece, len("before"))], [*targets.columns, "q1", "q2"])
         with whole.open(newline="", encoding="utf-8") as file:
             rows = list(csv.DictReader(file))
     assert [row["message"] for row in rows] == list(batch.message)

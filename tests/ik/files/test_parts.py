@@ -1,0 +1,81 @@
+"""Parts of files of targets: read alone, they are the blocks of the whole."""
+
+from __future__ import annotations
+
+import importlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from jacokin.arrays import Array
+from jacokin.ik.files import formats
+
+SIZE = 16
+
+
+@pytest.fixture
+def values(rng: np.random.Generator) -> Array:
+    positions = rng.normal(size=(75, 3))
+    positions[20, 1] = np.nan
+    return positions
+
+
+def _compare(path: Path) -> None:
+    whole, parts = list(formats.blocks(path, SIZE)), formats.parts(path, SIZE)
+    assert [part.rows for part in parts] == [len(block) for block in whole]
+    assert all(part.can_be_read for part in parts)
+    for first in range(len(parts)):
+        for stop in range(first + 1, len(parts) + 1):
+            read = list(formats.blocks_of(path, SIZE, parts[first:stop]))
+            assert len(read) == stop - first
+            for block, wanted in zip(read, whole[first:stop], strict=True):
+                np.testing.assert_array_equal(block.values, wanted.values)
+                np.testing.assert_array_equal(block.targets, wanted.targets)
+                np.testing.assert_array_equal(block.lines, wanted.lines)
+                assert block.problems == wanted.problems
+                assert block.columns == wanted.columns
+
+
+def _text(values: Array, end: str) -> str:
+    rows = [",".join(["remark", *map(repr, row)]) for row in values.tolist()]
+    rows[30:30] = [""] * 40  # a block of blank lines, and some more
+    rows[12] += end + "  "
+    return end.join(["note,x,y,z", *rows]) + end
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig"])
+def test_parts_of_csv_files(tmp_path: Path, values: Array, end: str, encoding: str) -> None:
+    (tmp_path / "in.csv").write_bytes(_text(values, end).replace("remark", "Größe").encode(encoding))
+    _compare(tmp_path / "in.csv")
+
+
+@pytest.mark.parametrize(("before", "after"), [("remark", '"re\nmark"'), ("\n", "\r")])
+def test_csv_files_whose_lines_are_not_plain_have_no_parts(
+    tmp_path: Path, values: Array, before: str, after: str
+) -> None:
+    path = tmp_path / "in.csv"
+    path.write_bytes(_text(values, "\n").replace(before, after).encode())
+    assert not any(part.can_be_read for part in formats.parts(path, SIZE))
+    assert sum(part.rows for part in formats.parts(path, SIZE)) == len(values)
+
+
+@pytest.mark.parametrize("targets", [False, True])
+def test_parts_of_npz_files(tmp_path: Path, values: Array, targets: bool) -> None:
+    path = tmp_path / "in.npz"
+    arrays = {"targets": np.tile(np.eye(4), (75, 1, 1))} if targets else dict(zip("xyz", values.T, strict=True))
+    if targets:
+        arrays["targets"][:, :3, 3] = values
+    np.savez(path, **arrays, allow_pickle=False)
+    _compare(path)
+    np.savez_compressed(path, **arrays, allow_pickle=False)
+    assert not any(part.can_be_read for part in formats.parts(path, SIZE))
+
+
+@pytest.mark.parametrize("group", [1, 7, SIZE, 50, 100])
+def test_parts_of_parquet_files(tmp_path: Path, values: Array, group: int) -> None:
+    table = importlib.import_module("pyarrow").table(dict(zip("xyz", values.T, strict=True)))
+    path = tmp_path / "in.parquet"
+    importlib.import_module("pyarrow.parquet").write_table(table, path, row_group_size=group)
+    _compare(path)
