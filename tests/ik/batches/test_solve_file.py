@@ -251,7 +251,7 @@ def test_a_signal_while_the_folder_is_made_leaves_nothing(
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("jacokin.chunks.folder.ChunkFolder._write", interrupted)  # the recipe, which waits for the disk
+    monkeypatch.setattr("jacokin.chunks.folder.write", interrupted)  # the recipe, which waits for the disk
     with pytest.raises(KeyboardInterrupt):
         solve_file(solver, source, tmp_path / "answers.csv")
     assert [path.name for path in tmp_path.iterdir()] == ["targets.csv"]
