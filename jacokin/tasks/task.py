@@ -15,7 +15,7 @@ from jacokin.mujoco_bridge.distributions import QuaternionFromAxisAngle, Uniform
 from jacokin.mujoco_bridge.entities.entity import Entity
 from jacokin.mujoco_bridge.rewards import SHAPES, VALUE_AT_MARGIN
 from jacokin.mujoco_bridge.workspaces import BoundingBox
-from jacokin.tasks import features
+from jacokin.tasks import features, looks
 from jacokin.tasks.features import Feature
 from jacokin.tasks.view import View, ids
 
@@ -53,6 +53,7 @@ class Task(abc.ABC):
     def __init__(self) -> None:
         """Compile the scene; for the first time on a machine, the closed form of the arm too (a minute)."""
         self.arena = Arena()
+        looks.set_looks(self.arena.mjcf_model)
         cameras.add_camera_observables(self.arena, observations.VISION, cameras.FRONT_CLOSE)
         self.arm = robots.make_arm(observations.PERFECT_FEATURES)
         self.hand = robots.make_hand(observations.PERFECT_FEATURES)

@@ -12,6 +12,8 @@ from jacokin.mujoco_bridge.props import table
 from jacokin.mujoco_bridge.props.primitive import DENSITY, Primitive
 from jacokin.mujoco_bridge.props.vertices import add_vertex_sites
 
+_GREY = (0.5, 0.5, 0.5, 1.0)  # of the large box, as in dm_control
+
 
 class Box(Primitive):
     """A box with a site at each corner."""
@@ -54,4 +56,4 @@ def large_box(name: str | None = None, observable_options: Mapping[str, Any] | N
         observable_options: as for every `Entity`.
     """
     row = table.load()["large_box"]
-    return Box(row["half_size"], row["mass"], name=name, observable_options=observable_options)
+    return Box(row["half_size"], row["mass"], _GREY, name=name, observable_options=observable_options)

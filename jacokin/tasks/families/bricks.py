@@ -135,6 +135,8 @@ class BrickTask(Task):
             above.set_pose(physics, stud - physics.bind(hole).xpos)
 
     def _show_hints(self, order: Indices, random_state: RandomState) -> None:
+        for role in set(range(self.count)) - set(order.tolist()):
+            self.hints[role].set_pose(self.physics, np.zeros(3))  # of no use, but in dm_control's pictures
         self._build_stack(
             [self.hints[k] for k in order], np.array(_HINT_POSITION), np.array(_HINT_QUATERNION), random_state
         )

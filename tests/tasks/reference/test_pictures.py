@@ -1,0 +1,54 @@
+"""Tasks observed by a camera have dm_control's specifications, camera and pictures, but for the shape of the robot."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.rendering import backends
+from tests.tasks.reference.sides import VISION
+
+ROOT = Path(__file__).resolve().parents[3]
+# The folder of the tests comes last: the installed package is what gets tested.
+PROGRAM = """
+import runpy, sys
+sys.path.append(sys.argv.pop(1))
+runpy.run_module("tests.tasks.reference.picture_program", run_name="__main__")
+"""
+OUTLINE = 0.12  # share of the pixels that may differ: the robot's outline, its shadow and its reflection
+
+
+def comparison(name: str) -> dict[str, Any]:
+    """What `picture_program` prints of one task."""
+    if not backends():
+        pytest.skip("no rendering back end works here")
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", PROGRAM, str(ROOT), name],
+        env={**os.environ, "MUJOCO_GL": backends()[0]},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    found: dict[str, Any] = json.loads(done.stdout)
+    return found
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[] if name == "reach_site_vision" else pytest.mark.slow) for name in VISION]
+)
+def test_vision_tasks_are_equal_but_for_the_shape_of_the_robot(name: str) -> None:
+    found = comparison(name)
+    wanted, ours = found["specifications"]
+    assert ours == wanted
+    assert next(spec[0] for spec in wanted["observations"]) == "front_close"
+    assert found["cameras"][0] == pytest.approx(found["cameras"][1], abs=1e-12)
+    assert found["changed without robot"] == 0.0
+    assert found["robot"] > 0.05  # it is in the picture
+    assert found["changed"] < OUTLINE
