@@ -86,7 +86,7 @@ class IKSolver:
             max_restarts: random starts of the QP after the first ones.
             scene: obstacles around the arm; they count as self-contact does.
             clearance: shapes this near to each other count as touching [m].
-            warm: True compiles the closed form, if no cache holds it, before the first solve (a minute, once); False
+            warm: True compiles the closed form, if no cache holds it, before the first solve (20 s, once); False
                 leaves that to the background; None loads nothing before it is needed, for programs that solve once.
 
         Raises:

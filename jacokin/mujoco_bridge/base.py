@@ -138,7 +138,7 @@ class RobotArm(Entity):
             return True
 
     def prepare(self, physics: Physics, site: mujoco.MjsSite | str | None = None) -> None:
-        """Do now what `set_site_to_xpos` would do first: load the closed form, compiled if it is not yet (a minute).
+        """Do now what `set_site_to_xpos` would do first: load the closed form, compiled if it is not yet (20 s).
 
         Without this the first calls run in plain Python, about 10 ms each, while the compiler runs in the background.
 

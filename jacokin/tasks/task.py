@@ -51,7 +51,7 @@ class Task(abc.ABC):
     tool_box: BoundingBox
 
     def __init__(self) -> None:
-        """Compile the scene; for the first time on a machine, the closed form of the arm too (a minute)."""
+        """Compile the scene; for the first time on a machine, the closed form of the arm too (20 s)."""
         self.arena = Arena()
         looks.set_looks(self.arena.mjcf_model)
         cameras.add_camera_observables(self.arena, observations.VISION, cameras.FRONT_CLOSE)

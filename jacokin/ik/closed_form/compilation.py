@@ -130,7 +130,7 @@ class Kernels:
         """Wait until the compiler is done; returns why it failed, or nothing."""
         if job is None:
             return ""
-        logger.warning("compiling the closed form (about a minute, once)")
+        logger.warning("compiling the closed form (about 20 s, once)")
         job.join()
         return job.failure
 

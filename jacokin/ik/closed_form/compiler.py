@@ -7,6 +7,7 @@ result is an object file that refers to the C library and nothing else, so that 
 from __future__ import annotations
 
 import ctypes
+import gc
 import importlib
 import sys
 import types
@@ -26,6 +27,7 @@ from jacokin.ik.closed_form.kernel_library import (
     target_machine,
 )
 from jacokin.ik.closed_form.kernels.pose import COLUMNS, MAX_BRANCHES, make_work
+from jacokin.ik.closed_form.one_module import linked, optimise, translating_only
 
 if TYPE_CHECKING:
     from numba.core.dispatcher import Dispatcher
@@ -60,6 +62,8 @@ _PACKAGE = "jacokin.ik.closed_form"
 _SHAPES = {"chain": "(7, 3, 4)", "arm": "(39,)", "limits": "(3, 6)", "T": "(n, 4, 4)", "seed": "(n, 6)"}
 # The compiled form does the plain form's operations in the same order, without fastmath: both give the same bits.
 _OPTIONS: dict[str, Any] = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+# Arrays belong to the caller of the kernels: the code that counts references to them would be half of all code.
+_KERNEL_OPTIONS: dict[str, Any] = {**_OPTIONS, "_nrt": False}
 # Functions that most poses need not: these stay calls. The other kernels become part of their callers, because passing
 # a tuple of arrays takes as long as most of them do. Curves are left to the compiler: they take longer anyway.
 _CALLED = frozenset(
@@ -94,12 +98,13 @@ def compile_kernels() -> bytes:
         if isinstance(value, types.FunctionType):
             inlined = name not in _CALLED and value.__module__.startswith(f"{_PACKAGE}.kernels.")
             copy = types.FunctionType(value.__code__, namespace, name)
-            namespace[name] = numba.njit(copy, forceinline=inlined, **_OPTIONS)
+            namespace[name] = numba.njit(copy, forceinline=inlined, **_KERNEL_OPTIONS)
     namespace.update(carray=numba.carray, pointer=_pointer_intrinsic(), float64=np.float64, int64=np.int64)
     exec(_entry_source(namespace), namespace)
     entry = numba.njit(namespace["entry"], **_OPTIONS)
-    entry.compile((nb.intp,))
-    return _object_file(entry)
+    with translating_only():
+        entry.compile((nb.intp,))
+        return _object_file(entry)
 
 
 def one_namespace(modules: Sequence[types.ModuleType]) -> dict[str, Any]:
@@ -185,24 +190,27 @@ def _object_file(entry: Dispatcher) -> bytes:
     import llvmlite.binding as llvm
 
     process = ctypes.CDLL(None)  # what a process without numba finds; llvmlite would find numba's functions as well
-    (signature,) = entry.signatures
-    module = llvm.parse_assembly(entry.inspect_llvm(signature))
+    machine = target_machine()
+    module, name = linked(entry)
     module.link_in(llvm.parse_assembly(_NOTHING_TO_FREE))
-    name = entry.overloads[signature].fndesc.llvm_func_name
     for function in module.functions:
         if function.name == name:
             function.name = SYMBOL
         elif not function.is_declaration:
             function.linkage = "internal"
-        elif not function.name.startswith("llvm.") and not hasattr(process, function.name):
+    optimise(module, machine)
+    for function in module.functions:
+        known = function.name.startswith("llvm.") or hasattr(process, function.name)
+        if function.is_declaration and not known:
             raise RuntimeError(f"the compiled kernels call {function.name}, which exists within numba only")
-    return bytes(target_machine().emit_object(module))
+    return bytes(machine.emit_object(module))
 
 
 def main() -> None:
     """Compile, try the result, and write it to stdout as a cache file."""
     from jacokin.ik.closed_form import cache
 
+    gc.disable()  # most objects of a compiler live until it ends: looking for dead ones takes a third of the time
     code = compile_kernels()
     empty = np.zeros((7, 3, 4)), np.zeros(39), np.zeros((3, 6)), np.zeros((0, 4, 4)), np.zeros((0, 6))
     library = KernelLibrary(code)

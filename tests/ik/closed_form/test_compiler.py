@@ -15,6 +15,7 @@ from jacokin.ik.closed_form.compilation import KERNELS
 from jacokin.ik.closed_form.kernel_library import NO_BATCH, Call, KernelLibrary
 from jacokin.ik.closed_form.kernels.batch import BATCH_COLUMNS, solve
 from jacokin.ik.closed_form.kernels.pose import COLUMNS, MAX_BRANCHES
+from jacokin.ik.closed_form.one_module import linked, translating_only
 from tests.ik.closed_form.tools import closed_form, target
 
 
@@ -104,3 +105,15 @@ def test_a_file_without_the_kernels_is_refused() -> None:
     other = target_machine().emit_object(llvm.parse_assembly("define i32 @other() { ret i32 0 }"))
     with pytest.raises(RuntimeError, match="does not contain the kernels"):
         KernelLibrary(other)
+
+
+def test_numba_works_as_before_once_functions_were_only_translated() -> None:
+    import numba
+
+    with translating_only():
+        inner = numba.njit(lambda x: x + 1)
+        outer = numba.njit(lambda x: 2 * inner(x))
+        outer.compile((numba.types.intp,))
+        module, name = linked(outer)
+    assert {function.name for function in module.functions if not function.is_declaration} > {name}
+    assert numba.njit(lambda x: 3 * x)(2) == 6
