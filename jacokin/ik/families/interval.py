@@ -123,6 +123,20 @@ class Interval:
             p = np.linspace(self.start, self.stop, n, endpoint=self.ends[1].kind != "circle")
         return p, np.array([self.member(value, self._track.at(value), self._members.seed) for value in p.tolist()])
 
+    def spread(self, step: float) -> tuple[Array, Array]:
+        """Values of the parameter (n,) and configurations (n, dof) [rad], for callers that refine them.
+
+        The ends exactly, unless nothing ends there; between them, whole multiples of a step, to about 1e-3 rad; at
+        least one. Angles are in any 2 pi copy, and not looked at.
+        """
+        p, rows = self._track.polyline()
+        inner = step * np.arange(np.floor(self.start / step) + 1.0, np.ceil(self.stop / step))
+        inner = inner if inner.size else np.array([0.5 * (self.start + self.stop)])
+        between = np.column_stack([np.interp(inner, p, column) for column in rows.T])
+        if self.ends[0].kind == self.ends[1].kind == "circle":
+            return inner, between
+        return np.concatenate([p[:1], inner, p[-1:]]), np.vstack([rows[0], between, rows[-1]])
+
     def member(self, parameter: float, q: Array, seed: Array) -> Array:
         """A configuration (dof,) of the track, in the copies nearest to a seed, verified."""
         return self._members.verified(self._members.copies(q, seed), parameter)

@@ -38,6 +38,9 @@ class Track(Protocol):
     def guesses(self) -> tuple[Array, Array]:
         """Coordinates (m,) in order, from start to stop, and the configurations there (m, dof) to about 1e-4 rad."""
 
+    def polyline(self) -> tuple[Array, Array]:
+        """As `guesses`, with values of the parameter (m,) instead of coordinates; both ends exactly."""
+
 
 class CurveTrack(Track):
     """A piece of a solution curve; the coordinate counts chords between nodes."""
@@ -79,6 +82,17 @@ class CurveTrack(Track):
 
     def guesses(self) -> tuple[Array, Array]:
         """See `Track`."""
+        coordinates, points = self._points()
+        return coordinates, self._joints(points)
+
+    def polyline(self) -> tuple[Array, Array]:
+        """See `Track`."""
+        points = self._points()[1]
+        p = np.clip(np.maximum.accumulate(points[:, self._parameter]) + self._turns, self.start, self.stop)
+        return p, self._joints(points)
+
+    def _points(self) -> tuple[Array, Array]:
+        """Coordinates (m,) and points (m, 7), roughly between both ends."""
         nodes = self._piece.nodes
         lengths = np.linalg.norm(np.diff(nodes[:, :7], axis=0), axis=1)
         counts = np.maximum(1, np.ceil(lengths / GUESS_SPACING).astype(int))
@@ -98,7 +112,7 @@ class CurveTrack(Track):
             - u * u * v * length * b[:, 7:]
         )
         points = np.vstack([self._piece.ends[0], x, self._piece.ends[1]])
-        return np.concatenate([[first], coordinates, [last]]), self._joints(points)
+        return np.concatenate([[first], coordinates, [last]]), points
 
     def _coordinates(self) -> tuple[float, float]:
         return self._piece.shares[0], len(self._piece.nodes) - 2 + self._piece.shares[1]
@@ -138,3 +152,7 @@ class CircleTrack(Track):
         q = np.tile(self._q, (len(p), 1))
         q[:, 5] += self._sign * p
         return p, q
+
+    def polyline(self) -> tuple[Array, Array]:
+        """See `Track`."""
+        return self.guesses()

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from jacokin.arrays import Array
 from jacokin.ik.paths.result import AT_SEED, PathResult
 from jacokin.ik.planning import pacing
-from jacokin.ik.planning.cartesian import CartesianPath
 from jacokin.ik.planning.curve import Curve
+from jacokin.ik.planning.manifold import Manifold
 from jacokin.ik.targets import TargetPose
 from jacokin.model import checks
 
@@ -46,16 +46,18 @@ class Planned:
     """Writes results."""
 
     def __init__(
-        self, solver: IKSolver, path: CartesianPath, times: Array, settings: Settings, begin: str = "the seed"
+        self, solver: IKSolver, manifold: Manifold, times: Array, settings: Settings, begin: str = "the seed"
     ) -> None:
         """Take what was asked for; `times` (lines,) at the given speed [s], `begin` where the arm is taken to be."""
-        self._solver, self._path, self._times, self._settings = solver, path, times, settings
-        self._begin = begin
+        self._solver, self._manifold, self._times, self._settings = solver, manifold, times, settings
+        self._path, self._begin = manifold.path, begin
 
     def nowhere(self, q: Array, near: Array, reason: str, note: str) -> PathResult:
         """A path that does not begin: the arm stays where it is nearest to the first pose."""
         u = self._path.ticks(self._times, self._settings.dt)
-        return self._measured(u, np.tile(q, (len(u), 1)), np.zeros(len(u)), -1.0, near, reason, note)
+        parameter = np.full(self._path.lines + 1, np.nan)
+        x = self._manifold.points(q[None], self._path.target(0.0))
+        return self._measured(u, np.tile(x, (len(u), 1)), parameter, -1.0, near, reason, note)
 
     def result(self, curve: Curve, reached: float, near: Array, reason: str, note: str) -> PathResult:
         """The ticks along a joint path; beyond its end the arm stays there."""
@@ -63,17 +65,28 @@ class Planned:
             ticks = self._slow(curve)
         else:
             ticks = self._path.ticks(self._times, self._settings.dt)
+        parameter = self._at_waypoints(curve, reached)
         if reached == self._path.lines:
-            q, _ = curve.at(ticks)
-            return self._measured(ticks, q, curve.parameter(ticks), reached, near, reason, note)
+            return self._measured(ticks, curve.at(ticks)[0], parameter, reached, near, reason, note)
         if self._settings.slow:
             rest = self._path.ticks(self._times, self._settings.dt)
             ticks = np.concatenate([ticks, rest[rest > reached]])
         inside = ticks <= reached
-        q = np.tile(curve.q[-1], (len(ticks), 1))
-        q[inside] = curve.at(ticks[inside])[0] if len(curve.u) > 1 else curve.q[0]
-        parameter = curve.parameter(np.minimum(ticks, reached))
-        return self._measured(ticks, q, parameter, reached, near, reason, note)
+        x = np.tile(curve.x[-1], (len(ticks), 1))
+        x[inside] = curve.at(ticks[inside])[0] if len(curve.u) > 1 else curve.x[0]
+        return self._measured(ticks, x, parameter, reached, near, reason, note)
+
+    def _at_waypoints(self, curve: Curve, reached: float) -> Array:
+        """The parameter (lines + 1,) at the waypoints that are reached; nan at others, and where there is none."""
+        parameter = np.full(self._path.lines + 1, np.nan)
+        if not self._manifold.has_families:
+            return parameter
+        passed = np.arange(int(reached) + 1, dtype=np.float64)
+        x = curve.at(passed)[0] if len(curve.u) > 1 else curve.x
+        parameter[: len(passed)] = self._manifold.parameter(x)
+        if self._path.free:
+            parameter[: len(passed)] = self._path.free_angle(parameter[: len(passed)])
+        return parameter
 
     def _slow(self, curve: Curve) -> Array:
         """Places of the ticks at a pace that every joint can follow."""
@@ -91,7 +104,7 @@ class Planned:
                 stops = self._corners(u, q, least)
                 pace = pacing.within_acceleration(u, q, least, velocity, acceleration, stops)
             ticks = pace.ticks(settings.dt)
-            there, _ = curve.at(ticks)
+            there = curve.at(ticks)[0][:, : self._manifold.dof]
             v = np.diff(there, axis=0) / settings.dt
             fast = float((np.abs(v) / settings.velocity).max())
             if fast > 1.0:
@@ -118,11 +131,11 @@ class Planned:
         return stops
 
     def _measured(
-        self, u: Array, q: Array, parameter: Array, reached: float, near: Array, reason: str, note: str
+        self, u: Array, x: Array, parameter: Array, reached: float, near: Array, reason: str, note: str
     ) -> PathResult:
         """Every row measured by Pinocchio, against limits, and for contact."""
         settings, robot, verifier = self._settings, self._solver.robot, self._solver.verifier
-        wanted = self._path.at(u, parameter)
+        wanted, q = self._manifold.poses(u, x), x[:, : self._manifold.dof]
         errors = np.array(
             [verifier.measure(row, TargetPose(T, position_only=False)) for row, T in zip(q, wanted, strict=True)]
         )
@@ -161,6 +174,7 @@ class Planned:
             lower=robot.lower,
             upper=robot.upper,
             velocity_limit=checks.read_only(settings.velocity),
+            parameter=checks.read_only(parameter),
             message="; ".join(word for word in words if word),
             start_distance=float(away.max()),
         )

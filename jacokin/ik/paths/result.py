@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from functools import partial
 from pathlib import Path
 from typing import Any, Self
@@ -72,6 +72,10 @@ class PathResult(Frozen):
     """QP solver that ran, with a fallback named."""
     message: str = ""
     """What happened, in a sentence."""
+    parameter: Array = field(default_factory=lambda: checks.read_only([]))
+    """(waypoints,) what `plan_path` chose where a waypoint leaves one parameter free [rad]: the angle about the axis of
+    a `FreeAxis`, or joint 3 of a seven-joint arm; nan at full poses of six joints and at waypoints that are not
+    reached. Empty for tracked paths."""
     start_distance: float = 0.0
     """Largest angle of a joint between the seed (home without one) and row 0 [rad]: the arm is to be brought there."""
 

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.ik.planning.ladder import Ladder, Links, Rung
+from jacokin.ik.planning.ladder import Ladder, Links
+from jacokin.ik.planning.rungs import Rung
 
 FINEST = 2e-5  # [m] and [rad / 5] no step of the path is made smaller
 MOST_RUNGS = 6000  # more than the path began with: steps that are halved cost time
@@ -33,16 +34,17 @@ class Way:
 class Search:
     """The ladder of one path, and the best way up; links are made when they are needed and can be cut."""
 
-    def __init__(self, ladder: Ladder, places: Array, start_cost: Callable[[Rung], Array]) -> None:
+    def __init__(self, ladder: Ladder, places: Array, near: Array, start_cost: Callable[[Rung], Array]) -> None:
         """Solve at every place.
 
         Args:
             ladder: makes rungs and links.
             places: (n,) along the path.
+            near: (dof,) where the path should begin [rad].
             start_cost: cost of beginning at each solution of the first rung; infinite for "not there".
         """
         self.ladder = ladder
-        self.rungs = ladder.rungs(places)
+        self.rungs = [*ladder.make(places[:1], near), *ladder.make(places[1:])]
         self._links: list[Links | None] = [None] * len(self.rungs)  # from the rung before
         self._most = len(self.rungs) + MOST_RUNGS
         self._start_cost = start_cost
@@ -76,7 +78,7 @@ class Search:
             links = self._links[index]
             if links is None:
                 links = self._link(index)
-            size = len(self.rungs[index].q)
+            size = len(self.rungs[index].x)
             total = np.where(links.alive, self._costs[-1][links.first] + links.cost, np.inf)
             cost, back = np.full(size, np.inf), np.full(size, -1, dtype=np.intp)
             order = np.argsort(-total, kind="stable")  # the cheapest is written last
@@ -93,7 +95,7 @@ class Search:
         """Make the links of a rung, and with it those of the next ones that have none."""
         last, pairs = index, 0
         while last < len(self.rungs) and self._links[last] is None and pairs < TOGETHER:
-            pairs += len(self.rungs[last - 1].q) * len(self.rungs[last].q)
+            pairs += len(self.rungs[last - 1].x) * len(self.rungs[last].x)
             last += 1
         self._links[index:last] = self.ladder.links(self.rungs[index - 1 : last])
         links = self._links[index]
@@ -128,7 +130,7 @@ class Search:
     def halve(self, index: int) -> None:
         """Put a rung half way before a rung."""
         middle = 0.5 * (self.rungs[index - 1].u + self.rungs[index].u)
-        self.rungs.insert(index, self.ladder.rungs(np.array([middle]))[0])
+        self.rungs.insert(index, self.ladder.make(np.array([middle]))[0])
         self._links[index : index + 1] = [None, None]
         self._valid = min(self._valid, index)
 
@@ -139,7 +141,7 @@ class Search:
     def _size(self, index: int) -> float:
         """Length of the step before a rung: metres, or a fifth of the radians."""
         a, b = self.rungs[index - 1].u, self.rungs[index].u
-        lengths = self.ladder.path.lengths[min(int(a), self.ladder.path.lines - 1)]
+        lengths = self.ladder.manifold.path.lengths[min(int(a), self.ladder.manifold.path.lines - 1)]
         return float((b - a) * max(lengths[0], 0.2 * lengths[1]))
 
     def _ends(self, index: int) -> bool:
@@ -147,7 +149,7 @@ class Search:
         links = self._links[index]
         if links is None or index - 1 >= len(self._costs):
             return False
-        a, b = np.isfinite(self._costs[index - 1]), len(self.rungs[index].q)
+        a, b = np.isfinite(self._costs[index - 1]), len(self.rungs[index].x)
         left, entered = np.zeros(len(a), dtype=np.bool_), np.zeros(b, dtype=np.bool_)
         left[links.first[links.alive]] = True
         entered[links.second[links.alive]] = True

@@ -284,11 +284,10 @@ def test_wrong_input(robot: Robot) -> None:
         plan_path(solver, good, dt=100.0)
     with pytest.raises(InvalidInputError, match="the path is .* m long: more than 50000 steps"):
         plan_path(solver, [good[0], at(1e6, 0.0, 0.0)], speed=1e5)
-    with pytest.raises(InvalidInputError, match="another free axis"):
-        plan_path(solver, [FreeAxis(good[0], axis=[1, 0, 0]), FreeAxis(good[1], axis=[0, 1, 0])])
+    with pytest.raises(InvalidInputError, match=r"free axes of targets\[0\] and targets\[1\] are opposite"):
+        plan_path(solver, [FreeAxis(good[0], axis=[1, 0, 0]), FreeAxis(good[1], axis=[-1, 0, 0])])
 
 
 def test_an_arm_without_a_closed_form_is_refused(robot: Robot) -> None:
-    for solver in (IKSolver(robot, "link_4"), IKSolver(jacokin.load_robot("j2s7s300"))):
-        with pytest.raises(StructureError, match="plan_path needs the closed form of a six-joint arm"):
-            plan_path(solver, [at(0.4, -0.4, 0.3), at(0.4, -0.3, 0.3)])
+    with pytest.raises(StructureError, match="plan_path needs a closed form"):
+        plan_path(IKSolver(robot, "link_4"), [at(0.4, -0.4, 0.3), at(0.4, -0.3, 0.3)])

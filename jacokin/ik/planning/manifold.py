@@ -1,0 +1,130 @@
+"""The configurations that bring the tool to the path of the tool, as points of coordinates x.
+
+Coordinates are the joint angles; where the path has a free angle, it comes after them. A full pose on six joints leaves
+points at each place of the path, a free angle or a seventh joint leaves curves.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from jacokin.arrays import Array
+from jacokin.ik.planning.cartesian import CartesianPath
+from jacokin.ik.planning.chain import Chain, Goal
+from jacokin.model.angles import TURN
+from jacokin.model.pose_targets import FreeAxis
+from jacokin.model.robot import Robot
+
+CLOSURE = 1e-9  # [m] and [rad] an exact configuration misses its pose by less
+JOINT_3 = 2  # the parameter of a seven-joint arm
+
+
+class Manifold:
+    """One arm on one path.
+
+    Attributes:
+        path: the path of the tool.
+        chain: the kinematics of the arm.
+        dof: number of joints.
+        width: number of coordinates.
+        column: the coordinate that is the parameter of families; None when there are none.
+        circular: (width,) coordinates that are the same after a turn.
+    """
+
+    def __init__(self, robot: Robot, chain: Chain, path: CartesianPath, limit_snap: float) -> None:
+        """Prepare.
+
+        Args:
+            robot: the arm.
+            chain: its kinematics up to the tool.
+            path: the path of the tool.
+            limit_snap: a joint past its limit by at most this is put on the limit [rad].
+        """
+        self.path, self.chain, self.dof = path, chain, robot.dof
+        self.width = self.dof + path.free
+        self.column = self.dof if path.free else JOINT_3 if self.dof > 6 else None
+        self.circular = np.array([*robot.unlimited, *[True] * path.free])
+        self._lower, self._upper, self._snap = robot.lower, robot.upper, limit_snap
+
+    @property
+    def has_families(self) -> bool:
+        """Whether there are curves of configurations at each place."""
+        return self.column is not None
+
+    def points(self, q: Array, target: pin.SE3 | FreeAxis, parameter: float = 0.0) -> Array:
+        """Coordinates (n, width) of configurations (n, dof) at a target; `parameter` where a pose leaves none."""
+        if not self.path.free:
+            return q
+        angles = np.full(len(q), parameter)
+        if isinstance(target, FreeAxis):
+            angles = np.array([target.parameter_of(rotation) for rotation in self.chain.poses(q)[0]])
+        return np.column_stack([q, angles])
+
+    def parameter(self, x: Array) -> Array:
+        """The parameter (n,) [rad] of points (n, width); nan when there is none."""
+        return np.full(len(x), np.nan) if self.column is None else x[:, self.column]
+
+    def goal(self, u: Array) -> Goal:
+        """What the tool is to reach at places (n,)."""
+        return Goal(self.path.at(u), self.path.axes(u) if self.path.free else None)
+
+    def poses(self, u: Array, x: Array) -> Array:
+        """Poses (n, 4, 4) that the tool has on the path at places (n,)."""
+        return self.path.at(u, x[:, self.dof] if self.path.free else None)
+
+    def difference(self, first: Array, second: Array) -> Array:
+        """From points (m, width) to others [rad], the short way round."""
+        away = second - first
+        away[:, self.circular] -= TURN * np.round(away[:, self.circular] / TURN)
+        return away
+
+    def window(self, u: Array) -> tuple[Array, Array]:
+        """Least and largest value (n, width) of each coordinate at places (n,)."""
+        lower, upper = np.tile(self._lower, (len(u), 1)), np.tile(self._upper, (len(u), 1))
+        if self.path.free:
+            low, high, full = self.path.window(u)
+            lower = np.column_stack([lower, np.where(full, -np.inf, low)])
+            upper = np.column_stack([upper, np.where(full, np.inf, high)])
+        return lower, upper
+
+    def inside(self, u: Array, x: Array) -> tuple[Array, NDArray[np.bool_]]:
+        """The points (n, width) on the path within the limits that are nearest to given ones, and where there are any.
+
+        Coordinates that would pass a limit stay on it.
+        """
+        goal = self.goal(u)
+        found, worst = self.chain.closed(x, goal)
+        lower, upper = self.window_near(u, found)
+        within = np.clip(found, lower, upper)
+        beyond = np.abs(within - found)
+        if self.has_families:
+            rows = np.flatnonzero(((beyond > self._snap).any(axis=1)) & (beyond.max(axis=1) < 0.1))
+            if rows.size:
+                held = beyond[rows] > 0.0
+                found[rows], worst[rows] = self.chain.closed(within[rows], goal.some(rows), held)
+                within[rows] = np.clip(found[rows], lower[rows], upper[rows])
+                beyond = np.abs(within - found)
+        good = (worst <= CLOSURE) & (beyond.max(axis=1) <= self._snap)
+        snapped = np.flatnonzero(good & (beyond.max(axis=1) > 0.0))
+        if snapped.size:
+            errors = self.chain.errors(within[snapped], goal.some(snapped))
+            good[snapped] = np.maximum(*errors) <= 100.0 * CLOSURE
+        return within, good
+
+    def tangents(self, u: Array, x: Array) -> Array:
+        """Unit vectors (n, width) along the curves of configurations at points."""
+        _, jacobian = self.chain.linearised(x, self.goal(u))
+        return np.asarray(np.linalg.svd(jacobian)[2][:, -1])
+
+    def window_near(self, u: Array, x: Array) -> tuple[Array, Array]:
+        """`window`, the range of the free angle in the copies nearest to points."""
+        lower, upper = self.window(u)
+        if self.path.free:
+            bounded = np.isfinite(lower[:, -1])
+            middle = 0.5 * (lower[bounded, -1] + upper[bounded, -1])
+            turns = TURN * np.round((x[bounded, -1] - middle) / TURN)
+            lower[bounded, -1] += turns
+            upper[bounded, -1] += turns
+        return lower, upper

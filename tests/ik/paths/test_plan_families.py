@@ -1,0 +1,195 @@
+"""Planned paths with a parameter to choose: free axes of six joints, the elbow of seven; measured by MuJoCo."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import jacokin
+from jacokin import FreeAxis, IKSolver, Robot, plan_path
+from jacokin.arrays import Array
+from jacokin.errors import InvalidInputError
+from jacokin.ik import PathResult, Scene, Sphere, track_path
+from jacokin.model import to_mujoco
+
+DOWN = jacokin.pose([0.0, 0.0, 0.0], down=True).rotation
+
+
+@pytest.fixture
+def seven(bundled: Callable[[str], Robot]) -> Robot:
+    return bundled("j2s7s300")
+
+
+def at(x: float, y: float, z: float, rotation: Array = DOWN) -> pin.SE3:
+    return pin.SE3(rotation, np.array([x, y, z]))
+
+
+def tool_poses(robot: Robot, rows: Array) -> tuple[Array, Array]:
+    """Positions and rotations by MuJoCo."""
+    model = to_mujoco(robot)
+    data = mujoco.MjData(model)
+    site = model.site("end_effector").id
+    positions, rotations = [], []
+    for q in rows:
+        data.qpos[:] = q
+        mujoco.mj_kinematics(model, data)
+        positions.append(data.site_xpos[site].copy())
+        rotations.append(data.site_xmat[site].reshape(3, 3).copy())
+    return np.array(positions), np.array(rotations)
+
+
+def random_line(robot: Robot, rng: np.random.Generator) -> list[pin.SE3]:
+    """From the pose of a random configuration in a random direction, turning about a random axis."""
+    start = robot.forward_kinematics(robot.sample(rng))
+    way, turn = rng.normal(size=3), rng.normal(size=3)
+    way *= rng.uniform(0.1, 0.4) / np.linalg.norm(way)
+    turn *= rng.uniform(0.0, 1.0) / np.linalg.norm(turn)
+    return [start, pin.SE3(start.rotation @ pin.exp3(turn), start.translation + way)]
+
+
+def check_limits(robot: Robot, result: PathResult) -> None:
+    """Positions exactly, velocities to rounding, at every tick."""
+    assert (result.q >= robot.lower).all()
+    assert (result.q <= robot.upper).all()
+    assert (np.abs(np.diff(result.q, axis=0)) <= robot.velocity_limit * np.diff(result.t)[:, None] + 1e-9).all()
+
+
+def check_line(robot: Robot, result: PathResult, corners: list[pin.SE3]) -> None:
+    """On the straight line between two full poses at every tick, from end to end."""
+    start, end = corners
+    way, turn = end.translation - start.translation, pin.log3(start.rotation.T @ end.rotation)
+    positions, rotations = tool_poses(robot, result.q)
+    part = (positions - start.translation) @ way / (way @ way)
+    assert part[0] == pytest.approx(0.0, abs=1e-7)
+    assert part[-1] == pytest.approx(1.0, abs=1e-7)
+    assert np.abs(positions - start.translation - part[:, None] * way).max() < 1e-8
+    wanted = [start.rotation @ pin.exp3(p * turn) for p in part]
+    np.testing.assert_allclose(rotations, wanted, atol=1e-7)
+
+
+def test_seven_joints_follow_lines_within_their_limits(seven: Robot) -> None:
+    rng = np.random.default_rng(0)
+    solver = IKSolver(seven)
+    planned = tracked = 0
+    for _ in range(10):
+        corners = random_line(seven, rng)
+        result = plan_path(solver, corners, dt=0.02, speed=0.1, timing="slow")
+        followed = track_path(seven, corners, dt=0.02, speed=0.1).success
+        assert result.success or not followed
+        if result.success:
+            check_limits(seven, result)
+            check_line(seven, result, corners)
+            np.testing.assert_allclose(result.parameter, result.q[[0, -1], 2], atol=1e-9)
+        else:
+            assert "of line 0" in result.message or "at the first pose" in result.message
+        planned += result.success
+        tracked += followed
+    assert planned >= tracked > 1
+
+
+def test_seven_joints_start_where_the_arm_is(seven: Robot) -> None:
+    corners = [seven.forward_kinematics(seven.home)]
+    corners.append(pin.SE3(corners[0].rotation, corners[0].translation + np.array([0.0, 0.05, 0.05])))
+    solver = IKSolver(seven)
+    for start in (None, seven.home):
+        result = plan_path(solver, corners, start=start)
+        check_limits(seven, result)
+        check_line(seven, result, corners)
+        np.testing.assert_allclose(result.q[0], seven.home, atol=1e-6 if start is not None else 0.3)
+    elsewhere = plan_path(solver, corners, start=seven.home + 0.1)
+    assert not elsewhere.success
+    assert "the given start is not at the first pose" in elsewhere.message
+
+
+def test_seven_joints_go_around_an_obstacle(seven: Robot) -> None:
+    """A ball where the elbow would be: another elbow, clear at every tick and between."""
+    corners = [at(0.4, -0.3, 0.4), at(0.4, -0.1, 0.4)]
+    plain = plan_path(IKSolver(seven), corners, dt=0.05, timing="slow")
+    assert plain.success
+    elbow = seven.forward_kinematics(plain.q[len(plain) // 2], "link_4").translation
+    scene = Scene([Sphere("ball", 0.05, elbow)])
+    assert np.min(seven.clearance(plain.q, scene)) < 0.0
+    solver = IKSolver(seven, scene=scene, collision="reject", clearance=0.01)
+    result = plan_path(solver, corners, dt=0.05, timing="slow")
+    assert result.success
+    check_limits(seven, result)
+    check_line(seven, result, corners)
+    between = 0.5 * (result.q[1:] + result.q[:-1])
+    assert np.min(seven.clearance(np.vstack([result.q, between]), scene)) > 0.01 - 1e-3
+
+
+def test_a_free_axis_on_seven_joints_is_refused(seven: Robot) -> None:
+    targets = [FreeAxis(at(0.4, y, 0.4), axis=[0, 0, 1]) for y in (-0.3, -0.1)]
+    with pytest.raises(InvalidInputError, match="a FreeAxis on seven joints leaves two free parameters"):
+        plan_path(IKSolver(seven), targets)
+
+
+def test_narrow_windows_are_found(robot: Robot) -> None:
+    """Limits that leave a few hundredths of a radian: values of the angle every 10 degrees miss it."""
+    targets = [FreeAxis(at(0.4, y, 0.3), axis=[1, 0, 0]) for y in (-0.4, -0.2)]
+    wide = plan_path(IKSolver(robot), targets, dt=0.05, timing="slow")
+    assert wide.success
+    low, high = wide.q.min(axis=0) - 0.005, wide.q.max(axis=0) + 0.005
+    limits = {f"joint_{j + 1}": (float(low[j]), float(high[j])) for j in (0, 1, 2, 4)}
+    narrow = jacokin.load_robot(limits=limits)
+    solver = IKSolver(narrow)
+    for target in targets:
+        assert max(interval.length for interval in solver.solve_all(target)) < 0.1
+    result = plan_path(solver, targets, dt=0.05, timing="slow")
+    assert result.success
+    check_limits(narrow, result)
+
+
+def test_each_waypoint_has_an_axis_and_a_range_of_its_own(robot: Robot) -> None:
+    targets = [
+        FreeAxis(at(0.4, -0.4, 0.3), axis=[0, 0, 1], range=(0.3, 0.8)),
+        FreeAxis(at(0.4, -0.2, 0.3), axis=[1, 0, 1], range=(-0.2, 0.1)),
+        at(0.4, -0.1, 0.35),
+        FreeAxis(at(0.3, -0.1, 0.35), axis=[0, 1, 0]),
+    ]
+    result = plan_path(IKSolver(robot), targets, dt=0.02, speed=0.1)
+    assert result.success
+    check_limits(robot, result)
+    assert np.isnan(result.parameter).tolist() == [False, False, True, False]
+    rows = [0, *(int(np.flatnonzero(result.segment == line)[-1]) for line in range(3))]  # ticks at the waypoints
+    _, rotations = tool_poses(robot, result.q[rows])
+    for target, parameter, rotation in zip(targets, result.parameter, rotations, strict=True):
+        if isinstance(target, FreeAxis):
+            assert target.range[0] <= parameter <= target.range[1]
+            target = target.at(float(parameter))
+        np.testing.assert_allclose(rotation, target.rotation, atol=1e-7)
+
+
+def test_the_joints_move_steadily(robot: Robot, seven: Robot) -> None:
+    """Free angles are tried in steps, and followed without: no tick is much faster than its neighbours."""
+    corners = [at(0.4, -0.4, 0.3), at(0.4, 0.0, 0.3)]
+    for arm, targets in ((robot, [FreeAxis(pose, axis=[1, 0, 0]) for pose in corners]), (seven, corners)):
+        result = plan_path(IKSolver(arm), targets, dt=0.02, speed=0.1)
+        assert result.success
+        assert np.abs(np.diff(result.v[1:], axis=0)).max() < 0.02
+        assert np.ptp(result.parameter) > 1e-3 or arm is seven
+    solver = IKSolver(robot)
+    fixed = plan_path(solver, corners, dt=0.02, speed=0.1)
+    targets = [FreeAxis(pose, axis=[1, 0, 0]) for pose in corners]
+    free = plan_path(solver, targets, dt=0.02, speed=0.1, start=fixed.q[0])
+    assert free.success
+    assert (free.v**2).sum() < 0.9 * (fixed.v**2).sum()
+
+
+def test_out_of_reach_and_out_of_limits_are_said(robot: Robot, seven: Robot) -> None:
+    for arm, axis in ((robot, [1, 0, 0]), (seven, None)):
+        corners: list[pin.SE3 | FreeAxis] = [at(0.4, -0.4, 0.3), at(0.4, 1.4, 0.3)]
+        if axis is not None:
+            corners = [FreeAxis(pose, axis=axis) for pose in corners]
+        result = plan_path(IKSolver(arm), corners, dt=0.05, speed=0.2, timing="slow")
+        assert not result.success
+        assert "of line 0" in result.message
+        assert np.isfinite(result.parameter[0])
+        assert np.isnan(result.parameter[1])
+        check_limits(arm, result)
+        nowhere = plan_path(IKSolver(arm), [at(2.0, 0.0, 0.3), at(2.1, 0.0, 0.3)], dt=0.05)
+        assert "no configuration at the first pose: out of reach" in nowhere.message
