@@ -67,14 +67,13 @@ def load_robot(
     _refuse_coupled(model, whole.couplings)
     if finger_angle is not None:
         _check_fingers(whole.model, model, finger_angle)
-    if limits is not None:
-        _override_limits(model, limits)
+    own_limits = () if limits is None else _override_limits(model, limits)
     _check_limits(model)
     return Robot(
         model,
         base=base or whole.base,
         tip=tip,
-        source=Source(path, whole.kind, name, base, tip, folders, whole.content),
+        source=Source(path, whole.kind, name, base, tip, folders, own_limits, whole.content),
         finger_angle=finger_angle,
         home=_documented_home(name, model) if name else home.find,
     )
@@ -137,10 +136,13 @@ def _check_fingers(full: pin.Model, model: pin.Model, finger_angle: float) -> No
         raise InvalidInputError(f"finger_angle = {finger_angle} rad: the fingers move from {low} to {high} rad")
 
 
-def _override_limits(model: pin.Model, limits: Mapping[str, tuple[float, float]]) -> None:
-    """Write a user's own limits [rad] into a freshly extracted chain."""
+def _override_limits(
+    model: pin.Model, limits: Mapping[str, tuple[float, float]]
+) -> tuple[tuple[str, float, float], ...]:
+    """Write a user's own limits [rad] into a freshly extracted chain; the limits as they were read."""
     names = tuple(model.names)[1:]
     lower, upper = model.lowerPositionLimit.copy(), model.upperPositionLimit.copy()
+    written: list[tuple[str, float, float]] = []
     if not isinstance(limits, Mapping):
         raise InvalidInputError(f"limits must map joint names to pairs (lower, upper) [rad], got {shown(limits)}")
     for joint, pair in limits.items():
@@ -159,7 +161,9 @@ def _override_limits(model: pin.Model, limits: Mapping[str, tuple[float, float]]
         if low > chain.NO_LIMIT or high < -chain.NO_LIMIT:
             raise InvalidInputError(f"{where}: no angle within 1e6 rad lies between {low} and {high}")
         lower[names.index(joint)], upper[names.index(joint)] = low, high
+        written.append((joint, low, high))
     model.lowerPositionLimit, model.upperPositionLimit = lower, upper
+    return tuple(written)
 
 
 def _check_limits(model: pin.Model) -> None:

@@ -23,6 +23,7 @@ class Source:
         base: base frame that was asked for, or None.
         tip: tip frame that was asked for, or None.
         package_dirs: folders that hold the packages of package:// meshes.
+        limits: a user's own limits: joint, lower and upper [rad].
         content: the checked text of a URDF, or an MJCF as MuJoCo compiled it; None for bundled robots.
     """
 
@@ -32,6 +33,7 @@ class Source:
     base: str | None
     tip: str | None
     package_dirs: tuple[Path, ...] = ()
+    limits: tuple[tuple[str, float, float], ...] = ()
     content: str | mujoco.MjModel | None = field(default=None, repr=False, compare=False)
 
 

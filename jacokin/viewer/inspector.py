@@ -6,31 +6,39 @@ An `Inspector` knows the robot and the solver but no browser.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
+from jacokin.errors import InvalidInputError
 from jacokin.ik.answers import choosing
 from jacokin.ik.results import Branches, Status
 from jacokin.ik.solver import IKSolver
 from jacokin.ik.tracking.result import TrackerStep
 from jacokin.model import checks
+from jacokin.model.angles import TURN
 from jacokin.model.pose_targets import FreeAxis
-from jacokin.viewer.view import FreeTurn, Places, View
+from jacokin.viewer.postures import Postures
+from jacokin.viewer.view import Free, View
+
+if TYPE_CHECKING:
+    from jacokin.ik.families.family import Family
 
 MEMBERS = 12  # least number of postures drawn of a family
+FREE_JOINT = 2  # of a seven-joint arm, the parameter of its families
+FULL_TURN = (-math.pi, math.pi)  # [rad]
 SAME = 1e-6  # [rad] a branch this near to the joint angles is the arm itself
 
 
-class Inspector:
+class Inspector(Postures):
     """Computes views. One thread at a time.
 
     Attributes:
-        solver: the solver.
+        solver: the solver; another one of the same robot may take its place.
         robot: its robot.
         prefer: which feasible branch the arm goes to: "nearest", or one of "margin" and "manipulability".
     """
@@ -41,17 +49,9 @@ class Inspector:
         Raises:
             UnknownNameError: an unknown preference.
         """
-        self.solver = solver
+        super().__init__(solver)
         self.prefer = checks.choice("prefer", prefer, choosing.PREFERENCES)
-        self.robot = solver.robot
-        self._data = self.robot.pin_model.createData()
         self._lower, self._upper = self.robot.lower, self.robot.upper
-
-    def pose_of(self, q: Array) -> pin.SE3:
-        """T_base_tool at joint values (dof,)."""
-        pose = self.robot.forward_kinematics(q, self.solver.frame)
-        tool = self.solver.tool
-        return pose if tool is None else pose * tool
 
     def at(self, target: pin.SE3, seed: Array) -> View:
         """The view of a target: the arm at the nearest feasible branch, or waiting at `seed` for the closest one.
@@ -69,6 +69,7 @@ class Inspector:
             target=target,
             status=Status.OK,
             q=seed,
+            seed=seed,
             selected=None,
             branches=found.q,
             margins=found.margin,
@@ -81,46 +82,67 @@ class Inspector:
         status = Status.UNREACHABLE
         if len(found):
             status = Status.IN_COLLISION if view.within.any() else Status.OUTSIDE_LIMITS
-        return replace(view, status=status, errors=self._errors(seed, target), pending=True)
+        return replace(view, status=status, errors=self.errors(seed, target), pending=True)
 
-    def turned(self, pose: pin.SE3, axis: int, seed: Array, angle: float | None = None) -> View:
+    def turned(
+        self,
+        pose: pin.SE3,
+        axis: int,
+        seed: Array,
+        angle: float | None = None,
+        limits: tuple[float, float] = FULL_TURN,
+    ) -> View:
         """The view of a target that may turn about an axis of the tool.
 
         Args:
             pose: T_base_tool at angle 0, checked.
             axis: 0, 1 or 2.
             seed: (dof,) where the arm is, within the limits [rad].
-            angle: where to turn [rad]; None for where the arm has least to move.
+            angle: where to turn [rad], brought within `limits`; None for the member that is preferred.
+            limits: least and largest angle [rad].
 
         Raises:
-            InvalidInputError: the robot has no closed form.
+            InvalidInputError: the robot has no closed form, or the limits are not in order.
         """
-        free = FreeAxis(pose, axis=np.eye(3)[axis])
-        family = self.solver.solve_all(free, seed)
+        direction = np.eye(3)[axis]
+        target = FreeAxis(pose, axis=direction, range=limits)
+        family = self.solver.solve_all(target, seed)
+        near = seed
         if angle is None:
-            found = self.solver.solve(free, seed, closest=False)
-            angle = 0.0 if found.parameter is None else float(found.parameter)
-            seed = found.q if found.success else seed
-        rotation = pin.exp3(angle * np.eye(3)[axis])
+            found = self.solver.solve(target, seed, closest=False, prefer=self.prefer)
+            angle = min(max(0.0, limits[0]), limits[1]) if found.parameter is None else float(found.parameter)
+            near = found.q if found.success else seed
+        angle = min(max(angle, limits[0]), limits[1])
         intervals = tuple((float(interval.start), float(interval.stop)) for interval in family)
-        view = self.at(pose * pin.SE3(rotation, np.zeros(3)), seed)
-        return replace(view, turned=FreeTurn(pose, axis, angle, intervals))
+        view = self.at(pose * pin.SE3(pin.exp3(angle * direction), np.zeros(3)), near)
+        free = Free(f"angle about {'xyz'[axis]}", angle, *limits, intervals, axis, pose)
+        return replace(view, seed=seed, free=free)
 
-    def ellipsoid(self, q: Array) -> tuple[Array, Array]:
-        """The ellipsoid of manipulability: how fast the tool moves each way when the joint rates have length 1.
+    def slid(self, view: View, value: float) -> View:
+        """The view of a seven-joint arm with its free joint elsewhere and the tool where it is.
 
-        Returns:
-            Its semi-axes (3,) [m/s for rad/s], longest first, and their directions as the columns of a rotation (3, 3).
+        Args:
+            view: what is shown.
+            value: of the free joint [rad]; brought to the nearest one that reaches the target within the limits.
+
+        Raises:
+            InvalidInputError: the value is not finite, or the arm has no joint too many.
         """
-        jacobian = self.robot.jacobian(q, self.solver.frame)
-        linear = jacobian[:3]
-        if self.solver.tool is not None:
-            arm = self.robot.forward_kinematics(q, self.solver.frame).rotation @ self.solver.tool.translation
-            linear = linear - pin.skew(arm) @ jacobian[3:]
-        directions, lengths, _ = np.linalg.svd(linear, full_matrices=True)
-        if np.linalg.det(directions) < 0.0:
-            directions[:, 2] *= -1.0
-        return np.pad(lengths, (0, 3 - len(lengths))), directions
+        if view.free is None:
+            raise InvalidInputError(f"{self.robot.name} has no joint too many")
+        value = checks.number("value", value, "rad")
+        family = self.solver.solve_all(view.target, view.q)
+        members = []
+        for interval in family:
+            near = value + TURN * round((0.5 * (interval.start + interval.stop) - value) / TURN)
+            inside = min(max(near, interval.start), interval.stop)
+            q = interval.at(inside, view.q)
+            members.append((abs(inside - near), float(np.abs(q - view.q).max()), q))
+        if not members:
+            return view
+        _, _, q = min(members, key=lambda member: member[:2])
+        moved = self._apart(view, checks.read_only(q))
+        return self._with_family(replace(moved, seed=moved.q, errors=self.errors(q, view.target)), family)
 
     def choose(self, view: View, branch: int) -> View:
         """The same view with the solid arm at another branch, within the limits or not."""
@@ -137,7 +159,7 @@ class Inspector:
             q=checks.read_only(q),
             selected=branch,
             arm_touching=touching,
-            errors=self._errors(q, view.target),
+            errors=self.errors(q, view.target),
             message="",
             pending=False,
         )
@@ -155,24 +177,18 @@ class Inspector:
         near = np.flatnonzero((np.abs(view.branches - inside) < SAME).all(axis=1))
         if len(near):
             return replace(self.choose(view, int(near[0])), q=checks.read_only(inside))
-        return replace(
-            view, status=Status.OK, q=checks.read_only(inside), selected=None, errors=(0.0, 0.0), pending=False
-        )
+        return self._apart(view, checks.read_only(inside))
 
     def followed(self, target: pin.SE3, step: TrackerStep) -> View:
         """The view of a target that a tracker follows: the arm where the tracker is."""
         view = self.at(target, step.q) if self.solver.has_closed_form else self._empty(target, step.q)
+        view = self._apart(view, step.q)
         by = f", held back by {', '.join(step.limiting)}" if step.limiting else ""
         position, angle = step.position_error, step.orientation_error
         far = f"{1e3 * position:.1f} mm and {math.degrees(angle):.1f} deg from the target{by}"
         return replace(
             view,
-            status=Status.OK,
-            q=step.q,
-            selected=None,
-            arm_touching=(),
             errors=(position, angle),
-            pending=False,
             note=f"Tracking, {step.status.name.lower()}: {far}",
         )
 
@@ -197,6 +213,7 @@ class Inspector:
         return replace(
             view,
             q=result.q,
+            seed=view.q,
             selected=None,
             status=result.status,
             errors=(result.position_error, result.orientation_error),
@@ -205,30 +222,18 @@ class Inspector:
             pending=False,
         )
 
-    def places(self, configurations: Sequence[Array] | Array) -> Places:
-        """Where the base and the part of each joint are, for k configurations (k, dof)."""
-        count, parts = len(configurations), self.robot.dof + 1
-        table = np.empty((count, parts, 7))
-        model, data = self.robot.pin_model, self._data
-        for row, q in enumerate(configurations):
-            pin.forwardKinematics(model, data, np.ascontiguousarray(q))
-            for part, placement in enumerate(data.oMi):
-                table[row, part] = pin.SE3ToXYZQUAT(placement)
-        return Places(table[:, :, :3].astype(np.float32), table[:, :, [6, 3, 4, 5]].astype(np.float32))
-
-    def excess(self, q: Array) -> list[tuple[str, float]]:
-        """The joints that are outside their limits at `q`, each with by how much [rad]."""
-        over = np.maximum(np.maximum(self._lower - q, q - self._upper), 0.0)
-        return [(self.robot.joint_names[joint], float(over[joint])) for joint in np.flatnonzero(over > 0.0)]
-
-    def margin(self, q: Array) -> Array:
-        """(dof,) distance to the nearer limit [rad]: negative outside, inf where there are none."""
-        return np.minimum(q - self._lower, self._upper - q)
+    def _apart(self, view: View, q: Array) -> View:
+        """A view with the arm at joint values that are none of its branches."""
+        touching = self.touching(q)
+        status = Status.IN_COLLISION if touching else Status.OK
+        return replace(
+            view, status=status, q=q, selected=None, arm_touching=touching, errors=(0.0, 0.0), pending=False, message=""
+        )
 
     def _searched(self, target: pin.SE3, seed: Array) -> View:
         """Without a closed form there is one answer at a time."""
         view = self._empty(target, seed)
-        result = self.solver.solve(target, seed)
+        result = self.solver.solve(target, seed, prefer=self.prefer)
         view = replace(
             view,
             status=result.status,
@@ -239,11 +244,11 @@ class Inspector:
         )
         return self._with_family(view) if result.success else view
 
-    def _with_family(self, view: View) -> View:
+    def _with_family(self, view: View, found: Branches | Family | None = None) -> View:
         """A reached view of an arm with a joint too many: some of the postures that reach the target for branches."""
         if not self.solver.has_families:
             return view
-        found = self.solver.solve_all(view.target, view.q)
+        found = self.solver.solve_all(view.target, view.q) if found is None else found
         members = found.q if isinstance(found, Branches) else found.sample(MEMBERS)
         branches = np.vstack((view.q, members))
         margins = np.minimum(branches - self._lower, self._upper - branches)
@@ -253,7 +258,18 @@ class Inspector:
             branches=checks.read_only(branches),
             margins=checks.read_only(margins),
             within=(margins >= 0.0).all(axis=1),
+            touching=tuple(map(self.touching, branches)) if self.solver.verifier.looks_for_contact else None,
+            free=self._joint(found, view.q),
         )
+
+    def _joint(self, found: Branches | Family, q: Array) -> Free | None:
+        """The joint of a seven-joint arm that may move while the tool stays."""
+        if isinstance(found, Branches):
+            return None
+        joint = FREE_JOINT
+        intervals = tuple((float(interval.start), float(interval.stop)) for interval in found)
+        low, high = (max(self._lower[joint], -np.pi), min(self._upper[joint], np.pi))
+        return Free(self.robot.joint_names[joint], float(q[joint]), float(low), float(high), intervals)
 
     def _preferred(self, view: View, feasible: NDArray[np.intp]) -> int:
         """The number of the feasible branch that is preferred."""
@@ -262,9 +278,5 @@ class Inspector:
 
     def _empty(self, target: pin.SE3, q: Array) -> View:
         none = np.zeros((0, self.robot.dof))
-        return View(target, Status.OK, checks.read_only(q), None, none, none, np.zeros(0, dtype=np.bool_), None)
-
-    def _errors(self, q: Array, target: pin.SE3) -> tuple[float, float]:
-        reached = self.pose_of(q)
-        angle = float(np.linalg.norm(pin.log3(reached.rotation.T @ target.rotation)))
-        return float(np.linalg.norm(target.translation - reached.translation)), angle
+        here = checks.read_only(q)
+        return View(target, Status.OK, here, here, None, none, none, np.zeros(0, dtype=np.bool_), None)

@@ -3,27 +3,45 @@
 from __future__ import annotations
 
 import importlib.util
+import logging
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
-from jacokin.errors import MissingExtraError
+from jacokin.errors import InvalidInputError, MissingExtraError, ModelError
 from jacokin.ik.seeds import seed_within_limits
 from jacokin.ik.solver import IKSolver
 from jacokin.ik.targets import TargetPose
 from jacokin.ik.targets import checked as checked_target
+from jacokin.model import checks
+from jacokin.model.fingerprint import fingerprint
 from jacokin.model.loading import load_robot
+from jacokin.model.pose_targets import FreeAxis
 from jacokin.model.robot import Robot
 from jacokin.model.scenes.scene import Scene, checked_scene
-from jacokin.viewer import motion
-from jacokin.viewer.inspector import Inspector
-from jacokin.viewer.motion import Playback, Trajectory
-from jacokin.viewer.viewer import Options, Viewer
+from jacokin.viewer.contents import Contents
+from jacokin.viewer.drawing.parts import Part, parts_of
+from jacokin.viewer.drawing.slices import Slices
+from jacokin.viewer.drawing.visuals import visuals_of
+from jacokin.viewer.inspector import FULL_TURN, Inspector
+from jacokin.viewer.motion import recordings
+from jacokin.viewer.motion.playback import Playback
+from jacokin.viewer.motion.recordings import Trajectory
+from jacokin.viewer.setup import Setup
+from jacokin.viewer.viewer import Look, Viewer
+
+if TYPE_CHECKING:
+    from jacokin.reachability import ReachabilityMap
 
 DEFAULT_PORT = 8080
 DEFAULT_HOST = "127.0.0.1"  # this machine and no other
+AXES = ("x", "y", "z")
+
+logger = logging.getLogger(__name__)
 
 
 def serve(
@@ -35,6 +53,10 @@ def serve(
     scene: Scene | None = None,
     clearance: float = 0.0,
     prefer: str = "nearest",
+    free_axis: str | None = None,
+    free_range: Sequence[float] = FULL_TURN,
+    visuals: bool = False,
+    reachability: ReachabilityMap | str | Path | None = None,
     trajectory: Trajectory | str | Path | None = None,
     target: pin.SE3 | ArrayLike | None = None,
     seed: ArrayLike | None = None,
@@ -52,7 +74,12 @@ def serve(
         clearance: shapes this near to each other count as touching [m].
         prefer: which feasible branch the arm goes to: the one "nearest" to where it is, of the largest limit "margin",
             or of the largest "manipulability".
-        trajectory: to play: a `PathResult`, a `JointMotion`, or a file that one of them saved.
+        free_axis: "x", "y" or "z": the tool may turn about this axis of its own.
+        free_range: least and largest angle about it [rad].
+        visuals: draw the visual meshes of the robot's file, if it has any, instead of the shapes that collide.
+        reachability: a map to show slices of, or its folder; None for the one of a bundled robot, if there is one.
+        trajectory: to play: a `PathResult`, a `JointMotion`, or a file that one of them saved: .csv, .npz, .json (ROS)
+            or .kinova.csv.
         target: T_base_tool to begin with, as `pin.SE3` or (4, 4); a position (3,) [m] keeps the orientation that the
             tool has at `seed`; None for where the tool is there.
         seed: (dof,) where the arm is at first [rad]; None for the robot's home.
@@ -64,7 +91,8 @@ def serve(
 
     Raises:
         MissingExtraError: viser is not installed.
-        InvalidInputError: target, seed or trajectory malformed, the host unknown here, or the port in use.
+        InvalidInputError: target, seed, map or trajectory malformed or of another robot, the host unknown here, or the
+            port in use.
         JacokinError: as `load_robot` and `IKSolver`.
     """
     if importlib.util.find_spec("viser") is None:
@@ -77,15 +105,70 @@ def serve(
         robot, frame, tool=tool, collision=collision, scene=obstacles if looking else None, clearance=clearance
     )
     inspector = Inspector(solver, prefer=prefer)
+    axis = None if free_axis is None else AXES.index(checks.choice("free_axis", free_axis, AXES))
+    span = FreeAxis(pin.SE3.Identity(), axis=(0, 0, 1), range=free_range).range
+    shapes, shapes_note = parts_of(robot)
+    drawn, visuals_note = _visuals(robot)
+    notes = [note for note in (shapes_note, visuals_note) if note]
+    for note in notes:
+        logger.warning("%s", note)
     playback = None
     if trajectory is not None:
-        playback = Playback(motion.load(trajectory) if isinstance(trajectory, str | Path) else trajectory, robot)
+        read = recordings.load(trajectory, robot) if isinstance(trajectory, str | Path) else trajectory
+        playback = Playback(read, robot)
+    contents = Contents(
+        setup=Setup(solver.frame, solver.tool, collision, obstacles, obstacles=True, clearance=clearance),
+        axis=axis,
+        span=span,
+        visuals=None if drawn is None else checks.flag("visuals", visuals),
+        note="; ".join(notes),
+        slices=_slices(robot, reachability),
+        playback=playback,
+    )
     start, _ = seed_within_limits(robot, seed)
     if target is not None:
-        view = inspector.at(_pose(inspector, checked_target(target), start), start)
+        place = _pose(inspector, checked_target(target), start)
+    elif playback is not None and seed is None:
+        start = playback.at(0.0)
+        place = inspector.pose_of(start)
     else:
-        view = inspector.posture(start if playback is None or seed is not None else playback.at(0.0))
-    return Viewer(inspector, view, Options(host, port, obstacles, playback))
+        place = inspector.pose_of(start)
+    if axis is not None:
+        view = inspector.turned(place, axis, start, None, span)
+    else:
+        view = inspector.posture(start) if target is None else inspector.at(place, start)
+    return Viewer(inspector, view, Look(shapes, drawn), contents, host=host, port=port)
+
+
+def _visuals(robot: Robot) -> tuple[tuple[Part, ...] | None, str]:
+    """The visual meshes of the robot's file, or None and why they cannot be drawn."""
+    try:
+        return visuals_of(robot), ""
+    except ModelError as error:
+        return None, f"The shapes that collide are drawn instead of the visual meshes: {error}"
+
+
+def _slices(robot: Robot, reachability: ReachabilityMap | str | Path | None) -> Slices | None:
+    """The slices of a map; of the bundled one where none is given and the robot is the bundled one.
+
+    Raises:
+        InvalidInputError: not a map, or one of another robot.
+    """
+    from jacokin.reachability import ReachabilityMap, bundled, load
+
+    if isinstance(reachability, ReachabilityMap):
+        recipe = reachability.recipe
+        if fingerprint(robot, shapes=recipe["collision"] != "ignore") != recipe["robot"]["sha256"]:
+            raise InvalidInputError(f"reachability is a map of another robot than this {robot.name}")
+        return Slices(reachability)
+    if reachability is not None:
+        return Slices(load(reachability, robot=robot))
+    if robot.source.bundled is None:
+        return None
+    try:
+        return Slices(load(bundled(robot.source.bundled).folder, robot=robot))
+    except InvalidInputError:  # an arm without a map, or with limits of its own
+        return None
 
 
 def _pose(inspector: Inspector, target: TargetPose, start: Array) -> pin.SE3:

@@ -1,18 +1,16 @@
-"""What a view says in words: the status, why a branch is out, the margins as bars, and text to paste."""
+"""What a view says in words: the status, why a branch is out, and the margins as bars."""
 
 from __future__ import annotations
 
 import html
 import math
-import shlex
 
 import numpy as np
 
 from jacokin.arrays import Array
 from jacokin.ik.results import Status
-from jacokin.model import poses
 from jacokin.viewer.inspector import Inspector
-from jacokin.viewer.view import FreeTurn, View
+from jacokin.viewer.view import Free, View
 
 GREEN, RED, ORANGE, GREY = "#2f9e44", "#e03131", "#e8890c", "#868e96"
 COLOUR = {Status.OK: GREEN, Status.IN_COLLISION: ORANGE}
@@ -88,8 +86,8 @@ def status_html(inspector: Inspector, view: View) -> str:
             words = html.escape(reason(inspector, view, branch))
             lines.append(f'<tr><td>{mark}</td><td>{branch + 1}</td><td style="color:{shade}">{words}</td></tr>')
         lines.append("</table>")
-    if view.turned is not None:
-        lines.append(intervals_html(view.turned))
+    if view.free is not None:
+        lines.append(intervals_html(view.free))
     return f'<div style="font-size:0.8em;padding:0 0.75em">{"".join(lines)}{bars_html(inspector, view.q)}</div>'
 
 
@@ -116,14 +114,14 @@ def bars_html(inspector: Inspector, q: Array) -> str:
     return f'<table style="width:100%;margin-top:4px">{"".join(rows)}</table>'
 
 
-def intervals_html(turned: FreeTurn) -> str:
-    """A bar of a full turn: what is reached within the limits in green, and a mark where the tool is."""
+def intervals_html(free: Free) -> str:
+    """A bar of a full turn: what is reached within the limits in green, and a mark where the arm is."""
 
     def share(angle: float) -> float:
         return 100.0 * (angle + math.pi) / (2.0 * math.pi)
 
     bars, words = [], []
-    for start, stop in sorted(set(turned.intervals)):
+    for start, stop in sorted(set(free.intervals)):
         words.append(f"{math.degrees(start):.1f} to {math.degrees(stop):.1f}")
         for turn in (-2.0 * math.pi, 0.0, 2.0 * math.pi):
             left, right = max(share(start + turn), 0.0), min(share(stop + turn), 100.0)
@@ -132,60 +130,19 @@ def intervals_html(turned: FreeTurn) -> str:
                     f'<div style="position:absolute;left:{left:.2f}%;width:{right - left:.2f}%;height:8px;'
                     f'background:{GREEN};opacity:0.6"></div>'
                 )
-    mark = share(wrapped(turned.angle))
+    mark = share(wrapped(free.value))
     said = "; ".join(words) if words else "none"
     return (
-        f"<div>Angles about {'xyz'[turned.axis]} within the limits [deg]: {said}</div>"
+        f"<div>{html.escape(free.name.capitalize())} within the limits [deg]: {said}</div>"
         '<div style="background:#dee2e6;height:8px;position:relative">'
         f'{"".join(bars)}<div style="position:absolute;left:calc({mark:.2f}% - 2px);width:4px;height:8px;'
         'background:#212529"></div></div>'
     )
 
 
-def python_text(inspector: Inspector, view: View) -> str:
-    """The target and the answer as Python to paste."""
-    solver, robot = inspector.solver, inspector.robot
-    position, quat = _pose_numbers(view)
-    tool = ""
-    if solver.tool is not None:
-        at, turn = solver.tool.translation.tolist(), poses.quaternion(solver.tool.rotation).tolist()
-        tool = f", tool=jacokin.pose({at}, quat_wxyz={turn})"
-    return (
-        "import jacokin\n"
-        f"robot = jacokin.load_robot({_source(inspector)!r})\n"
-        f"solver = jacokin.IKSolver(robot, {solver.frame!r}{tool})\n"
-        f"target = jacokin.pose({position}, quat_wxyz={quat})\n"
-        f"q = {[float(value) for value in view.q]}  # {'' if view.status is Status.OK else 'not '}reached\n"
-        f"result = solver.solve(target, seed=q)  # {robot.dof} joints [rad]\n"
-    )
-
-
-def command_text(inspector: Inspector, view: View) -> str:
-    """The target as a command line to paste; a tool after the frame is folded into the target."""
-    solver = inspector.solver
-    target = view.target if solver.tool is None else view.target * solver.tool.inverse()
-    numbers = " ".join(repr(float(value)) for value in target.translation)
-    quat = " ".join(repr(float(value)) for value in poses.quaternion(target.rotation))
-    seed = " ".join(repr(float(value)) for value in view.q)
-    source = _source(inspector)
-    return (
-        f"jacokin ik --robot {shlex.quote(source)} --frame {shlex.quote(solver.frame)} "
-        f"--position {numbers} --quat-wxyz {quat} --seed {seed}"
-    )
-
-
 def wrapped(angle: float) -> float:
     """An angle [rad] by full turns into [-pi, pi]."""
     return math.remainder(angle, 2.0 * math.pi)
-
-
-def _source(inspector: Inspector) -> str:
-    source = inspector.robot.source
-    return source.bundled if source.bundled is not None else str(source.path)
-
-
-def _pose_numbers(view: View) -> tuple[list[float], list[float]]:
-    return view.target.translation.tolist(), poses.quaternion(view.target.rotation).tolist()
 
 
 def _name(status: Status) -> str:

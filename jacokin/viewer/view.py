@@ -23,17 +23,23 @@ class Places(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class FreeTurn:
-    """A target that may turn about an axis, and the angle it is shown at."""
+class Free:
+    """The free parameter of a target, and where it is: the angle about an axis of the tool, or joint 3 of seven."""
 
-    pose: pin.SE3
-    """T_base_tool at angle 0."""
-    axis: int
-    """0, 1 or 2: x, y or z of the tool."""
-    angle: float
+    name: str
+    """What is free, in words."""
+    value: float
     """[rad]."""
+    lower: float
+    """Least value allowed [rad]."""
+    upper: float
+    """Largest value allowed [rad]."""
     intervals: tuple[tuple[float, float], ...]
-    """Angles from start to stop that a branch within the limits reaches [rad]; stop may pass pi."""
+    """Values from start to stop that are reached within the limits [rad]; those of an angle may pass pi."""
+    axis: int | None = None
+    """0, 1 or 2 for x, y or z of the tool; None for a joint."""
+    pose: pin.SE3 | None = None
+    """T_base_tool at angle 0; None for a joint."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,6 +52,8 @@ class View:
     """Whether the target is reached, or why not."""
     q: Array
     """(dof,) joint values of the arm that is drawn solid [rad]."""
+    seed: Array
+    """(dof,) where the arm was when the target was answered, from which distances are measured [rad]."""
     selected: int | None
     """The branch that the solid arm is at; None when it is at none."""
     branches: Array
@@ -66,8 +74,13 @@ class View:
     """True while the closest configuration is still to be looked for."""
     note: str = ""
     """What the arm is doing, when it moves by itself."""
-    turned: FreeTurn | None = None
-    """The free axis and where on it the tool is; None without one."""
+    free: Free | None = None
+    """The free parameter; None without one."""
+
+    @property
+    def gizmo(self) -> pin.SE3:
+        """Where the gizmo stands: the target, at angle 0 of a free axis."""
+        return self.target if self.free is None or self.free.pose is None else self.free.pose
 
     @property
     def feasible(self) -> NDArray[np.bool_]:

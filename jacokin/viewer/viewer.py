@@ -5,9 +5,9 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from types import TracebackType
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 import pinocchio as pin
@@ -17,11 +17,12 @@ from jacokin.arrays import Array
 from jacokin.errors import JacokinError
 from jacokin.model import poses
 from jacokin.model.pose_targets import pose
-from jacokin.model.scenes.scene import Scene
-from jacokin.viewer import shapes, texts
+from jacokin.viewer import paste
+from jacokin.viewer.contents import Contents
+from jacokin.viewer.drawing.parts import Part
 from jacokin.viewer.inbox import Inbox
 from jacokin.viewer.inspector import Inspector
-from jacokin.viewer.motion import Following, Playback
+from jacokin.viewer.motion.following import Following
 from jacokin.viewer.view import View
 
 if TYPE_CHECKING:
@@ -32,20 +33,21 @@ PERIOD = 0.02  # [s] from one picture to the next of what moves by itself
 logger = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True, slots=True)
-class Options:
-    """What a viewer shows beside the arm, and where it listens."""
+class Look(NamedTuple):
+    """What the arm can be drawn by."""
 
-    host: str
-    port: int
-    scene: Scene | None
-    playback: Playback | None
+    shapes: tuple[Part, ...]
+    """The shapes that collide, or sticks."""
+    visuals: tuple[Part, ...] | None
+    """The visual meshes of the file; None where there are none."""
 
 
 class Viewer:
     """A running viewer, made by `serve`. A context manager: leaving it closes the viewer."""
 
-    def __init__(self, inspector: Inspector, start: View, options: Options) -> None:
+    def __init__(
+        self, inspector: Inspector, start: View, look: Look, contents: Contents, *, host: str, port: int
+    ) -> None:
         """Start the server and the thread that answers pages; users call `serve`."""
         from jacokin.viewer.browser import server
         from jacokin.viewer.browser.panel import Panel
@@ -54,13 +56,15 @@ class Viewer:
         self._inspector = inspector
         self._inbox = Inbox()
         self._view = start
-        self._playback = options.playback
+        self._look = look
+        self._setup = contents.setup
+        self._playback = contents.playback
         self._following: Following | None = None
         self._goal = self._asked = start.target
-        parts = shapes.parts_of(inspector.robot)
-        self._server, self._url = server.start(options.host, options.port, inspector.robot.name)
-        self._stage = Stage(self._server, inspector, parts, options.scene)
-        self._panel = Panel(self._server, inspector, self._inbox.post, options.playback)
+        parts = look.visuals if contents.visuals and look.visuals is not None else look.shapes
+        self._server, self._url = server.start(host, port, inspector.robot.name)
+        self._stage = Stage(self._server, inspector, parts, look.shapes, contents.setup.scene)
+        self._panel = Panel(self._server, inspector, self._inbox.post, contents)
         self._stage.gizmo.on_update(self._gizmo_moved)
         self._show(start)
         self._done = threading.Event()
@@ -148,12 +152,18 @@ class Viewer:
         panel, view = self._panel, replace(self._view, note="")
         for name in ("python", "command"):
             if name in names:
-                make = texts.python_text if name == "python" else texts.command_text
+                make = paste.python_text if name == "python" else paste.command_text
                 panel.say(make(self._inspector, view))
-        if names.keys() & {"ghosts", "ellipsoid"}:
+        if "slice" in names and panel.slicing is not None:
+            panel.slicing.show()
+        if "visuals" in names and self._look.visuals is not None:
+            self._stage.arm.dress(self._look.visuals if panel.visuals else self._look.shapes)
+        if names.keys() & {"ghosts", "ellipsoid", "visuals"}:
             self._stage.show_ghosts(panel.ghosts)
             self._stage.show_ellipsoid(panel.ellipsoid)
             self._show(view)
+        if "setup" in names:
+            self._change_setup()
         self._inspector.prefer = panel.prefer
         if "track" in names:
             self._track(panel.track)
@@ -162,7 +172,10 @@ class Viewer:
         elif "joints" in names:
             self._stop()
             self._show(self._inspector.posture(panel.joints(view.q)))
-        elif names.keys() & {"target", "shown", "axis", "angle", "prefer"}:
+        elif "angle" in names and view.free is not None and view.free.axis is None:
+            self._stop()
+            self._show(self._inspector.slid(view, panel.free.value))
+        elif names.keys() & {"target", "shown", "axis", "range", "angle", "prefer"}:
             self._aim(names)
         elif names.keys() & {"branch", "next", "previous"} and len(view.branches):
             self._stop()
@@ -176,16 +189,34 @@ class Viewer:
         if "shown" in names:
             self._stage.place_gizmo(self._asked)
         position, quat = self._stage.target()
-        target, axis = pose(position, quat), self._panel.axis
-        if self._following is not None and axis is None:
+        target, free = pose(position, quat), self._panel.free
+        if self._following is not None and free.axis is None:
             self._goal = target
             return
         self._stop()
-        if axis is None:
+        if free.axis is None:
             view = self._inspector.at(target, self._seed())
         else:
-            view = self._inspector.turned(target, axis, self._seed(), self._panel.angle if "angle" in names else None)
+            angle = free.value if "angle" in names else None
+            view = self._inspector.turned(target, free.axis, self._seed(), angle, free.span)
         self._show(view, move_gizmo=False)
+
+    def _change_setup(self) -> None:
+        """Solve for another frame or tool, where the arm is; or look for contact otherwise, where the target is."""
+        solving, before = self._panel.solving, self._setup
+        wanted = solving.wanted(before)
+        try:
+            solver = wanted.solver(self._inspector.robot)
+        except JacokinError:
+            solving.show(before)
+            raise
+        self._stop()
+        self._inspector.solver, self._setup = solver, wanted
+        solving.show(wanted)
+        self._stage.show_obstacles(wanted.obstacles)
+        if wanted.frame != before.frame or wanted.tool is not before.tool:
+            self._show(self._inspector.posture(self._view.q))
+        self._aim({})
 
     def _track(self, wanted: bool) -> None:
         """Begin or end following the gizmo."""

@@ -20,7 +20,8 @@ from websockets.sync.connection import Connection
 
 from jacokin.arrays import Array
 from jacokin.model import poses
-from jacokin.viewer import Viewer, shapes
+from jacokin.viewer import Viewer
+from jacokin.viewer.drawing.parts import Part
 from jacokin.viewer.view import Places
 from tests.viewer.page import until
 
@@ -129,7 +130,7 @@ def pixels(points: Array, axes: Array, eye: Array, fov: float, width: int, heigh
     return np.column_stack((0.5 * width, 0.5 * height)) + scale * seen[:, :2] / seen[:, 2:]
 
 
-def silhouette(parts: tuple[shapes.Part, ...], places: Places, arm: int, first: int = 0) -> Mask:
+def silhouette(parts: tuple[Part, ...], places: Places, arm: int, first: int = 0) -> Mask:
     """The pixels that one of the placed arms covers, from part `first` on."""
     picture = Image.new("1", (WIDTH, HEIGHT))
     draw = ImageDraw.Draw(picture)

@@ -12,7 +12,8 @@ import viser
 import jacokin
 from jacokin import Robot
 from jacokin.arrays import Array
-from jacokin.viewer import Viewer, serve, shapes
+from jacokin.viewer import Viewer, serve
+from jacokin.viewer.drawing.parts import Part, parts_of
 from tests.viewer.browser import CHROMIUM, Mask, Tab, agreement, picture, pixels, showing, silhouette
 from tests.viewer.page import opened, until
 
@@ -37,13 +38,13 @@ def tab(viewer: Viewer, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Ta
 
 
 @pytest.fixture
-def arm_only(viewer: Viewer, tab: Tab) -> Iterator[tuple[shapes.Part, ...]]:
+def arm_only(viewer: Viewer, tab: Tab) -> Iterator[tuple[Part, ...]]:
     """A scene without grid and gizmo, which would be in the pictures."""
     scene = viewer.server.scene
     hidden = [scene._handle_from_node_name[name] for name in ("/grid", "/target")]
     for node in hidden:
         node.visible = False
-    yield shapes.parts_of(viewer._inspector.robot)
+    yield parts_of(viewer._inspector.robot)[0]
     for node in hidden:
         node.visible = True
 
@@ -57,7 +58,7 @@ def drawn(viewer: Viewer, wanted: Mask) -> bool:
     return until(lambda: agreement(picture(viewer), wanted) > ALIKE)
 
 
-def test_the_arm_is_drawn_where_forward_kinematics_has_it(viewer: Viewer, arm_only: tuple[shapes.Part, ...]) -> None:
+def test_the_arm_is_drawn_where_forward_kinematics_has_it(viewer: Viewer, arm_only: tuple[Part, ...]) -> None:
     viewer._stage.show_ghosts(False)
     seen = []
     for target in (TARGET, jacokin.pose([-0.3, -0.4, 0.6], down=True)):
@@ -69,14 +70,14 @@ def test_the_arm_is_drawn_where_forward_kinematics_has_it(viewer: Viewer, arm_on
     viewer._stage.show_ghosts(True)
 
 
-def test_every_other_branch_is_a_ghost(viewer: Viewer, arm_only: tuple[shapes.Part, ...]) -> None:
+def test_every_other_branch_is_a_ghost(viewer: Viewer, arm_only: tuple[Part, ...]) -> None:
     viewer.show(jacokin.pose([0.31, -0.3, 0.45], down=True))
     assert shown(viewer, np.array([0.31, -0.3, 0.45]))
     view = viewer.view
     assert len(view.ghosts) >= 3
     places = viewer._inspector.places(view.branches[view.ghosts])
     masks = [silhouette(arm_only, places, index, first=1) for index in range(len(view.ghosts))]
-    for node in viewer._stage._arm.values():
+    for node in viewer._stage.arm.solid.values():
         node.visible = False
     try:
         assert drawn(viewer, np.logical_or.reduce(masks))
@@ -84,7 +85,7 @@ def test_every_other_branch_is_a_ghost(viewer: Viewer, arm_only: tuple[shapes.Pa
         covered = [float(image[mask].mean()) for mask in masks]
         assert min(covered) > ALIKE
     finally:
-        for node in viewer._stage._arm.values():
+        for node in viewer._stage.arm.solid.values():
             node.visible = True
 
 
@@ -116,7 +117,7 @@ def test_keys_go_through_the_branches(viewer: Viewer, tab: Tab) -> None:
     assert until(lambda: viewer.view.selected == before)
 
 
-def test_a_second_tab_moves_what_the_first_one_draws(viewer: Viewer, arm_only: tuple[shapes.Part, ...]) -> None:
+def test_a_second_tab_moves_what_the_first_one_draws(viewer: Viewer, arm_only: tuple[Part, ...]) -> None:
     viewer._stage.show_ghosts(False)
     with opened(viewer) as other:
         other.move_gizmo((0.35, -0.25, 0.5))

@@ -13,7 +13,8 @@ from jacokin import Robot
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.ik import track_path
-from jacokin.viewer.motion import Playback, Trajectory, load
+from jacokin.viewer.motion.playback import Playback
+from jacokin.viewer.motion.recordings import Trajectory, load
 
 
 def recorded(robot: Robot, t: list[float], q: Array) -> Trajectory:
@@ -74,7 +75,7 @@ def test_saved_paths_are_loaded(robot: Robot, tmp_path: Path, ending: str) -> No
     end = jacokin.pose(start.translation + np.array([0.0, 0.0, 0.01]), rotation=start.rotation)
     path = track_path(robot, [start, end], start=robot.home)
     path.save(tmp_path / f"path{ending}")
-    loaded = Playback(load(tmp_path / f"path{ending}"), robot)
+    loaded = Playback(load(tmp_path / f"path{ending}", robot), robot)
     assert np.array_equal(loaded.q, path.q)
     assert np.allclose(loaded.t, path.t)
 
@@ -87,11 +88,11 @@ def test_saved_joint_motions_are_loaded(robot: Robot, tmp_path: Path) -> None:
     end[0] += 0.1
     motion = move_joints(robot, robot.home, end, acceleration_limit=1.0)
     motion.save(tmp_path / "motion.csv")
-    assert np.array_equal(Playback(load(tmp_path / "motion.csv"), robot).q, motion.q)
+    assert np.array_equal(Playback(load(tmp_path / "motion.csv", robot), robot).q, motion.q)
 
 
 @pytest.mark.parametrize("name", ["missing.csv", "text.csv", "x.txt"])
-def test_a_file_that_is_none_is_named(tmp_path: Path, name: str) -> None:
+def test_a_file_that_is_none_is_named(robot: Robot, tmp_path: Path, name: str) -> None:
     (tmp_path / "text.csv").write_text("hello\n", encoding="utf-8")
     with pytest.raises(InvalidInputError, match=name):
-        load(tmp_path / name)
+        load(tmp_path / name, robot)

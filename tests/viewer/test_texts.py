@@ -1,20 +1,16 @@
-"""What a view says, and that what it offers to paste gives the same answer."""
+"""What a view says in words."""
 
 from __future__ import annotations
 
-import json
 import math
-import shlex
 from dataclasses import replace
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 import jacokin
-from jacokin import IKSolver, Robot, Status
+from jacokin import IKSolver, Status
 from jacokin.viewer import Inspector, texts
-from tests.cli.run import leave
 from tests.viewer.test_view import FAR, outside
 
 
@@ -64,26 +60,3 @@ def test_names_of_a_file_are_text_and_not_html(inspector: Inspector) -> None:
     shown = texts.status_html(inspector, view)
     assert "<script>" not in shown
     assert "&lt;script&gt; and a&amp;b" in shown
-
-
-@pytest.mark.parametrize("tool", [None, pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.1]))])
-def test_python_to_paste_gives_the_same_answer(robot: Robot, tool: pin.SE3 | None) -> None:
-    inspector = Inspector(IKSolver(robot, tool=tool))
-    view = inspector.posture(robot.home)
-    names: dict[str, object] = {}
-    exec(texts.python_text(inspector, view), names)
-    result = names["result"]
-    assert isinstance(result, jacokin.IKResult)
-    assert result.success
-    assert np.allclose(result.q, view.q, atol=1e-9)
-
-
-@pytest.mark.parametrize("tool", [None, pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.1]))])
-def test_a_command_to_paste_gives_the_same_answer(
-    robot: Robot, tool: pin.SE3 | None, capsys: pytest.CaptureFixture[str]
-) -> None:
-    inspector = Inspector(IKSolver(robot, tool=tool))
-    view = inspector.posture(robot.home)
-    words = shlex.split(texts.command_text(inspector, view))
-    assert leave(*words[1:], "--json") == 0
-    assert np.allclose(json.loads(capsys.readouterr().out)["q"], view.q, atol=1e-9)

@@ -191,16 +191,16 @@ def test_a_free_axis_is_taken_where_the_arm_has_least_to_move(
     for _ in range(4):
         pose = inspector.pose_of(robot.sample(rng))
         view = inspector.turned(pose, axis, robot.home)
-        assert view.turned is not None
+        assert view.free is not None
         assert view.status is Status.OK
         turned = pose.rotation.T @ inspector.pose_of(view.q).rotation
         assert turned[:, axis] == pytest.approx(np.eye(3)[axis], abs=1e-6)
         assert inspector.pose_of(view.q).translation == pytest.approx(pose.translation, abs=1e-6)
         for angle in np.linspace(-3.0, 3.0, 13):
             other = inspector.turned(pose, axis, robot.home, float(angle))
-            assert other.turned is not None
-            assert other.turned.angle == angle
-            reached = any(start <= angle + turn <= stop for start, stop in other.turned.intervals for turn in TURNS)
+            assert other.free is not None
+            assert other.free.value == angle
+            reached = any(start <= angle + turn <= stop for start, stop in other.free.intervals for turn in TURNS)
             assert reached == (other.status is Status.OK)
             if other.status is Status.OK:
                 assert distance(robot, other.q) >= distance(robot, view.q) - 1e-6

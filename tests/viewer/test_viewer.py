@@ -56,7 +56,7 @@ def at(viewer: Viewer, position: tuple[float, float, float]) -> bool:
 
 def ghosts(viewer: Viewer) -> int:
     """How many ghosts the scene draws, the same of every part."""
-    nodes = viewer._stage._ghosts.values()
+    nodes = viewer._stage.arm.ghosts.values()
     (count,) = {len(node.batched_positions) if node.visible else 0 for node in nodes}
     return count
 
@@ -76,7 +76,7 @@ def test_the_gizmo_moves_the_arm(viewer: Viewer, page: Page) -> None:
     assert reached.isApprox(jacokin.pose(NEAR, (0.0, 1.0, 0.0, 0.0)), 1e-6)
     assert ghosts(viewer) == len(view.branches) - 1
     places = viewer._inspector.places([view.q])
-    for part, node in viewer._stage._arm.items():
+    for part, node in viewer._stage.arm.solid.items():
         assert np.allclose(node.position, places.positions[0, part])
 
 
@@ -168,21 +168,22 @@ def test_two_tabs_show_and_move_the_same(viewer: Viewer, page: Page) -> None:
 
 
 def test_a_free_axis_leaves_an_angle_to_choose(viewer: Viewer, page: Page) -> None:
-    page.set(viewer._panel._axis, "z")
-    assert until(lambda: viewer.view.turned is not None)
-    assert not viewer._panel._angle.disabled
-    page.set(viewer._panel._angle, 40.0)
-    assert until(lambda: viewer.view.turned is not None and abs(viewer.view.turned.angle - np.radians(40.0)) < 1e-9)
-    turned = viewer.view.turned
-    assert turned is not None
-    assert np.allclose(viewer._stage.gizmo.position, turned.pose.translation)
+    page.set(viewer._panel.free._axis, "z")
+    assert until(lambda: viewer.view.free is not None)
+    assert not viewer._panel.free._value.disabled
+    page.set(viewer._panel.free._value, 40.0)
+    assert until(lambda: viewer.view.free is not None and abs(viewer.view.free.value - np.radians(40.0)) < 1e-9)
+    free = viewer.view.free
+    assert free is not None
+    assert free.pose is not None
+    assert np.allclose(viewer._stage.gizmo.position, free.pose.translation)
     assert "within the limits [deg]" in viewer._panel._status.content
-    page.set(viewer._panel._axis, "none")
-    assert until(lambda: viewer.view.turned is None and viewer._panel._angle.disabled)
-    page.set(viewer._panel._axis, "../../etc/passwd")
+    page.set(viewer._panel.free._axis, "none")
+    assert until(lambda: viewer.view.free is None and viewer._panel.free._value.disabled)
+    page.set(viewer._panel.free._axis, "../../etc/passwd")
     page.move_gizmo(NEAR)
     assert at(viewer, NEAR)
-    assert viewer.view.turned is None
+    assert viewer.view.free is None
 
 
 def test_the_tracker_follows_the_gizmo_within_the_velocity_limits(viewer: Viewer, page: Page) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 
 # Options followed by any number of numbers, such as one for each joint.
 NUMBER_LISTS = frozenset(
-    {"--seed", "--start", "--velocity-limit", "--acceleration-limit", "--box", "--sphere", "--target"}
+    {"--seed", "--start", "--velocity-limit", "--acceleration-limit", "--box", "--sphere", "--target", "--tool"}
 )
 
 _NUMBER = re.compile(r"[-+]?((\d+\.?\d*|\.\d+)(e[-+]?\d+)?|inf(inity)?|nan)", re.IGNORECASE | re.ASCII)

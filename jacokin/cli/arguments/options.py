@@ -7,9 +7,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from jacokin.cli.arguments.declared import Argument, Option
+from jacokin.cli.arguments.units import numbers
+from jacokin.errors import InvalidInputError
 from jacokin.model.descriptions.bundled import DEFAULT_ROBOT as DEFAULT_ROBOT
 
 if TYPE_CHECKING:
+    import pinocchio as pin
+    from numpy.typing import ArrayLike
+
     from jacokin.model.robot import Robot
     from jacokin.model.scenes.scene import Scene
 
@@ -33,6 +38,25 @@ PackageDirOption = Annotated[
 ]
 FrameOption = Annotated[
     str | None, Option("--frame", metavar="NAME", help="Frame of the tool; `jacokin info` lists them.")
+]
+ToolOption = Annotated[
+    str | None,
+    Option(
+        "--tool",
+        metavar="X Y Z [W X Y Z]",
+        help="What is brought to the target, in the axes of --frame: position [m], orientation as a quaternion.",
+    ),
+]
+LimitOption = Annotated[
+    list[str] | None,
+    Option(
+        "--limit",
+        metavar="JOINT=LOW,HIGH",
+        help="Limits of a joint in place of those of the file [rad], also with --degrees. Repeatable.",
+    ),
+]
+FingerAngleOption = Annotated[
+    float | None, Option("--finger-angle", metavar="A", help="Where the fingers are held [rad], also with --degrees.")
 ]
 PathOption = Annotated[
     Path, Option("--path", metavar="FILE.csv", help="Poses to pass through: columns x,y,z,qw,qx,qy,qz.")
@@ -84,12 +108,56 @@ QArgument = Annotated[
 
 
 def load(
-    robot: str, base: str | None = None, tip: str | None = None, package_dirs: Sequence[Path] | None = None
+    robot: str,
+    base: str | None = None,
+    tip: str | None = None,
+    package_dirs: Sequence[Path] | None = None,
+    *,
+    limits: Sequence[str] | None = None,
+    finger_angle: float | None = None,
 ) -> Robot:
-    """The robot the options name."""
+    """The robot the options name.
+
+    Raises:
+        InvalidInputError: a limit that is not JOINT=LOW,HIGH.
+    """
     from jacokin.model.loading import load_robot
 
-    return load_robot(robot, base=base, tip=tip, package_dirs=package_dirs or ())
+    own = dict(map(_limit, limits)) if limits else None
+    return load_robot(robot, base=base, tip=tip, package_dirs=package_dirs or (), limits=own, finger_angle=finger_angle)
+
+
+def _limit(text: str) -> tuple[str, tuple[float, float]]:
+    """Joint, lower and upper limit from what --limit says."""
+    joint, sign, values = text.rpartition("=")
+    if not sign:
+        raise InvalidInputError(f"--limit must be JOINT=LOW,HIGH, for example joint_2=0.9,5.4, got {text!r}")
+    low, high = numbers(f"--limit {joint}", values, 2) or (0.0, 0.0)
+    return joint, (low, high)
+
+
+def placement(option: str, text: str | None) -> pin.SE3 | ArrayLike | None:
+    """The position (3,) or the pose that an option with three or seven numbers names.
+
+    Raises:
+        InvalidInputError: another count of numbers, or not a quaternion.
+    """
+    values = numbers(option, text)
+    if values is None or len(values) == 3:
+        return values
+    if len(values) != 7:
+        raise InvalidInputError(f"{option} must be 3 numbers, or 7 with a quaternion, got {len(values)}")
+    from jacokin.model.pose_targets import pose
+
+    return pose(values[:3], values[3:])
+
+
+def tool_pose(text: str | None) -> pin.SE3 | ArrayLike | None:
+    """T_frame_tool from what --tool says."""
+    from jacokin.model.pose_targets import pose
+
+    place = placement("--tool", text)
+    return pose(place) if isinstance(place, list) else place
 
 
 def surroundings(scene: Path | None, clearance: float | None) -> tuple[Scene | None, float]:

@@ -13,14 +13,17 @@ from jacokin.cli.arguments.options import (
     ClearanceOption,
     DaskOption,
     DegreesOption,
+    FingerAngleOption,
     FrameOption,
     JsonOption,
+    LimitOption,
     PackageDirOption,
     RandomSeedOption,
     RobotOption,
     SceneOption,
     SeedOption,
     TipOption,
+    ToolOption,
     WorkersOption,
 )
 from jacokin.cli.arguments.outputs import keep_apart
@@ -76,6 +79,7 @@ def ik(
     workers: WorkersOption = 1,
     dask: DaskOption = None,
     frame: FrameOption = None,
+    tool: ToolOption = None,
     seed: SeedOption = None,
     random_seed: RandomSeedOption = None,
     method: Annotated[str, Option("--method", metavar="NAME", help="auto, closed_form or qp.")] = "auto",
@@ -94,6 +98,8 @@ def ik(
     base: BaseOption = None,
     tip: TipOption = None,
     package_dir: PackageDirOption = None,
+    limit: LimitOption = None,
+    finger_angle: FingerAngleOption = None,
 ) -> None:
     """Find joint angles, inside the joint limits, for a pose.
 
@@ -126,7 +132,7 @@ def ik(
         raise InvalidInputError(f"{'--resume' if resume else '--dask'} goes with --targets and --output")
     keep_apart({"--output": output}, {"--targets": targets, "--robot": robot, "--scene": scene}, package_dir or ())
     units = Units(degrees)
-    arm = options.load(robot, base, tip, package_dir)
+    arm = options.load(robot, base, tip, package_dir, limits=limit, finger_angle=finger_angle)
     if rpy is not None:
         warn_of_degrees("--rpy", rpy, units)
     typed = numbers("--seed", seed)
@@ -137,6 +143,7 @@ def ik(
     solver = IKSolver(
         arm,
         frame,
+        tool=options.tool_pose(tool),
         method=method,
         qp_solver=qp_solver,
         collision=collision,

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import click
 
@@ -14,19 +15,19 @@ from jacokin.cli.arguments.options import (
     BaseOption,
     ClearanceOption,
     DegreesOption,
+    FingerAngleOption,
     FrameOption,
+    LimitOption,
     PackageDirOption,
     RobotOption,
     SceneOption,
     SeedOption,
     TipOption,
+    ToolOption,
 )
 from jacokin.cli.arguments.units import Units, numbers
-from jacokin.errors import InvalidInputError
 
-if TYPE_CHECKING:
-    import pinocchio as pin
-    from numpy.typing import ArrayLike
+FULL_TURN = (-math.pi, math.pi)  # [rad]
 
 
 def view(
@@ -52,42 +53,71 @@ def view(
     prefer: Annotated[
         str, Option("--prefer", metavar="NAME", help="The branch to go to: nearest, margin or manipulability.")
     ] = "nearest",
-    trajectory: Annotated[
-        Path | None, Option("--trajectory", metavar="FILE", help="A saved trajectory to play, .csv or .npz.")
+    free_axis: Annotated[
+        str | None, Option("--free-axis", metavar="AXIS", help="The tool may turn about this axis: x, y or z.")
     ] = None,
+    free_range: Annotated[
+        tuple[float, float] | None,
+        Option("--free-range", metavar="A B", help="From and to which angle it may turn; a full turn by default."),
+    ] = None,
+    trajectory: Annotated[
+        Path | None,
+        Option("--trajectory", metavar="FILE", help="A trajectory to play: .csv, .npz, .json (ROS) or .kinova.csv."),
+    ] = None,
+    reachability: Annotated[
+        str | None,
+        Option(
+            "--map", metavar="FOLDER|NAME", help="A reachability map to show slices of: its folder, or a bundled robot."
+        ),
+    ] = None,
+    visuals: Annotated[
+        bool, Option("--visuals", help="Draw the visual meshes of the file, not the shapes that collide.")
+    ] = False,
     frame: FrameOption = None,
+    tool: ToolOption = None,
     seed: SeedOption = None,
     degrees: DegreesOption = False,
     robot: RobotOption = DEFAULT_ROBOT,
     base: BaseOption = None,
     tip: TipOption = None,
     package_dir: PackageDirOption = None,
+    limit: LimitOption = None,
+    finger_angle: FingerAngleOption = None,
 ) -> None:
     """Show the arm and every branch in the browser, with a gizmo to move the target.
 
-    Prints the address to open, and serves it to this computer only until Ctrl-C. --degrees is for --seed.
+    Prints the address to open, and serves it to this computer only until Ctrl-C. --degrees is for --seed and
+    --free-range.
 
     Examples:
       jacokin view
       jacokin view --robot my_arm.urdf --port 0
       jacokin view --target 0.3 -0.2 0.5 --collision report
       jacokin view --target 0.3 -0.2 0.5 0 1 0 0
+      jacokin view --target 0.3 -0.2 0.5 0 1 0 0 --free-axis z --tool 0 0 0.05
       jacokin view --scene table.yaml --collision report --trajectory trajectory.csv
     """
+    from jacokin.cli.reachability import maps
     from jacokin.viewer import serve
 
-    wanted = _target(target)
-    arm = options.load(robot, base, tip, package_dir)
+    wanted = options.placement("--target", target)
+    arm = options.load(robot, base, tip, package_dir, limits=limit, finger_angle=finger_angle)
     typed = numbers("--seed", seed)
     start = None if typed is None else Units(degrees).of_joints(arm).read(typed)
     obstacles, kept = options.surroundings(scene, clearance)
+    chosen_map = None if reachability is None else maps.load(reachability)
     viewer = serve(
         arm,
         frame=frame,
+        tool=options.tool_pose(tool),
         collision=collision,
         scene=obstacles,
         clearance=kept,
         prefer=prefer,
+        free_axis=free_axis,
+        free_range=FULL_TURN if free_range is None else Units(degrees).read(free_range),
+        visuals=visuals,
+        reachability=chosen_map,
         trajectory=trajectory,
         target=wanted,
         seed=start,
@@ -100,19 +130,3 @@ def view(
             viewer.wait()
         except KeyboardInterrupt:
             click.echo("closed", err=True)
-
-
-def _target(text: str | None) -> pin.SE3 | ArrayLike | None:
-    """The pose or the position that --target names.
-
-    Raises:
-        InvalidInputError: not three or seven numbers, or not a quaternion.
-    """
-    values = numbers("--target", text)
-    if values is None or len(values) == 3:
-        return values
-    if len(values) != 7:
-        raise InvalidInputError(f"--target must be 3 numbers, or 7 with a quaternion, got {len(values)}")
-    from jacokin.model.pose_targets import pose
-
-    return pose(values[:3], values[3:])

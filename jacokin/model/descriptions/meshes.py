@@ -30,7 +30,7 @@ def embedded(robot: ET.Element, path: Path, package_dirs: Sequence[Path]) -> dic
     contents: dict[str, bytes] = {}
     for mesh in robot.iter("mesh"):
         file_name = mesh.get("filename", "")
-        found = _find(file_name, path, package_dirs)
+        found = find(file_name, path, package_dirs)
         if found not in names:
             content, suffix = _content(found, path)
             names[found] = f"{len(names)}_{found.stem}{suffix}"  # MuJoCo's messages name it
@@ -39,7 +39,12 @@ def embedded(robot: ET.Element, path: Path, package_dirs: Sequence[Path]) -> dic
     return contents
 
 
-def _find(file_name: str, path: Path, package_dirs: Sequence[Path]) -> Path:
+def find(file_name: str, path: Path, package_dirs: Sequence[Path]) -> Path:
+    """The file that a URDF at `path` means by the name of a mesh.
+
+    Raises:
+        ModelError: there is none; says what to give for a package.
+    """
     candidates = list(_candidates(file_name, path, package_dirs))
     for candidate in candidates:
         if candidate.is_file():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import math
 
 import numpy as np
@@ -11,12 +12,14 @@ from jacokin.arrays import Array
 from jacokin.ik.answers.choosing import PREFERENCES
 from jacokin.viewer import texts
 from jacokin.viewer.browser.controls import Post, from_client, set_value
+from jacokin.viewer.browser.free import FreeControls
 from jacokin.viewer.browser.player import Player
+from jacokin.viewer.browser.slicing import Slicing
+from jacokin.viewer.browser.solving import Solving
+from jacokin.viewer.contents import Contents
 from jacokin.viewer.inspector import Inspector
-from jacokin.viewer.motion import Playback
 from jacokin.viewer.view import View
 
-AXES: tuple[str, ...] = ("none", "x", "y", "z")
 STEP = 0.001  # [rad] or [m] of a joint's slider
 ONE_SIDED = 2.0 * math.pi  # how far a slider goes where a joint has no limit
 
@@ -24,15 +27,16 @@ ONE_SIDED = 2.0 * math.pi  # how far a slider goes where a joint has no limit
 class Panel:
     """Controls that every page shares. What a client does is posted as the name of a control; values are read later."""
 
-    def __init__(self, server: viser.ViserServer, inspector: Inspector, post: Post, playback: Playback | None) -> None:
+    def __init__(self, server: viser.ViserServer, inspector: Inspector, post: Post, contents: Contents) -> None:
         """Add the controls.
 
         Args:
             server: viser's.
             inspector: of the robot.
             post: called from any thread with the name of what was moved: "branch", "next", "previous", "ghosts",
-                "ellipsoid", "track", "prefer", "axis", "angle", "joints", "python", "command", or a name of the player.
-            playback: a trajectory to play, or None.
+                "ellipsoid", "visuals", "track", "prefer", "axis", "range", "angle", "setup", "slice", "joints",
+                "python", "command", or a name of the player.
+            contents: what there is to show beside the arm.
         """
         self._inspector = inspector
         gui = server.gui
@@ -46,16 +50,23 @@ class Panel:
         self._ghosts.on_update(from_client(post, "ghosts"))
         self._ellipsoid = gui.add_checkbox("Manipulability", False, hint="Draw how fast the tool can move each way")
         self._ellipsoid.on_update(from_client(post, "ellipsoid"))
+        self._visuals = gui.add_checkbox(
+            "Visual meshes",
+            bool(contents.visuals),
+            disabled=contents.visuals is None,
+            hint="Draw what the file shows instead of the shapes that collide",
+        )
+        self._visuals.on_update(from_client(post, "visuals"))
+        if contents.note:
+            gui.add_html(f'<div style="font-size:0.8em;padding:0 0.75em">{html.escape(contents.note)}</div>')
         self._track = gui.add_checkbox("Track", False, hint="Follow the gizmo at 100 Hz within the velocity limits")
         self._track.on_update(from_client(post, "track"))
         self._prefer = gui.add_dropdown("Prefer", PREFERENCES, initial_value=inspector.prefer, hint="Which branch")
         self._prefer.on_update(from_client(post, "prefer"))
-        self._axis = gui.add_dropdown(
-            "Free axis", AXES, initial_value=AXES[0], hint="The tool may turn about this axis of its own"
-        )
-        self._axis.on_update(from_client(post, "axis"))
-        self._angle = gui.add_slider("Angle [deg]", -180.0, 180.0, 0.5, 0.0, disabled=True)
-        self._angle.on_update(from_client(post, "angle"))
+        self._free = FreeControls(gui, inspector, post, contents.axis, contents.span)
+        self.solving = Solving(gui, inspector.robot, contents.setup, post)
+        self.slicing = None if contents.slices is None else Slicing(server, contents.slices, post)
+        playback = contents.playback
         self.player = None if playback is None else Player(gui, inspector.robot, playback, post)
         self._shown = np.zeros(inspector.robot.dof)  # values the sliders were last set to
         with gui.add_folder("Joints"):
@@ -73,9 +84,7 @@ class Panel:
         self._branch.max = max(count, 2)
         if view.selected is not None:
             set_value(self._branch, view.selected + 1)
-        self._angle.disabled = view.turned is None
-        if view.turned is not None:
-            set_value(self._angle, math.degrees(texts.wrapped(view.turned.angle)))
+        self._free.show(view.free)
         for joint, slider in enumerate(self._joints):
             value = float(view.q[joint])
             if self._inspector.robot.unlimited[joint] and not self._inspector.robot.sliding[joint]:
@@ -114,14 +123,14 @@ class Panel:
         return self._prefer.value if self._prefer.value in PREFERENCES else PREFERENCES[0]
 
     @property
-    def axis(self) -> int | None:
-        """The free axis: 0, 1 or 2; None for none, and for what is not in the list."""
-        return AXES.index(self._axis.value) - 1 if self._axis.value in AXES[1:] else None
+    def visuals(self) -> bool:
+        """Whether the visual meshes are to be drawn."""
+        return bool(self._visuals.value)
 
     @property
-    def angle(self) -> float:
-        """Angle about the free axis [rad]; as a client sent it."""
-        return math.radians(float(self._angle.value))
+    def free(self) -> FreeControls:
+        """The controls of the free axis or joint."""
+        return self._free
 
     def stop_tracking(self) -> None:
         """Take the mark from "Track"."""

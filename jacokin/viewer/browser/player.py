@@ -8,7 +8,7 @@ from viser import uplot
 
 from jacokin.model.robot import Robot
 from jacokin.viewer.browser.controls import Post, from_client, set_value
-from jacokin.viewer.motion import SPEEDS, Playback
+from jacokin.viewer.motion.playback import SPEEDS, Playback
 
 MOST_POINTS = 1000  # of a plot
 PLOT_HEIGHT = 110  # [pixel]

@@ -12,21 +12,17 @@ from numpy.typing import NDArray
 from jacokin.arrays import Array
 from jacokin.ik.results import Status
 from jacokin.model import poses
+from jacokin.viewer.browser.arm import ARM, GHOST, TOUCHING, Arm, Colour
+from jacokin.viewer.drawing.meshes import sphere
+from jacokin.viewer.drawing.parts import Part, of_obstacles
 from jacokin.viewer.inspector import Inspector
-from jacokin.viewer.shapes import Part, of_obstacles, sphere
-from jacokin.viewer.view import Places, View
+from jacokin.viewer.view import View
 
 if TYPE_CHECKING:
     from jacokin.model.scenes.scene import Scene
 
-Colour = tuple[int, int, int]
-
-ARM: Colour = (205, 211, 219)
 CLOSEST: Colour = (240, 190, 80)  # not at the target
 OUTSIDE: Colour = (224, 49, 49)
-TOUCHING: Colour = (232, 137, 12)
-GHOST: Colour = (77, 171, 247)
-GHOST_OPACITY = 0.25
 OBSTACLE: Colour = (150, 140, 120)
 OBSTACLE_OPACITY = 0.6
 ELLIPSOID: Colour = (132, 94, 247)
@@ -37,40 +33,29 @@ GIZMO_SIZE = 0.15  # [m]
 
 
 class Stage:
-    """Nodes of the scene: for each part of the arm one mesh, and one batch of meshes for its ghosts."""
+    """Nodes of the scene: the arm with its ghosts, the gizmo, obstacles, and the ellipsoid of manipulability."""
 
     def __init__(
-        self, server: viser.ViserServer, inspector: Inspector, parts: tuple[Part, ...], scene: Scene | None
+        self,
+        server: viser.ViserServer,
+        inspector: Inspector,
+        parts: tuple[Part, ...],
+        shapes: tuple[Part, ...],
+        scene: Scene | None,
     ) -> None:
-        """Add the nodes, out of sight until `show`."""
+        """Add the nodes, out of sight until `show`.
+
+        Args:
+            server: viser's.
+            inspector: of the robot.
+            parts: of the arm, to draw.
+            shapes: of the arm, with the collision shapes that are drawn where they touch.
+            scene: obstacles to draw.
+        """
         self._server = server
         self._inspector = inspector
-        self._parts = parts
         nodes = server.scene
-        self._arm: dict[int, viser.MeshHandle] = {}
-        self._ghosts: dict[int, viser.BatchedMeshHandle] = {}
-        for index, part in enumerate(parts):
-            if part.mesh is None:
-                continue
-            vertices, faces = part.mesh.vertices, part.mesh.faces
-            self._arm[index] = nodes.add_mesh_simple(
-                f"/arm/{index}", vertices, faces, color=ARM, flat_shading=True, receive_shadow=False
-            )
-            if index:  # the base is where it is in every branch
-                self._ghosts[index] = nodes.add_batched_meshes_simple(
-                    f"/ghosts/{index}",
-                    vertices,
-                    faces,
-                    batched_wxyzs=np.array([[1.0, 0.0, 0.0, 0.0]]),
-                    batched_positions=np.zeros((1, 3)),
-                    batched_colors=np.array([GHOST], dtype=np.uint8),
-                    opacity=GHOST_OPACITY,
-                    lod="off",
-                    flat_shading=True,
-                    cast_shadow=False,
-                    receive_shadow=False,
-                    visible=False,
-                )
+        self.arm = Arm(nodes, parts, shapes)
         self.gizmo = nodes.add_transform_controls(GIZMO, scale=GIZMO_SIZE, depth_test=False)
         nodes.add_grid("/grid", width=2.0, height=2.0, cell_size=0.1, section_size=0.5)
         # Lights of our own, without shadows: the default ones come seconds after the page and slow every picture.
@@ -111,19 +96,15 @@ class Stage:
         """
         ghosts = view.ghosts
         places = self._inspector.places([view.q, *view.branches[ghosts]])
-        colours = self._colours(view)
+        touching = {name for pair in view.arm_touching for name in pair}
         with self._server.atomic():
-            for index, node in self._arm.items():
-                node.position = places.positions[0, index]
-                node.wxyz = places.wxyzs[0, index]
-                node.color = colours[index]
-            touching = {name for pair in view.arm_touching for name in pair}
+            self.arm.place(places, self._colour(view), touching)
             for name, obstacle in self._obstacles.items():
                 obstacle.color = TOUCHING if name in touching else OBSTACLE
             self._place_ellipsoid(view.q)
-            self._place_ghosts(places, self._ghost_colours(view)[ghosts])
+            self.arm.place_ghosts(places, self._ghost_colours(view)[ghosts], visible=self._show_ghosts)
             if move_gizmo:
-                self.place_gizmo(view.target if view.turned is None else view.turned.pose)
+                self.place_gizmo(view.gizmo)
 
     def place_gizmo(self, target: pin.SE3) -> None:
         """Bring the gizmo to a pose."""
@@ -138,19 +119,14 @@ class Stage:
         """Show or hide the ellipsoid of manipulability from the next view on."""
         self._show_ellipsoid = visible
 
+    def show_obstacles(self, visible: bool) -> None:
+        """Show or hide the obstacles."""
+        for obstacle in self._obstacles.values():
+            obstacle.visible = visible
+
     def target(self) -> tuple[Array, Array]:
         """Position (3,) [m] and quaternion w, x, y, z of the gizmo, as a client sent them: unchecked."""
         return np.array(self.gizmo.position), np.array(self.gizmo.wxyz)
-
-    def _place_ghosts(self, places: Places, colours: NDArray[np.uint8]) -> None:
-        visible = bool(len(colours)) and self._show_ghosts
-        for index, node in self._ghosts.items():
-            if visible:
-                # Positions first: they say how many there are, which colours must match.
-                node.batched_positions = places.positions[1:, index]
-                node.batched_wxyzs = places.wxyzs[1:, index]
-                node.batched_colors = colours
-            node.visible = visible
 
     def _place_ellipsoid(self, q: Array) -> None:
         node = self._ellipsoid
@@ -162,13 +138,11 @@ class Stage:
             node.wxyz = poses.quaternion(directions)
         node.visible = self._show_ellipsoid
 
-    def _colours(self, view: View) -> list[Colour]:
-        """The colour of each part of the solid arm."""
-        whole = ARM if view.status is Status.OK or view.selected is not None else CLOSEST
+    def _colour(self, view: View) -> Colour:
+        """The colour of the solid arm."""
         if self._inspector.excess(view.q):
-            whole = OUTSIDE
-        touching = {name for pair in view.arm_touching for name in pair}
-        return [TOUCHING if touching.intersection(part.shapes) else whole for part in self._parts]
+            return OUTSIDE
+        return ARM if view.status is Status.OK or view.selected is not None or view.arm_touching else CLOSEST
 
     def _ghost_colours(self, view: View) -> NDArray[np.uint8]:
         """(k, 3) the colour of each branch."""

@@ -14,7 +14,9 @@ import jacokin
 from jacokin import IKSolver, Robot
 from jacokin.arrays import Array
 from jacokin.model import NAMES, to_mujoco
-from jacokin.viewer import Inspector, shapes
+from jacokin.viewer import Inspector
+from jacokin.viewer.drawing import meshes as shapes
+from jacokin.viewer.drawing.parts import parts_of
 
 
 def volume(mesh: shapes.Mesh) -> float:
@@ -42,7 +44,7 @@ def surface(robot: Robot, q: Array) -> Array:
     """Every vertex of the drawn arm in the base frame."""
     places = Inspector(IKSolver(robot, warm=None)).places([q])
     vertices = []
-    for part, position, quat in zip(shapes.parts_of(robot), places.positions[0], places.wxyzs[0], strict=True):
+    for part, position, quat in zip(parts_of(robot)[0], places.positions[0], places.wxyzs[0], strict=True):
         if part.mesh is not None:
             rotation = np.zeros(9)
             mujoco.mju_quat2Mat(rotation, quat.astype(np.float64))
@@ -76,10 +78,11 @@ def test_meshes_of_a_file_are_drawn(tmp_path: Path) -> None:
         encoding="utf-8",
     )
     robot = jacokin.load_robot(path)
-    base, arm = shapes.parts_of(robot)
+    (base, arm), note = parts_of(robot)
+    assert note == ""
     assert base.mesh is None
     assert arm.mesh is not None
-    assert arm.shapes == ("w", "e")
+    assert tuple(arm.shapes) == ("w", "e")
     assert arm.mesh.vertices.max(axis=0) == pytest.approx([0.3, 0.1, 0.1], abs=1e-6)
     assert volume(arm.mesh) == pytest.approx(1e-3 / 6 + 4 / 3 * np.pi * 4e-5, rel=0.05)
 
@@ -89,7 +92,8 @@ def test_an_arm_without_shapes_is_drawn_as_sticks(tmp_path: Path, robot: Robot) 
     text = Path(robot.source.path).read_text(encoding="utf-8")
     path.write_text(re.sub(r"<collision.*?</collision>|<visual.*?</visual>", "", text, flags=re.S), encoding="utf-8")
     bare = jacokin.load_robot(path)
-    parts = shapes.parts_of(bare)
+    parts, note = parts_of(bare)
+    assert "no collision shapes" in note
     assert len(parts) == 7
     assert all(part.mesh is not None and not part.shapes for part in parts)
     tip = bare.forward_kinematics(bare.home).translation

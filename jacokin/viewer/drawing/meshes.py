@@ -1,4 +1,4 @@
-"""What the arm looks like: one mesh for each of its moving parts, from the collision shapes of the description."""
+"""Triangle meshes: boxes, spheres, cylinders, what a compiled MuJoCo model holds, and several in one."""
 
 from __future__ import annotations
 
@@ -9,19 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.errors import ModelError
 from jacokin.model import poses
 
 if TYPE_CHECKING:
     import mujoco
 
-    from jacokin.model.robot import Robot
-    from jacokin.model.scenes.scene import Scene
-
 SIDES = 24  # of what is round
 RINGS = 6  # from the equator of a sphere to its pole
-PLATE = (1.0, 1.0, 0.002)  # [m] half edges of what is drawn of a floor
-BONE_RADIUS = 0.02  # [m] of the sticks that stand for an arm without shapes
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,53 +26,6 @@ class Mesh:
     """(v, 3) [m]."""
     faces: NDArray[np.uint32]
     """(f, 3) counter-clockwise from outside."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Part:
-    """What one joint moves, in Pinocchio's frame of that joint; the base is part 0."""
-
-    name: str
-    """Of the joint; "base" for the base."""
-    mesh: Mesh | None
-    """None where the description has no shape."""
-    shapes: tuple[str, ...]
-    """Names of the collision shapes in the mesh."""
-
-
-def parts_of(robot: Robot) -> tuple[Part, ...]:
-    """The base and the part each joint moves, base to tip; sticks from joint to joint where no shapes can be loaded."""
-    from jacokin.model.mujoco_twin.export import to_mujoco
-
-    try:
-        model = to_mujoco(robot, geometry=True)
-    except ModelError:
-        return _sticks(robot)
-    first = model.body(1).id  # bodies are the world, the base, and one for each joint, in the order of the joints
-    parts = []
-    for index, name in enumerate(("base", *robot.joint_names)):
-        geoms = [g for g in range(model.ngeom) if model.geom_bodyid[g] == first + index]
-        meshes = [mesh for geom in geoms if (mesh := _mesh_of_geom(model, geom)) is not None]
-        parts.append(Part(name, _merged(meshes), tuple(str(model.geom(g).name) for g in geoms)))
-    return tuple(parts) if any(part.mesh for part in parts) else _sticks(robot)
-
-
-def of_obstacles(scene: Scene) -> dict[str, Mesh]:
-    """The shapes of a scene by name, in the base frame; a floor as a thin plate."""
-    import mujoco
-
-    spec = mujoco.MjSpec()
-    for obstacle in scene:
-        obstacle.add_to(spec.worldbody)
-    model = spec.compile()
-    meshes = {}
-    for geom in range(model.ngeom):
-        mesh = _mesh_of_geom(model, geom)
-        if mesh is None:
-            z = float(model.geom_pos[geom][2])
-            mesh = placed(box(np.array(PLATE)), np.eye(3), np.array([0.0, 0.0, z - PLATE[2]]))
-        meshes[str(model.geom(geom).name)] = mesh
-    return meshes
 
 
 def box(half: Array) -> Mesh:
@@ -133,7 +80,7 @@ def placed(mesh: Mesh, rotation: Array, position: Array) -> Mesh:
     return Mesh(moved.astype(np.float32), mesh.faces)
 
 
-def _mesh_of_geom(model: mujoco.MjModel, geom: int) -> Mesh | None:
+def of_geom(model: mujoco.MjModel, geom: int) -> Mesh | None:
     """One shape in the frame of its body; None for a kind without an end, such as a plane."""
     import mujoco
 
@@ -151,46 +98,24 @@ def _mesh_of_geom(model: mujoco.MjModel, geom: int) -> Mesh | None:
         unit = sphere(1.0)
         mesh = Mesh((unit.vertices * size).astype(np.float32), unit.faces)
     elif kind == kinds.mjGEOM_MESH:
-        mesh = _stored(model, int(model.geom_dataid[geom]))
+        mesh = of_stored(model, int(model.geom_dataid[geom]))
     else:
         return None
     w, x, y, z = (float(value) for value in model.geom_quat[geom])
     return placed(mesh, poses.rotation_from_quat_wxyz([w, x, y, z]), np.array(model.geom_pos[geom]))
 
 
-def _stored(model: mujoco.MjModel, mesh: int) -> Mesh:
+def of_stored(model: mujoco.MjModel, mesh: int) -> Mesh:
     """A mesh of a compiled model: the convex hull that collides, where the file has no faces."""
     vertices = model.mesh_vert[model.mesh_vertadr[mesh] :][: model.mesh_vertnum[mesh]]
     faces = model.mesh_face[model.mesh_faceadr[mesh] :][: model.mesh_facenum[mesh]]
     return Mesh(np.array(vertices, dtype=np.float32), np.array(faces, dtype=np.uint32))
 
 
-def _merged(meshes: list[Mesh]) -> Mesh | None:
+def merged(meshes: list[Mesh]) -> Mesh | None:
+    """Several meshes as one; None for none."""
     if not meshes:
         return None
     starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes[:-1])])
     faces = [mesh.faces + np.uint32(start) for mesh, start in zip(meshes, starts, strict=True)]
     return Mesh(np.vstack([mesh.vertices for mesh in meshes]), np.vstack(faces))
-
-
-def _sticks(robot: Robot) -> tuple[Part, ...]:
-    """A ball at each joint and a stick from there to the next joint, or to the default frame."""
-    model = robot.pin_model
-    ends: list[Array] = [np.array(model.jointPlacements[joint].translation) for joint in range(1, model.njoints)]
-    ends.append(np.array(model.frames[robot.frame_id()].placement.translation))
-    parts = []
-    for name, end in zip(("base", *robot.joint_names), ends, strict=True):
-        meshes = [sphere(1.5 * BONE_RADIUS)]
-        length = float(np.linalg.norm(end))
-        if length > 1e-6:  # [m] below that there is nothing to see
-            meshes.append(placed(cylinder(BONE_RADIUS, 0.5 * length), _rotation_to(end / length), 0.5 * end))
-        parts.append(Part(name, _merged(meshes), ()))
-    return tuple(parts)
-
-
-def _rotation_to(direction: Array) -> Array:
-    """A rotation (3, 3) that takes z to a unit vector (3,)."""
-    helper = np.eye(3)[int(np.argmin(np.abs(direction)))]
-    x = np.cross(helper, direction)
-    x /= np.linalg.norm(x)
-    return np.column_stack((x, np.cross(direction, x), direction))

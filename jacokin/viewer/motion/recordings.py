@@ -1,0 +1,126 @@
+"""Files of trajectories to play: those that jacokin saves, those of ROS and of Kinova's driver included."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from jacokin.arrays import Array
+from jacokin.errors import InvalidInputError
+from jacokin.ik.paths import files
+from jacokin.model import checks
+
+if TYPE_CHECKING:
+    from jacokin.model.robot import Robot
+
+ENDINGS = (".csv", ".npz", ".json", ".kinova.csv")
+LARGEST = 500_000_000  # [byte] of a .json file: a day at 100 Hz takes some 4e9, an hour 1.5e8
+NANOSECOND = 1e-9  # [s]
+
+
+class Trajectory(Protocol):
+    """What is played: a `PathResult`, a `JointMotion`, or anything with these."""
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the joints."""
+
+    @property
+    def t(self) -> Array:
+        """(n,) time [s]."""
+
+    @property
+    def q(self) -> Array:
+        """(n, dof) joint angles [rad]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Recorded:
+    """A trajectory of another program."""
+
+    joint_names: tuple[str, ...]
+    """Names of the joints."""
+    t: Array
+    """(n,) time [s]."""
+    q: Array
+    """(n, dof) joint angles [rad]."""
+
+
+def load(path: str | Path, robot: Robot) -> Trajectory:
+    """Read a trajectory: .csv and .npz of `PathResult` or `JointMotion`, .json of ROS, .kinova.csv.
+
+    Args:
+        path: the file.
+        robot: whose joints it moves. The columns of .kinova.csv have no names; those of .json come in any order.
+
+    Raises:
+        InvalidInputError: no such file, malformed, or of other joints.
+    """
+    file, ending = files.by_ending(path, ENDINGS)
+    if ending == ".json":
+        return _ros(file, robot)
+    if ending == ".kinova.csv":
+        return _kinova(file, robot)
+    from jacokin.ik.paths.joint_motion import JointMotion
+    from jacokin.ik.paths.result import PathResult
+
+    try:
+        return PathResult.load(file)
+    except InvalidInputError as error:
+        try:
+            return JointMotion.load(file)
+        except InvalidInputError:
+            raise error from None
+
+
+def _ros(file: Path, robot: Robot) -> Recorded:
+    """The fields of a JointTrajectory message of ROS 1 or ROS 2, as JSON."""
+    try:
+        if file.stat().st_size > LARGEST:
+            raise InvalidInputError(f"{file} is larger than {LARGEST} bytes: not a trajectory to play")
+        message = json.loads(file.read_text(encoding="utf-8"))
+        names = [str(name) for name in message["joint_names"]]
+        points = message["points"]
+        times = [_seconds(point["time_from_start"]) for point in points]
+        rows = [[float(angle) for angle in point["positions"]] for point in points]
+    except OSError as error:
+        raise InvalidInputError(f"cannot read {file}: {error.strerror or error}") from error
+    except (ValueError, TypeError, KeyError, AttributeError, RecursionError, OverflowError) as error:
+        raise InvalidInputError(f"{file}: not a JointTrajectory as JSON: {error!r}") from error
+    if set(names) != set(robot.joint_names) or len(names) != robot.dof:
+        raise InvalidInputError(f"{file}: trajectory has the joints {', '.join(names)}; {robot.name} has others")
+    if any(len(row) != robot.dof for row in rows):
+        raise InvalidInputError(f"{file}: every point must have {robot.dof} positions")
+    order = [names.index(name) for name in robot.joint_names]
+    q = np.array(rows, dtype=np.float64).reshape(len(rows), robot.dof)
+    return Recorded(robot.joint_names, np.array(times, dtype=np.float64), q[:, order])
+
+
+def _seconds(duration: object) -> float:
+    """A duration of ROS 2 (sec, nanosec), of ROS 1 (secs, nsecs), or a number [s]."""
+    if not isinstance(duration, Mapping):
+        return float(duration)  # type: ignore[arg-type]  # what is not a number is caught by the caller
+    names = ("sec", "nanosec") if "sec" in duration else ("secs", "nsecs")
+    whole, rest = (float(duration[name]) for name in names)
+    return whole + NANOSECOND * rest
+
+
+def _kinova(file: Path, robot: Robot) -> Recorded:
+    """Angles in degrees at 100 Hz, as `PathResult.save` writes them for Kinova's driver."""
+    table = files.read_table(file)
+    wanted = ["time_s", *(f"joint{number}_deg" for number in range(1, robot.dof + 1))]
+    if list(table.head[: len(wanted)]) != wanted or len(table.head) != 2 * robot.dof + 1:
+        raise InvalidInputError(f"{file}: the head line must begin {','.join(wanted)} for {robot.name}")
+    rows = []
+    for row, line in enumerate(table.lines):
+        try:
+            rows.append(table.numbers(row, 0, len(wanted)))
+        except ValueError as error:
+            raise InvalidInputError(f"{file}, line {line}: {error}") from error
+    numbers = checks.read_only(rows)
+    return Recorded(robot.joint_names, numbers[:, 0], np.radians(numbers[:, 1:]))
