@@ -6,26 +6,30 @@ import weakref
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
+from jacokin.arrays import Array
 from jacokin.errors import EpisodeInitializationError, InvalidInputError, shown
 from jacokin.model import checks
 from jacokin.mujoco_bridge.base import DOWN_QUATERNION, RandomState, RobotArm, RobotHand, check_random_state
-from jacokin.mujoco_bridge.control.collisions import Geoms, bodies_of, free_bodies, trial_of
+from jacokin.mujoco_bridge.control import queries
+from jacokin.mujoco_bridge.control.collisions import Geoms, Trial, bodies_of, free_bodies, trial_of
+from jacokin.mujoco_bridge.control.queries import Asking
 from jacokin.mujoco_bridge.distributions import Sampler, constant_or_sampler
 from jacokin.mujoco_bridge.quaternions import rotation_matrix, unit_quaternion
 from jacokin.mujoco_bridge.simulation.physics import Physics, check_physics
 
 Pairs = tuple[tuple[Geoms, Geoms], ...]
 
-BRANCHES = ("random", "nearest")
+BRANCHES = ("random", "nearest", "nearest_to_random")
 
 
 class ToolCenterPointInitializer:
     """Places the tool centre point of a hand at sampled poses.
 
     A configuration is rejected when the arm touches itself, the hand, or anything without a free joint, or when the
-    hand touches the latter. Every branch of a pose is tried before another pose is sampled.
+    hand touches the latter. Every branch of a pose is tried before another pose is sampled, unless branches are chosen
+    by random starts.
     """
 
     def __init__(
@@ -48,10 +52,12 @@ class ToolCenterPointInitializer:
             position: (3,) in the world [m], or a sampler of positions such as `uniform_box`.
             quaternion: (4,) wxyz, or a sampler of quaternions.
             ignore_collisions: accept the first configuration.
-            max_ik_attempts: starts of the numerical solver for each pose, where the arm has no closed form.
+            max_ik_attempts: starts for each pose, where the arm has no closed form or branches are chosen by starts.
             max_rejection_samples: poses to try.
             branch: "random" tries the branches of a pose in random order, so that each is equally likely to come
-                first; "nearest" in the order of their distance to the present configuration.
+                first; "nearest" in the order of their distance to the present configuration; "nearest_to_random"
+                takes the one nearest to a random start, as a numerical solver finds it, and another start when that
+                collides.
 
         Raises:
             UnknownNameError: no such branch.
@@ -68,7 +74,7 @@ class ToolCenterPointInitializer:
         self._ignore_collisions = checks.flag("ignore_collisions", ignore_collisions)
         self._max_ik_attempts = checks.whole_number("max_ik_attempts", max_ik_attempts, 1)
         self._max_rejection_samples = checks.whole_number("max_rejection_samples", max_rejection_samples, 1)
-        self._shuffle = checks.choice("branch", branch, BRANCHES) == "random"
+        self._branch = checks.choice("branch", branch, BRANCHES)
         self._pairs: weakref.WeakKeyDictionary[Physics, Pairs] = weakref.WeakKeyDictionary()
 
     def __call__(self, physics: Physics, random_state: RandomState) -> None:
@@ -84,28 +90,67 @@ class ToolCenterPointInitializer:
         """
         check_random_state(random_state)
         with check_physics(physics).lock:
-            self._place(physics, random_state)
+            if self._branch == "nearest_to_random":
+                queries.run(self.placing(physics, random_state))
+            else:
+                self._place(physics, random_state)
+
+    def placing(self, physics: Physics, random_state: RandomState) -> Asking[None]:
+        """As a call with branch="nearest_to_random", but whoever runs it answers the queries of inverse kinematics.
+
+        Between a query and its answer, the state of the physics may be another one.
+
+        Raises:
+            EpisodeInitializationError: as for a call.
+            InvalidInputError: as for a call.
+        """
+        arm, hand = self._arm, self._hand
+        bounds = arm.sampling_bounds(physics)
+        for _ in range(self._max_rejection_samples):
+            position, rotation = self._pose(random_state)
+            for _ in range(self._max_ik_attempts):
+                solver = arm.site_solver(physics, arm.wrist_site if hand is None else hand.tool_center_point)
+                query = solver.query(position, rotation, bounds, random_state)
+                q = yield query
+                if q is None:
+                    if solver.has_closed_form:
+                        break  # nor from another start
+                elif self._is_free(physics, trial_of(physics), query.qpos, q):
+                    physics.set_qpos(query.qpos, q)
+                    return
+        raise self._failure()
 
     def _place(self, physics: Physics, random_state: RandomState) -> None:
         arm, hand = self._arm, self._hand
         solver = arm.site_solver(physics, arm.wrist_site if hand is None else hand.tool_center_point)
         bounds = None if solver.has_closed_form else arm.sampling_bounds(physics)
         trial = trial_of(physics)
-        pairs = self._pairs.get(physics)
-        if pairs is None:
-            pairs = self._pairs[physics] = _pairs(physics, arm, hand)
         for _ in range(self._max_rejection_samples):
-            position = checks.vector("position", self._position(None, None, random_state), 3, "m")
-            quat_wxyz = unit_quaternion("quaternion", self._quaternion(None, None, random_state))
-            found = solver.solutions(
-                position, rotation_matrix(quat_wxyz), bounds, random_state, self._max_ik_attempts, shuffle=self._shuffle
-            )
-            for rows, q in found:
-                trial.qpos[rows] = q
-                if self._ignore_collisions or not trial.touching(*pairs):
+            shuffle, attempts = self._branch == "random", self._max_ik_attempts
+            for rows, q in solver.solutions(*self._pose(random_state), bounds, random_state, attempts, shuffle=shuffle):
+                if self._is_free(physics, trial, rows, q):
                     physics.set_qpos(rows, q)
                     return
-        raise EpisodeInitializationError(
+        raise self._failure()
+
+    def _pose(self, random_state: RandomState) -> tuple[Array, Array]:
+        """A position (3,) and an orientation (3, 3) in the world."""
+        position = checks.vector("position", self._position(None, None, random_state), 3, "m")
+        quat_wxyz = unit_quaternion("quaternion", self._quaternion(None, None, random_state))
+        return position, rotation_matrix(quat_wxyz)
+
+    def _is_free(self, physics: Physics, trial: Trial, rows: NDArray[np.intp], q: Array) -> bool:
+        """Whether a configuration may be taken; `trial` is at the present positions otherwise."""
+        if self._ignore_collisions:
+            return True
+        pairs = self._pairs.get(physics)
+        if pairs is None:
+            pairs = self._pairs[physics] = _pairs(physics, self._arm, self._hand)
+        trial.qpos[rows] = q
+        return not trial.touching(*pairs)
+
+    def _failure(self) -> EpisodeInitializationError:
+        return EpisodeInitializationError(
             f"none of {self._max_rejection_samples} poses sampled for the tool centre point has a configuration within "
             "the joint limits and free of collisions. Sample from another region, raise max_rejection_samples, or set "
             "ignore_collisions=True"

@@ -24,7 +24,7 @@ from jacokin.ik.closed_form.kernels.pose import WITHIN_LIMITS
 from jacokin.ik.options import Options
 from jacokin.ik.solver import IKSolver
 from jacokin.ik.verification import Verifier
-from jacokin.model.angles import TURN
+from jacokin.mujoco_bridge.control.queries import Query, canonical
 from jacokin.mujoco_bridge.control.scene_chain import SITE, SceneChain, scene_chain
 from jacokin.mujoco_bridge.simulation.physics import Physics
 
@@ -138,6 +138,22 @@ class SiteSolver:
         for q in found:
             yield chain.qpos, self._canonical(q)
 
+    def query(self, position: Array, rotation: Array, bounds: Bounds, random_state: RandomState) -> Query:
+        """A pose from a random start.
+
+        Args:
+            position: (3,) target position of the site in the world [m].
+            rotation: (3, 3) target orientation, R_world_site.
+            bounds: lower and upper bounds of all of the arm's joints.
+            random_state: draws the start.
+
+        Raises:
+            PhysicsError: positions or velocities in the scene are not finite.
+        """
+        start = next(self._starts(None, bounds, random_state, 1))
+        chain = self._target(position, rotation)
+        return Query(self._solver, self._T.copy(), start, chain.qpos, tuple(self._wraps))
+
     def _target(self, position: Array, rotation: Array) -> SceneChain:
         """Write T_base_site of a target in the world to `_T`; returns the chain as it is now."""
         self._check_finite()
@@ -200,12 +216,7 @@ class SiteSolver:
             yield q[index]
 
     def _canonical(self, q: Array) -> Array:
-        """A copy with the unlimited hinges in [0, 2 pi)."""
-        q = q.copy()
-        for joint in self._wraps:
-            turned = q[joint] % TURN
-            q[joint] = turned if turned < TURN else 0.0  # the remainder of -1e-17 is rounded up to a full turn
-        return q
+        return canonical(q, self._wraps)
 
     def _by_qp(self, starts: Iterator[Array]) -> Iterator[Array]:
         target = targets.checked(self._T)
