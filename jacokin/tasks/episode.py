@@ -11,6 +11,8 @@ from jacokin.arrays import Array
 from jacokin.errors import PhysicsError
 from jacokin.model import checks
 from jacokin.mujoco_bridge.base import RandomState
+from jacokin.mujoco_bridge.control import queries
+from jacokin.mujoco_bridge.control.queries import Asking
 from jacokin.mujoco_bridge.simulation.rendering import Renderers
 from jacokin.tasks import actions, registry
 from jacokin.tasks.task import CAMERA, CONTROL_TIMESTEP, SUBSTEPS, TIME_LIMIT
@@ -70,8 +72,12 @@ class Episode:
         Raises:
             EpisodeInitializationError: none was found; a reset is due.
         """
+        queries.run(self.starting(random_state))
+
+    def starting(self, random_state: RandomState) -> Asking[None]:
+        """As `start`, but whoever runs it answers the queries; see `Task.starting`."""
         self.steps = None
-        self.goal = self.task.initialize_episode(random_state)
+        self.goal = yield from self.task.starting(random_state)
         self.steps = 0
 
     def advance(self, action: Array) -> None:

@@ -1,26 +1,32 @@
-"""What may differ between episodes beside the initial state: masses, friction, gains, delays, noise, lights."""
+"""What may differ between episodes beside the initial state: masses, friction, gains, delays, noise, lights, poses."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 
 import mujoco
 import numpy as np
+from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.model import checks
 from jacokin.mujoco_bridge.base import RandomState
 from jacokin.mujoco_bridge.distributions import Sampler, constant_or_sampler
+from jacokin.mujoco_bridge.quaternions import product
 from jacokin.tasks.task import CAMERA, CONTROL_TIMESTEP
 
 Choice = float | Sampler | None
 
 FACTORS = ("friction", "mass", "gains", "damping", "lights")
-AMOUNTS = ("latency", "observation_noise", "camera")
 MAX_LATENCY = 1.0  # [s]
+MAX_SHIFT = 0.5  # [m] of the base in each direction
 _LARGEST_FACTOR = 1e3
+_CAMERA = ("camera_x", "camera_y", "camera_z")
+_BASE = ("base_x", "base_y", "base_z", "base_yaw")
+_VALUES = {"camera": ("camera", *_CAMERA), "base_pose": _BASE}  # of fields that have several, or under other names
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +42,8 @@ class Randomization:
         latency: delay of actions [s], rounded to control steps of 0.04 s; at most 1 s.
         observation_noise: standard deviation of normal noise on all features, in their units.
         camera: distance by which the camera is moved, in a direction that is drawn too [m].
+        base_pose: displacement of the arm's base: x, y, z [m] and yaw about its vertical axis [rad]. One number, or a
+            sampler of one, means each of the four: ``Uniform(-0.02, 0.02)`` draws four numbers.
     """
 
     friction: Choice = None
@@ -46,6 +54,7 @@ class Randomization:
     latency: Choice = None
     observation_noise: Choice = None
     camera: Choice = None
+    base_pose: Choice | ArrayLike = None
 
     def __post_init__(self) -> None:
         """Check what can be checked before anything is drawn.
@@ -59,7 +68,13 @@ class Randomization:
                 continue
             constant_or_sampler(field.name, value)
             if not callable(value):
-                checked(field.name, value)
+                _numbers_of(field.name, value)
+
+    @property
+    def names(self) -> list[str]:
+        """Of the values of an episode."""
+        given = (field.name for field in fields(self) if getattr(self, field.name) is not None)
+        return [name for each in given for name in _VALUES.get(each, (each,))]
 
     def draw(self, random_state: RandomState) -> dict[str, float]:
         """The values of an episode.
@@ -71,12 +86,13 @@ class Randomization:
         for field in fields(self):
             value = getattr(self, field.name)
             if value is not None:
-                drawn = constant_or_sampler(field.name, value)(None, None, random_state)
-                found[field.name] = checked(field.name, drawn)
-        if "camera" in found:
-            direction = np.asarray(random_state.normal(size=3))
-            direction /= max(float(np.linalg.norm(direction)), 1e-12)
-            found.update({f"camera_{axis}": float(part) for axis, part in zip("xyz", direction, strict=True)})
+                first = np.zeros(len(_BASE)) if field.name == "base_pose" else None
+                drawn = constant_or_sampler(field.name, value)(first, None, random_state)
+                found.update(_numbers_of(field.name, drawn))
+                if field.name == "camera":
+                    direction = np.asarray(random_state.normal(size=len(_CAMERA)))
+                    direction /= max(float(np.linalg.norm(direction)), 1e-12)
+                    found.update(zip(_CAMERA, direction.tolist(), strict=True))
         return found
 
     def replayed(self, values: object) -> dict[str, float]:
@@ -87,17 +103,32 @@ class Randomization:
         """
         if not isinstance(values, Mapping):
             raise InvalidInputError(f"randomization must be a dict, as info has it, got {checks.shown(values)}")
-        valid = [field.name for field in fields(self) if getattr(self, field.name) is not None]
-        directions = ["camera_x", "camera_y", "camera_z"] if self.camera is not None else []
-        found = {}
-        for name, value in values.items():
-            checks.choice("randomized quantity", name, (*valid, *directions))
-            found[name] = checks.number(name, value) if name in directions else checked(name, value)
-        missing = set(valid) | set(directions)
-        missing -= set(found)
+        names = self.names
+        found = {
+            checks.choice("randomized quantity", name, names): checked(name, value) for name, value in values.items()
+        }
+        missing = set(names) - set(found)
         if missing:
             raise InvalidInputError(f"randomization lacks {', '.join(sorted(missing))}")
         return found
+
+
+def _numbers_of(name: str, value: ArrayLike) -> dict[str, float]:
+    """The values that a number means, or four for the pose of the base, by name.
+
+    Raises:
+        InvalidInputError: not such numbers, or impossible ones.
+    """
+    names = _BASE if name == "base_pose" else (name,)
+    expected = "a number" if len(names) == 1 else f"one number or {len(names)}"
+    try:
+        numbers = checks.numbers(value)
+    except (TypeError, ValueError) as error:
+        raise InvalidInputError(f"{name} must be {expected}, got {checks.shown(value)}") from error
+    if numbers.size != 1 and numbers.shape != (len(names),):
+        raise InvalidInputError(f"{name} must be {expected}, got shape {numbers.shape}")
+    each = np.broadcast_to(numbers.ravel(), len(names)).tolist()
+    return {key: checked(key, number) for key, number in zip(names, each, strict=True)}
 
 
 def checked(name: str, value: object) -> float:
@@ -106,10 +137,14 @@ def checked(name: str, value: object) -> float:
     Raises:
         InvalidInputError: not a number, negative, or too large.
     """
-    number = checks.number(name, np.asarray(value).item() if np.size(value) == 1 else value)  # type: ignore[arg-type]  # `number` checks
+    number = checks.number(name, value)
     if name in FACTORS and not 0.0 < number <= _LARGEST_FACTOR:
         raise InvalidInputError(f"{name} must be a factor above 0 and at most {_LARGEST_FACTOR:g}, got {number:g}")
-    if number < 0.0:
+    if name in (*_BASE, *_CAMERA):
+        largest = {"base_yaw": math.pi}.get(name, MAX_SHIFT if name in _BASE else 1.0)
+        if abs(number) > largest:
+            raise InvalidInputError(f"{name} must be at most {largest:.4g} in magnitude, got {number:g}")
+    elif number < 0.0:
         raise InvalidInputError(f"{name} must not be negative, got {number:g}")
     if name == "latency" and number > MAX_LATENCY:
         raise InvalidInputError(f"latency must be at most {MAX_LATENCY:g} s, got {number:g}")
@@ -121,18 +156,29 @@ def steps_of(values: Mapping[str, float]) -> int:
     return round(values.get("latency", 0.0) / CONTROL_TIMESTEP)
 
 
+PHYSICAL = (
+    *("geom_friction", "body_mass", "body_inertia", "actuator_gainprm", "actuator_biasprm", "dof_damping"),
+    *("body_pos", "body_quat"),
+)
+"""What a `Variation` changes of a model that the simulation depends on; constants that follow from it change too."""
+
+_VISIBLE = ("light_diffuse", "cam_pos")
+
+
 class Variation:
     """Applies values to a model, starting from what it was like at first."""
 
-    def __init__(self, model: mujoco.MjModel) -> None:
-        """Remember the model."""
+    def __init__(self, model: mujoco.MjModel, base: int) -> None:
+        """Remember the model.
+
+        Args:
+            model: the model.
+            base: id of the body that carries the arm.
+        """
         self._model = model
+        self._base = base
         self._scratch = mujoco.MjData(model)
-        arrays = (
-            *("geom_friction", "body_mass", "body_inertia", "actuator_gainprm", "actuator_biasprm", "dof_damping"),
-            *("light_diffuse", "cam_pos"),
-        )
-        self._at_first: dict[str, Array] = {name: getattr(model, name).copy() for name in arrays}
+        self._at_first: dict[str, Array] = {name: getattr(model, name).copy() for name in (*PHYSICAL, *_VISIBLE)}
         free = model.jnt_bodyid[model.jnt_type == mujoco.mjtJoint.mjJNT_FREE]
         self._free_bodies = np.asarray(free, dtype=np.intp)
         hinges = model.jnt_type != mujoco.mjtJoint.mjJNT_FREE
@@ -154,8 +200,12 @@ class Variation:
             if name in self._appliers:
                 self._appliers[name](factor)
         if "camera" in values:
-            direction = np.array([values[f"camera_{axis}"] for axis in "xyz"])
-            self._model.cam_pos[self._camera] += values["camera"] * direction
+            self._model.cam_pos[self._camera] += values["camera"] * np.array([values[name] for name in _CAMERA])
+        if _BASE[0] in values:
+            x, y, z, yaw = (values[name] for name in _BASE)
+            turn = np.array((math.cos(yaw / 2.0), 0.0, 0.0, math.sin(yaw / 2.0)))
+            self._model.body_pos[self._base] += x, y, z
+            self._model.body_quat[self._base] = product(turn, self._model.body_quat[self._base])
         mujoco.mj_setConst(self._model, self._scratch)
 
     def _scale(self, name: str, factor: float, where: object) -> None:

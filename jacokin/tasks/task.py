@@ -11,6 +11,7 @@ import numpy as np
 from jacokin.arrays import Array
 from jacokin.mujoco_bridge import Arena, Brick, Physics, ToolCenterPointInitializer, cameras, observations, robots
 from jacokin.mujoco_bridge.base import RandomState
+from jacokin.mujoco_bridge.control.queries import Asking
 from jacokin.mujoco_bridge.distributions import QuaternionFromAxisAngle, Uniform, uniform_box
 from jacokin.mujoco_bridge.entities.entity import Entity
 from jacokin.mujoco_bridge.rewards import SHAPES, VALUE_AT_MARGIN
@@ -66,7 +67,9 @@ class Task(abc.ABC):
         self.arm.set_home(self.physics)
         self._home: Array = self.physics.data.qpos.copy()
         self._tool = int(ids(self.physics, self.hand.tool_center_point)[0])
-        self._place_tool = ToolCenterPointInitializer(self.hand, self.arm, uniform_box(*self.tool_box))
+        self._tool_placer = ToolCenterPointInitializer(
+            self.hand, self.arm, uniform_box(*self.tool_box), branch="nearest_to_random"
+        )
         own = features.of_robot(self.physics, self.arm, self.hand)
         before, after = self._features()
         self.features: tuple[Feature, ...] = (*before, *own, *after)
@@ -80,7 +83,7 @@ class Task(abc.ABC):
         """The observations that come before those of the robot, and those after them."""
 
     @abc.abstractmethod
-    def _initialize(self, random_state: RandomState) -> Array:
+    def _initialize(self, random_state: RandomState) -> Asking[Array]:
         """Draw an initial state of the physics; returns the goal (goal_size,)."""
 
     @abc.abstractmethod
@@ -99,8 +102,12 @@ class Task(abc.ABC):
     def success(self, achieved: Array, desired: Array) -> Array:
         """Whether (...) the task is solved: all that its reward asks for is within its bounds."""
 
-    def initialize_episode(self, random_state: RandomState) -> Array:
+    def starting(self, random_state: RandomState) -> Asking[Array]:
         """Start an episode in `physics`: at rest, at time 0, controls 0.
+
+        Whoever runs this answers the queries of inverse kinematics: one by one, as `queries.run` does, or for many
+        episodes that start at once from one batched solve. Between a query and its answer, the state of `physics` may
+        be another one.
 
         Args:
             random_state: drawn from in the same order each time.
@@ -112,7 +119,7 @@ class Task(abc.ABC):
             EpisodeInitializationError: no initial state was found.
         """
         self._start_afresh()
-        goal = self._initialize(random_state)
+        goal = yield from self._initialize(random_state)
         self.physics.after_reset()
         return goal
 
@@ -125,9 +132,12 @@ class Task(abc.ABC):
             mujoco.mj_resetData(physics.model, physics.data)
             physics.data.qpos[:] = self._home  # not q = 0, where the arm touches itself, which is slow to simulate
 
-    def _place_robot(self, random_state: RandomState) -> None:
+    def _place_robot(self, random_state: RandomState) -> Asking[None]:
         self.hand.set_grasp(self.physics, float(random_state.uniform()))
-        self._place_tool(self.physics, random_state)
+        yield from self._place_tool(random_state)
+
+    def _place_tool(self, random_state: RandomState) -> Asking[None]:
+        return self._tool_placer.placing(self.physics, random_state)
 
     def tool(self, view: View) -> Array:
         """Position (..., 3) of the tool centre point [m]."""

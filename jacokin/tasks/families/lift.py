@@ -7,6 +7,7 @@ import numpy as np
 from jacokin.arrays import Array
 from jacokin.mujoco_bridge import Box, Brick, PropPlacer, large_box
 from jacokin.mujoco_bridge.base import RandomState
+from jacokin.mujoco_bridge.control.queries import Asking
 from jacokin.mujoco_bridge.distributions import uniform_box
 from jacokin.mujoco_bridge.workspaces import BoundingBox
 from jacokin.tasks import features
@@ -39,10 +40,10 @@ class _Lift(Task):
         self._corners = ids(self.physics, self.prop.vertices)
         return [], features.of_prop(self.physics, self.prop)
 
-    def _initialize(self, random_state: RandomState) -> Array:
+    def _initialize(self, random_state: RandomState) -> Asking[Array]:
         self.hand.set_grasp(self.physics, float(random_state.uniform()))
         self._place_prop(self.physics, random_state)
-        self._place_tool(self.physics, random_state)
+        yield from self._place_tool(random_state)
         return self._lowest(View.of(self.physics.data))[None] + DISTANCE
 
     def _lowest(self, view: View) -> Array:

@@ -7,6 +7,7 @@ import numpy as np
 from jacokin.arrays import Array
 from jacokin.mujoco_bridge import Cradle, Pedestal, PropPlacer
 from jacokin.mujoco_bridge.base import RandomState
+from jacokin.mujoco_bridge.control.queries import Asking
 from jacokin.mujoco_bridge.distributions import uniform_box
 from jacokin.mujoco_bridge.entities.entity import Entity
 from jacokin.mujoco_bridge.workspaces import BoundingBox
@@ -44,9 +45,9 @@ class _Place(Task):
         position = Feature(f"{self.pedestal.prefix}position", (3,), self.desired)
         return [], [*features.of_prop(self.physics, self.brick), position]
 
-    def _initialize(self, random_state: RandomState) -> Array:
+    def _initialize(self, random_state: RandomState) -> Asking[Array]:
         self._place_pedestal(self.physics, random_state, ignore_contacts_with_entities=[self.brick])
-        self._place_robot(random_state)
+        yield from self._place_robot(random_state)
         self._place_brick(self.physics, random_state)
         return np.empty(0)
 

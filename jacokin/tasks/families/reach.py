@@ -9,6 +9,7 @@ import numpy as np
 from jacokin.arrays import Array
 from jacokin.mujoco_bridge import PropPlacer, workspaces
 from jacokin.mujoco_bridge.base import RandomState
+from jacokin.mujoco_bridge.control.queries import Asking
 from jacokin.mujoco_bridge.distributions import uniform_box
 from jacokin.mujoco_bridge.workspaces import BoundingBox
 from jacokin.tasks import features
@@ -57,8 +58,8 @@ class ReachSite(_Reach):
     def _features(self) -> tuple[list[Feature], list[Feature]]:
         return [Feature("target_position", (3,), self.desired)], []
 
-    def _initialize(self, random_state: RandomState) -> Array:
-        self._place_robot(random_state)
+    def _initialize(self, random_state: RandomState) -> Asking[Array]:
+        yield from self._place_robot(random_state)
         self.physics.data.mocap_pos[0] = self._target(random_state=random_state)
         return np.empty(0)
 
@@ -90,8 +91,8 @@ class ReachBrick(_Reach):
         self._position = qpos_rows(self.physics, self.brick)[0]
         return [], features.of_prop(self.physics, self.brick)
 
-    def _initialize(self, random_state: RandomState) -> Array:
-        self._place_robot(random_state)
+    def _initialize(self, random_state: RandomState) -> Asking[Array]:
+        yield from self._place_robot(random_state)
         self._place_brick(self.physics, random_state)
         return np.empty(0)
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from jacokin.arrays import Array
 from jacokin.mujoco_bridge.base import RandomState
+from jacokin.mujoco_bridge.control.queries import Asking
 from jacokin.mujoco_bridge.distributions import uniform_box
 from jacokin.tasks.families.bricks import BRICK_BOX, BrickTask, Indices
 from jacokin.tasks.task import ANY_YAW
@@ -26,7 +27,7 @@ class Reassemble(BrickTask):
     def _usual_order(self) -> Indices:
         return _rebuilt(np.arange(self.count))
 
-    def _initialize(self, random_state: RandomState) -> Array:
+    def _initialize(self, random_state: RandomState) -> Asking[Array]:
         initial = np.arange(self.count)
         if self._order_varies:
             random_state.shuffle(initial)
@@ -38,7 +39,7 @@ class Reassemble(BrickTask):
         quat_wxyz = np.asarray(ANY_YAW(random_state=random_state))
         self._build_stack([self.bricks[slots[k]] for k in initial], position, quat_wxyz, random_state)
         self._show_hints(wanted, random_state)
-        self._place_robot(random_state)
+        yield from self._place_robot(random_state)
         return goal
 
     def _add_props(self) -> None:

@@ -7,6 +7,7 @@ import numpy as np
 from jacokin.arrays import Array
 from jacokin.mujoco_bridge import PropPlacer
 from jacokin.mujoco_bridge.base import RandomState
+from jacokin.mujoco_bridge.control.queries import Asking
 from jacokin.mujoco_bridge.distributions import uniform_box
 from jacokin.tasks.families.bricks import BRICK_BOX, BrickTask
 from jacokin.tasks.task import ANY_YAW
@@ -36,7 +37,7 @@ class Stack(BrickTask):
             close_weight=_CLOSE_WEIGHT,
         )
 
-    def _initialize(self, random_state: RandomState) -> Array:
+    def _initialize(self, random_state: RandomState) -> Asking[Array]:
         order = np.arange(self.height)
         if self._order_varies:
             order = random_state.choice(self.count, self.height, replace=False)
@@ -48,7 +49,7 @@ class Stack(BrickTask):
                 roles, uniform_box(*BRICK_BOX), ANY_YAW, settle_physics=True
             )
         placer(self.physics, random_state)
-        self._place_robot(random_state)
+        yield from self._place_robot(random_state)
         self._show_hints(order, random_state)
         return goal
 

@@ -74,10 +74,15 @@ class _ToolControl:
         self._tracker = jacokin.Tracker(self._robot, FRAME, dt=CONTROL_TIMESTEP)
         self._joints = self._robot.dof
         self._gain: Array | None = None
+        self._base_position: Array = np.array(robots.ARM_OFFSET)
+        self._R_base_world: Array = np.eye(3)
 
     def start(self, physics: Physics) -> None:
         """Begin where the arm is."""
-        self._gain = physics.model.actuator_gainprm[:, 0].copy()
+        model, data = physics.model, physics.data
+        self._gain = model.actuator_gainprm[:, 0].copy()
+        base = model.body_parentid[model.jnt_bodyid[0]]
+        self._base_position, self._R_base_world = data.xpos[base].copy(), data.xmat[base].reshape(3, 3).T.copy()
         self._tracker.reset(self._within(physics.data.qpos[: self._joints]))
 
     def _within(self, q: Array) -> Array:
@@ -115,7 +120,8 @@ class ToolVelocity(_ToolControl):
     def velocities(self, physics: Physics, action: Array) -> Array:
         """Move the reference along the twist, and follow it."""
         self._keep_near(physics)
-        step = self._tracker.step(twist=action[:6])
+        twist = np.concatenate((self._R_base_world @ action[:3], self._R_base_world @ action[3:6]))
+        step = self._tracker.step(twist=twist)
         return self._follow(physics, step.v, np.full(FINGERS, action[6]))
 
 
@@ -150,7 +156,8 @@ class ToolPose(_ToolControl):
         self._keep_near(physics)
         quat = action[3:7] / norm
         rotation = pin.Quaternion(quat[0], quat[1], quat[2], quat[3]).toRotationMatrix()
-        target = pin.SE3(rotation, action[:3] - robots.ARM_OFFSET)
+        R = self._R_base_world
+        target = pin.SE3(R @ rotation, R @ (action[:3] - self._base_position))
         speed = self._speed(target)
         model, fingers = physics.model, slice(self._joints, self._joints + FINGERS)
         lower, upper = model.jnt_range[fingers].T

@@ -18,6 +18,8 @@ from numpy.typing import ArrayLike, NDArray
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, PhysicsError
 from jacokin.model import checks
+from jacokin.mujoco_bridge.control import queries
+from jacokin.mujoco_bridge.control.queries import Asking
 from jacokin.tasks import actions, registry
 from jacokin.tasks.environment import checked_random_state
 from jacokin.tasks.episode import STEPS, Episode, Snapshot
@@ -26,6 +28,7 @@ from jacokin.tasks.gym.options import RENDER_MODES, Options
 from jacokin.tasks.gym.packing import Observation, Packing, with_picture
 from jacokin.tasks.randomization import Randomization, Variation, steps_of
 from jacokin.tasks.task import CONTROL_TIMESTEP, Task
+from jacokin.tasks.view import ids
 
 SIZE = 480  # rows and columns of rendered pictures [pixels]
 
@@ -94,7 +97,8 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
         self.observation_space = self._packing.space
         self.action_space = spaces.Box(*self._control.bounds, dtype=np.float64)
         self._window: Any = None
-        self._variation = None if randomization is None else Variation(self.model)
+        base = int(ids(self._episode.physics, self.task.arm.root_body)[0])
+        self._variation = None if randomization is None else Variation(self.model, base)
         self._values: dict[str, float] = {}
         self._delayed: deque[Array] = deque()
 
@@ -132,18 +136,29 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
             InvalidInputError: a seed that is not a whole number >= 0, or an unknown option.
             EpisodeInitializationError: no initial state was found.
         """
+        return queries.run(self.resetting(seed, self.checked_reset(seed, options)))
+
+    def checked_reset(self, seed: object, options: Mapping[str, Any] | None) -> dict[str, float] | None:
+        """Check the arguments of `reset`; returns the values of an earlier episode, if they were given.
+
+        Raises:
+            InvalidInputError: as for `reset`.
+        """
         for name in options or ():
             checks.choice("option of reset", name, () if self.randomization is None else ("randomization",))
         if seed is not None:
             checked_random_state(seed)
-        replayed = None
-        if self.randomization is not None and options:
-            replayed = self.randomization.replayed(options["randomization"])
+        if self.randomization is None or not options:
+            return None
+        return self.randomization.replayed(options["randomization"])
+
+    def resetting(self, seed: int | None, replayed: dict[str, float] | None) -> Asking[tuple[Observation, Info]]:
+        """As `reset` with checked arguments, but whoever runs it answers the queries; see `Task.starting`."""
         super().reset(seed=seed)
         if self.randomization is not None:
             drawn = self.randomization.draw(self.np_random)
             self._apply(drawn if replayed is None else replayed)
-        self._episode.start(self.np_random)
+        yield from self._episode.starting(self.np_random)
         self._control.start(self._episode.physics)
         self._delayed.clear()
         observation, _, success = self._outcome()

@@ -2,32 +2,48 @@
 
 from __future__ import annotations
 
+import inspect
 from typing import Any
 
 import gymnasium
+from gymnasium.vector import AutoresetMode
 
 from jacokin.errors import InvalidInputError
 from jacokin.model import checks
 from jacokin.tasks.gym import batched
-from jacokin.tasks.gym.vector import ThreadedVectorEnv
+from jacokin.tasks.gym.environment import TaskEnv
+from jacokin.tasks.gym.threaded import ThreadedVectorEnv
+
+_OPTIONS = [name for name in inspect.signature(TaskEnv).parameters if name != "render_mode"]
 
 
-def make_vector(num_envs: int = 1, *, threads: int = 1, **options: Any) -> gymnasium.vector.VectorEnv[Any, Any, Any]:
+def make_vector(
+    num_envs: int = 1,
+    *,
+    threads: int = 1,
+    autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
+    **options: Any,
+) -> gymnasium.vector.VectorEnv[Any, Any, Any]:
     """Make environments of one task that are stepped together.
 
     Args:
         num_envs: how many.
         threads: how many threads simulate.
+        autoreset_mode: when an environment whose episode has ended starts another: Gymnasium's "NextStep", "SameStep"
+            or "Disabled".
         options: as for `TaskEnv`, without rendering.
 
     Raises:
+        UnknownNameError: an unknown option or mode; lists the valid ones.
         InvalidInputError: a wrong number, or an option that vectors do not have.
     """
     checks.whole_number("num_envs", num_envs, 1)
     checks.whole_number("threads", threads, 1)
     if options.pop("render_mode", None) is not None:
         raise InvalidInputError("a vector of environments does not render; make a single one with the same seed")
-    plain = options.get("control", "joint_velocity") == "joint_velocity" and options.get("randomization") is None
+    for name in options:
+        checks.choice("option of a vector", name, ("threads", "autoreset_mode", *_OPTIONS))
+    plain = options.get("control", "joint_velocity") == "joint_velocity"
     if plain and options.get("observations", "features") == "features" and batched.is_available():
-        return batched.BatchedVectorEnv(num_envs, threads, **options)
-    return ThreadedVectorEnv(num_envs, threads, **options)
+        return batched.BatchedVectorEnv(num_envs, threads, autoreset_mode, **options)
+    return ThreadedVectorEnv(num_envs, threads, autoreset_mode, **options)

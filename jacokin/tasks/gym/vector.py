@@ -1,58 +1,93 @@
-"""Many environments of one task in one process: reset one by one, stepped together."""
+"""Many environments of one task in one process: what Gymnasium asks of them. See `batched` and `threaded`."""
 
 from __future__ import annotations
 
 import abc
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from typing import Any, ClassVar, cast
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
-from gymnasium.vector.utils import batch_space, concatenate, create_empty_array
+from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
+from jacokin.model import checks
 from jacokin.tasks import actions
+from jacokin.tasks.gym import rows
 from jacokin.tasks.gym.environment import Info, TaskEnv
 from jacokin.tasks.gym.packing import Observation
 
 Flags = NDArray[np.bool_]
+Indices = NDArray[np.intp]
+Values = dict[str, float]  # of a randomization
+Begun = list[tuple[Observation, Info]]
 Steps = tuple[Observation, Array, Flags, Flags, Info]
+
+AUTORESET_MODES = tuple(mode.value for mode in AutoresetMode)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Outcome:
+    """What a step of all environments gave.
+
+    Attributes:
+        observations: of all, in new arrays.
+        rewards: (num_envs,).
+        is_success: (num_envs,).
+        is_over: (num_envs,) whether the episode has ended.
+        errors: why simulations diverged, by the number of the environment.
+    """
+
+    observations: Observation
+    rewards: Array
+    is_success: Flags
+    is_over: Flags
+    errors: dict[int, str] = field(default_factory=dict)
 
 
 class VectorTaskEnv(VectorEnv[Observation, Any, NDArray[Any]]):
-    """Environments that begin a new episode in the step after the one that ends theirs, as Gymnasium's default is.
+    """Environments that are stepped together, and reset as one of Gymnasium's `AutoresetMode` says.
 
     Environment i equals a single one that was reset with the same seed, bit for bit on one version of MuJoCo.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {  # type: ignore[misc]  # an attribute of instances for Gymnasium
-        "autoreset_mode": AutoresetMode.NEXT_STEP,
-        "render_modes": [],
-    }
+    def __init__(self, first: TaskEnv, num_envs: int, autoreset_mode: str | AutoresetMode) -> None:
+        """Take the spaces and the randomization of an environment.
 
-    def __init__(self, first: TaskEnv, num_envs: int) -> None:
-        """Take the spaces of an environment."""
+        Args:
+            first: an environment with the options of all.
+            num_envs: how many.
+            autoreset_mode: when an environment whose episode has ended is reset.
+
+        Raises:
+            UnknownNameError: no such mode.
+        """
+        value = autoreset_mode.value if isinstance(autoreset_mode, AutoresetMode) else autoreset_mode
+        self.autoreset_mode = AutoresetMode(checks.choice("autoreset_mode", value, AUTORESET_MODES))
+        self.metadata = {**first.metadata, "autoreset_mode": self.autoreset_mode, "render_modes": []}
         self.num_envs = num_envs
         self.single_observation_space = first.observation_space
         self.single_action_space = first.action_space
         self.observation_space = batch_space(first.observation_space, num_envs)
         self.action_space = batch_space(first.action_space, num_envs)
+        self._first = first
         self._bounds = tuple(np.broadcast_to(bound, (num_envs, *bound.shape)) for bound in first._control.bounds)
+        names = [] if first.randomization is None else first.randomization.names
+        self._values = {name: np.zeros(num_envs) for name in names}
         self._is_over = np.zeros(num_envs, dtype=bool)
-        self._has_begun = False
+        self._has_begun = np.zeros(num_envs, dtype=bool)
+        self._last = rows.zeros(first.observation_space, num_envs)
 
     @abc.abstractmethod
-    def _begin(self, index: int, seed: int | None, options: Mapping[str, Any] | None) -> tuple[Observation, Info]:
-        """Start an episode in one environment."""
+    def _begin(self, ids: Indices, seeds: Sequence[int | None], replayed: Sequence[Values | None]) -> Begun:
+        """Start episodes in some environments, with checked arguments."""
 
     @abc.abstractmethod
-    def _advance(
-        self, values: Array, ids: NDArray[np.intp]
-    ) -> tuple[list[Observation] | Observation, Array, list[Info]]:
-        """Step some environments; returns observations of all, rewards of all, and the infos of the stepped."""
+    def _advance(self, values: Array, ids: Indices) -> Outcome:
+        """Step some environments; what the outcome says of others does not count."""
 
     def reset(
         self,
@@ -60,105 +95,128 @@ class VectorTaskEnv(VectorEnv[Observation, Any, NDArray[Any]]):
         seed: int | Sequence[int | None] | None = None,
         options: Mapping[str, Any] | None = None,
     ) -> tuple[Observation, Info]:
-        """Start an episode in every environment.
+        """Start an episode in every environment, or in some.
 
         Args:
             seed: of the first environment, the others get the following numbers; or one for each.
-            options: as for `TaskEnv.reset`.
+            options: "reset_mask", which to reset, (num_envs,) bool; "randomization", the values of earlier episodes as
+                `infos` had them.
 
         Raises:
-            InvalidInputError: wrong seeds or options.
+            InvalidInputError: wrong seeds or options; nothing is changed.
         """
-        found = [self._begin(index, each, options) for index, each in enumerate(self._seeds(seed))]
-        self._is_over[:] = False
-        self._has_begun = True
-        infos = self._infos(dict(enumerate(info for _, info in found)))
-        return self._stacked([observation for observation, _ in found]), infos
+        given = dict(options or {})
+        ids = np.flatnonzero(self._mask(given.pop("reset_mask", True)))
+        all_seeds, each = self._seeds(seed), self._each(given)
+        seeds = [all_seeds[index] for index in ids]
+        replayed = [self._first.checked_reset(all_seeds[index], each[index]) for index in ids]
+        infos = self._started(ids, self._begin(ids, seeds, replayed), self._last, {})
+        self._is_over[ids] = False
+        self._has_begun[ids] = True
+        return rows.copied(self._last), infos
 
     def step(self, values: NDArray[Any]) -> Steps:
-        """Apply an action in every environment; those whose episode has ended start another instead.
+        """Apply an action in every environment.
+
+        By default those whose episode has ended start another one instead.
 
         Args:
             values: (num_envs, ...) actions.
 
         Raises:
-            InvalidInputError: wrong shape, not numbers, or NaN; nothing is simulated.
+            InvalidInputError: wrong shape, not numbers, or NaN, or environments must be reset first; nothing is
+                simulated.
         """
-        if not self._has_begun:
+        if not self._has_begun.all():
             raise InvalidInputError("call reset() before step()")
         checked = actions.bounded(values, *self._bounds)
-        begins = np.flatnonzero(self._is_over)
-        goes_on = np.flatnonzero(~self._is_over)
-        observations, rewards, infos = self._advance(checked, goes_on)
-        truncated = np.zeros(self.num_envs, dtype=bool)
-        by_index = dict(zip(goes_on.tolist(), infos, strict=True))
-        for going in goes_on.tolist():
-            truncated[going] = by_index[going].pop("is_over")
-        for index in begins.tolist():
-            observation, by_index[index] = self._begin(index, None, None)
-            _put(observations, index, observation)
-            rewards[index] = 0.0
-        self._is_over = truncated.copy()
-        stacked = self._stacked(observations) if isinstance(observations, list) else observations
-        return stacked, rewards, np.zeros(self.num_envs, dtype=bool), truncated, self._infos(by_index)
+        ended, goes_on = np.flatnonzero(self._is_over), np.flatnonzero(~self._is_over)
+        if len(ended) and self.autoreset_mode is AutoresetMode.DISABLED:
+            raise InvalidInputError(
+                f"the episodes of environments {ended.tolist()} have ended: call reset(options={{'reset_mask': ...}})"
+            )
+        begun = self._begin_again(ended)
+        outcome = self._advance(checked, goes_on)
+        observations, truncated = outcome.observations, outcome.is_over
+        for index in outcome.errors:
+            rows.put(observations, index, rows.row(self._last, index))
+        outcome.rewards[ended], truncated[ended] = 0.0, False
+        if self.autoreset_mode is AutoresetMode.SAME_STEP:
+            infos = self._started_over(np.flatnonzero(truncated), outcome)
+        else:
+            infos = self._started(ended, begun, observations, self._infos(outcome, goes_on))
+            self._is_over = truncated.copy()
+        self._last = rows.copied(observations)
+        return observations, outcome.rewards, np.zeros(self.num_envs, dtype=bool), truncated, infos
+
+    def _begin_again(self, ids: Indices) -> Begun:
+        """Start further episodes."""
+        return self._begin(ids, [None] * len(ids), [None] * len(ids)) if len(ids) else []
+
+    def _started(self, ids: Indices, begun: Begun, observations: Observation, infos: Info) -> Info:
+        """Note what the starts of episodes gave, among the observations and infos of all."""
+        for index, (observation, info) in zip(ids.tolist(), begun, strict=True):
+            rows.put(observations, index, observation)
+            infos = self._add_info(infos, info, index)
+            for name, value in info.get("randomization", {}).items():
+                self._values[name][index] = value
+        return infos
+
+    def _started_over(self, ended: Indices, outcome: Outcome) -> Info:
+        """Start other episodes in the same step; the infos have the last observations and infos of those that ended."""
+        infos = self._infos(outcome, np.flatnonzero(~outcome.is_over))
+        for index in ended.tolist():
+            last: Info = {"is_success": bool(outcome.is_success[index])}
+            if self._values:
+                last["randomization"] = {name: float(column[index]) for name, column in self._values.items()}
+            if index in outcome.errors:
+                last["error"] = outcome.errors[index]
+            observation = rows.copied(rows.row(outcome.observations, index))
+            infos = self._add_info(infos, {"final_obs": observation, "final_info": last}, index)
+        return self._started(ended, self._begin_again(ended), outcome.observations, infos)
+
+    def _infos(self, outcome: Outcome, ids: Indices) -> Info:
+        """The infos of steps of some environments, as `VectorEnv._add_info` would put them together one by one."""
+        found: Info = {}
+        if not len(ids):
+            return found
+        is_there = np.zeros(self.num_envs, dtype=bool)
+        is_there[ids] = True
+        found.update(is_success=outcome.is_success & is_there, _is_success=is_there)
+        if self._values:
+            columns: Info = {}
+            for name, column in self._values.items():
+                columns.update({name: np.where(is_there, column, 0.0), f"_{name}": is_there.copy()})
+            found.update(randomization=columns, _randomization=is_there.copy())
+        for index in ids[np.isin(ids, list(outcome.errors))].tolist() if outcome.errors else ():
+            found = self._add_info(found, {"error": outcome.errors[index]}, index)
+        return found
+
+    def _mask(self, value: object) -> Flags:
+        if value is True:
+            return np.ones(self.num_envs, dtype=bool)
+        if not isinstance(value, np.ndarray) or value.dtype != bool or value.shape != (self.num_envs,):
+            raise InvalidInputError(f"reset_mask must be a bool array ({self.num_envs},), got {checks.shown(value)}")
+        return value
 
     def _seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
         if seed is None:
             return [None] * self.num_envs
-        if isinstance(seed, int | np.integer):
+        if isinstance(seed, int | np.integer) and not isinstance(seed, bool):
             return [int(seed) + index for index in range(self.num_envs)]
-        seeds = list(seed)
-        if len(seeds) != self.num_envs:
-            raise InvalidInputError(f"seed must be one number, or {self.num_envs}, got {len(seeds)}")
-        return seeds
+        if not isinstance(seed, Sequence | np.ndarray) or isinstance(seed, str) or len(seed) != self.num_envs:
+            raise InvalidInputError(f"seed must be one number, or {self.num_envs}, got {checks.shown(seed)}")
+        return list(seed)
 
-    def _stacked(self, observations: list[Observation]) -> Observation:
-        space = self.single_observation_space
-        empty: Any = create_empty_array(space, self.num_envs)
-        found: Any = concatenate(space, observations, empty)
-        return cast(Observation, found)
-
-    def _infos(self, infos: Mapping[int, Info]) -> Info:
-        found: Info = {}
-        for index in sorted(infos):
-            found = self._add_info(found, infos[index], index)
-        return found
-
-
-class ThreadedVectorEnv(VectorTaskEnv):
-    """Single environments, stepped by threads."""
-
-    def __init__(self, num_envs: int, threads: int, **options: Any) -> None:
-        """Make the environments; options as for `TaskEnv`."""
-        self._environments = [TaskEnv(**options) for _ in range(num_envs)]
-        self._pool = ThreadPoolExecutor(threads)
-        super().__init__(self._environments[0], num_envs)
-        self._last: list[Observation] = []
-
-    def _begin(self, index: int, seed: int | None, options: Mapping[str, Any] | None) -> tuple[Observation, Info]:
-        observation, info = self._environments[index].reset(seed=seed, options=options)
-        self._last[index : index + 1] = [observation]
-        return observation, info
-
-    def _advance(self, values: Array, ids: NDArray[np.intp]) -> tuple[list[Observation], Array, list[Info]]:
-        rewards, infos = np.zeros(self.num_envs), []
-        results = self._pool.map(lambda index: self._environments[index].step(values[index]), ids.tolist())
-        for index, (observation, reward, _, truncated, info) in zip(ids.tolist(), results, strict=True):
-            self._last[index], rewards[index] = observation, reward
-            infos.append({**info, "is_over": truncated})
-        return list(self._last), rewards, infos
-
-    def close_extras(self, **kwargs: Any) -> None:
-        """End the threads."""
-        self._pool.shutdown()
-        for environment in self._environments:
-            environment.close()
-
-
-def _put(observations: list[Observation] | Observation, index: int, observation: Observation) -> None:
-    """Write the observation of one environment among those of all."""
-    if isinstance(observations, dict) and isinstance(observation, dict):
-        for name, value in observation.items():
-            observations[name][index] = value
-    else:
-        observations[index] = observation  # type: ignore[index, assignment]  # a list or an array
+    def _each(self, options: Mapping[str, Any]) -> list[dict[str, Any]]:
+        """The options of each environment: their values of the randomization are rows of columns."""
+        if not isinstance(options.get("randomization"), Mapping):
+            return [dict(options)] * self.num_envs
+        columns = {name: value for name, value in options["randomization"].items() if not str(name).startswith("_")}
+        for name, column in columns.items():
+            if np.shape(column) != (self.num_envs,):
+                raise InvalidInputError(f"{name} must have shape ({self.num_envs},), got {checks.shown(column)}")
+        return [
+            {**options, "randomization": {name: column[index] for name, column in columns.items()}}
+            for index in range(self.num_envs)
+        ]

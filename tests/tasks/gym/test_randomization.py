@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from gymnasium.envs.mujoco.utils import check_mujoco_reset_state
 
+import jacokin
 from jacokin.errors import InvalidInputError, UnknownNameError
 from jacokin.mujoco_bridge.distributions import Uniform
 from jacokin.tasks import Randomization, TaskEnv
@@ -23,6 +24,7 @@ ALL = Randomization(
     latency=Uniform(0.0, 0.12),
     observation_noise=Uniform(0.0, 0.01),
     camera=Uniform(0.0, 0.05),
+    base_pose=Uniform(-0.02, 0.02),
 )
 
 
@@ -88,8 +90,49 @@ def test_noise_is_on_features_alone() -> None:
     np.testing.assert_array_equal(one["desired_goal"], other["desired_goal"])
 
 
+def test_the_base_is_where_it_was_drawn() -> None:
+    environment = TaskEnv("reach_site", control="tool_pose", randomization=Randomization(base_pose=Uniform(-0.1, 0.1)))
+    data, base = environment.data, environment.model.body("jaco_arm/link_base").id
+    angles = []
+    for seed in range(3):
+        _, info = environment.reset(seed=seed)
+        values = info["randomization"]
+        x, y, z, yaw = (values[f"base_{name}"] for name in ("x", "y", "z", "yaw"))
+        np.testing.assert_allclose(data.xpos[base], (x, 0.4 + y, z), rtol=0.0, atol=1e-12)
+        turn = [[np.cos(yaw), -np.sin(yaw), 0.0], [np.sin(yaw), np.cos(yaw), 0.0], [0.0, 0.0, 1.0]]
+        np.testing.assert_allclose(data.xmat[base].reshape(3, 3), turn, rtol=0.0, atol=1e-12)
+        angles.append(yaw)
+        # The tool starts where it would with the arm in its place: within its box, pointing down.
+        tool = environment._episode.task._tool
+        assert (np.abs(data.site_xpos[tool] - (0.0, 0.0, 0.21)) <= (0.2, 0.2, 0.19)).all()
+        np.testing.assert_allclose(data.site_xmat[tool].reshape(3, 3)[:, 2], (0.0, 0.0, -1.0), rtol=0.0, atol=1e-5)
+    assert len(set(angles)) == 3
+    # Poses of the tool are meant in the world, wherever the arm stands.
+    goal = np.array([0.05, 0.1, 0.3, *jacokin.mujoco_bridge.DOWN_QUATERNION, 0.5])
+    for _ in range(200):
+        environment.step(goal)
+    np.testing.assert_allclose(data.site_xpos[tool], goal[:3], rtol=0.0, atol=0.003)
+    moved = TaskEnv("reach_site", randomization=Randomization(base_pose=(0.01, 0.02, 0.0, 0.1)))
+    assert moved.reset(seed=0)[1]["randomization"] == {"base_x": 0.01, "base_y": 0.02, "base_z": 0.0, "base_yaw": 0.1}
+
+
+def test_velocities_of_the_tool_are_meant_in_the_world() -> None:
+    turned = Randomization(base_pose=(0.0, 0.0, 0.0, 0.3))
+    environment = TaskEnv("reach_site", control="tool_velocity", randomization=turned)
+    environment.reset(seed=0)
+    view, tool = environment._episode.view, environment.task.tool
+    before = tool(view).copy()
+    for _ in range(25):
+        environment.step(np.array([0.0, 0.05, 0.05, 0.0, 0.0, 0.0, 0.0]))
+    np.testing.assert_allclose(tool(view) - before, (0.0, 0.05, 0.05), rtol=0.0, atol=0.005)
+
+
 def test_what_physics_does_not_allow_is_refused() -> None:
-    for wrong in ({"mass": 0.0}, {"friction": -1.0}, {"latency": 2.0}, {"observation_noise": np.nan}, {"gains": "big"}):
+    for wrong in (
+        *({"mass": 0.0}, {"friction": -1.0}, {"latency": 2.0}, {"observation_noise": np.nan}, {"gains": "big"}),
+        *({"base_pose": 0.6}, {"base_pose": (0.0, 0.0, 0.0, 4.0)}, {"base_pose": (0.0, 0.0)}, {"base_pose": "left"}),
+        *({"base_pose": np.full(4, np.inf)}, {"mass": ((1.0,), (1.0, 1.0))}, {"camera": -0.1}, {"lights": np.inf}),
+    ):
         with pytest.raises(InvalidInputError):
             Randomization(**wrong)
     environment = TaskEnv("reach_site", randomization=Randomization(mass=Uniform(-2.0, -1.0)))

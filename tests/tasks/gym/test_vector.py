@@ -2,22 +2,37 @@
 
 from __future__ import annotations
 
+import copy
 from typing import Any
 
 import gymnasium
 import numpy as np
 import pytest
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 import jacokin.tasks
-from jacokin.errors import InvalidInputError
+from jacokin.errors import EpisodeInitializationError, InvalidInputError, UnknownNameError
+from jacokin.ik import IKSolver
 from jacokin.mujoco_bridge.distributions import Uniform
 from jacokin.tasks import Randomization, TaskEnv
-from jacokin.tasks.gym import batched
+from jacokin.tasks.gym import batched, environment
 from jacokin.tasks.gym.make_vector import make_vector
-from jacokin.tasks.gym.vector import ThreadedVectorEnv
+from jacokin.tasks.gym.threaded import ThreadedVectorEnv
 
 gymnasium.register_envs(jacokin.tasks)
 COUNT = 4
+KINDS = ["batch", "threads"]
+ALL = Randomization(
+    friction=Uniform(0.3, 1.2),
+    mass=Uniform(0.5, 2.0),
+    gains=Uniform(0.8, 1.2),
+    damping=Uniform(0.5, 2.0),
+    lights=Uniform(0.5, 1.5),
+    latency=Uniform(0.0, 0.2),
+    observation_noise=Uniform(0.0, 0.01),
+    camera=Uniform(0.0, 0.05),
+    base_pose=Uniform(-0.02, 0.02),
+)
 
 
 def rows(observation: Any) -> np.ndarray:
@@ -26,24 +41,63 @@ def rows(observation: Any) -> np.ndarray:
     return np.concatenate([np.asarray(value, np.float64) for _, value in sorted(observation.items())], axis=-1)
 
 
+def make(kind: str, count: int, **options: Any) -> Any:
+    if kind == "threads":
+        return ThreadedVectorEnv(count, 2, **options)
+    if not batched.is_available():
+        pytest.skip("this version of MuJoCo has no batches")
+    return batched.BatchedVectorEnv(count, 2, **options)
+
+
+def assert_same(found: Any, wanted: Any) -> None:
+    """Nested dictionaries of arrays, of the same types."""
+    if isinstance(wanted, dict):
+        assert set(found) == set(wanted)
+        for name, value in wanted.items():
+            assert_same(found[name], value)
+    elif wanted.dtype == object:
+        for one, other in zip(found, wanted, strict=True):
+            assert (one is None) == (other is None)
+            if other is not None:
+                assert_same(one, other)
+    else:
+        assert found.dtype == wanted.dtype
+        np.testing.assert_array_equal(found, wanted)
+
+
 @pytest.mark.parametrize(
     ("task", "options", "steps"),
     [
         ("reach_site", {}, 255),  # beyond the end of an episode
         ("place_cradle", {"goal": True, "reward": "sparse"}, 12),
         ("stack_3_bricks_random_order", {}, 12),
-        ("reach_site", {"control": "tool_velocity"}, 12),
-        ("lift_brick", {"randomization": Randomization(mass=Uniform(0.5, 2.0))}, 12),
+        ("reach_site", {"control": "tool_velocity", "randomization": ALL}, 12),
+        ("reach_duplo", {"control": "tool_pose", "randomization": Randomization(base_pose=0.1)}, 12),
     ],
 )
 def test_environments_equal_single_ones(task: str, options: dict[str, Any], steps: int) -> None:
-    vector = make_vector(COUNT, task=task, threads=2, **options)
+    check_equal_to_single_ones(make_vector(COUNT, task=task, threads=2, **options), task, options, steps)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(
+    ("task", "options"),
+    [
+        ("lift_brick", {"randomization": ALL}),
+        ("place_brick", {"randomization": ALL, "goal": True}),
+        ("reach_site", {"randomization": Randomization(latency=Uniform(0.0, 1.0))}),
+    ],
+)
+def test_randomized_environments_equal_single_ones(kind: str, task: str, options: dict[str, Any]) -> None:
+    check_equal_to_single_ones(make(kind, COUNT, task=task, **options), task, options, 30)
+
+
+def check_equal_to_single_ones(vector: Any, task: str, options: dict[str, Any], steps: int) -> None:
     singles = [TaskEnv(task, **options) for _ in range(COUNT)]
     observations, _ = vector.reset(seed=10)
     wanted = [rows(each.reset(seed=10 + index)[0]) for index, each in enumerate(singles)]
     np.testing.assert_array_equal(rows(observations), wanted)
     space, rng = vector.single_action_space, np.random.default_rng(0)
-    assert isinstance(space, gymnasium.spaces.Box)
     is_over = [False] * COUNT
     for _ in range(steps):
         action = rng.uniform(space.low, space.high, (COUNT, *space.shape))
@@ -60,10 +114,50 @@ def test_environments_equal_single_ones(task: str, options: dict[str, Any], step
     vector.close()
 
 
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("mode", AutoresetMode)
+def test_resets_are_those_of_gymnasium(kind: str, mode: AutoresetMode, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With every mode all that is returned is what Gymnasium's own vector returns, types of infos included."""
+    for module in (environment, batched):
+        monkeypatch.setattr(module, "STEPS", 5)
+    options: dict[str, Any] = {"goal": True, "randomization": Randomization(mass=Uniform(0.5, 2.0), camera=0.1)}
+    theirs: Any = SyncVectorEnv([lambda: TaskEnv("lift_brick", **options)] * 3, autoreset_mode=mode)
+    ours = make(kind, 3, task="lift_brick", autoreset_mode=mode, **options)
+    assert ours.metadata["autoreset_mode"] is mode
+
+    def both(call: str, *args: Any, **kwargs: Any) -> Any:
+        found, wanted = (getattr(each, call)(*args, **copy.deepcopy(kwargs)) for each in (ours, theirs))
+        for one, other in zip(found, wanted, strict=True):
+            assert_same(one, other)
+        return found
+
+    both("reset", seed=3)
+    both("step", np.full((3, 9), 0.1))
+    both("reset", options={"reset_mask": np.array([False, True, False])})  # the second falls behind
+    for _ in range(4):
+        *_, truncated, infos = both("step", np.full((3, 9), 0.2))
+    np.testing.assert_array_equal(truncated, [True, False, True])
+    assert ("final_obs" in infos) == (mode is AutoresetMode.SAME_STEP)
+    if mode is AutoresetMode.DISABLED:
+        with pytest.raises(InvalidInputError, match=r"environments \[0, 2\] have ended"):
+            ours.step(np.zeros((3, 9)))
+        both("reset", options={"reset_mask": np.array([True, False, True])})
+        both("step", np.full((3, 9), -0.2))
+        return
+    for _ in range(6):
+        both("step", np.full((3, 9), -0.2))
+
+
 def test_gymnasium_makes_vectors() -> None:
     vector: Any = gymnasium.make_vec(
-        "jacokin/ReachSite-v0", num_envs=3, vectorization_mode="vector_entry_point", threads=2, reward="sparse"
+        "jacokin/ReachSite-v0",
+        num_envs=3,
+        vectorization_mode="vector_entry_point",
+        vector_kwargs={"threads": 2},
+        reward="sparse",
     )
+    if batched.is_available():
+        assert vector._batch.nthread == 2
     observations, _ = vector.reset(seed=[1, 2, 1])
     np.testing.assert_array_equal(observations[0], observations[2])
     assert not np.array_equal(observations[0], observations[1])
@@ -71,44 +165,115 @@ def test_gymnasium_makes_vectors() -> None:
     kept = observations.copy()
     vector.step(vector.action_space.sample())
     np.testing.assert_array_equal(observations, kept)
+    again: Any = gymnasium.make_vec(vector.spec)
+    assert again.num_envs == 3
+    assert again._first.options.reward == "sparse"
+    mode = gymnasium.VectorizeMode.VECTOR_ENTRY_POINT
+    assert gymnasium.make_vec("jacokin/ReachSite-v0", 2, mode, threads=2).num_envs == 2
+    with pytest.raises(UnknownNameError, match="Did you mean 'threads'"):
+        gymnasium.make_vec("jacokin/ReachSite-v0", 2, vector_kwargs={"thread": 2})
 
 
-@pytest.mark.parametrize("kind", ["batch", "threads"])
+def test_arguments_of_other_vectors_reach_them() -> None:
+    vector: Any = gymnasium.make_vec(
+        "jacokin/ReachSite-v0", num_envs=2, vectorization_mode="sync", vector_kwargs={"copy": False}
+    )
+    assert isinstance(vector, SyncVectorEnv)
+    assert not vector.copy
+    assert gymnasium.spec("jacokin/ReachSite-v0").kwargs == {"task": "reach_site"}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_resets_are_solved_as_a_batch(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    sizes, solve_batch = [], IKSolver.solve_batch
+
+    def counted(self: IKSolver, targets: Any, *args: Any, **kwargs: Any) -> Any:
+        sizes.append(len(targets))
+        return solve_batch(self, targets, *args, **kwargs)
+
+    monkeypatch.setattr(IKSolver, "solve_batch", counted)
+    make(kind, 8, task="reach_site").reset(seed=0)
+    assert sizes[0] == 8
+    assert sizes == sorted(sizes, reverse=True)  # those that collide are asked again
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_values_are_replayed(kind: str) -> None:
+    vector = make(kind, 3, task="lift_brick", randomization=ALL)
+    _, infos = vector.reset(seed=[1, 2, 3])
+    drawn = infos["randomization"]
+    assert len(set(drawn["mass"])) == 3
+    first = rows(vector.step(np.ones((3, 9)))[0])
+    _, infos = vector.reset(seed=[1, 2, 3], options={"randomization": drawn})
+    assert_same(infos["randomization"], drawn)
+    np.testing.assert_array_equal(rows(vector.step(np.ones((3, 9)))[0]), first)
+    changed = {**drawn, "mass": drawn["mass"] * 1.5}
+    _, infos = vector.reset(seed=[1, 2, 3], options={"randomization": changed})
+    np.testing.assert_array_equal(infos["randomization"]["mass"], changed["mass"])
+    with pytest.raises(InvalidInputError, match=r"mass must have shape \(3,\)"):
+        vector.reset(options={"randomization": {**drawn, "mass": np.ones(2)}})
+    with pytest.raises(InvalidInputError, match="mass must be a factor"):
+        vector.reset(options={"randomization": {**drawn, "mass": -drawn["mass"]}})
+
+
+@pytest.mark.parametrize("kind", KINDS)
 def test_a_diverged_simulation_leaves_the_others_alone(kind: str) -> None:
-    if kind == "batch" and not batched.is_available():
-        pytest.skip("this version of MuJoCo has no batches")
-    vector: Any = make_vector(3, task="reach_site") if kind == "batch" else ThreadedVectorEnv(3, 1, task="reach_site")
+    vector = make(kind, 3, task="reach_site")
     single = TaskEnv("reach_site")
-    vector.reset(seed=0)
+    before, _ = vector.reset(seed=0)
     single.reset(seed=2)
     if kind == "batch":
-        vector._inputs["qvel"][1] = 1e12
+        vector._batch.bind("qvel")[1] = 1e12
     else:
         vector._environments[1].data.qvel[:] = 1e12
     observations, rewards, _, truncated, infos = vector.step(np.zeros((3, 9)))
     np.testing.assert_array_equal(truncated, [False, True, False])
+    np.testing.assert_array_equal(infos["_error"], truncated)
     assert infos["error"][1]
-    assert np.isfinite(observations).all()
+    assert not infos["is_success"][1]
     assert rewards[1] == 0.0
+    np.testing.assert_array_equal(observations[1], before[1])  # the last one there was
     np.testing.assert_array_equal(observations[2], single.step(np.zeros(9))[0])
-    observations, _, _, truncated, _ = vector.step(np.zeros((3, 9)))
+    observations, _, _, truncated, infos = vector.step(np.zeros((3, 9)))
     assert not truncated.any()
+    assert "error" not in infos
     assert np.isfinite(observations).all()
+    again = TaskEnv("reach_site")
+    again.reset(seed=1)
+    np.testing.assert_array_equal(observations[1], again.reset()[0])
     np.testing.assert_array_equal(observations[2], single.step(np.zeros(9))[0])
 
 
-def test_mistakes() -> None:
-    vector: Any = make_vector(2, task="reach_site")
+@pytest.mark.parametrize("kind", KINDS)
+def test_mistakes(kind: str) -> None:
+    vector = make(kind, 2, task="reach_site")
     with pytest.raises(InvalidInputError, match="call reset"):
         vector.step(np.zeros((2, 9)))
-    vector.reset(seed=0)
+    observations, _ = vector.reset(seed=0)
     with pytest.raises(InvalidInputError, match="shape"):
         vector.step(np.zeros((3, 9)))
     with pytest.raises(InvalidInputError, match="NaN"):
         vector.step(np.full((2, 9), np.nan))
     with pytest.raises(InvalidInputError, match="seed must be one number, or 2"):
         vector.reset(seed=[1])
+    with pytest.raises(InvalidInputError, match="seed must be a whole number >= 0"):
+        vector.reset(seed=[5, -1])
+    with pytest.raises(InvalidInputError, match="reset_mask must be a bool array"):
+        vector.reset(options={"reset_mask": [True, False]})
+    with pytest.raises(UnknownNameError, match="option of reset"):
+        vector.reset(options={"speed": 1})
+    single = TaskEnv("reach_site")
+    np.testing.assert_array_equal(single.reset(seed=0)[0], observations[0])
+    np.testing.assert_array_equal(vector.step(np.ones((2, 9)))[0][0], single.step(np.ones(9))[0])  # nothing had changed
+
+
+def test_mistakes_in_options() -> None:
     with pytest.raises(InvalidInputError, match="does not render"):
         make_vector(2, task="reach_site", render_mode="rgb_array")
     with pytest.raises(InvalidInputError, match="threads"):
         make_vector(2, task="reach_site", threads=0)
+    with pytest.raises(UnknownNameError, match="Valid: NextStep, SameStep, Disabled"):
+        make_vector(2, task="reach_site", autoreset_mode="Never")
+    vector = make_vector(2, task="reach_site", randomization=Randomization(base_pose=(0.5, 0.5, 0.5, 0.0)))
+    with pytest.raises(EpisodeInitializationError):  # the arm stands too far away
+        vector.reset(seed=0)
