@@ -23,7 +23,7 @@ from jacokin.ik import batch
 from jacokin.ik.answers import choosing
 from jacokin.ik.answers.branches import of_branches
 from jacokin.ik.answers.choosing import Prefer
-from jacokin.ik.answers.family import of_findings
+from jacokin.ik.answers.family import nearest_member, of_findings
 from jacokin.ik.families.finder import Finder
 from jacokin.ik.options import (
     DEFAULT_QP_SOLVER,
@@ -251,6 +251,11 @@ class IKSolver:
         at = TargetPose(wanted.matrix, position_only=False) if isinstance(wanted, FreeAxis) else wanted
         request = Request(at, start, note, rng, restarts, closest)
         if isinstance(wanted, FreeAxis) or self._finder.applies_to(wanted):
+            if cost is None and not self._verifier.rejects_contact:
+                member = self._finder.nearest(wanted, start)
+                result = nearest_member(member, wanted, self._verifier, request)
+                if result is not None:
+                    return result
             found, wish = self._finder.find(wanted, start), choosing.with_ties(cost, start)
             return of_findings(found, self._verifier, request, wish, self._closest_search)
         if wanted.position_only:

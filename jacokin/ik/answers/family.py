@@ -13,6 +13,7 @@ from jacokin.ik import diagnosis, pose_error
 from jacokin.ik.answers.choosing import Cost
 from jacokin.ik.request import Request
 from jacokin.ik.results import IKResult, Status
+from jacokin.ik.targets import TargetPose
 from jacokin.ik.verification import Verifier
 from jacokin.model import angles
 from jacokin.model.angles import TURN
@@ -28,6 +29,32 @@ TRIED = 16
 AIMS = 4
 #: [rad] a target turned by less than this is the same.
 SAME_AIM = 1e-3
+
+
+def nearest_member(
+    member: tuple[Array, float] | None, target: FreeAxis | TargetPose, verifier: Verifier, request: Request
+) -> IKResult | None:
+    """The result of a member that a search for the nearest one found; None where it is no success.
+
+    Args:
+        member: joints (dof,) and parameter [rad], or None.
+        target: what has the family.
+        verifier: measures the result, and looks for contact.
+        request: the note about its seed.
+    """
+    if member is None:
+        return None
+    q, p = member
+    pose = target
+    if isinstance(target, FreeAxis):
+        p = float(angles.wrap_to_pi(p)) if target.full_turn else _inside(target, p)
+        pose = TargetPose(target.matrix_at(p), position_only=False)
+    assert isinstance(pose, TargetPose)
+    errors = verifier.measure(q, pose)
+    if not verifier.reached(q, errors):
+        return None
+    message = request.message(f"parameter {p:.6g} rad")
+    return replace(verifier.result(q, Status.OK, errors, message, touching=verifier.touching(q)), parameter=p)
 
 
 def of_findings(
@@ -52,7 +79,7 @@ def of_findings(
         if not verifier.reached(q, errors):
             continue
         pairs = verifier.touching(q)
-        message = request.message(f"parameter {p:.6g} rad, in one of {len(found.family)} intervals")
+        message = request.message(f"parameter {p:.6g} rad")
         if not (pairs and verifier.rejects_contact):
             return replace(verifier.result(q, Status.OK, errors, message, touching=pairs), parameter=p)
         if touched is None:

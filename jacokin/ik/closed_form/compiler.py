@@ -51,10 +51,13 @@ KERNEL_MODULES = (
     "curves.seven",
     "curves.slices",
     "curves.windows",
+    "curves.bridge",
     "curves.graph",
     "curves.arcs",
     "curves.between",
     "curves.limit_cuts",
+    "curves.nearest.chord",
+    "curves.nearest.sweep",
     "curves.curve_family",
 )
 _PACKAGE = "jacokin.ik.closed_form"

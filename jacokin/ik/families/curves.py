@@ -9,7 +9,13 @@ import numpy as np
 
 from jacokin.arrays import Array
 from jacokin.ik.closed_form.compilation import KERNELS
-from jacokin.ik.closed_form.curves.curve_family import FIND_AT_PARAMETER, FIND_AT_SHARE, FIND_INTERVALS
+from jacokin.ik.closed_form.curves.curve_family import (
+    FIND_AT_PARAMETER,
+    FIND_AT_SHARE,
+    FIND_INTERVALS,
+    FIND_NEAREST,
+    FIND_NEAREST_ON_RUN,
+)
 from jacokin.ik.closed_form.kernel_library import CurveCall
 from jacokin.ik.families import pieces
 from jacokin.ik.families.pieces import Found
@@ -31,6 +37,7 @@ class Arm(NamedTuple):
     chain: Array  # (7, 3, 4) of six joints, or (8, 3, 4) of seven
     constants: Array  # (39,) of `closed_form.geometry`, or (12,) of `closed_form.curves.seven`
     limits: Array  # (2, 7) [rad], infinite where some copy of every angle is within them
+    circular: bool  # every joint has either no limits, or one copy of an angle at most within them
 
 
 class Problem(NamedTuple):
@@ -71,6 +78,47 @@ class Curves:
 
     def find(self, problem: Problem, target: FreeAxis | None = None) -> Found:
         """All pieces of the curves of a problem, in the range of a target."""
+        call = self._prepared(problem, target)
+        call.work.options[0] = FIND_INTERVALS
+        found = pieces.read(call.work, call())
+        self._idle.append(call)
+        return found
+
+    def nearest(self, problem: Problem, target: FreeAxis | None, seed: Array) -> Array | None:
+        """The point (7,) within the limits nearest to a seed (dof,), joints in the copies nearest to it.
+
+        None where nothing is within the limits, where a curve was lost, or where limits of more than a turn leave a
+        choice of copies.
+        """
+        if not problem.arm.circular:
+            return None
+        call = self._prepared(problem, target)
+        return self._nearest(call, FIND_NEAREST, seed)
+
+    def nearest_on(self, problem: Problem, nodes: Array, seed: Array) -> Array | None:
+        """As `nearest`, on a run of nodes (m, 14) alone."""
+        if not problem.arm.circular:
+            return None
+        call = self._take(1)
+        self._fill(call, problem)
+        call.work.arcs.nodes[: len(nodes)] = nodes
+        call.work.options[:] = 0, problem.arm.parameter, len(nodes), 0
+        return self._nearest(call, FIND_NEAREST_ON_RUN, seed)
+
+    def _nearest(self, call: CurveCall, task: int, seed: Array) -> Array | None:
+        nearest = call.work.nearest
+        nearest.limits[:] = self._arm.limits
+        nearest.weights[:] = 1.0
+        nearest.weights[len(seed) :] = 0.0
+        nearest.seed[: len(seed)] = seed
+        nearest.seed[len(seed) :] = 0.0
+        call.work.options[0] = task
+        x = nearest.x.copy() if call() and nearest.best[0] < np.inf else None
+        self._idle.append(call)
+        return x
+
+    def _prepared(self, problem: Problem, target: FreeAxis | None) -> CurveCall:
+        """A call with everything about a problem filled in."""
         call = self._take(SLICES_SIX if problem.arm.parameter == FREE_AXIS else SLICES_SEVEN)
         work, arm = call.work, problem.arm
         values, closed = _slices(arm.parameter, target)
@@ -86,9 +134,7 @@ class Curves:
         work.cuts.limits[:] = arm.limits
         work.slices.p[: len(values)] = values
         work.options[:] = FIND_INTERVALS, arm.parameter, len(values), int(closed)
-        found = pieces.read(work, call())
-        self._idle.append(call)
-        return found
+        return call
 
     def at_share(self, problem: Problem, chord: Array, share: float) -> Array | None:
         """The point (7,) of a curve across the chord between two nodes (2, 14), at a share of it."""
@@ -122,6 +168,12 @@ class Curves:
     def _fill(self, call: CurveCall, problem: Problem) -> None:
         call.work.chain[:] = problem.chain
         call.work.T[:] = problem.T
+
+
+def arm_of(parameter: int, chain: Array, constants: Array, lower: Array, upper: Array) -> Arm:
+    """What the kernels need of an arm, with limits (dof,) [rad]."""
+    one_copy = np.isinf(upper - lower) | (upper - lower < TURN)
+    return Arm(parameter, chain, constants, limits_of(lower, upper), bool(one_copy.all()))
 
 
 def limits_of(lower: Array, upper: Array) -> Array:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
-from jacokin.ik.answers.choosing import Cost, by_distance, by_margin
+from jacokin.ik.answers.choosing import Cost, by_margin
 from jacokin.ik.families.interval import Interval, choose
 from jacokin.model import checks
 
@@ -64,8 +64,8 @@ class Family:
             InvalidInputError: a malformed seed.
         """
         start = self._members.seed if seed is None else self._members.robot.configuration(seed, "seed")
-        best = self.choose(by_distance(start), start)
-        return None if best is None else best[0]
+        members = [interval.nearest(start) for interval in self.intervals]
+        return min(members, key=lambda q: float(np.linalg.norm(q - start)), default=None)
 
     def widest(self) -> Array | None:
         """The member (dof,) [rad] with the largest limit margin; None when there is no member."""

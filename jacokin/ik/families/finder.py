@@ -69,6 +69,19 @@ class Finder:
         """
         if not isinstance(target, FreeAxis):
             return self._seven_joints().find(target, seed)
+        return self._six_joints().find(target, seed)
+
+    def nearest(self, target: TargetPose | FreeAxis, seed: Array) -> tuple[Array, float] | None:
+        """The member (dof,) nearest to a seed and its parameter [rad]; None where only `find` can tell.
+
+        Raises:
+            InvalidInputError, StructureError: as `find`.
+        """
+        if not isinstance(target, FreeAxis):
+            return self._seven_joints().nearest(target, seed)
+        return self._six_joints().nearest(target, seed)
+
+    def _six_joints(self) -> SixJointFamilies:
         if self._verifier.robot.dof == SEVEN:
             raise InvalidInputError(
                 "a FreeAxis on seven joints leaves two free parameters: give the pose at one angle, target.at(angle), "
@@ -80,7 +93,7 @@ class Finder:
             from jacokin.ik.families.search import SixJointFamilies
 
             self._six = SixJointFamilies(self._closed_form(), self._verifier)
-        return self._six.find(target, seed)
+        return self._six
 
     def _seven_joints(self) -> SevenJointFamilies:
         if self._seven is None:

@@ -89,7 +89,9 @@ class Interval:
 
     def nearest(self, seed: ArrayLike | None = None) -> Array:
         """The member (dof,) [rad] nearest to a seed; None for the seed of the family."""
-        return choose([self], by_distance(self._seed(seed)), self._seed(seed))[0]
+        wanted = self._seed(seed)
+        found = self._track.nearest(wanted)
+        return choose([self], by_distance(wanted), wanted)[0] if found is None else self.member(*found, wanted)
 
     def widest(self) -> Array:
         """The member (dof,) [rad] with the largest limit margin."""

@@ -14,7 +14,7 @@ from jacokin.ik.closed_form.geometry_seven import measure_seven
 from jacokin.ik.closed_form.solver import ClosedForm
 from jacokin.ik.diagnosis import Mildest
 from jacokin.ik.families import pieces
-from jacokin.ik.families.curves import FREE_AXIS, JOINT_3, Arm, Curves, Problem, limits_of
+from jacokin.ik.families.curves import FREE_AXIS, JOINT_3, Curves, Problem, arm_of
 from jacokin.ik.families.family import Family
 from jacokin.ik.families.interval import Interval, IntervalEnd
 from jacokin.ik.families.members import Members
@@ -49,7 +49,7 @@ class SixJointFamilies:
         robot = verifier.robot
         self._form, self._verifier = form, verifier
         self._tool_in_joint_6 = chain[6]
-        self._curves = Curves(Arm(FREE_AXIS, chain, constants, limits_of(robot.lower, robot.upper)))
+        self._curves = Curves(arm_of(FREE_AXIS, chain, constants, robot.lower, robot.upper))
 
     def find(self, target: FreeAxis, seed: Array) -> Findings:
         """Everything that reaches a target; unlimited joints in the copies nearest to a seed (6,)."""
@@ -58,6 +58,13 @@ class SixJointFamilies:
         if sign != 0.0:
             return self._about_last_axis(target, members, sign)
         return on_curves(self._curves, self._curves.problem(target.matrix, target.axis), members)
+
+    def nearest(self, target: FreeAxis, seed: Array) -> tuple[Array, float] | None:
+        """The member (6,) nearest to a seed and its parameter [rad]; None where only `find` can tell."""
+        if self._sign_of_last_axis(target.axis) != 0.0:
+            return None
+        x = self._curves.nearest(self._curves.problem(target.matrix, target.axis), target, seed)
+        return None if x is None else (x[:6], float(x[6]))
 
     def _sign_of_last_axis(self, axis: Array) -> float:
         """1 or -1 where the axis (3,) in the tool frame is that of the last joint, else 0."""
@@ -100,11 +107,16 @@ class SevenJointFamilies:
         geometry = measure_seven(robot.pin_model, verifier.frame_id, verifier.tool)
         self._verifier = verifier
         self.misfit = geometry.misfit
-        self._curves = Curves(Arm(JOINT_3, geometry.chain, geometry.arm, limits_of(robot.lower, robot.upper)))
+        self._curves = Curves(arm_of(JOINT_3, geometry.chain, geometry.arm, robot.lower, robot.upper))
 
     def find(self, target: TargetPose, seed: Array) -> Findings:
         """Everything that reaches a pose; unlimited joints in the copies nearest to a seed (7,)."""
         return on_curves(self._curves, self._curves.problem(target.matrix), Members(self._verifier, target, seed))
+
+    def nearest(self, target: TargetPose, seed: Array) -> tuple[Array, float] | None:
+        """The member (7,) nearest to a seed and its joint 3 [rad]; None where only `find` can tell."""
+        x = self._curves.nearest(self._curves.problem(target.matrix), None, seed)
+        return None if x is None else (x, float(x[JOINT_3]))
 
 
 def _turns_of_joint_6(

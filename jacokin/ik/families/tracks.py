@@ -35,6 +35,9 @@ class Track(Protocol):
         """The configuration (dof,) at a coordinate."""
         return self.point(coordinate)[1]
 
+    def nearest(self, seed: Array) -> tuple[float, Array] | None:
+        """Parameter and configuration (dof,) nearest to a seed (dof,); None where only `guesses` can tell."""
+
     def guesses(self) -> tuple[Array, Array]:
         """Coordinates (m,) in order, from start to stop, and the configurations there (m, dof) to about 1e-4 rad."""
 
@@ -114,6 +117,18 @@ class CurveTrack(Track):
         points = np.vstack([self._piece.ends[0], x, self._piece.ends[1]])
         return np.concatenate([[first], coordinates, [last]]), points
 
+    def nearest(self, seed: Array) -> tuple[float, Array] | None:
+        """See `Track`."""
+        nodes = self._piece.nodes.copy()
+        nodes[0, :7], nodes[-1, :7] = self._piece.ends
+        x = self._curves.nearest_on(self._problem, nodes, seed)
+        if x is None:
+            return None
+        p = self.start + float(np.mod(x[self._parameter] - self.start, TURN))
+        if p > self.stop:  # by rounding, at one of the ends
+            p = self.stop if p - self.stop < 1.0 else self.start
+        return p, self._joints(x)
+
     def _coordinates(self) -> tuple[float, float]:
         return self._piece.shares[0], len(self._piece.nodes) - 2 + self._piece.shares[1]
 
@@ -145,6 +160,10 @@ class CircleTrack(Track):
     def point(self, coordinate: float) -> tuple[float, Array]:
         """See `Track`."""
         return coordinate, self.at(coordinate)
+
+    def nearest(self, seed: Array) -> tuple[float, Array] | None:
+        """See `Track`."""
+        return None
 
     def guesses(self) -> tuple[Array, Array]:
         """See `Track`."""

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.ik.closed_form.curves.graph import OPEN, Graph, wrapped
-from jacokin.ik.closed_form.curves.slices import POINTS, SLICES, Slices
+from jacokin.ik.closed_form.curves.graph import OPEN, Graph
+from jacokin.ik.closed_form.curves.slices import POINTS, SLICES, Slices, wrapped
 
 #: Nodes and arcs at most.
 NODES, ARCS = 16384, 256

@@ -120,6 +120,11 @@ def tangent7(chain: Array, T: Array, x: Array, border: Array, t: Array, system: 
         curve the sign does not change, and a step that leaps to another curve beside it changes it.
     """
     linearise7(chain, T, x, system)
+    return null_tangent(border, t, system)
+
+
+def null_tangent(border: Array, t: Array, system: Array) -> float:
+    """As `tangent7`, of the Jacobian that `linearise7` left in system."""
     for j in range(7):
         system[6, j] = border[j]
     for i in range(6):

@@ -2,9 +2,11 @@
 
 windows      where configurations exist between two slices only: one more slice
 slices       all configurations at some values of the parameter, in closed form
+bridge       points between slices of a seven-joint arm
 graph        which points of neighbouring slices belong together; in doubt `follow` walks along the curve
 arcs         pieces of the curves along which the parameter rises, from fold to fold
 limit_cuts   what is left of them within the joint limits
+nearest      the one point that is nearest to a seed, without the rest
 """
 
 from __future__ import annotations
@@ -20,12 +22,15 @@ from jacokin.ik.closed_form.curves.between import between, where_joint_is
 from jacokin.ik.closed_form.curves.follow import Walk
 from jacokin.ik.closed_form.curves.graph import LINKS, TRACED, Graph, join
 from jacokin.ik.closed_form.curves.limit_cuts import Cuts, cut, make_cuts
+from jacokin.ik.closed_form.curves.nearest.chord import Nearest, make_nearest, search_arcs, search_run
+from jacokin.ik.closed_form.curves.nearest.sweep import sweep
 from jacokin.ik.closed_form.curves.slices import POINTS, SLICES, SevenJoints, SixJoints, Slices, fill_slices
 from jacokin.ik.closed_form.curves.windows import add_windows
 from jacokin.ik.closed_form.kernels.pose import COLUMNS, MAX_BRANCHES, make_work
 
-#: What to do: find the intervals; find a point at a share of a chord; find a point where the parameter has a value.
-FIND_INTERVALS, FIND_AT_SHARE, FIND_AT_PARAMETER = 0, 1, 2
+#: What to do: find the intervals; find a point at a share of a chord; find a point where the parameter has a value;
+#: find the member nearest to the seed; find the nearest one on the first nodes of the arcs.
+FIND_INTERVALS, FIND_AT_SHARE, FIND_AT_PARAMETER, FIND_NEAREST, FIND_NEAREST_ON_RUN = 0, 1, 2, 3, 4
 
 
 class CurveWork(NamedTuple):
@@ -44,6 +49,7 @@ class CurveWork(NamedTuple):
     chord: Array  # (2, 14) nodes between which a point is asked for
     at: Array  # (1,) share of the chord, or value of the parameter
     x: Array  # (7,) the point
+    nearest: Nearest
 
 
 def make_walk() -> Walk:
@@ -76,6 +82,7 @@ def make_curve_work() -> CurveWork:
             np.empty((*points, 7)),
             np.empty((*points, 7)),
             np.empty(points),
+            np.zeros(points, np.int64),
         ),
         Graph(
             np.zeros((*points, 2, 2), np.int64),
@@ -90,11 +97,15 @@ def make_curve_work() -> CurveWork:
         np.zeros((2, 14)),
         np.zeros(1),
         np.zeros(7),
+        make_nearest(),
     )
 
 
 def run_curves(work: CurveWork) -> int:
-    """Do what work.options[0] asks for; returns the number of intervals, or 1 if the point was found, else 0."""
+    """Do what work.options[0] asks for; returns the number of intervals, or 1 if the point was found, else 0.
+
+    A nearest point is in work.nearest; 0 where a curve was lost, so that there may be a nearer one.
+    """
     chain, T, walk = work.chain, work.T, work.graph.walk
     task, parameter, n, closed = work.options[0], work.options[1], work.options[2], work.options[3] > 0
     if task == FIND_AT_SHARE:
@@ -102,10 +113,16 @@ def run_curves(work: CurveWork) -> int:
     if task == FIND_AT_PARAMETER:
         share = where_joint_is(chain, T, work.chord[0], work.chord[1], parameter, work.at[0], work.x, walk)
         return 1 if share >= 0.0 else 0
+    if task == FIND_NEAREST_ON_RUN:
+        return 1 if search_run(chain, T, work.arcs.nodes, n, work.nearest, walk) else 0
+    if task == FIND_NEAREST and parameter != 6:
+        return 1 if sweep(chain, work.seven, T, work.slices, work.graph.traced, work.nearest, walk) else 0
     if parameter != 6:
         n = add_windows(chain, work.seven.arm, T, n, closed, work.slices)
     work.counts[2] = fill_slices(chain, T, parameter, n, work.slices, work.six, work.seven, walk)
-    made, work.counts[1] = join(chain, T, n, closed, parameter, work.slices, work.graph)
+    made, work.counts[1] = join(chain, T, n, closed, parameter, work.seven, work.slices, work.graph)
     assemble(n, closed, parameter, made, work.slices, work.graph, work.arcs)
+    if task == FIND_NEAREST:
+        return 1 if search_arcs(chain, T, work.arcs, work.nearest, walk) else 0
     work.counts[0] = cut(chain, T, work.arcs, work.cuts, walk)
     return int(work.counts[0])

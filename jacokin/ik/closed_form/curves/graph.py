@@ -9,14 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
+from jacokin.ik.closed_form.curves.bridge import DIRECT_DEFECT, DIRECT_REST, DIRECT_WAY, bridge, explained
 from jacokin.ik.closed_form.curves.follow import Walk, follow
-from jacokin.ik.closed_form.curves.slices import POINTS, SLICES, Slices, add_point
+from jacokin.ik.closed_form.curves.slices import POINTS, SLICES, SevenJoints, Slices, add_point, wrapped
 from jacokin.ik.closed_form.kernels.limits import TURN
 
-#: [rad] longest way in one joint between two slices that is joined without following the curve.
-DIRECT_WAY = 0.6
-#: Share of the way, and rest [rad], that the mean of both slopes may leave unexplained.
-DIRECT_DEFECT, DIRECT_REST = 0.01, 1e-5
 #: The next best point must fit this much worse.
 SECOND_BEST = 10.0
 #: [rad] points nearer to each other are one.
@@ -36,11 +33,6 @@ class Graph(NamedTuple):
     mate: NDArray[np.int64]  # (POINTS,)
     claimed: NDArray[np.int64]  # (POINTS,)
     walk: Walk
-
-
-def wrapped(angle: float) -> float:
-    """The copy of an angle in [-pi, pi)."""
-    return angle - TURN * math.floor(angle / TURN + 0.5)
 
 
 def match(slices: Slices, i: int, j: int, shift: float, parameter: int, graph: Graph) -> None:
@@ -99,7 +91,47 @@ def find_point(slices: Slices, i: int, x: Array, parameter: int) -> int:
     return -1
 
 
-def join(chain: Array, T: Array, n: int, closed: bool, parameter: int, slices: Slices, graph: Graph) -> tuple[int, int]:
+def link_labelled(
+    chain: Array,
+    T: Array,
+    i: int,
+    j: int,
+    shift: float,
+    made: int,
+    used: int,
+    seven: SevenJoints,
+    slices: Slices,
+    graph: Graph,
+) -> tuple[int, int]:
+    """Link the points of slices i and j of a seven-joint arm that certainly belong together.
+
+    Returns:
+        How many links and how many rows of graph.traced there are then.
+    """
+    low, high = slices.p[i], slices.p[j] + shift
+    for a in range(slices.filled[i]):
+        for b in range(slices.filled[j]):
+            if slices.label[i, a] != slices.label[j, b] or slices.label[i, a] < 0:
+                continue
+            if slices.sign[i, a] != slices.sign[j, b]:
+                continue
+            x, t, y, u = slices.x[i, a], slices.t[i, a], slices.x[j, b], slices.t[j, b]
+            rows = 0
+            if not explained(x, t, y, u, high - low, 2):
+                rows = bridge(
+                    chain, T, seven, slices.label[i, a], (x, t, y, u), slices.sign[i, a], low, high,
+                    graph.traced, used, graph.walk,
+                )  # fmt: skip
+                if rows == 0:
+                    continue
+            made = add_link(graph, made, i, a, 1, j, b, 0, used, rows)
+            used += rows
+    return made, used
+
+
+def join(
+    chain: Array, T: Array, n: int, closed: bool, parameter: int, seven: SevenJoints, slices: Slices, graph: Graph
+) -> tuple[int, int]:
     """Link every point at both sides.
 
     Args:
@@ -108,6 +140,7 @@ def join(chain: Array, T: Array, n: int, closed: bool, parameter: int, slices: S
         n: number of slices.
         closed: the last slice is followed by the first, one turn on.
         parameter: index of the joint that is the parameter.
+        seven: the arm of seven joints.
         slices: the points; one that was missing is added when a curve leads to it.
         graph: filled.
 
@@ -121,6 +154,9 @@ def join(chain: Array, T: Array, n: int, closed: bool, parameter: int, slices: S
     made, used, faults = 0, 0, 0
     for i in range(n if closed else n - 1):
         j = i + 1 if i + 1 < n else 0
+        if parameter != 6:
+            made, used = link_labelled(chain, T, i, j, TURN if j == 0 else 0.0, made, used, seven, slices, graph)
+            continue
         match(slices, i, j, TURN if j == 0 else 0.0, parameter, graph)
         for a in range(slices.filled[i]):
             if graph.mate[a] >= 0:

@@ -12,7 +12,7 @@ from jacokin.ik.closed_form.curves.arcs import Arcs
 from jacokin.ik.closed_form.curves.between import between, chord_length, share_of, where_joint_is
 from jacokin.ik.closed_form.curves.chain7 import tangent7
 from jacokin.ik.closed_form.curves.follow import Walk
-from jacokin.ik.closed_form.curves.graph import wrapped
+from jacokin.ik.closed_form.curves.slices import wrapped
 from jacokin.ik.closed_form.kernels.limits import TURN
 
 #: Share of the square of a chord: an extremum this near to a limit is looked at on halves of the chord.

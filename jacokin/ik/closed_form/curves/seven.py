@@ -72,9 +72,9 @@ def elbow_equation(chain: Array, arm7: Array, D0: Vec, u: Vec, c3: float, s3: fl
     return plane_equation(seen, w4, 0.5 * (dot(D0, D0) - dot(u, u) - dot(w4, w4)))
 
 
-def wrist_after_joint_2(chain: Array, arm7: Array, u: Vec, c3: float, s3: float, q4: float) -> Vec:
+def wrist_after_joint_2(chain: Array, arm7: Array, u: Vec, c3: float, s3: float, c4: float, s4: float) -> Vec:
     """From O to W, in the axes after joint 2."""
-    at4 = about_z(math.cos(q4), math.sin(q4), (arm7[9], arm7[10], arm7[11]))
+    at4 = about_z(c4, s4, (arm7[9], arm7[10], arm7[11]))
     d = turned(chain, 2, about_z(c3, s3, turned(chain, 3, at4)))
     return (u[0] + d[0], u[1] + d[1], u[2] + d[2])
 
@@ -99,7 +99,7 @@ def discriminant(chain: Array, arm7: Array, D0: Vec, q3: float, sign: float) -> 
     if not first > 0.0:
         return first, -1.0
     q4 = math.atan2(b, a) + sign * math.acos(c / math.sqrt(a * a + b * b))
-    v = wrist_after_joint_2(chain, arm7, u, c3, s3, q4)
+    v = wrist_after_joint_2(chain, arm7, u, c3, s3, math.cos(q4), math.sin(q4))
     a, b, c = plane_equation(row_of(chain, 1, 2), v, D0[2])
     return first, a * a + b * b - c * c
 
@@ -120,6 +120,10 @@ def solve_at_q3(chain: Array, arm7: Array, T: Array, q3: float, rows: Array) -> 
     for i in range(MOST_AT_Q3):
         rows[i, 0] = math.nan
     D0 = wrist_from_shoulder(chain, arm7, T)
+    x = turned_back(chain, 0, of_target(T, row_of(chain, 7, 0)))
+    y = turned_back(chain, 0, of_target(T, row_of(chain, 7, 1)))
+    z = turned_back(chain, 0, of_target(T, row_of(chain, 7, 2)))
+    towards = math.atan2(D0[1], D0[0])
     c3, s3 = math.cos(q3), math.sin(q3)
     u = elbow(chain, arm7, c3, s3)
     a, b, c = elbow_equation(chain, arm7, D0, u, c3, s3)
@@ -130,7 +134,8 @@ def solve_at_q3(chain: Array, arm7: Array, T: Array, q3: float, rows: Array) -> 
     count = 0
     for i in range(2):
         q4 = middle4 + (half4 if i == 0 else -half4)
-        v = wrist_after_joint_2(chain, arm7, u, c3, s3, q4)
+        c4, s4 = math.cos(q4), math.sin(q4)
+        v = wrist_after_joint_2(chain, arm7, u, c3, s3, c4, s4)
         a, b, c = plane_equation(row_of(chain, 1, 2), v, D0[2])
         r2 = math.sqrt(a * a + b * b)
         if not abs(c) <= r2 or r2 == 0.0:
@@ -140,37 +145,45 @@ def solve_at_q3(chain: Array, arm7: Array, T: Array, q3: float, rows: Array) -> 
             q2 = middle2 + (half2 if k == 0 else -half2)
             c2, s2 = math.cos(q2), math.sin(q2)
             D1 = turned(chain, 1, about_z(c2, s2, v))
-            q1 = math.atan2(D0[1], D0[0]) - math.atan2(D1[1], D1[0])
-            arm = 4 * i + 2 * k
-            for n in range(arm, arm + 2):
-                rows[n, 0], rows[n, 1], rows[n, 2], rows[n, 3] = q1, q2, q3, q4
-            solve_wrist(chain, T, rows, arm)
+            q1 = towards - math.atan2(D1[1], D1[0])
+            c1, s1 = math.cos(q1), math.sin(q1)
+            n = 4 * i + 2 * k
+            for m in range(n, n + 2):
+                rows[m, 0], rows[m, 1], rows[m, 2], rows[m, 3] = q1, q2, q3, q4
+            solve_wrist(
+                chain,
+                after_joint_4(chain, c1, s1, c2, s2, c3, s3, c4, s4, x),
+                after_joint_4(chain, c1, s1, c2, s2, c3, s3, c4, s4, y),
+                after_joint_4(chain, c1, s1, c2, s2, c3, s3, c4, s4, z),
+                rows,
+                n,
+            )
             count += 2
     return count
 
 
-def solve_wrist(chain: Array, T: Array, rows: Array, n: int) -> None:
-    """Joints 5, 6 and 7 of rows n and n + 1, from the first four, which both rows share."""
-    x = after_joint_4(chain, T, rows[n], row_of(chain, 7, 0))
-    y = after_joint_4(chain, T, rows[n], row_of(chain, 7, 1))
-    z = after_joint_4(chain, T, rows[n], row_of(chain, 7, 2))
+def solve_wrist(chain: Array, x: Vec, y: Vec, z: Vec, rows: Array, n: int) -> None:
+    """Joints 5, 6 and 7 of rows n and n + 1, from the axes of the tool as seen before joint 5."""
     axis = column_of(chain, 6, 2)
     a, b, c = plane_equation(row_of(chain, 5, 2), axis, z[2])
     middle6, half6 = math.atan2(b, a), math.acos(min(1.0, max(-1.0, c / math.sqrt(a * a + b * b))))
+    towards = math.atan2(z[1], z[0])
     for k in range(2):
         q6 = middle6 + (half6 if k == 0 else -half6)
         c6, s6 = math.cos(q6), math.sin(q6)
         e = turned(chain, 5, about_z(c6, s6, axis))
-        q5 = math.atan2(z[1], z[0]) - math.atan2(e[1], e[0])
+        q5 = towards - math.atan2(e[1], e[0])
         c5, s5 = math.cos(q5), math.sin(q5)
         f = turned_back(chain, 6, about_z(c6, -s6, turned_back(chain, 5, about_z(c5, -s5, x))))
         g = turned_back(chain, 6, about_z(c6, -s6, turned_back(chain, 5, about_z(c5, -s5, y))))
         rows[n + k, 4], rows[n + k, 5], rows[n + k, 6] = q5, q6, math.atan2(f[1] - g[0], f[0] + g[1])
 
 
-def after_joint_4(chain: Array, T: Array, q: Array, v: Vec) -> Vec:
-    """A vector of the tool as seen before joint 5."""
-    e = of_target(T, v)
-    for i in range(4):
-        e = about_z(math.cos(q[i]), -math.sin(q[i]), turned_back(chain, i, e))
-    return turned_back(chain, 4, e)
+def after_joint_4(
+    chain: Array, c1: float, s1: float, c2: float, s2: float, c3: float, s3: float, c4: float, s4: float, v: Vec
+) -> Vec:
+    """A vector seen before joint 1, turned into the axes before joint 5."""
+    v = turned_back(chain, 1, about_z(c1, -s1, v))
+    v = turned_back(chain, 2, about_z(c2, -s2, v))
+    v = turned_back(chain, 3, about_z(c3, -s3, v))
+    return turned_back(chain, 4, about_z(c4, -s4, v))

@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.ik.closed_form.curves.chain7 import bordered_newton, tangent7
+from jacokin.ik.closed_form.curves.chain7 import bordered_newton, linearise7, null_tangent, tangent7
 from jacokin.ik.closed_form.curves.follow import CURVE_CLOSURE, WORST_CLOSURE, Walk
 from jacokin.ik.closed_form.curves.seven import MOST_AT_Q3, solve_at_q3
 from jacokin.ik.closed_form.kernels.arm import unpack_arm
+from jacokin.ik.closed_form.kernels.limits import TURN
 from jacokin.ik.closed_form.kernels.pose import Task, Work, solve_pose
 
 #: Values of the parameter at most, and points at each.
@@ -46,6 +47,12 @@ class Slices(NamedTuple):
     x: Array  # (SLICES, POINTS, 7) [rad]
     t: Array  # (SLICES, POINTS, 7) unit tangents, dp/ds >= 0
     sign: Array  # (SLICES, POINTS) of the determinant, see `chain7.tangent7`
+    label: NDArray[np.int64]  # (SLICES, POINTS) row of `seven.solve_at_q3`; -1 for none
+
+
+def wrapped(angle: float) -> float:
+    """The copy of an angle in [-pi, pi)."""
+    return angle - TURN * math.floor(angle / TURN + 0.5)
 
 
 def turn_target(T: Array, axis: Array, angle: float, turned: Array) -> None:
@@ -78,6 +85,27 @@ def add_point(chain: Array, T: Array, parameter: int, i: int, slices: Slices, wa
     if sign == 0.0:
         return False
     slices.sign[i, k] = sign
+    slices.label[i, k] = -1
+    slices.filled[i] = k + 1
+    return True
+
+
+def add_row(chain: Array, T: Array, i: int, label: int, seven: SevenJoints, slices: Slices, walk: Walk) -> bool:
+    """As `add_point`, for a row of `seven.rows`, improved where its closure asks for it."""
+    k = slices.filled[i]
+    x = slices.x[i, k]
+    for j in range(7):
+        x[j] = seven.rows[label, j]
+        walk.border[j] = 1.0 if j == 2 else 0.0
+    if linearise7(chain, T, x, walk.system) > CURVE_CLOSURE:
+        if bordered_newton(chain, T, x, walk.border, slices.p[i], walk.system, 6, CURVE_CLOSURE) > WORST_CLOSURE:
+            return False
+        linearise7(chain, T, x, walk.system)
+    sign = null_tangent(walk.border, slices.t[i, k], walk.system)
+    if sign == 0.0:
+        return False
+    slices.sign[i, k] = sign
+    slices.label[i, k] = label
     slices.filled[i] = k + 1
     return True
 
@@ -103,15 +131,6 @@ def fill_slices(
         for k in range(MOST_AT_Q3):
             if math.isnan(seven.rows[k, 0]):
                 continue
-            for j in range(7):
-                walk.x[j] = seven.rows[k, j]
-                walk.border[j] = 1.0 if j == parameter else 0.0
-            closure = bordered_newton(chain, T, walk.x, walk.border, p, walk.system, 6, CURVE_CLOSURE)
-            if closure > WORST_CLOSURE:
-                lost += 1
-                continue
-            for j in range(7):
-                slices.x[i, slices.filled[i], j] = walk.x[j]
-            if not add_point(chain, T, parameter, i, slices, walk):
+            if not add_row(chain, T, i, k, seven, slices, walk):
                 lost += 1
     return lost

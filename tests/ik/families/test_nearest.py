@@ -1,0 +1,126 @@
+"""The member nearest to a seed, found without the family: against dense scans by other code, and the family's own."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+import jacokin
+from benchmarks import scan_seven
+from jacokin import FreeAxis, IKSolver, Robot
+from jacokin.arrays import Array
+from jacokin.ik import Family
+from jacokin.ik.families.curves import Curves
+from jacokin.model.angles import TURN
+
+SCANNED = 4000
+#: [rad] the nearest point of such a scan is this near to the nearest of all, or nearer, unless it is at an end.
+COARSE = 0.02
+
+
+@pytest.fixture(scope="module")
+def six() -> IKSolver:
+    jacokin.warmup()
+    return IKSolver(jacokin.load_robot())
+
+
+@pytest.fixture(scope="module")
+def seven() -> IKSolver:
+    jacokin.warmup()
+    return IKSolver(jacokin.load_robot("j2s7s300"))
+
+
+def structured(robot: Robot, rng: np.random.Generator, number: int) -> Array:
+    """A configuration of seven joints: any, stretched, on a limit, or with the wrist near the axis of joint 1."""
+    q = robot.sample(rng)
+    if number % 4 == 1:
+        q[3] = math.pi + rng.uniform(-0.02, 0.02)
+    elif number % 4 == 2:
+        joint = (1, 3, 5)[number // 4 % 3]
+        q[joint] = (robot.lower, robot.upper)[number // 12 % 2][joint]
+    elif number % 4 == 3:
+        q[2] = rng.choice([0.0, math.pi]) + rng.uniform(-0.002, 0.002)
+        q[1], q[3] = math.pi + rng.uniform(-0.01, 0.01, 2)
+    return q
+
+
+def test_no_member_of_seven_joints_is_nearer(seven: IKSolver, rng: np.random.Generator) -> None:
+    robot = seven.robot
+    scan, gaps = scan_seven.Scan(robot), []
+    for number in range(40):
+        target = robot.forward_kinematics(structured(robot, rng, number))
+        seed = robot.sample(rng) if number % 5 else robot.home
+        result = seven.solve(target, seed=seed).raise_for_status()
+        distance = float(np.linalg.norm(result.q - seed))
+        rows = scan.configurations(target.homogeneous, seed[2] + TURN * np.arange(SCANNED) / SCANNED)
+        rows = rows[np.isfinite(rows[..., 0])]
+        rows = rows[scan_seven.within_limits(robot, rows)]
+        gaps.append(float(scan_seven.distances(robot, rows, seed).min(initial=math.inf)) - distance)
+        assert gaps[-1] >= -1e-9
+        family = seven.solve_all(target)
+        assert isinstance(family, Family)
+        own = family.nearest(seed)
+        assert own is not None
+        assert np.linalg.norm(own - seed) == pytest.approx(distance, abs=1e-9)
+        np.testing.assert_allclose(own, result.q, atol=1e-6)
+    assert np.median(gaps) < COARSE
+
+
+@pytest.mark.parametrize("axis", [(1.0, 0.0, 0.0), (0.3, -0.5, 0.4)])
+def test_no_member_about_a_free_axis_is_nearer(
+    six: IKSolver, rng: np.random.Generator, axis: tuple[float, float, float]
+) -> None:
+    robot = six.robot
+    for number in range(8):
+        limits = ((-math.pi, math.pi), (-0.7, 1.1))[number % 2]
+        target = FreeAxis(robot.forward_kinematics(robot.sample(rng)), axis=axis, range=limits)
+        seed = robot.sample(rng)
+        result = six.solve(target, seed=seed).raise_for_status()
+        distance = float(np.linalg.norm(result.q - seed))
+        poses = np.array([target.matrix_at(p) for p in np.linspace(*limits, SCANNED)])
+        rows = six.closed_form().solve_batch(poses, np.tile(seed, (SCANNED, 1)))
+        apart = np.linalg.norm(rows.q[rows.within_limits] - seed, axis=1)
+        assert -1e-9 <= apart.min(initial=math.inf) - distance < COARSE
+        own = six.family(target).nearest(seed)
+        assert own is not None
+        assert np.linalg.norm(own - seed) == pytest.approx(distance, abs=1e-9)
+        np.testing.assert_allclose(own, result.q, atol=1e-6)
+        assert result.parameter is not None
+        assert limits[0] <= result.parameter <= limits[1]
+
+
+def test_a_member_is_nearest_to_itself(seven: IKSolver, rng: np.random.Generator) -> None:
+    for number in range(40):
+        q = structured(seven.robot, rng, number)
+        result = seven.solve(seven.robot.forward_kinematics(q), seed=q).raise_for_status()
+        np.testing.assert_allclose(result.q, q, atol=2e-7)
+
+
+def test_limits_of_more_than_a_turn_leave_a_choice_of_copies(rng: np.random.Generator) -> None:
+    robot = jacokin.load_robot("j2s7s300", limits={"joint_1": (-1.0, 6.0), "joint_5": (-2.0, 1.0)})
+    solver = IKSolver(robot)
+    for q, seed in zip(robot.sample(rng, 5), robot.sample(rng, 5), strict=True):
+        target = robot.forward_kinematics(q)
+        result = solver.solve(target, seed=seed).raise_for_status()
+        assert robot.within_limits(result.q)
+        best = min(np.linalg.norm(row - seed) for row in solver.family(target, seed=seed).sample(500))
+        assert np.linalg.norm(result.q - seed) <= best + 1e-9
+
+
+def test_where_the_search_gives_up_the_family_answers(
+    seven: IKSolver, rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    robot = seven.robot
+    targets, seeds = [robot.forward_kinematics(q) for q in robot.sample(rng, 3)], robot.sample(rng, 3)
+    expected = [seven.solve(target, seed=seed) for target, seed in zip(targets, seeds, strict=True)]
+    refused: list[object] = []
+    lost: Callable[..., None] = lambda *given: refused.append(given)  # noqa: E731  # typed, unlike a def would be
+    monkeypatch.setattr(Curves, "nearest", lost)
+    monkeypatch.setattr(Curves, "nearest_on", lost)
+    for target, seed, result in zip(targets, seeds, expected, strict=True):
+        again = seven.solve(target, seed=seed).raise_for_status()
+        np.testing.assert_allclose(again.q, result.q, atol=1e-6)
+    assert refused
