@@ -15,8 +15,12 @@ import sys
 import tempfile
 from pathlib import Path
 
+from PIL import Image
+
 ROOT = Path(__file__).resolve().parents[1]
 IMAGES = ROOT / "docs" / "images"
+LARGE = 100_000  # [byte]
+COLOURS = 128
 PAGES = ("tutorials", "real_arm")
 BLOCK = re.compile(r"^```python\n(.*?)^```", re.M | re.S)
 
@@ -32,7 +36,16 @@ def main() -> None:
             environment = {**os.environ, "PYTHONPATH": str(ROOT)}
             subprocess.run([sys.executable, "page.py"], cwd=folder, env=environment, check=True)
             for picture in sorted(folder.glob("*.png")):
-                shutil.copyfile(picture, IMAGES / picture.name)
+                keep(picture, IMAGES / picture.name)
+
+
+def keep(picture: Path, target: Path) -> None:
+    """Copy a picture; a large one with fewer colours."""
+    if picture.stat().st_size <= LARGE:
+        shutil.copyfile(picture, target)
+        return
+    with Image.open(picture) as image:
+        image.convert("RGB").quantize(COLOURS).save(target, optimize=True)
 
 
 if __name__ == "__main__":
