@@ -91,7 +91,7 @@ def plan(
     from jacokin import files
     from jacokin.cli.track import inputs, report
     from jacokin.ik.paths.plan import plan_path
-    from jacokin.ik.paths.result import FORMATS
+    from jacokin.ik.paths.storage.stored import FORMATS
     from jacokin.ik.paths.track import ANGULAR_SPEED
     from jacokin.ik.solver import IKSolver
 

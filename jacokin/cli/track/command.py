@@ -87,7 +87,7 @@ def track(
     """
     from jacokin import files
     from jacokin.cli.track import clearances, inputs, report
-    from jacokin.ik.paths.result import FORMATS
+    from jacokin.ik.paths.storage.stored import FORMATS
     from jacokin.ik.paths.track import ANGULAR_SPEED, track_path
 
     poses = inputs.poses(path)

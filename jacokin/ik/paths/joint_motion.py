@@ -6,10 +6,8 @@ leaves the interval between its two ends.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
-from functools import partial
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,8 +15,8 @@ from numpy.typing import ArrayLike
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, MissingExtraError
 from jacokin.ik import seeds
-from jacokin.ik.paths import export, files, lines
-from jacokin.ik.results import Frozen
+from jacokin.ik.paths import lines
+from jacokin.ik.paths.storage.stored import Layout, Stored
 from jacokin.ik.tracking.joint_limits import velocity_limits
 from jacokin.model import angles, checks
 from jacokin.model.robot import Robot, checked_robot
@@ -27,16 +25,14 @@ if TYPE_CHECKING:
     import ruckig
 
 ACCELERATION = 1.0  # [rad/s^2] full speed in about 0.7 s; the maker publishes no figure, so this is a gentle guess
-
-
 MISSED = 1e-6  # [rad] a motion that ends farther from its goal is not one
-COLUMNS = ("q", "v", "a")
-NOTES = ("lower", "upper", "velocity_limit")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class JointMotion(Frozen):
+class JointMotion(Stored):
     """A motion between two configurations, sampled. Arrays are read-only."""
+
+    LAYOUT: ClassVar = Layout(joints=("q", "v", "a"))
 
     joint_names: tuple[str, ...]
     """Names of the joints."""
@@ -63,85 +59,6 @@ class JointMotion(Frozen):
     def __len__(self) -> int:
         """Number of rows."""
         return len(self.t)
-
-    def save(self, path: str | Path) -> None:
-        """Write a file, as `PathResult.save` does: .csv, .npz, .json (ROS) or .kinova.csv.
-
-        Raises:
-            InvalidInputError: another ending, the file cannot be written, or a limit is broken after resampling.
-        """
-        files.save(
-            path,
-            {
-                ".csv": self._write_csv,
-                ".npz": self._write_npz,
-                ".json": partial(export.write_ros_json, trajectory=self),
-                ".kinova.csv": partial(export.write_kinova_csv, trajectory=self),
-            },
-        )
-
-    @classmethod
-    def load(cls, path: str | Path) -> Self:
-        """Read a .csv or .npz file that `save` wrote; numbers come back exactly.
-
-        Raises:
-            InvalidInputError: no such file, or it was not written by `save`; names the line where there is one.
-        """
-        file, ending = files.by_ending(path, (".csv", ".npz"))
-        found = cls._read_csv(file) if ending == ".csv" else cls._read_npz(file)
-        rows, dof = len(found), len(found.joint_names)
-        shapes = {"t": (rows,), **dict.fromkeys(COLUMNS, (rows, dof)), **dict.fromkeys(NOTES, (dof,))}
-        for name, shape in shapes.items():
-            array = getattr(found, name)
-            if array.shape != shape or array.dtype.kind != "f":
-                raise InvalidInputError(f"{file}: {files.NOT_OURS}: {name} has the wrong shape or type")
-        return found
-
-    def _write_csv(self, file: Path) -> None:
-        numbers = np.column_stack([self.t, self.q, self.v, self.a])
-        table = files.Table(
-            {name: files.exact(getattr(self, name)) for name in NOTES},
-            ["t", *(f"{column}_{joint}" for column in COLUMNS for joint in self.joint_names)],
-            [files.exact(row) for row in numbers],
-        )
-        files.write_table(file, table)
-
-    @classmethod
-    def _read_csv(cls, file: Path) -> Self:
-        table = files.read_table(file)
-        dof = len(table.notes.get("lower", ()))
-        head = ["t", *(f"{column}_{joint[2:]}" for column in COLUMNS for joint in table.head[1 : 1 + dof])]
-        if not dof or table.head != head:
-            raise InvalidInputError(f"{file}: {files.NOT_OURS} (head line or limits missing)")
-        numbers = []
-        for row, line in enumerate(table.lines):
-            try:
-                numbers.append(table.numbers(row, 0, 1 + 3 * dof))
-            except ValueError as error:
-                raise InvalidInputError(f"{file}, line {line}: {error}") from error
-        data = checks.read_only(numbers)
-        return cls(
-            joint_names=tuple(name[2:] for name in table.head[1 : 1 + dof]),
-            t=data[:, 0],
-            q=data[:, 1 : 1 + dof],
-            v=data[:, 1 + dof : 1 + 2 * dof],
-            a=data[:, 1 + 2 * dof :],
-            **{name: checks.read_only(table.note_numbers(file, name)) for name in NOTES},
-        )
-
-    def _write_npz(self, file: Path) -> None:
-        files.write_arrays(file, {field.name: np.asarray(getattr(self, field.name)) for field in fields(self)})
-
-    @classmethod
-    def _read_npz(cls, file: Path) -> Self:
-        found: dict[str, Any] = dict(files.read_arrays(file))
-        try:
-            for array in found.values():
-                array.setflags(write=False)
-            found["joint_names"] = tuple(str(name) for name in found["joint_names"])
-            return cls(**found)
-        except (KeyError, TypeError, ValueError) as error:
-            raise InvalidInputError(f"{file}: {files.NOT_OURS}: {error}") from error
 
 
 def move_joints(

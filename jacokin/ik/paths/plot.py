@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from jacokin.errors import InvalidInputError, MissingExtraError
-from jacokin.ik.paths import files
 from jacokin.ik.paths.result import PathResult
+from jacokin.ik.paths.storage import tables
 
 FORMATS = (".png", ".svg", ".pdf")
 SIZE = (10.0, 9.0)  # [inch]
@@ -25,7 +25,7 @@ def plot_path(result: PathResult, path: str | Path) -> None:
     """
     if not isinstance(result, PathResult):
         raise InvalidInputError(f"result must be a PathResult (see track_path), got {type(result).__name__}")
-    files.by_ending(path, FORMATS)
+    tables.by_ending(path, FORMATS)
     try:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
@@ -65,4 +65,4 @@ def plot_path(result: PathResult, path: str | Path) -> None:
     errors.set_xlabel("time [s]")
     errors.legend(loc="upper right", fontsize="small")
     figure.suptitle(f"{'on the path throughout' if result.success else 'off the path in places'}, {result.t[-1]:.2f} s")
-    files.save(path, dict.fromkeys(FORMATS, lambda file: figure.savefig(file, dpi=DPI)))
+    tables.save(path, dict.fromkeys(FORMATS, lambda file: figure.savefig(file, dpi=DPI)))

@@ -12,7 +12,7 @@ import numpy as np
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
-from jacokin.ik.paths import files
+from jacokin.ik.paths.storage import tables
 from jacokin.model import checks
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ def load(path: str | Path, robot: Robot) -> Trajectory:
     Raises:
         InvalidInputError: no such file, malformed, or of other joints.
     """
-    file, ending = files.by_ending(path, ENDINGS)
+    file, ending = tables.by_ending(path, ENDINGS)
     if ending == ".json":
         return _ros(file, robot)
     if ending == ".kinova.csv":
@@ -112,7 +112,7 @@ def _seconds(duration: object) -> float:
 
 def _kinova(file: Path, robot: Robot) -> Recorded:
     """Angles in degrees at 100 Hz, as `PathResult.save` writes them for Kinova's driver."""
-    table = files.read_table(file)
+    table = tables.read_table(file)
     wanted = ["time_s", *(f"joint{number}_deg" for number in range(1, robot.dof + 1))]
     if list(table.head[: len(wanted)]) != wanted or len(table.head) != 2 * robot.dof + 1:
         raise InvalidInputError(f"{file}: the head line must begin {','.join(wanted)} for {robot.name}")

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from jacokin import Robot
 from jacokin.errors import InvalidInputError
 from jacokin.ik import JointMotion, PathResult, move_joints
-from jacokin.ik.paths import files as paths_files
+from jacokin.ik.paths.storage import tables
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +61,7 @@ def test_a_failed_save_leaves_the_old_file(result: PathResult, tmp_path: Path, m
     def fail(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(paths_files, "write_table", fail)
+    monkeypatch.setattr(tables, "write_table", fail)
     with pytest.raises(InvalidInputError, match="No space left"):
         result.save(file)
     assert file.read_text() == "precious"
@@ -120,6 +120,40 @@ def test_damaged_archives_are_refused(result: PathResult, motion: JointMotion, t
     for refused in (lambda: PathResult.load(None), lambda: result.save(None)):  # type: ignore[arg-type]  # wrong on purpose
         with pytest.raises(InvalidInputError, match="file name"):
             refused()
+
+
+def test_files_without_sense_are_refused(trajectory: PathResult | JointMotion, tmp_path: Path) -> None:
+    """Numbers that are not finite, times that do not rise, and arrays that no trajectory has."""
+    q, t = trajectory.q.copy(), trajectory.t.copy()
+    q[3, 1], t[4] = np.nan, t[3]
+    for name in ("path.csv", "path.npz"):
+        file = tmp_path / name
+        for wrong, message in (
+            (replace(trajectory, q=q), "q is not finite"),
+            (replace(trajectory, t=t), "t does not rise"),
+        ):
+            wrong.save(file)
+            with pytest.raises(InvalidInputError, match=message):
+                type(trajectory).load(file)
+    trajectory.save(file)
+    with np.load(file) as archive:
+        numbers = dict(archive)
+    np.savez(file, **numbers, strange=np.zeros(3))
+    with pytest.raises(InvalidInputError, match="it holds strange"):
+        type(trajectory).load(file)
+
+
+def test_paths_saved_before_parameters_were_are_read(result: PathResult, tmp_path: Path) -> None:
+    csv_file, npz_file = tmp_path / "path.csv", tmp_path / "path.npz"
+    result.save(csv_file)
+    lines = csv_file.read_text(encoding="utf-8").splitlines()
+    csv_file.write_text("\n".join(line for line in lines if not line.startswith("# parameter")), encoding="utf-8")
+    result.save(npz_file)
+    with np.load(npz_file) as archive:
+        numbers = {name: archive[name] for name in archive.files if name != "parameter"}
+    np.savez(npz_file, **numbers)
+    for file in (csv_file, npz_file):
+        assert PathResult.load(file).parameter.size == 0
 
 
 def member(shape: tuple[int, ...], content: bytes = b"") -> bytes:

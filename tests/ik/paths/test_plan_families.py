@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -193,3 +195,28 @@ def test_out_of_reach_and_out_of_limits_are_said(robot: Robot, seven: Robot) -> 
         check_limits(arm, result)
         nowhere = plan_path(IKSolver(arm), [at(2.0, 0.0, 0.3), at(2.1, 0.0, 0.3)], dt=0.05)
         assert "no configuration at the first pose: out of reach" in nowhere.message
+
+
+@pytest.mark.parametrize("kind", ["free", "seven"])
+def test_saved_plans_come_back_with_what_was_chosen(robot: Robot, seven: Robot, tmp_path: Path, kind: str) -> None:
+    arm = robot if kind == "free" else seven
+    targets: list[pin.SE3 | FreeAxis] = [at(0.4, -0.3, 0.3), at(0.4, -0.2, 0.3)]
+    if kind == "free":
+        targets[1] = FreeAxis(targets[1], axis=[1, 0, 0], range=(0.1, 0.2))
+    result = plan_path(IKSolver(arm), targets, dt=0.013, speed=0.1, timing="slow")
+    assert result.success
+    for name in ("plan.csv", "plan.npz"):
+        result.save(tmp_path / name)
+        again = PathResult.load(tmp_path / name)
+        np.testing.assert_array_equal(again.q, result.q)
+        np.testing.assert_array_equal(again.parameter, result.parameter)
+        assert not again.parameter.flags.writeable
+    result.save(tmp_path / "plan.json")
+    points = json.loads((tmp_path / "plan.json").read_text())["points"]
+    np.testing.assert_array_equal([point["positions"] for point in points], result.q)
+    result.save(tmp_path / "plan.kinova.csv")
+    rows = np.loadtxt(tmp_path / "plan.kinova.csv", delimiter=",", skiprows=1)
+    assert rows.shape[1] == 1 + 2 * arm.dof
+    np.testing.assert_allclose(np.diff(rows[:, 0]), 0.01, atol=1e-12)
+    np.testing.assert_allclose(np.diff(rows[:, 1 : 1 + arm.dof], axis=0), 0.01 * rows[:-1, 1 + arm.dof :], atol=1e-9)
+    assert (np.abs(rows[:, 1 + arm.dof :]) <= np.degrees(arm.velocity_limit) + 1e-7).all()

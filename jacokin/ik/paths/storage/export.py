@@ -14,7 +14,7 @@ import numpy as np
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
-from jacokin.ik.paths.files import Table, exact, write_table
+from jacokin.ik.paths.storage.tables import Table, exact, write_table
 
 KINOVA_STEP = 0.01  # [s] the control loop of the Jaco's base runs at 100 Hz (kinova-ros, README, velocity control)
 SPEED_ROUNDING = 1e-9  # [rad/s] of positions subtracted and divided by a step
