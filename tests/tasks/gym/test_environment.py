@@ -1,51 +1,20 @@
-"""Tasks as environments of Gymnasium: its own checks, copies, goals, mistakes."""
+"""Tasks as environments of Gymnasium: seeds, goals, controls, mistakes; see `test_checks` for Gymnasium's own."""
 
 from __future__ import annotations
 
-import copy
-import pickle
 import subprocess
 import sys
-import warnings
 from typing import Any
 
 import gymnasium
 import numpy as np
 import pytest
-from gymnasium.envs.mujoco.utils import check_mujoco_reset_state
-from gymnasium.utils.env_checker import check_env
 
 import jacokin.tasks
 from jacokin.errors import InvalidInputError, PhysicsError, UnknownNameError
 from jacokin.tasks.ids import IDS
 from jacokin.tasks.registry import TASKS
-
-gymnasium.register_envs(jacokin.tasks)
-OPTIONS: dict[str, dict[str, Any]] = {
-    "plain": {},
-    "sparse": {"reward": "sparse"},
-    "tool_velocity": {"control": "tool_velocity"},
-    "tool_pose": {"control": "tool_pose"},
-    "goal": {"goal": True},
-    "by name": {"flatten": False},
-}
-
-
-def make(task: str, **options: Any) -> gymnasium.Env[Any, Any]:
-    return gymnasium.make(IDS[task], **options)
-
-
-def flat(observation: Any) -> np.ndarray:
-    values = [observation] if isinstance(observation, np.ndarray) else list(observation.values())
-    return np.concatenate([np.ravel(value) for value in values])
-
-
-def check(environment: gymnasium.Env[Any, Any]) -> None:
-    with warnings.catch_warnings():
-        # Velocities have no bounds, and actions are in rad/s.
-        warnings.filterwarnings("ignore", ".*infinity|.*symmetric and normalized")
-        check_env(environment.unwrapped, skip_render_check=True)
-    check_mujoco_reset_state(environment)  # type: ignore[arg-type]  # has `model` and `data` as a MujocoEnv
+from tests.tasks.gym.checking import make
 
 
 def test_without_gymnasium_the_extra_is_named() -> None:
@@ -66,44 +35,6 @@ def test_ids() -> None:
     assert list(IDS) == list(TASKS)
     assert {"jacokin/ReachSite-v0", "jacokin/ReachBrick-v0", "jacokin/LiftBrick-v0", "jacokin/LiftBox-v0"} <= set(ids)
     assert {"jacokin/PlaceBrick-v0", "jacokin/PlaceCradle-v0", "jacokin/Stack2-v0", "jacokin/Stack3-v0"} <= set(ids)
-
-
-@pytest.mark.parametrize("task", [task for task in TASKS if not task.startswith("reassemble_5")])
-def test_gymnasium_accepts_every_task(task: str) -> None:
-    check(make(task))
-
-
-@pytest.mark.parametrize("name", OPTIONS)
-@pytest.mark.parametrize("task", ["reach_site", "stack_2_of_3_bricks_random_order"])
-def test_gymnasium_accepts_every_option(task: str, name: str) -> None:
-    check(make(task, **OPTIONS[name]))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", OPTIONS)
-@pytest.mark.parametrize("task", TASKS)
-def test_gymnasium_accepts_every_option_of_every_task(task: str, name: str) -> None:
-    check(make(task, **OPTIONS[name]))
-
-
-@pytest.mark.parametrize("name", OPTIONS)
-def test_copies_go_on_in_the_middle_of_an_episode(name: str) -> None:
-    environment = make("place_cradle", **OPTIONS[name])
-    environment.reset(seed=3)
-    environment.action_space.seed(0)
-    for _ in range(4):
-        environment.step(environment.action_space.sample())
-    copies = [pickle.loads(pickle.dumps(environment)), copy.deepcopy(environment)]
-    for _ in range(4):
-        action = environment.action_space.sample()
-        observation, *rest = environment.step(action)
-        for each in copies:
-            other, *others = each.step(action)
-            assert others == rest
-            np.testing.assert_array_equal(flat(other), flat(observation))
-    observation, _ = environment.reset()
-    for each in copies:
-        np.testing.assert_array_equal(flat(each.reset()[0]), flat(observation))
 
 
 def test_a_seed_gives_the_episode_of_dm_env() -> None:

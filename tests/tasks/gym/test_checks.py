@@ -1,0 +1,56 @@
+"""Gymnasium's checks, and copies in the middle of an episode, for every id and every option."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from jacokin.tasks.registry import TASKS
+from tests.rendering import backends
+from tests.tasks.gym.checking import FEATURE_OPTIONS, check, check_copies
+
+QUICK = "stack_2_of_3_bricks_random_order"  # with all that a task may have
+OTHERS = [task for task in TASKS if task != QUICK]
+GROUPS = 4  # processes that render in turn
+ROOT = Path(__file__).resolve().parents[3]
+# The folder of the tests comes last: the installed package is what gets tested.
+PROGRAM = """
+import runpy, sys
+sys.path.append(sys.argv.pop(1))
+runpy.run_module("tests.tasks.gym.render_program", run_name="__main__")
+"""
+
+
+@pytest.mark.parametrize("task", OTHERS)
+def test_gymnasium_accepts_every_task(task: str) -> None:
+    check(task, {})
+
+
+@pytest.mark.parametrize("name", FEATURE_OPTIONS)
+@pytest.mark.parametrize(
+    "task", [pytest.param(task, marks=[] if task == QUICK else pytest.mark.slow) for task in TASKS]
+)
+def test_gymnasium_accepts_every_option_of_every_task(task: str, name: str) -> None:
+    check(task, FEATURE_OPTIONS[name])
+    check_copies(task, FEATURE_OPTIONS[name])
+
+
+@pytest.mark.parametrize(
+    "tasks", [[QUICK], *(pytest.param(OTHERS[start::GROUPS], marks=pytest.mark.slow) for start in range(GROUPS))]
+)
+def test_gymnasium_accepts_pictures_of_every_task(tasks: list[str]) -> None:
+    if not backends():
+        pytest.skip("no rendering back end works here")
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", PROGRAM, str(ROOT), *tasks],
+        env={**os.environ, "MUJOCO_GL": backends()[0]},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert int(done.stdout) == sum(1 + ("vision" in TASKS[task].observations) for task in tasks)
