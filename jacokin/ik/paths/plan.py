@@ -8,43 +8,35 @@ first to the last; then it computes every tick exactly on the path.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, StructureError, shown
 from jacokin.ik import seeds
 from jacokin.ik.paths import lines
+from jacokin.ik.paths.climbing import Begin, Climb
 from jacokin.ik.paths.planned import Planned, Settings
 from jacokin.ik.paths.result import PathResult
 from jacokin.ik.paths.track import ANGULAR_SPEED, SPEED
 from jacokin.ik.planning import reasons
 from jacokin.ik.planning.cartesian import CartesianPath
 from jacokin.ik.planning.chain import Chain
-from jacokin.ik.planning.curve import Curve
 from jacokin.ik.planning.ladder import Ladder, Pace
 from jacokin.ik.planning.manifold import Manifold
-from jacokin.ik.planning.rungs import Rung, Rungs
+from jacokin.ik.planning.rungs import Rungs
 from jacokin.ik.planning.search import Search
-from jacokin.ik.planning.smoothing import Smoothing
 from jacokin.ik.solver import IKSolver
 from jacokin.ik.tracking.joint_limits import velocity_limits
 from jacokin.ik.tracking.setup import checked_start
-from jacokin.model import angles, checks
+from jacokin.model import checks
 from jacokin.model.pose_targets import FreeAxis
 
 TIMINGS = ("keep", "slow")
 FREE_STEP = float(np.radians(10.0))  # [rad] between members of a family that are tried
 SPACING = 0.01  # [m] of the tool between two steps of the path
 TURNING = 0.05  # [rad] the same of its orientation
-RESOLUTION = 0.02  # [rad] no joint moves farther between two places at which contact is looked for
-AT_START = 1e-3  # [rad] a solution this near to `start` is the one the arm is on
-FROM_SEED = 0.1  # cost of a first solution's squared distance to the seed, beside that of the motion
-SMOOTHINGS = 4  # times a way is smoothed, with what got worse by it left alone
-MOST_ROUNDS = 100  # times the way is changed because a closer look found a gap or an obstacle
 
 
 def plan_path(
@@ -106,49 +98,16 @@ def plan_path(
     manifold = Manifold(robot, _chain(solver), path, solver.verifier.options.limit_snap)
     pace = Pace(times, settings.velocity)
     ladder = Ladder(Rungs(solver, manifold, free_step), manifold, pace, free_step, keep=timing == "keep")
-    begin = _Begin(manifold, near, pace, exactly=start is not None)
+    begin = Begin(manifold, near, pace, exactly=start is not None)
     search = Search(ladder, path.places(SPACING, TURNING), near, begin)
-    found = _climb(search, solver, begin, settings)
+    found = Climb(search, solver, begin, settings.dt, keep=timing == "keep").found()
     planned = Planned(solver, manifold, times, settings, "home" if seed is None and start is None else "the seed")
     if found is None:
         failed = reasons.of_first(search.rungs[0], solver, manifold, start is not None)
         stay = solver.solve(path.target(0.0), seed=near).q if start is None else near
         return planned.nowhere(stay, near, failed, note)
-    reached = search.rungs[found.way_length - 1].u
-    reason = "" if reached == path.lines else reasons.of_end(search, found.way_length - 1, found.blocked, solver)
-    return planned.result(found.curve, reached, near, reason, note)
-
-
-@dataclass(frozen=True, slots=True)
-class _Found:
-    """The way that passed every closer look, and its knots."""
-
-    curve: Curve
-    way_length: int
-    blocked: str
-
-
-class _Begin:
-    """Cost of beginning at a solution.
-
-    Attributes:
-        near: (dof,) where the path should begin [rad].
-        exactly: whether it must begin there.
-    """
-
-    def __init__(self, manifold: Manifold, near: Array, pace: Pace, *, exactly: bool) -> None:
-        """Take where the path should begin."""
-        self.near, self.exactly = near, exactly
-        self._manifold, self._scale = manifold, pace.scale
-
-    def __call__(self, rung: Rung) -> Array:
-        """(k,) for the solutions of the first rung; infinite where the arm cannot be."""
-        q = rung.x[:, : self._manifold.dof]
-        away = q - angles.nearest_copy(self.near, q, self._manifold.circular[: self._manifold.dof])
-        if self.exactly:  # the nearest one of those that are near enough
-            farthest = np.abs(away).max(axis=1, initial=0.0)
-            return np.where(farthest <= min(AT_START, farthest.min(initial=np.inf)), 0.0, np.inf)
-        return np.asarray(FROM_SEED * ((away / self._scale) ** 2).sum(axis=1))
+    reason = "" if found.reached == path.lines else reasons.of_end(search, found.reached, found.blocked, solver)
+    return planned.result(found.curve, found.reached, near, reason, note)
 
 
 def _chain(solver: IKSolver) -> Chain:
@@ -183,88 +142,3 @@ def _settings(
     return Settings(
         checks.positive("dt", dt, "s"), timing == "slow", velocity_limits(solver.robot, velocity_limit), acceleration
     )
-
-
-def _climb(search: Search, solver: IKSolver, begin: _Begin, settings: Settings) -> _Found | None:
-    """The best way without gaps and contact between its steps; None when it does not even begin."""
-    blocked = ""
-    for rounds in range(MOST_ROUNDS):
-        way = search.best()
-        if not way.chosen:
-            return None
-        curve = _curve(search, way.chosen, begin)
-        if len(way.chosen) == 1:
-            return _Found(curve, 1, blocked)
-        wrong, touched, knots = _looked_at(curve, search, solver, settings)
-        blocked = next(iter(touched.values()), blocked)
-        if not wrong:
-            return _Found(_smoothed(curve, search, solver, begin, settings) or knots, len(way.chosen), blocked)
-        if rounds == MOST_ROUNDS - 1:
-            return _Found(_curve(search, way.chosen[: wrong[-1] + 1], begin), wrong[-1] + 1, blocked)
-        for interval in wrong:  # from the end: numbers of the others stay as they are
-            if interval not in touched and search.can_halve(interval + 1):
-                search.halve(interval + 1)
-            else:
-                search.cut(interval + 1, way.chosen[interval], way.chosen[interval + 1])
-    raise AssertionError("unreachable")
-
-
-def _looked_at(
-    curve: Curve, search: Search, solver: IKSolver, settings: Settings
-) -> tuple[list[int], dict[int, str], Curve]:
-    """Numbers of the intervals with gaps or contact, the last first; names of what touches; the curve, finely."""
-    u, x, bad = curve.refined(
-        _with_ticks(curve.u, search.ladder, settings), np.minimum(settings.velocity * settings.dt, RESOLUTION)
-    )
-    touched = _touched(solver, curve, u, x[:, : search.ladder.manifold.dof], bad)
-    return sorted({*bad.tolist(), *touched}, reverse=True), touched, Curve(curve.manifold, u, x)
-
-
-def _smoothed(curve: Curve, search: Search, solver: IKSolver, begin: _Begin, settings: Settings) -> Curve | None:
-    """The curve, finely, after its knots were moved to where joints move less; None when nothing better is free."""
-    manifold = curve.manifold
-    if not manifold.has_families:
-        return None
-    smoothing = Smoothing(manifold, search.ladder.pace, curve.u, None if begin.exactly else (begin.near, FROM_SEED))
-    pinned = np.zeros(len(curve.u), dtype=np.bool_)
-    for _ in range(SMOOTHINGS):
-        smooth = Curve(manifold, curve.u, smoothing.smooth(curve.x, pinned))
-        wrong, _, knots = _looked_at(smooth, search, solver, settings)
-        if not wrong:
-            return knots
-        for interval in wrong:
-            pinned[max(interval - 2, 0) : interval + 4] = True
-    return None
-
-
-def _with_ticks(u: Array, ladder: Ladder, settings: Settings) -> Array:
-    """The knots, and the places of the ticks between the first and the last of them."""
-    ticks = ladder.manifold.path.ticks(ladder.pace.times, settings.dt)
-    return np.unique(np.concatenate([u, ticks[(ticks > u[0]) & (ticks < u[-1])]]))
-
-
-def _curve(search: Search, chosen: list[int], begin: _Begin) -> Curve:
-    """The knots of a way, turns of circular coordinates counted from where the path should begin."""
-    rungs, manifold = search.rungs[: len(chosen)], search.ladder.manifold
-    x = np.array([rung.x[node] for rung, node in zip(rungs, chosen, strict=True)])
-    first = x[0].copy()
-    first[: manifold.dof] = angles.nearest_copy(first[: manifold.dof], begin.near, manifold.circular[: manifold.dof])
-    unrolled = np.vstack([first, first + np.cumsum(manifold.difference(x[:-1], x[1:]), axis=0)])
-    x = np.where(manifold.circular, unrolled, x)
-    return Curve(manifold, np.array([rung.u for rung in rungs]), x)
-
-
-def _touched(solver: IKSolver, curve: Curve, u: Array, q: Array, bad: NDArray[np.intp]) -> dict[int, str]:
-    """Numbers of intervals of the curve in which shapes touch, with their names; none unless contact is rejected."""
-    verifier = solver.verifier
-    if not verifier.rejects_contact:
-        return {}
-    found: dict[int, str] = {}
-    interval = np.clip(np.searchsorted(curve.u, u, side="left") - 1, 0, len(curve.u) - 2)
-    for row, index in enumerate(interval.tolist()):
-        if index in found or index in bad:
-            continue
-        pairs = verifier.touching(q[row])
-        if pairs:
-            found[index] = ", ".join(f"{a} and {b}" for a, b in pairs[:2])
-    return found

@@ -155,7 +155,7 @@ class Planned:
         segment = np.clip(np.ceil(u).astype(np.intp) - 1, 0, self._path.lines - 1)
         segment.setflags(write=False)
         away = np.abs(q[0] - near)
-        words = [reason or self._sentence(fast, status), note]
+        words = [reason or self._sentence(v, fast, status), note]
         joint = int(np.argmax(away))
         if away[joint] > AT_SEED:
             name = robot.joint_names[joint]
@@ -185,14 +185,16 @@ class Planned:
             return checks.read_only(np.full(len(q), np.nan))
         return checks.read_only(verifier.distances(q))
 
-    def _sentence(self, fast: NDArray[np.bool_], status: list[str]) -> str:
+    def _sentence(self, v: Array, fast: NDArray[np.bool_], status: list[str]) -> str:
         if all(word == "OK" for word in status):
             return "on the path throughout"
         ticks = np.flatnonzero(fast.any(axis=1))
         if ticks.size:
             names = ", ".join(self._solver.robot.joint_names[j] for j in np.flatnonzero(fast.any(axis=0)))
+            excess = float((np.abs(v) / self._settings.velocity).max()) - 1.0
             return (
                 f"{names} cannot follow at this speed on {ticks.size} of {len(fast)} ticks, first at "
-                f"{ticks[0] * self._settings.dt:.6g} s; timing='slow' slows down there"
+                f"{ticks[0] * self._settings.dt:.6g} s, too fast by up to {100.0 * excess:.3g} %; timing='slow' slows "
+                "down there"
             )
         return "a tick misses the path"

@@ -34,10 +34,11 @@ def of_rung(rung: Rung, solver: IKSolver, manifold: Manifold) -> str:
     return diagnosis.of_branches(rows, solver.robot.joint_names).message
 
 
-def of_end(search: Search, reached: int, blocked: str, solver: IKSolver) -> str:
-    """When the best way ends at a rung."""
+def of_end(search: Search, reached: float, blocked: str, solver: IKSolver) -> str:
+    """When the best way ends at a place, which is that of a rung."""
     manifold, robot = search.ladder.manifold, solver.robot
-    here, ahead = search.rungs[reached], search.rungs[reached + 1]
+    index = [rung.u for rung in search.rungs].index(reached)
+    here, ahead = search.rungs[index], search.rungs[index + 1]
     line = min(int(here.u), manifold.path.lines - 1)
     where = f"the best way ends at {100.0 * (here.u - line):.4g} % of line {line}"
     if not len(ahead.x):

@@ -66,6 +66,16 @@ class Search:
         links.alive &= ~((links.first == first) & (links.second == second))
         self._valid = min(self._valid, rung)
 
+    def charge(self, rung: int, first: int, second: int, cost: float) -> bool:
+        """Make the step from `first`, on the rung before, to `second` cost so much at least; whether that is more."""
+        links = self._links[rung]
+        assert links is not None
+        cheap = (links.first == first) & (links.second == second) & (links.cost < cost)
+        links.cost[cheap] = cost
+        if cheap.any():
+            self._valid = min(self._valid, rung)
+        return bool(cheap.any())
+
     def _climb(self) -> int:
         """Costs of all solutions, rung by rung; returns the last rung that can be reached, -1 for none."""
         if self._valid == 0:
