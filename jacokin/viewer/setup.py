@@ -8,6 +8,7 @@ import pinocchio as pin
 
 from jacokin.ik.options import COLLISION as COLLISION
 from jacokin.ik.solver import IKSolver
+from jacokin.model import checks
 from jacokin.model.robot import Robot
 from jacokin.model.scenes.scene import Scene
 
@@ -36,11 +37,12 @@ class Setup:
             JacokinError: as `IKSolver`.
         """
         looking = self.collision != "ignore"
+        clearance = checks.non_negative("clearance", self.clearance, "m")
         return IKSolver(
             robot,
             self.frame,
             tool=self.tool,
             collision=self.collision,
             scene=self.scene if looking and self.obstacles else None,
-            clearance=self.clearance if looking else 0.0,
+            clearance=clearance if looking else 0.0,
         )

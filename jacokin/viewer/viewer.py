@@ -28,6 +28,7 @@ from jacokin.viewer.view import View
 if TYPE_CHECKING:
     import viser
 
+AIMED = {"target", "shown", "axis", "range", "prefer"}  # what changes the target
 PERIOD = 0.02  # [s] from one picture to the next of what moves by itself
 
 logger = logging.getLogger(__name__)
@@ -140,52 +141,79 @@ class Viewer:
                     self._move(elapsed)
                 elif not names:
                     self._show(self._inspector.closest(self._view), move_gizmo=False)
-            except JacokinError as error:  # a client sent what is not a number, or this robot cannot do it
-                logger.warning("ignored: %s", error)
-                self._show(replace(self._view, note=f"Ignored: {error}", pending=False))
+            except JacokinError as error:
+                self._ignore(error, move_gizmo=True)
             except Exception:
                 logger.exception("the viewer could not answer %s", ", ".join(names))
                 self._view = replace(self._view, pending=False)
 
+    def _ignore(self, error: JacokinError, *, move_gizmo: bool) -> None:
+        """Say that a client sent what is not a number, or what the robot cannot do; a lost gizmo goes back."""
+        logger.warning("ignored: %s", error)
+        self._show(replace(self._view, note=f"Ignored: {error}", pending=False), move_gizmo=move_gizmo)
+
     def _act(self, names: dict[str, int]) -> None:
-        """Answer the latest of each kind."""
-        panel, view = self._panel, replace(self._view, note="")
-        for name in ("python", "command"):
-            if name in names:
-                make = paste.python_text if name == "python" else paste.command_text
-                panel.say(make(self._inspector, view))
-        if "slice" in names and panel.slicing is not None:
-            panel.slicing.show()
+        """Answer the latest of each kind; what is wrong with one does not keep the others from being answered."""
+        self._view = replace(self._view, note="")
+        for kinds, answer in (
+            ({"python", "command"}, self._copy),
+            ({"slice"}, self._slice),
+            ({"ghosts", "ellipsoid", "visuals"}, self._draw),
+            ({"setup"}, self._change_setup),
+            ({"track"}, self._track),
+            ({"play", "time", "speed"}, self._play),
+            ({"joints"}, self._pose_joints),
+            ({"branch", "next", "previous"}, self._choose),
+            (AIMED | {"angle"}, self._aim),
+        ):
+            if names.keys() & kinds:
+                try:
+                    answer(names)
+                except JacokinError as error:
+                    self._ignore(error, move_gizmo=kinds >= AIMED)
+
+    def _copy(self, names: dict[str, int]) -> None:
+        """Text to paste."""
+        make = paste.python_text if "python" in names else paste.command_text
+        self._panel.say(make(self._inspector, self._view))
+
+    def _slice(self, names: dict[str, int]) -> None:
+        """Another slice of the map, or none."""
+        if self._panel.slicing is not None:
+            self._panel.slicing.show()
+
+    def _draw(self, names: dict[str, int]) -> None:
+        """Other things to draw of the same view."""
         if "visuals" in names and self._look.visuals is not None:
-            self._stage.arm.dress(self._look.visuals if panel.visuals else self._look.shapes)
-        if names.keys() & {"ghosts", "ellipsoid", "visuals"}:
-            self._stage.show_ghosts(panel.ghosts)
-            self._stage.show_ellipsoid(panel.ellipsoid)
-            self._show(view)
-        if "setup" in names:
-            self._change_setup()
-        self._inspector.prefer = panel.prefer
-        if "track" in names:
-            self._track(panel.track)
-        if names.keys() & {"play", "time", "speed"}:
-            self._play(names)
-        elif "joints" in names:
-            self._stop()
-            self._show(self._inspector.posture(panel.joints(view.q)))
-        elif "angle" in names and view.free is not None and view.free.axis is None:
-            self._stop()
-            self._show(self._inspector.slid(view, panel.free.value))
-        elif names.keys() & {"target", "shown", "axis", "range", "angle", "prefer"}:
-            self._aim(names)
-        elif names.keys() & {"branch", "next", "previous"} and len(view.branches):
-            self._stop()
-            chosen = panel.branch if "branch" in names else view.selected
-            step = names.get("next", 0) - names.get("previous", 0)
-            wanted = 0 if chosen is None else (chosen + step) % len(view.branches)
-            self._show(self._inspector.choose(view, wanted), move_gizmo=False)
+            self._stage.arm.dress(self._look.visuals if self._panel.visuals else self._look.shapes)
+        self._stage.show_ghosts(self._panel.ghosts)
+        self._stage.show_ellipsoid(self._panel.ellipsoid)
+        self._show(self._view, move_gizmo=False)
+
+    def _pose_joints(self, names: dict[str, int]) -> None:
+        """The joints are where their sliders are, and the target follows."""
+        self._stop()
+        self._show(self._inspector.posture(self._panel.joints(self._view.q)))
+
+    def _choose(self, names: dict[str, int]) -> None:
+        """Another branch."""
+        view = self._view
+        if not len(view.branches):
+            return
+        self._stop()
+        chosen = self._panel.branch if "branch" in names else view.selected
+        step = names.get("next", 0) - names.get("previous", 0)
+        wanted = 0 if chosen is None else (chosen + step) % len(view.branches)
+        self._show(self._inspector.choose(view, wanted), move_gizmo=False)
 
     def _aim(self, names: dict[str, int]) -> None:
-        """Take the gizmo for the target, free axis included."""
+        """Take the gizmo for the target, free axis included; or move the free joint where the target is."""
+        self._inspector.prefer = self._panel.prefer
+        view = self._view
+        if not names.keys() & AIMED and "angle" in names and view.free is not None and view.free.axis is None:
+            self._stop()
+            self._show(self._inspector.slid(view, self._panel.free.value))
+            return
         if "shown" in names:
             self._stage.place_gizmo(self._asked)
         position, quat = self._stage.target()
@@ -201,11 +229,11 @@ class Viewer:
             view = self._inspector.turned(target, free.axis, self._seed(), angle, free.span)
         self._show(view, move_gizmo=False)
 
-    def _change_setup(self) -> None:
+    def _change_setup(self, names: dict[str, int]) -> None:
         """Solve for another frame or tool, where the arm is; or look for contact otherwise, where the target is."""
         solving, before = self._panel.solving, self._setup
-        wanted = solving.wanted(before)
         try:
+            wanted = solving.wanted(before)
             solver = wanted.solver(self._inspector.robot)
         except JacokinError:
             solving.show(before)
@@ -218,8 +246,9 @@ class Viewer:
             self._show(self._inspector.posture(self._view.q))
         self._aim({})
 
-    def _track(self, wanted: bool) -> None:
+    def _track(self, names: dict[str, int]) -> None:
         """Begin or end following the gizmo."""
+        wanted = self._panel.track
         self._stop()
         if not wanted:
             return

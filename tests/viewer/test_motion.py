@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -13,6 +14,7 @@ from jacokin import Robot
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.ik import track_path
+from jacokin.ik.paths.result import PathResult
 from jacokin.viewer.motion.playback import Playback
 from jacokin.viewer.motion.recordings import Trajectory, load
 
@@ -96,3 +98,92 @@ def test_a_file_that_is_none_is_named(robot: Robot, tmp_path: Path, name: str) -
     (tmp_path / "text.csv").write_text("hello\n", encoding="utf-8")
     with pytest.raises(InvalidInputError, match=name):
         load(tmp_path / name, robot)
+
+
+@pytest.fixture
+def followed(robot: Robot) -> PathResult:
+    start = robot.forward_kinematics(robot.home)
+    end = jacokin.pose(start.translation + np.array([0.0, 0.0, 0.01]), rotation=start.rotation)
+    return track_path(robot, [start, end], start=robot.home)
+
+
+def test_ros_trajectories_are_loaded_with_joints_in_any_order(
+    robot: Robot, followed: PathResult, tmp_path: Path
+) -> None:
+    file = tmp_path / "path.json"
+    followed.save(file)
+    loaded = Playback(load(file, robot), robot)
+    assert np.array_equal(loaded.q, followed.q)
+    assert np.allclose(loaded.t, followed.t, atol=1e-9)
+    message = json.loads(file.read_text(encoding="utf-8"))
+    order = [3, 1, 0, 5, 4, 2]
+    message["joint_names"] = [message["joint_names"][joint] for joint in order]
+    for index, point in enumerate(message["points"]):
+        point["positions"] = [point["positions"][joint] for joint in order]
+        stamp = point["time_from_start"]
+        if index % 2:  # as ROS 1 has it
+            point["time_from_start"] = {"secs": stamp["sec"], "nsecs": stamp["nanosec"]}
+    file.write_text(json.dumps(message), encoding="utf-8")
+    again = Playback(load(file, robot), robot)
+    assert np.array_equal(again.q, followed.q)
+    assert np.allclose(again.t, followed.t, atol=1e-9)
+
+
+def test_files_for_kinovas_driver_are_loaded(robot: Robot, followed: PathResult, tmp_path: Path) -> None:
+    followed.save(tmp_path / "path.kinova.csv")
+    loaded = Playback(load(tmp_path / "path.kinova.csv", robot), robot)
+    assert np.allclose(loaded.q[[0, -1]], followed.q[[0, -1]], atol=1e-12)
+    assert np.allclose(np.diff(loaded.t), 0.01)
+    assert (loaded.q >= robot.lower).all()
+    assert (loaded.q <= robot.upper).all()
+
+
+POINT = {"positions": [4.8, 2.9, 1.0, 4.2, 1.4, 1.3], "time_from_start": {"sec": 0, "nanosec": 0}}
+NAMES = [f"joint_{number}" for number in range(1, 7)]
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("{", "not a JointTrajectory"),
+        ("[]", "not a JointTrajectory"),
+        ("[" * 100_000, "not a JointTrajectory"),
+        (json.dumps({"joint_names": NAMES}), "not a JointTrajectory"),
+        (json.dumps({"joint_names": NAMES, "points": [{}]}), "not a JointTrajectory"),
+        (json.dumps({"joint_names": NAMES, "points": [{**POINT, "positions": ["a"] * 6}]}), "not a JointTrajectory"),
+        (json.dumps({"joint_names": NAMES, "points": [{**POINT, "time_from_start": {}}]}), "not a JointTrajectory"),
+        (json.dumps({"joint_names": NAMES, "points": [{**POINT, "positions": [1.0]}]}), "must have 6 positions"),
+        (json.dumps({"joint_names": ["a", *NAMES[1:]], "points": [POINT]}), "has the joints a, joint_2"),
+        (json.dumps({"joint_names": [NAMES[0], *NAMES], "points": [POINT]}), "has the joints"),
+    ],
+)
+def test_what_is_not_a_message_is_refused(robot: Robot, tmp_path: Path, content: str, message: str) -> None:
+    file = tmp_path / "bad.json"
+    file.write_text(content, encoding="utf-8")
+    with pytest.raises(InvalidInputError, match=f"bad.json.*{message}"):
+        load(file, robot)
+
+
+def test_messages_that_are_no_trajectory_are_refused(robot: Robot, tmp_path: Path) -> None:
+    for points in ([], [POINT, POINT], [{**POINT, "positions": [float("nan")] * 6}]):
+        file = tmp_path / "bad.json"
+        file.write_text(json.dumps({"joint_names": NAMES, "points": points}), encoding="utf-8")
+        with pytest.raises(InvalidInputError, match="trajectory"):
+            Playback(load(file, robot), robot)
+
+
+@pytest.mark.parametrize("line", ["time_s,joint1_deg\n0.0,1.0\n", "t,a\n0,1\n", "", "time_s\n"])
+def test_what_is_not_a_file_for_kinovas_driver_is_refused(robot: Robot, tmp_path: Path, line: str) -> None:
+    (tmp_path / "bad.kinova.csv").write_text(line, encoding="utf-8")
+    with pytest.raises(InvalidInputError, match=r"bad\.kinova\.csv"):
+        load(tmp_path / "bad.kinova.csv", robot)
+
+
+def test_a_cell_that_is_not_a_number_is_named(robot: Robot, followed: PathResult, tmp_path: Path) -> None:
+    file = tmp_path / "path.kinova.csv"
+    followed.save(file)
+    lines = file.read_text(encoding="utf-8").splitlines()
+    lines[2] = lines[2].replace(",", ",x", 1)
+    file.write_text("\n".join(lines), encoding="utf-8")
+    with pytest.raises(InvalidInputError, match=r"path\.kinova\.csv, line 3"):
+        load(file, robot)

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pinocchio as pin
 import viser
 
-from jacokin.model import poses
+from jacokin.arrays import Array
+from jacokin.model import checks, poses
 from jacokin.model.robot import Robot
 from jacokin.viewer.browser.controls import Post, from_client, set_value
 from jacokin.viewer.setup import COLLISION, Setup
@@ -52,12 +51,16 @@ class Solving:
         set_value(self._clearance, setup.clearance)
 
     def wanted(self, setup: Setup) -> Setup:
-        """What the controls say, as a client sent it: unchecked. A tool that was not touched stays exactly as it is."""
-        position, rpy = self._position.value, self._rpy.value
+        """What the controls say. A tool that was not touched stays exactly as it is; the rest is as a client sent it.
+
+        Raises:
+            InvalidInputError: the numbers of the tool are none.
+        """
+        position = checks.vector("tool", self._position.value, 3, "m")
+        rpy = checks.vector("tool", self._rpy.value, 3, "deg")
         tool = setup.tool
-        if (tuple(position), tuple(rpy)) != self._shown:
-            turned = poses.rotation_from_rpy([math.radians(angle) for angle in rpy])
-            tool = pin.SE3(turned, np.array(position, dtype=np.float64))
+        if (_three(position), _three(rpy)) != self._shown:
+            tool = pin.SE3(poses.rotation_from_rpy(np.radians(rpy)), position)
         return Setup(
             frame=self._frame.value,
             tool=tool,
@@ -68,6 +71,6 @@ class Solving:
         )
 
 
-def _three(values: np.ndarray[tuple[int, ...], np.dtype[np.float64]] | Three) -> Three:
+def _three(values: Array | Three) -> Three:
     x, y, z = (float(value) for value in values)
     return x, y, z

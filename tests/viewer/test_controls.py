@@ -1,0 +1,282 @@
+"""Controls that change what is solved for and what is drawn, driven by the messages that pages send."""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+import viser
+from websockets.exceptions import ConnectionClosed
+
+import jacokin
+from jacokin import Robot, Status
+from jacokin.ik import Box, Floor, Scene, track_path
+from jacokin.viewer import Viewer, serve
+from tests.viewer.page import Page, opened, until
+from tests.viewer.test_viewer import NEAR, at
+
+
+@pytest.fixture
+def viewer(robot: Robot) -> Iterator[Viewer]:
+    table = Scene([Box("table", (0.5, 0.5, 0.02), (0.3, -0.3, 0.25)), Floor(-0.3)])
+    with serve(robot, scene=table, port=0) as running:
+        yield running
+
+
+@pytest.fixture
+def page(viewer: Viewer) -> Iterator[Page]:
+    with opened(viewer) as tab:
+        assert until(viewer.server.get_clients)
+        yield tab
+
+
+def test_another_frame_is_where_the_arm_has_it(viewer: Viewer, page: Page, robot: Robot) -> None:
+    before = viewer.view.q
+    page.set(viewer._panel.solving._frame, "gripsite")
+    assert until(lambda: viewer.view.target.isApprox(robot.forward_kinematics(before, "gripsite"), 1e-9))
+    assert until(lambda: viewer.view.selected is not None)
+    assert np.allclose(viewer.view.q, before, atol=1e-9)
+    assert until(lambda: np.allclose(viewer._stage.gizmo.position, viewer.view.target.translation))
+
+
+def test_a_tool_is_taken_from_its_controls(viewer: Viewer, page: Page, robot: Robot) -> None:
+    solving = viewer._panel.solving
+    page.set(solving._position, (0.0, 0.02, 0.1))
+    assert until(lambda: viewer._inspector.solver.tool is not None)
+    page.set(solving._rpy, (90.0, 0.0, 0.0))
+    wanted = pin.SE3(pin.rpy.rpyToMatrix(np.pi / 2, 0.0, 0.0), np.array([0.0, 0.02, 0.1]))
+    assert until(lambda: wanted.isApprox(viewer._inspector.solver.tool or pin.SE3.Identity(), 1e-9))
+    assert until(lambda: viewer.view.target.isApprox(robot.forward_kinematics(viewer.view.q) * wanted, 1e-6))
+
+
+def test_a_tool_of_an_option_stays_exact_until_it_is_moved(robot: Robot) -> None:
+    tool = pin.SE3(pin.rpy.rpyToMatrix(0.1, 0.2, 0.3), np.array([1e-5, 0.05, 0.1234567]))
+    with serve(robot, tool=tool, port=0) as viewer, opened(viewer) as page:
+        assert until(viewer.server.get_clients)
+        page.set(viewer._panel.solving._collision, "report")
+        assert until(lambda: viewer._inspector.solver.verifier.looks_for_contact)
+        kept = viewer._inspector.solver.tool
+        assert kept is not None
+        assert np.array_equal(kept.homogeneous, tool.homogeneous)
+
+
+def test_contact_obstacles_and_clearance_are_switched(viewer: Viewer, page: Page, robot: Robot) -> None:
+    inside = robot.forward_kinematics(robot.home)
+    inside.translation = np.array([0.3, -0.3, 0.25])  # in the table
+    viewer.show(inside)
+    assert until(lambda: np.allclose(viewer.view.target.translation, inside.translation))
+    assert viewer.view.status is Status.OK
+    solving = viewer._panel.solving
+    page.set(solving._collision, "reject")
+    assert until(lambda: viewer.view.status is Status.IN_COLLISION and not viewer.view.pending)
+    page.set(solving._obstacles, False)
+    assert until(lambda: viewer.view.status is Status.OK)
+    assert not viewer._stage._obstacles["table"].visible
+    page.set(solving._clearance, 0.5)  # the arm's own shapes are nearer than that
+    assert until(lambda: viewer._inspector.solver.verifier.options.clearance == 0.5)
+    assert until(lambda: viewer.view.status is Status.IN_COLLISION)
+    page.set(solving._collision, "ignore")
+    assert until(lambda: viewer.view.status is Status.OK)
+
+
+@pytest.mark.parametrize(
+    ("control", "value"),
+    [
+        ("_frame", "../../etc/passwd"),
+        ("_frame", 7),
+        ("_collision", "yes"),
+        ("_clearance", -1.0),
+        ("_clearance", float("nan")),
+        ("_position", (float("inf"), 0.0, 0.0)),
+        ("_position", ("a", "b", "c")),
+        ("_rpy", (float("nan"), 0.0, 0.0)),
+    ],
+)
+def test_what_is_not_a_setup_is_ignored_and_the_control_goes_back(
+    viewer: Viewer, page: Page, control: str, value: object
+) -> None:
+    solving, solver = viewer._panel.solving, viewer._inspector.solver
+    before = getattr(solving, control).value
+    with contextlib.suppress(ConnectionClosed):  # viser drops a page that sends what is not a message
+        page.set(getattr(solving, control), value)
+    if control == "_clearance":
+        with contextlib.suppress(ConnectionClosed):
+            page.set(solving._collision, "report")
+    with opened(viewer) as other:
+        other.move_gizmo(NEAR)
+        assert at(viewer, NEAR)
+    assert until(lambda: getattr(solving, control).value == before)
+    assert viewer._inspector.solver.frame == solver.frame
+    assert viewer._inspector.solver.tool is None
+    assert viewer.view.status is Status.OK
+
+
+def test_the_range_of_a_free_axis_holds(viewer: Viewer, page: Page) -> None:
+    free = viewer._panel.free
+    page.set(free._axis, "z")
+    assert until(lambda: viewer.view.free is not None)
+    page.set(free._range, (20.0, 35.0))
+    assert until(lambda: viewer.view.free is not None and viewer.view.free.lower == np.radians(20.0))
+    shown = viewer.view.free
+    assert shown is not None
+    assert np.radians(20.0) <= shown.value <= np.radians(35.0)
+    for start, stop in shown.intervals:
+        assert np.radians(20.0) - 1e-9 <= start <= stop <= np.radians(35.0) + 1e-9
+    page.set(free._value, 170.0)
+    assert until(lambda: viewer.view.free is not None and viewer.view.free.value == np.radians(35.0))
+    for wrong in ((50.0, 10.0), (float("nan"), 1.0), (-500.0, 0.0), "x", ("a", "b"), (1.0,)):
+        page.set(free._range, wrong)
+        assert until(lambda: free._range.value == (20.0, 35.0))
+    page.set(free._range, (-90.0, 90.0))
+    assert until(lambda: viewer.view.free is not None and viewer.view.free.upper == np.radians(90.0))
+
+
+def test_a_free_axis_of_an_option_is_shown_at_once(robot: Robot) -> None:
+    with serve(robot, free_axis="y", free_range=(-0.3, 0.4), target=NEAR, port=0) as viewer:
+        free = viewer.view.free
+        assert free is not None
+        assert (free.axis, free.lower, free.upper) == (1, -0.3, 0.4)
+        viewer.show(jacokin.pose((0.3, -0.25, 0.5), down=True))
+        assert until(lambda: viewer.view.target.translation[1] == -0.25)
+        assert viewer.view.free is not None
+        assert viewer.view.free.lower == -0.3  # not rounded to the steps of the slider
+
+
+def test_joint_3_of_seven_moves_while_the_tool_stays(bundled: Callable[[str], Robot]) -> None:
+    robot = bundled("j2s7s300")
+    with serve(robot, port=0) as viewer, opened(viewer) as page:
+        assert until(viewer.server.get_clients)
+        target = viewer.view.target
+        seen = set()
+        for degrees in (-150.0, -40.0, 20.0, 120.0):
+            before = viewer.view
+            page.set(viewer._panel.free._value, degrees)
+            assert until(lambda before=before: not np.array_equal(viewer.view.q, before.q))  # type: ignore[misc]  # bound here
+            view = viewer.view
+            assert robot.within_limits(view.q)
+            assert robot.forward_kinematics(view.q).isApprox(target, 1e-6)
+            assert view.free is not None
+            inside = any(
+                start <= np.radians(degrees) + turn <= stop
+                for start, stop in view.free.intervals
+                for turn in (-2 * np.pi, 0.0, 2 * np.pi)
+            )
+            away = (view.q[2] - np.radians(degrees) + np.pi) % (2 * np.pi) - np.pi
+            assert not inside or abs(away) < 1e-9
+            seen.add(round(float(view.q[2]), 6))
+        assert len(seen) > 1
+        assert len(viewer.view.ghosts) > 5
+        page.set(viewer._panel.free._value, float("nan"))
+        assert until(lambda: viewer.view.note.startswith("Ignored"))
+
+
+def test_a_slice_of_the_map_is_drawn_at_its_height(viewer: Viewer, page: Page) -> None:
+    slicing = viewer._panel.slicing
+    assert slicing is not None
+    node = slicing._node
+    assert not node.visible
+    page.set(slicing._show, True)
+    assert until(lambda: node.visible)
+    page.set(slicing._height, 0.3)
+    assert until(lambda: abs(node.batched_positions[0][2] - 0.3) <= 0.025)
+    assert (np.abs(node.batched_positions[:, 2] - 0.3) <= 0.025 + 1e-6).all()
+    assert len(node.batched_positions) == len(node.batched_colors) == len(node.batched_wxyzs) > 100
+    for wrong in (float("nan"), 1e300, "high"):
+        page.set(slicing._height, wrong)
+    page.set(slicing._show, False)
+    with opened(viewer) as other:
+        other.move_gizmo(NEAR)
+        assert at(viewer, NEAR)
+
+
+def test_each_shape_that_touches_is_drawn_over_the_arm(robot: Robot) -> None:
+    at_tool = robot.forward_kinematics(robot.home).translation
+    scene = Scene([Box("crate", (0.1, 0.1, 0.1), at_tool)])
+    with serve(robot, scene=scene, collision="report", port=0) as viewer:
+        arm = viewer._stage.arm
+        touching = {name for pair in viewer.view.arm_touching for name in pair} - {"crate"}
+        assert touching
+        assert {name for name, node in arm._touching.items() if node.visible} == touching
+        places = viewer._inspector.places([viewer.view.q])
+        for name in touching:
+            node = arm._touching[name]
+            assert np.allclose(node.position, places.positions[0, arm._owners[name]])
+        viewer.show(jacokin.pose([-0.3, 0.3, 0.6]))
+        assert until(lambda: not viewer.view.arm_touching)
+        assert until(lambda: not any(node.visible for node in arm._touching.values()))
+
+
+def test_trajectories_of_other_programs_are_played(robot: Robot, tmp_path: Path) -> None:
+    end = np.array(robot.home)
+    end[1] += 0.3
+    start = robot.forward_kinematics(robot.home)
+    path = track_path(robot, [start, robot.forward_kinematics(end)], start=robot.home)
+    for name in ("path.json", "path.kinova.csv"):
+        path.save(tmp_path / name)
+        with serve(robot, trajectory=tmp_path / name, port=0) as viewer, opened(viewer) as page:
+            assert until(viewer.server.get_clients)
+            assert viewer._panel.player is not None
+            page.set(viewer._panel.player._time, 1e9)
+            assert until(lambda viewer=viewer: np.allclose(viewer.view.q, path.q[-1], atol=1e-6))  # type: ignore[misc]  # bound here
+
+
+def test_no_page_makes_the_viewer_open_files(
+    viewer: Viewer, page: Page, robot: Robot, tmp_path: Path, audited: list[tuple[str, str]]
+) -> None:
+    """While pages do whatever they can, nothing is written, and nothing read but the robot's own description."""
+    gui = viewer.server.gui
+    controls = list(gui._gui_input_handle_from_uuid.values())
+    audited.clear()
+    for handle in controls:
+        if isinstance(handle, viser.GuiButtonHandle):
+            page.set(handle, True)
+        else:
+            for value in ("../../etc/passwd", str(tmp_path / "x"), 1, True, handle.value):
+                with contextlib.suppress(ConnectionClosed):
+                    page.set(handle, value)
+    for command in gui._command_handle_from_uuid.values():
+        with contextlib.suppress(ConnectionClosed):
+            page.send("CommandTriggerMessage", uuid=command._impl.uuid)
+    with opened(viewer) as other:
+
+        def settled() -> bool:
+            other.move_gizmo(NEAR)  # again and again: messages of different pages are answered as they come
+            time.sleep(0.05)
+            return np.allclose(viewer.view.target.translation, NEAR) and viewer.view.status is Status.OK
+
+        assert until(settled)
+    opened_files = list(audited)
+    known = (str(Path(viser.__file__).parent), str(Path(robot.source.path).parent))
+    foreign = [(path, mode) for path, mode in opened_files if not path.startswith(known) or set(mode) & set("wax+")]
+    assert foreign == []
+    assert not list(tmp_path.iterdir())
+
+
+_listening: list[list[tuple[str, str]]] = []
+
+
+def _hook(event: str, arguments: tuple[object, ...]) -> None:
+    if event == "open" and _listening and isinstance(arguments[0], str):
+        for seen in _listening:
+            seen.append((arguments[0], str(arguments[1] or "r")))
+
+
+@pytest.fixture(scope="session")
+def hooked() -> None:
+    """An audit hook stays for as long as the process lives."""
+    sys.addaudithook(_hook)
+
+
+@pytest.fixture
+def audited(hooked: None) -> Iterator[list[tuple[str, str]]]:
+    """Files that the process opens, with their modes."""
+    seen: list[tuple[str, str]] = []
+    _listening.append(seen)
+    yield seen
+    _listening.remove(seen)
