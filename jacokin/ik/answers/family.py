@@ -83,7 +83,7 @@ def of_findings(
         if not (pairs and verifier.rejects_contact):
             return replace(verifier.result(q, Status.OK, errors, message, touching=pairs), parameter=p)
         if touched is None:
-            status, why = diagnosis.of_contact("every member that was tried touches itself; the best one", pairs)
+            status, why = diagnosis.of_contact("every member that was tried is in contact; the best one", pairs)
             touched = verifier.result(q, status, errors, request.message(why), touching=pairs)
             touched = replace(touched, parameter=p)
     return _failure(found, verifier, request, closest) if touched is None else touched

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from jacokin.errors import InvalidInputError, StructureError, shown
@@ -21,19 +20,20 @@ from jacokin.ik.paths.planned import Planned, Settings
 from jacokin.ik.paths.result import PathResult
 from jacokin.ik.paths.track import ANGULAR_SPEED, SPEED
 from jacokin.ik.planning import reasons
-from jacokin.ik.planning.cartesian import CartesianPath
+from jacokin.ik.planning.cartesian import MOST_FAMILIES, MOST_PLACES, CartesianPath
 from jacokin.ik.planning.chain import Chain
 from jacokin.ik.planning.ladder import Ladder, Pace
 from jacokin.ik.planning.manifold import Manifold
 from jacokin.ik.planning.rungs import Rungs
 from jacokin.ik.planning.search import Search
 from jacokin.ik.solver import IKSolver
+from jacokin.ik.targets import Target
 from jacokin.ik.tracking.joint_limits import velocity_limits
 from jacokin.ik.tracking.setup import checked_start
 from jacokin.model import checks
-from jacokin.model.pose_targets import FreeAxis
 
 TIMINGS = ("keep", "slow")
+FINEST = 0.01  # [rad] between members of a family: more of them take minutes
 FREE_STEP = float(np.radians(10.0))  # [rad] between members of a family that are tried
 SPACING = 0.01  # [m] of the tool between two steps of the path
 TURNING = 0.05  # [rad] the same of its orientation
@@ -41,7 +41,7 @@ TURNING = 0.05  # [rad] the same of its orientation
 
 def plan_path(
     solver: IKSolver,
-    targets: Sequence[pin.SE3 | FreeAxis] | ArrayLike,
+    targets: Sequence[Target] | ArrayLike,
     dt: float = 0.01,
     *,
     speed: ArrayLike = SPEED,
@@ -62,7 +62,8 @@ def plan_path(
         solver: a solver whose robot has a closed form, of six or seven joints; its scene, clearance and limits hold
             along the path.
         targets: two or more poses T_base_tool (`pin.SE3` or (4, 4)), or `FreeAxis` targets on six joints, each with an
-            axis and a range of its own. On seven joints a pose leaves the elbow free, which is chosen here.
+            axis and a range of its own; targets of the tracker that make either will do too. On seven joints a pose
+            leaves the elbow free, which is chosen here.
         dt: control step [s].
         speed: along the lines [m/s], one for all or (n - 1,).
         angular_speed: of turning [rad/s], as `speed`; a line takes the longer of the two times. Turning about a free
@@ -87,8 +88,14 @@ def plan_path(
         StructureError: the robot has no closed form.
     """
     settings = _settings(solver, dt, timing, velocity_limit, acceleration_limit)
-    path = CartesianPath(targets)
+    path = CartesianPath(targets, solver.frame)
+    if path.free and solver.has_families:
+        raise InvalidInputError(
+            "a FreeAxis on seven joints leaves two free parameters: give the poses at one angle, target.at(angle)"
+        )
     free_step = checks.positive("free_step", free_step, "rad")
+    if free_step < FINEST:
+        raise InvalidInputError(f"free_step must be at least {FINEST:g} rad, got {free_step!r}")
     times = lines.durations_of(path.lengths, speed, angular_speed)
     lines.check_ticks(times, settings.dt)
     if start is not None and seed is not None:
@@ -99,7 +106,8 @@ def plan_path(
     pace = Pace(times, settings.velocity)
     ladder = Ladder(Rungs(solver, manifold, free_step), manifold, pace, free_step, keep=timing == "keep")
     begin = Begin(manifold, near, pace, exactly=start is not None)
-    search = Search(ladder, path.places(SPACING, TURNING), near, begin)
+    places = path.places(SPACING, TURNING, MOST_FAMILIES if manifold.has_families else MOST_PLACES)
+    search = Search(ladder, places, near, begin)
     found = Climb(search, solver, begin, settings.dt, keep=timing == "keep").found()
     planned = Planned(solver, manifold, times, settings, "home" if seed is None and start is None else "the seed")
     if found is None:

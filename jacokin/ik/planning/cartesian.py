@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -12,12 +13,14 @@ from scipy.spatial.transform import Rotation
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
+from jacokin.ik.targets import PartialTarget, Target, understood
 from jacokin.model import angles, checks, poses
 from jacokin.model.pose_targets import FreeAxis
 
 OPPOSITE = 1e-6  # [rad] axes this near to opposite have no way from one to the other
 NARROW = 1e-9  # [rad] a range of the free angle below this is one value
 MOST_PLACES = 50_000  # steps of a path: half a kilometre, or that many waypoints
+MOST_FAMILIES = 10_000  # the same where each of them has a family
 WHOLE_TICK = 1e-9  # a duration this near to whole ticks is whole; division rounds
 
 
@@ -33,18 +36,15 @@ class CartesianPath:
         free: whether there is a free angle anywhere.
     """
 
-    def __init__(self, targets: Sequence[pin.SE3 | FreeAxis] | ArrayLike) -> None:
-        """Check the waypoints.
+    def __init__(self, targets: Sequence[Target] | ArrayLike, frame: str) -> None:
+        """Check the waypoints, for a tool on a frame.
 
         Raises:
             InvalidInputError: fewer than two, one is malformed (its number is named), all are the same, or the free
                 axes of neighbours are opposite.
         """
-        rows = _listed(targets)
-        self.poses = [
-            row.pose if isinstance(row, FreeAxis) else poses.checked_pose(row, f"targets[{index}]")
-            for index, row in enumerate(rows)
-        ]
+        rows = [_checked(row, f"targets[{index}]", frame) for index, row in enumerate(_listed(targets))]
+        self.poses = [row.pose if isinstance(row, FreeAxis) else row for row in rows]
         axes = [row.axis if isinstance(row, FreeAxis) else None for row in rows]
         self.free = any(axis is not None for axis in axes)
         self._ranges = np.array([row.range if isinstance(row, FreeAxis) else (0.0, 0.0) for row in rows])
@@ -141,16 +141,16 @@ class CartesianPath:
         parts = [line + np.arange(1, count + 1) / count for line, count in enumerate(counts.tolist()) if count]
         return np.concatenate([np.zeros(1), *parts])
 
-    def places(self, spacing: float, angle: float) -> Array:
+    def places(self, spacing: float, angle: float, most: int) -> Array:
         """Places from start to end, every waypoint among them, at most so far apart [m] and [rad].
 
         Raises:
             InvalidInputError: a path longer than a search can take.
         """
         counts = np.maximum(np.ceil(np.maximum(self.lengths[:, 0] / spacing, self.lengths[:, 1] / angle)), 1.0)
-        if not counts.sum() <= MOST_PLACES:
+        if not counts.sum() <= most:
             raise InvalidInputError(
-                f"the path is {self.lengths[:, 0].sum():.6g} m long: more than {MOST_PLACES} steps of {spacing:g} m"
+                f"the path is {self.lengths[:, 0].sum():.6g} m long: more than {most} steps of {spacing:g} m"
             )
         parts = [line + np.arange(count) / count for line, count in enumerate(counts)]
         return np.append(np.concatenate(parts), float(self.lines))
@@ -161,7 +161,29 @@ def _first(axis: Array | None, other: Array | None) -> Array:
     return axis if axis is not None else other if other is not None else np.array([0.0, 0.0, 1.0])
 
 
-def _listed(targets: Sequence[pin.SE3 | FreeAxis] | ArrayLike) -> list[object]:
+def _checked(row: Target, name: str, frame: str) -> pin.SE3 | FreeAxis:
+    """One waypoint.
+
+    Raises:
+        InvalidInputError: malformed, or a position without orientation.
+    """
+    if isinstance(row, FreeAxis):
+        return row
+    parts = row if isinstance(row, list | tuple) else [row]
+    if not any(isinstance(part, PartialTarget) for part in parts):
+        return poses.checked_pose(row, name)
+    try:
+        found = understood(row, frame)
+    except InvalidInputError as error:
+        raise InvalidInputError(f"{name}: {error}") from error
+    if isinstance(found, FreeAxis):
+        return found
+    if found.position_only:
+        raise InvalidInputError(f"{name} leaves the orientation free: a path needs poses, or one free axis")
+    return pin.SE3(found.rotation, found.position)
+
+
+def _listed(targets: Sequence[Target] | ArrayLike) -> list[Any]:
     try:
         rows = list(targets)  # type: ignore[arg-type]  # whatever cannot be listed is refused below
     except TypeError as error:

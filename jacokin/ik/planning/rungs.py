@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
     from jacokin.ik.solver import IKSolver
 
+TOGETHER = 256  # places whose members are corrected in one go
+
 
 @dataclass(slots=True)
 class Rung:
@@ -59,6 +61,12 @@ class Rungs:
         if not manifold.has_families:
             poses = manifold.path.at(places)
             return [self._branches(u, T) for u, T in zip(places.tolist(), poses, strict=True)]
+        parts = [places[start : start + TOGETHER] for start in range(0, len(places), TOGETHER)]
+        return [rung for part in parts for rung in self._of_families(part, near)]
+
+    def _of_families(self, places: Array, near: Array | None) -> list[Rung]:
+        """Members of families, all corrected together."""
+        manifold = self._manifold
         found = [self._members(u, manifold.path.target(u), near) for u in places.tolist()]
         counts = [len(rows) for rows, _ in found]
         x, good = manifold.inside(np.repeat(places, counts), np.concatenate([rows for rows, _ in found]))

@@ -15,7 +15,7 @@ import jacokin
 from jacokin import FreeAxis, IKSolver, Robot, plan_path
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
-from jacokin.ik import PathResult, Scene, Sphere, track_path
+from jacokin.ik import AxisTarget, PathResult, PositionTarget, Scene, Sphere, track_path
 from jacokin.model import to_mujoco
 
 DOWN = jacokin.pose([0.0, 0.0, 0.0], down=True).rotation
@@ -126,8 +126,36 @@ def test_seven_joints_go_around_an_obstacle(seven: Robot) -> None:
 
 def test_a_free_axis_on_seven_joints_is_refused(seven: Robot) -> None:
     targets = [FreeAxis(at(0.4, y, 0.4), axis=[0, 0, 1]) for y in (-0.3, -0.1)]
-    with pytest.raises(InvalidInputError, match="a FreeAxis on seven joints leaves two free parameters"):
-        plan_path(IKSolver(seven), targets)
+    for path in (targets, [at(0.4, -0.4, 0.4), targets[0]]):
+        with pytest.raises(InvalidInputError, match="a FreeAxis on seven joints leaves two free parameters"):
+            plan_path(IKSolver(seven), path)
+
+
+def test_targets_of_the_tracker_are_waypoints(robot: Robot) -> None:
+    """A position and an axis are a free axis; a side grasp by name is the same."""
+    solver = IKSolver(robot)
+    places = [[0.4, -0.4, 0.4], [0.4, -0.3, 0.4]]
+    result = plan_path(solver, [[PositionTarget(place), AxisTarget([1.0, 0.0, 0.0])] for place in places], dt=0.05)
+    named = plan_path(solver, [jacokin.pose(place, approach=[1.0, 0.0, 0.0]) for place in places], dt=0.05)
+    for found in (result, named):
+        assert found.success
+        _, rotations = tool_poses(robot, found.q)
+        np.testing.assert_allclose(rotations[:, :, 2], np.tile([1.0, 0.0, 0.0], (len(found), 1)), atol=1e-7)
+    with pytest.raises(InvalidInputError, match=r"targets\[1\] leaves the orientation free"):
+        plan_path(solver, [at(0.4, -0.4, 0.4), PositionTarget(places[1])])
+    with pytest.raises(InvalidInputError, match=r"targets\[0\]: the position is free"):
+        plan_path(solver, [AxisTarget([1.0, 0.0, 0.0]), at(0.4, -0.4, 0.4)])
+
+
+def test_too_fine_and_too_long_is_refused(robot: Robot) -> None:
+    """What would take hours or all of the memory."""
+    solver = IKSolver(robot)
+    targets = [FreeAxis(at(0.4, y, 0.4), axis=[0, 0, 1]) for y in (-0.3, -0.1)]
+    with pytest.raises(InvalidInputError, match="free_step must be at least 0.01 rad, got 1e-09"):
+        plan_path(solver, targets, free_step=1e-9)
+    far = FreeAxis(at(0.4, 200.0, 0.4), axis=[0, 0, 1])
+    with pytest.raises(InvalidInputError, match=r"the path is .* m long: more than 10000 steps"):
+        plan_path(solver, [targets[0], far], speed=10.0)
 
 
 def test_narrow_windows_are_found(robot: Robot) -> None:
