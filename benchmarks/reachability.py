@@ -23,7 +23,7 @@ import pyarrow.parquet as pq
 import jacokin
 from jacokin import IKSolver
 from jacokin.reachability import Grid, ReachabilityMap, build
-from jacokin.reachability.samples import NOWHERE
+from jacokin.reachability.sampling.samples import NOWHERE
 
 RUN = (
     "import sys, jacokin, resource; from jacokin.ik import solve_file;"

@@ -11,7 +11,7 @@ with the SHA-256 of each.
 from __future__ import annotations
 
 import pickle
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import ExitStack
 from pathlib import Path
@@ -30,14 +30,17 @@ from jacokin.errors import InvalidInputError
 from jacokin.ik.batches.progress import Progress, reporter
 from jacokin.ik.solver import IKSolver
 from jacokin.model import checks
+from jacokin.model.pose_targets import FreeAxis
 from jacokin.model.robot import Robot
-from jacokin.reachability import symmetries
 from jacokin.reachability.chunk import MapJob, make
-from jacokin.reachability.grid import Grid
-from jacokin.reachability.map import MANIFEST, ReachabilityMap, load
-from jacokin.reachability.orientations import Orientations, checked_orientations
+from jacokin.reachability.loading import MANIFEST, load
+from jacokin.reachability.map import ReachabilityMap
 from jacokin.reachability.recipe import recipe_of
-from jacokin.reachability.samples import Samples
+from jacokin.reachability.sampling import symmetries
+from jacokin.reachability.sampling.bound import bound_of
+from jacokin.reachability.sampling.grid import Grid
+from jacokin.reachability.sampling.orientations import Orientations, checked_orientations
+from jacokin.reachability.sampling.samples import Samples
 
 if TYPE_CHECKING:
     from jacokin.model.scenes.scene import Scene
@@ -51,7 +54,7 @@ def build(
     *,
     folder: str | Path,
     grid: Grid | None = None,
-    orientations: Orientations | int = COUNT,
+    orientations: Orientations | FreeAxis | Sequence[FreeAxis] | int = COUNT,
     executor: Executor | None = None,
     shard: str | None = None,
     progress: Callable[[Progress], None] | None = None,
@@ -64,11 +67,14 @@ def build(
     """Build a map, or the part of it that is missing.
 
     Args:
-        robot: a six-joint arm with a closed form.
+        robot: an arm of six or seven joints with a closed form. On seven, each pose has a family of configurations,
+            which takes some hundred times as long, and intervals are counted.
         folder: where the map is kept; made if it is not there. A map that is there is completed.
         grid: the box to cover; None for all that the arm could reach, in steps of 5 cm.
-        orientations: a set, or a number of evenly spread ones: of rotations, or, where joint 6 rolls the tool freely,
-            of directions of its axis.
+        orientations: a set, or a number of evenly spread ones: of rotations, or, where the last joint rolls the tool
+            freely, of directions of its axis. One or several `FreeAxis` (their positions are not used) are reached
+            where any of their members is; intervals are counted, and unless the axis is that of the last joint, it
+            takes some hundred times as long.
         executor: any executor; None for threads of this process, one for each core.
         shard: "i/n" builds the i-th of n parts (1/n to n/n) and returns None while others are missing.
         progress: called when a chunk is finished, with numbers of positions.
@@ -77,7 +83,7 @@ def build(
         collision: "reject" counts only configurations that touch neither the arm itself nor the scene: some hundred
             times slower, and without symmetry.
         scene: obstacles; needs collision="reject".
-        use_symmetry: use that joints 1 and 6 turn freely, where they do; see `symmetries`.
+        use_symmetry: use that the first and the last joint turn freely, where they do; see `symmetries`.
 
     Returns:
         The map; None while chunks of other shards are missing.
@@ -97,13 +103,13 @@ def build(
     if collision == "report":
         raise InvalidInputError("collision must be 'ignore' or 'reject' for a map, got 'report'")
     solver = IKSolver(robot, frame, tool=tool, method="closed_form", collision=collision, scene=scene, warm=None)
-    solver.closed_form()
+    if not solver.has_families:
+        solver.closed_form()
     found = symmetries.of_solver(solver) if use_symmetry and collision == "ignore" else symmetries.NONE
-    samples = Samples(
-        Grid.around(robot, SPACING) if grid is None else grid,
-        checked_orientations(orientations, found.tool_axis),
-        found,
-    )
+    chosen, found = checked_orientations(orientations, found)
+    if chosen.axes is not None and solver.has_families:
+        raise InvalidInputError("orientations that may turn about an axis are for six joints: seven turn by themselves")
+    samples = Samples(Grid.around(robot, SPACING) if grid is None else grid, chosen, found)
     recipe = recipe_of(solver, samples)
     size = recipe["chunks"]["positions"]  # type: ignore[index]  # a dictionary, written above
     starts = range(0, samples.positions, size)
@@ -130,10 +136,11 @@ def build(
             "sha256": hashes,
             "recipe": file_digest(chunks.path / RECIPE),
             "symmetries": recipe["symmetries"],
+            "bound": bound_of(samples, solver),
         }
         written.write_bytes(orjson.dumps(document, option=orjson.OPT_INDENT_2))
     chunks.remove_unfinished()
-    return load(folder, robot=robot)
+    return load(folder, robot=robot, scene=scene)
 
 
 def _jobs(

@@ -6,17 +6,13 @@ import io
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 import jacokin
-from jacokin.arrays import Array
 from jacokin.chunks.keeping import Keeper
 from jacokin.errors import JacokinError
 from jacokin.ik.batches.chunk import unpickled_solver
-from jacokin.ik.solver import IKSolver
-from jacokin.reachability.samples import Samples
-
-MOST_BRANCHES = 255
+from jacokin.reachability.answers import reached
+from jacokin.reachability.sampling.samples import Samples
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,38 +48,10 @@ def make(job: MapJob) -> str | bytes:
         raise JacokinError(f"the worker has jacokin {jacokin.__version__}, and the map needs {job.version}")
     targets = job.samples.targets(np.arange(job.first, job.stop))
     shape = targets.shape[:2]
-    branches, margin = reached(unpickled_solver(job.solver), targets.reshape(-1, 4, 4))
+    solver = unpickled_solver(job.solver)
+    branches, margin = reached(solver, targets.reshape(-1, 4, 4), job.samples.orientations)
     stream = io.BytesIO()
     np.savez_compressed(
         stream, branches=branches.reshape(shape), margin=margin.astype(np.float16).reshape(shape), allow_pickle=False
     )
     return job.keeper.keep(job.index, stream.getvalue())
-
-
-def reached(solver: IKSolver, targets: Array) -> tuple[NDArray[np.uint8], Array]:
-    """How many configurations reach each of n poses (n, 4, 4), and the largest limit margin among them [rad].
-
-    Returns:
-        (n,) numbers, and (n,) margins, NaN where there is no configuration.
-    """
-    if solver.verifier.options.collision == "reject":
-        return _one_by_one(solver, targets)
-    seeds = np.tile(solver.robot.home, (len(targets), 1))
-    rows = solver.closed_form().solve_batch(targets, seeds)
-    position_tolerance, orientation_tolerance = solver.tolerances
-    good = rows.within_limits & (rows.position_error <= position_tolerance)
-    good &= rows.orientation_error <= orientation_tolerance
-    counts = np.where(good, np.minimum(rows.branches_within_limits, MOST_BRANCHES), 0).astype(np.uint8)
-    return counts, np.where(good, rows.largest_margin, np.nan)
-
-
-def _one_by_one(solver: IKSolver, targets: Array) -> tuple[NDArray[np.uint8], Array]:
-    """The same without the configurations that touch anything."""
-    counts, margins = np.zeros(len(targets), dtype=np.uint8), np.full(len(targets), np.nan)
-    for row, target in enumerate(targets):
-        branches = solver.solve_all(target)
-        free = branches.within_limits & np.array([not pairs for pairs in branches.touching or ()], dtype=np.bool_)
-        if free.any():
-            counts[row] = min(int(free.sum()), MOST_BRANCHES)
-            margins[row] = branches.margin[free].min(axis=1).max()
-    return counts, margins

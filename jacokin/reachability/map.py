@@ -2,32 +2,28 @@
 
 from __future__ import annotations
 
-import functools
 from functools import cached_property
-from importlib.resources import files as package_files
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import orjson
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
-from jacokin.chunks.keeping import HASH_DIGITS, RECIPE, digest
-from jacokin.errors import InvalidInputError, JacokinError
+from jacokin.errors import InvalidInputError
 from jacokin.ik.solver import IKSolver
 from jacokin.model import checks, poses
-from jacokin.model.descriptions.bundled import DEFAULT_ROBOT
 from jacokin.model.fingerprint import fingerprint
 from jacokin.model.loading import load_robot
-from jacokin.model.robot import Robot, checked_robot
-from jacokin.reachability.grid import Grid
-from jacokin.reachability.orientations import Orientations
+from jacokin.model.pose_targets import FreeAxis
+from jacokin.model.robot import Robot
+from jacokin.model.scenes.scene import Scene
 from jacokin.reachability.recipe import samples_of
-from jacokin.reachability.samples import NOWHERE, Samples, turned
+from jacokin.reachability.sampling.grid import Grid
+from jacokin.reachability.sampling.orientations import Orientations
+from jacokin.reachability.sampling.samples import NOWHERE, Samples, turned
 
-MANIFEST = "manifest.json"
 RADIAN = 0.1  # [m] that a radian counts when distances of poses are compared, as for closest configurations
 
 
@@ -40,6 +36,8 @@ class ReachabilityMap:
         samples: the poses that were tried, and which of them stands for a given one.
         counts: (positions, orientations) configurations within the limits at each sample, 0 where none.
         margins: (positions, orientations) largest distance to the nearest limit [rad] at each sample, NaN where none.
+        bound: the tool is never farther than this [m] from a position that is reached with some orientation; how it
+            is derived, and when it holds, is in `bound`. None where the orientations do not cover all.
     """
 
     def __init__(
@@ -49,6 +47,9 @@ class ReachabilityMap:
         counts: NDArray[np.uint8],
         margins: NDArray[np.float16],
         robot: Robot | None,
+        *,
+        bound: float | None = None,
+        scene: Scene | None = None,
     ) -> None:
         """Take what `load` has read."""
         self.folder = folder
@@ -56,7 +57,8 @@ class ReachabilityMap:
         self.samples: Samples = samples_of(recipe, str(folder))
         self.counts = counts
         self.margins = margins
-        self._robot = robot
+        self.bound = bound
+        self._robot, self._scene = robot, scene
         for array in (counts, margins):
             array.setflags(write=False)
 
@@ -86,17 +88,30 @@ class ReachabilityMap:
             name = self.recipe["robot"]["bundled"]
             if name is None:
                 raise InvalidInputError(f"{self.folder}: load the map with robot=, it is not a bundled one")
-            self._robot = _same_robot(self.folder, self.recipe, load_robot(name))
+            self._robot = same_robot(self.folder, self.recipe, load_robot(name))
         return self._robot
 
     @property
     def solver(self) -> IKSolver:
-        """The solver of the robot, frame and tool of the map."""
+        """The solver of the map: robot, frame, tool, and what counts as contact.
+
+        Raises:
+            InvalidInputError: the map was loaded without its robot, which is not bundled, or without its scene.
+        """
         return self._solver
 
     @cached_property
     def _solver(self) -> IKSolver:
-        return IKSolver(self.robot, self.recipe["frame"], tool=self.recipe["tool"], warm=None)
+        if self.recipe["scene"] is not None and self._scene is None:
+            raise InvalidInputError(f"{self.folder}: load the map with scene=, the one that it was built with")
+        return IKSolver(
+            self.robot,
+            self.recipe["frame"],
+            tool=self.recipe["tool"],
+            collision=self.recipe["collision"],
+            scene=self._scene,
+            warm=None,
+        )
 
     @cached_property
     def fraction(self) -> Array:
@@ -105,7 +120,7 @@ class ReachabilityMap:
 
     @cached_property
     def branches(self) -> Array:
-        """(nx, ny, nz) mean number of configurations within the limits, over all orientations."""
+        """(nx, ny, nz) mean number of configurations (of families: intervals), over all orientations."""
         return self._spread(self.counts.mean(axis=1))
 
     @cached_property
@@ -167,7 +182,22 @@ class ReachabilityMap:
         if symmetries.tool_axis is not None:
             found = _rolled(found, rotation, symmetries.tool_axis)
         turn = turned(np.eye(3)[None], np.array([angle]))[0]
-        return pin.SE3(turn @ found, turn @ self.samples.position(np.array([where[0]]))[0])
+        nearest = pin.SE3(turn @ found, turn @ self.samples.position(np.array([where[0]]))[0])
+        return nearest if self.orientations.axes is None else self._member(nearest, where[1], turn @ rotation)
+
+    def _member(self, pose: pin.SE3, index: int, wanted: Array) -> pin.SE3:
+        """Of the poses that come from turning an orientation, one that is reached, near to a rotation (3, 3)."""
+        axes, ranges = self.orientations.axes, self.orientations.ranges
+        assert axes is not None
+        assert ranges is not None
+        target = FreeAxis(pose, axis=axes[index], range=ranges[index])
+
+        def away(q: Array) -> float:
+            return float(np.linalg.norm(self.solver.verifier.tool_pose(q).rotation - wanted))
+
+        result = self.solver.solve(target, closest=False, prefer=away).raise_for_status()
+        assert result.parameter is not None
+        return target.at(result.parameter)
 
     def plot(self, path: str | Path) -> None:
         """Draw the map: slices and a view in space as .png, .svg or .pdf, or an .html page that turns it.
@@ -189,58 +219,6 @@ class ReachabilityMap:
         return checks.read_only(values.reshape(self.samples.shape)[radius])
 
 
-def load(folder: str | Path, *, robot: Robot | None = None) -> ReachabilityMap:
-    """Read a map, and check every chunk against its hash.
-
-    Args:
-        folder: where it was built.
-        robot: the robot, for a map of one that is not bundled; only some questions need it.
-
-    Raises:
-        InvalidInputError: not a map, not complete, damaged, or of another robot.
-    """
-    if not isinstance(folder, str | Path):
-        raise InvalidInputError(f"folder must be a str or a Path, got {checks.shown(folder)}")
-    path = Path(folder)
-    try:
-        recipe = orjson.loads((path / RECIPE).read_bytes())
-        manifest = orjson.loads((path / MANIFEST).read_bytes())
-    except FileNotFoundError as error:
-        raise InvalidInputError(
-            f"{path}: is not a complete map: it has no {Path(error.filename).name}; build the rest of it"
-        ) from error
-    except OSError as error:
-        raise InvalidInputError(f"{path}: cannot be read: {error.strerror}") from error
-    except orjson.JSONDecodeError as error:
-        raise InvalidInputError(f"{path}: {RECIPE} or {MANIFEST} is not JSON: {error}") from error
-    if robot is not None:
-        _same_robot(path, recipe, checked_robot("robot", robot))
-    samples = samples_of(recipe, str(path))
-    counts = np.empty((samples.positions, len(samples.orientations)), dtype=np.uint8)
-    margins = np.empty(counts.shape, dtype=np.float16)
-    first = 0
-    for name, content in manifest["sha256"].items():
-        chunk = _chunk(path / name, content)
-        stop = first + len(chunk["branches"])
-        counts[first:stop], margins[first:stop] = chunk["branches"], chunk["margin"]
-        first = stop
-    if first != samples.positions:
-        raise InvalidInputError(f"{path}: has {first} positions of {samples.positions}; build the rest of it")
-    return ReachabilityMap(path, recipe, counts, margins, robot)
-
-
-@functools.cache
-def bundled(name: str = DEFAULT_ROBOT) -> ReachabilityMap:
-    """The coarse map of a bundled robot that comes with the package.
-
-    Raises:
-        UnknownNameError: no such robot; lists those that there are.
-    """
-    folder = Path(str(package_files("jacokin.reachability"))) / "maps"
-    known = sorted(path.name for path in folder.iterdir() if path.is_dir())
-    return load(folder / checks.choice("robot", name, known))
-
-
 def checked_poses(targets: ArrayLike) -> Array:
     """Poses (n, 4, 4), rigid.
 
@@ -255,18 +233,12 @@ def checked_poses(targets: ArrayLike) -> Array:
     return matrices
 
 
-def _chunk(path: Path, wanted: str) -> dict[str, NDArray[np.generic]]:
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise JacokinError(f"{path}: cannot be read: {error.strerror}; build the map again to mend it") from error
-    if digest(content) != wanted or wanted[:HASH_DIGITS] not in path.name:
-        raise InvalidInputError(f"{path}: is damaged: its hash is not that of the manifest; build again to mend it")
-    with np.load(path) as file:
-        return {name: file[name] for name in ("branches", "margin")}
+def same_robot(path: Path, recipe: dict[str, Any], robot: Robot) -> Robot:  # Any: JSON
+    """A robot that is the one of a recipe.
 
-
-def _same_robot(path: Path, recipe: dict[str, Any], robot: Robot) -> Robot:  # Any: JSON
+    Raises:
+        InvalidInputError: it is another one.
+    """
     if fingerprint(robot, shapes=recipe["collision"] != "ignore") != recipe["robot"]["sha256"]:
         raise InvalidInputError(f"{path}: is a map of another robot than this {robot.name}")
     return robot

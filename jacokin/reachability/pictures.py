@@ -11,8 +11,8 @@ from jacokin import files
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, MissingExtraError
 from jacokin.model import checks
-from jacokin.reachability.grid import Grid
-from jacokin.reachability.orientations import Orientations
+from jacokin.reachability.sampling.grid import Grid
+from jacokin.reachability.sampling.orientations import Orientations
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

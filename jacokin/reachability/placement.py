@@ -17,12 +17,13 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.ik.results import Frozen
 from jacokin.model import checks
-from jacokin.reachability.chunk import reached
-from jacokin.reachability.grid import Grid
+from jacokin.reachability.answers import one_by_one, reached
 from jacokin.reachability.map import ReachabilityMap, checked_poses
-from jacokin.reachability.samples import NOWHERE, turned
+from jacokin.reachability.sampling.grid import Grid
+from jacokin.reachability.sampling.samples import NOWHERE, turned
 
 STARTS = 12  # places from the grid that are checked and moved
+SLOW_STARTS = 3  # where each target takes milliseconds
 TURNS = 256  # steps of a full turn, for which the nearest orientation of each target is looked up once
 FINEST = 0.001  # [m] of the last steps
 MOST_ROUNDS = 40
@@ -54,7 +55,7 @@ def place_base(
     """Rank places for the base of the robot of a map, upright.
 
     Args:
-        map: of the robot, frame and tool.
+        map: of the robot, frame and tool. Obstacles of the map stand where they are in the base, wherever that is.
         targets: (n, 4, 4) poses of the tool, or a sequence of `pin.SE3`, in the world [m].
         heights: (k,) z at which the base may stand [m]; None for any.
         yaws: turns of the base that are tried, where joint 1 does not turn freely.
@@ -80,7 +81,11 @@ def place_base(
         best = _spread_out(places, counts, 2.0 * map.grid.spacing)
         starts += [(int(counts[index]), yaw, places[index]) for index in best]
     starts.sort(key=lambda start: -start[0])
-    found = [_settled(map, wanted, yaw, place, fixed_height=levels is not None) for _, yaw, place in starts[:STARTS]]
+    slow = one_by_one(map.solver, False)
+    found = [
+        _settled(map, wanted, yaw, place, fixed_height=levels is not None, slow=slow)
+        for _, yaw, place in starts[: SLOW_STARTS if slow else STARTS]
+    ]
     found.sort(key=lambda placement: (-placement.reached, -np.nan_to_num(placement.margin, nan=-np.inf)))
     distinct: list[BasePlacement] = []
     for placement in found:
@@ -153,18 +158,29 @@ def _spread_out(places: Array, counts: NDArray[np.int_], distance: float) -> lis
     return chosen
 
 
-def _settled(map: ReachabilityMap, targets: Array, yaw: float, place: Array, *, fixed_height: bool) -> BasePlacement:  # noqa: A002 - as above
-    """The best place that smaller and smaller steps lead to."""
+def _settled(
+    map: ReachabilityMap,  # noqa: A002 - as above
+    targets: Array,
+    yaw: float,
+    place: Array,
+    *,
+    fixed_height: bool,
+    slow: bool,
+) -> BasePlacement:
+    """The best place that smaller and smaller steps lead to; of slow targets one from which all are reached will do."""
     turn = turned(np.eye(3)[None], np.array([yaw]))[0]
     place = turn @ place
     moves = np.stack(np.meshgrid(*([-1.0, 0.0, 1.0],) * 3, indexing="ij"), axis=-1).reshape(-1, 3)
     if fixed_height:
         moves = moves[moves[:, 2] == 0.0]
-    moves = moves[np.abs(moves).sum(axis=1) > 0.0]
+    steps = np.abs(moves).sum(axis=1)
+    moves = moves[(steps == 1.0) if slow else (steps > 0.0)]
     step = map.grid.spacing
     best, success = _measured(map, targets, place[None], yaw)
     score = best[0]
     for _ in range(MOST_ROUNDS):
+        if slow and score[0] == len(targets):
+            break
         around = place + step * moves
         scores, hits = _measured(map, targets, around, yaw)
         index = max(range(len(scores)), key=scores.__getitem__)

@@ -11,18 +11,21 @@ from jacokin.chunks.keeping import digest
 from jacokin.errors import InvalidInputError
 from jacokin.ik.solver import IKSolver
 from jacokin.model.fingerprint import fingerprint
-from jacokin.reachability.grid import Grid
-from jacokin.reachability.orientations import Orientations
-from jacokin.reachability.samples import Samples
-from jacokin.reachability.symmetries import Symmetries
+from jacokin.reachability.answers import one_by_one
+from jacokin.reachability.sampling.grid import Grid
+from jacokin.reachability.sampling.orientations import Orientations
+from jacokin.reachability.sampling.samples import Samples
+from jacokin.reachability.sampling.symmetries import Symmetries
 
 FORMAT = "jacokin reachability map 1"
-POSES_IN_A_CHUNK = 20_000  # about half a second of one core
+POSES_IN_A_CHUNK = 20_000  # about a quarter of a second of one core
+SINGLE_POSES = 10_000  # of a chunk whose poses are looked at one by one: some ten seconds
 
 TURNS = (
     "joint 1 turns freely about z of the base: positions are (r, 0, z), and a pose is turned about z into y = 0, x >= 0"
 )
-ROLLS = "joint 6 turns freely about this axis of the tool, in its frame: orientations stand for the direction of it"
+INTERVALS = "intervals of configurations within the limits, of an angle that is free or of joint 3"
+ROLLS = "the last joint turns freely about this axis of the tool, in its frame: orientations stand for its direction"
 
 
 def recipe_of(solver: IKSolver, samples: Samples) -> dict[str, object]:
@@ -31,6 +34,9 @@ def recipe_of(solver: IKSolver, samples: Samples) -> dict[str, object]:
 
     grid, symmetries, tool, options = samples.grid, samples.symmetries, solver.tool, solver.verifier.options
     source = solver.robot.source
+    free = samples.orientations.axes is not None and symmetries.tool_axis is None
+    single = one_by_one(solver, free)
+    counted = INTERVALS if free or solver.has_families else "configurations within the limits"
     return {
         "format": FORMAT,
         "version": jacokin.__version__,
@@ -52,18 +58,25 @@ def recipe_of(solver: IKSolver, samples: Samples) -> dict[str, object]:
         },
         "symmetries": {
             "joint 1": TURNS if symmetries.turns else None,
-            "joint 6": None if symmetries.tool_axis is None else ROLLS,
+            "last joint": None if symmetries.tool_axis is None else ROLLS,
             "tool axis": None if symmetries.tool_axis is None else symmetries.tool_axis.tolist(),
         },
         "positions": {"axes": "r, z" if symmetries.turns else "x, y, z", "shape": list(samples.shape)},
-        "orientations": {"name": samples.orientations.name, "quat_wxyz": samples.orientations.quats_wxyz.tolist()},
+        "orientations": _orientations(samples.orientations),
         "chunks": {
-            "positions": max(1, POSES_IN_A_CHUNK // len(samples.orientations)),
-            "arrays": "branches (positions, orientations): configurations within the limits, 0 where none; "
+            "positions": max(1, (SINGLE_POSES if single else POSES_IN_A_CHUNK) // len(samples.orientations)),
+            "arrays": f"branches (positions, orientations): {counted}, 0 where none; "
             "margin (positions, orientations): largest distance to the nearest limit [rad], NaN where none; "
             "positions in C order, chunk after chunk",
         },
     }
+
+
+def _orientations(orientations: Orientations) -> dict[str, object]:
+    document = {"name": orientations.name, "quat_wxyz": orientations.quats_wxyz.tolist()}
+    if orientations.axes is None or orientations.ranges is None:
+        return document
+    return document | {"free about": orientations.axes.tolist(), "from and to": orientations.ranges.tolist()}
 
 
 def samples_of(recipe: dict[str, Any], place: str) -> Samples:  # Any: JSON
@@ -78,7 +91,10 @@ def samples_of(recipe: dict[str, Any], place: str) -> Samples:  # Any: JSON
         grid = Grid(recipe["grid"]["lower"], recipe["grid"]["upper"], recipe["grid"]["spacing"])
         axis = recipe["symmetries"]["tool axis"]
         symmetries = Symmetries(recipe["symmetries"]["joint 1"] is not None, None if axis is None else np.array(axis))
-        orientations = Orientations(recipe["orientations"]["quat_wxyz"], recipe["orientations"]["name"])
+        given = recipe["orientations"]
+        orientations = Orientations(
+            given["quat_wxyz"], given["name"], axes=given.get("free about"), ranges=given.get("from and to")
+        )
     except (KeyError, TypeError) as error:
         raise InvalidInputError(f"{place}: is not the recipe of a map: {error!r} is missing or wrong") from error
     return Samples(grid, orientations, symmetries)

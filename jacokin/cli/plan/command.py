@@ -28,15 +28,13 @@ from jacokin.cli.arguments.options import (
     VelocityLimitOption,
 )
 from jacokin.cli.arguments.outputs import keep_apart
-from jacokin.cli.arguments.units import Units, numbers
+from jacokin.cli.arguments.units import Units, axis_of
 from jacokin.cli.exit_codes import NOT_SOLVED
 from jacokin.errors import InvalidInputError
 
 if TYPE_CHECKING:
     from jacokin.arrays import Array
     from jacokin.model.pose_targets import FreeAxis
-
-AXES = {"x": [1.0, 0.0, 0.0], "y": [0.0, 1.0, 0.0], "z": [0.0, 0.0, 1.0]}
 
 
 def plan(
@@ -150,7 +148,7 @@ def _targets(
         if free_range is not None:
             raise InvalidInputError("--free-range needs --free-axis")
         return poses
-    axis = AXES.get(free_axis.strip().lower()) or numbers("--free-axis", free_axis, 3) or []
+    axis = axis_of("--free-axis", free_axis)
     allowed = (-math.pi, math.pi) if free_range is None else tuple(units.read(free_range))
     try:
         return [FreeAxis(pose, axis=axis, range=allowed) for pose in poses]

@@ -17,6 +17,6 @@ def load(folder: str) -> ReachabilityMap:
     Raises:
         InvalidInputError: it is neither.
     """
-    from jacokin.reachability import map as maps
+    from jacokin.reachability import loading
 
-    return maps.bundled(folder) if folder in NAMES and not Path(folder).exists() else maps.load(folder)
+    return loading.bundled(folder) if folder in NAMES and not Path(folder).exists() else loading.load(folder)

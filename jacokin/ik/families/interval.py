@@ -178,7 +178,7 @@ def choose(intervals: Sequence[Interval], cost: Cost, seed: Array) -> tuple[Arra
             doubts.append((bound, number, index, guesses))
     best = (math.inf, 0.0, intervals[0])
     for bound, _, index, guesses in sorted(doubts, key=lambda doubt: doubt[:3]):
-        if bound > best[0]:
+        if bound >= best[0]:
             break
         value, coordinate = guesses.interval.near(guesses, index, cost, seed)
         if value < best[0]:

@@ -9,6 +9,7 @@ import pytest
 
 import jacokin
 from jacokin.model import quat_wxyz
+from jacokin.reachability import load
 from tests.cli.run import Run
 
 
@@ -31,6 +32,8 @@ def test_a_map_is_built_in_shards_asked_and_drawn(run: Run, tmp_path: Path) -> N
         (("map", "build", "x", "--spacing", "1e-5"), "cells"),
         (("map", "build", "x", "--lower", "0", "0", "0"), "--lower and --upper go together"),
         (("map", "build", "x", "--shard", "3/2"), "--shard must be 'i/n'"),
+        (("map", "build", "x", "--free-axis", "0 0 0"), "--free-axis: axis must"),
+        (("map", "build", "x", "--free-axis", "up"), "--free-axis"),
         (("map", "query", "nowhere", "--position", "0", "0", "0"), "nowhere: is not a complete map"),
         (("map", "fold"), "No such command 'fold'"),
     ],
@@ -43,6 +46,34 @@ def test_mistakes_are_sentences(
     assert answer.code == 2
     assert message in answer.err
     assert not list(tmp_path.iterdir())
+
+
+def test_maps_with_a_free_axis_obstacles_and_seven_joints(run: Run, tmp_path: Path) -> None:
+    (tmp_path / "scene.yaml").write_text("obstacles:\n- {shape: floor, height: 0.1}\n", encoding="utf-8")
+    box = ("--lower", "0.1", "-0.3", "0.0", "--upper", "0.7", "0.3", "0.6", "--spacing", "0.2")
+    folders = [str(tmp_path / name) for name in "abcd"]
+    assert run("map", "build", folders[0], *box, "--down", "--free-axis", "x").code == 0
+    scene = ("--scene", str(tmp_path / "scene.yaml"), "--orientations", "8")
+    assert run("map", "build", folders[1], *box, *scene).code == 0
+    assert run("map", "build", folders[2], *box, "--avoid-contact", "--orientations", "8").code == 0
+    assert run("map", "build", folders[3], *box, "--robot", "j2s7s300", "--orientations", "8").code == 0
+    maps = [load(folder) for folder in folders]
+    assert maps[0].orientations.axes is not None
+    assert maps[1].recipe["scene"] is not None
+    assert [each.recipe["collision"] for each in maps] == ["ignore", "reject", "reject", "ignore"]
+    assert maps[3].recipe["robot"]["name"] == "j2s7s300"
+    assert all((each.counts > 0).any() for each in maps)
+
+
+@pytest.mark.slow
+def test_processes_build_the_same_map(run: Run, tmp_path: Path) -> None:
+    words = ("--lower", "0.1", "-0.1", "0.2", "--upper", "0.7", "0.3", "0.6", "--spacing", "0.2", "--free-axis", "x")
+    names = []
+    for number in ("1", "2"):
+        folder = tmp_path / number
+        assert run("map", "build", str(folder), *words, "--orientations", "9", "--workers", number).code == 0
+        names.append({path.name: path.read_bytes() for path in folder.iterdir()})
+    assert names[0] == names[1]
 
 
 def test_a_base_is_placed(run: Run, tmp_path: Path) -> None:

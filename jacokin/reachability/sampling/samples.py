@@ -1,8 +1,8 @@
 """Which poses a map is made of, and which of them stands for a given one.
 
 A sample is a position and an orientation. Where joint 1 turns freely, positions are (r, 0, z), and a pose anywhere is
-first turned about the z axis of the base into the half plane y = 0, x >= 0. Where joint 6 rolls the tool freely, an
-orientation stands for all that turn the axis of the tool into the same direction.
+first turned about the z axis of the base into the half plane y = 0, x >= 0. Where the last joint rolls the tool freely,
+an orientation stands for all that turn the axis of the tool into the same direction.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.reachability.grid import Grid
-from jacokin.reachability.orientations import Orientations
-from jacokin.reachability.symmetries import Symmetries
+from jacokin.reachability.sampling.grid import Grid
+from jacokin.reachability.sampling.orientations import Orientations
+from jacokin.reachability.sampling.symmetries import Symmetries
 
 NOWHERE = -1  # the cell of a position outside the grid
 _AT_ONCE = 4096  # poses whose nearest orientation is looked for in one product
@@ -96,12 +96,22 @@ class Samples:
         return found
 
     def cosines(self, rotations: Array) -> Array:
-        """(n, m) cosine of the angle from each rotation to each orientation, roll left out where it is free."""
+        """(n, m) cosine of the angle from each rotation to each orientation, turns left out where they are free."""
         axis = self.symmetries.tool_axis
         if axis is not None:
             return np.asarray((rotations @ axis) @ (self.orientations.rotations @ axis).T)
         # trace(A^T B) = 1 + 2 cos(angle)
-        traces = rotations.reshape(-1, 9) @ self.orientations.rotations.reshape(-1, 9).T
+        flat = rotations.reshape(-1, 9)
+        traces = flat @ self.orientations.rotations.reshape(-1, 9).T
+        axes, ranges = self.orientations.axes, self.orientations.ranges
+        if axes is not None and ranges is not None:
+            # Turned by p about a, the trace is a^T L a + cos p (trace L - a^T L a) + sin p a.skew(L), with L = A^T B.
+            turns = np.cross(axes[:, None], np.eye(3)).transpose(0, 2, 1)
+            across = flat @ (self.orientations.rotations @ turns).reshape(-1, 9).T
+            along = flat @ (self.orientations.rotations @ (axes[:, :, None] * axes[:, None])).reshape(-1, 9).T
+            best, middle = np.arctan2(across, traces - along), ranges.mean(axis=1)
+            p = np.clip(best + 2.0 * np.pi * np.round((middle - best) / (2.0 * np.pi)), *ranges.T)
+            traces = along + np.cos(p) * (traces - along) + np.sin(p) * across
         return np.asarray((traces - 1.0) / 2.0)
 
 

@@ -1,9 +1,9 @@
 """Two joints that turn freely, and what of a pose does not matter because of them.
 
 Joint 1 turns about the vertical through the origin of the base: with a pose, all poses are reached that come from it by
-turning about that line. Joint 6 turns about a line through the origin of the tool: with a pose, all are reached that
-come from it by turning the tool about that line. A map then needs r and z of a position instead of x, y and z, and the
-direction of an axis instead of an orientation: four numbers instead of six.
+turning about that line. The last joint turns about a line through the origin of the tool: with a pose, all are reached
+that come from it by turning the tool about that line. A map then needs r and z of a position instead of x, y and z, and
+the direction of an axis instead of an orientation: four numbers instead of six.
 """
 
 from __future__ import annotations

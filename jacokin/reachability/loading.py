@@ -1,0 +1,89 @@
+"""Maps from their folders, and those that come with the package."""
+
+from __future__ import annotations
+
+import functools
+import pickle
+from importlib.resources import files as package_files
+from pathlib import Path
+
+import numpy as np
+import orjson
+from numpy.typing import NDArray
+
+from jacokin.chunks.keeping import HASH_DIGITS, RECIPE, digest
+from jacokin.errors import InvalidInputError, JacokinError
+from jacokin.model import checks
+from jacokin.model.descriptions.bundled import DEFAULT_ROBOT
+from jacokin.model.robot import Robot, checked_robot
+from jacokin.model.scenes.scene import Scene, checked_scene
+from jacokin.reachability.map import ReachabilityMap, same_robot
+from jacokin.reachability.recipe import samples_of
+
+MANIFEST = "manifest.json"
+
+
+def load(folder: str | Path, *, robot: Robot | None = None, scene: Scene | None = None) -> ReachabilityMap:
+    """Read a map, and check every chunk against its hash.
+
+    Args:
+        folder: where it was built.
+        robot: the robot, for a map of one that is not bundled; only some questions need it.
+        scene: the obstacles that it was built with, if any; only some questions need them.
+
+    Raises:
+        InvalidInputError: not a map, not complete, damaged, or of another robot or scene.
+    """
+    if not isinstance(folder, str | Path):
+        raise InvalidInputError(f"folder must be a str or a Path, got {checks.shown(folder)}")
+    path = Path(folder)
+    try:
+        recipe = orjson.loads((path / RECIPE).read_bytes())
+        manifest = orjson.loads((path / MANIFEST).read_bytes())
+    except FileNotFoundError as error:
+        raise InvalidInputError(
+            f"{path}: is not a complete map: it has no {Path(error.filename).name}; build the rest of it"
+        ) from error
+    except OSError as error:
+        raise InvalidInputError(f"{path}: cannot be read: {error.strerror}") from error
+    except orjson.JSONDecodeError as error:
+        raise InvalidInputError(f"{path}: {RECIPE} or {MANIFEST} is not JSON: {error}") from error
+    if robot is not None:
+        same_robot(path, recipe, checked_robot("robot", robot))
+    samples = samples_of(recipe, str(path))
+    if scene is not None and digest(pickle.dumps(checked_scene("scene", scene))) != recipe["scene"]:
+        raise InvalidInputError(f"{path}: is a map with other obstacles than this scene, or without any")
+    counts = np.empty((samples.positions, len(samples.orientations)), dtype=np.uint8)
+    margins = np.empty(counts.shape, dtype=np.float16)
+    first = 0
+    for name, content in manifest["sha256"].items():
+        chunk = _chunk(path / name, content)
+        stop = first + len(chunk["branches"])
+        counts[first:stop], margins[first:stop] = chunk["branches"], chunk["margin"]
+        first = stop
+    if first != samples.positions:
+        raise InvalidInputError(f"{path}: has {first} positions of {samples.positions}; build the rest of it")
+    return ReachabilityMap(path, recipe, counts, margins, robot, bound=manifest.get("bound"), scene=scene)
+
+
+@functools.cache
+def bundled(name: str = DEFAULT_ROBOT) -> ReachabilityMap:
+    """The coarse map of a bundled robot that comes with the package.
+
+    Raises:
+        UnknownNameError: no such robot; lists those that there are.
+    """
+    folder = Path(str(package_files("jacokin.reachability"))) / "maps"
+    known = sorted(path.name for path in folder.iterdir() if path.is_dir())
+    return load(folder / checks.choice("robot", name, known))
+
+
+def _chunk(path: Path, wanted: str) -> dict[str, NDArray[np.generic]]:
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise JacokinError(f"{path}: cannot be read: {error.strerror}; build the map again to mend it") from error
+    if digest(content) != wanted or wanted[:HASH_DIGITS] not in path.name:
+        raise InvalidInputError(f"{path}: is damaged: its hash is not that of the manifest; build again to mend it")
+    with np.load(path) as file:
+        return {name: file[name] for name in ("branches", "margin")}

@@ -1,0 +1,116 @@
+"""Maps that leave out contact: against solving every pose with the same options."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import jacokin
+from jacokin import FreeAxis, IKSolver, Robot
+from jacokin.errors import InvalidInputError
+from jacokin.ik import Box, Floor, Scene
+from jacokin.reachability import Grid, Orientations, build, load
+
+GRID = Grid([-0.6, -0.4, 0.0], [0.6, 0.4, 0.8], 0.4)
+
+
+@pytest.fixture
+def obstacles() -> Scene:
+    return Scene([Box("table", size=[0.5, 0.6, 0.04], pose=[0.45, 0.0, 0.2]), Floor(-0.05)])
+
+
+@pytest.mark.parametrize("with_scene", [False, True])
+def test_every_pose_agrees_with_the_solver(robot: Robot, tmp_path: Path, obstacles: Scene, with_scene: bool) -> None:
+    scene = obstacles if with_scene else None
+    reach = build(
+        robot, folder=tmp_path / "map", grid=GRID, orientations=Orientations.even(15), collision="reject", scene=scene
+    )
+    assert reach is not None
+    # The base and obstacles do not turn with joint 1, nor are fingers the same all around the last axis.
+    assert not reach.samples.symmetries.turns
+    assert reach.samples.symmetries.tool_axis is None
+    assert reach.recipe["symmetries"]["joint 1"] is None
+    targets = reach.samples.targets(np.arange(reach.samples.positions)).reshape(-1, 4, 4)
+    counts = reach.counts.ravel()
+    solver = IKSolver(robot, collision="reject", scene=scene)
+    success = solver.solve_batch(targets, closest=False).success
+    np.testing.assert_array_equal(success, counts > 0)
+    # By hand: the branches of a solver that does not look, and whether each touches.
+    looking = IKSolver(robot, collision="report", scene=scene)
+    free = 0
+    for target, count in zip(targets[::7], counts[::7], strict=True):
+        branches = IKSolver(robot).solve_all(target)
+        within = [q for q, good in zip(branches.q, branches.within_limits, strict=True) if good]
+        assert sum(not looking.verifier.touching(q) for q in within) == count
+        free += len(within) - count
+    assert free > 0 or not with_scene  # some are in contact
+    assert 0.02 < (counts > 0).mean() < 0.9
+
+
+def test_obstacles_take_away_and_never_add(robot: Robot, tmp_path: Path, obstacles: Scene) -> None:
+    counts = []
+    for name, collision, scene in (("a", "ignore", None), ("b", "reject", None), ("c", "reject", obstacles)):
+        found = build(
+            robot,
+            folder=tmp_path / name,
+            grid=GRID,
+            orientations=Orientations.even(10),
+            collision=collision,
+            scene=scene,
+            use_symmetry=False,
+        )
+        assert found is not None
+        counts.append(found.counts)
+    assert (counts[0] >= counts[1]).all()
+    assert (counts[1] >= counts[2]).all()
+    assert counts[0].sum() > counts[1].sum() > counts[2].sum()
+
+
+def test_a_map_with_a_scene_is_loaded_with_it(robot: Robot, tmp_path: Path, obstacles: Scene) -> None:
+    folder = tmp_path / "map"
+    options = {"grid": Grid([0.2, -0.2, 0.2], [0.6, 0.2, 0.6], 0.2), "orientations": 6}
+    build(robot, folder=folder, collision="reject", scene=obstacles, **options)  # type: ignore[arg-type]  # mixed kinds
+    assert load(folder, scene=obstacles).solver.verifier.options.collision == "reject"
+    with pytest.raises(InvalidInputError, match="load the map with scene="):
+        _ = load(folder).solver
+    with pytest.raises(InvalidInputError, match="other obstacles"):
+        load(folder, scene=Scene([Floor(0.0)]))
+    with pytest.raises(InvalidInputError, match="differs in scene"):
+        build(robot, folder=folder, collision="reject", **options)  # type: ignore[arg-type]
+
+
+@pytest.mark.slow
+def test_families_leave_out_members_in_contact(
+    bundled: Callable[[str], Robot], robot: Robot, tmp_path: Path, obstacles: Scene
+) -> None:
+    """Intervals with a member that is free of contact, among some of each: what is reached is reached by solving."""
+    grid = Grid([0.1, -0.3, 0.1], [0.7, 0.3, 0.7], 0.3)
+    seven = bundled("j2s7s300")
+    level = FreeAxis(jacokin.pose([0, 0, 0], approach=[1.0, 0.0, 0.0]).pose, axis=(0.0, 1.0, 0.0))
+    for arm, sets in ((seven, Orientations.even(6)), (robot, Orientations.free([level, level]))):
+        counts = []
+        for number, scene in enumerate((None, obstacles)):
+            found = build(
+                arm,
+                folder=tmp_path / f"{arm.dof} {number}",
+                grid=grid,
+                orientations=sets,
+                collision="ignore" if scene is None else "reject",
+                scene=scene,
+                use_symmetry=False,
+            )
+            assert found is not None
+            counts.append(found.counts)
+        assert (counts[0] >= counts[1]).all()
+        assert counts[0].sum() > counts[1].sum() > 0
+        assert found is not None
+        targets = found.samples.targets(np.arange(found.samples.positions))
+        solver = IKSolver(arm, collision="reject", scene=obstacles)
+        agree = []
+        for matrix, count in zip(targets.reshape(-1, 4, 4), counts[1].ravel(), strict=True):
+            target = FreeAxis(matrix, axis=level.axis) if arm is robot else matrix
+            agree.append(solver.solve(target, closest=False).success == (count > 0))
+        assert np.mean(agree) > 0.97

@@ -1,0 +1,69 @@
+"""Maps of arms of seven joints: each sample has a family, whose intervals are counted."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from jacokin import IKSolver, Robot
+from jacokin.reachability import Grid, ReachabilityMap, build, place_base
+from jacokin.reachability.answers import reached
+from tests.reachability.poses import random_samples
+
+
+@pytest.fixture(scope="module")
+def seven(bundled: Callable[[str], Robot]) -> Robot:
+    return bundled("j2s7s300")
+
+
+@pytest.fixture(scope="module")
+def reach(seven: Robot, tmp_path_factory: pytest.TempPathFactory) -> ReachabilityMap:
+    found = build(seven, folder=tmp_path_factory.mktemp("seven") / "map", grid=Grid.around(seven, 0.3), orientations=20)
+    assert found is not None
+    return found
+
+
+def test_poses_of_configurations_are_reached_with_their_margin(seven: Robot, rng: np.random.Generator) -> None:
+    solver, rows = IKSolver(seven), seven.sample(rng, 150)
+    counts, margins = reached(solver, np.array([seven.forward_kinematics(q).homogeneous for q in rows]))
+    own = np.minimum(rows - seven.lower, seven.upper - rows).min(axis=1)
+    assert (counts > 0).all()
+    assert (margins >= own - 1e-9).all()
+
+
+def test_a_map_agrees_with_the_solver(reach: ReachabilityMap, seven: Robot, rng: np.random.Generator) -> None:
+    assert reach.samples.symmetries.turns
+    assert reach.samples.symmetries.tool_axis is not None
+    targets, counts = random_samples(reach, rng, 250)
+    assert 0.05 < (counts > 0).mean() < 0.9
+    solver = IKSolver(seven)
+    for target, count in zip(targets, counts, strict=True):
+        assert len(solver.family(target)) == count
+    # Nothing that the map calls unreachable is reached by descents, which know nothing of the closed form.
+    descents = IKSolver(seven, method="qp", max_restarts=4)
+    out = targets[counts == 0][:20]
+    assert not descents.solve_batch(out, closest=False).success.any()
+    np.testing.assert_array_equal(reach.reached(targets), counts > 0)
+
+
+def test_the_symmetries_give_what_the_full_grid_gives(seven: Robot, tmp_path: Path, rng: np.random.Generator) -> None:
+    grid = Grid([0.2, -0.2, 0.2], [0.6, 0.2, 0.6], 0.2)
+    full = build(seven, folder=tmp_path / "map", grid=grid, orientations=8, use_symmetry=False)
+    assert full is not None
+    assert full.recipe["positions"]["axes"] == "x, y, z"
+    reduced = build(seven, folder=tmp_path / "reduced", grid=grid, orientations=full.orientations)
+    assert reduced is not None
+    targets, counts = random_samples(reduced, rng, 60)
+    again, _ = reached(full.solver, targets)
+    np.testing.assert_array_equal(again > 0, counts > 0)
+
+
+def test_a_base_is_placed_for_seven_joints(reach: ReachabilityMap, seven: Robot, rng: np.random.Generator) -> None:
+    targets = [seven.forward_kinematics(q) for q in seven.sample(rng, 6)]
+    best = place_base(reach, targets, heights=[0.0], count=1)[0]
+    assert best.reached == 6
+    seen = [best.pose.inverse() * target for target in targets]
+    assert IKSolver(seven).solve_batch(seen, closest=False).success.all()
