@@ -10,18 +10,28 @@ import pytest
 
 from jacokin import Robot
 from jacokin.errors import UnknownNameError
+from jacokin.model.descriptions.bundled import NAMES
 from jacokin.reachability import Grid, build, bundled
+from jacokin.reachability.answers import reached
+from tests.reachability.poses import random_samples
 
-SIX_JOINTS = ("j2n6s300", "j2n6s200", "j2s6s300", "j2s6s200", "m1n6s300", "m1n6s200")
 
-
-@pytest.mark.parametrize("name", SIX_JOINTS)
+@pytest.mark.parametrize("name", NAMES)
 def test_a_bundled_map_is_of_its_robot_and_small(name: str) -> None:
     reach = bundled(name)
     assert reach.robot.name == name
     assert reach.robot.source.bundled == name  # the hash was compared
     assert sum(path.stat().st_size for path in reach.folder.iterdir()) < 1_000_000
     assert 0.1 < (reach.counts > 0).mean() < 0.5
+    assert reach.bound is not None
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_bundled_map_agrees_with_the_solver_of_its_robot(name: str, rng: np.random.Generator) -> None:
+    reach = bundled(name)
+    targets, wanted = random_samples(reach, rng, 80)
+    counts, _ = reached(reach.solver, targets)
+    assert ((counts > 0) == (wanted > 0)).all()
 
 
 def test_building_a_bundled_map_again_gives_the_same(bundled_robot: Robot, tmp_path: Path) -> None:
