@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 import jacokin
-from jacokin import ik, model, mujoco_bridge
+from jacokin import ik, model, mujoco_bridge, reachability, tasks
 from jacokin.mujoco_bridge import observations, robots
 
 HOME = (4.8046852, 2.92482, 1.002, 4.2031852, 1.4458, 1.3233)  # [rad] of the j2n6s300
@@ -18,7 +18,7 @@ HOME = (4.8046852, 2.92482, 1.002, 4.2031852, 1.4458, 1.3233)  # [rad] of the j2
 
 @dataclass(frozen=True, slots=True)
 class Examples:
-    """Good values by parameter name, and instances by class."""
+    """Good values by parameter name, or ``function.parameter`` for one function, and instances by class."""
 
     values: Mapping[str, object]
     instances: Mapping[str, object]
@@ -44,6 +44,11 @@ def build(folder: Path) -> Examples:
     csv = folder / "targets.csv"
     csv.write_text("x,y,z,qw,qx,qy,qz\n0.3,-0.2,0.4,0,0.7071,0.7071,0\n", encoding="utf-8")
     observable = mujoco_bridge.Observable(lambda physics: physics.data.qpos)
+    environment, gym = tasks.load("lift_brick", seed=0), tasks.TaskEnv("reach_site", goal=True)
+    environment.reset()
+    gym.reset(seed=0)
+    grid = reachability.Grid((0.3, -0.1, 0.3), (0.5, 0.1, 0.5), 0.1)
+    randomization = tasks.Randomization(mass=1.1, latency=mujoco_bridge.distributions.Uniform(0.0, 0.1))
     values = {
         "robot": robot,
         "robot_a": robot,
@@ -104,6 +109,27 @@ def build(folder: Path) -> Examples:
         "dof": 6,
         "n": 1,
         "nstep": 1,
+        "action": np.zeros(9),
+        "achieved_goal": np.zeros(3),
+        "desired_goal": np.zeros(3),
+        "observation": environment.reset().observation,
+        "randomization": randomization,
+        "task": "reach_site",
+        "task_or_name": "reach_site",
+        "load.name": "reach_site",
+        "Environment.name": "reach_site",
+        "expert.name": "lift_brick",
+        "names.tag": "features",
+        "options": None,
+        "tasks.load.name": "reach_site",
+        "build.grid": grid,
+        "build.orientations": 3,
+        "folder": folder / "map",
+        "map": reachability.bundled(),
+        "load.folder": reachability.bundled().folder,
+        "spacing": 0.1,
+        "quats_wxyz": [[0.0, 1.0, 0.0, 0.0]],
+        "serve.port": 0,
     }
     instances: dict[str, object] = {
         "Robot": robot,
@@ -121,5 +147,12 @@ def build(folder: Path) -> Examples:
         "Observable": observable,
         "Observables": arm.observables,
         "Updater": mujoco_bridge.Updater({"qpos": observable}),
+        "Environment": environment,
+        "Expert": tasks.expert("lift_brick"),
+        "Grid": grid,
+        "Orientations": reachability.Orientations.down(2),
+        "Randomization": randomization,
+        "ReachabilityMap": reachability.bundled(),
+        "TaskEnv": gym,
     }
     return Examples(values, instances)

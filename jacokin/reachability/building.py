@@ -98,9 +98,12 @@ def build(
     checked_executor(executor)
     if not isinstance(folder, str | Path) or not str(folder):
         raise InvalidInputError(f"folder must be a str or a Path, got {checks.shown(folder)}")
+    checks.text("folder", str(folder))
     if grid is not None and not isinstance(grid, Grid):
         raise InvalidInputError(f"grid must be a Grid, got {checks.shown(grid)}")
-    if collision == "report":
+    if progress is not None and not callable(progress):
+        raise InvalidInputError(f"progress must be callable, got {checks.shown(progress)}")
+    if isinstance(collision, str) and collision == "report":
         raise InvalidInputError("collision must be 'ignore' or 'reject' for a map, got 'report'")
     solver = IKSolver(robot, frame, tool=tool, method="closed_form", collision=collision, scene=scene, warm=None)
     if not solver.has_families:

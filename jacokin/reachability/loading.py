@@ -36,7 +36,7 @@ def load(folder: str | Path, *, robot: Robot | None = None, scene: Scene | None 
     """
     if not isinstance(folder, str | Path):
         raise InvalidInputError(f"folder must be a str or a Path, got {checks.shown(folder)}")
-    path = Path(folder)
+    path = Path(checks.text("folder", str(folder)))
     try:
         recipe = orjson.loads((path / RECIPE).read_bytes())
         manifest = orjson.loads((path / MANIFEST).read_bytes())
@@ -66,7 +66,6 @@ def load(folder: str | Path, *, robot: Robot | None = None, scene: Scene | None 
     return ReachabilityMap(path, recipe, counts, margins, robot, bound=manifest.get("bound"), scene=scene)
 
 
-@functools.cache
 def bundled(name: str = DEFAULT_ROBOT) -> ReachabilityMap:
     """The coarse map of a bundled robot that comes with the package.
 
@@ -75,7 +74,12 @@ def bundled(name: str = DEFAULT_ROBOT) -> ReachabilityMap:
     """
     folder = Path(str(package_files("jacokin.reachability"))) / "maps"
     known = sorted(path.name for path in folder.iterdir() if path.is_dir())
-    return load(folder / checks.choice("robot", name, known))
+    return _loaded(folder / checks.choice("robot", name, known))
+
+
+@functools.cache
+def _loaded(folder: Path) -> ReachabilityMap:
+    return load(folder)
 
 
 def _chunk(path: Path, wanted: str) -> dict[str, NDArray[np.generic]]:

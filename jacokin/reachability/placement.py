@@ -95,7 +95,10 @@ def place_base(
 
 
 def _levels(heights: ArrayLike) -> Array:
-    values = np.atleast_1d(checks.numbers(heights))
+    try:
+        values = np.atleast_1d(checks.numbers(heights))
+    except (TypeError, ValueError) as error:
+        raise InvalidInputError(f"heights must be numbers (k,) [m], got {checks.shown(heights)}: {error}") from error
     if values.ndim != 1 or not len(values) or not np.isfinite(values).all():
         raise InvalidInputError(f"heights must be finite numbers (k,) [m], got {checks.shown(heights)}")
     return values

@@ -33,9 +33,9 @@ def bounded(action: object, lower: Array, upper: Array) -> Array:
 
 
 def _as_array(action: object) -> np.ndarray:
-    if isinstance(action, np.ndarray):
+    if type(action) is np.ndarray:
         return action
     try:
-        return np.asarray(action)
+        return checks.numbers(action)  # type: ignore[arg-type]  # `numbers` checks
     except (TypeError, ValueError) as error:
-        raise InvalidInputError(f"action must be an array of numbers, got {checks.shown(action)}") from error
+        raise InvalidInputError(f"action must be an array of numbers, got {checks.shown(action)}: {error}") from error

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.errors import InvalidInputError, MissingExtraError
+from jacokin.model import checks
 from jacokin.mujoco_bridge import Physics
 from jacokin.mujoco_bridge.base import RandomState
 from jacokin.tasks import registry
@@ -164,9 +165,13 @@ def checked_random_state(seed: object) -> RandomState:
     """
     if isinstance(seed, np.random.Generator | np.random.RandomState):
         return seed
-    if seed is not None and (isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0):
-        raise InvalidInputError(f"seed must be a whole number >= 0, a numpy.random.Generator or None, got {seed!r}")
-    return np.random.default_rng(seed)
+    if seed is None:
+        return np.random.default_rng()
+    if isinstance(seed, bool | np.timedelta64) or not isinstance(seed, int | np.integer) or seed < 0:
+        raise InvalidInputError(
+            f"seed must be a whole number >= 0, a numpy.random.Generator or None, got {checks.shown(seed)}"
+        )
+    return np.random.default_rng(int(seed))
 
 
 def _restored(name: str, random_state: RandomState, snapshot: Snapshot) -> Environment:

@@ -100,7 +100,7 @@ def serve(
     if not isinstance(robot, Robot):
         robot = load_robot() if robot is None else load_robot(robot)
     obstacles = None if scene is None else checked_scene("scene", scene)
-    looking = collision != "ignore"
+    looking = not (isinstance(collision, str) and collision == "ignore")
     solver = IKSolver(
         robot, frame, tool=tool, collision=collision, scene=obstacles if looking else None, clearance=clearance
     )

@@ -41,7 +41,9 @@ class Grid:
             raise InvalidInputError(
                 f"upper must be above lower [m], got {self.upper.tolist()} and {self.lower.tolist()}"
             )
-        numbers = [max(1.0, math.ceil(edge / self.spacing - _ROUNDING)) for edge in (self.upper - self.lower).tolist()]
+        with np.errstate(over="ignore"):  # infinitely many cells are too many
+            edges = np.ceil((self.upper - self.lower) / self.spacing - _ROUNDING)
+        numbers = np.maximum(edges, 1.0).tolist()
         if math.prod(numbers) > MOST_CELLS:
             raise InvalidInputError(
                 f"the grid has {math.prod(numbers):.3g} cells ({' x '.join(f'{n:.0f}' for n in numbers)}), "
@@ -51,11 +53,19 @@ class Grid:
 
     @classmethod
     def around(cls, robot: Robot, spacing: float) -> Grid:
-        """The box that the robot can reach into at most: a cube about its first joint, as far as its links are long."""
+        """The box that the robot can reach into at most: a cube about its first joint, as far as its links are long.
+
+        Raises:
+            InvalidInputError: not a robot, or a spacing as for a grid.
+        """
+        if not isinstance(robot, Robot):
+            raise InvalidInputError(f"robot must be a Robot, got {checks.shown(robot)}")
+        spacing = checks.positive("spacing", spacing, "m")
         placements = list(robot.pin_model.jointPlacements)[1:]
         frame = robot.pin_model.frames[robot.frame_id()].placement
         reach = sum(float(np.linalg.norm(placement.translation)) for placement in [*placements[1:], frame])
-        edge = math.ceil(reach / spacing) * spacing
+        steps = float(np.ceil(reach / spacing))
+        edge = steps * spacing if math.isfinite(steps) else reach  # which then has too many cells
         return cls(placements[0].translation - edge, placements[0].translation + edge, spacing)
 
     def __repr__(self) -> str:
@@ -68,7 +78,12 @@ class Grid:
         return math.prod(self.shape)
 
     def axis(self, index: int) -> Array:
-        """Centres of the cells along x (0), y (1) or z (2) [m]."""
+        """Centres of the cells along x (0), y (1) or z (2) [m].
+
+        Raises:
+            InvalidInputError: another index.
+        """
+        index = checks.whole_number("index", index, 0, 2)
         return np.asarray(self.lower[index] + (np.arange(self.shape[index]) + 0.5) * self.spacing)
 
     def centres(self) -> Array:

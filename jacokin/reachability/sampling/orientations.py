@@ -94,8 +94,8 @@ class Orientations:
     @classmethod
     def even(cls, count: int) -> Orientations:
         """Rotations spread evenly over all of them, by a super-Fibonacci spiral."""
-        count = checks.whole_number("count", count, lowest=1)
-        s = np.arange(min(count, MOST + 1)) + 0.5
+        count = checks.whole_number("count", count, 1, MOST)
+        s = np.arange(count) + 0.5
         inner, outer = np.sqrt(s / count), np.sqrt(1.0 - s / count)
         alpha, beta = 2.0 * np.pi * s / PHI, 2.0 * np.pi * s / PSI
         spiral = [inner * np.sin(alpha), inner * np.cos(alpha), outer * np.sin(beta), outer * np.cos(beta)]
@@ -128,8 +128,8 @@ class Orientations:
             free_roll: whether the tool may turn about the axis; otherwise the roll of each is an arbitrary one.
         """
         checks.flag("free_roll", free_roll)
-        count = checks.whole_number("count", count, lowest=1)
-        number = np.arange(min(count, MOST + 1))
+        count = checks.whole_number("count", count, 1, MOST)
+        number = np.arange(count)
         z = 1.0 - (2.0 * number + 1.0) / count
         radius, angle = np.sqrt(1.0 - z * z), number * GOLDEN_ANGLE
         return cls(
@@ -141,16 +141,16 @@ class Orientations:
     @classmethod
     def down(cls, yaws: int = 1) -> Orientations:
         """The tool pointing vertically down, turned about the vertical in equal steps."""
-        yaws = checks.whole_number("yaws", yaws, lowest=1)
-        half = np.pi * np.arange(min(yaws, MOST + 1)) / yaws
+        yaws = checks.whole_number("yaws", yaws, 1, MOST)
+        half = np.pi * np.arange(yaws) / yaws
         w, x, y, z = DOWN_QUAT_WXYZ
         c, s = np.cos(half), np.sin(half)  # Rz(2 half) times the tool pointing down
         quats = np.stack([c * w - s * z, c * x - s * y, c * y + s * x, c * z + s * w], axis=1)
         return cls(quats, f"tool down, {yaws} yaws")
 
-    def without_roll(self, axis: Array) -> Orientations:
+    def without_roll(self, axis: ArrayLike) -> Orientations:
         """One of those that turn `axis` of the tool into the same direction."""
-        directions = self.rotations @ axis
+        directions = self.rotations @ _unit(axis)
         _, first = np.unique(np.round(directions, 9), axis=0, return_index=True)
         return Orientations(self.quats_wxyz[np.sort(first)], self.name)
 

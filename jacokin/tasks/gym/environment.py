@@ -21,7 +21,6 @@ from jacokin.model import checks
 from jacokin.mujoco_bridge.control import queries
 from jacokin.mujoco_bridge.control.queries import Asking
 from jacokin.tasks import actions, registry
-from jacokin.tasks.environment import checked_random_state
 from jacokin.tasks.episode import STEPS, Episode, Snapshot
 from jacokin.tasks.gym.controls import CONTROLS, Control
 from jacokin.tasks.gym.options import RENDER_MODES, Options
@@ -83,7 +82,7 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
         """
         self.options = Options(task, control, reward, goal, observations, flatten)
         if not isinstance(randomization, Randomization | None):
-            raise InvalidInputError(f"randomization must be a Randomization or None, got {randomization!r}")
+            raise InvalidInputError(f"randomization must be a Randomization or None, got {checks.shown(randomization)}")
         self.randomization = randomization
         if render_mode is not None:
             checks.choice("render_mode", render_mode, RENDER_MODES)
@@ -144,17 +143,19 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
         Raises:
             InvalidInputError: as for `reset`.
         """
+        if not isinstance(options, Mapping | None):
+            raise InvalidInputError(f"options must be a dict or None, got {checks.shown(options)}")
         for name in options or ():
             checks.choice("option of reset", name, () if self.randomization is None else ("randomization",))
         if seed is not None:
-            checked_random_state(seed)
+            checks.whole_number("seed", seed)
         if self.randomization is None or not options:
             return None
         return self.randomization.replayed(options["randomization"])
 
     def resetting(self, seed: int | None, replayed: dict[str, float] | None) -> Asking[tuple[Observation, Info]]:
         """As `reset` with checked arguments, but whoever runs it answers the queries; see `Task.starting`."""
-        super().reset(seed=seed)
+        super().reset(seed=None if seed is None else int(seed))  # Gymnasium refuses NumPy's whole numbers
         if self.randomization is not None:
             drawn = self.randomization.draw(self.np_random)
             self._apply(drawn if replayed is None else replayed)

@@ -38,7 +38,7 @@ def register() -> None:
         if name not in gymnasium.registry:
             gymnasium.register(
                 name,
-                entry_point="jacokin.tasks.gym.environment:TaskEnv",
+                entry_point="jacokin.tasks.gym.make_environment:make_environment",
                 vector_entry_point="jacokin.tasks.gym.make_vector:make_vector",
                 kwargs=_Kwargs(task=task),
             )

@@ -26,6 +26,10 @@ class Playback:
         Raises:
             InvalidInputError: other joints, less than one row, or times that do not increase.
         """
+        if not all(hasattr(trajectory, name) for name in ("joint_names", "t", "q")):
+            raise InvalidInputError(
+                f"trajectory must be a PathResult, a JointMotion or a file, got {checks.shown(trajectory)}"
+            )
         names, t = tuple(trajectory.joint_names), np.array(trajectory.t, dtype=np.float64)
         if names != robot.joint_names:
             raise InvalidInputError(f"trajectory has the joints {', '.join(names)}; {robot.name} has others")

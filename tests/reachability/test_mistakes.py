@@ -1,0 +1,68 @@
+"""Arguments that are refused, by name."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from jacokin import Robot
+from jacokin.errors import InvalidInputError, JacokinError
+from jacokin.reachability import Grid, Orientations, build, bundled, load, place_base
+
+
+@pytest.mark.parametrize("spacing", ["1", 0.0, -1.0, np.nan, 10**400, 1e-320, np.eye(3), None])
+def test_spacings(spacing: Any, robot: Robot) -> None:
+    with pytest.raises(InvalidInputError, match=r"spacing|cells"):
+        Grid.around(robot, spacing)
+    with pytest.raises(InvalidInputError, match=r"spacing|cells"):
+        Grid((0, 0, 0), (1, 1, 1), spacing)
+
+
+def test_grids(robot: Robot) -> None:
+    with pytest.raises(InvalidInputError, match="robot must be a Robot"):
+        Grid.around("j2n6s300", 0.1)  # type: ignore[arg-type]  # the mistake
+    with pytest.raises(InvalidInputError, match="cells"):
+        Grid((-1e308, 0, 0), (1e308, 1, 1), 0.1)
+    grid = Grid.around(robot, 0.5)
+    for index in (3, -1, 0.0, True, [0]):
+        with pytest.raises(InvalidInputError, match="index"):
+            grid.axis(index)  # type: ignore[arg-type]  # the mistakes
+
+
+@pytest.mark.parametrize("count", [0, 100_001, 10**400, 1.0, True, "3"])
+def test_numbers_of_orientations(count: Any) -> None:
+    for make, name in ((Orientations.even, "count"), (Orientations.directions, "count"), (Orientations.down, "yaws")):
+        with pytest.raises(InvalidInputError, match=f"{name} must be a whole number"):
+            make(count)
+
+
+@pytest.mark.parametrize("axis", [(0, 0, 0), "z", 1.0, (0, 0, 10**400), [np.ma.masked] * 3])
+def test_axes_without_roll(axis: Any) -> None:
+    with pytest.raises(InvalidInputError, match="axis"):
+        Orientations.even(3).without_roll(axis)
+
+
+def test_folders_and_callbacks(robot: Robot, tmp_path: Path) -> None:
+    for folder in ("a\0b", "\ud800"):
+        with pytest.raises(InvalidInputError, match="folder"):
+            load(folder)
+        with pytest.raises(InvalidInputError, match="folder"):
+            build(robot, folder=folder)
+    with pytest.raises(InvalidInputError, match="progress must be callable"):
+        build(robot, folder=tmp_path, progress="yes")  # type: ignore[arg-type]  # the mistake
+    for collision in ("report", np.eye(3), ["ignore"]):
+        with pytest.raises(JacokinError, match="collision"):
+            build(robot, folder=tmp_path, collision=collision)  # type: ignore[arg-type]  # the mistakes
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_names_of_maps_and_heights_of_bases() -> None:
+    for name in (["j2n6s300"], "j9", None):
+        with pytest.raises(JacokinError, match="robot"):
+            bundled(name)  # type: ignore[arg-type]  # the mistakes
+    for heights in ("high", [np.nan], [[0.0], [1.0, 2.0]], iter([1.0])):
+        with pytest.raises(InvalidInputError, match="heights"):
+            place_base(bundled(), [np.eye(4)], heights=heights)  # type: ignore[arg-type]  # the mistakes
