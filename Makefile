@@ -51,7 +51,7 @@ release-check: $(VENV)/release.stamp  ## build what would be uploaded, and check
 	$(BIN)/python -m pip install --quiet --force-reinstall --no-deps build/release/*.whl
 	tar -xzf build/release/*.tar.gz -C build/release
 	cd build/release/jacokin-*/ && $(abspath $(BIN))/pytest -n $(JOBS) -m "not slow"
-	@grep -q PLACEHOLDER package_page.py && echo "The repository's address in package_page.py is still a placeholder."
+	@! grep -q '^REPOSITORY.*\.invalid/' package_page.py || echo "The repository's address in package_page.py is still a placeholder."
 
 clean:
 	rm -rf build dist site out $(VENV) .venv-oldest .venv-bench

@@ -11,7 +11,7 @@ from typing import Any
 
 from hatchling.metadata.plugin.interface import MetadataHookInterface
 
-#: PLACEHOLDER: where the repository is. Set it before a release; `make release-check` refuses this one.
+#: PLACEHOLDER: where the repository is. Set it before a release; `make release-check` reminds of it.
 REPOSITORY = "https://repository-address.invalid/jacokin"
 BRANCH = "main"
 
