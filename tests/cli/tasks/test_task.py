@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from jacokin.arrays import Array
 from tests.cli.run import Run
 
 
@@ -21,10 +22,16 @@ def test_the_expert_reaches_and_is_recorded(run: Run, tmp_path: Path) -> None:
         np.testing.assert_array_equal(arrays["episode"], np.repeat([0, 1], 250))
 
 
-def test_random_actions_are_those_of_the_seed(run: Run) -> None:
-    first, second = (run("task", "reach_site", "--seed", "3").out for _ in range(2))
-    assert first == second
-    assert run("task", "reach_site", "--seed", "4").out != first
+def test_random_actions_are_those_of_the_seed(run: Run, tmp_path: Path) -> None:
+    def actions(seed: int) -> Array:
+        file = tmp_path / "episodes.npz"
+        assert run("task", "reach_site", "--seed", f"{seed}", "--record", str(file)).code == 0
+        with np.load(file) as arrays:
+            return np.asarray(arrays["action"])
+
+    first = actions(3)
+    np.testing.assert_array_equal(actions(3), first)
+    assert not np.isclose(actions(4), first).any()
 
 
 def test_mistakes_are_sentences(run: Run, tmp_path: Path) -> None:
