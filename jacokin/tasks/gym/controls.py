@@ -39,11 +39,18 @@ class Control(Protocol):
     def bounds(self) -> tuple[Array, Array]:
         """Lower and upper bounds of actions."""
 
+    def check(self, actions: Array) -> None:
+        """Check actions (..., n) within the bounds.
+
+        Raises:
+            InvalidInputError: one of them means nothing.
+        """
+
     def start(self, physics: Physics) -> None:
         """Begin an episode."""
 
     def velocities(self, physics: Physics, action: Array) -> Array:
-        """The velocities (9,) for a control step [rad/s], of an action within the bounds."""
+        """The velocities (9,) for a control step [rad/s], of a checked action."""
 
 
 class JointVelocity:
@@ -56,6 +63,9 @@ class JointVelocity:
     def __init__(self, lower: Array, upper: Array) -> None:
         """Allow velocities between two bounds (9,) [rad/s]."""
         self.bounds = lower, upper
+
+    def check(self, actions: Array) -> None:
+        """Every action is a velocity."""
 
     def start(self, physics: Physics) -> None:
         """Nothing to do."""
@@ -76,6 +86,9 @@ class _ToolControl:
         self._gain: Array | None = None
         self._base_position: Array = np.array(robots.ARM_OFFSET)
         self._R_base_world: Array = np.eye(3)
+
+    def check(self, actions: Array) -> None:
+        """Every action is a velocity."""
 
     def start(self, physics: Physics) -> None:
         """Begin where the arm is."""
@@ -144,17 +157,21 @@ class ToolPose(_ToolControl):
         self.bounds = low, high
         self._solver = jacokin.IKSolver(self._robot, FRAME)
 
-    def velocities(self, physics: Physics, action: Array) -> Array:
-        """Move the reference towards the pose, and follow it.
+    def check(self, actions: Array) -> None:
+        """Check quaternions.
 
         Raises:
-            InvalidInputError: the quaternion is 0.
+            InvalidInputError: one is 0.
         """
-        norm = float(np.linalg.norm(action[3:7]))
-        if norm < _SMALLEST:
-            raise InvalidInputError(f"the quaternion of a pose must not be 0, got {action[3:7].tolist()}")
+        quats = actions[..., 3:7]
+        is_zero = np.linalg.norm(quats, axis=-1) < _SMALLEST
+        if is_zero.any():
+            raise InvalidInputError(f"the quaternion of a pose must not be 0, got {quats[is_zero].tolist()[0]}")
+
+    def velocities(self, physics: Physics, action: Array) -> Array:
+        """Move the reference towards the pose, and follow it."""
         self._keep_near(physics)
-        quat = action[3:7] / norm
+        quat = action[3:7] / np.linalg.norm(action[3:7])
         rotation = pin.Quaternion(quat[0], quat[1], quat[2], quat[3]).toRotationMatrix()
         R = self._R_base_world
         target = pin.SE3(R @ rotation, R @ (action[:3] - self._base_position))

@@ -45,16 +45,26 @@ class ThreadedVectorEnv(VectorTaskEnv):
             np.zeros(count, dtype=bool),
         )
 
-        def run(part: Indices) -> None:
-            for index in part.tolist():
-                observation, reward, _, is_over, info = self._environments[index].step(values[index])
-                rows.put(outcome.observations, index, observation)
-                outcome.rewards[index], outcome.is_over[index] = reward, is_over
-                outcome.is_success[index] = info["is_success"]
-                if "error" in info:
-                    outcome.errors[index] = info["error"]
+        has_camera = self._first.options.has_camera
+        errors: dict[int, str] = {}
 
-        list(self._pool.map(run, np.array_split(ids, self._parts)))
+        def simulate(part: Indices) -> None:
+            for index in part.tolist():
+                errors[index] = self._environments[index].simulate(values[index])
+                if not has_camera:
+                    note(index)
+
+        def note(index: int) -> None:
+            observation, reward, _, is_over, info = self._environments[index].after_simulation(errors[index])
+            rows.put(outcome.observations, index, observation)
+            outcome.rewards[index], outcome.is_over[index] = reward, is_over
+            outcome.is_success[index] = info["is_success"]
+            if "error" in info:
+                outcome.errors[index] = info["error"]
+
+        list(self._pool.map(simulate, np.array_split(ids, self._parts)))
+        for index in ids.tolist() if has_camera else ():  # OpenGL is bound to the thread that pictures are taken in
+            note(index)
         return outcome
 
     def close_extras(self, **kwargs: Any) -> None:

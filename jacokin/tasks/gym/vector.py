@@ -130,6 +130,7 @@ class VectorTaskEnv(VectorEnv[Observation, Any, NDArray[Any]]):
         if not self._has_begun.all():
             raise InvalidInputError("call reset() before step()")
         checked = actions.bounded(values, *self._bounds)
+        self._first._control.check(checked)
         ended, goes_on = np.flatnonzero(self._is_over), np.flatnonzero(~self._is_over)
         if len(ended) and self.autoreset_mode is AutoresetMode.DISABLED:
             raise InvalidInputError(

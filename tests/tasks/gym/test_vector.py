@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import copy
+import os
+import subprocess
+import sys
 from typing import Any
 
 import gymnasium
@@ -18,6 +21,7 @@ from jacokin.tasks import Randomization, TaskEnv
 from jacokin.tasks.gym import batched, environment
 from jacokin.tasks.gym.make_vector import make_vector
 from jacokin.tasks.gym.threaded import ThreadedVectorEnv
+from tests.rendering import backends
 
 gymnasium.register_envs(jacokin.tasks)
 COUNT = 4
@@ -265,6 +269,30 @@ def test_mistakes(kind: str) -> None:
     single = TaskEnv("reach_site")
     np.testing.assert_array_equal(single.reset(seed=0)[0], observations[0])
     np.testing.assert_array_equal(vector.step(np.ones((2, 9)))[0][0], single.step(np.ones(9))[0])  # nothing had changed
+
+
+def test_a_wrong_pose_moves_nothing() -> None:
+    vector: Any = make_vector(2, task="reach_site", control="tool_pose")
+    vector.reset(seed=0)
+    before = [each.data.qpos.copy() for each in vector._environments]
+    with pytest.raises(InvalidInputError, match="quaternion of a pose must not be 0"):
+        vector.step(np.array([[0.0, 0.0, 0.3, 0.0, 1.0, 0.0, 0.0, 0.0], np.zeros(8)]))
+    np.testing.assert_array_equal([each.data.qpos for each in vector._environments], before)
+
+
+@pytest.mark.skipif(not backends(), reason="no rendering back end works here")
+def test_pictures_of_many() -> None:
+    code = (
+        "import numpy as np, jacokin.tasks; from jacokin.tasks.gym.make_vector import make_vector\n"
+        "v = make_vector(2, task='lift_brick', threads=2, observations='vision'); v.reset(seed=0)\n"
+        "e = jacokin.tasks.TaskEnv('lift_brick', observations='vision'); e.reset(seed=1)\n"
+        "o, p = v.step(np.ones((2, 9)))[0], e.step(np.ones(9))[0]; assert v.observation_space.contains(o)\n"
+        "assert list(p) == list(o) and all(np.array_equal(o[key][1], p[key]) for key in p); v.close(); print('closed')"
+    )
+    environment = {**os.environ, "MUJOCO_GL": backends()[0]}
+    command = [sys.executable, "-P", "-W", "ignore", "-c", code]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    assert done.stdout == "closed\n", done.stderr
 
 
 def test_mistakes_in_options() -> None:
