@@ -29,6 +29,7 @@ PRINTING = {
     "tracker": "One tick of the tracker",
     "latency": "Single calls, the slowest included",
     "planning": "Planned paths",
+    "tasks": "Environments beside bare MuJoCo",
 }
 SECTIONS = ("peers", "costs", "files", "completeness", "qp", *PRINTING)
 PRINTING_TIMEOUT = 600.0  # [s]
