@@ -33,6 +33,7 @@ _NO_CONTEXT = (
 # The first failure to make a context, if there was one: a second attempt makes MuJoCo abort the process.
 _FAILURES: list[str] = []
 _OPEN: weakref.WeakSet[Renderers] = weakref.WeakSet()
+_DISCARDED: list[mujoco.Renderer] = []  # of renderers that nothing refers to any more; freed before the next picture
 
 
 class Renderers:
@@ -42,6 +43,8 @@ class Renderers:
         """Start without any."""
         self._model = model
         self._by_size: dict[tuple[int, int], mujoco.Renderer] = {}
+        # Freed by Python at any time, one would take away the OpenGL context that a picture is being taken in.
+        weakref.finalize(self, _discard, self._by_size).atexit = False
 
     def render(
         self,
@@ -72,6 +75,7 @@ class Renderers:
             checks.whole_number("height", height, 1, _MOST_PIXELS),
             checks.whole_number("width", width, 1, _MOST_PIXELS),
         )
+        _free(_DISCARDED)
         if size not in self._by_size:
             self._by_size[size] = _new_renderer(self._model, *size)
             _close_at_exit(self)
@@ -94,9 +98,8 @@ class Renderers:
 
     def close(self) -> None:
         """Free the renderers."""
-        for renderer in self._by_size.values():
-            renderer.close()
-        self._by_size.clear()
+        _discard(self._by_size)
+        _free(_DISCARDED)
 
     def _camera_id(self, camera: int | str) -> int:
         count = self._model.ncam
@@ -114,6 +117,19 @@ class Renderers:
         return number
 
 
+def _discard(renderers: dict[tuple[int, int], mujoco.Renderer]) -> None:
+    while renderers:
+        _DISCARDED.append(renderers.popitem()[1])
+
+
+def _free(renderers: list[mujoco.Renderer]) -> None:
+    while renderers:
+        renderer = renderers.pop()
+        # MuJoCo 3.17 frees what belongs to the context that happens to be current, of whatever renderer.
+        renderer._gl_context.make_current()
+        renderer.close()
+
+
 def _close_at_exit(renderers: Renderers) -> None:
     """Free OpenGL's contexts before Python and OpenGL come apart; to be called after the first context was made."""
     if not _OPEN:
@@ -124,6 +140,7 @@ def _close_at_exit(renderers: Renderers) -> None:
 def _close_all() -> None:
     for each in _OPEN:
         each.close()
+    _free(_DISCARDED)
 
 
 def _checked_flags(overrides: RenderFlags | None) -> dict[int, bool]:

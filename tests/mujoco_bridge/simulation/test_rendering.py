@@ -84,8 +84,33 @@ print("exposed")
 """
 
 
+DISCARDED = """
+import gc
+physics = Physics.from_entity(arena)
+size = {"height": 60, "width": 80}
+before = physics.render(**size)
+for _ in range(3):
+    other = Physics.from_entity(Arena())
+    other.render(**size)
+    physics.render(**size)
+    del other
+    gc.collect()
+    np.testing.assert_array_equal(physics.render(**size), before)
+other = Physics.from_entity(Arena())
+other.render(**size)
+physics.render(**size)
+other._renderers.close()
+np.testing.assert_array_equal(physics.render(**size), before)
+print("seen")
+"""
+
+
 def test_colours_depth_and_segmentation() -> None:
     assert run(SCENE + PICTURES, MUJOCO_GL="egl") == "seen\n"
+
+
+def test_a_scene_that_is_gone_leaves_the_pictures_of_others_alone() -> None:
+    assert run(SCENE + DISCARDED, MUJOCO_GL="egl") == "seen\n"
 
 
 def test_pictures_of_the_arena_are_not_over_exposed() -> None:
