@@ -17,6 +17,7 @@ from typing import Any
 import gymnasium
 import mujoco
 import numpy as np
+from mujoco.batch import Batch
 from numpy.typing import NDArray
 
 import jacokin.tasks
@@ -24,7 +25,6 @@ from benchmarks import report
 from jacokin.mujoco_bridge.distributions import Uniform
 from jacokin.tasks import Randomization
 from jacokin.tasks.episode import STEPS
-from jacokin.tasks.gym import batched
 from jacokin.tasks.gym.make_vector import make_vector
 from jacokin.tasks.ids import IDS
 from jacokin.tasks.task import SUBSTEPS
@@ -134,7 +134,7 @@ def vector_rates(name: str) -> tuple[float, float, float, float, float, float]:
     """Control steps a second of all environments, in those of a loop over them on one thread.
 
     Returns:
-        Bare steps a second of the loop; bare steps of MuJoCo's own batch on two threads (NaN where it has none); ours,
+        Bare steps a second of the loop; bare steps of MuJoCo's own batch on two threads; ours,
         with observations and rewards; ours with one reset in 250 steps too; the same randomized; and the cores that
         the batch got, as other processes may take some.
     """
@@ -145,11 +145,7 @@ def vector_rates(name: str) -> tuple[float, float, float, float, float, float]:
     vector.reset(seed=0)
     states = starts(name)
     datas = [mujoco.MjData(model) for _ in range(ENVIRONMENTS)]
-    batch = None
-    if batched.is_available():
-        from mujoco.batch import Batch
-
-        batch = Batch(model, ENVIRONMENTS, THREADS, persistent=True)
+    batch = Batch(model, ENVIRONMENTS, THREADS, persistent=True)
 
     def loop() -> None:
         for block in steps:
@@ -158,10 +154,9 @@ def vector_rates(name: str) -> tuple[float, float, float, float, float, float]:
                 mujoco.mj_step(model, data, SUBSTEPS)
 
     def of_batch() -> None:
-        if batch is not None:
-            for block in steps:
-                batch.ctrl = block
-                batch.step(None, SUBSTEPS, int(mujoco.mjtStage.mjSTAGE_VEL))
+        for block in steps:
+            batch.ctrl = block
+            batch.step(None, SUBSTEPS, int(mujoco.mjtStage.mjSTAGE_VEL))
 
     def of(environments: Any) -> Callable[[], None]:
         def run() -> None:
@@ -175,9 +170,8 @@ def vector_rates(name: str) -> tuple[float, float, float, float, float, float]:
         for data, each in zip(datas, states, strict=True):
             mujoco.mj_setState(model, data, each, state)
             mujoco.mj_forward(model, data)
-        if batch is not None:
-            batch.state[:] = states
-            batch.forward()
+        batch.state[:] = states
+        batch.forward()
         runs = [loop, of_batch, of(vector), of(varied)]
         for place, each in enumerate((vector, varied)):
             times[number, len(runs) + place] = wall_time(partial(each.reset, seed=0))
@@ -190,7 +184,7 @@ def vector_rates(name: str) -> tuple[float, float, float, float, float, float]:
     episode, blocks = STEPS / VECTOR_BLOCK, ENVIRONMENTS * VECTOR_BLOCK
     return (
         blocks / bare,
-        bare / of_mujoco if batch is not None else np.nan,
+        bare / of_mujoco,
         bare / ours,
         episode * bare / (episode * ours + reset),
         episode * bare / (episode * randomized + varied_reset),

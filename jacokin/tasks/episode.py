@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
@@ -105,15 +106,28 @@ class Episode:
         """
         return actions.bounded(action, self.lower, self.upper)
 
-    def picture(self, height: int = PICTURE, width: int = PICTURE, *, depth: bool = False) -> NDArray[np.generic]:
+    def picture(
+        self,
+        height: int = PICTURE,
+        width: int = PICTURE,
+        *,
+        depth: bool = False,
+        data: mujoco.MjData | None = None,
+    ) -> NDArray[np.generic]:
         """What the camera sees, (height, width, 3) uint8, or the depth, (height, width) float32 [m].
+
+        Args:
+            height: rows [pixels].
+            width: columns [pixels].
+            depth: give the depth.
+            data: of another simulation of the model; None for this one.
 
         Raises:
             PhysicsError: there is no OpenGL context.
         """
         with self.physics.lock:
             return self._renderers.render(
-                self.physics.data,
+                self.physics.data if data is None else data,
                 height,
                 width,
                 CAMERA,

@@ -156,13 +156,11 @@ def steps_of(values: Mapping[str, float]) -> int:
     return round(values.get("latency", 0.0) / CONTROL_TIMESTEP)
 
 
-PHYSICAL = (
+SIMULATED = (
     *("geom_friction", "body_mass", "body_inertia", "actuator_gainprm", "actuator_biasprm", "dof_damping"),
-    *("body_pos", "body_quat"),
+    *("body_pos", "body_quat", "cam_pos"),
 )
-"""What a `Variation` changes of a model that the simulation depends on; constants that follow from it change too."""
-
-_VISIBLE = ("light_diffuse", "cam_pos")
+"""What a `Variation` changes of a model that `mujoco.MjData` depends on; constants that follow from it change too."""
 
 
 class Variation:
@@ -178,7 +176,7 @@ class Variation:
         self._model = model
         self._base = base
         self._scratch = mujoco.MjData(model)
-        self._at_first: dict[str, Array] = {name: getattr(model, name).copy() for name in (*PHYSICAL, *_VISIBLE)}
+        self._at_first: dict[str, Array] = {name: getattr(model, name).copy() for name in (*SIMULATED, "light_diffuse")}
         free = model.jnt_bodyid[model.jnt_type == mujoco.mjtJoint.mjJNT_FREE]
         self._free_bodies = np.asarray(free, dtype=np.intp)
         hinges = model.jnt_type != mujoco.mjtJoint.mjJNT_FREE

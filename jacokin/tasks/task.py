@@ -120,6 +120,7 @@ class Task(abc.ABC):
         """
         self._start_afresh()
         goal = yield from self._initialize(random_state)
+        self.show_goal(goal)
         self.physics.after_reset()
         return goal
 

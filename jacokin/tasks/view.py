@@ -24,6 +24,8 @@ class HasFields(Protocol):
     site_xmat: Array
     sensordata: Array
     mocap_pos: Array
+    qfrc_bias: Array
+    qfrc_passive: Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,6 +39,8 @@ class View:
         site_xmat: (nsite, 9) their rotation matrices.
         sensordata: (nsensordata,) readings of the sensors.
         mocap_pos: (nmocap, 3) positions of the mocap bodies [m].
+        qfrc_bias: (nv,) forces of gravity and motion.
+        qfrc_passive: (nv,) forces of springs and dampers.
     """
 
     qpos: Array
@@ -45,11 +49,18 @@ class View:
     site_xmat: Array
     sensordata: Array
     mocap_pos: Array
+    qfrc_bias: Array
+    qfrc_passive: Array
 
     @classmethod
     def of(cls, data: HasFields) -> View:
-        """The view of one simulation."""
-        return cls(data.qpos, data.qvel, data.site_xpos, data.site_xmat, data.sensordata, data.mocap_pos)
+        """The view of one simulation, or of those of a batch, whose matrices have two axes."""
+        site_xmat = data.site_xmat.reshape(*data.site_xpos.shape[:-1], 9)
+        return cls(*(site_xmat if name == "site_xmat" else getattr(data, name) for name in cls.__slots__))
+
+    def row(self, index: int) -> View:
+        """The view of one of n simulations."""
+        return View(*(getattr(self, name)[index] for name in self.__slots__))
 
 
 def rows(indices: NDArray[np.intp]) -> Rows:

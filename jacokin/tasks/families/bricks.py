@@ -107,7 +107,6 @@ class BrickTask(Task):
         if self._is_base_fixed:
             slots[[0, base]] = slots[[base, 0]]
         goal = np.concatenate((order, slots)).astype(np.float64)
-        self.show_goal(goal)
         return goal, slots
 
     def show_goal(self, goal: Array) -> None:

@@ -21,6 +21,7 @@ from jacokin.model.robot import Robot
 from jacokin.mujoco_bridge import Physics, robots
 from jacokin.mujoco_bridge.control.commands import GAIN
 from jacokin.tasks.task import CONTROL_TIMESTEP
+from jacokin.tasks.view import View
 
 FRAME = "pinchsite"
 SPEED = 0.25  # [m/s] of the tool at most
@@ -49,8 +50,8 @@ class Control(Protocol):
     def start(self, physics: Physics) -> None:
         """Begin an episode."""
 
-    def velocities(self, physics: Physics, action: Array) -> Array:
-        """The velocities (9,) for a control step [rad/s], of a checked action."""
+    def velocities(self, view: View, action: Array) -> Array:
+        """The velocities (9,) for a control step [rad/s], of a checked action, for a simulation as it is now."""
 
 
 class JointVelocity:
@@ -70,7 +71,7 @@ class JointVelocity:
     def start(self, physics: Physics) -> None:
         """Nothing to do."""
 
-    def velocities(self, physics: Physics, action: Array) -> Array:
+    def velocities(self, view: View, action: Array) -> Array:
         """The action itself."""
         return action
 
@@ -84,6 +85,7 @@ class _ToolControl:
         self._tracker = jacokin.Tracker(self._robot, FRAME, dt=CONTROL_TIMESTEP)
         self._joints = self._robot.dof
         self._gain: Array | None = None
+        self._fingers: Array | None = None
         self._base_position: Array = np.array(robots.ARM_OFFSET)
         self._R_base_world: Array = np.eye(3)
 
@@ -94,6 +96,7 @@ class _ToolControl:
         """Begin where the arm is."""
         model, data = physics.model, physics.data
         self._gain = model.actuator_gainprm[:, 0].copy()
+        self._fingers = model.jnt_range[self._joints : self._joints + FINGERS].T.copy()
         base = model.body_parentid[model.jnt_bodyid[0]]
         self._base_position, self._R_base_world = data.xpos[base].copy(), data.xmat[base].reshape(3, 3).T.copy()
         self._tracker.reset(self._within(physics.data.qpos[: self._joints]))
@@ -101,18 +104,17 @@ class _ToolControl:
     def _within(self, q: Array) -> Array:
         return np.asarray(np.clip(q, self._robot.lower, self._robot.upper))
 
-    def _follow(self, physics: Physics, speed: Array, fingers: Array) -> Array:
+    def _follow(self, view: View, speed: Array, fingers: Array) -> Array:
         """Velocities of all actuators, for the arm to be at the reference at the end of the control step."""
-        data, joints = physics.data, self._joints
         assert self._gain is not None
-        error = self._tracker.q - speed * CONTROL_TIMESTEP - data.qpos[:joints]
+        error = self._tracker.q - speed * CONTROL_TIMESTEP - view.qpos[: self._joints]
         found = np.concatenate((speed + GAIN * error, fingers))
-        found += (data.qfrc_bias - data.qfrc_passive)[: len(found)] / self._gain
+        found += (view.qfrc_bias - view.qfrc_passive)[: len(found)] / self._gain
         return np.asarray(np.minimum(np.maximum(found, self._lower), self._upper))
 
-    def _keep_near(self, physics: Physics) -> None:
+    def _keep_near(self, view: View) -> None:
         """Put the reference back to an arm that something has stopped."""
-        q = physics.data.qpos[: self._joints]
+        q = view.qpos[: self._joints]
         if np.abs(self._tracker.q - q).max() > LEAD:
             self._tracker.reset(self._within(q))
 
@@ -130,12 +132,12 @@ class ToolVelocity(_ToolControl):
         bound = np.array([SPEED] * 3 + [TURN] * 3 + [upper[-1]])
         self.bounds = -bound, bound
 
-    def velocities(self, physics: Physics, action: Array) -> Array:
+    def velocities(self, view: View, action: Array) -> Array:
         """Move the reference along the twist, and follow it."""
-        self._keep_near(physics)
+        self._keep_near(view)
         twist = np.concatenate((self._R_base_world @ action[:3], self._R_base_world @ action[3:6]))
         step = self._tracker.step(twist=twist)
-        return self._follow(physics, step.v, np.full(FINGERS, action[6]))
+        return self._follow(view, step.v, np.full(FINGERS, action[6]))
 
 
 class ToolPose(_ToolControl):
@@ -168,18 +170,19 @@ class ToolPose(_ToolControl):
         if is_zero.any():
             raise InvalidInputError(f"the quaternion of a pose must not be 0, got {quats[is_zero].tolist()[0]}")
 
-    def velocities(self, physics: Physics, action: Array) -> Array:
+    def velocities(self, view: View, action: Array) -> Array:
         """Move the reference towards the pose, and follow it."""
-        self._keep_near(physics)
+        self._keep_near(view)
         quat = action[3:7] / np.linalg.norm(action[3:7])
         rotation = pin.Quaternion(quat[0], quat[1], quat[2], quat[3]).toRotationMatrix()
         R = self._R_base_world
         target = pin.SE3(R @ rotation, R @ (action[:3] - self._base_position))
         speed = self._speed(target)
-        model, fingers = physics.model, slice(self._joints, self._joints + FINGERS)
-        lower, upper = model.jnt_range[fingers].T
-        closing = GAIN * (lower + action[7] * (upper - lower) - physics.data.qpos[fingers])
-        return self._follow(physics, speed, closing)
+        assert self._fingers is not None
+        lower, upper = self._fingers
+        closed = lower + action[7] * (upper - lower)
+        closing = GAIN * (closed - view.qpos[self._joints : self._joints + FINGERS])
+        return self._follow(view, speed, closing)
 
     def _speed(self, target: pin.SE3) -> Array:
         """Move the reference; returns its velocities [rad/s]."""

@@ -179,40 +179,19 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
             InvalidInputError: wrong shape, not numbers, or NaN; nothing is simulated.
             PhysicsError: there is no episode: call `reset`.
         """
-        return self.after_simulation(self.simulate(action))
-
-    def simulate(self, action: ArrayLike) -> str:
-        """The first half of `step`, for which it does not matter in which thread it runs.
-
-        Args:
-            action: as for `step`.
-
-        Returns:
-            Why the simulation diverged, or nothing.
-
-        Raises:
-            InvalidInputError: as for `step`.
-            PhysicsError: there is no episode.
-        """
         episode = self._episode
         if episode.steps is None:
             raise PhysicsError("there is no episode: call reset() before step()")
         values = actions.bounded(action, *self._control.bounds)
         self._control.check(values)
         try:
-            velocities = self._control.velocities(episode.physics, values)
+            velocities = self._control.velocities(episode.view, values)
             episode.advance(self._late(velocities) if self._values else velocities)
         except PhysicsError as error:
-            return str(error)
-        return ""
-
-    def after_simulation(self, error: str) -> tuple[Observation, float, bool, bool, Info]:
-        """The second half of `step`, with what `simulate` returned; pictures are taken in the thread of the reset."""
-        if error:
-            return copy.deepcopy(self._last), 0.0, False, True, {"is_success": False, "error": error}
+            return copy.deepcopy(self._last), 0.0, False, True, {"is_success": False, "error": str(error)}
         observation, reward, success = self._outcome()
         self._show()
-        return observation, reward, False, self._episode.steps == STEPS, self._info(success)
+        return observation, reward, False, episode.steps == STEPS, self._info(success)
 
     def compute_reward(self, achieved_goal: ArrayLike, desired_goal: ArrayLike, info: object = None) -> float | Array:
         """The reward of goals, as `step` gives it.

@@ -5,14 +5,12 @@ from __future__ import annotations
 import inspect
 from typing import Any
 
-import gymnasium
 from gymnasium.vector import AutoresetMode
 
 from jacokin.errors import InvalidInputError
 from jacokin.model import checks
-from jacokin.tasks.gym import batched
 from jacokin.tasks.gym.environment import TaskEnv
-from jacokin.tasks.gym.threaded import ThreadedVectorEnv
+from jacokin.tasks.gym.vector import VectorTaskEnv
 
 _OPTIONS = [name for name in inspect.signature(TaskEnv).parameters if name != "render_mode"]
 
@@ -23,7 +21,7 @@ def make_vector(
     threads: int = 1,
     autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
     **options: Any,
-) -> gymnasium.vector.VectorEnv[Any, Any, Any]:
+) -> VectorTaskEnv:
     """Make environments of one task that are stepped together.
 
     Args:
@@ -37,13 +35,8 @@ def make_vector(
         UnknownNameError: an unknown option or mode; lists the valid ones.
         InvalidInputError: a wrong number, or an option that vectors do not have.
     """
-    checks.whole_number("num_envs", num_envs, 1)
-    checks.whole_number("threads", threads, 1)
     if options.pop("render_mode", None) is not None:
         raise InvalidInputError("a vector of environments does not render; make a single one with the same seed")
     for name in options:
         checks.choice("option of a vector", name, ("threads", "autoreset_mode", *_OPTIONS))
-    plain = options.get("control", "joint_velocity") == "joint_velocity"
-    if plain and options.get("observations", "features") == "features" and batched.is_available():
-        return batched.BatchedVectorEnv(num_envs, threads, autoreset_mode, **options)
-    return ThreadedVectorEnv(num_envs, threads, autoreset_mode, **options)
+    return VectorTaskEnv(num_envs, threads, autoreset_mode, **options)

@@ -1,10 +1,8 @@
-"""Many environments of one task in one process: what Gymnasium asks of them. See `batched` and `threaded`."""
+"""Many environments of one task in one process: resets, infos and checks. `simulations` has what moves them."""
 
 from __future__ import annotations
 
-import abc
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -19,33 +17,11 @@ from jacokin.tasks import actions
 from jacokin.tasks.gym import rows
 from jacokin.tasks.gym.environment import Info, TaskEnv
 from jacokin.tasks.gym.packing import Observation
+from jacokin.tasks.gym.simulations import Begun, Flags, Indices, Outcome, Simulations
 
-Flags = NDArray[np.bool_]
-Indices = NDArray[np.intp]
-Values = dict[str, float]  # of a randomization
-Begun = list[tuple[Observation, Info]]
 Steps = tuple[Observation, Array, Flags, Flags, Info]
 
 AUTORESET_MODES = tuple(mode.value for mode in AutoresetMode)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Outcome:
-    """What a step of all environments gave.
-
-    Attributes:
-        observations: of all, in new arrays.
-        rewards: (num_envs,).
-        is_success: (num_envs,).
-        is_over: (num_envs,) whether the episode has ended.
-        errors: why simulations diverged, by the number of the environment.
-    """
-
-    observations: Observation
-    rewards: Array
-    is_success: Flags
-    is_over: Flags
-    errors: dict[int, str] = field(default_factory=dict)
 
 
 class VectorTaskEnv(VectorEnv[Observation, Any, NDArray[Any]]):
@@ -54,40 +30,38 @@ class VectorTaskEnv(VectorEnv[Observation, Any, NDArray[Any]]):
     Environment i equals a single one that was reset with the same seed, bit for bit on one version of MuJoCo.
     """
 
-    def __init__(self, first: TaskEnv, num_envs: int, autoreset_mode: str | AutoresetMode) -> None:
-        """Take the spaces and the randomization of an environment.
+    def __init__(
+        self, num_envs: int, threads: int, autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP, **options: Any
+    ) -> None:
+        """Make the environments.
 
         Args:
-            first: an environment with the options of all.
             num_envs: how many.
+            threads: how many threads simulate.
             autoreset_mode: when an environment whose episode has ended is reset.
+            options: as for `TaskEnv`.
 
         Raises:
             UnknownNameError: no such mode.
         """
+        checks.whole_number("num_envs", num_envs, 1)
+        checks.whole_number("threads", threads, 1)
         value = autoreset_mode.value if isinstance(autoreset_mode, AutoresetMode) else autoreset_mode
         self.autoreset_mode = AutoresetMode(checks.choice("autoreset_mode", value, AUTORESET_MODES))
+        first = self._first = TaskEnv(**options)
+        self._simulations = Simulations(first, num_envs, threads)
         self.metadata = {**first.metadata, "autoreset_mode": self.autoreset_mode, "render_modes": []}
         self.num_envs = num_envs
         self.single_observation_space = first.observation_space
         self.single_action_space = first.action_space
         self.observation_space = batch_space(first.observation_space, num_envs)
         self.action_space = batch_space(first.action_space, num_envs)
-        self._first = first
         self._bounds = tuple(np.broadcast_to(bound, (num_envs, *bound.shape)) for bound in first._control.bounds)
         names = [] if first.randomization is None else first.randomization.names
         self._values = {name: np.zeros(num_envs) for name in names}
         self._is_over = np.zeros(num_envs, dtype=bool)
         self._has_begun = np.zeros(num_envs, dtype=bool)
         self._last = rows.zeros(first.observation_space, num_envs)
-
-    @abc.abstractmethod
-    def _begin(self, ids: Indices, seeds: Sequence[int | None], replayed: Sequence[Values | None]) -> Begun:
-        """Start episodes in some environments, with checked arguments."""
-
-    @abc.abstractmethod
-    def _advance(self, values: Array, ids: Indices) -> Outcome:
-        """Step some environments; what the outcome says of others does not count."""
 
     def reset(
         self,
@@ -110,7 +84,7 @@ class VectorTaskEnv(VectorEnv[Observation, Any, NDArray[Any]]):
         all_seeds, each = self._seeds(seed), self._each(given)
         seeds = [all_seeds[index] for index in ids]
         replayed = [self._first.checked_reset(all_seeds[index], each[index]) for index in ids]
-        infos = self._started(ids, self._begin(ids, seeds, replayed), self._last, {})
+        infos = self._started(ids, self._simulations.begin(ids, seeds, replayed), self._last, {})
         self._is_over[ids] = False
         self._has_begun[ids] = True
         return rows.copied(self._last), infos
@@ -137,7 +111,7 @@ class VectorTaskEnv(VectorEnv[Observation, Any, NDArray[Any]]):
                 f"the episodes of environments {ended.tolist()} have ended: call reset(options={{'reset_mask': ...}})"
             )
         begun = self._begin_again(ended)
-        outcome = self._advance(checked, goes_on)
+        outcome = self._simulations.advance(checked, goes_on)
         observations, truncated = outcome.observations, outcome.is_over
         for index in outcome.errors:
             rows.put(observations, index, rows.row(self._last, index))
@@ -152,7 +126,7 @@ class VectorTaskEnv(VectorEnv[Observation, Any, NDArray[Any]]):
 
     def _begin_again(self, ids: Indices) -> Begun:
         """Start further episodes."""
-        return self._begin(ids, [None] * len(ids), [None] * len(ids)) if len(ids) else []
+        return self._simulations.begin(ids, [None] * len(ids), [None] * len(ids)) if len(ids) else []
 
     def _started(self, ids: Indices, begun: Begun, observations: Observation, infos: Info) -> Info:
         """Note what the starts of episodes gave, among the observations and infos of all."""
@@ -192,6 +166,10 @@ class VectorTaskEnv(VectorEnv[Observation, Any, NDArray[Any]]):
         for index in ids[np.isin(ids, list(outcome.errors))].tolist() if outcome.errors else ():
             found = self._add_info(found, {"error": outcome.errors[index]}, index)
         return found
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """Free what pictures need."""
+        self._simulations.close()
 
     def _mask(self, value: object) -> Flags:
         if value is True:

@@ -18,14 +18,12 @@ from jacokin.errors import EpisodeInitializationError, InvalidInputError, Unknow
 from jacokin.ik import IKSolver
 from jacokin.mujoco_bridge.distributions import Uniform
 from jacokin.tasks import Randomization, TaskEnv
-from jacokin.tasks.gym import batched, environment
+from jacokin.tasks.gym import environment, simulations
 from jacokin.tasks.gym.make_vector import make_vector
-from jacokin.tasks.gym.threaded import ThreadedVectorEnv
 from tests.rendering import backends
 
 gymnasium.register_envs(jacokin.tasks)
 COUNT = 4
-KINDS = ["batch", "threads"]
 ALL = Randomization(
     friction=Uniform(0.3, 1.2),
     mass=Uniform(0.5, 2.0),
@@ -43,14 +41,6 @@ def rows(observation: Any) -> np.ndarray:
     if isinstance(observation, np.ndarray):
         return observation
     return np.concatenate([np.asarray(value, np.float64) for _, value in sorted(observation.items())], axis=-1)
-
-
-def make(kind: str, count: int, **options: Any) -> Any:
-    if kind == "threads":
-        return ThreadedVectorEnv(count, 2, **options)
-    if not batched.is_available():
-        pytest.skip("this version of MuJoCo has no batches")
-    return batched.BatchedVectorEnv(count, 2, **options)
 
 
 def assert_same(found: Any, wanted: Any) -> None:
@@ -80,10 +70,9 @@ def assert_same(found: Any, wanted: Any) -> None:
     ],
 )
 def test_environments_equal_single_ones(task: str, options: dict[str, Any], steps: int) -> None:
-    check_equal_to_single_ones(make_vector(COUNT, task=task, threads=2, **options), task, options, steps)
+    check_equal_to_single_ones(task, options, steps)
 
 
-@pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize(
     ("task", "options"),
     [
@@ -92,11 +81,12 @@ def test_environments_equal_single_ones(task: str, options: dict[str, Any], step
         ("reach_site", {"randomization": Randomization(latency=Uniform(0.0, 1.0))}),
     ],
 )
-def test_randomized_environments_equal_single_ones(kind: str, task: str, options: dict[str, Any]) -> None:
-    check_equal_to_single_ones(make(kind, COUNT, task=task, **options), task, options, 30)
+def test_randomized_environments_equal_single_ones(task: str, options: dict[str, Any]) -> None:
+    check_equal_to_single_ones(task, options, 30)
 
 
-def check_equal_to_single_ones(vector: Any, task: str, options: dict[str, Any], steps: int) -> None:
+def check_equal_to_single_ones(task: str, options: dict[str, Any], steps: int) -> None:
+    vector: Any = make_vector(COUNT, task=task, threads=2, **options)
     singles = [TaskEnv(task, **options) for _ in range(COUNT)]
     observations, _ = vector.reset(seed=10)
     wanted = [rows(each.reset(seed=10 + index)[0]) for index, each in enumerate(singles)]
@@ -118,15 +108,14 @@ def check_equal_to_single_ones(vector: Any, task: str, options: dict[str, Any], 
     vector.close()
 
 
-@pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("mode", AutoresetMode)
-def test_resets_are_those_of_gymnasium(kind: str, mode: AutoresetMode, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_resets_are_those_of_gymnasium(mode: AutoresetMode, monkeypatch: pytest.MonkeyPatch) -> None:
     """With every mode all that is returned is what Gymnasium's own vector returns, types of infos included."""
-    for module in (environment, batched):
+    for module in (environment, simulations):
         monkeypatch.setattr(module, "STEPS", 5)
     options: dict[str, Any] = {"goal": True, "randomization": Randomization(mass=Uniform(0.5, 2.0), camera=0.1)}
     theirs: Any = SyncVectorEnv([lambda: TaskEnv("lift_brick", **options)] * 3, autoreset_mode=mode)
-    ours = make(kind, 3, task="lift_brick", autoreset_mode=mode, **options)
+    ours: Any = make_vector(3, threads=2, task="lift_brick", autoreset_mode=mode, **options)
     assert ours.metadata["autoreset_mode"] is mode
 
     def both(call: str, *args: Any, **kwargs: Any) -> Any:
@@ -160,8 +149,7 @@ def test_gymnasium_makes_vectors() -> None:
         vector_kwargs={"threads": 2},
         reward="sparse",
     )
-    if batched.is_available():
-        assert vector._batch.nthread == 2
+    assert vector._simulations._batch.nthread == 2
     observations, _ = vector.reset(seed=[1, 2, 1])
     np.testing.assert_array_equal(observations[0], observations[2])
     assert not np.array_equal(observations[0], observations[1])
@@ -187,8 +175,7 @@ def test_arguments_of_other_vectors_reach_them() -> None:
     assert gymnasium.spec("jacokin/ReachSite-v0").kwargs == {"task": "reach_site"}
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_resets_are_solved_as_a_batch(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_resets_are_solved_as_a_batch(monkeypatch: pytest.MonkeyPatch) -> None:
     sizes, solve_batch = [], IKSolver.solve_batch
 
     def counted(self: IKSolver, targets: Any, *args: Any, **kwargs: Any) -> Any:
@@ -196,14 +183,13 @@ def test_resets_are_solved_as_a_batch(kind: str, monkeypatch: pytest.MonkeyPatch
         return solve_batch(self, targets, *args, **kwargs)
 
     monkeypatch.setattr(IKSolver, "solve_batch", counted)
-    make(kind, 8, task="reach_site").reset(seed=0)
+    make_vector(8, threads=2, task="reach_site").reset(seed=0)
     assert sizes[0] == 8
     assert sizes == sorted(sizes, reverse=True)  # those that collide are asked again
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_values_are_replayed(kind: str) -> None:
-    vector = make(kind, 3, task="lift_brick", randomization=ALL)
+def test_values_are_replayed() -> None:
+    vector: Any = make_vector(3, threads=2, task="lift_brick", randomization=ALL)
     _, infos = vector.reset(seed=[1, 2, 3])
     drawn = infos["randomization"]
     assert len(set(drawn["mass"])) == 3
@@ -220,16 +206,12 @@ def test_values_are_replayed(kind: str) -> None:
         vector.reset(options={"randomization": {**drawn, "mass": -drawn["mass"]}})
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_diverged_simulation_leaves_the_others_alone(kind: str) -> None:
-    vector = make(kind, 3, task="reach_site")
+def test_a_diverged_simulation_leaves_the_others_alone() -> None:
+    vector: Any = make_vector(3, threads=2, task="reach_site")
     single = TaskEnv("reach_site")
     before, _ = vector.reset(seed=0)
     single.reset(seed=2)
-    if kind == "batch":
-        vector._batch.bind("qvel")[1] = 1e12
-    else:
-        vector._environments[1].data.qvel[:] = 1e12
+    vector._simulations._batch.bind("qvel")[1] = 1e12
     observations, rewards, _, truncated, infos = vector.step(np.zeros((3, 9)))
     np.testing.assert_array_equal(truncated, [False, True, False])
     np.testing.assert_array_equal(infos["_error"], truncated)
@@ -248,9 +230,8 @@ def test_a_diverged_simulation_leaves_the_others_alone(kind: str) -> None:
     np.testing.assert_array_equal(observations[2], single.step(np.zeros(9))[0])
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_mistakes(kind: str) -> None:
-    vector = make(kind, 2, task="reach_site")
+def test_mistakes() -> None:
+    vector: Any = make_vector(2, threads=2, task="reach_site")
     with pytest.raises(InvalidInputError, match="call reset"):
         vector.step(np.zeros((2, 9)))
     observations, _ = vector.reset(seed=0)
@@ -274,25 +255,31 @@ def test_mistakes(kind: str) -> None:
 def test_a_wrong_pose_moves_nothing() -> None:
     vector: Any = make_vector(2, task="reach_site", control="tool_pose")
     vector.reset(seed=0)
-    before = [each.data.qpos.copy() for each in vector._environments]
+    before = vector._simulations._batch.state.copy()
     with pytest.raises(InvalidInputError, match="quaternion of a pose must not be 0"):
         vector.step(np.array([[0.0, 0.0, 0.3, 0.0, 1.0, 0.0, 0.0, 0.0], np.zeros(8)]))
-    np.testing.assert_array_equal([each.data.qpos for each in vector._environments], before)
+    np.testing.assert_array_equal(vector._simulations._batch.state, before)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not backends(), reason="no rendering back end works here")
 def test_pictures_of_many() -> None:
     code = (
-        "import numpy as np, jacokin.tasks; from jacokin.tasks.gym.make_vector import make_vector\n"
-        "v = make_vector(2, task='lift_brick', threads=2, observations='vision'); v.reset(seed=0)\n"
-        "e = jacokin.tasks.TaskEnv('lift_brick', observations='vision'); e.reset(seed=1)\n"
-        "o, p = v.step(np.ones((2, 9)))[0], e.step(np.ones(9))[0]; assert v.observation_space.contains(o)\n"
-        "assert list(p) == list(o) and all(np.array_equal(o[key][1], p[key]) for key in p); v.close(); print('closed')"
+        "import numpy as np; from jacokin.tasks import Randomization, TaskEnv\n"
+        "from jacokin.mujoco_bridge.distributions import Uniform\n"
+        "from jacokin.tasks.gym.make_vector import make_vector\n"
+        "varied = Randomization(camera=0.05, lights=Uniform(0.5, 1.5), base_pose=0.01, observation_noise=0.1)\n"
+        "for task, more in (('place_brick', {'randomization': varied}), ('reassemble_3_bricks_fixed_order', {})):\n"
+        "    v = make_vector(2, task=task, threads=2, observations='vision', **more); f = v.reset(seed=0)[0]\n"
+        "    e = TaskEnv(task, observations='vision', **more); g = e.reset(seed=1)[0]; assert list(f) == list(g)\n"
+        "    o, p = v.step(np.ones((2, 9)))[0], e.step(np.ones(9))[0]; assert v.observation_space.contains(o)\n"
+        "    assert all(np.array_equal(f[key][1], g[key]) for key in g), task\n"
+        "    assert all(np.array_equal(o[key][1], p[key]) for key in p), task; v.close(); print('closed')"
     )
     environment = {**os.environ, "MUJOCO_GL": backends()[0]}
     command = [sys.executable, "-P", "-W", "ignore", "-c", code]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
-    assert done.stdout == "closed\n", done.stderr
+    assert done.stdout == "closed\nclosed\n", done.stderr
 
 
 def test_mistakes_in_options() -> None:
@@ -302,6 +289,6 @@ def test_mistakes_in_options() -> None:
         make_vector(2, task="reach_site", threads=0)
     with pytest.raises(UnknownNameError, match="Valid: NextStep, SameStep, Disabled"):
         make_vector(2, task="reach_site", autoreset_mode="Never")
-    vector = make_vector(2, task="reach_site", randomization=Randomization(base_pose=(0.5, 0.5, 0.5, 0.0)))
+    vector: Any = make_vector(2, task="reach_site", randomization=Randomization(base_pose=(0.5, 0.5, 0.5, 0.0)))
     with pytest.raises(EpisodeInitializationError):  # the arm stands too far away
         vector.reset(seed=0)

@@ -83,5 +83,6 @@ def take_over(reference: Any, ours: Environment) -> Array:
             move(task.bricks[slot], other)
         for own, other in zip(task.hints, their_task._goal_hint_bricks, strict=True):
             move(own, other)
+    task.show_goal(goal)
     physics.forward()
     return goal
