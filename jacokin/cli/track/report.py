@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from jacokin.cli.display import json_output
 from jacokin.cli.display.tables import facts, number, say, small, table
 
@@ -12,6 +14,8 @@ if TYPE_CHECKING:
     from jacokin.cli.arguments.units import Units
     from jacokin.ik.paths.result import PathResult
     from jacokin.model.robot import Robot
+
+SHOWN = 6  # values of the parameter in a line
 
 
 def print_json(arm: Robot, result: PathResult, units: Units, output: Path | None, plot: Path | None) -> None:
@@ -32,6 +36,8 @@ def print_json(arm: Robot, result: PathResult, units: Units, output: Path | None
             "time_off_the_path": result.time_limited,
             "failed_segments": result.failed_segments,
             "limit_margin": joints.shown(result.limit_margin.min(axis=0)),
+            "least_clearance": result.clearance.min(),
+            "parameter": [units.shown(value) for value in result.parameter],
             "branches": [
                 {
                     "q_start": joints.shown(branch.q_start),
@@ -66,6 +72,13 @@ def show(arm: Robot, result: PathResult, units: Units, output: Path | None, plot
             f"{result.joint_names[nearest]}, {number(away)} {joints.names[nearest]} away at {result.t[at]:.3f} s",
         ),
     ]
+    if not np.isnan(result.clearance).all():
+        lines.append(("least clearance", f"{number(result.clearance.min())} m"))
+    if not np.isnan(result.parameter).all():
+        name = result.joint_names[2] if arm.dof > 6 else "free angle"  # joint 3 is the parameter of seven joints
+        shown = [number(units.shown(value), 3).replace("nan", "none") for value in result.parameter[:SHOWN]]
+        more = "" if len(result.parameter) <= SHOWN else f" and {len(result.parameter) - SHOWN} more"
+        lines.append((f"{name} at the poses", f"{', '.join(shown)}{more} {units.angle}"))
     lines += [(name, str(file)) for name, file in (("written to", output), ("drawn in", plot)) if file is not None]
     say(facts(lines))
     if not result.success and result.branches:

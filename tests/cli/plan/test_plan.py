@@ -36,6 +36,29 @@ def test_a_plan_is_written_and_clear_of_the_scene(path_file: Path, capsys: pytes
     result = PathResult.load(out)
     robot = jacokin.load_robot()
     assert np.min(robot.clearance(result.q, Scene.load(scene))) > 0.01
+    assert document["least_clearance"] == result.clearance.min() > 0.01
+    assert document["parameter"] == result.parameter.tolist()
+
+
+def test_seven_joints_and_what_was_chosen(path_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A plan of seven joints for ROS, and the angle of joint 3 at both poses in degrees."""
+    out, rows = path_file.with_name("plan.json"), path_file.with_name("plan.csv")
+    words = ("plan", "--path", str(path_file), "--dt", "0.05", "--robot", "j2s7s300", "--timing", "slow", "--degrees")
+    assert leave(*words, "--output", str(out)) == 0
+    assert "joint_3 at the poses" in capsys.readouterr().out
+    message = json.loads(out.read_text(encoding="utf-8"))
+    assert message["joint_names"] == [f"joint_{k}" for k in range(1, 8)]
+    assert leave(*words, "--output", str(rows), "--json") == 0
+    document, result = json.loads(capsys.readouterr().out), PathResult.load(rows)
+    np.testing.assert_array_equal([point["positions"] for point in message["points"]], result.q)
+    np.testing.assert_allclose(document["parameter"], np.degrees(result.q[[0, -1], 2]), atol=1e-9)
+    assert leave(*words, "--free-axis", "x") == 2
+    assert "a FreeAxis on seven joints leaves two free parameters" in capsys.readouterr().err
+
+
+def test_seven_joints_are_tracked(path_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert leave("track", "--path", str(path_file), "--dt", "0.05", "--robot", "j2s7s300") == 0
+    assert "on the path throughout" in capsys.readouterr().out
 
 
 def test_slower_in_degrees(path_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
