@@ -73,6 +73,7 @@ def check_line(robot: Robot, result: PathResult, corners: list[pin.SE3]) -> None
     np.testing.assert_allclose(rotations, wanted, atol=1e-7)
 
 
+@pytest.mark.slow
 def test_seven_joints_follow_lines_within_their_limits(seven: Robot) -> None:
     rng = np.random.default_rng(0)
     solver = IKSolver(seven)
@@ -210,6 +211,7 @@ def test_the_joints_move_steadily(robot: Robot, seven: Robot) -> None:
     assert (free.v**2).sum() < 0.9 * (fixed.v**2).sum()
 
 
+@pytest.mark.slow
 def test_out_of_reach_and_out_of_limits_are_said(robot: Robot, seven: Robot) -> None:
     for arm, axis in ((robot, [1, 0, 0]), (seven, None)):
         corners: list[pin.SE3 | FreeAxis] = [at(0.4, -0.4, 0.3), at(0.4, 1.4, 0.3)]
