@@ -208,9 +208,12 @@ class Inspector(Postures):
         )
 
     def closest(self, view: View) -> View:
-        """A view whose target is not reached, with the arm at the closest configuration: a search."""
-        result = self.solver.solve(view.target, view.q)
-        return replace(
+        """A view whose target is not reached, with the arm at the closest configuration: a search.
+
+        Where contact is only reported, that is a branch in contact.
+        """
+        result = self.solver.solve(view.target, view.q, prefer=self.prefer)
+        found = replace(
             view,
             q=result.q,
             seed=view.q,
@@ -221,6 +224,8 @@ class Inspector(Postures):
             message=result.message,
             pending=False,
         )
+        same = np.flatnonzero((np.abs(view.branches - result.q) < SAME).all(axis=1))
+        return self.choose(found, int(same[0])) if result.success and len(same) else found
 
     def _apart(self, view: View, q: Array) -> View:
         """A view with the arm at joint values that are none of its branches."""

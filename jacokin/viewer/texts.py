@@ -13,6 +13,7 @@ from jacokin.viewer.inspector import Inspector
 from jacokin.viewer.view import Free, View
 
 GREEN, RED, ORANGE, GREY = "#2f9e44", "#e03131", "#e8890c", "#868e96"
+REACHED = 1e-5  # [m] and [rad] an error below this is none that could be seen
 COLOUR = {Status.OK: GREEN, Status.IN_COLLISION: ORANGE}
 
 
@@ -27,14 +28,16 @@ def headline(inspector: Inspector, view: View) -> str:
         if over:
             return f"{place} is outside the limits: {_joints(inspector, over)}"
         if view.arm_touching:
-            return f"{place} touches itself: {_pairs(view.arm_touching)}"
+            return f"{place} is in contact: {_pairs(view.arm_touching)}"
         return f"Reached: {place}, {good} of them feasible"
+    if view.arm_touching and max(view.errors) < REACHED:
+        return f"Reached, in contact: {_pairs(view.arm_touching)}"
     if view.status is Status.OK:
         return "Reached" if not total else f"Reached, in a posture that is none of the {total} branches"
     if not total:
         what = view.message or "no configuration reaches this pose, whatever the limits"
     elif view.status is Status.IN_COLLISION:
-        what = f"each of the {total} branches touches itself or is outside the limits"
+        what = f"each of the {total} branches is in contact or outside the limits"
     else:
         mildest = view.branches[int(np.argmax(view.margins.min(axis=1)))]
         over = inspector.excess(mildest)
@@ -47,7 +50,7 @@ def advice(view: View) -> str:
     if view.status is Status.OK or view.note:
         return ""
     if view.selected is not None:
-        return "Choose another branch to stay within the limits." if view.feasible.any() else ""
+        return "Another branch is feasible." if view.feasible.any() else ""
     if view.pending:
         return f"{view.status.value}. Looking for the closest configuration."
     position, angle = view.errors

@@ -40,6 +40,30 @@ WITHOUT_SCREEN = (
 )
 STARTING = 60.0  # [s]
 
+TEXTS = """const same = e => e.textContent.trim() === %s;
+  const texts = [...document.querySelectorAll('body *')].filter(e => same(e) && ![...e.children].some(same));"""
+# Of the texts that are alike, the one whose nearest surroundings hold exactly one slider.
+SLIDER = f"""(() => {{ {TEXTS}
+  for (const text of texts) {{
+    for (let around = text, up = 0; around && up < 6; around = around.parentElement, up++) {{
+      const found = around.querySelectorAll('[role=slider]');
+      if (found.length === 1) {{ found[0].scrollIntoView(); found[0].focus(); return true; }}
+      if (found.length > 1) break;
+    }}
+  }}
+  return false;
+}})()"""
+PLACE = f"""(async () => {{ {TEXTS}
+  for (let frame = 0; frame < 6; frame++) await new Promise(requestAnimationFrame);
+  const text = texts[0];
+  if (!text) return null;
+  const input = text.closest('label')?.control;
+  const found = input?.type === 'checkbox' ? input : text;
+  found.scrollIntoView({{block: 'center'}});
+  const box = found.getBoundingClientRect();
+  return [box.x + box.width / 2, box.y + box.height / 2];
+}})()"""
+
 WIDTH, HEIGHT, FOV = 480, 360, 0.8
 EYE, AIM = np.array([1.3, -1.3, 1.0]), np.array([0.0, 0.0, 0.35])
 
@@ -65,6 +89,32 @@ class Tab:
         code = {"key": letter.lower(), "code": f"Key{letter}", "windowsVirtualKeyCode": ord(letter)}
         self.ask("Input.dispatchKeyEvent", type="keyDown", text=letter.lower(), **code)
         self.ask("Input.dispatchKeyEvent", type="keyUp", **code)
+
+    def press_arrow(self, times: int) -> None:
+        """The right arrow, for what has the focus."""
+        for _ in range(times):
+            for kind in ("keyDown", "keyUp"):
+                self.ask(
+                    "Input.dispatchKeyEvent", type=kind, key="ArrowRight", code="ArrowRight", windowsVirtualKeyCode=39
+                )
+
+    def focus_slider(self, label: str) -> None:
+        """Give the focus to the slider of the panel beside a text."""
+        assert self.value(SLIDER % json.dumps(label)), f"no slider {label}"
+
+    def click(self, label: str) -> None:
+        """Click on the check box beside a text, or on the text."""
+        before, place = None, self.value(PLACE % json.dumps(label))
+        end = time.monotonic() + STARTING
+        while place != before or place in (None, [0, 0]):  # folders open slowly
+            assert time.monotonic() < end, f"no {label} that keeps still"
+            time.sleep(0.15)
+            before, place = place, self.value(PLACE % json.dumps(label))
+        assert isinstance(place, list)
+        at = np.array(place)
+        self._mouse("mouseMoved", at, "none")
+        self._mouse("mousePressed", at, "left")
+        self._mouse("mouseReleased", at, "left")
 
     def drag(self, start: Array, end: Array, steps: int = 8) -> None:
         """Hold the left button from one pixel to another."""
@@ -151,12 +201,16 @@ def silhouette(parts: tuple[Part, ...], places: Places, arm: int, first: int = 0
     return np.array(picture)
 
 
-def picture(viewer: Viewer) -> Mask:
-    """The pixels where the first page draws anything."""
-    client = next(iter(viewer.server.get_clients().values()))
+def picture(viewer: Viewer, page: int = 0) -> Mask:
+    """The pixels where a page draws anything."""
+    return np.asarray(image(viewer, page)[:, :, 3] > 0)
+
+
+def image(viewer: Viewer, page: int = 0) -> NDArray[np.uint8]:
+    """(HEIGHT, WIDTH, 4) what a page draws: red, green, blue, and how opaque it is."""
+    client = list(viewer.server.get_clients().values())[page]
     wxyz = poses.quaternion(camera())
-    image = client.get_render(HEIGHT, WIDTH, wxyz=wxyz, position=EYE, fov=FOV, transport_format="png", timeout=STARTING)
-    return np.asarray(image[:, :, 3] > 0)
+    return client.get_render(HEIGHT, WIDTH, wxyz=wxyz, position=EYE, fov=FOV, transport_format="png", timeout=STARTING)
 
 
 def agreement(first: Mask, second: Mask) -> float:
