@@ -13,10 +13,13 @@ from types import ModuleType
 import jacokin
 from jacokin.model import NAMES
 from jacokin.model.descriptions import table
+from jacokin.tasks.registry import TASKS
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
 LARGEST_MOVING_IMAGE = 2_000_000  # bytes
+LARGEST_IMAGES_OF_TASKS = 1_000_000  # bytes, together
+AGAIN = "run python -m docs.tasks_page"
 LARGEST_IMAGE = 150_000  # bytes; pages should load quickly, and so should clones
 
 
@@ -106,10 +109,27 @@ def test_images_are_small_png_files() -> None:
 
 
 def test_the_moving_picture_is_small() -> None:
-    (moving,) = (file for file in (DOCS / "images").iterdir() if file.suffix != ".png")
+    (moving,) = (file for file in (DOCS / "images").iterdir() if file.is_file() and file.suffix != ".png")
     content = moving.read_bytes()
     assert content[:6] == b"GIF89a"
     assert len(content) < LARGEST_MOVING_IMAGE
+
+
+def test_the_list_of_tasks_is_current() -> None:
+    """But for the numbers of the experts, which a benchmark writes."""
+    tasks_page = script("tasks_page")
+    head = "| task | Gymnasium | its expert solves |"
+    wanted, found = (
+        text.partition(head)[::2] for text in (tasks_page.page(), (DOCS / "task_list.md").read_text(encoding="utf-8"))
+    )
+    assert wanted[0] == found[0], AGAIN
+    assert wanted[1].partition("\n## ")[2] == found[1].partition("\n## ")[2], AGAIN
+    for name in TASKS:
+        assert f"\n## {name}\n" in found[1]
+        assert f"(images/tasks/{name}.png)" in found[1]
+    pictures = list((DOCS / "images" / "tasks").iterdir())
+    assert sum(picture.stat().st_size for picture in pictures) < LARGEST_IMAGES_OF_TASKS
+    assert {f"images/tasks/{picture.name}" for picture in pictures} <= set(re.findall(r"\]\(([^)]+)\)", found[1]))
 
 
 def test_the_readme_shows_the_table_that_the_benchmark_wrote() -> None:

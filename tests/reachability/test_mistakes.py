@@ -45,6 +45,15 @@ def test_axes_without_roll(axis: Any) -> None:
         Orientations.even(3).without_roll(axis)
 
 
+@pytest.mark.parametrize("wrong", ["z", object(), [[1.0], [1.0, 2.0]], np.zeros((3, 3)), 0.5])
+def test_axes_and_targets_of_orientations(wrong: Any) -> None:
+    for name in ("axes", "ranges"):
+        with pytest.raises(InvalidInputError, match=name):
+            Orientations([[0.0, 1.0, 0.0, 0.0]], **{"axes": (0, 0, 1), name: wrong})
+    with pytest.raises(InvalidInputError, match="targets"):
+        Orientations.free(wrong)
+
+
 def test_folders_and_callbacks(robot: Robot, tmp_path: Path) -> None:
     for folder in ("a\0b", "\ud800"):
         with pytest.raises(InvalidInputError, match="folder"):

@@ -187,3 +187,9 @@ def test_a_cell_that_is_not_a_number_is_named(robot: Robot, followed: PathResult
     file.write_text("\n".join(lines), encoding="utf-8")
     with pytest.raises(InvalidInputError, match=r"path\.kinova\.csv, line 3"):
         load(file, robot)
+
+
+@pytest.mark.parametrize("trajectory", [[], 1.0, np.eye(4), "path.csv"])
+def test_what_has_no_rows_is_refused(trajectory: object, robot: Robot) -> None:
+    with pytest.raises(InvalidInputError, match="trajectory must be a PathResult"):
+        Playback(trajectory, robot)  # type: ignore[arg-type]  # the mistakes

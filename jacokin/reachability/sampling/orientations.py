@@ -108,7 +108,7 @@ class Orientations:
         Raises:
             InvalidInputError: none, or one that is not a `FreeAxis`.
         """
-        each = [targets] if isinstance(targets, FreeAxis) else list(targets)
+        each = [targets] if isinstance(targets, FreeAxis) else checks.listed("targets", targets)
         if not each or not all(isinstance(target, FreeAxis) for target in each):
             raise InvalidInputError(f"targets must be a FreeAxis, or a sequence of them, got {checks.shown(targets)}")
         return cls(
@@ -195,7 +195,11 @@ def _rows(name: str, values: ArrayLike, width: int, count: int) -> Array:
     Raises:
         InvalidInputError: another number of them, or malformed.
     """
-    rows = checks.matrix(name, np.atleast_2d(checks.numbers(values)), width, "")
+    try:
+        array = np.atleast_2d(checks.numbers(values))
+    except (TypeError, ValueError) as error:
+        raise InvalidInputError(f"{name} must be rows of {width} numbers, got {checks.shown(values)}") from error
+    rows = checks.matrix(name, array, width, "")
     if len(rows) not in (1, count):
         raise InvalidInputError(f"{name} must have one row for each of the {count} orientations, got {len(rows)}")
     return np.asarray(np.broadcast_to(rows, (count, width)))

@@ -1,0 +1,197 @@
+"""Write docs/task_list.md: every task with its picture, rewards, observations, and how often its expert solves it.
+
+python -m docs.tasks_page                              # the page; in the root of the repository
+MUJOCO_GL=egl python -m docs.tasks_page --pictures     # the pictures and the curves of rewards too
+
+Numbers of the experts are those of docs/tasks_experts.json.
+"""
+
+from __future__ import annotations
+
+import inspect
+import json
+import sys
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import jacokin.tasks
+from jacokin.arrays import Array
+from jacokin.tasks.episode import STEPS
+from jacokin.tasks.experts.expert import SCRIPTS
+from jacokin.tasks.families.bricks import BrickTask
+from jacokin.tasks.ids import IDS
+from jacokin.tasks.registry import TASKS
+from jacokin.tasks.task import CAMERA, CONTROL_TIMESTEP, Task
+
+FOLDER = Path(__file__).resolve().parent
+PAGE = FOLDER / "task_list.md"
+IMAGES = FOLDER / "images" / "tasks"
+EXPERTS = FOLDER / "tasks_experts.json"
+HEIGHT, WIDTH, DRAWN = 240, 300, 2  # pixels, and how many times larger it is drawn before
+SEED = 0  # of the episodes that are shown
+
+
+def page() -> str:
+    """The whole page as Markdown."""
+    records = experts()
+    environments = {name: jacokin.tasks.load(name, seed=SEED) for name in TASKS}
+    first = next(iter(environments.values()))
+    own = [each.name for each in first.task.features if each.is_proprioceptive]
+    spec = first.observation_spec()
+    parts = [
+        "<!-- Written by docs/tasks_page.py from the tasks. Edit those, not this page. -->",
+        "# Every task",
+        "The tasks of `jacokin.tasks`; [Tasks](tasks.md) shows how they are used. An episode has 250 steps of 0.04 s. "
+        "Names of environments are those of the tasks with `_features` or `_vision`, as listed. `python -m "
+        "docs.tasks_page` writes this page, `python -m benchmarks.experts` the numbers of the experts.",
+        grid(
+            ("task", "Gymnasium", "its expert solves", "mean return", "median return"),
+            ([f"[{name}](#{name})", f"`{IDS[name]}`", *_record(records.get(name))] for name in TASKS),
+        ),
+        _origin(records.values()),
+        "## Observed in every task",
+        "Of the arm and the hand. Where a camera is used (`_vision`), `front_close`, (1, 84, 84, 3) uint8, comes "
+        "before them, and they are all.",
+        grid(("key", "shape", "type"), (_row(spec[key]) for key in own)),
+        *(part for name, environment in environments.items() for part in _section(name, environment, own)),
+    ]
+    return "\n\n".join(parts) + "\n"
+
+
+def grid(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A Markdown table."""
+    return "\n".join("| " + " | ".join(line) + " |" for line in (head, ["---"] * len(head), *rows))
+
+
+def experts() -> dict[str, dict[str, Any]]:
+    """What is recorded of each expert."""
+    if not EXPERTS.exists():
+        return {}
+    return {record["name"]: record for record in json.loads(EXPERTS.read_text(encoding="utf-8"))}
+
+
+def _record(record: dict[str, Any] | None) -> list[str]:
+    if record is None:
+        return ["", "", ""]
+    solved = f"{record['successes']} of {record['episodes']}"
+    return [solved, f"{record['mean_return']:.0f}", f"{record['median_return']:.0f}"]
+
+
+def _origin(records: Iterable[dict[str, Any]]) -> str:
+    """Where the numbers of the experts come from."""
+    found = {f"seeds {record['seeds'][0]} to {record['seeds'][-1]}, MuJoCo {record['mujoco']}" for record in records}
+    return f"Episodes of the experts: {'; '.join(sorted(found))}." if found else "No expert has been measured."
+
+
+def _section(name: str, environment: jacokin.tasks.Environment, own: Sequence[str]) -> list[str]:
+    """One task."""
+    task, spec = environment.task, environment.observation_spec()
+    lower, upper = ([f"{value:g}" for value in bound] for bound in task.tool_box)
+    box = ", ".join(f"{axis} {low}..{high}" for axis, low, high in zip("xyz", lower, upper, strict=True))
+    environments = ", ".join(f"`{name}_{observed}`" for observed in TASKS[name].observations)
+    keys = list(spec)
+    start = keys.index(own[0])
+    rows = [_row(spec[key]) for key in keys[:start]]
+    rows.append(["what is observed in every task", "", ""])
+    rows.extend(_row(spec[key]) for key in keys[start + len(own) :])
+    pictures = [f"![The start of an episode]({_shown(_picture(name))})"]
+    if _curve(name).exists():
+        pictures.append(f"![Rewards of an episode of the expert]({_shown(_curve(name))})")
+    return [
+        f"## {name}",
+        " ".join([_sentence(task), *_bricks(task)]),
+        " ".join(pictures),
+        grid(
+            ("", ""),
+            [
+                ["environments", environments],
+                ["Gymnasium", f"`{IDS[name]}`"],
+                ["reward", _sentence(task.reward)],
+                ["solved", _sentence(task.success).removeprefix("Whether ").capitalize()],
+                ["tool at the start", f"{box} m, fingers anywhere"],
+            ],
+        ),
+        grid(("key", "shape", "type"), rows),
+    ]
+
+
+def _sentence(thing: object) -> str:
+    """The first sentence of a docstring."""
+    return (inspect.getdoc(thing) or "").splitlines()[0]
+
+
+def _bricks(task: Task) -> list[str]:
+    """What distinguishes tasks with several bricks."""
+    if not isinstance(task, BrickTask):
+        return []
+    base = "the bottom one stands still" if task._is_base_fixed else "all move"
+    order = "is drawn, and observed" if task._order_varies else "is always the same"
+    close = f"weighs {task.close_weight:g} of clicking" if task.close_weight else "counts nothing, clicking all"
+    return [f"{task.count} bricks, {task.height} in the stack; {base}; the order {order}. Being close {close}."]
+
+
+def _row(spec: Any) -> list[str]:
+    return [f"`{spec.name}`", f"({', '.join(map(str, spec.shape))})", np.dtype(spec.dtype).name]
+
+
+def _picture(name: str) -> Path:
+    return IMAGES / f"{name}.png"
+
+
+def _curve(name: str) -> Path:
+    return IMAGES / f"{name}_rewards.svg"
+
+
+def _shown(path: Path) -> str:
+    return path.relative_to(FOLDER).as_posix()
+
+
+def draw(name: str) -> None:
+    """Draw the start of an episode, and the rewards of the expert's."""
+    from PIL import Image
+
+    environment = jacokin.tasks.load(name, seed=SEED)
+    step = environment.reset()
+    drawn = environment.physics.render(HEIGHT * DRAWN, WIDTH * DRAWN, CAMERA)
+    smaller = Image.fromarray(drawn).resize((WIDTH, HEIGHT), Image.Resampling.LANCZOS)
+    smaller.quantize(method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(_picture(name), optimize=True)
+    if name in SCRIPTS:
+        expert, rewards = jacokin.tasks.expert(name), []
+        while not step.last():
+            step = environment.step(expert(step.observation))
+            rewards.append(step.reward)
+        _curve(name).write_text(svg(np.array(rewards)), encoding="utf-8")
+
+
+def svg(rewards: Array) -> str:
+    """Rewards over time as a picture of lines, whose colours suit light and dark pages."""
+    left, top, wide, high = 34, 12, WIDTH - 46, HEIGHT - 44
+    x = left + wide * (np.arange(len(rewards)) + 1) / STEPS
+    y = top + high * (1.0 - rewards)
+    points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True))
+    lines = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{WIDTH}" height="{HEIGHT}" font-family="sans-serif" '
+        'font-size="11" fill="#808080">',
+        f'<rect x="{left}" y="{top}" width="{wide}" height="{high}" fill="none" stroke="#808080"/>',
+        f'<polyline points="{points}" fill="none" stroke="#2f7fc1" stroke-width="2"/>',
+    ]
+    lines += [
+        f'<text x="{left - 5}" y="{top + high * (1 - value) + 4:g}" text-anchor="end">{value:g}</text>'
+        for value in (0.0, 0.5, 1.0)
+    ]
+    for seconds in (0, 5, 10):
+        at = left + wide * seconds / (STEPS * CONTROL_TIMESTEP)
+        lines.append(f'<text x="{at:g}" y="{top + high + 14}" text-anchor="middle">{seconds}</text>')
+    lines.append(f'<text x="{left + wide / 2:g}" y="{HEIGHT - 3}" text-anchor="middle">reward over time [s]</text>')
+    return "\n".join([*lines, "</svg>", ""])
+
+
+if __name__ == "__main__":
+    if "--pictures" in sys.argv[1:]:
+        IMAGES.mkdir(parents=True, exist_ok=True)
+        for task_name in TASKS:
+            draw(task_name)
+    PAGE.write_text(page(), encoding="utf-8")
