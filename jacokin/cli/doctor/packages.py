@@ -40,6 +40,7 @@ OPTIONAL = {
     "gymnasium": ("gymnasium", "tasks"),
     "pyarrow": ("pyarrow", "parquet"),
     "distributed": ("distributed", "cluster"),
+    "imageio_ffmpeg": ("imageio-ffmpeg", "video"),
     "viser": ("viser", "viewer"),
 }
 

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import click
 
 from jacokin.cli.arguments.declared import Argument, Option
+from jacokin.errors import InvalidInputError
 
 if TYPE_CHECKING:
-    from jacokin.cli.tasks.recording import Recording
+    from jacokin.cli.tasks.recording import Recorder
     from jacokin.tasks import TaskEnv
     from jacokin.tasks.experts.expert import Expert
 
@@ -28,36 +32,44 @@ def task(
 ) -> None:
     """Run episodes of a task, and show how they end.
 
-    Needs the extra `tasks`. Episodes take 10 s of simulated time.
+    Needs the extra `tasks`, and for videos ffmpeg or the extra `video`. Episodes take 10 s of simulated time.
 
     Examples:
       jacokin task reach_site --expert
       jacokin task lift_brick --expert --episodes 10 --record episodes.npz
-      MUJOCO_GL=egl jacokin task place_brick --expert --record video.mp4
+      jacokin task place_brick --expert --record video.mp4
     """
-    from jacokin import tasks
-    from jacokin.cli.tasks.recording import Recording
+    from jacokin.cli.tasks import recording
 
-    recording = None if record is None else Recording(record)
-    policy = tasks.expert(name) if expert else None
-    mode = "human" if render else "rgb_array" if recording is not None and recording.is_video else None
-    environment = tasks.TaskEnv(name, flatten=False, render_mode=mode)
-    environment.action_space.seed(seed)
-    solved, returns = 0, []
-    for episode in range(episodes):
-        total, success = _run(environment, policy, seed if episode == 0 else None, episode, recording)
-        solved += success
-        returns.append(total)
-        click.echo(f"episode {episode + 1} of {episodes}: return {total:.1f}, {'solved' if success else 'not solved'}")
-    click.echo(f"{solved} of {episodes} solved, mean return {sum(returns) / episodes:.1f}")
-    environment.close()
-    if recording is not None:
-        recording.write()
+    has_pictures = recording.is_video(record)
+    if render and has_pictures:
+        raise InvalidInputError("give one of --render and --record with a video, not both: each draws in its own way")
+    if render and not has_display():
+        raise InvalidInputError("--render needs a display; without one, --record video.mp4 writes a video")
+    if has_pictures:
+        choose_renderer()
+    with contextlib.ExitStack() as stack:
+        recorder = None if record is None else stack.enter_context(recording.recorder(record))
+        from jacokin import tasks
+
+        policy = tasks.expert(name) if expert else None
+        mode = "human" if render else "rgb_array" if has_pictures else None
+        environment = stack.enter_context(contextlib.closing(tasks.TaskEnv(name, flatten=False, render_mode=mode)))
+        environment.action_space.seed(seed)
+        solved, returns = 0, []
+        for episode in range(episodes):
+            total, success = _run(environment, policy, seed if episode == 0 else None, episode, recorder)
+            solved += success
+            returns.append(total)
+            is_solved = "solved" if success else "not solved"
+            click.echo(f"episode {episode + 1} of {episodes}: return {total:.1f}, {is_solved}")
+        click.echo(f"{solved} of {episodes} solved, mean return {sum(returns) / episodes:.1f}")
+    if record is not None:
         click.echo(f"wrote {record}")
 
 
 def _run(
-    environment: TaskEnv, policy: Expert | None, seed: int | None, episode: int, recording: Recording | None
+    environment: TaskEnv, policy: Expert | None, seed: int | None, episode: int, recorder: Recorder | None
 ) -> tuple[float, bool]:
     """Run one episode; returns its return and whether the task is solved at its end."""
     observation, info = environment.reset(seed=seed)
@@ -67,11 +79,22 @@ def _run(
     while not is_over:
         action = environment.action_space.sample() if policy is None else policy(observation)
         following, reward, _, is_over, info = environment.step(action)
-        if recording is not None and recording.is_video:
-            recording.add(picture=environment.render())
-        elif recording is not None:
+        if recorder is not None and environment.render_mode == "rgb_array":
+            recorder.add(picture=environment.render())
+        elif recorder is not None:
             assert isinstance(observation, dict)
-            recording.add(episode=episode, action=action, reward=reward, success=info["is_success"], **observation)
+            recorder.add(episode=episode, action=action, reward=reward, success=info["is_success"], **observation)
         observation = following
         total += reward
     return total, bool(info["is_success"])
+
+
+def has_display() -> bool:
+    """Whether windows can be opened."""
+    return sys.platform != "linux" or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+
+
+def choose_renderer() -> None:
+    """Draw with EGL where there is no display and nothing else was chosen; MuJoCo looks once, when it is loaded."""
+    if not has_display() and "mujoco" not in sys.modules:
+        os.environ.setdefault("MUJOCO_GL", "egl")

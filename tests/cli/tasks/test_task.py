@@ -2,12 +2,68 @@
 
 from __future__ import annotations
 
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import numpy as np
+import pytest
+from numpy.typing import NDArray
 
+import jacokin.tasks.gym.environment
 from jacokin.arrays import Array
+from jacokin.cli.tasks import command, recording
+from jacokin.errors import InvalidInputError
+from tests import rendering
 from tests.cli.run import Run
+
+STEPS = 3  # of the episodes that are only recorded
+SOURCE = str(Path(jacokin.__file__).parent.parent)
+# As the command, with episodes of a few steps.
+SHORT = (
+    "import sys, jacokin.tasks.gym.environment as e; e.STEPS = int(sys.argv[1]);"
+    "from jacokin.cli.main import main; main(sys.argv[2:])"
+)
+
+
+@pytest.fixture
+def short(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Episodes of a few steps."""
+    monkeypatch.setattr(jacokin.tasks.gym.environment, "STEPS", STEPS)
+
+
+@pytest.fixture
+def no_display(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+
+
+def record_black(file: Path, pictures: int) -> None:
+    with recording.recorder(file) as recorder:
+        for _ in range(pictures):
+            recorder.add(picture=np.zeros((480, 480, 3), dtype=np.uint8))
+
+
+def decoded(file: Path, height: int, width: int) -> NDArray[np.uint8]:
+    """The pictures of a video (n, height, width, 3), by ffmpeg."""
+    command = [
+        recording.find_ffmpeg(),
+        "-loglevel",
+        "error",
+        "-i",
+        str(file),
+        "-f",
+        "rawvideo",
+        "-pix_fmt",
+        "rgb24",
+        "-",
+    ]
+    done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, check=True)
+    return np.frombuffer(done.stdout, dtype=np.uint8).reshape(-1, height, width, 3)
 
 
 def test_the_expert_reaches_and_is_recorded(run: Run, tmp_path: Path) -> None:
@@ -34,13 +90,144 @@ def test_random_actions_are_those_of_the_seed(run: Run, tmp_path: Path) -> None:
     assert not np.isclose(actions(4), first).any()
 
 
-def test_mistakes_are_sentences(run: Run, tmp_path: Path) -> None:
+@pytest.mark.slow
+@pytest.mark.skipif("egl" not in rendering.backends(), reason="needs EGL")
+def test_a_video_has_a_picture_for_each_step_of_all_episodes(tmp_path: Path) -> None:
+    file = tmp_path / "video.mp4"
+    environment = {**os.environ, "PYTHONPATH": SOURCE, "MUJOCO_GL": "egl"}
+    words = ["task", "reach_site", "--expert", "--episodes", "2", "--record", str(file)]
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", SHORT, str(STEPS), *words],
+        capture_output=True,
+        text=True,
+        check=False,
+        env=environment,
+    )
+    assert done.returncode == 0, done.stderr
+    pictures = decoded(file, 480, 480)
+    assert len(pictures) == 2 * STEPS
+    assert pictures[0].std() > 10.0  # something is to be seen
+    assert list(tmp_path.iterdir()) == [file]
+
+
+def test_pictures_arrive_in_the_video_unchanged_but_for_the_encoding(tmp_path: Path) -> None:
+    file = tmp_path / "video.mp4"
+    colors = np.array([[200, 30, 30], [30, 200, 30], [30, 30, 200]], dtype=np.uint8)
+    with recording.recorder(file) as recorder:
+        for color in colors:
+            recorder.add(picture=np.broadcast_to(color, (64, 96, 3)))
+        assert not file.exists()
+    np.testing.assert_allclose(decoded(file, 64, 96).mean(axis=(1, 2)), colors, atol=8)
+
+
+def test_an_encoder_that_fails_is_a_sentence_and_leaves_the_old_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file, encoder = tmp_path / "video.mp4", tmp_path / "encoder"
+    file.write_text("old", encoding="utf-8")
+    encoder.write_text("#!/bin/sh\necho no such codec >&2\nexit 3\n", encoding="utf-8")
+    encoder.chmod(0o755)
+    monkeypatch.setenv("IMAGEIO_FFMPEG_EXE", str(encoder))
+    with pytest.raises(InvalidInputError, match="no such codec"):
+        record_black(file, 50)
+    assert file.read_text(encoding="utf-8") == "old"
+    assert sorted(tmp_path.iterdir()) == [encoder, file]
+
+
+def test_without_an_encoder_the_command_that_installs_one_is_told(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("IMAGEIO_FFMPEG_EXE", raising=False)
+    monkeypatch.setattr(shutil, "which", lambda name: None)
+    monkeypatch.setattr(recording, "find_spec", lambda name: None)
+    answer = run("task", "reach_site", "--record", str(tmp_path / "video.mp4"))
+    assert answer.code == 2
+    assert "pip install 'jacokin[video]'" in answer.err
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere there always is a display")
+@pytest.mark.usefixtures("no_display")
+@pytest.mark.parametrize(
+    ("loaded", "chosen", "expected"), [(False, None, "egl"), (False, "osmesa", "osmesa"), (True, None, None)]
+)
+def test_pictures_without_a_display_are_drawn_with_egl_unless_told_otherwise(
+    monkeypatch: pytest.MonkeyPatch, loaded: bool, chosen: str | None, expected: str | None
+) -> None:
+    monkeypatch.setenv("MUJOCO_GL", "")  # so that it is restored
+    monkeypatch.delenv("MUJOCO_GL") if chosen is None else monkeypatch.setenv("MUJOCO_GL", chosen)
+    if not loaded:
+        monkeypatch.delitem(sys.modules, "mujoco", raising=False)
+    command.choose_renderer()
+    assert os.environ.get("MUJOCO_GL") == expected
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere there always is a display")
+@pytest.mark.usefixtures("no_display")
+def test_a_window_without_a_display_is_a_sentence(run: Run) -> None:
+    answer = run("task", "reach_site", "--render")
+    assert answer.code == 2
+    assert "--render needs a display; without one, --record video.mp4" in answer.err
+
+
+def test_mistakes_are_sentences_and_leave_no_file(run: Run, tmp_path: Path) -> None:
+    (tmp_path / "folder.npz").mkdir()
+    video = str(tmp_path / "a.mp4")
     for words, message in (
         (("reach_sit",), "unknown task 'reach_sit'. Did you mean 'reach_site'"),
-        (("stack_2_bricks", "--expert"), "unknown expert 'stack_2_bricks'"),
+        (("reach_sit", "--expert"), "unknown expert 'reach_sit'. Did you mean 'reach_site'"),
+        (("reach_sit", "--record", str(tmp_path / "a.npz")), "unknown task 'reach_sit'"),
+        (("reassemble_3_bricks_fixed_order", "--expert"), "unknown expert 'reassemble_3_bricks_fixed_order'"),
         (("reach_site", "--record", "episodes.csv"), "must end in .npz or .mp4"),
         (("reach_site", "--record", str(tmp_path / "none" / "a.npz")), "there is no folder"),
+        (("reach_site", "--record", str(tmp_path / "folder.npz")), "folder.npz"),
+        (("reach_site", "--render", "--record", video), "give one of --render and --record with a video"),
+        (("reach_site", "--episodes", "0"), "--episodes"),
+        (("reach_site", "--seed", "-1"), "--seed"),
     ):
         answer = run("task", *words)
-        assert answer.code == 2
+        assert answer.code == 2, words
         assert message in answer.err
+        assert "Traceback" not in answer.err
+    assert [path.name for path in tmp_path.iterdir()] == ["folder.npz"]
+
+
+@pytest.mark.skipif(os.name != "posix" or os.geteuid() == 0, reason="everything is writable for root")
+def test_a_folder_that_cannot_be_written_to_is_told_before_an_episode_runs(run: Run, tmp_path: Path) -> None:
+    tmp_path.chmod(0o500)
+    answer = run("task", "reach_site", "--record", str(tmp_path / "a.npz"))
+    assert answer.code == 2
+    assert "cannot be written" in answer.err
+    assert "episode 1" not in answer.out
+
+
+@pytest.mark.usefixtures("short")
+def test_recordings_have_a_row_for_each_step(run: Run, tmp_path: Path) -> None:
+    answer = run("task", "reach_site", "--record", str(tmp_path / "a.npz"))
+    assert answer.code == 0
+    with np.load(tmp_path / "a.npz") as arrays:
+        assert len(arrays["action"]) == STEPS
+
+
+def test_an_interrupt_leaves_the_old_recording_and_nothing_beside_it(tmp_path: Path) -> None:
+    file = tmp_path / "episodes.npz"
+    file.write_text("old", encoding="utf-8")
+    words = ["task", "reach_site", "--episodes", "1000000", "--record", str(file)]
+    process = subprocess.Popen(
+        [sys.executable, "-P", "-m", "jacokin", *words],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONPATH": SOURCE},
+    )
+    deadline = time.monotonic() + 60.0
+    while len(list(tmp_path.iterdir())) < 2:  # until the temporary file is there
+        assert process.poll() is None, process.communicate()
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=60.0)
+    assert process.returncode == 130
+    assert "Traceback" not in errors
+    assert list(tmp_path.iterdir()) == [file]
+    assert file.read_text(encoding="utf-8") == "old"
