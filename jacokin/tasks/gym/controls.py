@@ -187,7 +187,7 @@ class ToolPose(_ToolControl):
     def _speed(self, target: pin.SE3) -> Array:
         """Move the reference; returns its velocities [rad/s]."""
         before = self._tracker.q
-        result = self._solver.solve(target, seed=before)
+        result = self._solver.solve(target, seed=before, closest=False)
         if not result.success:
             return self._tracker.step(target).v
         way = nearest_copy(result.q, before, self._robot.unlimited) - before

@@ -12,6 +12,7 @@ import pytest
 
 import jacokin.tasks
 from jacokin.errors import InvalidInputError, PhysicsError, UnknownNameError
+from jacokin.ik.closest.search import ClosestSearch
 from jacokin.tasks.ids import IDS
 from jacokin.tasks.registry import TASKS
 from tests.tasks.gym.checking import make
@@ -126,6 +127,23 @@ def test_the_tool_moves_as_it_is_told() -> None:
     np.testing.assert_allclose(environment.task.tool(view), goal[:3], rtol=0.0, atol=0.003)
     fingers = environment.model.jnt_range[6:9]
     np.testing.assert_allclose(environment.data.qpos[6:9], fingers.mean(axis=1), rtol=0.0, atol=0.02)
+
+
+def test_poses_out_of_reach_are_followed_without_a_search(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The tracker goes as near as it can; looking for the closest configuration at each step takes too long."""
+
+    def searched(self: ClosestSearch, *args: Any, **kwargs: Any) -> Any:
+        raise AssertionError("a search was started")
+
+    environment: Any = make("reach_site", control="tool_pose").unwrapped
+    environment.reset(seed=0)
+    monkeypatch.setattr(ClosestSearch, "find", searched)
+    far = np.array([0.6, -0.6, 0.0, *jacokin.mujoco_bridge.DOWN_QUATERNION, 0.5])
+    view, tool = environment._episode.view, environment.task.tool
+    before = np.linalg.norm(tool(view) - far[:3])
+    for _ in range(25):
+        environment.step(far)
+    assert np.linalg.norm(tool(view) - far[:3]) < before - 0.1
 
 
 def test_a_diverged_simulation_truncates() -> None:
