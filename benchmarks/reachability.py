@@ -1,43 +1,64 @@
-"""Long batches and maps: rates, memory, and what they agree with.
+"""Long batches and maps: rates, memory, what the coordinator costs, and what maps agree with.
 
-python -m benchmarks.reachability batch        a Parquet file of poses beside `solve_batch` in memory
-python -m benchmarks.reachability kills        the same file, killed at random moments
-python -m benchmarks.reachability map          a fine map: time, size, agreement, sampled forward kinematics
+python -m benchmarks.reachability                all of it, as in docs/performance.md; about two minutes
+python -m benchmarks.reachability batch          a Parquet file of poses beside `solve_batch` in memory
+python -m benchmarks.reachability coordinator    what handing out and joining chunks costs; how many workers that feeds
+python -m benchmarks.reachability map            a fine map: time, size, agreement, sampled forward kinematics
+python -m benchmarks.reachability kills          a file of poses, killed at random moments
 """
 
 from __future__ import annotations
 
 import argparse
 import filecmp
+import importlib.util
 import signal
 import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable
+from concurrent.futures import Executor, ThreadPoolExecutor
+from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 
 import jacokin
+from benchmarks import report
 from jacokin import IKSolver
+from jacokin.chunks.execution import made
+from jacokin.chunks.keeping import Keeper
+from jacokin.ik import solve_file
+from jacokin.ik.batches import jobs
+from jacokin.ik.batches.chunk import ChunkJob, FileStamp, RowsInFile, read_tally
+from jacokin.ik.batches.solve_file import ROWS
+from jacokin.ik.files import formats
+from jacokin.ik.files.parts import equal_parts
 from jacokin.reachability import Grid, ReachabilityMap, build
-from jacokin.reachability.sampling.samples import NOWHERE
 
 RUN = (
-    "import sys, jacokin, resource; from jacokin.ik import solve_file;"
-    "print('ready', flush=True);"
-    "done = solve_file(jacokin.IKSolver(jacokin.load_robot(), warm=None), *sys.argv[1:3], workers=2);"
-    "print(done.seconds, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)"
+    "import sys, jacokin, time, resource; from jacokin.ik import solve_file;"
+    "solver = jacokin.IKSolver(jacokin.load_robot()); jacokin.warmup();"
+    "print('ready', flush=True); cpu = time.process_time();"
+    "done = solve_file(solver, *sys.argv[1:3], workers=2);"
+    "print(done.seconds, time.process_time() - cpu, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)"
 )
 NAMES = ("x", "y", "z", "qw", "qx", "qy", "qz")
+DIFFERENT = 100_000  # poses, again and again
+FED = 100  # workers, on paper
+HANDED_OUT = 1000  # jobs whose work is left out
+MILLI = 1000.0
 
 
 def write(path: Path, rows: int) -> None:
-    """Poses of random configurations; a hundred thousand different ones, again and again."""
+    """Poses of random configurations."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
     robot = jacokin.load_robot()
-    samples = robot.sample(np.random.default_rng(3), min(rows, 100_000))
+    samples = robot.sample(np.random.default_rng(3), min(rows, DIFFERENT))
     values = []
     for q in samples:
         pose = robot.forward_kinematics(q)
@@ -47,94 +68,233 @@ def write(path: Path, rows: int) -> None:
     pq.write_table(pa.table(dict(zip(NAMES, whole.T, strict=True))), path)
 
 
-def in_memory(rows: int) -> float:
-    """Poses a second of `solve_batch` on two threads."""
+def in_memory(rows: int) -> tuple[float, float]:
+    """Poses a second of `solve_batch` on two threads, by the clock and of both processors' time."""
     robot = jacokin.load_robot()
-    samples = robot.sample(np.random.default_rng(3), min(rows, 100_000))
+    samples = robot.sample(np.random.default_rng(3), min(rows, DIFFERENT))
     targets = np.array([robot.forward_kinematics(q).homogeneous for q in samples])
     solver = IKSolver(robot)
     solver.solve_batch(targets[:5000], workers=2)
-    begin = time.perf_counter()
+    begin, cpu = time.perf_counter(), time.process_time()
     for _ in range(3):
         solver.solve_batch(targets, workers=2)
-    return 3 * len(targets) / (time.perf_counter() - begin)
+    count = 3 * len(targets)
+    return count / (time.perf_counter() - begin), count / (time.process_time() - cpu)
 
 
-def batch(folder: Path, rows: int) -> None:
+def batch(rows: int) -> list[str]:
     """Rate and memory of a file beside the rate in memory, before and after."""
-    source, out = folder / "in.parquet", folder / "out.parquet"
-    write(source, rows)
-    before = in_memory(rows)
-    words = [sys.executable, "-P", "-c", RUN, str(source), str(out)]
-    seconds, memory = map(float, subprocess.check_output(words, text=True).split()[1:])
-    after = in_memory(rows)
-    print(f"{rows} rows: {rows / seconds:.0f} poses/s, {memory:.0f} MB; in memory {before:.0f} and {after:.0f} poses/s")
-
-
-def kills(folder: Path, rows: int) -> None:
-    """Ten kills, and whether the output is what an undisturbed run writes."""
-    source, out, whole = folder / "in.parquet", folder / "out.parquet", folder / "whole.parquet"
-    if not source.exists():
+    with tempfile.TemporaryDirectory() as name:
+        source, out = Path(name) / "in.parquet", Path(name) / "out.parquet"
         write(source, rows)
-    rng = np.random.default_rng(11)
-    begin = time.perf_counter()
-    subprocess.run([sys.executable, "-P", "-c", RUN, str(source), str(whole)], check=True, capture_output=True)
-    alone = time.perf_counter() - begin
-    count = 0
-    for _ in range(10):
-        with subprocess.Popen([sys.executable, "-P", "-c", RUN, str(source), str(out)], stdout=subprocess.PIPE) as run:
-            assert run.stdout is not None
-            run.stdout.readline()
-            time.sleep(rng.uniform(0.5, 0.5 + alone / 10.0))
-            count += run.poll() is None
-            run.send_signal(signal.SIGKILL)
-    subprocess.run([sys.executable, "-P", "-c", RUN, str(source), str(out)], check=True, capture_output=True)
-    print(f"{count} kills; the same bytes: {filecmp.cmp(out, whole, shallow=False)}")
+        before = in_memory(rows)
+        words = [sys.executable, "-P", "-c", RUN, str(source), str(out)]
+        seconds, cpu, memory = map(float, subprocess.check_output(words, text=True).split()[1:])
+        after = in_memory(rows)
+    clock, time_used = (0.5 * (a + b) for a, b in zip(before, after, strict=True))
+    cells = (
+        (f"poses in the file, Parquet to Parquet, two threads: {rows:,}", f"{rows / seconds:,.0f} a second"),
+        ("the same in memory, `solve_batch`, mean of before and after", f"{clock:,.0f} a second"),
+        ("the file's share of that rate", report.percent(rows / seconds / clock)),
+        ("the same in time of the processors, as other work does not count", report.percent(rows / cpu / time_used)),
+        ("largest memory of the process", f"{memory:.0f} MB"),
+    )
+    return [report.table(("a file of poses", ""), cells)]
 
 
-def fine_map(folder: Path, samples: int) -> None:
+def nothing(names: list[str], job: ChunkJob) -> list[str]:
+    """A worker that finds its work done."""
+    assert isinstance(job.rows, RowsInFile)
+    return names[: len(job.rows.parts)]
+
+
+def coordinator(rows: int = 4 * ROWS) -> list[str]:
+    """What each chunk costs the process that hands out and joins, and how many workers wait for nobody then."""
+    with ExitStack() as stack:
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        source, solver = folder / "in.parquet", IKSolver(jacokin.load_robot())
+        write(source, rows)
+        begin = time.process_time()
+        solve_file(solver, source, folder / "out.parquet", workers=1)
+        worker = (time.process_time() - begin) * ROWS / rows
+        pieces = _chunks(folder, solver, source)
+        layout, names = formats.answers(Path("out.parquet")), [*NAMES, *(f"q{joint}" for joint in range(1, 7))]
+        begin = time.process_time()
+        many = [pieces[number % len(pieces)] for number in range(20 * len(pieces))]
+        layout.write_joined(folder / "joined.parquet", [(path, _offset(path)) for path in many], names)
+        join = (time.process_time() - begin) / len(many)
+        cells = []
+        executors: list[tuple[str, Callable[[], Executor]]] = [
+            ("threads", lambda: stack.enter_context(ThreadPoolExecutor(2)))
+        ]
+        if importlib.util.find_spec("distributed"):
+            executors.append(("dask, scheduler in the same process", partial(_dask, stack)))
+        for name, start in executors:
+            each = _handed_out(folder, solver, source, start())
+            chunk = each / jobs.TOGETHER + join
+            cells.append(
+                (
+                    name,
+                    f"{MILLI * each:.2f} ms",
+                    f"{MILLI * each / jobs.TOGETHER:.2f} ms",
+                    f"{MILLI * join:.2f} ms",
+                    f"{MILLI * worker:.0f} ms",
+                    f"{worker / chunk:.0f}",
+                    report.percent(min(1.0, worker / chunk / FED)),
+                )
+            )
+    head = ("executor", "a job", "of that a chunk", "joining it", "a worker's time", "workers fed", f"at {FED} workers")
+    return [
+        f"Processor time of the coordinator for a chunk of {ROWS:,} poses, {jobs.TOGETHER} of them in a job, Parquet "
+        f"to Parquet; how many workers that keeps busy, and how busy {FED} are:",
+        report.table(head, cells),
+    ]
+
+
+def _chunks(folder: Path, solver: IKSolver, source: Path) -> list[Path]:
+    """Finished chunks of a file."""
+    keeper, parts = Keeper(folder, "", ".chunk"), formats.parts(source, ROWS)
+    every = jobs.Batch(solver, source, parts, ROWS, None, True, ".parquet")
+    paths = []
+    with ThreadPoolExecutor(1) as pool:
+        for index, content in every.solved(range(len(parts)), keeper, pool, several=True):
+            assert isinstance(content, bytes)  # no recipe is in the folder
+            paths.append(folder / f"{index}.chunk")
+            paths[-1].write_bytes(content)
+    return sorted(paths)
+
+
+def _offset(path: Path) -> int:
+    return read_tally(path)[1]
+
+
+def _handed_out(folder: Path, solver: IKSolver, source: Path, executor: Executor) -> float:
+    """Processor seconds of this process for a job whose work takes no time."""
+    parts = equal_parts(HANDED_OUT * jobs.TOGETHER * ROWS, ROWS)
+    every = jobs.Batch(solver, source, parts, ROWS, None, True, ".parquet")
+    stamp = FileStamp.of(source)
+    assert stamp is not None
+    runs = [list(range(first, first + jobs.TOGETHER)) for first in range(0, len(parts), jobs.TOGETHER)]
+    work = partial(nothing, [f"{index:06d}-{'0' * 16}.chunk" for index in range(jobs.TOGETHER)])
+    recipes = list(every._recipes(runs, Keeper(folder, "", ".chunk"), stamp))
+    begin = time.process_time()
+    for _ in made(work, recipes, executor):
+        pass
+    return (time.process_time() - begin) / len(runs)
+
+
+def _dask(stack: ExitStack) -> Executor:
+    from distributed import Client, LocalCluster
+
+    cluster = stack.enter_context(LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None))
+    executor: Executor = stack.enter_context(Client(cluster)).get_executor()
+    return executor
+
+
+def kills(rows: int) -> list[str]:
+    """Ten kills, and whether the output is what an undisturbed run writes."""
+    with tempfile.TemporaryDirectory() as name:
+        source, out, whole = (Path(name) / f"{each}.parquet" for each in ("in", "out", "whole"))
+        write(source, rows)
+        rng = np.random.default_rng(11)
+        words = [sys.executable, "-P", "-c", RUN, str(source)]
+        begin = time.perf_counter()
+        subprocess.run([*words, str(whole)], check=True, capture_output=True)
+        alone = time.perf_counter() - begin
+        count = 0
+        for _ in range(10):
+            with subprocess.Popen([*words, str(out)], stdout=subprocess.PIPE) as run:
+                assert run.stdout is not None
+                run.stdout.readline()
+                time.sleep(rng.uniform(0.1, 0.1 + alone / 10.0))
+                count += run.poll() is None
+                run.send_signal(signal.SIGKILL)
+        subprocess.run([*words, str(out)], check=True, capture_output=True)
+        return [f"{rows:,} poses, {count} kills; the same bytes: {filecmp.cmp(out, whole, shallow=False)}"]
+
+
+def fine_map(samples: int) -> list[str]:
     """A map at 2 cm with 200 directions."""
     robot = jacokin.load_robot()
-    begin, cpu = time.perf_counter(), time.process_time()
-    reach = build(robot, folder=folder / "map", grid=Grid.around(robot, 0.02), orientations=200)
-    assert reach is not None
-    seconds, cpu = time.perf_counter() - begin, time.process_time() - cpu
-    size = sum(path.stat().st_size for path in (folder / "map").iterdir())
-    print(f"{reach}: {reach.counts.size} poses, {seconds:.1f} s ({cpu:.1f} s of processor), {size / 1e6:.2f} MB")
-    print(f"Monte Carlo, {samples} samples: {monte_carlo(reach, samples)}")
+    with tempfile.TemporaryDirectory() as name:
+        begin, cpu = time.perf_counter(), time.process_time()
+        reach = build(robot, folder=Path(name) / "map", grid=Grid.around(robot, 0.02), orientations=200)
+        assert reach is not None
+        seconds, cpu = time.perf_counter() - begin, time.process_time() - cpu
+        size = sum(path.stat().st_size for path in (Path(name) / "map").iterdir())
+    empty, farthest = monte_carlo(reach, samples)
+    assert reach.bound is not None
+    cells = (
+        (
+            "poses that stand for the full grid",
+            f"{reach.counts.size:,} for {' x '.join(map(str, reach.grid.shape))} cells",
+        ),
+        ("time, two threads", f"{seconds:.1f} s, {cpu:.1f} s of the processors"),
+        ("size of the folder", f"{size / 1e6:.2f} MB"),
+        ("2,000 random poses of it that `solve_batch` answers alike", report.percent(agreement(reach, 2000))),
+        ("its bound: farthest that the tool may be from a reached centre", f"{MILLI * reach.bound:.1f} mm"),
+        (f"farthest of {samples:,} random configurations", f"{MILLI * farthest:.1f} mm"),
+        ("of them in cells that no orientation reaches", report.percent(empty / samples)),
+    )
+    return [report.table(("map of the j2n6s300, 2 cm, 200 directions", ""), cells)]
 
 
-def monte_carlo(reach: ReachabilityMap, samples: int) -> str:
-    """Samples whose tool lies in a cell that the map calls unreachable, and how far from a reached one at most."""
-    robot, inside = reach.robot, reach.samples
-    q = robot.sample(np.random.default_rng(7), samples)
-    positions = np.array([robot.forward_kinematics(each).translation for each in q])
-    cells = inside.cell_of(positions)
-    empty = (cells == NOWHERE) | ~(reach.counts[np.maximum(cells, 0)] > 0).any(axis=1)
-    if not empty.any():
-        return "all in cells that are reached"
-    reached = np.flatnonzero((reach.counts > 0).any(axis=1))
+def agreement(reach: ReachabilityMap, count: int) -> float:
+    """Share of random poses of a map, turned and rolled to anywhere, whose answer is that of `solve_batch`."""
+    import pinocchio as pin
+
+    rng, samples = np.random.default_rng(17), reach.samples
+    cells, chosen = rng.integers(samples.positions, size=count), rng.integers(len(samples.orientations), size=count)
+    targets = np.tile(np.eye(4), (count, 1, 1))
+    axis = samples.symmetries.tool_axis
+    for row, position in enumerate(samples.position(cells)):
+        turn = pin.exp3(np.array([0.0, 0.0, rng.uniform(-np.pi, np.pi)]))
+        roll = np.eye(3) if axis is None else pin.exp3(rng.uniform(-np.pi, np.pi) * axis)
+        targets[row, :3, 3] = turn @ position
+        targets[row, :3, :3] = turn @ samples.orientations.rotations[chosen[row]] @ roll
+    solved = IKSolver(reach.robot).solve_batch(targets, closest=False).success
+    return float((solved == (reach.counts[cells, chosen] > 0)).mean())
+
+
+def monte_carlo(reach: ReachabilityMap, samples: int) -> tuple[int, float]:
+    """Samples whose tool lies in a cell that the map calls unreachable, and the farthest from a reached centre [m]."""
     from scipy.spatial import cKDTree
 
-    tree = cKDTree(inside.position(reached)[:, [0, 2]])
-    outside = positions[empty]
-    away, _ = tree.query(np.column_stack([np.hypot(outside[:, 0], outside[:, 1]), outside[:, 2]]))
-    farthest = 1000.0 * float(np.max(away))
-    return f"{empty.sum()} in cells without a reached orientation, at most {farthest:.1f} mm from a reached sample"
+    robot, inside = reach.robot, reach.samples
+    rows = robot.sample(np.random.default_rng(7), samples)
+    positions = np.array([robot.forward_kinematics(q).translation for q in rows])
+    cells = inside.cell_of(positions)
+    any_orientation = np.asarray((reach.counts > 0).any(axis=1))
+    empty = (cells < 0) | ~any_orientation[np.maximum(cells, 0)]
+    tree = cKDTree(inside.position(np.flatnonzero(any_orientation))[:, [0, 2]])
+    away, _ = tree.query(np.column_stack([np.hypot(positions[:, 0], positions[:, 1]), positions[:, 2]]))
+    return int(empty.sum()), float(np.max(away))
+
+
+def section(share: int) -> report.Section:
+    """The part of the page on batches and maps; of the usual numbers of poses one `share`-th."""
+    parts = [*batch(2_000_000 // share), *coordinator(), *fine_map(1_000_000 // share)]
+    return report.Section("Batches without end, and maps", "\n\n".join(parts))
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("what", choices=("batch", "kills", "map"))
+    """Print what is asked for."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("what", nargs="?", choices=("batch", "coordinator", "map", "kills"))
     parser.add_argument("--rows", type=int, default=2_000_000)
     parser.add_argument("--samples", type=int, default=1_000_000)
     given = parser.parse_args()
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        if given.what == "map":
-            fine_map(folder, given.samples)
-        else:
-            (batch if given.what == "batch" else kills)(folder, given.rows)
+    jacokin.warmup()
+    if given.what is None:
+        print(section(1).body)
+        return
+    parts: dict[str, Callable[[], list[str]]] = {
+        "batch": partial(batch, given.rows),
+        "coordinator": coordinator,
+        "map": partial(fine_map, given.samples),
+        "kills": partial(kills, given.rows),
+    }
+    print("\n\n".join(parts[given.what]()))
 
 
 if __name__ == "__main__":

@@ -19,7 +19,17 @@ from pathlib import Path
 import numpy as np
 
 import jacokin
-from benchmarks import comparison, completeness, costs, environments, pose_files, qp_success, report, targets
+from benchmarks import (
+    comparison,
+    completeness,
+    costs,
+    environments,
+    pose_files,
+    qp_success,
+    reachability,
+    report,
+    targets,
+)
 from jacokin import Robot
 from jacokin.errors import JacokinError
 
@@ -31,7 +41,7 @@ PRINTING = {
     "planning": "Planned paths",
     "tasks": "Environments beside bare MuJoCo",
 }
-SECTIONS = ("peers", "costs", "files", "completeness", "qp", *PRINTING)
+SECTIONS = ("peers", "costs", "files", "reachability", "completeness", "qp", *PRINTING)
 PRINTING_TIMEOUT = 600.0  # [s]
 
 PEERS_INTRODUCTION = f"""Every solver gets the same poses, in rounds in which they take turns, one process at a time.
@@ -150,6 +160,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "peers": lambda: peers_section(robot, sets, options.peers, options.rounds),
         "costs": lambda: costs.section(robot),
         "files": lambda: pose_files.section(robot),
+        "reachability": lambda: reachability.section(share),
         "completeness": lambda: completeness.section(share),
         "qp": lambda: qp_success.section(
             robot, [targets.random_configurations(robot, rng, 300 // share)], qp_success.QP_SOLVERS

@@ -18,8 +18,8 @@ from jacokin.ik.files import formats
 from jacokin.ik.files.parts import Part
 from jacokin.ik.solver import IKSolver
 
-TOGETHER = 8  # consecutive chunks in one job, at most: a second of work that is handed out and read at once
-JOBS_EACH = 32  # jobs for each worker, at least, before chunks are put together: none waits long for the last one
+TOGETHER = 16  # consecutive chunks in one job, at most: some seconds of work that is handed out at once
+SHARE = 4  # a job has at most this part of what is left for each worker: towards the end, none waits long for another
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,8 +61,7 @@ class Batch:
         """
         stamp = FileStamp.of(self.targets.absolute())
         if stamp is not None and self.parts[0].can_be_read:
-            most = min(TOGETHER, len(missing) // (JOBS_EACH * workers_of(executor))) if several else 1
-            runs = list(_runs(missing, max(1, most)))
+            runs = list(_runs(missing, SHARE * workers_of(executor) if several else len(missing)))
             unseen = []
             for number, kept in made(make, self._recipes(runs, keeper, stamp), executor):
                 if kept is None:
@@ -95,13 +94,13 @@ class Batch:
         return ChunkJob(jacokin.__version__, pickled, self.seed, self.closest, self.suffix, keeper, first, rows)
 
 
-def _runs(numbers: Sequence[int], most: int) -> Iterator[list[int]]:
-    """Consecutive numbers, at most so many together."""
-    run: list[int] = []
-    for number in numbers:
-        if run and (number != run[-1] + 1 or len(run) == most):
-            yield run
-            run = []
-        run.append(number)
-    if run:
-        yield run
+def _runs(numbers: Sequence[int], shares: int) -> Iterator[list[int]]:
+    """Consecutive numbers, in each run at most one of so many shares of those that are left."""
+    first = 0
+    while first < len(numbers):
+        most = min(TOGETHER, max(1, (len(numbers) - first) // shares))
+        stop = first + 1
+        while stop < min(first + most, len(numbers)) and numbers[stop] == numbers[stop - 1] + 1:
+            stop += 1
+        yield list(numbers[first:stop])
+        first = stop

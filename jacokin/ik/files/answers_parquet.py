@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 TEXTS = ("status", "method", "message")
+WRITTEN_AT_ONCE = 1 << 14  # rows
 
 
 class _Parquet:
@@ -49,7 +50,16 @@ class _Parquet:
             for piece, offset in pieces:
                 table = _table(piece, offset)
                 if writer is None:
-                    writer = pq.ParquetWriter(path, table.schema, use_dictionary=list(TEXTS))
+                    # Joint angles do not get smaller, and writing is all that a batch on many machines waits for.
+                    texts = list(TEXTS)
+                    writer = pq.ParquetWriter(
+                        path,
+                        table.schema,
+                        use_dictionary=texts,
+                        compression=dict.fromkeys(texts, "snappy"),
+                        write_statistics=texts,
+                        write_batch_size=WRITTEN_AT_ONCE,
+                    )
                 writer.write_table(table, row_group_size=max(1, table.num_rows))
         finally:
             if writer is not None:

@@ -136,7 +136,7 @@ def test_answers_do_not_depend_on_what_workers_see(
     """On machines without the file the rows come with the job; without the folder, answers go back with it."""
     source = write(tmp_path / f"in{suffix}", targets)
     solve_file(solver, source, tmp_path / "a.parquet", workers=1)
-    monkeypatch.setattr(jobs, "JOBS_EACH", 1)  # several chunks in a job
+    monkeypatch.setattr(jobs, "SHARE", 1)  # several chunks in a job
     numbers = iter(range(1000))
 
     def elsewhere(job: chunk.ChunkJob) -> object:
@@ -153,6 +153,15 @@ def test_answers_do_not_depend_on_what_workers_see(
     solve_file(solver, source, tmp_path / "b.parquet", workers=2)
     assert next(numbers) > 1
     assert (tmp_path / "a.parquet").read_bytes() == (tmp_path / "b.parquet").read_bytes()
+
+
+def test_jobs_get_smaller_towards_the_end() -> None:
+    missing = [*range(40), *range(41, 300)]
+    runs = list(jobs._runs(missing, shares=8))
+    assert [index for run in runs for index in run] == missing
+    assert [len(run) for run in runs[:4]] == [16, 16, 8, 16]  # one chunk in the middle is finished
+    assert all(run == list(range(run[0], run[-1] + 1)) for run in runs)
+    assert [len(run) for run in runs[-8:]] == [1] * 8
 
 
 def test_a_file_that_changes_meanwhile_is_refused(
