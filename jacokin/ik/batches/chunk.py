@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import pickle
 from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -103,12 +104,15 @@ def make(job: ChunkJob) -> list[str | bytes] | None:
     if isinstance(job.rows, RowsInFile) and FileStamp.of(job.rows.stamp.path) != job.rows.stamp:
         return None
     solver, layout = unpickled_solver(job.solver), formats.answers(Path(f"_{job.suffix}"))
-    kept = []
-    for index, targets in enumerate(_targets(job.rows), job.first):
-        batch = solve_rows(solver, targets, job.seed, closest=job.closest)
-        tally = orjson.dumps(Tally.of_rows(targets, batch).document())
-        kept.append(job.keeper.keep(index, tally + b"\n" + layout.encoded(targets, batch)))
-    return kept
+    kept: list[Future[str | bytes]] = []
+    with ThreadPoolExecutor(1) as writer:  # the disk is waited for while the next chunk is solved
+        for index, targets in enumerate(_targets(job.rows), job.first):
+            batch = solve_rows(solver, targets, job.seed, closest=job.closest)
+            content = orjson.dumps(Tally.of_rows(targets, batch).document()) + b"\n" + layout.encoded(targets, batch)
+            if kept:
+                kept[-1].result()
+            kept.append(writer.submit(job.keeper.keep, index, content))
+        return [each.result() for each in kept]
 
 
 def _targets(rows: RowsInFile | GivenRows) -> Iterator[TargetFile]:

@@ -18,6 +18,8 @@ from jacokin.ik.batches.chunk import read_tally
 from jacokin.ik.batches.summary import EMPTY, Tally
 from jacokin.ik.files.formats import AnswerFormat, Piece
 
+SETTLED = 32  # chunks
+
 
 class Joining:
     """A thread of its own that writes the file of answers; used in a `with`, which ends it in any case."""
@@ -74,6 +76,14 @@ class Joining:
             yield path, offset
 
 
+def _settling(pieces: Iterable[Piece], whole: Path) -> Iterator[Piece]:
+    """The same, with what is written brought to disk from time to time: in the end that would take long."""
+    for number, piece in enumerate(pieces):
+        if number % SETTLED == SETTLED - 1 and whole.exists():
+            settle(whole)
+        yield piece
+
+
 def write(
     layout: AnswerFormat, folder: ChunkFolder, final: Path, names: Sequence[str], pieces: Iterable[Piece]
 ) -> None:
@@ -87,7 +97,7 @@ def write(
             layout.write_joined(final, pieces, names)
             return
         with folder.temporary() as whole:
-            layout.write_joined(whole, pieces, names)
+            layout.write_joined(whole, _settling(pieces, whole), names)
             settle(whole)
             if final.exists():
                 shutil.copymode(final, whole)
