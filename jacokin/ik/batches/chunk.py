@@ -101,7 +101,7 @@ def make(job: ChunkJob) -> list[str | bytes] | None:
     """
     if job.version != jacokin.__version__:
         raise JacokinError(f"the worker has jacokin {jacokin.__version__}, and the batch needs {job.version}")
-    if isinstance(job.rows, RowsInFile) and FileStamp.of(job.rows.stamp.path) != job.rows.stamp:
+    if not _is_there(job.rows):
         return None
     solver, layout = unpickled_solver(job.solver), formats.answers(Path(f"_{job.suffix}"))
     kept: list[Future[str | bytes]] = []
@@ -111,8 +111,14 @@ def make(job: ChunkJob) -> list[str | bytes] | None:
             content = orjson.dumps(Tally.of_rows(targets, batch).document()) + b"\n" + layout.encoded(targets, batch)
             if kept:
                 kept[-1].result()
+            if not _is_there(job.rows):  # changed while it was read
+                return None
             kept.append(writer.submit(job.keeper.keep, index, content))
         return [each.result() for each in kept]
+
+
+def _is_there(rows: RowsInFile | GivenRows) -> bool:
+    return isinstance(rows, GivenRows) or FileStamp.of(rows.stamp.path) == rows.stamp
 
 
 def _targets(rows: RowsInFile | GivenRows) -> Iterator[TargetFile]:

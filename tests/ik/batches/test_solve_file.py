@@ -170,7 +170,9 @@ def test_a_file_that_changes_meanwhile_is_refused(
     source, out = write(tmp_path / "in.csv", targets), tmp_path / "out.csv"
 
     def change(_: Progress) -> None:
-        source.write_text(source.read_text(encoding="utf-8") + "0.1,0.2,0.3,1,0,0,0\n", encoding="utf-8")
+        other = tmp_path / "other.csv"
+        other.write_text(source.read_text(encoding="utf-8") + "0.1,0.2,0.3,1,0,0,0\n", encoding="utf-8")
+        other.replace(source)
 
     with pytest.raises(InvalidInputError, match="has changed since the batch began"):
         solve_file(solver, source, out, workers=1, progress=change)
