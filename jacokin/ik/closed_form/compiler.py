@@ -75,6 +75,7 @@ _CALLED = frozenset(
         "branches_in_interval",
         "branches_of_spherical_wrist",
         "eliminate",
+        "fourier_of_divided_F",
         "hold_on_limits",
         "least_squares",
         "linearise",

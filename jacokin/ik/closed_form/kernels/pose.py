@@ -12,7 +12,7 @@ from jacokin.ik.closed_form.kernels.arm import Arm, Pose, pose_of
 from jacokin.ik.closed_form.kernels.chain import Newton, errors, make_newton, newton_step
 from jacokin.ik.closed_form.kernels.folds import KNOWN_FOLD, NEW_FOLD, FoldWork, is_known_fold, make_folds, solve_fold
 from jacokin.ik.closed_form.kernels.limits import circular_distance, fit_to_limits, hold_on_limits, same_configuration
-from jacokin.ik.closed_form.kernels.resultant import fourier_of_F
+from jacokin.ik.closed_form.kernels.resultant import DEGREE, fourier_of_divided_F, fourier_of_F
 from jacokin.ik.closed_form.kernels.roots import MAX_ROOTS, RootWork, add_known, find_roots, make_roots
 from jacokin.ik.closed_form.kernels.spherical import spherical_starts
 from jacokin.ik.closed_form.kernels.tolerances import (
@@ -26,6 +26,7 @@ from jacokin.ik.closed_form.kernels.tolerances import (
     POLISHED_CLOSURE,
     REACH_SLACK,
     SAME_BRANCH,
+    SAME_FOLD,
     SAME_ROOT,
     SAME_START,
     TANGENCY_CLOSURE,
@@ -103,11 +104,9 @@ def solve_pose(arm: NDArray[np.float64], k: Arm, task: Task, work: Work) -> None
     if k.spherical:
         branches_of_spherical_wrist(k, pose, task, work)
         return
-    noise = fourier_of_F(k, pose, work.roots.cosine, work.roots.sine)
     branches_at_double_roots(k, pose, task, work)
-    branches_at_roots(k, pose, task, work, noise, 0.0)
-    if k.misfit > EXACT_MISFIT:
-        branches_at_roots(k, pose, task, work, noise, MISFIT_FACTOR * k.misfit)
+    for turn in range(2 if k.misfit > EXACT_MISFIT else 1):
+        branches_at_roots(k, pose, task, work, turn * MISFIT_FACTOR * k.misfit)
 
 
 def branches_of_spherical_wrist(k: Arm, pose: Pose, task: Task, work: Work) -> None:
@@ -134,31 +133,48 @@ def branches_at_double_roots(k: Arm, pose: Pose, task: Task, work: Work) -> None
     starts_on_axis_5(k, pose, starts, work.inner)
     note_full(work.branches, starts.filled[0], MAX_STARTS)
     for n in range(starts.filled[0]):
-        branch_from_start(k, pose, task, work, n, True)
+        branch_from_start(k, pose, task, work, n, True, FOLD_DETERMINANT)
     note_known(work)
 
 
 def note_known(work: Work) -> None:
-    """Make the branches found so far known roots of F."""
+    """Make the branches found so far known roots of F; a branch that stands for both of a fold is a double root."""
+    branches, fold = work.branches, work.branches.fold
     work.roots.known_count[0] = 0
-    for i in range(work.branches.filled[0]):
-        add_known(work.roots, work.branches.rows[i, 5])
+    for i in range(branches.filled[0]):
+        add_known(work.roots, branches.rows[i, 5])
+    for n in range(fold.filled[0]):
+        merged, seen = -1, 0
+        for i in range(branches.filled[0]):
+            if same_configuration(fold.known[n], branches.rows[i], SAME_FOLD):
+                merged = i
+                seen += 1
+        for i in range(n):
+            if same_configuration(fold.known[n], fold.known[i], SAME_FOLD):
+                seen = 0
+        if seen == 1:
+            add_known(work.roots, 2.0 * fold.known[n, 5] - branches.rows[merged, 5])
 
 
-def branches_at_roots(k: Arm, pose: Pose, task: Task, work: Work, noise: float, tolerance: float) -> None:
+def branches_at_roots(k: Arm, pose: Pose, task: Task, work: Work, tolerance: float) -> None:
     """Every branch at every root of F; with a tolerance, only those near a double root.
 
-    Undecided intervals come after the single roots, the widest first, and only as long as they are undecided: with the
-    roots that were found meanwhile, the others may all be accounted for.
+    Where F touches zero, and then in undecided intervals, the widest first, there may be any number of branches. As
+    soon as some are found, F is divided by what they bring, which may leave nothing undecided.
     """
     roots, exact = work.roots.roots, k.misfit <= EXACT_MISFIT
     for _ in range(MAX_PASSES):
+        noise = divide_by_known(k, pose, work.roots)
         found = find_roots(noise, tolerance, work.roots)
         note_full(work.branches, found, MAX_ROOTS)
         before = work.branches.filled[0]
         for i in range(found):
             if roots[i, 1] == 0.0 and tolerance == 0.0:
                 branch_at_root(k, pose, task, work, roots[i, 0])
+        for i in range(found):
+            if roots[i, 2] > 0.0:
+                branches_in_interval(k, pose, task, work, roots[i, 0], roots[i, 1])
+                roots[i, 1] = 0.0
         while not (exact and work.branches.filled[0] > before):
             widest = -1
             for i in range(found):
@@ -176,21 +192,40 @@ def branches_at_roots(k: Arm, pose: Pose, task: Task, work: Work, noise: float, 
         note_known(work)
 
 
+def divide_by_known(k: Arm, pose: Pose, roots: RootWork) -> float:
+    """Fill roots with the coefficients of F, divided by its known roots if they are exact; returns the noise of F."""
+    count = roots.known_count[0]
+    count -= count % 2
+    noise = math.inf
+    if 0 < count <= 2 * DEGREE:
+        noise = fourier_of_divided_F(k, pose, roots.known, count, roots.cosine, roots.sine)
+    return noise if noise < math.inf else fourier_of_F(k, pose, roots.cosine, roots.sine)
+
+
 def branch_at_root(k: Arm, pose: Pose, task: Task, work: Work, q6: float) -> None:
     """The branch of a single root: from its best start, or else from any."""
     starts, branches = work.starts, work.branches
     before = branches.filled[0]
     for attempt in range(2):
+        # A single root is so near its branch that Newton's method succeeds beside a fold, too.
+        smallest_det = FOLD_DETERMINANT * attempt
         starts.filled[0] = 0
         starts_at_q6(k, pose, q6, attempt * MIN_WIDTH, starts, work.inner)
         note_full(branches, starts.filled[0], MAX_STARTS)
         for n in range(starts.filled[0]):
-            count = branches.filled[0]
-            branch_from_start(k, pose, task, work, n, False)
-            if branches.filled[0] == count + 1 and circular_distance(branches.rows[count, 5] - q6) < SAME_ROOT:
+            branch_from_start(k, pose, task, work, n, False, smallest_det)
+            if has_branch_at(branches, q6):
                 return
-        if branches.filled[0] > before:
+        if k.misfit > EXACT_MISFIT and branches.filled[0] > before:
             return
+
+
+def has_branch_at(work: BranchWork, q6: float) -> bool:
+    """Whether the branch of a single root is there; mostly it is the last one."""
+    for i in range(work.filled[0] - 1, -1, -1):  # noqa: SIM110  # numba compiles no generator expressions
+        if circular_distance(work.rows[i, 5] - q6) < SAME_ROOT:
+            return True
+    return False
 
 
 def branches_in_interval(k: Arm, pose: Pose, task: Task, work: Work, q6: float, half: float) -> None:
@@ -205,14 +240,15 @@ def branches_in_interval(k: Arm, pose: Pose, task: Task, work: Work, q6: float, 
         starts_at_q6(k, pose, q6 + (i - 1) * half, half, work.starts, work.inner)
     note_full(work.branches, work.starts.filled[0], MAX_STARTS)
     for n in range(work.starts.filled[0]):
-        branch_from_start(k, pose, task, work, n, skip_known)
+        branch_from_start(k, pose, task, work, n, skip_known, FOLD_DETERMINANT)
 
 
-def branch_from_start(k: Arm, pose: Pose, task: Task, work: Work, n: int, skip_known: bool) -> None:
-    """Refine start n and append its branch; at a fold, both branches."""
+def branch_from_start(
+    k: Arm, pose: Pose, task: Task, work: Work, n: int, skip_known: bool, smallest_det: float
+) -> None:
+    """Refine start n and append its branch; with a determinant below ``smallest_det``, both branches of a fold."""
     branches = work.branches
     first = (work.starts.rows[n, 0], work.starts.rows[n, 1], work.starts.rows[n, 2])
-    smallest_det = FOLD_DETERMINANT
     while True:
         q1, q5, q6, singular = refine(k, pose, first[0], first[1], first[2], smallest_det)
         if skip_known and is_known(branches, q1, q5, q6):

@@ -12,11 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.ik.closed_form.kernels.arm import Arm, Pose
-from jacokin.ik.closed_form.kernels.tolerances import NOISE
+from jacokin.ik.closed_form.kernels.tolerances import DIVIDED_NOISE, MAX_REST, NOISE, SAME_PLACE
 from jacokin.ik.closed_form.kernels.vector import Vec, cross, mix
 
 DEGREE = 8
 SAMPLES = 2 * DEGREE + 1
+SPACING = 2.0 * math.pi / SAMPLES  # [rad] of the samples
 _angles = 2.0 * np.pi / SAMPLES * np.arange(SAMPLES)
 SAMPLE_COS = np.cos(_angles)
 SAMPLE_SIN = np.sin(_angles)
@@ -96,6 +97,75 @@ def fourier_of_F(k: Arm, pose: Pose, cosine: NDArray[np.float64], sine: NDArray[
             cosine[n] += TO_COSINE[j, n] * F
             sine[n] += TO_SINE[j, n] * F
     return NOISE * largest
+
+
+def fourier_of_divided_F(
+    k: Arm,
+    pose: Pose,
+    known: NDArray[np.float64],
+    count: int,
+    cosine: NDArray[np.float64],
+    sine: NDArray[np.float64],
+) -> float:
+    """As `fourier_of_F`, for F divided by sin((q6 - known) / 2) for each of an even number of its roots.
+
+    That is a polynomial of a lower degree: what its coefficients above that degree are instead of zero tells how well
+    the roots were known.
+
+    Args:
+        k: the arm.
+        pose: the target.
+        known: roots of F, as often as they are multiple [rad].
+        count: how many there are.
+        cosine: filled.
+        sine: filled.
+
+    Returns:
+        A bound on the noise of the values; inf where the roots are not known well enough to divide by them.
+    """
+    shift = away_from(known, count)
+    c0, s0 = math.cos(shift), math.sin(shift)
+    largest, rest, total = 0.0, 0.0, 0.0
+    for n in range(DEGREE + 1):
+        cosine[n] = 0.0
+        sine[n] = 0.0
+    for j in range(SAMPLES):
+        c, s = c0 * SAMPLE_COS[j] - s0 * SAMPLE_SIN[j], s0 * SAMPLE_COS[j] + c0 * SAMPLE_SIN[j]
+        D = mix(pose.D0, 1.0, pose.Dc, c, pose.Ds, s)
+        m = mix(pose.m0, 1.0, pose.mc, c, pose.ms, s)
+        F, size = resultant(k, D, m)
+        divisor = 1.0
+        for i in range(count):
+            divisor *= math.sin(0.5 * (shift + j * SPACING - known[i]))
+        F /= divisor
+        largest = max(largest, size / abs(divisor))
+        for n in range(DEGREE + 1):
+            cosine[n] += TO_COSINE[j, n] * F
+            sine[n] += TO_SINE[j, n] * F
+    for n in range(DEGREE + 1):
+        size = abs(cosine[n]) + abs(sine[n])
+        total += size
+        if n > DEGREE - count // 2:
+            rest += size
+            cosine[n], sine[n] = 0.0, 0.0
+        c, s = math.cos(n * shift), math.sin(n * shift)
+        cosine[n], sine[n] = c * cosine[n] - s * sine[n], s * cosine[n] + c * sine[n]
+    return DIVIDED_NOISE * max(NOISE * largest, rest) if rest < MAX_REST * total else math.inf
+
+
+def away_from(known: NDArray[np.float64], count: int) -> float:
+    """How far to shift evenly spaced samples so that they keep away from known roots [rad]."""
+    largest, shift = -1.0, 0.0
+    for i in range(count):
+        gap = SPACING
+        for j in range(count):
+            ahead = known[j] - known[i]
+            ahead -= SPACING * math.floor(ahead / SPACING)
+            if ahead > SAME_PLACE:
+                gap = min(gap, ahead)
+        if gap > largest:
+            largest, shift = gap, known[i] + 0.5 * gap
+    return shift
 
 
 def value_and_slope(cosine: NDArray[np.float64], sine: NDArray[np.float64], q: float) -> tuple[float, float]:

@@ -20,6 +20,7 @@ from jacokin.ik.closed_form.kernels.tolerances import (
     EXTREMUM_STEP,
     MAX_NOISE_WIDTH,
     MIN_WIDTH,
+    ROOT_ERROR,
     ROOT_STEP,
     SMALLEST_HALF_WIDTH,
     SMALLEST_PART,
@@ -34,7 +35,7 @@ OFFSET = 0.1234567
 ROOT_ITERATIONS = 40
 MAX_ROOTS = 256
 STACK = 64  # deeper than log2(2 HALF / MIN_WIDTH) + 2, and some splits elsewhere than in the middle
-MAX_KNOWN = 24
+MAX_KNOWN = 48
 EXTREMUM_ITERATIONS = 8
 
 
@@ -43,10 +44,12 @@ class RootWork(NamedTuple):
 
     cosine: NDArray[np.float64]  # (9,) coefficients of cos(k q)
     sine: NDArray[np.float64]  # (9,) coefficients of sin(k q)
-    roots: NDArray[np.float64]  # (256, 2) root [rad] and half-width of its interval, 0 where it is single and sure
+    roots: NDArray[
+        np.float64
+    ]  # (256, 3) root [rad], half-width of its interval or 0 where it is single, 1 if F touches 0
     stack: NDArray[np.float64]  # (64, 17)
     place: NDArray[np.float64]  # (64, 2)
-    known: NDArray[np.float64]  # (24, 2) sector and place of roots that are known beforehand
+    known: NDArray[np.float64]  # (48,) roots that the coefficients were divided by, or will be [rad]
     known_count: NDArray[np.int64]  # (1,)
 
 
@@ -55,10 +58,10 @@ def make_roots() -> RootWork:
     return RootWork(
         np.empty(9),
         np.empty(9),
-        np.empty((MAX_ROOTS, 2)),
+        np.empty((MAX_ROOTS, 3)),
         np.empty((STACK, SIZE)),
         np.empty((STACK, 2)),
-        np.empty((MAX_KNOWN, 2)),
+        np.empty(MAX_KNOWN),
         np.zeros(1, np.int64),
     )
 
@@ -175,6 +178,7 @@ def single_root(
     difference = b[j] - b[j + 1]
     part = b[j] / difference if difference != 0.0 else 0.5
     q = angle_at(sector, x + width * (j + part) / (SIZE - 1))
+    before = high - low
     for _ in range(ROOT_ITERATIONS):
         value, slope = value_and_slope(cosine, sine, q)
         if (value > 0.0) == rising:
@@ -186,8 +190,9 @@ def single_root(
             new = 0.5 * (low + high)
         step = abs(new - q)
         q = new
-        if step < ROOT_STEP:
+        if step < ROOT_STEP and step * step * step < ROOT_ERROR * before * before:
             break
+        before = step
     return q
 
 
@@ -233,50 +238,20 @@ def place_of(q: float) -> tuple[int, float]:
 
 
 def add_known(work: RootWork, q: float) -> None:
-    """Add the joint angle of a branch that was found before the search for roots."""
+    """Add a root of F that is known, once for each time that it is a root."""
     count = work.known_count[0]
     if count < MAX_KNOWN:
-        sector, x = place_of(q)
-        work.known[count, 0], work.known[count, 1] = sector, x
+        work.known[count] = q
         work.known_count[0] = count + 1
-
-
-def count_known(work: RootWork, sector: int, x: float, width: float) -> int:
-    """How many known roots an interval has."""
-    count = 0
-    for i in range(work.known_count[0]):
-        count += work.known[i, 0] == sector and x < work.known[i, 1] < x + width
-    return count
-
-
-def part_away_from_known(work: RootWork, sector: int, x: float, width: float) -> float:
-    """Where to split an interval: in the middle of the largest gap between its ends and the known roots in it.
-
-    Near multiple roots F is within its noise, and an end there would make the signs on both sides uncertain.
-    """
-    largest, part = 0.0, 0.5
-    for i in range(-1, work.known_count[0]):
-        low = x if i < 0 else work.known[i, 1]
-        if i >= 0 and not (work.known[i, 0] == sector and x < low < x + width):
-            continue
-        high = x + width
-        for j in range(work.known_count[0]):
-            if work.known[j, 0] == sector and low < work.known[j, 1] < high:
-                high = work.known[j, 1]
-        if high - low > largest:
-            largest, part = high - low, (0.5 * (low + high) - x) / width
-    return part
 
 
 def find_roots(noise: float, tolerance: float, work: RootWork) -> int:
     """Real roots of the trigonometric polynomial with the coefficients ``work.cosine`` and ``work.sine``.
 
-    Intervals that have no more roots than there are known ones are left out.
-
     Args:
         noise: values this close to zero may be zero.
         tolerance: more of that, relative to the coefficients' sizes, for an inexact model; 0 for an exact one.
-        work: coefficients and known roots in; ``work.roots`` out.
+        work: coefficients in, ``work.roots`` out.
 
     Returns:
         How many roots and undecided candidates were written.
@@ -300,18 +275,15 @@ def find_roots(noise: float, tolerance: float, work: RootWork) -> int:
             if possible == 0 or found == MAX_ROOTS:
                 top -= 1
                 continue
+            roots[found, 2] = 0.0
             # With the sign at both ends certain, roots of the exact F are on the side where they seem to be.
             sure_ends = abs(b[0]) > noise and abs(b[SIZE - 1]) > noise
-            known = count_known(work, sector, x, width) if work.known_count[0] > 0 else 0
-            if sure_ends and known == possible:
-                top -= 1
-                continue
             if possible == 1:
                 roots[found, 0], roots[found, 1] = single_root(cosine, sine, b, sector, x, width), 0.0
                 found += 1
                 top -= 1
                 continue
-            part = 0.5 if known == 0 else part_away_from_known(work, sector, x, width)
+            part = 0.5
             if possible == 2 and sure_ends and tolerance == 0.0 and width > min_width:
                 q = extremum(cosine, sine, b, sector, x, width)
                 if q == q:
@@ -320,6 +292,7 @@ def find_roots(noise: float, tolerance: float, work: RootWork) -> int:
                         _, curvature = slope_and_curvature(cosine, sine, q)
                         roots[found, 0] = q
                         roots[found, 1] = max(math.sqrt(2.0 * noise / abs(curvature)), SMALLEST_HALF_WIDTH)
+                        roots[found, 2] = 1.0
                         found += 1
                         top -= 1
                         continue

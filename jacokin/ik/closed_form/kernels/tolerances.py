@@ -27,6 +27,12 @@ REACH_SLACK = 1e-6
 #: Rounding noise of F relative to the size of its terms: at most 11 units in the last place were measured against 50
 #: digits, and interpolation may triple it.
 NOISE = 32.0 * 2.2e-16
+#: Coefficients that are zero if roots of F are known exactly, relative to all: with more, F is not divided by them.
+MAX_REST = 1e-6
+#: Near other roots, those of a divided F are less certain than its noise says: rounding of the target is not divided.
+DIVIDED_NOISE = 16.0
+#: [rad]; roots closer than this are one place for the choice of samples.
+SAME_PLACE = 1e-3
 #: [rad]; smaller intervals are not halved any more: Newton's method from both ends and the middle finds what is inside.
 MIN_WIDTH = 1e-6
 #: [rad]; intervals that are all noise are candidates up to this width; wider ones are halved first.
@@ -37,8 +43,10 @@ EXTREMUM_STEP = 1e-5
 SMALLEST_HALF_WIDTH = 1e-9
 #: The smallest part of an interval that is split off.
 SMALLEST_PART = 1e-3
-#: [rad]; a single root is refined until Newton moves less than this; the step after it is quadratically smaller.
+#: [rad]; a single root is refined until Newton moves less than this,
 ROOT_STEP = 1e-5
+#: [rad]; and the next step, as the last two promise, is smaller than this.
+ROOT_ERROR = 5e-8
 #: On a model that misses the structure, candidates of F within this many times the misfit of zero are kept as well.
 MISFIT_FACTOR = 3.0
 
@@ -118,8 +126,7 @@ SAME_BRANCH = 1e-6
 #: At a fold, where two branches merge, errors grow with the square of the distance: everything within
 #: FOLD_FACTOR * sqrt(closure) [rad] of a branch is the same double solution.
 FOLD_FACTOR = 20.0
-#: [rad]; a branch this close to a single root in joint 6 is the one that belongs to it: single roots are known to
-#: ROOT_STEP squared, and to some 1e-9 beside another one.
-SAME_ROOT = 1e-7
+#: [rad]; a branch this close to a single root in joint 6 is the one that belongs to it.
+SAME_ROOT = 2e-7
 #: [rad]; a refined start this close to a branch in joints 1, 5 and 6 is that branch again.
 SAME_START = 1e-10
