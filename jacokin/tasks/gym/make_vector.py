@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import inspect
 from typing import Any
 
 from gymnasium.vector import AutoresetMode
 
 from jacokin.errors import InvalidInputError
 from jacokin.model import checks
-from jacokin.tasks.gym.environment import TaskEnv
+from jacokin.tasks.gym.make_environment import OPTIONS
 from jacokin.tasks.gym.vector import VectorTaskEnv
 
-_OPTIONS = [name for name in inspect.signature(TaskEnv).parameters if name != "render_mode"]
+_WITHOUT_WINDOW = [name for name in OPTIONS if name not in ("render_mode", "width", "height")]
 
 
 def make_vector(
@@ -38,5 +37,5 @@ def make_vector(
     if options.pop("render_mode", None) is not None:
         raise InvalidInputError("a vector of environments does not render; make a single one with the same seed")
     for name in options:
-        checks.choice("option of a vector", name, ("threads", "autoreset_mode", *_OPTIONS))
+        checks.choice("option of a vector", name, ("threads", "autoreset_mode", *_WITHOUT_WINDOW))
     return VectorTaskEnv(num_envs, threads, autoreset_mode, **options)
