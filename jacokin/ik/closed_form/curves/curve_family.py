@@ -1,6 +1,6 @@
 """The entry point: all intervals of the parameter for one target, or a point of a curve. Read this file first.
 
-windows      where configurations exist between two slices only: one more slice
+gaps         where configurations exist between two slices only: one more slice
 slices       all configurations at some values of the parameter, in closed form
 bridge       points between slices of a seven-joint arm
 graph        which points of neighbouring slices belong together; in doubt `follow` walks along the curve
@@ -20,12 +20,13 @@ from jacokin.arrays import Array
 from jacokin.ik.closed_form.curves.arcs import Arcs, assemble, make_arcs
 from jacokin.ik.closed_form.curves.between import between, where_joint_is
 from jacokin.ik.closed_form.curves.follow import Walk
+from jacokin.ik.closed_form.curves.gaps.loops import Loops, add_loops, make_loops
+from jacokin.ik.closed_form.curves.gaps.windows import add_windows
 from jacokin.ik.closed_form.curves.graph import LINKS, TRACED, Graph, join
 from jacokin.ik.closed_form.curves.limit_cuts import Cuts, cut, make_cuts
 from jacokin.ik.closed_form.curves.nearest.chord import Nearest, make_nearest, search_arcs, search_run
 from jacokin.ik.closed_form.curves.nearest.sweep import sweep
 from jacokin.ik.closed_form.curves.slices import POINTS, SLICES, SevenJoints, SixJoints, Slices, fill_slices
-from jacokin.ik.closed_form.curves.windows import add_windows
 from jacokin.ik.closed_form.kernels.pose import COLUMNS, MAX_BRANCHES, make_work
 
 #: What to do: find the intervals; find a point at a share of a chord; find a point where the parameter has a value;
@@ -50,6 +51,7 @@ class CurveWork(NamedTuple):
     at: Array  # (1,) share of the chord, or value of the parameter
     x: Array  # (7,) the point
     nearest: Nearest
+    loops: Loops
 
 
 def make_walk() -> Walk:
@@ -98,6 +100,7 @@ def make_curve_work() -> CurveWork:
         np.zeros(1),
         np.zeros(7),
         make_nearest(),
+        make_loops(),
     )
 
 
@@ -119,6 +122,8 @@ def run_curves(work: CurveWork) -> int:
         return 1 if sweep(chain, work.seven, T, work.slices, work.graph.traced, work.nearest, walk) else 0
     if parameter != 6:
         n = add_windows(chain, work.seven.arm, T, n, closed, work.slices)
+    else:
+        n = add_loops(T, n, closed, work.slices, work.six, work.loops)
     work.counts[2] = fill_slices(chain, T, parameter, n, work.slices, work.six, work.seven, walk)
     made, work.counts[1] = join(chain, T, n, closed, parameter, work.seven, work.slices, work.graph)
     assemble(n, closed, parameter, made, work.slices, work.graph, work.arcs)

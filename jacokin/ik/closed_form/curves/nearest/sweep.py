@@ -13,10 +13,10 @@ from jacokin.arrays import Array
 from jacokin.ik.closed_form.curves.bridge import bridge
 from jacokin.ik.closed_form.curves.chain7 import tangent7
 from jacokin.ik.closed_form.curves.follow import Walk, follow
+from jacokin.ik.closed_form.curves.gaps.windows import WINDOW_SAMPLES, find_maximum, lower_discriminant
 from jacokin.ik.closed_form.curves.nearest.chord import Nearest, least_distance, offer, search_chord
 from jacokin.ik.closed_form.curves.seven import MOST_AT_Q3, solve_at_q3, wrist_from_shoulder
 from jacokin.ik.closed_form.curves.slices import SevenJoints, Slices, wrapped
-from jacokin.ik.closed_form.curves.windows import WINDOW_SAMPLES, find_maximum, lower_discriminant
 from jacokin.ik.closed_form.kernels.limits import TURN
 
 #: Slices to a full turn; the one at the seed comes first.
