@@ -1,6 +1,6 @@
 """The benchmark: everything docs/performance.md shows, in one command. Read this file first.
 
-    python -m benchmarks.run                          all of it, about five minutes; writes docs/performance.md
+    python -m benchmarks.run                          all of it, about ten minutes; writes docs/performance.md
     python -m benchmarks.run --only peers --targets poses.csv --peers solve_all ssik rtb
 
 The peers are installed into .venv-bench on the first run. One that cannot be installed or run is in the table with the
@@ -24,6 +24,7 @@ from benchmarks import (
     completeness,
     costs,
     environments,
+    families,
     pose_files,
     qp_success,
     reachability,
@@ -41,7 +42,7 @@ PRINTING = {
     "planning": "Planned paths",
     "tasks": "Environments beside bare MuJoCo",
 }
-SECTIONS = ("peers", "costs", "files", "reachability", "completeness", "qp", *PRINTING)
+SECTIONS = ("peers", "costs", "files", "reachability", "completeness", "families", "qp", *PRINTING)
 PRINTING_TIMEOUT = 600.0  # [s]
 
 PEERS_INTRODUCTION = f"""Every solver gets the same poses, in rounds in which they take turns, one process at a time.
@@ -162,6 +163,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "files": lambda: pose_files.section(robot),
         "reachability": lambda: reachability.section(share),
         "completeness": lambda: completeness.section(share),
+        "families": lambda: families.section(300 // share),
         "qp": lambda: qp_success.section(
             robot, [targets.random_configurations(robot, rng, 300 // share)], qp_success.QP_SOLVERS
         ),

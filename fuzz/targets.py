@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fuzz import families
 from fuzz.findings import Finding
 from fuzz.kinematics import Chain, bundled_chain, placement, rotation_error
 from jacokin import IKSolver, Status, load_robot, pose
@@ -18,6 +19,7 @@ from jacokin.model import NAMES, Robot, urdf_folder
 BATCH = 500  # targets in one case
 TOLERANCE = 1e-6  # [m] and [rad]: what jacokin promises of a success
 ROUNDING = 1e-10  # [m] and [rad] by which two forward kinematics may differ
+FAMILIES = 0.3  # share of cases with one free parameter
 HALF_TURN = math.pi + 1e-9  # [rad] a joint without limits stays this near to its seed
 SNAP = 1e-9  # [rad] past a limit and still counted as on it
 
@@ -110,9 +112,9 @@ class Case:
         return np.asarray(self.chain.forward(q) @ self.T_frame_tool)
 
 
-def case(rng: np.random.Generator) -> Case:
-    """A robot, one of its frames, and sometimes a tool of up to 0.5 m."""
-    name = str(rng.choice([name for name in NAMES if name[3] == "6"]))
+def case(rng: np.random.Generator, joints: str = "6") -> Case:
+    """A robot of so many joints, one of its frames, and sometimes a tool of up to 0.5 m."""
+    name = str(rng.choice([name for name in NAMES if name[3] == joints]))
     robot = _robot(name)
     frame = str(rng.choice([frame for frame in ("end_effector", "wristsite", "gripsite") if frame in robot.frames]))
     tool = np.eye(4)
@@ -135,6 +137,12 @@ def run(seed: int, first: int, cases: int) -> Iterator[tuple[int, int, list[Find
     """Case after case: its index, how many targets it had, and what was found."""
     for index in range(first, first + cases):
         rng = np.random.default_rng([seed, index])
+        if rng.random() < FAMILIES:
+            what = case(rng, "7" if rng.random() < 0.5 else "6")
+            kind = str(rng.choice(list(CLASSES)))
+            q = CLASSES[kind](what.solver.robot, rng, families.TARGETS)
+            yield index, len(q), list(families.check(what.solver, what.forward, kind, q, rng))
+            continue
         what = case(rng)
         if rng.random() < 0.15:
             yield index, BATCH, list(check_poses(what, rng))

@@ -378,7 +378,7 @@ class IKSolver:
         except AttributeError:
             from jacokin.ik.qp.search import QPSearch
 
-            search = self._local.search = QPSearch(self._verifier, self._closest_search())
+            search = self._local.search = QPSearch(self._verifier, self._closest_search(), self._finder.exact)
         return search
 
     def _closest_search(self) -> ClosestSearch:

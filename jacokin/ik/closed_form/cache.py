@@ -72,7 +72,7 @@ def key() -> str:
     """A name that changes with everything the machine code depends on, and with nothing else."""
     digest = hashlib.sha256(FORMAT)
     here = Path(__file__).parent
-    sources = [path for folder in ("kernels", "curves") for path in sorted((here / folder).glob("*.py"))]
+    sources = [path for folder in ("kernels", "curves") for path in sorted((here / folder).rglob("*.py"))]
     for source in (*sources, here / "compiler.py", here / "kernel_library.py"):
         digest.update(source.read_bytes())
     packages = [_version(name) for name in ("numba", "llvmlite", "numpy")]

@@ -81,6 +81,32 @@ class Finder:
             return self._seven_joints().nearest(target, seed)
         return self._six_joints().nearest(target, seed)
 
+    @property
+    def exact(self) -> Callable[[TargetPose, Array], Array | None] | None:
+        """`nearest_at`, or None where the robot has no closed form or the method is the QP."""
+        if self.applies_to_poses:
+            return self.nearest_at
+        if self._method == "qp":
+            return None
+        try:
+            self._closed_form()
+        except StructureError:
+            return None
+        return self.nearest_at
+
+    def nearest_at(self, pose: TargetPose, seed: Array) -> Array | None:
+        """The configuration within the limits nearest to a seed (dof,) that reaches a pose; None for none.
+
+        Raises:
+            StructureError: the robot has no closed form.
+        """
+        if self.applies_to_poses:
+            member = self._seven_joints().nearest(pose, seed)
+            return None if member is None else member[0]
+        rows = self._closed_form().solve_all(pose.matrix, seed)
+        within = rows.q[rows.within_limits]
+        return within[0] if len(within) else None
+
     def _six_joints(self) -> SixJointFamilies:
         if self._verifier.robot.dof == SEVEN:
             raise InvalidInputError(

@@ -1,6 +1,9 @@
-"""Solving by the QP alone: from the seed, from home, from random starts."""
+"""Solving by the QP: from the seed, from home, from members of families where there are any, from random starts."""
 
 from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from itertools import chain
 
 import numpy as np
 
@@ -8,9 +11,11 @@ from jacokin.arrays import Array
 from jacokin.ik import diagnosis, seeds
 from jacokin.ik.closest.search import ClosestSearch
 from jacokin.ik.diagnosis import Outcome
+from jacokin.ik.families import positions
 from jacokin.ik.qp.multistart import Attempt, MultiStartQP
 from jacokin.ik.request import Request, joined
 from jacokin.ik.results import IKResult, Status
+from jacokin.ik.targets import TargetPose
 from jacokin.ik.verification import Verifier
 from jacokin.model import angles
 
@@ -18,12 +23,15 @@ from jacokin.model import angles
 class QPSearch:
     """mink's QP on one robot, frame and tool, and what its attempts mean."""
 
-    def __init__(self, verifier: Verifier, closest: ClosestSearch) -> None:
+    def __init__(
+        self, verifier: Verifier, closest: ClosestSearch, nearest: Callable[[TargetPose, Array], Array | None] | None
+    ) -> None:
         """Build the QP.
 
         Args:
             verifier: the robot, frame and tool, and what a success is.
             closest: looks for the closest configuration when no start reaches the target.
+            nearest: solves a pose in closed form, near a seed; None where there is no closed form.
 
         Raises:
             UnknownNameError: the QP solver is not installed.
@@ -32,6 +40,7 @@ class QPSearch:
         self._robot = verifier.robot
         self._qp = MultiStartQP(verifier)
         self._closest = closest
+        self._nearest = nearest
 
     def solve(self, request: Request) -> IKResult:
         """Start after start until one reaches the target, free of contact if that matters."""
@@ -43,7 +52,7 @@ class QPSearch:
                 return self._closest.result(request, out_of_reach, first)
             errors = self._verifier.measure(seed, request.target)
             return self._result(request, out_of_reach, Attempt(seed, *errors, False, 0, 1, self._qp.backend.name))
-        starts = seeds.starts(self._robot, first, request.restarts, request.generator())
+        starts = self._starts(request, first)
         contact: Outcome | None = None
         if self._verifier.rejects_contact:
             attempt, contact = self._clear_of_contact(request, list(starts))
@@ -58,6 +67,19 @@ class QPSearch:
         if failure.status is Status.SOLVER_ERROR or not request.closest:
             return self._result(request, failure, attempt)
         return self._closest.result(request, failure, [attempt.q], attempt)
+
+    def _starts(self, request: Request, first: list[Array]) -> Iterator[Array]:
+        """First ones, then configurations that reach a position with some orientation, then random ones."""
+        starts = seeds.starts(self._robot, first, request.restarts, request.generator())
+        if not request.target.position_only or self._nearest is None or request.restarts < len(first):
+            return starts
+        given = [next(starts) for _ in first]
+        return chain(given, self._members(request), starts)
+
+    def _members(self, request: Request) -> Iterator[Array]:
+        assert self._nearest is not None
+        rotation = self._verifier.tool_pose(request.seed).rotation
+        yield from positions.members(self._nearest, request.target.position, rotation, request.seed)
 
     def _clear_of_contact(self, request: Request, starts: list[Array]) -> tuple[Attempt, Outcome | None]:
         """The first attempt that reaches without self-contact; else the first that reaches, and its contact."""

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from jacokin.ik.closed_form import cache
+from jacokin.ik.closed_form import cache, compiler
 
 CODE = b"machine code" * 1000
 
@@ -181,9 +181,12 @@ def test_the_name_depends_on_contents_only(monkeypatch: pytest.MonkeyPatch, tmp_
     shutil.copytree(here, copy, copy_function=shutil.copyfile)  # times of modification are new
     monkeypatch.setattr(cache, "__file__", str(copy / "cache.py"))
     assert cache.key() == before
-    kernel = copy / "kernels" / "roots.py"
-    kernel.write_text(kernel.read_text() + "\n")
-    assert cache.key() != before
+    for name in compiler.KERNEL_MODULES:
+        kernel = copy / f"{name.replace('.', '/')}.py"
+        text = kernel.read_text()
+        kernel.write_text(text + "\n")
+        assert cache.key() != before, name
+        kernel.write_text(text)
 
 
 def test_the_name_depends_on_the_processor(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -27,7 +27,7 @@ ALL_ROOTS = 2 * DEGREE
 NUDGE = 2e-5
 #: [rad] a root this near to the real axis is real.
 REAL = 1e-6
-#: [rad] the same for one root that is looked at closely.
+#: [rad] one that is looked at closely and is nearer is certainly real.
 REAL_HERE = 1e-8
 #: [rad] roots farther from the real axis do not reach it within a gap.
 FARTHEST = 0.7
@@ -213,6 +213,7 @@ def becomes_real(T: Array, low: float, high: float, i: int, six: SixJoints, loop
     # y^2, x and their derivatives at both ends of a bracket that narrows.
     a, da, xa, dxa = loops.height[0, i, 0], loops.height[0, i, 1], x_low, loops.height[0, i, 3]
     b, db, xb, dxb = loops.height[1, i, 0], loops.height[1, i, 1], x_high, loops.height[1, i, 3]
+    perhaps = math.nan
     for _ in range(MINIMUM_STEPS):
         h = high - low
         share = lowest(a, da, b, db, h)
@@ -230,6 +231,8 @@ def becomes_real(T: Array, low: float, high: float, i: int, six: SixJoints, loop
         y = -math.log(abs(z))
         if abs(y) < REAL_HERE:
             return p
+        if abs(y) < REAL:
+            perhaps = p
         slope = slope_at(loops.polynomial, degree, z)
         if not abs(y) < FARTHEST or slope == 0.0:
             break
@@ -239,7 +242,7 @@ def becomes_real(T: Array, low: float, high: float, i: int, six: SixJoints, loop
             low, a, da, xa, dxa = p, y * y, -2.0 * y * rate.real, x, rate.imag
         else:
             high, b, db, xb, dxb = p, y * y, -2.0 * y * rate.real, x, rate.imag
-    return math.nan
+    return perhaps
 
 
 def add_loops(T: Array, n: int, closed: bool, slices: Slices, six: SixJoints, loops: Loops) -> int:
