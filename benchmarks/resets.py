@@ -115,6 +115,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.resets", description=__doc__)
     parser.add_argument("names", nargs="*", default=names)
     parser.add_argument("--resets", type=int, default=500)
+    parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
     warnings.simplefilter("ignore")  # GLFW without a display
     from dm_control import manipulation
@@ -122,8 +123,8 @@ def main() -> None:
     print("| task | quantities | smallest p, corrected | at | largest difference of the fixed | entropy there, here |")
     print("|---|---|---|---|---|---|")
     for name in options.names:
-        reference = starts(manipulation.load(name, seed=1), options.resets)
-        found = compare(reference, starts(jacokin.tasks.load(name, seed=2), options.resets))
+        reference = starts(manipulation.load(name, seed=options.seed), options.resets)
+        found = compare(reference, starts(jacokin.tasks.load(name, seed=options.seed + 1), options.resets))
         print(
             f"| {name} | {found.count} | {found.least_p:.3f} | {found.at} | {found.largest_difference:.1e} "
             f"| {found.entropies[0]:.2f}, {found.entropies[1]:.2f} |",

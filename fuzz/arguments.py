@@ -44,7 +44,7 @@ SKIPPED = {"warmup", "Physics.disable"}
 INTERNAL = {
     "Robot.placement", "SelfContact.touching", "quat_wxyz", "Box.add_to", "Capsule.add_to", "Floor.add_to",
     "Sphere.add_to", "LimitDistance.velocity", "Manipulability.velocity", "Posture.velocity",
-    "ReachabilityMap.count_at", "TaskEnv.resetting",
+    "Observable()", "ReachabilityMap.count_at", "TaskEnv.resetting",
     "TaskEnv.get_wrapper_attr", "TaskEnv.has_wrapper_attr", "TaskEnv.set_wrapper_attr",  # Gymnasium's own
 }  # fmt: skip
 AS_LONG_AS_TOLD = {"build"}
@@ -74,7 +74,7 @@ def callables(made: Examples) -> dict[str, Callable[..., object]]:
                 found[name if found.get(name, thing) is thing else f"{door.rpartition('.')[2]}.{name}"] = thing
             instance = made.instances.get(name)
             if instance is not None:
-                if callable(instance):
+                if callable(instance) and f"{name}()" not in INTERNAL:
                     found[f"{name}()"] = instance
                 for method in dir(type(instance)):
                     full = f"{name}.{method}"
