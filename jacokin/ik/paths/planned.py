@@ -20,8 +20,10 @@ if TYPE_CHECKING:
     from jacokin.ik.solver import IKSolver
 
 SPEED_ROUNDING = 1e-9  # [rad/s] of positions subtracted and divided by a step
-ATTEMPTS = 8  # to find a pace whose ticks are all within the limits
+ATTEMPTS = 24  # to find a pace whose ticks are all within the limits
 LESS = 0.9  # of the limits is used at the next attempt
+LEAST_EASED = 0.5  # of its speed is left to a part of the path from one attempt to the next
+ACCELERATION_ROUNDING = 1e-6  # relative
 CORNER = 0.2  # [rad/s] a joint's speed changes by more than this between two lines: a corner
 
 
@@ -94,30 +96,36 @@ class Planned:
         u, q = curve.u, curve.q
         line = np.clip(0.5 * (u[:-1] + u[1:]), 0.0, None).astype(np.intp)
         least = np.maximum(np.diff(u) * self._times[line], 1e-12)
-        part, used = pacing.SPEED_USED, pacing.ACCELERATION_USED
+        part, eased = pacing.SPEED_USED, np.ones(len(u) - 1)
         ticks = u
         for _ in range(ATTEMPTS):
             if settings.acceleration is None:
                 pace = pacing.within_speed(u, q, least, settings.velocity, part)
             else:
-                velocity, acceleration = part * settings.velocity, used * settings.acceleration
+                velocity, acceleration = part * settings.velocity, pacing.ACCELERATION_USED * settings.acceleration
                 stops = self._corners(u, q, least)
-                pace = pacing.within_acceleration(u, q, least, velocity, acceleration, stops)
+                pace = pacing.within_acceleration(u, q, least, velocity, acceleration, stops, eased)
             ticks = pace.ticks(settings.dt)
             there = curve.at(ticks)[0][:, : self._manifold.dof]
             v = np.diff(there, axis=0) / settings.dt
             fast = float((np.abs(v) / settings.velocity).max())
             if fast > 1.0:
                 part *= min(LESS, 1.0 / fast) if fast > 1.05 else 1.0 / fast - 1e-6
-            hard = 0.0
-            if settings.acceleration is not None:
-                still = np.zeros((1, v.shape[1]))
-                change = np.diff(np.vstack([still, v, still]), axis=0) / settings.dt
-                hard = float((np.abs(change) / settings.acceleration).max())
-                used *= LESS if hard > 1.0 else 1.0
-            if fast <= 1.0 and hard <= 1.0:
+            hard = self._hard(v)
+            if fast <= 1.0 and (hard <= 1.0).all():
                 break
+            for tick in np.flatnonzero(hard > 1.0).tolist():  # slower where ticks gain or lose speed too quickly
+                near = (u[1:] >= ticks[max(tick - 1, 0)]) & (u[:-1] <= ticks[min(tick + 1, len(ticks) - 1)])
+                eased[near] = np.minimum(eased[near], eased[near].max() * max(LEAST_EASED, LESS / hard[tick]))
         return ticks
+
+    def _hard(self, v: Array) -> Array:
+        """Acceleration at ticks (n,) as a part of its limit, for velocities (n - 1, dof) [rad/s] from rest to rest."""
+        if self._settings.acceleration is None:
+            return np.zeros(len(v) + 1)
+        still = np.zeros((1, v.shape[1]))
+        change = np.diff(np.vstack([still, v, still]), axis=0) / self._settings.dt
+        return np.asarray((np.abs(change) / self._settings.acceleration).max(axis=1))
 
     def _corners(self, u: Array, q: Array, least: Array) -> NDArray[np.bool_]:
         """(n,) True at both ends, and where the joints' velocities change suddenly from one line to the next."""
@@ -145,9 +153,13 @@ class Planned:
             errors[:, 1] > verifier.options.orientation_tolerance
         )
         fast = np.abs(v) > settings.velocity + SPEED_ROUNDING
+        hard = np.zeros_like(fast)
+        if settings.acceleration is not None:
+            hard[1:] = np.abs(np.diff(v, axis=0)) > settings.acceleration * settings.dt * (1.0 + ACCELERATION_ROUNDING)
         status, limiting = [], []
         for row in range(len(q)):
             names = [f"{robot.joint_names[j]} velocity" for j in np.flatnonzero(fast[row])]
+            names += [f"{robot.joint_names[j]} acceleration" for j in np.flatnonzero(hard[row])]
             held = off[row] or u[row] > reached
             status.append("HELD" if held else "LIMITED" if names else "OK")
             limiting.append("; ".join(names) if names else reason if held else "")
@@ -197,4 +209,6 @@ class Planned:
                 f"{ticks[0] * self._settings.dt:.6g} s, too fast by up to {100.0 * excess:.3g} %; timing='slow' slows "
                 "down there"
             )
+        if "LIMITED" in status:
+            return f"joints would accelerate too much at {status.index('LIMITED') * self._settings.dt:.6g} s"
         return "a tick misses the path"

@@ -250,3 +250,25 @@ def test_saved_plans_come_back_with_what_was_chosen(robot: Robot, seven: Robot, 
     np.testing.assert_allclose(np.diff(rows[:, 0]), 0.01, atol=1e-12)
     np.testing.assert_allclose(np.diff(rows[:, 1 : 1 + arm.dof], axis=0), 0.01 * rows[:-1, 1 + arm.dof :], atol=1e-9)
     assert (np.abs(rows[:, 1 + arm.dof :]) <= np.degrees(arm.velocity_limit) + 1e-7).all()
+
+
+@pytest.mark.slow
+def test_accelerations_are_held_where_the_angle_runs_along_its_range(robot: Robot) -> None:
+    """There the joints' motion has a kink, between waypoints: the arm slows down for it."""
+    rng = np.random.default_rng(4)
+    solver = IKSolver(robot)
+    solved = 0
+    for _ in range(12):
+        targets: list[pin.SE3 | FreeAxis] = []
+        pose = robot.forward_kinematics(robot.sample(rng))
+        for _ in range(3):
+            low = rng.uniform(-1.0, 1.0)
+            targets.append(FreeAxis(pose, axis=[1, 0, 0], range=(low, low + rng.uniform(0.01, 0.5))))
+            way = rng.normal(size=3)
+            pose = pin.SE3(pose.rotation, pose.translation + 0.1 * way / np.linalg.norm(way))
+        result = plan_path(solver, targets, dt=0.02, speed=0.2, timing="slow", acceleration_limit=1.5)
+        if result.success:
+            check_limits(robot, result)
+            assert np.abs(result.a).max() <= 1.5 * (1.0 + 1e-6)
+            solved += 1
+    assert solved > 2
