@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 import jacokin
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
+from jacokin.ik import Scene, TrackerStatus
 from jacokin.model import checks
 from jacokin.model.angles import nearest_copy, wrap_to_turn
 from jacokin.mujoco_bridge import robots
 from jacokin.tasks.gym.controls import FRAME
+from jacokin.tasks.task import CONTROL_TIMESTEP
 
 GAIN = 8.0  # [1/s] velocity per position error
 VELOCITY_GAIN = 500.0  # [N m s/rad] of the arm's actuators
@@ -24,16 +26,27 @@ ARM, HAND = "jaco_arm/", "jaco_arm/jaco_hand/"
 OPEN, CLOSED = 0.15, 1.35  # [rad] limits of the fingers
 CLOSE, RELEASE = 5.0, -5.0  # [rad/s]
 FINGER_GAIN = 5.0  # [1/s]
-DOWN = np.array(((0.0, 1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, -1.0)))  # R_world_tool, the tool pointing down
 
 
 class Arm:
-    """The arm as observed."""
+    """The arm as observed.
+
+    Attributes:
+        robot: its kinematics.
+        solver: of configurations for poses of the pinch site.
+        tracker: follows poses that move.
+        q: (6,) its configuration [rad].
+        lag: of the tracker behind its target [m].
+        is_stuck: whether the tracker cannot get nearer.
+        fingers: (3,) their angles [rad].
+    """
 
     def __init__(self) -> None:
         """Load the robot and its solver."""
         self.robot = jacokin.load_robot()
         self.solver = jacokin.IKSolver(self.robot, FRAME)
+        self.tracker = jacokin.Tracker(self.robot, FRAME, dt=CONTROL_TIMESTEP)
+        self.lag, self.is_stuck = 0.0, False
         self._observation: Mapping[str, Any] = {}
         self._data = self.robot.pin_model.createData()
 
@@ -57,34 +70,65 @@ class Arm:
         """The newest value of an observation."""
         return np.ravel(np.asarray(self._observation[name], dtype=np.float64))[-size:]
 
+    def whole(self, name: str) -> Array:
+        """All values of an observation whose size differs between tasks."""
+        return np.ravel(np.asarray(self._observation[name], dtype=np.float64))
+
     def find(self, ending: str) -> list[str]:
         """The names of the observations that end like this."""
         return [name for name in self._observation if name.endswith(ending)]
 
     @property
-    def tool(self) -> Array:
-        """Position (3,) of the pinch site [m]."""
-        return self.get(f"{HAND}pinch_site_pos", 3)
+    def pose(self) -> pin.SE3:
+        """T_world_tool, the pose of the pinch site."""
+        T_base_tool = self.robot.forward_kinematics(self.q, FRAME)
+        return pin.SE3(T_base_tool.rotation, T_base_tool.translation + robots.ARM_OFFSET)
 
-    def configurations(self, position: ArrayLike, rotation: NDArray[np.float64], seed: Array | None = None) -> Array:
-        """Configurations (k, 6) that put the pinch site at a pose in the world, the quickest to reach first."""
+    def prop(self, prefix: str) -> pin.SE3:
+        """T_world_prop of a prop, its origin in the middle of its bounding box."""
+        w, x, y, z = self.get(f"{prefix}orientation", 4)
+        return pin.SE3(pin.Quaternion(w, x, y, z).toRotationMatrix(), self.get(f"{prefix}position", 3))
+
+    def configurations(self, T_world_tool: pin.SE3, seed: Array | None = None) -> Array:
+        """Configurations (k, 6) that put the pinch site at a pose, the quickest to reach first."""
         start = self.q if seed is None else seed
-        target = pin.SE3(rotation, np.asarray(position, dtype=np.float64) - robots.ARM_OFFSET)
-        found = self.solver.solve_all(target, seed=start)
+        found = self.solver.solve_all(in_base(T_world_tool), seed=start)
         q = nearest_copy(found.q[found.within_limits], start, self.robot.unlimited)
         return np.asarray(q[np.argsort(self.durations(q, start))])
+
+    def chain(self, poses: Sequence[pin.SE3], q: Array, most: float) -> Array | None:
+        """Configurations (k, 6) at poses one after the other, from one to the next in at most some time [s].
+
+        None where there are none without a change of branch on the way.
+        """
+        found = []
+        for pose in poses:
+            result = self.solver.solve(in_base(pose), q, closest=False)
+            if not result.success or self.durations(result.q[None], q)[0] > most:
+                return None
+            q = result.q
+            found.append(q)
+        return np.array(found)
 
     def durations(self, q: Array, start: Array) -> Array:
         """How long (k,) the joints need from one configuration to others [s]."""
         limit = self.robot.velocity_limit
         return np.asarray(np.abs(q - start).max(axis=-1) if limit is None else (np.abs(q - start) / limit).max(axis=-1))
 
+    def duration(self, *stops: Array) -> float:
+        """How long the joints need from one configuration to the next [s]."""
+        return float(sum(self.durations(b[None], a)[0] for a, b in itertools.pairwise(stops)))
+
+    def room(self, q: Array, scene: Scene) -> float:
+        """The least distance between the arm and obstacles at configurations (k, 6) [m]."""
+        return float(np.min(self.robot.clearance(q, scene)))
+
     def way(self, *stops: Array) -> Array:
         """Configurations (k, 6) along joint motions from one configuration to the next."""
         parts = np.linspace(0.0, 1.0, 8)[:, None]
         return np.concatenate([a + parts * (b - a) for a, b in itertools.pairwise(stops)])
 
-    def towards(self, q: Array, fingers: float | Array, speed: float = 1.0) -> Array:
+    def towards(self, q: Array, fingers: ArrayLike, speed: float = 1.0) -> Array:
         """An action that moves the joints together towards a configuration.
 
         Args:
@@ -96,6 +140,22 @@ class Arm:
         limit = speed * np.asarray(self.robot.velocity_limit)
         velocity = GAIN * error
         velocity /= max(1.0, float(np.abs(velocity / limit).max()))
+        return self._action(velocity, fingers)
+
+    def follow_from_here(self) -> None:
+        """Let the tracker begin where the arm is."""
+        self.tracker.reset(self.q)
+        self.lag, self.is_stuck = 0.0, False
+
+    def along(self, T_world_tool: pin.SE3, fingers: ArrayLike) -> Array:
+        """An action that moves the tool towards a pose, by a step of the tracker from where that is."""
+        before = self.tracker.q
+        step = self.tracker.step(in_base(T_world_tool))
+        self.lag, self.is_stuck = step.position_error, step.status is TrackerStatus.HELD
+        error = nearest_copy(before, self.q, self.robot.unlimited) - self.q
+        return self._action(step.v + GAIN * error, fingers)
+
+    def _action(self, velocity: Array, fingers: ArrayLike) -> Array:
         gravity = pin.computeGeneralizedGravity(self.robot.pin_model, self._data, self.q)
         return np.concatenate((velocity + gravity / VELOCITY_GAIN, np.broadcast_to(fingers, 3)))
 
@@ -108,20 +168,6 @@ class Arm:
         return FINGER_GAIN * (angle - self.fingers)
 
 
-def yawed(yaw: float, tilt: float = 0.0, lean: float = 0.0) -> Array:
-    """R_world_tool of a tool that points down, its x axis turned from the world's by a yaw [rad].
-
-    Args:
-        yaw: about the vertical axis.
-        tilt: then about the tool's x axis, about which the fingers stand side by side.
-        lean: then about its y axis, around which they close.
-    """
-    c, s = np.cos(yaw), np.sin(yaw)
-    down = np.array(((c, s, 0.0), (s, -c, 0.0), (0.0, 0.0, -1.0)))
-    return np.asarray(down @ pin.utils.rotate("x", tilt) @ pin.utils.rotate("y", lean))
-
-
-def yaw_of(quat_wxyz: Array) -> float:
-    """The rotation about the vertical axis of something that lies on the table [rad]."""
-    w, x, y, z = quat_wxyz
-    return float(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
+def in_base(T_world_tool: pin.SE3) -> pin.SE3:
+    """T_base_tool."""
+    return pin.SE3(T_world_tool.rotation, T_world_tool.translation - robots.ARM_OFFSET)

@@ -8,15 +8,21 @@ import numpy as np
 
 from jacokin.arrays import Array
 from jacokin.model import checks
-from jacokin.tasks.experts import scripts
 from jacokin.tasks.experts.arm import Arm
+from jacokin.tasks.experts.lift import lift_brick, lift_large_box
+from jacokin.tasks.experts.motions import Script
+from jacokin.tasks.experts.place import place
+from jacokin.tasks.experts.reach import reach
+from jacokin.tasks.experts.stack import stack
 from jacokin.tasks.registry import TASKS
 
-SCRIPTS: dict[str, Callable[[Arm], scripts.Script]] = {
-    **{name: scripts.reach for name in TASKS if name.startswith("reach")},
-    "lift_brick": scripts.lift_brick,
-    "place_brick": scripts.place,
-    "place_cradle": scripts.place,
+SCRIPTS: dict[str, Callable[[Arm], Script]] = {
+    **{name: reach for name in TASKS if name.startswith("reach")},
+    "lift_brick": lift_brick,
+    "lift_large_box": lift_large_box,
+    **{name: stack for name in TASKS if name.startswith("stack")},
+    "place_brick": place,
+    "place_cradle": place,
 }
 
 
@@ -26,11 +32,11 @@ class Expert:
     It goes by what it has seen since `reset`, and by nothing but observations.
     """
 
-    def __init__(self, script: Callable[[Arm], scripts.Script]) -> None:
+    def __init__(self, script: Callable[[Arm], Script]) -> None:
         """Follow a script."""
         self._script = script
         self._arm = Arm()
-        self._actions: scripts.Script | None = None
+        self._actions: Script | None = None
 
     def reset(self) -> None:
         """Begin anew, at the start of an episode."""

@@ -1,0 +1,152 @@
+"""Placing: take a brick, put it on a pedestal, take the hand away."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pinocchio as pin
+
+from jacokin.arrays import Array
+from jacokin.ik import Capsule, Scene, Sphere
+from jacokin.mujoco_bridge import robots
+from jacokin.tasks.experts import grasps, motions
+from jacokin.tasks.experts.arm import CLOSED, OPEN, Arm
+from jacokin.tasks.experts.motions import BRICK, SQUEEZE, Script, up
+
+CLEAR = 0.07  # [m] of the brick's middle above the pedestal on its way
+REST = 0.032  # [m] of the brick's middle above the pedestal when it is released
+AWAY = 0.23  # [m] of the hand above the pedestal at the end
+IN_PLACE = 0.05  # [m] of the brick's origin from the target
+BESIDE = 0.125  # [m] between the axis of the pedestal and a brick that is lifted
+STEP_ASIDE = 0.03  # [m] that a brick goes up at first, while it goes away from the pedestal
+RELEASE_STEPS = 6
+YAWS = np.arange(12) * np.pi / 6.0  # [rad] that a brick may be turned by above the pedestal
+FIRM = 1.6  # [s] penalty of a grasp, above which the brick is dragged away first
+DRAG_TILTS = (0.25, 0.4, 0.1)  # [rad] away from the pedestal, the first is preferred
+LOW = 0.04  # [m] of the closed fingers above a brick, where nothing is in their way
+LONGEST_TRAVEL = 2.5  # [s]
+DRAG_FROM = 0.008  # [m] from the middle of the brick, outwards
+PRESS = 0.024  # [m] height of the pinch site while the closed fingers press on a brick
+FREE = 0.155  # [m] between the axis of the pedestal and a brick that can be grasped from above
+OVER = 0.08  # [m] of the hand above the pedestal while it goes somewhere
+TOUCH = 0.003  # [m] that a brick moves in the hand when it touches something
+_PILLAR = (0.07, 0.2)  # [m] radius and length of the pedestal
+_SPHERE, _OFFSET = 0.049, 0.0343  # [m] radius of the spheres of its cradle, and how far out and down they are
+_ORIGIN = np.array((0.0, 0.0, -0.0119))  # [m] of a brick from its middle
+
+
+def place(arm: Arm) -> Script:
+    """Put a brick on the pedestal, again if it falls."""
+    target = arm.get("pedestal/position", 3)
+    scene = pillar(target)
+    has_failed = False
+    while True:
+        brick = arm.prop(BRICK)
+        if np.linalg.norm(brick.act(_ORIGIN) - target) < IN_PLACE:
+            yield from _leave(arm, target)
+            q = arm.q.copy()
+            yield arm.towards(q, 0.0)
+            continue
+        ways = _ways(brick.translation, target)
+        grasp = grasps.plan(arm, brick, ways, scene, target[2] + OVER) or grasps.plan(arm, brick)
+        beside = np.linalg.norm((brick.translation - target)[:2])
+        is_near = has_failed and beside < FREE
+        if grasp is None or grasp.room < 0.0 or grasp.penalty > FIRM or is_near:
+            yield from _drag(arm, brick.translation, target, scene)
+            brick = arm.prop(BRICK)
+            ways = _ways(brick.translation, target)
+            grasp = grasps.plan(arm, brick, ways, scene, target[2] + OVER) or grasps.plan(arm, brick)
+        if grasp is None:
+            yield arm.towards(arm.robot.home, arm.fingers_to(OPEN))
+            continue
+        yield from grasps.take(arm, grasp)
+        start = arm.pose
+        for way in ways:
+            yield from motions.move(arm, motions.moved(start, way), SQUEEZE, tolerance=0.02)
+            if not grasps.holds(arm, arm.prop(BRICK)):
+                break
+        else:
+            yield from _put(arm, target)
+        if not grasps.holds(arm, arm.prop(BRICK)):
+            has_failed = True
+            yield from motions.move(arm, motions.moved(arm.pose, up(0.05)), grasps.WIDE, tolerance=0.02)
+
+
+def _drag(arm: Arm, brick: Array, target: Array, scene: Scene) -> Script:
+    """Press on a brick with the closed fingers and drag it away from the pedestal."""
+    outwards = (brick - target) * (1.0, 1.0, 0.0)
+    beside = max(float(np.linalg.norm(outwards)), 1e-6)
+    outwards /= beside
+    tangent = np.array((-outwards[1], outwards[0], 0.0))
+    on = brick * (1.0, 1.0, 0.0) + up(PRESS) + DRAG_FROM * outwards
+    way = max(0.0, FREE - beside) * outwards
+    best, cost = None, LONGEST_TRAVEL
+    for yaw, tilt in itertools.product(YAWS, DRAG_TILTS):
+        tool = pin.exp3(tilt * tangent) @ grasps.pointing(np.array((np.cos(yaw), np.sin(yaw), 0.0)))
+        at = pin.SE3(tool, on - tool @ grasps.CENTRE)
+        for height in (LOW, target[2] + OVER - at.translation[2]):
+            for q in arm.configurations(motions.moved(at, up(height)))[:4]:
+                value = arm.duration(arm.q, q) + height / motions.SPEED + abs(tilt - DRAG_TILTS[0])
+                if value > cost or arm.chain([at, motions.moved(at, way)], q, grasps.LONGEST_STEP) is None:
+                    continue
+                if height > LOW or arm.room(arm.way(arm.q, q), scene) > grasps.ROOM:
+                    best, cost = (q, at), value
+    if best is None:
+        return
+    yield from motions.go(arm, best[0], CLOSED, tolerance=0.08)
+    yield from motions.move(arm, best[1], CLOSED, settle=5)
+    yield from motions.move(arm, motions.moved(best[1], way), CLOSED, speed=0.15, settle=3)
+    yield from motions.move(arm, motions.moved(best[1], way + up(0.06)), CLOSED, tolerance=0.03)
+
+
+def _ways(brick: Array, target: Array) -> list[Array]:
+    """Where a brick is carried: away from the pedestal, and up."""
+    outwards = (brick - target) * (1.0, 1.0, 0.0)
+    beside = float(np.linalg.norm(outwards))
+    aside = max(0.0, BESIDE - beside) * outwards / max(beside, 1e-6)
+    return [aside + up(STEP_ASIDE), aside + up(target[2] + CLEAR - brick[2])]
+
+
+def _put(arm: Arm, target: Array) -> Script:
+    """Carry the brick over the pedestal, level it, lower it and let it go."""
+    brick = arm.prop(BRICK)
+    T_brick_tool = brick.inverse() * arm.pose
+    level = grasps.upright(brick.rotation)
+    best, cost = None, np.inf
+    for yaw in YAWS:
+        above = pin.SE3(pin.utils.rotate("z", yaw) @ level, target + up(CLEAR)) * T_brick_tool
+        for q in arm.configurations(above)[:4]:
+            below = arm.chain([motions.moved(above, up(REST - CLEAR))], q, grasps.LONGEST_STEP)
+            if below is not None and arm.durations(q[None], arm.q)[0] < cost:
+                best, cost = (q, motions.moved(above, up(REST - CLEAR))), float(arm.durations(q[None], arm.q)[0])
+    if best is None:
+        return
+    yield from motions.go(arm, best[0], SQUEEZE, tolerance=0.02)
+    T_tool_brick = arm.pose.inverse() * arm.prop(BRICK)
+    for action in motions.move(arm, best[1], SQUEEZE, speed=0.15, settle=5):
+        yield action
+        moved = arm.pose.inverse() * arm.prop(BRICK)
+        if np.linalg.norm(moved.translation - T_tool_brick.translation) > TOUCH:
+            break
+    yield from motions.release(arm, RELEASE_STEPS)
+
+
+def _leave(arm: Arm, target: Array) -> Script:
+    """Take the hand away upwards."""
+    pose = arm.pose
+    if pose.translation[2] < target[2] + AWAY - 0.01:
+        yield from motions.move(arm, motions.moved(pose, up(target[2] + AWAY - pose.translation[2])), OPEN)
+
+
+def pillar(top: Array) -> Scene:
+    """The pedestal as an obstacle, in the frame of the arm's base."""
+    radius, length = _PILLAR
+    centre = top - robots.ARM_OFFSET
+    column = Capsule("pillar", radius, length, centre - (0.0, 0.0, radius + length / 2.0))
+    around = np.arange(3) * 2.0 * np.pi / 3.0
+    spheres = [
+        Sphere(f"sphere_{number}", _SPHERE, centre + _OFFSET * np.array((np.sin(angle), np.cos(angle), -1.0)))
+        for number, angle in enumerate(around)
+    ]
+    return Scene([column, *spheres], finger_angle=grasps.WIDE)
