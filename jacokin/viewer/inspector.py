@@ -169,7 +169,7 @@ class Inspector(Postures):
         inside = np.clip(q, self._lower, self._upper)
         target = self.pose_of(inside)
         if not self.solver.has_closed_form:
-            return self._with_family(self._empty(target, inside))
+            return self._with_family(self._apart(self._empty(target, inside), checks.read_only(inside)))
         view = self.at(target, inside)
         if view.selected is not None and np.abs(view.q - inside).max() < SAME:
             return replace(view, q=checks.read_only(inside))

@@ -14,7 +14,7 @@ from websockets.sync.connection import Connection
 
 from jacokin.viewer import Viewer
 
-PATIENCE = 20.0  # [s]
+PATIENCE = 30.0  # [s]
 
 
 class _State(Protocol):
@@ -65,6 +65,7 @@ def opened(viewer: Viewer, origin: str | None = None) -> Iterator[Page]:
         origin=origin or viewer.url,  # type: ignore[arg-type]  # a NewType of str
         subprotocols=[f"viser-v{viser.__version__}"],  # type: ignore[list-item]  # as above
         max_size=None,
+        open_timeout=PATIENCE,
         max_queue=None,  # what is not read must not keep the connection from closing
     ) as socket:
         yield Page(socket)

@@ -6,6 +6,7 @@ import contextlib
 import gc
 import threading
 import time
+import tracemalloc
 from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -304,9 +305,14 @@ def test_messages_do_not_pile_up_and_tabs_leave_nothing_behind(viewer: Viewer) -
         assert until(lambda: not viewer.server.get_clients())
         gc.collect()
 
-    round_of_tabs()
-    before, threads = messages(), threading.active_count()
-    round_of_tabs()
+    tracemalloc.start()
+    try:
+        round_of_tabs()
+        before, threads, held = messages(), threading.active_count(), tracemalloc.get_traced_memory()[0]
+        round_of_tabs()
+        assert tracemalloc.get_traced_memory()[0] < held + 500_000  # [byte]
+    finally:
+        tracemalloc.stop()
     assert messages() <= before + 5
     assert threading.active_count() <= threads + 2
     assert not viewer.server._websock_server._client_state_from_id

@@ -56,12 +56,14 @@ class FreeControls:
     @property
     def span(self) -> tuple[float, float]:
         """Least and largest angle [rad]; what a client sent that is no range goes back to what was there."""
+        sent = self._range.value
         try:
-            low, high = (float(end) for end in self._range.value)
+            low, high = (float(end) for end in sent)
         except (TypeError, ValueError):
             low, high = math.nan, math.nan
         if not -180.0 <= low < high <= 180.0:
-            set_value(self._range, self._shown)
+            if self._range.value is sent:  # and not something newer
+                set_value(self._range, self._shown)
         elif (low, high) != self._shown:  # what was given stays exact until somebody moves it
             self._shown = (low, high)
             self._span = FULL_TURN if (low, high) == (-180.0, 180.0) else (math.radians(low), math.radians(high))

@@ -59,3 +59,57 @@ def test_a_port_in_use_is_one_sentence(capsys: pytest.CaptureFixture[str]) -> No
 def test_a_target_that_is_none_is_refused(words: tuple[str, ...], capsys: pytest.CaptureFixture[str]) -> None:
     assert leave("view", "--port", "0", "--target", *words) == 2
     assert "target" in capsys.readouterr().err or words[-1] == "0"
+
+
+def test_its_options_are_those_of_the_page() -> None:
+    """Tool, limits, free axis and its range, and meshes are taken."""
+    words = [
+        "--tool",
+        "0",
+        "0",
+        "0.05",
+        "--limit",
+        "joint_2=1,5",
+        "--finger-angle",
+        "0.4",
+        "--free-axis",
+        "z",
+        "--free-range",
+        "-20",
+        "30",
+        "--degrees",
+        "--visuals",
+        "--target",
+        "0.3",
+        "-0.2",
+        "0.5",
+        "0",
+        "1",
+        "0",
+        "0",
+    ]
+    with viewing(*words) as (process, line):
+        assert line.startswith("http://127.0.0.1:"), process.communicate()
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=30.0)
+    assert process.returncode == 0, err
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--tool", "1", "2"], "--tool must be 3 numbers, or 7 with a quaternion, got 2"),
+        (["--limit", "joint_2"], "--limit must be JOINT=LOW,HIGH"),
+        (["--limit", "joint_9=1,2"], "joint_9"),
+        (["--limit", "joint_2=5,1"], "lower 5.0 must not be above upper 1.0"),
+        (["--free-axis", "w"], "Valid: x, y, z"),
+        (["--free-axis", "z", "--free-range", "2", "1"], "range must be"),
+        (["--map", "nowhere"], "nowhere"),
+        (["--map", "m1n6s300"], "is a map of another robot"),
+        (["--trajectory", "nothing.json"], "nothing.json"),
+        (["--finger-angle", "9"], "the fingers move from"),
+    ],
+)
+def test_wrong_options_are_one_sentence(words: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert leave("view", "--port", "0", *words) == 2
+    assert message in capsys.readouterr().err

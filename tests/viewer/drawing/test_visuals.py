@@ -179,3 +179,19 @@ def test_the_switch_changes_what_is_drawn(meshed: Path) -> None:
         assert until(lambda: {index: len(node.vertices) for index, node in arm.solid.items()} == shapes)
     with serve(robot, visuals=True, port=0) as viewer:
         assert len(viewer._stage.arm.solid) == 4
+
+
+def test_changing_what_is_drawn_leaves_no_messages_behind(meshed: Path) -> None:
+    with serve(jacokin.load_robot(meshed), port=0) as viewer:
+        arm, look = viewer._stage.arm, viewer._look
+        assert look.visuals is not None
+
+        def messages() -> int:
+            return len(viewer.server._websock_server._broadcast_buffer.message_from_id)
+
+        counts = []
+        for _ in range(5):
+            arm.dress(look.visuals)
+            arm.dress(look.shapes)
+            counts.append(messages())
+        assert counts[-1] <= counts[1]
