@@ -27,6 +27,8 @@ SLOW_STARTS = 3  # where each target takes milliseconds
 TURNS = 256  # steps of a full turn, for which the nearest orientation of each target is looked up once
 FINEST = 0.001  # [m] of the last steps
 MOST_ROUNDS = 40
+AROUND = 1.0  # cells on each side of a place that is not good enough
+FLAT_GRID, SPACE_GRID = 31, 13  # places along each axis of the close grid around it
 PLACES = 64  # places whose distances to all targets are held at the same time
 
 
@@ -86,6 +88,9 @@ def place_base(
         _settled(map, wanted, yaw, place, fixed_height=levels is not None, slow=slow)
         for _, yaw, place in starts[: SLOW_STARTS if slow else STARTS]
     ]
+    if not slow and found and max(placement.reached for placement in found) < len(wanted):
+        most = max(found, key=lambda placement: placement.reached)
+        found.append(_scanned(map, wanted, most, fixed_height=levels is not None))
     found.sort(key=lambda placement: (-placement.reached, -np.nan_to_num(placement.margin, nan=-np.inf)))
     distinct: list[BasePlacement] = []
     for placement in found:
@@ -195,6 +200,23 @@ def _settled(
             break
     pose = pin.SE3(turn, place)
     return BasePlacement(pose, score[0], score[1] if score[0] else np.nan, _read_only(success[0]))
+
+
+def _scanned(map: ReachabilityMap, targets: Array, near: BasePlacement, *, fixed_height: bool) -> BasePlacement:  # noqa: A002 - as above
+    """The best place that steps lead to from the best one of a close grid around a place where some targets are missed.
+
+    Steps only go to where more is reached, and the places from which all targets are can be a small spot.
+    """
+    steps = np.linspace(-AROUND, AROUND, FLAT_GRID if fixed_height else SPACE_GRID) * map.grid.spacing
+    moves = np.stack(np.meshgrid(steps, steps, [0.0] if fixed_height else steps, indexing="ij"), axis=-1).reshape(-1, 3)
+    yaw = float(np.arctan2(near.pose.rotation[1, 0], near.pose.rotation[0, 0]))
+    places = near.pose.translation + moves
+    scores: list[tuple[int, float]] = []
+    for first in range(0, len(places), PLACES):
+        scores += _measured(map, targets, places[first : first + PLACES], yaw)[0]
+    best = places[max(range(len(scores)), key=scores.__getitem__)]
+    turn = turned(np.eye(3)[None], np.array([-yaw]))[0]
+    return _settled(map, targets, yaw, turn @ best, fixed_height=fixed_height, slow=False)
 
 
 def _measured(

@@ -13,7 +13,7 @@ import jacokin
 from jacokin import IKSolver, Robot
 from jacokin.errors import InvalidInputError
 from jacokin.ik import Progress
-from jacokin.reachability import Grid, Orientations, ReachabilityMap, build, load, place_base
+from jacokin.reachability import Grid, Orientations, ReachabilityMap, build, bundled, load, place_base
 from jacokin.reachability.sampling.samples import NOWHERE
 from tests.reachability.poses import random_samples
 
@@ -189,6 +189,16 @@ def test_the_base_that_targets_were_made_from_is_found(
     standing = place_base(reach, targets, heights=[0.4])[0]
     assert standing.pose.translation[2] == 0.4
     assert standing.reached <= 50
+
+
+def test_a_small_spot_from_which_all_targets_are_reached_is_found(robot: Robot) -> None:
+    """Here steps from place to place end where 49 of 50 are."""
+    rng = np.random.default_rng(2)
+    hidden = jacokin.pose([0.7, -0.3, 0.4], rpy=[0.0, 0.0, 1.0])
+    targets = [hidden * robot.forward_kinematics(q) for q in robot.sample(rng, 50)]
+    best = place_base(bundled(), targets, heights=[0.4])[0]
+    seen = [best.pose.inverse() * target for target in targets]
+    assert best.reached == int(IKSolver(robot).solve_batch(seen, closest=False).success.sum()) == 50
 
 
 def test_pictures_and_pages_are_drawn(reach: ReachabilityMap, tmp_path: Path) -> None:
