@@ -20,6 +20,7 @@ from jacokin.mujoco_bridge.distributions import Uniform
 from jacokin.tasks import Randomization, TaskEnv
 from jacokin.tasks.gym import environment, simulations
 from jacokin.tasks.gym.make_vector import make_vector
+from jacokin.tasks.registry import TASKS
 from tests.rendering import backends
 
 gymnasium.register_envs(jacokin.tasks)
@@ -37,10 +38,20 @@ ALL = Randomization(
 )
 
 
-def rows(observation: Any) -> np.ndarray:
-    if isinstance(observation, np.ndarray):
-        return observation
-    return np.concatenate([np.asarray(value, np.float64) for _, value in sorted(observation.items())], axis=-1)
+def flat(observation: Any) -> np.ndarray:
+    """The observation of one environment in one array."""
+    values = (
+        [observation] if isinstance(observation, np.ndarray) else [value for _, value in sorted(observation.items())]
+    )
+    return np.concatenate([np.ravel(value) for value in values])
+
+
+def rows(observations: Any) -> np.ndarray:
+    """The observations of many, one row each."""
+    if isinstance(observations, np.ndarray):
+        return observations
+    values = [value for _, value in sorted(observations.items())]
+    return np.concatenate([value.reshape(len(value), -1) for value in values], axis=1)
 
 
 def assert_same(found: Any, wanted: Any) -> None:
@@ -73,6 +84,12 @@ def test_environments_equal_single_ones(task: str, options: dict[str, Any], step
     check_equal_to_single_ones(task, options, steps)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("task", TASKS)
+def test_environments_of_every_task_equal_single_ones(task: str) -> None:
+    check_equal_to_single_ones(task, {"flatten": False, "randomization": ALL}, 8)
+
+
 @pytest.mark.parametrize(
     ("task", "options"),
     [
@@ -89,7 +106,7 @@ def check_equal_to_single_ones(task: str, options: dict[str, Any], steps: int) -
     vector: Any = make_vector(COUNT, task=task, threads=2, **options)
     singles = [TaskEnv(task, **options) for _ in range(COUNT)]
     observations, _ = vector.reset(seed=10)
-    wanted = [rows(each.reset(seed=10 + index)[0]) for index, each in enumerate(singles)]
+    wanted = [flat(each.reset(seed=10 + index)[0]) for index, each in enumerate(singles)]
     np.testing.assert_array_equal(rows(observations), wanted)
     space, rng = vector.single_action_space, np.random.default_rng(0)
     is_over = [False] * COUNT
@@ -102,7 +119,7 @@ def check_equal_to_single_ones(task: str, options: dict[str, Any], steps: int) -
                 (observation, info), reward, ends = single.reset(), 0.0, False
             else:
                 observation, reward, _, ends, info = single.step(action[index])
-            np.testing.assert_array_equal(rows(observations)[index], rows(observation))
+            np.testing.assert_array_equal(rows(observations)[index], flat(observation))
             assert (rewards[index], truncated[index], infos["is_success"][index]) == (reward, ends, info["is_success"])
             is_over[index] = ends
     vector.close()
