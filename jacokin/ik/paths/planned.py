@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 SPEED_ROUNDING = 1e-9  # [rad/s] of positions subtracted and divided by a step
 ATTEMPTS = 24  # to find a pace whose ticks are all within the limits
 LESS = 0.9  # of the limits is used at the next attempt
-LEAST_EASED = 0.5  # of its speed is left to a part of the path from one attempt to the next
+EASED, LEAST_EASED = 0.97, 0.5  # of its speed is left to a part of the path, beside the excess and at least
 ACCELERATION_ROUNDING = 1e-6  # relative
 CORNER = 0.2  # [rad/s] a joint's speed changes by more than this between two lines: a corner
 
@@ -96,7 +96,7 @@ class Planned:
         u, q = curve.u, curve.q
         line = np.clip(0.5 * (u[:-1] + u[1:]), 0.0, None).astype(np.intp)
         least = np.maximum(np.diff(u) * self._times[line], 1e-12)
-        part, eased = pacing.SPEED_USED, np.ones(len(u) - 1)
+        part, top_speed = pacing.SPEED_USED, np.full(len(u) - 1, np.inf)
         ticks = u
         for _ in range(ATTEMPTS):
             if settings.acceleration is None:
@@ -104,7 +104,7 @@ class Planned:
             else:
                 velocity, acceleration = part * settings.velocity, pacing.ACCELERATION_USED * settings.acceleration
                 stops = self._corners(u, q, least)
-                pace = pacing.within_acceleration(u, q, least, velocity, acceleration, stops, eased)
+                pace = pacing.within_acceleration(u, q, least, velocity, acceleration, stops, top_speed)
             ticks = pace.ticks(settings.dt)
             there = curve.at(ticks)[0][:, : self._manifold.dof]
             v = np.diff(there, axis=0) / settings.dt
@@ -114,9 +114,13 @@ class Planned:
             hard = self._hard(v)
             if fast <= 1.0 and (hard <= 1.0).all():
                 break
+            if pace.speed is None:
+                continue
+            speed, slower = np.maximum(pace.speed[:-1], pace.speed[1:]), top_speed.copy()
             for tick in np.flatnonzero(hard > 1.0).tolist():  # slower where ticks gain or lose speed too quickly
                 near = (u[1:] >= ticks[max(tick - 1, 0)]) & (u[:-1] <= ticks[min(tick + 1, len(ticks) - 1)])
-                eased[near] = np.minimum(eased[near], eased[near].max() * max(LEAST_EASED, LESS / hard[tick]))
+                slower[near] = np.minimum(slower[near], max(LEAST_EASED, EASED / hard[tick]) * speed[near].max())
+            top_speed = slower
         return ticks
 
     def _hard(self, v: Array) -> Array:

@@ -68,7 +68,7 @@ def within_acceleration(
     velocity: Array,
     acceleration: Array,
     stops: NDArray[np.bool_],
-    eased: Array,
+    top_speed: Array,
 ) -> Pace:
     """From rest to rest within velocity and acceleration limits.
 
@@ -79,11 +79,12 @@ def within_acceleration(
         velocity: (dof,) limits [rad/s], as far as they are to be used.
         acceleration: (dof,) limits [rad/s^2], as far as they are to be used.
         stops: (n,) True where the path stands still.
-        eased: (n - 1,) part of the speed of each interval that is used.
+        top_speed: (n - 1,) of u, in each interval [1/s]; infinite where nothing else limits it.
     """
     h = np.diff(u)
     slope = np.diff(q, axis=0) / h[:, None]
-    fastest = eased * np.minimum(h / least, (velocity / np.maximum(np.abs(slope), TINY)).min(axis=1))
+    fastest = np.minimum(h / least, (velocity / np.maximum(np.abs(slope), TINY)).min(axis=1))
+    fastest = np.minimum(fastest, top_speed)
     # Of a knot: the slower of its two intervals.
     top = np.append(fastest, fastest[-1])
     top[1:-1] = np.minimum(fastest[:-1], fastest[1:])
