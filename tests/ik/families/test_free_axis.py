@@ -211,3 +211,18 @@ def test_parameters_outside_are_refused(solver: IKSolver) -> None:
     with pytest.raises(InvalidInputError, match="parameter must be from"):
         interval.at(1.0)
     np.testing.assert_allclose(interval.at(interval.start + 2.0 * math.pi), interval.at(interval.start), atol=1e-12)
+
+
+def test_two_joints_on_their_limits_are_a_member(solver: IKSolver, rng: np.random.Generator) -> None:
+    """Where one joint comes to its limit just as another leaves its own, an interval is a single point."""
+    robot, points = solver.robot, 0
+    for q in robot.sample(rng, 30):
+        q[[1, 2]] = [rng.choice([robot.lower[joint], robot.upper[joint]]) for joint in (1, 2)]
+        target = FreeAxis(robot.forward_kinematics(q), axis=(1.0, 0.2, 0.3))
+        family = solver.family(target)
+        own = [interval for interval in family if np.abs(wrap_to_pi(interval.nearest(q) - q)).max() < 1e-7]
+        assert own
+        points += any(interval.length < 1e-8 for interval in own)
+        np.testing.assert_allclose(solver.solve(target, seed=q).q, q, atol=1e-7)
+        assert all(robot.within_limits(interval.at(interval.start)) for interval in family)
+    assert points > 3

@@ -15,6 +15,8 @@ from jacokin.ik.closed_form.curves.follow import Walk
 from jacokin.ik.closed_form.curves.slices import wrapped
 from jacokin.ik.closed_form.kernels.limits import TURN
 
+#: [rad] where a joint comes to its limit just as another leaves its own, rounding may put the point past one of them.
+CORNER = 1e-10
 #: Share of the square of a chord: an extremum this near to a limit is looked at on halves of the chord.
 DOUBT = 2e-3
 #: [rad] shorter chords are not halved.
@@ -47,12 +49,12 @@ def make_cuts() -> Cuts:
     )
 
 
-def is_within(x: Array, limits: Array) -> bool:
-    """Whether a 2 pi copy of every joint is within its limits."""
+def is_within(x: Array, limits: Array, slack: float) -> bool:
+    """Whether a 2 pi copy of every joint is within its limits, or outside by no more than slack [rad]."""
     for j in range(7):
         if limits[0, j] > -math.inf:
             middle, half = 0.5 * (limits[0, j] + limits[1, j]), 0.5 * (limits[1, j] - limits[0, j])
-            if abs(wrapped(x[j] - middle)) > half:
+            if abs(wrapped(x[j] - middle)) > half + slack:
                 return False
     return True
 
@@ -149,35 +151,54 @@ def comes_before(a: Array, b: Array) -> bool:
     return bool(a[NODE] < b[NODE] or (a[NODE] == b[NODE] and a[SHARE] < b[SHARE]))
 
 
+def point_between(chain: Array, T: Array, arcs: Arcs, arc: int, i: int, n: int, cuts: Cuts, walk: Walk) -> bool:
+    """Fill walk.x with a point between events i - 1 and i of n on an arc; any point between tells for all of them."""
+    a, u, b, v = arcs.arcs[arc, 0], 0.0, arcs.arcs[arc, 1] - 2, 1.0  # first and last chord
+    if i > 0:
+        a, u = int(cuts.events[i - 1, NODE]), cuts.events[i - 1, SHARE]
+    if i < n:
+        b, v = int(cuts.events[i, NODE]), cuts.events[i, SHARE]
+    middle, share = (a + b) // 2, 0.5
+    if a == b:
+        share = 0.5 * (u + v)
+    elif b == a + 1:
+        middle, share = (a, 0.5 * (u + 1.0)) if 1.0 - u > v else (b, 0.5 * v)
+    return between(chain, T, arcs.nodes[middle], arcs.nodes[middle + 1], share, walk.x, walk)
+
+
 def cut(chain: Array, T: Array, arcs: Arcs, cuts: Cuts, walk: Walk) -> int:
     """Fill cuts.intervals with the parts of all arcs that are within the limits; returns how many."""
     found = 0
     for arc in range(arcs.size[1]):
-        first, last = arcs.arcs[arc, 0], arcs.arcs[arc, 1] - 2  # first and last chord
         n = events_of_arc(chain, T, arcs, arc, cuts, walk)
+        before = False  # whether the part before is within the limits
         for i in range(n + 1):
-            a, u, code_a = first, 0.0, -1 - arcs.arcs[arc, 2]
-            b, v, code_b = last, 1.0, -1 - arcs.arcs[arc, 3]
-            if i > 0:
-                event = cuts.events[i - 1]
-                a, u, code_a = int(event[NODE]), event[SHARE], int(event[CODE])
-            if i < n:
-                event = cuts.events[i]
-                b, v, code_b = int(event[NODE]), event[SHARE], int(event[CODE])
-            # Any point between tells for all of them.
-            middle, share = (a + b) // 2, 0.5
-            if a == b:
-                share = 0.5 * (u + v)
-            elif b == a + 1:
-                middle, share = (a, 0.5 * (u + 1.0)) if 1.0 - u > v else (b, 0.5 * v)
-            if not between(chain, T, arcs.nodes[middle], arcs.nodes[middle + 1], share, walk.x, walk):
-                continue
-            if not is_within(walk.x, cuts.limits) or found == INTERVALS:
-                continue
-            row = cuts.intervals[found]
-            row[0], row[1], row[2], row[3], row[4], row[5], row[6] = arc, a, b, code_a, code_b, u, v
-            for m in range(7):
-                row[7 + m] = cuts.events[i - 1, POINT + m] if i > 0 else arcs.nodes[first, m]
-                row[14 + m] = cuts.events[i, POINT + m] if i < n else arcs.nodes[last + 1, m]
-            found += 1
+            inside = point_between(chain, T, arcs, arc, i, n, cuts, walk) and is_within(walk.x, cuts.limits, 0.0)
+            keep = inside
+            if not inside and not before and 0 < i < n and is_within(walk.x, cuts.limits, CORNER):
+                # A single point, unless it is the end of the part after it.
+                keep = not (
+                    point_between(chain, T, arcs, arc, i + 1, n, cuts, walk) and is_within(walk.x, cuts.limits, 0.0)
+                )
+            before = inside
+            if keep and found < INTERVALS:
+                enter_interval(arcs, arc, i, n, cuts, found)
+                found += 1
     return found
+
+
+def enter_interval(arcs: Arcs, arc: int, i: int, n: int, cuts: Cuts, found: int) -> None:
+    """Fill a row of cuts.intervals with what lies between events i - 1 and i of n."""
+    first, last = arcs.arcs[arc, 0], arcs.arcs[arc, 1] - 2
+    row = cuts.intervals[found]
+    row[0], row[1], row[3], row[5] = arc, first, -1 - arcs.arcs[arc, 2], 0.0
+    row[2], row[4], row[6] = last, -1 - arcs.arcs[arc, 3], 1.0
+    if i > 0:
+        event = cuts.events[i - 1]
+        row[1], row[3], row[5] = event[NODE], event[CODE], event[SHARE]
+    if i < n:
+        event = cuts.events[i]
+        row[2], row[4], row[6] = event[NODE], event[CODE], event[SHARE]
+    for m in range(7):
+        row[7 + m] = cuts.events[i - 1, POINT + m] if i > 0 else arcs.nodes[first, m]
+        row[14 + m] = cuts.events[i, POINT + m] if i < n else arcs.nodes[last + 1, m]

@@ -17,11 +17,11 @@ from jacokin.ik.closed_form.curves.arcs import Arcs
 from jacokin.ik.closed_form.curves.between import between, chord_length, where_joint_is
 from jacokin.ik.closed_form.curves.chain7 import tangent7
 from jacokin.ik.closed_form.curves.follow import Walk
-from jacokin.ik.closed_form.curves.limit_cuts import DOUBT, HALVINGS, SHORTEST_CHORD, doubtful
+from jacokin.ik.closed_form.curves.limit_cuts import CORNER, DOUBT, HALVINGS, SHORTEST_CHORD, doubtful
 from jacokin.ik.closed_form.curves.slices import POINTS, SLICES, wrapped
 from jacokin.ik.closed_form.kernels.limits import TURN
 
-#: [rad] how far past a limit rounding may put a point that lies on it.
+#: [rad] a joint this near to a limit is on it.
 ON_LIMIT = 1e-12
 #: A chord is longer than its curve's way from node to node by a factor of at most 1 + ARC_EXCESS + what its turn adds.
 ARC_EXCESS, ARC_TURN = 0.02, 2.0
@@ -89,7 +89,7 @@ def offer(nearest: Nearest, x: Array) -> None:
     for j in range(7):
         d = apart(nearest, x, j)
         angle = nearest.seed[j] + d
-        if angle < nearest.limits[0, j] - ON_LIMIT or angle > nearest.limits[1, j] + ON_LIMIT:
+        if angle < nearest.limits[0, j] - CORNER or angle > nearest.limits[1, j] + CORNER:
             return
         square += nearest.weights[j] * d * d
     distance = math.sqrt(square)
