@@ -45,15 +45,23 @@ class FoldWork(NamedTuple):
     """The folds of one target, and the one at hand."""
 
     known: NDArray[np.float64]  # (16, 6) the configuration at each fold [rad]
+    pairs: NDArray[np.float64]  # (16, 2) mean of q6 over its two branches [rad], half their difference squared [rad^2]
     filled: NDArray[np.int64]  # (1,)
     branches: NDArray[np.float64]  # (2, 6) of the fold at hand
     direction: NDArray[np.float64]  # (6,) of the remaining deviation
-    samples: NDArray[np.float64]  # (3, 6) deviations
+    samples: NDArray[np.float64]  # (3, 7) deviations, and q6 [rad]
 
 
 def make_folds() -> FoldWork:
     """Fresh work arrays."""
-    return FoldWork(np.empty((MAX_FOLDS, 6)), np.zeros(1, np.int64), np.empty((2, 6)), np.empty(6), np.empty((3, 6)))
+    return FoldWork(
+        np.empty((MAX_FOLDS, 6)),
+        np.empty((MAX_FOLDS, 2)),
+        np.zeros(1, np.int64),
+        np.empty((2, 6)),
+        np.empty(6),
+        np.empty((3, 7)),
+    )
 
 
 def solve_fold(chain: NDArray[np.float64], T: NDArray[np.float64], work: Newton, fold: FoldWork) -> int:
@@ -65,13 +73,14 @@ def solve_fold(chain: NDArray[np.float64], T: NDArray[np.float64], work: Newton,
     for j in range(6):
         work.held[j] = 1.0 if j == joint else 0.0
     middle, step = q[joint], FOLD_SAMPLE
-    origin, gap, curvature = middle, 0.0, 0.0
+    origin, gap, curvature, mean, half_square = middle, 0.0, 0.0, 0.0, 0.0
     for turn in range(ROUNDS):
         for n in range(3):
             i = ORDER[n]
             q[joint] = middle + (i - 1) * step
             if not sample(chain, T, work, fold.samples[i]):
                 return NO_FOLD
+            fold.samples[i, 6] = q[5]
             if n == 0 and turn > 0 and is_known_fold(fold, q):
                 return KNOWN_FOLD
         below, here, above = project(fold)
@@ -84,6 +93,7 @@ def solve_fold(chain: NDArray[np.float64], T: NDArray[np.float64], work: Newton,
             return NO_FOLD
         middle += shift
         gap = here + 0.5 * slope * shift
+        mean, half_square = q6_of_both(fold, step, shift, -gap / curvature)
         step = max(math.sqrt(max(-gap / curvature, 0.0)), SMALLEST_FOLD_SAMPLE)
     apart = 0.0
     if gap * curvature < 0.0:
@@ -91,7 +101,7 @@ def solve_fold(chain: NDArray[np.float64], T: NDArray[np.float64], work: Newton,
     elif abs(gap) > CLOSURE:
         q[joint] = middle
         if least_squares(chain, T, work, STEPS):
-            note_fold(fold, q)
+            note_fold(fold, q, mean, half_square)
         return NO_FOLD
     if apart > MAX_FOLD_WIDTH:
         return NO_FOLD
@@ -103,16 +113,32 @@ def solve_fold(chain: NDArray[np.float64], T: NDArray[np.float64], work: Newton,
             fold.branches[i, j] = q[j]
     for j in range(6):
         q[j] = 0.5 * (fold.branches[0, j] + fold.branches[1, j])
-    note_fold(fold, q)
+    note_fold(fold, q, mean, half_square)
     return NEW_FOLD
 
 
-def note_fold(fold: FoldWork, q: NDArray[np.float64]) -> None:
+def q6_of_both(fold: FoldWork, step: float, shift: float, square: float) -> tuple[float, float]:
+    """Mean of q6 over both branches of a fold, and the square of half their difference, which may be negative.
+
+    Args:
+        fold: its samples.
+        step: of the samples, in the joint that is held [rad].
+        shift: from the sample in the middle to the fold [rad].
+        square: of the distance from the fold to its branches, in that joint [rad^2].
+    """
+    below, here, above = fold.samples[0, 6], fold.samples[1, 6], fold.samples[2, 6]
+    slope, bend = (above - below) / (2.0 * step), (above + below - 2.0 * here) / (2.0 * step * step)
+    at_fold = slope + 2.0 * bend * shift
+    return here + slope * shift + bend * (shift * shift + square), at_fold * at_fold * square
+
+
+def note_fold(fold: FoldWork, q: NDArray[np.float64], mean: float, half_square: float) -> None:
     """Append a fold to the known ones."""
     count = fold.filled[0]
     if count < MAX_FOLDS:
         for j in range(6):
             fold.known[count, j] = q[j]
+        fold.pairs[count, 0], fold.pairs[count, 1] = mean, half_square
         fold.filled[0] = count + 1
 
 

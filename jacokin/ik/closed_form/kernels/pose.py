@@ -13,13 +13,15 @@ from jacokin.ik.closed_form.kernels.chain import Newton, errors, make_newton, ne
 from jacokin.ik.closed_form.kernels.folds import KNOWN_FOLD, NEW_FOLD, FoldWork, is_known_fold, make_folds, solve_fold
 from jacokin.ik.closed_form.kernels.limits import circular_distance, fit_to_limits, hold_on_limits, same_configuration
 from jacokin.ik.closed_form.kernels.resultant import DEGREE, fourier_of_divided_F, fourier_of_F
-from jacokin.ik.closed_form.kernels.roots import MAX_ROOTS, RootWork, add_known, find_roots, make_roots
+from jacokin.ik.closed_form.kernels.roots import MAX_ROOTS, RootWork, add_known, add_known_pair, find_roots, make_roots
 from jacokin.ik.closed_form.kernels.spherical import spherical_starts
 from jacokin.ik.closed_form.kernels.tolerances import (
     CLOSURE,
     EXACT_MISFIT,
     FOLD_DETERMINANT,
     FOLD_FACTOR,
+    MAX_FOLD_WIDTH,
+    MAX_PAIR_SQUARE,
     MAX_POLISH_ERROR,
     MIN_WIDTH,
     MISFIT_FACTOR,
@@ -126,7 +128,7 @@ def branches_of_spherical_wrist(k: Arm, pose: Pose, task: Task, work: Work) -> N
 def branches_at_double_roots(k: Arm, pose: Pose, task: Task, work: Work) -> None:
     """The branches where F has multiple roots that are known beforehand, or nearly; their q6 become known roots."""
     starts, roots = work.starts, work.roots
-    roots.known_count[0], starts.filled[0] = 0, 0
+    roots.known_count[0], roots.known_count[1], starts.filled[0] = 0, 0, 0
     if k.misfit > EXACT_MISFIT:
         return
     starts_along_axis_1(k, pose, starts)
@@ -138,22 +140,34 @@ def branches_at_double_roots(k: Arm, pose: Pose, task: Task, work: Work) -> None
 
 
 def note_known(work: Work) -> None:
-    """Make the branches found so far known roots of F; a branch that stands for both of a fold is a double root."""
-    branches, fold = work.branches, work.branches.fold
-    work.roots.known_count[0] = 0
+    """Make the q6 of all branches and folds that were found known roots of F.
+
+    A branch that stands for both of a fold is a double root, and a fold without branches a pair of complex ones.
+    """
+    roots, branches, fold = work.roots, work.branches, work.branches.fold
+    roots.known_count[0], roots.known_count[1] = 0, 0
     for i in range(branches.filled[0]):
-        add_known(work.roots, branches.rows[i, 5])
+        add_known(roots, branches.rows[i, 5])
     for n in range(fold.filled[0]):
-        merged, seen = -1, 0
-        for i in range(branches.filled[0]):
-            if same_configuration(fold.known[n], branches.rows[i], SAME_FOLD):
-                merged = i
-                seen += 1
-        for i in range(n):
-            if same_configuration(fold.known[n], fold.known[i], SAME_FOLD):
-                seen = 0
-        if seen == 1:
-            add_known(work.roots, 2.0 * fold.known[n, 5] - branches.rows[merged, 5])
+        if branches_of_fold(branches, n) == 1:
+            for i in range(branches.filled[0]):
+                if same_configuration(fold.known[n], branches.rows[i], SAME_FOLD):
+                    add_known(roots, 2.0 * fold.known[n, 5] - branches.rows[i, 5])
+    roots.known_count[0] -= roots.known_count[0] % 2
+    for n in range(fold.filled[0]):
+        if abs(fold.pairs[n, 1]) < MAX_PAIR_SQUARE and branches_of_fold(branches, n) == 0:
+            add_known_pair(roots, fold.pairs[n, 0], fold.pairs[n, 1])
+
+
+def branches_of_fold(work: BranchWork, n: int) -> int:
+    """How many branches there are at a fold; -1 if it is the same as an earlier one."""
+    fold, count = work.fold, 0
+    for i in range(n):
+        if same_configuration(fold.known[n], fold.known[i], SAME_FOLD):
+            return -1
+    for i in range(work.filled[0]):
+        count += same_configuration(fold.known[n], work.rows[i], MAX_FOLD_WIDTH)
+    return count
 
 
 def branches_at_roots(k: Arm, pose: Pose, task: Task, work: Work, tolerance: float) -> None:
@@ -194,12 +208,13 @@ def branches_at_roots(k: Arm, pose: Pose, task: Task, work: Work, tolerance: flo
 
 def divide_by_known(k: Arm, pose: Pose, roots: RootWork) -> float:
     """Fill roots with the coefficients of F, divided by its known roots if they are exact; returns the noise of F."""
-    count = roots.known_count[0]
-    count -= count % 2
-    noise = math.inf
-    if 0 < count <= 2 * DEGREE:
-        noise = fourier_of_divided_F(k, pose, roots.known, count, roots.cosine, roots.sine)
-    return noise if noise < math.inf else fourier_of_F(k, pose, roots.cosine, roots.sine)
+    singles, pairs = roots.known_count[0], roots.known_count[1]
+    while 0 < singles + 2 * pairs <= 2 * DEGREE:
+        noise = fourier_of_divided_F(k, pose, roots.known, singles, pairs, roots.cosine, roots.sine)
+        if noise < math.inf:
+            return noise
+        singles, pairs = (singles, 0) if pairs > 0 else (0, 0)
+    return fourier_of_F(k, pose, roots.cosine, roots.sine)
 
 
 def branch_at_root(k: Arm, pose: Pose, task: Task, work: Work, q6: float) -> None:

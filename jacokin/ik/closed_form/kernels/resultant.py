@@ -103,11 +103,12 @@ def fourier_of_divided_F(
     k: Arm,
     pose: Pose,
     known: NDArray[np.float64],
-    count: int,
+    singles: int,
+    pairs: int,
     cosine: NDArray[np.float64],
     sine: NDArray[np.float64],
 ) -> float:
-    """As `fourier_of_F`, for F divided by sin((q6 - known) / 2) for each of an even number of its roots.
+    """As `fourier_of_F`, for F divided by sin((q6 - root) / 2) for each of an even number of its roots.
 
     That is a polynomial of a lower degree: what its coefficients above that degree are instead of zero tells how well
     the roots were known.
@@ -115,14 +116,17 @@ def fourier_of_divided_F(
     Args:
         k: the arm.
         pose: the target.
-        known: roots of F, as often as they are multiple [rad].
-        count: how many there are.
+        known: (n, 2) roots of F, as often as they are multiple [rad]; then pairs, which may be complex: their mean
+            [rad] and half their difference squared [rad^2].
+        singles: how many single roots there are, an even number.
+        pairs: how many pairs.
         cosine: filled.
         sine: filled.
 
     Returns:
         A bound on the noise of the values; inf where the roots are not known well enough to divide by them.
     """
+    count = singles + pairs
     shift = away_from(known, count)
     c0, s0 = math.cos(shift), math.sin(shift)
     largest, rest, total = 0.0, 0.0, 0.0
@@ -136,7 +140,8 @@ def fourier_of_divided_F(
         F, size = resultant(k, D, m)
         divisor = 1.0
         for i in range(count):
-            divisor *= math.sin(0.5 * (shift + j * SPACING - known[i]))
+            factor = math.sin(0.5 * (shift + j * SPACING - known[i, 0]))
+            divisor *= factor if i < singles else factor * factor - 0.25 * known[i, 1]
         F /= divisor
         largest = max(largest, size / abs(divisor))
         for n in range(DEGREE + 1):
@@ -145,7 +150,7 @@ def fourier_of_divided_F(
     for n in range(DEGREE + 1):
         size = abs(cosine[n]) + abs(sine[n])
         total += size
-        if n > DEGREE - count // 2:
+        if n > DEGREE - singles // 2 - pairs:
             rest += size
             cosine[n], sine[n] = 0.0, 0.0
         c, s = math.cos(n * shift), math.sin(n * shift)
@@ -159,12 +164,12 @@ def away_from(known: NDArray[np.float64], count: int) -> float:
     for i in range(count):
         gap = SPACING
         for j in range(count):
-            ahead = known[j] - known[i]
+            ahead = known[j, 0] - known[i, 0]
             ahead -= SPACING * math.floor(ahead / SPACING)
             if ahead > SAME_PLACE:
                 gap = min(gap, ahead)
         if gap > largest:
-            largest, shift = gap, known[i] + 0.5 * gap
+            largest, shift = gap, known[i, 0] + 0.5 * gap
     return shift
 
 

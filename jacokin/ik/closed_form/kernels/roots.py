@@ -49,8 +49,8 @@ class RootWork(NamedTuple):
     ]  # (256, 3) root [rad], half-width of its interval or 0 where it is single, 1 if F touches 0
     stack: NDArray[np.float64]  # (64, 17)
     place: NDArray[np.float64]  # (64, 2)
-    known: NDArray[np.float64]  # (48,) roots that the coefficients were divided by, or will be [rad]
-    known_count: NDArray[np.int64]  # (1,)
+    known: NDArray[np.float64]  # (48, 2) what F is divided by, see `resultant.fourier_of_divided_F`
+    known_count: NDArray[np.int64]  # (2,) single roots, and pairs after them
 
 
 def make_roots() -> RootWork:
@@ -61,8 +61,8 @@ def make_roots() -> RootWork:
         np.empty((MAX_ROOTS, 3)),
         np.empty((STACK, SIZE)),
         np.empty((STACK, 2)),
-        np.empty(MAX_KNOWN),
-        np.zeros(1, np.int64),
+        np.empty((MAX_KNOWN, 2)),
+        np.zeros(2, np.int64),
     )
 
 
@@ -238,11 +238,19 @@ def place_of(q: float) -> tuple[int, float]:
 
 
 def add_known(work: RootWork, q: float) -> None:
-    """Add a root of F that is known, once for each time that it is a root."""
+    """Add a single root of F that is known; a double root counts as two."""
     count = work.known_count[0]
     if count < MAX_KNOWN:
-        work.known[count] = q
+        work.known[count, 0] = q
         work.known_count[0] = count + 1
+
+
+def add_known_pair(work: RootWork, mean: float, half_square: float) -> None:
+    """Add two roots of F by their mean and the square of half their difference; no single root may follow."""
+    i = work.known_count[0] + work.known_count[1]
+    if i < MAX_KNOWN:
+        work.known[i, 0], work.known[i, 1] = mean, half_square
+        work.known_count[1] += 1
 
 
 def find_roots(noise: float, tolerance: float, work: RootWork) -> int:

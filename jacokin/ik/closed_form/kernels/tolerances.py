@@ -107,6 +107,9 @@ SMALLEST_FOLD_SAMPLE = 1e-5
 MAX_FOLD_DISTANCE = 2e-2
 #: [rad]; Newton's method separates branches farther than this from the fold between them.
 MAX_FOLD_WIDTH = 1e-3
+#: [rad^2]; F is divided by pairs of complex roots that are nearer to each other than twice its root: cubic terms move
+#: others too much.
+MAX_PAIR_SQUARE = 1e-4
 #: [rad]; candidates this close to a fold lead to it again.
 SAME_FOLD = 2e-5
 
