@@ -112,7 +112,9 @@ def plan_path(
     planned = Planned(solver, manifold, times, settings, "home" if seed is None and start is None else "the seed")
     if found is None:
         failed = reasons.of_first(search.rungs[0], solver, manifold, start is not None)
-        stay = solver.solve(path.target(0.0), seed=near).q if start is None else near
+        stay = near if start is not None else solver.solve(path.target(0.0), seed=near).q
+        if solver.verifier.rejects_contact and solver.verifier.touching(stay):
+            stay = near
         return planned.nowhere(stay, near, failed, note)
     reason = "" if found.reached == path.lines else reasons.of_end(search, found.reached, found.blocked, solver)
     return planned.result(found.curve, found.reached, near, reason, note)

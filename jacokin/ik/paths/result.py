@@ -110,7 +110,7 @@ class PathResult(Stored):
         """Time spent off the path [s]."""
         if len(self.t) < 2:
             return 0.0
-        return float(sum(status != "OK" for status in self.status) * (self.t[1] - self.t[0]))
+        return float(sum(status != "OK" for status in self.status[1:]) * (self.t[1] - self.t[0]))
 
     def __len__(self) -> int:
         """Number of rows."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from pathlib import Path
 
 import pinocchio as pin
@@ -65,10 +65,35 @@ def _content(file: Path) -> object:
         raise InvalidInputError(f"cannot read {file}: {error.strerror or error}") from error
     except UnicodeDecodeError as error:
         raise InvalidInputError(f"{file}: not a text file: {error}") from error
+
+    class Loader(yaml.SafeLoader):
+        """YAML's own takes the last of two equal keys."""
+
+        def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, object]:
+            _once([(key.value, value) for key, value in node.value if key.tag == "tag:yaml.org,2002:str"])
+            return super().construct_mapping(node, deep)
+
     try:
-        return json.loads(text) if ending == ".json" else yaml.safe_load(text)
+        if ending == ".json":
+            return json.loads(text, object_pairs_hook=_once)
+        return yaml.load(text, Loader)
+    except InvalidInputError as error:
+        raise InvalidInputError(f"{file}: {error}") from error
     except (ValueError, yaml.YAMLError, RecursionError) as error:
         raise InvalidInputError(f"{file}: not a {ending[1:].upper()} file: {error}") from error
+
+
+def _once(pairs: Sequence[tuple[str, object]]) -> dict[str, object]:
+    """A mapping without a key that is given twice.
+
+    Raises:
+        InvalidInputError: there is one.
+    """
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        keys = [key for key, _ in pairs]
+        raise InvalidInputError(f"the key {next(key for key in keys if keys.count(key) > 1)!r} is given twice")
+    return found
 
 
 def _obstacle(where: str, entry: object, index: int) -> Obstacle:

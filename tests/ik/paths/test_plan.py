@@ -234,6 +234,17 @@ def test_thin_obstacles_between_waypoints_are_seen(robot: Robot) -> None:
     assert np.min(robot.clearance(result.q[reached], wall)) > 0.0
 
 
+def test_a_path_that_begins_in_an_obstacle_leaves_the_arm_where_it_is(robot: Robot) -> None:
+    corners = [at(0.4, -0.4, 0.3), at(0.4, -0.3, 0.3)]
+    scene = Scene([Sphere("ball", 0.1, corners[0].translation)])
+    result = plan_path(IKSolver(robot, scene=scene, collision="reject"), corners, dt=0.05)
+    assert not result.success
+    assert "no configuration at the first pose: contact of" in result.message
+    np.testing.assert_array_equal(result.q, np.tile(robot.home, (len(result), 1)))
+    assert result.clearance.min() > 0.0
+    assert result.time_limited == pytest.approx(result.t[-1])
+
+
 def test_how_far_the_best_way_comes(robot: Robot) -> None:
     corners = [at(0.4, -0.4, 0.3), at(0.4, 1.4, 0.3)]
     result = plan_path(IKSolver(robot), corners, dt=0.05, speed=0.2, timing="slow")

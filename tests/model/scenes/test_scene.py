@@ -120,6 +120,8 @@ def test_a_file_means_what_it_says(tmp_path: Path, robot: Robot, rng: np.random.
         np.testing.assert_array_equal(robot.clearance(rows, read), robot.clearance(rows, here))
     (tmp_path / "list.yaml").write_text("- {shape: floor, name: ground}\n")
     assert Scene.load(tmp_path / "list.yaml").names == ("ground",)
+    (tmp_path / "merged.yaml").write_text("- &first {shape: floor, name: ground}\n- {<<: *first, name: ceiling}\n")
+    assert Scene.load(tmp_path / "merged.yaml").names == ("ground", "ceiling")
 
 
 @pytest.mark.parametrize(
@@ -142,6 +144,8 @@ def test_a_file_means_what_it_says(tmp_path: Path, robot: Robot, rng: np.random.
         ("- {shape: floor", InvalidInputError, r"not a YAML file"),
         ("- {shape: floor}\n- {shape: floor, name: floor_0}", InvalidInputError, r"'floor_0' is used by two"),
         ("- !!python/object/apply:os.getcwd []", InvalidInputError, r"not a YAML file"),
+        ("- {shape: floor, height: 0, height: 1}", InvalidInputError, r"scene.yaml: the key 'height' is given twice"),
+        ("obstacles: []\nobstacles: []", InvalidInputError, r"the key 'obstacles' is given twice"),
     ],
 )
 def test_wrong_files_are_refused_by_name(tmp_path: Path, text: str, error: type[Exception], words: str) -> None:
@@ -156,6 +160,9 @@ def test_files_that_are_not_scenes(tmp_path: Path) -> None:
         Scene.load(tmp_path / "none.yaml")
     with pytest.raises(InvalidInputError, match=r"must end in .yaml or .yml or .json"):
         Scene.load(tmp_path / "scene.txt")
+    (tmp_path / "twice.json").write_text('[{"shape": "floor", "height": 0, "height": 1}]')
+    with pytest.raises(InvalidInputError, match=r"twice.json: the key 'height' is given twice"):
+        Scene.load(tmp_path / "twice.json")
     (tmp_path / "broken.json").write_text("{")
     with pytest.raises(InvalidInputError, match="not a JSON file"):
         Scene.load(tmp_path / "broken.json")
