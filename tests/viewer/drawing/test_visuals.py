@@ -74,6 +74,7 @@ def nearest(points: Array, others: Array) -> float:
     return float(np.linalg.norm(points[:, None] - others, axis=2).min(axis=1).max())
 
 
+@pytest.mark.filterwarnings("ignore:Conversion of an array:DeprecationWarning")  # yourdfpy 0.0.58's own
 def test_meshes_of_a_urdf_are_where_yourdfpy_has_them(meshed: Path, rng: np.random.Generator) -> None:
     robot = jacokin.load_robot(meshed, finger_angle=0.4)
     parts = visuals_of(robot)
