@@ -100,6 +100,7 @@ def serve(
     if not isinstance(robot, Robot):
         robot = load_robot() if robot is None else load_robot(robot)
     obstacles = None if scene is None else checked_scene("scene", scene)
+    visuals = checks.flag("visuals", visuals)
     looking = not (isinstance(collision, str) and collision == "ignore")
     solver = IKSolver(
         robot, frame, tool=tool, collision=collision, scene=obstacles if looking else None, clearance=clearance
@@ -120,7 +121,7 @@ def serve(
         setup=Setup(solver.frame, solver.tool, collision, obstacles, obstacles=True, clearance=clearance),
         axis=axis,
         span=span,
-        visuals=None if drawn is None else checks.flag("visuals", visuals),
+        visuals=None if drawn is None else visuals,
         note="; ".join(notes),
         slices=_slices(robot, reachability),
         playback=playback,

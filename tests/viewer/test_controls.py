@@ -19,7 +19,7 @@ from jacokin import Robot, Status
 from jacokin.ik import Box, Floor, Scene, track_path
 from jacokin.viewer import Viewer, serve
 from tests.viewer.page import Page, opened, until
-from tests.viewer.test_viewer import NEAR, at
+from tests.viewer.test_viewer import NEAR, comes_to
 
 
 @pytest.fixture
@@ -109,8 +109,7 @@ def test_what_is_not_a_setup_is_ignored_and_the_control_goes_back(
         with contextlib.suppress(ConnectionClosed):
             page.set(solving._collision, "report")
     with opened(viewer) as other:
-        other.move_gizmo(NEAR)
-        assert at(viewer, NEAR)
+        assert comes_to(viewer, other, NEAR)
     assert until(lambda: getattr(solving, control).value == before)
     assert viewer._inspector.solver.frame == solver.frame
     assert viewer._inspector.solver.tool is None
@@ -196,8 +195,7 @@ def test_a_slice_of_the_map_is_drawn_at_its_height(viewer: Viewer, page: Page) -
         page.set(slicing._height, wrong)
     page.set(slicing._show, False)
     with opened(viewer) as other:
-        other.move_gizmo(NEAR)
-        assert at(viewer, NEAR)
+        assert comes_to(viewer, other, NEAR)
 
 
 def test_each_shape_that_touches_is_drawn_over_the_arm(robot: Robot) -> None:
@@ -249,13 +247,7 @@ def test_no_page_makes_the_viewer_open_files(
         with contextlib.suppress(ConnectionClosed):
             page.send("CommandTriggerMessage", uuid=command._impl.uuid)
     with opened(viewer) as other:
-
-        def settled() -> bool:
-            other.move_gizmo(NEAR)  # again and again: messages of different pages are answered as they come
-            time.sleep(0.05)
-            return np.allclose(viewer.view.target.translation, NEAR) and viewer.view.status is Status.OK
-
-        assert until(settled)
+        assert comes_to(viewer, other, NEAR)
     opened_files = list(audited)
     known = (str(Path(viser.__file__).parent), str(Path(robot.source.path).parent))
     foreign = [(path, mode) for path, mode in opened_files if not path.startswith(known) or set(mode) & set("wax+")]

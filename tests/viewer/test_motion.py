@@ -65,6 +65,12 @@ def test_what_is_not_a_trajectory_is_refused(robot: Robot, t: list[float]) -> No
         Playback(recorded(robot, t, rows), robot)
 
 
+@pytest.mark.parametrize("what", [5, [1.0], np.zeros((3, 6)), SimpleNamespace(joint_names=5, t=[0.0], q=[])])
+def test_what_has_no_rows_and_times_is_refused(robot: Robot, what: Trajectory) -> None:
+    with pytest.raises(InvalidInputError, match="trajectory must be a PathResult, a JointMotion or a file"):
+        Playback(what, robot)
+
+
 def test_a_trajectory_of_another_robot_is_refused(robot: Robot) -> None:
     other: Trajectory = SimpleNamespace(joint_names=("a", "b"), t=np.zeros(1), q=np.zeros((1, 2)))
     with pytest.raises(InvalidInputError, match="trajectory has the joints a, b"):

@@ -10,6 +10,7 @@ import tracemalloc
 from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ from websockets.exceptions import ConnectionClosed
 import jacokin
 from jacokin import Robot, Status
 from jacokin.arrays import Array
-from jacokin.errors import InvalidInputError, MissingExtraError
+from jacokin.errors import InvalidInputError, JacokinError, MissingExtraError
 from jacokin.ik import Box, Floor, Scene
 from jacokin.viewer import Viewer, serve
 from tests.viewer.page import Page, opened, until
@@ -53,6 +54,17 @@ def page(viewer: Viewer) -> Iterator[Page]:
 def at(viewer: Viewer, position: tuple[float, float, float]) -> bool:
     """Whether the viewer comes to show a target, with nothing left to do."""
     return until(lambda: np.allclose(viewer.view.target.translation, position) and not viewer.view.pending)
+
+
+def comes_to(viewer: Viewer, page: Page, position: tuple[float, float, float]) -> bool:
+    """As `at`, for a gizmo moved again and again: messages of different pages are answered as they come."""
+
+    def there() -> bool:
+        page.move_gizmo(position)
+        time.sleep(0.05)
+        return np.allclose(viewer.view.target.translation, position) and not viewer.view.pending
+
+    return until(there)
 
 
 def ghosts(viewer: Viewer) -> int:
@@ -152,8 +164,7 @@ def test_what_is_not_a_pose_changes_nothing_and_the_next_one_works(
         page.set(viewer._panel._branch, 10**6)
         page.move_gizmo(position, wxyz)
     with opened(viewer) as other:
-        other.move_gizmo(NEAR)
-        assert at(viewer, NEAR)
+        assert comes_to(viewer, other, NEAR)
         assert viewer.view.status is Status.OK
 
 
@@ -343,6 +354,24 @@ def test_without_viser_the_extra_is_named(robot: Robot, monkeypatch: pytest.Monk
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     with pytest.raises(MissingExtraError, match=r"pip install 'jacokin\[viewer\]'"):
         serve(robot)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"visuals": "yes"}, "visuals"),
+        ({"free_axis": ["z"]}, "free_axis"),
+        ({"free_axis": "z", "free_range": "ab"}, "range"),
+        ({"reachability": 5}, "folder"),
+        ({"trajectory": 5}, "trajectory"),
+        ({"tool": [1.0, 2.0]}, "tool"),
+        ({"scene": [1]}, "scene"),
+        ({"clearance": 0.1}, "clearance has no effect"),
+    ],
+)
+def test_a_wrong_option_is_named(robot: Robot, options: dict[str, Any], message: str) -> None:  # Any: as users may
+    with pytest.raises(JacokinError, match=message):
+        serve(robot, port=0, **options)
 
 
 def test_every_bundled_robot_is_served() -> None:

@@ -26,15 +26,17 @@ class Playback:
         Raises:
             InvalidInputError: other joints, less than one row, or times that do not increase.
         """
-        if not all(hasattr(trajectory, name) for name in ("joint_names", "t", "q")):
+        try:
+            names, t = tuple(trajectory.joint_names), np.array(trajectory.t, dtype=np.float64)
+            q = trajectory.q
+        except (AttributeError, TypeError, ValueError) as error:
             raise InvalidInputError(
                 f"trajectory must be a PathResult, a JointMotion or a file, got {checks.shown(trajectory)}"
-            )
-        names, t = tuple(trajectory.joint_names), np.array(trajectory.t, dtype=np.float64)
+            ) from error
         if names != robot.joint_names:
             raise InvalidInputError(f"trajectory has the joints {', '.join(names)}; {robot.name} has others")
-        q = checks.matrix("trajectory", trajectory.q, robot.dof, "rad")
-        if not len(t) or len(q) != len(t) or not np.isfinite(t).all() or (np.diff(t) <= 0.0).any():
+        q = checks.matrix("trajectory", q, robot.dof, "rad")
+        if t.ndim != 1 or not len(t) or len(q) != len(t) or not np.isfinite(t).all() or (np.diff(t) <= 0.0).any():
             raise InvalidInputError("trajectory must have rows at finite times that increase")
         self.t, self.q = t - t[0], q
         self.time = 0.0
