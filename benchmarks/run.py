@@ -1,10 +1,10 @@
 """The benchmark: everything docs/performance.md shows, in one command. Read this file first.
 
-    python -m benchmarks.run                          all of it, about ten minutes; writes docs/performance.md
+    python -m benchmarks.run                          all of it, about twenty minutes; writes docs/performance.md
     python -m benchmarks.run --only peers --targets poses.csv --peers solve_all ssik rtb
 
 The peers are installed into .venv-bench on the first run. One that cannot be installed or run is in the table with the
-reason. What other modules of this folder measure (`bridge`, `tracker`, `latency`) is run from here too.
+reason. Modules of this folder that print their figures, such as `bridge` or `viewer`, are run from here too.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import argparse
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -34,13 +35,28 @@ from benchmarks import (
 from jacokin import Robot
 from jacokin.errors import JacokinError
 
-# Modules that print their figures when run, and the title of their part of the page.
+
+@dataclass(frozen=True, slots=True)
+class Printing:
+    """A module that prints its figures when run."""
+
+    title: str
+    """Of its part of the page."""
+    arguments: tuple[str, ...] = ()
+    quick: tuple[str, ...] = ()
+    """Arguments in their place for a quick run."""
+    picture: str = ""
+    """File in docs/images that it draws when given `--picture`."""
+
+
 PRINTING = {
-    "bridge": "The MuJoCo bridge beside dm_control",
-    "tracker": "One tick of the tracker",
-    "latency": "Single calls, the slowest included",
-    "planning": "Planned paths",
-    "tasks": "Environments beside bare MuJoCo",
+    "bridge": Printing("The MuJoCo bridge beside dm_control"),
+    "tracker": Printing("One tick of the tracker"),
+    "latency": Printing("Single calls, the slowest included", picture="latency.png"),
+    "closest": Printing("The closest configuration", ("--count", "30"), ("--count", "3")),
+    "planning": Printing("Planned paths"),
+    "tasks": Printing("Environments beside bare MuJoCo", quick=("reach_site_features",)),
+    "viewer": Printing("A move in the viewer", quick=("--moves", "50")),
 }
 SECTIONS = ("peers", "costs", "files", "reachability", "completeness", "families", "qp", *PRINTING)
 PRINTING_TIMEOUT = 600.0  # [s]
@@ -54,9 +70,21 @@ and added to their tolerance. All start from home, ssik without a start. Times a
 {comparison.ORIENTATION_TOLERANCE:g} rad. *In limits*: share of answers inside every limit, at tolerance 0. *Position*,
 *orientation*: the worst error of all answers. *Branches*: mean number of answers inside the limits. *Found*: the
 configuration the pose was made from is among them. *p99 CPU* counts processor time, all threads added up, and so
-leaves out other work on the machine."""
+leaves out other work on the machine. *Ratio*: the median in those of the first solver."""
 
-HEADER = ("solver", "solved", "in limits", "position", "orientation", "branches", "found", "median", "p99", "p99 CPU")
+HEADER = (
+    "solver",
+    "solved",
+    "in limits",
+    "position",
+    "orientation",
+    "branches",
+    "found",
+    "median",
+    "p99",
+    "p99 CPU",
+    "ratio",
+)
 
 
 def peers_section(robot: Robot, sets: Sequence[targets.Targets], names: Sequence[str], rounds: int) -> report.Section:
@@ -67,11 +95,14 @@ def peers_section(robot: Robot, sets: Sequence[targets.Targets], names: Sequence
     parts = [PEERS_INTRODUCTION]
     for wanted in sets:
         rows = []
+        first = 0.0  # median of the first solver [s]
         for contestant in contestants:
             if contestant.failure:
                 rows.append((contestant.peer.title, "not measured", *("-" for _ in HEADER[2:])))
                 continue
-            rows.append(_score_row(contestant.peer, comparison.score(contestant, wanted, rounds, referee)))
+            score = comparison.score(contestant, wanted, rounds, referee)
+            first = first or score.median
+            rows.append((*_score_row(contestant.peer, score), f"{score.median / first:.1f}"))
         parts += [f"{len(wanted.poses):,} poses, {wanted.name}:", report.table(HEADER, rows)]
     parts.append(report.table(("solver", "versions", "description off by"), [_version_row(c) for c in contestants]))
     parts += [f"{c.peer.title} was not measured: {c.failure}" for c in contestants if c.failure]
@@ -100,22 +131,31 @@ def _version_row(contestant: comparison.Contestant) -> tuple[str, str, str]:
     return contestant.peer.title, contestant.version or "-", off
 
 
-def printed_section(name: str) -> report.Section:
-    """What `python -m benchmarks.NAME` prints, as it is."""
-    title = PRINTING[name]
+def printed_section(name: str, *, quick: bool = False, pictures: bool = False) -> report.Section:
+    """What `python -m benchmarks.NAME` prints, as it is; with pictures, what it draws is written to docs/images."""
+    printing = PRINTING[name]
     if not (Path(__file__).parent / f"{name}.py").is_file():
-        return report.Section(title, "Not measured: this part is not there.", failed=True)
-    command = [sys.executable, "-m", f"benchmarks.{name}"]
+        return report.Section(printing.title, "Not measured: this part is not there.", failed=True)
+    command = [sys.executable, "-m", f"benchmarks.{name}", *(printing.quick if quick else printing.arguments)]
+    drawn = pictures and printing.picture != ""
+    if drawn:
+        command += ["--picture", str(report.PAGE.parent / "images" / printing.picture)]
     try:
         done = subprocess.run(
             command, capture_output=True, text=True, timeout=PRINTING_TIMEOUT, cwd=environments.ROOT, check=False
         )
     except subprocess.TimeoutExpired:
-        return report.Section(title, f"Not measured: no result within {PRINTING_TIMEOUT:.0f} s.", failed=True)
-    if done.returncode:
+        return report.Section(printing.title, f"Not measured: no result within {PRINTING_TIMEOUT:.0f} s.", failed=True)
+    if done.returncode and not done.stdout.strip():
         reason = (done.stderr.strip().splitlines() or ["no message"])[-1]
-        return report.Section(title, f"Not measured: {reason}", failed=True)
-    return report.Section(title, f"```text\n{done.stdout.rstrip()}\n```")
+        return report.Section(printing.title, f"Not measured: {reason}", failed=True)
+    body = f"```text\n{done.stdout.rstrip()}\n```"
+    if done.returncode:
+        reason = (done.stderr.strip().splitlines() or ["a bound was missed"])[-1]
+        body += f"\n\nIt ended with code {done.returncode}: {reason}"
+    if drawn:
+        body += f"\n\n![Histograms of the durations](images/{printing.picture})"
+    return report.Section(printing.title, body, failed=done.returncode != 0)
 
 
 def measured(title: str, measure: Callable[[], report.Section]) -> report.Section:
@@ -168,11 +208,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
             robot, [targets.random_configurations(robot, rng, 300 // share)], qp_success.QP_SOLVERS
         ),
     }
-    measure |= {name: partial(printed_section, name) for name in PRINTING}
+    everything = options.only == list(SECTIONS) and options.peers == names and not (options.targets or options.quick)
+    measure |= {name: partial(printed_section, name, quick=options.quick, pictures=everything) for name in PRINTING}
     sections = [measured(name, measure[name]) for name in SECTIONS if name in options.only]
     text = report.page(lines, sections)
     print("\n" + text)
-    everything = options.only == list(SECTIONS) and options.peers == names and not (options.targets or options.quick)
     output = options.output or (report.PAGE if everything else None)
     if output is not None:
         output.write_text(text, encoding="utf-8")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -285,6 +286,35 @@ def test_part_that_fails_says_why() -> None:
     section = run.measured("Pictures", explode)
     assert section.failed
     assert section.body == "Not measured: RuntimeError: no display"
+
+
+@pytest.mark.parametrize(("printed", "kept"), [("slow: 3 ms", "slow: 3 ms"), ("", "Not measured: out of bounds")])
+def test_part_that_ends_with_an_error_keeps_what_it_printed(
+    printed: str, kept: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def end(command: list[str], **options: object) -> subprocess.CompletedProcess[str]:
+        return subprocess.CompletedProcess(command, 1, printed, "Traceback\nout of bounds\n")
+
+    monkeypatch.setattr(subprocess, "run", end)
+    section = run.printed_section("viewer")
+    assert section.failed
+    assert kept in section.body
+    assert "out of bounds" in section.body
+
+
+def test_parts_that_print_are_run_with_their_arguments(monkeypatch: pytest.MonkeyPatch) -> None:
+    commands: list[list[str]] = []
+
+    def note(command: list[str], **options: object) -> subprocess.CompletedProcess[str]:
+        commands.append(command[2:])
+        return subprocess.CompletedProcess(command, 0, "figures", "")
+
+    monkeypatch.setattr(subprocess, "run", note)
+    run.printed_section("viewer", quick=True)
+    section = run.printed_section("latency", pictures=True)
+    assert commands[0] == ["benchmarks.viewer", "--moves", "50"]
+    assert commands[1][:2] == ["benchmarks.latency", "--picture"]
+    assert "](images/latency.png)" in section.body
 
 
 def test_targets_without_orientations_are_refused_in_a_sentence(
