@@ -200,7 +200,7 @@ class ReachabilityMap:
         return target.at(result.parameter)
 
     def plot(self, path: str | Path) -> None:
-        """Draw the map: slices and a view in space as .png, .svg or .pdf, or an .html page that turns it.
+        """Draw the map: slices and a view in space (.png, .svg, .pdf), that view turning (.apng, .gif), or an .html page.
 
         Raises:
             MissingExtraError: matplotlib is not installed.

@@ -1,7 +1,8 @@
-"""Maps as pictures: two slices and a view in space; a page that turns it is in `page`."""
+"""Maps as pictures: two slices and a view in space, or that view turning; a page that turns it is in `page`."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -16,8 +17,12 @@ from jacokin.reachability.sampling.orientations import Orientations
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from PIL.Image import Image
 
-ENDINGS = (".png", ".svg", ".pdf", ".html")
+ENDINGS = (".png", ".svg", ".pdf", ".apng", ".gif", ".html")
+TURNING = {".apng": "PNG", ".gif": "GIF"}
+VIEWS = 36  # of a full turn
+VIEW_TIME = 100  # [ms] that each is shown
 COLOURS = "viridis"
 POINTS = 12_000  # cells in a view of space, at most
 
@@ -55,9 +60,20 @@ def draw(map: DrawnMap, path: str | Path) -> None:  # noqa: A002 - as everywhere
         with files.replacing(out) as written:
             written.write_text(page(title, points, values, map.grid.spacing), encoding="utf-8")
         return
-    figure = figure_of(map)
+    figure = figure_of(map) if out.suffix not in TURNING else None
+    views = [] if figure is not None else list(turning_views(map))
     with files.replacing(out) as written:
-        figure.savefig(written, format=out.suffix[1:], dpi=120)
+        if figure is not None:
+            figure.savefig(written, format=out.suffix[1:], dpi=120)
+        else:
+            views[0].save(
+                written,
+                format=TURNING[out.suffix],
+                save_all=True,
+                append_images=views[1:],
+                duration=VIEW_TIME,
+                loop=0,
+            )
 
 
 def figure_of(map: DrawnMap) -> Figure:  # noqa: A002 - as everywhere in this package
@@ -87,15 +103,41 @@ def figure_of(map: DrawnMap) -> Figure:  # noqa: A002 - as everywhere in this pa
         image = axes.imshow(shown, origin="lower", extent=extent, cmap=COLOURS, vmin=0.0, vmax=1.0)
         axes.set(xlabel=f"{'xyz'[across[0]]} [m]", ylabel=f"{'xyz'[across[1]]} [m]", title=title)
     figure.colorbar(image, ax=axes, label="fraction of orientations reached")
-    space = figure.add_subplot(1, 3, 3, projection="3d")
+    _draw_space(map, figure.add_subplot(1, 3, 3, projection="3d"))
+    return figure
+
+
+def turning_views(map: DrawnMap) -> Iterator[Image]:  # noqa: A002 - as everywhere in this package
+    """The cells in space, seen from all around.
+
+    Raises:
+        MissingExtraError: matplotlib is not installed.
+    """
+    try:
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+        from PIL.Image import fromarray
+    except ImportError as error:
+        raise MissingExtraError("matplotlib", "plot") from error
+    figure = Figure(figsize=(5.0, 4.6))
+    canvas: Any = FigureCanvasAgg(figure)  # Any: its methods have no types
+    space = figure.add_subplot(projection="3d")
+    _draw_space(map, space)
+    for view in range(VIEWS):
+        space.view_init(elev=20.0, azim=-60.0 + 360.0 * view / VIEWS)
+        canvas.draw()
+        yield fromarray(np.asarray(canvas.buffer_rgba())[..., :3].copy())
+
+
+def _draw_space(map: DrawnMap, space: Any) -> None:  # noqa: A002 - as everywhere in this package; Any: Axes3D, without types
+    """The cells with y >= 0 in space: the other half is left out, so that the inside is seen."""
     points, values = shown_cells(map)
-    behind = points[:, 1] >= 0.0  # the half in front is left out, so that the inside is seen
+    behind = points[:, 1] >= 0.0
     space.scatter(*points[behind].T, c=values[behind], cmap=COLOURS, vmin=0.0, vmax=1.0, s=3.0, linewidths=0.0)
     space.set(xlabel="x [m]", ylabel="y [m]", title=f"{map.recipe['robot']['name']}, y >= 0")
     space.locator_params(nbins=4)
-    space.set_box_aspect([high - low for low, high in sides])
+    space.set_box_aspect([float(count) for count in map.grid.shape])
     space.view_init(elev=20.0, azim=-60.0)
-    return figure
 
 
 def shown_cells(map: DrawnMap) -> tuple[Array, Array]:  # noqa: A002 - as everywhere in this package

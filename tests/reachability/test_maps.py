@@ -211,6 +211,23 @@ def test_pictures_and_pages_are_drawn(reach: ReachabilityMap, tmp_path: Path) ->
     assert (tmp_path / "map.png").read_bytes().startswith(b"\x89PNG")
 
 
+def test_turning_pictures_show_all_sides(
+    reach: ReachabilityMap, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("matplotlib")
+    image = pytest.importorskip("PIL.Image")
+    monkeypatch.setattr("jacokin.reachability.pictures.VIEWS", 4)
+    for name in ("map.apng", "map.gif"):
+        reach.plot(tmp_path / name)
+        with image.open(tmp_path / name) as picture:
+            assert picture.n_frames == 4
+            views = []
+            for frame in range(4):
+                picture.seek(frame)
+                views.append(np.asarray(picture.convert("RGB"), dtype=float))
+        assert min(np.abs(views[i] - views[j]).mean() for i in range(4) for j in range(i)) > 1.0
+
+
 def test_even_rotations_are_even() -> None:
     """No rotation is far from the set, and none of it are close together."""
     rng = np.random.default_rng(8)

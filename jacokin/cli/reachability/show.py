@@ -13,7 +13,12 @@ from jacokin.cli.reachability.maps import load
 def show(
     folder: Annotated[str, Argument(metavar="FOLDER|NAME", help="A map, or the bundled one of a robot.")],
     output: Annotated[
-        Path, Option("--output", metavar="FILE", help="A picture (.png, .svg, .pdf), or an .html page that turns it.")
+        Path,
+        Option(
+            "--output",
+            metavar="FILE",
+            help="A picture (.png, .svg, .pdf), one that turns (.apng, .gif), or an .html page to turn it.",
+        ),
     ] = Path("map.png"),
 ) -> None:
     """Draw a map: slices and a view in space.
@@ -21,6 +26,7 @@ def show(
     Examples:
       jacokin map show j2n6s300
       jacokin map show out/jaco --output out/jaco.html
+      jacokin map show out/jaco --output out/jaco.apng
     """
     load(folder).plot(output)
     tables.say(f"written to {output}")
