@@ -200,7 +200,7 @@ class ReachabilityMap:
         return target.at(result.parameter)
 
     def plot(self, path: str | Path) -> None:
-        """Draw the map: slices and a view in space (.png, .svg, .pdf), that view turning (.apng, .gif), or an .html page.
+        """Draw the map: slices and a view in space (.png, .svg, .pdf), that view turning (.apng, .gif), or a page (.html).
 
         Raises:
             MissingExtraError: matplotlib is not installed.
