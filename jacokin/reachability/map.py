@@ -200,7 +200,9 @@ class ReachabilityMap:
         return target.at(result.parameter)
 
     def plot(self, path: str | Path) -> None:
-        """Draw the map: slices and a view in space (.png, .svg, .pdf), that view turning (.apng, .gif), or a page (.html).
+        """Draw the map.
+
+        Slices and a view in space as .png, .svg or .pdf, that view turning as .apng or .gif, and a page as .html.
 
         Raises:
             MissingExtraError: matplotlib is not installed.
