@@ -11,6 +11,7 @@ import gymnasium
 import numpy as np
 from gymnasium.envs.mujoco.utils import check_mujoco_reset_state
 from gymnasium.utils.env_checker import check_env, data_equivalence
+from gymnasium.utils.env_match import check_environments_match
 
 import jacokin.tasks
 from jacokin.tasks.ids import IDS
@@ -53,6 +54,8 @@ def check(task: str, options: dict[str, Any]) -> None:
         warnings.filterwarnings("ignore", ".*infinity|.*symmetric and normalized")
         check_env(environment.unwrapped, skip_render_check=True)  # which wants a window
     check_mujoco_reset_state(environment)  # type: ignore[arg-type]  # has `model` and `data` as a MujocoEnv
+    if environment.render_mode is None:  # otherwise many pictures, which `check_copies` compares too
+        check_environments_match(environment, make(task, **options), num_steps=2)
 
 
 def check_copies(task: str, options: dict[str, Any]) -> None:
@@ -62,7 +65,9 @@ def check_copies(task: str, options: dict[str, Any]) -> None:
     environment.action_space.seed(0)
     for _ in range(BEFORE):
         environment.step(environment.action_space.sample())
-    copies = [pickle.loads(pickle.dumps(environment)), copy.deepcopy(environment), copy.copy(environment.unwrapped)]
+    copies = [pickle.loads(pickle.dumps(environment))]
+    if environment.render_mode is None:
+        copies += [copy.deepcopy(environment), copy.copy(environment.unwrapped)]
     actions = [environment.action_space.sample() for _ in range(AFTER)]
     wanted = _results(environment, actions)
     for each in copies:

@@ -15,10 +15,10 @@ sys.path.append(str(Path(__file__).resolve().parents[3]))  # last: the installed
 
 from benchmarks import resets
 
-COUNT = 100
+COUNT = 60
 LIKELY = 1e-3  # p-value, corrected, below which two samples are from different distributions
 FIXED = 1e-4  # [m or rad] between the means of what does not vary
-BITS = 0.6  # between the entropies of branches: four standard deviations of their difference in so few resets
+BITS = 0.8  # between the entropies of branches: four standard deviations of their difference in so few resets
 
 
 @pytest.mark.slow
