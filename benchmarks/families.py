@@ -27,7 +27,8 @@ from jacokin.model.angles import TURN, wrap_to_pi
 
 SCANNED = 20_000
 LONG = 1e-3  # [rad] of an interval that must be found
-END = 1e-8  # [rad] by which ends may be off
+STEP, NEWTON_STEPS = 1e-5, 4  # of the search for ends: of differences [rad], and how many
+FOLD_SCALE = 30.0  # of determinants, to the size of the other equations
 CLOSURE = 1e-9  # [m] and [rad] by which members may be off
 OWN = 1e-6  # [rad] a member this near is the generating configuration
 MEMBERS = 7  # of each interval that are looked at
@@ -46,8 +47,8 @@ class Tally:
     intervals: int = 0
     missed: int = 0
     """Targets where the number of members differs from the scan's on more than LONG."""
-    ends: int = 0
-    """Ends of intervals where the scan's number of members changes more than END away."""
+    ends: float = 0.0
+    """Largest distance of an end from where Newton's method puts it [rad]."""
     bad: int = 0
     """Members outside the limits or farther off than CLOSURE."""
     own: int = 0
@@ -74,19 +75,35 @@ def longest_difference(family: Family, scan: Counter) -> float:
     return max(runs, default=0) * TURN / SCANNED
 
 
-def wrong_ends(family: Family, scan: Counter) -> int:
-    """Ends at which the family's number of members differs from the scan's a little before or after."""
-    ends = [
-        p
-        for interval in family
-        for p, end in zip((interval.start, interval.stop), interval.ends, strict=True)
-        if end.kind in ("limit", "fold")
-    ]
-    parameters = np.array([p + side * END for p in ends for side in (-1.0, 1.0)])
-    if len(parameters) == 0:
-        return 0
-    differs = count_members(family, wrap_to_pi(parameters)) != scan(wrap_to_pi(parameters))
-    return int(differs.reshape(-1, 2).any(axis=1).sum())
+def worst_end(robot: Robot, family: Family, target: FreeAxis | pin.SE3) -> float:
+    """Largest distance [rad] of an end of an interval from where Newton's method, by Pinocchio, puts it."""
+    worst = 0.0
+    for interval in family:
+        for p, end in zip((interval.start, interval.stop), interval.ends, strict=True):
+            if end.kind in ("limit", "fold"):
+                worst = max(worst, end_error(robot, target, interval.at(p), p, end.joint))
+    return worst
+
+
+def end_error(robot: Robot, target: FreeAxis | pin.SE3, q: Array, p: float, joint: str | None) -> float:
+    """Distance [rad] of the parameter from where a joint is on its limit, or for None from the fold."""
+    free = isinstance(target, FreeAxis)
+    index = None if joint is None else robot.joint_index(joint)
+
+    def equations(x: Array) -> Array:
+        T = target.at(x[-1]) if isinstance(target, FreeAxis) else target
+        configuration = x[:-1] if free else x
+        closure = pin.log6(T.actInv(robot.forward_kinematics(configuration))).vector
+        if index is not None:
+            return np.array([*closure, configuration[index] - q[index]])
+        jacobian = robot.jacobian(configuration, reference="local")
+        return np.array([*closure, FOLD_SCALE * np.linalg.det(jacobian if free else np.delete(jacobian, 2, axis=1))])
+
+    x = np.r_[q, p] if free else q.copy()
+    for _ in range(NEWTON_STEPS):
+        slopes = [(equations(x + STEP * way) - equations(x - STEP * way)) / (2.0 * STEP) for way in np.eye(len(x))]
+        x = x - np.linalg.solve(np.array(slopes).T, equations(x))
+    return abs(float(x[-1] - p if free else x[2] - q[2]))
 
 
 def bad_members(robot: Robot, family: Family, target: FreeAxis | pin.SE3) -> int:
@@ -115,7 +132,7 @@ def enter(
     tally.intervals += len(family)
     tally.incomplete += not family.complete
     tally.missed += longest_difference(family, scan) > LONG
-    tally.ends += wrong_ends(family, scan)
+    tally.ends = max(tally.ends, worst_end(solver.robot, family, target))
     tally.bad += bad_members(solver.robot, family, target)
     tally.own += any(
         np.abs(wrap_to_pi(interval.at(parameter) - q)).max() < OWN
@@ -211,17 +228,19 @@ def section(size: int) -> report.Section:
 
 INTRODUCTION = f"""Each target is scanned at {SCANNED:,} values of its parameter by other code: six joints by the closed
 form, pose by pose, seven by textbook subproblems in NumPy. *Missed*: targets whose number of members differs from the
-scan's on more than {LONG:g} rad. *Ends off*: ends of intervals that the scan does not confirm to {END:g} rad. *Bad
-members*: of {MEMBERS} on each interval, those outside the limits, or farther than {CLOSURE:g} m or rad from the target,
-by Pinocchio. *Own*: the configuration that the target was made from is a member. All seeds are home."""
+scan's on more than {LONG:g} rad. *Ends*: largest distance of an end of an interval from where Newton's method, by
+Pinocchio, puts the fold or the joint on its limit. *Bad members*: of {MEMBERS} on each interval, those outside the
+limits, or farther than {CLOSURE:g} m or rad from the target, by Pinocchio. *Own*: the configuration that the target was
+made from is a member. All seeds are home."""
 
-FOUND_HEADER = ("targets", "number", "intervals", "missed", "ends off", "bad members", "own", "incomplete")
+FOUND_HEADER = ("targets", "number", "intervals", "missed", "ends", "bad members", "own", "incomplete")
 TIME_HEADER = ("call", "targets", "answers", "median", "p99")
 
 
 def _found_row(tally: Tally) -> tuple[str, ...]:
-    counts = (tally.number, tally.intervals, tally.missed, tally.ends, tally.bad, tally.own, tally.incomplete)
-    return (tally.name, *(f"{count:,}" for count in counts))
+    first = (f"{count:,}" for count in (tally.number, tally.intervals, tally.missed))
+    last = (f"{count:,}" for count in (tally.bad, tally.own, tally.incomplete))
+    return (tally.name, *first, report.number(tally.ends, "rad"), *last)
 
 
 def _time_row(tally: Tally, call: str) -> tuple[str, ...]:

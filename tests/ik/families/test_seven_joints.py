@@ -10,6 +10,7 @@ import pinocchio as pin
 import pytest
 
 import jacokin
+from benchmarks import families
 from jacokin import FreeAxis, IKSolver, Robot, Status
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, StructureError
@@ -88,6 +89,17 @@ def test_a_joint_on_its_limit_is_an_end(solver: IKSolver, rng: np.random.Generat
         assert isinstance(family, Family)
         ends = np.array([p for interval in family for p in (interval.start, interval.stop)])
         assert np.abs(wrap_to_pi(ends - q[2])).min() < 1e-8
+
+
+def test_folds_of_a_stretched_arm_are_exact(solver: IKSolver, rng: np.random.Generator) -> None:
+    robot, folds = solver.robot, 0
+    for q in robot.sample(rng, 12):
+        q[3] = math.pi + rng.uniform(-0.02, 0.02)
+        target = robot.forward_kinematics(q)
+        family = solver.family(target)
+        folds += sum(end.kind == "fold" for interval in family for end in interval.ends)
+        assert families.worst_end(robot, family, target) < 1e-9
+    assert folds > 20
 
 
 def test_narrow_windows_of_joint_3_are_found(solver: IKSolver) -> None:

@@ -14,6 +14,8 @@ LONGEST_STEP = 0.1
 SHORTEST_STEP = 1e-8
 #: [m] and [rad]; Newton stops at this closure, far above rounding and far below what is promised.
 CURVE_CLOSURE = 1e-12
+#: The same on the way along a curve: where it nearly closes up, the place of a fold is off by a million times as much.
+STEP_CLOSURE = 1e-14
 #: [m] and [rad]; a point that closes worse is not on the curve.
 WORST_CLOSURE = 1e-9
 #: Least cosine between the tangents at both ends of a step.
@@ -49,7 +51,7 @@ def advance(chain: Array, T: Array, walk: Walk, h: float, y: Array, ty: Array, s
     for j in range(7):
         y[j] = x[j] + h * t[j]
         offset += t[j] * x[j]
-    if not bordered_newton(chain, T, y, t, offset, walk.system, 6, CURVE_CLOSURE) <= WORST_CLOSURE:
+    if not bordered_newton(chain, T, y, t, offset, walk.system, 6, STEP_CLOSURE) <= WORST_CLOSURE:
         return False
     correction, cosine = 0.0, 0.0
     for j in range(7):
