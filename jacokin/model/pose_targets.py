@@ -51,7 +51,7 @@ class FreeAxis:
         matrix = poses.matrix_of(pose, "pose")
         matrix.setflags(write=False)
         direction = checks.vector("axis", axis, 3, "")
-        length = float(np.linalg.norm(direction))
+        length = math.hypot(*direction.tolist())  # infinite where it overflows, without a warning
         if not length > 0.0 or not math.isfinite(length):
             raise InvalidInputError(f"axis must have a direction, got {direction.tolist()}")
         low, high = checks.vector("range", range, 2, "rad").tolist()
@@ -192,7 +192,7 @@ def pose(
 def _facing(approach: ArrayLike) -> Array:
     """The rotation (3, 3) of a tool whose z axis points in a direction (3,), its x axis horizontal."""
     z = checks.vector("approach", approach, 3, "")
-    length = float(np.linalg.norm(z))
+    length = math.hypot(*z.tolist())
     if not length > 0.0 or not math.isfinite(length):
         raise InvalidInputError(f"approach must have a direction, got {z.tolist()}")
     z = z / length

@@ -147,3 +147,9 @@ def test_mistakes_are_named(robot: Robot, tmp_path: Path) -> None:
     with pytest.raises(InvalidInputError, match="for six joints"):
         build(jacokin.load_robot("j2s7s300"), folder=tmp_path / "x", orientations=LEVEL)
     assert not (tmp_path / "x").exists()
+
+
+def test_axes_of_any_length_are_directions() -> None:
+    wanted = Orientations.directions(5, [1.0, 1.0, 1.0]).quats_wxyz
+    for length in (1e-300, 1e308):
+        np.testing.assert_allclose(Orientations.directions(5, [length] * 3).quats_wxyz, wanted, atol=1e-15)

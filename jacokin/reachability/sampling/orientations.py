@@ -207,7 +207,8 @@ def _rows(name: str, values: ArrayLike, width: int, count: int) -> Array:
 
 def _unit(axis: ArrayLike) -> Array:
     vector = checks.vector("axis", axis, 3, "")
-    norm = float(np.linalg.norm(vector))
-    if norm == 0.0:
+    largest = float(np.abs(vector).max())  # by which squares neither overflow nor vanish
+    if largest == 0.0:
         raise InvalidInputError("axis must not be zero")
-    return np.asarray(vector / norm)
+    vector = vector / largest
+    return np.asarray(vector / np.linalg.norm(vector))

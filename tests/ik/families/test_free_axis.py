@@ -176,6 +176,7 @@ def test_contact_is_avoided_among_the_members(rng: np.random.Generator) -> None:
     ("axis", "limits", "message"),
     [
         ((0.0, 0.0, 0.0), (-1.0, 1.0), "axis must have a direction"),
+        ((1.5e308, 1.5e308, 1.5e308), (-1.0, 1.0), "axis must have a direction"),
         ((1.0, 0.0), (-1.0, 1.0), "axis must have shape"),
         ((1.0, 0.0, math.nan), (-1.0, 1.0), "axis must be finite"),
         ((1.0, 0.0, 0.0), (1.0, -1.0), "least < largest"),
