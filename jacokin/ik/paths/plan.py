@@ -116,7 +116,9 @@ def plan_path(
         if solver.verifier.rejects_contact and solver.verifier.touching(stay):
             stay = near
         return planned.nowhere(stay, near, failed, note)
-    reason = "" if found.reached == path.lines else reasons.of_end(search, found.reached, found.blocked, solver)
+    reason = ""
+    if found.reached < path.lines:
+        reason = reasons.of_end(search, found.reached, found.curve.q[-1], found.blocked, solver)
     return planned.result(found.curve, found.reached, near, reason, note)
 
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from jacokin.arrays import Array
 from jacokin.ik import diagnosis
 from jacokin.ik.planning.manifold import Manifold
 from jacokin.ik.planning.rungs import Rung
@@ -13,6 +14,8 @@ from jacokin.ik.planning.search import Search
 
 if TYPE_CHECKING:
     from jacokin.ik.solver import IKSolver
+
+TIGHT = 0.05  # [rad] a joint this near to its limit is why a way ends
 
 
 def of_first(rung: Rung, solver: IKSolver, manifold: Manifold, from_start: bool) -> str:
@@ -34,8 +37,8 @@ def of_rung(rung: Rung, solver: IKSolver, manifold: Manifold) -> str:
     return diagnosis.of_branches(rows, solver.robot.joint_names).message
 
 
-def of_end(search: Search, reached: float, blocked: str, solver: IKSolver) -> str:
-    """When the best way ends at a place, which is that of a rung."""
+def of_end(search: Search, reached: float, q: Array, blocked: str, solver: IKSolver) -> str:
+    """When the best way ends at a place, which is that of a rung, in a configuration (dof,)."""
     manifold, robot = search.ladder.manifold, solver.robot
     index = [rung.u for rung in search.rungs].index(reached)
     here, ahead = search.rungs[index], search.rungs[index + 1]
@@ -49,10 +52,8 @@ def of_end(search: Search, reached: float, blocked: str, solver: IKSolver) -> st
     away = away[:, : manifold.dof]
     nearest = away[np.argmin(np.abs(away).max(axis=1))]
     joint = int(np.argmax(np.abs(nearest)))
-    q = here.x[:, : manifold.dof]
     margin = np.minimum(q - robot.lower, robot.upper - q)
-    tight = np.unravel_index(np.argmin(margin), margin.shape)
-    if margin[tight] < 0.05:
-        name = robot.joint_names[int(tight[1])]
-        return f"{where}: {name} runs into its limit, and no branch within the limits follows"
+    tight = int(np.argmin(margin))
+    if margin[tight] < TIGHT:
+        return f"{where}: {robot.joint_names[tight]} runs into its limit, and no branch within the limits follows"
     return f"{where}: a gap between branches, {abs(float(nearest[joint])):.3g} rad in {robot.joint_names[joint]}"

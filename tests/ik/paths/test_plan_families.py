@@ -18,12 +18,13 @@ from jacokin.errors import InvalidInputError
 from jacokin.ik import AxisTarget, PathResult, PositionTarget, Scene, Sphere, track_path
 from jacokin.model import to_mujoco
 
+SEVEN = "j2s7s300"
 DOWN = jacokin.pose([0.0, 0.0, 0.0], down=True).rotation
 
 
 @pytest.fixture
 def seven(bundled: Callable[[str], Robot]) -> Robot:
-    return bundled("j2s7s300")
+    return bundled(SEVEN)
 
 
 def at(x: float, y: float, z: float, rotation: Array = DOWN) -> pin.SE3:
@@ -272,3 +273,20 @@ def test_accelerations_are_held_where_the_angle_runs_along_its_range(robot: Robo
             assert np.abs(result.a).max() <= 1.5 * (1.0 + 1e-6)
             solved += 1
     assert solved > 2
+
+
+@pytest.mark.slow
+def test_seven_joints_count_turns_and_keep_to_a_cable() -> None:
+    """Once round the base; where joint 1 has room for less, that is the reason."""
+    circle = [at(0.35 * np.cos(a), 0.35 * np.sin(a), 0.4) for a in np.linspace(0.0, 2.0 * np.pi, 25)]
+    free = plan_path(IKSolver(jacokin.load_robot(SEVEN)), circle, dt=0.05, speed=0.2, timing="slow")
+    assert free.success
+    assert np.ptp(free.q[:, 0]) > 1.7 * np.pi
+    cable = jacokin.load_robot(SEVEN, limits={"joint_1": (2.0, 6.0)})
+    part = plan_path(IKSolver(cable), circle[:10], dt=0.05, speed=0.2, timing="slow")
+    assert part.success
+    check_limits(cable, part)
+    whole = plan_path(IKSolver(cable), circle, dt=0.05, speed=0.2, timing="slow")
+    assert not whole.success
+    assert "joint_1 runs into its limit" in whole.message
+    check_limits(cable, whole)
