@@ -62,16 +62,21 @@ def main() -> None:
     unknown = [name for name in options.names if name not in SCRIPTS]
     if unknown:
         parser.error(f"no expert for {', '.join(unknown)}; there are {', '.join(SCRIPTS)}")
-    known = {each["name"]: each for each in json.loads(RECORD.read_text())} if RECORD.exists() else {}
     with ProcessPoolExecutor(options.workers, get_context("spawn")) as pool:
         for name in options.names or SCRIPTS:
             parts = [range(start, options.episodes, options.workers) for start in range(options.workers)]
             answers = pool.map(episodes, [name] * len(parts), parts)
-            known[name] = row(name, sorted(episode for answer in answers for episode in answer))
-            print(known[name], flush=True)
-    if options.episodes == EPISODES:
-        RECORD.write_text(json.dumps([known[name] for name in SCRIPTS if name in known], indent=1) + "\n")
-        print(f"wrote {RECORD}")
+            found = row(name, sorted(episode for answer in answers for episode in answer))
+            print(found, flush=True)
+            if options.episodes == EPISODES:
+                write(found)
+
+
+def write(found: dict[str, Any]) -> None:
+    """Put the row of a task into the record."""
+    known = {each["name"]: each for each in json.loads(RECORD.read_text())} if RECORD.exists() else {}
+    known[found["name"]] = found
+    RECORD.write_text(json.dumps([known[name] for name in SCRIPTS if name in known], indent=1) + "\n")
 
 
 if __name__ == "__main__":

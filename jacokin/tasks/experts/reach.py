@@ -10,7 +10,7 @@ from jacokin.tasks.experts.grasps import pointing
 from jacokin.tasks.experts.motions import BRICK, Script, up
 
 DOWN = pointing(np.array((0.0, 1.0, 0.0)))
-_ABOVE = 0.02  # [m] the middle of a brick
+_ABOVE = 0.036  # [m] the middle of a brick: near enough, and the fingers do not push it away
 
 
 def reach(arm: Arm) -> Script:

@@ -7,29 +7,36 @@ import itertools
 import numpy as np
 import pinocchio as pin
 
+from jacokin.arrays import Array
+from jacokin.ik import Box, Scene
 from jacokin.tasks.experts import grasps, motions
-from jacokin.tasks.experts.arm import CLOSED, OPEN, Arm
+from jacokin.tasks.experts.arm import CLOSED, OPEN, Arm, in_base
 from jacokin.tasks.experts.motions import SQUEEZE, Script, up
+from jacokin.tasks.gym.controls import FRAME
 
 HEIGHT = 0.0192  # [m] from a brick to the one that clicks onto it
 HOVER = 0.02  # [m] above that, where a brick is aligned
 DEEPER = 0.006  # [m] below the place where it clicks, where the hand goes to press
-HIGH = 0.08  # [m] of a brick on its way
-CLICK = 0.0005  # [m] from its place, below which a brick has clicked
+OVER = 0.1  # [m] of the hand while it goes somewhere
+HIGH = 0.06  # [m] of a brick on its way
+CLICK = 0.0008  # [m] sum of distances of two holes from their places, below which a brick has clicked
+HOLE = np.array((0.008, 0.024, -0.0073))  # [m] one of the outermost holes, from the middle of a brick
 ALIGNMENTS = 3
+REGULAR, SINGULAR_COST = 0.08, 30.0  # least singular value of a configuration without penalty; [s] per what is missing
+RELEASED = 0.75  # [rad] of fingers that do not touch a brick
 FIST = 0.012  # [m] of the pinch site above what the closed fingers press on
 PRESS = 0.025  # [m] deeper than its surface, for the force
-RELEASE_STEPS, FIST_STEPS = 6, 8
+RELEASE_STEPS, FIST_STEPS = 9, 9
 
 
 def stack(arm: Arm) -> Script:
     """Stack the bricks in the wanted order, which is that of their names unless it is observed."""
-    bricks = [name.removesuffix("position") for name in arm.find("/position") if name.startswith("duplo2x4")]
-    order = list(range(len(bricks)))
+    names = bricks(arm)
+    order = list(range(len(names)))
     if arm.find("desired_order"):
         order = [int(k) for k in arm.whole("desired_order")]
     while True:
-        for below, above in itertools.pairwise([bricks[k] for k in order]):
+        for below, above in itertools.pairwise([names[k] for k in order]):
             if not has_clicked(arm, below, above):
                 yield from _click(arm, below, above)
                 break
@@ -37,24 +44,58 @@ def stack(arm: Arm) -> Script:
             yield arm.towards(arm.q, arm.fingers_to(OPEN))
 
 
+def bricks(arm: Arm) -> list[str]:
+    """The prefixes of what is observed of the bricks, in the order of their roles."""
+    return [name.removesuffix("position") for name in arm.find("/position") if name.startswith("duplo2x4")]
+
+
 def has_clicked(arm: Arm, below: str, above: str) -> bool:
-    """Whether a brick is in its place on another."""
-    return motions.distance(place_on(arm, below, above), arm.prop(above)) < 4.0 * CLICK
+    """Whether a brick is in its place on another: two opposite studs in two opposite holes."""
+    brick = arm.prop(above)
+    return min(_apart(goal, brick) for goal in _places(arm, below)) < CLICK
 
 
-def place_on(arm: Arm, below: str, above: str) -> pin.SE3:
-    """T_world_brick of a brick in its place on another, turned by 180 deg if that is nearer."""
-    base, brick = arm.prop(below), arm.prop(above)
-    turned = base.rotation[:, 0] @ brick.rotation[:, 0] < 0.0
-    rotation = base.rotation @ pin.utils.rotate("z", np.pi if turned else 0.0)
-    return pin.SE3(rotation, base.translation + HEIGHT * base.rotation[:, 2])
+def _apart(goal: pin.SE3, brick: pin.SE3) -> float:
+    """The sum of the distances of two opposite holes from where they are to be [m]."""
+    return float(sum(np.linalg.norm(goal.act(hole) - brick.act(hole)) for hole in (HOLE, HOLE * (-1.0, -1.0, 1.0))))
+
+
+def _places(arm: Arm, below: str) -> list[pin.SE3]:
+    """T_world_brick of a brick in its place on another, which is the same when it is turned by 180 deg."""
+    base = arm.prop(below)
+    middle = base.translation + HEIGHT * base.rotation[:, 2]
+    return [pin.SE3(base.rotation @ pin.utils.rotate("z", turn), middle) for turn in (0.0, np.pi)]
+
+
+def _others(arm: Arm, brick: str) -> Scene:
+    """The other bricks as obstacles, in the frame of the arm's base."""
+    names = [name for name in bricks(arm) if name != brick]
+    boxes = [Box(f"brick_{k}", 2.0 * grasps.HALF, in_base(arm.prop(name))) for k, name in enumerate(names)]
+    return Scene(boxes, finger_angle=grasps.WIDE)
+
+
+def _hover(arm: Arm, below: str, above: str) -> tuple[Array, pin.SE3] | None:
+    """A configuration that holds a brick above its place, and the place: quick to reach, and far from singular ones."""
+    T_brick_tool = arm.prop(above).inverse() * arm.pose
+    best, cost = None, np.inf
+    for goal in _places(arm, below):
+        tool = motions.moved(goal, up(HIGH)) * T_brick_tool
+        for q in arm.configurations(tool):
+            if arm.chain([motions.moved(tool, up(-HIGH))], q, grasps.LONGEST_STEP) is None:
+                continue
+            low = float(arm.robot.singular_values(q, FRAME)[-1])
+            value = float(arm.durations(q[None], arm.q)[0]) + SINGULAR_COST * max(0.0, REGULAR - low)
+            if value < cost:
+                best, cost = (q, goal), value
+    return best
 
 
 def _click(arm: Arm, below: str, above: str) -> Script:
     """Take a brick, and press it onto another."""
     brick = arm.prop(above)
-    rise = up(place_on(arm, below, above).translation[2] + HIGH - brick.translation[2])
-    grasp = grasps.plan(arm, brick, [rise]) or grasps.plan(arm, brick)
+    rise = up(arm.prop(below).translation[2] + HEIGHT + HIGH - brick.translation[2])
+    scene = _others(arm, above)
+    grasp = grasps.plan(arm, brick, [rise], scene, OVER) or grasps.plan(arm, brick)
     if grasp is None:
         yield arm.towards(arm.robot.home, arm.fingers_to(OPEN))
         return
@@ -63,13 +104,17 @@ def _click(arm: Arm, below: str, above: str) -> Script:
     if not grasps.holds(arm, arm.prop(above)):
         yield from motions.release(arm, RELEASE_STEPS)
         return
-    goal = place_on(arm, below, above)
-    for height, tolerance in ((HIGH, 0.02), (HOVER, 0.001)):
-        tool = motions.moved(goal, up(height)) * arm.prop(above).inverse() * arm.pose
-        yield from motions.move(arm, tool, SQUEEZE, tolerance=tolerance, settle=10)
+    hover = _hover(arm, below, above)
+    if hover is None:
+        yield from motions.release(arm, RELEASE_STEPS)
+        return
+    q, goal = hover
+    yield from motions.go(arm, q, SQUEEZE, tolerance=0.02)
+    tool = motions.moved(goal, up(HOVER)) * arm.prop(above).inverse() * arm.pose
+    yield from motions.move(arm, tool, SQUEEZE, tolerance=0.001, settle=10)
     for _ in range(ALIGNMENTS):
         wanted = motions.moved(goal, up(HOVER))
-        if motions.distance(wanted, arm.prop(above)) < CLICK:
+        if _apart(wanted, arm.prop(above)) < CLICK:
             break
         tool = wanted * arm.prop(above).inverse() * tool
         yield from motions.move(arm, tool, SQUEEZE, tolerance=0.0, settle=6)
@@ -79,7 +124,7 @@ def _click(arm: Arm, below: str, above: str) -> Script:
         yield from motions.move(arm, motions.moved(arm.pose, up(HIGH)), OPEN, tolerance=0.03)
         return
     yield from motions.release(arm, RELEASE_STEPS)
-    yield from motions.move(arm, motions.moved(arm.pose, up(0.04)), grasps.WIDE, tolerance=0.01, settle=4)
+    yield from motions.move(arm, motions.moved(arm.pose, up(0.04)), RELEASED, tolerance=0.01, settle=4)
     yield from motions.close(arm, FIST_STEPS)
     top = arm.prop(above).translation + up(FIST)
     tool = pin.SE3(arm.pose.rotation, top - arm.pose.rotation @ grasps.CENTRE)

@@ -42,10 +42,10 @@ def test_experts_solve_their_tasks(name: str, least: int) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "least"),
-    [("reach_duplo", 6), ("lift_brick", 6), ("place_cradle", 4), ("place_brick", 4), ("stack_2_bricks", 3)],
+    [("reach_top_right", 5), ("lift_brick", 5), ("place_cradle", 3), ("place_brick", 3), ("stack_2_bricks", 2)],
 )
 def test_experts_solve_most_episodes(name: str, least: int) -> None:
-    assert solved(name, range(6)) >= least
+    assert solved(name, range(3, 8)) >= least
 
 
 def test_the_record_holds_every_expert_and_what_is_promised_of_them() -> None:
