@@ -21,6 +21,7 @@ from jacokin.ik.results import Branches, Status
 from jacokin.model import poses
 from jacokin.model.obstacles import Box, Capsule, Cylinder, Floor, Obstacle, Sphere
 from jacokin.model.pose_targets import FreeAxis, pose
+from jacokin.model.source import Source
 from jacokin.viewer.inspector import FULL_TURN, Inspector
 from jacokin.viewer.view import View
 
@@ -90,7 +91,7 @@ def command_text(inspector: Inspector, view: View) -> str:
     words = ["jacokin", "ik", "--robot", source.bundled or str(source.path), "--frame", solver.frame]
     if solver.tool is not None:
         words += ["--tool", *_texts(solver.tool.translation), *_texts(poses.quaternion(solver.tool.rotation))]
-    for option, value in (("--base", source.base), ("--tip", source.tip)):
+    for option, value in (("--base", source.base), ("--tip", _own_tip(source))):
         if value is not None:
             words += [option, value]
     for folder in source.package_dirs:
@@ -118,7 +119,9 @@ def command_text(inspector: Inspector, view: View) -> str:
         notes.append(f"# there are no options for {', '.join(own)}\n")
     if options.scene is not None:
         entries, left_out = _entries(options.scene)
-        content = json.dumps({"obstacles": entries, "finger_angle": options.scene.finger_angle}, indent=1)
+        rows = ",\n".join(json.dumps(entry) for entry in entries)
+        angle = json.dumps(options.scene.finger_angle)
+        content = f'{{"finger_angle": {angle}, "obstacles": [\n{rows}\n]}}'
         notes.append(f"cat > {SCENE_FILE} <<'END'\n{content}\nEND\n")
         words += ["--scene", SCENE_FILE]
         if left_out:
@@ -168,7 +171,7 @@ def _robot_arguments(inspector: Inspector) -> list[str]:
     arguments = [repr(source.bundled or str(source.path))]
     if source.base is not None:
         arguments.append(f"base={source.base!r}")
-    if source.tip is not None:
+    if _own_tip(source) is not None:
         arguments.append(f"tip={source.tip!r}")
     if _own_fingers(inspector):
         arguments.append(f"finger_angle={robot.finger_angle!r}")
@@ -178,6 +181,13 @@ def _robot_arguments(inspector: Inspector) -> list[str]:
     if source.package_dirs:
         arguments.append(f"package_dirs={[str(folder) for folder in source.package_dirs]}")
     return arguments
+
+
+def _own_tip(source: Source) -> str | None:
+    """The tip that was asked for; None for what it is without asking."""
+    from jacokin.model.loading import TIP_OF_BUNDLED
+
+    return None if source.bundled is not None and source.tip == TIP_OF_BUNDLED else source.tip
 
 
 def _own_fingers(inspector: Inspector) -> bool:

@@ -73,6 +73,7 @@ CASES = {
         python=("base='link_base'", "tip='end_effector'"),
         command=("--base link_base", "--tip end_effector"),
     ),
+    "tip": Case(robot={"tip": "gripsite"}, python=("tip='gripsite'",), command=("--tip gripsite",)),
     "seven": Case(robot={"robot": "j2s7s300"}),
 }
 
