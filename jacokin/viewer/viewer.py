@@ -17,12 +17,12 @@ from jacokin.arrays import Array
 from jacokin.errors import JacokinError
 from jacokin.model import poses
 from jacokin.model.pose_targets import pose
-from jacokin.viewer import paste
 from jacokin.viewer.contents import Contents
 from jacokin.viewer.drawing.parts import Part
 from jacokin.viewer.inbox import Inbox
 from jacokin.viewer.inspector import Inspector
 from jacokin.viewer.motion.following import Following
+from jacokin.viewer.paste import texts as paste
 from jacokin.viewer.view import View
 
 if TYPE_CHECKING:

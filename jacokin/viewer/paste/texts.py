@@ -1,53 +1,28 @@
-"""The target and the answer of a view as text to paste: Python, and a command line; every option in force is in it.
-
-What is pasted is tried first: of the calls that may give the configuration on the screen, the first that does is taken.
-"""
+"""The target and the answer of a view as Python and as a command line; every option in force is in both."""
 
 from __future__ import annotations
 
 import json
 import math
 import shlex
-from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING
+from dataclasses import fields
 
-import numpy as np
 import pinocchio as pin
 
 from jacokin.arrays import Array
-from jacokin.errors import JacokinError
 from jacokin.ik.options import Options
-from jacokin.ik.results import Branches, Status
+from jacokin.ik.results import Status
 from jacokin.model import poses
-from jacokin.model.obstacles import Box, Capsule, Cylinder, Floor, Obstacle, Sphere
-from jacokin.model.pose_targets import FreeAxis, pose
 from jacokin.model.source import Source
 from jacokin.viewer.inspector import FULL_TURN, Inspector
+from jacokin.viewer.paste.call import SAME, axis_vector, call_of
+from jacokin.viewer.paste.scenes import entries_of, python_scene
 from jacokin.viewer.view import View
 
-if TYPE_CHECKING:
-    from jacokin.model.scenes.scene import Scene
-
-SAME = 1e-6  # [rad] an answer this near to the arm on the screen is the same
 SCENE_FILE = "jacokin_scene.json"
 OF_SOLVER = ("method", "qp_solver")  # options that the command line has too
 ONLY_PYTHON = ("position_tolerance", "orientation_tolerance", "limit_snap", "max_restarts")
 DEFAULTS = {field.name: field.default for field in fields(Options)}
-SIZES = {Box: ("size",), Sphere: ("radius",), Capsule: ("radius", "length"), Cylinder: ("radius", "length")}
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Call:
-    """A call that gives the configuration on the screen."""
-
-    seed: Array
-    """(dof,) [rad]."""
-    prefer: str
-    """Which configuration."""
-    free: bool
-    """Whether the target may turn about its free axis."""
-    branch: int | None = None
-    """The number of the branch among all of them; None for the answer of `solve`."""
 
 
 def python_text(inspector: Inspector, view: View) -> str:
@@ -63,7 +38,7 @@ def python_text(inspector: Inspector, view: View) -> str:
         if value != field.default and field.name != "scene":
             arguments.append(f"{field.name}={value!r}")
     if options.scene is not None:
-        lines += _python_scene(options.scene)
+        lines += python_scene(options.scene)
         arguments.append("scene=scene")
     lines.append(f"robot = jacokin.load_robot({', '.join(_robot_arguments(inspector))})")
     lines.append(f"solver = jacokin.IKSolver(robot, {', '.join(arguments)})")
@@ -72,7 +47,7 @@ def python_text(inspector: Inspector, view: View) -> str:
     if call.free and view.free is not None:
         free = view.free
         span = "" if (free.lower, free.upper) == FULL_TURN else f", range={[free.lower, free.upper]}"
-        lines.append(f"target = jacokin.FreeAxis(target, axis={_axis(free.axis)}{span})")
+        lines.append(f"target = jacokin.FreeAxis(target, axis={axis_vector(free.axis)}{span})")
     lines.append(f"seed = {call.seed.tolist()}")
     if call.branch is not None:
         lines.append("branches = solver.solve_all(target, seed=seed)")
@@ -118,7 +93,7 @@ def command_text(inspector: Inspector, view: View) -> str:
     if own:
         notes.append(f"# there are no options for {', '.join(own)}\n")
     if options.scene is not None:
-        entries, left_out = _entries(options.scene)
+        entries, left_out = entries_of(options.scene)
         rows = ",\n".join(json.dumps(entry) for entry in entries)
         angle = json.dumps(options.scene.finger_angle)
         content = f'{{"finger_angle": {angle}, "obstacles": [\n{rows}\n]}}'
@@ -127,42 +102,6 @@ def command_text(inspector: Inspector, view: View) -> str:
         if left_out:
             notes.append(f"# left out, as no file can hold them: {', '.join(left_out)}\n")
     return "".join(notes) + shlex.join(words) + "\n"
-
-
-def call_of(inspector: Inspector, view: View) -> Call:
-    """The call whose answer is on the screen, found by trying."""
-    turns = view.free is not None and view.free.axis is not None
-    reached = view.status is Status.OK or view.selected is not None
-    seeds = [view.q, view.seed] if reached else [view.seed]
-    for free in (True, False) if turns else (False,):
-        for prefer in dict.fromkeys((inspector.prefer, "nearest")):
-            for seed in seeds:
-                if inspector.robot.within_limits(seed) and _gives(inspector, view, Call(seed, prefer, free)):
-                    return Call(seed, prefer, free)
-    if len(view.branches):
-        found = inspector.solver.solve_all(view.target, view.seed)
-        if isinstance(found, Branches) and len(found):
-            apart = np.abs(found.q - view.q).max(axis=1)
-            if apart.min() < SAME:
-                return Call(view.seed, "nearest", free=False, branch=int(np.argmin(apart)))
-    return Call(view.seed, "nearest", free=False)
-
-
-def _gives(inspector: Inspector, view: View, call: Call) -> bool:
-    """Whether a call gives the configuration on the screen."""
-    target: pin.SE3 | FreeAxis = _as_read(view.target)
-    if call.free and view.free is not None:
-        target = FreeAxis(_as_read(view.gizmo), axis=_axis(view.free.axis), range=(view.free.lower, view.free.upper))
-    try:
-        result = inspector.solver.solve(target, call.seed, prefer=call.prefer)
-    except JacokinError:
-        return False
-    return bool(np.abs(result.q - view.q).max() < SAME)
-
-
-def _as_read(place: pin.SE3) -> pin.SE3:
-    """A pose as it comes out of the text: a quaternion rounds, which decides between equal branches."""
-    return pose(place.translation, quat_wxyz=poses.quaternion(place.rotation))
 
 
 def _robot_arguments(inspector: Inspector) -> list[str]:
@@ -198,65 +137,9 @@ def _own_fingers(inspector: Inspector) -> bool:
     return inspector.robot.finger_angle != usual
 
 
-def _python_scene(scene: Scene) -> list[str]:
-    """The lines that make a scene."""
-    entries, left_out = _entries(scene)
-    kinds = sorted({str(entry["shape"]).capitalize() for entry in entries})
-    lines = [f"from jacokin.ik import {', '.join([*kinds, 'Scene'])}"]
-    lines += [f"# left out, as no text can say what it is: {name}" for name in left_out]
-    lines.append("scene = Scene([")
-    for entry in entries:
-        if entry["shape"] == "floor":
-            lines.append(f"    Floor({entry['height']!r}, {entry['name']!r}),")
-            continue
-        place = repr(entry["position"])
-        if "quat_wxyz" in entry:
-            place = f"jacokin.pose({place}, quat_wxyz={entry['quat_wxyz']!r})"
-        sizes = [repr(entry[key]) for key in ("size", "radius", "length") if key in entry]
-        lines.append(f"    {str(entry['shape']).capitalize()}({', '.join([repr(entry['name']), *sizes, place])}),")
-    angle = scene.finger_angle
-    lines.append("])" if angle is None else f"], finger_angle={angle!r})")
-    return lines
-
-
-def _entries(scene: Scene) -> tuple[list[dict[str, object]], list[str]]:
-    """The obstacles as in a scene's file, and the names of those that have no place in one."""
-    entries, left_out = [], []
-    for obstacle in scene:
-        entry = _entry(obstacle)
-        if entry is None:
-            left_out.append(obstacle.name)
-        else:
-            entries.append(entry)
-    return entries, left_out
-
-
-def _entry(obstacle: Obstacle) -> dict[str, object] | None:
-    """An obstacle as in a scene's file; None for a shape of another program."""
-    kind = type(obstacle)
-    entry: dict[str, object] = {"shape": kind.__name__.lower(), "name": obstacle.name}
-    if isinstance(obstacle, Floor):
-        return entry | {"height": obstacle.height}
-    if kind not in SIZES:
-        return None
-    for key in SIZES[kind]:
-        value = getattr(obstacle, key)
-        entry[key] = value.tolist() if isinstance(value, np.ndarray) else value
-    if isinstance(obstacle, Sphere):
-        return entry | {"position": np.asarray(obstacle.position).tolist()}
-    assert isinstance(obstacle, Box | Capsule | Cylinder)  # those of SIZES
-    place = poses.checked_pose(obstacle.pose)
-    quat = poses.quaternion(place.rotation).tolist()
-    return entry | {"position": place.translation.tolist(), "quat_wxyz": quat}
-
-
 def _python_pose(place: pin.SE3) -> str:
     quat = poses.quaternion(place.rotation).tolist()
     return f"jacokin.pose({place.translation.tolist()}, quat_wxyz={quat})"
-
-
-def _axis(axis: int | None) -> list[float]:
-    return [1.0 if index == axis else 0.0 for index in range(3)]
 
 
 def _number(value: float) -> str:
