@@ -59,7 +59,10 @@ def read(work: CurveWork, count: int) -> Found:
         )
         by_arc.setdefault(arc, []).append(piece)
     for group in by_arc.values():
-        pieces.extend(of_closed_curve(group, parameter) if SEAM in (group[0].codes[0], group[-1].codes[1]) else group)
+        closed = SEAM in (group[0].codes[0], group[-1].codes[1])
+        pieces.extend(
+            of_closed_curve(group, parameter) if closed else [part for p in group for part in of_one_turn(p, parameter)]
+        )
     full = size == NODES or number == ARCS or count == INTERVALS
     return Found(pieces, arcs, not (full or work.counts[1] or work.counts[2]))
 

@@ -103,6 +103,28 @@ def test_no_other_member_is_nearer_to_the_seed(solver: IKSolver, rng: np.random.
         assert np.abs(error.homogeneous - np.eye(4)).max() < 1e-9
 
 
+def test_an_arc_longer_than_a_turn_is_two_intervals(solver: IKSolver) -> None:
+    """Two branches of this target go 0.01 rad further round than to where they began, from fold to fold."""
+    pose = np.eye(4)
+    pose[:3] = [
+        [0.4171275738012258, 0.4383493303452778, 0.7961497671673021, 0.45],
+        [-0.8241422962874475, -0.18685381015410885, 0.5346729178674989, -0.15],
+        [0.38313713294949103, -0.879167514309269, 0.28332034720172383, 0.75],
+    ]
+    target = FreeAxis(pose, axis=[0.557372938490554, -0.19634697177694954, 0.806711394559682])
+    family = solver.family(target)
+    assert max(interval.length for interval in family) <= 2.0 * np.pi + 1e-8
+    inside = np.linspace(2.136, 2.138, 20)
+    np.testing.assert_array_equal(counted(family, inside), scan(solver, target, inside))
+    for interval in family:
+        for p in (interval.start, interval.stop):
+            q = interval.at(p)
+            assert solver.robot.within_limits(q)
+            np.testing.assert_allclose(
+                solver.robot.forward_kinematics(q).homogeneous, target.at(p).homogeneous, atol=1e-9
+            )
+
+
 def test_the_widest_member_has_the_largest_margin(solver: IKSolver, rng: np.random.Generator) -> None:
     robot = solver.robot
 
