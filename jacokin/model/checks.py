@@ -247,6 +247,6 @@ def matrix(name: str, value: ArrayLike, columns: int, unit: str) -> Array:
 
 def read_only(array: ArrayLike) -> Array:
     """A private float64 copy that cannot be written to."""
-    copy = np.array(array, dtype=np.float64)
+    copy = np.array(array, np.float64)
     copy.setflags(write=False)
     return copy

@@ -134,7 +134,7 @@ class RobotArm(Entity):
                 found = next(solver.solutions(position, rotation, bounds, random_state, attempts), None)
             if found is None:
                 return False
-            physics.set_qpos(*found)
+            physics._write_qpos(*found)
             return True
 
     def prepare(self, physics: Physics, site: mujoco.MjsSite | str | None = None) -> None:

@@ -60,8 +60,8 @@ def of_branches(
 
 def _order(rows: BranchTable, cost: Cost | None) -> list[int]:
     """Indices of the branches within the limits, best first; equal ones nearest to the seed first."""
-    within = rows.within_limits.nonzero()[0]
-    if cost is not None and len(within):
-        within = within[np.argsort(cost(rows.q[within]), kind="stable")]
-    indices: list[int] = within.tolist()
+    indices = rows.indices_within_limits()
+    if cost is not None and indices:
+        order: list[int] = np.array(indices)[np.argsort(cost(rows.q[indices]), kind="stable")].tolist()
+        return order
     return indices

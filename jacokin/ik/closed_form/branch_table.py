@@ -63,6 +63,10 @@ class BranchTable:
         """(k,) whether every joint is within its limits, exactly."""
         return np.equal(self.rows[:, WITHIN_LIMITS], 1.0)
 
+    def indices_within_limits(self) -> list[int]:
+        """The rows with every joint within its limits, in order: as `within_limits`, for few rows faster."""
+        return [i for i, within in enumerate(self.rows[:, WITHIN_LIMITS].tolist()) if within == 1.0]
+
     @property
     def family(self) -> NDArray[np.bool_]:
         """(k,) whether the branch is a member of a one-parameter family (axes 4 and 6 of a spherical wrist aligned)."""

@@ -26,7 +26,7 @@ from jacokin.ik.closed_form.compilation import KERNELS
 from jacokin.ik.closed_form.geometry import measure
 from jacokin.ik.closed_form.kernel_library import NO_BATCH, Call
 from jacokin.ik.closed_form.kernels.batch import BATCH_COLUMNS, solve
-from jacokin.ik.closed_form.kernels.pose import COLUMNS, MAX_BRANCHES
+from jacokin.ik.closed_form.kernels.pose import COLUMNS, MAX_BRANCHES, WITHIN_LIMITS
 
 #: [m]; no arm reaches so far, and squares of numbers well above it overflow.
 MAX_DISTANCE = 1e6
@@ -92,23 +92,40 @@ class ClosedForm:
             T: (4, 4) target T_base_tool: a rigid transformation, C-contiguous.
             seed: (6,) [rad].
         """
+        call, rows, count = self._solved(T, seed)
+        # A copy: the call's own rows are overwritten by its next run.
+        table = BranchTable(rows[:count].copy()) if count >= 0 else BranchTable(rows[:~count].copy(), dropped=True)
+        if call is not None:
+            self._calls.append(call)
+        return table
+
+    def nearest(self, T: NDArray[np.float64], seed: NDArray[np.float64]) -> NDArray[np.float64] | None:
+        """The first of `solve_all`'s branches that is within the limits, (6,) [rad]; None without one."""
+        call, rows, count = self._solved(T, seed)
+        within: list[float] = rows[: max(count, ~count), WITHIN_LIMITS].tolist()
+        q = rows[within.index(1.0), :6].copy() if 1.0 in within else None
+        if call is not None:
+            self._calls.append(call)
+        return q
+
+    def _solved(
+        self, T: NDArray[np.float64], seed: NDArray[np.float64]
+    ) -> tuple[Call | None, NDArray[np.float64], int]:
+        """The rows of every branch, and what the kernels return; and the call, to be put back once they are read."""
         if max(map(abs, T[:3, 3].tolist())) > MAX_DISTANCE:
-            return BranchTable(np.empty((0, COLUMNS)))
+            return None, np.empty((0, COLUMNS)), 0
         try:
             call = self._calls.pop()
         except IndexError:
             library = KERNELS.for_poses(1)
             if library is None:
                 rows = np.empty((MAX_BRANCHES, COLUMNS))
-                count = solve(self._chain, self._arm, self._limits, T[np.newaxis], seed[np.newaxis], rows, NO_BATCH)
-                return _table(rows, count)
+                some = self._chain, self._arm, self._limits, T[np.newaxis], seed[np.newaxis]
+                return None, rows, solve(*some, rows, NO_BATCH)
             call = Call(library, self._chain, self._arm, self._limits, np.empty((1, 4, 4)), np.empty((1, 6)))
         call.T[0] = T
         call.seed[0] = seed
-        count = call()
-        table = _table(call.rows, count)
-        self._calls.append(call)
-        return table
+        return call, call.rows, call()
 
     def __reduce__(self) -> tuple[object, tuple[object, ...]]:
         """Pickle the constants; calls are made anew."""
@@ -154,11 +171,6 @@ def _rebuild(
     form.spherical, form.misfit, form._calls = spherical, misfit, []
     KERNELS.prepare()
     return form
-
-
-def _table(rows: NDArray[np.float64], count: int) -> BranchTable:
-    """A copy of the rows that the kernels filled; a negative count says that branches may have been dropped."""
-    return BranchTable(rows[:count].copy()) if count >= 0 else BranchTable(rows[:~count].copy(), dropped=True)
 
 
 def _clipped_positions(T: NDArray[np.float64]) -> NDArray[np.float64]:

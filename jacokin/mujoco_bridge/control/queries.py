@@ -95,8 +95,8 @@ def _answers(queries: Sequence[Query]) -> list[Array | None]:
 
 def canonical(q: Array, wraps: Sequence[int]) -> Array:
     """A copy with some joints, the unlimited hinges, in [0, 2 pi)."""
-    q = q.copy()
+    values: list[float] = q.tolist()  # plain numbers are faster than NumPy's
     for joint in wraps:
-        turned = q[joint] % TURN
-        q[joint] = turned if turned < TURN else 0.0  # the remainder of -1e-17 is rounded up to a full turn
-    return q
+        turned = values[joint] % TURN
+        values[joint] = turned if turned < TURN else 0.0  # the remainder of -1e-17 is rounded up to a full turn
+    return np.array(values)

@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 from jacokin.arrays import Array
 from jacokin.errors import PhysicsError
 from jacokin.ik import targets
-from jacokin.ik.closed_form.kernels.pose import WITHIN_LIMITS
 from jacokin.ik.options import Options
 from jacokin.ik.solver import IKSolver
 from jacokin.ik.verification import Verifier
@@ -99,12 +98,8 @@ class SiteSolver:
         if self._has_families:
             q = next(self._members(self._qpos[chain.qpos], None), None)
             return None if q is None else (chain.qpos, self._canonical(q))
-        rows = self._solver.closed_form().solve_all(self._T, self._qpos[chain.qpos]).rows
-        try:
-            first = rows[:, WITHIN_LIMITS].tolist().index(1.0)
-        except ValueError:
-            return None
-        return chain.qpos, self._canonical(rows[first, : len(chain.qpos)])
+        q = self._solver.closed_form().nearest(self._T, self._qpos[chain.qpos])
+        return None if q is None else (chain.qpos, self._canonical(q))
 
     def solutions(
         self,

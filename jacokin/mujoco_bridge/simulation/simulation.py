@@ -89,14 +89,18 @@ class Simulation:
         rows = self._checked_rows(rows)
         values = checks.vector("values", values, len(rows), "qpos")
         with self.lock:
-            qpos = self._data.qpos
-            before = qpos[rows]
-            qpos[rows] = values
-            try:
-                self._cache.forward_motion()
-            except PhysicsError:
-                qpos[rows] = before
-                raise
+            self._write_qpos(rows, values)
+
+    def _write_qpos(self, rows: NDArray[np.intp], values: NDArray[np.float64]) -> None:
+        """As `set_qpos`, for rows and values that need no check; the caller holds the lock."""
+        qpos = self._data.qpos
+        before = qpos[rows]
+        qpos[rows] = values
+        try:
+            self._cache.forward_motion()
+        except PhysicsError:
+            qpos[rows] = before
+            raise
 
     def _checked_rows(self, rows: NDArray[np.intp]) -> NDArray[np.intp]:
         try:
