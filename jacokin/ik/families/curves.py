@@ -26,8 +26,8 @@ from jacokin.model.pose_targets import FreeAxis
 FREE_AXIS, JOINT_3 = 6, 2
 #: Values of the parameter that are solved at, for a full turn.
 SLICES_SIX, SLICES_SEVEN = 96, 48
-#: [rad] where they begin: no structured pose has a fold or a limit just there.
-FIRST_SLICE = -math.pi + 0.0123
+#: [rad] where they begin: no structured pose has a fold or a limit just there, nor a window in the gap before it.
+FIRST_SLICE = -math.pi + 1.2345
 
 
 class Arm(NamedTuple):

@@ -120,6 +120,14 @@ def test_narrow_windows_of_joint_3_are_found(solver: IKSolver) -> None:
     assert min(widths) < 0.06
 
 
+def test_a_window_at_half_a_turn_is_found(solver: IKSolver) -> None:
+    """Stretched to within 1e-5 rad: configurations exist in 0.004 rad of joint 3, at pi, only."""
+    q = np.array([1.06119347, 3.14355023, 3.13962625, 3.14158398, -0.3664482, 3.24748662, -1.97733129])
+    target = solver.robot.forward_kinematics(q)
+    assert solver.solve(target, closest=False).status is Status.OK
+    assert len(solver.family(target)) > 0
+
+
 def test_structured_poses(solver: IKSolver) -> None:
     robot = solver.robot
     for position in ((0.5, 0.0, 0.2), (0.0, 0.5, 0.3), (0.3, -0.4, 0.4)):
