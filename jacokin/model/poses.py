@@ -111,11 +111,24 @@ def checked_matrices(name: str, matrices: Array) -> Array:
         InvalidInputError: as there; the first row at fault is named.
     """
     rotation = matrices[:, :3, :3]
+    # Entry by entry, as for one matrix: products of many small matrices take several times as long.
+    (a, b, c, x), (d, e, f, y), (g, h, k, z), (p, q, r, one) = matrices.transpose(1, 2, 0).copy()
     with np.errstate(over="ignore", invalid="ignore"):
-        misfit = np.abs(np.swapaxes(rotation, 1, 2) @ rotation - np.eye(3)).max(axis=(1, 2))
-        last = np.abs(matrices[:, 3] - (0.0, 0.0, 0.0, 1.0)).max(axis=1)
-        good = (misfit <= RIGID_TOLERANCE) & (last <= RIGID_TOLERANCE) & np.isfinite(matrices).all(axis=(1, 2))
-        good &= np.linalg.det(rotation) > 0.0
+        misfit = np.abs(a * a + d * d + g * g - 1.0)
+        for other in (
+            b * b + e * e + h * h - 1.0,
+            c * c + f * f + k * k - 1.0,
+            a * b + d * e + g * h,
+            a * c + d * f + g * k,
+            b * c + e * f + h * k,
+        ):
+            np.maximum(misfit, np.abs(other), out=misfit)
+        good = misfit <= RIGID_TOLERANCE
+        for last in (p, q, r, one - 1.0):
+            good &= np.abs(last) <= RIGID_TOLERANCE
+        for finite in (x, y, z):
+            good &= np.isfinite(finite)
+        good &= a * (e * k - f * h) - b * (d * k - f * g) + c * (d * h - e * g) > 0.0
     if not good.all():
         index = int(np.argmin(good))
         checked_matrix(f"{name}[{index}]", matrices[index].copy())
