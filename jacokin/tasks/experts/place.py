@@ -22,7 +22,7 @@ BESIDE = 0.125  # [m] between the axis of the pedestal and a brick that is lifte
 STEP_ASIDE = 0.03  # [m] that a brick goes up at first, while it goes away from the pedestal
 RELEASE_STEPS = 6
 YAWS = np.arange(12) * np.pi / 6.0  # [rad] that a brick may be turned by above the pedestal
-FIRM = 1.6  # [s] penalty of a grasp, above which the brick is dragged away first
+FIRM = 1.0  # [s] penalty of a grasp, above which the brick is dragged away first
 DRAG_TILTS = (0.25, 0.4, 0.1)  # [rad] away from the pedestal, the first is preferred
 LOW = 0.04  # [m] of the closed fingers above a brick, where nothing is in their way
 LONGEST_TRAVEL = 2.5  # [s]
@@ -134,9 +134,11 @@ def _put(arm: Arm, target: Array) -> Script:
 
 def _leave(arm: Arm, target: Array) -> Script:
     """Take the hand away upwards."""
-    pose = arm.pose
-    if pose.translation[2] < target[2] + AWAY - 0.01:
-        yield from motions.move(arm, motions.moved(pose, up(target[2] + AWAY - pose.translation[2])), OPEN)
+    missing = target[2] + AWAY - arm.pose.translation[2]
+    if missing > 0.01:
+        above = arm.chain([motions.moved(arm.pose, up(missing))], arm.q, np.inf)
+        if above is not None:
+            yield from motions.go(arm, above[0], OPEN)
 
 
 def pillar(top: Array) -> Scene:
