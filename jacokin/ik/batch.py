@@ -27,7 +27,7 @@ from jacokin.model import checks
 from jacokin.model.pose_targets import FreeAxis
 from jacokin.model.robot import Robot
 
-CHUNK = 4096  # targets in one compiled call: progress is seen, and the call's cost is spread
+CHUNK = 32768  # targets in one compiled call: a quarter of a second, after which workers wait for each other
 MAX_CHUNK = 4  # targets that a worker process takes at once: an interrupted batch waits for no more
 
 
