@@ -55,7 +55,7 @@ PRINTING = {
     "latency": Printing("Single calls, the slowest included", picture="latency.png"),
     "closest": Printing("The closest configuration", ("--count", "30"), ("--count", "3")),
     "planning": Printing("Planned paths"),
-    "tasks": Printing("Environments beside bare MuJoCo", quick=("reach_site_features",)),
+    "tasks": Printing("Environments beside bare MuJoCo", quick=("reach_site",)),
     "viewer": Printing("A move in the viewer", quick=("--moves", "50")),
 }
 SECTIONS = ("peers", "costs", "files", "reachability", "completeness", "families", "qp", *PRINTING)
