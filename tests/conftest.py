@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import signal
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -14,6 +15,9 @@ from hypothesis import HealthCheck, settings
 import jacokin
 from jacokin import Robot
 from tests.robot_files import INCLUDED, SCENE
+
+# Tests compare with other code in the folders beside the package. Last: the installed package is what gets tested.
+sys.path.append(str(Path(__file__).resolve().parents[1]))
 
 # The same examples every time, however slow the machine is at the moment.
 settings.register_profile("jacokin", derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow])

@@ -62,7 +62,9 @@ def started(*words: str) -> subprocess.Popen[str]:
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGINT], ids=lambda number: number.name)
-def test_a_signal_leaves_the_old_output_and_nothing_beside_it(tmp_path: Path, number: signal.Signals) -> None:
+def test_a_signal_leaves_the_old_output_and_beside_it_at_most_finished_chunks(
+    tmp_path: Path, number: signal.Signals
+) -> None:
     targets, out = tmp_path / "targets.csv", tmp_path / "out.csv"
     targets.write_text("x,y,z\n" + "9,9,9\n" * 3000, encoding="utf-8")  # each takes a while
     out.write_text("old", encoding="utf-8")
@@ -76,8 +78,12 @@ def test_a_signal_leaves_the_old_output_and_nothing_beside_it(tmp_path: Path, nu
     _, errors = process.communicate(timeout=DEADLINE)
     assert process.returncode == 128 + number
     assert "Traceback" not in errors
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["out.csv", "targets.csv"]
     assert out.read_text(encoding="utf-8") == "old"
+    beside = {path.name for path in tmp_path.iterdir()} - {"out.csv", "targets.csv"}
+    assert beside <= {"out.csv.chunks"}
+    if beside:  # what had begun was finished, and `--resume` goes on from it
+        endings = {path.suffix for path in (tmp_path / "out.csv.chunks").iterdir()}
+        assert endings == {".json", ".chunk"}
 
 
 @pytest.mark.slow

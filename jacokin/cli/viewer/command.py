@@ -125,8 +125,8 @@ def view(
         port=port,
     )
     with viewer:
-        click.echo(f"{viewer.url} shows {arm.name}; Ctrl-C ends it")
         try:
+            click.echo(f"{viewer.url} shows {arm.name}; Ctrl-C ends it")
             viewer.wait()
         except KeyboardInterrupt:
             click.echo("closed", err=True)

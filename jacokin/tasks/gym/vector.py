@@ -169,7 +169,8 @@ class VectorTaskEnv(VectorEnv[Observation, Any, NDArray[Any]]):
 
     def close_extras(self, **kwargs: Any) -> None:
         """Free what pictures need."""
-        self._simulations.close()
+        if hasattr(self, "_simulations"):  # Gymnasium also closes what its options kept from being made
+            self._simulations.close()
 
     def _mask(self, value: object) -> Flags:
         if value is True:
