@@ -73,16 +73,16 @@ def key() -> str:
     digest = hashlib.sha256(FORMAT)
     here = Path(__file__).parent
     sources = [path for folder in ("kernels", "curves") for path in sorted((here / folder).rglob("*.py"))]
-    for source in (*sources, here / "compiler.py", here / "kernel_library.py"):
+    for source in (*sources, here / "compiler.py", here / "one_module.py", here / "kernel_library.py"):
         digest.update(source.read_bytes())
     packages = [_version(name) for name in ("numba", "llvmlite", "numpy")]
     digest.update(repr((packages, platform.python_version(), platform.system(), platform.machine(), *cpu())).encode())
     return digest.hexdigest()[:16]
 
 
-def packed(code: bytes) -> bytes:
-    """The contents of a file."""
-    return FORMAT + f"{key()}\n{hashlib.sha256(code).hexdigest()}\n".encode() + code
+def packed(code: bytes, name: str) -> bytes:
+    """The contents of a file: machine code under the name that `key` gave before it was compiled."""
+    return FORMAT + f"{name}\n{hashlib.sha256(code).hexdigest()}\n".encode() + code
 
 
 def unpacked(contents: bytes) -> bytes:
@@ -150,7 +150,7 @@ def write(code: bytes) -> str:
             return problem
         handle, temporary = tempfile.mkstemp(prefix=_TEMPORARY, dir=file.parent)
         with open(handle, "wb") as stream:  # noqa: PTH123  # the handle is open already
-            stream.write(packed(code))
+            stream.write(packed(code, file.stem))
         os.chmod(temporary, 0o644)  # noqa: PTH101  # who may enter the folder may read
         os.replace(temporary, file)  # noqa: PTH105
     except OSError as error:

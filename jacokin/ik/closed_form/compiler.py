@@ -215,13 +215,14 @@ def main() -> None:
     """Compile, try the result, and write it to stdout as a cache file."""
     from jacokin.ik.closed_form import cache
 
+    name = cache.key()  # of what is imported, not of what may stand in the files when this ends
     gc.disable()  # most objects of a compiler live until it ends: looking for dead ones takes a third of the time
     code = compile_kernels()
     empty = np.zeros((7, 3, 4)), np.zeros(39), np.zeros((3, 6)), np.zeros((0, 4, 4)), np.zeros((0, 6))
     library = KernelLibrary(code)
     Call(library, *empty)()
     CurveCall(library)()
-    sys.stdout.buffer.write(cache.packed(code))
+    sys.stdout.buffer.write(cache.packed(code, name))
     sys.stdout.buffer.flush()
 
 

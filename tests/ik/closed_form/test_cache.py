@@ -181,12 +181,19 @@ def test_the_name_depends_on_contents_only(monkeypatch: pytest.MonkeyPatch, tmp_
     shutil.copytree(here, copy, copy_function=shutil.copyfile)  # times of modification are new
     monkeypatch.setattr(cache, "__file__", str(copy / "cache.py"))
     assert cache.key() == before
-    for name in compiler.KERNEL_MODULES:
+    for name in (*compiler.KERNEL_MODULES, "compiler", "one_module", "kernel_library"):
         kernel = copy / f"{name.replace('.', '/')}.py"
         text = kernel.read_text()
         kernel.write_text(text + "\n")
         assert cache.key() != before, name
         kernel.write_text(text)
+
+
+def test_code_of_files_that_changed_while_it_was_compiled_is_not_kept_under_their_new_name() -> None:
+    before = cache.packed(b"code of what was imported", "0" * 16)
+    with pytest.raises(ValueError, match="damaged or incomplete"):
+        cache.unpacked(before)
+    assert cache.unpacked(cache.packed(b"code", cache.key())) == b"code"
 
 
 def test_the_name_depends_on_the_processor(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -27,7 +27,7 @@ def compiled(tmp_path_factory: pytest.TempPathFactory) -> Path:
     code = cache.read().code
     assert code is not None, "the cache of whoever runs the tests must be usable"
     file = tmp_path_factory.mktemp("compiled") / "kernels"
-    file.write_bytes(cache.packed(code))
+    file.write_bytes(cache.packed(code, cache.key()))
     return file
 
 
