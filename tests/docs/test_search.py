@@ -15,6 +15,7 @@ from tests.viewer.page import until
 
 ROOT = Path(__file__).resolve().parents[2]
 FOUND = "[...document.querySelectorAll('.md-search-result__link')].map(link => link.href)"
+FOCUSED = "document.activeElement.classList.contains('md-search__input')"
 FETCHED = re.compile(r"<(?:script|link|img|iframe)[^>]*(?:src|href)=\"?(https?:[^\"\s>]*)")
 
 pytestmark = [
@@ -33,8 +34,12 @@ def test_a_site_in_a_folder_is_searched(tmp_path: Path) -> None:
         page = (tmp_path / "site" / folder / "index.html").as_uri()
         with browsing(page, tmp_path / f"chromium{len(folder)}") as tab:
             assert until(lambda: tab.value("document.readyState") == "complete")
-            tab.press("S")  # the theme's key for the search box
-            assert until(lambda: tab.value("typeof __index") == "object")
+            for _ in range(10):  # the page may not listen to keys yet
+                if tab.value(FOCUSED) is not True:
+                    tab.press("S")  # the theme's key for the search box
+                if until(lambda: tab.value("typeof __index") == "object", patience=2.0):
+                    break
+            assert tab.value(FOCUSED) is True
             tab.ask("Input.insertText", text="nearest_reachabl")
             tab.press("E")
             assert until(lambda: tab.value(FOUND))

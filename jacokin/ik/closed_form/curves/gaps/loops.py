@@ -274,10 +274,10 @@ def add_loops(T: Array, n: int, closed: bool, slices: Slices, six: SixJoints, lo
                 a, da = loops.height[0, k, 0], loops.height[0, k, 1]
                 b, db = loops.height[1, k, 0], loops.height[1, k, 1]
                 above = math.hypot(loops.roots[0, k, 0], loops.roots[0, k, 1]) < 1.0  # of the two conjugates
-                share = lowest(a, da, b, db, h)
-                if not above or a <= 0.0 or b <= 0.0 or share < 0.0 or count == SLICES:
+                if not above or a <= 0.0 or b <= 0.0 or count == SLICES:
                     continue
-                if cubic_at(a, da, b, db, h, share) > max(HIGH * min(a, b), FLAT * max(a, b)):
+                share = lowest(a, da, b, db, h)
+                if share < 0.0 or cubic_at(a, da, b, db, h, share) > max(HIGH * min(a, b), FLAT * max(a, b)):
                     continue
                 at = becomes_real(T, low, p, k, six, loops)
                 if at == at:
