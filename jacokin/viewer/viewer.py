@@ -251,6 +251,7 @@ class Viewer:
         wanted = self._panel.track
         self._stop()
         if not wanted:
+            self._aim({})  # where the gizmo is, which may have moved on
             return
         try:
             self._following = Following(self._inspector.solver, self._seed())

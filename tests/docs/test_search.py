@@ -15,7 +15,7 @@ from tests.viewer.page import until
 
 ROOT = Path(__file__).resolve().parents[2]
 FOUND = "[...document.querySelectorAll('.md-search-result__link')].map(link => link.href)"
-FOCUSED = "document.activeElement.classList.contains('md-search__input')"
+FOCUSED = "document.activeElement?.classList.contains('md-search__input') === true"
 FETCHED = re.compile(r"<(?:script|link|img|iframe)[^>]*(?:src|href)=\"?(https?:[^\"\s>]*)")
 
 pytestmark = [

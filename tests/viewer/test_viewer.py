@@ -214,7 +214,7 @@ def test_the_tracker_follows_the_gizmo_within_the_velocity_limits(viewer: Viewer
     page.set(viewer._panel._track, False)
     page.move_gizmo(NEAR)
     assert at(viewer, NEAR)
-    assert viewer.view.note == ""
+    assert until(lambda: viewer.view.note == "")
 
 
 def test_a_trajectory_is_played_paused_scrubbed_and_slowed(robot: Robot) -> None:
