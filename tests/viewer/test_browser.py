@@ -99,8 +99,12 @@ def test_the_mouse_drags_the_gizmo(viewer: Viewer, tab: Tab) -> None:
     centre = TARGET.translation
     grip, aim = centre + 0.12 * TARGET.rotation[:, 2], centre + 0.22 * TARGET.rotation[:, 2]
     ends = pixels(np.stack((grip, aim)), axes, camera.position, camera.fov, camera.image_width, camera.image_height)
-    tab.drag(ends[0], ends[1])
-    assert until(lambda: np.linalg.norm(viewer.view.target.translation - centre) > 0.05)
+
+    def is_dragged() -> bool:
+        tab.drag(ends[0], ends[1])
+        return until(lambda: np.linalg.norm(viewer.view.target.translation - centre) > 0.05, patience=10.0)
+
+    assert any(is_dragged() for _ in range(3))  # a browser short of time may draw nothing between the events
     # How far depends on which frames the browser had time for; what it sent is where the gizmo is.
     assert shown(viewer, viewer._stage.gizmo.position)
 
