@@ -101,6 +101,7 @@ def test_code_fits_into_the_page() -> None:
     wide = [
         f"{page.name}: {line}"
         for page in PAGES
+        if page.name != "performance.md"  # tables that benchmarks print, which scroll
         for match in BLOCK.finditer(page.read_text(encoding="utf-8"))
         for line in match["code"].splitlines()
         if len(line) > WIDEST
