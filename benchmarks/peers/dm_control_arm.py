@@ -21,7 +21,7 @@ def skip_fields_gone_from_mujoco():
 skip_fields_gone_from_mujoco()
 
 from dm_control import mjcf  # noqa: E402 - after the fields are right
-from dm_control.entities.manipulators import kinova  # noqa: E402
+from dm_control.entities.manipulators import kinova  # noqa: E402 - as above
 
 
 class Peer:
