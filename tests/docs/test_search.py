@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.viewer.browser import CHROMIUM, browsing
+from tests.viewer.browser import IN_BROWSER, browsing
 from tests.viewer.page import until
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -18,10 +18,7 @@ FOUND = "[...document.querySelectorAll('.md-search-result__link')].map(link => l
 FOCUSED = "document.activeElement?.classList.contains('md-search__input') === true"
 FETCHED = re.compile(r"<(?:script|link|img|iframe)[^>]*(?:src|href)=\"?(https?:[^\"\s>]*)")
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed (Debian: apt-get install chromium)"),
-]
+pytestmark = IN_BROWSER
 
 
 def test_a_site_in_a_folder_is_searched(tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 from websockets.sync.client import connect
@@ -28,6 +29,12 @@ from tests.viewer.page import until
 Mask = NDArray[np.bool_]
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+IN_BROWSER = [
+    pytest.mark.slow,
+    pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed (Debian: apt-get install chromium)"),
+    # A browser that gets no time from the machine loses input; what the viewer does wrong it does each time.
+    pytest.mark.flaky(reruns=2),
+]
 WITHOUT_SCREEN = (
     "--headless=new",
     "--use-angle=swiftshader",

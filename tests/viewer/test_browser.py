@@ -15,13 +15,10 @@ from jacokin import Robot
 from jacokin.arrays import Array
 from jacokin.viewer import Viewer, serve
 from jacokin.viewer.drawing.parts import Part, parts_of
-from tests.viewer.browser import CHROMIUM, Mask, Tab, agreement, picture, pixels, showing, silhouette
+from tests.viewer.browser import IN_BROWSER, Mask, Tab, agreement, picture, pixels, showing, silhouette
 from tests.viewer.page import opened, until
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed (Debian: apt-get install chromium)"),
-]
+pytestmark = IN_BROWSER
 ALIKE = 0.92  # of the pixels; the rest are edges, which the browser smooths
 TARGET = jacokin.pose([0.3, -0.3, 0.45], down=True)
 

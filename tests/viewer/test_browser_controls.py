@@ -18,10 +18,10 @@ from jacokin.viewer.drawing.meshes import merged
 from jacokin.viewer.drawing.parts import Part
 from jacokin.viewer.drawing.visuals import visuals_of
 from tests.viewer.browser import (
-    CHROMIUM,
     EYE,
     FOV,
     HEIGHT,
+    IN_BROWSER,
     WIDTH,
     Tab,
     agreement,
@@ -34,10 +34,7 @@ from tests.viewer.browser import (
 )
 from tests.viewer.page import opened, until
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed (Debian: apt-get install chromium)"),
-]
+pytestmark = IN_BROWSER
 ALIKE = 0.92  # of the pixels; the rest are edges, which the browser smooths
 
 
