@@ -47,6 +47,14 @@ ToolOption = Annotated[
         help="What is brought to the target, in the axes of --frame: position [m], orientation as a quaternion.",
     ),
 ]
+FreeAxisOption = Annotated[
+    str | None,
+    Option("--free-axis", metavar="AXIS", help="The tool may turn about this axis of its own: x, y, z or X,Y,Z."),
+]
+FreeRangeOption = Annotated[
+    tuple[float, float] | None,
+    Option("--free-range", metavar="A B", help="From and to which angle it may turn; a full turn by default."),
+]
 LimitOption = Annotated[
     list[str] | None,
     Option(

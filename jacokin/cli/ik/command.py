@@ -15,6 +15,8 @@ from jacokin.cli.arguments.options import (
     DegreesOption,
     FingerAngleOption,
     FrameOption,
+    FreeAxisOption,
+    FreeRangeOption,
     JsonOption,
     LimitOption,
     PackageDirOption,
@@ -51,14 +53,8 @@ def ik(
         Vector3 | None,
         Option("--approach", metavar="X Y Z", help="The direction its z axis points in; the roll is free."),
     ] = None,
-    free_axis: Annotated[
-        str | None,
-        Option("--free-axis", metavar="AXIS", help="It may turn about this axis of its own: x, y, z or X,Y,Z."),
-    ] = None,
-    free_range: Annotated[
-        tuple[float, float] | None,
-        Option("--free-range", metavar="A B", help="From and to which angle it may turn; a full turn by default."),
-    ] = None,
+    free_axis: FreeAxisOption = None,
+    free_range: FreeRangeOption = None,
     prefer: Annotated[
         str, Option("--prefer", metavar="NAME", help="Which configuration: nearest, margin or manipulability.")
     ] = "nearest",

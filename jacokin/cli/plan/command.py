@@ -14,6 +14,8 @@ from jacokin.cli.arguments.options import (
     ClearanceOption,
     DegreesOption,
     FrameOption,
+    FreeAxisOption,
+    FreeRangeOption,
     JsonOption,
     PackageDirOption,
     PathOption,
@@ -47,14 +49,8 @@ def plan(
     timing: Annotated[
         str, Option("--timing", metavar="NAME", help="keep the speed, or slow down where joints cannot follow.")
     ] = "keep",
-    free_axis: Annotated[
-        str | None,
-        Option("--free-axis", metavar="X|X Y Z", help="Axis of the tool it may turn about: x, y, z or a direction."),
-    ] = None,
-    free_range: Annotated[
-        tuple[float, float] | None,
-        Option("--free-range", metavar="A B", help="How far it may turn; a full turn if not given."),
-    ] = None,
+    free_axis: FreeAxisOption = None,
+    free_range: FreeRangeOption = None,
     velocity_limit: VelocityLimitOption = None,
     acceleration_limit: Annotated[
         str | None,

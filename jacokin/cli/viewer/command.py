@@ -17,6 +17,7 @@ from jacokin.cli.arguments.options import (
     DegreesOption,
     FingerAngleOption,
     FrameOption,
+    FreeRangeOption,
     LimitOption,
     PackageDirOption,
     RobotOption,
@@ -56,10 +57,7 @@ def view(
     free_axis: Annotated[
         str | None, Option("--free-axis", metavar="AXIS", help="The tool may turn about this axis: x, y or z.")
     ] = None,
-    free_range: Annotated[
-        tuple[float, float] | None,
-        Option("--free-range", metavar="A B", help="From and to which angle it may turn; a full turn by default."),
-    ] = None,
+    free_range: FreeRangeOption = None,
     trajectory: Annotated[
         Path | None,
         Option("--trajectory", metavar="FILE", help="A trajectory to play: .csv, .npz, .json (ROS) or .kinova.csv."),
