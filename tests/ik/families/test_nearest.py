@@ -99,6 +99,21 @@ def test_a_member_is_nearest_to_itself(seven: IKSolver, rng: np.random.Generator
         np.testing.assert_allclose(result.q, q, atol=2e-7)
 
 
+def test_the_nearest_member_about_a_free_axis_needs_no_family(
+    six: IKSolver, rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    robot = six.robot
+
+    def refused(*given: object) -> None:
+        raise AssertionError(f"the whole family was looked for: {given}")
+
+    monkeypatch.setattr(Curves, "find", refused)
+    for number in range(60):
+        axis = rng.normal(size=3) if number % 2 else (1.0, 0.0, 0.0)
+        target = FreeAxis(robot.forward_kinematics(robot.sample(rng)), axis=axis)
+        six.solve(target, seed=robot.sample(rng)).raise_for_status()
+
+
 def test_limits_of_more_than_a_turn_leave_a_choice_of_copies(rng: np.random.Generator) -> None:
     robot = jacokin.load_robot("j2s7s300", limits={"joint_1": (-1.0, 6.0), "joint_5": (-2.0, 1.0)})
     solver = IKSolver(robot)

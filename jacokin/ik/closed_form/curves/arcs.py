@@ -48,11 +48,24 @@ def emit(arcs: Arcs, start: int, x: Array, t: Array, parameter: int) -> None:
     arcs.size[0] = m + 1
 
 
+def lead_along(t: Array, a: Array, b: Array) -> None:
+    """Turn a tangent round if it leads from node b to node a."""
+    along = 0.0
+    for j in range(7):
+        along += t[j] * (b[j] - a[j])
+    if along < 0.0:
+        for j in range(7):
+            t[j] = -t[j]
+
+
 def close_arc(arcs: Arcs, start: int, left: int, right: int) -> None:
     """Enter the nodes since start as an arc."""
-    n = arcs.size[1]
-    if n < ARCS and arcs.size[0] - start >= 2:
-        arcs.arcs[n, 0], arcs.arcs[n, 1], arcs.arcs[n, 2], arcs.arcs[n, 3] = start, arcs.size[0], left, right
+    n, end = arcs.size[1], arcs.size[0]
+    if n < ARCS and end - start >= 2:
+        # At a fold dp/ds is rounding, and its sign tells nothing.
+        lead_along(arcs.nodes[start, 7:14], arcs.nodes[start], arcs.nodes[start + 1])
+        lead_along(arcs.nodes[end - 1, 7:14], arcs.nodes[end - 2], arcs.nodes[end - 1])
+        arcs.arcs[n, 0], arcs.arcs[n, 1], arcs.arcs[n, 2], arcs.arcs[n, 3] = start, end, left, right
         arcs.size[1] = n + 1
 
 
