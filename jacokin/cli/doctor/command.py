@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from jacokin.cli.arguments.options import JsonOption
+from jacokin.cli.arguments import options
 from jacokin.cli.display import json_output, tables
 from jacokin.cli.exit_codes import NOT_SOLVED
 
 
-def doctor(json: JsonOption = False) -> None:
+def doctor(json: options.JsonOption = False) -> None:
     """Check the installation.
 
     Versions and places of the packages, QP solvers, shadowed packages, rendering, cache of the kernels.

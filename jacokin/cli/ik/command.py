@@ -7,27 +7,6 @@ from typing import Annotated
 
 from jacokin.cli.arguments import options
 from jacokin.cli.arguments.declared import Option
-from jacokin.cli.arguments.options import (
-    DEFAULT_ROBOT,
-    BaseOption,
-    ClearanceOption,
-    DaskOption,
-    DegreesOption,
-    FingerAngleOption,
-    FrameOption,
-    FreeAxisOption,
-    FreeRangeOption,
-    JsonOption,
-    LimitOption,
-    PackageDirOption,
-    RandomSeedOption,
-    RobotOption,
-    SceneOption,
-    SeedOption,
-    TipOption,
-    ToolOption,
-    WorkersOption,
-)
 from jacokin.cli.arguments.outputs import keep_apart
 from jacokin.cli.arguments.units import Units, numbers, warn_of_degrees
 from jacokin.cli.exit_codes import NOT_SOLVED
@@ -53,8 +32,8 @@ def ik(
         Vector3 | None,
         Option("--approach", metavar="X Y Z", help="The direction its z axis points in; the roll is free."),
     ] = None,
-    free_axis: FreeAxisOption = None,
-    free_range: FreeRangeOption = None,
+    free_axis: options.FreeAxisOption = None,
+    free_range: options.FreeRangeOption = None,
     prefer: Annotated[
         str, Option("--prefer", metavar="NAME", help="Which configuration: nearest, margin or manipulability.")
     ] = "nearest",
@@ -72,12 +51,12 @@ def ik(
         Option("--output", metavar="FILE", help="Write the answers to --targets to this .csv, .npz or .parquet."),
     ] = None,
     resume: Annotated[bool, Option("--resume", help="Continue a run with --targets that did not end.")] = False,
-    workers: WorkersOption = 1,
-    dask: DaskOption = None,
-    frame: FrameOption = None,
-    tool: ToolOption = None,
-    seed: SeedOption = None,
-    random_seed: RandomSeedOption = None,
+    workers: options.WorkersOption = 1,
+    dask: options.DaskOption = None,
+    frame: options.FrameOption = None,
+    tool: options.ToolOption = None,
+    seed: options.SeedOption = None,
+    random_seed: options.RandomSeedOption = None,
     method: Annotated[str, Option("--method", metavar="NAME", help="auto, closed_form or qp.")] = "auto",
     qp_solver: Annotated[str, Option("--qp-solver", metavar="NAME", help="daqp, quadprog, osqp or proxqp.")] = "daqp",
     collision: Annotated[
@@ -86,16 +65,16 @@ def ik(
             "--collision", metavar="NAME", help="Contact: ignore, report or reject; reject with a scene, else ignore."
         ),
     ] = None,
-    scene: SceneOption = None,
-    clearance: ClearanceOption = None,
-    degrees: DegreesOption = False,
-    json: JsonOption = False,
-    robot: RobotOption = DEFAULT_ROBOT,
-    base: BaseOption = None,
-    tip: TipOption = None,
-    package_dir: PackageDirOption = None,
-    limit: LimitOption = None,
-    finger_angle: FingerAngleOption = None,
+    scene: options.SceneOption = None,
+    clearance: options.ClearanceOption = None,
+    degrees: options.DegreesOption = False,
+    json: options.JsonOption = False,
+    robot: options.RobotOption = options.DEFAULT_ROBOT,
+    base: options.BaseOption = None,
+    tip: options.TipOption = None,
+    package_dir: options.PackageDirOption = None,
+    limit: options.LimitOption = None,
+    finger_angle: options.FingerAngleOption = None,
 ) -> None:
     """Find joint angles, inside the joint limits, for a pose.
 

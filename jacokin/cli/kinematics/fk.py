@@ -5,30 +5,19 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from jacokin.cli.arguments import options
-from jacokin.cli.arguments.options import (
-    DEFAULT_ROBOT,
-    BaseOption,
-    DegreesOption,
-    FrameOption,
-    JsonOption,
-    PackageDirOption,
-    QArgument,
-    RobotOption,
-    TipOption,
-)
 from jacokin.cli.arguments.units import Units
 from jacokin.cli.display import json_output, tables
 
 
 def fk(
-    q: QArgument,
-    frame: FrameOption = None,
-    degrees: DegreesOption = False,
-    json: JsonOption = False,
-    robot: RobotOption = DEFAULT_ROBOT,
-    base: BaseOption = None,
-    tip: TipOption = None,
-    package_dir: PackageDirOption = None,
+    q: options.QArgument,
+    frame: options.FrameOption = None,
+    degrees: options.DegreesOption = False,
+    json: options.JsonOption = False,
+    robot: options.RobotOption = options.DEFAULT_ROBOT,
+    base: options.BaseOption = None,
+    tip: options.TipOption = None,
+    package_dir: options.PackageDirOption = None,
 ) -> None:
     """Show the pose of a frame for given joint angles.
 

@@ -7,33 +7,22 @@ from typing import Annotated
 
 from jacokin.cli.arguments import options
 from jacokin.cli.arguments.declared import Option
-from jacokin.cli.arguments.options import (
-    DEFAULT_ROBOT,
-    BaseOption,
-    DegreesOption,
-    FrameOption,
-    JsonOption,
-    PackageDirOption,
-    QArgument,
-    RobotOption,
-    TipOption,
-)
 from jacokin.cli.arguments.units import Units
 from jacokin.cli.display import json_output, tables
 
 
 def jacobian(
-    q: QArgument,
-    frame: FrameOption = None,
+    q: options.QArgument,
+    frame: options.FrameOption = None,
     reference: Annotated[
         str, Option("--reference", metavar="NAME", help="local_world_aligned, local or world.")
     ] = "local_world_aligned",
-    degrees: DegreesOption = False,
-    json: JsonOption = False,
-    robot: RobotOption = DEFAULT_ROBOT,
-    base: BaseOption = None,
-    tip: TipOption = None,
-    package_dir: PackageDirOption = None,
+    degrees: options.DegreesOption = False,
+    json: options.JsonOption = False,
+    robot: options.RobotOption = options.DEFAULT_ROBOT,
+    base: options.BaseOption = None,
+    tip: options.TipOption = None,
+    package_dir: options.PackageDirOption = None,
 ) -> None:
     """Show the Jacobian of a frame.
 

@@ -7,28 +7,6 @@ from typing import TYPE_CHECKING, Annotated
 
 from jacokin.cli.arguments import options
 from jacokin.cli.arguments.declared import Option
-from jacokin.cli.arguments.options import (
-    DEFAULT_ROBOT,
-    AngularSpeedOption,
-    BaseOption,
-    ClearanceOption,
-    DegreesOption,
-    FrameOption,
-    FreeAxisOption,
-    FreeRangeOption,
-    JsonOption,
-    PackageDirOption,
-    PathOption,
-    PlotOption,
-    RobotOption,
-    SceneOption,
-    SeedOption,
-    SpeedOption,
-    TimeStepOption,
-    TipOption,
-    TrajectoryOption,
-    VelocityLimitOption,
-)
 from jacokin.cli.arguments.outputs import keep_apart
 from jacokin.cli.arguments.units import Units, axis_of
 from jacokin.cli.exit_codes import NOT_SOLVED
@@ -40,35 +18,35 @@ if TYPE_CHECKING:
 
 
 def plan(
-    path: PathOption,
-    dt: TimeStepOption = 0.01,
-    output: TrajectoryOption = None,
-    plot: PlotOption = None,
-    speed: SpeedOption = 0.05,
-    angular_speed: AngularSpeedOption = None,
+    path: options.PathOption,
+    dt: options.TimeStepOption = 0.01,
+    output: options.TrajectoryOption = None,
+    plot: options.PlotOption = None,
+    speed: options.SpeedOption = 0.05,
+    angular_speed: options.AngularSpeedOption = None,
     timing: Annotated[
         str, Option("--timing", metavar="NAME", help="keep the speed, or slow down where joints cannot follow.")
     ] = "keep",
-    free_axis: FreeAxisOption = None,
-    free_range: FreeRangeOption = None,
-    velocity_limit: VelocityLimitOption = None,
+    free_axis: options.FreeAxisOption = None,
+    free_range: options.FreeRangeOption = None,
+    velocity_limit: options.VelocityLimitOption = None,
     acceleration_limit: Annotated[
         str | None,
         Option("--acceleration-limit", metavar="A ..", help="Of the joints [rad/s^2]; needs --timing slow."),
     ] = None,
-    scene: SceneOption = None,
-    clearance: ClearanceOption = None,
-    frame: FrameOption = None,
-    seed: SeedOption = None,
+    scene: options.SceneOption = None,
+    clearance: options.ClearanceOption = None,
+    frame: options.FrameOption = None,
+    seed: options.SeedOption = None,
     start: Annotated[
         str | None, Option("--start", metavar="Q1 .. Q6", help="Joint angles the arm is at, instead of --seed.")
     ] = None,
-    degrees: DegreesOption = False,
-    json: JsonOption = False,
-    robot: RobotOption = DEFAULT_ROBOT,
-    base: BaseOption = None,
-    tip: TipOption = None,
-    package_dir: PackageDirOption = None,
+    degrees: options.DegreesOption = False,
+    json: options.JsonOption = False,
+    robot: options.RobotOption = options.DEFAULT_ROBOT,
+    base: options.BaseOption = None,
+    tip: options.TipOption = None,
+    package_dir: options.PackageDirOption = None,
 ) -> None:
     """Plan a path of poses over all branches, before anything moves.
 

@@ -7,17 +7,6 @@ from typing import TYPE_CHECKING, Annotated
 
 from jacokin.cli.arguments import options
 from jacokin.cli.arguments.declared import Argument, Option
-from jacokin.cli.arguments.options import (
-    DEFAULT_ROBOT,
-    BaseOption,
-    DaskOption,
-    FrameOption,
-    PackageDirOption,
-    RobotOption,
-    SceneOption,
-    TipOption,
-    WorkersOption,
-)
 from jacokin.cli.arguments.units import axis_of
 from jacokin.cli.display import tables
 from jacokin.cli.display.progress import progress_bar
@@ -48,18 +37,18 @@ def build(
     ] = None,
     lower: Annotated[Vector3 | None, Option("--lower", metavar="X Y Z", help="Lower corner of the box [m].")] = None,
     upper: Annotated[Vector3 | None, Option("--upper", metavar="X Y Z", help="Upper corner of the box [m].")] = None,
-    scene: SceneOption = None,
+    scene: options.SceneOption = None,
     avoid_contact: Annotated[
         bool, Option("--avoid-contact", help="Leave out configurations in self-contact; a scene does so, too.")
     ] = False,
     shard: Annotated[str | None, Option("--shard", metavar="I/N", help="Build the I-th of N parts only.")] = None,
-    workers: WorkersOption = 1,
-    dask: DaskOption = None,
-    frame: FrameOption = None,
-    robot: RobotOption = DEFAULT_ROBOT,
-    base: BaseOption = None,
-    tip: TipOption = None,
-    package_dir: PackageDirOption = None,
+    workers: options.WorkersOption = 1,
+    dask: options.DaskOption = None,
+    frame: options.FrameOption = None,
+    robot: options.RobotOption = options.DEFAULT_ROBOT,
+    base: options.BaseOption = None,
+    tip: options.TipOption = None,
+    package_dir: options.PackageDirOption = None,
 ) -> None:
     """Build a map of where the arm reaches.
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
+from jacokin.cli.arguments import options
 from jacokin.cli.arguments.declared import Option
-from jacokin.cli.arguments.options import DEFAULT_ROBOT, JsonOption
 from jacokin.cli.display import json_output, tables
 from jacokin.cli.exit_codes import NOT_SOLVED
 from jacokin.cli.reachability.maps import load
@@ -16,11 +16,11 @@ def place(
     targets: Annotated[Path, Option("--targets", metavar="FILE.csv", help="Poses of the tool in the world.")],
     folder: Annotated[
         str, Option("--map", metavar="FOLDER|NAME", help="A map, or the bundled one of a robot.")
-    ] = DEFAULT_ROBOT,
+    ] = options.DEFAULT_ROBOT,
     height: Annotated[
         float | None, Option("--height", metavar="Z", help="Height that the base stands at [m]; any if not given.")
     ] = None,
-    json: JsonOption = False,
+    json: options.JsonOption = False,
 ) -> None:
     """Find places for the base of the arm from which it reaches as many targets as possible.
 

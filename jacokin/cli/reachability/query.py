@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Annotated
 
+from jacokin.cli.arguments import options
 from jacokin.cli.arguments.declared import Argument, Option
-from jacokin.cli.arguments.options import JsonOption
 from jacokin.cli.display import json_output, tables
 from jacokin.cli.reachability.maps import load
 
@@ -20,7 +20,7 @@ def query(
         Vector4 | None, Option("--quat-wxyz", metavar="W X Y Z", help="An orientation as a quaternion.")
     ] = None,
     down: Annotated[bool, Option("--down", help="An orientation: pointing vertically down.")] = False,
-    json: JsonOption = False,
+    json: options.JsonOption = False,
 ) -> None:
     """Say how many orientations are reached at a position, and which pose near a given one is.
 

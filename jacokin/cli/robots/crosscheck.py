@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Annotated
 
 from jacokin.cli.arguments import options
 from jacokin.cli.arguments.declared import Argument, Option
-from jacokin.cli.arguments.options import DEFAULT_ROBOT, JsonOption, PackageDirOption, RandomSeedOption
 from jacokin.cli.display import json_output, tables
 from jacokin.cli.exit_codes import NOT_SOLVED
 from jacokin.errors import InvalidInputError
@@ -18,7 +17,7 @@ if TYPE_CHECKING:
 def crosscheck(
     first: Annotated[
         str, Argument(metavar="[NAME|FILE]", help="A bundled robot, or the path of a .urdf or .xml (MJCF).")
-    ] = DEFAULT_ROBOT,
+    ] = options.DEFAULT_ROBOT,
     second: Annotated[
         str | None, Argument(metavar="[NAME|FILE]", help="What to compare it with; MuJoCo if not given.")
     ] = None,
@@ -39,9 +38,9 @@ def crosscheck(
         str | None, Option("--second-base", metavar="FRAME", help="Base of the second arm; --base if not given.")
     ] = None,
     second_tip: Annotated[str | None, Option("--second-tip", metavar="FRAME", help="End of the second arm.")] = None,
-    package_dir: PackageDirOption = None,
-    random_seed: RandomSeedOption = None,
-    json: JsonOption = False,
+    package_dir: options.PackageDirOption = None,
+    random_seed: options.RandomSeedOption = None,
+    json: options.JsonOption = False,
 ) -> None:
     """Compare two descriptions, or Pinocchio and MuJoCo.
 

@@ -6,14 +6,6 @@ from typing import TYPE_CHECKING, Annotated
 
 from jacokin.cli.arguments import options
 from jacokin.cli.arguments.declared import Argument
-from jacokin.cli.arguments.options import (
-    DEFAULT_ROBOT,
-    BaseOption,
-    DegreesOption,
-    JsonOption,
-    PackageDirOption,
-    TipOption,
-)
 from jacokin.cli.arguments.units import JointUnits, Units
 from jacokin.cli.display import json_output, tables
 
@@ -24,12 +16,12 @@ if TYPE_CHECKING:
 def info(
     robot: Annotated[
         str, Argument(metavar="[NAME|FILE]", help="A bundled robot, or the path of a .urdf or .xml (MJCF).")
-    ] = DEFAULT_ROBOT,
-    degrees: DegreesOption = False,
-    json: JsonOption = False,
-    base: BaseOption = None,
-    tip: TipOption = None,
-    package_dir: PackageDirOption = None,
+    ] = options.DEFAULT_ROBOT,
+    degrees: options.DegreesOption = False,
+    json: options.JsonOption = False,
+    base: options.BaseOption = None,
+    tip: options.TipOption = None,
+    package_dir: options.PackageDirOption = None,
 ) -> None:
     """Show joints, limits with their source, home and frames.
 

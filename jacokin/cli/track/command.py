@@ -7,25 +7,6 @@ from typing import Annotated
 
 from jacokin.cli.arguments import options
 from jacokin.cli.arguments.declared import Option
-from jacokin.cli.arguments.options import (
-    DEFAULT_ROBOT,
-    AngularSpeedOption,
-    BaseOption,
-    DegreesOption,
-    FrameOption,
-    JsonOption,
-    PackageDirOption,
-    PathOption,
-    PlotOption,
-    RobotOption,
-    SceneOption,
-    SeedOption,
-    SpeedOption,
-    TimeStepOption,
-    TipOption,
-    TrajectoryOption,
-    VelocityLimitOption,
-)
 from jacokin.cli.arguments.outputs import keep_apart
 from jacokin.cli.arguments.units import Units
 from jacokin.cli.display.progress import progress_bar
@@ -33,13 +14,13 @@ from jacokin.cli.exit_codes import NOT_SOLVED
 
 
 def track(
-    path: PathOption,
-    dt: TimeStepOption = 0.01,
-    output: TrajectoryOption = None,
-    plot: PlotOption = None,
-    speed: SpeedOption = 0.05,
-    angular_speed: AngularSpeedOption = None,
-    velocity_limit: VelocityLimitOption = None,
+    path: options.PathOption,
+    dt: options.TimeStepOption = 0.01,
+    output: options.TrajectoryOption = None,
+    plot: options.PlotOption = None,
+    speed: options.SpeedOption = 0.05,
+    angular_speed: options.AngularSpeedOption = None,
+    velocity_limit: options.VelocityLimitOption = None,
     acceleration_limit: Annotated[
         str | None,
         Option("--acceleration-limit", metavar="A ..", help="Of the joints [rad/s^2]; none if not given."),
@@ -59,19 +40,19 @@ def track(
     floor: Annotated[
         float | None, Option("--floor", metavar="Z", help="An obstacle: everything below this height [m].")
     ] = None,
-    scene: SceneOption = None,
-    frame: FrameOption = None,
-    seed: SeedOption = None,
+    scene: options.SceneOption = None,
+    frame: options.FrameOption = None,
+    seed: options.SeedOption = None,
     start: Annotated[
         str | None,
         Option("--start", metavar="Q1 .. Q6", help="Joint angles the arm is at: no other branch is tried."),
     ] = None,
-    degrees: DegreesOption = False,
-    json: JsonOption = False,
-    robot: RobotOption = DEFAULT_ROBOT,
-    base: BaseOption = None,
-    tip: TipOption = None,
-    package_dir: PackageDirOption = None,
+    degrees: options.DegreesOption = False,
+    json: options.JsonOption = False,
+    robot: options.RobotOption = options.DEFAULT_ROBOT,
+    base: options.BaseOption = None,
+    tip: options.TipOption = None,
+    package_dir: options.PackageDirOption = None,
 ) -> None:
     """Follow a path of poses at control rate.
 

@@ -10,22 +10,6 @@ import click
 
 from jacokin.cli.arguments import options
 from jacokin.cli.arguments.declared import Option
-from jacokin.cli.arguments.options import (
-    DEFAULT_ROBOT,
-    BaseOption,
-    ClearanceOption,
-    DegreesOption,
-    FingerAngleOption,
-    FrameOption,
-    FreeRangeOption,
-    LimitOption,
-    PackageDirOption,
-    RobotOption,
-    SceneOption,
-    SeedOption,
-    TipOption,
-    ToolOption,
-)
 from jacokin.cli.arguments.units import Units, numbers
 
 FULL_TURN = (-math.pi, math.pi)  # [rad]
@@ -49,15 +33,15 @@ def view(
     collision: Annotated[
         str, Option("--collision", metavar="NAME", help="Self-contact: ignore, report or reject.")
     ] = "ignore",
-    scene: SceneOption = None,
-    clearance: ClearanceOption = None,
+    scene: options.SceneOption = None,
+    clearance: options.ClearanceOption = None,
     prefer: Annotated[
         str, Option("--prefer", metavar="NAME", help="The branch to go to: nearest, margin or manipulability.")
     ] = "nearest",
     free_axis: Annotated[
         str | None, Option("--free-axis", metavar="AXIS", help="The tool may turn about this axis: x, y or z.")
     ] = None,
-    free_range: FreeRangeOption = None,
+    free_range: options.FreeRangeOption = None,
     trajectory: Annotated[
         Path | None,
         Option("--trajectory", metavar="FILE", help="A trajectory to play: .csv, .npz, .json (ROS) or .kinova.csv."),
@@ -71,16 +55,16 @@ def view(
     visuals: Annotated[
         bool, Option("--visuals", help="Draw the visual meshes of the file, not the shapes that collide.")
     ] = False,
-    frame: FrameOption = None,
-    tool: ToolOption = None,
-    seed: SeedOption = None,
-    degrees: DegreesOption = False,
-    robot: RobotOption = DEFAULT_ROBOT,
-    base: BaseOption = None,
-    tip: TipOption = None,
-    package_dir: PackageDirOption = None,
-    limit: LimitOption = None,
-    finger_angle: FingerAngleOption = None,
+    frame: options.FrameOption = None,
+    tool: options.ToolOption = None,
+    seed: options.SeedOption = None,
+    degrees: options.DegreesOption = False,
+    robot: options.RobotOption = options.DEFAULT_ROBOT,
+    base: options.BaseOption = None,
+    tip: options.TipOption = None,
+    package_dir: options.PackageDirOption = None,
+    limit: options.LimitOption = None,
+    finger_angle: options.FingerAngleOption = None,
 ) -> None:
     """Show the arm and every branch in the browser, with a gizmo to move the target.
 
