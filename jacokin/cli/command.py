@@ -18,6 +18,8 @@ _OTHER_NAMES = {
     "frame_map": "--frame",
     "waypoints": "--path",
     "q": "ANGLE...",
+    "axis": "--free-axis",
+    "range": "--free-range",
     "package_dirs": "--package-dir",
 }
 

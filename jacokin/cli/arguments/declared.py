@@ -62,8 +62,8 @@ def _parameter(parameter: inspect.Parameter, hint: object) -> click.Parameter:
     annotated, declared = typing.get_args(hint)
     kind = _without_none(annotated)
     items = typing.get_args(kind)
-    required = parameter.default is inspect.Parameter.empty
-    default = None if required else parameter.default
+    # Of a parameter that is required, click must not be told any default, not even None.
+    default = {"required": True} if parameter.default is inspect.Parameter.empty else {"default": parameter.default}
     several = typing.get_origin(kind) is list
     if isinstance(declared, Argument):
         return Positional(
@@ -72,22 +72,20 @@ def _parameter(parameter: inspect.Parameter, hint: object) -> click.Parameter:
             type=_converter(items[0] if several else kind),
             metavar=f"{declared.metavar}..." if several else declared.metavar,
             nargs=-1 if several else 1,
-            required=required,
-            default=default,
+            **default,
         )
     assert isinstance(declared, Option)
     if kind is bool:
-        return click.Option([declared.flag, parameter.name], is_flag=True, default=default, help=declared.help)
+        return click.Option([declared.flag, parameter.name], is_flag=True, help=declared.help, **default)
     return click.Option(
         [declared.flag, parameter.name],
         type=_converter(items[0] if items else kind, declared.at_least),
         nargs=len(items) if items and not several else 1,
         multiple=several,
         metavar=declared.metavar,
-        required=required,
-        default=default,
-        show_default=default is not None,
+        show_default=default.get("default") is not None,
         help=declared.help,
+        **default,
     )
 
 

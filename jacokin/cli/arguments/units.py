@@ -14,8 +14,6 @@ from jacokin.errors import InvalidInputError
 if TYPE_CHECKING:
     from jacokin.model.robot import Robot
 
-AXES = {"x": [1.0, 0.0, 0.0], "y": [0.0, 1.0, 0.0], "z": [0.0, 0.0, 1.0]}
-
 
 @dataclass(frozen=True, slots=True)
 class Units:
@@ -87,11 +85,6 @@ class JointUnits:
     def distance(self, value: float) -> float:
         """A distance between configurations: in the unit of angles if every joint turns, else as it is."""
         return float(value) if any(self.sliding) else self.units.shown(value)
-
-
-def axis_of(name: str, text: str) -> list[float]:
-    """An axis (3,): x, y, z, or three numbers."""
-    return AXES.get(text.strip().lower()) or numbers(name, text, 3) or []
 
 
 def numbers(option: str, text: str | None, count: int | None = None) -> list[float] | None:

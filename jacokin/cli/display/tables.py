@@ -82,6 +82,11 @@ def number(value: float, digits: int = 6, *, missing: str = "unlimited") -> str:
     return missing if math.isinf(value) else f"{value:.{digits}f}"
 
 
+def numbers(values: Iterable[float]) -> str:
+    """Numbers beside each other, in columns of one width."""
+    return "  ".join(f"{number(float(value)):>10}" for value in values)
+
+
 def small(value: float, unit: str) -> str:
     """An error with its unit."""
     return f"{value:.2e} {unit}"

@@ -22,11 +22,7 @@ def show_result(solver: IKSolver, result: IKResult, units: Units, *, as_json: bo
     if as_json:
         json_output.print_json(
             {
-                "robot": robot.name,
-                "frame": solver.frame,
-                "joint_names": robot.joint_names,
-                "angle_unit": units.angle,
-                "joint_units": joints.names,
+                **json_output.head(robot, units, solver.frame),
                 "success": result.success,
                 "status": result.status,
                 "message": result.message,

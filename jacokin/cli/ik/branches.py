@@ -24,11 +24,7 @@ def show_branches(solver: IKSolver, branches: Branches, units: Units, *, reject_
     if as_json:
         json_output.print_json(
             {
-                "robot": robot.name,
-                "frame": solver.frame,
-                "joint_names": robot.joint_names,
-                "angle_unit": units.angle,
-                "joint_units": joints.names,
+                **json_output.head(robot, units, solver.frame),
                 "complete": branches.complete,
                 "branches": [
                     {

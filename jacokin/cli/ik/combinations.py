@@ -14,7 +14,9 @@ def check(
     targets: Path | None,
     output: Path | None,
     random_seed: int | None,
-    degrees_with_file: bool,
+    degrees: bool,
+    free: bool,
+    prefer: str | None,
 ) -> None:
     """Refuse options that do not go together.
 
@@ -31,9 +33,13 @@ def check(
             ("an orientation", oriented),
             ("--all", every),
             ("--random-seed", random_seed is not None),
-            ("--degrees", degrees_with_file),
+            ("--degrees", degrees),
+            ("a free axis", free),
+            ("--prefer", prefer is not None),
         ):
             if given:
                 raise InvalidInputError(f"{name} does not go with --targets: files hold poses, and angles in radians")
+    if every and prefer is not None:
+        raise InvalidInputError("--prefer does not go with --all, which shows every branch")
     if every and not oriented:
         raise InvalidInputError("--all needs an orientation: a position alone is reached by infinitely many")

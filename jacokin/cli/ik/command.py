@@ -35,8 +35,9 @@ def ik(
     free_axis: options.FreeAxisOption = None,
     free_range: options.FreeRangeOption = None,
     prefer: Annotated[
-        str, Option("--prefer", metavar="NAME", help="Which configuration: nearest, margin or manipulability.")
-    ] = "nearest",
+        str | None,
+        Option("--prefer", metavar="NAME", help="Which configuration: nearest (if not given), margin, manipulability."),
+    ] = None,
     every: Annotated[bool, Option("--all", help="Show every branch, inside the limits or not.")] = False,
     targets: Annotated[
         Path | None,
@@ -102,7 +103,8 @@ def ik(
     from jacokin.ik.solver import IKSolver
 
     oriented = quat_wxyz is not None or rpy is not None or down or approach is not None
-    combinations.check(position, oriented, every, targets, output, random_seed, degrees and targets is not None)
+    free = free_axis is not None or free_range is not None
+    combinations.check(position, oriented, every, targets, output, random_seed, degrees, free, prefer)
     if output is None and (resume or dask is not None):
         raise InvalidInputError(f"{'--resume' if resume else '--dask'} goes with --targets and --output")
     keep_apart({"--output": output}, {"--targets": targets, "--robot": robot, "--scene": scene}, package_dir or ())
@@ -142,7 +144,7 @@ def ik(
 
         rng = None if random_seed is None else np.random.default_rng(random_seed)
         wanted = target.build(position, quat_wxyz, rpy, down, approach, free_axis, free_range, units)
-        result = solver.solve(wanted, start, rng, prefer=prefer)
+        result = solver.solve(wanted, start, rng, prefer=prefer or "nearest")
         solved = show_result(solver, result, units, as_json=json)
     if not solved:
         raise SystemExit(NOT_SOLVED)

@@ -19,11 +19,7 @@ def show_family(solver: IKSolver, family: Family, units: Units, *, as_json: bool
     if as_json:
         json_output.print_json(
             {
-                "robot": robot.name,
-                "frame": solver.frame,
-                "joint_names": robot.joint_names,
-                "angle_unit": units.angle,
-                "joint_units": joints.names,
+                **json_output.head(robot, units, solver.frame),
                 "complete": family.complete,
                 "intervals": [
                     {
@@ -55,7 +51,7 @@ def show_family(solver: IKSolver, family: Family, units: Units, *, as_json: bool
     ]
     title = f"{robot.name}: {len(family)} intervals of the free parameter; angles in {units.angle}"
     tables.say(tables.table(title, columns, rows, text=4))
-    what = "joint_3" if robot.dof == 7 else "the angle about the free axis"
+    what = robot.joint_names[2] if robot.dof == 7 else "the angle about the free axis"
     lines = [("from, to", f"ends of the interval of {what}"), ("joints", "of the member nearest to the seed")]
     if not family.complete:
         lines.append(("note", "some curves were lost: there may be more"))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from jacokin.cli.arguments.free_axis import free_about
 from jacokin.cli.arguments.units import Units
 from jacokin.errors import InvalidInputError
 
@@ -16,8 +17,6 @@ if TYPE_CHECKING:
 
 Vector3 = tuple[float, float, float]
 Vector4 = tuple[float, float, float, float]
-
-_AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
 
 def build(
@@ -56,19 +55,4 @@ def build(
         if free_range is not None:
             raise InvalidInputError("--free-range goes with --free-axis or --approach")
         return at
-    if free_range is None:
-        return FreeAxis(at, axis=_axis(free_axis))
-    return FreeAxis(at, axis=_axis(free_axis), range=units.read(free_range))
-
-
-def _axis(text: str) -> Vector3:
-    """An axis of the tool from x, y, z or three numbers with commas."""
-    if text in _AXES:
-        return _AXES[text]
-    try:
-        x, y, z = (float(part) for part in text.split(","))
-    except ValueError as error:
-        raise InvalidInputError(
-            f"--free-axis must be x, y, z or three numbers such as 1,0,0.5; got {text!r}"
-        ) from error
-    return x, y, z
+    return free_about(at, free_axis, free_range, units)

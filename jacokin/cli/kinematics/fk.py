@@ -54,16 +54,12 @@ def fk(
         )
         return
     rows = [
-        ("position x y z [m]", _row(pose.translation)),
-        ("quaternion w x y z", _row(quat)),
-        (f"roll pitch yaw [{units.angle}]", _row(rpy)),
+        ("position x y z [m]", tables.numbers(pose.translation)),
+        ("quaternion w x y z", tables.numbers(quat)),
+        (f"roll pitch yaw [{units.angle}]", tables.numbers(rpy)),
         ("joint limits", "all kept" if within else _broken(arm.joint_names, arm.lower, arm.upper, configuration)),
     ]
     tables.say(tables.facts(rows, f"{arm.name}: {name} in {arm.base}"))
-
-
-def _row(values: Iterable[float]) -> str:
-    return "  ".join(f"{tables.number(float(value)):>10}" for value in values)
 
 
 def _broken(names: Iterable[str], lower: Iterable[float], upper: Iterable[float], q: Iterable[float]) -> str:

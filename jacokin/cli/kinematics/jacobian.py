@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from typing import Annotated
 
 from jacokin.cli.arguments import options
@@ -57,10 +56,6 @@ def jacobian(
     tables.say(tables.table(f"Jacobian of {name}, {reference}", ("", *arm.joint_names), rows))
     tables.say(
         tables.facts(
-            [("singular values", _row(singular_values)), ("manipulability", f"{manipulability:.6g}")],
+            [("singular values", tables.numbers(singular_values)), ("manipulability", f"{manipulability:.6g}")],
         )
     )
-
-
-def _row(values: Iterable[float]) -> str:
-    return "  ".join(f"{tables.number(float(value)):>10}" for value in values)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from jacokin.cli.arguments import options
 from jacokin.cli.arguments.declared import Argument, Option
-from jacokin.cli.arguments.units import axis_of
+from jacokin.cli.arguments.free_axis import axis_of
 from jacokin.cli.display import tables
 from jacokin.cli.display.progress import progress_bar
 
@@ -30,8 +30,8 @@ def build(
         str | None,
         Option(
             "--free-axis",
-            metavar="X|X Y Z",
-            help="Directions of this axis of the tool (x, y, z, or three numbers), about which it may turn; "
+            metavar="AXIS",
+            help="Directions of this axis of the tool (x, y, z or X,Y,Z), about which it may turn; "
             "with --down, the tool pointing down, which may turn about it.",
         ),
     ] = None,
@@ -110,15 +110,11 @@ def _orientations(count: int, free_axis: str | None, *, down: bool) -> Orientati
     Raises:
         InvalidInputError: a malformed axis.
     """
-    from jacokin.errors import InvalidInputError
     from jacokin.reachability import Orientations
 
     if free_axis is None:
         return Orientations.down() if down else count
-    axis = axis_of("--free-axis", free_axis)
-    try:
-        if down:
-            return Orientations(Orientations.down().quats_wxyz, "tool down, free about an axis", axes=[axis])
-        return Orientations.directions(count, axis, free_roll=True)
-    except InvalidInputError as error:
-        raise InvalidInputError(f"--free-axis: {error}") from error
+    axis = axis_of(free_axis)
+    if down:
+        return Orientations(Orientations.down().quats_wxyz, "tool down, free about an axis", axes=[axis])
+    return Orientations.directions(count, axis, free_roll=True)

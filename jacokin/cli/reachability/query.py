@@ -32,16 +32,16 @@ def query(
     from jacokin.model.pose_targets import pose
 
     reach = load(folder)
-    document: dict[str, object] = {"dexterity": reach.dexterity(position)}
+    dexterity = reach.dexterity(position)
+    document: dict[str, object] = {"dexterity": dexterity}
+    lines = [("orientations reached", f"{dexterity:.1%}")]
     if quat_wxyz is not None or down:
         nearest = reach.nearest_reachable(pose(position, quat_wxyz, down=down))
-        document["nearest_position"] = nearest.translation.tolist()
-        document["nearest_quat_wxyz"] = poses.quat_wxyz(nearest.rotation).tolist()
+        quat = poses.quat_wxyz(nearest.rotation)
+        document |= {"nearest_position": nearest.translation, "nearest_quat_wxyz": quat}
+        lines.append(("nearest position x y z [m]", tables.numbers(nearest.translation)))
+        lines.append(("its quaternion w x y z", tables.numbers(quat)))
     if json:
         json_output.print_json(document)
-        return
-    lines = [("orientations reached", f"{document['dexterity']:.1%}")]
-    for name, key in (("nearest position [m]", "nearest_position"), ("its quaternion wxyz", "nearest_quat_wxyz")):
-        if key in document:
-            lines.append((name, str(document[key])))
-    tables.say(tables.facts(lines))
+    else:
+        tables.say(tables.facts(lines))

@@ -32,7 +32,7 @@ def test_a_map_is_built_in_shards_asked_and_drawn(run: Run, tmp_path: Path) -> N
         (("map", "build", "x", "--spacing", "1e-5"), "cells"),
         (("map", "build", "x", "--lower", "0", "0", "0"), "--lower and --upper go together"),
         (("map", "build", "x", "--shard", "3/2"), "--shard must be 'i/n'"),
-        (("map", "build", "x", "--free-axis", "0 0 0"), "--free-axis: axis must"),
+        (("map", "build", "x", "--free-axis", "0 0 0"), "--free-axis must not be zero"),
         (("map", "build", "x", "--free-axis", "up"), "--free-axis"),
         (("map", "query", "nowhere", "--position", "0", "0", "0"), "nowhere: is not a complete map"),
         (("map", "fold"), "No such command 'fold'"),

@@ -1,32 +1,15 @@
-"""What `jacokin track` and `jacokin plan` read: the path, numbers for joints, and files that will be written."""
+"""What `jacokin track` and `jacokin plan` read: the path, and numbers for joints."""
 
 from __future__ import annotations
 
-import importlib.util
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from jacokin.cli.arguments.units import JointUnits, numbers
-from jacokin.errors import InvalidInputError, MissingExtraError
+from jacokin.errors import InvalidInputError
 
 if TYPE_CHECKING:
     from jacokin.arrays import Array
-
-PLOT_FORMATS = (".png", ".svg", ".pdf")
-
-
-def check_files(output: Path | None, formats: tuple[str, ...], plot: Path | None) -> None:
-    """Find out before the work what would fail after it.
-
-    Raises:
-        InvalidInputError: a file of another kind.
-        MissingExtraError: matplotlib is needed and not installed.
-    """
-    for option, file, endings in (("--output", output, formats), ("--plot", plot, PLOT_FORMATS)):
-        if file is not None and file.suffix not in endings:
-            raise InvalidInputError(f"{option} must end in {' or '.join(endings)}, got {str(file)!r}")
-    if plot is not None and importlib.util.find_spec("matplotlib") is None:
-        raise MissingExtraError("matplotlib", "plot")
 
 
 def of_joints(option: str, text: str | None, joints: JointUnits) -> list[float] | None:

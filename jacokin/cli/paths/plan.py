@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import contextlib
 from typing import TYPE_CHECKING, Annotated
 
 from jacokin.cli.arguments import options
 from jacokin.cli.arguments.declared import Option
-from jacokin.cli.arguments.outputs import keep_apart
-from jacokin.cli.arguments.units import Units, axis_of
-from jacokin.cli.exit_codes import NOT_SOLVED
+from jacokin.cli.arguments.free_axis import free_about
+from jacokin.cli.arguments.units import Units
 from jacokin.errors import InvalidInputError
 
 if TYPE_CHECKING:
-    from jacokin.arrays import Array
-    from jacokin.model.pose_targets import FreeAxis
+    from jacokin.ik.paths.result import PathResult
 
 
 def plan(
@@ -60,27 +57,24 @@ def plan(
       jacokin plan --path path.csv --speed 0.2 --timing slow --acceleration-limit 2 --output arm.kinova.csv
       jacokin plan --path path.csv --degrees --free-axis z --free-range -30 30
     """
-    from jacokin import files
-    from jacokin.cli.track import inputs, report
+    from jacokin.cli.paths import inputs, report
     from jacokin.ik.paths.plan import plan_path
-    from jacokin.ik.paths.storage.stored import FORMATS
     from jacokin.ik.paths.track import ANGULAR_SPEED
     from jacokin.ik.solver import IKSolver
 
-    inputs.check_files(output, FORMATS, plot)
-    keep_apart(
-        {"--output": output, "--plot": plot}, {"--path": path, "--robot": robot, "--scene": scene}, package_dir or ()
-    )
+    report.check_files(output, plot, {"--path": path, "--robot": robot, "--scene": scene}, package_dir)
     units = Units(degrees)
-    targets = _targets(inputs.poses(path), free_axis, free_range, units)
+    poses = inputs.poses(path)
+    if free_axis is None and free_range is not None:
+        raise InvalidInputError("--free-range needs --free-axis")
+    targets = poses if free_axis is None else [free_about(pose, free_axis, free_range, units) for pose in poses]
     around, distance = options.surroundings(scene, clearance)
     arm = options.load(robot, base, tip, package_dir)
     joints = units.of_joints(arm)
     solver = IKSolver(arm, frame, collision="reject", scene=around, clearance=distance)
-    with contextlib.ExitStack() as stack:
-        writable = None if output is None else stack.enter_context(files.replacing(output))
-        drawable = None if plot is None else stack.enter_context(files.replacing(plot))
-        result = plan_path(
+
+    def planned() -> PathResult:
+        return plan_path(
             solver,
             targets,
             dt=dt,
@@ -92,40 +86,5 @@ def plan(
             velocity_limit=inputs.of_joints("--velocity-limit", velocity_limit, joints),
             acceleration_limit=inputs.of_joints("--acceleration-limit", acceleration_limit, joints),
         )
-        if writable is not None:
-            result.save(writable)
-        if drawable is not None:
-            from jacokin.ik.paths.plot import plot_path
 
-            plot_path(result, drawable)
-    if json:
-        report.print_json(arm, result, units, output, plot)
-    else:
-        report.show(arm, result, units, output, plot)
-    if not result.success:
-        raise SystemExit(NOT_SOLVED)
-
-
-def _targets(
-    poses: Array, free_axis: str | None, free_range: tuple[float, float] | None, units: Units
-) -> Array | list[FreeAxis]:
-    """The poses, or the same with a free axis.
-
-    Raises:
-        InvalidInputError: a malformed axis or range, or a range without an axis.
-    """
-    import math
-
-    from jacokin.model.pose_targets import FreeAxis
-
-    if free_axis is None:
-        if free_range is not None:
-            raise InvalidInputError("--free-range needs --free-axis")
-        return poses
-    axis = axis_of("--free-axis", free_axis)
-    allowed = (-math.pi, math.pi) if free_range is None else tuple(units.read(free_range))
-    try:
-        return [FreeAxis(pose, axis=axis, range=allowed) for pose in poses]
-    except InvalidInputError as error:
-        name = "--free-axis" if str(error).startswith("axis") else "--free-range"
-        raise InvalidInputError(f"{name}: {error}") from error
+    report.deliver(planned, arm, units, output, plot, as_json=json)

@@ -16,15 +16,6 @@ TABLE = "- {shape: box, name: table, size: [0.6, 0.6, 0.05], position: [0.5, -0.
 BLOCK = "- {shape: box, name: block, size: [0.2, 0.2, 0.2], position: [0.3, -0.2, 0.5]}\n"
 
 
-@pytest.fixture
-def path_file(tmp_path: Path) -> Path:
-    path = tmp_path / "path.csv"
-    half = 0.5**0.5
-    rows = [f"{x},-0.2,0.5,0,{half!r},{half!r},0" for x in (0.3, 0.4)]
-    path.write_text("\n".join(["x,y,z,qw,qx,qy,qz", *rows]) + "\n", encoding="utf-8")
-    return path
-
-
 def test_a_plan_is_written_and_clear_of_the_scene(path_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out, scene = path_file.with_name("plan.csv"), path_file.with_name("scene.yaml")
     scene.write_text(TABLE)
@@ -70,39 +61,6 @@ def test_slower_in_degrees(path_file: Path, capsys: pytest.CaptureFixture[str]) 
     slow = ("--timing", "slow", "--acceleration-limit", "100", "--output", str(out))
     assert leave(*words, *slow, *free) == 0
     assert np.abs(PathResult.load(out).v).max() <= np.radians(15.0) + 1e-9
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (("--free-axis", "0 0 0"), "--free-axis: axis must have a direction"),
-        (("--free-axis", "1 0"), "--free-axis must be 3 numbers"),
-        (("--free-axis", "w"), "--free-axis must be numbers"),
-        (("--free-axis", "x", "--free-range", "1", "-1"), "--free-range"),
-        (("--free-range", "1", "2"), "--free-range needs --free-axis"),
-        (("--timing", "fast"), "Valid: keep, slow"),
-        (("--acceleration-limit", "2"), "needs --timing"),
-        (("--scene", "none.yaml"), "cannot read none.yaml"),
-        (("--clearance", "-1"), "--clearance must be"),
-        (("--output", "plan.txt"), ".csv or .npz"),
-        (("--dt", "0"), "--dt must be"),
-    ],
-)
-def test_wrong_input_is_refused(
-    path_file: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...], message: str
-) -> None:
-    assert leave("plan", "--path", str(path_file), *words) == 2
-    captured = capsys.readouterr()
-    assert message in captured.err
-    assert captured.out == ""
-    assert [file.name for file in path_file.parent.iterdir()] == ["path.csv"]
-
-
-def test_one_pose_is_no_path(path_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    lines = path_file.read_text(encoding="utf-8").splitlines()
-    path_file.write_text("\n".join(lines[:2]), encoding="utf-8")
-    assert leave("plan", "--path", str(path_file)) == 2
-    assert "at least two" in capsys.readouterr().err
 
 
 def test_scenes_of_ik_and_track(path_file: Path, run: Run, capsys: pytest.CaptureFixture[str]) -> None:

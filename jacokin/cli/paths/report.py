@@ -1,14 +1,21 @@
-"""How `jacokin track` and `jacokin plan` show what they did."""
+"""What `jacokin track` and `jacokin plan` do with a trajectory: write it, draw it and show it."""
 
 from __future__ import annotations
 
+import contextlib
+import importlib.util
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from jacokin import files
+from jacokin.cli.arguments.outputs import keep_apart
 from jacokin.cli.display import json_output
 from jacokin.cli.display.tables import facts, number, say, small, table
+from jacokin.cli.exit_codes import NOT_SOLVED
+from jacokin.errors import InvalidInputError, MissingExtraError
 
 if TYPE_CHECKING:
     from jacokin.cli.arguments.units import Units
@@ -18,15 +25,73 @@ if TYPE_CHECKING:
 SHOWN = 6  # values of the parameter in a line
 
 
+def check_files(
+    output: Path | None,
+    plot: Path | None,
+    inputs: Mapping[str, str | Path | None],
+    packages: Sequence[Path] | None,
+) -> None:
+    """Find out before the work what would fail after it.
+
+    Args:
+        output: the trajectory, if it is to be written.
+        plot: its picture.
+        inputs: option and file that is read.
+        packages: where packages of robots are looked for.
+
+    Raises:
+        InvalidInputError: a file of another kind, or one that is read.
+        MissingExtraError: matplotlib is needed and not installed.
+    """
+    from jacokin.ik.paths.plot import FORMATS as PICTURES
+    from jacokin.ik.paths.storage.stored import FORMATS
+
+    for option, file, endings in (("--output", output, FORMATS), ("--plot", plot, PICTURES)):
+        if file is not None and file.suffix not in endings:
+            raise InvalidInputError(f"{option} must end in {' or '.join(endings)}, got {str(file)!r}")
+    if plot is not None and importlib.util.find_spec("matplotlib") is None:
+        raise MissingExtraError("matplotlib", "plot")
+    keep_apart({"--output": output, "--plot": plot}, inputs, packages or ())
+
+
+def deliver(
+    compute: Callable[[], PathResult],
+    arm: Robot,
+    units: Units,
+    output: Path | None,
+    plot: Path | None,
+    *,
+    as_json: bool,
+) -> None:
+    """Compute a trajectory, write and draw it where that is asked for, and show it.
+
+    Raises:
+        SystemExit: it is not on the path throughout.
+    """
+    with contextlib.ExitStack() as stack:
+        writable = None if output is None else stack.enter_context(files.replacing(output))
+        drawable = None if plot is None else stack.enter_context(files.replacing(plot))
+        result = compute()
+        if writable is not None:
+            result.save(writable)
+        if drawable is not None:
+            from jacokin.ik.paths.plot import plot_path
+
+            plot_path(result, drawable)
+    if as_json:
+        print_json(arm, result, units, output, plot)
+    else:
+        show(arm, result, units, output, plot)
+    if not result.success:
+        raise SystemExit(NOT_SOLVED)
+
+
 def print_json(arm: Robot, result: PathResult, units: Units, output: Path | None, plot: Path | None) -> None:
     """Print the errors, the margins and every start that was tried as one JSON document."""
     joints = units.of_joints(arm)
     json_output.print_json(
         {
-            "robot": arm.name,
-            "joint_names": result.joint_names,
-            "angle_unit": units.angle,
-            "joint_units": joints.names,
+            **json_output.head(arm, units),
             "success": result.success,
             "message": result.message,
             "duration": result.t[-1],
@@ -75,7 +140,7 @@ def show(arm: Robot, result: PathResult, units: Units, output: Path | None, plot
     if not np.isnan(result.clearance).all():
         lines.append(("least clearance", f"{number(result.clearance.min())} m"))
     if not np.isnan(result.parameter).all():
-        name = result.joint_names[2] if arm.dof > 6 else "free angle"  # joint 3 is the parameter of seven joints
+        name = result.joint_names[2] if arm.dof == 7 else "free angle"  # joint 3 is the parameter of seven joints
         shown = [number(units.shown(value), 3).replace("nan", "none") for value in result.parameter[:SHOWN]]
         more = "" if len(result.parameter) <= SHOWN else f" and {len(result.parameter) - SHOWN} more"
         lines.append((f"{name} at the poses", f"{', '.join(shown)}{more} {units.angle}"))

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import contextlib
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from jacokin.cli.arguments import options
 from jacokin.cli.arguments.declared import Option
-from jacokin.cli.arguments.outputs import keep_apart
 from jacokin.cli.arguments.units import Units
 from jacokin.cli.display.progress import progress_bar
-from jacokin.cli.exit_codes import NOT_SOLVED
+
+if TYPE_CHECKING:
+    from jacokin.ik.paths.result import PathResult
 
 
 def track(
@@ -66,25 +66,19 @@ def track(
       jacokin track --path path.csv --degrees --velocity-limit 20 --acceleration-limit 60
       jacokin track --path path.csv --floor 0 --box 0.5 -0.5 0.1 0.6 0.6 0.05 --clearance 0.02
     """
-    from jacokin import files
-    from jacokin.cli.track import clearances, inputs, report
-    from jacokin.ik.paths.storage.stored import FORMATS
+    from jacokin.cli.paths import clearances, inputs, report
     from jacokin.ik.paths.track import ANGULAR_SPEED, track_path
 
     poses = inputs.poses(path)
-    inputs.check_files(output, FORMATS, plot)
-    keep_apart(
-        {"--output": output, "--plot": plot}, {"--path": path, "--robot": robot, "--scene": scene}, package_dir or ()
-    )
+    report.check_files(output, plot, {"--path": path, "--robot": robot, "--scene": scene}, package_dir)
     obstacles = clearances.read(clearance, box, sphere, floor, scene)
     arm = options.load(robot, base, tip, package_dir)
     units = Units(degrees)
     joints = units.of_joints(arm)
-    with contextlib.ExitStack() as stack:
-        writable = None if output is None else stack.enter_context(files.replacing(output))
-        drawable = None if plot is None else stack.enter_context(files.replacing(plot))
+
+    def follow() -> PathResult:
         with progress_bar("tracking") as progress:
-            result = track_path(
+            return track_path(
                 arm,
                 poses,
                 dt=dt,
@@ -98,15 +92,5 @@ def track(
                 collision=obstacles,
                 progress=progress,
             )
-        if writable is not None:
-            result.save(writable)
-        if drawable is not None:
-            from jacokin.ik.paths.plot import plot_path
 
-            plot_path(result, drawable)
-    if json:
-        report.print_json(arm, result, units, output, plot)
-    else:
-        report.show(arm, result, units, output, plot)
-    if not result.success:
-        raise SystemExit(NOT_SOLVED)
+    report.deliver(follow, arm, units, output, plot, as_json=json)

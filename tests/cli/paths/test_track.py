@@ -13,16 +13,6 @@ from jacokin.ik import PathResult
 from tests.cli.run import leave
 
 
-@pytest.fixture
-def path_file(tmp_path: Path) -> Path:
-    """Ten centimetres to the right with the tool down."""
-    path = tmp_path / "path.csv"
-    half = 0.5**0.5
-    rows = [f"{x},-0.2,0.5,0,{half!r},{half!r},0" for x in (0.3, 0.4)]
-    path.write_text("\n".join(["x,y,z,qw,qx,qy,qz", *rows]) + "\n", encoding="utf-8")
-    return path
-
-
 def test_track_follows_a_line_inside_the_limits(path_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out, plot = path_file.with_name("trajectory.csv"), path_file.with_name("trajectory.png")
     words = ("track", "--path", str(path_file), "--dt", "0.02", "--output", str(out), "--plot", str(plot), "--json")
@@ -47,51 +37,6 @@ def test_track_of_a_path_that_leaves_the_reach_ends_with_1(path_file: Path, caps
     shown = capsys.readouterr().out
     assert "NOT on the path" in shown
     assert "start branch" in shown
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (("--dt", "0"), "--dt must be"),
-        (("--dt", "-0.01"), "--dt must be"),
-        (("--speed", "0"), "--speed"),
-        (("--output", "trajectory.txt"), ".csv or .npz"),
-        (("--output", "nowhere/trajectory.csv"), "nowhere"),
-        (("--plot", "trajectory.doc"), ".png"),
-        (("--frame", "link_9"), "link_6"),
-        (("--seed", "1", "2"), "--seed"),
-        (("--velocity-limit", "1", "2"), "--velocity-limit"),
-        (("--acceleration-limit", "0"), "--acceleration-limit"),
-        (("--box", "1", "2", "3"), "--box must be 6 numbers"),
-        (("--sphere", "1", "2", "3"), "--sphere must be 4 numbers"),
-        (("--clearance", "-1"), "distance"),
-    ],
-)
-def test_track_refuses_wrong_input_before_the_first_tick(
-    path_file: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...], message: str
-) -> None:
-    assert leave("track", "--path", str(path_file), *words) == 2
-    captured = capsys.readouterr()
-    assert message in captured.err
-    assert captured.out == ""
-    assert [file.name for file in path_file.parent.iterdir()] == ["path.csv"]
-
-
-def test_track_needs_orientations_and_two_poses(path_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    lines = path_file.read_text(encoding="utf-8").splitlines()
-    path_file.write_text("\n".join(lines[:2]), encoding="utf-8")
-    assert leave("track", "--path", str(path_file)) == 2
-    path_file.write_text("x,y,z\n0.3,-0.2,0.5\n0.4,-0.2,0.5\n", encoding="utf-8")
-    assert leave("track", "--path", str(path_file)) == 2
-    assert "orientations" in capsys.readouterr().err
-
-
-def test_plotting_without_matplotlib_names_the_extra(
-    path_file: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("importlib.util.find_spec", lambda _: None)
-    assert leave("track", "--path", str(path_file), "--plot", "a.png") == 2
-    assert "jacokin[plot]" in capsys.readouterr().err
 
 
 def test_track_keeps_limits_in_degrees_and_clear_of_obstacles(

@@ -1,1 +1,0 @@
-"""`jacokin plan`: a joint trajectory planned over all branches."""

@@ -1,1 +1,0 @@
-"""`jacokin track`: a joint trajectory along a path of poses."""
