@@ -6,11 +6,13 @@ import functools
 import pickle
 from importlib.resources import files as package_files
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import orjson
 from numpy.typing import NDArray
 
+from jacokin.chunks.folder import file_digest
 from jacokin.chunks.keeping import HASH_DIGITS, RECIPE, digest
 from jacokin.errors import InvalidInputError, JacokinError
 from jacokin.model import checks
@@ -37,17 +39,12 @@ def load(folder: str | Path, *, robot: Robot | None = None, scene: Scene | None 
     if not isinstance(folder, str | Path):
         raise InvalidInputError(f"folder must be a str or a Path, got {checks.shown(folder)}")
     path = Path(checks.text("folder", str(folder)))
-    try:
-        recipe = orjson.loads((path / RECIPE).read_bytes())
-        manifest = orjson.loads((path / MANIFEST).read_bytes())
-    except FileNotFoundError as error:
-        raise InvalidInputError(
-            f"{path}: is not a complete map: it has no {Path(error.filename).name}; build the rest of it"
-        ) from error
-    except OSError as error:
-        raise InvalidInputError(f"{path}: cannot be read: {error.strerror}") from error
-    except orjson.JSONDecodeError as error:
-        raise InvalidInputError(f"{path}: {RECIPE} or {MANIFEST} is not JSON: {error}") from error
+    recipe = _document(path, RECIPE, f"is not a map: it has no {RECIPE}")
+    manifest = _document(path, MANIFEST, f"is not a complete map: it has no {MANIFEST}; build the rest of it")
+    if manifest.get("recipe") != file_digest(path / RECIPE):
+        raise InvalidInputError(f"{path}: {RECIPE} was changed after the map was built: build it anew elsewhere")
+    if not isinstance(manifest.get("sha256"), dict):
+        raise InvalidInputError(f"{path / MANIFEST}: does not list the chunks; build again to mend it")
     if robot is not None:
         same_robot(path, recipe, checked_robot("robot", robot))
     samples = samples_of(recipe, str(path))
@@ -80,6 +77,25 @@ def bundled(name: str = DEFAULT_ROBOT) -> ReachabilityMap:
 @functools.cache
 def _loaded(folder: Path) -> ReachabilityMap:
     return load(folder)
+
+
+def _document(path: Path, name: str, missing: str) -> dict[str, Any]:  # Any: JSON
+    """A JSON file of a map.
+
+    Raises:
+        InvalidInputError: it is not there, cannot be read, or holds something else.
+    """
+    try:
+        document = orjson.loads((path / name).read_bytes())
+    except FileNotFoundError as error:
+        raise InvalidInputError(f"{path}: {missing if path.exists() else 'there is no such folder'}") from error
+    except OSError as error:
+        raise InvalidInputError(f"{path}: cannot be read: {error.strerror}") from error
+    except orjson.JSONDecodeError as error:
+        raise InvalidInputError(f"{path / name}: is not JSON: {error}") from error
+    if not isinstance(document, dict):
+        raise InvalidInputError(f"{path / name}: is not a JSON object")
+    return document
 
 
 def _chunk(path: Path, wanted: str) -> dict[str, NDArray[np.generic]]:

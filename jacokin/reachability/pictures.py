@@ -28,7 +28,7 @@ POINTS = 12_000  # cells in a view of space, at most
 
 
 class DrawnMap(Protocol):
-    """What a picture needs of a `ReachabilityMap`, which is made of this module."""
+    """What a picture needs of a `ReachabilityMap`, whose module imports this one."""
 
     @property
     def recipe(self) -> dict[str, Any]:
@@ -49,9 +49,11 @@ class DrawnMap(Protocol):
 
 def draw(map: DrawnMap, path: str | Path) -> None:  # noqa: A002 - as everywhere in this package
     """See `ReachabilityMap.plot`."""
-    if not isinstance(path, str | Path) or Path(path).suffix not in ENDINGS:
-        raise InvalidInputError(f"path must end in {', '.join(ENDINGS)}, got {checks.shown(path)}")
-    out = Path(path)
+    if not isinstance(path, str | Path):
+        raise InvalidInputError(f"path must be a str or a Path, got {checks.shown(path)}")
+    out = Path(checks.text("path", str(path)))
+    if out.suffix not in ENDINGS:
+        raise InvalidInputError(f"{out}: pictures of maps are written as {', '.join(ENDINGS)}, told by the ending")
     if out.suffix == ".html":
         from jacokin.reachability.page import page
 

@@ -167,7 +167,7 @@ def test_mistakes_are_named(robot: Robot, tmp_path: Path, folder: Path, reach: R
     (tmp_path / "full" / "precious.txt").write_text("")
     with pytest.raises(InvalidInputError, match="folder with other things in it"):
         build(robot, folder=tmp_path / "full")
-    with pytest.raises(InvalidInputError, match="not a complete map"):
+    with pytest.raises(InvalidInputError, match="is not a map: it has no recipe.json"):
         load(tmp_path)
     other = jacokin.load_robot(limits={"joint_2": (1.0, 5.0)})
     with pytest.raises(InvalidInputError, match="another robot"):

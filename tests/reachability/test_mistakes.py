@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -66,6 +68,47 @@ def test_folders_and_callbacks(robot: Robot, tmp_path: Path) -> None:
         with pytest.raises(JacokinError, match="collision"):
             build(robot, folder=tmp_path, collision=collision)  # type: ignore[arg-type]  # the mistakes
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "words"),
+    [
+        ("manifest.json", "{}", "was changed after the map was built"),
+        ("manifest.json", "[]", "is not a JSON object"),
+        ("manifest.json", "{", "is not JSON"),
+        ("manifest.json", None, "is not a complete map: it has no manifest.json"),
+        ("recipe.json", "[]", "is not a JSON object"),
+        ("recipe.json", '{"format": "jacokin reachability map 1"}', "was changed after the map was built"),
+        ("recipe.json", None, "is not a map: it has no recipe.json"),
+    ],
+)
+def test_folders_that_hold_something_else(tmp_path: Path, name: str, content: str | None, words: str) -> None:
+    folder = tmp_path / "map"
+    shutil.copytree(bundled().folder, folder)
+    load(folder)
+    (folder / name).unlink()
+    if content is not None:
+        (folder / name).write_text(content, encoding="utf-8")
+    with pytest.raises(InvalidInputError, match=f"map.*{words}"):
+        load(folder)
+
+
+def test_a_manifest_without_chunks(tmp_path: Path) -> None:
+    folder = tmp_path / "map"
+    shutil.copytree(bundled().folder, folder)
+    manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
+    (folder / "manifest.json").write_text(json.dumps(manifest | {"sha256": 3}), encoding="utf-8")
+    with pytest.raises(InvalidInputError, match="does not list the chunks"):
+        load(folder)
+    with pytest.raises(InvalidInputError, match="there is no such folder"):
+        load(tmp_path / "nowhere")
+
+
+def test_pictures_in_another_format(tmp_path: Path) -> None:
+    with pytest.raises(InvalidInputError, match=r"map.doc: pictures of maps are written as .png, .*told by the ending"):
+        bundled().plot(tmp_path / "map.doc")
+    with pytest.raises(InvalidInputError, match="path must be a str or a Path"):
+        bundled().plot(3)  # type: ignore[arg-type]  # the mistake
 
 
 def test_names_of_maps_and_heights_of_bases() -> None:

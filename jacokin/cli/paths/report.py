@@ -147,10 +147,12 @@ def show(arm: Robot, result: PathResult, units: Units, output: Path | None, plot
     lines += [(name, str(file)) for name, file in (("written to", output), ("drawn in", plot)) if file is not None]
     say(facts(lines))
     if not result.success and result.branches:
+        from jacokin.ik.paths.result import in_words
+
         rows = [
             (
                 str(index),
-                ", ".join(str(segment) for segment in branch.failed_segments) or "none",
+                in_words(branch.failed_segments) or "none",
                 small(branch.position_error, "m"),
                 small(units.shown(branch.orientation_error), units.angle),
             )

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import click
 
 from jacokin.cli.arguments.declared import Argument, Option
+from jacokin.cli.exit_codes import NOT_SOLVED
 from jacokin.errors import InvalidInputError
 
 if TYPE_CHECKING:
@@ -20,19 +21,22 @@ if TYPE_CHECKING:
 
 
 def task(
-    name: Annotated[str, Argument("NAME", "The task, such as reach_site or lift_brick; an unknown name lists all.")],
-    expert: Annotated[bool, Option("--expert", "Let the scripted expert act; otherwise actions are random.")] = False,
-    episodes: Annotated[int, Option("--episodes", "How many episodes to run.", metavar="N", at_least=1)] = 1,
-    seed: Annotated[int, Option("--seed", "Start of the random numbers.", metavar="N", at_least=0)] = 0,
+    name: Annotated[str, Argument(metavar="NAME", help="Such as reach_site or lift_brick; an unknown name lists all.")],
+    expert: Annotated[
+        bool, Option("--expert", help="Let the scripted expert act; otherwise actions are random.")
+    ] = False,
+    episodes: Annotated[int, Option("--episodes", metavar="N", at_least=1, help="How many episodes to run.")] = 1,
+    seed: Annotated[int, Option("--seed", metavar="N", at_least=0, help="Start of the random numbers.")] = 0,
     record: Annotated[
         Path | None,
-        Option("--record", "Write pictures (.mp4) or observations, actions and rewards (.npz).", metavar="FILE"),
+        Option("--record", metavar="FILE", help="Write pictures (.mp4) or observations, actions and rewards (.npz)."),
     ] = None,
-    render: Annotated[bool, Option("--render", "Show a window, which needs a display.")] = False,
+    render: Annotated[bool, Option("--render", help="Show a window, which needs a display.")] = False,
 ) -> None:
     """Run episodes of a task, and show how they end.
 
     Needs the extra `tasks`, and for videos ffmpeg or the extra `video`. Episodes take 10 s of simulated time.
+    Exit code: 1 where the expert does not solve every episode, else 0, whatever random actions bring about.
 
     Examples:
       jacokin task reach_site --expert
@@ -66,6 +70,8 @@ def task(
         click.echo(f"{solved} of {episodes} solved, mean return {sum(returns) / episodes:.1f}")
     if record is not None:
         click.echo(f"wrote {record}")
+    if expert and solved < episodes:
+        raise SystemExit(NOT_SOLVED)
 
 
 def _run(

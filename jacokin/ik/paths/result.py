@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar
 
@@ -14,6 +15,7 @@ from jacokin.ik.results import Frozen
 from jacokin.model import checks
 
 AT_SEED = 1e-3  # [rad] a start this near to the seed is not worth a word
+NAMED = 8  # segments in a sentence
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -123,3 +125,9 @@ class PathResult(Stored):
             f"largest error {self.position_error.max():.3g} m, {self.orientation_error.max():.3g} rad; "
             f"off the path for {self.time_limited:.3f} s\n{self.message}"
         )
+
+
+def in_words(segments: Sequence[int]) -> str:
+    """Numbers of segments for a sentence; of many, the first ones."""
+    more = len(segments) - NAMED
+    return ", ".join(map(str, segments[:NAMED])) + (f" and {more} more" if more > 0 else "")

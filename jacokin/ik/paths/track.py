@@ -19,7 +19,7 @@ from jacokin.errors import InvalidInputError, StructureError
 from jacokin.ik import seeds
 from jacokin.ik.paths import lines
 from jacokin.ik.paths.lines import SampledPath
-from jacokin.ik.paths.result import AT_SEED, BranchReport, PathResult
+from jacokin.ik.paths.result import AT_SEED, BranchReport, PathResult, in_words
 from jacokin.ik.paths.timing import Profile, profile_within
 from jacokin.ik.solver import IKSolver
 from jacokin.ik.tracking.clearance import Clearance
@@ -259,17 +259,14 @@ def _rank(result: PathResult) -> tuple[float, float]:
     return sum(status != "OK" for status in result.status) / len(result), float(result.position_error.max())
 
 
-def _failed(result: PathResult) -> str:
-    return ", ".join(str(segment) for segment in result.failed_segments)
-
-
 def _sentence(result: PathResult, tried: int, reaching: int, word: str) -> str:
     if not reaching:
         return "no configuration within the limits reaches the first pose; started at the closest one found"
     if result.success:
         return f"{word} {tried} of {reaching} stays on the path"
     words = "branches" if word == "branch" else f"{word}s"
-    return f"none of the {reaching} {words} stays on the path; the best one leaves it on segment {_failed(result)}"
+    where = in_words(result.failed_segments)
+    return f"none of the {reaching} {words} stays on the path; the best one leaves it on segment {where}"
 
 
 def _sentence_from_start(result: PathResult) -> str:
@@ -280,7 +277,7 @@ def _sentence_from_start(result: PathResult) -> str:
             f"the given start is not at the first pose: {result.position_error[0]:.3g} m and "
             f"{result.orientation_error[0]:.3g} rad away"
         )
-    return f"the given start leaves the path on segment {_failed(result)}"
+    return f"the given start leaves the path on segment {in_words(result.failed_segments)}"
 
 
 def _jump(result: PathResult, seed: Array, name: str) -> str:

@@ -26,6 +26,7 @@ KEYS = {
     "floor": ("height",),
 }
 OPTIONAL = ("quat_wxyz", "rpy", "height")
+ALL_KEYS = ("shape", "name", *dict.fromkeys(key for keys in KEYS.values() for key in keys))
 
 
 def read(path: str | Path) -> tuple[list[Obstacle], float | None]:
@@ -105,10 +106,10 @@ def _obstacle(where: str, entry: object, index: int) -> Obstacle:
     """
     if not isinstance(entry, Mapping):
         raise InvalidInputError(f"{where} must be a mapping with the key 'shape', got {shown(entry)}")
-    try:
-        shape = checks.choice("shape", entry.get("shape"), KEYS)
-    except UnknownNameError as error:
-        raise UnknownNameError(f"{where}: shape", error.given, KEYS) from None
+    if "shape" not in entry:
+        _check_keys(where, entry, ALL_KEYS)
+        raise InvalidInputError(f"{where}: needs the key 'shape', one of {', '.join(KEYS)}")
+    shape = checks.choice(f"shape in {where}:", entry["shape"], KEYS)
     _check_keys(where, entry, ("shape", "name", *KEYS[shape]))
     missing = [key for key in KEYS[shape] if key not in entry and key not in OPTIONAL]
     if missing:
@@ -125,7 +126,7 @@ def _obstacle(where: str, entry: object, index: int) -> Obstacle:
 def _check_keys(where: str, entry: Mapping[object, object], known: tuple[str, ...]) -> None:
     for key in entry:
         if key not in known:
-            raise UnknownNameError(f"{where}: key", key, known)
+            raise UnknownNameError(f"key in {where}:", key, known)
 
 
 def _pose(entry: Mapping[str, ArrayLike]) -> pin.SE3:

@@ -75,6 +75,6 @@ def test_scenes_of_ik_and_track(path_file: Path, run: Run, capsys: pytest.Captur
     scene.write_text("- {shape: cone}\n")
     refused = run("ik", *POSE, "--scene", str(scene))
     assert refused.code == 2
-    assert "shape 'cone'" in refused.err
+    assert "obstacle 0: 'cone'" in refused.err
     scene.write_text(BLOCK)
     assert leave("track", "--path", str(path_file), "--dt", "0.05", "--scene", str(scene)) == 1

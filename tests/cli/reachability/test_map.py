@@ -34,7 +34,8 @@ def test_a_map_is_built_in_shards_asked_and_drawn(run: Run, tmp_path: Path) -> N
         (("map", "build", "x", "--shard", "3/2"), "--shard must be 'i/n'"),
         (("map", "build", "x", "--free-axis", "0 0 0"), "--free-axis must not be zero"),
         (("map", "build", "x", "--free-axis", "up"), "--free-axis"),
-        (("map", "query", "nowhere", "--position", "0", "0", "0"), "nowhere: is not a complete map"),
+        (("map", "query", "nowhere", "--position", "0", "0", "0"), "unknown map 'nowhere'. Valid: j2n6s300"),
+        (("map", "show", "j2n6s30"), "Did you mean 'j2n6s300'"),
         (("map", "fold"), "No such command 'fold'"),
     ],
 )

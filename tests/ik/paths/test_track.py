@@ -13,6 +13,7 @@ from jacokin import IKSolver, Robot
 from jacokin.errors import InvalidInputError, UnknownNameError
 from jacokin.ik import PathResult, plot_path, track_path
 from jacokin.ik.paths.lines import SampledPath, durations, sample
+from jacokin.ik.paths.result import in_words
 from jacokin.ik.paths.timing import Profile, profile_within, rest_to_rest
 from jacokin.ik.paths.track import start_branches
 
@@ -76,6 +77,11 @@ def test_a_branch_that_fails_gives_way_to_one_that_does_not(robot: Robot) -> Non
         if found >= 2:
             return
     pytest.fail("no path of the sample needed another branch")
+
+
+def test_a_sentence_names_a_few_segments() -> None:
+    assert in_words([0, 2]) == "0, 2"
+    assert in_words(range(9)) == "0, 1, 2, 3, 4, 5, 6, 7 and 1 more"
 
 
 def test_an_impossible_path_names_its_segments(robot: Robot, square: list[pin.SE3]) -> None:
