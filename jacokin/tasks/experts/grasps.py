@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,18 +19,52 @@ CENTRE = np.array((0.0, -0.012, 0.0))  # [m] of the fingers' grip in the frame o
 HALF = np.array((0.016, 0.032, 0.012))  # [m] of a brick
 ABOVE = 0.08  # [m] from where the hand comes straight
 WIDE = 1.0  # [rad] of the fingers around the short side of a brick
-SQUEEZE_STEPS = 9  # until a grip holds
 SLIPPED = 0.03  # [m] from the middle of the grip: a brick that is farther is not held
-# Tilts along the long and the short side of a brick [rad], and shifts along the long side [m], that may be tried.
-TILTS = tuple((tilt, 0.0) for tilt in (0.0, 0.15, -0.15, 0.3, -0.3))
-TILTS += tuple((0.0, lean) for lean in (0.2, -0.2, 0.35, -0.35))
-SHIFTS = (0.0, 0.01, -0.01, 0.02, -0.02)
-SPREAD = 0.01  # [m] of the finger tips from their middle, by which one is lower when the hand is tilted
+SPREAD = 0.03  # [m] of the finger tips from their middle, by which one is lower when the hand is tilted
 ROOM = 0.006  # [m] between the arm and an obstacle
 HINDRANCE = 500.0  # [s/m] by which a grasp is worse that has less room
-TILT_COST, SHIFT_COST = 3.0, 40.0  # [s/rad], [s/m]
+TILT_COST, SHIFT_COST = 1.5, 20.0  # [s/rad], [s/m]
 TOLERANCES = (0.006, 0.03, 0.15)  # [rad] of the last stop on the way, of that before it, and so on
 LONGEST_STEP = 1.0  # [s] from one configuration to the next without a change of branch
+
+
+@dataclass(frozen=True, slots=True)
+class Side:
+    """How the hand may hold a brick across one of its sides, so that it is not lost when it is lifted.
+
+    Attributes:
+        fingers: their angle around the brick before they close [rad].
+        steps: until they hold it.
+        penalty: for a grip that is less firm [s].
+        tilts: of the hand across the direction in which the fingers close, and around it [rad], the firmest first; each
+            with the shifts along the hand that go with it [m].
+    """
+
+    fingers: float
+    steps: int
+    penalty: float
+    tilts: tuple[tuple[float, float, tuple[float, ...]], ...]
+
+
+_LITTLE_TILTED = ((0.0, 0.0), (0.15, 0.0), (-0.15, 0.0), (0.3, 0.0), (-0.3, 0.0), (0.0, 0.2), (0.0, -0.2))
+_SHORT_SHIFTS, _LONG_SHIFTS = (0.0, 0.01, -0.01, 0.02, -0.02), (0.0, 0.01, -0.01, 0.016, -0.016)
+SHORT = Side(
+    fingers=WIDE,
+    steps=9,
+    penalty=0.0,
+    tilts=tuple((tilt, lean, _SHORT_SHIFTS) for tilt, lean in (*_LITTLE_TILTED, (0.45, 0.0), (0.6, 0.0))),
+)
+LONG = Side(
+    fingers=0.6,
+    steps=14,
+    penalty=0.4,
+    tilts=(
+        *((tilt, lean, _LONG_SHIFTS) for tilt, lean in _LITTLE_TILTED),
+        (0.45, 0.0, (0.0, -0.01, -0.016)),
+        (0.6, 0.0, (0.0, -0.01, -0.016)),
+        (-0.45, 0.0, (0.0, 0.01, 0.016)),
+    ),
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,13 +75,13 @@ class Grasp:
         way: configurations on the way, the last of which is at the brick [rad].
         pose: T_world_tool at the brick.
         room: between the arm and obstacles near the brick [m].
-        penalty: for tilts and shifts, with which grasps are less firm [s].
+        side: how the hand holds the brick there.
     """
 
     way: tuple[Array, ...]
     pose: pin.SE3
     room: float
-    penalty: float
+    side: Side
 
 
 def upright(rotation: Array) -> Array:
@@ -74,40 +108,56 @@ def plan(
         scene: obstacles, in the frame of the arm's base.
         height: of the tool, at least, where it begins to come straight [m].
     """
+    best, cost = None, np.inf
+    for side in (SHORT,) if scene is None else (SHORT, LONG):
+        obstacles = None if scene is None else Scene(scene.obstacles, finger_angle=side.fingers)
+        for at, penalty in poses(brick, side, straight=scene is None):
+            before = motions.moved(at, -ABOVE * at.rotation[:, 2])
+            for q in arm.configurations(before)[:4]:
+                if arm.duration(arm.q, q) + penalty >= cost:
+                    break  # those that follow take longer
+                stops = arm.chain([at, *(motions.moved(at, way) for way in ways)], q, LONGEST_STEP)
+                if stops is None:
+                    continue
+                room = np.inf if obstacles is None else arm.room(arm.way(q, *stops), obstacles)
+                for way in _ways_to(arm, before, q, height):
+                    value = arm.duration(arm.q, *way, stops[0]) + penalty
+                    if obstacles is not None and value < cost:
+                        value += HINDRANCE * max(0.0, ROOM - min(room, arm.room(arm.way(arm.q, *way), obstacles)))
+                    if value < cost:
+                        best, cost = Grasp((*way, stops[0]), at, room, side), value
+    return best
+
+
+def poses(brick: pin.SE3, side: Side, straight: bool) -> Iterator[tuple[pin.SE3, float]]:
+    """T_world_tool of a hand that holds a brick, each with its penalty [s]; straight or in every way."""
     rotation = upright(brick.rotation)
     vertical = int(np.abs(rotation[2]).argmax())
-    across, along = sorted({0, 1, 2} - {vertical}, key=lambda axis: HALF[axis])
-    best, cost = None, np.inf
-    for sign, (tilt, lean), shift in itertools.product(
-        (1.0, -1.0), TILTS if scene is not None else TILTS[:1], SHIFTS if scene is not None else SHIFTS[:1]
-    ):
+    horizontal = sorted({0, 1, 2} - {vertical}, key=lambda axis: HALF[axis])
+    across = horizontal[side is LONG]
+    for sign, (tilt, lean, shifts) in itertools.product((1.0, -1.0), side.tilts[:1] if straight else side.tilts):
         tool = pointing(sign * rotation[:, across], tilt, lean)
-        sideways = abs(np.sin(tilt)) + abs(np.sin(lean))
-        middle = brick.translation + shift * rotation[:, along] + up(SPREAD * sideways)
-        at = pin.SE3(tool, middle - tool @ CENTRE)
-        before = motions.moved(at, -ABOVE * tool[:, 2])
-        penalty = TILT_COST * (abs(tilt) + abs(lean)) + SHIFT_COST * abs(shift)
-        for q in arm.configurations(before)[:4]:
-            stops = arm.chain([at, *(motions.moved(at, way) for way in ways)], q, LONGEST_STEP)
-            if stops is None:
-                continue
-            room = np.inf if scene is None else arm.room(arm.way(q, *stops), scene)
-            higher = arm.chain([motions.moved(before, up(max(0.0, height - before.translation[2])))], q, LONGEST_STEP)
-            for way in [(q,)] if scene is None or higher is None else [(q,), (higher[0], q)]:
-                value = arm.duration(arm.q, *way, stops[0]) + penalty
-                if scene is not None:
-                    value += HINDRANCE * max(0.0, ROOM - min(room, arm.room(arm.way(arm.q, *way), scene)))
-                if value < cost:
-                    best, cost = Grasp((*way, stops[0]), at, room, penalty), value
-    return best
+        sideways = pointing(sign * rotation[:, across])[:, 1]
+        lower = SPREAD * (abs(np.sin(tilt)) + abs(np.sin(lean)))
+        for shift in shifts[:1] if straight else shifts:
+            middle = brick.translation + shift * sideways + up(lower)
+            penalty = side.penalty + TILT_COST * (abs(tilt) + abs(lean)) + SHIFT_COST * abs(shift)
+            yield pin.SE3(tool, middle - tool @ CENTRE), penalty
+
+
+def _ways_to(arm: Arm, before: pin.SE3, q: Array, height: float) -> list[tuple[Array, ...]]:
+    """The ways to where the hand comes straight: at once, or from above."""
+    rise = height - float(before.translation[2])
+    higher = None if rise <= 0.0 else arm.chain([motions.moved(before, up(rise))], q, LONGEST_STEP)
+    return [(q,)] if higher is None else [(q,), (higher[0], q)]
 
 
 def take(arm: Arm, grasp: Grasp) -> Script:
     """Go there and close the fingers."""
     stops = list(zip(reversed(grasp.way), TOLERANCES, strict=False))
     for q, tolerance in reversed(stops):
-        yield from motions.go(arm, q, WIDE, tolerance=tolerance, around=q is not grasp.way[-1])
-    yield from motions.close(arm, SQUEEZE_STEPS)
+        yield from motions.go(arm, q, grasp.side.fingers, tolerance=tolerance, around=q is not grasp.way[-1])
+    yield from motions.close(arm, grasp.side.steps)
 
 
 def holds(arm: Arm, brick: pin.SE3) -> bool:

@@ -22,7 +22,6 @@ BESIDE = 0.125  # [m] between the axis of the pedestal and a brick that is lifte
 STEP_ASIDE = 0.03  # [m] that a brick goes up at first, while it goes away from the pedestal
 RELEASE_STEPS = 6
 YAWS = np.arange(12) * np.pi / 6.0  # [rad] that a brick may be turned by above the pedestal
-FIRM = 1.0  # [s] penalty of a grasp, above which the brick is dragged away first
 DRAG_TILTS = (0.25, 0.4, 0.1)  # [rad] away from the pedestal, the first is preferred
 LOW = 0.04  # [m] of the closed fingers above a brick, where nothing is in their way
 LONGEST_TRAVEL = 2.5  # [s]
@@ -52,7 +51,7 @@ def place(arm: Arm) -> Script:
         grasp = grasps.plan(arm, brick, ways, scene, target[2] + OVER) or grasps.plan(arm, brick)
         beside = np.linalg.norm((brick.translation - target)[:2])
         is_near = has_failed and beside < FREE
-        if grasp is None or grasp.room < 0.0 or grasp.penalty > FIRM or is_near:
+        if grasp is None or grasp.room < 0.0 or is_near:
             yield from _drag(arm, brick.translation, target, scene)
             brick = arm.prop(BRICK)
             ways = _ways(brick.translation, target)
