@@ -7,7 +7,7 @@ Subclass them for a robot of your own: `_build` makes the spec; `joints` and `wr
 from __future__ import annotations
 
 import abc
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import mujoco
 import numpy as np
@@ -17,7 +17,7 @@ from jacokin.errors import InvalidInputError, PhysicsError, UnknownNameError, sh
 from jacokin.ik.closed_form import warmup
 from jacokin.model import angles, checks
 from jacokin.model.descriptions import table
-from jacokin.mujoco_bridge.control.site_ik import SceneSolvers, SiteSolver
+from jacokin.mujoco_bridge.control.site_ik import SceneSolvers, SiteSolver, Solution
 from jacokin.mujoco_bridge.entities.entity import Entity
 from jacokin.mujoco_bridge.observables.declaration import Observables
 from jacokin.mujoco_bridge.observables.joints import JointsObservables
@@ -104,6 +104,8 @@ class RobotArm(Entity):
         Of all configurations within the joint limits the one nearest to the present is taken; hinges without limits
         end up in [0, 2 pi). Only the positions of the arm's joints change; on failure nothing changes.
 
+        Poses and Jacobians of the scene follow at once, everything else as after `Physics.set_qpos`.
+
         Args:
             physics: the simulation.
             random_state: used only for restarts of the numerical solver, where there is no closed form.
@@ -113,7 +115,8 @@ class RobotArm(Entity):
             max_ik_attempts: starts of the numerical solver; 1 tries only the present configuration.
 
         Returns:
-            Whether the site is at its target, within 1e-6 m and 1e-6 rad.
+            Whether the site is at its target, within 1e-6 m and 1e-6 rad, as MuJoCo computes it, and the arm within its
+            limits.
 
         Raises:
             InvalidInputError: an argument is wrong.
@@ -127,15 +130,18 @@ class RobotArm(Entity):
         attempts = checks.whole_number("max_ik_attempts", max_ik_attempts, 1)
         with check_physics(physics).lock:
             solver = self.site_solver(physics, site)
+            found: Iterable[Solution]
             if solver.has_closed_form:
                 found = solver.nearest(position, rotation)
             else:
-                bounds = self.sampling_bounds(physics)
-                found = next(solver.solutions(position, rotation, bounds, random_state, attempts), None)
-            if found is None:
-                return False
-            physics._write_qpos(*found)
-            return True
+                found = solver.solutions(position, rotation, self.sampling_bounds(physics), random_state, attempts)
+            for rows, q in found:
+                before = physics._try_qpos(rows, q)
+                if solver.is_reached(position, rotation):
+                    physics._keep_qpos()
+                    return True
+                physics._try_qpos(rows, before)
+            return False
 
     def prepare(self, physics: Physics, site: mujoco.MjsSite | str | None = None) -> None:
         """Do now what `set_site_to_xpos` would do first: load the closed form, compiled if it is not yet (20 s).

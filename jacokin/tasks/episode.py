@@ -60,12 +60,18 @@ class Episode:
         self.name = name
         self.task = registry.make(name)
         self.physics = self.task.physics
-        self.view = View.of(self.physics.data)
+        self._view = View.of(self.physics.data)
         self.goal: Array = np.empty(0)
         self.steps: int | None = None
         self._renderers = Renderers(self.physics.model)
         limits = self.physics.model.actuator_ctrlrange
         self.lower, self.upper = (checks.read_only(bound) for bound in limits.T)
+
+    @property
+    def view(self) -> View:
+        """Live arrays of the simulation; what `Physics.set_qpos` has left due is computed first."""
+        self.physics._compute_rest()
+        return self._view
 
     def start(self, random_state: RandomState) -> None:
         """Draw an initial state.
@@ -139,7 +145,8 @@ class Episode:
 
     def snapshot(self) -> Snapshot:
         """Where the episode is now."""
-        return Snapshot(self.physics.get_state(), self.physics.data.sensordata.copy(), self.goal.copy(), self.steps)
+        sensordata = self.physics.data.sensordata.copy()  # first: a pass that is due changes the state's warm start
+        return Snapshot(self.physics.get_state(), sensordata, self.goal.copy(), self.steps)
 
     def restore(self, snapshot: Snapshot) -> None:
         """Go back to where an episode of the same task was; it goes on from there bit by bit as it did."""

@@ -21,10 +21,12 @@ from jacokin.errors import ModelError
 from jacokin.model.descriptions import mjcf
 from jacokin.model.robot import Robot
 from jacokin.model.source import Home, Source
-from jacokin.mujoco_bridge.simulation.binding import select
 
 BASE = "base"
 SITE = "site"
+
+Memory = tuple[memoryview, ...]
+"""Live parts of MuJoCo's arrays. Joining their bytes is the quickest way to compare all of them with what they were."""
 
 _INFINITE = np.array([np.inf])
 
@@ -37,31 +39,26 @@ class SceneChain:
         robot: the chain; its only frame is the site, its base the parent of the first joint's body.
         base_body: id of that body.
         base_is_fixed: whether the simulation never moves that body.
-        base_arrays: views of the model's arrays that determine the pose of a fixed base.
+        base_memory: the parts of the model that determine the pose of a fixed base.
         joints: (dof,) ids of the joints, base to site.
         qpos: (dof,) addresses of the joints' positions in qpos.
-        held: (m,) addresses in qpos of the joints in the chain that are not the arm's.
-        held_at: (m,) their positions when the chain was made.
-        arrays: views of the model's arrays that determine the chain.
-        arrays_then: their bytes when the chain was made.
+        memory: the parts of the model that determine the chain, and the positions of joints that are held.
+        memory_then: their bytes when the chain was made.
     """
 
     robot: Robot
     base_body: int
     base_is_fixed: bool
-    base_arrays: tuple[NDArray[Any], ...]
+    base_memory: Memory
     joints: tuple[int, ...]
     qpos: NDArray[np.intp]
-    held: NDArray[np.intp]
-    held_at: Array
-    arrays: tuple[NDArray[Any], ...]
-    arrays_then: list[bytes]
+    memory: Memory
+    memory_then: bytes
 
-    def is_current(self, qpos: Array) -> bool:
+    @property
+    def is_current(self) -> bool:
         """Whether the model and the held joints are as they were when the chain was made."""
-        if self.held.size and not np.array_equal(qpos[self.held], self.held_at):
-            return False
-        return [array.tobytes() for array in self.arrays] == self.arrays_then
+        return b"".join(self.memory) == self.memory_then
 
 
 def scene_chain(model: mujoco.MjModel, qpos: Array, joints: Sequence[int], site: int) -> SceneChain:
@@ -69,7 +66,7 @@ def scene_chain(model: mujoco.MjModel, qpos: Array, joints: Sequence[int], site:
 
     Args:
         model: the compiled scene.
-        qpos: its configuration; joints that are not the arm's are held there.
+        qpos: its live configuration; joints that are not the arm's are held there.
         joints: ids of the arm's joints.
         site: id of the site.
 
@@ -109,7 +106,7 @@ def scene_chain(model: mujoco.MjModel, qpos: Array, joints: Sequence[int], site:
     T = T * mjcf.placement(model.site_quat[site], model.site_pos[site])
     out.addFrame(pin.Frame(BASE, 0, 0, pin.SE3.Identity(), pin.FrameType.OP_FRAME), False)
     out.addFrame(pin.Frame(SITE, carrier, 0, T, pin.FrameType.OP_FRAME), False)
-    arrays = _arrays(model, bodies, site)
+    memory = (*_memory(model, bodies, site), *_rows(qpos, held))
     source = Source(path=Path("scene"), kind="mjcf", bundled=None, base=BASE, tip=SITE)
     return SceneChain(
         robot=Robot(
@@ -117,34 +114,35 @@ def scene_chain(model: mujoco.MjModel, qpos: Array, joints: Sequence[int], site:
         ),
         base_body=int(model.body_parentid[bodies[0]]),
         base_is_fixed=not any(model.body_dofnum[body] or model.body_mocapid[body] >= 0 for body in above),
-        base_arrays=_poses(model, above),
+        base_memory=_poses(model, above),
         joints=tuple(members),
         qpos=np.array(addresses, dtype=np.intp),
-        held=np.array(held, dtype=np.intp),
-        held_at=qpos[held],
-        arrays=arrays,
-        arrays_then=[each.tobytes() for each in arrays],
+        memory=memory,
+        memory_then=b"".join(memory),
     )
 
 
-def _arrays(model: mujoco.MjModel, bodies: Sequence[int], site: int) -> tuple[NDArray[Any], ...]:
-    """Live views of the model's arrays that determine a chain along these bodies."""
-    joints = [np.array([joint for body in bodies for joint in mjcf.body_joints(model, body)], dtype=np.intp)]
-    sites = [np.array([site], dtype=np.intp)]
+def _memory(model: mujoco.MjModel, bodies: Sequence[int], site: int) -> Memory:
+    """The parts of the model that determine a chain along these bodies."""
+    joints = [joint for body in bodies for joint in mjcf.body_joints(model, body)]
+    arrays = model.jnt_range, model.jnt_limited, model.jnt_pos, model.jnt_axis
     return (
         *_poses(model, bodies),
-        *(
-            select(array, joints, single=False)
-            for array in (model.jnt_range, model.jnt_limited, model.jnt_pos, model.jnt_axis)
-        ),
-        *(select(array, sites, single=False) for array in (model.site_pos, model.site_quat)),
+        *(part for array in arrays for part in _rows(array, joints)),
+        *(part for array in (model.site_pos, model.site_quat) for part in _rows(array, [site])),
     )
 
 
-def _poses(model: mujoco.MjModel, bodies: Sequence[int]) -> tuple[NDArray[Any], ...]:
-    """Live views of the poses of bodies in their parents."""
-    rows = [np.array(bodies, dtype=np.intp)]
-    return tuple(select(array, rows, single=False) for array in (model.body_pos, model.body_quat))
+def _poses(model: mujoco.MjModel, bodies: Sequence[int]) -> Memory:
+    """The parts of the model with the poses of bodies in their parents."""
+    return tuple(part for array in (model.body_pos, model.body_quat) for part in _rows(array, bodies))
+
+
+def _rows(array: NDArray[Any], rows: Sequence[int]) -> Memory:
+    """The memory of some rows of an array; consecutive ones are one part."""
+    starts = [row for i, row in enumerate(rows) if i == 0 or row != rows[i - 1] + 1]
+    stops = [row + 1 for i, row in enumerate(rows) if i == len(rows) - 1 or rows[i + 1] != row + 1]
+    return tuple(array[start:stop].data for start, stop in zip(starts, stops, strict=True))
 
 
 def _path(model: mujoco.MjModel, body: int) -> list[int]:

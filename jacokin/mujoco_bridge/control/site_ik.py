@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from jacokin.arrays import Array
 from jacokin.errors import PhysicsError
 from jacokin.ik import targets
-from jacokin.ik.options import Options
+from jacokin.ik.options import ORIENTATION_TOLERANCE, POSITION_TOLERANCE, Options
 from jacokin.ik.solver import IKSolver
 from jacokin.ik.verification import Verifier
 from jacokin.mujoco_bridge.control.queries import Query, canonical
@@ -32,7 +32,11 @@ if TYPE_CHECKING:
 
 RandomState = np.random.RandomState | np.random.Generator
 Bounds = tuple[Array, Array]
+Solution = tuple[NDArray[np.intp], Array]  # addresses in qpos, and values for them
 MEMBERS = 32  # of a family that are tried for contact
+
+# Matrices of rotations that are a small angle apart differ by sqrt(2) times that angle, in the Frobenius norm.
+_ROTATION_TOLERANCE = math.sqrt(2.0) * ORIENTATION_TOLERANCE
 
 
 class SiteSolver:
@@ -60,13 +64,16 @@ class SiteSolver:
         self._joints = tuple(joints)
         self._site = site
         self._T = np.eye(4)
+        self._rotation, self._translation = self._T[:3, :3], self._T[:3, 3]
+        self._site_position: Array = self._data.site_xpos[site]
+        self._site_rotation: Array = self._data.site_xmat[site]
         self._qpos: Array = self._data.qpos
         self._qvel: Array = self._data.qvel
         self._prepare()
 
     def chain(self) -> SceneChain:
         """The joints that move the site; others on the way to it are held at their present positions."""
-        if not self._chain.is_current(self._qpos):
+        if not self._chain.is_current:
             self._prepare()
         return self._chain
 
@@ -82,10 +89,14 @@ class SiteSolver:
         self._wraps: list[int] = np.flatnonzero(robot.unlimited & (kinds == mujoco.mjtJoint.mjJNT_HINGE)).tolist()
         self._base_position: Array = self._scratch.xpos[self._chain.base_body]
         self._R_base_world: Array = self._scratch.xmat[self._chain.base_body].reshape(3, 3).T
-        self._base_then: list[bytes] = []
+        limited = np.flatnonzero(~robot.unlimited)
+        lower, upper = robot.lower[limited].tolist(), robot.upper[limited].tolist()
+        self._limits = list(zip(limited.tolist(), lower, upper, strict=True))
+        self._watched = (*self._chain.memory, *self._chain.base_memory)
+        self._seen = b""
 
-    def nearest(self, position: Array, rotation: Array) -> tuple[NDArray[np.intp], Array] | None:
-        """The nearest branch of the closed form within the limits, as addresses in qpos and values; None without one.
+    def nearest(self, position: Array, rotation: Array) -> Sequence[Solution]:
+        """The nearest branch of the closed form within the limits, as `solutions` gives it, or nothing.
 
         Args:
             position: (3,) target position of the site in the world [m].
@@ -97,9 +108,9 @@ class SiteSolver:
         chain = self._target(position, rotation)
         if self._has_families:
             q = next(self._members(self._qpos[chain.qpos], None), None)
-            return None if q is None else (chain.qpos, self._canonical(q))
-        q = self._solver.closed_form().nearest(self._T, self._qpos[chain.qpos])
-        return None if q is None else (chain.qpos, self._canonical(q))
+        else:
+            q = self._solver.closed_form().nearest(self._T, self._qpos[chain.qpos])
+        return () if q is None else ((chain.qpos, canonical(q, self._wraps)),)
 
     def solutions(
         self,
@@ -110,7 +121,7 @@ class SiteSolver:
         attempts: int,
         *,
         shuffle: bool = False,
-    ) -> Iterator[tuple[NDArray[np.intp], Array]]:
+    ) -> Iterator[Solution]:
         """Solutions as addresses in qpos and values for them; branches of the closed form in order of distance.
 
         Args:
@@ -131,7 +142,7 @@ class SiteSolver:
         else:
             found = self._by_qp(self._starts(None if shuffle else present, bounds, random_state, attempts))
         for q in found:
-            yield chain.qpos, self._canonical(q)
+            yield chain.qpos, canonical(q, self._wraps)
 
     def query(self, position: Array, rotation: Array, bounds: Bounds, random_state: RandomState) -> Query:
         """A pose from a random start.
@@ -149,19 +160,35 @@ class SiteSolver:
         chain = self._target(position, rotation)
         return Query(self._solver, self._T.copy(), start, chain.qpos, tuple(self._wraps))
 
+    def is_reached(self, position: Array, rotation: Array) -> bool:
+        """Whether the site is at a pose and all joints are within the limits, by the poses that MuJoCo has computed.
+
+        Args:
+            position: (3,) target position of the site in the world [m].
+            rotation: (3, 3) target orientation, R_world_site.
+        """
+        q = self._qpos[self._chain.qpos].tolist()
+        for joint, lower, upper in self._limits:
+            if not lower <= q[joint] <= upper:
+                return False
+        # Plain numbers are faster than NumPy's.
+        return (
+            math.dist(self._site_position.tolist(), position.tolist()) <= POSITION_TOLERANCE
+            and math.dist(self._site_rotation.tolist(), rotation.ravel().tolist()) <= _ROTATION_TOLERANCE
+        )
+
     def _target(self, position: Array, rotation: Array) -> SceneChain:
         """Write T_base_site of a target in the world to `_T`; returns the chain as it is now."""
         self._check_finite()
-        chain = self.chain()
-        self._find_base(chain)
-        T = self._T
+        if not self._chain.base_is_fixed or b"".join(self._watched) != self._seen:
+            self._look_again()
         if self._is_upright:
-            T[:3, :3] = rotation
-            T[:3, 3] = position - self._base_position
+            self._rotation[...] = rotation
+            np.subtract(position, self._base_position, self._translation)
         else:
-            T[:3, :3] = self._R_base_world.dot(rotation)
-            T[:3, 3] = self._R_base_world.dot(position - self._base_position)
-        return chain
+            self._rotation[...] = self._R_base_world.dot(rotation)
+            self._translation[...] = self._R_base_world.dot(position - self._base_position)
+        return self._chain
 
     def _check_finite(self) -> None:
         """Check that the scene has a finite state.
@@ -169,23 +196,24 @@ class SiteSolver:
         Raises:
             PhysicsError: qpos or qvel is not finite.
         """
-        for name, values in (("qpos", self._qpos), ("qvel", self._qvel)):
-            # A dot product is the cheapest test; only a suspicious one is looked at again.
-            if not math.isfinite(values.dot(values)) and not np.isfinite(values).all():
+        qpos, qvel = self._qpos, self._qvel
+        # Dot products are the cheapest test; only a suspicious one is looked at again.
+        if math.isfinite(qpos.dot(qpos)) and math.isfinite(qvel.dot(qvel)):
+            return
+        for name, values in (("qpos", qpos), ("qvel", qvel)):
+            if not np.isfinite(values).all():
                 raise PhysicsError(f"the simulation is not finite in {name}; reset it first")
 
-    def _find_base(self, chain: SceneChain) -> None:
-        """Bring the base's pose in the scratch data up to date."""
-        base_now = [array.tobytes() for array in chain.base_arrays]
-        if chain.base_is_fixed and base_now == self._base_then:
-            return
+    def _look_again(self) -> None:
+        """Bring the chain, and the base's pose in the scratch data, up to date."""
+        self.chain()
         scratch, data = self._scratch, self._data
         scratch.qpos[:] = data.qpos
         scratch.mocap_pos[:] = data.mocap_pos
         scratch.mocap_quat[:] = data.mocap_quat
         mujoco.mj_kinematics(self._model, scratch)
-        self._base_then = base_now
         self._is_upright = np.array_equal(self._R_base_world, np.eye(3))
+        self._seen = b"".join(self._watched)
 
     def _members(self, present: Array, shuffled_by: RandomState | None) -> Iterator[Array]:
         """Members of the family of seven joints: the nearest one, then some of all others by distance; or at random."""
@@ -209,9 +237,6 @@ class SiteSolver:
         order = branches.within_limits.nonzero()[0]
         for index in order if shuffled_by is None else shuffled_by.permutation(order):
             yield q[index]
-
-    def _canonical(self, q: Array) -> Array:
-        return canonical(q, self._wraps)
 
     def _by_qp(self, starts: Iterator[Array]) -> Iterator[Array]:
         target = targets.checked(self._T)

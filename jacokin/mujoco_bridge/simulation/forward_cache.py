@@ -61,7 +61,7 @@ class ForwardCache:
     """MuJoCo's model and data, and whether the derived values of the data belong to its state.
 
     Attributes:
-        forces_are_due: `forward_motion` has run, and no whole pass since.
+        rest_is_due: `forward_poses` has run at new positions, and no whole pass since.
         lock: held while MuJoCo computes; two threads in the same data would crash the interpreter.
     """
 
@@ -70,7 +70,7 @@ class ForwardCache:
         self.model = model
         self.data = data
         self.lock = threading.RLock()
-        self.forces_are_due = False
+        self.rest_is_due = False
         self._options = model.opt
         self._watch = ModelWatch(model)
         self._now = _State(model)
@@ -118,26 +118,25 @@ class ForwardCache:
             is_complete = self._refuse_warnings(may_be_crowded)
             self._now, self._at_pass = self._at_pass, self._now  # a pass changes nothing of this but the warm start
             self._is_known = is_complete
-            self.forces_are_due = False
+            self.rest_is_due = False
 
-    def forward_motion(self) -> None:
-        """Compute what follows from positions and velocities; forces and accelerations when they are asked for.
+    def forward_poses(self) -> None:
+        """Compute poses, and what Jacobians are made of, alone.
+
+        The caller holds the lock, and sets `rest_is_due` unless positions are as they were.
 
         Raises:
-            PhysicsError: MuJoCo warns, or gives up.
+            PhysicsError: MuJoCo gives up.
         """
-        with self.lock:
+        if self._watch.changed():
             self._is_known = False
-            model, data = self.model, self.data
-            try:
-                mujoco.mj_fwdPosition(model, data)
-                mujoco.mj_sensorPos(model, data)
-                mujoco.mj_fwdVelocity(model, data)
-                mujoco.mj_sensorVel(model, data)
-            except mujoco.FatalError as error:
-                raise self._gave_up(error) from error
-            self._refuse_warnings()
-            self.forces_are_due = True
+        model, data = self.model, self.data
+        try:
+            mujoco.mj_kinematics(model, data)
+            mujoco.mj_comPos(model, data)
+            mujoco.mj_camlight(model, data)
+        except mujoco.FatalError as error:
+            raise self._gave_up(error) from error
 
     def step(self, n: int) -> None:
         """Advance n time steps; what follows from positions and velocities is then that of the new state.
@@ -181,7 +180,8 @@ class ForwardCache:
         if self._watch.changed():
             self._is_known = False
         return (
-            not self._is_known
+            self.rest_is_due
+            or not self._is_known
             or now.motion.tobytes() != known.motion.tobytes()
             or now.applied.tobytes() != known.applied.tobytes()
         )

@@ -45,9 +45,12 @@ class Simulation:
 
     @property
     def data(self) -> mujoco.MjData:
-        """The `mujoco.MjData`. Writes to its state, controls and applied forces are noticed."""
-        if self._cache.forces_are_due:
-            self._cache.forward()
+        """The `mujoco.MjData`. Writes to its state, controls and applied forces are noticed.
+
+        Reading this property computes what `set_qpos` has left due; an `MjData` that was kept from before then has only
+        its poses, and what Jacobians are made of, up to date.
+        """
+        self._compute_rest()
         return self._data
 
     @property
@@ -74,9 +77,10 @@ class Simulation:
         self._cache.forward()
 
     def set_qpos(self, rows: NDArray[np.intp], values: NDArray[np.float64]) -> None:
-        """Write some of qpos, and compute what follows from positions and velocities at once.
+        """Write some of qpos, and compute poses and what Jacobians are made of at once.
 
-        Forces and accelerations follow when they are read, through `bind` or `data`, or needed for a step.
+        A forward pass computes everything else at the next read through `data`, `render` or a computed field of `bind`,
+        and before a step.
 
         Args:
             rows: (k,) where in qpos.
@@ -84,23 +88,37 @@ class Simulation:
 
         Raises:
             InvalidInputError: not such rows, or not as many finite numbers.
-            PhysicsError: MuJoCo gives up, for example for lack of memory; qpos is then as before.
+            PhysicsError: MuJoCo gives up; qpos is then as before.
         """
         rows = self._checked_rows(rows)
         values = checks.vector("values", values, len(rows), "qpos")
         with self.lock:
-            self._write_qpos(rows, values)
+            self._try_qpos(rows, values)
+            self._keep_qpos()
 
-    def _write_qpos(self, rows: NDArray[np.intp], values: NDArray[np.float64]) -> None:
-        """As `set_qpos`, for rows and values that need no check; the caller holds the lock."""
+    def _compute_rest(self) -> None:
+        """Run the forward pass that `set_qpos` has left due; also for those who keep arrays of the data."""
+        if self._cache.rest_is_due:
+            self._cache.forward()
+
+    def _try_qpos(self, rows: NDArray[np.intp], values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Write some of qpos and compute poses; returns what was there, (k,).
+
+        The caller, who holds the lock, then either calls `_keep_qpos` or puts back what was there in the same way.
+        """
         qpos = self._data.qpos
-        before = qpos[rows]
+        before: NDArray[np.float64] = qpos[rows]
         qpos[rows] = values
         try:
-            self._cache.forward_motion()
+            self._cache.forward_poses()
         except PhysicsError:
             qpos[rows] = before
             raise
+        return before
+
+    def _keep_qpos(self) -> None:
+        """Make everything due that `_try_qpos` has not computed."""
+        self._cache.rest_is_due = True
 
     def _checked_rows(self, rows: NDArray[np.intp]) -> NDArray[np.intp]:
         try:

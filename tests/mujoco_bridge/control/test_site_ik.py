@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 import jacokin
 from jacokin.errors import InvalidInputError, ModelError, PhysicsError, UnknownNameError
 from jacokin.ik.closed_form.compilation import KERNELS
+from jacokin.ik.closed_form.solver import ClosedForm
 from jacokin.model.angles import circular_distance
 from jacokin.mujoco_bridge import DOWN_QUATERNION, Arena, JacoArm, JacoHand, Physics, robots
 from jacokin.mujoco_bridge.props import Primitive
@@ -102,7 +103,12 @@ def test_every_reachable_pose_is_reached(base_quat: Any, crowded: bool) -> None:
             np.testing.assert_array_equal(np.delete(physics.data.qpos, arm_rows), np.delete(before, arm_rows))
 
 
-def test_everything_derived_is_fresh_afterwards() -> None:
+POSES = ("xpos", "xmat", "xipos", "site_xpos", "site_xmat", "geom_xpos", "geom_xmat", "cam_xpos", "light_xpos", "cdof")
+EVERYTHING_ELSE = ("cvel", "qfrc_bias", "ncon", "crb", "actuator_length", "actuator_velocity", "qacc", "sensordata")
+
+
+def moved_scene() -> tuple[Physics, JacoArm, JacoHand, mujoco.MjData, Physics]:
+    """A scene whose arm has just been moved, its data kept from before, and a copy after a forward pass."""
     physics, arm, hand = scene(crowded=True)
     physics.data.qvel[:] = 0.1
     physics.data.ctrl[:6] = 0.2
@@ -113,11 +119,52 @@ def test_everything_derived_is_fresh_afterwards() -> None:
     assert arm.set_site_to_xpos(physics, rng, hand.pinch_site, position, quaternion)
     fresh = physics.copy()
     fresh.forward()
-    for name in ("xpos", "xmat", "cvel", "qfrc_bias", "ncon"):  # at once
+    return physics, arm, hand, held, fresh
+
+
+def test_poses_and_jacobians_are_fresh_at_once_afterwards_even_in_data_that_were_kept() -> None:
+    physics, _, hand, held, fresh = moved_scene()
+    for name in POSES:
         np.testing.assert_array_equal(getattr(held, name), getattr(fresh.data, name))
-    for name in ("qacc", "actuator_force", "sensordata"):  # when they are read
-        np.testing.assert_allclose(getattr(physics.data, name), getattr(fresh.data, name), rtol=1e-6, atol=1e-6)
+    jacobian, expected = np.empty((2, 6, physics.model.nv))
+    for each, data in ((jacobian, held), (expected, fresh.data)):
+        mujoco.mj_jacSite(physics.model, data, each[:3], each[3:], physics.model.site(hand.pinch_site.name).id)
+    np.testing.assert_array_equal(jacobian, expected)
+
+
+def test_a_site_that_was_moved_away_from_the_frame_of_its_body_is_reached_at_once() -> None:
+    """MuJoCo has a shortcut for a site in its body's place, which must not be taken then."""
+    physics, arm, _ = scene()
+    site, offset, rng = "jaco_arm/joint_6_site", np.array((0.0, 0.1, 0.1)), np.random.default_rng(12)
+    assert physics.model.site(site).sameframe
+    twin = physics.copy()
+    arm.randomize_arm_joints(twin, rng)
+    link = twin.bind(arm.wrist_site.parent)
+    position, quaternion = link.xpos + link.xmat.reshape(3, 3) @ offset, link.xquat.copy()
+    physics.bind(site).pos = offset
+    held = physics.data
+    assert arm.set_site_to_xpos(physics, rng, site, position, quaternion)
+    np.testing.assert_allclose(held.site(site).xpos, position, rtol=0.0, atol=REACHED)
+
+
+@pytest.mark.parametrize("name", EVERYTHING_ELSE)
+def test_everything_else_is_fresh_when_it_is_read(name: str) -> None:
+    physics, _, _, held, fresh = moved_scene()
+    assert physics.data is held
+    np.testing.assert_allclose(getattr(held, name), getattr(fresh.data, name), rtol=1e-6, atol=1e-6)
+
+
+def test_everything_else_is_fresh_in_bindings_observables_and_steps() -> None:
+    physics, arm, _, _, fresh = moved_scene()
+    bias = physics.bind(arm.joints).qfrc_bias
+    np.testing.assert_allclose(bias, fresh.bind(arm.joints).qfrc_bias, rtol=1e-6)
+    physics, arm, _, _, fresh = moved_scene()
     np.testing.assert_allclose(arm.observables.joints_torque(physics), arm.observables.joints_torque(fresh), rtol=1e-6)
+    physics, _, _, held, fresh = moved_scene()
+    physics.step()
+    fresh.step()
+    assert physics.get_state().tobytes() == fresh.get_state().tobytes()
+    np.testing.assert_array_equal(held.sensordata, fresh.data.sensordata)
 
 
 def test_tool_down_in_the_workspace_of_the_tasks() -> None:
@@ -191,6 +238,49 @@ def test_failure_changes_nothing_at_all() -> None:
     assert physics.get_state().tobytes() == before
     np.testing.assert_array_equal(physics.data.xpos, derived)
     assert rng.bit_generator.state == draws  # the closed form needs no randomness
+
+
+@pytest.mark.parametrize(
+    "change",
+    [lambda q: q + 2e-6 * np.eye(6)[0], lambda q: q + 2.0 * np.pi * np.eye(6)[1]],
+    ids=["off the target", "outside a limit"],
+)
+def test_what_mujoco_does_not_confirm_is_no_success_and_changes_nothing(
+    change: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    physics, arm, hand = scene(crowded=True)
+    rng = np.random.default_rng(15)
+    physics.step(5)
+    physics.forward()
+    position, quaternion = reachable_pose(physics, arm, hand.pinch_site, rng)
+    nearest = ClosedForm.nearest
+    monkeypatch.setattr(ClosedForm, "nearest", lambda *args: change(nearest(*args)))
+    held, state = physics.data, physics.get_state().tobytes()
+    before = {name: np.array(getattr(held, name)) for name in (*POSES, *EVERYTHING_ELSE)}
+    assert not arm.set_site_to_xpos(physics, rng, hand.pinch_site, position, quaternion)
+    assert physics.data is held
+    assert physics.get_state().tobytes() == state
+    for name, value in before.items():
+        np.testing.assert_array_equal(getattr(held, name), value)
+    monkeypatch.undo()
+    assert arm.set_site_to_xpos(physics, rng, hand.pinch_site, position, quaternion)
+
+
+def test_the_arm_is_unmoved_when_mujoco_gives_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    physics, arm, hand = scene()
+    rng = np.random.default_rng(16)
+    position, quaternion = reachable_pose(physics, arm, hand.pinch_site, rng)
+    before = physics.get_state().tobytes()
+
+    def give_up(*_: Any) -> None:
+        raise mujoco.FatalError("mj_stackAlloc: out of memory")
+
+    monkeypatch.setattr(mujoco, "mj_comPos", give_up)
+    with pytest.raises(PhysicsError, match="more memory"):
+        arm.set_site_to_xpos(physics, rng, hand.pinch_site, position, quaternion)
+    assert physics.get_state().tobytes() == before
+    monkeypatch.undo()
+    assert arm.set_site_to_xpos(physics, rng, hand.pinch_site, position, quaternion)
 
 
 def test_base_moved_while_simulating() -> None:
@@ -320,7 +410,7 @@ def test_a_scene_that_is_not_finite_is_refused(field: str, is_known: bool) -> No
     assert arm.set_site_to_xpos(physics, rng, arm.wrist_site, [0.4, 0.0, 0.5])
 
 
-def test_a_scene_without_memory_for_its_contacts_is_refused_with_the_arm_unmoved() -> None:
+def test_a_scene_without_memory_for_its_contacts_is_refused_when_they_are_computed() -> None:
     refused = 0
     for memory in (250_000, 300_000, 400_000):  # [bytes] enough for the scene as it is compiled
         arm, arena = JacoArm(), Arena()
@@ -333,12 +423,19 @@ def test_a_scene_without_memory_for_its_contacts_is_refused_with_the_arm_unmoved
         arm.set_home(physics)
         for number, cube in enumerate(cubes):  # side by side in the floor
             cube.set_pose(physics, (0.6 + 0.05 * (number % 8), 0.05 * (number // 8), 0.019))
-        before = physics.get_state()
+        assert arm.set_site_to_xpos(physics, np.random.default_rng(0), arm.wrist_site, (0.4, 0.0, 0.5))
+        state = physics.get_state()
         try:
-            arm.set_site_to_xpos(physics, np.random.default_rng(0), arm.wrist_site, (0.4, 0.0, 0.5))
+            assert physics.data.ncon
         except PhysicsError:
             refused += 1
-            assert physics.get_state().tobytes() == before.tobytes()
+            assert physics.get_state().tobytes() == state.tobytes()
+            with pytest.raises(PhysicsError):  # not only the first time
+                _ = physics.data
+            with pytest.raises(PhysicsError):
+                physics.step()
+            physics.reset()
+            assert physics.data.ncon
     assert refused
 
 

@@ -129,6 +129,21 @@ def test_the_tool_moves_as_it_is_told() -> None:
     np.testing.assert_allclose(environment.data.qpos[6:9], fingers.mean(axis=1), rtol=0.0, atol=0.02)
 
 
+@pytest.mark.parametrize("control", ["joint_velocity", "tool_velocity", "tool_pose"])
+def test_an_arm_that_is_moved_between_two_steps_goes_on_from_fresh_data(control: str) -> None:
+    observations = []
+    for forward in (False, True):
+        environment: Any = make("reach_site", control=control).unwrapped
+        environment.reset(seed=0)
+        task = environment.task
+        assert task.arm.set_site_to_xpos(task.physics, np.random.default_rng(0), task.hand.pinch_site, (0.1, 0.1, 0.2))
+        if forward:
+            task.physics.forward()
+        environment.action_space.seed(0)
+        observations.append(environment.step(environment.action_space.sample())[0])
+    np.testing.assert_array_equal(*observations)
+
+
 def test_poses_out_of_reach_are_followed_without_a_search(monkeypatch: pytest.MonkeyPatch) -> None:
     """The tracker goes as near as it can; looking for the closest configuration at each step takes too long."""
 
