@@ -44,7 +44,7 @@ SKIPPED = {"warmup", "Physics.disable"}
 INTERNAL = {
     "Robot.placement", "SelfContact.touching", "quat_wxyz", "Box.add_to", "Capsule.add_to", "Floor.add_to",
     "Sphere.add_to", "LimitDistance.velocity", "Manipulability.velocity", "Posture.velocity",
-    "Observable()", "ReachabilityMap.count_at", "TaskEnv.resetting",
+    "Observable()", "ReachabilityMap.count_at",
     "TaskEnv.get_wrapper_attr", "TaskEnv.has_wrapper_attr", "TaskEnv.set_wrapper_attr",  # Gymnasium's own
 }  # fmt: skip
 AS_LONG_AS_TOLD = {"build"}

@@ -26,6 +26,9 @@ if TYPE_CHECKING:
 
 __version__ = "0.2.0"
 
+# `jacokin.tasks` needs no import of its own; names of rooms are left out of `__all__`, which would load them all.
+ROOMS = ("ik", "model", "mujoco_bridge", "reachability", "tasks", "viewer")
+
 _public, __getattr__, _ = lazy.door(
     __name__,
     {
@@ -44,8 +47,9 @@ _public, __getattr__, _ = lazy.door(
         "jacokin.model.pose_targets": ("FreeAxis", "pose"),
         "jacokin.model.robot": ("Robot",),
     },
+    ROOMS,
 )
-__all__ = sorted([*_public, "__version__"])
+__all__ = sorted({*_public, "__version__"} - {*ROOMS})
 
 
 def __dir__() -> list[str]:

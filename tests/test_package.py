@@ -167,6 +167,18 @@ def test_importing_jacokin_loads_nothing_heavy() -> None:
     assert not loaded & set(HEAVY)
 
 
+def test_rooms_need_no_import_of_their_own() -> None:
+    code = (
+        "import jacokin, sys; rooms = [getattr(jacokin, name) for name in jacokin.ROOMS];"
+        "print(*(room.__name__ for room in rooms), sorted({'viser', 'mink'} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-P", "-c", code], capture_output=True, text=True, check=True)
+    found, *rest = done.stdout.splitlines()
+    assert not rest
+    assert found == " ".join([*(f"jacokin.{room}" for room in jacokin.ROOMS), "[]"])
+    assert {f"jacokin.{room}" for room in jacokin.ROOMS} < set(MODULES)
+
+
 def test_solving_one_pose_needs_no_mink_and_no_mujoco() -> None:
     code = (
         "import sys, jacokin; robot = jacokin.load_robot();"

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from jacokin.ik.results import IKResult
 from jacokin.ik.solver import IKSolver
+from jacokin.ik.targets import Target
 from jacokin.model.loading import load_robot
 from jacokin.model.robot import Robot
 
 
 def solve_ik(
-    target: pin.SE3 | ArrayLike,
-    robot: Robot | str | None = None,
+    target: Target,
+    robot: Robot | str | Path | None = None,
     *,
     seed: ArrayLike | None = None,
     frame: str | None = None,
@@ -22,7 +25,8 @@ def solve_ik(
     """Solve one pose: `IKSolver(robot, frame, tool=tool, warm=None).solve(target, seed)`.
 
     Args:
-        target: T_base_tool as `pin.SE3` or (4, 4), or a position (3,) [m] with free orientation.
+        target: what `IKSolver.solve` takes: T_base_tool as `pin.SE3` or (4, 4), a position (3,) [m] with free
+            orientation, a `FreeAxis`.
         robot: a robot, or what `load_robot` takes; None for the j2n6s300.
         seed: (dof,) configuration [rad] to stay near to.
         frame: frame to bring to the target; None for the robot's default frame.

@@ -135,9 +135,9 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
             InvalidInputError: a seed that is not a whole number >= 0, or an unknown option.
             EpisodeInitializationError: no initial state was found.
         """
-        return queries.run(self.resetting(seed, self.checked_reset(seed, options)))
+        return queries.run(self._resetting(seed, self._checked_reset(seed, options)))
 
-    def checked_reset(self, seed: object, options: Mapping[str, Any] | None) -> dict[str, float] | None:
+    def _checked_reset(self, seed: object, options: Mapping[str, Any] | None) -> dict[str, float] | None:
         """Check the arguments of `reset`; returns the values of an earlier episode, if they were given.
 
         Raises:
@@ -153,7 +153,7 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
             return None
         return self.randomization.replayed(options["randomization"])
 
-    def resetting(self, seed: int | None, replayed: dict[str, float] | None) -> Asking[tuple[Observation, Info]]:
+    def _resetting(self, seed: int | None, replayed: dict[str, float] | None) -> Asking[tuple[Observation, Info]]:
         """As `reset` with checked arguments, but whoever runs it answers the queries; see `Task.starting`."""
         super().reset(seed=None if seed is None else int(seed))  # Gymnasium refuses NumPy's whole numbers
         if self.randomization is not None:
@@ -214,6 +214,12 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
                 ("achieved_goal", "desired_goal"), (achieved_goal, desired_goal), sizes, strict=True
             )
         )
+        try:
+            np.broadcast_shapes(achieved.shape[:-1], desired.shape[:-1])
+        except ValueError as error:
+            raise InvalidInputError(
+                f"achieved_goal and desired_goal must be as many, got shapes {achieved.shape} and {desired.shape}"
+            ) from error
         found = self._rewards(achieved, desired)
         return float(found) if np.ndim(found) == 0 else found
 

@@ -99,7 +99,7 @@ class Simulations:
         self._pictured = mujoco.MjData(model) if first.options.has_camera else None
 
     def begin(self, ids: Indices, seeds: Sequence[int | None], replayed: Sequence[Values | None]) -> Begun:
-        """Start episodes in some environments, with checked arguments; see `TaskEnv.resetting`.
+        """Start episodes in some environments, with checked arguments; see `TaskEnv._resetting`.
 
         Raises:
             EpisodeInitializationError: no initial state was found for one of them.
@@ -112,7 +112,7 @@ class Simulations:
                 yield
             waiting.add(place)
 
-        runs = [self._first.resetting(seed, values) for seed, values in zip(seeds, replayed, strict=True)]
+        runs = [self._first._resetting(seed, values) for seed, values in zip(seeds, replayed, strict=True)]
         begun = queries.run_all(runs, switch)
         batch = self._batch
         batch.reset(ids, stage=int(mujoco.mjtStage.mjSTAGE_NONE))

@@ -11,7 +11,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.errors import InvalidInputError
+from jacokin.errors import InvalidInputError, PhysicsError
 from jacokin.model import checks
 from jacokin.tasks import actions
 from jacokin.tasks.gym import rows
@@ -79,11 +79,13 @@ class VectorTaskEnv(VectorEnv[Observation, Any, NDArray[Any]]):
         Raises:
             InvalidInputError: wrong seeds or options; nothing is changed.
         """
+        if not isinstance(options, Mapping | None):
+            raise InvalidInputError(f"options must be a dict or None, got {checks.shown(options)}")
         given = dict(options or {})
         ids = np.flatnonzero(self._mask(given.pop("reset_mask", True)))
         all_seeds, each = self._seeds(seed), self._each(given)
         seeds = [all_seeds[index] for index in ids]
-        replayed = [self._first.checked_reset(all_seeds[index], each[index]) for index in ids]
+        replayed = [self._first._checked_reset(all_seeds[index], each[index]) for index in ids]
         infos = self._started(ids, self._simulations.begin(ids, seeds, replayed), self._last, {})
         self._is_over[ids] = False
         self._has_begun[ids] = True
@@ -98,16 +100,16 @@ class VectorTaskEnv(VectorEnv[Observation, Any, NDArray[Any]]):
             values: (num_envs, ...) actions.
 
         Raises:
-            InvalidInputError: wrong shape, not numbers, or NaN, or environments must be reset first; nothing is
-                simulated.
+            InvalidInputError: wrong shape, not numbers, or NaN; nothing is simulated.
+            PhysicsError: an environment has no episode: call `reset`.
         """
         if not self._has_begun.all():
-            raise InvalidInputError("call reset() before step()")
+            raise PhysicsError("there is no episode: call reset() before step()")
         checked = actions.bounded(values, *self._bounds)
         self._first._control.check(checked)
         ended, goes_on = np.flatnonzero(self._is_over), np.flatnonzero(~self._is_over)
         if len(ended) and self.autoreset_mode is AutoresetMode.DISABLED:
-            raise InvalidInputError(
+            raise PhysicsError(
                 f"the episodes of environments {ended.tolist()} have ended: call reset(options={{'reset_mask': ...}})"
             )
         begun = self._begin_again(ended)

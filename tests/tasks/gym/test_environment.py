@@ -69,6 +69,8 @@ def test_rewards_of_goals_are_those_of_steps(task: str, reward: str) -> None:
     np.testing.assert_array_equal(compute(np.array(achieved), np.array(desired), [{}] * 6), rewards)
     with pytest.raises(InvalidInputError, match="achieved_goal must have shape"):
         compute(np.zeros(0), desired[0])
+    with pytest.raises(InvalidInputError, match="achieved_goal and desired_goal must be as many"):
+        compute(np.array(achieved[:2]), np.array(desired[:3]))
 
 
 def test_success_is_what_the_task_asks_for() -> None:

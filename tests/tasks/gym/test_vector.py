@@ -14,7 +14,7 @@ import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 import jacokin.tasks
-from jacokin.errors import EpisodeInitializationError, InvalidInputError, UnknownNameError
+from jacokin.errors import EpisodeInitializationError, InvalidInputError, PhysicsError, UnknownNameError
 from jacokin.ik import IKSolver
 from jacokin.mujoco_bridge.distributions import Uniform
 from jacokin.tasks import Randomization, TaskEnv
@@ -22,20 +22,10 @@ from jacokin.tasks.gym import environment, simulations
 from jacokin.tasks.gym.make_vector import make_vector
 from jacokin.tasks.registry import TASKS
 from tests.rendering import backends
+from tests.tasks.gym.randomizations import ALL
 
 gymnasium.register_envs(jacokin.tasks)
 COUNT = 4
-ALL = Randomization(
-    friction=Uniform(0.3, 1.2),
-    mass=Uniform(0.5, 2.0),
-    gains=Uniform(0.8, 1.2),
-    damping=Uniform(0.5, 2.0),
-    lights=Uniform(0.5, 1.5),
-    latency=Uniform(0.0, 0.2),
-    observation_noise=Uniform(0.0, 0.01),
-    camera=Uniform(0.0, 0.05),
-    base_pose=Uniform(-0.02, 0.02),
-)
 
 
 def flat(observation: Any) -> np.ndarray:
@@ -149,7 +139,7 @@ def test_resets_are_those_of_gymnasium(mode: AutoresetMode, monkeypatch: pytest.
     np.testing.assert_array_equal(truncated, [True, False, True])
     assert ("final_obs" in infos) == (mode is AutoresetMode.SAME_STEP)
     if mode is AutoresetMode.DISABLED:
-        with pytest.raises(InvalidInputError, match=r"environments \[0, 2\] have ended"):
+        with pytest.raises(PhysicsError, match=r"environments \[0, 2\] have ended"):
             ours.step(np.zeros((3, 9)))
         both("reset", options={"reset_mask": np.array([True, False, True])})
         both("step", np.full((3, 9), -0.2))
@@ -249,7 +239,7 @@ def test_a_diverged_simulation_leaves_the_others_alone() -> None:
 
 def test_mistakes() -> None:
     vector: Any = make_vector(2, threads=2, task="reach_site")
-    with pytest.raises(InvalidInputError, match="call reset"):
+    with pytest.raises(PhysicsError, match=r"call reset\(\) before step\(\)"):
         vector.step(np.zeros((2, 9)))
     observations, _ = vector.reset(seed=0)
     with pytest.raises(InvalidInputError, match="shape"):
@@ -262,6 +252,8 @@ def test_mistakes() -> None:
         vector.reset(seed=[5, -1])
     with pytest.raises(InvalidInputError, match="reset_mask must be a bool array"):
         vector.reset(options={"reset_mask": [True, False]})
+    with pytest.raises(InvalidInputError, match="options must be a dict or None"):
+        vector.reset(options=3)
     with pytest.raises(UnknownNameError, match="option of reset"):
         vector.reset(options={"speed": 1})
     single = TaskEnv("reach_site")
