@@ -31,9 +31,9 @@ class Request(NamedTuple):
         """The caller's generator, or a fresh one with a fixed seed."""
         return np.random.default_rng(seeds.DEFAULT_RANDOM_SEED) if self.rng is None else self.rng
 
-    def message(self, *sentences: str) -> str:
-        """The sentences and the note in one."""
-        return joined(*sentences, self.note)
+    def message(self, sentence: str) -> str:
+        """A sentence and the note in one."""
+        return joined(sentence, self.note) if self.note else sentence
 
 
 def joined(*sentences: str) -> str:

@@ -163,9 +163,7 @@ class IKSolver:
         """
         if self._form is None:
             if self.robot.dof == 7 and self.has_families:
-                raise StructureError(
-                    "this closed form is for six joints; on seven joints a pose has a family: use solve or solve_all"
-                )
+                raise StructureError("closed form for six joints; on seven joints a pose has a family: use solve_all")
             if self._misfit is not None:
                 raise self._misfit.with_traceback(None)  # one object, raised again and again
             from jacokin.ik.closed_form import ClosedForm
@@ -187,13 +185,7 @@ class IKSolver:
     @property
     def has_closed_form(self) -> bool:
         """Whether the closed form fits this robot and frame, and the method allows it."""
-        if self.method == "qp":
-            return False
-        try:
-            self.closed_form()
-        except StructureError:
-            return False
-        return True
+        return self._usable_form() is not None
 
     @property
     def has_families(self) -> bool:
@@ -231,9 +223,8 @@ class IKSolver:
                 Of equal ones the nearest to the seed.
 
         Returns:
-            The configuration within the limits that is preferred, unlimited joints in the 2 pi copy nearest to the
-            seed, measured by Pinocchio; or the reason why there is none. With a `FreeAxis`, and on seven joints, the
-            result has a `parameter`.
+            The preferred configuration within the limits, unlimited joints in the 2 pi copy nearest to the seed,
+            measured by Pinocchio; or why there is none. Of a family it has a `parameter`.
 
         Raises:
             InvalidInputError: target or seed malformed; method="closed_form" with a position-only target.
@@ -252,8 +243,7 @@ class IKSolver:
         request = Request(at, start, note, rng, restarts, closest)
         if isinstance(wanted, FreeAxis) or self._finder.applies_to(wanted):
             if cost is None and not self._verifier.rejects_contact:
-                member = self._finder.nearest(wanted, start)
-                result = nearest_member(member, wanted, self._verifier, request)
+                result = nearest_member(self._finder.nearest(wanted, start), wanted, self._verifier, request)
                 if result is not None:
                     return result
             found, wish = self._finder.find(wanted, start), choosing.with_ties(cost, start)
@@ -263,8 +253,8 @@ class IKSolver:
                 raise InvalidInputError("the closed form needs an orientation; use method='auto' or 'qp' for positions")
             if cost is not None:
                 raise InvalidInputError("prefer needs an orientation: a position is solved for one configuration only")
-        elif self.has_closed_form:
-            rows = self.closed_form().solve_all(wanted.matrix, start)
+        elif (form := self._usable_form()) is not None:
+            rows = form.solve_all(wanted.matrix, start)
             return of_branches(rows, self._verifier, request, cost, self._closest_search)
         if cost is not None:
             raise InvalidInputError("prefer needs the closed form, which gives all configurations to choose from")
@@ -298,11 +288,11 @@ class IKSolver:
             StructureError: the robot has no closed form.
         """
         wanted = understood(target, self.frame)
+        start, _ = seed_within_limits(self.robot, seed)
         if isinstance(wanted, FreeAxis) or self._finder.applies_to(wanted):
-            return self._finder.find(wanted, seed_within_limits(self.robot, seed)[0]).family
+            return self._finder.find(wanted, start).family
         if wanted.position_only:
             raise InvalidInputError("solve_all needs an orientation: a position alone is reached by infinitely many")
-        start, _ = seed_within_limits(self.robot, seed)
         raw = self.closed_form().solve_all(wanted.matrix, start)
         if not self._verifier.looks_for_contact:
             return Branches(raw)
@@ -356,6 +346,15 @@ class IKSolver:
     def __reduce__(self) -> tuple[object, tuple[object, ...]]:
         """Pickle the options; working memory is made anew."""
         return _rebuild, (self.robot, self.frame, self.tool, self._options)
+
+    def _usable_form(self) -> ClosedForm | None:
+        """The closed form if it fits this robot and frame and the method allows it."""
+        if self._options.method == "qp":
+            return None
+        try:
+            return self._form or self.closed_form()
+        except StructureError:
+            return None
 
     def _load(self, warm: bool) -> None:
         """Load now what the first solve would wait for."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -16,17 +15,13 @@ from jacokin.model import checks, poses
 from jacokin.model.pose_targets import FreeAxis
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class TargetPose:
-    """A checked target in the base frame.
-
-    Attributes:
-        matrix: (4, 4) T_base_tool; its rotation means nothing when `position_only`.
-        position_only: True when the orientation is free.
-    """
+class TargetPose(NamedTuple):
+    """A checked target in the base frame."""
 
     matrix: Array
+    """(4, 4) T_base_tool; its rotation means nothing when `position_only`."""
     position_only: bool
+    """True when the orientation is free."""
 
     @property
     def position(self) -> Array:
@@ -120,6 +115,8 @@ def understood(target: Target, frame: str) -> TargetPose | FreeAxis:
     Raises:
         InvalidInputError: not a target, or its parts do not make one.
     """
+    if isinstance(target, pin.SE3):
+        return checked(target)
     if isinstance(target, FreeAxis):
         return target
     if isinstance(target, PartialTarget):

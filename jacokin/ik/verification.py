@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from jacokin.arrays import Array
 from jacokin.ik import pose_error
 from jacokin.ik.options import Options
-from jacokin.ik.results import IKResult, Status
+from jacokin.ik.results import IKResult, Status, ik_result
 from jacokin.ik.seeds import inside_exactly
 from jacokin.ik.targets import TargetPose
 from jacokin.model import checks
@@ -123,20 +123,15 @@ class Verifier:
         *,
         effort: Effort | None = None,
         touching: Sequence[tuple[str, str]] = (),
+        parameter: float | None = None,
     ) -> IKResult:
-        """A result by the closed form, or by descents when their effort is given."""
-        return IKResult(
-            q=checks.read_only(q),
-            status=status,
-            position_error=errors[0],
-            orientation_error=errors[1],
-            method="closed_form" if effort is None else "qp",
-            qp_solver=None if effort is None else effort.qp_solver,
-            iterations=0 if effort is None else effort.iterations,
-            restarts=0 if effort is None else effort.starts - 1,
-            message=message,
-            touching=tuple(touching),
-        )
+        """A result by the closed form, or by descents when their effort is given; `q` is copied if it is writable."""
+        kept = checks.read_only(q) if q.flags.writeable else q
+        pairs = tuple(touching)
+        if effort is None:
+            return ik_result(kept, status, *errors, "closed_form", None, 0, 0, message, pairs, parameter)
+        counts = effort.iterations, effort.starts - 1
+        return ik_result(kept, status, *errors, "qp", effort.qp_solver, *counts, message, pairs, parameter)
 
 
 def _contact(robot: Robot, options: Options) -> Contact:

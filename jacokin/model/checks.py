@@ -95,7 +95,9 @@ def flag(name: str, value: object) -> bool:
     Raises:
         InvalidInputError: anything else, also what merely counts as true.
     """
-    if not isinstance(value, bool | np.bool_):
+    if value is True or value is False:
+        return value
+    if not isinstance(value, np.bool_):
         raise InvalidInputError(f"{name} must be True or False, got {shown(value)}")
     return bool(value)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -37,7 +37,7 @@ def of_branches(
     target = request.target
     touched: IKResult | None = None
     for index in _order(rows, cost):
-        q = rows.q[index]
+        q = rows.configuration(index)
         errors = verifier.measure(q, target)
         if not verifier.reached(q, errors):
             continue
@@ -55,13 +55,15 @@ def of_branches(
         nearby = [np.clip(q, verifier.robot.lower, verifier.robot.upper) for q in rows.q]
         return closest().result(request, outcome, nearby)
     errors = verifier.measure(request.seed, target)
-    return verifier.result(request.seed, outcome.status, errors, request.message(outcome.message))
+    return verifier.result(request.seed.copy(), outcome.status, errors, request.message(outcome.message))
 
 
-def _order(rows: BranchTable, cost: Cost | None) -> list[int]:
+def _order(rows: BranchTable, cost: Cost | None) -> Iterable[int]:
     """Indices of the branches within the limits, best first; equal ones nearest to the seed first."""
-    indices = rows.indices_within_limits()
-    if cost is not None and indices:
-        order: list[int] = np.array(indices)[np.argsort(cost(rows.q[indices]), kind="stable")].tolist()
-        return order
-    return indices
+    if cost is None:
+        return rows.each_within_limits()
+    indices = list(rows.each_within_limits())
+    if not indices:
+        return indices
+    order: list[int] = np.array(indices)[np.argsort(cost(rows.q[indices]), kind="stable")].tolist()
+    return order

@@ -42,11 +42,11 @@ def checked(prefer: object) -> Prefer:
         UnknownNameError: an unknown name; lists the valid ones.
         InvalidInputError: neither a name nor callable.
     """
-    if callable(prefer):
-        return prefer
-    if not isinstance(prefer, str):
+    if isinstance(prefer, str):
+        return checks.choice("prefer", prefer, PREFERENCES)
+    if not callable(prefer):
         raise InvalidInputError(f"prefer must be one of {', '.join(PREFERENCES)}, or callable, got {shown(prefer)}")
-    return checks.choice("prefer", prefer, PREFERENCES)
+    return prefer
 
 
 def cost_of(prefer: Prefer, robot: Robot, frame: str) -> Cost | None:

@@ -54,7 +54,7 @@ def nearest_member(
     if not verifier.reached(q, errors):
         return None
     message = request.message(f"parameter {p:.6g} rad")
-    return replace(verifier.result(q, Status.OK, errors, message, touching=verifier.touching(q)), parameter=p)
+    return verifier.result(q, Status.OK, errors, message, touching=verifier.touching(q), parameter=p)
 
 
 def of_findings(
@@ -81,11 +81,10 @@ def of_findings(
         pairs = verifier.touching(q)
         message = request.message(f"parameter {p:.6g} rad")
         if not (pairs and verifier.rejects_contact):
-            return replace(verifier.result(q, Status.OK, errors, message, touching=pairs), parameter=p)
+            return verifier.result(q, Status.OK, errors, message, touching=pairs, parameter=p)
         if touched is None:
             status, why = diagnosis.of_contact("every member that was tried is in contact; the best one", pairs)
-            touched = verifier.result(q, status, errors, request.message(why), touching=pairs)
-            touched = replace(touched, parameter=p)
+            touched = verifier.result(q, status, errors, request.message(why), touching=pairs, parameter=p)
     return _failure(found, verifier, request, closest) if touched is None else touched
 
 
@@ -115,8 +114,8 @@ def _failure(found: Findings, verifier: Verifier, request: Request, closest: Cal
     p = _inside(target, 0.0 if mildest is None else mildest.parameter)
     if not request.closest:
         errors = verifier.measure(request.seed, found.members.pose_at(p))
-        seed = verifier.result(request.seed, outcome.status, errors, request.message(outcome.message))
-        return replace(seed, parameter=p)
+        message = request.message(outcome.message)
+        return verifier.result(request.seed.copy(), outcome.status, errors, message, parameter=p)
     nearby = [] if mildest is None else [mildest.q]
     best: IKResult | None = None
     for _ in range(AIMS if isinstance(target, FreeAxis) else 1):

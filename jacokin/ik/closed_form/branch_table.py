@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from itertools import compress, count
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -38,6 +41,10 @@ class BranchTable:
         """(k, 6) joint angles [rad]: unlimited joints nearest to the seed, others within their limits if possible."""
         return self.rows[:, :6]
 
+    def configuration(self, index: int) -> NDArray[np.float64]:
+        """(6,) `q` of one row, read-only."""
+        return self.rows[index, :6]
+
     @property
     def margin(self) -> NDArray[np.float64]:
         """(k, 6) distance to the nearer limit [rad]: negative outside, inf for an unlimited joint."""
@@ -63,9 +70,9 @@ class BranchTable:
         """(k,) whether every joint is within its limits, exactly."""
         return np.equal(self.rows[:, WITHIN_LIMITS], 1.0)
 
-    def indices_within_limits(self) -> list[int]:
-        """The rows with every joint within its limits, in order: as `within_limits`, for few rows faster."""
-        return [i for i, within in enumerate(self.rows[:, WITHIN_LIMITS].tolist()) if within == 1.0]
+    def each_within_limits(self) -> Iterator[int]:
+        """The indices of the rows with every joint within its limits, in order."""
+        return compress(count(), self.rows[:, WITHIN_LIMITS].tolist())
 
     @property
     def family(self) -> NDArray[np.bool_]:

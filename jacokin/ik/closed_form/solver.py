@@ -28,9 +28,6 @@ from jacokin.ik.closed_form.kernel_library import NO_BATCH, Call
 from jacokin.ik.closed_form.kernels.batch import BATCH_COLUMNS, solve
 from jacokin.ik.closed_form.kernels.pose import COLUMNS, MAX_BRANCHES, WITHIN_LIMITS
 
-#: [m]; no arm reaches so far, and squares of numbers well above it overflow.
-MAX_DISTANCE = 1e6
-
 
 class ClosedForm:
     """The closed form of one arm and one frame; immutable.
@@ -112,8 +109,6 @@ class ClosedForm:
         self, T: NDArray[np.float64], seed: NDArray[np.float64]
     ) -> tuple[Call | None, NDArray[np.float64], int]:
         """The rows of every branch, and what the kernels return; and the call, to be put back once they are read."""
-        if max(map(abs, T[:3, 3].tolist())) > MAX_DISTANCE:
-            return None, np.empty((0, COLUMNS)), 0
         try:
             call = self._calls.pop()
         except IndexError:
@@ -142,7 +137,6 @@ class ClosedForm:
         best = np.empty((len(T), BATCH_COLUMNS))
         if len(T) == 0:
             return BestBranches(best)
-        T = _clipped_positions(T)
         library = KERNELS.for_poses(len(T))
 
         def run(start: int, stop: int) -> None:
@@ -171,12 +165,3 @@ def _rebuild(
     form.spherical, form.misfit, form._calls = spherical, misfit, []
     KERNELS.prepare()
     return form
-
-
-def _clipped_positions(T: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Targets (n, 4, 4) with positions clipped to ``MAX_DISTANCE``: still out of reach, and no square overflows."""
-    if not np.abs(T[:, :3, 3]).max() > MAX_DISTANCE:
-        return T
-    T = T.copy()
-    T[:, :3, 3] = np.clip(T[:, :3, 3], -MAX_DISTANCE, MAX_DISTANCE)
-    return T

@@ -59,18 +59,22 @@ def linearise(
     chain: NDArray[np.float64], T: NDArray[np.float64], q: NDArray[np.float64], system: NDArray[np.float64]
 ) -> None:
     """Fill system (6, 7) with the Jacobian and, in column 6, the deviation from the target."""
-    end_x, end_y, end_z, end = forward(chain, q)
-    d, turn, _ = deviation(T, end_x, end_y, end_z, end)
     x, y, z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
     p = (0.0, 0.0, 0.0)
     for j in range(6):
         x, y, z, p = place(chain, j, x, y, z, p)
         c, s = math.cos(q[j]), math.sin(q[j])
         x, y = mix(x, c, y, s, y, 0.0), mix(y, c, x, -s, x, 0.0)
-        v = cross(z, minus(end, p))
+        for i in range(3):
+            system[i, j] = p[i]
+            system[i + 3, j] = z[i]
+    x, y, z, end = place(chain, 6, x, y, z, p)
+    d, turn, _ = deviation(T, x, y, z, end)
+    for j in range(6):
+        axis = (system[3, j], system[4, j], system[5, j])
+        v = cross(axis, minus(end, (system[0, j], system[1, j], system[2, j])))
         for i in range(3):
             system[i, j] = v[i]
-            system[i + 3, j] = z[i]
     for i in range(3):
         system[i, 6] = d[i]
         system[i + 3, 6] = turn[i]
@@ -106,7 +110,7 @@ def least_squares(chain: NDArray[np.float64], T: NDArray[np.float64], work: Newt
     for _ in range(steps):
         linearise(chain, T, q, system)
         normal_equations(system, held, normal)
-        if not eliminate(normal):
+        if not solve_normal(normal):
             return False
         for j in range(6):
             q[j] += normal[j, 6]
@@ -114,10 +118,13 @@ def least_squares(chain: NDArray[np.float64], T: NDArray[np.float64], work: Newt
 
 
 def normal_equations(system: NDArray[np.float64], held: NDArray[np.float64], normal: NDArray[np.float64]) -> None:
-    """Fill normal (6, 7) with the damped normal equations of system (6, 7); held joints get a step of zero."""
+    """Fill normal (6, 7), on and above its diagonal, with the damped normal equations of system (6, 7).
+
+    Held joints get a step of zero.
+    """
     trace = 0.0
     for i in range(6):
-        for j in range(7):
+        for j in range(i, 7):
             product = 0.0
             if held[i] == 0.0 and (j == 6 or held[j] == 0.0):
                 for row in range(6):
@@ -126,6 +133,26 @@ def normal_equations(system: NDArray[np.float64], held: NDArray[np.float64], nor
         trace += normal[i, i]
     for i in range(6):
         normal[i, i] += 1.0 if held[i] > 0.0 else DAMPING * trace
+
+
+def solve_normal(normal: NDArray[np.float64]) -> bool:
+    """Solve the (6, 7) equations that `normal_equations` fills, in place, by elimination; the solution is column 6.
+
+    They are symmetric and positive, so that no pivoting is needed.
+    """
+    for column in range(6):
+        if normal[column, column] < SMALLEST_PIVOT:
+            return False
+        scale = 1.0 / normal[column, column]
+        for row in range(column + 1, 6):
+            factor = normal[column, row] * scale
+            for j in range(row, 7):
+                normal[row, j] -= factor * normal[column, j]
+    for i in range(5, -1, -1):
+        for j in range(i + 1, 6):
+            normal[i, 6] -= normal[i, j] * normal[j, 6]
+        normal[i, 6] /= normal[i, i]
+    return True
 
 
 def eliminate(system: NDArray[np.float64]) -> bool:

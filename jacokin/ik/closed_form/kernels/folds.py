@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from jacokin.ik.closed_form.kernels.chain import (
     Newton,
     deviation,
-    eliminate,
     forward,
     least_squares,
     linearise,
     normal_equations,
+    solve_normal,
 )
 from jacokin.ik.closed_form.kernels.limits import same_configuration
 from jacokin.ik.closed_form.kernels.tolerances import (
@@ -168,7 +168,7 @@ def most_singular_joint(chain: NDArray[np.float64], T: NDArray[np.float64], work
         normal_equations(work.system, direction, work.normal)
         for j in range(6):
             work.normal[j, 6] = right[j]
-        if not eliminate(work.normal):
+        if not solve_normal(work.normal):
             return -1
     for j in range(6):
         if best < 0 or abs(work.normal[j, 6]) > abs(work.normal[best, 6]):
