@@ -116,7 +116,7 @@ class ClosedForm:
             if library is None:
                 rows = np.empty((MAX_BRANCHES, COLUMNS))
                 some = self._chain, self._arm, self._limits, T[np.newaxis], seed[np.newaxis]
-                return None, rows, solve(*some, rows, NO_BATCH)
+                return None, rows, plainly(*some, rows, NO_BATCH)
             call = Call(library, self._chain, self._arm, self._limits, np.empty((1, 4, 4)), np.empty((1, 6)))
         call.T[0] = T
         call.seed[0] = seed
@@ -142,7 +142,7 @@ class ClosedForm:
         def run(start: int, stop: int) -> None:
             some = self._chain, self._arm, self._limits, T[start:stop], seed[start:stop]
             if library is None:
-                solve(*some, np.empty((MAX_BRANCHES, COLUMNS)), best[start:stop])
+                plainly(*some, np.empty((MAX_BRANCHES, COLUMNS)), best[start:stop])
             else:
                 Call(library, *some, best[start:stop])()
 
@@ -153,6 +153,12 @@ class ClosedForm:
             with ThreadPoolExecutor(threads) as pool:
                 list(pool.map(run, edges[:-1], edges[1:]))
         return BestBranches(best)
+
+
+def plainly(*arguments: NDArray[np.float64]) -> int:
+    """`kernels.batch.solve` without machine code, and as silent: squares of large distances are infinite."""
+    with np.errstate(all="ignore"):
+        return solve(*arguments)
 
 
 def _rebuild(

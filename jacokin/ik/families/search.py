@@ -61,18 +61,40 @@ class SixJointFamilies:
 
     def nearest(self, target: FreeAxis, seed: Array) -> tuple[Array, float] | None:
         """The member (6,) nearest to a seed and its parameter [rad]; None where only `find` can tell."""
-        if self._sign_of_last_axis(target.axis) != 0.0:
-            return None
+        sign = self._sign_of_last_axis(target.axis)
+        if sign != 0.0:
+            return self._nearest_about_last_axis(target, seed, sign)
         x = self._curves.nearest(self._curves.problem(target.matrix, target.axis), target, seed)
         return None if x is None else (x[:6], float(x[6]))
 
+    def _nearest_about_last_axis(self, target: FreeAxis, seed: Array, sign: float) -> tuple[Array, float] | None:
+        """As `nearest`: joint 6 goes to the seed's, or as near to it as the range and the limits let it."""
+        robot = self._verifier.robot
+        table = self._form.solve_all(target.matrix, seed)
+        if table.dropped or table.family.any():
+            return None
+        rows, parameters = [], []
+        lower, upper = float(robot.lower[5]), float(robot.upper[5])
+        for q in table.q[(table.margin[:, :5] >= 0.0).all(axis=1)].tolist():
+            wanted = sign * (float(seed[5]) - q[5])
+            for start, stop, _ in _turns_of_joint_6(q[5], sign, target, lower, upper):
+                p = wanted + TURN * round((0.5 * (start + stop) - wanted) / TURN)
+                for each in (p,) if start <= p <= stop else (start, stop):
+                    parameters.append(each)
+                    rows.append([*q[:5], q[5] + sign * each])
+        if not rows:
+            return None
+        copies = angles.into_limits(angles.nearest_copy(np.array(rows), seed), robot.lower, robot.upper)
+        best = int(np.argmin(((copies - seed) ** 2).sum(axis=1)))
+        return copies[best], parameters[best]
+
     def _sign_of_last_axis(self, axis: Array) -> float:
         """1 or -1 where the axis (3,) in the tool frame is that of the last joint, else 0."""
-        last = self._tool_in_joint_6[2, :3]  # z of joint 6 in the tool frame
-        offset = math.hypot(*self._tool_in_joint_6[:2, 3].tolist())
-        if offset > SAME_AXIS or float(np.linalg.norm(np.cross(axis, last))) > SAME_AXIS:
+        x, y, z = axis.tolist()
+        (*_, dx), (*_, dy), (u, v, w, _) = self._tool_in_joint_6.tolist()  # u, v, w: z of joint 6 in the tool frame
+        if math.hypot(dx, dy) > SAME_AXIS or math.hypot(y * w - z * v, z * u - x * w, x * v - y * u) > SAME_AXIS:
             return 0.0
-        return math.copysign(1.0, float(axis @ last))
+        return math.copysign(1.0, x * u + y * v + z * w)
 
     def _about_last_axis(self, target: FreeAxis, members: Members, sign: float) -> Findings:
         """Joint 6 takes up every turn, the others stay: the branches of one pose, and a range of joint 6 for each."""

@@ -139,3 +139,35 @@ def test_where_the_search_gives_up_the_family_answers(
         again = seven.solve(target, seed=seed).raise_for_status()
         np.testing.assert_allclose(again.q, result.q, atol=1e-6)
     assert refused
+
+
+@pytest.mark.parametrize("limits", [None, (-2.0, 1.5), (-7.0, 6.0)], ids=["unlimited", "less than a turn", "two turns"])
+@pytest.mark.parametrize("free", [(-math.pi, math.pi), (-0.5, 0.7), (1.0, 4.0)], ids=["full turn", "narrow", "wide"])
+def test_about_the_axis_of_the_last_joint_the_others_stay(
+    limits: tuple[float, float] | None,
+    free: tuple[float, float],
+    rng: np.random.Generator,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Held against every branch at 2,000 angles about the axis, each solved as a pose of its own."""
+    robot = jacokin.load_robot(limits=None if limits is None else {"joint_6": limits})
+    solver = IKSolver(robot)
+    monkeypatch.setattr(Family, "choose", None)  # which the family would be searched by
+    solved = 0
+    for number in range(12):
+        sign = 1.0 if number % 2 else -1.0
+        target = FreeAxis(robot.forward_kinematics(robot.sample(rng)), axis=(0.0, 0.0, sign), range=free)
+        seed = robot.sample(rng)
+        angles = np.linspace(*free, 2000)
+        poses = [target.matrix_at(angle) for angle in angles.tolist()]
+        rows = solver.solve_batch(np.array(poses), seeds=seed, closest=False)
+        reached = [row for row, success in zip(rows.q, rows.success, strict=True) if success]
+        if not reached:
+            continue
+        solved += 1
+        result = solver.solve(target, seed=seed).raise_for_status()
+        assert result.parameter is not None
+        assert free[0] <= result.parameter <= free[1] or free[1] - free[0] >= TURN
+        best = min(float(np.linalg.norm(row - seed)) for row in reached)
+        assert float(np.linalg.norm(result.q - seed)) <= best + 1e-9
+    assert solved >= 8

@@ -50,8 +50,6 @@ MAX_BRANCHES = 24
 POLISH_STEPS = 16
 #: How often F is searched again with the roots found meanwhile: at most once for each branch.
 MAX_PASSES = MAX_BRANCHES
-#: [m]; no arm reaches so far, and squares of numbers well above it overflow.
-MAX_DISTANCE = 1e6
 
 
 class BranchWork(NamedTuple):
@@ -102,8 +100,6 @@ def solve_pose(arm: NDArray[np.float64], k: Arm, task: Task, work: Work) -> None
     """Fill work.branches.rows with every branch of one target, in no particular order."""
     work.branches.filled[0], work.branches.filled[1] = 0, 0
     work.branches.fold.filled[0] = 0
-    if not max(abs(task.T[0, 3]), abs(task.T[1, 3]), abs(task.T[2, 3])) <= MAX_DISTANCE:
-        return
     pose = pose_of(arm, k, task.T)
     if not pose.distance <= math.sqrt(k.R2) + abs(k.c4) + abs(k.b5) + REACH_SLACK:
         return
