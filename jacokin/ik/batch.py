@@ -123,6 +123,7 @@ class _Columns:
         self.errors = np.zeros((size, 2))
         self.parameter = np.full(size, np.nan)
         self.status: list[Status] = [Status.OK] * size
+        self.success = np.ones(size, dtype=np.bool_)
         self.method = ["closed_form"] * size
         self.message = list(notes)
         self._notes = notes
@@ -131,17 +132,17 @@ class _Columns:
         self.q[index] = result.q
         self.errors[index] = result.position_error, result.orientation_error
         self.status[index], self.method[index] = result.status, result.method
+        self.success[index] = result.success
         self.message[index] = joined(result.message, self._notes[index])
         if result.parameter is not None:
             self.parameter[index] = result.parameter
 
     def result(self) -> BatchResult:
-        success = np.array([status is Status.OK for status in self.status])
-        success.setflags(write=False)
+        self.success.setflags(write=False)
         return BatchResult(
             q=checks.read_only(self.q),
             status=tuple(self.status),
-            success=success,
+            success=self.success,
             position_error=checks.read_only(self.errors[:, 0]),
             orientation_error=checks.read_only(self.errors[:, 1]),
             method=tuple(self.method),
@@ -185,7 +186,9 @@ def _compiled(
     threads = min(workers, os.cpu_count() or 1)
     for first in range(0, len(rows), CHUNK):
         chunk = rows[first : first + CHUNK]
-        found, good = run(matrices[chunk], starts[chunk], threads)
+        # A slice, unlike a list of rows, is not copied.
+        where = slice(first, first + CHUNK) if len(rows) == len(matrices) else chunk
+        found, good = run(matrices[where], starts[where], threads)
         settled = chunk[good]
         out.q[settled] = found.q[good]
         out.errors[settled] = np.column_stack((found.position_error[good], found.orientation_error[good]))

@@ -116,7 +116,7 @@ def understood(target: Target, frame: str) -> TargetPose | FreeAxis:
         InvalidInputError: not a target, or its parts do not make one.
     """
     if isinstance(target, pin.SE3):
-        return checked(target)
+        return TargetPose(poses.checked_matrix("target", target.homogeneous), position_only=False)
     if isinstance(target, FreeAxis):
         return target
     if isinstance(target, PartialTarget):
