@@ -42,7 +42,7 @@ class Peer:
     """Folder under .venv-bench. These versions agree with each other, so all share one; a peer that does not gets
     its own."""
     variant: str = ""
-    """Which of jacokin's calls."""
+    """Which call of the module, where it has several."""
     all_branches: bool = False
     """True when the call returns every branch, not one answer."""
 
@@ -51,7 +51,7 @@ PEERS = (
     Peer("solve_all", "jacokin `solve_all`", "jacokin_arm", variant="solve_all", all_branches=True),
     Peer("solve", "jacokin `solve`", "jacokin_arm", variant="solve"),
     Peer("qp", 'jacokin `solve`, method="qp"', "jacokin_arm", variant="qp"),
-    Peer("ssik", "ssik `jaco2_ik.solve`", "ssik_jaco2", ("ssik==8.2.0",), all_branches=True),
+    Peer("ssik", "ssik `jaco2_ik.solve`", "ssik_solver", ("ssik==8.2.0",), variant="jaco2_ik", all_branches=True),
     Peer("rtb", "roboticstoolbox `ik_LM`", "toolbox_lm", ("roboticstoolbox-python==1.5.0",)),
     Peer("pytracik", "pytracik `ik`", "trac", ("pytracik==0.0.3",)),
     Peer("mink", "mink loop, 20 restarts", "mink_loop", ("mink==1.3.0", "daqp==0.11.0")),

@@ -32,7 +32,7 @@ FOLD_SCALE = 30.0  # of determinants, to the size of the other equations
 CLOSURE = 1e-9  # [m] and [rad] by which members may be off
 OWN = 1e-6  # [rad] a member this near is the generating configuration
 MEMBERS = 7  # of each interval that are looked at
-PEER = environments.Peer("ssik", "ssik `j2s7s300_ik.solve`", "ssik_seven", ("ssik==8.2.0",))
+PEER = environments.Peer("ssik", "ssik `j2s7s300_ik.solve`", "ssik_solver", ("ssik==8.2.0",), variant="j2s7s300_ik")
 PEER_TARGETS = 120
 
 Counter = Callable[[Array], NDArray[np.int64]]
@@ -199,7 +199,7 @@ def peer_row() -> tuple[str, ...]:
     robot, rng = jacokin.load_robot("j2s7s300"), np.random.default_rng(1)
     try:
         with Worker(environments.interpreter(PEER), PEER.module) as worker:
-            version = worker.start({})
+            version = worker.start({"variant": PEER.variant})
             answers, times = worker.solve(worker.forward(robot.sample(rng, PEER_TARGETS)))
     except (environments.InstallError, WorkerError) as error:
         return (PEER.title, "-", f"not measured: {error}", "-", "-")

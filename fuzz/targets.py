@@ -21,7 +21,6 @@ TOLERANCE = 1e-6  # [m] and [rad]: what jacokin promises of a success
 ROUNDING = 1e-10  # [m] and [rad] by which two forward kinematics may differ
 FAMILIES = 0.3  # share of cases with one free parameter
 HALF_TURN = math.pi + 1e-9  # [rad] a joint without limits stays this near to its seed
-SNAP = 1e-9  # [rad] past a limit and still counted as on it
 
 Maker = Callable[[Robot, np.random.Generator, int], Array]
 

@@ -42,7 +42,9 @@ def load(folder: str | Path, *, robot: Robot | None = None, scene: Scene | None 
     recipe = _document(path, RECIPE, f"is not a map: it has no {RECIPE}")
     manifest = _document(path, MANIFEST, f"is not a complete map: it has no {MANIFEST}; build the rest of it")
     if manifest.get("recipe") != file_digest(path / RECIPE):
-        raise InvalidInputError(f"{path}: {RECIPE} was changed after the map was built: build it anew elsewhere")
+        raise InvalidInputError(
+            f"{path}: {MANIFEST} is of another {RECIPE} than this one; build the map again to mend it"
+        )
     if not isinstance(manifest.get("sha256"), dict):
         raise InvalidInputError(f"{path / MANIFEST}: does not list the chunks; build again to mend it")
     if robot is not None:

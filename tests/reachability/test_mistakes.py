@@ -73,12 +73,12 @@ def test_folders_and_callbacks(robot: Robot, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "content", "words"),
     [
-        ("manifest.json", "{}", "was changed after the map was built"),
+        ("manifest.json", "{}", "is of another recipe.json"),
         ("manifest.json", "[]", "is not a JSON object"),
         ("manifest.json", "{", "is not JSON"),
         ("manifest.json", None, "is not a complete map: it has no manifest.json"),
         ("recipe.json", "[]", "is not a JSON object"),
-        ("recipe.json", '{"format": "jacokin reachability map 1"}', "was changed after the map was built"),
+        ("recipe.json", '{"format": "jacokin reachability map 1"}', "is of another recipe.json"),
         ("recipe.json", None, "is not a map: it has no recipe.json"),
     ],
 )

@@ -23,8 +23,8 @@ class Way:
     """One solution on each rung, as far as the way leads.
 
     Attributes:
-        rungs: numbers of the rungs it passes, from 0.
-        chosen: the solution on each.
+        chosen: the solution on each rung, from the first.
+        cost: of all its steps.
     """
 
     chosen: list[int]

@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 
 Inequalities = tuple[Array, Array] | tuple[None, None]  # G (m, n) and h (m,) of G x <= h, or none
 
-DEFAULT = "daqp"
 FALLBACKS = ("daqp", "quadprog", "osqp")  # tried in this order, those that are installed
 EXTRAS = {"proxqp": ("proxsuite", "proxqp"), "quadprog": ("quadprog", "quadprog")}  # package, extra of jacokin
 
