@@ -9,7 +9,6 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -51,12 +50,12 @@ class Drawn:
 
     __slots__ = ("_form", "_function")
 
-    def __init__(self, function: Callable[..., Any], form: tuple[str, ...] | int) -> None:
+    def __init__(self, function: Sampler, form: tuple[str, ...] | int) -> None:
         """Call a function in one of the ways of `_FORMS`."""
         self._function = function
         self._form = form
 
-    def __call__(self, initial_value: Any, current_value: Any, random_state: RandomState | None) -> Any:
+    def __call__(self, initial_value: object, current_value: object, random_state: RandomState | None) -> ArrayLike:
         """What the function draws."""
         if self._form == 1:
             return self._function(random_state)
@@ -72,16 +71,16 @@ class Constant:
 
     __slots__ = ("_value",)
 
-    def __init__(self, value: Any) -> None:
+    def __init__(self, value: ArrayLike) -> None:
         """Return this value."""
         self._value = value
 
-    def __call__(self, initial_value: Any, current_value: Any, random_state: RandomState | None) -> Any:
+    def __call__(self, initial_value: object, current_value: object, random_state: RandomState | None) -> ArrayLike:
         """The value."""
         return self._value
 
 
-def sampler(name: str, function: Callable[..., Any]) -> Drawn:
+def sampler(name: str, function: Sampler) -> Drawn:
     """A callable of (initial_value, current_value, random_state) that calls a user's function.
 
     Args:
@@ -125,7 +124,12 @@ class _Distribution:
 
     single_sample: bool
 
-    def __call__(self, initial_value: Any = None, current_value: Any = None, random_state: Any = None) -> Any:
+    def __call__(
+        self,
+        initial_value: ArrayLike | None = None,
+        current_value: object = None,
+        random_state: RandomState | None = None,
+    ) -> Array | float:
         """Draw from the random state.
 
         Args:
@@ -139,7 +143,7 @@ class _Distribution:
         state = _checked(random_state)
         return self._draw(state, None if self.single_sample or initial_value is None else np.shape(initial_value))
 
-    def _draw(self, random_state: RandomState, size: tuple[int, ...] | None) -> Any:
+    def _draw(self, random_state: RandomState, size: tuple[int, ...] | None) -> Array | float:
         raise NotImplementedError
 
 
@@ -165,7 +169,7 @@ class Uniform(_Distribution):
         if (low > high).any():
             raise InvalidInputError(f"low must not be above high, got {low.tolist()} and {high.tolist()}")
 
-    def _draw(self, random_state: RandomState, size: tuple[int, ...] | None) -> Any:
+    def _draw(self, random_state: RandomState, size: tuple[int, ...] | None) -> Array | float:
         return random_state.uniform(np.asarray(self.low, float), np.asarray(self.high, float), size)
 
 
@@ -191,7 +195,7 @@ class Normal(_Distribution):
         if (scale < 0.0).any():
             raise InvalidInputError(f"scale must not be negative, got {shown(self.scale)}")
 
-    def _draw(self, random_state: RandomState, size: tuple[int, ...] | None) -> Any:
+    def _draw(self, random_state: RandomState, size: tuple[int, ...] | None) -> Array | float:
         return random_state.normal(np.asarray(self.loc, float), np.asarray(self.scale, float), size)
 
 
@@ -215,7 +219,9 @@ class QuaternionFromAxisAngle:
             checks.number("angle", self.angle, "rad")
         constant_or_sampler("angle", self.angle)
 
-    def __call__(self, initial_value: Any = None, current_value: Any = None, random_state: Any = None) -> Array:
+    def __call__(
+        self, initial_value: object = None, current_value: object = None, random_state: RandomState | None = None
+    ) -> Array:
         """Draw the angle.
 
         Raises:
@@ -232,7 +238,9 @@ class QuaternionFromAxisAngle:
 class UniformQuaternion:
     """Any orientation, uniformly; a quaternion (4,) wxyz."""
 
-    def __call__(self, initial_value: Any = None, current_value: Any = None, random_state: Any = None) -> Array:
+    def __call__(
+        self, initial_value: object = None, current_value: object = None, random_state: RandomState | None = None
+    ) -> Array:
         """Draw three numbers (Shoemake, Uniform random rotations, Graphics Gems III, 1992)."""
         u, first, second = _checked(random_state).uniform((0.0, 0.0, 0.0), (1.0, 2.0 * np.pi, 2.0 * np.pi))
         inner, outer = np.sqrt(1.0 - u), np.sqrt(u)
@@ -251,7 +259,7 @@ def uniform_box(lower: ArrayLike, upper: ArrayLike) -> Uniform:
     return Uniform(checks.read_only(low), checks.read_only(high), single_sample=True)
 
 
-def _checked(random_state: Any) -> RandomState:
+def _checked(random_state: object) -> RandomState:
     if not isinstance(random_state, RandomState):
         raise InvalidInputError(
             f"random_state must be a numpy.random.RandomState or numpy.random.Generator, got {shown(random_state)}"

@@ -6,7 +6,7 @@ torque and touch), ``prop_pose`` (poses and velocities of free props) and ``came
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -93,7 +93,7 @@ TWO_FINGER_HAND_OBSERVABLES = ObservableNames(proprio=("joints_pos", "joints_vel
 FREEPROP_OBSERVABLES = ObservableNames(prop_pose=("position", "orientation", "linear_velocity", "angular_velocity"))
 
 
-def make_options(obs_settings: ObservationSettings, obs_names: ObservableNames) -> dict[str, dict[str, Any]]:
+def make_options(obs_settings: ObservationSettings, obs_names: ObservableNames) -> dict[str, dict[str, object]]:
     """Return ``{observable: {option: value}}``, as ``Observables.set_options`` takes it.
 
     Args:

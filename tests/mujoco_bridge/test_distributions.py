@@ -103,7 +103,7 @@ def test_wrong_arguments_are_refused() -> None:
             "angle",
         ),
         (lambda: Uniform()(), "random_state must be"),
-        (lambda: Uniform()(None, None, 3), "random_state must be"),
+        (lambda: Uniform()(None, None, 3), "random_state must be"),  # type: ignore[arg-type]  # wrong on purpose
         (lambda: UniformQuaternion()(), "random_state must be"),
         (lambda: constant_or_sampler("position", lambda: 3), "position must take .*so that a seed"),
         (lambda: constant_or_sampler("position", lambda a, b: 3), "position must take"),

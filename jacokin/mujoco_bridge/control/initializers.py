@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import weakref
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -156,11 +155,11 @@ class ToolCenterPointInitializer:
             "ignore_collisions=True"
         )
 
-    def __getstate__(self) -> dict[str, Any]:
+    def __getstate__(self) -> dict[str, object]:
         """Everything but what belongs to simulations."""
         return {**vars(self), "_pairs": None}
 
-    def __setstate__(self, state: dict[str, Any]) -> None:
+    def __setstate__(self, state: dict[str, object]) -> None:
         """Find the geoms of simulations anew."""
         vars(self).update(state, _pairs=weakref.WeakKeyDictionary())
 

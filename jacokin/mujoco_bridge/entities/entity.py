@@ -65,7 +65,7 @@ class Entity(Placed, Hooks):
         self,
         *args: Any,
         name: str | None = None,
-        observable_options: Mapping[str, Any] | None = None,
+        observable_options: Mapping[str, object] | None = None,
         **kwargs: Any,
     ) -> None:
         """Build the entity.

@@ -128,7 +128,7 @@ class Observables:
         """The enabled observables by their short names."""
         return {name: each for name, each in self.as_dict(fully_qualified=False).items() if each.enabled}
 
-    def set_options(self, options: Mapping[str, Any] | None) -> None:
+    def set_options(self, options: Mapping[str, object] | None) -> None:
         """Set options of the observables; on an error nothing is set.
 
         Args:
@@ -145,7 +145,7 @@ class Observables:
             raise InvalidInputError(f"options must be a dict, got {shown(options)}")
         if options and all(name in CHECKS for name in options) and not set(options) & set(self._observables):
             options = dict.fromkeys(self._observables, options)
-        checked: list[tuple[Observable, Mapping[str, Any]]] = []
+        checked: list[tuple[Observable, Mapping[str, object]]] = []
         for name, values in options.items():
             each = self.get_observable(name)
             if not isinstance(values, Mapping):

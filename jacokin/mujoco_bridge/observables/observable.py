@@ -50,7 +50,7 @@ class Observable:
     corruptor: Corruptor | None
     enabled: bool
 
-    checks: ClassVar[Mapping[str, Callable[[str, Any], Any]]] = CHECKS
+    checks: ClassVar[Mapping[str, Callable[[str, object], object]]] = CHECKS
 
     def __init__(
         self,
@@ -92,7 +92,7 @@ class Observable:
         self.corruptor = corruptor
         self.enabled = enabled
 
-    def __setattr__(self, name: str, value: Any) -> None:
+    def __setattr__(self, name: str, value: object) -> None:
         """Check the value if this is an option."""
         check = self.checks.get(name)
         super().__setattr__(name, check(name, value) if check else value)
@@ -113,12 +113,12 @@ class Observable:
         return self._array_spec
 
     @property
-    def options(self) -> dict[str, Any]:
+    def options(self) -> dict[str, object]:
         """The present options, as ``configure`` takes them."""
         return {name: getattr(self, name) for name in self.checks}
 
     @classmethod
-    def check_options(cls, options: Mapping[str, Any]) -> dict[str, Any]:
+    def check_options(cls, options: Mapping[str, object]) -> dict[str, Any]:
         """Return the checked values, or raise what ``configure`` would, changing nothing."""
         if not isinstance(options, Mapping):
             raise InvalidInputError(f"options must be a dict, got {shown(options)}")
@@ -127,7 +127,7 @@ class Observable:
                 raise UnknownObservableError("option", name, cls.checks)
         return {name: cls.checks[name](name, value) for name, value in options.items()}
 
-    def configure(self, **options: Any) -> None:
+    def configure(self, **options: object) -> None:
         """Set several options; on an error none is set.
 
         Raises:

@@ -14,7 +14,7 @@ from jacokin.model import checks
 from jacokin.mujoco_bridge import distributions
 
 RandomState = np.random.RandomState | np.random.Generator | None
-Steps = int | Callable[..., Any]  # physics steps, or a sampler of them
+Steps = int | distributions.Sampler  # physics steps, or a sampler of them
 Aggregator = Callable[[NDArray[Any]], ArrayLike]  # (buffer_size, ...) -> one observation
 Corruptor = Callable[..., ArrayLike]  # corruptor(value, random_state=...) -> value
 
@@ -51,27 +51,27 @@ class CameraOptions(Options, total=False):
     width: int
 
 
-def _check_steps(name: str, value: Any, lowest: int) -> Steps:
+def _check_steps(name: str, value: object, lowest: int) -> Steps:
     if not callable(value):
         return checks.whole_number(name, value, lowest)
     distributions.sampler(name, value)
-    return value  # type: ignore[no-any-return]  # a sampler of whole numbers, which are checked when they are drawn
+    return value  # a sampler of whole numbers, which are checked when they are drawn
 
 
-def _check_aggregator(name: str, value: Any) -> str | Aggregator | None:
+def _check_aggregator(name: str, value: object) -> str | Aggregator | None:
     if isinstance(value, str) and value not in AGGREGATORS:
         raise UnknownObservableError(name, value, AGGREGATORS)
     return value if isinstance(value, str) else _check_callable(name, value)
 
 
-def _check_callable(name: str, value: Any) -> Any:
+def _check_callable(name: str, value: object) -> Callable[..., Any] | None:
     if value is not None and not callable(value):
         raise InvalidInputError(f"{name} must be None or callable, got {shown(value)}")
     return value
 
 
 # The check of each option, called when it is set: check(name, value) -> value.
-CHECKS: Mapping[str, Callable[[str, Any], Any]] = {
+CHECKS: Mapping[str, Callable[[str, object], object]] = {
     "update_interval": lambda name, value: _check_steps(name, value, 1),
     "buffer_size": lambda name, value: None if value is None else checks.whole_number(name, value, 1),
     "delay": lambda name, value: None if value is None else _check_steps(name, value, 0),
@@ -79,7 +79,7 @@ CHECKS: Mapping[str, Callable[[str, Any], Any]] = {
     "corruptor": _check_callable,
     "enabled": checks.flag,
 }
-CAMERA_CHECKS: Mapping[str, Callable[[str, Any], Any]] = {
+CAMERA_CHECKS: Mapping[str, Callable[[str, object], object]] = {
     **CHECKS,
     "height": lambda name, value: checks.whole_number(name, value, 1),
     "width": lambda name, value: checks.whole_number(name, value, 1),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import mujoco
 from numpy.typing import ArrayLike
@@ -48,7 +47,7 @@ class Box(Primitive):
         return self._vertices
 
 
-def large_box(name: str | None = None, observable_options: Mapping[str, Any] | None = None) -> Box:
+def large_box(name: str | None = None, observable_options: Mapping[str, object] | None = None) -> Box:
     """The box of the task of lifting one, too wide for the hand to pinch.
 
     Args:
