@@ -77,7 +77,8 @@ def checked_matrix(name: str, matrix: Array) -> Array:
     total = a + b + c + d + e + f + g + h + k + x + y + z + p + q + r + one
     if not math.isfinite(total) and not np.isfinite(matrix).all():
         raise InvalidInputError(f"{name} must be finite")
-    if not max(abs(p), abs(q), abs(r), abs(one - 1.0)) <= RIGID_TOLERANCE:
+    has_exact_last_row = one == 1.0 and p == q == r == 0.0
+    if not has_exact_last_row and not max(abs(p), abs(q), abs(r), abs(one - 1.0)) <= RIGID_TOLERANCE:
         raise InvalidInputError(f"{name}: the last row must be 0 0 0 1, got {matrix[3].tolist()}")
     misfit = max(
         abs(a * a + d * d + g * g - 1.0),
@@ -93,7 +94,7 @@ def checked_matrix(name: str, matrix: Array) -> Array:
         raise InvalidInputError(f"{name} is a reflection (determinant -1), not a rotation")
     if misfit > ORTHONORMAL:
         _orthonormalise(matrix[:3, :3])
-    if one != 1.0 or p or q or r:
+    if not has_exact_last_row:
         matrix[3] = 0.0, 0.0, 0.0, 1.0
     return matrix
 
