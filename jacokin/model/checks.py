@@ -82,6 +82,8 @@ def whole_number(name: str, value: object, lowest: int = 0, highest: int | None 
     Raises:
         InvalidInputError: not a whole number (2.0 is a float), too small or too large.
     """
+    if type(value) is int and lowest <= value and (highest is None or value <= highest):
+        return value  # what is asked most often, answered first
     if isinstance(value, bool | np.timedelta64) or not isinstance(value, int | np.integer) or value < lowest:
         raise InvalidInputError(f"{name} must be a whole number >= {lowest}, got {shown(value)}")
     if highest is not None and value > highest:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import abc
 from collections.abc import Iterable, Sequence
+from functools import cached_property
 
 import mujoco
 import numpy as np
@@ -129,7 +130,7 @@ class RobotArm(Entity):
         rotation = _DOWN if target_quat is None else rotation_matrix(unit_quaternion("target_quat", target_quat))
         attempts = checks.whole_number("max_ik_attempts", max_ik_attempts, 1)
         with check_physics(physics).lock:
-            solver = self.site_solver(physics, site)
+            solver = self._solvers.known(physics, site) or self.site_solver(physics, site)
             found: Iterable[Solution]
             if solver.has_closed_form:
                 found = solver.nearest(position, rotation)
@@ -137,7 +138,7 @@ class RobotArm(Entity):
                 found = solver.solutions(position, rotation, self.sampling_bounds(physics), random_state, attempts)
             for rows, q in found:
                 before = physics._try_qpos(rows, q)
-                if solver.is_reached(position, rotation):
+                if solver.is_reached(q, position, rotation):
                     physics._keep_qpos()
                     return True
                 physics._try_qpos(rows, before)
@@ -177,12 +178,9 @@ class RobotArm(Entity):
         joints = check_physics(physics).bind(self.joints).element_ids
         return self._solvers.keep(physics, site, SiteSolver(physics, joints, _site_id(physics, site)))
 
-    @property
+    @cached_property
     def _solvers(self) -> SceneSolvers:
-        found: SceneSolvers | None = vars(self).get("_scene_solvers")
-        if found is None:
-            found = self._scene_solvers = SceneSolvers()
-        return found
+        return SceneSolvers()
 
 
 class RobotHand(Entity):

@@ -35,6 +35,8 @@ Bounds = tuple[Array, Array]
 Solution = tuple[NDArray[np.intp], Array]  # addresses in qpos, and values for them
 MEMBERS = 32  # of a family that are tried for contact
 
+_FEW = 16  # numbers that are added up sooner than a dot product starts
+
 # Matrices of rotations that are a small angle apart differ by sqrt(2) times that angle, in the Frobenius norm.
 _ROTATION_TOLERANCE = math.sqrt(2.0) * ORIENTATION_TOLERANCE
 
@@ -160,18 +162,18 @@ class SiteSolver:
         chain = self._target(position, rotation)
         return Query(self._solver, self._T.copy(), start, chain.qpos, tuple(self._wraps))
 
-    def is_reached(self, position: Array, rotation: Array) -> bool:
-        """Whether the site is at a pose and all joints are within the limits, by the poses that MuJoCo has computed.
+    def is_reached(self, q: Array, position: Array, rotation: Array) -> bool:
+        """Whether q is within the limits, and brings the site to a pose.
 
         Args:
+            q: (dof,) configuration, at which MuJoCo has computed the poses.
             position: (3,) target position of the site in the world [m].
             rotation: (3, 3) target orientation, R_world_site.
         """
-        q = self._qpos[self._chain.qpos].tolist()
+        values = q.tolist()  # plain numbers are faster than NumPy's
         for joint, lower, upper in self._limits:
-            if not lower <= q[joint] <= upper:
+            if not lower <= values[joint] <= upper:
                 return False
-        # Plain numbers are faster than NumPy's.
         return (
             math.dist(self._site_position.tolist(), position.tolist()) <= POSITION_TOLERANCE
             and math.dist(self._site_rotation.tolist(), rotation.ravel().tolist()) <= _ROTATION_TOLERANCE
@@ -197,8 +199,11 @@ class SiteSolver:
             PhysicsError: qpos or qvel is not finite.
         """
         qpos, qvel = self._qpos, self._qvel
-        # Dot products are the cheapest test; only a suspicious one is looked at again.
-        if math.isfinite(qpos.dot(qpos)) and math.isfinite(qvel.dot(qvel)):
+        # The quickest tests, of few numbers and of many; what is suspicious is looked at again.
+        if len(qpos) <= _FEW:
+            if math.isfinite(sum(qpos.tolist() + qvel.tolist())):
+                return
+        elif math.isfinite(qpos.dot(qpos)) and math.isfinite(qvel.dot(qvel)):
             return
         for name, values in (("qpos", qpos), ("qvel", qvel)):
             if not np.isfinite(values).all():

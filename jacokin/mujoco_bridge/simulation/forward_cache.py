@@ -130,11 +130,8 @@ class ForwardCache:
         """
         if self._watch.changed():
             self._is_known = False
-        model, data = self.model, self.data
         try:
-            mujoco.mj_kinematics(model, data)
-            mujoco.mj_comPos(model, data)
-            mujoco.mj_camlight(model, data)
+            mujoco.mj_fwdKinematics(self.model, self.data)
         except mujoco.FatalError as error:
             raise self._gave_up(error) from error
 

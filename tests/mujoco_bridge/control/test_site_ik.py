@@ -275,7 +275,7 @@ def test_the_arm_is_unmoved_when_mujoco_gives_up(monkeypatch: pytest.MonkeyPatch
     def give_up(*_: Any) -> None:
         raise mujoco.FatalError("mj_stackAlloc: out of memory")
 
-    monkeypatch.setattr(mujoco, "mj_comPos", give_up)
+    monkeypatch.setattr(mujoco, "mj_fwdKinematics", give_up)
     with pytest.raises(PhysicsError, match="more memory"):
         arm.set_site_to_xpos(physics, rng, hand.pinch_site, position, quaternion)
     assert physics.get_state().tobytes() == before
