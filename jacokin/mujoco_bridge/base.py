@@ -33,6 +33,7 @@ DOWN_QUATERNION = checks.read_only(table.load()["arena"]["down"]["quat_wxyz"])
 """The tool pointing vertically down, wxyz."""
 
 _DOWN = rotation_matrix(DOWN_QUATERNION)
+_DOWN_NUMBERS: list[float] = _DOWN.ravel().tolist()
 
 
 class RobotArm(Entity):
@@ -127,7 +128,11 @@ class RobotArm(Entity):
         """
         check_random_state(random_state)
         position = checks.vector("target_pos", target_pos, 3, "m")
-        rotation = _DOWN if target_quat is None else rotation_matrix(unit_quaternion("target_quat", target_quat))
+        if target_quat is None:
+            rotation, numbers = _DOWN, _DOWN_NUMBERS
+        else:
+            rotation = rotation_matrix(unit_quaternion("target_quat", target_quat))
+            numbers = rotation.ravel().tolist()
         attempts = checks.whole_number("max_ik_attempts", max_ik_attempts, 1)
         with check_physics(physics).lock:
             solver = self._solvers.known(physics, site) or self.site_solver(physics, site)
@@ -138,7 +143,7 @@ class RobotArm(Entity):
                 found = solver.solutions(position, rotation, self.sampling_bounds(physics), random_state, attempts)
             for rows, q in found:
                 before = physics._try_qpos(rows, q)
-                if solver.is_reached(q, position, rotation):
+                if solver.is_reached(q, position, numbers):
                     physics._keep_qpos()
                     return True
                 physics._try_qpos(rows, before)

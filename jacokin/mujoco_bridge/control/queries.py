@@ -95,10 +95,14 @@ def _answers(queries: Sequence[Query]) -> list[Array | None]:
 
 def canonical(q: Array, wraps: Sequence[int]) -> Array:
     """A copy with some joints, the unlimited hinges, in [0, 2 pi)."""
+    return wrapped_in_place(q.copy(), wraps)
+
+
+def wrapped_in_place(q: Array, wraps: Sequence[int]) -> Array:
+    """The same array with these joints in [0, 2 pi)."""
     values: list[float] = q.tolist()  # plain numbers are faster than NumPy's
-    wrapped = q.copy()
     for joint in wraps:
         if not 0.0 < values[joint] < TURN:
             turned = values[joint] % TURN
-            wrapped[joint] = turned if turned < TURN else 0.0  # the remainder of -1e-17 is rounded up to a full turn
-    return wrapped
+            q[joint] = turned if turned < TURN else 0.0  # the remainder of -1e-17 is rounded up to a full turn
+    return q

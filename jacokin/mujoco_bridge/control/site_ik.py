@@ -23,7 +23,7 @@ from jacokin.ik import targets
 from jacokin.ik.options import ORIENTATION_TOLERANCE, POSITION_TOLERANCE, Options
 from jacokin.ik.solver import IKSolver
 from jacokin.ik.verification import Verifier
-from jacokin.mujoco_bridge.control.queries import Query, canonical
+from jacokin.mujoco_bridge.control.queries import Query, canonical, wrapped_in_place
 from jacokin.mujoco_bridge.control.scene_chain import SITE, SceneChain, scene_chain
 from jacokin.mujoco_bridge.simulation.physics import Physics
 
@@ -109,10 +109,11 @@ class SiteSolver:
         """
         chain = self._target(position, rotation)
         if self._has_families:
-            q = next(self._members(self._qpos[chain.qpos], None), None)
+            member = next(self._members(self._qpos[chain.qpos], None), None)
+            q = None if member is None else member.copy()
         else:
             q = self._solver.closed_form().nearest(self._T, self._qpos[chain.qpos])
-        return () if q is None else ((chain.qpos, canonical(q, self._wraps)),)
+        return () if q is None else ((chain.qpos, wrapped_in_place(q, self._wraps)),)
 
     def solutions(
         self,
@@ -162,13 +163,13 @@ class SiteSolver:
         chain = self._target(position, rotation)
         return Query(self._solver, self._T.copy(), start, chain.qpos, tuple(self._wraps))
 
-    def is_reached(self, q: Array, position: Array, rotation: Array) -> bool:
+    def is_reached(self, q: Array, position: Array, rotation: list[float]) -> bool:
         """Whether q is within the limits, and brings the site to a pose.
 
         Args:
             q: (dof,) configuration, at which MuJoCo has computed the poses.
             position: (3,) target position of the site in the world [m].
-            rotation: (3, 3) target orientation, R_world_site.
+            rotation: the 9 numbers of the target orientation R_world_site, row by row.
         """
         values = q.tolist()  # plain numbers are faster than NumPy's
         for joint, lower, upper in self._limits:
@@ -176,7 +177,7 @@ class SiteSolver:
                 return False
         return (
             math.dist(self._site_position.tolist(), position.tolist()) <= POSITION_TOLERANCE
-            and math.dist(self._site_rotation.tolist(), rotation.ravel().tolist()) <= _ROTATION_TOLERANCE
+            and math.dist(self._site_rotation.tolist(), rotation) <= _ROTATION_TOLERANCE
         )
 
     def _target(self, position: Array, rotation: Array) -> SceneChain:
