@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import copy
-import os
-import sys
 from collections import deque
 from collections.abc import Mapping
 from typing import Any, ClassVar
@@ -25,6 +23,7 @@ from jacokin.tasks.episode import STEPS, Episode, Snapshot
 from jacokin.tasks.gym.controls import CONTROLS, Control
 from jacokin.tasks.gym.options import RENDER_MODES, Options
 from jacokin.tasks.gym.packing import Observation, Packing, with_picture
+from jacokin.tasks.gym.window import Window, check_display
 from jacokin.tasks.randomization import Randomization, Variation, steps_of
 from jacokin.tasks.task import CONTROL_TIMESTEP, Task
 from jacokin.tasks.view import ids
@@ -86,8 +85,8 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
         self.randomization = randomization
         if render_mode is not None:
             checks.choice("render_mode", render_mode, RENDER_MODES)
-        if render_mode == "human" and sys.platform == "linux" and not _has_display():
-            raise PhysicsError("render_mode='human' needs a display; without one use 'rgb_array' and MUJOCO_GL=egl")
+        if render_mode == "human":
+            check_display()
         self.render_mode = render_mode
         self._size = checks.whole_number("height", height, 1), checks.whole_number("width", width, 1)
         self._episode = Episode(task)
@@ -95,7 +94,7 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
         self._control: Control = CONTROLS[control](self._episode.lower, self._episode.upper)
         self.observation_space = self._packing.space
         self.action_space = spaces.Box(*self._control.bounds, dtype=np.float64)
-        self._window: Any = None
+        self._window: Window | None = None
         base = int(ids(self._episode.physics, self.task.arm.root_body)[0])
         self._variation = None if randomization is None else Variation(self.model, base)
         self._values: dict[str, float] = {}
@@ -235,7 +234,7 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
         """A picture, (height, width, 3) uint8, or the depth, (height, width) float32 [m]; None in a window.
 
         Raises:
-            PhysicsError: there is no OpenGL context.
+            PhysicsError: there is no OpenGL context, or no window can be opened.
         """
         if self.render_mode is None or self.render_mode == "human":
             self._show()
@@ -290,10 +289,8 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
         if self.render_mode != "human":
             return
         if self._window is None:
-            import mujoco.viewer  # needs a display
-
-            self._window = mujoco.viewer.launch_passive(self.model, self.data, show_left_ui=False, show_right_ui=False)
-        self._window.sync()
+            self._window = Window(self.model)
+        self._window.show(self.data)
 
     def __getstate__(self) -> dict[str, Any]:
         """How it was made, its random numbers, and where the episode is."""
@@ -346,7 +343,3 @@ def _goals(name: str, value: ArrayLike, size: int) -> Array:
     if goals.ndim < 1 or goals.shape[-1] != size:
         raise InvalidInputError(f"{name} must have shape (..., {size}), got {goals.shape}")
     return goals
-
-
-def _has_display() -> bool:
-    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
