@@ -62,6 +62,7 @@ def assert_reached(physics: Physics, arm: JacoArm, site: Any, position: Any, qua
     """Checked with kinematics that MuJoCo computes anew."""
     fresh = mujoco.MjData(physics.model)
     fresh.qpos[:] = physics.data.qpos
+    fresh.mocap_pos[:], fresh.mocap_quat[:] = physics.data.mocap_pos, physics.data.mocap_quat
     mujoco.mj_kinematics(physics.model, fresh)
     where = fresh.site(site.name)
     assert np.linalg.norm(where.xpos - position) <= REACHED
@@ -291,6 +292,27 @@ def test_base_moved_while_simulating() -> None:
         position, quaternion = reachable_pose(physics, arm, hand.pinch_site, rng)
         assert arm.set_site_to_xpos(physics, rng, hand.pinch_site, position, quaternion)
         assert_reached(physics, arm, hand.pinch_site, position, quaternion)
+
+
+@pytest.mark.parametrize("kind", ["mocap", "free"])
+def test_base_that_moves_with_the_state(kind: str) -> None:
+    arena, arm, hand = Arena(), JacoArm(), JacoHand()
+    nail = hand.mjcf_model.body("link_finger_tip_3").add_site(name="nail", pos=(0.03, 0.0, 0.0))
+    arm.attach(hand)
+    if kind == "free":
+        arena.add_free_entity(arm)
+    else:
+        arena.attach(arm).mocap = True
+    physics = Physics.from_entity(arena)
+    arm.set_home(physics)
+    rng = np.random.default_rng(17)
+    for _ in range(5):
+        arm.set_pose(physics, rng.uniform(-0.3, 0.3, 3), unit(rng.normal(size=4)))
+        hand.set_grasp(physics, rng.uniform())
+        for site in (hand.pinch_site, nail):
+            position, quaternion = reachable_pose(physics, arm, site, rng)
+            assert arm.set_site_to_xpos(physics, rng, site, position, quaternion)
+            assert_reached(physics, arm, site, position, quaternion)
 
 
 def test_sites_limits_and_hands_moved_while_simulating() -> None:
