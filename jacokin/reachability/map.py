@@ -82,13 +82,16 @@ class ReachabilityMap:
         """The robot.
 
         Raises:
-            InvalidInputError: it is not a bundled one, and the map was loaded without it.
+            InvalidInputError: it is not a bundled one as it is, and the map was loaded without it.
         """
         if self._robot is None:
             name = self.recipe["robot"]["bundled"]
             if name is None:
                 raise InvalidInputError(f"{self.folder}: load the map with robot=, it is not a bundled one")
-            self._robot = same_robot(self.folder, self.recipe, load_robot(name))
+            try:
+                self._robot = same_robot(self.folder, self.recipe, load_robot(name))
+            except InvalidInputError as error:
+                raise InvalidInputError(f"{error}: load the map with robot=, as it was built") from error
         return self._robot
 
     @property
@@ -242,7 +245,9 @@ def same_robot(path: Path, recipe: dict[str, Any], robot: Robot) -> Robot:  # An
         InvalidInputError: it is another one.
     """
     if fingerprint(robot, shapes=recipe["collision"] != "ignore") != recipe["robot"]["sha256"]:
-        raise InvalidInputError(f"{path}: is a map of another robot than this {robot.name}")
+        raise InvalidInputError(
+            f"{path}: is a map of another robot than this {robot.name}, or of one with other limits"
+        )
     return robot
 
 

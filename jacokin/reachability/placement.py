@@ -26,6 +26,7 @@ STARTS = 12  # places from the grid that are checked and moved
 SLOW_STARTS = 3  # where each target takes milliseconds
 TURNS = 256  # steps of a full turn, for which the nearest orientation of each target is looked up once
 FINEST = 0.001  # [m] of the last steps
+APART = 0.5  # cells between two places that are worth naming both
 MOST_ROUNDS = 40
 AROUND = 1.0  # cells on each side of a place that is not good enough
 FLAT_GRID, SPACE_GRID = 31, 13  # places along each axis of the close grid around it
@@ -74,8 +75,9 @@ def place_base(
     wanted = checked_poses(targets)
     levels = None if heights is None else np.sort(_levels(heights))
     count = checks.whole_number("count", count, lowest=1)
+    yaws = checks.whole_number("yaws", yaws, lowest=1)
     turns = map.samples.symmetries.turns
-    angles = [0.0] if turns else (2.0 * np.pi * np.arange(checks.whole_number("yaws", yaws, lowest=1)) / yaws).tolist()
+    angles = [0.0] if turns else (2.0 * np.pi * np.arange(yaws) / yaws).tolist()
     starts: list[tuple[int, float, Array]] = []
     for yaw in angles:
         local = _seen_from(wanted, np.zeros(3), yaw)
@@ -94,7 +96,8 @@ def place_base(
     found.sort(key=lambda placement: (-placement.reached, -np.nan_to_num(placement.margin, nan=-np.inf)))
     distinct: list[BasePlacement] = []
     for placement in found:
-        if all(np.linalg.norm(placement.pose.translation - other.pose.translation) > FINEST for other in distinct):
+        away = [np.linalg.norm(placement.pose.translation - other.pose.translation) for other in distinct]
+        if all(distance > APART * map.grid.spacing for distance in away):
             distinct.append(placement)
     return tuple(distinct[:count])
 

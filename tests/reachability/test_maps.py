@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -181,7 +182,11 @@ def test_the_base_that_targets_were_made_from_is_found(
 ) -> None:
     hidden = jacokin.pose([0.7, -0.3, 0.4], rpy=[0.0, 0.0, 1.0])
     targets = [hidden * robot.forward_kinematics(q) for q in robot.sample(rng, 50)]
-    best = place_base(reach, targets)[0]
+    places = place_base(reach, targets)
+    best = places[0]
+    for one, other in itertools.combinations(places, 2):
+        assert np.linalg.norm(one.pose.translation - other.pose.translation) > 0.5 * reach.grid.spacing
+        assert one.reached >= other.reached
     assert best.reached == 50
     seen = [best.pose.inverse() * target for target in targets]
     assert int(IKSolver(robot).solve_batch(seen, closest=False).success.sum()) == 50

@@ -118,3 +118,6 @@ def test_names_of_maps_and_heights_of_bases() -> None:
     for heights in ("high", [np.nan], [[0.0], [1.0, 2.0]], iter([1.0])):
         with pytest.raises(InvalidInputError, match="heights"):
             place_base(bundled(), [np.eye(4)], heights=heights)  # type: ignore[arg-type]  # the mistakes
+    for name in ("yaws", "count"):
+        with pytest.raises(InvalidInputError, match=f"{name} must be a whole number"):
+            place_base(bundled(), [np.eye(4)], **{name: 0})

@@ -34,6 +34,7 @@ def plan(
     scene: options.SceneOption = None,
     clearance: options.ClearanceOption = None,
     frame: options.FrameOption = None,
+    tool: options.ToolOption = None,
     seed: options.SeedOption = None,
     start: Annotated[
         str | None, Option("--start", metavar="Q1 .. Q6", help="Joint angles the arm is at, instead of --seed.")
@@ -44,6 +45,8 @@ def plan(
     base: options.BaseOption = None,
     tip: options.TipOption = None,
     package_dir: options.PackageDirOption = None,
+    limit: options.LimitOption = None,
+    finger_angle: options.FingerAngleOption = None,
 ) -> None:
     """Plan a path of poses over all branches, before anything moves.
 
@@ -69,9 +72,9 @@ def plan(
         raise InvalidInputError("--free-range needs --free-axis")
     targets = poses if free_axis is None else [free_about(pose, free_axis, free_range, units) for pose in poses]
     around, distance = options.surroundings(scene, clearance)
-    arm = options.load(robot, base, tip, package_dir)
+    arm = options.load(robot, base, tip, package_dir, limits=limit, finger_angle=finger_angle)
     joints = units.of_joints(arm)
-    solver = IKSolver(arm, frame, collision="reject", scene=around, clearance=distance)
+    solver = IKSolver(arm, frame, tool=options.tool_pose(tool), collision="reject", scene=around, clearance=distance)
 
     def planned() -> PathResult:
         return plan_path(

@@ -42,6 +42,7 @@ def track(
     ] = None,
     scene: options.SceneOption = None,
     frame: options.FrameOption = None,
+    tool: options.ToolOption = None,
     seed: options.SeedOption = None,
     start: Annotated[
         str | None,
@@ -53,6 +54,8 @@ def track(
     base: options.BaseOption = None,
     tip: options.TipOption = None,
     package_dir: options.PackageDirOption = None,
+    limit: options.LimitOption = None,
+    finger_angle: options.FingerAngleOption = None,
 ) -> None:
     """Follow a path of poses at control rate.
 
@@ -72,7 +75,7 @@ def track(
     poses = inputs.poses(path)
     report.check_files(output, plot, {"--path": path, "--robot": robot, "--scene": scene}, package_dir)
     obstacles = clearances.read(clearance, box, sphere, floor, scene)
-    arm = options.load(robot, base, tip, package_dir)
+    arm = options.load(robot, base, tip, package_dir, limits=limit, finger_angle=finger_angle)
     units = Units(degrees)
     joints = units.of_joints(arm)
 
@@ -85,6 +88,7 @@ def track(
                 speed=speed,
                 angular_speed=ANGULAR_SPEED if angular_speed is None else units.read([angular_speed])[0],
                 frame=frame,
+                tool=options.tool_pose(tool),
                 seed=inputs.of_joints("--seed", seed, joints),
                 start=inputs.of_joints("--start", start, joints),
                 velocity_limit=inputs.of_joints("--velocity-limit", velocity_limit, joints),

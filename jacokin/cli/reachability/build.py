@@ -45,10 +45,13 @@ def build(
     workers: options.WorkersOption = 1,
     dask: options.DaskOption = None,
     frame: options.FrameOption = None,
+    tool: options.ToolOption = None,
     robot: options.RobotOption = options.DEFAULT_ROBOT,
     base: options.BaseOption = None,
     tip: options.TipOption = None,
     package_dir: options.PackageDirOption = None,
+    limit: options.LimitOption = None,
+    finger_angle: options.FingerAngleOption = None,
 ) -> None:
     """Build a map of where the arm reaches.
 
@@ -73,7 +76,7 @@ def build(
 
     if (lower is None) != (upper is None):
         raise InvalidInputError("--lower and --upper go together")
-    arm = options.load(robot, base, tip, package_dir)
+    arm = options.load(robot, base, tip, package_dir, limits=limit, finger_angle=finger_angle)
     grid = Grid.around(arm, spacing) if lower is None or upper is None else Grid(lower, upper, spacing)
     around, _ = options.surroundings(scene, None)
     contact = avoid_contact or around is not None
@@ -95,6 +98,7 @@ def build(
                 shard=shard,
                 progress=advance,
                 frame=frame,
+                tool=options.tool_pose(tool),
                 collision="reject" if contact else "ignore",
                 scene=around,
             )

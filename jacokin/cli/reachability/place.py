@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from jacokin.cli.arguments import options
 from jacokin.cli.arguments.declared import Option
 from jacokin.cli.display import json_output, tables
 from jacokin.cli.exit_codes import NOT_SOLVED
 from jacokin.cli.reachability.maps import load
+
+if TYPE_CHECKING:
+    import pinocchio as pin
 
 
 def place(
@@ -20,36 +24,67 @@ def place(
     height: Annotated[
         float | None, Option("--height", metavar="Z", help="Height that the base stands at [m]; any if not given.")
     ] = None,
+    scene: options.SceneOption = None,
     json: options.JsonOption = False,
+    robot: Annotated[
+        str | None,
+        Option("--robot", metavar="NAME|FILE", help="The robot of the map, where it is not a bundled one as it is."),
+    ] = None,
+    base: options.BaseOption = None,
+    tip: options.TipOption = None,
+    package_dir: options.PackageDirOption = None,
+    limit: options.LimitOption = None,
+    finger_angle: options.FingerAngleOption = None,
 ) -> None:
     """Find places for the base of the arm from which it reaches as many targets as possible.
 
+    A map that was built with a scene, a robot or limits of your own needs the same again.
     Exit code: 0 if the best place reaches all of them, 1 if not.
 
     Examples:
       jacokin place --targets examples/targets.csv
       jacokin place --targets examples/targets.csv --map out/jaco --height 0.75
+      jacokin place --targets examples/targets.csv --map out/mine --robot my_arm.urdf --scene table.yaml
     """
+    from jacokin import reachability
     from jacokin.ik.files.targets_csv import read_targets
-    from jacokin.reachability import place_base
 
     wanted = read_targets(targets).targets
-    found = place_base(load(folder), wanted, heights=None if height is None else [height])
+    reach = load(folder)
+    around, _ = options.surroundings(scene, None)
+    arm = None
+    if robot is not None or limit or finger_angle is not None:
+        named = robot or reach.recipe["robot"]["bundled"] or options.DEFAULT_ROBOT
+        arm = options.load(named, base, tip, package_dir, limits=limit, finger_angle=finger_angle)
+    if arm is not None or around is not None:
+        reach = reachability.load(reach.folder, robot=arm, scene=around)
+    found = reachability.place_base(reach, wanted, heights=None if height is None else [height])
     if json:
         places = [
-            {"position": each.pose.translation.tolist(), "reached": each.reached, "margin": each.margin}
+            {
+                "position": each.pose.translation,
+                "yaw": _yaw(each.pose),
+                "reached": each.reached,
+                "margin": each.margin,
+            }
             for each in found
         ]
         json_output.print_json({"targets": len(wanted), "places": places})
     else:
         rows = [
             (
-                *(f"{value:.3f}" for value in each.pose.translation),
+                *(f"{value:.3f}" for value in (*each.pose.translation, _yaw(each.pose))),
                 f"{each.reached} of {len(wanted)}",
                 f"{each.margin:.3f}",
             )
             for each in found
         ]
-        tables.say(tables.table("Places for the base", ("x [m]", "y [m]", "z [m]", "reached", "margin [rad]"), rows))
+        columns = ("x [m]", "y [m]", "z [m]", "yaw [rad]", "reached", "margin [rad]")
+        tables.say(tables.table("Places for the base", columns, rows))
     if not found or found[0].reached < len(wanted):
         raise SystemExit(NOT_SOLVED)
+
+
+def _yaw(T_world_base: pin.SE3) -> float:
+    """The turn of an upright base about the vertical [rad]; 0 where joint 1 turns freely."""
+    return math.atan2(T_world_base.rotation[1, 0], T_world_base.rotation[0, 0])

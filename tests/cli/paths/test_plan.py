@@ -47,6 +47,18 @@ def test_seven_joints_and_what_was_chosen(path_file: Path, capsys: pytest.Captur
     assert "a FreeAxis on seven joints leaves two free parameters" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("command", ["plan", "track"])
+def test_a_tool_and_limits_of_ones_own(path_file: Path, run: Run, command: str) -> None:
+    out = path_file.with_name("out.npz")
+    words = ("--tool", "0", "0.01", "-0.03", "--limit", "joint_1=0,3.9", "--dt", "0.05", "--output", str(out))
+    assert run(command, "--path", str(path_file), *words).code == 0
+    q = PathResult.load(out).q
+    assert (q[:, 0] >= 0.0).all()
+    assert (q[:, 0] <= 3.9).all()
+    tips = [jacokin.load_robot().forward_kinematics(row) * jacokin.pose([0.0, 0.01, -0.03]) for row in q[[0, -1]]]
+    np.testing.assert_allclose([tip.translation for tip in tips], [[0.3, -0.2, 0.5], [0.4, -0.2, 0.5]], atol=1e-4)
+
+
 def test_seven_joints_are_tracked(path_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert leave("track", "--path", str(path_file), "--dt", "0.05", "--robot", "j2s7s300") == 0
     assert "on the path throughout" in capsys.readouterr().out

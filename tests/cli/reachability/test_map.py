@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import jacokin
-from jacokin.model import quat_wxyz
+from jacokin.ik import Scene
+from jacokin.model import quat_wxyz, urdf_folder
 from jacokin.reachability import load
 from tests.cli.run import Run
 
@@ -56,11 +57,14 @@ def test_maps_with_a_free_axis_obstacles_and_seven_joints(run: Run, tmp_path: Pa
     assert run("map", "build", folders[0], *box, "--down", "--free-axis", "x").code == 0
     scene = ("--scene", str(tmp_path / "scene.yaml"), "--orientations", "8")
     assert run("map", "build", folders[1], *box, *scene).code == 0
-    assert run("map", "build", folders[2], *box, "--avoid-contact", "--orientations", "8").code == 0
+    own = ("--tool", "0", "0.1", "0", "--limit", "joint_2=1,5")
+    assert run("map", "build", folders[2], *box, "--avoid-contact", "--orientations", "8", *own).code == 0
     assert run("map", "build", folders[3], *box, "--robot", "j2s7s300", "--orientations", "8").code == 0
     maps = [load(folder) for folder in folders]
     assert maps[0].orientations.axes is not None
     assert maps[1].recipe["scene"] is not None
+    assert np.array(maps[2].recipe["tool"])[:3, 3].tolist() == [0.0, 0.1, 0.0]
+    assert maps[2].recipe["robot"]["sha256"] != maps[1].recipe["robot"]["sha256"]
     assert [each.recipe["collision"] for each in maps] == ["ignore", "reject", "reject", "ignore"]
     assert maps[3].recipe["robot"]["name"] == "j2s7s300"
     assert all((each.counts > 0).any() for each in maps)
@@ -87,3 +91,24 @@ def test_a_base_is_placed(run: Run, tmp_path: Path) -> None:
     answer = run("place", "--targets", str(tmp_path / "targets.csv"), "--json")
     assert answer.code == 0
     assert answer.document["places"][0]["reached"] == 10
+    assert answer.document["places"][0]["yaw"] == 0.0  # any would do: joint 1 turns freely
+
+
+def test_a_base_is_placed_with_a_robot_and_a_scene_of_ones_own(run: Run, tmp_path: Path) -> None:
+    folder, scene = str(tmp_path / "map"), tmp_path / "scene.yaml"
+    scene.write_text("- {shape: floor, height: -0.1}\n", encoding="utf-8")
+    own = ("--robot", str(urdf_folder() / "jaco_arm.xml"), "--limit", "joint_1=0,5", "--scene", str(scene))
+    assert run("map", "build", folder, "--spacing", "0.3", "--orientations", "8", *own).code == 0
+    targets = tmp_path / "targets.csv"
+    targets.write_text("x,y,z,qw,qx,qy,qz\n0.3,0.2,0.3,0,1,0,0\n0.1,0.4,0.3,0,1,0,0\n", encoding="utf-8")
+    words = ("place", "--targets", str(targets), "--map", folder)
+    place = run(*words, *own, "--json").document["places"][0]
+    base = jacokin.pose(place["position"], rpy=[0.0, 0.0, place["yaw"]])
+    robot = jacokin.load_robot(urdf_folder() / "jaco_arm.xml", limits={"joint_1": (0.0, 5.0)})
+    solver = jacokin.IKSolver(robot, scene=Scene.load(scene), collision="reject")
+    poses = [base.inverse() * jacokin.pose(at, down=True) for at in ([0.3, 0.2, 0.3], [0.1, 0.4, 0.3])]
+    assert sum(solver.solve(pose).success for pose in poses) == place["reached"] > 0
+    for given, message in ((own[4:], "load the map with --robot"), (own[:4], "load the map with --scene")):
+        refused = run(*words, *given)
+        assert refused.code == 2
+        assert message in refused.err
