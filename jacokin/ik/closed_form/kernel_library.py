@@ -28,7 +28,7 @@ HEADER = 3
 NO_BATCH = np.empty((0, BATCH_COLUMNS))
 
 # numba's convention: status = function(address of the result, address of what an exception leaves, arguments...).
-_FUNCTION_TYPE = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_ssize_t)
+_FUNCTION_TYPE = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p)
 
 
 class KernelLibrary:
@@ -116,16 +116,18 @@ class Call:
         if T.shape != (len(T), 4, 4) or seed.shape != (len(T), 6) or not all(map(_is_readable, arrays)):
             raise ValueError("the kernels need C-contiguous arrays of 64-bit numbers, a seed for each target")
         table = np.array([SOLVE_TARGETS, len(T), len(best), *(array.ctypes.data for array in arrays)], dtype=np.int64)
-        self._returned = np.zeros(2, np.int64)  # the count; where an exception would be described
+        returned = np.zeros(2, np.int64)  # the count; where an exception would be described
+        self._returned = memoryview(returned)  # type: ignore[arg-type]  # arrays are buffers
         self._alive = (library, arrays, table)
         self._function = library.function
-        self._addresses = (self._returned.ctypes.data, self._returned.ctypes.data + 8, table.ctypes.data)
+        addresses = returned.ctypes.data, returned.ctypes.data + 8, table.ctypes.data
+        self._addresses = tuple(map(ctypes.c_void_p, addresses))  # converted once
 
     def __call__(self) -> int:
         """Run the kernels; returns how many rows were filled."""
         if self._function(*self._addresses) != 0:
             raise JacokinError("internal error in the compiled closed form, please report it")
-        return int(self._returned[0])
+        return self._returned[0]
 
 
 class CurveCall:

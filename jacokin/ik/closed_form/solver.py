@@ -96,14 +96,9 @@ class ClosedForm:
             self._calls.append(call)
         return table
 
-    def nearest(self, T: NDArray[np.float64], seed: NDArray[np.float64]) -> NDArray[np.float64] | None:
-        """The first of `solve_all`'s branches that is within the limits, (6,) [rad]; None without one."""
-        call, rows, count = self._solved(T, seed)
-        within: list[float] = rows[: max(count, ~count), WITHIN_LIMITS].tolist()
-        q = rows[within.index(1.0), :6].copy() if 1.0 in within else None
-        if call is not None:
-            self._calls.append(call)
-        return q
+    def nearest_branch(self) -> NearestBranch:
+        """What gives the first of `solve_all`'s branches that is within the limits."""
+        return NearestBranch(*self.constants)
 
     def _solved(
         self, T: NDArray[np.float64], seed: NDArray[np.float64]
@@ -153,6 +148,42 @@ class ClosedForm:
             with ThreadPoolExecutor(threads) as pool:
                 list(pool.map(run, edges[:-1], edges[1:]))
         return BestBranches(best)
+
+
+class NearestBranch:
+    """The nearest branch within the limits, for callers who ask again and again; for one thread at a time.
+
+    Attributes:
+        T: (4, 4) target T_base_tool, to be filled in: a rigid transformation.
+        seed: (6,) [rad], to be filled in.
+    """
+
+    __slots__ = ("T", "_arrays", "_best", "_call", "seed")
+
+    def __init__(self, chain: NDArray[np.float64], arm: NDArray[np.float64], limits: NDArray[np.float64]) -> None:
+        """Take the constants of a closed form."""
+        T, seed, best = np.eye(4)[np.newaxis], np.zeros((1, 6)), np.empty((1, BATCH_COLUMNS))
+        self.T, self.seed, self._best = T[0], seed[0], best[0]
+        self._arrays = chain, arm, limits, T, seed, best
+        self._call: Call | None = None
+
+    def __call__(self) -> NDArray[np.float64] | None:
+        """The branch, (6,) [rad], an array of the caller's own; None without one."""
+        if self._call is None:
+            self._first_calls()
+        else:
+            self._call()
+        return self._best[:6].copy() if self._best[WITHIN_LIMITS] == 1.0 else None
+
+    def _first_calls(self) -> None:
+        """Run the plain form until there is machine code."""
+        library = KERNELS.for_poses(1)
+        *given, best = self._arrays
+        if library is None:
+            plainly(*given, np.empty((MAX_BRANCHES, COLUMNS)), best)
+        else:
+            self._call = Call(library, *self._arrays)
+            self._call()
 
 
 def plainly(*arguments: NDArray[np.float64]) -> int:

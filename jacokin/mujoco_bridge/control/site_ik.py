@@ -65,8 +65,6 @@ class SiteSolver:
         self._scratch = mujoco.MjData(physics.model)
         self._joints = tuple(joints)
         self._site = site
-        self._T = np.eye(4)
-        self._rotation, self._translation = self._T[:3, :3], self._T[:3, 3]
         self._site_position: Array = self._data.site_xpos[site]
         self._site_rotation: Array = self._data.site_xmat[site]
         self._qpos: Array = self._data.qpos
@@ -87,6 +85,10 @@ class SiteSolver:
         self._has_families = self._solver.has_families
         self.has_closed_form = self._has_families or self._solver.has_closed_form
         self._qp = None if self.has_closed_form else self._multi_start()
+        with_branches = self.has_closed_form and not self._has_families
+        self._nearest = self._solver.closed_form().nearest_branch() if with_branches else None
+        self._T = np.eye(4) if self._nearest is None else self._nearest.T
+        self._rotation, self._translation = self._T[:3, :3], self._T[:3, 3]
         kinds = self._model.jnt_type[list(self._chain.joints)]
         self._wraps: list[int] = np.flatnonzero(robot.unlimited & (kinds == mujoco.mjtJoint.mjJNT_HINGE)).tolist()
         self._base_position: Array = self._scratch.xpos[self._chain.base_body]
@@ -108,11 +110,12 @@ class SiteSolver:
             PhysicsError: positions or velocities in the scene are not finite.
         """
         chain = self._target(position, rotation)
-        if self._has_families:
+        if self._nearest is None:
             member = next(self._members(self._qpos[chain.qpos], None), None)
             q = None if member is None else member.copy()
         else:
-            q = self._solver.closed_form().nearest(self._T, self._qpos[chain.qpos])
+            self._nearest.seed[:] = self._qpos[chain.qpos]
+            q = self._nearest()
         return () if q is None else ((chain.qpos, wrapped_in_place(q, self._wraps)),)
 
     def solutions(

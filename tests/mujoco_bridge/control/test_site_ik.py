@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 import jacokin
 from jacokin.errors import InvalidInputError, ModelError, PhysicsError, UnknownNameError
 from jacokin.ik.closed_form.compilation import KERNELS
-from jacokin.ik.closed_form.solver import ClosedForm
+from jacokin.ik.closed_form.solver import NearestBranch
 from jacokin.model.angles import circular_distance
 from jacokin.mujoco_bridge import DOWN_QUATERNION, Arena, JacoArm, JacoHand, Physics, robots
 from jacokin.mujoco_bridge.props import Primitive
@@ -254,8 +254,8 @@ def test_what_mujoco_does_not_confirm_is_no_success_and_changes_nothing(
     physics.step(5)
     physics.forward()
     position, quaternion = reachable_pose(physics, arm, hand.pinch_site, rng)
-    nearest = ClosedForm.nearest
-    monkeypatch.setattr(ClosedForm, "nearest", lambda *args: change(nearest(*args)))
+    nearest = NearestBranch.__call__
+    monkeypatch.setattr(NearestBranch, "__call__", lambda branch: change(nearest(branch)))
     held, state = physics.data, physics.get_state().tobytes()
     before = {name: np.array(getattr(held, name)) for name in (*POSES, *EVERYTHING_ELSE)}
     assert not arm.set_site_to_xpos(physics, rng, hand.pinch_site, position, quaternion)
