@@ -203,9 +203,10 @@ def vector(name: str, value: ArrayLike, size: int, unit: str) -> Array:
     try:
         array = numbers(value)
     except (TypeError, ValueError) as error:
-        raise InvalidInputError(f"{name} must be {size} numbers [{unit}], got {shown(value)}") from error
+        raise InvalidInputError(f"{_with_unit(f'{name} must be {size} numbers', unit)}, got {shown(value)}") from error
     if array.shape != (size,):
-        raise InvalidInputError(f"{name} must have shape ({size},) [{unit}], got shape {array.shape}")
+        text = _with_unit(f"{name} must have shape ({size},)", unit)
+        raise InvalidInputError(f"{text}, got shape {array.shape}")
     # A sum of plain floats is the cheapest test, and silent; only a suspicious one is looked at again.
     if not math.isfinite(sum(array.tolist())) and not np.isfinite(array).all():
         raise InvalidInputError(f"{name} must be finite, got {array.tolist()}")
@@ -238,9 +239,10 @@ def matrix(name: str, value: ArrayLike, columns: int, unit: str) -> Array:
     try:
         array = numbers(value)
     except (TypeError, ValueError) as error:
-        raise InvalidInputError(f"{name} must be rows of {columns} numbers [{unit}]") from error
+        raise InvalidInputError(_with_unit(f"{name} must be rows of {columns} numbers", unit)) from error
     if array.ndim != 2 or array.shape[1] != columns:
-        raise InvalidInputError(f"{name} must have shape (n, {columns}) [{unit}], got shape {array.shape}")
+        text = _with_unit(f"{name} must have shape (n, {columns})", unit)
+        raise InvalidInputError(f"{text}, got shape {array.shape}")
     if array.shape[0] == 0:
         raise InvalidInputError(f"{name} is empty")
     finite = np.isfinite(array).all(axis=1)

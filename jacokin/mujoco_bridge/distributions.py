@@ -213,7 +213,7 @@ class QuaternionFromAxisAngle:
 
     def __post_init__(self) -> None:
         """Check the axis."""
-        if not np.linalg.norm(checks.vector("axis", self.axis, 3, "1")) > 0.0:
+        if not np.linalg.norm(checks.vector("axis", self.axis, 3, "")) > 0.0:
             raise InvalidInputError(f"axis must not be zero, got {shown(self.axis)}")
         if not callable(self.angle):
             checks.number("angle", self.angle, "rad")
@@ -229,7 +229,7 @@ class QuaternionFromAxisAngle:
         """
         drawn = constant_or_sampler("angle", self.angle)(initial_value, current_value, random_state)
         angle = checks.vector("angle", np.reshape(drawn, -1), 1, "rad")[0]
-        axis = checks.vector("axis", self.axis, 3, "1")
+        axis = checks.vector("axis", self.axis, 3, "")
         quat_wxyz = np.empty(4)
         mujoco.mju_axisAngle2Quat(quat_wxyz, axis / np.linalg.norm(axis), angle)
         return quat_wxyz

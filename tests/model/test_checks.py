@@ -87,6 +87,15 @@ def test_a_choice_lists_what_there_is() -> None:
             checks.choice("method", value, ("auto", "qp"))
 
 
+def test_what_has_no_unit_is_told_without_one() -> None:
+    with pytest.raises(InvalidInputError, match=r"^axis must have shape \(3,\), got shape \(2,\)$"):
+        checks.vector("axis", [0.0, 1.0], 3, "")
+    with pytest.raises(InvalidInputError, match=r"^q must have shape \(3,\) \[rad\], got shape \(2,\)$"):
+        checks.vector("q", [0.0, 1.0], 3, "rad")
+    with pytest.raises(InvalidInputError, match=r"^axes must have shape \(n, 3\), got shape \(2,\)$"):
+        checks.matrix("axes", [0.0, 1.0], 3, "")
+
+
 def test_a_generator_is_neither_a_seed_nor_a_random_state(rng: np.random.Generator) -> None:
     assert checks.generator("rng", rng) is rng
     for value in (0, None, np.random.RandomState(0)):

@@ -83,8 +83,8 @@ def solve_file(
         How many targets have which status; a row that is not finite, or whose quaternion is wrong, is INVALID_TARGET.
 
     Raises:
-        InvalidInputError: a file cannot be read or written, columns are missing, or the unfinished run was about other
-            targets, another robot, other options, or of another version (says which).
+        InvalidInputError: a file cannot be read or written, both are the same, columns are missing, or the unfinished
+            run was about other targets, another robot, other options, or of another version (says which).
         MissingExtraError: Parquet needs pyarrow.
         JacokinError: a worker failed or the disk is full; what is finished is kept.
     """
@@ -106,6 +106,8 @@ def solve_file(
         source = _source(stack, _path("targets", targets))
         out = _path("output", output)
         layout = formats.answers(out)
+        if source.is_file() and out.is_file() and out.samefile(source):
+            raise InvalidInputError(f"output {out} is the file of targets: they would be lost")
         columns = next(formats.blocks(source, 1)).columns
         compiled = solver.has_closed_form and solver.verifier.options.collision == "ignore" and columns != POSITION
         rows = ROWS if compiled else SINGLE_ROWS

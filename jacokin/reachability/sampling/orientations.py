@@ -185,6 +185,9 @@ def checked_orientations(
         if value.axes is None or np.linalg.norm(np.cross(value.axes, axis), axis=1).max() < SAME_AXIS:
             return value.without_roll(axis), symmetries
         return value, Symmetries(symmetries.turns, None)
+    if not isinstance(value, int | np.integer) or isinstance(value, bool):
+        kinds = "an Orientations, one or several FreeAxis, or a number of them"
+        raise InvalidInputError(f"orientations must be {kinds}, got {checks.shown(value)}")
     count = checks.whole_number("orientations", value, lowest=1)
     return Orientations.even(count) if axis is None else Orientations.directions(count, axis), symmetries
 

@@ -294,6 +294,10 @@ def test_wrong_files_and_arguments_are_refused_before_anything_is_solved(
             solve_file(solver, tmp_path / name, out)
     with pytest.raises(InvalidInputError, match=r"\.csv, \.npz, \.parquet"):
         solve_file(solver, source, tmp_path / "out.xlsx")
+    before = source.read_bytes()
+    with pytest.raises(InvalidInputError, match="is the file of targets: they would be lost"):
+        solve_file(solver, source, tmp_path / ".." / tmp_path.name / "in.csv")
+    assert source.read_bytes() == before
     with pytest.raises(InvalidInputError, match=r"client\.get_executor"):
         solve_file(solver, source, out, type("Client", (), {"get_executor": None})())
     with pytest.raises(InvalidInputError, match="workers does not go with executor"), ThreadPoolExecutor(1) as pool:
