@@ -66,7 +66,7 @@ def test_folders_and_callbacks(robot: Robot, tmp_path: Path) -> None:
         build(robot, folder=tmp_path, progress="yes")  # type: ignore[arg-type]  # the mistake
     for value in ("all", 2.0, True, None):
         with pytest.raises(
-            InvalidInputError, match="orientations must be an Orientations, one or several FreeAxis, or"
+            InvalidInputError, match="orientations must be an Orientations, one or"
         ):
             build(robot, folder=tmp_path, orientations=value)  # type: ignore[arg-type]  # the mistakes
     for collision in ("report", np.eye(3), ["ignore"]):
