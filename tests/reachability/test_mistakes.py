@@ -65,9 +65,7 @@ def test_folders_and_callbacks(robot: Robot, tmp_path: Path) -> None:
     with pytest.raises(InvalidInputError, match="progress must be callable"):
         build(robot, folder=tmp_path, progress="yes")  # type: ignore[arg-type]  # the mistake
     for value in ("all", 2.0, True, None):
-        with pytest.raises(
-            InvalidInputError, match="orientations must be an Orientations, one or"
-        ):
+        with pytest.raises(InvalidInputError, match="orientations must be an Orientations, one or"):
             build(robot, folder=tmp_path, orientations=value)  # type: ignore[arg-type]  # the mistakes
     for collision in ("report", np.eye(3), ["ignore"]):
         with pytest.raises(JacokinError, match="collision"):
