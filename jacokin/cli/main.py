@@ -16,7 +16,7 @@ import click
 
 from jacokin import __version__
 from jacokin.cli import process
-from jacokin.cli.arguments.declared import parameters
+from jacokin.cli.arguments.declared import callback, parameters
 from jacokin.cli.command import Command, Refusal
 from jacokin.cli.display.tables import printable
 from jacokin.cli.exit_codes import WRONG_INPUT
@@ -89,7 +89,7 @@ class Commands(click.Group):
         function = getattr(importlib.import_module(self._modules[name]), name)
         return Command(
             name,
-            callback=function,
+            callback=callback(function),
             params=parameters(function),
             help=_help(inspect.getdoc(function) or ""),
             no_args_is_help=name in NEED_ARGUMENTS,

@@ -1,11 +1,14 @@
-"""Options and arguments as the signature of a command declares them: `Annotated[float, Option("--dt", ...)]`."""
+"""Options and arguments as the signature of a command declares them: `Annotated[float, Option("--dt", ...)]`.
+
+A parameter whose type is a dataclass stands for the options that the fields of the dataclass declare.
+"""
 
 from __future__ import annotations
 
 import inspect
 import typing
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 from types import NoneType
 from typing import Any
@@ -52,10 +55,32 @@ class Positional(click.Argument):
         self.text = text
 
 
-def parameters(command: Callable[..., None]) -> list[click.Parameter]:
+def parameters(command: Callable[..., object]) -> list[click.Parameter]:
     """What click has to know about the parameters of a command."""
     hints = typing.get_type_hints(command, include_extras=True)
-    return [_parameter(each, hints[each.name]) for each in inspect.signature(command).parameters.values()]
+    found: list[click.Parameter] = []
+    for each in inspect.signature(command).parameters.values():
+        hint = hints[each.name]
+        found += parameters(hint) if _is_group(hint) else [_parameter(each, hint)]
+    return found
+
+
+def callback(command: Callable[..., None]) -> Callable[..., None]:
+    """What click is to call: the command, with the options that belong to dataclasses put into them."""
+    groups = {name: hint for name, hint in typing.get_type_hints(command).items() if _is_group(hint)}
+
+    def call(**values: object) -> None:
+        made = {
+            name: group(**{field.name: values.pop(field.name) for field in fields(group)})
+            for name, group in groups.items()
+        }
+        command(**values, **made)
+
+    return call
+
+
+def _is_group(hint: object) -> bool:
+    return isinstance(hint, type) and is_dataclass(hint)
 
 
 def _parameter(parameter: inspect.Parameter, hint: object) -> click.Parameter:

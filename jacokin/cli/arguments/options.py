@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -113,6 +114,28 @@ QArgument = Annotated[
     list[float],
     Argument(metavar="ANGLE", help="Joint angles, base to tip, one for each joint."),
 ]
+
+
+@dataclass(frozen=True, slots=True)
+class RobotOptions:
+    """Which robot it is; a command that has these options takes them as one parameter."""
+
+    robot: RobotOption = DEFAULT_ROBOT
+    base: BaseOption = None
+    tip: TipOption = None
+    package_dir: PackageDirOption = None
+    limit: LimitOption = None
+    finger_angle: FingerAngleOption = None
+
+    def load(self) -> Robot:
+        """The robot.
+
+        Raises:
+            InvalidInputError: as `load_robot`, or a limit that is not JOINT=LOW,HIGH.
+        """
+        return load(
+            self.robot, self.base, self.tip, self.package_dir, limits=self.limit, finger_angle=self.finger_angle
+        )
 
 
 def load(

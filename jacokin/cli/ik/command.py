@@ -70,12 +70,8 @@ def ik(
     clearance: options.ClearanceOption = None,
     degrees: options.DegreesOption = False,
     json: options.JsonOption = False,
-    robot: options.RobotOption = options.DEFAULT_ROBOT,
-    base: options.BaseOption = None,
-    tip: options.TipOption = None,
-    package_dir: options.PackageDirOption = None,
-    limit: options.LimitOption = None,
-    finger_angle: options.FingerAngleOption = None,
+    *,
+    source: options.RobotOptions,
 ) -> None:
     """Find joint angles, inside the joint limits, for a pose.
 
@@ -107,9 +103,13 @@ def ik(
     combinations.check(position, oriented, every, targets, output, random_seed, degrees, free, prefer)
     if output is None and (resume or dask is not None):
         raise InvalidInputError(f"{'--resume' if resume else '--dask'} goes with --targets and --output")
-    keep_apart({"--output": output}, {"--targets": targets, "--robot": robot, "--scene": scene}, package_dir or ())
+    keep_apart(
+        {"--output": output},
+        {"--targets": targets, "--robot": source.robot, "--scene": scene},
+        source.package_dir or (),
+    )
     units = Units(degrees)
-    arm = options.load(robot, base, tip, package_dir, limits=limit, finger_angle=finger_angle)
+    arm = source.load()
     if rpy is not None:
         warn_of_degrees("--rpy", rpy, units)
     typed = numbers("--seed", seed)

@@ -14,10 +14,8 @@ def fk(
     frame: options.FrameOption = None,
     degrees: options.DegreesOption = False,
     json: options.JsonOption = False,
-    robot: options.RobotOption = options.DEFAULT_ROBOT,
-    base: options.BaseOption = None,
-    tip: options.TipOption = None,
-    package_dir: options.PackageDirOption = None,
+    *,
+    source: options.RobotOptions,
 ) -> None:
     """Show the pose of a frame for given joint angles.
 
@@ -30,7 +28,7 @@ def fk(
 
     from jacokin.model import poses
 
-    arm = options.load(robot, base, tip, package_dir)
+    arm = source.load()
     units = Units(degrees)
     configuration = arm.configuration(units.of_joints(arm).read(q))
     pose = arm.forward_kinematics(configuration, frame)

@@ -18,10 +18,8 @@ def jacobian(
     ] = "local_world_aligned",
     degrees: options.DegreesOption = False,
     json: options.JsonOption = False,
-    robot: options.RobotOption = options.DEFAULT_ROBOT,
-    base: options.BaseOption = None,
-    tip: options.TipOption = None,
-    package_dir: options.PackageDirOption = None,
+    *,
+    source: options.RobotOptions,
 ) -> None:
     """Show the Jacobian of a frame.
 
@@ -32,7 +30,7 @@ def jacobian(
       jacokin jacobian 4.8 2.92 1.0 4.2 1.45 1.32
       jacokin jacobian 4.8 2.92 1.0 4.2 1.45 1.32 --reference local --frame gripsite --json
     """
-    arm = options.load(robot, base, tip, package_dir)
+    arm = source.load()
     configuration = arm.configuration(Units(degrees).of_joints(arm).read(q))
     matrix = arm.jacobian(configuration, frame, reference)
     singular_values = arm.singular_values(configuration, frame)

@@ -41,12 +41,8 @@ def plan(
     ] = None,
     degrees: options.DegreesOption = False,
     json: options.JsonOption = False,
-    robot: options.RobotOption = options.DEFAULT_ROBOT,
-    base: options.BaseOption = None,
-    tip: options.TipOption = None,
-    package_dir: options.PackageDirOption = None,
-    limit: options.LimitOption = None,
-    finger_angle: options.FingerAngleOption = None,
+    *,
+    source: options.RobotOptions,
 ) -> None:
     """Plan a path of poses over all branches, before anything moves.
 
@@ -65,14 +61,14 @@ def plan(
     from jacokin.ik.paths.track import ANGULAR_SPEED
     from jacokin.ik.solver import IKSolver
 
-    report.check_files(output, plot, {"--path": path, "--robot": robot, "--scene": scene}, package_dir)
+    report.check_files(output, plot, {"--path": path, "--robot": source.robot, "--scene": scene}, source.package_dir)
     units = Units(degrees)
     poses = inputs.poses(path)
     if free_axis is None and free_range is not None:
         raise InvalidInputError("--free-range needs --free-axis")
     targets = poses if free_axis is None else [free_about(pose, free_axis, free_range, units) for pose in poses]
     around, distance = options.surroundings(scene, clearance)
-    arm = options.load(robot, base, tip, package_dir, limits=limit, finger_angle=finger_angle)
+    arm = source.load()
     joints = units.of_joints(arm)
     solver = IKSolver(arm, frame, tool=options.tool_pose(tool), collision="reject", scene=around, clearance=distance)
 

@@ -50,12 +50,8 @@ def track(
     ] = None,
     degrees: options.DegreesOption = False,
     json: options.JsonOption = False,
-    robot: options.RobotOption = options.DEFAULT_ROBOT,
-    base: options.BaseOption = None,
-    tip: options.TipOption = None,
-    package_dir: options.PackageDirOption = None,
-    limit: options.LimitOption = None,
-    finger_angle: options.FingerAngleOption = None,
+    *,
+    source: options.RobotOptions,
 ) -> None:
     """Follow a path of poses at control rate.
 
@@ -73,9 +69,9 @@ def track(
     from jacokin.ik.paths.track import ANGULAR_SPEED, track_path
 
     poses = inputs.poses(path)
-    report.check_files(output, plot, {"--path": path, "--robot": robot, "--scene": scene}, package_dir)
+    report.check_files(output, plot, {"--path": path, "--robot": source.robot, "--scene": scene}, source.package_dir)
     obstacles = clearances.read(clearance, box, sphere, floor, scene)
-    arm = options.load(robot, base, tip, package_dir, limits=limit, finger_angle=finger_angle)
+    arm = source.load()
     units = Units(degrees)
     joints = units.of_joints(arm)
 

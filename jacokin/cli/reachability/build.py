@@ -46,12 +46,8 @@ def build(
     dask: options.DaskOption = None,
     frame: options.FrameOption = None,
     tool: options.ToolOption = None,
-    robot: options.RobotOption = options.DEFAULT_ROBOT,
-    base: options.BaseOption = None,
-    tip: options.TipOption = None,
-    package_dir: options.PackageDirOption = None,
-    limit: options.LimitOption = None,
-    finger_angle: options.FingerAngleOption = None,
+    *,
+    source: options.RobotOptions,
 ) -> None:
     """Build a map of where the arm reaches.
 
@@ -76,7 +72,7 @@ def build(
 
     if (lower is None) != (upper is None):
         raise InvalidInputError("--lower and --upper go together")
-    arm = options.load(robot, base, tip, package_dir, limits=limit, finger_angle=finger_angle)
+    arm = source.load()
     grid = Grid.around(arm, spacing) if lower is None or upper is None else Grid(lower, upper, spacing)
     around, _ = options.surroundings(scene, None)
     contact = avoid_contact or around is not None

@@ -59,12 +59,8 @@ def view(
     tool: options.ToolOption = None,
     seed: options.SeedOption = None,
     degrees: options.DegreesOption = False,
-    robot: options.RobotOption = options.DEFAULT_ROBOT,
-    base: options.BaseOption = None,
-    tip: options.TipOption = None,
-    package_dir: options.PackageDirOption = None,
-    limit: options.LimitOption = None,
-    finger_angle: options.FingerAngleOption = None,
+    *,
+    source: options.RobotOptions,
 ) -> None:
     """Show the arm and every branch in the browser, with a gizmo to move the target.
 
@@ -83,7 +79,7 @@ def view(
     from jacokin.viewer import serve
 
     wanted = options.placement("--target", target)
-    arm = options.load(robot, base, tip, package_dir, limits=limit, finger_angle=finger_angle)
+    arm = source.load()
     typed = numbers("--seed", seed)
     start = None if typed is None else Units(degrees).of_joints(arm).read(typed)
     obstacles, kept = options.surroundings(scene, clearance)

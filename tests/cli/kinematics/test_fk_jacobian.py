@@ -40,3 +40,12 @@ def test_jacobian_agrees_with_python(run: Run) -> None:
     q = [float(angle) for angle in HOME]
     assert document["jacobian"] == robot.jacobian(q, "gripsite", "local").tolist()
     assert document["manipulability"] == robot.manipulability(q, "gripsite")
+
+
+def test_limits_and_fingers_of_ones_own(run: Run) -> None:
+    assert "broken by joint_1" in run("fk", *HOME, "--limit", "joint_1=0,1").out
+    tips = [
+        run("fk", *HOME, "--frame", "link_finger_tip_1", "--finger-angle", angle, "--json").document["position"]
+        for angle in ("0.2", "1.2")
+    ]
+    assert np.linalg.norm(np.subtract(*tips)) > 0.01  # [m]
