@@ -11,7 +11,7 @@ from jacokin.model import checks
 from jacokin.tasks.experts.arm import Arm
 from jacokin.tasks.experts.lift import lift_brick, lift_large_box
 from jacokin.tasks.experts.motions import Script
-from jacokin.tasks.experts.place import place
+from jacokin.tasks.experts.place import place_brick, place_cradle
 from jacokin.tasks.experts.reach import reach
 from jacokin.tasks.experts.stack import stack
 from jacokin.tasks.registry import TASKS
@@ -21,8 +21,8 @@ SCRIPTS: dict[str, Callable[[Arm], Script]] = {
     "lift_brick": lift_brick,
     "lift_large_box": lift_large_box,
     **{name: stack for name in TASKS if name.startswith("stack")},
-    "place_brick": place,
-    "place_cradle": place,
+    "place_brick": place_brick,
+    "place_cradle": place_cradle,
 }
 
 

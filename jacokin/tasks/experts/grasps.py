@@ -34,6 +34,7 @@ class Side:
 
     Attributes:
         fingers: their angle around the brick before they close [rad].
+        closed: their angle when they hold it [rad].
         steps: until they hold it.
         penalty: for a grip that is less firm [s].
         tilts: of the hand across the direction in which the fingers close, and around it [rad], the firmest first; each
@@ -41,6 +42,7 @@ class Side:
     """
 
     fingers: float
+    closed: float
     steps: int
     penalty: float
     tilts: tuple[tuple[float, float, tuple[float, ...]], ...]
@@ -50,12 +52,14 @@ _LITTLE_TILTED = ((0.0, 0.0), (0.15, 0.0), (-0.15, 0.0), (0.3, 0.0), (-0.3, 0.0)
 _SHORT_SHIFTS, _LONG_SHIFTS = (0.0, 0.01, -0.01, 0.02, -0.02), (0.0, 0.01, -0.01, 0.016, -0.016)
 SHORT = Side(
     fingers=WIDE,
+    closed=1.1,
     steps=9,
     penalty=0.0,
     tilts=tuple((tilt, lean, _SHORT_SHIFTS) for tilt, lean in (*_LITTLE_TILTED, (0.45, 0.0), (0.6, 0.0))),
 )
 LONG = Side(
     fingers=0.6,
+    closed=0.9,
     steps=14,
     penalty=0.4,
     tilts=(
@@ -110,7 +114,10 @@ def plan(
     """
     best, cost = None, np.inf
     for side in (SHORT,) if scene is None else (SHORT, LONG):
-        obstacles = None if scene is None else Scene(scene.obstacles, finger_angle=side.fingers)
+        opened, closed = (
+            None if scene is None else Scene(scene.obstacles, finger_angle=angle)
+            for angle in (side.fingers, side.closed)
+        )
         for at, penalty in poses(brick, side, straight=scene is None):
             before = motions.moved(at, -ABOVE * at.rotation[:, 2])
             for q in arm.configurations(before)[:4]:
@@ -119,11 +126,11 @@ def plan(
                 stops = arm.chain([at, *(motions.moved(at, way) for way in ways)], q, LONGEST_STEP)
                 if stops is None:
                     continue
-                room = np.inf if obstacles is None else arm.room(arm.way(q, *stops), obstacles)
+                room = min(_room(arm, opened, q, stops[0]), _room(arm, closed, *stops))
                 for way in _ways_to(arm, before, q, height):
                     value = arm.duration(arm.q, *way, stops[0]) + penalty
-                    if obstacles is not None and value < cost:
-                        value += HINDRANCE * max(0.0, ROOM - min(room, arm.room(arm.way(arm.q, *way), obstacles)))
+                    if value < cost:
+                        value += HINDRANCE * max(0.0, ROOM - min(room, _room(arm, opened, arm.q, *way)))
                     if value < cost:
                         best, cost = Grasp((*way, stops[0]), at, room, side), value
     return best
@@ -143,6 +150,13 @@ def poses(brick: pin.SE3, side: Side, straight: bool) -> Iterator[tuple[pin.SE3,
             middle = brick.translation + shift * sideways + up(lower)
             penalty = side.penalty + TILT_COST * (abs(tilt) + abs(lean)) + SHIFT_COST * abs(shift)
             yield pin.SE3(tool, middle - tool @ CENTRE), penalty
+
+
+def _room(arm: Arm, scene: Scene | None, *stops: Array) -> float:
+    """The least distance between the arm and obstacles on its way [m]."""
+    if scene is None:
+        return np.inf
+    return arm.room(arm.way(*stops) if len(stops) > 1 else stops[0][np.newaxis], scene)
 
 
 def _ways_to(arm: Arm, before: pin.SE3, q: Array, height: float) -> list[tuple[Array, ...]]:

@@ -18,12 +18,15 @@ Script = Iterator[Array]
 
 # [rad/s] of fingers that hold something: two against one, each of which the torque limit of 1 N m lets have 0.1 rad/s.
 GRIP = np.array((CLOSE, 0.05, 0.05))
+CLOSE_ALL = np.full(3, CLOSE)
+ALIKE = 0.12  # [rad] between the two fingers, if both hold something
 BRICK = "duplo2x4/"  # prefix of the observations of the first brick
 SQUEEZE = 2.0  # [rad] beyond the limits of the fingers: they squeeze
 STUCK_STEPS, STUCK = 5, 0.01  # an arm that moves less [rad] in so many steps is stopped by something
 AROUND = 0.08  # [m]
 SPEED = 0.35  # [m/s] of the tool along lines
 TURN = 1.0  # [rad/s]
+RAMP = 0.2  # [s] until a line has its full speed
 KEEPS_UP, LAG = 0.015, 0.04  # [m] of the tool behind the line, from where that slows down, and where it waits
 PATIENCE = 15  # steps of waiting, until it ends
 STILL = 0.002  # [m] and [rad] from the end of a line
@@ -64,7 +67,9 @@ def release(arm: Arm, steps: int) -> Script:
 
 
 def _fingers(arm: Arm, angle: float) -> Array:
-    return GRIP if angle > CLOSED else arm.fingers_to(angle)
+    if angle <= CLOSED:
+        return arm.fingers_to(angle)
+    return GRIP if abs(arm.fingers[1] - arm.fingers[2]) < ALIKE else CLOSE_ALL
 
 
 def go(arm: Arm, q: Array, fingers: float, *, tolerance: float = 0.01, around: bool = True) -> Script:
@@ -108,13 +113,14 @@ def move(
     turn = pin.log3(start.rotation.T @ pose.rotation)
     way = pose.translation - start.translation
     duration = max(float(np.linalg.norm(way)) / speed, float(np.linalg.norm(turn)) / TURN, CONTROL_TIMESTEP)
-    part, waited, now = 0.0, 0, start
+    part, waited, now, pace = 0.0, 0, start, 0.0
     while part < 1.0 and waited < PATIENCE:
         # The joints accelerate slowly, and each has its limit: the line waits for them.
         lag = float(np.linalg.norm(arm.pose.translation - now.translation)) + (0.0 if arm.is_stuck else arm.lag)
         rate = min(1.0, max(0.0, (LAG - lag) / (LAG - KEEPS_UP)))
         waited = waited + 1 if rate < 0.1 else 0
-        part = min(1.0, part + rate * CONTROL_TIMESTEP / duration)
+        pace = min(rate, pace + CONTROL_TIMESTEP / RAMP)
+        part = min(1.0, part + pace * CONTROL_TIMESTEP / duration)
         now = moved(start, part * way) * pin.SE3(pin.exp3(part * turn), np.zeros(3))
         yield arm.along(now, _fingers(arm, fingers))
     end = arm.chain([pose], arm.tracker.q, np.inf)

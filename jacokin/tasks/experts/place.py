@@ -15,7 +15,7 @@ from jacokin.tasks.experts.arm import CLOSED, OPEN, Arm
 from jacokin.tasks.experts.motions import BRICK, SQUEEZE, Script, up
 
 CLEAR = 0.07  # [m] of the brick's middle above the pedestal on its way
-REST = 0.032  # [m] of the brick's middle above the pedestal when it is released
+ON_BRICK, IN_CRADLE = 0.04, 0.032  # [m] of the brick's middle above the pedestal when it is released
 AWAY = 0.23  # [m] of the hand above the pedestal at the end
 IN_PLACE = 0.05  # [m] of the brick's origin from the target
 BESIDE = 0.125  # [m] between the axis of the pedestal and a brick that is lifted
@@ -29,14 +29,26 @@ DRAG_FROM = 0.008  # [m] from the middle of the brick, outwards
 PRESS = 0.024  # [m] height of the pinch site while the closed fingers press on a brick
 FREE = 0.155  # [m] between the axis of the pedestal and a brick that can be grasped from above
 OVER = 0.08  # [m] of the hand above the pedestal while it goes somewhere
-TOUCH = 0.003  # [m] that a brick moves in the hand when it touches something
+LOWERING = 0.12  # [m/s]
+TOUCH = 0.002  # [m] that a brick moves in the hand when it touches something
+RELIEF, RELIEF_STEPS = 0.006, 8  # [m] that the hand goes up again then
 _PILLAR = (0.07, 0.2)  # [m] radius and length of the pedestal
 _SPHERE, _OFFSET = 0.049, 0.0343  # [m] radius of the spheres of its cradle, and how far out and down they are
 _ORIGIN = np.array((0.0, 0.0, -0.0119))  # [m] of a brick from its middle
 
 
-def place(arm: Arm) -> Script:
-    """Put a brick on the pedestal, again if it falls."""
+def place_brick(arm: Arm) -> Script:
+    """Put a brick onto the one on the pedestal."""
+    return _place(arm, ON_BRICK)
+
+
+def place_cradle(arm: Arm) -> Script:
+    """Put a brick into the cradle on the pedestal."""
+    return _place(arm, IN_CRADLE)
+
+
+def _place(arm: Arm, rest: float) -> Script:
+    """Put a brick on the pedestal, again if it falls; it is released at some height above it [m]."""
     target = arm.get("pedestal/position", 3)
     scene = pillar(target)
     has_failed = False
@@ -66,7 +78,7 @@ def place(arm: Arm) -> Script:
             if not grasps.holds(arm, arm.prop(BRICK)):
                 break
         else:
-            yield from _put(arm, target)
+            yield from _put(arm, target, rest)
         if not grasps.holds(arm, arm.prop(BRICK)):
             has_failed = True
             yield from motions.move(arm, motions.moved(arm.pose, up(0.05)), grasps.WIDE, tolerance=0.02)
@@ -107,7 +119,7 @@ def _ways(brick: Array, target: Array) -> list[Array]:
     return [aside + up(STEP_ASIDE), aside + up(target[2] + CLEAR - brick[2])]
 
 
-def _put(arm: Arm, target: Array) -> Script:
+def _put(arm: Arm, target: Array, rest: float) -> Script:
     """Carry the brick over the pedestal, level it, lower it and let it go."""
     brick = arm.prop(BRICK)
     T_brick_tool = brick.inverse() * arm.pose
@@ -116,17 +128,20 @@ def _put(arm: Arm, target: Array) -> Script:
     for yaw in YAWS:
         above = pin.SE3(pin.utils.rotate("z", yaw) @ level, target + up(CLEAR)) * T_brick_tool
         for q in arm.configurations(above)[:4]:
-            below = arm.chain([motions.moved(above, up(REST - CLEAR))], q, grasps.LONGEST_STEP)
+            below = arm.chain([motions.moved(above, up(rest - CLEAR))], q, grasps.LONGEST_STEP)
             if below is not None and arm.durations(q[None], arm.q)[0] < cost:
-                best, cost = (q, motions.moved(above, up(REST - CLEAR))), float(arm.durations(q[None], arm.q)[0])
+                best, cost = (q, motions.moved(above, up(rest - CLEAR))), float(arm.durations(q[None], arm.q)[0])
     if best is None:
         return
     yield from motions.go(arm, best[0], SQUEEZE, tolerance=0.02)
     T_tool_brick = arm.pose.inverse() * arm.prop(BRICK)
-    for action in motions.move(arm, best[1], SQUEEZE, speed=0.15, settle=5):
+    for action in motions.move(arm, best[1], SQUEEZE, speed=LOWERING, settle=5):
         yield action
         moved = arm.pose.inverse() * arm.prop(BRICK)
         if np.linalg.norm(moved.translation - T_tool_brick.translation) > TOUCH:
+            # What presses on something jumps when it is let go.
+            height = arm.pose.translation[2] + RELIEF - best[1].translation[2]
+            yield from motions.move(arm, motions.moved(best[1], up(height)), SQUEEZE, settle=RELIEF_STEPS)
             break
     yield from motions.release(arm, RELEASE_STEPS)
 
