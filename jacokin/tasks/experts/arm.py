@@ -20,7 +20,8 @@ from jacokin.mujoco_bridge import robots
 from jacokin.tasks.gym.controls import FRAME
 from jacokin.tasks.task import CONTROL_TIMESTEP
 
-GAIN = 8.0  # [1/s] velocity per position error
+GAIN = 8.0  # [1/s] velocity per position error of the tracker
+END_GAIN, SLOWING = 15.0, 2.0  # [1/s], [rad/s^2] velocity near the end of a motion, and how fast it slows down before
 VELOCITY_GAIN = 500.0  # [N m s/rad] of the arm's actuators
 ARM, HAND = "jaco_arm/", "jaco_arm/jaco_hand/"
 OPEN, CLOSED = 0.15, 1.35  # [rad] limits of the fingers
@@ -137,8 +138,8 @@ class Arm:
             speed: part of the joints' velocity limits to use.
         """
         error = nearest_copy(q, self.q, self.robot.unlimited) - self.q
-        limit = speed * np.asarray(self.robot.velocity_limit)
-        velocity = GAIN * error
+        limit = np.minimum(speed * np.asarray(self.robot.velocity_limit), np.sqrt(2.0 * SLOWING * np.abs(error)) + 1e-9)
+        velocity = END_GAIN * error
         velocity /= max(1.0, float(np.abs(velocity / limit).max()))
         return self._action(velocity, fingers)
 

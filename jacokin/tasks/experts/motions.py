@@ -26,7 +26,6 @@ STUCK_STEPS, STUCK = 5, 0.01  # an arm that moves less [rad] in so many steps is
 AROUND = 0.08  # [m]
 SPEED = 0.35  # [m/s] of the tool along lines
 TURN = 1.0  # [rad/s]
-RAMP = 0.2  # [s] until a line has its full speed
 KEEPS_UP, LAG = 0.015, 0.04  # [m] of the tool behind the line, from where that slows down, and where it waits
 PATIENCE = 15  # steps of waiting, until it ends
 STILL = 0.002  # [m] and [rad] from the end of a line
@@ -96,7 +95,14 @@ def go(arm: Arm, q: Array, fingers: float, *, tolerance: float = 0.01, around: b
 
 
 def move(
-    arm: Arm, pose: pin.SE3, fingers: float, *, speed: float = SPEED, tolerance: float = STILL, settle: int = 15
+    arm: Arm,
+    pose: pin.SE3,
+    fingers: float,
+    *,
+    speed: float = SPEED,
+    ramp: float = 0.0,
+    tolerance: float = STILL,
+    settle: int = 15,
 ) -> Script:
     """Move the pinch site to a pose in the world along a straight line.
 
@@ -105,6 +111,7 @@ def move(
         pose: T_world_tool at the end.
         fingers: their angle [rad]; they squeeze if it is beyond their limits.
         speed: of the tool [m/s].
+        ramp: time until it has this speed [s].
         tolerance: to the end, where the motion may stop [m], [rad].
         settle: steps at most from when the line has ended.
     """
@@ -119,7 +126,7 @@ def move(
         lag = float(np.linalg.norm(arm.pose.translation - now.translation)) + (0.0 if arm.is_stuck else arm.lag)
         rate = min(1.0, max(0.0, (LAG - lag) / (LAG - KEEPS_UP)))
         waited = waited + 1 if rate < 0.1 else 0
-        pace = min(rate, pace + CONTROL_TIMESTEP / RAMP)
+        pace = min(rate, pace + CONTROL_TIMESTEP / max(ramp, CONTROL_TIMESTEP))
         part = min(1.0, part + pace * CONTROL_TIMESTEP / duration)
         now = moved(start, part * way) * pin.SE3(pin.exp3(part * turn), np.zeros(3))
         yield arm.along(now, _fingers(arm, fingers))

@@ -29,7 +29,7 @@ DRAG_FROM = 0.008  # [m] from the middle of the brick, outwards
 PRESS = 0.024  # [m] height of the pinch site while the closed fingers press on a brick
 FREE = 0.155  # [m] between the axis of the pedestal and a brick that can be grasped from above
 OVER = 0.08  # [m] of the hand above the pedestal while it goes somewhere
-LOWERING = 0.12  # [m/s]
+LOWERING, RAMP = 0.12, 0.2  # [m/s], [s] the joints accelerate differently, and the brick would leave its way
 TOUCH = 0.002  # [m] that a brick moves in the hand when it touches something
 RELIEF, RELIEF_STEPS = 0.006, 8  # [m] that the hand goes up again then
 _PILLAR = (0.07, 0.2)  # [m] radius and length of the pedestal
@@ -135,7 +135,7 @@ def _put(arm: Arm, target: Array, rest: float) -> Script:
         return
     yield from motions.go(arm, best[0], SQUEEZE, tolerance=0.02)
     T_tool_brick = arm.pose.inverse() * arm.prop(BRICK)
-    for action in motions.move(arm, best[1], SQUEEZE, speed=LOWERING, settle=5):
+    for action in motions.move(arm, best[1], SQUEEZE, speed=LOWERING, ramp=RAMP, settle=5):
         yield action
         moved = arm.pose.inverse() * arm.prop(BRICK)
         if np.linalg.norm(moved.translation - T_tool_brick.translation) > TOUCH:

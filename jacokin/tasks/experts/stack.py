@@ -22,6 +22,7 @@ HIGH = 0.06  # [m] of a brick on its way
 CLICK = 0.0008  # [m] sum of distances of two holes from their places, below which a brick has clicked
 HOLE = np.array((0.008, 0.024, -0.0073))  # [m] one of the outermost holes, from the middle of a brick
 ALIGNMENTS = 3
+ALIGNED = 0.0005  # [m] the same sum, below which a brick above its place may be pressed down
 REGULAR, SINGULAR_COST = 0.08, 30.0  # least singular value of a configuration without penalty; [s] per what is missing
 RELEASED = 0.75  # [rad] of fingers that do not touch a brick
 FIST = 0.012  # [m] of the pinch site above what the closed fingers press on
@@ -114,7 +115,7 @@ def _click(arm: Arm, below: str, above: str) -> Script:
     yield from motions.move(arm, tool, SQUEEZE, tolerance=0.001, settle=10)
     for _ in range(ALIGNMENTS):
         wanted = motions.moved(goal, up(HOVER))
-        if _apart(wanted, arm.prop(above)) < CLICK:
+        if _apart(wanted, arm.prop(above)) < ALIGNED:
             break
         tool = wanted * arm.prop(above).inverse() * tool
         yield from motions.move(arm, tool, SQUEEZE, tolerance=0.0, settle=6)
