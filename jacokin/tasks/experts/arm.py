@@ -40,6 +40,7 @@ class Arm:
         lag: of the tracker behind its target [m].
         is_stuck: whether the tracker cannot get nearer.
         fingers: (3,) their angles [rad].
+        grip: (3,) their angles when they had closed for the last time [rad].
     """
 
     def __init__(self) -> None:
@@ -48,6 +49,7 @@ class Arm:
         self.solver = jacokin.IKSolver(self.robot, FRAME)
         self.tracker = jacokin.Tracker(self.robot, FRAME, dt=CONTROL_TIMESTEP)
         self.lag, self.is_stuck = 0.0, False
+        self.grip: Array = np.full(3, CLOSED)
         self._observation: Mapping[str, Any] = {}
         self._data = self.robot.pin_model.createData()
 
@@ -164,9 +166,9 @@ class Arm:
         """Whether the joints are at a configuration [rad]."""
         return bool(np.abs(nearest_copy(q, self.q, self.robot.unlimited) - self.q).max() < tolerance)
 
-    def fingers_to(self, angle: float) -> Array:
-        """Velocities that move the fingers to an angle."""
-        return FINGER_GAIN * (angle - self.fingers)
+    def fingers_to(self, angle: ArrayLike) -> Array:
+        """Velocities that move the fingers to an angle, or each to its own."""
+        return FINGER_GAIN * (np.asarray(angle) - self.fingers)
 
 
 def in_base(T_world_tool: pin.SE3) -> pin.SE3:

@@ -16,10 +16,6 @@ from jacokin.tasks.task import CONTROL_TIMESTEP
 
 Script = Iterator[Array]
 
-# [rad/s] of fingers that hold something: two against one, each of which the torque limit of 1 N m lets have 0.1 rad/s.
-GRIP = np.array((CLOSE, 0.05, 0.05))
-CLOSE_ALL = np.full(3, CLOSE)
-ALIKE = 0.12  # [rad] between the two fingers, if both hold something
 BRICK = "duplo2x4/"  # prefix of the observations of the first brick
 SQUEEZE = 2.0  # [rad] beyond the limits of the fingers: they squeeze
 STUCK_STEPS, STUCK = 5, 0.01  # an arm that moves less [rad] in so many steps is stopped by something
@@ -57,7 +53,8 @@ def hold(arm: Arm, fingers: float, steps: int) -> Script:
 
 def close(arm: Arm, steps: int) -> Script:
     """Squeeze."""
-    return hold(arm, CLOSE, steps)
+    yield from hold(arm, CLOSE, steps)
+    arm.grip = arm.fingers.copy()
 
 
 def release(arm: Arm, steps: int) -> Script:
@@ -66,9 +63,10 @@ def release(arm: Arm, steps: int) -> Script:
 
 
 def _fingers(arm: Arm, angle: float) -> Array:
+    """Velocities that move the fingers to an angle; if it is beyond their limits, the thumb squeezes."""
     if angle <= CLOSED:
         return arm.fingers_to(angle)
-    return GRIP if abs(arm.fingers[1] - arm.fingers[2]) < ALIKE else CLOSE_ALL
+    return np.concatenate(((CLOSE,), arm.fingers_to(arm.grip)[1:]))
 
 
 def go(arm: Arm, q: Array, fingers: float, *, tolerance: float = 0.01, around: bool = True) -> Script:

@@ -27,6 +27,8 @@ REGULAR, SINGULAR_COST = 0.08, 30.0  # least singular value of a configuration w
 RELEASED = 0.75  # [rad] of fingers that do not touch a brick
 FIST = 0.012  # [m] of the pinch site above what the closed fingers press on
 PRESS = 0.025  # [m] deeper than its surface, for the force
+END, LEVEL = np.array((0.0, 0.016, 0.0)), 0.0003  # [m] where to press on a brick that is not level
+PRESSES, LIFTED = 3, 0.015  # how often; [m] of the closed fingers between
 RELEASE_STEPS, FIST_STEPS = 9, 9
 
 
@@ -125,10 +127,22 @@ def _click(arm: Arm, below: str, above: str) -> Script:
         yield from motions.move(arm, motions.moved(arm.pose, up(HIGH)), OPEN, tolerance=0.03)
         return
     yield from motions.release(arm, RELEASE_STEPS)
+    yield from _press(arm, below, above)
+
+
+def _press(arm: Arm, below: str, above: str) -> Script:
+    """Press on a brick with the closed fingers, where it is highest, until it has clicked."""
     yield from motions.move(arm, motions.moved(arm.pose, up(0.04)), RELEASED, tolerance=0.01, settle=4)
     yield from motions.close(arm, FIST_STEPS)
-    top = arm.prop(above).translation + up(FIST)
-    tool = pin.SE3(arm.pose.rotation, top - arm.pose.rotation @ grasps.CENTRE)
-    yield from motions.move(arm, motions.moved(tool, up(0.015)), CLOSED, tolerance=0.003, settle=6)
-    yield from motions.move(arm, motions.moved(tool, up(-PRESS)), CLOSED, speed=0.15, settle=8)
+    for left in reversed(range(PRESSES + 1)):
+        brick = arm.prop(above)
+        spots = [brick.act(part * END) for part in (0.0, 1.0, -1.0)]
+        on = max(spots, key=lambda spot: float(spot[2]))
+        if on[2] - spots[0][2] < LEVEL:
+            on = spots[0]
+        tool = pin.SE3(arm.pose.rotation, on + up(FIST) - arm.pose.rotation @ grasps.CENTRE)
+        yield from motions.move(arm, motions.moved(tool, up(LIFTED)), CLOSED, tolerance=0.003, settle=6)
+        if has_clicked(arm, below, above) or not left:  # not before: a brick that is pressed on is too low
+            break
+        yield from motions.move(arm, motions.moved(tool, up(-PRESS)), CLOSED, speed=0.15, settle=8)
     yield from motions.move(arm, motions.moved(tool, up(HIGH)), CLOSED, tolerance=0.03)
