@@ -19,7 +19,7 @@ from jacokin.model.descriptions import bundled
 
 PACKAGE = Path(jacokin.__file__).parent
 REPOSITORY = Path(__file__).parents[1]
-LAYERS = {"model": 0, "ik": 1, "reachability": 2, "mujoco_bridge": 2, "tasks": 3, "viewer": 4, "cli": 5}
+LAYERS = {"chunks": 0, "model": 0, "ik": 1, "reachability": 2, "mujoco_bridge": 2, "tasks": 3, "viewer": 4, "cli": 5}
 HEAVY = (
     "mujoco",
     "mink",

@@ -100,12 +100,12 @@ class Planned:
         ticks = u
         for _ in range(ATTEMPTS):
             if settings.acceleration is None:
-                pace = pacing.within_speed(u, q, least, settings.velocity, part)
+                schedule = pacing.within_speed(u, q, least, settings.velocity, part)
             else:
                 velocity, acceleration = part * settings.velocity, pacing.ACCELERATION_USED * settings.acceleration
                 stops = self._corners(u, q, least)
-                pace = pacing.within_acceleration(u, q, least, velocity, acceleration, stops, top_speed)
-            ticks = pace.ticks(settings.dt)
+                schedule = pacing.within_acceleration(u, q, least, velocity, acceleration, stops, top_speed)
+            ticks = schedule.ticks(settings.dt)
             there = curve.at(ticks)[0][:, : self._manifold.dof]
             v = np.diff(there, axis=0) / settings.dt
             fast = float((np.abs(v) / settings.velocity).max())
@@ -114,9 +114,9 @@ class Planned:
             hard = self._hard(v)
             if fast <= 1.0 and (hard <= 1.0).all():
                 break
-            if pace.speed is None:
+            if schedule.speed is None:
                 continue
-            speed, slower = np.maximum(pace.speed[:-1], pace.speed[1:]), top_speed.copy()
+            speed, slower = np.maximum(schedule.speed[:-1], schedule.speed[1:]), top_speed.copy()
             for tick in np.flatnonzero(hard > 1.0).tolist():  # slower where ticks gain or lose speed too quickly
                 near = (u[1:] >= ticks[max(tick - 1, 0)]) & (u[:-1] <= ticks[min(tick + 1, len(ticks) - 1)])
                 slower[near] = np.minimum(slower[near], max(LEAST_EASED, EASED / hard[tick]) * speed[near].max())

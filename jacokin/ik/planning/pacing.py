@@ -20,7 +20,7 @@ TINY = 1e-12
 
 
 @dataclass(frozen=True, slots=True)
-class Pace:
+class Schedule:
     """When each knot is passed.
 
     Attributes:
@@ -47,7 +47,7 @@ class Pace:
         return np.maximum.accumulate(np.clip(found, self.u[i], self.u[i + 1]))
 
 
-def within_speed(u: Array, q: Array, least: Array, velocity: Array, part: float) -> Pace:
+def within_speed(u: Array, q: Array, least: Array, velocity: Array, part: float) -> Schedule:
     """Each interval takes the time that was asked for, or the longer one that the joints need.
 
     Args:
@@ -58,7 +58,7 @@ def within_speed(u: Array, q: Array, least: Array, velocity: Array, part: float)
         part: of the limits that is used.
     """
     needed = (np.abs(np.diff(q, axis=0)) / (part * velocity)).max(axis=1)
-    return Pace(u, np.append(0.0, np.cumsum(np.maximum(least, needed))))
+    return Schedule(u, np.append(0.0, np.cumsum(np.maximum(least, needed))))
 
 
 def within_acceleration(
@@ -69,7 +69,7 @@ def within_acceleration(
     acceleration: Array,
     stops: NDArray[np.bool_],
     top_speed: Array,
-) -> Pace:
+) -> Schedule:
     """From rest to rest within velocity and acceleration limits.
 
     Args:
@@ -105,7 +105,7 @@ def within_acceleration(
     speed = np.sqrt(x)
     total = speed[:-1] + speed[1:]
     times = 2.0 * h / np.maximum(total, TINY)
-    return Pace(u, np.append(0.0, np.cumsum(times)), speed)
+    return Schedule(u, np.append(0.0, np.cumsum(times)), speed)
 
 
 def _controllable(h: Array, high: Array, tilt: Array, top: Array) -> Array:
