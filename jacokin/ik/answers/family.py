@@ -109,6 +109,13 @@ def _candidates(found: Findings, seed: Array, cost: Cost, *, several: bool) -> I
 def _failure(found: Findings, verifier: Verifier, request: Request, closest: Callable[[], ClosestSearch]) -> IKResult:
     """Why there is no member; with the closest configuration, if it is wanted."""
     mildest = found.mildest()
+    if mildest is not None and not mildest.excess.any():
+        q, p = found.members.copies(mildest.q, request.seed), mildest.parameter
+        errors, pairs = verifier.measure(q, found.members.pose_at(p)), verifier.touching(q)
+        if verifier.reached(q, errors) and not (pairs and verifier.rejects_contact):
+            p = p if isinstance(found.members.target, FreeAxis) else found.members.parameter(q)
+            message = request.message(f"parameter {p:.6g} rad")
+            return replace(verifier.result(q, Status.OK, errors, message, touching=pairs), parameter=p)
     outcome = diagnosis.of_family(found.family.complete, found.family.branches, mildest, verifier.robot.joint_names)
     target = found.members.target
     p = _inside(target, 0.0 if mildest is None else mildest.parameter)

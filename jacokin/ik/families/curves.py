@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +17,7 @@ from jacokin.ik.closed_form.curves.curve_family import (
     FIND_NEAREST,
     FIND_NEAREST_ON_RUN,
 )
+from jacokin.ik.closed_form.curves.slices import SLICES
 from jacokin.ik.closed_form.kernel_library import CurveCall
 from jacokin.ik.families import pieces
 from jacokin.ik.families.pieces import Found
@@ -28,6 +30,8 @@ FREE_AXIS, JOINT_3 = 6, 2
 SLICES_SIX, SLICES_SEVEN = 96, 48
 #: [rad] where they begin: no structured pose has a fold or a limit just there, nor a window in the gap before it.
 FIRST_SLICE = -math.pi + 1.2345
+#: [rad] values nearer to each other are solved at once, and how many there may be: room is left for those of `gaps`.
+SAME_SLICE, MOST_SLICES = 1e-3, SLICES - 16
 
 
 class Arm(NamedTuple):
@@ -76,9 +80,9 @@ class Curves:
         chain[7, :, :3] = align.T
         return Problem(self._arm, chain, T, axis)
 
-    def find(self, problem: Problem, target: FreeAxis | None = None) -> Found:
-        """All pieces of the curves of a problem, in the range of a target."""
-        call = self._prepared(problem, target)
+    def find(self, problem: Problem, target: FreeAxis | None = None, also: Sequence[float] = ()) -> Found:
+        """All pieces of the curves of a problem, in the range of a target; `also` are parameters to solve at too."""
+        call = self._prepared(problem, target, also)
         call.work.options[0] = FIND_INTERVALS
         found = pieces.read(call.work, call())
         self._idle.append(call)
@@ -117,11 +121,12 @@ class Curves:
         self._idle.append(call)
         return x
 
-    def _prepared(self, problem: Problem, target: FreeAxis | None) -> CurveCall:
+    def _prepared(self, problem: Problem, target: FreeAxis | None, also: Sequence[float] = ()) -> CurveCall:
         """A call with everything about a problem filled in."""
         call = self._take(SLICES_SIX if problem.arm.parameter == FREE_AXIS else SLICES_SEVEN)
         work, arm = call.work, problem.arm
         values, closed = _slices(arm.parameter, target)
+        values = _with(values, also)
         self._fill(call, problem)
         if arm.parameter == FREE_AXIS:
             work.six.chain[:] = arm.chain
@@ -195,6 +200,15 @@ def _slices(parameter: int, target: FreeAxis | None) -> tuple[Array, bool]:
         return np.asarray(FIRST_SLICE + TURN / slices * np.arange(slices)), True
     low, high = target.range
     return np.linspace(low, high, 2 + math.ceil(slices * (high - low) / TURN)), False
+
+
+def _with(values: Array, also: Sequence[float]) -> Array:
+    """Rising values with some more between them, in their copies there, as many as there is room for."""
+    for p in also:
+        moved = p - TURN * math.floor((p - values[0]) / TURN)
+        if moved < values[-1] and np.abs(values - moved).min() > SAME_SLICE and len(values) < MOST_SLICES:
+            values = np.sort(np.append(values, moved))
+    return values
 
 
 def _frame_with_z(z: Array) -> Array:

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+import pinocchio as pin
+
 from jacokin.arrays import Array
 from jacokin.errors import JacokinError
 from jacokin.ik.targets import TargetPose
@@ -14,6 +17,8 @@ from jacokin.model.robot import Robot
 
 #: [m] and [rad]; members of a family close this well.
 MEMBER_CLOSURE = 1e-9
+#: Gauss-Newton steps for what closes worse, and the relative size of motions that they leave out.
+SETTLING_STEPS, NO_MOTION = 4, 1e-4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,9 +58,25 @@ class Members:
             JacokinError: it does not, which cannot happen.
         """
         errors = self.verifier.measure(q, self.pose_at(parameter))
+        if max(errors) > MEMBER_CLOSURE:  # a joint that is near its limit all along, moved onto it
+            q = self._settled(q, parameter)
+            errors = self.verifier.measure(q, self.pose_at(parameter))
         if max(errors) > MEMBER_CLOSURE or not self.robot.within_limits(q):
             raise JacokinError(
                 f"internal error: a member of a family misses its target by {errors[0]:.3g} m and "
                 f"{errors[1]:.3g} rad, please report it"
             )
         return q
+
+    def _settled(self, q: Array, parameter: float) -> Array:
+        """A configuration (dof,) brought nearer to the target by the joints that are not on a limit."""
+        robot, pose = self.robot, self.pose_at(parameter)
+        held = (q == robot.lower) | (q == robot.upper)
+        goal = pin.SE3(pose.rotation, pose.position)
+        for _ in range(SETTLING_STEPS):
+            error = pin.log6(self.verifier.tool_pose(q).actInv(goal)).vector
+            moving = np.where(held, 0.0, robot.jacobian(q, frame=self.verifier.frame, reference="local"))
+            if self.verifier.tool is not None:
+                moving = self.verifier.tool.toActionMatrixInverse() @ moving
+            q = q + np.linalg.pinv(moving, rcond=NO_MOTION) @ error
+        return self.copies(q, q)

@@ -15,10 +15,12 @@ from jacokin.ik.closed_form.solver import ClosedForm
 from jacokin.ik.diagnosis import Mildest
 from jacokin.ik.families import pieces
 from jacokin.ik.families.curves import FREE_AXIS, JOINT_3, Curves, Problem, arm_of
+from jacokin.ik.families.edge import Edge, Point
 from jacokin.ik.families.family import Family
 from jacokin.ik.families.interval import Interval, IntervalEnd
-from jacokin.ik.families.members import Members
-from jacokin.ik.families.tracks import CircleTrack, CurveTrack, Track
+from jacokin.ik.families.members import MEMBER_CLOSURE, Members
+from jacokin.ik.families.pieces import Piece
+from jacokin.ik.families.tracks import CircleTrack, CurveTrack, PointTrack, Track
 from jacokin.ik.targets import TargetPose
 from jacokin.ik.verification import Verifier
 from jacokin.model import angles
@@ -28,6 +30,8 @@ from jacokin.model.robot import Robot
 
 #: Sine and [m]: a free axis this near to the axis of the last joint is that axis. Members close to 1e-9 all the same.
 SAME_AXIS = 1e-10
+#: [rad] of the parameter: curves that are all shorter are looked at as points; the second one where some were lost.
+SMALL, SMALL_LOST = 1e-5, 1e-3
 
 
 class Findings(NamedTuple):
@@ -41,13 +45,13 @@ class Findings(NamedTuple):
 class SixJointFamilies:
     """Families of a six-joint arm whose tool may turn about an axis."""
 
-    __slots__ = ("_curves", "_form", "_tool_in_joint_6", "_verifier")
+    __slots__ = ("_curves", "_edge", "_form", "_tool_in_joint_6", "_verifier")
 
     def __init__(self, form: ClosedForm, verifier: Verifier) -> None:
         """Take the closed form of the arm."""
         chain, constants, _ = form.constants
         robot = verifier.robot
-        self._form, self._verifier = form, verifier
+        self._form, self._verifier, self._edge = form, verifier, Edge(verifier)
         self._tool_in_joint_6 = chain[6]
         self._curves = Curves(arm_of(FREE_AXIS, chain, constants, robot.lower, robot.upper))
 
@@ -57,7 +61,7 @@ class SixJointFamilies:
         sign = self._sign_of_last_axis(target.axis)
         if sign != 0.0:
             return self._about_last_axis(target, members, sign)
-        return on_curves(self._curves, self._curves.problem(target.matrix, target.axis), members)
+        return on_curves(self._curves, self._curves.problem(target.matrix, target.axis), members, self._edge)
 
     def nearest(self, target: FreeAxis, seed: Array) -> tuple[Array, float] | None:
         """The member (6,) nearest to a seed and its parameter [rad]; None where only `find` can tell."""
@@ -111,13 +115,13 @@ class SixJointFamilies:
                 intervals.append(Interval(members, CircleTrack(q, sign, start, stop), branch, reasons))
         complete = not (table.dropped or table.family.any())
         family = Family(tuple(intervals), members, branches=len(table), complete=complete)
-        return Findings(family, members, lambda: _mildest(tracks, robot))
+        return Findings(family, members, lambda: _mildest(tracks, robot, exact=True))
 
 
 class SevenJointFamilies:
     """Families of a seven-joint arm at full poses; the parameter is joint 3."""
 
-    __slots__ = ("_curves", "_verifier", "misfit")
+    __slots__ = ("_curves", "_edge", "_verifier", "misfit")
 
     def __init__(self, verifier: Verifier) -> None:
         """Measure the structure of the arm.
@@ -127,13 +131,14 @@ class SevenJointFamilies:
         """
         robot = verifier.robot
         geometry = measure_seven(robot.pin_model, verifier.frame_id, verifier.tool)
-        self._verifier = verifier
+        self._verifier, self._edge = verifier, Edge(verifier)
         self.misfit = geometry.misfit
         self._curves = Curves(arm_of(JOINT_3, geometry.chain, geometry.arm, robot.lower, robot.upper))
 
     def find(self, target: TargetPose, seed: Array) -> Findings:
         """Everything that reaches a pose; unlimited joints in the copies nearest to a seed (7,)."""
-        return on_curves(self._curves, self._curves.problem(target.matrix), Members(self._verifier, target, seed))
+        members = Members(self._verifier, target, seed)
+        return on_curves(self._curves, self._curves.problem(target.matrix), members, self._edge)
 
     def nearest(self, target: TargetPose, seed: Array) -> tuple[Array, float] | None:
         """The member (7,) nearest to a seed and its joint 3 [rad]; None where only `find` can tell."""
@@ -164,12 +169,24 @@ def _turns_of_joint_6(
     return found
 
 
-def on_curves(curves: Curves, problem: Problem, members: Members) -> Findings:
+def on_curves(curves: Curves, problem: Problem, members: Members, edge: Edge) -> Findings:
     """Everything on the solution curves of a problem."""
     robot, target = members.robot, members.target
     axis = target if isinstance(target, FreeAxis) else None
     found = curves.find(problem, axis)
     closed = axis is None or axis.full_turn
+    small = _is_small(found.arcs, problem.arm.parameter, SMALL if found.complete else SMALL_LOST)
+    if small or not found.complete:
+        stuck = edge.holds(found.arcs, problem, axis)
+        pieces_kept = [piece for piece in found.pieces if _closes(piece, members, problem.arm.parameter)]
+        found = found._replace(pieces=pieces_kept, complete=found.complete and len(pieces_kept) == len(found.pieces))
+        if not pieces_kept or (small and stuck):
+            sight = edge.look(curves, problem, axis)
+            if sight.parameters:
+                found = curves.find(problem, axis, sight.parameters)
+            points = _on_edge(sight.points, members, complete=stuck)
+            if len(points.family) or (points.family.branches and stuck):
+                return points
     intervals = []
     for piece in sorted(found.pieces, key=lambda piece: (piece.branch, piece.ends[0, problem.arm.parameter])):
         ends = (_end(piece.codes[0], robot), _end(piece.codes[1], robot))
@@ -178,13 +195,38 @@ def on_curves(curves: Curves, problem: Problem, members: Members) -> Findings:
 
     def mildest() -> Mildest | None:
         whole = [pieces.whole(arc, branch) for branch, arc in enumerate(found.arcs)]
-        return _mildest([CurveTrack(curves, problem, piece, closed) for piece in whole], robot)
+        return _mildest([CurveTrack(curves, problem, piece, closed) for piece in whole], robot, exact=found.complete)
 
     return Findings(family, members, mildest)
 
 
-def _mildest(tracks: Sequence[Track], robot: Robot) -> Mildest | None:
-    """Where tracks come nearest to the limits."""
+def _is_small(arcs: Sequence[Array], parameter: int, length: float) -> bool:
+    """Whether all curves are shorter than a length [rad] of the parameter."""
+    return all(abs(nodes[-1, parameter] - nodes[0, parameter]) < length for nodes in arcs)
+
+
+def _closes(piece: Piece, members: Members, parameter: int) -> bool:
+    """Whether both ends of a piece reach the target."""
+    dof = members.robot.dof
+    errors = [members.verifier.measure(x[:dof], members.pose_at(float(x[parameter]))) for x in piece.ends]
+    return max(map(max, errors)) <= MEMBER_CLOSURE
+
+
+def _on_edge(points: Sequence[Point], members: Members, *, complete: bool) -> Findings:
+    """What reaches a target at single points."""
+    intervals = []
+    for branch, point in enumerate(points):
+        closure = max(members.verifier.measure(point.q, members.pose_at(point.parameter)))
+        if closure <= MEMBER_CLOSURE and not point.excess.any():
+            track = PointTrack(point.q, point.parameter)
+            intervals.append(Interval(members, track, branch, (IntervalEnd("fold"), IntervalEnd("fold"))))
+    family = Family(tuple(intervals), members, branches=len(points), complete=complete)
+    mildest = Mildest(points[0].q, points[0].excess, points[0].parameter) if points else None
+    return Findings(family, members, lambda: mildest)
+
+
+def _mildest(tracks: Sequence[Track], robot: Robot, *, exact: bool) -> Mildest | None:
+    """Where tracks come nearest to the limits; not `exact` to about 1e-3 rad, where points of a curve may be lost."""
     bounded = robot.upper - robot.lower < TURN
     lower, upper = np.where(bounded, robot.lower, -np.inf), np.where(bounded, robot.upper, np.inf)
 
@@ -192,15 +234,21 @@ def _mildest(tracks: Sequence[Track], robot: Robot) -> Mildest | None:
         beyond: Array = np.abs(angles.wrap_to_pi(rows - angles.into_limits(rows, lower, upper)))
         return beyond
 
-    best: tuple[float, Track, float] | None = None
+    best: tuple[float, float, Array] | None = None
     for track in tracks:
-        at = least(lambda rows: excess(rows).max(axis=1), *track.guesses(), track.joints)
-        worst = float(excess(track.joints(at)).max())
+        if exact:
+            at = least(lambda rows: excess(rows).max(axis=1), *track.guesses(), track.joints)
+            p, q = track.point(at)
+        else:
+            parameters, rows = track.polyline()
+            index = int(excess(rows).max(axis=1).argmin())
+            p, q = float(parameters[index]), rows[index]
+        worst = float(excess(q).max())
         if best is None or worst < best[0]:
-            best = (worst, track, at)
+            best = (worst, p, q)
     if best is None:
         return None
-    parameter, q = best[1].point(best[2])
+    _, parameter, q = best
     return Mildest(angles.into_limits(q, robot.lower, robot.upper), excess(q), parameter)
 
 

@@ -175,3 +175,33 @@ class CircleTrack(Track):
     def polyline(self) -> tuple[Array, Array]:
         """See `Track`."""
         return self.guesses()
+
+
+class PointTrack(Track):
+    """A single configuration; the coordinate is the parameter."""
+
+    __slots__ = ("_q", "start", "stop")
+
+    def __init__(self, q: Array, parameter: float) -> None:
+        """Take the configuration (dof,)."""
+        self._q, self.start, self.stop = q, parameter, parameter
+
+    def at(self, parameter: float) -> Array:
+        """See `Track`."""
+        return self._q
+
+    def point(self, coordinate: float) -> tuple[float, Array]:
+        """See `Track`."""
+        return self.start, self._q
+
+    def nearest(self, seed: Array) -> tuple[float, Array] | None:
+        """See `Track`."""
+        return self.start, self._q
+
+    def guesses(self) -> tuple[Array, Array]:
+        """See `Track`."""
+        return np.array([self.start]), self._q[np.newaxis]
+
+    def polyline(self) -> tuple[Array, Array]:
+        """See `Track`."""
+        return self.guesses()

@@ -1,0 +1,239 @@
+"""Targets on the edge of reach, where the curves of a family have shrunk to points: the arm stretched out, say.
+
+No value of the parameter that is solved at meets such a point but by chance. Where nothing was found, the target is
+moved a little to and fro: on one side of the edge there are curves. As the target moves on they shrink, and the point
+they shrink to is found by Newton's method: with errors e(x) of the configuration x from the target, Jacobian J(x) and
+the direction d of the move,
+
+    e(x) + s d = 0,    J(x)^T u = 0,    d.u = 1.
+
+It reaches the target itself where s = 0; u is the normal of the edge.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from jacokin.arrays import Array
+from jacokin.ik.closest.chain import Chain, angle_and_axis, cross
+from jacokin.ik.diagnosis import Reach
+from jacokin.ik.families.curves import JOINT_3, Curves, Problem
+from jacokin.ik.families.members import MEMBER_CLOSURE
+from jacokin.ik.options import ORIENTATION_TOLERANCE, POSITION_TOLERANCE
+from jacokin.ik.targets import TargetPose
+from jacokin.ik.verification import Verifier
+from jacokin.model import angles
+from jacokin.model.pose_targets import FreeAxis
+
+#: [m] and [rad] by which a target is moved: the curves of seven joints shrink slowly along joint 3 and lead to the
+#: edge from near it only; those about a free axis must be long enough to be found between two slices.
+MOVE_SEVEN, MOVE_FREE_AXIS = 1e-4, 1e-3
+#: Directions that no structured target has, so that each crosses the edge, besides the way from the shoulder; and how
+#: many nodes of each curve to start from. The second one is for where the first one leads to no point.
+MOVES = (((0.42, -0.28, 0.52, 0.35, 0.54, -0.25), 5), ((-0.17, 0.62, 0.23, 0.49, -0.33, 0.43), 8))
+SHORTEST = 1e-9  # [m] away from the shoulder, to have a direction
+#: [m] and [rad]; a target that is missed by no more is on the edge.
+ON_EDGE = min(POSITION_TOLERANCE, ORIENTATION_TOLERANCE)
+#: Starts of Newton's method at most, and its steps.
+STARTS, STEPS = 160, 16
+#: [rad] the longest step, and a step after which nothing changes any more.
+LONGEST_STEP, SETTLED = 0.5, 1e-7
+#: Least cosine between the move and the normal to start with.
+ALONG_EDGE = 1e-4
+#: Relative size of singular values that are zero: on some edges there are curves, which the equations leave free.
+NO_CHANGE = 1e-8
+#: The same of directions in which the tool is taken not to move, and Gauss-Newton steps in the others.
+NO_MOTION, LAST_STEPS = 1e-4, 10
+#: Smallest singular value along curves that reach targets no farther from the edge than ON_EDGE, and where it is taken.
+STUCK, ALONG_ARC = 1e-3, 5
+#: [rad] a joint past its limit by no more may be on it.
+NEAR_LIMIT = 1e-3
+#: [rad] points nearer to each other are one.
+SAME_POINT = 1e-2
+
+
+class Point(NamedTuple):
+    """A configuration that reaches the target all alone."""
+
+    q: Array
+    """(dof,) moved onto the limits it breaks [rad]."""
+    parameter: float
+    """[rad]."""
+    excess: Array
+    """(dof,) beyond the limits [rad]."""
+
+
+class Sight(NamedTuple):
+    """What was found beside the curves."""
+
+    points: list[Point]
+    """Those that break limits least first."""
+    parameters: list[float]
+    """Where there are curves that were missed: to be solved at too [rad]."""
+
+
+class Edge:
+    """What looks for such points, for one arm; immutable, and may be shared between threads."""
+
+    __slots__ = ("_chain", "_lower", "_reach", "_shoulder", "_upper")
+
+    def __init__(self, verifier: Verifier) -> None:
+        """Take the arm."""
+        self._chain = Chain(verifier.robot, verifier.frame_id, verifier.tool)
+        self._reach = Reach(verifier)
+        robot = verifier.robot
+        self._lower, self._upper = robot.lower, robot.upper
+        data = robot.pin_model.createData()
+        pin.forwardKinematics(robot.pin_model, data, np.zeros(robot.dof))
+        self._shoulder = data.oMi[2].translation.copy()  # joint 2 stays where it is, on axis 1
+
+    def look(self, curves: Curves, problem: Problem, target: FreeAxis | None) -> Sight:
+        """What reaches a target for which no curves were found.
+
+        Args:
+            curves: of the arm.
+            problem: what is to be reached.
+            target: its free axis; None on seven joints.
+        """
+        if self._reach.exceeded(TargetPose(problem.T, position_only=False)) is not None:
+            return Sight([], [])
+        axis = None if target is None else problem.T[:3, :3] @ target.axis
+        away = problem.T[:3, 3] - self._shoulder
+        outward = np.append(away / max(float(np.linalg.norm(away)), SHORTEST), np.zeros(3))
+        size = MOVE_SEVEN if target is None else MOVE_FREE_AXIS
+        for direction, number in MOVES:
+            found: list[Array] = []
+            for move in (size * (outward + direction), -size * (outward + direction)):
+                T = problem.T.copy()
+                T[:3, :3], T[:3, 3] = pin.exp3(move[3:]) @ T[:3, :3], T[:3, 3] + move[:3]
+                nodes = [_spread(arc, number) for arc in curves.find(problem._replace(T=T), target).arcs]
+                if nodes:
+                    found.append(np.vstack(nodes)[:STARTS])
+                    missed = self._missed(found[-1], problem.T, axis)
+                    if missed:
+                        return Sight([], missed)
+                    found[-1] = self._shrunk(found[-1], move, problem.T, axis)
+            points = self._fitted(np.vstack(found), problem.T, axis, target) if found else []
+            if points or not found:
+                break
+        return Sight(points, [])
+
+    def holds(self, arcs: list[Array], problem: Problem, target: FreeAxis | None) -> bool:
+        """Whether curves (m, 14) are as good as points: the tool can hardly move in some direction all along."""
+        axis = None if target is None else problem.T[:3, :3] @ target.axis
+        rows = [_spread(arc, ALONG_ARC) for arc in arcs]
+        return not rows or bool((self._mobility(np.vstack(rows), problem.T, axis) < STUCK).all())
+
+    def _mobility(self, x: Array, T: Array, axis: Array | None) -> Array:
+        """Smallest singular values (k,) at rows (k, 7)."""
+        return np.asarray(np.linalg.svd(self._linearised(x, T, axis)[1], compute_uv=False)[:, 5])
+
+    def _missed(self, x: Array, T: Array, axis: Array | None) -> list[float]:
+        """Parameters on curves about a free axis that were missed between two slices; from rows (k, 7) near by."""
+        if axis is None:
+            return []
+        x, closure = self._settled(x, np.zeros(x.shape, dtype=np.bool_), T, axis)
+        regular = self._mobility(x, T, axis) > NO_MOTION
+        missed: list[float] = x[(closure < MEMBER_CLOSURE) & regular, 6].tolist()
+        return missed
+
+    def _fitted(self, x: Array, T: Array, axis: Array | None, target: FreeAxis | None) -> list[Point]:
+        """Those of the rows (k, 7) that reach the target, joints near to their limits moved onto them."""
+        dof, lower, upper = self._chain.dof, self._lower, self._upper
+        if target is not None:
+            low, high = (-np.inf, np.inf) if target.full_turn else target.range
+            lower, upper = np.append(lower, low), np.append(upper, high)
+        inside = angles.into_limits(x, lower, upper)
+        over = np.abs(angles.wrap_to_pi(x - inside))
+        held = (over > 0.0) & (over <= NEAR_LIMIT)
+        rows = np.vstack([x, np.where(held, inside, x)])
+        rows, closure = self._settled(rows, np.vstack([np.zeros_like(held), held]), T, axis)
+        inside = angles.into_limits(rows, lower, upper)
+        over = np.abs(angles.wrap_to_pi(rows - inside))
+        points: list[Point] = []
+        for i in np.lexsort([closure, over.max(axis=1)]).tolist():
+            q = inside[i, :dof]
+            known = any(np.abs(angles.wrap_to_pi(point.q - q)).max() <= SAME_POINT for point in points)
+            if closure[i] <= ON_EDGE and not over[i, dof:].any() and not known:
+                p = float(inside[i, JOINT_3 if target is None else dof])
+                p = float(angles.wrap_to_pi(p)) if target is None or target.full_turn else p
+                points.append(Point(q, p, over[i, :dof]))
+        return points
+
+    def _settled(self, x: Array, held: NDArray[np.bool_], T: Array, axis: Array | None) -> tuple[Array, Array]:
+        """Rows (k, 7) brought to the target as far as the tool moves, but for what is held; and their closures (k,)."""
+        for _ in range(LAST_STEPS):
+            error, jacobian = self._linearised(x, T, axis)
+            inverse = np.linalg.pinv(np.where(held[:, None], 0.0, jacobian), rcond=NO_MOTION)
+            x = x + (inverse @ error[:, :, None])[:, :, 0]
+        error, _ = self._linearised(x, T, axis)
+        return x, np.maximum(np.linalg.norm(error[:, :3], axis=1), np.linalg.norm(error[:, 3:], axis=1))
+
+    def _shrunk(self, x: Array, move: Array, T: Array, axis: Array | None) -> Array:
+        """Where curves shrink to points as the target moves on, by Newton's method from rows (k, 7).
+
+        Args:
+            x: configurations that reach the moved target; the parameter last where there is a free axis.
+            move: (6,) by how much it was moved, in the base [m and rad].
+            T: (4, 4) target.
+            axis: (3,) the free axis in the base.
+        """
+        error, jacobian = self._linearised(x, T, axis)
+        size = float(np.linalg.norm(move))
+        d = move / size
+        u = np.linalg.svd(jacobian)[0][:, :, 5]
+        along = u @ d
+        along = np.where(np.abs(along) < ALONG_EDGE, ALONG_EDGE, along)
+        z = np.hstack([x, np.full((len(x), 1), size), u / along[:, None]])
+        moving = np.arange(len(z))
+        for _ in range(STEPS):
+            s, u = z[moving, 7:8], z[moving, 8:]
+            system = np.zeros((len(moving), 14, 14))
+            system[:, :6, :7], system[:, :6, 7], system[:, 13, 8:] = jacobian, -d, d
+            system[:, 6:13, :7], system[:, 6:13, 8:] = self._slopes_of(jacobian, u), jacobian.transpose(0, 2, 1)
+            rest = np.hstack([error + s * d, -np.einsum("ki,kij->kj", u, jacobian), 1.0 - (u @ d)[:, None]])
+            step = (np.linalg.pinv(system, rcond=NO_CHANGE) @ rest[:, :, None])[:, :, 0]
+            longest = np.abs(step[:, :7]).max(axis=1)
+            z[moving] += step / np.maximum(1.0, longest / LONGEST_STEP)[:, None]
+            moving = moving[longest > SETTLED]
+            if len(moving) == 0:
+                break
+            error, jacobian = self._linearised(z[moving, :7], T, axis)
+        return z[:, :7]
+
+    def _linearised(self, x: Array, T: Array, axis: Array | None) -> tuple[Array, Array]:
+        """Errors (k, 6) of rows (k, 7), position and orientation, and how they shrink with each angle (k, 6, 7)."""
+        placed = self._chain.placements(x[:, : self._chain.dof])
+        goal, linear, angular = T[:3, :3], placed.linear, placed.angular
+        if axis is not None:
+            goal = np.array([pin.exp3(p * axis) for p in x[:, 6].tolist()]) @ goal
+            linear = np.concatenate([linear, np.zeros((len(x), 1, 3))], axis=1)
+            angular = np.concatenate([angular, np.broadcast_to(-axis, (len(x), 1, 3))], axis=1)
+        angle, about = angle_and_axis(goal @ placed.rotation.transpose(0, 2, 1))
+        error = np.hstack([T[:3, 3] - placed.position, angle[:, None] * about])
+        return error, np.concatenate([linear, angular], axis=2).transpose(0, 2, 1)
+
+    def _slopes_of(self, jacobian: Array, normal: Array) -> Array:
+        """Derivatives (k, 7, 7) of J^T u by the angles: column j for angle j.
+
+        For joints i <= j the linear velocities l and axes z change as dl_i/dq_j = dl_j/dq_i = z_i x l_j, dz_j/dq_i =
+        z_i x z_j; a free axis changes nothing and stays.
+        """
+        linear, angular = jacobian[:, :3].transpose(0, 2, 1), jacobian[:, 3:].transpose(0, 2, 1)
+        joints = np.arange(7)
+        first, last = np.minimum.outer(joints, joints), np.maximum.outer(joints, joints)
+        slopes = (cross(normal[:, None, :3], angular) @ linear.transpose(0, 2, 1))[:, first, last]
+        turned = (cross(normal[:, None, 3:], angular) @ angular.transpose(0, 2, 1)).transpose(0, 2, 1)
+        slopes += np.where(joints[:, None] > joints, turned, 0.0)
+        slopes[:, self._chain.dof :, :] = slopes[:, :, self._chain.dof :] = 0.0
+        return np.asarray(slopes)
+
+
+def _spread(nodes: Array, number: int) -> Array:
+    """Some of the points (m, 7) of an arc, evenly apart, without its ends if there are more."""
+    chosen = np.linspace(0, len(nodes) - 1, number + 2)[1:-1]
+    return np.asarray(nodes[chosen.astype(np.intp), :7])

@@ -1,0 +1,118 @@
+"""Targets on the edge of reach, where configurations are single points: the arm stretched out, within limits or not."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import jacokin
+from jacokin import FreeAxis, IKSolver, Robot, Status
+from jacokin.arrays import Array
+from jacokin.ik import Family
+from jacokin.model.angles import wrap_to_pi
+
+CLOSURE = 1e-9  # [m] and [rad] by which members may be off
+TOLERANCE = 1e-6  # [m] and [rad] of a success
+
+
+@pytest.fixture(scope="module", params=["j2s7s300", "j2s6s300"])
+def solver(request: pytest.FixtureRequest) -> IKSolver:
+    jacokin.warmup()
+    return IKSolver(jacokin.load_robot(request.param))
+
+
+def stretched(robot: Robot, rng: np.random.Generator) -> Array:
+    """A configuration within the limits whose wrist is as far from the shoulder as the arm allows."""
+    q = robot.sample(rng)
+    q[2] = math.pi
+    if robot.dof == 7:
+        q[3] = math.pi
+    else:
+        q[4] = math.pi + rng.choice([-1.0, 1.0]) * rng.uniform(0.3, 0.9)  # the tool is farther out than the wrist
+    return q
+
+
+def target_at(robot: Robot, q: Array, outward: float = 0.0) -> pin.SE3 | FreeAxis:
+    """Pose, or pose with a free axis, that a stretched arm reaches; moved away from the shoulder [m]."""
+    T = robot.forward_kinematics(q)
+    ways, sizes, _ = np.linalg.svd(robot.jacobian(q))
+    assert sizes[5] < 1e-9
+    force, moment = ways[:3, 5], ways[3:, 5]  # what the arm bears without its motors: along the stretched arm
+    shoulder = robot.forward_kinematics(q, frame="link_2").translation
+    away = force / np.linalg.norm(force) * np.sign(force @ (T.translation - shoulder))
+    moved = pin.SE3(T.rotation, T.translation + outward * away)
+    if robot.dof == 7:
+        return moved
+    axis = np.cross(moment, force)  # turned about it, the arm bears the tool all the same
+    return FreeAxis(moved, axis=T.rotation.T @ axis / np.linalg.norm(axis))
+
+
+def test_a_stretched_arm_is_a_member_all_alone(solver: IKSolver, rng: np.random.Generator) -> None:
+    robot = solver.robot
+    for _ in range(25):
+        q = stretched(robot, rng)
+        target = target_at(robot, q)
+        family = solver.family(target)
+        nearest = family.nearest(q)
+        assert nearest is not None
+        assert np.abs(wrap_to_pi(nearest - q)).max() < 1e-3
+        for interval in family:
+            for row in (
+                interval.at(interval.start),
+                interval.widest(),
+                *interval.sample(2)[1],
+                *interval.spread(0.1)[1],
+            ):
+                goal = target.at(family.parameter(row)) if isinstance(target, FreeAxis) else target
+                error = pin.log6(robot.forward_kinematics(row).actInv(goal)).vector
+                assert np.abs(error).max() < CLOSURE
+                assert robot.within_limits(interval.nearest(row))
+        result = solver.solve(target, seed=q, closest=False).raise_for_status()
+        np.testing.assert_allclose(wrap_to_pi(result.q - q), np.zeros(robot.dof), atol=1e-3)
+
+
+def test_a_stretched_arm_beyond_its_limits_is_outside_them(solver: IKSolver, rng: np.random.Generator) -> None:
+    robot = solver.robot
+    for _ in range(25):
+        q = stretched(robot, rng)
+        q[1] = rng.uniform(-0.5, 0.5)  # so is its mirror image, the shoulder turned by half a turn
+        for target in (target_at(robot, q), target_at(robot, q, -1e-5), target_at(robot, q, 3e-7)):
+            result = solver.solve(target, closest=False)
+            assert result.status is Status.OUTSIDE_LIMITS
+            assert "joint_2" in result.message
+
+
+def test_what_counts_as_reached_is_as_near_as_a_success(solver: IKSolver, rng: np.random.Generator) -> None:
+    robot = solver.robot
+    for _ in range(10):
+        q = stretched(robot, rng)
+        near = solver.solve(target_at(robot, q, 5e-7), closest=False).raise_for_status()
+        assert near.position_error <= TOLERANCE
+        assert near.orientation_error <= TOLERANCE
+        beyond = solver.solve(target_at(robot, q, 2e-6), closest=False)
+        assert beyond.status is Status.UNREACHABLE
+
+
+def test_joints_on_their_limits_are_members_too(solver: IKSolver, rng: np.random.Generator) -> None:
+    robot = solver.robot
+    for number in range(8):
+        q = stretched(robot, rng)
+        q[1] = (robot.lower, robot.upper)[number % 2][1]
+        assert solver.solve(target_at(robot, q), closest=False).success
+
+
+def test_the_only_curve_may_lie_between_two_slices(rng: np.random.Generator) -> None:
+    jacokin.warmup()
+    robot = jacokin.load_robot("j2s6s300")
+    solver = IKSolver(robot)
+    for _ in range(12):
+        q = stretched(robot, rng)
+        q[4] = math.pi + rng.choice([-1.0, 1.0]) * rng.uniform(0.002, 0.03)  # within reach for twice this angle at most
+        target = FreeAxis(robot.forward_kinematics(q), axis=(1.0, 0.0, 0.0))
+        family = solver.solve_all(target)
+        assert isinstance(family, Family)
+        assert len(family)
+        assert solver.solve(target, closest=False).success
