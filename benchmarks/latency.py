@@ -17,10 +17,9 @@ from pathlib import Path
 import numpy as np
 
 import jacokin
-from benchmarks import report
+from benchmarks import bridge, report
 from jacokin.arrays import Array
 from jacokin.ik.closed_form.compilation import KERNELS
-from jacokin.mujoco_bridge import Arena, Physics, observations, robots
 
 CALLS = 20_000
 POSES = 2_000
@@ -50,13 +49,7 @@ def solves() -> Array:
 
 def site_solves() -> Array:
     """`set_site_to_xpos` on positions in the workspace of the tasks, tool down, in a prepared scene."""
-    arm = robots.make_arm(observations.PERFECT_FEATURES)
-    hand = robots.make_hand(observations.PERFECT_FEATURES)
-    arm.attach(hand)
-    arena = Arena()
-    arena.attach(arm, position=robots.ARM_OFFSET)
-    physics = Physics.from_entity(arena)
-    arm.set_home(physics)
+    physics, arm, hand = bridge.scene()
     arm.prepare(physics, hand.pinch_site)
     positions = np.random.default_rng(2).uniform((-0.25, -0.25, 0.05), (0.25, 0.25, 0.4), (POSES, 3))
     random_state = np.random.RandomState(0)

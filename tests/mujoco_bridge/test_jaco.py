@@ -16,8 +16,6 @@ from tests.mujoco_bridge.scenes import HOME, jaco_scene
 
 LARGE, SMALL = math.radians(36), math.radians(48)  # [rad/s] datasheet
 GRIP_FORCE = (20.0, 30.0)  # [N] datasheet: 25 N
-TRAVEL_TIME = 1.2  # [s] datasheet
-TRAVEL_TIME_BAND = 0.1  # [s]
 VELOCITY_BAND = 0.01  # [rad/s]
 TORQUE_BAND = 0.1  # [N m]
 
@@ -49,22 +47,6 @@ def test_grip_force() -> None:
         physics.step()
         assert physics.time < 5.0
     assert GRIP_FORCE[0] <= physics.bind(touch).sensordata[0] <= GRIP_FORCE[1]
-
-
-@pytest.mark.parametrize(("start", "ctrl"), [(0.0, 5.0), (1.0, -5.0)], ids=["closing", "opening"])
-def test_finger_travel_time(start: float, ctrl: float) -> None:
-    hand = JacoHand()
-    physics = Physics.from_entity(hand)
-    fingers = physics.bind(hand.joints)
-    lower, upper = fingers.range.T
-    goal = upper if ctrl > 0.0 else lower
-    hand.set_grasp(physics, start)
-    physics.bind(hand.actuators).ctrl = ctrl
-    with physics.disable("gravity"):
-        while (np.abs(fingers.qpos - goal) > 1e-3 * (upper - lower)).any():
-            physics.step()
-            assert physics.time < 2.0
-    assert physics.time == pytest.approx(TRAVEL_TIME, abs=TRAVEL_TIME_BAND)
 
 
 @pytest.mark.parametrize(("joint", "least", "most"), [(0, 1.7, 5.2), (5, 0.8, 7.0)])

@@ -9,7 +9,7 @@ import numpy as np
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, shown
-from jacokin.ik.paths.joint_motion import JointMotion
+from jacokin.ik.paths.joint_motion import JointMotion, load_trajectory
 from jacokin.ik.paths.result import PathResult
 from jacokin.ik.results import Frozen
 from jacokin.model import checks
@@ -67,7 +67,7 @@ def path_clearance(
     checked_scene("scene", scene)
     checks.flag("self_collision", self_collision)
     step = checks.positive("resolution", resolution, "rad")
-    trajectory = _loaded(path) if isinstance(path, str | Path) else path
+    trajectory = load_trajectory(path) if isinstance(path, str | Path) else path
     if not isinstance(trajectory, PathResult | JointMotion):
         raise InvalidInputError(f"path must be a PathResult, a JointMotion or a file of one, got {shown(path)}")
     if trajectory.joint_names != robot.joint_names:
@@ -88,18 +88,3 @@ def path_clearance(
         distance=checks.read_only([distance for distance, _ in found]),
         pairs=tuple(pair for _, pair in found),
     )
-
-
-def _loaded(file: str | Path) -> PathResult | JointMotion:
-    """A trajectory from a file.
-
-    Raises:
-        InvalidInputError: neither kind of trajectory.
-    """
-    try:
-        return PathResult.load(file)
-    except InvalidInputError as error:
-        try:
-            return JointMotion.load(file)
-        except InvalidInputError:
-            raise error from None

@@ -7,6 +7,7 @@ leaves the interval between its two ends.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -16,6 +17,7 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, MissingExtraError
 from jacokin.ik import seeds
 from jacokin.ik.paths import lines
+from jacokin.ik.paths.result import PathResult
 from jacokin.ik.paths.storage.stored import Layout, Stored
 from jacokin.ik.tracking.joint_limits import velocity_limits
 from jacokin.model import angles, checks
@@ -163,3 +165,18 @@ def _checked_configuration(robot: Robot, q: ArrayLike, name: str) -> Array:
             f"[{robot.lower[joint]:.17g}, {robot.upper[joint]:.17g}]"
         )
     return angles
+
+
+def load_trajectory(file: str | Path) -> PathResult | JointMotion:
+    """A trajectory of either kind from a file.
+
+    Raises:
+        InvalidInputError: neither kind of trajectory.
+    """
+    try:
+        return PathResult.load(file)
+    except InvalidInputError as error:
+        try:
+            return JointMotion.load(file)
+        except InvalidInputError:
+            raise error from None

@@ -66,16 +66,9 @@ def load(path: str | Path, robot: Robot) -> Trajectory:
         return _ros(file, robot)
     if ending == ".kinova.csv":
         return _kinova(file, robot)
-    from jacokin.ik.paths.joint_motion import JointMotion
-    from jacokin.ik.paths.result import PathResult
+    from jacokin.ik.paths.joint_motion import load_trajectory
 
-    try:
-        return PathResult.load(file)
-    except InvalidInputError as error:
-        try:
-            return JointMotion.load(file)
-        except InvalidInputError:
-            raise error from None
+    return load_trajectory(file)
 
 
 def _ros(file: Path, robot: Robot) -> Recorded:

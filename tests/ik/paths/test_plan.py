@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 
-import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -14,27 +13,7 @@ from jacokin import IKSolver, Robot, plan_path
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, StructureError, UnknownNameError
 from jacokin.ik import Box, FreeAxis, PathResult, Scene, Sphere, track_path
-from jacokin.model import to_mujoco
-
-DOWN = jacokin.pose([0.0, 0.0, 0.0], down=True).rotation
-
-
-def at(x: float, y: float, z: float, rotation: Array = DOWN) -> pin.SE3:
-    return pin.SE3(rotation, np.array([x, y, z]))
-
-
-def tool_poses(robot: Robot, rows: Array, frame: str = "end_effector") -> tuple[Array, Array]:
-    """Positions and rotations by MuJoCo, which the planner does not use."""
-    model = to_mujoco(robot)
-    data = mujoco.MjData(model)
-    site = model.site(frame).id
-    positions, rotations = [], []
-    for q in rows:
-        data.qpos[:] = q
-        mujoco.mj_kinematics(model, data)
-        positions.append(data.site_xpos[site].copy())
-        rotations.append(data.site_xmat[site].reshape(3, 3).copy())
-    return np.array(positions), np.array(rotations)
+from tests.ik.paths.by_mujoco import DOWN, at, tool_poses
 
 
 def off_the_lines(positions: Array, corners: list[pin.SE3]) -> Array:

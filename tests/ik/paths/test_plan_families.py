@@ -6,43 +6,22 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 
-import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
 
 import jacokin
 from jacokin import FreeAxis, IKSolver, Robot, plan_path
-from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.ik import AxisTarget, PathResult, PositionTarget, Scene, Sphere, track_path
-from jacokin.model import to_mujoco
+from tests.ik.paths.by_mujoco import at, tool_poses
 
 SEVEN = "j2s7s300"
-DOWN = jacokin.pose([0.0, 0.0, 0.0], down=True).rotation
 
 
 @pytest.fixture
 def seven(bundled: Callable[[str], Robot]) -> Robot:
     return bundled(SEVEN)
-
-
-def at(x: float, y: float, z: float, rotation: Array = DOWN) -> pin.SE3:
-    return pin.SE3(rotation, np.array([x, y, z]))
-
-
-def tool_poses(robot: Robot, rows: Array) -> tuple[Array, Array]:
-    """Positions and rotations by MuJoCo."""
-    model = to_mujoco(robot)
-    data = mujoco.MjData(model)
-    site = model.site("end_effector").id
-    positions, rotations = [], []
-    for q in rows:
-        data.qpos[:] = q
-        mujoco.mj_kinematics(model, data)
-        positions.append(data.site_xpos[site].copy())
-        rotations.append(data.site_xmat[site].reshape(3, 3).copy())
-    return np.array(positions), np.array(rotations)
 
 
 def random_line(robot: Robot, rng: np.random.Generator) -> list[pin.SE3]:
