@@ -34,6 +34,7 @@ from jacokin.model import checks
 
 TIMINGS = ("keep", "slow")
 FINEST = 0.01  # [rad] between members of a family: more of them take minutes
+SLOWEST = 1e-6  # [rad/s] of a velocity limit: a turn takes 70 days
 FREE_STEP = float(np.radians(10.0))  # [rad] between members of a family that are tried
 SPACING = 0.01  # [m] of the tool between two steps of the path
 TURNING = 0.05  # [rad] the same of its orientation
@@ -151,6 +152,7 @@ def _settings(
         if timing == "keep":
             raise InvalidInputError("acceleration_limit needs timing='slow': the speed that is kept has corners")
         acceleration = checks.positive_vector("acceleration_limit", acceleration_limit, solver.robot.dof, "rad/s^2")
-    return Settings(
-        checks.positive("dt", dt, "s"), timing == "slow", velocity_limits(solver.robot, velocity_limit), acceleration
-    )
+    velocity = velocity_limits(solver.robot, velocity_limit)
+    if velocity.min() < SLOWEST:
+        raise InvalidInputError(f"velocity_limit must be at least {SLOWEST:g} rad/s, got {velocity.min():g}")
+    return Settings(checks.positive("dt", dt, "s"), timing == "slow", velocity, acceleration)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
+from jacokin.ik.paths import lines
 from jacokin.ik.paths.result import AT_SEED, PathResult
 from jacokin.ik.planning import pacing
 from jacokin.ik.planning.curve import Curve
@@ -105,6 +106,8 @@ class Planned:
                 velocity, acceleration = part * settings.velocity, pacing.ACCELERATION_USED * settings.acceleration
                 stops = self._corners(u, q, least)
                 schedule = pacing.within_acceleration(u, q, least, velocity, acceleration, stops, top_speed)
+            times = np.asarray(np.bincount(line, np.diff(schedule.t)), dtype=np.float64)
+            lines.check_ticks(times, settings.dt)
             ticks = schedule.ticks(settings.dt)
             there = curve.at(ticks)[0][:, : self._manifold.dof]
             v = np.diff(there, axis=0) / settings.dt

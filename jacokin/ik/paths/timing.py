@@ -74,7 +74,8 @@ def profile_within(q: Array, duration: float, velocity: Array, acceleration: Arr
     slope, bend = np.maximum(slope, TINY), np.maximum(bend, TINY)
     limit = USED * acceleration
     asked = 1.0 / duration
-    fastest = min(float((SPEED_USED * velocity / slope).min()), float(np.sqrt(CURVATURE_USED * limit / bend).min()))
-    speed = max(min(asked, fastest), SLOWEST * asked)
-    left = np.maximum(limit - speed**2 * bend, (1.0 - USED) * limit)
-    return rest_to_rest(speed, min(float((left / slope).min()), speed / dt))
+    with np.errstate(over="ignore"):  # what is beyond 1e308 limits nothing
+        fastest = min((SPEED_USED * velocity / slope).min(), np.sqrt(CURVATURE_USED * limit / bend).min())
+        speed = max(min(asked, float(fastest)), SLOWEST * asked)
+        left = np.maximum(limit - speed**2 * bend, (1.0 - USED) * limit)
+        return rest_to_rest(speed, min(float((left / slope).min()), speed / dt))

@@ -96,7 +96,9 @@ def within_acceleration(
     bend[1:] = np.where(np.abs(bend[1:]) > np.abs(inner), bend[1:], inner)
     slope = np.where(np.abs(slope) < TINY, TINY, slope)
     # u'' in [low - tilt x, high - tilt x] for x = u'^2, joint by joint.
-    high, tilt = acceleration / np.abs(slope), bend / slope
+    with np.errstate(over="ignore"):  # what is beyond 1e308 limits nothing
+        high = acceleration / np.abs(slope)
+    tilt = bend / slope
     reach = _controllable(h, high, tilt, top)
     x = np.zeros(len(u))
     for i in range(len(h)):

@@ -295,6 +295,19 @@ def test_wrong_input(robot: Robot) -> None:
         plan_path(solver, [FreeAxis(good[0], axis=[1, 0, 0]), FreeAxis(good[1], axis=[-1, 0, 0])])
 
 
+def test_limits_beyond_all_bounds(robot: Robot) -> None:
+    """Huge ones limit nothing and warn of nothing; with tiny ones the path would take years, which is refused."""
+    solver, corners = IKSolver(robot), [at(0.4, -0.4, 0.3), at(0.4, -0.3, 0.3)]
+    assert plan_path(solver, corners, dt=0.05, timing="slow", acceleration_limit=1e308).success
+    assert track_path(robot, corners, dt=0.05, acceleration_limit=1e308).success
+    for acceleration in (1e-12, 1e-300):
+        with pytest.raises(InvalidInputError, match="more than 10000000 ticks"):
+            plan_path(solver, corners, dt=0.05, timing="slow", acceleration_limit=acceleration)
+    for velocity in (1e-12, 1e-300):
+        with pytest.raises(InvalidInputError, match="velocity_limit must be at least 1e-06 rad/s"):
+            plan_path(solver, corners, dt=0.05, timing="slow", velocity_limit=velocity)
+
+
 def test_an_arm_without_a_closed_form_is_refused(robot: Robot) -> None:
     with pytest.raises(StructureError, match="plan_path needs a closed form"):
         plan_path(IKSolver(robot, "link_4"), [at(0.4, -0.4, 0.3), at(0.4, -0.3, 0.3)])
