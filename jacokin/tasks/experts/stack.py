@@ -21,6 +21,7 @@ OVER = 0.1  # [m] of the hand while it goes somewhere
 HIGH = 0.06  # [m] of a brick on its way
 CLICK = 0.0008  # [m] sum of distances of two holes from their places, below which a brick has clicked
 HOLE = np.array((0.008, 0.024, -0.0073))  # [m] one of the outermost holes, from the middle of a brick
+BESIDE = 0.02  # [m] the same sum, above which a brick cannot be pressed into its place
 ALIGNMENTS = 3
 ALIGNED = 0.0005  # [m] the same sum, below which a brick above its place may be pressed down
 REGULAR, SINGULAR_COST = 0.08, 30.0  # least singular value of a configuration without penalty; [s] per what is missing
@@ -30,6 +31,7 @@ PRESS = 0.025  # [m] deeper than its surface, for the force
 END, LEVEL = np.array((0.0, 0.016, 0.0)), 0.0003  # [m] where to press on a brick that is not level
 PRESSES, LIFTED = 3, 0.015  # how often; [m] of the closed fingers between
 RELEASE_STEPS, FIST_STEPS = 9, 9
+RELIEF, RELIEF_STEPS = 0.003, 3  # [m] that the hand goes up before it releases a brick that has not clicked
 
 
 def stack(arm: Arm) -> Script:
@@ -54,8 +56,13 @@ def bricks(arm: Arm) -> list[str]:
 
 def has_clicked(arm: Arm, below: str, above: str) -> bool:
     """Whether a brick is in its place on another: two opposite studs in two opposite holes."""
+    return _missing(arm, below, above) < CLICK
+
+
+def _missing(arm: Arm, below: str, above: str) -> float:
+    """The sum of the distances of two opposite holes of a brick from its place on another [m]."""
     brick = arm.prop(above)
-    return min(_apart(goal, brick) for goal in _places(arm, below)) < CLICK
+    return min(_apart(goal, brick) for goal in _places(arm, below))
 
 
 def _apart(goal: pin.SE3, brick: pin.SE3) -> float:
@@ -126,6 +133,8 @@ def _click(arm: Arm, below: str, above: str) -> Script:
         yield from motions.release(arm, RELEASE_STEPS)
         yield from motions.move(arm, motions.moved(arm.pose, up(HIGH)), OPEN, tolerance=0.03)
         return
+    # What presses on something jumps when it is let go.
+    yield from motions.move(arm, motions.moved(arm.pose, up(RELIEF)), SQUEEZE, settle=RELIEF_STEPS)
     yield from motions.release(arm, RELEASE_STEPS)
     yield from _press(arm, below, above)
 
@@ -133,6 +142,8 @@ def _click(arm: Arm, below: str, above: str) -> Script:
 def _press(arm: Arm, below: str, above: str) -> Script:
     """Press on a brick with the closed fingers, where it is highest, until it has clicked."""
     yield from motions.move(arm, motions.moved(arm.pose, up(0.04)), RELEASED, tolerance=0.01, settle=4)
+    if _missing(arm, below, above) > BESIDE:
+        return
     yield from motions.close(arm, FIST_STEPS)
     for left in reversed(range(PRESSES + 1)):
         brick = arm.prop(above)
@@ -142,7 +153,8 @@ def _press(arm: Arm, below: str, above: str) -> Script:
             on = spots[0]
         tool = pin.SE3(arm.pose.rotation, on + up(FIST) - arm.pose.rotation @ grasps.CENTRE)
         yield from motions.move(arm, motions.moved(tool, up(LIFTED)), CLOSED, tolerance=0.003, settle=6)
-        if has_clicked(arm, below, above) or not left:  # not before: a brick that is pressed on is too low
+        missing = _missing(arm, below, above)  # not before: a brick that is pressed on is too low
+        if missing < CLICK or missing > BESIDE or not left:
             break
         yield from motions.move(arm, motions.moved(tool, up(-PRESS)), CLOSED, speed=0.15, settle=8)
     yield from motions.move(arm, motions.moved(tool, up(HIGH)), CLOSED, tolerance=0.03)
