@@ -77,7 +77,11 @@ class Commands(click.Group):
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Their names, in the order of the help."""
-        return [*self._modules, *(GROUPS if self._modules is COMMANDS else ())]
+        names = list(self._modules)
+        if self._modules is COMMANDS:
+            place = names.index("place")
+            names[place:place] = GROUPS
+        return names
 
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
         """One of them."""
@@ -87,11 +91,13 @@ class Commands(click.Group):
         if name not in self._modules:
             return None
         function = getattr(importlib.import_module(self._modules[name]), name)
+        text = inspect.getdoc(function) or ""
         return Command(
             name,
             callback=callback(function),
             params=parameters(function),
-            help=_help(inspect.getdoc(function) or ""),
+            help=_help(text),
+            short_help=text.partition("\n")[0],
             no_args_is_help=name in NEED_ARGUMENTS,
             context_settings=SETTINGS,
         )

@@ -9,18 +9,26 @@ import sys
 import pytest
 
 import jacokin
+from jacokin.cli.main import COMMANDS, GROUPS
 from tests.cli.run import HOME, Run
 
 
 @pytest.mark.parametrize(
-    "command",
-    ["", "ik", "fk", "jacobian", "info", "track", "plan", "view", "task", "crosscheck", "demo", "doctor", "warmup"],
+    "command", ["", *COMMANDS, *(f"{group} {name}" for group, (_, names) in GROUPS.items() for name in names)]
 )
 def test_help_teaches_by_example(run: Run, command: str) -> None:
     answer = run(*command.split(), "--help")
     assert answer.code == 0
     assert f"  jacokin {command}".rstrip() in answer.out
     assert "Examples:" in answer.out
+
+
+@pytest.mark.parametrize("words", [(), *((group,) for group in GROUPS)])
+def test_every_command_is_listed_with_its_whole_sentence(run: Run, words: tuple[str, ...]) -> None:
+    text = run(*words, "--help").out.partition("\nCommands:\n")[2]
+    for name in GROUPS[words[0]][1] if words else (*COMMANDS, *GROUPS):
+        assert f"  {name} " in text
+    assert "..." not in text
 
 
 def test_the_version_is_that_of_the_package(run: Run) -> None:
