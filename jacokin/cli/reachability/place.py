@@ -10,7 +10,7 @@ from jacokin.cli.arguments import options
 from jacokin.cli.arguments.declared import Option
 from jacokin.cli.display import json_output, tables
 from jacokin.cli.exit_codes import NOT_SOLVED
-from jacokin.cli.reachability.maps import load
+from jacokin.cli.reachability.maps import MapOptions
 
 if TYPE_CHECKING:
     import pinocchio as pin
@@ -24,17 +24,9 @@ def place(
     height: Annotated[
         float | None, Option("--height", metavar="Z", help="Height that the base stands at [m]; any if not given.")
     ] = None,
-    scene: options.SceneOption = None,
     json: options.JsonOption = False,
-    robot: Annotated[
-        str | None,
-        Option("--robot", metavar="NAME|FILE", help="The robot of the map, where it is not a bundled one as it is."),
-    ] = None,
-    base: options.BaseOption = None,
-    tip: options.TipOption = None,
-    package_dir: options.PackageDirOption = None,
-    limit: options.LimitOption = None,
-    finger_angle: options.FingerAngleOption = None,
+    *,
+    built: MapOptions,
 ) -> None:
     """Find places for the base of the arm from which it reaches as many targets as possible.
 
@@ -46,19 +38,11 @@ def place(
       jacokin place --targets examples/targets.csv --map out/jaco --height 0.75
       jacokin place --targets examples/targets.csv --map out/mine --robot my_arm.urdf --scene table.yaml
     """
-    from jacokin import reachability
     from jacokin.ik.files.targets_csv import read_targets
+    from jacokin.reachability import place_base
 
     wanted = read_targets(targets).targets
-    reach = load(folder)
-    around, _ = options.surroundings(scene, None)
-    arm = None
-    if robot is not None or limit or finger_angle is not None:
-        named = robot or reach.recipe["robot"]["bundled"] or options.DEFAULT_ROBOT
-        arm = options.load(named, base, tip, package_dir, limits=limit, finger_angle=finger_angle)
-    if arm is not None or around is not None:
-        reach = reachability.load(reach.folder, robot=arm, scene=around)
-    found = reachability.place_base(reach, wanted, heights=None if height is None else [height])
+    found = place_base(built.load(folder), wanted, heights=None if height is None else [height])
     if json:
         places = [
             {

@@ -7,7 +7,7 @@ from typing import Annotated
 from jacokin.cli.arguments import options
 from jacokin.cli.arguments.declared import Argument, Option
 from jacokin.cli.display import json_output, tables
-from jacokin.cli.reachability.maps import load
+from jacokin.cli.reachability.maps import MapOptions
 
 Vector3 = tuple[float, float, float]
 Vector4 = tuple[float, float, float, float]
@@ -21,8 +21,12 @@ def query(
     ] = None,
     down: Annotated[bool, Option("--down", help="An orientation: pointing vertically down.")] = False,
     json: options.JsonOption = False,
+    *,
+    built: MapOptions,
 ) -> None:
     """Say how many orientations are reached at a position, and which pose near a given one is.
+
+    A map of tools that may turn needs the robot, limits and scene that it was built with, where they were your own.
 
     Examples:
       jacokin map query j2n6s300 --position 0.4 0.2 0.3
@@ -31,7 +35,7 @@ def query(
     from jacokin.model import poses
     from jacokin.model.pose_targets import pose
 
-    reach = load(folder)
+    reach = built.load(folder)
     dexterity = reach.dexterity(position)
     document: dict[str, object] = {"dexterity": dexterity}
     lines = [("orientations reached", f"{dexterity:.1%}")]

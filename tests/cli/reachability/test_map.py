@@ -94,6 +94,17 @@ def test_a_base_is_placed(run: Run, tmp_path: Path) -> None:
     assert answer.document["places"][0]["yaw"] == 0.0  # any would do: joint 1 turns freely
 
 
+def test_a_map_of_limits_and_an_axis_of_ones_own_is_asked(run: Run, tmp_path: Path) -> None:
+    folder, own = str(tmp_path / "map"), ("--limit", "joint_1=0,5")
+    box = ("--lower", "0.1", "0.1", "0.2", "--upper", "0.5", "0.5", "0.6", "--spacing", "0.2")
+    assert run("map", "build", folder, *box, "--down", "--free-axis", "x", *own).code == 0
+    words = ("map", "query", folder, "--position", "0.3", "0.3", "0.3", "--down")
+    document = run(*words, *own, "--json").document
+    pose = jacokin.pose(document["nearest_position"], document["nearest_quat_wxyz"])
+    assert jacokin.IKSolver(jacokin.load_robot(limits={"joint_1": (0.0, 5.0)})).solve(pose).success
+    assert "load the map with --robot" in run(*words).err
+
+
 def test_a_base_is_placed_with_a_robot_and_a_scene_of_ones_own(run: Run, tmp_path: Path) -> None:
     folder, scene = str(tmp_path / "map"), tmp_path / "scene.yaml"
     scene.write_text("- {shape: floor, height: -0.1}\n", encoding="utf-8")
