@@ -126,7 +126,7 @@ class CurveTrack(Track):
             return None
         p = self.start + float(np.mod(x[self._parameter] - self.start, TURN))
         if p > self.stop:  # by rounding, at one of the ends
-            p = self.stop if p - self.stop < 1.0 else self.start
+            p = self.stop if p - self.stop < self.start + TURN - p else self.start
         return p, self._joints(x)
 
     def _coordinates(self) -> tuple[float, float]:

@@ -89,6 +89,18 @@ def test_the_nearest_member_to_a_member_is_itself(solver: IKSolver, rng: np.rand
         assert result.parameter == pytest.approx(0.0, abs=1e-7)
 
 
+def test_the_end_of_an_interval_is_the_nearest_member_to_itself() -> None:
+    """Of intervals of nearly a turn, rounding may put it before the start, which is past the stop."""
+    robot, rng = jacokin.load_robot("j2s6s300"), np.random.default_rng(3)
+    solver = IKSolver(robot)
+    for q in robot.sample(rng, 100):
+        q[2] = math.pi  # stretched: a fold
+        family = solver.family(FreeAxis(robot.forward_kinematics(q), axis=rng.normal(size=3)))
+        nearest = family.nearest(q)
+        assert nearest is not None
+        np.testing.assert_allclose(wrap_to_pi(nearest - q), np.zeros(6), atol=1e-5)
+
+
 @pytest.mark.parametrize("axis", AXES)
 def test_no_other_member_is_nearer_to_the_seed(solver: IKSolver, rng: np.random.Generator, axis: str) -> None:
     robot = solver.robot

@@ -8,15 +8,19 @@ from collections.abc import Callable
 import numpy as np
 import pinocchio as pin
 import pytest
+from numpy.typing import NDArray
 
 import jacokin
 from benchmarks import families
+from benchmarks.scan_seven import Scan, within_limits
 from jacokin import FreeAxis, IKSolver, Robot, Status
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, StructureError
 from jacokin.ik import Family
+from jacokin.ik.closed_form.curves.curve_family import make_curve_work
+from jacokin.ik.closed_form.curves.gaps import windows
 from jacokin.ik.closed_form.geometry_seven import measure_seven
-from jacokin.model.angles import wrap_to_pi
+from jacokin.model.angles import TURN, wrap_to_pi
 
 
 @pytest.fixture(scope="module")
@@ -126,6 +130,44 @@ def test_a_window_at_half_a_turn_is_found(solver: IKSolver) -> None:
     target = solver.robot.forward_kinematics(q)
     assert solver.solve(target, closest=False).status is Status.OK
     assert len(solver.family(target)) > 0
+
+
+@pytest.mark.parametrize("bend", [1e-3, 1e-4, 1e-5])
+def test_curves_of_an_almost_stretched_arm_are_complete(
+    solver: IKSolver, rng: np.random.Generator, bend: float
+) -> None:
+    """Near joint 3 at zero, where the arm reaches least far, two configurations meet and part again."""
+    robot, scanner = solver.robot, Scan(solver.robot)
+    for _ in range(6):
+        q = robot.sample(rng)
+        q[2], q[3] = rng.choice([-1.0, 1.0]) * rng.uniform(0.01, 0.2), math.pi + rng.choice([-1.0, 1.0]) * bend
+        target = robot.forward_kinematics(q)
+        family = solver.family(target)
+        assert family.complete
+
+        def scan(parameters: Array, T: Array = target.homogeneous) -> NDArray[np.int64]:
+            rows = scanner.configurations(T, parameters)
+            return np.asarray((np.isfinite(rows[..., 0]) & within_limits(robot, rows)).sum(axis=1))
+
+        assert families.longest_difference(family, scan) < families.LONG
+        assert families.bad_members(robot, family, target) == 0
+        nearest = family.nearest(q)
+        assert nearest is not None
+        np.testing.assert_allclose(nearest, q, atol=1e-4)
+
+
+def test_windows_are_found_wherever_the_slices_begin(solver: IKSolver) -> None:
+    """Narrower than a slice is wide, by the closing of the circle too."""
+    q = np.array([1.06119347, 3.14355023, 3.13962625, 3.14158398, -0.3664482, 3.24748662, -1.97733129])
+    arm = measure_seven(solver.robot.pin_model, solver.robot.frame_id("end_effector"), None)
+    work = make_curve_work()
+    work.chain[:], work.seven.arm[:] = arm.chain, arm.arm
+    work.T[:] = solver.robot.forward_kinematics(q).homogeneous
+    for start in np.linspace(-0.13, 0.13, 27):
+        work.slices.p[:48] = math.pi + start + TURN / 48 * np.arange(48)
+        n = windows.add_windows(work.chain, work.seven.arm, work.T, 48, True, work.slices)
+        assert np.abs(wrap_to_pi(work.slices.p[:n] - math.pi)).min() < 0.004
+        assert (np.diff(work.slices.p[:n]) >= 0.0).all()
 
 
 def test_structured_poses(solver: IKSolver) -> None:

@@ -51,7 +51,8 @@ def advance(chain: Array, T: Array, walk: Walk, h: float, y: Array, ty: Array, s
     for j in range(7):
         y[j] = x[j] + h * t[j]
         offset += t[j] * x[j]
-    if not bordered_newton(chain, T, y, t, offset, walk.system, 6, STEP_CLOSURE) <= WORST_CLOSURE:
+    # Where two curves nearly meet, points between them close to 1e-10 as well.
+    if not bordered_newton(chain, T, y, t, offset, walk.system, 6, STEP_CLOSURE) <= CURVE_CLOSURE:
         return False
     correction, cosine = 0.0, 0.0
     for j in range(7):
@@ -88,7 +89,7 @@ def reach_wall(chain: Array, T: Array, walk: Walk, way: float, parameter: int, w
     """Fill walk.z and walk.tz with the point between walk.x and a distance way ahead where p = wall."""
     for j in range(7):
         walk.border[j] = 1.0 if j == parameter else 0.0
-    if not bordered_newton(chain, T, walk.z, walk.border, wall, walk.system, 12, CURVE_CLOSURE) <= WORST_CLOSURE:
+    if not bordered_newton(chain, T, walk.z, walk.border, wall, walk.system, 12, CURVE_CLOSURE) <= CURVE_CLOSURE:
         return False
     along, across = 0.0, 0.0
     for j in range(7):
