@@ -27,6 +27,8 @@ JOINT_3 = 2
 WAY, WAY_REST = 1.3, 0.02
 #: [rad] most by which the points of a fold are away from the slice.
 FOLD_REST = 2.0 * STEP + 0.1
+#: Halvings of the gap between slices that a fold lies in, and the way [rad] round the fold from there at most.
+FOLD_BISECTIONS, NEXT_TO_FOLD = 12, 0.2
 #: Of the way: what the slopes may leave unexplained where a chord is used without following the curve.
 CHORD_DEFECT, CHORD_REST = 0.05, 1e-4
 
@@ -165,12 +167,50 @@ def search_link(
             if rows > 0:
                 nearest.done[i, k, 1], nearest.done[i + 1, k, 0] = 1, 1
                 return search_traced(chain, T, i, k, 1.0, rows, slices, traced, nearest, walk)
+    if here != there:
+        e = i if here else i + 1
+        if bound_to_fold(chain, seven, T, e, 2 * i + 1 - e, k, slices, nearest) >= nearest.best[0]:
+            return True
     found = True
     if here and nearest.done[i, k, 1] == 0:
         found = follow_from(chain, T, i, k, 1, i + 1, slices, traced, nearest, walk)
     if there and nearest.done[i + 1, k, 0] == 0:
         found = follow_from(chain, T, i + 1, k, 0, i, slices, traced, nearest, walk) and found
     return found
+
+
+def bound_to_fold(
+    chain: Array, seven: SevenJoints, T: Array, e: int, beyond_fold: int, k: int, slices: Slices, nearest: Nearest
+) -> float:
+    """A lower bound of the distance on the curve from point k of slice e to a fold, and on to where it comes back.
+
+    As `bound_links` gives it, but by way of the points next to the fold, so that it is not farther away than need be.
+    """
+    D0 = wrist_from_shoulder(chain, seven.arm, T)
+    sign = 1.0 if k < MOST_AT_Q3 // 2 else -1.0
+    inside, outside = slices.p[e], slices.p[beyond_fold]
+    for _ in range(FOLD_BISECTIONS):
+        middle = 0.5 * (inside + outside)
+        if lower_discriminant(chain, seven.arm, D0, middle, sign) > 0.0:
+            inside = middle
+        else:
+            outside = middle
+    solve_at_q3(chain, seven.arm, T, inside, seven.rows)
+    other, across = -1, math.inf
+    for flip in (2, 4):
+        partner = k + flip if (k // flip) % 2 == 0 else k - flip
+        if nearest.distances[e, partner] < math.inf and not math.isnan(seven.rows[partner, 0]):
+            way = way_between(seven.rows[k], seven.rows[partner])
+            if way < across:
+                other, across = partner, way
+    if other < 0 or math.isnan(seven.rows[k, 0]) or across > NEXT_TO_FOLD:
+        return 0.0
+    a, b, c, d = slices.x[e, k], seven.rows[k], seven.rows[other], slices.x[e, other]
+    d_b, d_c = least_distance(nearest, b), least_distance(nearest, c)
+    there = bound_way(a, b, WAY * way_between(a, b) + WAY_REST, nearest.distances[e, k], d_b, nearest)
+    turn = bound_way(b, c, WAY * across + WAY_REST, d_b, d_c, nearest)
+    back = bound_way(c, d, WAY * way_between(c, d) + WAY_REST, d_c, nearest.distances[e, other], nearest)
+    return min(there, turn, back)
 
 
 def search_traced(
