@@ -87,8 +87,10 @@ def _parameter(parameter: inspect.Parameter, hint: object) -> click.Parameter:
     annotated, declared = typing.get_args(hint)
     kind = _without_none(annotated)
     items = typing.get_args(kind)
-    # Of a parameter that is required, click must not be told any default, not even None.
-    default = {"required": True} if parameter.default is inspect.Parameter.empty else {"default": parameter.default}
+    # Of a parameter that is required, click must not be told any default, not even None; and click before 8.2 requires
+    # an argument whose default is None, unless told otherwise.
+    required = parameter.default is inspect.Parameter.empty
+    default = {"required": True} if required else {"required": False, "default": parameter.default}
     several = typing.get_origin(kind) is list
     if isinstance(declared, Argument):
         return Positional(
