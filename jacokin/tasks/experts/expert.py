@@ -14,7 +14,7 @@ from jacokin.tasks.experts.motions import Script
 from jacokin.tasks.experts.place import place_brick, place_cradle
 from jacokin.tasks.experts.reach import reach
 from jacokin.tasks.experts.stack import stack
-from jacokin.tasks.registry import TASKS
+from jacokin.tasks.registry import FEATURES, TASKS
 
 SCRIPTS: dict[str, Callable[[Arm], Script]] = {
     **{name: reach for name in TASKS if name.startswith("reach")},
@@ -61,10 +61,10 @@ def expert(name: str) -> Expert:
     """A scripted policy for a task, which uses nothing but observations, the solver and the robot.
 
     Args:
-        name: of the task, such as "lift_brick".
+        name: of the task or its environment, such as "lift_brick" or "lift_brick_features".
 
     Raises:
         UnknownNameError: there is no expert for this task; lists those there are.
     """
-    checks.choice("expert", name, SCRIPTS)
-    return Expert(SCRIPTS[name])
+    task = name.removesuffix(f"_{FEATURES}") if isinstance(name, str) else name
+    return Expert(SCRIPTS[checks.choice("expert", task, SCRIPTS)])

@@ -77,6 +77,14 @@ def test_observations_of_dm_env_will_do() -> None:
     assert step.reward == pytest.approx(1.0)
 
 
+def test_the_name_of_an_environment_names_its_expert() -> None:
+    observation = jacokin.tasks.load("reach_site_features", seed=0).reset().observation
+    one, other = (jacokin.tasks.expert(name)(observation) for name in ("reach_site_features", "reach_site"))
+    np.testing.assert_array_equal(one, other)
+    with pytest.raises(UnknownNameError, match="reach_site_vision"):
+        jacokin.tasks.expert("reach_site_vision")
+
+
 def test_mistakes() -> None:
     with pytest.raises(UnknownNameError, match="unknown expert 'juggle'"):
         jacokin.tasks.expert("juggle")
