@@ -12,7 +12,7 @@ import numpy as np
 from jacokin.arrays import Array
 from jacokin.errors import JacokinError
 from jacokin.ik.families.curves import Curves, Problem
-from jacokin.ik.families.pieces import Piece
+from jacokin.ik.families.pieces import SAME_PARAMETER, Piece
 from jacokin.model.angles import TURN
 
 #: [rad] distance in joint space between guesses along a track.
@@ -68,7 +68,11 @@ class CurveTrack(Track):
         nodes = self._piece.nodes
         chord = int(np.searchsorted(nodes[:, self._parameter], p)) - 1
         chord = min(max(chord, 0), len(nodes) - 2)
-        return self._joints(self._found(self._curves.at_parameter(self._problem, nodes[chord : chord + 2], p)))
+        x = self._curves.at_parameter(self._problem, nodes[chord : chord + 2], p)
+        if x is None:  # where the parameter stays the same along the curve, any point will do
+            near = int(np.abs(nodes[:, self._parameter] - p).argmin())
+            x = nodes[near, :7] if abs(nodes[near, self._parameter] - p) <= SAME_PARAMETER else None
+        return self._joints(self._found(x))
 
     def point(self, coordinate: float) -> tuple[float, Array]:
         """See `Track`."""

@@ -170,6 +170,23 @@ def test_windows_are_found_wherever_the_slices_begin(solver: IKSolver) -> None:
         assert (np.diff(work.slices.p[:n]) >= 0.0).all()
 
 
+@pytest.mark.parametrize(
+    "steps",
+    [
+        (10, 12, -6, -2, 20, 12, 20),
+        (2, 12, 6, 6, -3, -12, 15),
+        (23, 12, 18, 10, 17, 12, 9),
+        (8, 12, 6, 14, 3, 12, 12),
+    ],
+)
+def test_members_where_joint_3_does_not_move(solver: IKSolver, steps: tuple[int, ...]) -> None:
+    """The wrist on axis 1: joint 1 turns, joint 3 stays."""
+    target = solver.robot.forward_kinematics(math.pi / 12.0 * np.array(steps))
+    family = solver.family(target)
+    assert len(family)
+    assert families.bad_members(solver.robot, family, target) == 0
+
+
 def test_structured_poses(solver: IKSolver) -> None:
     robot = solver.robot
     for position in ((0.5, 0.0, 0.2), (0.0, 0.5, 0.3), (0.3, -0.4, 0.4)):
