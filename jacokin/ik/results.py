@@ -80,6 +80,13 @@ class Status(Enum):
     SOLVER_ERROR = "the QP solver failed: try another qp_solver"
     INVALID_TARGET = "this row of a file is not a target and was left out: see its message"
 
+    # There is one object of each: Enum's own hash, of the name, is a Python function, and batches have millions.
+    __hash__ = object.__hash__
+
+
+#: The name of each: `Status.name` is a Python function, too.
+STATUS_NAMES = {status: status.name for status in Status}
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class IKResult(Frozen):

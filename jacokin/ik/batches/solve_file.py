@@ -42,7 +42,7 @@ from jacokin.ik.solver import IKSolver
 from jacokin.model import checks
 from jacokin.model.fingerprint import fingerprint
 
-ROWS = 16384  # rows of a chunk that the compiled loop solves: about a third of a second
+ROWS = 8192  # rows of a chunk that the compiled loop solves: about a tenth of a second
 SINGLE_ROWS = 256  # rows of a chunk that is solved row by row: a few seconds
 FOLDER_SUFFIX = ".chunks"
 

@@ -14,7 +14,7 @@ import orjson
 
 from jacokin.arrays import Array
 from jacokin.ik.files.target_rows import TargetFile
-from jacokin.ik.results import BatchResult
+from jacokin.ik.results import STATUS_NAMES, BatchResult
 
 #: Columns after those of the targets and q1, q2, ...
 MEASURED = ("status", "position_error", "orientation_error", "method", "message")
@@ -48,7 +48,7 @@ def write_answers(stream: TextIO, targets: TargetFile, batch: BatchResult) -> No
     errors = _rows(np.stack([batch.position_error, batch.orientation_error], axis=1))
     cells = {text: _cell(text) for text in {*batch.method, *batch.message}}
     stream.writelines(
-        f"{numbers},{status.name},{measured},{cells[method]},{cells[message]}\n"
+        f"{numbers},{STATUS_NAMES[status]},{measured},{cells[method]},{cells[message]}\n"
         for numbers, status, measured, method, message in zip(
             configurations, batch.status, errors, batch.method, batch.message, strict=True
         )

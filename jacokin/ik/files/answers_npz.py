@@ -15,6 +15,7 @@ from jacokin.ik.files.target_rows import TargetFile
 from jacokin.ik.results import BatchResult, Status
 
 STATUSES = tuple(status.name for status in Status)
+NUMBERS = {status: number for number, status in enumerate(Status)}
 METHODS = ("closed_form", "qp", "")
 
 
@@ -30,7 +31,7 @@ class _NPZ:
             allow_pickle=False,
             **columns,
             q=batch.q,
-            status=np.array([STATUSES.index(status.name) for status in batch.status], dtype=np.uint8),
+            status=np.array([NUMBERS[status] for status in batch.status], dtype=np.uint8),
             position_error=batch.position_error,
             orientation_error=batch.orientation_error,
             method=np.array([METHODS.index(method) for method in batch.method], dtype=np.uint8),

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from jacokin.errors import MissingExtraError
 from jacokin.ik.files.target_rows import TargetFile
-from jacokin.ik.results import BatchResult
+from jacokin.ik.results import STATUS_NAMES, BatchResult
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -29,7 +29,7 @@ class _Parquet:
         table = pa.table(
             {
                 **columns,
-                "status": pa.array([status.name for status in batch.status], pa.string()),
+                "status": pa.array([STATUS_NAMES[status] for status in batch.status], pa.string()),
                 "position_error": batch.position_error,
                 "orientation_error": batch.orientation_error,
                 "method": pa.array(batch.method, pa.string()),
