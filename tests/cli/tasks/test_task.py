@@ -231,16 +231,11 @@ def test_an_interrupt_leaves_the_old_recording_and_nothing_beside_it(tmp_path: P
         assert process.poll() is None, process.communicate()
         assert time.monotonic() < deadline
         time.sleep(0.01)
-    for _ in range(6):  # Python ignores an interrupt that falls into a finalizer: press again
-        process.send_signal(signal.SIGINT)
-        try:
-            _, errors = process.communicate(timeout=20.0)
-            break
-        except subprocess.TimeoutExpired:
-            continue
-    else:
-        process.kill()
-        pytest.fail("the command goes on after six interrupts")
+    # While modules are imported, Python may ignore an interrupt: it falls into a callback of the import lock.
+    assert process.stdout is not None
+    assert process.stdout.readline().startswith("episode 1 of")
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=60.0)
     assert process.returncode == 130
     assert "Traceback" not in errors
     assert list(tmp_path.iterdir()) == [file]
