@@ -74,6 +74,7 @@ def test_a_signal_leaves_the_old_output_and_beside_it_at_most_finished_chunks(
         assert process.poll() is None, process.communicate()
         assert time.monotonic() < deadline
         time.sleep(0.01)
+    time.sleep(1.0)  # until everything is imported: callbacks of the import lock ignore interrupts, with a traceback
     process.send_signal(number)
     _, errors = process.communicate(timeout=DEADLINE)
     assert process.returncode == 128 + number
