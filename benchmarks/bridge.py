@@ -16,10 +16,10 @@ import numpy as np
 
 import jacokin
 from jacokin.arrays import Array
-from jacokin.ik.closed_form import warmup
+from jacokin.kernels.compiled.loading import warmup
 from jacokin.model import quat_wxyz
 from jacokin.mujoco_bridge import Arena, JacoArm, JacoHand, Physics, observations, robots
-from jacokin.mujoco_bridge.simulation.element_arrays import KINDS
+from jacokin.mujoco_bridge.simulation.elements import KINDS
 
 Solve = Callable[[Array, Array | None], bool]
 

@@ -16,9 +16,8 @@ import numpy as np
 import jacokin
 from benchmarks import brute_force, environments, report, targets
 from benchmarks.referee import apart, rotation_angle
-from jacokin import Robot
+from jacokin import Robot, warmup
 from jacokin.arrays import Array
-from jacokin.ik import closed_form
 from jacokin.model.descriptions import bundled
 
 SAME_CONFIGURATION = 1e-4  # [rad] on the circle: the generating configuration counts as found
@@ -109,7 +108,7 @@ def dm_control_arm() -> Path | None:
 
 def section(share: int = 1) -> report.Section:
     """The part of the page on completeness, with one in `share` of the targets."""
-    closed_form.warmup()
+    warmup()
     robots: list[Robot] = [robot for robot in map(jacokin.load_robot, bundled.NAMES) if robot.dof == 6]
     notes = []
     path = dm_control_arm()

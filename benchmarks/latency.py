@@ -19,7 +19,7 @@ import numpy as np
 import jacokin
 from benchmarks import bridge, report
 from jacokin.arrays import Array
-from jacokin.ik.closed_form.compilation import KERNELS
+from jacokin.kernels.compiled.loading import KERNELS
 
 CALLS = 20_000
 POSES = 2_000

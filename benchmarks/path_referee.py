@@ -10,8 +10,8 @@ import pinocchio as pin
 import jacokin
 from jacokin import FreeAxis, Robot
 from jacokin.arrays import Array
-from jacokin.ik import PathResult
 from jacokin.model import to_mujoco
+from jacokin.motion import PathResult
 
 TOLERANCE = 1e-6  # [m] and [rad]
 ROUNDING = 1e-8  # [rad/s]

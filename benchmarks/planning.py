@@ -18,7 +18,8 @@ from benchmarks.path_referee import SHAPES_APART, Referee, Surveyor, Targets
 from benchmarks.report import seconds
 from jacokin import IKSolver, Robot
 from jacokin.arrays import Array
-from jacokin.ik import Box, FreeAxis, PathResult, Scene, plan_path, track_path
+from jacokin.ik import Box, FreeAxis, Scene
+from jacokin.motion import PathResult, plan_path, track_path
 
 DT = 0.02  # [s]
 SPEED = 0.1  # [m/s]

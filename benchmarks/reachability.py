@@ -29,13 +29,13 @@ import jacokin
 from benchmarks import report
 from jacokin import IKSolver
 from jacokin.chunks.execution import made
-from jacokin.chunks.keeping import Keeper
+from jacokin.chunks.folder import Keeper
 from jacokin.ik import solve_file
-from jacokin.ik.batches import jobs
+from jacokin.ik.batches import solve_file as files
 from jacokin.ik.batches.chunk import ChunkJob, FileStamp, RowsInFile, read_tally
 from jacokin.ik.batches.solve_file import ROWS
 from jacokin.ik.files import formats
-from jacokin.ik.files.parts import equal_parts
+from jacokin.ik.files.targets import equal_parts
 from jacokin.reachability import Grid, ReachabilityMap, build
 
 RUN = (
@@ -137,12 +137,12 @@ def coordinator(rows: int = 4 * ROWS) -> list[str]:
             executors.append(("dask, scheduler in the same process", partial(_dask, stack)))
         for name, start in executors:
             each = _handed_out(folder, solver, source, start())
-            chunk = each / jobs.TOGETHER + join
+            chunk = each / files.TOGETHER + join
             cells.append(
                 (
                     name,
                     f"{MILLI * each:.2f} ms",
-                    f"{MILLI * each / jobs.TOGETHER:.2f} ms",
+                    f"{MILLI * each / files.TOGETHER:.2f} ms",
                     f"{MILLI * join:.2f} ms",
                     f"{MILLI * worker:.0f} ms",
                     f"{worker / chunk:.0f}",
@@ -151,7 +151,7 @@ def coordinator(rows: int = 4 * ROWS) -> list[str]:
             )
     head = ("executor", "a job", "of that a chunk", "joining it", "a worker's time", "workers fed", f"at {FED} workers")
     return [
-        f"Processor time of the coordinator for a chunk of {ROWS:,} poses, {jobs.TOGETHER} of them in a job, Parquet "
+        f"Processor time of the coordinator for a chunk of {ROWS:,} poses, {files.TOGETHER} of them in a job, Parquet "
         f"to Parquet; how many workers that keeps busy, and how busy {FED} are:",
         report.table(head, cells),
     ]
@@ -160,7 +160,7 @@ def coordinator(rows: int = 4 * ROWS) -> list[str]:
 def _chunks(folder: Path, solver: IKSolver, source: Path) -> list[Path]:
     """Finished chunks of a file."""
     keeper, parts = Keeper(folder, "", ".chunk"), formats.parts(source, ROWS)
-    every = jobs.Batch(solver, source, parts, ROWS, None, True, ".parquet")
+    every = files.Batch(solver, source, parts, ROWS, None, True, ".parquet")
     paths = []
     with ThreadPoolExecutor(1) as pool:
         for index, content in every.solved(range(len(parts)), keeper, pool, several=True):
@@ -176,12 +176,12 @@ def _offset(path: Path) -> int:
 
 def _handed_out(folder: Path, solver: IKSolver, source: Path, executor: Executor) -> float:
     """Processor seconds of this process for a job whose work takes no time."""
-    parts = equal_parts(HANDED_OUT * jobs.TOGETHER * ROWS, ROWS)
-    every = jobs.Batch(solver, source, parts, ROWS, None, True, ".parquet")
+    parts = equal_parts(HANDED_OUT * files.TOGETHER * ROWS, ROWS)
+    every = files.Batch(solver, source, parts, ROWS, None, True, ".parquet")
     stamp = FileStamp.of(source)
     assert stamp is not None
-    runs = [list(range(first, first + jobs.TOGETHER)) for first in range(0, len(parts), jobs.TOGETHER)]
-    work = partial(nothing, [f"{index:06d}-{'0' * 16}.chunk" for index in range(jobs.TOGETHER)])
+    runs = [list(range(first, first + files.TOGETHER)) for first in range(0, len(parts), files.TOGETHER)]
+    work = partial(nothing, [f"{index:06d}-{'0' * 16}.chunk" for index in range(files.TOGETHER)])
     recipes = list(every._recipes(runs, Keeper(folder, "", ".chunk"), stamp))
     begin = time.process_time()
     for _ in made(work, recipes, executor):

@@ -25,8 +25,8 @@ from benchmarks import report
 from jacokin.mujoco_bridge.distributions import Uniform
 from jacokin.tasks import Randomization
 from jacokin.tasks.episode import STEPS
-from jacokin.tasks.gym.make_vector import make_vector
-from jacokin.tasks.ids import IDS
+from jacokin.tasks.gym.registration import IDS
+from jacokin.tasks.gym.vector import make_vector
 from jacokin.tasks.task import SUBSTEPS
 
 Array = NDArray[np.float64]
@@ -205,7 +205,7 @@ def starts(name: str) -> list[Array]:
 def memory(name: str) -> float:
     """What many environments take in a fresh process, beside the first of them [MB]."""
     program = (
-        "import sys, numpy as np; from jacokin.tasks.gym.make_vector import make_vector\n"
+        "import sys, numpy as np; from jacokin.tasks.gym.vector import make_vector\n"
         "def used(): return int(open('/proc/self/statm').read().split()[1]) * 4096\n"
         f"def run(n): v = make_vector(n, task={name!r}, threads={THREADS}); v.reset(seed=0); "
         "v.step(np.zeros((n, 9))); return v\n"

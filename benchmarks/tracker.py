@@ -14,8 +14,8 @@ import pinocchio as pin
 
 import jacokin
 from jacokin import Robot
-from jacokin.ik import Clearance, Tracker
 from jacokin.model import poses, to_mujoco
+from jacokin.motion import Clearance, Tracker
 
 DT = 0.01  # [s]
 TICKS = 2000

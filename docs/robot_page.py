@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from jacokin.model import DEFAULT_ROBOT, NAMES
-from jacokin.model.descriptions import table
+from jacokin.model.descriptions import bundled
 
 PAGE = Path(__file__).resolve().with_name("robot.md")
 
@@ -20,7 +20,7 @@ Row = Mapping[str, Any]
 
 def page() -> str:
     """The whole page as Markdown."""
-    numbers = table.load()
+    numbers = bundled.load()
     parts = [
         "<!-- Written by docs/robot_page.py from urdf/jaco.toml and urdf/shapes.toml. Edit those, not this page. -->",
         "# The robots in numbers",
@@ -80,10 +80,10 @@ def rotation(row: Row) -> str:
 
 def _variants(numbers: Row) -> list[str]:
     def row(name: str) -> tuple[str, ...]:
-        variant = table.variant(name)
+        variant = bundled.variant(name)
         return f"`{name}`", variant["arm"], variant["hand"].replace("_", " "), value(variant["home"])
 
-    doubts = [f"- `{name}`: {doubt}." for name in NAMES if (doubt := table.variant(name).get("doubt"))]
+    doubts = [f"- `{name}`: {doubt}." for name in NAMES if (doubt := bundled.variant(name).get("doubt"))]
     return [
         "## Robots",
         f"`{DEFAULT_ROBOT}` is the default. A name reads: `j2` Jaco generation 2, `m1` Mico; `n` non-spherical, "
@@ -109,8 +109,8 @@ def _limits() -> list[str]:
     shown: dict[str, str] = {}
     for name in NAMES:
         rows = []
-        for joint, numbers in table.arm_joints(name).items():
-            sheet = table.actuator(numbers["group"])
+        for joint, numbers in bundled.arm_joints(name).items():
+            sheet = bundled.actuator(numbers["group"])
             rows.append(
                 (
                     joint,
@@ -143,7 +143,7 @@ def _limits() -> list[str]:
 def _chains(numbers: Row) -> list[str]:
     parts = ["## Joint frames", "Every joint turns about +z of its own frame."]
     for arm in numbers["arms"]:
-        rows = table.section(numbers["arms"], arm)
+        rows = bundled.section(numbers["arms"], arm)
         joints = [(key, row) for key, row in rows.items() if key.startswith("joint_")]
         parts += [
             f"### {arm}",
@@ -236,7 +236,7 @@ def _dynamics(numbers: Row) -> list[str]:
     dynamics = numbers["dynamics"]
     groups = ("large", "small", "finger")
     joints = {"large": "joint_1 to 3, of seven 1 to 4", "small": "the other three", "finger": "fingers"}
-    actuators = {group: table.actuator(group) for group in groups}
+    actuators = {group: bundled.actuator(group) for group in groups}
     return [
         "## Joint dynamics and actuators",
         grid(
@@ -262,7 +262,7 @@ def _dynamics(numbers: Row) -> list[str]:
 
 
 def _command(group: str) -> str:
-    row = table.load()["actuators"][group]
+    row = bundled.load()["actuators"][group]
     return f"{value(row['ctrl_range_deg'])} °/s" if "ctrl_range_deg" in row else f"{value(row['ctrl_range'])} rad/s"
 
 
@@ -273,9 +273,9 @@ def _masses(numbers: Row) -> list[str]:
         "listed has no mass. `link_finger` and `link_finger_tip` stand for each of them.",
     ]
     for name in NAMES:
-        masses = table.section(numbers["masses"], name)
-        bodies = {key: table.section(masses, key) for key in masses if isinstance(masses[key], dict)}
-        fingers = len(numbers["hands"][table.variant(name)["hand"]]["fingers"])
+        masses = bundled.section(numbers["masses"], name)
+        bodies = {key: bundled.section(masses, key) for key in masses if isinstance(masses[key], dict)}
+        fingers = len(numbers["hands"][bundled.variant(name)["hand"]]["fingers"])
         total = math.fsum(row["mass"] * (fingers if "finger" in key else 1) for key, row in bodies.items())
         rows = ((key, value(row["mass"]), value(row["com"]), value(row["inertia"])) for key, row in bodies.items())
         doubts = " ".join(f"Doubt: {doubt}." for doubt in sorted({r["doubt"] for r in bodies.values() if "doubt" in r}))
@@ -301,7 +301,7 @@ def _contacts(numbers: Row) -> list[str]:
 
 
 def _shapes() -> list[str]:
-    shapes = table.load("shapes.toml")
+    shapes = bundled.load("shapes.toml")
     parts = [
         "## Shapes",
         "Bodies are made of boxes, cylinders and spheres, the same in URDF and MJCF, for drawing and for contact. "
@@ -310,9 +310,9 @@ def _shapes() -> list[str]:
     ]
     rows = []
     for group in shapes:
-        merged = table.section(shapes, group)
+        merged = bundled.section(shapes, group)
         bodies = [key for key in shapes[group] if isinstance(shapes[group][key], dict)]
-        count = sum(len(table.section(merged, body)["parts"]) for body in bodies)
+        count = sum(len(bundled.section(merged, body)["parts"]) for body in bodies)
         like = f"{count} for {', '.join(bodies)}" if bodies else "none of its own"
         rest = f"; the rest as {shapes[group]['like']}" if "like" in shapes[group] else ""
         rows.append((group.replace("_", " "), f"{like}{rest}", merged["source"], merged.get("doubt", "")))

@@ -22,7 +22,7 @@ from jacokin.arrays import Array
 from jacokin.tasks.episode import STEPS
 from jacokin.tasks.experts.expert import SCRIPTS
 from jacokin.tasks.families.bricks import BrickTask
-from jacokin.tasks.ids import IDS
+from jacokin.tasks.gym.registration import IDS
 from jacokin.tasks.registry import TASKS
 from jacokin.tasks.task import CAMERA, CONTROL_TIMESTEP, Task
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import jacokin
-from jacokin.cli.demo import render, write_png
+from jacokin.cli.picture import render, write_png
 
 TARGET = jacokin.pose([0.2, -0.2, 0.5], rpy=[math.pi / 2, 0.0, 0.6])
 COLUMNS = 4

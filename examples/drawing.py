@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from PIL import Image
 
-from jacokin.cli.demo.picture import FINGERS, scene
+from jacokin.cli.picture import FINGERS, scene
 from jacokin.model.obstacles import Floor, Obstacle
 
 WIDTH, HEIGHT = 640, 480  # [pixel]

@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 import jacokin
-from jacokin import ik, model, mujoco_bridge, reachability, tasks
+from jacokin import ik, model, motion, mujoco_bridge, reachability, tasks
 from jacokin.mujoco_bridge import observations, robots
 
 HOME = (4.8046852, 2.92482, 1.002, 4.2031852, 1.4458, 1.3233)  # [rad] of the j2n6s300
@@ -30,8 +30,8 @@ def build(folder: Path) -> Examples:
     target = robot.forward_kinematics(HOME)
     near = robot.forward_kinematics(np.add(HOME, 0.05))
     solver = jacokin.IKSolver(robot)
-    clearance = ik.Clearance(0.01, [ik.Floor(-0.2)])
-    path = ik.track_path(robot, [target, near], speed=0.5, angular_speed=1.0, seed=HOME)
+    clearance = motion.Clearance(0.01, [ik.Floor(-0.2)])
+    path = motion.track_path(robot, [target, near], speed=0.5, angular_speed=1.0, seed=HOME)
     arm = robots.make_arm(observations.PERFECT_FEATURES)
     hand = robots.make_hand(observations.PERFECT_FEATURES)
     arm.attach(hand)

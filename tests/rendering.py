@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import functools
 
-from jacokin.cli.doctor import rendering
-from jacokin.cli.doctor.finding import OK
+from jacokin.cli import doctor
+from jacokin.cli.doctor import OK
 
 
 @functools.cache
 def backends() -> tuple[str, ...]:
     """Values of MUJOCO_GL that draw a picture here."""
-    return tuple(finding.name for finding in rendering.renderers() if finding.state == OK)
+    return tuple(finding.name for finding in doctor.renderers() if finding.state == OK)

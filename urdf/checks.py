@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from jacokin.errors import ModelError, UnknownNameError
-from jacokin.model.descriptions.table import ancestors, section
+from jacokin.model.descriptions.bundled import ancestors, section
 
 VARIANT_FIELDS = ("arm", "hand", "home", "source")
 JOINT_FIELDS = ("type", "parent", "child", "xyz", "rpy", "velocity_deg", "effort", "group")

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from jacokin.model.descriptions.table import angle, section
+from jacokin.model.descriptions.bundled import angle, section
 from urdf.checks import check
 
 FOLDER = Path(__file__).resolve().parent

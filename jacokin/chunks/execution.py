@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import contextlib
+import logging
 import os
+import signal
+import threading
+import time
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
+from dataclasses import dataclass
 from typing import TypeVar
 
-from jacokin.errors import InvalidInputError, JacokinError, shown
+from jacokin.errors import InvalidInputError, JacokinError, MissingExtraError, shown
 
 Job = TypeVar("Job")
 Made = TypeVar("Made")
@@ -86,3 +92,94 @@ def workers_of(executor: Executor) -> int:
         return known
     client = getattr(executor, "_client", None)  # of dask.distributed
     return 2 * usable_cores() if client is None else max(1, sum(client.nthreads().values()))
+
+
+def worker_processes(count: int) -> ProcessPoolExecutor:
+    """Processes of their own, started anew: threads of numba and BLAS do not survive a fork.
+
+    Scripts that use them must do so under ``if __name__ == "__main__":``, because each process imports the script.
+    """
+    import multiprocessing
+
+    context = multiprocessing.get_context("spawn")
+    return ProcessPoolExecutor(count, mp_context=context, initializer=_begin)
+
+
+def follow_parent() -> None:
+    """End this process when its parent has ended: killed ones cannot tell, and it would wait for work for ever."""
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _begin() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the parent, which then stops them
+    follow_parent()
+
+
+def _end_with_parent() -> None:
+    import multiprocessing
+
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
+
+
+ANSWER_WITHIN = 10.0  # [s] that a scheduler has to answer
+
+
+@contextlib.contextmanager
+def dask_executor(address: str) -> Iterator[Executor]:
+    """An executor whose work is done by the workers of a scheduler, such as tcp://10.0.0.1:8786.
+
+    Raises:
+        MissingExtraError: distributed is not installed.
+        InvalidInputError: no scheduler answers at the address.
+        JacokinError: the cluster has no workers.
+    """
+    try:
+        from distributed import Client
+    except ImportError as error:
+        raise MissingExtraError("distributed", "cluster") from error
+    if not isinstance(address, str) or not address:
+        raise InvalidInputError(f"the address of a scheduler must be like tcp://10.0.0.1:8786, got {address!r}")
+    logger = logging.getLogger("distributed")
+    level = logger.level
+    logger.setLevel(logging.CRITICAL)  # it would log what the error below says, with tracebacks
+    try:
+        client = Client(address, timeout=ANSWER_WITHIN, set_as_default=False)
+    except (OSError, ValueError, TypeError) as error:
+        raise InvalidInputError(f"no dask scheduler answers at {address}: {error}") from error
+    finally:
+        logger.setLevel(level)
+    with client:
+        if not client.nthreads():
+            raise JacokinError(f"the dask scheduler at {address} has no workers: start some with `dask worker`")
+        yield client.get_executor()
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """How far a long run has come."""
+
+    done: int
+    """Rows or cells that are finished."""
+    total: int
+    """How many there are."""
+    rate: float
+    """How many are finished in a second of this run."""
+    seconds_left: float
+    """How long the rest takes at this rate [s]; infinite before the first chunk."""
+
+
+def reporter(progress: Callable[[Progress], None] | None, total: int, done: int) -> Callable[[int], None]:
+    """A function that is told how many more are finished, and reports them; `done` were before this run."""
+    began, before = time.perf_counter(), done
+
+    def advance(more: int) -> None:
+        nonlocal done
+        done += more
+        if progress is not None:
+            rate = (done - before) / max(time.perf_counter() - began, 1e-9)
+            progress(Progress(done, total, rate, (total - done) / rate if rate > 0.0 else float("inf")))
+
+    return advance

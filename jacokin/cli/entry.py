@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import signal
 
-from jacokin.cli.exit_codes import INTERRUPTED
+NOT_SOLVED = 1  # not (all) solved, or a check failed
+WRONG_INPUT = 2  # wrong usage or input
+INTERRUPTED = 130  # Ctrl-C
 
 
 def main() -> None:

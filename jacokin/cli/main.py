@@ -16,10 +16,10 @@ import click
 
 from jacokin import __version__
 from jacokin.cli import process
-from jacokin.cli.arguments.declared import callback, parameters
 from jacokin.cli.command import Command, Refusal
-from jacokin.cli.display.tables import printable
-from jacokin.cli.exit_codes import WRONG_INPUT
+from jacokin.cli.declared import callback, parameters
+from jacokin.cli.display import printable
+from jacokin.cli.entry import WRONG_INPUT
 
 HELP = """Kinematics of the Kinova Jaco: poses, Jacobians, and joint angles for a pose within the joint limits.
 
@@ -38,28 +38,28 @@ Examples:
 
 # Name of a command, which is that of its function, and the module it is in: loaded when it is asked for.
 COMMANDS = {
-    "ik": "jacokin.cli.ik.command",
-    "fk": "jacokin.cli.kinematics.fk",
-    "jacobian": "jacokin.cli.kinematics.jacobian",
-    "info": "jacokin.cli.robots.info",
-    "track": "jacokin.cli.paths.track",
-    "plan": "jacokin.cli.paths.plan",
-    "view": "jacokin.cli.viewer.command",
-    "task": "jacokin.cli.tasks.command",
-    "place": "jacokin.cli.reachability.place",
-    "crosscheck": "jacokin.cli.robots.crosscheck",
-    "demo": "jacokin.cli.demo.command",
-    "doctor": "jacokin.cli.doctor.command",
-    "warmup": "jacokin.cli.warmup",
+    "ik": "jacokin.cli.ik",
+    "fk": "jacokin.cli.kinematics",
+    "jacobian": "jacokin.cli.kinematics",
+    "info": "jacokin.cli.info",
+    "track": "jacokin.cli.paths",
+    "plan": "jacokin.cli.paths",
+    "view": "jacokin.cli.viewer",
+    "task": "jacokin.cli.task",
+    "place": "jacokin.cli.reachability",
+    "crosscheck": "jacokin.cli.crosscheck",
+    "demo": "jacokin.cli.demo",
+    "doctor": "jacokin.cli.doctor",
+    "warmup": "jacokin.cli.doctor",
 }
 # Commands that have commands of their own, and what they are about.
 GROUPS = {
     "map": (
         "Maps of where the arm reaches: build one, draw it, ask it.",
         {
-            "build": "jacokin.cli.reachability.build",
-            "show": "jacokin.cli.reachability.show",
-            "query": "jacokin.cli.reachability.query",
+            "build": "jacokin.cli.reachability",
+            "show": "jacokin.cli.reachability",
+            "query": "jacokin.cli.reachability",
         },
     )
 }

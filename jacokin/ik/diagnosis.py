@@ -13,10 +13,9 @@ from jacokin.ik.results import Status
 
 if TYPE_CHECKING:
     from jacokin.ik.closed_form import BranchTable
-    from jacokin.ik.qp.multistart import Attempt
+    from jacokin.ik.qp import Attempt
     from jacokin.ik.targets import TargetPose
     from jacokin.ik.verification import Verifier
-
 
 NAMED_PAIRS = 3  # in a message; the result's `touching` has all
 REACH_SLACK = 1e-3  # [m] more than any tolerance: a bound that can be trusted

@@ -9,7 +9,7 @@ from jacokin.errors import InvalidInputError
 from jacokin.model import checks
 
 if TYPE_CHECKING:
-    from jacokin.model.scenes.scene import Scene
+    from jacokin.model.scene import Scene
 
 METHODS = ("auto", "closed_form", "qp")
 COLLISION = ("ignore", "report", "reject")
@@ -62,7 +62,7 @@ class Options:
         checks.whole_number("max_restarts", self.max_restarts)
         checks.non_negative("clearance", self.clearance, "m")
         if self.scene is not None:
-            from jacokin.model.scenes.scene import checked_scene  # loads MuJoCo
+            from jacokin.model.scene import checked_scene  # loads MuJoCo
 
             checked_scene("scene", self.scene)
         if self.collision == "ignore" and (self.scene is not None or self.clearance):

@@ -17,7 +17,6 @@ from jacokin.model import checks
 if TYPE_CHECKING:
     from jacokin.ik.closed_form import BranchTable
 
-
 Values = ParamSpec("Values")
 Made = TypeVar("Made")
 

@@ -19,11 +19,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, StructureError
-from jacokin.ik import batch
-from jacokin.ik.answers import choosing
-from jacokin.ik.answers.branches import of_branches
-from jacokin.ik.answers.choosing import Prefer
-from jacokin.ik.answers.family import nearest_member, of_findings
+from jacokin.ik import preferences
+from jacokin.ik.batches import batch
 from jacokin.ik.families.finder import Finder
 from jacokin.ik.options import (
     DEFAULT_QP_SOLVER,
@@ -33,21 +30,23 @@ from jacokin.ik.options import (
     POSITION_TOLERANCE,
     Options,
 )
+from jacokin.ik.preferences import Prefer
 from jacokin.ik.request import Request
 from jacokin.ik.results import BatchResult, Branches, IKResult
 from jacokin.ik.seeds import seed_within_limits
+from jacokin.ik.selection import nearest_member, of_branches, of_findings
 from jacokin.ik.targets import PartialTarget, Target, TargetPose, understood
 from jacokin.ik.verification import Verifier
 from jacokin.model import checks, poses
-from jacokin.model.pose_targets import FreeAxis
+from jacokin.model.poses import FreeAxis
 from jacokin.model.robot import Robot, checked_robot
 
 if TYPE_CHECKING:
     from jacokin.ik.closed_form import BranchTable, ClosedForm
-    from jacokin.ik.closest.search import ClosestSearch
+    from jacokin.ik.closest import ClosestSearch
     from jacokin.ik.families.family import Family
-    from jacokin.ik.qp.search import QPSearch
-    from jacokin.model.scenes.scene import Scene
+    from jacokin.ik.qp import QPSearch
+    from jacokin.model.scene import Scene
 
 
 class IKSolver:
@@ -122,9 +121,9 @@ class IKSolver:
         self._finder = Finder(self._verifier, method, self.closed_form)
         self._local = threading.local()
         if not isinstance(qp_solver, str) or qp_solver != DEFAULT_QP_SOLVER:
-            from jacokin.ik.qp import backend
+            from jacokin.ik import qp_backend
 
-            backend.checked(qp_solver)
+            qp_backend.checked(qp_solver)
         if method == "closed_form" and not self.has_families:
             self.closed_form()
         if warm is not None:
@@ -237,8 +236,8 @@ class IKSolver:
         if max_restarts is not None:
             restarts = checks.whole_number("max_restarts", max_restarts)
         checks.flag("closest", closest)
-        preferred = choosing.checked(prefer)
-        cost = None if preferred == "nearest" else choosing.cost_of(preferred, self.robot, self.frame)
+        preferred = preferences.checked(prefer)
+        cost = None if preferred == "nearest" else preferences.cost_of(preferred, self.robot, self.frame)
         at = TargetPose(wanted.matrix, position_only=False) if isinstance(wanted, FreeAxis) else wanted
         request = Request(at, start, note, rng, restarts, closest)
         if isinstance(wanted, FreeAxis) or self._finder.applies_to(wanted):
@@ -246,7 +245,7 @@ class IKSolver:
                 result = nearest_member(self._finder.nearest(wanted, start), wanted, self._verifier, request)
                 if result is not None:
                     return result
-            found, wish = self._finder.find(wanted, start), choosing.with_ties(cost, start)
+            found, wish = self._finder.find(wanted, start), preferences.with_ties(cost, start)
             return of_findings(found, self._verifier, request, wish, self._closest_search)
         if wanted.position_only:
             if self.method == "closed_form":
@@ -336,7 +335,7 @@ class IKSolver:
             JacokinError: the worker processes did not start.
         """
         # A batch looks for contact branch by branch, which the compiled loop does not.
-        nearest = choosing.checked(prefer) == "nearest"
+        nearest = preferences.checked(prefer) == "nearest"
         if callable(prefer) and workers != 1:
             batch.check_picklable("prefer", prefer)
         compiled = self._compiled if nearest and self.has_closed_form and not self._verifier.looks_for_contact else None
@@ -361,7 +360,7 @@ class IKSolver:
         if self.has_families or self.has_closed_form:
             self._finder.load()
             if warm:
-                from jacokin.ik.closed_form import warmup
+                from jacokin.kernels.compiled.loading import warmup
 
                 warmup()
         self._qp_search()
@@ -375,7 +374,7 @@ class IKSolver:
         try:
             search: QPSearch = self._local.search
         except AttributeError:
-            from jacokin.ik.qp.search import QPSearch
+            from jacokin.ik.qp import QPSearch
 
             search = self._local.search = QPSearch(self._verifier, self._closest_search(), self._finder.exact)
         return search
@@ -383,7 +382,7 @@ class IKSolver:
     def _closest_search(self) -> ClosestSearch:
         """The search for the closest configuration, built once."""
         if self._closest is None:
-            from jacokin.ik.closest.search import ClosestSearch
+            from jacokin.ik.closest import ClosestSearch
 
             self._closest = ClosestSearch(self._verifier)
         return self._closest

@@ -10,18 +10,18 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.ik import pose_error
+from jacokin.ik import targets
 from jacokin.ik.options import Options
 from jacokin.ik.results import IKResult, Status, ik_result
 from jacokin.ik.seeds import inside_exactly
 from jacokin.ik.targets import TargetPose
 from jacokin.model import checks
-from jacokin.model.mujoco_twin.contact import Contact
+from jacokin.model.contact import Contact
 from jacokin.model.robot import Robot
 
 if TYPE_CHECKING:
     from jacokin.ik.closed_form import BranchTable
-    from jacokin.model.scenes.scene import Scene
+    from jacokin.model.scene import Scene
 
 
 class Effort(Protocol):
@@ -91,14 +91,14 @@ class Verifier:
     def distances(self, rows: Array) -> Array:
         """Smallest distance [m] of shapes that count as contact, for configurations (n, dof)."""
         if self._scene is None:
-            from jacokin.model.scenes.scene import Scene
+            from jacokin.model.scene import Scene
 
             self._scene = self.options.scene or Scene()
         return self._scene.measure(self.robot, rows, self_collision=True)
 
     def measure(self, q: Array, target: TargetPose) -> tuple[float, float]:
         """Position error [m] and orientation error [rad] at `q`, by Pinocchio."""
-        return pose_error.errors(self.tool_pose(q), target)
+        return targets.pose_errors(self.tool_pose(q), target)
 
     def reached(self, q: Array, errors: tuple[float, float]) -> bool:
         """The condition of every success: inside the limits to the last bit, and within the tolerances."""

@@ -8,10 +8,9 @@ import numpy as np
 import pinocchio as pin
 
 from jacokin.arrays import Array
-from jacokin.model.descriptions import bundled, table
-from jacokin.model.mujoco_twin.contact import SelfContact
-from jacokin.model.robot import Robot
-from jacokin.model.source import Home
+from jacokin.model.contact import SelfContact
+from jacokin.model.descriptions import bundled
+from jacokin.model.robot import Home, Robot
 
 RANDOM_TRIES = 200  # of a fixed seed: a real arm is free of self-contact in nine of ten
 KEYFRAME = "home"  # of an MJCF file
@@ -21,7 +20,7 @@ SAME_PLACE = 1e-3  # [m, or of a matrix] between the joints of a file and those 
 
 def documented(name: str) -> Home:
     """The home that the table gives a bundled robot; its tests see to it that it is free of contact."""
-    q = np.array(table.variant(name)["home"], dtype=np.float64)
+    q = np.array(bundled.variant(name)["home"], dtype=np.float64)
     return Home(q, f"documented for the {name}")
 
 
@@ -79,11 +78,11 @@ def _candidates(robot: Robot) -> Iterator[Home]:
 
 def _has_the_joints_of(robot: Robot, name: str) -> bool:
     """Whether the joints stand to each other as those of a bundled arm, wherever the base is and whatever the names."""
-    rows = list(table.arm_joints(name).values())
+    rows = list(bundled.arm_joints(name).values())
     if robot.dof != len(rows):
         return False
     for row, placement in zip(rows[1:], list(robot.pin_model.jointPlacements)[2:], strict=True):
-        rpy = np.array([table.angle(value) for value in row["rpy"]])
+        rpy = np.array([bundled.angle(value) for value in row["rpy"]])
         expected = pin.SE3(pin.rpy.rpyToMatrix(rpy), np.array(row["xyz"], dtype=np.float64))
         if not np.allclose(placement.homogeneous, expected.homogeneous, rtol=0.0, atol=SAME_PLACE):
             return False

@@ -13,8 +13,7 @@ from jacokin.errors import InvalidInputError, ModelError, UnknownNameError, show
 from jacokin.model import checks, home
 from jacokin.model.descriptions import bundled, chain, reading
 from jacokin.model.descriptions.whole import Coupling
-from jacokin.model.robot import HomeFinder, Robot
-from jacokin.model.source import Home, Source
+from jacokin.model.robot import Home, HomeFinder, Robot, Source
 
 FINGER_ANGLE = 0.15  # [rad] fully open: the fingers' lower limit
 TIP_OF_BUNDLED = "end_effector"

@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Protocol
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 import pinocchio as pin
@@ -17,9 +19,47 @@ from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, UnknownNameError, shown
-from jacokin.model import checks, differential
+from jacokin.model import checks, jacobians
 from jacokin.model.descriptions import chain
-from jacokin.model.source import Home, Source
+
+if TYPE_CHECKING:
+    import mujoco
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """Where a robot came from, and what was read there: the file is not read again.
+
+    Attributes:
+        path: the description file.
+        kind: "urdf" or "mjcf".
+        bundled: name of the bundled robot, or None for a user's own file.
+        base: base frame that was asked for, or None.
+        tip: tip frame that was asked for, or None.
+        package_dirs: folders that hold the packages of package:// meshes.
+        limits: a user's own limits: joint, lower and upper [rad].
+        content: the checked text of a URDF, or an MJCF as MuJoCo compiled it; None for bundled robots.
+    """
+
+    path: Path
+    kind: str
+    bundled: str | None
+    base: str | None
+    tip: str | None
+    package_dirs: tuple[Path, ...] = ()
+    limits: tuple[tuple[str, float, float], ...] = ()
+    content: str | mujoco.MjModel | None = field(default=None, repr=False, compare=False)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Home:
+    """A configuration to start from, and where it comes from."""
+
+    q: Array
+    """(dof,) [rad]."""
+    source: str
+    """In words: a documented configuration, a keyframe of the file, the middle of the limits, or a search."""
+
 
 # Half-open bounds for sampling an unlimited joint [rad].
 UNLIMITED_RANGE = (-np.pi, np.pi)
@@ -210,7 +250,7 @@ class Robot:
             self._data,
             self.configuration(q),
             self.frame_id(frame),
-            differential.reference_frame(reference),
+            jacobians.reference_frame(reference),
         )
         return jacobian.reshape(6, self.dof)  # Pinocchio drops the second dimension of a single joint
 
@@ -218,25 +258,25 @@ class Robot:
         self, q: ArrayLike, v: ArrayLike, frame: str | None = None, reference: str = "local_world_aligned"
     ) -> Array:
         """Time derivative of `jacobian` along joint velocities `v` [rad/s]; (6, dof). Errors as `jacobian`."""
-        return differential.time_derivative(
+        return jacobians.time_derivative(
             self.pin_model,
             self._data,
             self.configuration(q),
             self.configuration(v, "v"),
             self.frame_id(frame),
-            differential.reference_frame(reference),
+            jacobians.reference_frame(reference),
         )
 
     def jacobian_derivative(
         self, q: ArrayLike, frame: str | None = None, reference: str = "local_world_aligned"
     ) -> Array:
         """Kinematic Hessian, (6, dof, dof): [:, j, k] = d J[:, j] / d q_k. Errors as `jacobian`."""
-        return differential.kinematic_hessian(
+        return jacobians.kinematic_hessian(
             self.pin_model,
             self._data,
             self.configuration(q),
             self.frame_id(frame),
-            differential.reference_frame(reference),
+            jacobians.reference_frame(reference),
         )
 
     def analytical_jacobian(self, q: ArrayLike, frame: str | None = None, representation: str = "rpy") -> Array:
@@ -256,7 +296,7 @@ class Robot:
             RepresentationSingularity: the representation is singular here; names the angle.
         """
         rotation = self.forward_kinematics(q, frame).rotation
-        return differential.analytical(rotation, self.jacobian(q, frame), representation)
+        return jacobians.analytical(rotation, self.jacobian(q, frame), representation)
 
     def singular_values(self, q: ArrayLike, frame: str | None = None) -> Array:
         """Singular values of the Jacobian, largest first (metres and radians mixed). Errors as `jacobian`."""

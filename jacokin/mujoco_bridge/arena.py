@@ -8,7 +8,7 @@ from typing import Any
 import mujoco
 from numpy.typing import ArrayLike
 
-from jacokin.model.descriptions import table
+from jacokin.model.descriptions import bundled
 from jacokin.mujoco_bridge.entities.entity import Entity, check_name
 
 CAMERA = "overview"
@@ -38,7 +38,7 @@ class Arena(Entity):
         spec = self._mjcf_root = mujoco.MjSpec()
         spec.modelname = "arena" if name is None else check_name(name)
         spec.compiler.degree = False
-        row = table.load()["arena"]
+        row = bundled.load()["arena"]
         _set_options(spec, row)
         _add_looks(spec)
         ground = row["ground"]

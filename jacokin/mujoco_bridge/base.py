@@ -15,13 +15,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from jacokin.errors import InvalidInputError, PhysicsError, UnknownNameError, shown
-from jacokin.ik.closed_form import warmup
+from jacokin.kernels.compiled.loading import warmup
 from jacokin.model import angles, checks
-from jacokin.model.descriptions import table
+from jacokin.model.descriptions import bundled
 from jacokin.mujoco_bridge.control.site_ik import SceneSolvers, SiteSolver, Solution
 from jacokin.mujoco_bridge.entities.entity import Entity
-from jacokin.mujoco_bridge.observables.declaration import Observables
-from jacokin.mujoco_bridge.observables.joints import JointsObservables
+from jacokin.mujoco_bridge.observables.declaration import JointsObservables, Observables
 from jacokin.mujoco_bridge.quaternions import rotation_matrix, unit_quaternion
 from jacokin.mujoco_bridge.simulation.physics import Physics, check_physics
 
@@ -29,7 +28,7 @@ RandomState = np.random.RandomState | np.random.Generator
 
 __all__ = ["DOWN_QUATERNION", "JointsObservables", "RandomState", "RobotArm", "RobotHand"]
 
-DOWN_QUATERNION = checks.read_only(table.load()["arena"]["down"]["quat_wxyz"])
+DOWN_QUATERNION = checks.read_only(bundled.load()["arena"]["down"]["quat_wxyz"])
 """The tool pointing vertically down, wxyz."""
 
 _DOWN = rotation_matrix(DOWN_QUATERNION)

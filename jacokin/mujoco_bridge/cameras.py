@@ -14,10 +14,7 @@ from numpy.typing import NDArray
 
 from jacokin.errors import InvalidInputError, shown
 from jacokin.model import checks as number_checks
-from jacokin.mujoco_bridge.observables.bound import Bound
-from jacokin.mujoco_bridge.observables.observable import Observable
-from jacokin.mujoco_bridge.observables.options import CAMERA_CHECKS, Options
-from jacokin.mujoco_bridge.observables.specs import ArraySpec
+from jacokin.mujoco_bridge.observables.observable import CAMERA_CHECKS, ArraySpec, Bound, Observable, Options
 from jacokin.mujoco_bridge.observations import ObservationSettings
 from jacokin.mujoco_bridge.simulation.rendering import RenderFlags
 

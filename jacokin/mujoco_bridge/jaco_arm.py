@@ -5,12 +5,12 @@ from __future__ import annotations
 import mujoco
 
 from jacokin.model import checks
-from jacokin.model.descriptions import bundled, table
+from jacokin.model.descriptions import bundled
 from jacokin.mujoco_bridge.base import RobotArm, RobotHand
-from jacokin.mujoco_bridge.control.velocity_actuator import add_velocity_actuator
 from jacokin.mujoco_bridge.entities.entity import check_name
 from jacokin.mujoco_bridge.observables.jaco import JacoArmObservables
 from jacokin.mujoco_bridge.simulation.physics import Physics, check_physics
+from jacokin.mujoco_bridge.velocity_actuator import add_velocity_actuator
 
 _WRIST_SITE = "wristsite"
 _SENSOR_SITE_SIZE = 1e-3  # [m]
@@ -34,7 +34,7 @@ class JacoArm(RobotArm):
         spec = self._mjcf_root = mujoco.MjSpec.from_file(str(bundled.part_file(robot, "arm")))
         if name is not None:
             spec.modelname = check_name(name)
-        rows = table.arm_joints(robot)
+        rows = bundled.arm_joints(robot)
         self._joints = [spec.joint(joint) for joint in rows]
         self._wrist_site = spec.site(_WRIST_SITE)
         self._actuators = [
@@ -80,7 +80,7 @@ class JacoArm(RobotArm):
             InvalidInputError: the physics does not hold this arm.
         """
         joints = check_physics(physics).bind(self.joints)
-        joints.qpos = table.variant(self._robot_name)["home"]
+        joints.qpos = bundled.variant(self._robot_name)["home"]
         joints.qvel = 0.0
         physics.bind(self.actuators).ctrl = 0.0
         for entity in self.iter_entities(exclude_self=True):

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from jacokin.errors import InvalidInputError, shown
 from jacokin.model import checks
-from jacokin.model.descriptions import bundled, table
+from jacokin.model.descriptions import bundled
 from jacokin.mujoco_bridge.base import RobotHand
-from jacokin.mujoco_bridge.control.velocity_actuator import add_velocity_actuator
 from jacokin.mujoco_bridge.entities.entity import check_name
 from jacokin.mujoco_bridge.observables.jaco import JacoHandObservables, TwoFingerHandObservables
 from jacokin.mujoco_bridge.simulation.physics import Physics, check_physics
+from jacokin.mujoco_bridge.velocity_actuator import add_velocity_actuator
 
 _HANDS = {3: bundled.DEFAULT_ROBOT, 2: "j2n6s200"}  # whose hand is taken, by the number of fingers
 _HAND_BODY = "hand"
@@ -61,7 +61,7 @@ class JacoHand(RobotHand):
         )
         self._hand_geom = list(spec.body(_HAND_BODY).geoms)
         self._finger_geoms = [geom for geom in spec.geoms if geom.name.startswith(_FINGER_GEOMS)]
-        group = table.load()["finger"]["group"]
+        group = bundled.load()["finger"]["group"]
         self._actuators = [add_velocity_actuator(spec, joint, group) for joint in self._joints]
 
     def _build_observables(self) -> JacoHandObservables | TwoFingerHandObservables:
@@ -151,13 +151,13 @@ def has_pinch_site(robot: str) -> bool:
     """
     return (
         _PINCH_SITE
-        in table.load()["hands"][table.variant(checks.choice("robot", robot, bundled.NAMES))["hand"]]["sites"]
+        in bundled.load()["hands"][bundled.variant(checks.choice("robot", robot, bundled.NAMES))["hand"]]["sites"]
     )
 
 
 def _fingers_of(robot: str) -> list[str]:
     """Names of the finger joints of a bundled robot."""
-    fingers: list[str] = table.load()["hands"][table.variant(robot)["hand"]]["fingers"]
+    fingers: list[str] = bundled.load()["hands"][bundled.variant(robot)["hand"]]["fingers"]
     return fingers
 
 

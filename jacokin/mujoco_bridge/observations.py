@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from jacokin.errors import InvalidInputError, shown
 from jacokin.model import checks
-from jacokin.mujoco_bridge.observables.options import Aggregator, Corruptor, RandomState, Steps
+from jacokin.mujoco_bridge.observables.observable import Aggregator, Corruptor, RandomState, Steps
 
 
 class ObservableSpec(NamedTuple):

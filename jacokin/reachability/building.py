@@ -23,27 +23,25 @@ from numpy.typing import ArrayLike
 
 import jacokin
 from jacokin import files
-from jacokin.chunks.execution import checked_executor, made, usable_cores
-from jacokin.chunks.folder import ChunkFolder, file_digest
-from jacokin.chunks.keeping import RECIPE, Keeper
+from jacokin.chunks.execution import Progress, checked_executor, made, reporter, usable_cores
+from jacokin.chunks.folder import RECIPE, ChunkFolder, Keeper, file_digest
 from jacokin.errors import InvalidInputError
-from jacokin.ik.batches.progress import Progress, reporter
 from jacokin.ik.solver import IKSolver
 from jacokin.model import checks
-from jacokin.model.pose_targets import FreeAxis
+from jacokin.model.poses import FreeAxis
 from jacokin.model.robot import Robot
+from jacokin.reachability.bound import bound_of
 from jacokin.reachability.chunk import MapJob, make
 from jacokin.reachability.loading import MANIFEST, load
 from jacokin.reachability.map import ReachabilityMap
+from jacokin.reachability.orientations import NO_SYMMETRIES as NO_SYMMETRIES
+from jacokin.reachability.orientations import Orientations, checked_orientations
+from jacokin.reachability.orientations import symmetries_of as symmetries_of
 from jacokin.reachability.recipe import recipe_of
-from jacokin.reachability.sampling import symmetries
-from jacokin.reachability.sampling.bound import bound_of
-from jacokin.reachability.sampling.grid import Grid
-from jacokin.reachability.sampling.orientations import Orientations, checked_orientations
-from jacokin.reachability.sampling.samples import Samples
+from jacokin.reachability.samples import Grid, Samples
 
 if TYPE_CHECKING:
-    from jacokin.model.scenes.scene import Scene
+    from jacokin.model.scene import Scene
 
 SPACING = 0.05  # [m] of the grid where none is given
 COUNT = 200  # of orientations where none are given
@@ -108,7 +106,7 @@ def build(
     solver = IKSolver(robot, frame, tool=tool, method="closed_form", collision=collision, scene=scene, warm=None)
     if not solver.has_families:
         solver.closed_form()
-    found = symmetries.of_solver(solver) if use_symmetry and collision == "ignore" else symmetries.NONE
+    found = symmetries_of(solver) if use_symmetry and collision == "ignore" else NO_SYMMETRIES
     chosen, found = checked_orientations(orientations, found)
     if chosen.axes is not None and solver.has_families:
         raise InvalidInputError("orientations that may turn about an axis are for six joints: seven turn by themselves")

@@ -6,13 +6,98 @@ import io
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 import jacokin
-from jacokin.chunks.keeping import Keeper
+from jacokin.arrays import Array
+from jacokin.chunks.folder import Keeper
 from jacokin.errors import JacokinError
 from jacokin.ik.batches.chunk import unpickled_solver
-from jacokin.reachability.answers import reached
-from jacokin.reachability.sampling.samples import Samples
+from jacokin.ik.preferences import by_margin
+from jacokin.ik.solver import IKSolver
+from jacokin.model.poses import FreeAxis
+from jacokin.reachability.orientations import Orientations
+from jacokin.reachability.samples import Samples
+
+MOST_BRANCHES = 255
+SAMPLES = 16  # members of an interval that are looked at for contact
+
+Answers = tuple[NDArray[np.uint8], Array]
+
+
+def one_by_one(solver: IKSolver, free: bool) -> bool:
+    """Whether each pose is looked at for itself, which takes some hundred times as long as the compiled loop.
+
+    Args:
+        solver: of the map.
+        free: whether tools may turn about an axis.
+    """
+    return free or solver.has_families or solver.verifier.rejects_contact
+
+
+def reached(solver: IKSolver, targets: Array, orientations: Orientations | None = None) -> Answers:
+    """How many configurations reach each of n poses (n, 4, 4), and the largest limit margin among them [rad].
+
+    Where a pose has a family of configurations, because the arm has seven joints or the tool may turn about an axis,
+    the number is that of its intervals, and the margin that of its widest member.
+
+    Args:
+        solver: of the map.
+        targets: poses.
+        orientations: what they are made of, again and again in this order, where tools may turn about an axis.
+
+    Returns:
+        (n,) numbers, and (n,) margins, NaN where there is no configuration.
+    """
+    axes = None if orientations is None else orientations.axes
+    if not one_by_one(solver, axes is not None):
+        return _compiled(solver, targets)
+    counts, margins = np.zeros(len(targets), dtype=np.uint8), np.full(len(targets), np.nan)
+    for row, matrix in enumerate(targets):
+        if orientations is not None and axes is not None and orientations.ranges is not None:
+            index = row % len(orientations)
+            free = FreeAxis(matrix, axis=axes[index], range=orientations.ranges[index])
+            number, margin = _of_family(solver, free)
+        elif solver.has_families:
+            number, margin = _of_family(solver, matrix)
+        else:
+            number, margin = _of_branches(solver, matrix)
+        if number:
+            counts[row], margins[row] = min(number, MOST_BRANCHES), margin
+    return counts, margins
+
+
+def _compiled(solver: IKSolver, targets: Array) -> Answers:
+    seeds = np.tile(solver.robot.home, (len(targets), 1))
+    rows = solver.closed_form().solve_batch(targets, seeds)
+    position_tolerance, orientation_tolerance = solver.tolerances
+    good = rows.within_limits & (rows.position_error <= position_tolerance)
+    good &= rows.orientation_error <= orientation_tolerance
+    counts = np.where(good, np.minimum(rows.branches_within_limits, MOST_BRANCHES), 0).astype(np.uint8)
+    return counts, np.where(good, rows.largest_margin, np.nan)
+
+
+def _of_branches(solver: IKSolver, target: Array) -> tuple[int, float]:
+    """Branches within the limits that touch nothing."""
+    branches = solver.solve_all(target)
+    free = branches.within_limits & np.array([not pairs for pairs in branches.touching or ()], dtype=np.bool_)
+    return int(free.sum()), float(branches.margin[free].min(axis=1).max()) if free.any() else np.nan
+
+
+def _of_family(solver: IKSolver, target: Array | FreeAxis) -> tuple[int, float]:
+    """Intervals of a family; where contact counts, those with a member that touches nothing among some of each."""
+    family = solver.family(target)
+    cost = by_margin(solver.robot)
+    if not solver.verifier.rejects_contact:
+        widest = family.widest()
+        return len(family), np.nan if widest is None else -float(cost(widest[None])[0])
+    found = []
+    for interval in family:
+        rows = np.vstack([interval.sample(SAMPLES)[1], interval.widest()])
+        free = [q for q in rows if not solver.verifier.touching(q)]
+        if free:
+            found.append(-float(cost(np.array(free)).min()))
+    return len(found), max(found, default=np.nan)
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,13 +12,12 @@ import numpy as np
 import orjson
 from numpy.typing import NDArray
 
-from jacokin.chunks.folder import file_digest
-from jacokin.chunks.keeping import HASH_DIGITS, RECIPE, digest
+from jacokin.chunks.folder import HASH_DIGITS, RECIPE, digest, file_digest
 from jacokin.errors import InvalidInputError, JacokinError
 from jacokin.model import checks
 from jacokin.model.descriptions.bundled import DEFAULT_ROBOT
 from jacokin.model.robot import Robot, checked_robot
-from jacokin.model.scenes.scene import Scene, checked_scene
+from jacokin.model.scene import Scene, checked_scene
 from jacokin.reachability.map import ReachabilityMap, same_robot
 from jacokin.reachability.recipe import samples_of
 

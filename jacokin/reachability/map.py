@@ -16,13 +16,12 @@ from jacokin.ik.solver import IKSolver
 from jacokin.model import checks, poses
 from jacokin.model.fingerprint import fingerprint
 from jacokin.model.loading import load_robot
-from jacokin.model.pose_targets import FreeAxis
+from jacokin.model.poses import FreeAxis
 from jacokin.model.robot import Robot
-from jacokin.model.scenes.scene import Scene
+from jacokin.model.scene import Scene
+from jacokin.reachability.orientations import Orientations
 from jacokin.reachability.recipe import samples_of
-from jacokin.reachability.sampling.grid import Grid
-from jacokin.reachability.sampling.orientations import Orientations
-from jacokin.reachability.sampling.samples import NOWHERE, Samples, turned
+from jacokin.reachability.samples import NOWHERE, Grid, Samples, turned
 
 RADIAN = 0.1  # [m] that a radian counts when distances of poses are compared, as for closest configurations
 

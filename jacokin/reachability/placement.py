@@ -17,10 +17,9 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.ik.results import Frozen
 from jacokin.model import checks
-from jacokin.reachability.answers import one_by_one, reached
+from jacokin.reachability.chunk import one_by_one, reached
 from jacokin.reachability.map import ReachabilityMap, checked_poses
-from jacokin.reachability.sampling.grid import Grid
-from jacokin.reachability.sampling.samples import NOWHERE, turned
+from jacokin.reachability.samples import NOWHERE, Grid, turned
 
 STARTS = 12  # places from the grid that are checked and moved
 SLOW_STARTS = 3  # where each target takes milliseconds

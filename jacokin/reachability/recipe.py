@@ -7,15 +7,13 @@ from typing import Any
 import numpy as np
 
 import jacokin
-from jacokin.chunks.keeping import digest
+from jacokin.chunks.folder import digest
 from jacokin.errors import InvalidInputError
 from jacokin.ik.solver import IKSolver
 from jacokin.model.fingerprint import fingerprint
-from jacokin.reachability.answers import one_by_one
-from jacokin.reachability.sampling.grid import Grid
-from jacokin.reachability.sampling.orientations import Orientations
-from jacokin.reachability.sampling.samples import Samples
-from jacokin.reachability.sampling.symmetries import Symmetries
+from jacokin.reachability.chunk import one_by_one
+from jacokin.reachability.orientations import Orientations, Symmetries
+from jacokin.reachability.samples import Grid, Samples
 
 FORMAT = "jacokin reachability map 1"
 POSES_IN_A_CHUNK = 20_000  # about a quarter of a second of one core

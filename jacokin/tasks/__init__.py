@@ -11,35 +11,12 @@ Importing this package registers the ids, if Gymnasium is installed: `register_e
 Everything public is imported from here. Read `families/reach` first, then `task`, `episode` and `environment`.
 """
 
-from __future__ import annotations
-
 import importlib
 import importlib.util
-from typing import TYPE_CHECKING
 
 from jacokin import lazy
 
-if TYPE_CHECKING:
-    from jacokin.tasks.environment import Environment as Environment
-    from jacokin.tasks.environment import load as load
-    from jacokin.tasks.experts.expert import Expert as Expert
-    from jacokin.tasks.experts.expert import expert as expert
-    from jacokin.tasks.gym.environment import TaskEnv as TaskEnv
-    from jacokin.tasks.randomization import Randomization as Randomization
-    from jacokin.tasks.registry import names as names
-    from jacokin.tasks.task import Task as Task
-
-__all__, __getattr__, __dir__ = lazy.door(
-    __name__,
-    {
-        "jacokin.tasks.environment": ("Environment", "load"),
-        "jacokin.tasks.experts.expert": ("Expert", "expert"),
-        "jacokin.tasks.gym.environment": ("TaskEnv",),
-        "jacokin.tasks.randomization": ("Randomization",),
-        "jacokin.tasks.registry": ("names",),
-        "jacokin.tasks.task": ("Task",),
-    },
-)
+__all__, __getattr__, __dir__ = lazy.door(__name__, __file__)
 
 if importlib.util.find_spec("gymnasium") is not None:
     importlib.import_module("jacokin.tasks.gym.registration").register()

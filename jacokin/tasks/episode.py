@@ -9,15 +9,48 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.errors import PhysicsError
+from jacokin.errors import InvalidInputError, PhysicsError
 from jacokin.model import checks
 from jacokin.mujoco_bridge.base import RandomState
 from jacokin.mujoco_bridge.control import queries
 from jacokin.mujoco_bridge.control.queries import Asking
 from jacokin.mujoco_bridge.simulation.rendering import Renderers
-from jacokin.tasks import actions, registry
+from jacokin.tasks import registry
+from jacokin.tasks.features import View
 from jacokin.tasks.task import CAMERA, CONTROL_TIMESTEP, SUBSTEPS, TIME_LIMIT
-from jacokin.tasks.view import View
+
+
+def bounded(action: object, lower: Array, upper: Array) -> Array:
+    """An action within its bounds, as a new array; values beyond them are put on them.
+
+    Args:
+        action: what a user gave.
+        lower: lower bounds, of any shape.
+        upper: upper bounds.
+
+    Raises:
+        InvalidInputError: wrong shape, not real numbers, or NaN.
+    """
+    values = _as_array(action)
+    if values.shape != lower.shape or values.dtype.kind not in "fiu":
+        raise InvalidInputError(
+            f"action must be numbers of shape {lower.shape}, got shape {values.shape} and dtype {values.dtype}"
+        )
+    found = np.asarray(np.minimum(np.maximum(values, lower), upper), dtype=np.float64)
+    total = float(found.sum())
+    if total != total:  # NaN; infinite values are bounded
+        raise InvalidInputError(f"action must not be NaN, got {checks.shown(values)}")
+    return found
+
+
+def _as_array(action: object) -> np.ndarray:
+    if type(action) is np.ndarray:
+        return action
+    try:
+        return checks.numbers(action)  # type: ignore[arg-type]  # `numbers` checks
+    except (TypeError, ValueError) as error:
+        raise InvalidInputError(f"action must be an array of numbers, got {checks.shown(action)}: {error}") from error
+
 
 PICTURE = 84  # rows and columns of what the camera observes [pixels]
 STEPS = round(TIME_LIMIT / CONTROL_TIMESTEP)
@@ -110,7 +143,7 @@ class Episode:
         Raises:
             InvalidInputError: wrong shape, not real numbers, or not finite.
         """
-        return actions.bounded(action, self.lower, self.upper)
+        return bounded(action, self.lower, self.upper)
 
     def picture(
         self,

@@ -11,7 +11,7 @@ from functools import partial
 
 from jacokin.errors import UnknownNameError
 from jacokin.model import checks
-from jacokin.tasks.families import lift, place, reach, reassemble, stack
+from jacokin.tasks.families import bricks, lift, place, reach
 from jacokin.tasks.task import Task
 
 FEATURES, VISION, EASY = "features", "vision", "easy"
@@ -41,13 +41,13 @@ TASKS = {
     "lift_large_box": Entry(lift.LiftLargeBox),
     "place_brick": Entry(place.PlaceBrick),
     "place_cradle": Entry(place.PlaceCradle),
-    "stack_2_bricks": Entry(partial(stack.Stack, 2)),
-    "stack_2_bricks_moveable_base": Entry(partial(stack.Stack, 2, is_base_fixed=False)),
-    "stack_3_bricks": Entry(partial(stack.Stack, 3)),
-    "stack_3_bricks_random_order": Entry(partial(stack.Stack, 3, order_varies=True), observations=(FEATURES,)),
-    "stack_2_of_3_bricks_random_order": Entry(partial(stack.Stack, 3, 2, order_varies=True)),
-    "reassemble_3_bricks_fixed_order": Entry(partial(reassemble.Reassemble, 3)),
-    "reassemble_5_bricks_random_order": Entry(partial(reassemble.Reassemble, 5, order_varies=True)),
+    "stack_2_bricks": Entry(partial(bricks.Stack, 2)),
+    "stack_2_bricks_moveable_base": Entry(partial(bricks.Stack, 2, is_base_fixed=False)),
+    "stack_3_bricks": Entry(partial(bricks.Stack, 3)),
+    "stack_3_bricks_random_order": Entry(partial(bricks.Stack, 3, order_varies=True), observations=(FEATURES,)),
+    "stack_2_of_3_bricks_random_order": Entry(partial(bricks.Stack, 3, 2, order_varies=True)),
+    "reassemble_3_bricks_fixed_order": Entry(partial(bricks.Reassemble, 3)),
+    "reassemble_5_bricks_random_order": Entry(partial(bricks.Reassemble, 5, order_varies=True)),
     "reach_top_left": Entry(reach.corner("top_left"), tags=(EASY,)),
     "reach_top_right": Entry(reach.corner("top_right"), tags=(EASY,)),
     "reach_bottom_left": Entry(reach.corner("bottom_left"), tags=(EASY,)),

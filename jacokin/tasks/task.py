@@ -16,9 +16,31 @@ from jacokin.mujoco_bridge.distributions import QuaternionFromAxisAngle, Uniform
 from jacokin.mujoco_bridge.entities.entity import Entity
 from jacokin.mujoco_bridge.rewards import SHAPES, VALUE_AT_MARGIN
 from jacokin.mujoco_bridge.workspaces import BoundingBox
-from jacokin.tasks import features, looks
-from jacokin.tasks.features import Feature
-from jacokin.tasks.view import View, ids
+from jacokin.tasks import features
+from jacokin.tasks.features import Feature, View, ids
+
+_SKY_RGB = ((0.4, 0.6, 0.8), (0.0, 0.0, 0.0))  # at the zenith, at the nadir
+_FLOOR_RGB = ((0.2, 0.3, 0.4), (0.1, 0.2, 0.3))  # of the two kinds of tiles
+_EDGE_RGB = (0.8, 0.8, 0.8)  # of the lines between tiles
+_REFLECTANCE = 0.2  # of the floor
+_HEADLIGHT, _LAMP, _SHINE = 0.6, 0.7, 0.3  # intensities
+_FLOOR_SHINE = 0.5  # MuJoCo's default
+
+
+def set_looks(spec: mujoco.MjSpec) -> None:
+    """Give an arena the looks of the reference."""
+    spec.visual.headlight.diffuse = [_HEADLIGHT] * 3
+    for texture in spec.textures:
+        if texture.type == mujoco.mjtTexture.mjTEXTURE_SKYBOX:
+            texture.rgb1, texture.rgb2 = _SKY_RGB
+        elif texture.builtin == mujoco.mjtBuiltin.mjBUILTIN_CHECKER:
+            texture.rgb1, texture.rgb2 = _FLOOR_RGB
+            texture.mark, texture.markrgb = mujoco.mjtMark.mjMARK_EDGE, _EDGE_RGB
+            floor = spec.material(texture.name)
+            floor.reflectance, floor.specular = _REFLECTANCE, _FLOOR_SHINE
+    for light in spec.lights:
+        light.diffuse, light.specular = [_LAMP] * 3, [_SHINE] * 3
+
 
 CONTROL_TIMESTEP = 0.04  # [s]
 SUBSTEPS = 20  # physics steps of 0.002 s
@@ -54,7 +76,7 @@ class Task(abc.ABC):
     def __init__(self) -> None:
         """Compile the scene; for the first time on a machine, the closed form of the arm too (20 s)."""
         self.arena = Arena()
-        looks.set_looks(self.arena.mjcf_model)
+        set_looks(self.arena.mjcf_model)
         cameras.add_camera_observables(self.arena, observations.VISION, cameras.FRONT_CLOSE)
         self.arm = robots.make_arm(observations.PERFECT_FEATURES)
         self.hand = robots.make_hand(observations.PERFECT_FEATURES)

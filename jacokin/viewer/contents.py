@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from jacokin.viewer.drawing.slices import Slices
-from jacokin.viewer.motion.playback import Playback
+from jacokin.viewer.playback import Playback
 from jacokin.viewer.setup import Setup
 
 

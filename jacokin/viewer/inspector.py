@@ -6,6 +6,7 @@ An `Inspector` knows the robot and the solver but no browser.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -15,18 +16,85 @@ from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
-from jacokin.ik.answers import choosing
+from jacokin.ik import preferences
 from jacokin.ik.results import Branches, Status
 from jacokin.ik.solver import IKSolver
-from jacokin.ik.tracking.result import TrackerStep
 from jacokin.model import checks
 from jacokin.model.angles import TURN
-from jacokin.model.pose_targets import FreeAxis
-from jacokin.viewer.postures import Postures
-from jacokin.viewer.view import Free, View
+from jacokin.model.poses import FreeAxis
+from jacokin.motion.tracking.tracker import TrackerStep
+from jacokin.viewer.view import Free, Places, View
 
 if TYPE_CHECKING:
     from jacokin.ik.families.family import Family
+
+
+class Postures:
+    """Measures configurations of one robot. One thread at a time.
+
+    Attributes:
+        solver: the solver; another one of the same robot may take its place.
+        robot: its robot.
+    """
+
+    def __init__(self, solver: IKSolver) -> None:
+        """Prepare working memory."""
+        self.solver = solver
+        self.robot = solver.robot
+        self._data = self.robot.pin_model.createData()
+
+    def pose_of(self, q: Array) -> pin.SE3:
+        """T_base_tool at joint values (dof,)."""
+        pose = self.robot.forward_kinematics(q, self.solver.frame)
+        tool = self.solver.tool
+        return pose if tool is None else pose * tool
+
+    def errors(self, q: Array, target: pin.SE3) -> tuple[float, float]:
+        """How far the tool is from a target at `q`: position [m], angle [rad]."""
+        reached = self.pose_of(q)
+        angle = float(np.linalg.norm(pin.log3(reached.rotation.T @ target.rotation)))
+        return float(np.linalg.norm(target.translation - reached.translation)), angle
+
+    def ellipsoid(self, q: Array) -> tuple[Array, Array]:
+        """The ellipsoid of manipulability: how fast the tool moves each way when the joint rates have length 1.
+
+        Returns:
+            Its semi-axes (3,) [m/s for rad/s], longest first, and their directions as the columns of a rotation (3, 3).
+        """
+        jacobian = self.robot.jacobian(q, self.solver.frame)
+        linear = jacobian[:3]
+        if self.solver.tool is not None:
+            arm = self.robot.forward_kinematics(q, self.solver.frame).rotation @ self.solver.tool.translation
+            linear = linear - pin.skew(arm) @ jacobian[3:]
+        directions, lengths, _ = np.linalg.svd(linear, full_matrices=True)
+        if np.linalg.det(directions) < 0.0:
+            directions[:, 2] *= -1.0
+        return np.pad(lengths, (0, 3 - len(lengths))), directions
+
+    def places(self, configurations: Sequence[Array] | Array) -> Places:
+        """Where the base and the part of each joint are, for k configurations (k, dof)."""
+        count, parts = len(configurations), self.robot.dof + 1
+        table = np.empty((count, parts, 7))
+        model, data = self.robot.pin_model, self._data
+        for row, q in enumerate(configurations):
+            pin.forwardKinematics(model, data, np.ascontiguousarray(q))
+            for part, placement in enumerate(data.oMi):
+                table[row, part] = pin.SE3ToXYZQUAT(placement)
+        return Places(table[:, :, :3].astype(np.float32), table[:, :, [6, 3, 4, 5]].astype(np.float32))
+
+    def excess(self, q: Array) -> list[tuple[str, float]]:
+        """The joints that are outside their limits at `q`, each with by how much [rad]."""
+        over = np.maximum(np.maximum(self.robot.lower - q, q - self.robot.upper), 0.0)
+        return [(self.robot.joint_names[joint], float(over[joint])) for joint in np.flatnonzero(over > 0.0)]
+
+    def margin(self, q: Array) -> Array:
+        """(dof,) distance to the nearer limit [rad]: negative outside, inf where there are none."""
+        return np.minimum(q - self.robot.lower, self.robot.upper - q)
+
+    def touching(self, q: Array) -> tuple[tuple[str, str], ...]:
+        """Pairs of shapes that touch at `q`; none when the solver does not look."""
+        return tuple(self.solver.verifier.touching(q))
+
 
 MEMBERS = 12  # least number of postures drawn of a family
 FREE_JOINT = 2  # of a seven-joint arm, the parameter of its families
@@ -50,7 +118,7 @@ class Inspector(Postures):
             UnknownNameError: an unknown preference.
         """
         super().__init__(solver)
-        self.prefer = checks.choice("prefer", prefer, choosing.PREFERENCES)
+        self.prefer = checks.choice("prefer", prefer, preferences.PREFERENCES)
         self._lower, self._upper = self.robot.lower, self.robot.upper
 
     def at(self, target: pin.SE3, seed: Array) -> View:
@@ -278,7 +346,7 @@ class Inspector(Postures):
 
     def _preferred(self, view: View, feasible: NDArray[np.intp]) -> int:
         """The number of the feasible branch that is preferred."""
-        cost = choosing.cost_of(self.prefer, self.robot, self.solver.frame)
+        cost = preferences.cost_of(self.prefer, self.robot, self.solver.frame)
         return int(feasible[0 if cost is None else np.argmin(cost(view.branches[feasible]))])
 
     def _empty(self, target: pin.SE3, q: Array) -> View:

@@ -20,17 +20,15 @@ from jacokin.ik.targets import checked as checked_target
 from jacokin.model import checks
 from jacokin.model.fingerprint import fingerprint
 from jacokin.model.loading import load_robot
-from jacokin.model.pose_targets import FreeAxis
+from jacokin.model.poses import FreeAxis
 from jacokin.model.robot import Robot
-from jacokin.model.scenes.scene import Scene, checked_scene
+from jacokin.model.scene import Scene, checked_scene
 from jacokin.viewer.contents import Contents
-from jacokin.viewer.drawing.parts import Part, parts_of
+from jacokin.viewer.drawing.robot import Part, parts_of, visuals_of
 from jacokin.viewer.drawing.slices import Slices
-from jacokin.viewer.drawing.visuals import visuals_of
 from jacokin.viewer.inspector import FULL_TURN, Inspector
-from jacokin.viewer.motion import recordings
-from jacokin.viewer.motion.playback import Playback
-from jacokin.viewer.motion.recordings import Trajectory
+from jacokin.viewer.playback import Playback, Trajectory
+from jacokin.viewer.playback import load_recording as load_recording
 from jacokin.viewer.setup import Setup
 from jacokin.viewer.viewer import Look, Viewer
 
@@ -115,7 +113,7 @@ def serve(
         logger.warning("%s", note)
     playback = None
     if trajectory is not None:
-        read = recordings.load(trajectory, robot) if isinstance(trajectory, str | Path) else trajectory
+        read = load_recording(trajectory, robot) if isinstance(trajectory, str | Path) else trajectory
         playback = Playback(read, robot)
     contents = Contents(
         setup=Setup(solver.frame, solver.tool, collision, obstacles, obstacles=True, clearance=clearance),

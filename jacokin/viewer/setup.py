@@ -10,7 +10,7 @@ from jacokin.ik.options import COLLISION as COLLISION
 from jacokin.ik.solver import IKSolver
 from jacokin.model import checks
 from jacokin.model.robot import Robot
-from jacokin.model.scenes.scene import Scene
+from jacokin.model.scene import Scene
 
 
 @dataclass(frozen=True, slots=True, eq=False)

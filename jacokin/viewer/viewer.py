@@ -15,18 +15,90 @@ from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
 from jacokin.errors import JacokinError
+from jacokin.ik.solver import IKSolver
 from jacokin.model import poses
-from jacokin.model.pose_targets import pose
+from jacokin.model.poses import pose
+from jacokin.motion.tracking.tracker import Tracker, TrackerStep
+from jacokin.viewer import paste as paste
 from jacokin.viewer.contents import Contents
-from jacokin.viewer.drawing.parts import Part
-from jacokin.viewer.inbox import Inbox
+from jacokin.viewer.drawing.robot import Part
 from jacokin.viewer.inspector import Inspector
-from jacokin.viewer.motion.following import Following
-from jacokin.viewer.paste import texts as paste
 from jacokin.viewer.view import View
 
 if TYPE_CHECKING:
     import viser
+
+
+class Inbox:
+    """A set of names in the order in which they came, filled by any thread and emptied by one."""
+
+    def __init__(self) -> None:
+        """Start empty and open."""
+        self._changed = threading.Condition()
+        self._counts: dict[str, int] = {}
+        self._closed = False
+
+    def post(self, name: str) -> None:
+        """Add a name; one that waits already is counted."""
+        with self._changed:
+            self._counts[name] = self._counts.get(name, 0) + 1
+            self._changed.notify()
+
+    def take(self, wait: float | None) -> dict[str, int] | None:
+        """Every name that waits, with how often it was posted.
+
+        Args:
+            wait: at most so long for a name [s]; None for without end.
+
+        Returns:
+            Empty after waiting in vain; None once closed.
+        """
+        with self._changed:
+            self._changed.wait_for(lambda: self._counts or self._closed, wait)
+            if self._closed:
+                return None
+            taken, self._counts = self._counts, {}
+            return taken
+
+    def waits(self, name: str) -> bool:
+        """Whether a name waits to be taken."""
+        with self._changed:
+            return name in self._counts
+
+    def close(self) -> None:
+        """Let the taker finish."""
+        with self._changed:
+            self._closed = True
+            self._changed.notify_all()
+
+
+TICK = 0.01  # [s] of the tracker: 100 Hz, as the real arm takes joint angles
+LONGEST_LAG = 0.1  # [s] of ticks that are made up for; after a longer pause the tracker goes on from where it is
+
+
+class Following:
+    """A tracker that follows the gizmo at 100 Hz of the clock, within the velocity limits."""
+
+    def __init__(self, solver: IKSolver, q: Array) -> None:
+        """Start at rest at `q` (dof,) [rad].
+
+        Raises:
+            InvalidInputError: the robot's file has no velocity limits.
+        """
+        self._tracker = Tracker(solver.robot, solver.frame, dt=TICK, q=q, tool=solver.tool)
+        self._owed = 0.0  # [s] on the clock that no tick has covered
+
+    def advance(self, target: pin.SE3, elapsed: float) -> TrackerStep | None:
+        """Make up for a time on the clock [s] with whole ticks; the last one, or None when there was none."""
+        self._owed += elapsed
+        if self._owed > LONGEST_LAG:
+            self._owed = TICK
+        step = None
+        while self._owed >= TICK:
+            step = self._tracker.step(target)
+            self._owed -= TICK
+        return step
+
 
 AIMED = {"target", "shown", "axis", "range", "prefer"}  # what changes the target
 PERIOD = 0.02  # [s] from one picture to the next of what moves by itself

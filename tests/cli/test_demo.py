@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import jacokin
-from jacokin.cli.demo.command import targets_file
+from jacokin.cli.demo import targets_file
 from jacokin.ik import read_targets
 from tests.rendering import backends
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from jacokin.cli.arguments import options
+from jacokin.cli import options
 from jacokin.model import urdf_folder
 from tests.cli.run import HOME, POSE, Run
 

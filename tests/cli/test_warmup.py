@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from jacokin.errors import JacokinError
-from jacokin.ik.closed_form import compilation
-from jacokin.ik.closed_form.compilation import Kernels
+from jacokin.kernels.compiled import loading
+from jacokin.kernels.compiled.loading import Kernels
 from tests.cli.run import Run
 
 
@@ -18,7 +18,7 @@ def test_it_says_that_the_closed_form_is_ready(run: Run) -> None:
 
 
 def test_it_does_not_claim_to_have_compiled_when_numba_is_disabled(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(compilation, "KERNELS", Kernels())
+    monkeypatch.setattr(loading, "KERNELS", Kernels())
     monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
     answer = run("warmup")
     assert answer.code == 1
@@ -31,7 +31,7 @@ def test_a_compiler_that_fails_is_one_sentence(run: Run, monkeypatch: pytest.Mon
         def warmup(self) -> None:
             raise JacokinError("the closed form could not be compiled: no numba")
 
-    monkeypatch.setattr(compilation, "KERNELS", Broken())
+    monkeypatch.setattr(loading, "KERNELS", Broken())
     answer = run("warmup")
     assert answer.code == 2
     assert answer.err == "jacokin: the closed form could not be compiled: no numba\n"

@@ -12,7 +12,7 @@ from types import ModuleType
 
 import jacokin
 from jacokin.model import NAMES
-from jacokin.model.descriptions import table
+from jacokin.model.descriptions import bundled
 from jacokin.tasks.registry import TASKS
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -56,9 +56,9 @@ def test_page_of_numbers_has_every_robot_source_and_doubt() -> None:
 
     for name in NAMES:
         assert f"### {name}: " in text
-    for key, source in table.load()["sources"].items():
+    for key, source in bundled.load()["sources"].items():
         assert f"| {key} | {source} |" in text
-    everything = doubts(dict(table.load())) + doubts(dict(table.load("shapes.toml")))
+    everything = doubts(dict(bundled.load())) + doubts(dict(bundled.load("shapes.toml")))
     assert len(everything) > 20
     for doubt in everything:
         assert doubt in text

@@ -19,7 +19,7 @@ import jacokin
 from jacokin import IKSolver, Robot, Status
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, StructureError
-from jacokin.ik.closed_form import compilation
+from jacokin.kernels.compiled import loading
 from jacokin.model import NAMES, SelfContact, urdf_folder
 
 angles = st.floats(-math.pi, math.pi)
@@ -313,7 +313,7 @@ def test_no_solve_after_the_first_line_imports_anything() -> None:
 
 def test_a_warm_solver_is_compiled_before_its_first_solve(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     calls: list[str] = []
-    monkeypatch.setattr(compilation.KERNELS, "warmup", lambda: calls.append("warm"))
+    monkeypatch.setattr(loading.KERNELS, "warmup", lambda: calls.append("warm"))
     IKSolver(robot)
     IKSolver(robot, method="qp", warm=True)
     assert calls == []

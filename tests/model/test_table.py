@@ -15,7 +15,7 @@ import pytest
 import jacokin
 from jacokin.errors import ModelError, UnknownNameError
 from jacokin.model import NAMES
-from jacokin.model.descriptions import bundled, table
+from jacokin.model.descriptions import bundled
 
 ROOT = Path(__file__).resolve().parents[2]
 Table = dict[str, Any]
@@ -51,7 +51,7 @@ def test_the_names_are_those_of_the_table() -> None:
     assert bundled.DEFAULT_ROBOT in NAMES
 
 
-@pytest.mark.parametrize("page", ["docs/kinematics.md", "jacokin/cli/robots/info.py"])
+@pytest.mark.parametrize("page", ["docs/kinematics.md", "jacokin/cli/info.py"])
 def test_the_names_stand_where_users_look(page: str) -> None:
     text = (ROOT / page).read_text()
     assert not [name for name in NAMES if name not in text]
@@ -115,4 +115,4 @@ def test_what_a_new_arm_lacks_is_named(case: str, generator: Any) -> None:
 
 def test_a_section_that_is_missing_lists_those_there_are() -> None:
     with pytest.raises(UnknownNameError, match="'j3n6'.*Did you mean.*Valid: j2n6, j2s6, m1n6"):
-        table.section(table.load()["arms"], "j3n6")
+        bundled.section(bundled.load()["arms"], "j3n6")

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 import jacokin
 from jacokin.errors import JacokinError, ModelError
-from jacokin.model.descriptions import urdf_checks
+from jacokin.model.descriptions import urdf
 from tests.robot_files import urdf_text
 
 JOINT = '<joint name="j" type="{kind}"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/>{inside}</joint>'
@@ -145,7 +145,7 @@ def test_a_damaged_urdf_is_read_or_named(seed: int) -> None:
             if act == 3:
                 del child.attrib[attribute]
     try:
-        robot = urdf_checks.checked(ET.tostring(tree, encoding="unicode"), "damaged")
+        robot = urdf.checked(ET.tostring(tree, encoding="unicode"), "damaged")
     except ModelError as error:
         event("refused")
         assert str(error).startswith("damaged: ")  # noqa: PT017 - both outcomes are right

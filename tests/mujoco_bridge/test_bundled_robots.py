@@ -11,7 +11,7 @@ import pytest
 
 import jacokin
 from jacokin.errors import InvalidInputError, UnknownNameError
-from jacokin.model.descriptions import bundled, table
+from jacokin.model.descriptions import bundled
 from jacokin.mujoco_bridge import Arena, JacoArm, JacoHand, ModelWrapperEntity, Physics, observations, robots
 
 NAMES = bundled.NAMES
@@ -58,11 +58,11 @@ def test_arm_and_hand_are_the_bundled_robot(robot: str) -> None:
 def test_home_is_held_at_rest(robot: str) -> None:
     physics, arm, _ = scene(robot)
     whole = jacokin.load_robot(robot)
-    np.testing.assert_array_equal(physics.bind(arm.joints).qpos, table.variant(robot)["home"])
+    np.testing.assert_array_equal(physics.bind(arm.joints).qpos, bundled.variant(robot)["home"])
     assert whole.within_limits(physics.bind(arm.joints).qpos)
     assert physics.data.ncon == 0
     physics.step(100)
-    assert np.abs(physics.bind(arm.joints).qpos - table.variant(robot)["home"]).max() < 0.01
+    assert np.abs(physics.bind(arm.joints).qpos - bundled.variant(robot)["home"]).max() < 0.01
 
 
 @pytest.mark.parametrize("robot", NAMES)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.reachability import ReachabilityMap
-from jacokin.reachability.sampling.samples import turned
+from jacokin.reachability.samples import turned
 
 
 def random_samples(reach: ReachabilityMap, rng: np.random.Generator, count: int) -> tuple[Array, NDArray[np.uint8]]:

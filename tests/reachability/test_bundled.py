@@ -12,7 +12,7 @@ from jacokin import Robot
 from jacokin.errors import UnknownNameError
 from jacokin.model.descriptions.bundled import NAMES
 from jacokin.reachability import Grid, build, bundled
-from jacokin.reachability.answers import reached
+from jacokin.reachability.chunk import reached
 from tests.reachability.poses import random_samples
 
 

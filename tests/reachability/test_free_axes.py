@@ -14,7 +14,7 @@ from jacokin import FreeAxis, IKSolver, Robot
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.reachability import Grid, Orientations, ReachabilityMap, build, load
-from jacokin.reachability.sampling.samples import turned
+from jacokin.reachability.samples import turned
 
 SCANNED = 1500
 GRID = Grid([-0.9, -0.9, -0.3], [0.9, 0.9, 1.2], 0.3)

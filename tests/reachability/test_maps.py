@@ -15,7 +15,7 @@ from jacokin import IKSolver, Robot
 from jacokin.errors import InvalidInputError
 from jacokin.ik import Progress
 from jacokin.reachability import Grid, Orientations, ReachabilityMap, build, bundled, load, place_base
-from jacokin.reachability.sampling.samples import NOWHERE
+from jacokin.reachability.samples import NOWHERE
 from tests.reachability.poses import random_samples
 
 SPACING = 0.1  # [m]

@@ -10,7 +10,7 @@ import pytest
 
 from jacokin import IKSolver, Robot
 from jacokin.reachability import Grid, ReachabilityMap, build, place_base
-from jacokin.reachability.answers import reached
+from jacokin.reachability.chunk import reached
 from tests.reachability.poses import random_samples
 
 

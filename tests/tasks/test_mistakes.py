@@ -12,7 +12,7 @@ import pytest
 
 import jacokin.tasks
 from jacokin.errors import InvalidInputError, PhysicsError, UnknownNameError
-from jacokin.tasks.ids import IDS
+from jacokin.tasks.gym.registration import IDS
 
 gymnasium.register_envs(jacokin.tasks)
 CONTROLS = ("joint_velocity", "tool_velocity", "tool_pose")

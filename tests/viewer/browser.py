@@ -22,7 +22,7 @@ from websockets.sync.connection import Connection
 from jacokin.arrays import Array
 from jacokin.model import poses
 from jacokin.viewer import Viewer
-from jacokin.viewer.drawing.parts import Part
+from jacokin.viewer.drawing.robot import Part
 from jacokin.viewer.view import Places
 from tests.viewer.page import until
 

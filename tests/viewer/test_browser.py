@@ -14,7 +14,7 @@ import jacokin
 from jacokin import Robot
 from jacokin.arrays import Array
 from jacokin.viewer import Viewer, serve
-from jacokin.viewer.drawing.parts import Part, parts_of
+from jacokin.viewer.drawing.robot import Part, parts_of
 from tests.viewer.browser import IN_BROWSER, Mask, Tab, agreement, picture, pixels, showing, silhouette
 from tests.viewer.page import opened, until
 

@@ -11,12 +11,12 @@ import trimesh
 
 import jacokin
 from jacokin import Robot
-from jacokin.ik import Box, Scene, track_path
+from jacokin.ik import Box, Scene
 from jacokin.model import urdf_folder
+from jacokin.motion import track_path
 from jacokin.viewer import Viewer, serve
 from jacokin.viewer.drawing.meshes import merged
-from jacokin.viewer.drawing.parts import Part
-from jacokin.viewer.drawing.visuals import visuals_of
+from jacokin.viewer.drawing.robot import Part, visuals_of
 from tests.viewer.browser import (
     EYE,
     FOV,

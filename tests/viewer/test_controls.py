@@ -16,7 +16,8 @@ from websockets.exceptions import ConnectionClosed
 
 import jacokin
 from jacokin import Robot, Status
-from jacokin.ik import Box, Floor, Scene, track_path
+from jacokin.ik import Box, Floor, Scene
+from jacokin.motion import track_path
 from jacokin.viewer import Viewer, serve
 from tests.viewer.page import Page, opened, until
 from tests.viewer.test_viewer import NEAR, comes_to

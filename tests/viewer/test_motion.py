@@ -13,10 +13,9 @@ import jacokin
 from jacokin import Robot
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
-from jacokin.ik import track_path
-from jacokin.ik.paths.result import PathResult
-from jacokin.viewer.motion.playback import Playback
-from jacokin.viewer.motion.recordings import Trajectory, load
+from jacokin.motion import track_path
+from jacokin.motion.path_result import PathResult
+from jacokin.viewer.playback import Playback, Trajectory, load_recording
 
 
 def recorded(robot: Robot, t: list[float], q: Array) -> Trajectory:
@@ -83,27 +82,27 @@ def test_saved_paths_are_loaded(robot: Robot, tmp_path: Path, ending: str) -> No
     end = jacokin.pose(start.translation + np.array([0.0, 0.0, 0.01]), rotation=start.rotation)
     path = track_path(robot, [start, end], start=robot.home)
     path.save(tmp_path / f"path{ending}")
-    loaded = Playback(load(tmp_path / f"path{ending}", robot), robot)
+    loaded = Playback(load_recording(tmp_path / f"path{ending}", robot), robot)
     assert np.array_equal(loaded.q, path.q)
     assert np.allclose(loaded.t, path.t)
 
 
 def test_saved_joint_motions_are_loaded(robot: Robot, tmp_path: Path) -> None:
     pytest.importorskip("ruckig")
-    from jacokin.ik import move_joints
+    from jacokin.motion import move_joints
 
     end = np.array(robot.home)
     end[0] += 0.1
     motion = move_joints(robot, robot.home, end, acceleration_limit=1.0)
     motion.save(tmp_path / "motion.csv")
-    assert np.array_equal(Playback(load(tmp_path / "motion.csv", robot), robot).q, motion.q)
+    assert np.array_equal(Playback(load_recording(tmp_path / "motion.csv", robot), robot).q, motion.q)
 
 
 @pytest.mark.parametrize("name", ["missing.csv", "text.csv", "x.txt"])
 def test_a_file_that_is_none_is_named(robot: Robot, tmp_path: Path, name: str) -> None:
     (tmp_path / "text.csv").write_text("hello\n", encoding="utf-8")
     with pytest.raises(InvalidInputError, match=name):
-        load(tmp_path / name, robot)
+        load_recording(tmp_path / name, robot)
 
 
 @pytest.fixture
@@ -118,7 +117,7 @@ def test_ros_trajectories_are_loaded_with_joints_in_any_order(
 ) -> None:
     file = tmp_path / "path.json"
     followed.save(file)
-    loaded = Playback(load(file, robot), robot)
+    loaded = Playback(load_recording(file, robot), robot)
     assert np.array_equal(loaded.q, followed.q)
     assert np.allclose(loaded.t, followed.t, atol=1e-9)
     message = json.loads(file.read_text(encoding="utf-8"))
@@ -130,14 +129,14 @@ def test_ros_trajectories_are_loaded_with_joints_in_any_order(
         if index % 2:  # as ROS 1 has it
             point["time_from_start"] = {"secs": stamp["sec"], "nsecs": stamp["nanosec"]}
     file.write_text(json.dumps(message), encoding="utf-8")
-    again = Playback(load(file, robot), robot)
+    again = Playback(load_recording(file, robot), robot)
     assert np.array_equal(again.q, followed.q)
     assert np.allclose(again.t, followed.t, atol=1e-9)
 
 
 def test_files_for_kinovas_driver_are_loaded(robot: Robot, followed: PathResult, tmp_path: Path) -> None:
     followed.save(tmp_path / "path.kinova.csv")
-    loaded = Playback(load(tmp_path / "path.kinova.csv", robot), robot)
+    loaded = Playback(load_recording(tmp_path / "path.kinova.csv", robot), robot)
     assert np.allclose(loaded.q[[0, -1]], followed.q[[0, -1]], atol=1e-12)
     assert np.allclose(np.diff(loaded.t), 0.01)
     assert (loaded.q >= robot.lower).all()
@@ -167,7 +166,7 @@ def test_what_is_not_a_message_is_refused(robot: Robot, tmp_path: Path, content:
     file = tmp_path / "bad.json"
     file.write_text(content, encoding="utf-8")
     with pytest.raises(InvalidInputError, match=f"bad.json.*{message}"):
-        load(file, robot)
+        load_recording(file, robot)
 
 
 def test_messages_that_are_no_trajectory_are_refused(robot: Robot, tmp_path: Path) -> None:
@@ -175,14 +174,14 @@ def test_messages_that_are_no_trajectory_are_refused(robot: Robot, tmp_path: Pat
         file = tmp_path / "bad.json"
         file.write_text(json.dumps({"joint_names": NAMES, "points": points}), encoding="utf-8")
         with pytest.raises(InvalidInputError, match="trajectory"):
-            Playback(load(file, robot), robot)
+            Playback(load_recording(file, robot), robot)
 
 
 @pytest.mark.parametrize("line", ["time_s,joint1_deg\n0.0,1.0\n", "t,a\n0,1\n", "", "time_s\n"])
 def test_what_is_not_a_file_for_kinovas_driver_is_refused(robot: Robot, tmp_path: Path, line: str) -> None:
     (tmp_path / "bad.kinova.csv").write_text(line, encoding="utf-8")
     with pytest.raises(InvalidInputError, match=r"bad\.kinova\.csv"):
-        load(tmp_path / "bad.kinova.csv", robot)
+        load_recording(tmp_path / "bad.kinova.csv", robot)
 
 
 def test_a_cell_that_is_not_a_number_is_named(robot: Robot, followed: PathResult, tmp_path: Path) -> None:
@@ -192,7 +191,7 @@ def test_a_cell_that_is_not_a_number_is_named(robot: Robot, followed: PathResult
     lines[2] = lines[2].replace(",", ",x", 1)
     file.write_text("\n".join(lines), encoding="utf-8")
     with pytest.raises(InvalidInputError, match=r"path\.kinova\.csv, line 3"):
-        load(file, robot)
+        load_recording(file, robot)
 
 
 @pytest.mark.parametrize("trajectory", [[], 1.0, np.eye(4), "path.csv"])

@@ -22,7 +22,7 @@ from jacokin.arrays import Array
 from jacokin.ik import Box, Capsule, Cylinder, Floor, Scene, Sphere
 from jacokin.model import urdf_folder
 from jacokin.viewer import Inspector, View
-from jacokin.viewer.paste import texts as paste
+from jacokin.viewer import paste as paste
 
 TURNED = pin.SE3(pin.rpy.rpyToMatrix(0.1, 0.2, 0.3), np.array([0.0, 0.05, 0.1]))
 TABLE = Scene(

@@ -9,7 +9,7 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, StructureError
 from jacokin.ik.targets import TargetPose
 from jacokin.ik.verification import Verifier
-from jacokin.model.pose_targets import FreeAxis
+from jacokin.model.poses import FreeAxis
 
 if TYPE_CHECKING:
     from jacokin.ik.closed_form import ClosedForm

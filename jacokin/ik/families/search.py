@@ -9,23 +9,31 @@ from typing import NamedTuple
 import numpy as np
 
 from jacokin.arrays import Array
-from jacokin.ik.answers.choosing import least
-from jacokin.ik.closed_form.geometry_seven import measure_seven
-from jacokin.ik.closed_form.solver import ClosedForm
+from jacokin.ik.closed_form import ClosedForm
 from jacokin.ik.diagnosis import Mildest
-from jacokin.ik.families import pieces
-from jacokin.ik.families.curves import FREE_AXIS, JOINT_3, Curves, Problem, arm_of
+from jacokin.ik.families.curves import (
+    FOLD,
+    FREE_AXIS,
+    JOINT_3,
+    LOST,
+    RANGE,
+    SEAM,
+    Curves,
+    Piece,
+    Problem,
+    arm_of,
+    whole_piece,
+)
 from jacokin.ik.families.edge import Edge, Point
-from jacokin.ik.families.family import Family
-from jacokin.ik.families.interval import Interval, IntervalEnd
-from jacokin.ik.families.members import MEMBER_CLOSURE, Members
-from jacokin.ik.families.pieces import Piece
+from jacokin.ik.families.family import MEMBER_CLOSURE, Family, Interval, IntervalEnd, Members
 from jacokin.ik.families.tracks import CircleTrack, CurveTrack, PointTrack, Track
+from jacokin.ik.preferences import least
+from jacokin.ik.structure import measure_seven
 from jacokin.ik.targets import TargetPose
 from jacokin.ik.verification import Verifier
 from jacokin.model import angles
 from jacokin.model.angles import TURN
-from jacokin.model.pose_targets import FreeAxis
+from jacokin.model.poses import FreeAxis
 from jacokin.model.robot import Robot
 
 #: Sine and [m]: a free axis this near to the axis of the last joint is that axis. Members close to 1e-9 all the same.
@@ -153,7 +161,7 @@ def _turns_of_joint_6(
     low, high = target.range
     if target.full_turn:
         low, high = -math.pi, math.pi
-    free = pieces.SEAM if target.full_turn else pieces.RANGE
+    free = SEAM if target.full_turn else RANGE
     if upper - lower >= TURN:
         return [(low, high, (free, free))]
     edges = sorted((sign * (lower - q6), sign * (upper - q6)))
@@ -194,8 +202,10 @@ def on_curves(curves: Curves, problem: Problem, members: Members, edge: Edge) ->
     family = Family(tuple(intervals), members, branches=len(found.arcs), complete=found.complete)
 
     def mildest() -> Mildest | None:
-        whole = [pieces.whole(arc, branch) for branch, arc in enumerate(found.arcs)]
-        return _mildest([CurveTrack(curves, problem, piece, closed) for piece in whole], robot, exact=found.complete)
+        whole_arcs = [whole_piece(arc, branch) for branch, arc in enumerate(found.arcs)]
+        return _mildest(
+            [CurveTrack(curves, problem, piece, closed) for piece in whole_arcs], robot, exact=found.complete
+        )
 
     return Findings(family, members, mildest)
 
@@ -257,4 +267,4 @@ def _end(code: int, robot: Robot) -> IntervalEnd:
     if code >= 0:
         limit = (robot.lower, robot.upper)[code % 2][code // 2]
         return IntervalEnd("limit", robot.joint_names[code // 2], float(limit))
-    return IntervalEnd({pieces.FOLD: "fold", pieces.RANGE: "range", pieces.SEAM: "circle", pieces.LOST: "lost"}[code])
+    return IntervalEnd({FOLD: "fold", RANGE: "range", SEAM: "circle", LOST: "lost"}[code])

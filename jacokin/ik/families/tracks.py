@@ -11,8 +11,7 @@ import numpy as np
 
 from jacokin.arrays import Array
 from jacokin.errors import JacokinError
-from jacokin.ik.families.curves import Curves, Problem
-from jacokin.ik.families.pieces import SAME_PARAMETER, Piece
+from jacokin.ik.families.curves import SAME_PARAMETER, Curves, Piece, Problem
 from jacokin.model.angles import TURN
 
 #: [rad] distance in joint space between guesses along a track.

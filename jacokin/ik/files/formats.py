@@ -7,9 +7,8 @@ from pathlib import Path
 from typing import Protocol
 
 from jacokin.errors import InvalidInputError
-from jacokin.ik.files import answers_csv, answers_npz, answers_parquet, targets_csv, targets_npz, targets_parquet
-from jacokin.ik.files.parts import Part, equal_parts
-from jacokin.ik.files.target_rows import TargetFile
+from jacokin.ik.files import csv_files, npz_files, parquet_files
+from jacokin.ik.files.targets import Part, TargetFile, equal_parts
 from jacokin.ik.results import BatchResult
 
 OUTPUTS = (".csv", ".npz", ".parquet")
@@ -43,20 +42,20 @@ def blocks(path: Path, size: int) -> Iterator[TargetFile]:
         MissingExtraError: the format needs a package that is not installed.
     """
     if path.suffix == ".npz":
-        return targets_npz.blocks(path, size)
+        return npz_files.blocks(path, size)
     if path.suffix == ".parquet":
-        return targets_parquet.blocks(path, size)
-    return targets_csv.target_blocks(path, size, strict=False)
+        return parquet_files.blocks(path, size)
+    return csv_files.target_blocks(path, size, strict=False)
 
 
 def parts(path: Path, size: int) -> list[Part]:
     """Where the rows of each of `blocks` are. Errors as there, all of them: a CSV file is read to its end."""
     if path.suffix == ".npz":
-        total, alone = targets_npz.count_rows(path)
+        total, alone = npz_files.count_rows(path)
         return equal_parts(total, size, alone=alone)
     if path.suffix == ".parquet":
-        return equal_parts(targets_parquet.count_rows(path), size)
-    return targets_csv.parts(path, size)
+        return equal_parts(parquet_files.count_rows(path), size)
+    return csv_files.parts(path, size)
 
 
 def blocks_of(path: Path, size: int, consecutive: Sequence[Part]) -> Iterator[TargetFile]:
@@ -65,10 +64,10 @@ def blocks_of(path: Path, size: int, consecutive: Sequence[Part]) -> Iterator[Ta
     What comes before them is not read, or little of it.
     """
     if path.suffix == ".npz":
-        return targets_npz.blocks(path, size, consecutive)
+        return npz_files.blocks(path, size, consecutive)
     if path.suffix == ".parquet":
-        return targets_parquet.blocks(path, size, consecutive)
-    return targets_csv.blocks_of(path, size, consecutive)
+        return parquet_files.blocks(path, size, consecutive)
+    return csv_files.blocks_of(path, size, consecutive)
 
 
 def answers(path: Path) -> AnswerFormat:
@@ -79,9 +78,9 @@ def answers(path: Path) -> AnswerFormat:
         MissingExtraError: the format needs a package that is not installed.
     """
     if path.suffix in _AS_CSV:
-        return answers_csv.CSV
+        return csv_files.CSV
     if path.suffix == ".npz":
-        return answers_npz.NPZ
+        return npz_files.NPZ
     if path.suffix == ".parquet":
-        return answers_parquet.prepared()
+        return parquet_files.prepared()
     raise InvalidInputError(f"{path}: answers are written as {', '.join(OUTPUTS)}, told by the ending of the name")

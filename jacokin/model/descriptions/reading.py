@@ -64,7 +64,7 @@ def read(path: Path, name: str | None) -> Whole:
         return urdf.read_bundled(path)
     if path.suffix == ".urdf" or _is_urdf(path):
         return urdf.read(path)
-    from jacokin.model.descriptions import mjcf, mjcf_couplings
+    from jacokin.model.descriptions import mjcf
 
     compiled = mjcf.compile_mjcf(path)
     model = mjcf.to_pinocchio(compiled, path.stem)
@@ -73,7 +73,7 @@ def read(path: Path, name: str | None) -> Whole:
         reference=mjcf.reference_configuration(compiled, model),
         kind="mjcf",
         base=mjcf.WORLD,
-        couplings=mjcf_couplings.couplings(compiled),
+        couplings=mjcf.couplings(compiled),
         content=compiled,
     )
 

@@ -3,16 +3,253 @@
 from __future__ import annotations
 
 import io
+import math
+import re
 import xml.etree.ElementTree as ET
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from pathlib import Path
 
 import pinocchio as pin
 
 from jacokin.errors import ModelError
-from jacokin.model.descriptions import urdf_checks
-from jacokin.model.descriptions.whole import Coupling, Whole
+from jacokin.model.descriptions.whole import MOST_JOINTS, Coupling, Whole
+
+JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
+LIMITED_TYPES = ("revolute", "prismatic")
+AXIS_TOLERANCE = 1e-3  # a hand-typed unit axis has three digits or more
+MOST_LINKS = 1000  # rigid ones included: the parser of Pinocchio walks the tree by recursion and ends the process
+DEEPEST = 100  # elements within elements; writing them down again is recursive
+SMALLEST = 1e-300  # numbers below are read as 0: some parsers refuse denormal numbers
+
+# Attributes that hold numbers, by the element's tag: how many. Elements and attributes that are not named are ignored.
+NUMBERS: Mapping[str, Mapping[str, int]] = {
+    "origin": {"xyz": 3, "rpy": 3},
+    "axis": {"xyz": 3},
+    "limit": {"lower": 1, "upper": 1, "effort": 1, "velocity": 1},
+    "dynamics": {"damping": 1, "friction": 1},
+    "mimic": {"multiplier": 1, "offset": 1},
+    "safety_controller": {"soft_lower_limit": 1, "soft_upper_limit": 1, "k_position": 1, "k_velocity": 1},
+    "calibration": {"rising": 1, "falling": 1, "reference_position": 1},
+    "mass": {"value": 1},
+    "inertia": {"ixx": 1, "ixy": 1, "ixz": 1, "iyy": 1, "iyz": 1, "izz": 1},
+    "box": {"size": 3},
+    "cylinder": {"radius": 1, "length": 1},
+    "sphere": {"radius": 1},
+    "capsule": {"radius": 1, "length": 1},
+    "mesh": {"scale": 3},
+    "color": {"rgba": 4},
+}
+# Attributes that an element cannot do without.
+REQUIRED: Mapping[str, Sequence[str]] = {
+    "limit": ("effort", "velocity"),
+    "mimic": ("joint",),
+    "safety_controller": ("k_velocity",),
+    "mass": ("value",),
+    "inertia": ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"),
+    "box": ("size",),
+    "cylinder": ("radius", "length"),
+    "sphere": ("radius",),
+    "capsule": ("radius", "length"),
+    "mesh": ("filename",),
+}
+JOINT_ELEMENTS = (
+    "origin", "parent", "child", "axis", "limit", "dynamics", "mimic", "safety_controller", "calibration",
+)  # fmt: skip
+NEVER_NEGATIVE = {("limit", "effort"), ("limit", "velocity"), ("mass", "value")}
+
+_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)  # as C reads it: no "1_0", no other digits
+_NOT_FINITE = re.compile(r"[-+]?(nan|inf|infinity)", re.IGNORECASE | re.ASCII)
+
+
+def checked(text: str, source: str) -> ET.Element:
+    """The robot element of URDF text that describes one tree of links with finite numbers.
+
+    Numbers are rewritten with plain blanks between them: tabs and line ends are XML, and not every parser takes them.
+
+    Raises:
+        ModelError: names the element at fault.
+    """
+    try:
+        robot = ET.fromstring(text)
+    except (ET.ParseError, ValueError) as error:
+        raise ModelError(f"{source}: not well-formed XML (truncated?): {error}") from error
+    if robot.tag != "robot":
+        raise ModelError(f"{source}: the root element is <{robot.tag}>, a URDF has <robot>")
+    _required(robot, "name", source)
+    _check_depth(robot, source)
+    if any(isinstance(element.tag, str) and "xacro" in element.tag for element in robot.iter()):
+        raise ModelError(f"{source}: is a xacro file, not a URDF: expand it with xacro first")
+    links, joints = robot.findall("link"), robot.findall("joint")
+    _unique([_required(link, "name", source) for link in links], "link", source)
+    _unique([_required(joint, "name", source) for joint in joints], "joint", source)
+    if not links:
+        raise ModelError(f"{source}: has no links")
+    _check_size(links, joints, source)
+    for material in robot.findall("material"):
+        _check_numbers(material, f"{source}: material {material.get('name')!r}")
+    link_names, joint_names = ({element.get("name", "") for element in group} for group in (links, joints))
+    for link in links:
+        where = f"{source}: link {link.get('name')!r}"
+        _check_numbers(link, where)
+        _check_inertial(link, where)
+    for joint in joints:
+        where = f"{source}: joint {joint.get('name')!r}"
+        _check_numbers(joint, where)
+        _check_joint(joint, link_names, joint_names, where)
+    _check_tree(joints, [link.get("name", "") for link in links], source)
+    return robot
+
+
+def _required(element: ET.Element, attribute: str, where: str) -> str:
+    value = element.get(attribute)
+    if not value:
+        raise ModelError(f"{where}: a <{element.tag}> has no {attribute}")
+    return value
+
+
+def _unique(names: list[str], kind: str, source: str) -> None:
+    twice = [name for name, count in Counter(names).items() if count > 1]
+    if twice:
+        raise ModelError(f"{source}: {kind} {twice[0]!r} is defined more than once")
+
+
+def _check_depth(robot: ET.Element, source: str) -> None:
+    level = [robot]
+    for _ in range(DEEPEST):
+        level = [child for element in level for child in element]
+        if not level:
+            return
+    raise ModelError(f"{source}: elements are nested more than {DEEPEST} deep")
+
+
+def _check_size(links: list[ET.Element], joints: list[ET.Element], source: str) -> None:
+    moving = sum(joint.get("type") != "fixed" for joint in joints)
+    for count, most, what in ((moving, MOST_JOINTS, "joints that move"), (len(links), MOST_LINKS, "links")):
+        if count > most:
+            raise ModelError(f"{source}: has {count} {what}; at most {most} are read")
+
+
+def _check_numbers(owner: ET.Element, where: str) -> None:
+    """Every number of a link, joint or material is a finite number, and what must be there is there."""
+    for element in owner.iter():
+        for attribute in REQUIRED.get(element.tag, ()):
+            _required(element, attribute, where)
+        for attribute, count in NUMBERS.get(element.tag, {}).items():
+            text = element.get(attribute)
+            if text is None:
+                continue
+            values = _numbers(text, count, f'{where}: <{element.tag}> {attribute}="{text}"')
+            if (element.tag, attribute) in NEVER_NEGATIVE and values[0] < 0.0:
+                raise ModelError(f"{where}: {element.tag} {attribute} {values[0]} is negative")
+            element.set(attribute, " ".join(repr(value if abs(value) > SMALLEST else 0.0) for value in values))
+
+
+def _numbers(text: str, count: int, what: str) -> list[float]:
+    parts = text.split()
+    if any(_NOT_FINITE.fullmatch(part) for part in parts):
+        raise ModelError(f"{what} is not finite")
+    if not all(_NUMBER.fullmatch(part) for part in parts):
+        raise ModelError(f"{what} is not made of numbers")
+    if len(parts) != count:
+        raise ModelError(f"{what} must have {count} {'number' if count == 1 else 'numbers'}")
+    values = [float(part) for part in parts]
+    if not all(map(math.isfinite, values)):
+        raise ModelError(f"{what} is not finite")
+    return values
+
+
+def _check_single(owner: ET.Element, tags: Sequence[str], where: str) -> None:
+    """Elements that parsers expect once: of two, one would take the first and another the last."""
+    counts = Counter(element.tag for element in owner)
+    for tag in tags:
+        if counts[tag] > 1:
+            raise ModelError(f"{where}: its <{owner.tag}> has more than one <{tag}>")
+
+
+def _check_inertial(link: ET.Element, where: str) -> None:
+    _check_single(link, ("inertial",), where)
+    inertial = link.find("inertial")
+    if inertial is None:
+        return
+    _check_single(inertial, ("origin", "mass", "inertia"), where)
+    for tag in ("mass", "inertia"):
+        if inertial.find(tag) is None:
+            raise ModelError(f"{where}: its <inertial> has no <{tag}>")
+
+
+def _check_joint(joint: ET.Element, links: set[str], joints: set[str], where: str) -> None:
+    _check_single(joint, JOINT_ELEMENTS, where)
+    kind = joint.get("type")
+    if kind not in JOINT_TYPES:
+        raise ModelError(f"{where}: unknown type {kind!r}; valid: {', '.join(JOINT_TYPES)}")
+    for role in ("parent", "child"):
+        element = joint.find(role)
+        link = element.get("link") if element is not None else None
+        if link is None:
+            raise ModelError(f"{where}: has no {role} link")
+        if link not in links:
+            raise ModelError(f"{where}: {role} link {link!r} does not exist")
+    axis = joint.find("axis")
+    if axis is not None and kind not in ("fixed", "floating"):
+        xyz = axis.get("xyz")
+        if xyz is None:  # the specification's default is 1 0 0, that of Pinocchio's parser 0 0 0
+            raise ModelError(f"{where}: the axis has no xyz")
+        norm = math.hypot(*map(float, xyz.split()))
+        if abs(norm - 1.0) > AXIS_TOLERANCE:
+            raise ModelError(f"{where}: the axis must be a unit vector, its norm is {norm:.6g}")
+    _check_limit(joint, kind, where)
+    dynamics = joint.find("dynamics")
+    if dynamics is not None and not {"damping", "friction"} & set(dynamics.keys()):
+        raise ModelError(f"{where}: a <dynamics> has neither damping nor friction")
+    mimic = joint.find("mimic")
+    if mimic is not None and mimic.get("joint") not in joints:
+        raise ModelError(f"{where}: follows joint {mimic.get('joint')!r}, which does not exist")
+
+
+def _check_limit(joint: ET.Element, kind: str, where: str) -> None:
+    limit = joint.find("limit")
+    if limit is None:
+        if kind in LIMITED_TYPES:
+            raise ModelError(f"{where}: a {kind} joint needs <limit>; an unlimited one has type continuous")
+        return
+    if kind in LIMITED_TYPES:
+        for attribute in ("lower", "upper"):
+            _required(limit, attribute, where)
+        lower, upper = float(limit.get("lower", "")), float(limit.get("upper", ""))
+        if lower > upper:
+            raise ModelError(f"{where}: lower limit {lower} is above upper limit {upper}")
+
+
+def _check_tree(joints: list[ET.Element], links: list[str], source: str) -> None:
+    """Each link has one parent at most, exactly one has none, and all hang on it."""
+    parent_of: dict[str, str] = {}
+    children: dict[str, list[str]] = {}
+    for joint in joints:
+        parent, child = (joint.find(role).get("link", "") for role in ("parent", "child"))  # type: ignore[union-attr]  # checked by _check_joint
+        if child in parent_of:
+            raise ModelError(f"{source}: link {child!r} has two parents, {parent_of[child]!r} and {parent!r}")
+        parent_of[child] = parent
+        children.setdefault(parent, []).append(child)
+    roots = [link for link in links if link not in parent_of]
+    reached, ahead = set(roots), list(roots)
+    while ahead:
+        below = children.get(ahead.pop(), [])
+        reached.update(below)
+        ahead.extend(below)
+    if len(reached) < len(links):  # links that no root leads to have parents without end
+        link = next(link for link in links if link not in reached)
+        cycle: dict[str, None] = {}
+        while link not in cycle:
+            cycle[link] = None
+            link = parent_of[link]
+        names = list(cycle)
+        names = [*names[names.index(link) :], link]
+        raise ModelError(f"{source}: the links form a cycle: {' -> '.join(reversed(names))}")
+    if len(roots) != 1:
+        raise ModelError(f"{source}: a robot has one root link, this file has {len(roots)}: {', '.join(roots)}")
+
 
 KINEMATIC_TAGS = ("link", "joint")  # of a <robot>; materials, transmissions and plugins are for other programs
 SHAPE_TAGS = ("visual", "collision")
@@ -28,7 +265,7 @@ def read(path: Path) -> Whole:
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         raise ModelError(f"{path}: cannot be read: {error}") from error
-    robot = urdf_checks.checked(text, str(path))
+    robot = checked(text, str(path))
     text = ET.tostring(robot, encoding="unicode")
     couplings = [Coupling(frozenset((joint,)), "mimic") for joint in _mimic_joints(text, str(path))]
     return _whole(_parse(kinematic_text(robot), str(path)), couplings, text)

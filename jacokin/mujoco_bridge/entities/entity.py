@@ -25,7 +25,7 @@ from jacokin.mujoco_bridge.entities.hooks import Hooks
 from jacokin.mujoco_bridge.entities.placement import Placed
 from jacokin.mujoco_bridge.observables.declaration import Observables
 from jacokin.mujoco_bridge.quaternions import unit_quaternion
-from jacokin.mujoco_bridge.simulation.flags import mask
+from jacokin.mujoco_bridge.simulation.simulation import mask
 
 _UNNAMED = ("", "MuJoCo Model")  # what MuJoCo calls a model without a name
 

@@ -12,8 +12,7 @@ from typing import Any, Protocol, Self, TypeVar
 
 from jacokin.errors import InvalidInputError, shown
 from jacokin.model import checks
-from jacokin.mujoco_bridge.observables.observable import Observable
-from jacokin.mujoco_bridge.observables.options import CHECKS, UnknownObservableError
+from jacokin.mujoco_bridge.observables.observable import CHECKS, MJCFFeature, Observable, UnknownObservableError
 
 T = TypeVar("T")
 
@@ -186,3 +185,17 @@ def observables_of(root: Observed) -> dict[str, Observable]:
     for entity in root.iter_entities():
         found.update(entity.observables.as_dict())
     return found
+
+
+class JointsObservables(Observables):
+    """Positions and velocities of the entity's ``joints``."""
+
+    @observable
+    def joints_pos(self) -> Observable:
+        """Positions, one per joint [rad, m on slide joints]."""
+        return MJCFFeature("qpos", self._entity.joints)
+
+    @observable
+    def joints_vel(self) -> Observable:
+        """Velocities, one per joint [rad/s, m/s on slide joints]."""
+        return MJCFFeature("qvel", self._entity.joints)

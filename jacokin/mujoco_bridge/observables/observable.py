@@ -7,23 +7,166 @@ it is read, its delay, its buffer, the aggregator of the buffer, and the corrupt
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any, ClassVar, TypeVar
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Any, ClassVar, TypedDict, TypeVar, Unpack
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike, DTypeLike, NDArray
 
-from jacokin.errors import InvalidInputError, shown
-from jacokin.mujoco_bridge.observables.bound import Bound
-from jacokin.mujoco_bridge.observables.options import (
-    CHECKS,
-    Aggregator,
-    Corruptor,
-    RandomState,
-    Steps,
-    UnknownObservableError,
-)
-from jacokin.mujoco_bridge.observables.specs import ArraySpec
+from jacokin.errors import InvalidInputError, UnknownNameError, shown
+from jacokin.model import checks
+from jacokin.mujoco_bridge import distributions
 from jacokin.mujoco_bridge.simulation.physics import Physics
+
+if TYPE_CHECKING:
+    from jacokin.mujoco_bridge.simulation.binding import Binding
+
+RandomState = np.random.RandomState | np.random.Generator | None
+Steps = int | distributions.Sampler  # physics steps, or a sampler of them
+Aggregator = Callable[[NDArray[Any]], ArrayLike]  # (buffer_size, ...) -> one observation
+Corruptor = Callable[..., ArrayLike]  # corruptor(value, random_state=...) -> value
+
+AGGREGATORS: Mapping[str, Aggregator] = {
+    "min": partial(np.min, axis=0),
+    "max": partial(np.max, axis=0),
+    "mean": partial(np.mean, axis=0),
+    "median": partial(np.median, axis=0),
+    "sum": partial(np.sum, axis=0),
+}
+
+
+class UnknownObservableError(UnknownNameError, KeyError):
+    """An observable, option or aggregator of this name does not exist; also a ``KeyError``."""
+
+    __str__ = Exception.__str__  # KeyError would print the message in quotes
+
+
+class Options(TypedDict, total=False):
+    """The options of every observable; see ``observable.Observable``."""
+
+    update_interval: Steps
+    buffer_size: int | None
+    delay: Steps | None
+    aggregator: str | Aggregator | None
+    corruptor: Corruptor | None
+    enabled: bool
+
+
+class CameraOptions(Options, total=False):
+    """The options of a camera observable; see ``cameras.MJCFCamera``."""
+
+    height: int
+    width: int
+
+
+def _check_steps(name: str, value: object, lowest: int) -> Steps:
+    if not callable(value):
+        return checks.whole_number(name, value, lowest)
+    distributions.sampler(name, value)
+    return value  # a sampler of whole numbers, which are checked when they are drawn
+
+
+def _check_aggregator(name: str, value: object) -> str | Aggregator | None:
+    if isinstance(value, str) and value not in AGGREGATORS:
+        raise UnknownObservableError(name, value, AGGREGATORS)
+    return value if isinstance(value, str) else _check_callable(name, value)
+
+
+def _check_callable(name: str, value: object) -> Callable[..., Any] | None:
+    if value is not None and not callable(value):
+        raise InvalidInputError(f"{name} must be None or callable, got {shown(value)}")
+    return value
+
+
+# The check of each option, called when it is set: check(name, value) -> value.
+CHECKS: Mapping[str, Callable[[str, object], object]] = {
+    "update_interval": lambda name, value: _check_steps(name, value, 1),
+    "buffer_size": lambda name, value: None if value is None else checks.whole_number(name, value, 1),
+    "delay": lambda name, value: None if value is None else _check_steps(name, value, 0),
+    "aggregator": _check_aggregator,
+    "corruptor": _check_callable,
+    "enabled": checks.flag,
+}
+CAMERA_CHECKS: Mapping[str, Callable[[str, object], object]] = {
+    **CHECKS,
+    "height": lambda name, value: checks.whole_number(name, value, 1),
+    "width": lambda name, value: checks.whole_number(name, value, 1),
+}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ArraySpec:
+    """Shape, type and bounds of an array.
+
+    Attributes:
+        shape: of the array.
+        dtype: type of its numbers.
+        minimum: inclusive lower bound, a number or an array that broadcasts to the shape; None for no bound.
+        maximum: inclusive upper bound, likewise.
+        name: of the observation.
+    """
+
+    shape: tuple[int, ...]
+    dtype: np.dtype[np.generic]
+    minimum: ArrayLike | None
+    maximum: ArrayLike | None
+    name: str
+
+    def __init__(
+        self,
+        shape: tuple[int, ...],
+        dtype: DTypeLike = np.float64,
+        *,
+        minimum: ArrayLike | None = None,
+        maximum: ArrayLike | None = None,
+        name: str = "",
+    ) -> None:
+        """Describe an array.
+
+        Raises:
+            InvalidInputError: not a shape or a type of numbers.
+        """
+        try:
+            sizes, kind = tuple(checks.whole_number("shape", size) for size in shape), np.dtype(dtype)
+        except (TypeError, ValueError) as error:
+            raise InvalidInputError(f"shape must be whole numbers and dtype a NumPy type: {error}") from None
+        for field, value in zip(self.__slots__, (sizes, kind, minimum, maximum, name), strict=True):
+            object.__setattr__(self, field, value)
+
+    @property
+    def is_bounded(self) -> bool:
+        """Whether there is a lower or an upper bound."""
+        return self.minimum is not None or self.maximum is not None
+
+
+class Bound:
+    """Elements whose binding in the last physics is kept."""
+
+    def __init__(self, elements: Any) -> None:
+        """Keep one element, or a sequence of elements of one kind."""
+        self._elements = elements
+        self._physics: Physics | None = None
+        self._binding: Binding
+
+    def replace(self, replaced: Callable[[Any], Any]) -> None:
+        """Bind what ``replaced`` gives for the elements from now on."""
+        self._elements = replaced(self._elements)
+        self._physics = None
+
+    def __call__(self, physics: Physics) -> Binding:
+        """Return the binding of the elements in this physics.
+
+        Raises:
+            InvalidInputError: not a Physics, or one without these elements.
+        """
+        if physics is None or physics is not self._physics:
+            if not isinstance(physics, Physics):
+                raise InvalidInputError(f"physics must be a Physics, made by Physics.from_entity, got {shown(physics)}")
+            self._binding = physics.bind(self._elements)
+            self._physics = physics
+        return self._binding
+
 
 T = TypeVar("T")
 
@@ -142,3 +285,27 @@ class Observable:
         for value in vars(self).values():
             if isinstance(value, Bound):
                 value.replace(replaced)
+
+
+class MJCFFeature(Observable):
+    """A field of one or several elements, such as ``MJCFFeature("qpos", arm.joints)``."""
+
+    def __init__(self, kind: str, elements: Any, *, index: Any = None, **options: Unpack[Options]) -> None:
+        """Observe ``physics.bind(elements).<kind>``.
+
+        Args:
+            kind: name of the field, as ``Physics.bind`` knows it.
+            elements: one element or a sequence of elements of one kind.
+            index: what to take from the field; None takes all of it.
+            options: the options of ``Observable``.
+
+        Raises:
+            InvalidInputError: an option has a wrong value.
+        """
+        self._bound = bound = Bound(elements)
+
+        def read(physics: Physics) -> ArrayLike:
+            value: NDArray[Any] = getattr(bound(physics), kind)
+            return value if index is None else value[index]
+
+        super().__init__(read, **options)

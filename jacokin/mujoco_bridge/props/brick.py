@@ -19,11 +19,9 @@ from jacokin.mujoco_bridge import workspaces
 from jacokin.mujoco_bridge.entities.entity import check_name
 from jacokin.mujoco_bridge.entities.hooks import RandomState
 from jacokin.mujoco_bridge.observables.declaration import observable
-from jacokin.mujoco_bridge.observables.features import MJCFFeature
-from jacokin.mujoco_bridge.observables.observable import Observable
-from jacokin.mujoco_bridge.props import table
-from jacokin.mujoco_bridge.props.free_prop import FreeProp, FreePropObservables
-from jacokin.mujoco_bridge.props.vertices import add_vertex_sites
+from jacokin.mujoco_bridge.observables.observable import MJCFFeature, Observable
+from jacokin.mujoco_bridge.props import primitive
+from jacokin.mujoco_bridge.props.primitive import FreeProp, FreePropObservables, add_vertex_sites
 from jacokin.mujoco_bridge.simulation.physics import Physics
 
 ROWS, COLUMNS = 2, 4  # of studs, along x and y
@@ -65,7 +63,7 @@ class Brick(FreeProp):
         Raises:
             InvalidInputError: an argument is malformed.
         """
-        row = table.load()["brick"]
+        row = primitive.load()["brick"]
         self._is_round = checks.flag("easy_align", easy_align)
         has_flanges = checks.flag("flanges", flanges)
         rgb = checks.vector("color", color, 3, "0..1")
@@ -75,7 +73,7 @@ class Brick(FreeProp):
         least, self._radius, largest = row["stud_radius"][key or "plain"]  # [m]
         spread = checks.non_negative("variation", variation)
         self._radii = tuple(self._radius + spread * (bound - self._radius) for bound in (least, largest))
-        self._rgba = (*rgb, table.load()["hint"]["alpha"] if checks.flag("hint", hint) else 1.0)
+        self._rgba = (*rgb, primitive.load()["hint"]["alpha"] if checks.flag("hint", hint) else 1.0)
         self._touches = not hint
         spec = self._mjcf_root = mujoco.MjSpec()
         spec.modelname = "brick" if name is None else check_name(name)
@@ -261,9 +259,9 @@ _SOLIMP_REST = (0.5, 2.0)  # MuJoCo's default midpoint and power
 
 def _sideways(row: int) -> float:
     """Position of a row of studs along x [m]."""
-    return float((row - (ROWS - 1) / 2.0) * table.load()["brick"]["pitch"])
+    return float((row - (ROWS - 1) / 2.0) * primitive.load()["brick"]["pitch"])
 
 
 def _lengthwise(count: int) -> list[float]:
     """Positions of studs, or of what is between them, along y [m]."""
-    return [float((i - (count - 1) / 2.0) * table.load()["brick"]["pitch"]) for i in range(count)]
+    return [float((i - (count - 1) / 2.0) * primitive.load()["brick"]["pitch"]) for i in range(count)]

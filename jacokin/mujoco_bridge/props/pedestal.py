@@ -10,9 +10,8 @@ from jacokin.model import checks
 from jacokin.mujoco_bridge import workspaces
 from jacokin.mujoco_bridge.entities.entity import Entity, check_name
 from jacokin.mujoco_bridge.observables.declaration import Observables, observable
-from jacokin.mujoco_bridge.observables.features import MJCFFeature
-from jacokin.mujoco_bridge.observables.observable import Observable
-from jacokin.mujoco_bridge.props import table
+from jacokin.mujoco_bridge.observables.observable import MJCFFeature, Observable
+from jacokin.mujoco_bridge.props import primitive
 
 _TOP_SITE = "top"
 _TARGET_SITE = "target"
@@ -27,7 +26,7 @@ class Cradle(Entity):
         Args:
             name: replaces ``cradle`` in the names of its elements.
         """
-        row = table.load()["cradle"]
+        row = primitive.load()["cradle"]
         spec = self._mjcf_root = mujoco.MjSpec()
         spec.modelname = "cradle" if name is None else check_name(name)
         spec.compiler.degree = False
@@ -58,7 +57,7 @@ class Pedestal(Entity):
         """
         if not isinstance(cradle, Entity | None):
             raise InvalidInputError(f"cradle must be an Entity or None, got {shown(cradle)}")
-        row = table.load()["pedestal"]
+        row = primitive.load()["pedestal"]
         radius = row["target_radius"] if target_radius is None else checks.positive("target_radius", target_radius, "m")
         spec = self._mjcf_root = mujoco.MjSpec()
         spec.modelname = "pedestal" if name is None else check_name(name)

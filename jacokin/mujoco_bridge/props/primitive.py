@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import functools
+import itertools
+import tomllib
+from collections.abc import Mapping
+from importlib import resources
 from typing import Any
 
 import mujoco
@@ -10,8 +15,85 @@ from numpy.typing import ArrayLike
 
 from jacokin.errors import InvalidInputError, shown
 from jacokin.model import checks
-from jacokin.mujoco_bridge.entities.entity import check_name
-from jacokin.mujoco_bridge.props.free_prop import FreeProp
+from jacokin.mujoco_bridge import workspaces
+from jacokin.mujoco_bridge.entities.entity import Entity, check_name
+from jacokin.mujoco_bridge.observables.declaration import Observables, observable
+from jacokin.mujoco_bridge.observables.observable import MJCFFeature, Observable
+
+_SENSORS = {
+    "position": mujoco.mjtSensor.mjSENS_FRAMEPOS,
+    "orientation": mujoco.mjtSensor.mjSENS_FRAMEQUAT,
+    "linear_velocity": mujoco.mjtSensor.mjSENS_FRAMELINVEL,
+    "angular_velocity": mujoco.mjtSensor.mjSENS_FRAMEANGVEL,
+}
+
+
+class FreeProp(Entity):
+    """A prop with sensors of the pose and the velocity of one of its parts, in the world."""
+
+    _sensors: dict[str, mujoco.MjsSensor]
+
+    def _add_sensors(self, part: mujoco.MjsGeom | mujoco.MjsSite) -> None:
+        """Measure a geom or site of the prop; `_build` calls this once."""
+        is_geom = isinstance(part, mujoco.MjsGeom)
+        kind = mujoco.mjtObj.mjOBJ_GEOM if is_geom else mujoco.mjtObj.mjOBJ_SITE
+        self._sensors = {
+            name: self._mjcf_root.add_sensor(name=name, type=sensor, objtype=kind, objname=part.name)
+            for name, sensor in _SENSORS.items()
+        }
+
+    def _build_observables(self) -> Observables:
+        return FreePropObservables(self)
+
+    @property
+    def sensors(self) -> Mapping[str, mujoco.MjsSensor]:
+        """The sensors by name."""
+        return self._sensors
+
+    @property
+    def position(self) -> mujoco.MjsSensor:
+        """The sensor of the position, (3,) [m]."""
+        return self._sensors["position"]
+
+    @property
+    def orientation(self) -> mujoco.MjsSensor:
+        """The sensor of the orientation, (4,) wxyz."""
+        return self._sensors["orientation"]
+
+    @property
+    def linear_velocity(self) -> mujoco.MjsSensor:
+        """The sensor of the velocity, (3,) [m/s]."""
+        return self._sensors["linear_velocity"]
+
+    @property
+    def angular_velocity(self) -> mujoco.MjsSensor:
+        """The sensor of the angular velocity, (3,) [rad/s]."""
+        return self._sensors["angular_velocity"]
+
+
+class FreePropObservables(Observables):
+    """Pose and velocity of a prop in the world."""
+
+    @observable
+    def position(self) -> Observable:
+        """Position, (3,) [m]."""
+        return MJCFFeature("sensordata", self._entity.position)
+
+    @observable
+    def orientation(self) -> Observable:
+        """Orientation, (4,) wxyz."""
+        return MJCFFeature("sensordata", self._entity.orientation)
+
+    @observable
+    def linear_velocity(self) -> Observable:
+        """Velocity, (3,) [m/s]."""
+        return MJCFFeature("sensordata", self._entity.linear_velocity)
+
+    @observable
+    def angular_velocity(self) -> Observable:
+        """Angular velocity, (3,) [rad/s]."""
+        return MJCFFeature("sensordata", self._entity.angular_velocity)
+
 
 DENSITY = 1000.0  # [kg/m^3] MuJoCo's own default
 
@@ -83,3 +165,77 @@ class Primitive(FreeProp):
     def geom(self) -> mujoco.MjsGeom:
         """The geom element."""
         return self._geom
+
+
+@functools.cache
+def load() -> Mapping[str, Any]:
+    """The whole table as nested dictionaries; treat it as read-only."""
+    return tomllib.loads(resources.files(__package__).joinpath("sizes.toml").read_text(encoding="utf-8"))
+
+
+def add_vertex_sites(body: mujoco.MjsBody, box: mujoco.MjsGeom | mujoco.MjsSite) -> list[mujoco.MjsSite]:
+    """Add a site ``vertex_0`` .. ``vertex_7`` at each corner of a box whose axes are those of its body.
+
+    Args:
+        body: the body of the box.
+        box: a geom or site of type box.
+    """
+    corners = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
+    radius = load()["vertices"]["site_radius"]
+    return [
+        body.add_site(
+            name=f"vertex_{number}",
+            pos=box.pos + corner * box.size,
+            size=[radius] * 3,
+            rgba=workspaces.RED,
+            group=workspaces.SITE_GROUP,
+        )
+        for number, corner in enumerate(corners)
+    ]
+
+
+_GREY = (0.5, 0.5, 0.5, 1.0)  # of the large box, as in dm_control
+
+
+class Box(Primitive):
+    """A box with a site at each corner."""
+
+    def _build(  # type: ignore[override]  # the shape is given
+        self,
+        half_size: ArrayLike = (0.02, 0.02, 0.02),
+        mass: float | None = None,
+        rgba: ArrayLike = (0.8, 0.3, 0.2, 1.0),
+        name: str | None = None,
+        *,
+        density: float = DENSITY,
+    ) -> None:
+        """Build the box.
+
+        Args:
+            half_size: (3,) half-lengths [m].
+            mass: [kg]; None for that of the density.
+            rgba: colour, 0..1.
+            name: replaces ``box`` in the names of its elements.
+            density: [kg/m^3], used without a mass.
+
+        Raises:
+            InvalidInputError: an argument is malformed.
+        """
+        super()._build("box", half_size, mass, rgba, "box" if name is None else name, density=density)
+        self._vertices = add_vertex_sites(self._mjcf_root.worldbody, self.geom)
+
+    @property
+    def vertices(self) -> list[mujoco.MjsSite]:
+        """The eight sites at the corners."""
+        return self._vertices
+
+
+def large_box(name: str | None = None, observable_options: Mapping[str, object] | None = None) -> Box:
+    """The box of the task of lifting one, too wide for the hand to pinch.
+
+    Args:
+        name: replaces ``box`` in the names of its elements.
+        observable_options: as for every `Entity`.
+    """
+    row = load()["large_box"]
+    return Box(row["half_size"], row["mass"], _GREY, name=name, observable_options=observable_options)

@@ -2,13 +2,213 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import TypeAlias
 
 import mujoco
+import numpy as np
+from numpy.typing import NDArray
 
 from jacokin.errors import InvalidInputError, UnknownNameError, shown
-from jacokin.mujoco_bridge.simulation.element_arrays import KINDS, Kind
+
+Rows = Sequence[NDArray[np.intp]]
+RowFinder = Callable[[mujoco.MjModel, int], NDArray[np.intp]]
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """One array of MuJoCo.
+
+    Attributes:
+        in_model: an array of the model, not of the data.
+        array: its name there.
+        rows: gives the rows of an element with a given id.
+        derived: whether MuJoCo computes it in a forward pass.
+    """
+
+    in_model: bool
+    array: str
+    rows: RowFinder
+    derived: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """A kind of element.
+
+    Attributes:
+        name: its name in messages, and the method of `mujoco.MjSpec` that looks one up.
+        plural: the attribute of `mujoco.MjSpec` that lists all.
+        count: the attribute of `mujoco.MjModel` that counts them.
+        object_type: MuJoCo's number for the kind.
+        prefixes: of its arrays, the first wins where a field has two.
+        inputs: arrays of the data that the simulation takes in.
+        derived: arrays of the data that a forward pass computes.
+    """
+
+    name: str
+    plural: str
+    count: str
+    object_type: mujoco.mjtObj
+    prefixes: tuple[tuple[str, RowFinder], ...]
+    inputs: tuple[tuple[str, RowFinder], ...] = ()
+    derived: tuple[tuple[str, RowFinder], ...] = ()
+
+
+def _span(start: int, length: int) -> NDArray[np.intp]:
+    return np.arange(start, start + length, dtype=np.intp)
+
+
+def _by_id(model: mujoco.MjModel, index: int) -> NDArray[np.intp]:
+    return _span(index, 1)
+
+
+# Numbers in qpos and qvel of a free, ball, slide and hinge joint, in the order of MuJoCo's mjtJoint.
+_QPOS_SIZE = (7, 4, 1, 1)
+_QVEL_SIZE = (6, 3, 1, 1)
+
+
+def _by_qpos(model: mujoco.MjModel, joint: int) -> NDArray[np.intp]:
+    return _span(model.jnt_qposadr[joint], _QPOS_SIZE[model.jnt_type[joint]])
+
+
+def _by_dof(model: mujoco.MjModel, joint: int) -> NDArray[np.intp]:
+    return _span(model.jnt_dofadr[joint], _QVEL_SIZE[model.jnt_type[joint]])
+
+
+def _by_activation(model: mujoco.MjModel, actuator: int) -> NDArray[np.intp]:
+    return _span(max(model.actuator_actadr[actuator], 0), model.actuator_actnum[actuator])
+
+
+def _by_reading(model: mujoco.MjModel, sensor: int) -> NDArray[np.intp]:
+    return _span(model.sensor_adr[sensor], model.sensor_dim[sensor])
+
+
+def _by_mocap(model: mujoco.MjModel, body: int) -> NDArray[np.intp]:
+    return _span(max(model.body_mocapid[body], 0), int(model.body_mocapid[body] >= 0))
+
+
+def _each(names: str, rows: RowFinder) -> tuple[tuple[str, RowFinder], ...]:
+    return tuple((name, rows) for name in names.split())
+
+
+_FORCES = " ".join(name for name in dir(mujoco.MjData) if name.startswith("qfrc_") and name != "qfrc_applied")
+
+# The classes of MjSpec's elements. mypy does not follow mujoco, hence the plain `type`.
+KINDS: dict[type, Kind] = {
+    mujoco.MjsBody: Kind(
+        "body",
+        "bodies",
+        "nbody",
+        mujoco.mjtObj.mjOBJ_BODY,
+        (("body_", _by_id),),
+        _each("xfrc_applied", _by_id) + _each("mocap_pos mocap_quat", _by_mocap),
+        _each(
+            "xpos xquat xmat xipos ximat cvel cacc cfrc_int cfrc_ext cinert subtree_com subtree_linvel subtree_angmom",
+            _by_id,
+        ),
+    ),
+    mujoco.MjsJoint: Kind(
+        "joint",
+        "joints",
+        "njnt",
+        mujoco.mjtObj.mjOBJ_JOINT,
+        (("jnt_", _by_id), ("dof_", _by_dof), ("", _by_qpos)),
+        _each("qpos", _by_qpos) + _each("qvel qfrc_applied qacc_warmstart", _by_dof),
+        _each("qacc qacc_smooth " + _FORCES, _by_dof) + _each("xanchor xaxis", _by_id),
+    ),
+    mujoco.MjsGeom: Kind(
+        "geom",
+        "geoms",
+        "ngeom",
+        mujoco.mjtObj.mjOBJ_GEOM,
+        (("geom_", _by_id),),
+        derived=_each("geom_xpos geom_xmat", _by_id),
+    ),
+    mujoco.MjsSite: Kind(
+        "site",
+        "sites",
+        "nsite",
+        mujoco.mjtObj.mjOBJ_SITE,
+        (("site_", _by_id),),
+        derived=_each("site_xpos site_xmat", _by_id),
+    ),
+    mujoco.MjsCamera: Kind(
+        "camera",
+        "cameras",
+        "ncam",
+        mujoco.mjtObj.mjOBJ_CAMERA,
+        (("cam_", _by_id),),
+        derived=_each("cam_xpos cam_xmat", _by_id),
+    ),
+    mujoco.MjsLight: Kind(
+        "light",
+        "lights",
+        "nlight",
+        mujoco.mjtObj.mjOBJ_LIGHT,
+        (("light_", _by_id),),
+        derived=_each("light_xpos light_xdir", _by_id),
+    ),
+    mujoco.MjsActuator: Kind(
+        "actuator",
+        "actuators",
+        "nu",
+        mujoco.mjtObj.mjOBJ_ACTUATOR,
+        (("actuator_", _by_id),),
+        _each("ctrl", _by_id) + _each("act", _by_activation),
+        _each("actuator_length actuator_velocity actuator_force", _by_id) + _each("act_dot", _by_activation),
+    ),
+    mujoco.MjsSensor: Kind(
+        "sensor",
+        "sensors",
+        "nsensor",
+        mujoco.mjtObj.mjOBJ_SENSOR,
+        (("sensor_", _by_id),),
+        derived=_each("sensordata", _by_reading),
+    ),
+    mujoco.MjsTendon: Kind(
+        "tendon",
+        "tendons",
+        "ntendon",
+        mujoco.mjtObj.mjOBJ_TENDON,
+        (("tendon_", _by_id),),
+        derived=_each("ten_length ten_velocity", _by_id),
+    ),
+    mujoco.MjsEquality: Kind(
+        "equality",
+        "equalities",
+        "neq",
+        mujoco.mjtObj.mjOBJ_EQUALITY,
+        (("eq_", _by_id),),
+        _each("eq_active", _by_id),
+    ),
+    mujoco.MjsMaterial: Kind("material", "materials", "nmat", mujoco.mjtObj.mjOBJ_MATERIAL, (("mat_", _by_id),)),
+}
+
+# The only arrays of the model without a prefix that have rows for the joints.
+_QPOS_FIELDS = ("qpos0", "qpos_spring")
+
+_SHORT_PREFIXES = ("geom_", "site_", "cam_", "light_", "actuator_", "ten_", "eq_", "mat_")
+
+
+def fields_of(kind: Kind) -> dict[str, Field]:
+    """All fields of a kind by every name they go by."""
+    found: dict[str, Field] = {}
+    for derived, table in ((False, kind.inputs), (True, kind.derived)):
+        for array, rows in table:
+            field = Field(False, array, rows, derived)
+            found[array] = field
+            for prefix in _SHORT_PREFIXES:
+                found.setdefault(array.removeprefix(prefix), field)
+    for array in dir(mujoco.MjModel):
+        for prefix, rows in kind.prefixes:
+            if array.startswith(prefix) if prefix else array in _QPOS_FIELDS:
+                field = Field(True, array, rows)
+                found.setdefault(array.removeprefix(prefix), field)
+                found.setdefault(array, field)
+    return found
+
 
 Element: TypeAlias = (
     mujoco.MjsBody

@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 
 from jacokin.errors import InvalidInputError, shown
 from jacokin.mujoco_bridge.simulation.binding import EMPTY, Binding
-from jacokin.mujoco_bridge.simulation.element_arrays import KINDS
-from jacokin.mujoco_bridge.simulation.elements import Element, ElementIds
+from jacokin.mujoco_bridge.simulation.elements import KINDS, Element, ElementIds
 from jacokin.mujoco_bridge.simulation.rendering import FREE_CAMERA, Renderers, RenderFlags
 from jacokin.mujoco_bridge.simulation.simulation import Simulation
 

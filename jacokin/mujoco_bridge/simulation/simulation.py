@@ -6,7 +6,7 @@ What MuJoCo derives from the state is never read, nor integrated from, when it i
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 import mujoco
@@ -15,8 +15,29 @@ from numpy.typing import ArrayLike, NDArray
 
 from jacokin.errors import InvalidInputError, PhysicsError, UnknownNameError, shown
 from jacokin.model import checks
-from jacokin.mujoco_bridge.simulation.flags import mask
 from jacokin.mujoco_bridge.simulation.forward_cache import ForwardCache
+
+_PREFIX = "mjDSBL_"
+
+
+def flag_bits() -> dict[str, int]:
+    """The bit of each flag, by its name in lower case: "contact", "gravity", "actuation", "limit", ..."""
+    members = mujoco.mjtDisableBit.__members__
+    return {name.removeprefix(_PREFIX).lower(): int(bit) for name, bit in members.items() if name.startswith(_PREFIX)}
+
+
+def mask(flags: Sequence[str]) -> int:
+    """The bits of several flags together.
+
+    Raises:
+        UnknownNameError: there is no such flag; lists the valid ones.
+    """
+    bits = flag_bits()
+    combined = 0
+    for flag in flags:
+        combined |= bits[checks.choice("flag", flag, bits)]
+    return combined
+
 
 _STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
 _MOST_STEPS = 2**31 - 1  # in one call of MuJoCo

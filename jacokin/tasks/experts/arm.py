@@ -13,9 +13,10 @@ from numpy.typing import ArrayLike
 import jacokin
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
-from jacokin.ik import Scene, TrackerStatus
+from jacokin.ik import Scene
 from jacokin.model import checks
 from jacokin.model.angles import nearest_copy, wrap_to_turn
+from jacokin.motion import TrackerStatus
 from jacokin.mujoco_bridge import robots
 from jacokin.tasks.gym.controls import FRAME
 from jacokin.tasks.task import CONTROL_TIMESTEP

@@ -5,16 +5,83 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+import pinocchio as pin
 
 from jacokin.arrays import Array
 from jacokin.model import checks
-from jacokin.tasks.experts.arm import Arm
-from jacokin.tasks.experts.lift import lift_brick, lift_large_box
-from jacokin.tasks.experts.motions import Script
+from jacokin.tasks.experts import grasps, motions
+from jacokin.tasks.experts.arm import CLOSE, OPEN, Arm
+from jacokin.tasks.experts.grasps import pointing
+from jacokin.tasks.experts.motions import BRICK, SQUEEZE, Script, up
 from jacokin.tasks.experts.place import place_brick, place_cradle
-from jacokin.tasks.experts.reach import reach
 from jacokin.tasks.experts.stack import stack
 from jacokin.tasks.registry import FEATURES, TASKS
+
+DOWN = pointing(np.array((0.0, 1.0, 0.0)))
+_ABOVE = 0.036  # [m] the middle of a brick: near enough, and the fingers do not push it away
+
+
+def reach(arm: Arm) -> Script:
+    """Bring the pinch site to the target, in its present orientation where that is possible."""
+    seen = arm.find("target_position")
+    while True:
+        position = arm.get(seen[0], 3) if seen else arm.get(f"{BRICK}position", 3) + up(_ABOVE)
+        for rotation in (arm.pose.rotation, DOWN):
+            found = arm.configurations(pin.SE3(rotation, position))
+            if len(found):
+                break
+        yield arm.towards(found[0] if len(found) else arm.q, 0.0)
+
+
+HEIGHT = 0.33  # [m]
+BOX = "unnamed_model/"
+HALF_BOX = 0.09  # [m]
+OVER_BOX, AROUND_BOX = 0.1, -0.02  # [m] of the pinch site above the top of the box
+BOX_STEPS = 30  # until the fingers are as closed as the box lets them be
+
+
+def lift_brick(arm: Arm) -> Script:
+    """Grasp a brick and lift it; again if it falls."""
+    while True:
+        grasp = grasps.plan(arm, arm.prop(BRICK), [up(HEIGHT)]) or grasps.plan(arm, arm.prop(BRICK))
+        if grasp is None:
+            yield from motions.stay(arm, 0.0)
+            return
+        yield from grasps.take(arm, grasp)
+        yield from motions.move(arm, motions.moved(grasp.pose, up(HEIGHT)), SQUEEZE)
+        q = arm.q.copy()
+        while grasps.holds(arm, arm.prop(BRICK)):
+            yield arm.towards(q, CLOSE)
+
+
+def lift_large_box(arm: Arm) -> Script:
+    """Try to lift the large box by one of its edges.
+
+    The open hand is 0.17 m wide and the box 0.18 m, so no two opposite sides can be pinched. What can be is an upright
+    edge, the thumb on one side and two fingers on the other. That needs friction of more than 1, and there is 1: the
+    script is a try, and the record of the experts has what comes of it.
+    """
+    box = arm.prop(BOX)
+    best, cost = None, np.inf
+    for corner in np.pi * np.array((0.25, 0.75, 1.25, 1.75)):
+        outwards = box.rotation @ np.array((np.cos(corner), np.sin(corner), 0.0))
+        across = np.array((-outwards[1], outwards[0], 0.0))
+        edge = box.translation + (np.sqrt(2.0) * HALF_BOX - 0.03) * outwards
+        for sign in (1.0, -1.0):
+            tool = grasps.pointing(sign * across)
+            at = pin.SE3(tool, edge + up(HALF_BOX + AROUND_BOX) - tool @ grasps.CENTRE)
+            for q in arm.configurations(motions.moved(at, up(OVER_BOX)))[:4]:
+                if arm.chain([at], q, 2.0) is not None:
+                    value = arm.duration(arm.q, q)
+                    if value < cost:
+                        best, cost = (q, at), value
+    if best is not None:
+        yield from motions.go(arm, best[0], OPEN, tolerance=0.05)
+        yield from motions.move(arm, best[1], 0.4)
+        yield from motions.close(arm, BOX_STEPS)
+        yield from motions.move(arm, motions.moved(best[1], up(HEIGHT)), SQUEEZE, speed=0.1)
+    yield from motions.stay(arm, CLOSE)
+
 
 SCRIPTS: dict[str, Callable[[Arm], Script]] = {
     **{name: reach for name in TASKS if name.startswith("reach")},

@@ -13,14 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.mujoco_bridge import Brick
+from jacokin.mujoco_bridge import Brick, PropPlacer
 from jacokin.mujoco_bridge.base import RandomState
+from jacokin.mujoco_bridge.control.queries import Asking
+from jacokin.mujoco_bridge.distributions import uniform_box
 from jacokin.mujoco_bridge.quaternions import product
 from jacokin.mujoco_bridge.workspaces import BoundingBox
 from jacokin.tasks import features
-from jacokin.tasks.features import Feature
-from jacokin.tasks.task import BRICK, Task, brick, shaped
-from jacokin.tasks.view import View, ids, length, picked
+from jacokin.tasks.features import Feature, View, ids, length, picked
+from jacokin.tasks.task import ANY_YAW, BRICK, Task, brick, shaped
 
 BRICK_BOX = BoundingBox((-0.1, -0.1, 1e-6), (0.1, 0.1, 1e-6))
 CLOSE, CLOSE_MARGIN = 0.01, 0.1  # [m]
@@ -179,3 +180,89 @@ class BrickTask(Task):
     def success(self, achieved: Array, desired: Array) -> Array:
         """Whether all pairs click together: distances within 1 mm."""
         return np.asarray((np.abs(achieved - desired) <= CLICK).all(axis=-1))
+
+
+_CLOSE_WEIGHT = 0.1
+
+
+class Stack(BrickTask):
+    """Stack bricks on one another."""
+
+    def __init__(
+        self, count: int, height: int | None = None, *, is_base_fixed: bool = True, order_varies: bool = False
+    ) -> None:
+        """Compile the scene.
+
+        Args:
+            count: number of bricks on the table.
+            height: number of bricks in the wanted stack; None for all.
+            is_base_fixed: whether the bottom brick of the stack stands still.
+            order_varies: whether the wanted order is drawn, and observed.
+        """
+        super().__init__(
+            count,
+            count if height is None else height,
+            is_base_fixed=is_base_fixed,
+            order_varies=order_varies,
+            close_weight=_CLOSE_WEIGHT,
+        )
+
+    def _initialize(self, random_state: RandomState) -> Asking[Array]:
+        order = np.arange(self.height)
+        if self._order_varies:
+            order = random_state.choice(self.count, self.height, replace=False)
+        goal, slots = self._goal(order, int(order[0]))
+        placer = self._placers.get(int(order[0]))
+        if placer is None:
+            roles = [self.bricks[slot] for slot in slots]
+            placer = self._placers[int(order[0])] = PropPlacer(
+                roles, uniform_box(*BRICK_BOX), ANY_YAW, settle_physics=True
+            )
+        placer(self.physics, random_state)
+        yield from self._place_robot(random_state)
+        self._show_hints(order, random_state)
+        return goal
+
+    def _add_props(self) -> None:
+        super()._add_props()
+        self._placers: dict[int, PropPlacer] = {}
+
+
+class Reassemble(BrickTask):
+    """Take a stack apart and build another on its bottom brick: in reverse order, or in one that is drawn."""
+
+    def __init__(self, count: int, *, order_varies: bool = False) -> None:
+        """Compile the scene.
+
+        Args:
+            count: number of bricks.
+            order_varies: whether the orders of both stacks are drawn, and the wanted one is observed.
+        """
+        super().__init__(count, count, is_base_fixed=True, order_varies=order_varies, close_weight=0.0)
+
+    def _usual_order(self) -> Indices:
+        return _rebuilt(np.arange(self.count))
+
+    def _initialize(self, random_state: RandomState) -> Asking[Array]:
+        initial = np.arange(self.count)
+        if self._order_varies:
+            random_state.shuffle(initial)
+        wanted = _rebuilt(initial)
+        if self._order_varies:
+            random_state.shuffle(wanted[1:])
+        goal, slots = self._goal(wanted, int(initial[0]))
+        position = np.asarray(self._base_position(random_state=random_state))
+        quat_wxyz = np.asarray(ANY_YAW(random_state=random_state))
+        self._build_stack([self.bricks[slots[k]] for k in initial], position, quat_wxyz, random_state)
+        self._show_hints(wanted, random_state)
+        yield from self._place_robot(random_state)
+        return goal
+
+    def _add_props(self) -> None:
+        super()._add_props()
+        self._base_position = uniform_box(*BRICK_BOX)
+
+
+def _rebuilt(order: Indices) -> Indices:
+    """The reverse of an order above its first."""
+    return np.concatenate((order[:1], order[:0:-1]))

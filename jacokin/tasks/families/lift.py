@@ -11,9 +11,8 @@ from jacokin.mujoco_bridge.control.queries import Asking
 from jacokin.mujoco_bridge.distributions import uniform_box
 from jacokin.mujoco_bridge.workspaces import BoundingBox
 from jacokin.tasks import features
-from jacokin.tasks.features import Feature
+from jacokin.tasks.features import Feature, View, ids
 from jacokin.tasks.task import ANY_YAW, Task, brick, shaped
-from jacokin.tasks.view import View, ids
 
 DISTANCE = 0.3  # [m] to lift
 _HALF_BOX = 0.09  # [m] height of the middle of the large box

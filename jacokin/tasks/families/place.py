@@ -13,9 +13,8 @@ from jacokin.mujoco_bridge.entities.entity import Entity
 from jacokin.mujoco_bridge.workspaces import BoundingBox
 from jacokin.tasks import features
 from jacokin.tasks.families.bricks import BRICK_BOX
-from jacokin.tasks.features import Feature
+from jacokin.tasks.features import Feature, View, length
 from jacokin.tasks.task import ANY_YAW, Task, brick, qpos_rows, shaped
-from jacokin.tasks.view import View, length
 
 RADIUS = 0.05  # [m] of the target
 AWAY = 4.0 * RADIUS  # [m] of the hand from the target

@@ -13,9 +13,8 @@ from jacokin.mujoco_bridge.control.queries import Asking
 from jacokin.mujoco_bridge.distributions import uniform_box
 from jacokin.mujoco_bridge.workspaces import BoundingBox
 from jacokin.tasks import features
-from jacokin.tasks.features import Feature
+from jacokin.tasks.features import Feature, View, length
 from jacokin.tasks.task import ANY_YAW, Task, brick, qpos_rows, shaped
-from jacokin.tasks.view import View, length
 
 RADIUS = 0.05  # [m] of the target
 _TARGET = "target"

@@ -20,8 +20,8 @@ from jacokin.model.angles import nearest_copy
 from jacokin.model.robot import Robot
 from jacokin.mujoco_bridge import Physics, robots
 from jacokin.mujoco_bridge.control.commands import GAIN
+from jacokin.tasks.features import View
 from jacokin.tasks.task import CONTROL_TIMESTEP
-from jacokin.tasks.view import View
 
 FRAME = "pinchsite"
 SPEED = 0.25  # [m/s] of the tool at most

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import inspect
 from collections import deque
 from collections.abc import Mapping
 from typing import Any, ClassVar
@@ -18,15 +19,15 @@ from jacokin.errors import InvalidInputError, PhysicsError
 from jacokin.model import checks
 from jacokin.mujoco_bridge.control import queries
 from jacokin.mujoco_bridge.control.queries import Asking
-from jacokin.tasks import actions, registry
-from jacokin.tasks.episode import STEPS, Episode, Snapshot
+from jacokin.tasks import registry
+from jacokin.tasks.episode import STEPS, Episode, Snapshot, bounded
+from jacokin.tasks.features import ids
 from jacokin.tasks.gym.controls import CONTROLS, Control
 from jacokin.tasks.gym.options import RENDER_MODES, Options
 from jacokin.tasks.gym.packing import Observation, Packing, with_picture
 from jacokin.tasks.gym.window import Window, check_display
 from jacokin.tasks.randomization import Randomization, Variation, steps_of
 from jacokin.tasks.task import CONTROL_TIMESTEP, Task
-from jacokin.tasks.view import ids
 
 SIZE = 480  # rows and columns of rendered pictures [pixels]
 
@@ -181,7 +182,7 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
         episode = self._episode
         if episode.steps is None:
             raise PhysicsError("there is no episode: call reset() before step()")
-        values = actions.bounded(action, *self._control.bounds)
+        values = bounded(action, *self._control.bounds)
         self._control.check(values)
         try:
             velocities = self._control.velocities(episode.view, values)
@@ -343,3 +344,23 @@ def _goals(name: str, value: ArrayLike, size: int) -> Array:
     if goals.ndim < 1 or goals.shape[-1] != size:
         raise InvalidInputError(f"{name} must have shape (..., {size}), got {goals.shape}")
     return goals
+
+
+OPTIONS = tuple(inspect.signature(TaskEnv).parameters)
+
+
+def make_environment(**options: Any) -> TaskEnv:
+    """Make an environment.
+
+    Args:
+        options: as for `TaskEnv`.
+
+    Raises:
+        UnknownNameError: an unknown option; lists the valid ones.
+    """
+    for name in options:
+        checks.choice("option", name, OPTIONS)
+    return TaskEnv(**options)
+
+
+make_environment.metadata = TaskEnv.metadata  # type: ignore[attr-defined]  # Gymnasium looks here for render modes

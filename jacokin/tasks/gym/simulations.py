@@ -19,13 +19,13 @@ from numpy.typing import NDArray
 from jacokin.arrays import Array
 from jacokin.mujoco_bridge.control import queries
 from jacokin.tasks.episode import PICTURE, STEPS
-from jacokin.tasks.gym import rows
+from jacokin.tasks.features import View
+from jacokin.tasks.gym import packing
 from jacokin.tasks.gym.controls import CONTROLS
 from jacokin.tasks.gym.environment import Info, TaskEnv
 from jacokin.tasks.gym.packing import Observation, with_picture
 from jacokin.tasks.randomization import MAX_LATENCY, SIMULATED, steps_of
 from jacokin.tasks.task import CONTROL_TIMESTEP, SUBSTEPS
-from jacokin.tasks.view import View
 
 Flags = NDArray[np.bool_]
 Indices = NDArray[np.intp]
@@ -163,7 +163,7 @@ class Simulations:
             random_state = self._random[index]
             assert random_state is not None
             deviation = self._values[index]["observation_noise"]
-            first._packing.add_noise(rows.row(observations, index), deviation, random_state)
+            first._packing.add_noise(packing.row(observations, index), deviation, random_state)
         outcome = Outcome(
             observations,
             np.array(first._rewards(achieved, desired)),

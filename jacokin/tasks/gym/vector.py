@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, PhysicsError
 from jacokin.model import checks
-from jacokin.tasks import actions
-from jacokin.tasks.gym import rows
-from jacokin.tasks.gym.environment import Info, TaskEnv
+from jacokin.tasks.episode import bounded
+from jacokin.tasks.gym import packing
+from jacokin.tasks.gym.environment import OPTIONS, Info, TaskEnv
 from jacokin.tasks.gym.packing import Observation
 from jacokin.tasks.gym.simulations import Begun, Flags, Indices, Outcome, Simulations
 
@@ -61,7 +61,7 @@ class VectorTaskEnv(VectorEnv[Observation, Any, NDArray[Any]]):
         self._values = {name: np.zeros(num_envs) for name in names}
         self._is_over = np.zeros(num_envs, dtype=bool)
         self._has_begun = np.zeros(num_envs, dtype=bool)
-        self._last = rows.zeros(first.observation_space, num_envs)
+        self._last = packing.zeros(first.observation_space, num_envs)
 
     def reset(
         self,
@@ -89,7 +89,7 @@ class VectorTaskEnv(VectorEnv[Observation, Any, NDArray[Any]]):
         infos = self._started(ids, self._simulations.begin(ids, seeds, replayed), self._last, {})
         self._is_over[ids] = False
         self._has_begun[ids] = True
-        return rows.copied(self._last), infos
+        return packing.copied(self._last), infos
 
     def step(self, values: NDArray[Any]) -> Steps:
         """Apply an action in every environment.
@@ -105,7 +105,7 @@ class VectorTaskEnv(VectorEnv[Observation, Any, NDArray[Any]]):
         """
         if not self._has_begun.all():
             raise PhysicsError("there is no episode: call reset() before step()")
-        checked = actions.bounded(values, *self._bounds)
+        checked = bounded(values, *self._bounds)
         self._first._control.check(checked)
         ended, goes_on = np.flatnonzero(self._is_over), np.flatnonzero(~self._is_over)
         if len(ended) and self.autoreset_mode is AutoresetMode.DISABLED:
@@ -116,14 +116,14 @@ class VectorTaskEnv(VectorEnv[Observation, Any, NDArray[Any]]):
         outcome = self._simulations.advance(checked, goes_on)
         observations, truncated = outcome.observations, outcome.is_over
         for index in outcome.errors:
-            rows.put(observations, index, rows.row(self._last, index))
+            packing.put(observations, index, packing.row(self._last, index))
         outcome.rewards[ended], truncated[ended] = 0.0, False
         if self.autoreset_mode is AutoresetMode.SAME_STEP:
             infos = self._started_over(np.flatnonzero(truncated), outcome)
         else:
             infos = self._started(ended, begun, observations, self._infos(outcome, goes_on))
             self._is_over = truncated.copy()
-        self._last = rows.copied(observations)
+        self._last = packing.copied(observations)
         return observations, outcome.rewards, np.zeros(self.num_envs, dtype=bool), truncated, infos
 
     def _begin_again(self, ids: Indices) -> Begun:
@@ -133,7 +133,7 @@ class VectorTaskEnv(VectorEnv[Observation, Any, NDArray[Any]]):
     def _started(self, ids: Indices, begun: Begun, observations: Observation, infos: Info) -> Info:
         """Note what the starts of episodes gave, among the observations and infos of all."""
         for index, (observation, info) in zip(ids.tolist(), begun, strict=True):
-            rows.put(observations, index, observation)
+            packing.put(observations, index, observation)
             infos = self._add_info(infos, info, index)
             for name, value in info.get("randomization", {}).items():
                 self._values[name][index] = value
@@ -148,7 +148,7 @@ class VectorTaskEnv(VectorEnv[Observation, Any, NDArray[Any]]):
                 last["randomization"] = {name: float(column[index]) for name, column in self._values.items()}
             if index in outcome.errors:
                 last["error"] = outcome.errors[index]
-            observation = rows.copied(rows.row(outcome.observations, index))
+            observation = packing.copied(packing.row(outcome.observations, index))
             infos = self._add_info(infos, {"final_obs": observation, "final_info": last}, index)
         return self._started(ended, self._begin_again(ended), outcome.observations, infos)
 
@@ -202,3 +202,33 @@ class VectorTaskEnv(VectorEnv[Observation, Any, NDArray[Any]]):
             {**options, "randomization": {name: column[index] for name, column in columns.items()}}
             for index in range(self.num_envs)
         ]
+
+
+_WITHOUT_WINDOW = [name for name in OPTIONS if name not in ("render_mode", "width", "height")]
+
+
+def make_vector(
+    num_envs: int = 1,
+    *,
+    threads: int = 1,
+    autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
+    **options: Any,
+) -> VectorTaskEnv:
+    """Make environments of one task that are stepped together.
+
+    Args:
+        num_envs: how many.
+        threads: how many threads simulate.
+        autoreset_mode: when an environment whose episode has ended starts another: Gymnasium's "NextStep", "SameStep"
+            or "Disabled".
+        options: as for `TaskEnv`, without rendering.
+
+    Raises:
+        UnknownNameError: an unknown option or mode; lists the valid ones.
+        InvalidInputError: a wrong number, or an option that vectors do not have.
+    """
+    if options.pop("render_mode", None) is not None:
+        raise InvalidInputError("a vector of environments does not render; make a single one with the same seed")
+    for name in options:
+        checks.choice("option of a vector", name, ("threads", "autoreset_mode", *_WITHOUT_WINDOW))
+    return VectorTaskEnv(num_envs, threads, autoreset_mode, **options)

@@ -2,10 +2,24 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Protocol, TypeVar
 
+import numpy as np
+import pinocchio as pin
 import viser
+from viser import uplot
+
+from jacokin.arrays import Array
+from jacokin.model import checks, poses
+from jacokin.model.robot import Robot
+from jacokin.viewer.drawing.slices import COLOURS, Slices
+from jacokin.viewer.inspector import FULL_TURN, Inspector
+from jacokin.viewer.playback import SPEEDS, Playback
+from jacokin.viewer.setup import COLLISION, Setup
+from jacokin.viewer.texts import wrapped
+from jacokin.viewer.view import Free
 
 Post = Callable[[str], None]
 Value = TypeVar("Value")
@@ -32,3 +46,249 @@ def from_client(post: Post, name: str) -> Callable[[FromClient], None]:
 def set_value(control: viser.GuiInputHandle[Value], value: Value) -> None:
     """Bring a control to a value on every page."""
     control.value = value  # type: ignore[misc]  # viser's setter stands behind another method, where mypy misses it
+
+
+AXES: tuple[str, ...] = ("none", "x", "y", "z")
+NARROWEST = 1.0  # [deg] of a range
+STEP = 0.5  # [deg]
+
+
+class FreeControls:
+    """An axis to choose, its range and its angle; for a seven-joint arm its free joint."""
+
+    def __init__(
+        self, gui: viser.GuiApi, inspector: Inspector, post: Post, axis: int | None, span: tuple[float, float]
+    ) -> None:
+        """Add the controls, which post "axis", "range" and "angle".
+
+        Args:
+            gui: viser's.
+            inspector: of the robot.
+            post: as for the panel.
+            axis: 0, 1 or 2 of the tool to begin with, or None.
+            span: least and largest angle to begin with [rad].
+        """
+        seven = inspector.solver.has_families
+        self._span = span
+        chosen = AXES[0] if axis is None else AXES[axis + 1]
+        self._axis = gui.add_dropdown(
+            "Free axis", AXES, initial_value=chosen, disabled=seven, hint="The tool may turn about this axis of its own"
+        )
+        self._axis.on_update(from_client(post, "axis"))
+        low, high = (min(max(math.degrees(end), -180.0), 180.0) for end in span)
+        self._range = gui.add_multi_slider(
+            "Range [deg]", -180.0, 180.0, STEP, (low, high), min_range=NARROWEST, disabled=axis is None
+        )
+        self._range.on_update(from_client(post, "range"))
+        self._shown = (low, high)
+        label = f"{inspector.robot.joint_names[2]}, free [deg]" if seven else "Angle [deg]"
+        self._value = gui.add_slider(label, -180.0, 180.0, STEP, 0.0, disabled=True)
+        self._value.on_update(from_client(post, "angle"))
+
+    @property
+    def axis(self) -> int | None:
+        """0, 1 or 2; None for none, and for what is not in the list."""
+        return AXES.index(self._axis.value) - 1 if self._axis.value in AXES[1:] else None
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """Least and largest angle [rad]; what a client sent that is no range goes back to what was there."""
+        sent = self._range.value
+        try:
+            low, high = (float(end) for end in sent)
+        except (TypeError, ValueError):
+            low, high = math.nan, math.nan
+        if not -180.0 <= low < high <= 180.0:
+            if self._range.value is sent:  # and not something newer
+                set_value(self._range, self._shown)
+        elif (low, high) != self._shown:  # what was given stays exact until somebody moves it
+            self._shown = (low, high)
+            self._span = FULL_TURN if (low, high) == (-180.0, 180.0) else (math.radians(low), math.radians(high))
+        return self._span
+
+    @property
+    def value(self) -> float:
+        """The angle or the joint [rad], as a client sent it."""
+        return math.radians(float(self._value.value))
+
+    def show(self, free: Free | None) -> None:
+        """Bring the value to a view's."""
+        self._value.disabled = free is None
+        self._range.disabled = free is None or free.axis is None
+        if free is not None:
+            set_value(self._value, min(max(math.degrees(wrapped(free.value)), -180.0), 180.0))
+
+
+Three = tuple[float, float, float]
+
+
+class Solving:
+    """The folder "Solver" of the panel."""
+
+    def __init__(self, gui: viser.GuiApi, robot: Robot, setup: Setup, post: Post) -> None:
+        """Add the controls, which post "setup"."""
+        moved = [name for name in robot.frames if robot.pin_model.frames[robot.frame_id(name)].parentJoint]
+        with gui.add_folder("Solver", expand_by_default=False):
+            self._frame = gui.add_dropdown("Frame", moved, initial_value=setup.frame, hint="What goes to the target")
+            self._position = gui.add_vector3("Tool [m]", (0.0, 0.0, 0.0), step=0.001, hint="After the frame: x, y, z")
+            self._rpy = gui.add_vector3("Tool [deg]", (0.0, 0.0, 0.0), step=0.1, hint="Roll, pitch, yaw")
+            self._collision = gui.add_dropdown("Contact", COLLISION, initial_value=setup.collision)
+            self._obstacles = gui.add_checkbox(
+                "Obstacles", setup.obstacles, disabled=setup.scene is None, hint="They are there, and count as contact"
+            )
+            self._clearance = gui.add_number("Clearance [m]", setup.clearance, min=0.0, step=0.001)
+        self._shown: tuple[Three, Three] = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+        self.show(setup)
+        for control in (self._frame, self._collision):
+            control.on_update(from_client(post, "setup"))
+        for vector in (self._position, self._rpy):
+            vector.on_update(from_client(post, "setup"))
+        self._obstacles.on_update(from_client(post, "setup"))
+        self._clearance.on_update(from_client(post, "setup"))
+
+    def show(self, setup: Setup) -> None:
+        """Bring the controls to what is in force."""
+        tool = pin.SE3.Identity() if setup.tool is None else setup.tool
+        set_value(self._frame, setup.frame)
+        set_value(self._position, _three(tool.translation))
+        set_value(self._rpy, _three(np.degrees(pin.rpy.matrixToRpy(tool.rotation))))
+        self._shown = _three(self._position.value), _three(self._rpy.value)
+        set_value(self._collision, setup.collision)
+        set_value(self._obstacles, setup.obstacles)
+        set_value(self._clearance, setup.clearance)
+
+    def wanted(self, setup: Setup) -> Setup:
+        """What the controls say. A tool that was not touched stays exactly as it is; the rest is as a client sent it.
+
+        Raises:
+            InvalidInputError: the numbers of the tool are none.
+        """
+        position = checks.vector("tool", self._position.value, 3, "m")
+        rpy = checks.vector("tool", self._rpy.value, 3, "deg")
+        tool = setup.tool
+        if (_three(position), _three(rpy)) != self._shown:
+            tool = pin.SE3(poses.rotation_from_rpy(np.radians(rpy)), position)
+        return Setup(
+            frame=self._frame.value,
+            tool=tool,
+            collision=self._collision.value,
+            scene=setup.scene,
+            obstacles=bool(self._obstacles.value),
+            clearance=self._clearance.value,
+        )
+
+
+def _three(values: Array | Three) -> Three:
+    x, y, z = (float(value) for value in values)
+    return x, y, z
+
+
+MOST_POINTS = 1000  # of a plot
+PLOT_HEIGHT = 110  # [pixel]
+
+
+class Player:
+    """The folder "Trajectory" of the panel."""
+
+    def __init__(self, gui: viser.GuiApi, robot: Robot, playback: Playback, post: Post) -> None:
+        """Add the controls, which post "play", "time" and "speed"."""
+        self._playback = playback
+        with gui.add_folder("Trajectory"):
+            self._play = gui.add_button("Play")
+            self._play.on_click(lambda _: post("play"))
+            end = max(playback.duration, 1e-3)
+            self._time = gui.add_slider("Time [s]", 0.0, end, min(0.001, end), 0.0)
+            self._time.on_update(from_client(post, "time"))
+            self._speed = gui.add_slider("Speed", SPEEDS[0], SPEEDS[1], 0.1, 1.0)
+            self._speed.on_update(from_client(post, "speed"))
+            with gui.add_folder("Joints over time", expand_by_default=False):
+                for joint in range(robot.dof):
+                    _plot(gui, robot, playback, joint)
+
+    @property
+    def time(self) -> float:
+        """Where the slider is [s]; as a client sent it."""
+        return float(self._time.value)
+
+    @property
+    def speed(self) -> float:
+        """What the slider says; as a client sent it."""
+        return float(self._speed.value)
+
+    def show(self) -> None:
+        """Bring the controls to where the trajectory is."""
+        self._play.label = "Pause" if self._playback.playing else "Play"
+        set_value(self._time, min(self._playback.time, self._time.max))
+
+
+def _plot(gui: viser.GuiApi, robot: Robot, playback: Playback, joint: int) -> None:
+    """A joint over time, with its limits as lines where it has any."""
+    rows = np.unique(np.linspace(0, len(playback.t) - 1, min(len(playback.t), MOST_POINTS)).astype(int))
+    unit = "m" if robot.sliding[joint] else "rad"
+    lines = [(f"{robot.joint_names[joint]} [{unit}]", playback.q[rows, joint], "#1c7ed6")]
+    for name, limit in (("lower", robot.lower[joint]), ("upper", robot.upper[joint])):
+        if np.isfinite(limit):
+            lines.append((name, np.full(len(rows), limit), "#e03131"))
+    series: list[uplot.Series] = [{"label": "t [s]"}]
+    series += [{"label": label, "stroke": colour, "width": 1.0} for label, _, colour in lines]
+    gui.add_uplot(
+        (playback.t[rows], *(values for _, values, _ in lines)),
+        tuple(series),
+        scales={"x": {"time": False}},
+        height=PLOT_HEIGHT,
+    )
+
+
+OPACITY = 0.55
+
+
+class Slicing:
+    """The folder "Reachability map" of the panel, and what it draws."""
+
+    def __init__(self, server: viser.ViserServer, slices: Slices, post: Post) -> None:
+        """Add the controls, which post "slice"; nothing is drawn before they are used."""
+        self._slices = slices
+        self._drawn: int | None = None
+        gui, heights = server.gui, slices.heights
+        with gui.add_folder("Reachability map", expand_by_default=False):
+            self._show = gui.add_checkbox("Slice", False, hint="Where the tool gets to, at one height")
+            self._show.on_update(from_client(post, "slice"))
+            low, high = float(heights[0]), float(heights[-1])
+            step = float(heights[1] - heights[0]) if len(heights) > 1 else 1.0
+            middle = float(heights[slices.layer(0.5 * (low + high))])
+            self._height = gui.add_slider("Height [m]", low, max(high, low + step), step, middle)
+            self._height.on_update(from_client(post, "slice"))
+            stops = ",".join(f"rgb({red},{green},{blue})" for red, green, blue in COLOURS.tolist())
+            gui.add_html(
+                f'<div style="font-size:0.8em;padding:0 0.75em">0 to 1: {slices.caption}'
+                f'<div style="height:8px;background:linear-gradient(to right,{stops})"></div></div>'
+            )
+        mesh = slices.square()
+        self._node = server.scene.add_batched_meshes_simple(
+            "/map",
+            mesh.vertices,
+            mesh.faces,
+            batched_wxyzs=np.array([[1.0, 0.0, 0.0, 0.0]]),
+            batched_positions=np.zeros((1, 3)),
+            batched_colors=np.zeros((1, 3), dtype=np.uint8),
+            opacity=OPACITY,
+            lod="off",
+            side="double",
+            cast_shadow=False,
+            receive_shadow=False,
+            visible=False,
+        )
+
+    def show(self) -> None:
+        """Draw what the controls say, whatever a client sent."""
+        height = float(self._height.value)
+        layer = self._slices.layer(height) if np.isfinite(height) else 0
+        cells = self._slices.cells(layer)
+        if len(cells.positions) and layer != self._drawn:
+            quats = np.zeros((len(cells.positions), 4), dtype=np.float32)
+            quats[:, 0] = 1.0
+            self._node.batched_positions = cells.positions
+            self._node.batched_wxyzs = quats
+            self._node.batched_colors = cells.colours
+            self._drawn = layer
+        self._node.visible = bool(self._show.value) and len(cells.positions) > 0

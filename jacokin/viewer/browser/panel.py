@@ -9,13 +9,9 @@ import numpy as np
 import viser
 
 from jacokin.arrays import Array
-from jacokin.ik.answers.choosing import PREFERENCES
+from jacokin.ik.preferences import PREFERENCES
 from jacokin.viewer import texts
-from jacokin.viewer.browser.controls import Post, from_client, set_value
-from jacokin.viewer.browser.free import FreeControls
-from jacokin.viewer.browser.player import Player
-from jacokin.viewer.browser.slicing import Slicing
-from jacokin.viewer.browser.solving import Solving
+from jacokin.viewer.browser.controls import FreeControls, Player, Post, Slicing, Solving, from_client, set_value
 from jacokin.viewer.contents import Contents
 from jacokin.viewer.inspector import Inspector
 from jacokin.viewer.view import View

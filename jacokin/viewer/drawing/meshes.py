@@ -14,6 +14,7 @@ from jacokin.model import poses
 if TYPE_CHECKING:
     import mujoco
 
+
 SIDES = 24  # of what is round
 RINGS = 6  # from the equator of a sphere to its pole
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from jacokin.cli.arguments.argv import separated
+from jacokin.cli.command import separated
 from tests.cli.run import Run, leave
 
 OPTIONS = {"--seed": 1, "--position": 3, "--frame": 1, "--json": 0}

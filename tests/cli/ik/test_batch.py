@@ -156,7 +156,7 @@ def test_an_unfinished_run_is_continued_only_if_asked(targets: Path, capsys: pyt
 def test_a_scheduler_that_does_not_answer_is_a_sentence(
     targets: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("jacokin.chunks.cluster.ANSWER_WITHIN", 0.5)
+    monkeypatch.setattr("jacokin.chunks.execution.ANSWER_WITHIN", 0.5)
     for address in ("tcp://127.0.0.1:9", "nonsense://x"):
         out = targets.with_name("joints.csv")
         assert leave("ik", "--targets", str(targets), "--output", str(out), "--dask", address) == 2

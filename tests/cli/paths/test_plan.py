@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import jacokin
-from jacokin.ik import PathResult, Scene
+from jacokin.ik import Scene
+from jacokin.motion import PathResult
 from tests.cli.run import POSE, Run, leave
 
 TABLE = "- {shape: box, name: table, size: [0.6, 0.6, 0.05], position: [0.5, -0.5, 0.1]}\n"

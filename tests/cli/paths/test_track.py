@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import jacokin
-from jacokin.ik import PathResult
+from jacokin.motion import PathResult
 from tests.cli.run import leave
 
 

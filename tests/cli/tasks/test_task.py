@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 import jacokin.tasks.gym.environment
 from jacokin.arrays import Array
-from jacokin.cli.tasks import command, recording
+from jacokin.cli import recording, task
 from jacokin.errors import InvalidInputError
 from tests import rendering
 from tests.cli.run import Run
@@ -158,7 +158,7 @@ def test_pictures_without_a_display_are_drawn_with_egl_unless_told_otherwise(
     monkeypatch.delenv("MUJOCO_GL") if chosen is None else monkeypatch.setenv("MUJOCO_GL", chosen)
     if not loaded:
         monkeypatch.delitem(sys.modules, "mujoco", raising=False)
-    command.choose_renderer()
+    task.choose_renderer()
     assert os.environ.get("MUJOCO_GL") == expected
 
 

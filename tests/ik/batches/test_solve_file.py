@@ -19,10 +19,10 @@ import pytest
 
 from jacokin import IKSolver, Robot, Status
 from jacokin.arrays import Array
-from jacokin.chunks import keeping
+from jacokin.chunks import folder
 from jacokin.errors import InvalidInputError, JacokinError
 from jacokin.ik import Progress, solve_file
-from jacokin.ik.batches import chunk, jobs
+from jacokin.ik.batches import chunk
 from jacokin.ik.batches import solve_file as module
 from jacokin.model import quat_wxyz
 
@@ -88,7 +88,7 @@ def test_every_format_holds_the_answers_of_a_batch(
     assert (summary.targets, summary.solved) == (N, N - 1)
     assert summary.statuses == {Status.OK: N - 1, Status.UNREACHABLE: 1}
     assert summary.failures[0][0] == (7 if before == ".csv" else 6)  # the line, after a header, or the row
-    from jacokin.ik.files.target_rows import target_rows
+    from jacokin.ik.files.targets import target_rows
 
     rows = target_rows(("x", "y", "z", "qw", "qx", "qy", "qz"), quaternions(targets), np.arange(N))
     np.testing.assert_array_equal(joints(out), solver.solve_batch(rows.targets).q)
@@ -136,7 +136,7 @@ def test_answers_do_not_depend_on_what_workers_see(
     """On machines without the file the rows come with the job; without the folder, answers go back with it."""
     source = write(tmp_path / f"in{suffix}", targets)
     solve_file(solver, source, tmp_path / "a.parquet", workers=1)
-    monkeypatch.setattr(jobs, "SHARE", 1)  # several chunks in a job
+    monkeypatch.setattr(solve_file, "SHARE", 1)  # several chunks in a job
     numbers = iter(range(1000))
 
     def elsewhere(job: chunk.ChunkJob) -> object:
@@ -149,7 +149,7 @@ def test_answers_do_not_depend_on_what_workers_see(
             rows = rows._replace(stamp=rows.stamp._replace(path=tmp_path / "elsewhere"))
         return chunk.make(dataclasses.replace(job, keeper=keeper, rows=rows))
 
-    monkeypatch.setattr(jobs, "make", elsewhere)
+    monkeypatch.setattr(solve_file, "make", elsewhere)
     solve_file(solver, source, tmp_path / "b.parquet", workers=2)
     assert next(numbers) > 1
     assert (tmp_path / "a.parquet").read_bytes() == (tmp_path / "b.parquet").read_bytes()
@@ -157,7 +157,7 @@ def test_answers_do_not_depend_on_what_workers_see(
 
 def test_jobs_get_smaller_towards_the_end() -> None:
     missing = [*range(40), *range(41, 300)]
-    runs = list(jobs._runs(missing, shares=8))
+    runs = list(module._runs(missing, shares=8))
     assert [index for run in runs for index in run] == missing
     assert [len(run) for run in runs[:4]] == [16, 16, 8, 16]  # one chunk in the middle is finished
     assert all(run == list(range(run[0], run[-1] + 1)) for run in runs)
@@ -238,14 +238,14 @@ def test_a_full_disk_keeps_what_is_finished(
 ) -> None:
     source, out = write(tmp_path / "in.csv", targets), tmp_path / "out.csv"
     out.write_text("old")
-    write_chunk = keeping.write
+    write_chunk = folder.write
 
     def full(path: Path, content: bytes) -> None:
         if path.name.startswith("000002"):
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         write_chunk(path, content)
 
-    monkeypatch.setattr(keeping, "write", full)
+    monkeypatch.setattr(folder, "write", full)
     with pytest.raises(JacokinError, match="No space left on device; the chunks that are finished are kept"):
         solve_file(solver, source, out, workers=1)
     assert out.read_text() == "old"

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from jacokin.ik.closed_form import cache, compiler
+from jacokin.kernels.compiled import cache, compiler
 
 CODE = b"machine code" * 1000
 

@@ -14,8 +14,9 @@ import pytest
 
 from jacokin import Robot
 from jacokin.errors import JacokinError
-from jacokin.ik.closed_form import ClosedForm, cache, compilation, compile_job
-from jacokin.ik.closed_form.compilation import COMPILE_AFTER, KERNELS, WAIT_FOR, Kernels
+from jacokin.ik.closed_form import ClosedForm
+from jacokin.kernels.compiled import cache, loading
+from jacokin.kernels.compiled.loading import COMPILE_AFTER, KERNELS, WAIT_FOR, Kernels
 
 FAILING = "raise SystemExit('no compiler here')"
 
@@ -40,7 +41,7 @@ def runs(compiled: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Pat
         f"sys.stdout.buffer.write(b'noise' + open({str(compiled)!r}, 'rb').read())"
     )
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
-    monkeypatch.setattr(compile_job, "_COMPILE", program)
+    monkeypatch.setattr(loading, "_COMPILE", program)
     notes.touch()
     return notes
 
@@ -148,23 +149,23 @@ def test_what_another_process_compiled_meanwhile_is_used(runs: Path, compiled: P
 def test_a_compiler_that_fails_leaves_the_plain_form(
     runs: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    working = compile_job._COMPILE
-    monkeypatch.setattr(compile_job, "_COMPILE", FAILING)
+    working = loading._COMPILE
+    monkeypatch.setattr(loading, "_COMPILE", FAILING)
     kernels = Kernels()
     for _ in range(3):
         assert kernels.for_poses(WAIT_FOR) is None
     assert caplog.text.count("no compiler here") == 1
     with pytest.raises(JacokinError, match="no compiler here"):
         kernels.warmup()
-    monkeypatch.setattr(compile_job, "_COMPILE", working)
+    monkeypatch.setattr(loading, "_COMPILE", working)
     kernels.warmup()
     assert kernels.library is not None
 
 
 def test_output_that_is_cut_off_is_not_run(runs: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(compile_job, "_COMPILE", compile_job._COMPILE + "[:-10]")
-    program = compile_job._COMPILE.replace(".read())[:-10]", ".read()[:-10])")
-    monkeypatch.setattr(compile_job, "_COMPILE", program)
+    monkeypatch.setattr(loading, "_COMPILE", loading._COMPILE + "[:-10]")
+    program = loading._COMPILE.replace(".read())[:-10]", ".read()[:-10])")
+    monkeypatch.setattr(loading, "_COMPILE", program)
     with pytest.raises(JacokinError, match="damaged or incomplete"):
         Kernels().warmup()
 
@@ -186,7 +187,7 @@ def test_options_of_numba_do_not_reach_the_compiler(
 ) -> None:
     seen = tmp_path / "environment"
     program = f"import os; open({str(seen)!r}, 'w').write(' '.join(os.environ));"
-    monkeypatch.setattr(compile_job, "_COMPILE", program + compile_job._COMPILE)
+    monkeypatch.setattr(loading, "_COMPILE", program + loading._COMPILE)
     monkeypatch.setenv("NUMBA_BOUNDSCHECK", "1")
     monkeypatch.setenv("NUMBA_CPU_NAME", "generic")
     monkeypatch.setenv("SOMETHING_ELSE", "1")
@@ -202,7 +203,7 @@ def test_an_arm_with_a_cache_solves_its_first_pose_compiled(
     runs: Path, monkeypatch: pytest.MonkeyPatch, robot: Robot
 ) -> None:
     Kernels().warmup()
-    monkeypatch.setattr("jacokin.ik.closed_form.solver.KERNELS", fresh := Kernels())
+    monkeypatch.setattr("jacokin.ik.closed_form.KERNELS", fresh := Kernels())
     form = ClosedForm(robot.pin_model, robot.frame_id(), None, robot.lower, robot.upper)
     assert fresh.library is not None
     T = np.ascontiguousarray(robot.forward_kinematics(robot.home).homogeneous)
@@ -221,7 +222,7 @@ def test_no_solve_needs_numba(tmp_path: Path) -> None:
         "assert np.abs(rows.q[0] - robot.home).max() < 1e-12\n"
         "assert 'numba' not in sys.modules and 'mujoco' not in sys.modules and 'mink' not in sys.modules\n"
     )
-    environment = {"NUMBA_CACHE_DIR": str(tmp_path), "PYTHONPATH": str(Path(compilation.__file__).parents[3])}
+    environment = {"NUMBA_CACHE_DIR": str(tmp_path), "PYTHONPATH": str(Path(loading.__file__).parents[3])}
     done = subprocess.run(
         [sys.executable, "-P", "-c", code], env=environment, capture_output=True, text=True, check=False
     )

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from jacokin import Robot
-from jacokin.ik.closed_form import compiler
-from jacokin.ik.closed_form.compilation import KERNELS
-from jacokin.ik.closed_form.kernel_library import NO_BATCH, Call, KernelLibrary
-from jacokin.ik.closed_form.kernels.batch import BATCH_COLUMNS, solve
-from jacokin.ik.closed_form.kernels.pose import COLUMNS, MAX_BRANCHES
-from jacokin.ik.closed_form.one_module import linked, translating_only
+from jacokin.kernels.closed_form.batch import BATCH_COLUMNS, solve
+from jacokin.kernels.closed_form.pose import COLUMNS, MAX_BRANCHES
+from jacokin.kernels.compiled import compiler
+from jacokin.kernels.compiled.compiler import linked, translating_only
+from jacokin.kernels.compiled.library import NO_BATCH, Call, KernelLibrary
+from jacokin.kernels.compiled.loading import KERNELS
 from tests.ik.closed_form.tools import closed_form, target
 
 
@@ -100,7 +100,7 @@ def test_code_that_needs_numba_at_run_time_is_refused() -> None:
 def test_a_file_without_the_kernels_is_refused() -> None:
     import llvmlite.binding as llvm
 
-    from jacokin.ik.closed_form.kernel_library import target_machine
+    from jacokin.kernels.compiled.library import target_machine
 
     other = target_machine().emit_object(llvm.parse_assembly("define i32 @other() { ret i32 0 }"))
     with pytest.raises(RuntimeError, match="does not contain the kernels"):

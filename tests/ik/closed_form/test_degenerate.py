@@ -14,7 +14,7 @@ import pytest
 
 from jacokin import IKSolver, Robot
 from jacokin.arrays import Array
-from jacokin.ik.closed_form import warmup
+from jacokin.kernels.compiled.loading import warmup
 from tests.ik.closed_form.tools import (
     brute_force,
     circular,

@@ -11,9 +11,9 @@ import pytest
 from benchmarks import targets
 from jacokin import Robot
 from jacokin.arrays import Array
-from jacokin.ik.closed_form.kernels import pose, roots
-from jacokin.ik.closed_form.kernels.arm import pose_of, unpack_arm
-from jacokin.ik.closed_form.kernels.resultant import fourier_of_divided_F, fourier_of_F, value_and_slope
+from jacokin.kernels.closed_form import pose, roots
+from jacokin.kernels.closed_form.arm import pose_of, unpack_arm
+from jacokin.kernels.closed_form.resultant import fourier_of_divided_F, fourier_of_F, value_and_slope
 from tests.ik.closed_form.tools import closed_form, target
 
 

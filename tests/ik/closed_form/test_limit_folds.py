@@ -12,11 +12,11 @@ import jacokin
 from jacokin import Robot
 from jacokin.arrays import Array
 from jacokin.ik import Status
-from jacokin.ik.closed_form import ClosedForm, warmup
-from jacokin.ik.closed_form.compilation import KERNELS
-from jacokin.ik.closed_form.kernels import pose as kernels_pose
-from jacokin.ik.closed_form.kernels import roots as kernels_roots
-from jacokin.ik.closed_form.kernels import wrist as kernels_wrist
+from jacokin.ik.closed_form import ClosedForm
+from jacokin.kernels.closed_form import pose as kernels_pose
+from jacokin.kernels.closed_form import roots as kernels_roots
+from jacokin.kernels.closed_form import wrist as kernels_wrist
+from jacokin.kernels.compiled.loading import KERNELS, warmup
 from tests.ik.closed_form.tools import circular, closed_form, target
 
 TOOLS = [

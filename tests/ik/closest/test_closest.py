@@ -13,9 +13,8 @@ import pytest
 import jacokin
 from jacokin import IKSolver, Robot, Status
 from jacokin.ik import targets
-from jacokin.ik.closest.chain import Chain
-from jacokin.ik.closest.measure import Duals, Measure, duals_after
-from jacokin.ik.closest.search import ClosestSearch
+from jacokin.ik.closest import ClosestSearch, Duals, Measure, duals_after
+from jacokin.ik.many import Chain
 from jacokin.ik.options import Options
 from jacokin.ik.verification import Verifier
 

@@ -11,7 +11,7 @@ import jacokin
 from jacokin import FreeAxis, IKSolver
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, UnknownNameError
-from jacokin.ik import AxisTarget, OrientationTarget, PoseTarget, PositionTarget, RegionTarget
+from jacokin.motion import AxisTarget, OrientationTarget, PoseTarget, PositionTarget, RegionTarget
 
 
 @pytest.fixture(scope="module")

@@ -11,9 +11,9 @@ import pytest
 import jacokin
 from jacokin import FreeAxis, IKSolver, Robot
 from jacokin.arrays import Array
-from jacokin.ik.closed_form.curves.curve_family import make_curve_work
-from jacokin.ik.closed_form.curves.gaps import loops
 from jacokin.ik.families.curves import SLICES_SIX
+from jacokin.kernels.self_motion import gaps
+from jacokin.kernels.self_motion.curve_family import make_curve_work
 from jacokin.model.angles import TURN, wrap_to_pi
 
 #: Of the loops built here at random, some with next to no curvature in one direction, this share is found at least.
@@ -117,8 +117,8 @@ def test_roots_are_those_of_numpy(bundled: Callable[[str], Robot], rng: np.rando
     for q in robot.sample(rng, 3):
         work.T[:] = robot.forward_kinematics(q).homogeneous
         work.slices.p[:4] = parameters
-        loops.add_loops(work.T, 4, False, work.slices, work.six, work.loops)
-        loops.fill_polynomial(work.T, parameters[3], work.six, work.loops)
+        gaps.add_loops(work.T, 4, False, work.slices, work.six, work.loops)
+        gaps.fill_polynomial(work.T, parameters[3], work.six, work.loops)
         coefficients = work.loops.polynomial[0, :, 0] + 1j * work.loops.polynomial[0, :, 1]
         mine = work.loops.roots[1, :, 0] + 1j * work.loops.roots[1, :, 1]
         for root in np.roots(coefficients[::-1]):

@@ -9,8 +9,8 @@ import pytest
 
 import jacokin
 from jacokin import IKSolver, Robot
-from jacokin.ik.families import positions
-from jacokin.ik.qp.multistart import MultiStartQP
+from jacokin.ik import qp
+from jacokin.ik.qp import MultiStartQP
 
 
 @pytest.mark.parametrize("name", ["j2n6s300", "j2s7s300"])
@@ -21,8 +21,8 @@ def test_members_reach_the_position(bundled: Callable[[str], Robot], rng: np.ran
     assert exact is not None
     for q in robot.sample(rng, 10):
         position = robot.forward_kinematics(q).translation
-        rows = positions.members(exact, position, robot.forward_kinematics(robot.home).rotation, robot.home)
-        assert 1 <= len(rows) <= positions.ENOUGH
+        rows = qp.members(exact, position, robot.forward_kinematics(robot.home).rotation, robot.home)
+        assert 1 <= len(rows) <= qp.ENOUGH
         for row in rows:
             np.testing.assert_allclose(robot.forward_kinematics(row).translation, position, atol=1e-9)
             assert robot.within_limits(row)

@@ -17,9 +17,9 @@ from jacokin import FreeAxis, IKSolver, Robot, Status
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, StructureError
 from jacokin.ik import Family
-from jacokin.ik.closed_form.curves.curve_family import make_curve_work
-from jacokin.ik.closed_form.curves.gaps import windows
-from jacokin.ik.closed_form.geometry_seven import measure_seven
+from jacokin.ik.structure import measure_seven
+from jacokin.kernels.self_motion import gaps
+from jacokin.kernels.self_motion.curve_family import make_curve_work
 from jacokin.model.angles import TURN, wrap_to_pi
 
 
@@ -165,7 +165,7 @@ def test_windows_are_found_wherever_the_slices_begin(solver: IKSolver) -> None:
     work.T[:] = solver.robot.forward_kinematics(q).homogeneous
     for start in np.linspace(-0.13, 0.13, 27):
         work.slices.p[:48] = math.pi + start + TURN / 48 * np.arange(48)
-        n = windows.add_windows(work.chain, work.seven.arm, work.T, 48, True, work.slices)
+        n = gaps.add_windows(work.chain, work.seven.arm, work.T, 48, True, work.slices)
         assert np.abs(wrap_to_pi(work.slices.p[:n] - math.pi)).min() < 0.004
         assert (np.diff(work.slices.p[:n]) >= 0.0).all()
 
@@ -244,12 +244,12 @@ def test_an_arm_of_another_structure_is_refused_with_its_misfit(bundled: Callabl
 
 
 def test_without_compiled_kernels_too(monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator) -> None:
-    from jacokin.ik.closed_form import compilation
+    from jacokin.kernels.compiled import loading
 
     compiled = IKSolver(jacokin.load_robot("j2s7s300"))
     q = compiled.robot.sample(rng)
     target = compiled.robot.forward_kinematics(q)
     expected = compiled.solve(target, seed=q).raise_for_status()
-    monkeypatch.setattr(compilation.KERNELS, "for_poses", lambda poses: None)
+    monkeypatch.setattr(loading.KERNELS, "for_poses", lambda poses: None)
     plain = IKSolver(jacokin.load_robot("j2s7s300"), warm=None).solve(target, seed=q).raise_for_status()
     np.testing.assert_allclose(plain.q, expected.q, atol=1e-9)

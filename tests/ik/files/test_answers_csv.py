@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from jacokin.ik import BatchResult, Status, TargetFile
-from jacokin.ik.files.answers_csv import CSV
+from jacokin.ik.files.csv_files import CSV
 
 
 @given(

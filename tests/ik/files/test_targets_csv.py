@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 import jacokin
 from jacokin.errors import InvalidInputError
 from jacokin.ik import read_targets
-from jacokin.ik.files.targets_csv import target_blocks
+from jacokin.ik.files.csv_files import target_blocks
 
 
 def written(path: Path, text: str) -> Path:

@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 from jacokin import Robot
-from jacokin.ik import PathResult, track_path
+from jacokin.motion import PathResult, track_path
 
 SIDE = 0.05  # [m]
 

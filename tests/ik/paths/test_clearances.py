@@ -11,7 +11,8 @@ import pytest
 import jacokin
 from jacokin import IKSolver, Robot
 from jacokin.errors import InvalidInputError
-from jacokin.ik import Box, PathResult, Scene, Sphere, move_joints, path_clearance, plan_path
+from jacokin.ik import Box, Scene, Sphere
+from jacokin.motion import PathResult, move_joints, path_clearance, plan_path
 
 WALL = Scene([Box("wall", [0.4, 0.002, 0.4], [0.5, -0.1, 0.2])])
 

@@ -22,8 +22,7 @@ from numpy.typing import NDArray
 
 from jacokin import Robot
 from jacokin.errors import InvalidInputError
-from jacokin.ik import JointMotion, PathResult, move_joints
-from jacokin.ik.paths.storage import tables
+from jacokin.motion import JointMotion, PathResult, files, move_joints
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +60,7 @@ def test_a_failed_save_leaves_the_old_file(result: PathResult, tmp_path: Path, m
     def fail(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(tables, "write_table", fail)
+    monkeypatch.setattr(files, "write_table", fail)
     with pytest.raises(InvalidInputError, match="No space left"):
         result.save(file)
     assert file.read_text() == "precious"

@@ -10,7 +10,7 @@ import pytest
 
 from jacokin import Robot
 from jacokin.errors import InvalidInputError, MissingExtraError
-from jacokin.ik import move_joints
+from jacokin.motion import move_joints
 
 ROUNDING = 1e-9  # [rad/s, rad/s^2] in Ruckig's polynomials
 

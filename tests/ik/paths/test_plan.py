@@ -12,7 +12,8 @@ import jacokin
 from jacokin import IKSolver, Robot, plan_path
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, StructureError, UnknownNameError
-from jacokin.ik import Box, FreeAxis, PathResult, Scene, Sphere, track_path
+from jacokin.ik import Box, FreeAxis, Scene, Sphere
+from jacokin.motion import PathResult, track_path
 from tests.ik.paths.by_mujoco import DOWN, at, tool_poses
 
 

@@ -11,11 +11,11 @@ import pytest
 
 from jacokin import IKSolver, Robot
 from jacokin.errors import InvalidInputError, UnknownNameError
-from jacokin.ik import PathResult, plot_path, track_path
-from jacokin.ik.paths.lines import SampledPath, durations, sample
-from jacokin.ik.paths.result import in_words
-from jacokin.ik.paths.timing import Profile, profile_within, rest_to_rest
-from jacokin.ik.paths.track import start_branches
+from jacokin.motion import PathResult, plot_path, track_path
+from jacokin.motion.lines import SampledPath, durations, sample
+from jacokin.motion.path_result import in_words
+from jacokin.motion.timing import Profile, profile_within, rest_to_rest
+from jacokin.motion.track import start_branches
 
 
 def at_speed(waypoints: list[pin.SE3], speed: float, angular_speed: float, dt: float) -> SampledPath:
@@ -299,6 +299,6 @@ def test_the_qp_solver_reaches_the_search_for_starts(robot: Robot, square: list[
             super().__init__(*arguments, **options)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("jacokin.ik.paths.track.IKSolver", Recording)
+        patch.setattr("jacokin.motion.track.IKSolver", Recording)
         track_path(robot, square[:2], qp_solver="osqp")
     assert seen == ["osqp"]

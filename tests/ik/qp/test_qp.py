@@ -16,7 +16,7 @@ import jacokin
 from jacokin import IKSolver, Robot, Status
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, MissingExtraError, SolveError, UnknownNameError
-from jacokin.ik.qp import backend
+from jacokin.ik import qp_backend
 from jacokin.model import poses
 
 CRANE = """<robot name="crane">
@@ -158,17 +158,17 @@ def test_no_convergence_counts_its_starts(robot: Robot) -> None:
 def test_a_failing_qp_solver_is_replaced_and_the_result_says_by_which(
     robot: Robot, rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    solve = backend._solve
+    solve = qp_backend._solve
 
     def broken(problem: Any, qp_solver: str) -> Array | None:
         return np.full(6, np.nan) if qp_solver == "proxqp" else solve(problem, qp_solver)
 
-    monkeypatch.setattr(backend, "_solve", broken)
+    monkeypatch.setattr(qp_backend, "_solve", broken)
     target = robot.forward_kinematics(robot.sample(rng))
     result = IKSolver(robot, method="qp", qp_solver="proxqp").solve(target)
     check_success(robot, result, target)
     assert result.qp_solver == "proxqp, then daqp"
-    monkeypatch.setattr(backend, "_solve", lambda *_: np.full(6, np.nan))
+    monkeypatch.setattr(qp_backend, "_solve", lambda *_: np.full(6, np.nan))
     failed = IKSolver(robot, method="qp").solve(target)
     assert failed.status is Status.SOLVER_ERROR
     assert robot.within_limits(failed.q)
@@ -183,9 +183,9 @@ def test_a_solver_that_is_not_installed_names_its_extra(robot: Robot, monkeypatc
     with pytest.raises(UnknownNameError, match="Valid: daqp, osqp"):
         IKSolver(robot, method="qp", qp_solver="gurobi_x")
     # Without quadprog, osqp steps in for daqp.
-    solve = backend._solve
+    solve = qp_backend._solve
     monkeypatch.setattr(
-        backend, "_solve", lambda problem, qp_solver: None if qp_solver == "daqp" else solve(problem, qp_solver)
+        qp_backend, "_solve", lambda problem, qp_solver: None if qp_solver == "daqp" else solve(problem, qp_solver)
     )
     target = robot.forward_kinematics(robot.home)
     result = IKSolver(robot, method="qp").solve(target, seed=robot.home + 0.05)
@@ -194,7 +194,7 @@ def test_a_solver_that_is_not_installed_names_its_extra(robot: Robot, monkeypatc
 
 
 def test_contact_is_reported_or_avoided(robot: Robot, rng: np.random.Generator) -> None:
-    from jacokin.model.mujoco_twin.contact import SelfContact
+    from jacokin.model.contact import SelfContact
 
     contact = SelfContact(robot)
     reporting = IKSolver(robot, method="qp", collision="report")

@@ -7,8 +7,8 @@ import pinocchio as pin
 import pytest
 
 from jacokin import Robot, Tracker
-from jacokin.ik import TrackerStatus
-from jacokin.ik.tracking.joint_limits import braking_speed
+from jacokin.motion import TrackerStatus
+from jacokin.motion.tracking.joint_limits import braking_speed
 
 DT = 0.01  # [s]
 ROUNDING = 1e-9  # [rad/s]: positions are subtracted and divided by dt

@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from jacokin import Robot, Tracker
 from jacokin.errors import InvalidInputError, UnknownNameError
-from jacokin.ik import Box, Capsule, Clearance, Floor, Obstacle, Sphere, TrackerStatus
-from jacokin.ik.tracking.clearance import compile_with
-from jacokin.model.mujoco_twin.export import to_spec
+from jacokin.ik import Box, Capsule, Floor, Obstacle, Sphere
+from jacokin.model.mujoco_twin import to_spec
+from jacokin.motion import Clearance, TrackerStatus
+from jacokin.motion.tracking.avoidance import compile_with
 
 DISTANCE = 0.01  # [m]
 TOLERANCE = 1e-4  # [m]

@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 import jacokin
 from jacokin import Robot, Tracker
 from jacokin.errors import InvalidInputError
-from jacokin.ik import AxisTarget, Clearance, OrientationTarget, PositionTarget, RegionTarget, Sphere
+from jacokin.ik import Sphere
+from jacokin.motion import AxisTarget, Clearance, OrientationTarget, PositionTarget, RegionTarget
 
 PACKAGE = str(Path(jacokin.__file__).parent / "ik")
 ROUNDING = 1e-9  # [rad/s] positions are subtracted and divided by dt

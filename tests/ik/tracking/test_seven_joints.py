@@ -11,8 +11,9 @@ import pytest
 
 from jacokin import IKSolver, Robot, Tracker
 from jacokin.arrays import Array
-from jacokin.ik import AxisTarget, Clearance, Floor, PositionTarget, Sphere, TrackerStatus, track_path
+from jacokin.ik import Floor, Sphere
 from jacokin.model import to_mujoco
+from jacokin.motion import AxisTarget, Clearance, PositionTarget, TrackerStatus, track_path
 
 DT = 0.01  # [s]
 NAME = "j2s7s300"

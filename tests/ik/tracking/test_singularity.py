@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 from jacokin import IKSolver, Robot, Tracker
-from jacokin.ik import TrackerStatus, TrackerStep
+from jacokin.motion import TrackerStatus, TrackerStep
 
 DT = 0.01  # [s]
 RECOVERY = 0.5  # [s]

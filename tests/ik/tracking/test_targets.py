@@ -10,7 +10,7 @@ import pytest
 
 from jacokin import Robot, Tracker
 from jacokin.errors import InvalidInputError, UnknownNameError
-from jacokin.ik import (
+from jacokin.motion import (
     AxisTarget,
     LimitDistance,
     Manipulability,
@@ -21,7 +21,7 @@ from jacokin.ik import (
     RegionTarget,
     TrackerStatus,
 )
-from jacokin.ik.tracking.targets import TrackingTarget
+from jacokin.motion.tracking.targets import TrackingTarget
 
 
 def settle(tracker: Tracker, target: Any, ticks: int = 500) -> Any:

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 import jacokin
 from jacokin import IKSolver, Robot, Tracker
 from jacokin.errors import InvalidInputError, UnknownNameError
-from jacokin.ik import Clearance, TrackerStatus
-from jacokin.ik.qp import backend
-from jacokin.ik.qp.backend import Backend, QPFailed
+from jacokin.ik import qp_backend
+from jacokin.ik.qp_backend import Backend, QPFailed
+from jacokin.motion import Clearance, TrackerStatus
 
 DT = 0.01  # [s]
 
@@ -257,14 +257,14 @@ def test_a_qp_that_cannot_be_solved_holds_the_arm_and_says_so(robot: Robot, monk
 
 
 def test_a_failing_solver_is_replaced_and_the_step_says_by_which(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
-    run = backend._solve
+    run = qp_backend._solve
 
     def fail_proxqp(problem: qpsolvers.Problem, solver: str) -> Any:
         if solver == "proxqp":
             raise ValueError("matrix G is not positive definite")
         return run(problem, solver)
 
-    monkeypatch.setattr(backend, "_solve", fail_proxqp)
+    monkeypatch.setattr(qp_backend, "_solve", fail_proxqp)
     tracker = Tracker(robot, qp_solver="proxqp")
     step = tracker.step(line(robot)[0])
     assert step.status is TrackerStatus.OK

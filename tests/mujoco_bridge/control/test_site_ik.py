@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 import jacokin
 from jacokin.errors import InvalidInputError, ModelError, PhysicsError, UnknownNameError
-from jacokin.ik.closed_form.compilation import KERNELS
-from jacokin.ik.closed_form.solver import NearestBranch
+from jacokin.ik.closed_form import NearestBranch
+from jacokin.kernels.compiled.loading import KERNELS
 from jacokin.model.angles import circular_distance
 from jacokin.mujoco_bridge import DOWN_QUATERNION, Arena, JacoArm, JacoHand, Physics, robots
 from jacokin.mujoco_bridge.props import Primitive

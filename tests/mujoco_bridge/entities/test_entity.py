@@ -10,13 +10,7 @@ import numpy as np
 import pytest
 
 from jacokin.errors import InvalidInputError, ModelError, PhysicsError
-from jacokin.mujoco_bridge import (
-    Arena,
-    JacoArm,
-    JacoHand,
-    ModelWrapperEntity,
-    Physics,
-)
+from jacokin.mujoco_bridge import Arena, JacoArm, JacoHand, ModelWrapperEntity, Physics
 from jacokin.mujoco_bridge.props import Primitive
 
 EXACT = 1e-12

@@ -13,16 +13,7 @@ import numpy as np
 import pytest
 
 from jacokin.errors import InvalidInputError
-from jacokin.mujoco_bridge import (
-    Arena,
-    Entity,
-    JacoArm,
-    JacoHand,
-    MJCFFeature,
-    ModelWrapperEntity,
-    Observable,
-    Physics,
-)
+from jacokin.mujoco_bridge import Arena, Entity, JacoArm, JacoHand, MJCFFeature, ModelWrapperEntity, Observable, Physics
 from jacokin.mujoco_bridge.props import Primitive
 
 EXACT = 1e-12

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from jacokin.errors import InvalidInputError, UnknownNameError
 from jacokin.mujoco_bridge.observables.declaration import Observables, observable, observables_of
-from jacokin.mujoco_bridge.observables.observable import Observable
-from jacokin.mujoco_bridge.observables.options import AGGREGATORS
+from jacokin.mujoco_bridge.observables.observable import AGGREGATORS, Observable
 
 DEFAULTS = {
     "update_interval": 1,

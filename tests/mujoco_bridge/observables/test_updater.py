@@ -13,8 +13,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from jacokin.errors import InvalidInputError, PhysicsError
-from jacokin.mujoco_bridge.observables.observable import Observable
-from jacokin.mujoco_bridge.observables.options import Aggregator
+from jacokin.mujoco_bridge.observables.observable import Aggregator, Observable
 from jacokin.mujoco_bridge.observables.updater import Updater
 
 if TYPE_CHECKING:

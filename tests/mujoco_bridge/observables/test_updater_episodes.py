@@ -13,8 +13,7 @@ from jacokin.mujoco_bridge import Arena, JacoArm, Physics
 from jacokin.mujoco_bridge.distributions import Uniform
 from jacokin.mujoco_bridge.entities.hooks import Hooks
 from jacokin.mujoco_bridge.observables.declaration import observables_of
-from jacokin.mujoco_bridge.observables.observable import Observable
-from jacokin.mujoco_bridge.observables.specs import ArraySpec
+from jacokin.mujoco_bridge.observables.observable import ArraySpec, Observable
 from jacokin.mujoco_bridge.observables.updater import Updater
 from tests.mujoco_bridge.scenes import Scene
 

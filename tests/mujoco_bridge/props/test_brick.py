@@ -13,7 +13,7 @@ import pytest
 
 from jacokin.errors import InvalidInputError
 from jacokin.mujoco_bridge import Arena, Brick, Physics
-from jacokin.mujoco_bridge.props import table
+from jacokin.mujoco_bridge.props import primitive
 from tests.optional import needs_dm_control
 
 REFERENCE = Path("entities", "props", "duplo", "duplo2x4.xml")
@@ -122,7 +122,7 @@ def test_forces_vary_with_the_radius_of_the_studs() -> None:
         for brick in (bottom, top):
             brick.initialize_episode(physics, rng)
         radii.append(physics.bind(bottom.stud_geoms).size[0, 0])
-    row = table.load()["brick"]["stud_radius"]["flanges"]
+    row = primitive.load()["brick"]["stud_radius"]["flanges"]
     assert row[0] <= min(radii) < row[1] < max(radii) <= row[2]
     for brick in (bottom, top):
         physics.bind(brick.stud_geoms).size[:, 0] = row[0]

@@ -14,7 +14,7 @@ from gymnasium.utils.env_checker import check_env, data_equivalence
 from gymnasium.utils.env_match import check_environments_match
 
 import jacokin.tasks
-from jacokin.tasks.ids import IDS
+from jacokin.tasks.gym.registration import IDS
 
 gymnasium.register_envs(jacokin.tasks)
 

@@ -12,8 +12,8 @@ import pytest
 
 import jacokin.tasks
 from jacokin.errors import InvalidInputError, PhysicsError, UnknownNameError
-from jacokin.ik.closest.search import ClosestSearch
-from jacokin.tasks.ids import IDS
+from jacokin.ik.closest import ClosestSearch
+from jacokin.tasks.gym.registration import IDS
 from jacokin.tasks.registry import TASKS
 from tests.tasks.gym.checking import make
 

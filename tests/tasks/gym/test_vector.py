@@ -19,7 +19,7 @@ from jacokin.ik import IKSolver
 from jacokin.mujoco_bridge.distributions import Uniform
 from jacokin.tasks import Randomization, TaskEnv
 from jacokin.tasks.gym import environment, simulations
-from jacokin.tasks.gym.make_vector import make_vector
+from jacokin.tasks.gym.vector import make_vector
 from jacokin.tasks.registry import TASKS
 from tests.rendering import backends
 from tests.tasks.gym.randomizations import ALL
@@ -276,7 +276,7 @@ def test_pictures_of_many() -> None:
     code = (
         "import numpy as np; from jacokin.tasks import Randomization, TaskEnv\n"
         "from jacokin.mujoco_bridge.distributions import Uniform\n"
-        "from jacokin.tasks.gym.make_vector import make_vector\n"
+        "from jacokin.tasks.gym.vector import make_vector\n"
         "varied = Randomization(camera=0.05, lights=Uniform(0.5, 1.5), base_pose=0.01, observation_noise=0.1)\n"
         "for task, more in (('place_brick', {'randomization': varied}), ('reassemble_3_bricks_fixed_order', {})):\n"
         "    v = make_vector(2, task=task, threads=2, observations='vision', **more); f = v.reset(seed=0)[0]\n"

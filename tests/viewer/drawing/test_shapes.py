@@ -16,7 +16,7 @@ from jacokin.arrays import Array
 from jacokin.model import NAMES, to_mujoco
 from jacokin.viewer import Inspector
 from jacokin.viewer.drawing import meshes as shapes
-from jacokin.viewer.drawing.parts import parts_of
+from jacokin.viewer.drawing.robot import parts_of
 
 
 def volume(mesh: shapes.Mesh) -> float:

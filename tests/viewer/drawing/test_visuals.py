@@ -18,8 +18,7 @@ from jacokin.arrays import Array
 from jacokin.errors import ModelError
 from jacokin.model import urdf_folder
 from jacokin.viewer import Inspector, serve
-from jacokin.viewer.drawing.parts import Part, parts_of
-from jacokin.viewer.drawing.visuals import visuals_of
+from jacokin.viewer.drawing.robot import Part, parts_of, visuals_of
 from tests.viewer.page import opened, until
 
 

@@ -1,1 +1,0 @@
-"""What is typed: options, numbers, units, files."""

@@ -1,0 +1,95 @@
+"""`jacokin demo`: solve the example targets, and draw the arm at one of the answers."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from jacokin import files
+from jacokin.cli.declared import Option
+from jacokin.cli.display import say
+from jacokin.errors import InvalidInputError
+
+if TYPE_CHECKING:
+    from jacokin.arrays import Array
+    from jacokin.ik.files.targets import TargetFile
+    from jacokin.ik.results import BatchResult
+
+PICTURE = Path("jaco.png")
+# Back ends of MuJoCo that need no display, and what installs them on Debian and Ubuntu.
+BACKENDS = {"egl": "libegl1 libgl1-mesa-dri", "osmesa": "libosmesa6"}
+
+
+def demo(
+    output: Annotated[Path, Option("--output", metavar="FILE.png", help="Where the picture goes.")] = PICTURE,
+) -> None:
+    """Solve 206 example poses and draw the arm.
+
+    Says why six of the poses cannot be reached, and how near the arm comes to them. The picture needs EGL or OSMesa.
+
+    Examples:
+      jacokin demo
+      jacokin demo --output out/jaco.png
+    """
+    import numpy as np
+
+    from jacokin.ik.files.csv_files import read_targets
+    from jacokin.ik.solver import IKSolver
+    from jacokin.model.loading import load_robot
+
+    if output.suffix != ".png":
+        raise InvalidInputError(f"output must end in .png, got {str(output)!r}")
+    targets = read_targets(targets_file())
+    solver = IKSolver(load_robot(), warm=None)
+    started = time.perf_counter()
+    batch = solver.solve_batch(targets.targets)
+    _report(targets, batch, time.perf_counter() - started)
+    distance = np.linalg.norm(batch.q - solver.robot.home, axis=1)
+    with tempfile.TemporaryDirectory() as folder:
+        picture = Path(folder) / PICTURE
+        drawn = _draw(batch.q[np.argmin(np.where(batch.success, distance, np.inf))], picture)
+        if drawn is not None:
+            output.parent.mkdir(parents=True, exist_ok=True)
+            with files.replacing(output) as replacement:
+                shutil.copyfile(picture, replacement)
+    if drawn is None:
+        packages = ", or: ".join(BACKENDS.values())
+        say(f"no picture: MuJoCo found neither EGL nor OSMesa. On Debian and Ubuntu: apt install {packages}")
+    else:
+        say(f"picture of the arm at an answer: {output} (drawn with {drawn})")
+
+
+def targets_file() -> Path:
+    """The example targets: in the package, or in a clone beside it."""
+    packed = Path(__file__).with_name("targets.csv")
+    return packed if packed.is_file() else Path(__file__).resolve().parents[3] / "examples" / "targets.csv"
+
+
+def _report(targets: TargetFile, batch: BatchResult, seconds: float) -> None:
+    import numpy as np
+
+    solved = int(batch.success.sum())
+    say(f"{solved} of {len(batch)} targets solved ({100 * solved / len(batch):.1f} %) in {seconds:.2f} s")
+    say(f"worst position error     {batch.position_error[batch.success].max():.1e} m")
+    say(f"worst orientation error  {batch.orientation_error[batch.success].max():.1e} rad")
+    for row in np.flatnonzero(~batch.success):
+        say(f"line {targets.lines[row]} is not solved: {batch.status[row].name}: {batch.message[row]}")
+        away = f"{batch.position_error[row]:.4f} m and {np.degrees(batch.orientation_error[row]):.2f} deg"
+        say(f"    the closest configuration within the limits is {away} away")
+
+
+def _draw(q: Array, picture: Path) -> str | None:
+    """Draw in a process of its own: MuJoCo chooses its back end when imported. Returns the one that worked."""
+    module = "jacokin.cli.picture"
+    words = [sys.executable, "-P", "-m", module, str(picture), *(repr(float(angle)) for angle in q)]
+    for backend in BACKENDS:
+        done = subprocess.run(words, env={**os.environ, "MUJOCO_GL": backend}, capture_output=True, check=False)
+        if done.returncode == 0:
+            return backend
+    return None

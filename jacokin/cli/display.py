@@ -1,0 +1,169 @@
+"""Results as tables, for people."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+import shutil
+import sys
+import textwrap
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from enum import Enum
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    from jacokin.cli.units import Units
+    from jacokin.model.robot import Robot
+
+PIPE_WIDTH = 160  # columns of what is not shown in a terminal, so that little is broken
+GAP = 3  # columns between columns
+NARROWEST = 16  # columns that text is broken into at least
+
+
+def say(text: str) -> None:
+    """Print a text, its control characters escaped."""
+    click.echo(printable(text))
+
+
+def printable(text: str) -> str:
+    """A text whose control characters are escaped: names in files may hold some, and a terminal obeys them."""
+    return "".join(char if char.isprintable() or char == "\n" else ascii(char)[1:-1] for char in text)
+
+
+def table(title: str | None, columns: Sequence[str], rows: Iterable[Sequence[str]], *, text: int = 1) -> str:
+    """A table whose first `text` columns are text, broken where it is too wide, and whose others are numbers."""
+    lines = [list(columns), *(list(row) for row in rows)]
+    widths = _widths(lines, text)
+    rule = " " + _dash() * (sum(widths) + GAP * (len(widths) - 1) + 2)
+    head = _row(lines[0], widths, text)
+    body = [line for row in lines[1:] for line in _row(row, widths, text)]
+    return "\n".join([*([] if title is None else [title]), "", *head, rule, *body, ""])
+
+
+def facts(rows: Iterable[tuple[str, str]], title: str | None = None) -> str:
+    """Names and what they are."""
+    lines = [list(row) for row in rows]
+    widths = _widths(lines, 2)
+    body = [line for row in lines for line in _row(row, widths, 2)]
+    return "\n".join([*([] if title is None else [title, ""]), *body, ""])
+
+
+def _widths(lines: Sequence[Sequence[str]], text: int) -> list[int]:
+    """Width of each column; the widest text gives way where all do not fit."""
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    space = shutil.get_terminal_size().columns if sys.stdout.isatty() else PIPE_WIDTH
+    excess = 2 + sum(widths) + GAP * (len(widths) - 1) - space
+    while excess > 0:
+        widest = max(range(text), key=widths.__getitem__)
+        cut = min(excess, widths[widest] - NARROWEST)
+        if cut <= 0:
+            break
+        widths[widest] -= cut
+        excess -= cut
+    return widths
+
+
+def _row(cells: Sequence[str], widths: Sequence[int], text: int) -> list[str]:
+    """The lines of a row."""
+    broken = [textwrap.wrap(cell, width) or [""] for cell, width in zip(cells, widths, strict=True)]
+    lines = []
+    for index in range(max(map(len, broken))):
+        parts = [
+            (cell[index] if index < len(cell) else "").ljust(width)
+            if column < text
+            else (cell[index] if index < len(cell) else "").rjust(width)
+            for column, (cell, width) in enumerate(zip(broken, widths, strict=True))
+        ]
+        lines.append(f"  {(' ' * GAP).join(parts)}".rstrip())
+    return lines
+
+
+def _dash() -> str:
+    return "─" if (sys.stdout.encoding or "").lower().startswith("utf") else "-"
+
+
+def number(value: float, digits: int = 6, *, missing: str = "unlimited") -> str:
+    """A number for a table; an infinite one is said in words."""
+    return missing if math.isinf(value) else f"{value:.{digits}f}"
+
+
+def numbers(values: Iterable[float]) -> str:
+    """Numbers beside each other, in columns of one width."""
+    return "  ".join(f"{number(float(value)):>10}" for value in values)
+
+
+def small(value: float, unit: str) -> str:
+    """An error with its unit."""
+    return f"{value:.2e} {unit}"
+
+
+def print_json(document: Mapping[str, object]) -> None:
+    """Print one JSON document; floats as the shortest text that reads back the same, infinite ones as null."""
+    click.echo(json.dumps(plain(document), indent=2, allow_nan=False))
+
+
+def head(robot: Robot, units: Units, frame: str | None = None) -> dict[str, object]:
+    """What a document about joint values begins with."""
+    return {
+        "robot": robot.name,
+        **({} if frame is None else {"frame": frame}),
+        "joint_names": robot.joint_names,
+        "angle_unit": units.angle,
+        "joint_units": units.of_joints(robot).names,
+    }
+
+
+def plain(value: object) -> object:
+    """A value made of what JSON has."""
+    if isinstance(value, Enum):
+        return value.name
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if hasattr(value, "tolist"):  # numpy arrays and numpy numbers
+        value = value.tolist()
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+PERIOD = 0.1  # [s] between two lines
+CLEAR = "\r\x1b[K"  # back to the start of the line, and erase it
+
+
+@contextlib.contextmanager
+def progress_bar(title: str) -> Iterator[Callable[[int, int], None]]:
+    """A function that takes what is done and how much there is in all."""
+    if not sys.stderr.isatty():
+        yield lambda done, total: None
+        return
+    shown = 0.0
+    first: tuple[float, int] | None = None  # when, and what had been done
+
+    def show(done: int, total: int) -> None:
+        nonlocal shown, first
+        now = time.monotonic()
+        first = first or (now, done)
+        if now - shown > PERIOD:
+            shown = now
+            rate = (done - first[1]) / max(now - first[0], PERIOD)
+            left = f", {rate:.0f}/s, {_duration((total - done) / rate)} left" if rate > 0.0 else ""
+            sys.stderr.write(f"{CLEAR}{title} {done} of {total} ({100.0 * done / max(total, 1):.0f} %){left}")
+            sys.stderr.flush()
+
+    try:
+        yield show
+    finally:
+        sys.stderr.write(CLEAR)
+        sys.stderr.flush()
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 100.0:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60.0:.0f} min" if seconds < 6000.0 else f"{seconds / 3600.0:.1f} h"

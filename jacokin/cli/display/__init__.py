@@ -1,1 +1,0 @@
-"""What is shown: tables for people, JSON for programs, progress."""

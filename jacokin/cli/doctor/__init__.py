@@ -1,1 +1,0 @@
-"""`jacokin doctor`: what is installed, and whether it works."""

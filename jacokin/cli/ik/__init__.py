@@ -1,1 +1,0 @@
-"""`jacokin ik`: joint angles for one pose, every branch of it, or a file of poses."""

@@ -1,0 +1,171 @@
+"""How `jacokin ik` shows the answer to one pose."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from jacokin.cli import display
+from jacokin.cli.units import Units
+
+if TYPE_CHECKING:
+    from jacokin.ik.families.family import Family
+    from jacokin.ik.results import Branches, IKResult
+    from jacokin.ik.solver import IKSolver
+
+
+def show_result(solver: IKSolver, result: IKResult, units: Units, *, as_json: bool) -> bool:
+    """Print one answer; returns whether the pose is reached."""
+    robot = solver.robot
+    joints = units.of_joints(robot)
+    margin = np.minimum(result.q - robot.lower, robot.upper - result.q)
+    if as_json:
+        display.print_json(
+            {
+                **display.head(robot, units, solver.frame),
+                "success": result.success,
+                "status": result.status,
+                "message": result.message,
+                "advice": None if result.success else result.status.value,
+                "q": joints.shown(result.q),
+                "limit_margin": joints.shown(margin),
+                "position_error": result.position_error,
+                "orientation_error": units.shown(result.orientation_error),
+                "method": result.method,
+                "qp_solver": result.qp_solver,
+                "iterations": result.iterations,
+                "restarts": result.restarts,
+                "touching": result.touching,
+                "parameter": None if result.parameter is None else units.shown(result.parameter),
+            }
+        )
+        return result.success
+    columns = ("joint", joints.heading("angle"), "lower", "upper", "to the limit")
+    values = [map(display.number, joints.shown(row)) for row in (result.q, robot.lower, robot.upper, margin)]
+    rows = list(zip(joints.labels(robot.joint_names), *values, strict=True))
+    ran = result.method
+    if result.qp_solver is not None:
+        ran += f" ({result.qp_solver}, {result.iterations} iterations, {result.restarts} restarts)"
+    title = f"{robot.name}: {solver.frame} reaches the target"
+    if not result.success:
+        title = "the closest configuration within the limits"
+        display.say(f"{result.status.name}: {result.message}.\n{result.status.value}.")
+    display.say(display.table(title, columns, rows))
+    lines = [
+        ("position error", display.small(result.position_error, "m")),
+        ("orientation error", display.small(units.shown(result.orientation_error), units.angle)),
+        ("method", ran),
+    ]
+    if result.success and result.message:
+        lines.append(("note", result.message))
+    if result.touching:
+        lines.append(("touching", ", ".join(f"{a} and {b}" for a, b in result.touching)))
+    display.say(display.facts(lines))
+    return result.success
+
+
+def show_branches(solver: IKSolver, branches: Branches, units: Units, *, reject_contact: bool, as_json: bool) -> bool:
+    """Print every branch; returns whether one is inside the limits and, if asked for, free of self-contact."""
+    robot = solver.robot
+    joints = units.of_joints(robot)
+    acceptable = branches.within_limits.copy()
+    if branches.touching is not None and reject_contact:
+        acceptable &= np.array([not pairs for pairs in branches.touching], dtype=bool)
+    if as_json:
+        display.print_json(
+            {
+                **display.head(robot, units, solver.frame),
+                "complete": branches.complete,
+                "branches": [
+                    {
+                        "q": joints.shown(branches.q[row]),
+                        "within_limits": bool(branches.within_limits[row]),
+                        "limit_margin": joints.shown(branches.margin[row]),
+                        "distance": joints.distance(branches.distance[row]),
+                        "position_error": branches.position_error[row],
+                        "orientation_error": units.shown(branches.orientation_error[row]),
+                        "touching": None if branches.touching is None else branches.touching[row],
+                    }
+                    for row in range(len(branches))
+                ],
+            }
+        )
+        return bool(acceptable.any())
+    if not len(branches):
+        display.say("UNREACHABLE: no joint angles reach this pose, with or without limits.")
+        return False
+    columns = ["", "limits", *joints.labels(robot.joint_names), "margin", "distance"]
+    rows = []
+    for row in range(len(branches)):
+        joint = int(np.argmin(branches.margin[row]))
+        cells = [str(row + 1), "kept" if branches.within_limits[row] else f"broken: {robot.joint_names[joint]}"]
+        cells += [display.number(value, 4) for value in joints.shown(branches.q[row])]
+        cells += [
+            display.number(joints.shown(branches.margin[row])[joint], 4),
+            display.number(joints.distance(branches.distance[row]), 4),
+        ]
+        if branches.touching is not None:
+            cells.append(", ".join(f"{a} and {b}" for a, b in branches.touching[row]) or "nothing")
+        rows.append(cells)
+    if branches.touching is not None:
+        columns.append("touches")
+    title = f"{robot.name}: {len(branches)} branches, {int(acceptable.sum())} usable; angles in {units.angle}"
+    display.say(display.table(title, columns, rows, text=2))
+    worst = float(branches.position_error.max()), units.shown(float(branches.orientation_error.max()))
+    lines = [
+        ("margin", "distance of the joint nearest to its limit; negative outside"),
+        ("distance", "to the seed"),
+        ("worst error", f"{display.small(worst[0], 'm')}, {display.small(worst[1], units.angle)}"),
+    ]
+    if not branches.complete:
+        lines.append(("note", "this pose has a one-parameter family of solutions; the rows are members of it"))
+    display.say(display.facts(lines))
+    return bool(acceptable.any())
+
+
+def show_family(solver: IKSolver, family: Family, units: Units, *, as_json: bool) -> bool:
+    """Print every interval of the parameter; returns whether there is one."""
+    robot = solver.robot
+    joints = units.of_joints(robot)
+    if as_json:
+        display.print_json(
+            {
+                **display.head(robot, units, solver.frame),
+                "complete": family.complete,
+                "intervals": [
+                    {
+                        "branch": interval.branch,
+                        "start": units.shown(interval.start),
+                        "stop": units.shown(interval.stop),
+                        "ends": [str(end) for end in interval.ends],
+                        "nearest": joints.shown(interval.nearest()),
+                        "widest": joints.shown(interval.widest()),
+                    }
+                    for interval in family
+                ],
+            }
+        )
+        return bool(family.intervals)
+    if not family.intervals:
+        display.say("No configuration within the limits reaches this target, whatever the free parameter.")
+        return False
+    columns = ["branch", "from", "to", "ends", *joints.labels(robot.joint_names)]
+    rows = [
+        [
+            str(interval.branch),
+            display.number(units.shown(interval.start), 4),
+            display.number(units.shown(interval.stop), 4),
+            " / ".join(end.joint or end.kind for end in interval.ends),
+            *(display.number(value, 4) for value in joints.shown(interval.nearest())),
+        ]
+        for interval in family
+    ]
+    title = f"{robot.name}: {len(family)} intervals of the free parameter; angles in {units.angle}"
+    display.say(display.table(title, columns, rows, text=4))
+    what = robot.joint_names[2] if robot.dof == 7 else "the angle about the free axis"
+    lines = [("from, to", f"ends of the interval of {what}"), ("joints", "of the member nearest to the seed")]
+    if not family.complete:
+        lines.append(("note", "some curves were lost: there may be more"))
+    display.say(display.facts(lines))
+    return True

@@ -1,0 +1,167 @@
+"""`jacokin ik --targets FILE`: a file of poses in, a file of joint angles out."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Iterator
+from concurrent.futures import Executor
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from jacokin.chunks.execution import Progress
+from jacokin.cli import display
+from jacokin.cli.display import progress_bar
+from jacokin.cli.units import Units, warn_of_degrees
+from jacokin.errors import InvalidInputError
+from jacokin.ik.batches.chunk import EMPTY, FileSummary, Tally, solve_rows
+from jacokin.ik.batches.solve_file import solve_file, unfinished
+from jacokin.ik.files import formats
+from jacokin.ik.files.targets import RPY
+
+if TYPE_CHECKING:
+    from jacokin.ik.files.targets import TargetFile
+    from jacokin.ik.results import BatchResult
+    from jacokin.ik.solver import IKSolver
+
+FIRST_ROWS = 1000  # that are looked at for angles in degrees
+ROWS = 4096  # solved at a time where no file is written
+
+
+def run(
+    solver: IKSolver,
+    targets: Path,
+    out: Path | None,
+    seed: list[float] | None,
+    *,
+    resume: bool,
+    workers: int,
+    dask: str | None,
+    as_json: bool,
+) -> bool:
+    """Solve every row of a file; returns whether all of them are solved.
+
+    Raises:
+        InvalidInputError: the targets cannot be read or the output not written; nothing is solved then.
+    """
+    results: list[dict[str, object]] = []
+    if targets.is_file():
+        first = next(formats.blocks(targets, FIRST_ROWS))
+        if first.columns[3:] == RPY:
+            widest = float(np.nanmax(np.abs(first.values[:, 3:]), initial=0.0))
+            warn_of_degrees(f"{targets}: roll, pitch, yaw", [widest], Units(degrees=False))
+    with progress_bar("solving") as show:
+
+        def advance(so_far: Progress) -> None:
+            show(so_far.done, so_far.total)
+
+        if out is None:
+            summary = _to_nowhere(solver, targets, seed, workers, results if as_json else None)
+        else:
+            left = unfinished(out)
+            if left is not None and not resume:
+                raise InvalidInputError(
+                    f"{left} holds an unfinished run that was to write {out}: --resume continues it, "
+                    f"or remove that folder to start again"
+                )
+            with _executor(dask) as executor:
+                own = None if executor is not None else workers
+                summary = solve_file(solver, targets, out, executor, seed=seed, workers=own, progress=advance)
+    if as_json:
+        display.print_json(_document(solver, summary, results))
+    else:
+        _show(summary)
+    return summary.solved == summary.targets
+
+
+@contextlib.contextmanager
+def _executor(dask: str | None) -> Iterator[Executor | None]:
+    if dask is None:
+        yield None
+        return
+    from jacokin.chunks.execution import dask_executor
+
+    with dask_executor(dask) as executor:
+        yield executor
+
+
+def _to_nowhere(
+    solver: IKSolver,
+    targets: Path,
+    seed: list[float] | None,
+    workers: int,
+    results: list[dict[str, object]] | None,
+) -> FileSummary:
+    """Solve without a file of answers; keep the rows in `results` if they are wanted."""
+    started = time.perf_counter()
+    tally = EMPTY
+    start = None if seed is None else np.array(seed)
+    for block in formats.blocks(targets, ROWS):
+        batch = solve_rows(solver, block, start, workers=workers)
+        tally += Tally.of_rows(block, batch)
+        if results is not None:
+            results += _documents(block, batch)
+    seconds = time.perf_counter() - started
+    return FileSummary(tally.count, dict(tally.statuses), *tally.worst, tally.failures, 0, seconds, None)
+
+
+def _documents(targets: TargetFile, batch: BatchResult) -> Iterator[dict[str, object]]:
+    for row in range(len(targets)):
+        yield {
+            "line": int(targets.lines[row]),
+            "status": batch.status[row],
+            "q": batch.q[row],
+            "position_error": batch.position_error[row],
+            "orientation_error": batch.orientation_error[row],
+            "method": batch.method[row],
+            "message": batch.message[row],
+        }
+
+
+def _document(solver: IKSolver, found: FileSummary, results: list[dict[str, object]]) -> dict[str, object]:
+    """The summary; the answers too when no file holds them."""
+    summary: dict[str, object] = {
+        "robot": solver.robot.name,
+        "frame": solver.frame,
+        "joint_names": solver.robot.joint_names,
+        "angle_unit": "rad",
+        "targets": found.targets,
+        "solved": found.solved,
+        "resumed": found.resumed,
+        "seconds": found.seconds,
+        "statuses": {status.name: count for status, count in found.statuses.items()},
+        "worst_position_error": found.worst_position_error,
+        "worst_orientation_error": found.worst_orientation_error,
+        "output": None if found.output is None else str(found.output),
+    }
+    if found.output is None:
+        summary["results"] = results
+    return summary
+
+
+def _show(found: FileSummary) -> None:
+    lines = [
+        ("solved", f"{found.solved} of {found.targets} ({100.0 * found.solved / found.targets:.1f} %)"),
+        ("time", f"{found.seconds:.3f} s, {(found.targets - found.resumed) / found.seconds:.0f} poses/s"),
+    ]
+    for name, unit, worst in (
+        ("worst position error", "m", found.worst_position_error),
+        ("worst orientation error", "rad", found.worst_orientation_error),
+    ):
+        if worst is not None:
+            lines.append((name, display.small(worst, unit)))
+    lines += [
+        (status.name, f"{count}: {status.value}") for status, count in found.statuses.items() if status.name != "OK"
+    ]
+    if found.resumed:
+        lines.append(("solved before", f"{found.resumed}, in a run that did not end"))
+    if found.output is not None:
+        lines.append(("written to", str(found.output)))
+    display.say(display.facts(lines))
+    if found.failures:
+        failed = found.targets - found.solved
+        rows = [(str(line), status.name, message) for line, status, message in found.failures]
+        more = f", the first {len(rows)} of {failed}" if failed > len(rows) else ""
+        display.say(display.table(f"Not solved{more}", ("line", "status", "why"), rows, text=3))

@@ -1,0 +1,116 @@
+"""`jacokin fk`: the pose of a frame for given joint angles."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Annotated
+
+from jacokin.cli import display, options
+from jacokin.cli.declared import Option
+from jacokin.cli.units import Units
+
+
+def fk(
+    q: options.QArgument,
+    frame: options.FrameOption = None,
+    degrees: options.DegreesOption = False,
+    json: options.JsonOption = False,
+    *,
+    source: options.RobotOptions,
+) -> None:
+    """Show the pose of a frame for given joint angles.
+
+    Examples:
+      jacokin fk 4.8 2.92 1.0 4.2 1.45 1.32
+      jacokin fk -85 167 57 -119 83 76 --degrees
+      jacokin fk 4.8 2.92 1.0 4.2 1.45 1.32 --frame gripsite --json
+    """
+    import pinocchio as pin
+
+    from jacokin.model import poses
+
+    arm = source.load()
+    units = Units(degrees)
+    configuration = arm.configuration(units.of_joints(arm).read(q))
+    pose = arm.forward_kinematics(configuration, frame)
+    quat = poses.quat_wxyz(pose.rotation)
+    rpy = [units.shown(angle) for angle in pin.rpy.matrixToRpy(pose.rotation)]
+    within = arm.within_limits(configuration)
+    name = frame or arm.default_frame
+    if json:
+        display.print_json(
+            {
+                "robot": arm.name,
+                "base": arm.base,
+                "frame": name,
+                "angle_unit": units.angle,
+                "position": pose.translation,
+                "quat_wxyz": quat,
+                "rpy": rpy,
+                "matrix": pose.homogeneous,
+                "within_limits": within,
+            }
+        )
+        return
+    rows = [
+        ("position x y z [m]", display.numbers(pose.translation)),
+        ("quaternion w x y z", display.numbers(quat)),
+        (f"roll pitch yaw [{units.angle}]", display.numbers(rpy)),
+        ("joint limits", "all kept" if within else _broken(arm.joint_names, arm.lower, arm.upper, configuration)),
+    ]
+    display.say(display.facts(rows, f"{arm.name}: {name} in {arm.base}"))
+
+
+def _broken(names: Iterable[str], lower: Iterable[float], upper: Iterable[float], q: Iterable[float]) -> str:
+    """Names of the joints that are outside their limits."""
+    outside = [name for name, low, high, at in zip(names, lower, upper, q, strict=True) if not low <= at <= high]
+    return f"broken by {', '.join(outside)}"
+
+
+def jacobian(
+    q: options.QArgument,
+    frame: options.FrameOption = None,
+    reference: Annotated[
+        str, Option("--reference", metavar="NAME", help="local_world_aligned, local or world.")
+    ] = "local_world_aligned",
+    degrees: options.DegreesOption = False,
+    json: options.JsonOption = False,
+    *,
+    source: options.RobotOptions,
+) -> None:
+    """Show the Jacobian of a frame.
+
+    Linear rows [m/rad] come first, then angular ones.
+    --degrees is for the joint angles given; the Jacobian stays per radian (per metre where a joint slides).
+
+    Examples:
+      jacokin jacobian 4.8 2.92 1.0 4.2 1.45 1.32
+      jacokin jacobian 4.8 2.92 1.0 4.2 1.45 1.32 --reference local --frame gripsite --json
+    """
+    arm = source.load()
+    configuration = arm.configuration(Units(degrees).of_joints(arm).read(q))
+    matrix = arm.jacobian(configuration, frame, reference)
+    singular_values = arm.singular_values(configuration, frame)
+    manipulability = arm.manipulability(configuration, frame)
+    name = frame or arm.default_frame
+    if json:
+        display.print_json(
+            {
+                "robot": arm.name,
+                "frame": name,
+                "reference": reference,
+                "joint_names": arm.joint_names,
+                "jacobian": matrix,
+                "singular_values": singular_values,
+                "manipulability": manipulability,
+            }
+        )
+        return
+    names = ("vx", "vy", "vz", "wx", "wy", "wz")
+    rows = [(label, *(display.number(value) for value in row)) for label, row in zip(names, matrix, strict=True)]
+    display.say(display.table(f"Jacobian of {name}, {reference}", ("", *arm.joint_names), rows))
+    display.say(
+        display.facts(
+            [("singular values", display.numbers(singular_values)), ("manipulability", f"{manipulability:.6g}")],
+        )
+    )

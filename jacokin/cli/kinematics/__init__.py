@@ -1,1 +1,0 @@
-"""`jacokin fk` and `jacokin jacobian`."""

@@ -1,1 +1,0 @@
-"""`jacokin track` and `jacokin plan`: a path of poses in, a joint trajectory out."""

@@ -1,1 +1,0 @@
-"""`jacokin info` and `jacokin crosscheck`: what a robot is, and whether two descriptions agree."""

@@ -1,1 +1,0 @@
-"""`jacokin task`: run a task, record it, show it."""

@@ -1,0 +1,25 @@
+from jacokin.chunks.execution import Progress as Progress
+from jacokin.ik.batches.chunk import FileSummary as FileSummary
+from jacokin.ik.batches.solve_file import solve_file as solve_file
+from jacokin.ik.families.family import Family as Family
+from jacokin.ik.families.family import Interval as Interval
+from jacokin.ik.families.family import IntervalEnd as IntervalEnd
+from jacokin.ik.files.csv_files import read_targets as read_targets
+from jacokin.ik.files.targets import TargetFile as TargetFile
+from jacokin.ik.one_pose import solve_ik as solve_ik
+from jacokin.ik.results import BatchResult as BatchResult
+from jacokin.ik.results import Branches as Branches
+from jacokin.ik.results import IKResult as IKResult
+from jacokin.ik.results import Status as Status
+from jacokin.ik.solver import IKSolver as IKSolver
+from jacokin.kernels.compiled.loading import warmup as warmup
+from jacokin.model.obstacles import Box as Box
+from jacokin.model.obstacles import Capsule as Capsule
+from jacokin.model.obstacles import Cylinder as Cylinder
+from jacokin.model.obstacles import Floor as Floor
+from jacokin.model.obstacles import Obstacle as Obstacle
+from jacokin.model.obstacles import Sphere as Sphere
+from jacokin.model.poses import FreeAxis as FreeAxis
+from jacokin.model.scene import Scene as Scene
+
+__all__: list[str]

@@ -1,0 +1,247 @@
+"""Many targets at once: a compiled loop for poses, single solves for the rest, arrays out.
+
+A solver hands over what it can do (`Solvers`); nothing here knows which method that is.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import signal
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike, NDArray
+
+from jacokin.arrays import Array
+from jacokin.chunks.execution import follow_parent
+from jacokin.errors import InvalidInputError, JacokinError, shown
+from jacokin.ik.request import joined
+from jacokin.ik.results import BatchResult, IKResult, Status
+from jacokin.ik.seeds import FARTHEST_SEED, seed_within_limits
+from jacokin.ik.targets import checked_batch
+from jacokin.model import checks
+from jacokin.model.poses import FreeAxis
+from jacokin.model.robot import Robot
+
+CHUNK = 32768  # targets in one compiled call: a quarter of a second, after which workers wait for each other
+MAX_CHUNK = 4  # targets that a worker process takes at once: an interrupted batch waits for no more
+
+
+class Rows(Protocol):
+    """Solutions as columns, one row a target."""
+
+    @property
+    def q(self) -> Array:
+        """(n, dof) [rad]."""
+
+    @property
+    def position_error(self) -> Array:
+        """(n,) [m]."""
+
+    @property
+    def orientation_error(self) -> Array:
+        """(n,) [rad]."""
+
+
+class Single(Protocol):
+    """Solves one target; can be pickled, and runs in other processes."""
+
+    def __call__(self, target: Array | FreeAxis, seed: Array, *, closest: bool) -> IKResult:
+        """As `IKSolver.solve`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Solvers:
+    """How one robot's targets are solved."""
+
+    robot: Robot
+    """The arm."""
+    single: Single
+    """Solves one target."""
+    compiled: Callable[[Array, Array, int], tuple[Rows, NDArray[np.bool_]]] | None
+    """Solves poses (n, 4, 4) from seeds (n, dof) on so many threads: the solutions, and which of them are successes.
+    None when every target goes through `single`."""
+
+
+def solve(
+    solvers: Solvers,
+    targets: Sequence[pin.SE3] | ArrayLike,
+    seeds: ArrayLike | None,
+    *,
+    workers: int,
+    progress: Callable[[int], None] | None,
+    closest: bool,
+) -> BatchResult:
+    """See `IKSolver.solve_batch`."""
+    workers = checks.whole_number("workers", workers, lowest=1)
+    closest = checks.flag("closest", closest)
+    matrices, position_only, free = checked_batch(targets)
+    if progress is not None and not callable(progress):
+        raise InvalidInputError(f"progress must be callable, got {shown(progress)}")
+    starts, notes = _seeds_within_limits(solvers.robot, seeds, len(matrices))
+    out = _Columns(len(matrices), solvers.robot.dof, notes)
+    rest = list(range(len(matrices)))
+    if solvers.compiled is not None:
+        apart = position_only.copy()
+        apart[list(free)] = True
+        rest = _compiled(solvers.compiled, matrices, apart, starts, out, workers, progress)
+
+    def target(index: int) -> Array | FreeAxis:
+        return free[index] if index in free else matrices[index, :3, 3] if position_only[index] else matrices[index]
+
+    jobs = [(index, target(index), starts[index], closest) for index in rest]
+    for index, result in _one_by_one(solvers.single, jobs, workers):
+        out.put(index, result)
+        if progress is not None:
+            progress(1)
+    return out.result()
+
+
+def check_picklable(name: str, value: object) -> None:
+    """A function that worker processes are to call.
+
+    Raises:
+        InvalidInputError: it cannot be pickled.
+    """
+    try:
+        pickle.dumps(value)
+    except (pickle.PicklingError, AttributeError, TypeError) as error:
+        raise InvalidInputError(
+            f"{name} must be picklable for several workers, such as a named function: {error}"
+        ) from error
+
+
+class _Columns:
+    """The columns of a batch result while they fill."""
+
+    def __init__(self, size: int, dof: int, notes: list[str]) -> None:
+        self.q = np.zeros((size, dof))
+        self.errors = np.zeros((size, 2))
+        self.parameter = np.full(size, np.nan)
+        self.status: list[Status] = [Status.OK] * size
+        self.success = np.ones(size, dtype=np.bool_)
+        self.method = ["closed_form"] * size
+        self.message = list(notes)
+        self._notes = notes
+
+    def put(self, index: int, result: IKResult) -> None:
+        self.q[index] = result.q
+        self.errors[index] = result.position_error, result.orientation_error
+        self.status[index], self.method[index] = result.status, result.method
+        self.success[index] = result.success
+        self.message[index] = joined(result.message, self._notes[index])
+        if result.parameter is not None:
+            self.parameter[index] = result.parameter
+
+    def result(self) -> BatchResult:
+        self.success.setflags(write=False)
+        return BatchResult(
+            q=checks.read_only(self.q),
+            status=tuple(self.status),
+            success=self.success,
+            position_error=checks.read_only(self.errors[:, 0]),
+            orientation_error=checks.read_only(self.errors[:, 1]),
+            method=tuple(self.method),
+            message=tuple(self.message),
+            parameter=checks.read_only(self.parameter),
+        )
+
+
+def _seeds_within_limits(robot: Robot, seeds: ArrayLike | None, size: int) -> tuple[Array, list[str]]:
+    """One seed within the limits for each target, and what had to be done to it."""
+    try:
+        given = None if seeds is None else checks.numbers(seeds)
+    except (TypeError, ValueError) as error:
+        raise InvalidInputError(f"seeds must be ({robot.dof},) or (n, {robot.dof}) numbers [rad]: {error}") from error
+    if given is None or given.ndim == 1:
+        seed, note = seed_within_limits(robot, given, "seeds")
+        return np.tile(seed, (size, 1)), [note] * size
+    rows = checks.matrix("seeds", given, robot.dof, "rad")
+    if len(rows) != size:
+        raise InvalidInputError(f"seeds must have one row for each of the {size} targets, got {len(rows)}")
+    within = (rows >= robot.lower).all(axis=1) & (rows <= robot.upper).all(axis=1)
+    rows = rows.copy()
+    notes = [""] * size
+    for index in np.flatnonzero(~within | (np.abs(rows) > FARTHEST_SEED).any(axis=1)):
+        rows[index], notes[index] = seed_within_limits(robot, rows[index], f"seeds[{index}]")
+    return rows, notes
+
+
+def _compiled(
+    run: Callable[[Array, Array, int], tuple[Rows, NDArray[np.bool_]]],
+    matrices: Array,
+    apart: NDArray[np.bool_],
+    starts: Array,
+    out: _Columns,
+    workers: int,
+    progress: Callable[[int], None] | None,
+) -> list[int]:
+    """Poses through the compiled loop; returns the rows it did not settle."""
+    rows = np.flatnonzero(~apart)
+    left: list[int] = np.flatnonzero(apart).tolist()
+    threads = min(workers, os.cpu_count() or 1)
+    for first in range(0, len(rows), CHUNK):
+        chunk = rows[first : first + CHUNK]
+        # A slice, unlike a list of rows, is not copied.
+        where = slice(first, first + CHUNK) if len(rows) == len(matrices) else chunk
+        found, good = run(matrices[where], starts[where], threads)
+        settled = chunk[good]
+        out.q[settled] = found.q[good]
+        out.errors[settled] = np.column_stack((found.position_error[good], found.orientation_error[good]))
+        left.extend(chunk[~good].tolist())
+        if progress is not None and len(settled):
+            progress(len(settled))
+    return left
+
+
+_Job = tuple[int, Array | FreeAxis, Array, bool]
+_single_in_process: list[Single] = []
+
+
+def _one_by_one(single: Single, jobs: list[_Job], workers: int) -> Iterator[tuple[int, IKResult]]:
+    """What the compiled loop left, one at a time: in this process, or in several."""
+    if workers == 1 or len(jobs) < 2 * workers:
+        for job in jobs:
+            yield _job(single, job)
+        return
+    import multiprocessing
+    from concurrent.futures import ProcessPoolExecutor
+    from concurrent.futures.process import BrokenProcessPool
+
+    context = multiprocessing.get_context("spawn")  # threads of numba and BLAS do not survive a fork
+    pool = ProcessPoolExecutor(
+        min(workers, len(jobs)), mp_context=context, initializer=_prepare_process, initargs=(single,)
+    )
+    try:
+        # The processes start here and inherit the mask: Ctrl-C is for this process, which then stops them.
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            results = pool.map(_job_in_process, jobs, chunksize=min(MAX_CHUNK, max(1, len(jobs) // (8 * workers))))
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        yield from results
+    except BrokenProcessPool as error:
+        raise JacokinError(
+            "the worker processes did not start: a script that uses workers > 1 must do so under "
+            "`if __name__ == '__main__':`, because each worker imports it"
+        ) from error
+    finally:  # also when the caller is interrupted: only jobs that have begun are waited for
+        pool.shutdown(cancel_futures=True)
+
+
+def _prepare_process(single: Single) -> None:
+    follow_parent()
+    _single_in_process[:] = [single]
+
+
+def _job_in_process(job: _Job) -> tuple[int, IKResult]:
+    return _job(_single_in_process[0], job)
+
+
+def _job(single: Single, job: _Job) -> tuple[int, IKResult]:
+    index, target, seed, closest = job
+    return index, single(target, seed, closest=closest)

@@ -1,1 +1,0 @@
-"""The configuration within the limits that comes closest to a target; read `search` first."""

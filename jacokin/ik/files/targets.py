@@ -1,0 +1,202 @@
+"""Rows of numbers as targets: which columns mean what, and which rows cannot be solved."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jacokin.arrays import Array
+from jacokin.errors import InvalidInputError
+from jacokin.model.poses import QUATERNION_NORM_TOLERANCE, RIGID_TOLERANCE
+
+POSITION = ("x", "y", "z")
+QUATERNION = ("qw", "qx", "qy", "qz")
+RPY = ("roll", "pitch", "yaw")
+MATRIX = ("r11", "r12", "r13", "r21", "r22", "r23", "r31", "r32", "r33")
+
+# Columns that hold no target: remarks, times, what `jacokin ik --output` adds. A column without a name, such as the
+# index that pandas writes, is ignored too.
+REMARKS = ("note", "comment", "name", "label", "id", "index", "t", "time")
+ANSWERS = ("status", "position_error", "orientation_error", "method", "message")
+_JOINT = re.compile(r"q[1-9][0-9]*", re.ASCII)
+
+
+@dataclass(frozen=True, slots=True)
+class Columns:
+    """The columns of a file that make a target.
+
+    Attributes:
+        names: x, y, z, followed by qw, qx, qy, qz, by roll, pitch, yaw, by r11, r12, ..., r33, or by nothing where
+            orientations are free.
+        places: index of each of them in a row of the file.
+        header: every column of the file, as written.
+    """
+
+    names: tuple[str, ...]
+    places: tuple[int, ...]
+    header: tuple[str, ...]
+
+
+def chosen(path: Path, header: Sequence[str], place: str = ", line 1") -> Columns:
+    """The columns to read; `place` is where in the file they are named.
+
+    Raises:
+        InvalidInputError: a column is missing, unknown or repeated, or orientations are given twice.
+    """
+    names = tuple(name.strip() for name in header)
+    place = f"{path}{place}"
+    repeated = [name for name, count in Counter(names).items() if name and count > 1]
+    if repeated:
+        raise InvalidInputError(f"{place}: column {', '.join(repeated)} is repeated")
+    oriented = [group for group in (QUATERNION, RPY, MATRIX) if any(name in names for name in group)]
+    if len(oriented) > 1:
+        raise InvalidInputError(
+            f"{place}: orientations are given twice, as {' and as '.join(_words(group) for group in oriented)}"
+        )
+    wanted = POSITION + (oriented[0] if oriented else ())
+    missing = [name for name in wanted if name not in names]
+    if missing:
+        found = ", ".join(names) or "nothing"
+        raise InvalidInputError(
+            f"{place}: column {', '.join(missing)} is missing; needed: {', '.join(wanted)}; found: {found}"
+        )
+    unknown = [name for name in names if not (name in wanted or _ignored(name))]
+    if unknown:
+        raise InvalidInputError(
+            f"{place}: unknown column {', '.join(unknown)}; orientations are {', '.join(QUATERNION)}, or "
+            f"{', '.join(RPY)}, or {', '.join(MATRIX)}, remarks {', '.join(REMARKS)}"
+        )
+    return Columns(wanted, tuple(names.index(name) for name in wanted), names)
+
+
+def _words(group: tuple[str, ...]) -> str:
+    return {QUATERNION: "quaternions", RPY: "roll, pitch, yaw", MATRIX: "matrices"}[group]
+
+
+def _ignored(name: str) -> bool:
+    return not name or name in REMARKS or name in ANSWERS or _JOINT.fullmatch(name) is not None
+
+
+def rotations_from_quats(quats_wxyz: Array) -> tuple[Array, NDArray[np.int_]]:
+    """Rotations (n, 3, 3) of quaternions (n, 4), and the rows whose norm is not within 1 % of one (no rotations)."""
+    with np.errstate(over="ignore"):
+        norms = np.linalg.norm(quats_wxyz, axis=1)
+    wrong = np.flatnonzero(~(np.abs(norms - 1.0) <= QUATERNION_NORM_TOLERANCE))
+    norms[wrong] = np.nan
+    w, x, y, z = (quats_wxyz / norms[:, None]).T
+    rotation = np.empty((len(quats_wxyz), 3, 3))
+    rotation[:, 0] = np.stack([1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)], axis=1)
+    rotation[:, 1] = np.stack([2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)], axis=1)
+    rotation[:, 2] = np.stack([2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)], axis=1)
+    return rotation, wrong
+
+
+def rotations_from_rpys(rpys: Array) -> Array:
+    """Rotations (n, 3, 3) of R = Rz(yaw) Ry(pitch) Rx(roll), angles (n, 3) [rad]."""
+    (sr, sp, sy), (cr, cp, cy) = np.sin(rpys).T, np.cos(rpys).T
+    rotation = np.empty((len(rpys), 3, 3))
+    rotation[:, 0] = np.stack([cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr], axis=1)
+    rotation[:, 1] = np.stack([sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr], axis=1)
+    rotation[:, 2] = np.stack([-sp, cp * sr, cp * cr], axis=1)
+    return rotation
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TargetFile:
+    """Targets as a file gives them."""
+
+    columns: tuple[str, ...]
+    """x, y, z [m], followed by qw, qx, qy, qz, by roll, pitch, yaw [rad], by the rotation matrix r11, r12, ..., r33, or
+    by nothing where orientations are free."""
+    values: Array
+    """(n, len(columns)) as written."""
+    targets: Array
+    """(n, 4, 4) poses, or (n, 3) positions where orientations are free."""
+    lines: NDArray[np.int_]
+    """(n,) line of each row in a text file, the first line is 1; in other files the row, the first is 1."""
+    problems: Mapping[int, str] = field(default_factory=dict)
+    """Rows that are not targets, and why; their targets stand for nothing."""
+
+    def __len__(self) -> int:
+        """Number of targets."""
+        return len(self.values)
+
+
+def target_rows(columns: tuple[str, ...], values: Array, lines: NDArray[np.int_]) -> TargetFile:
+    """Targets of rows (n, len(columns)) of numbers, which need not be finite."""
+    problems = {
+        int(row): f"{columns[int(np.argmin(np.isfinite(values[row])))]} is not finite"
+        for row in np.flatnonzero(~np.isfinite(values).all(axis=1))
+    }
+    usable = values
+    if problems:
+        usable = values.copy()
+        usable[list(problems)] = _anywhere(columns)
+    orientation = columns[3:]
+    if not orientation:
+        return TargetFile(columns, values, usable, lines, problems)
+    matrices = np.zeros((len(values), 4, 4))
+    matrices[:, 3, 3] = 1.0
+    matrices[:, :3, 3] = usable[:, :3]
+    wrong: NDArray[np.int_] = np.empty(0, dtype=np.int_)
+    if orientation == RPY:
+        rotations = rotations_from_rpys(usable[:, 3:])
+    elif orientation == QUATERNION:
+        rotations, wrong = rotations_from_quats(usable[:, 3:])
+        for row in wrong:
+            norm = math.hypot(*values[row, 3:])
+            problems[int(row)] = f"quat_wxyz must have norm 1 (within 1 %), got norm {norm:.6g}"
+    else:
+        rotations = usable[:, 3:].reshape(-1, 3, 3).copy()
+        wrong = _not_rigid(rotations)
+        problems |= {int(row): f"{MATRIX[0]} ... {MATRIX[-1]} is not a rotation matrix" for row in wrong}
+    rotations[wrong] = np.eye(3)
+    matrices[:, :3, :3] = rotations
+    return TargetFile(columns, values, matrices, lines, problems)
+
+
+def _anywhere(columns: tuple[str, ...]) -> Array:
+    """A row that is a target."""
+    if columns[3:] == QUATERNION:
+        return np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
+    if columns[3:] == MATRIX:
+        return np.concatenate([np.zeros(3), np.eye(3).ravel()])
+    return np.zeros(len(columns))
+
+
+def _not_rigid(rotations: Array) -> NDArray[np.int_]:
+    """Rows of (n, 3, 3) that are not rotations within the tolerance of single targets."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        misfit = np.abs(np.swapaxes(rotations, 1, 2) @ rotations - np.eye(3)).max(axis=(1, 2))
+        good = (misfit <= RIGID_TOLERANCE) & (np.linalg.det(rotations) > 0.0)
+    return np.flatnonzero(~good)
+
+
+class Part(NamedTuple):
+    """Some consecutive rows of a file; can be sent to other machines that see it."""
+
+    first: int
+    """The first row, counted from 0; of a CSV file its line, where the header is line 1."""
+    rows: int
+    """How many rows."""
+    offset: int | None = 0
+    """Bytes before it in a CSV file; None where the rows can only be reached through all that come before."""
+
+    @property
+    def can_be_read(self) -> bool:
+        """Whether it can be read alone."""
+        return self.offset is not None
+
+
+def equal_parts(total: int, size: int, *, alone: bool = True) -> list[Part]:
+    """Parts of `size` rows, the last one of what is left."""
+    offset = 0 if alone else None
+    return [Part(first, min(size, total - first), offset) for first in range(0, total, size)]

@@ -1,1 +1,0 @@
-"""Joint trajectories over many ticks: along poses, and between configurations. Read `track` first."""

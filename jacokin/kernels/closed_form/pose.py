@@ -1,0 +1,398 @@
+"""One pose to all its branches: roots, candidates, verification on the model, duplicates, order."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jacokin.kernels.chain import Newton, errors, make_newton, newton_step
+from jacokin.kernels.closed_form.arm import Arm, Pose, pose_of
+from jacokin.kernels.closed_form.folds import KNOWN_FOLD, NEW_FOLD, FoldWork, is_known_fold, make_folds, solve_fold
+from jacokin.kernels.closed_form.resultant import DEGREE, fourier_of_divided_F, fourier_of_F
+from jacokin.kernels.closed_form.roots import MAX_ROOTS, RootWork, add_known, add_known_pair, find_roots, make_roots
+from jacokin.kernels.closed_form.spherical import spherical_starts
+from jacokin.kernels.closed_form.wrist import (
+    MAX_STARTS,
+    Starts,
+    complete,
+    refine,
+    starts_along_axis_1,
+    starts_at_q6,
+    starts_on_axis_5,
+)
+from jacokin.kernels.limits import circular_distance, fit_to_limits, hold_on_limits, same_configuration
+from jacokin.kernels.tolerances import (
+    CLOSURE,
+    EXACT_MISFIT,
+    FOLD_DETERMINANT,
+    FOLD_FACTOR,
+    MAX_FOLD_WIDTH,
+    MAX_PAIR_SQUARE,
+    MAX_POLISH_ERROR,
+    MIN_WIDTH,
+    MISFIT_FACTOR,
+    POLISHED_CLOSURE,
+    REACH_SLACK,
+    SAME_BRANCH,
+    SAME_FOLD,
+    SAME_ROOT,
+    SAME_START,
+    TANGENCY_CLOSURE,
+)
+
+#: Columns of a branch: 0:6 q, 6:12 limit margins, then these.
+POSITION_ERROR, ORIENTATION_ERROR, DISTANCE, WITHIN_LIMITS, FAMILY, COLUMNS = 12, 13, 14, 15, 16, 17
+#: 16 is the most a 6R arm can have; families add members, and a fold may be cut in two by rounding.
+MAX_BRANCHES = 24
+POLISH_STEPS = 16
+#: How often F is searched again with the roots found meanwhile: at most once for each branch.
+MAX_PASSES = MAX_BRANCHES
+
+
+class BranchWork(NamedTuple):
+    """A candidate, what it takes to verify it, and the branches found so far."""
+
+    newton: Newton  # with q, the candidate
+    fold: FoldWork
+    row: NDArray[np.float64]  # (17,) the branch at hand
+    rows: NDArray[np.float64]  # (24, 17)
+    filled: NDArray[np.int64]  # (2,) how many rows, and 1 if a table was full: entries may have been dropped
+
+
+class Work(NamedTuple):
+    """Arrays the solver writes to; one set for each thread."""
+
+    roots: RootWork  # for F(q6)
+    inner: RootWork  # for g(q5)
+    starts: Starts
+    branches: BranchWork
+
+
+def make_work(rows: NDArray[np.float64]) -> Work:
+    """Fresh work arrays, writing the branches to rows."""
+    return Work(
+        make_roots(),
+        make_roots(),
+        Starts(np.empty((MAX_STARTS, 4)), np.zeros(1, np.int64)),
+        BranchWork(
+            make_newton(),
+            make_folds(),
+            np.empty(COLUMNS),
+            rows,
+            np.zeros(2, np.int64),
+        ),
+    )
+
+
+class Task(NamedTuple):
+    """One target for one arm."""
+
+    chain: NDArray[np.float64]  # (7, 3, 4)
+    limits: NDArray[np.float64]  # (3, 6)
+    T: NDArray[np.float64]  # (4, 4)
+    seed: NDArray[np.float64]  # (6,)
+
+
+def solve_pose(arm: NDArray[np.float64], k: Arm, task: Task, work: Work) -> None:
+    """Fill work.branches.rows with every branch of one target, in no particular order."""
+    work.branches.filled[0], work.branches.filled[1] = 0, 0
+    work.branches.fold.filled[0] = 0
+    pose = pose_of(arm, k, task.T)
+    if not pose.distance <= math.sqrt(k.R2) + abs(k.c4) + abs(k.b5) + REACH_SLACK:
+        return
+    if k.spherical:
+        branches_of_spherical_wrist(k, pose, task, work)
+        return
+    branches_at_double_roots(k, pose, task, work)
+    for turn in range(2 if k.misfit > EXACT_MISFIT else 1):
+        branches_at_roots(k, pose, task, work, turn * MISFIT_FACTOR * k.misfit)
+
+
+def branches_of_spherical_wrist(k: Arm, pose: Pose, task: Task, work: Work) -> None:
+    """Every branch of an arm with axes 4, 5 and 6 in one point."""
+    starts, branches = work.starts, work.branches
+    spherical_starts(k, pose, task.seed, starts, branches.newton.q)
+    for i in range(starts.filled[0]):
+        q1, q5, q6, family = starts.rows[i, 0], starts.rows[i, 1], starts.rows[i, 2], starts.rows[i, 3]
+        singular = family == 0.0 and refine(k, pose, q1, q5, q6, FOLD_DETERMINANT)[3]
+        complete(k, pose, q1, q5, q6, branches.newton.q)
+        if singular and add_fold(task, branches):
+            continue
+        complete(k, pose, q1, q5, q6, branches.newton.q)
+        add_branch(task, branches, family)
+
+
+def branches_at_double_roots(k: Arm, pose: Pose, task: Task, work: Work) -> None:
+    """The branches where F has multiple roots that are known beforehand, or nearly; their q6 become known roots."""
+    starts, roots = work.starts, work.roots
+    roots.known_count[0], roots.known_count[1], starts.filled[0] = 0, 0, 0
+    if k.misfit > EXACT_MISFIT:
+        return
+    starts_along_axis_1(k, pose, starts)
+    starts_on_axis_5(k, pose, starts, work.inner)
+    note_full(work.branches, starts.filled[0], MAX_STARTS)
+    for n in range(starts.filled[0]):
+        branch_from_start(k, pose, task, work, n, True, FOLD_DETERMINANT)
+    note_known(work)
+
+
+def note_known(work: Work) -> None:
+    """Make the q6 of all branches and folds that were found known roots of F.
+
+    A branch that stands for both of a fold is a double root, and a fold without branches a pair of complex ones.
+    """
+    roots, branches, fold = work.roots, work.branches, work.branches.fold
+    roots.known_count[0], roots.known_count[1] = 0, 0
+    for i in range(branches.filled[0]):
+        add_known(roots, branches.rows[i, 5])
+    for n in range(fold.filled[0]):
+        if branches_of_fold(branches, n) == 1:
+            for i in range(branches.filled[0]):
+                if same_configuration(fold.known[n], branches.rows[i], SAME_FOLD):
+                    add_known(roots, 2.0 * fold.known[n, 5] - branches.rows[i, 5])
+    roots.known_count[0] -= roots.known_count[0] % 2
+    for n in range(fold.filled[0]):
+        if abs(fold.pairs[n, 1]) < MAX_PAIR_SQUARE and branches_of_fold(branches, n) == 0:
+            add_known_pair(roots, fold.pairs[n, 0], fold.pairs[n, 1])
+
+
+def branches_of_fold(work: BranchWork, n: int) -> int:
+    """How many branches there are at a fold; -1 if it is the same as an earlier one."""
+    fold, count = work.fold, 0
+    for i in range(n):
+        if same_configuration(fold.known[n], fold.known[i], SAME_FOLD):
+            return -1
+    for i in range(work.filled[0]):
+        count += same_configuration(fold.known[n], work.rows[i], MAX_FOLD_WIDTH)
+    return count
+
+
+def branches_at_roots(k: Arm, pose: Pose, task: Task, work: Work, tolerance: float) -> None:
+    """Every branch at every root of F; with a tolerance, only those near a double root.
+
+    Where F touches zero, and then in undecided intervals, the widest first, there may be any number of branches. As
+    soon as some are found, F is divided by what they bring, which may leave nothing undecided.
+    """
+    roots, exact = work.roots.roots, k.misfit <= EXACT_MISFIT
+    for _ in range(MAX_PASSES):
+        noise = divide_by_known(k, pose, work.roots)
+        found = find_roots(noise, tolerance, work.roots)
+        note_full(work.branches, found, MAX_ROOTS)
+        before = work.branches.filled[0]
+        for i in range(found):
+            if roots[i, 1] == 0.0 and tolerance == 0.0:
+                branch_at_root(k, pose, task, work, roots[i, 0])
+        for i in range(found):
+            if roots[i, 2] > 0.0:
+                branches_in_interval(k, pose, task, work, roots[i, 0], roots[i, 1])
+                roots[i, 1] = 0.0
+        while not (exact and work.branches.filled[0] > before):
+            widest = -1
+            for i in range(found):
+                if roots[i, 1] > 0.0 and (widest < 0 or roots[i, 1] > roots[widest, 1]):
+                    widest = i
+            if widest < 0:
+                return
+            branches_in_interval(k, pose, task, work, roots[widest, 0], roots[widest, 1])
+            roots[widest, 1] = 0.0
+        undecided = 0
+        for i in range(found):
+            undecided += roots[i, 1] > 0.0
+        if undecided == 0:
+            return
+        note_known(work)
+
+
+def divide_by_known(k: Arm, pose: Pose, roots: RootWork) -> float:
+    """Fill roots with the coefficients of F, divided by its known roots if they are exact; returns the noise of F."""
+    singles, pairs = roots.known_count[0], roots.known_count[1]
+    while 0 < singles + 2 * pairs <= 2 * DEGREE:
+        noise = fourier_of_divided_F(k, pose, roots.known, singles, pairs, roots.cosine, roots.sine)
+        if noise < math.inf:
+            return noise
+        singles, pairs = (singles, 0) if pairs > 0 else (0, 0)
+    return fourier_of_F(k, pose, roots.cosine, roots.sine)
+
+
+def branch_at_root(k: Arm, pose: Pose, task: Task, work: Work, q6: float) -> None:
+    """The branch of a single root: from its best start, or else from any."""
+    starts, branches = work.starts, work.branches
+    before = branches.filled[0]
+    for attempt in range(2):
+        # A single root is so near its branch that Newton's method succeeds beside a fold, too.
+        smallest_det = FOLD_DETERMINANT * attempt
+        starts.filled[0] = 0
+        starts_at_q6(k, pose, q6, attempt * MIN_WIDTH, starts, work.inner)
+        note_full(branches, starts.filled[0], MAX_STARTS)
+        for n in range(starts.filled[0]):
+            branch_from_start(k, pose, task, work, n, False, smallest_det)
+            if has_branch_at(branches, q6):
+                return
+        if k.misfit > EXACT_MISFIT and branches.filled[0] > before:
+            return
+
+
+def has_branch_at(work: BranchWork, q6: float) -> bool:
+    """Whether the branch of a single root is there; mostly it is the last one."""
+    for i in range(work.filled[0] - 1, -1, -1):  # noqa: SIM110  # numba compiles no generator expressions
+        if circular_distance(work.rows[i, 5] - q6) < SAME_ROOT:
+            return True
+    return False
+
+
+def branches_in_interval(k: Arm, pose: Pose, task: Task, work: Work, q6: float, half: float) -> None:
+    """The branches of an undecided interval, from its middle and its ends: several roots may share it.
+
+    Most starts are wrong or repeat each other; those that end on a known branch are dropped early. How far off a start
+    is tells nothing: right ones may be as far off as wrong ones.
+    """
+    skip_known = k.misfit <= EXACT_MISFIT
+    work.starts.filled[0] = 0
+    for i in range(3):
+        starts_at_q6(k, pose, q6 + (i - 1) * half, half, work.starts, work.inner)
+    note_full(work.branches, work.starts.filled[0], MAX_STARTS)
+    for n in range(work.starts.filled[0]):
+        branch_from_start(k, pose, task, work, n, skip_known, FOLD_DETERMINANT)
+
+
+def branch_from_start(
+    k: Arm, pose: Pose, task: Task, work: Work, n: int, skip_known: bool, smallest_det: float
+) -> None:
+    """Refine start n and append its branch; with a determinant below ``smallest_det``, both branches of a fold."""
+    branches = work.branches
+    first = (work.starts.rows[n, 0], work.starts.rows[n, 1], work.starts.rows[n, 2])
+    while True:
+        q1, q5, q6, singular = refine(k, pose, first[0], first[1], first[2], smallest_det)
+        if skip_known and is_known(branches, q1, q5, q6):
+            return
+        complete(k, pose, q1, q5, q6, branches.newton.q)
+        if not singular:
+            add_branch(task, branches, 0.0)
+            return
+        if add_fold(task, branches):
+            return
+        first, smallest_det = (q1, q5, q6), 0.0
+
+
+def is_known(work: BranchWork, q1: float, q5: float, q6: float) -> bool:
+    """Whether a branch that needs no polishing has these three angles, which fix the other three."""
+    rows = work.rows
+    for i in range(work.filled[0]):
+        if (
+            circular_distance(rows[i, 0] - q1) < SAME_START
+            and circular_distance(rows[i, 4] - q5) < SAME_START
+            and circular_distance(rows[i, 5] - q6) < SAME_START
+            and max(rows[i, POSITION_ERROR], rows[i, ORIENTATION_ERROR]) <= POLISHED_CLOSURE
+        ):
+            return True
+    return False
+
+
+def add_fold(task: Task, work: BranchWork) -> bool:
+    """Append both branches of the fold near work.newton.q; False if there is none."""
+    q, fold = work.newton.q, work.fold
+    if is_known_fold(fold, q):
+        return True
+    result = solve_fold(task.chain, task.T, work.newton, fold)
+    if result != NEW_FOLD:
+        return result == KNOWN_FOLD
+    found = False
+    for i in range(2):
+        for j in range(6):
+            q[j] = fold.branches[i, j]
+        found = add_branch(task, work, 0.0) or found
+    return found
+
+
+def add_branch(task: Task, work: BranchWork, family: float) -> bool:
+    """Polish work.newton.q, check it on the model, and append it unless it is there; False if it misses the target."""
+    q, row = work.newton.q, work.row
+    distance, within = fit_to_limits(q, task.seed, task.limits, row)
+    position, orientation = errors(task.chain, task.T, row)
+    # Members of a family stay at the seed's angle: Newton would slide them along.
+    if max(position, orientation) > (CLOSURE if family > 0.0 else POLISHED_CLOSURE):
+        if not polish(task, work):
+            return False
+        distance, within = fit_to_limits(q, task.seed, task.limits, row)
+        position, orientation = errors(task.chain, task.T, row)
+    settled = within and max(position, orientation) <= TANGENCY_CLOSURE
+    if not settled and hold_on_limits(task.chain, task.T, task.limits, row, work.newton):
+        distance, within = fit_to_limits(q, task.seed, task.limits, row)
+        position, orientation = errors(task.chain, task.T, row)
+    row[POSITION_ERROR], row[ORIENTATION_ERROR] = position, orientation
+    row[DISTANCE] = distance
+    row[WITHIN_LIMITS] = 1.0 if within else 0.0
+    row[FAMILY] = family
+    insert(work)
+    return True
+
+
+def polish(task: Task, work: BranchWork) -> bool:
+    """Newton on all six joints of work.newton.q, while it helps; whether it then closes the pose."""
+    q, row = work.newton.q, work.row
+    position, orientation = errors(task.chain, task.T, q)
+    worst = max(position, orientation)
+    for _ in range(POLISH_STEPS):
+        if not POLISHED_CLOSURE < worst < MAX_POLISH_ERROR:
+            break
+        for j in range(6):
+            row[j] = q[j]
+        position, orientation = MAX_POLISH_ERROR, MAX_POLISH_ERROR
+        if newton_step(task.chain, task.T, work.newton):
+            position, orientation = errors(task.chain, task.T, q)
+        if max(position, orientation) >= worst:
+            for j in range(6):
+                q[j] = row[j]
+            break
+        worst = max(position, orientation)
+    return worst <= CLOSURE
+
+
+def insert(work: BranchWork) -> None:
+    """Append the row at hand; of those that are the same on the circle one stays: within limits, then the closer."""
+    row, rows = work.row, work.rows
+    here = max(row[POSITION_ERROR], row[ORIENTATION_ERROR])
+    i = 0
+    while i < work.filled[0]:
+        there = max(rows[i, POSITION_ERROR], rows[i, ORIENTATION_ERROR])
+        if same_configuration(rows[i], row, SAME_BRANCH + FOLD_FACTOR * math.sqrt(max(here, there))):
+            better = row[WITHIN_LIMITS] > rows[i, WITHIN_LIMITS]
+            if not better and (row[WITHIN_LIMITS] < rows[i, WITHIN_LIMITS] or here >= there):
+                return
+            work.filled[0] -= 1
+            copy_row(rows[work.filled[0]], rows[i])
+        else:
+            i += 1
+    count = work.filled[0]
+    note_full(work, count, MAX_BRANCHES)
+    if count < MAX_BRANCHES:
+        copy_row(row, rows[count])
+        work.filled[0] = count + 1
+
+
+def copy_row(source: NDArray[np.float64], target: NDArray[np.float64]) -> None:
+    """One by one: compiled, an assignment of arrays brings the code of its error message, which allocates memory."""
+    for column in range(COLUMNS):
+        target[column] = source[column]
+
+
+def note_full(work: BranchWork, count: int, size: int) -> None:
+    """Note when a table is full: an entry may have been dropped."""
+    if count >= size:
+        work.filled[1] = 1
+
+
+def sort_rows(work: BranchWork) -> None:
+    """Order the branches by distance to the seed, by insertion."""
+    rows = work.rows
+    for i in range(1, work.filled[0]):
+        j = i
+        while j > 0 and rows[j, DISTANCE] < rows[j - 1, DISTANCE]:
+            for column in range(COLUMNS):
+                swap = rows[j, column]
+                rows[j, column] = rows[j - 1, column]
+                rows[j - 1, column] = swap
+            j -= 1

@@ -1,0 +1,199 @@
+"""F(q6): the one equation in one unknown, a trigonometric polynomial of degree 8, from 17 samples.
+
+The sphere condition is Re(conj(W) zeta) = k and the axis-3 condition g(zeta) = 0, with zeta = exp(i q5). F is their
+resultant, evaluated without a division, so that nothing is lost where |W| is small.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jacokin.kernels.closed_form.arm import Arm, Pose
+from jacokin.kernels.tolerances import DIVIDED_NOISE, MAX_REST, NOISE, SAME_PLACE
+from jacokin.kernels.vector import Vec, cross, mix
+
+DEGREE = 8
+SAMPLES = 2 * DEGREE + 1
+SPACING = 2.0 * math.pi / SAMPLES  # [rad] of the samples
+_angles = 2.0 * np.pi / SAMPLES * np.arange(SAMPLES)
+SAMPLE_COS = np.cos(_angles)
+SAMPLE_SIN = np.sin(_angles)
+_weight = np.where(np.arange(DEGREE + 1) == 0, 1.0, 2.0) / SAMPLES
+#: (17, 9): what each sample adds to the coefficients of cos(k q6) and sin(k q6).
+TO_COSINE = _weight * np.cos(np.outer(_angles, np.arange(DEGREE + 1)))
+TO_SINE = _weight * np.sin(np.outer(_angles, np.arange(DEGREE + 1)))
+
+
+def sphere_terms(k: Arm, D: Vec) -> tuple[complex, float]:
+    """W and k of the sphere condition Re(conj(W) zeta) = k: C is at its distance from O."""
+    W = complex(D[0], -D[1])
+    square = D[0] * D[0] + D[1] * D[1] + D[2] * D[2]
+    right = ((k.R2 - square - k.c4 * k.c4) / (2.0 * k.c4) - k.cos_a * D[2]) / k.sin_a
+    return W, right
+
+
+def axis_terms(k: Arm, D: Vec, m: Vec) -> tuple[complex, complex, float]:
+    """G2, G1, G0 of g = (n.D)^2 - e3^2 |n|^2 = 2 Re(G2 zeta^2 + G1 zeta) + G0, with n = m x z4.
+
+    n.D = z4.(D x m) and |n|^2 = 1 - (m.z4)^2, both linear in zeta.
+    """
+    p = cross(D, m)
+    l0 = k.cos_a * p[2]
+    j0 = k.e3 * k.cos_a * m[2]
+    l1 = k.sin_a * complex(p[0], p[1])  # conjugate of the coefficient of zeta^-1, twice
+    j1 = k.e3 * k.sin_a * complex(m[0], m[1])
+    G2 = 0.25 * (l1 * l1 + j1 * j1)
+    G1 = l0 * l1 + j0 * j1
+    size = l1.real * l1.real + l1.imag * l1.imag + j1.real * j1.real + j1.imag * j1.imag
+    G0 = l0 * l0 + j0 * j0 + 0.5 * size - k.e3 * k.e3
+    return G2, G1, G0
+
+
+def resultant(k: Arm, D: Vec, m: Vec) -> tuple[float, float]:
+    """r^4 g(zeta1) g(zeta2) over the two zeta of the sphere condition, a polynomial in W, k and G; and its noise scale.
+
+    The second value is the sum of the sizes of its terms: rounding errors are in proportion to it.
+    """
+    W, right = sphere_terms(k, D)
+    G2, G1, G0 = axis_terms(k, D, m)
+    r2 = W.real * W.real + W.imag * W.imag
+    k2 = right * right
+    # t_n = r^n (zeta1^n + zeta2^n) turned by the phase of W^n: real.
+    t1 = 2.0 * right
+    t2 = 4.0 * k2 - 2.0 * r2
+    t3 = t1 * (4.0 * k2 - 3.0 * r2)
+    t4 = t2 * t2 - 2.0 * r2 * r2
+    u1 = G1 * W
+    u2 = G2 * W * W
+    a = 2.0 * (u2 * u2).real
+    b = 2.0 * r2 * (u1 * u1).real
+    c = G0 * G0 * r2 * r2
+    d = 2.0 * t1 * (u2 * u1).real
+    e = 2.0 * G0 * t2 * u2.real
+    f = 2.0 * t3 * (G2 * W * G1.conjugate()).real
+    g = (G2.real * G2.real + G2.imag * G2.imag) * t4
+    h = 2.0 * G0 * r2 * t1 * u1.real
+    i = (G1.real * G1.real + G1.imag * G1.imag) * r2 * t2
+    size = abs(a) + abs(b) + abs(c) + abs(d) + abs(e) + abs(f) + abs(g) + abs(h) + abs(i)
+    return a + b + c + d + e + f + g + h + i, size
+
+
+def fourier_of_F(k: Arm, pose: Pose, cosine: NDArray[np.float64], sine: NDArray[np.float64]) -> float:
+    """Fill cosine and sine, (9,) each, with the Fourier coefficients of F(q6); returns a bound on their noise."""
+    largest = 0.0
+    for n in range(DEGREE + 1):
+        cosine[n] = 0.0
+        sine[n] = 0.0
+    for j in range(SAMPLES):
+        c, s = SAMPLE_COS[j], SAMPLE_SIN[j]
+        D = mix(pose.D0, 1.0, pose.Dc, c, pose.Ds, s)
+        m = mix(pose.m0, 1.0, pose.mc, c, pose.ms, s)
+        F, size = resultant(k, D, m)
+        largest = max(largest, size)
+        for n in range(DEGREE + 1):
+            cosine[n] += TO_COSINE[j, n] * F
+            sine[n] += TO_SINE[j, n] * F
+    return NOISE * largest
+
+
+def fourier_of_divided_F(
+    k: Arm,
+    pose: Pose,
+    known: NDArray[np.float64],
+    singles: int,
+    pairs: int,
+    cosine: NDArray[np.float64],
+    sine: NDArray[np.float64],
+) -> float:
+    """As `fourier_of_F`, for F divided by sin((q6 - root) / 2) for each of an even number of its roots.
+
+    That is a polynomial of a lower degree: what its coefficients above that degree are instead of zero tells how well
+    the roots were known.
+
+    Args:
+        k: the arm.
+        pose: the target.
+        known: (n, 2) roots of F, as often as they are multiple [rad]; then pairs, which may be complex: their mean
+            [rad] and half their difference squared [rad^2].
+        singles: how many single roots there are, an even number.
+        pairs: how many pairs.
+        cosine: filled.
+        sine: filled.
+
+    Returns:
+        A bound on the noise of the values; inf where the roots are not known well enough to divide by them.
+    """
+    count = singles + pairs
+    shift = away_from(known, count)
+    c0, s0 = math.cos(shift), math.sin(shift)
+    largest, rest, total = 0.0, 0.0, 0.0
+    for n in range(DEGREE + 1):
+        cosine[n] = 0.0
+        sine[n] = 0.0
+    for j in range(SAMPLES):
+        c, s = c0 * SAMPLE_COS[j] - s0 * SAMPLE_SIN[j], s0 * SAMPLE_COS[j] + c0 * SAMPLE_SIN[j]
+        D = mix(pose.D0, 1.0, pose.Dc, c, pose.Ds, s)
+        m = mix(pose.m0, 1.0, pose.mc, c, pose.ms, s)
+        F, size = resultant(k, D, m)
+        divisor = 1.0
+        for i in range(count):
+            factor = math.sin(0.5 * (shift + j * SPACING - known[i, 0]))
+            divisor *= factor if i < singles else factor * factor - 0.25 * known[i, 1]
+        F /= divisor
+        largest = max(largest, size / abs(divisor))
+        for n in range(DEGREE + 1):
+            cosine[n] += TO_COSINE[j, n] * F
+            sine[n] += TO_SINE[j, n] * F
+    for n in range(DEGREE + 1):
+        size = abs(cosine[n]) + abs(sine[n])
+        total += size
+        if n > DEGREE - singles // 2 - pairs:
+            rest += size
+            cosine[n], sine[n] = 0.0, 0.0
+        c, s = math.cos(n * shift), math.sin(n * shift)
+        cosine[n], sine[n] = c * cosine[n] - s * sine[n], s * cosine[n] + c * sine[n]
+    return DIVIDED_NOISE * max(NOISE * largest, rest) if rest < MAX_REST * total else math.inf
+
+
+def away_from(known: NDArray[np.float64], count: int) -> float:
+    """How far to shift evenly spaced samples so that they keep away from known roots [rad]."""
+    largest, shift = -1.0, 0.0
+    for i in range(count):
+        gap = SPACING
+        for j in range(count):
+            ahead = known[j, 0] - known[i, 0]
+            ahead -= SPACING * math.floor(ahead / SPACING)
+            if ahead > SAME_PLACE:
+                gap = min(gap, ahead)
+        if gap > largest:
+            largest, shift = gap, known[i, 0] + 0.5 * gap
+    return shift
+
+
+def value_and_slope(cosine: NDArray[np.float64], sine: NDArray[np.float64], q: float) -> tuple[float, float]:
+    """F and dF/dq at q, by Horner's rule in z = exp(i q)."""
+    z = complex(math.cos(q), math.sin(q))
+    value = complex(cosine[DEGREE], -sine[DEGREE])
+    slope = DEGREE * value
+    for j in range(1, DEGREE):
+        n = DEGREE - j
+        coefficient = complex(cosine[n], -sine[n])
+        value = value * z + coefficient
+        slope = slope * z + n * coefficient
+    return cosine[0] + (value * z).real, -(slope * z).imag
+
+
+def slope_and_curvature(cosine: NDArray[np.float64], sine: NDArray[np.float64], q: float) -> tuple[float, float]:
+    """dF/dq and its derivative at q, by Horner's rule in z = exp(i q)."""
+    z = complex(math.cos(q), math.sin(q))
+    slope = DEGREE * complex(cosine[DEGREE], -sine[DEGREE])
+    curvature = DEGREE * slope
+    for j in range(1, DEGREE):
+        n = DEGREE - j
+        term = n * complex(cosine[n], -sine[n])
+        slope = slope * z + term
+        curvature = curvature * z + n * term
+    return -(slope * z).imag, -(curvature * z).real

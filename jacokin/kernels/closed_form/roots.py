@@ -1,0 +1,318 @@
+"""All real roots of a trigonometric polynomial of degree 8, none lost, however close together.
+
+The circle is cut into eight sectors. With t = tan(theta / 2) the polynomial on a sector is an ordinary one of degree
+16; its Bernstein coefficients enclose its values, and the number of their sign changes bounds the number of roots:
+none means no root, one means exactly one. Sectors with more are halved. What is still undecided at ``MIN_WIDTH``, or
+wholly within rounding noise, is kept as a candidate.
+"""
+
+from __future__ import annotations
+
+import math
+from math import comb
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jacokin.kernels.closed_form.resultant import DEGREE, slope_and_curvature, value_and_slope
+from jacokin.kernels.tolerances import (
+    EXTREMUM_STEP,
+    MAX_NOISE_WIDTH,
+    MIN_WIDTH,
+    ROOT_ERROR,
+    ROOT_STEP,
+    SMALLEST_HALF_WIDTH,
+    SMALLEST_PART,
+)
+
+SECTORS = 8
+SIZE = 2 * DEGREE + 1  # Bernstein coefficients of a sector
+HALF = math.pi / SECTORS  # [rad]
+TAU = math.tan(0.5 * HALF)
+#: [rad] so that the sector bounds miss the round angles that people use.
+OFFSET = 0.1234567
+ROOT_ITERATIONS = 40
+MAX_ROOTS = 256
+STACK = 64  # deeper than log2(2 HALF / MIN_WIDTH) + 2, and some splits elsewhere than in the middle
+MAX_KNOWN = 48
+EXTREMUM_ITERATIONS = 8
+
+
+class RootWork(NamedTuple):
+    """Coefficients in, roots out, and what is needed in between."""
+
+    cosine: NDArray[np.float64]  # (9,) coefficients of cos(k q)
+    sine: NDArray[np.float64]  # (9,) coefficients of sin(k q)
+    roots: NDArray[
+        np.float64
+    ]  # (256, 3) root [rad], half-width of its interval or 0 where it is single, 1 if F touches 0
+    stack: NDArray[np.float64]  # (64, 17)
+    place: NDArray[np.float64]  # (64, 2)
+    known: NDArray[np.float64]  # (48, 2) what F is divided by, see `resultant.fourier_of_divided_F`
+    known_count: NDArray[np.int64]  # (2,) single roots, and pairs after them
+
+
+def make_roots() -> RootWork:
+    """Fresh work arrays."""
+    return RootWork(
+        np.empty(9),
+        np.empty(9),
+        np.empty((MAX_ROOTS, 3)),
+        np.empty((STACK, SIZE)),
+        np.empty((STACK, 2)),
+        np.empty((MAX_KNOWN, 2)),
+        np.zeros(2, np.int64),
+    )
+
+
+def _sector_tables() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(9, 17) Bernstein coefficients of cos(k theta) and sin(k theta) on one sector, scaled by cos(HALF / 2)^16.
+
+    exp(i k theta) is ((1 + i tau t) / (1 - i tau t))^k; both factors are convex mixtures of mu = exp(i HALF / 2) and
+    its conjugate, so no coefficient exceeds 1 in size.
+    """
+    table = np.zeros((DEGREE + 1, SIZE), dtype=np.complex128)
+    top = 2 * DEGREE
+    for k in range(DEGREE + 1):
+        for j in range(SIZE):
+            for i in range(max(0, j - DEGREE + k), min(DEGREE + k, j) + 1):
+                phase = 0.5 * HALF * (2 * (2 * i - j) - 2 * k)
+                weight = comb(DEGREE + k, i) * comb(DEGREE - k, j - i) / comb(top, j)
+                table[k, j] += weight * complex(math.cos(phase), math.sin(phase))
+    return np.ascontiguousarray(table.real), np.ascontiguousarray(table.imag)
+
+
+BERNSTEIN_COS, BERNSTEIN_SIN = _sector_tables()
+_centres = OFFSET + 2.0 * HALF * np.arange(SECTORS)
+SECTOR_COS = np.cos(np.outer(_centres, np.arange(DEGREE + 1)))
+SECTOR_SIN = np.sin(np.outer(_centres, np.arange(DEGREE + 1)))
+
+
+def sector_coefficients(
+    cosine: NDArray[np.float64],
+    sine: NDArray[np.float64],
+    sector: int,
+    b: NDArray[np.float64],
+    odd: NDArray[np.float64],
+) -> None:
+    """Fill b (17,) with the Bernstein coefficients on a sector; ``odd`` is a (17,) workspace.
+
+    About the sector's centre cosines are even and sines odd, so one half gives the other.
+    """
+    for j in range(DEGREE + 1):
+        b[j] = cosine[0] * BERNSTEIN_COS[0, j]
+        odd[j] = 0.0
+    for n in range(1, DEGREE + 1):
+        c, s = SECTOR_COS[sector, n], SECTOR_SIN[sector, n]
+        u, v = c * cosine[n] + s * sine[n], c * sine[n] - s * cosine[n]
+        for j in range(DEGREE + 1):
+            b[j] += u * BERNSTEIN_COS[n, j]
+            odd[j] += v * BERNSTEIN_SIN[n, j]
+    for j in range(DEGREE):
+        b[SIZE - 1 - j] = b[j] - odd[j]
+        b[j] += odd[j]
+
+
+def count_roots(b: NDArray[np.float64], noise: float) -> int:
+    """The largest number of roots in an interval, each as often as it is multiple; 1 means exactly one.
+
+    Coefficients within the noise may have either sign. ``SIZE`` means that all are within it.
+    """
+    above, below, changes = 0, 0, 0
+    for j in range(SIZE):
+        above += b[j] > noise
+        below += b[j] < -noise
+    if above == SIZE or below == SIZE:
+        return 0
+    if above + below == SIZE:
+        for j in range(SIZE - 1):
+            changes += (b[j] > 0.0) != (b[j + 1] > 0.0)
+        return changes
+    if above + below == 0:
+        return SIZE
+    last, gap, ends = 0, 0, 0  # gap: coefficients within the noise since the last sign
+    for j in range(SIZE):
+        sign = 1 if b[j] > noise else (-1 if b[j] < -noise else 0)
+        if sign == 0:
+            gap += 1
+            continue
+        if last == 0:
+            ends = gap
+        elif (gap % 2 == 0) == (sign == last):
+            changes += gap
+        else:
+            changes += gap + 1
+        last, gap = sign, 0
+    ends += gap
+    return changes if ends == 0 else max(changes + ends, 2)
+
+
+def split(b: NDArray[np.float64], left: NDArray[np.float64], part: float) -> None:
+    """De Casteljau: left gets the coefficients of the left part, b becomes those of the rest."""
+    for level in range(SIZE):
+        left[level] = b[0]
+        for j in range(SIZE - 1 - level):
+            b[j] += part * (b[j + 1] - b[j])
+
+
+def angle_at(sector: int, x: float) -> float:
+    """The angle at the place x in [0, 1] of a sector."""
+    return OFFSET + 2.0 * HALF * sector + 2.0 * math.atan(TAU * (2.0 * x - 1.0))
+
+
+def single_root(
+    cosine: NDArray[np.float64],
+    sine: NDArray[np.float64],
+    b: NDArray[np.float64],
+    sector: int,
+    x: float,
+    width: float,
+) -> float:
+    """The one root in an interval: bracketed Newton, from where the control polygon crosses zero."""
+    low, high = angle_at(sector, x), angle_at(sector, x + width)
+    rising = b[SIZE - 1] > b[0]
+    j = 0
+    while j < SIZE - 2 and (b[j + 1] < 0.0) == rising:
+        j += 1
+    difference = b[j] - b[j + 1]
+    part = b[j] / difference if difference != 0.0 else 0.5
+    q = angle_at(sector, x + width * (j + part) / (SIZE - 1))
+    before = high - low
+    for _ in range(ROOT_ITERATIONS):
+        value, slope = value_and_slope(cosine, sine, q)
+        if (value > 0.0) == rising:
+            high = q
+        else:
+            low = q
+        new = q - value / slope if slope != 0.0 else high + 1.0
+        if not low <= new <= high:
+            new = 0.5 * (low + high)
+        step = abs(new - q)
+        q = new
+        if step < ROOT_STEP and step * step * step < ROOT_ERROR * before * before:
+            break
+        before = step
+    return q
+
+
+def extremum(
+    cosine: NDArray[np.float64],
+    sine: NDArray[np.float64],
+    b: NDArray[np.float64],
+    sector: int,
+    x: float,
+    width: float,
+) -> float:
+    """Where F comes closest to zero, or farthest past it, between ends of the same sign; NaN if it is not found."""
+    side = 1.0 if b[0] > 0.0 else -1.0
+    if side * b[SIZE - 1] <= 0.0:
+        return math.nan
+    lowest = 1
+    for j in range(2, SIZE - 1):
+        if side * b[j] < side * b[lowest]:
+            lowest = j
+    bend = b[lowest - 1] + b[lowest + 1] - 2.0 * b[lowest]
+    shift = 0.5 * (b[lowest - 1] - b[lowest + 1]) / bend if bend != 0.0 else 0.0
+    low, high = angle_at(sector, x), angle_at(sector, x + width)
+    q = angle_at(sector, x + width * (lowest + min(max(shift, -1.0), 1.0)) / (SIZE - 1))
+    for _ in range(EXTREMUM_ITERATIONS):
+        slope, curvature = slope_and_curvature(cosine, sine, q)
+        if side * curvature <= 0.0:
+            return math.nan
+        step = slope / curvature
+        q -= step
+        if not low < q < high:
+            return math.nan
+        if abs(step) < EXTREMUM_STEP:
+            return q
+    return math.nan
+
+
+def place_of(q: float) -> tuple[int, float]:
+    """The sector of an angle, and its place in [0, 1] there: the inverse of `angle_at`."""
+    turned = q - OFFSET + HALF
+    turned -= 2.0 * math.pi * math.floor(turned / (2.0 * math.pi))
+    sector = min(int(turned / (2.0 * HALF)), SECTORS - 1)
+    return sector, 0.5 * (math.tan(0.5 * (turned - HALF * (2 * sector + 1))) / TAU + 1.0)
+
+
+def add_known(work: RootWork, q: float) -> None:
+    """Add a single root of F that is known; a double root counts as two."""
+    count = work.known_count[0]
+    if count < MAX_KNOWN:
+        work.known[count, 0] = q
+        work.known_count[0] = count + 1
+
+
+def add_known_pair(work: RootWork, mean: float, half_square: float) -> None:
+    """Add two roots of F by their mean and the square of half their difference; no single root may follow."""
+    i = work.known_count[0] + work.known_count[1]
+    if i < MAX_KNOWN:
+        work.known[i, 0], work.known[i, 1] = mean, half_square
+        work.known_count[1] += 1
+
+
+def find_roots(noise: float, tolerance: float, work: RootWork) -> int:
+    """Real roots of the trigonometric polynomial with the coefficients ``work.cosine`` and ``work.sine``.
+
+    Args:
+        noise: values this close to zero may be zero.
+        tolerance: more of that, relative to the coefficients' sizes, for an inexact model; 0 for an exact one.
+        work: coefficients in, ``work.roots`` out.
+
+    Returns:
+        How many roots and undecided candidates were written.
+    """
+    stack, place, roots, cosine, sine = work.stack, work.place, work.roots, work.cosine, work.sine
+    if tolerance > 0.0:
+        for n in range(DEGREE + 1):
+            noise += tolerance * (abs(cosine[n]) + abs(sine[n]))
+    min_width = max(MIN_WIDTH, math.sqrt(tolerance)) / (2.0 * HALF)
+    # The second search, with a tolerance, is for near-double roots; its wide stretches were searched before.
+    max_width = MAX_NOISE_WIDTH / (2.0 * HALF) if tolerance == 0.0 else 1.0
+    found = 0
+    for sector in range(SECTORS):
+        sector_coefficients(cosine, sine, sector, stack[0], stack[1])
+        place[0, 0], place[0, 1] = 0.0, 1.0
+        top = 0
+        while top >= 0:
+            b = stack[top]
+            x, width = place[top, 0], place[top, 1]
+            possible = count_roots(b, noise)
+            if possible == 0 or found == MAX_ROOTS:
+                top -= 1
+                continue
+            roots[found, 2] = 0.0
+            # With the sign at both ends certain, roots of the exact F are on the side where they seem to be.
+            sure_ends = abs(b[0]) > noise and abs(b[SIZE - 1]) > noise
+            if possible == 1:
+                roots[found, 0], roots[found, 1] = single_root(cosine, sine, b, sector, x, width), 0.0
+                found += 1
+                top -= 1
+                continue
+            part = 0.5
+            if possible == 2 and sure_ends and tolerance == 0.0 and width > min_width:
+                q = extremum(cosine, sine, b, sector, x, width)
+                if q == q:
+                    value, _ = value_and_slope(cosine, sine, q)
+                    if abs(value) <= noise:
+                        _, curvature = slope_and_curvature(cosine, sine, q)
+                        roots[found, 0] = q
+                        roots[found, 1] = max(math.sqrt(2.0 * noise / abs(curvature)), SMALLEST_HALF_WIDTH)
+                        roots[found, 2] = 1.0
+                        found += 1
+                        top -= 1
+                        continue
+                    part = min(max((place_of(q)[1] - x) / width, SMALLEST_PART), 1.0 - SMALLEST_PART)
+            if width > (max_width if possible == SIZE else min_width):
+                split(b, stack[top + 1], part)
+                place[top, 0], place[top, 1] = x + part * width, (1.0 - part) * width
+                place[top + 1, 0], place[top + 1, 1] = x, part * width
+                top += 1
+                continue
+            low, high = angle_at(sector, x), angle_at(sector, x + width)
+            roots[found, 0], roots[found, 1] = 0.5 * (low + high), 0.5 * (high - low)
+            found += 1
+            top -= 1
+    return found

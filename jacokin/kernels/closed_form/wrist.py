@@ -1,0 +1,257 @@
+"""From a root q6 to candidates (q1, q5, q6), and the three smooth equations that make them exact.
+
+With z3, z4 the axes 3 and 4 and D = B - O, all seen after joint 6:
+    z3.z4 = 0,    z3.D = e3,    z4.D + (|D|^2 + c4^2 - R^2) / (2 c4) = 0.
+They stay regular where the elimination degenerates: axis 4 parallel to axis 1 (n = 0), or O on axis 5 (r = 0).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jacokin.kernels.closed_form.arm import Arm, Pose
+from jacokin.kernels.closed_form.resultant import DEGREE, axis_terms, sphere_terms
+from jacokin.kernels.closed_form.roots import RootWork, find_roots
+from jacokin.kernels.tolerances import (
+    G_NOISE,
+    MAX_FOLD_ERROR,
+    MAX_REFINE_STEP,
+    MIN_WIDTH,
+    NEAR_AXIS_1,
+    NEAR_AXIS_5,
+    REFINED_STEP,
+    SMALL_G,
+    SMALL_N,
+    SMALL_R,
+    SMALLEST_PIVOT,
+)
+from jacokin.kernels.vector import Vec, cross, dot, mix, norm
+
+REFINE_ITERATIONS = 12
+MAX_STARTS = 128
+
+
+class Starts(NamedTuple):
+    """Candidates (q1, q5, q6) and a mark for members of a family, and how many there are."""
+
+    rows: NDArray[np.float64]  # (128, 4)
+    filled: NDArray[np.int64]  # (1,)
+
+
+class AfterJoint6(NamedTuple):
+    """What is seen after joint 6 at one q6: D = B - O, m = axis 1, and the shoulder's axes x and y."""
+
+    q6: float
+    D: Vec
+    m: Vec
+    x: Vec
+    y: Vec
+
+
+def seen_after_joint_6(k: Arm, pose: Pose, q6: float) -> AfterJoint6:
+    """Turn the pose by joint 6."""
+    c, s = math.cos(q6), math.sin(q6)
+    m = mix(pose.m0, 1.0, pose.mc, c, pose.ms, s)
+    x = mix(pose.x, c, cross(k.w6, pose.x), s, k.w6, (1.0 - c) * dot(k.w6, pose.x))
+    return AfterJoint6(q6, mix(pose.D0, 1.0, pose.Dc, c, pose.Ds, s), m, x, cross(m, x))
+
+
+def axis_4(k: Arm, q5: float) -> Vec:
+    """z4(q5) = R5^T w4."""
+    return (k.sin_a * math.cos(q5), -k.sin_a * math.sin(q5), k.cos_a)
+
+
+def starts_at_q6(k: Arm, pose: Pose, q6: float, half_width: float, starts: Starts, work: RootWork) -> None:
+    """Add all candidates for one q6: the two q5 of the sphere condition, and those of g where r is small.
+
+    Args:
+        k: the arm.
+        pose: the target.
+        q6: a root of F, or the middle of an undecided interval [rad].
+        half_width: of that interval, 0 for a single root [rad]; unless it is 0, both q5 and both signs of axis 3 are
+            kept.
+        starts: appended to.
+        work: workspace for the roots of g.
+    """
+    view = seen_after_joint_6(k, pose, q6)
+    W, right = sphere_terms(k, view.D)
+    G2, G1, G0 = axis_terms(k, view.D, view.m)
+    r2 = W.real * W.real + W.imag * W.imag
+    if r2 > 0.0:
+        # zeta = exp(i q5) with Re(conj(W) zeta) = k; the root of a negative s^2 is taken as 0.
+        clipped = min(max(right, -math.sqrt(r2)), math.sqrt(r2))
+        s = math.sqrt(max(r2 - clipped * clipped, 0.0))
+        unit = complex(W.real / r2, W.imag / r2)
+        best, other = complex(clipped, s) * unit, complex(clipped, -s) * unit
+        g_best, g_other = g_at(G2, G1, G0, best), g_at(G2, G1, G0, other)
+        if g_other < g_best:
+            best, other, g_other = other, best, g_best
+        starts_at_q5(k, pose, view, best, half_width, starts)
+        if half_width > 0.0 or g_other < SMALL_G:
+            starts_at_q5(k, pose, view, other, half_width, starts)
+    if r2 < SMALL_R * SMALL_R:
+        starts_of_g(k, pose, view, starts, work)
+
+
+def starts_of_g(k: Arm, pose: Pose, view: AfterJoint6, starts: Starts, work: RootWork) -> None:
+    """Add candidates for one q6 that are roots q5 of g alone."""
+    G2, G1, G0 = axis_terms(k, view.D, view.m)
+    for n in range(3, DEGREE + 1):
+        work.cosine[n] = 0.0
+        work.sine[n] = 0.0
+    work.cosine[0], work.sine[0] = G0, 0.0
+    work.cosine[1], work.sine[1] = 2.0 * G1.real, -2.0 * G1.imag
+    work.cosine[2], work.sine[2] = 2.0 * G2.real, -2.0 * G2.imag
+    for i in range(find_roots(G_NOISE, 0.0, work)):
+        zeta = complex(math.cos(work.roots[i, 0]), math.sin(work.roots[i, 0]))
+        starts_at_q5(k, pose, view, zeta, MIN_WIDTH, starts)
+
+
+def starts_on_axis_5(k: Arm, pose: Pose, starts: Starts, work: RootWork) -> None:
+    """Add the candidates where axis 5 passes O, or nearly: at one q6, up to four roots of g.
+
+    W is linear in (cos q6, sin q6): it vanishes where two linear equations have a solution of length 1.
+    """
+    det = pose.Dc[0] * pose.Ds[1] - pose.Ds[0] * pose.Dc[1]
+    if abs(det) < SMALLEST_PIVOT:
+        return
+    c = (pose.Ds[0] * pose.D0[1] - pose.D0[0] * pose.Ds[1]) / det
+    s = (pose.D0[0] * pose.Dc[1] - pose.Dc[0] * pose.D0[1]) / det
+    if not abs(math.hypot(c, s) - 1.0) < NEAR_AXIS_5:
+        return
+    view = seen_after_joint_6(k, pose, math.atan2(s, c))
+    W, right = sphere_terms(k, view.D)
+    if max(abs(W.real), abs(W.imag), abs(right)) < NEAR_AXIS_5:
+        starts_of_g(k, pose, view, starts, work)
+
+
+def starts_along_axis_1(k: Arm, pose: Pose, starts: Starts) -> None:
+    """Add the candidates where axis 4 is along axis 1, or nearly: two for each of up to four q6.
+
+    With z4 = m or z4 = -m the sphere condition is linear in (cos q6, sin q6).
+    """
+    m = mix(pose.m0, 1.0, pose.mc, 1.0, pose.mc, 0.0)
+    D = mix(pose.D0, 1.0, pose.Dc, 1.0, pose.Dc, 0.0)
+    lift = dot(m, D) - k.b5 * m[2]  # z4.D = lift + b5 m_z for z4 = m, at every q6
+    square = dot(D, D) - 2.0 * k.b5 * D[2]  # |D|^2 = square + 2 b5 D_z
+    for i in range(2):
+        side = 1.0 - 2.0 * i
+        scale = k.b5 / k.c4
+        f0 = side * (lift + k.b5 * pose.m0[2]) + 0.5 * (square + k.c4 * k.c4 - k.R2) / k.c4 + scale * pose.D0[2]
+        fc = side * k.b5 * pose.mc[2] + scale * pose.Dc[2]
+        fs = side * k.b5 * pose.ms[2] + scale * pose.Ds[2]
+        size = math.hypot(fc, fs)
+        if not abs(f0) <= size:
+            continue
+        middle, half = math.atan2(fs, fc), math.acos(-f0 / size)
+        for j in range(2):
+            view = seen_after_joint_6(k, pose, middle + (half if j == 0 else -half))
+            if abs(side * view.m[2] - k.cos_a) < NEAR_AXIS_1:
+                flat = math.hypot(view.m[0], view.m[1])
+                starts_across_axis_1(k, pose, view, complex(side * view.m[0] / flat, -side * view.m[1] / flat), starts)
+
+
+def g_at(G2: complex, G1: complex, G0: float, zeta: complex) -> float:
+    """The size of g = 2 Re(G2 zeta^2 + G1 zeta) + G0."""
+    return abs(2.0 * ((G2 * zeta + G1) * zeta).real + G0)
+
+
+def starts_at_q5(k: Arm, pose: Pose, view: AfterJoint6, zeta: complex, half_width: float, starts: Starts) -> None:
+    """Directions of axis 3 for one (q5, q6): n / |n| with the sign of e3, and both ways round where |n| is small."""
+    D, m = view.D, view.m
+    z4 = (k.sin_a * zeta.real, -k.sin_a * zeta.imag, k.cos_a)
+    n = cross(m, z4)
+    length = norm(n)
+    if length > 0.0:
+        along = 1.0 if dot(n, D) * k.e3 > 0.0 else -1.0
+        add_start(starts, pose, view, zeta, mix(n, along, n, 0.0, n, 0.0))
+        if half_width > 0.0:
+            add_start(starts, pose, view, zeta, mix(n, -along, n, 0.0, n, 0.0))
+    if length < SMALL_N:
+        starts_across_axis_1(k, pose, view, zeta, starts)
+
+
+def starts_across_axis_1(k: Arm, pose: Pose, view: AfterJoint6, zeta: complex, starts: Starts) -> None:
+    """The two directions of axis 3 across axis 1 and at its distance from O: right where axis 4 is along axis 1."""
+    z4 = (k.sin_a * zeta.real, -k.sin_a * zeta.imag, k.cos_a)
+    arm = mix(view.D, 1.0, z4, k.c4, z4, 0.0)  # C - O
+    flat = mix(arm, 1.0, view.m, -dot(arm, view.m), arm, 0.0)  # its part across axis 1, of length rho
+    v = cross(view.m, flat)
+    side = math.sqrt(max(dot(flat, flat) - k.e3 * k.e3, 0.0))
+    add_start(starts, pose, view, zeta, mix(flat, k.e3, v, side, v, 0.0))
+    add_start(starts, pose, view, zeta, mix(flat, k.e3, v, -side, v, 0.0))
+
+
+def add_start(starts: Starts, pose: Pose, view: AfterJoint6, zeta: complex, z3: Vec) -> None:
+    """Append (q1, q5, q6), with q1 from the direction of axis 3 (of any length)."""
+    i = starts.filled[0]
+    if i < MAX_STARTS:
+        starts.rows[i, 0] = math.atan2(-dot(z3, view.x), dot(z3, view.y))
+        starts.rows[i, 1] = math.atan2(zeta.imag, zeta.real)
+        starts.rows[i, 2] = view.q6
+        starts.rows[i, 3] = 0.0
+        starts.filled[0] = i + 1
+
+
+def refine(
+    k: Arm, pose: Pose, q1: float, q5: float, q6: float, smallest_det: float
+) -> tuple[float, float, float, bool]:
+    """Newton on the three equations, to the last digit or to the iteration limit.
+
+    Returns:
+        The angles, and whether it stopped at a fold, where the determinant is below ``smallest_det`` [m^2].
+    """
+    for _ in range(REFINE_ITERATIONS):
+        c1, s1, c5, s5 = math.cos(q1), math.sin(q1), math.cos(q5), math.sin(q5)
+        c6, s6 = math.cos(q6), math.sin(q6)
+        D = mix(pose.D0, 1.0, pose.Dc, c6, pose.Ds, s6)
+        dD = mix(pose.Ds, c6, pose.Dc, -s6, pose.D0, 0.0)
+        m = mix(pose.m0, 1.0, pose.mc, c6, pose.ms, s6)
+        before = mix(pose.y, c1, pose.x, -s1, pose.x, 0.0)
+        z3 = mix(before, c6, cross(k.w6, before), s6, k.w6, (1.0 - c6) * dot(k.w6, before))
+        z3_1 = cross(m, z3)
+        z3_6 = cross(k.w6, z3)
+        z4 = (k.sin_a * c5, -k.sin_a * s5, k.cos_a)
+        z4_5 = (-k.sin_a * s5, -k.sin_a * c5, 0.0)
+
+        f1 = dot(z3, z4)
+        f2 = dot(z3, D) - k.e3
+        f3 = dot(z4, D) + (dot(D, D) + k.c4 * k.c4 - k.R2) / (2.0 * k.c4)
+        a11, a12, a13 = dot(z3_1, z4), dot(z3, z4_5), dot(z3_6, z4)
+        a21, a23 = dot(z3_1, D), dot(z3_6, D) + dot(z3, dD)
+        a32, a33 = dot(z4_5, D), dot(z4, dD) + dot(D, dD) / k.c4
+        det = -a11 * a23 * a32 - a21 * (a12 * a33 - a13 * a32)
+        if abs(det) < smallest_det and max(abs(f1), abs(f2), abs(f3)) < MAX_FOLD_ERROR:
+            return q1, q5, q6, True
+        if det == 0.0:
+            break
+        d1 = (-f1 * a23 * a32 - f2 * (a12 * a33 - a13 * a32) + f3 * a12 * a23) / det
+        d5 = (a11 * (f2 * a33 - a23 * f3) - a21 * (f1 * a33 - a13 * f3)) / det
+        d6 = (-a11 * a32 * f2 - a21 * (a12 * f3 - f1 * a32)) / det
+        size = max(abs(d1), abs(d5), abs(d6))
+        if size > MAX_REFINE_STEP:
+            scale = MAX_REFINE_STEP / size
+            d1, d5, d6 = d1 * scale, d5 * scale, d6 * scale
+        q1, q5, q6 = q1 - d1, q5 - d5, q6 - d6
+        if size < REFINED_STEP:
+            break
+    return q1, q5, q6, False
+
+
+def complete(arm: Arm, pose: Pose, q1: float, q5: float, q6: float, q: NDArray[np.float64]) -> None:
+    """Fill q (6,) from q1, q5 and q6: the remaining three angles are each an angle in a plane."""
+    view = seen_after_joint_6(arm, pose, q6)
+    c1, s1, c5, s5 = math.cos(q1), math.sin(q1), math.cos(q5), math.sin(q5)
+    forward = mix(view.x, c1, view.y, s1, view.x, 0.0)  # the shoulder's x axis after joint 1
+    z3 = mix(view.y, c1, view.x, -s1, view.x, 0.0)
+    z4 = (arm.sin_a * c5, -arm.sin_a * s5, arm.cos_a)
+    C = mix(view.D, 1.0, z4, arm.c4, z4, 0.0)  # C - O
+    q2 = arm.side * (math.atan2(dot(C, forward), dot(C, view.m)) - arm.psi_c)
+    q3 = math.atan2(dot(z4, forward), dot(z4, view.m)) - arm.psi_4 - arm.side * q2
+    x, y = c5 * z3[0] - s5 * z3[1], s5 * z3[0] + c5 * z3[1]  # axis 3 seen after joint 4
+    q4 = arm.chi_3 - math.atan2(arm.sin_a * z3[2] - arm.cos_a * x, y)
+    q[0], q[1], q[2], q[3], q[4], q[5] = q1, q2, q3, q4, q5, q6

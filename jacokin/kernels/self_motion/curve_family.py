@@ -1,0 +1,131 @@
+"""The entry point: all intervals of the parameter for one target, or a point of a curve. Read this file first.
+
+gaps         where configurations exist between two slices only: one more slice
+slices       all configurations at some values of the parameter, in closed form
+bridge       points between slices of a seven-joint arm
+graph        which points of neighbouring slices belong together; in doubt `follow` walks along the curve
+arcs         pieces of the curves along which the parameter rises, from fold to fold
+limit_cuts   what is left of them within the joint limits
+nearest      the one point that is nearest to a seed, without the rest
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jacokin.arrays import Array
+from jacokin.kernels.closed_form.pose import COLUMNS, MAX_BRANCHES, make_work
+from jacokin.kernels.self_motion.arcs import Arcs, assemble, make_arcs
+from jacokin.kernels.self_motion.follow import Walk, between, where_joint_is
+from jacokin.kernels.self_motion.gaps import Loops, add_loops, add_windows, make_loops
+from jacokin.kernels.self_motion.graph import LINKS, TRACED, Graph, join
+from jacokin.kernels.self_motion.limit_cuts import Cuts, cut, make_cuts
+from jacokin.kernels.self_motion.nearest import Nearest, make_nearest, search_arcs, search_run
+from jacokin.kernels.self_motion.slices import POINTS, SLICES, SevenJoints, SixJoints, Slices, fill_slices
+from jacokin.kernels.self_motion.sweep import sweep
+
+#: What to do: find the intervals; find a point at a share of a chord; find a point where the parameter has a value;
+#: find the member nearest to the seed; find the nearest one on the first nodes of the arcs.
+FIND_INTERVALS, FIND_AT_SHARE, FIND_AT_PARAMETER, FIND_NEAREST, FIND_NEAREST_ON_RUN = 0, 1, 2, 3, 4
+
+
+class CurveWork(NamedTuple):
+    """What a call reads and writes; one set for each thread."""
+
+    options: NDArray[np.int64]  # (4,) task, index of the parameter, number of slices, 1 if they close the circle
+    counts: NDArray[np.int64]  # (3,) intervals, sides that were not linked, points that were lost
+    chain: Array  # (8, 3, 4) placements between seven joints that turn about z
+    T: Array  # (4, 4) target
+    six: SixJoints
+    seven: SevenJoints
+    slices: Slices
+    graph: Graph
+    arcs: Arcs
+    cuts: Cuts
+    chord: Array  # (2, 14) nodes between which a point is asked for
+    at: Array  # (1,) share of the chord, or value of the parameter
+    x: Array  # (7,) the point
+    nearest: Nearest
+    loops: Loops
+
+
+def make_walk() -> Walk:
+    """Fresh arrays."""
+    a, b, c, d, e, f, g = (np.empty(7) for _ in range(7))
+    return Walk(a, b, c, d, e, f, g, np.empty((7, 8)))
+
+
+def make_curve_work() -> CurveWork:
+    """Fresh arrays."""
+    points = (SLICES, POINTS)
+    return CurveWork(
+        np.zeros(4, np.int64),
+        np.zeros(3, np.int64),
+        np.zeros((8, 3, 4)),
+        np.eye(4),
+        SixJoints(
+            np.zeros((7, 3, 4)),
+            np.zeros(39),
+            np.zeros((3, 6)),
+            np.zeros(3),
+            np.eye(4),
+            np.zeros(6),
+            make_work(np.empty((MAX_BRANCHES, COLUMNS))),
+        ),
+        SevenJoints(np.zeros(12), np.empty((8, 7))),
+        Slices(
+            np.zeros(SLICES),
+            np.zeros(SLICES, np.int64),
+            np.empty((*points, 7)),
+            np.empty((*points, 7)),
+            np.empty(points),
+            np.zeros(points, np.int64),
+        ),
+        Graph(
+            np.zeros((*points, 2, 2), np.int64),
+            np.zeros((LINKS, 8), np.int64),
+            np.empty((TRACED, 15)),
+            np.zeros(POINTS, np.int64),
+            np.zeros(POINTS, np.int64),
+            make_walk(),
+        ),
+        make_arcs(),
+        make_cuts(),
+        np.zeros((2, 14)),
+        np.zeros(1),
+        np.zeros(7),
+        make_nearest(),
+        make_loops(),
+    )
+
+
+def run_curves(work: CurveWork) -> int:
+    """Do what work.options[0] asks for; returns the number of intervals, or 1 if the point was found, else 0.
+
+    A nearest point is in work.nearest; 0 where a curve was lost, so that there may be a nearer one.
+    """
+    chain, T, walk = work.chain, work.T, work.graph.walk
+    task, parameter, n, closed = work.options[0], work.options[1], work.options[2], work.options[3] > 0
+    if task == FIND_AT_SHARE:
+        return 1 if between(chain, T, work.chord[0], work.chord[1], work.at[0], work.x, walk) else 0
+    if task == FIND_AT_PARAMETER:
+        share = where_joint_is(chain, T, work.chord[0], work.chord[1], parameter, work.at[0], work.x, walk)
+        return 1 if share >= 0.0 else 0
+    if task == FIND_NEAREST_ON_RUN:
+        return 1 if search_run(chain, T, work.arcs.nodes, n, work.nearest, walk) else 0
+    if task == FIND_NEAREST and parameter != 6:
+        return 1 if sweep(chain, work.seven, T, work.slices, work.graph.traced, work.nearest, walk) else 0
+    if parameter != 6:
+        n = add_windows(chain, work.seven.arm, T, n, closed, work.slices)
+    else:
+        n = add_loops(T, n, closed, work.slices, work.six, work.loops)
+    work.counts[2] = fill_slices(chain, T, parameter, n, work.slices, work.six, work.seven, walk)
+    made, work.counts[1] = join(chain, T, n, closed, parameter, work.seven, work.slices, work.graph)
+    assemble(n, closed, parameter, made, work.slices, work.graph, work.arcs)
+    if task == FIND_NEAREST:
+        return 1 if search_arcs(chain, T, work.arcs, work.nearest, walk) else 0
+    work.counts[0] = cut(chain, T, work.arcs, work.cuts, walk)
+    return int(work.counts[0])

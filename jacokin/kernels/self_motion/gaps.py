@@ -1,0 +1,443 @@
+"""Curves that lie between two slices wholly, in windows of joint 3 or told by complex roots of F: they get a slice."""
+
+from __future__ import annotations
+
+import cmath
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from jacokin.arrays import Array
+from jacokin.kernels.closed_form.arm import pose_of, unpack_arm
+from jacokin.kernels.closed_form.resultant import DEGREE, fourier_of_F
+from jacokin.kernels.limits import TURN
+from jacokin.kernels.self_motion.seven import discriminant, wrist_from_shoulder
+from jacokin.kernels.self_motion.slices import SLICES, SixJoints, Slices, turn_target, wrapped
+from jacokin.kernels.vector import Vec
+
+#: Samples from one slice to the next.
+WINDOW_SAMPLES = 4
+#: Steps towards a maximum; each takes a third off the bracket.
+MAXIMUM_STEPS = 24
+#: A minimum that the parabola through three samples puts above this share of the middle one is not looked at.
+HIGH_MINIMUM = 0.2
+#: [m^4] and [m^2]; a discriminant no more than this below zero leaves points on the chord across that close to 1e-11.
+SHALLOW = 1e-13
+#: [rad] values nearer to each other are one.
+SAME_SLICE = 1e-9
+
+
+def lower_discriminant(chain: Array, arm7: Array, D0: Vec, q3: float, sign: float) -> float:
+    """The discriminant that decides: for joint 4 where that is negative, else for joint 2."""
+    first, second = discriminant(chain, arm7, D0, q3, sign)
+    return first if first < 0.0 else second
+
+
+def find_maximum(chain: Array, arm7: Array, D0: Vec, low: float, high: float, sign: float) -> tuple[float, float]:
+    """Where the discriminant is largest between low and high, and its value; given up where it is positive."""
+    best, value = 0.5 * (low + high), -math.inf
+    for _ in range(MAXIMUM_STEPS):
+        a, b = low + (high - low) / 3.0, high - (high - low) / 3.0
+        at_a, at_b = (
+            lower_discriminant(chain, arm7, D0, a, sign),
+            lower_discriminant(chain, arm7, D0, b, sign),
+        )
+        if at_a >= at_b:
+            best, value, high = a, at_a, b
+        else:
+            best, value, low = b, at_b, a
+        if value > 0.0:
+            break
+    return best, value
+
+
+def insert_slice(slices: Slices, n: int, p: float) -> int:
+    """Insert a value among the first n, in order; returns how many there are then."""
+    if n == SLICES:
+        return n
+    i = n
+    while i > 0 and slices.p[i - 1] > p:
+        slices.p[i] = slices.p[i - 1]
+        i -= 1
+    slices.p[i] = p
+    return n + 1
+
+
+def add_windows(chain: Array, arm7: Array, T: Array, n: int, closed: bool, slices: Slices) -> int:
+    """Add a slice in each window that none of the first n slices, evenly apart, lies in, and in each gap between two.
+
+    Returns how many slices there are then.
+    """
+    D0 = wrist_from_shoulder(chain, arm7, T)
+    first, step = slices.p[0], (slices.p[1] - slices.p[0]) / WINDOW_SAMPLES
+    gaps = n if closed else n - 1
+    total = n
+    for k in range(2):
+        sign = 1.0 if k == 0 else -1.0
+        seen = False  # whether the window at hand has a slice
+        peak, peak_at = -math.inf, 0.0
+        before = lower_discriminant(chain, arm7, D0, first - step, sign) if closed else math.inf
+        here = lower_discriminant(chain, arm7, D0, first, sign)
+        for i in range(gaps * WINDOW_SAMPLES + 1):
+            p = first + i * step
+            after = lower_discriminant(chain, arm7, D0, p + step, sign)
+            if here > 0.0:
+                seen = seen or i % WINDOW_SAMPLES == 0
+                if here > peak:
+                    peak, peak_at = here, p
+                if not after > 0.0:
+                    if not seen:
+                        total = insert_slice(slices, total, peak_at)
+                    seen, peak = False, -math.inf
+            elif here >= before and here >= after and i < gaps * WINDOW_SAMPLES:
+                at, value = find_maximum(chain, arm7, D0, p - step, p + step, sign)
+                if value > 0.0:
+                    total = insert_slice(slices, total, at)
+            before, here = here, after
+    return add_dips(chain, arm7, D0, first, step, gaps * WINDOW_SAMPLES, total, slices)
+
+
+def one_discriminant(chain: Array, arm7: Array, D0: Vec, q3: float, kind: int) -> float:
+    """The discriminant of joint 4 for kind 0, of joint 2 with either sign of joint 4 for kinds 1 and 2."""
+    first, second = discriminant(chain, arm7, D0, q3, -1.0 if kind == 2 else 1.0)
+    return first if kind == 0 else second
+
+
+def find_dip(chain: Array, arm7: Array, D0: Vec, low: float, high: float, kind: int) -> float:
+    """Where a discriminant is negative, near its minimum between low and high; nan if it is not."""
+    for _ in range(MAXIMUM_STEPS):
+        a, b = low + (high - low) / 3.0, high - (high - low) / 3.0
+        at_a, at_b = one_discriminant(chain, arm7, D0, a, kind), one_discriminant(chain, arm7, D0, b, kind)
+        if min(at_a, at_b) < -SHALLOW:
+            return a if at_a <= at_b else b
+        if at_a <= at_b:
+            high = b
+        else:
+            low = a
+    return math.nan
+
+
+def insert_new(slices: Slices, n: int, p: float) -> int:
+    """As `insert_slice`, unless the value is there."""
+    for i in range(n):
+        if abs(slices.p[i] - p) < SAME_SLICE:
+            return n
+    return insert_slice(slices, n, p)
+
+
+def add_dips(
+    chain: Array, arm7: Array, D0: Vec, first: float, step: float, samples: int, total: int, slices: Slices
+) -> int:
+    """Add a slice where two configurations meet and part again, so that between there are none and no slice sees it.
+
+    The slopes at the slices on both sides do not tell of it.
+
+    Args:
+        chain: (8, 3, 4).
+        arm7: see `solve_at_q3`.
+        D0: what `wrist_from_shoulder` returned.
+        first: first sample of joint 3, at a slice [rad].
+        step: from sample to sample, WINDOW_SAMPLES to a slice [rad].
+        samples: how many.
+        total: how many slices there are.
+        slices: what they are added to.
+
+    Returns:
+        How many slices there are then.
+    """
+    for kind in range(3):
+        seen, length, lowest = False, 0, 0.0  # of the run of samples that are not positive: whether it has a slice
+        before = one_discriminant(chain, arm7, D0, first - step, kind)
+        here = one_discriminant(chain, arm7, D0, first, kind)
+        for i in range(samples):
+            p = first + i * step
+            after = one_discriminant(chain, arm7, D0, p + step, kind)
+            if not here > 0.0:
+                seen = (length > 0 and seen) or i % WINDOW_SAMPLES == 0
+                length += 1
+                lowest = min(lowest, here)
+                if after > 0.0:
+                    if not seen and lowest < -SHALLOW:
+                        total = insert_new(slices, total, p - 0.5 * (length - 1) * step)
+                    length, lowest = 0, 0.0
+            elif here <= before and here <= after:
+                bend = after + before - 2.0 * here
+                if (after - before) * (after - before) > 8.0 * (1.0 - HIGH_MINIMUM) * here * bend:
+                    at = find_dip(chain, arm7, D0, p - step, p + step, kind)
+                    if at == at:
+                        total = insert_new(slices, total, at)
+            before, here = here, after
+    return total
+
+
+ALL_ROOTS = 2 * DEGREE
+#: [rad] of the parameter, for derivatives.
+NUDGE = 2e-5
+#: [rad] a root this near to the real axis is real.
+REAL = 1e-6
+#: [rad] one that is looked at closely and is nearer is certainly real.
+REAL_HERE = 1e-8
+#: [rad] roots farther from the real axis do not reach it within a gap.
+FARTHEST = 0.7
+#: Steps of all roots at a slice at most, and at the first one.
+ALL_ROOTS_STEPS, FIRST_STEPS = 12, 100
+ALL_ROOTS_ACCURACY = 1e-8
+#: Leading coefficients below this share of the largest one are rounding: with a spherical wrist the degree is 4.
+NO_COEFFICIENT = 1e-11
+#: A minimum of y^2 that the cubic puts above this share of the values at the slices stays above zero.
+HIGH = 0.6
+#: The same share of the larger value, where y^2 has a flat minimum that a cubic cannot follow.
+FLAT = 0.05
+#: [rad] by which a root is expected to move from slice to slice at most.
+LONGEST_MOVE = 0.3
+MINIMUM_STEPS, ONE_ROOT_STEPS = 12, 12
+ONE_ROOT_ACCURACY = 1e-13
+#: Share of a bracket that a step leaves at either end.
+CLOSEST = 0.01
+
+
+class Loops(NamedTuple):
+    """Roots at two slices, and what they are computed with."""
+
+    fourier: Array  # (3, 2, 9) coefficients of F at a parameter, NUDGE on and NUDGE before: cosines, sines
+    polynomial: Array  # (2, 17, 2) z^8 F and its derivative by the parameter, z = exp(i q6); real and imaginary parts
+    roots: Array  # (2, 16, 2) z at the last slice and at this one
+    height: Array  # (2, 16, 4) y^2 there, -1 where it is not looked at, and its derivative; dz/dp / z
+    found: Array  # (SLICES,) values of the parameter to add
+
+
+def make_loops() -> Loops:
+    """Fresh arrays."""
+    return Loops(
+        np.empty((3, 2, DEGREE + 1)),
+        np.empty((2, ALL_ROOTS + 1, 2)),
+        np.empty((2, ALL_ROOTS, 2)),
+        np.empty((2, ALL_ROOTS, 4)),
+        np.empty(SLICES),
+    )
+
+
+def fill_polynomial(T: Array, p: float, six: SixJoints, loops: Loops) -> None:
+    """Fill loops.polynomial for the target turned by p [rad]."""
+    k = unpack_arm(six.arm)
+    for n in range(3):
+        turn_target(T, six.axis, p + (n if n < 2 else -1) * NUDGE, six.T)
+        fourier_of_F(k, pose_of(six.arm, k, six.T), loops.fourier[n, 0], loops.fourier[n, 1])
+    for n in range(2):
+        for m in range(DEGREE + 1):
+            a, b = loops.fourier[0, 0, m], loops.fourier[0, 1, m]
+            if n == 1:
+                a = 0.5 * (loops.fourier[1, 0, m] - loops.fourier[2, 0, m]) / NUDGE
+                b = 0.5 * (loops.fourier[1, 1, m] - loops.fourier[2, 1, m]) / NUDGE
+            share = 1.0 if m == 0 else 0.5
+            loops.polynomial[n, DEGREE + m, 0], loops.polynomial[n, DEGREE + m, 1] = share * a, -share * b
+            loops.polynomial[n, DEGREE - m, 0], loops.polynomial[n, DEGREE - m, 1] = share * a, share * b
+
+
+def degree_of(polynomial: Array) -> int:
+    """How many coefficients on either side of the middle one are more than rounding."""
+    largest = 0.0
+    for n in range(DEGREE + 1):
+        largest = max(largest, math.hypot(polynomial[0, DEGREE + n, 0], polynomial[0, DEGREE + n, 1]))
+    degree = DEGREE
+    while degree > 0:
+        if math.hypot(polynomial[0, DEGREE + degree, 0], polynomial[0, DEGREE + degree, 1]) > NO_COEFFICIENT * largest:
+            break
+        degree -= 1
+    return degree
+
+
+def value_at(polynomial: Array, n: int, degree: int, z: complex) -> complex:
+    """Polynomial n, without what is rounding."""
+    value = complex(0.0, 0.0)
+    for m in range(DEGREE + degree, DEGREE - degree - 1, -1):
+        value = value * z + complex(polynomial[n, m, 0], polynomial[n, m, 1])
+    return value
+
+
+def slope_at(polynomial: Array, degree: int, z: complex) -> complex:
+    """Derivative of polynomial 0 by z."""
+    slope = complex(0.0, 0.0)
+    for m in range(2 * degree, 0, -1):
+        c = DEGREE - degree + m
+        slope = slope * z + m * complex(polynomial[0, c, 0], polynomial[0, c, 1])
+    return slope
+
+
+def improve_roots(polynomial: Array, degree: int, roots: Array, steps: int) -> None:
+    """Improve the first 2 degree roots all at once, each kept apart from the others (Aberth, 1973)."""
+    for _ in range(steps):
+        settled = True
+        for i in range(2 * degree):
+            x, y = roots[i, 0], roots[i, 1]
+            # Horner's rule for value and slope, real and imaginary parts.
+            a, b, c, d = 0.0, 0.0, 0.0, 0.0
+            for m in range(DEGREE + degree, DEGREE - degree - 1, -1):
+                c, d = c * x - d * y + a, c * y + d * x + b
+                a, b = a * x - b * y + polynomial[0, m, 0], a * y + b * x + polynomial[0, m, 1]
+            if a == 0.0 and b == 0.0:
+                continue
+            e, f = 0.0, 0.0  # the sum of 1 / (z - other)
+            for j in range(2 * degree):
+                u, v = x - roots[j, 0], y - roots[j, 1]
+                square = u * u + v * v
+                if square > 0.0:
+                    e += u / square
+                    f -= v / square
+            # The step is value / (slope - value * sum).
+            c -= a * e - b * f
+            d -= a * f + b * e
+            square = c * c + d * d
+            if square == 0.0:
+                continue
+            u, v = (a * c + b * d) / square, (b * c - a * d) / square
+            roots[i, 0], roots[i, 1] = x - u, y - v
+            if u * u + v * v > ALL_ROOTS_ACCURACY * ALL_ROOTS_ACCURACY * (x * x + y * y):
+                settled = False
+        if settled:
+            return
+
+
+def fill_heights(polynomial: Array, degree: int, roots: Array, height: Array) -> None:
+    """Fill height with y^2 of each root and its derivative by the parameter, -1 where it is real or far from it."""
+    for i in range(ALL_ROOTS):
+        height[i, 0], height[i, 2], height[i, 3] = -1.0, 0.0, 0.0
+        if i >= 2 * degree:
+            continue
+        z = complex(roots[i, 0], roots[i, 1])
+        size = abs(z)
+        slope = slope_at(polynomial, degree, z)
+        if size == 0.0 or slope == 0.0:
+            continue
+        y = -math.log(size)
+        rate = -value_at(polynomial, 1, degree, z) / slope / z
+        height[i, 2], height[i, 3] = rate.real, rate.imag
+        if REAL < abs(y) < FARTHEST:
+            height[i, 0], height[i, 1] = y * y, -2.0 * y * rate.real
+
+
+def lowest(a: float, da: float, b: float, db: float, h: float) -> float:
+    """Where the cubic with these values and slopes, h apart, has a minimum between, as a share of h; -1 for none."""
+    c3, c2 = 2.0 * (a - b) + h * (da + db), 3.0 * (b - a) - h * (2.0 * da + db)
+    square = c2 * c2 - 3.0 * c3 * h * da
+    if square < 0.0:
+        return -1.0
+    bottom = c2 + math.sqrt(square)
+    if bottom == 0.0:
+        return -1.0
+    share = -h * da / bottom
+    return share if 0.0 < share < 1.0 else -1.0
+
+
+def cubic_at(a: float, da: float, b: float, db: float, h: float, u: float) -> float:
+    """Value of that cubic at a share u."""
+    c3, c2 = 2.0 * (a - b) + h * (da + db), 3.0 * (b - a) - h * (2.0 * da + db)
+    return a + u * (h * da + u * (c2 + u * c3))
+
+
+def near_root(polynomial: Array, degree: int, z: complex) -> complex:
+    """The root near z, from parabolas: of two that meet, each is as easy to find as a single one."""
+    for _ in range(ONE_ROOT_STEPS):
+        value, slope, bend = complex(0.0, 0.0), complex(0.0, 0.0), complex(0.0, 0.0)
+        for m in range(DEGREE + degree, DEGREE - degree - 1, -1):
+            bend = bend * z + slope
+            slope = slope * z + value
+            value = value * z + complex(polynomial[0, m, 0], polynomial[0, m, 1])
+        root = cmath.sqrt(slope * slope - 4.0 * value * bend)
+        bottom = slope + root if abs(slope + root) > abs(slope - root) else slope - root
+        if bottom == 0.0:
+            break
+        step = 2.0 * value / bottom
+        z -= step
+        if abs(step) < ONE_ROOT_ACCURACY:
+            break
+    return z
+
+
+def becomes_real(T: Array, low: float, high: float, i: int, six: SixJoints, loops: Loops) -> float:
+    """A parameter between two slices where root i is real, nan if it seems to stay complex."""
+    x_low = cmath.phase(complex(loops.roots[0, i, 0], loops.roots[0, i, 1]))
+    x_high = x_low + wrapped(cmath.phase(complex(loops.roots[1, i, 0], loops.roots[1, i, 1])) - x_low)
+    # y^2, x and their derivatives at both ends of a bracket that narrows.
+    a, da, xa, dxa = loops.height[0, i, 0], loops.height[0, i, 1], x_low, loops.height[0, i, 3]
+    b, db, xb, dxb = loops.height[1, i, 0], loops.height[1, i, 1], x_high, loops.height[1, i, 3]
+    perhaps = math.nan
+    for _ in range(MINIMUM_STEPS):
+        h = high - low
+        share = lowest(a, da, b, db, h)
+        if share < 0.0 or h < NUDGE:
+            break
+        share = min(max(share, CLOSEST), 1.0 - CLOSEST)
+        p = low + share * h
+        fill_polynomial(T, p, six, loops)
+        degree = degree_of(loops.polynomial)
+        y = math.sqrt(max(cubic_at(a, da, b, db, h, share), 0.0))
+        x = cubic_at(xa, dxa, xb, dxb, h, share)
+        z = near_root(loops.polynomial, degree, cmath.exp(complex(-y, x)))
+        if z == 0.0:
+            break
+        y = -math.log(abs(z))
+        if abs(y) < REAL_HERE:
+            return p
+        if abs(y) < REAL:
+            perhaps = p
+        slope = slope_at(loops.polynomial, degree, z)
+        if not abs(y) < FARTHEST or slope == 0.0:
+            break
+        rate = -value_at(loops.polynomial, 1, degree, z) / slope / z
+        x += wrapped(cmath.phase(z) - x)
+        if rate.real * y > 0.0:
+            low, a, da, xa, dxa = p, y * y, -2.0 * y * rate.real, x, rate.imag
+        else:
+            high, b, db, xb, dxb = p, y * y, -2.0 * y * rate.real, x, rate.imag
+    return perhaps
+
+
+def add_loops(T: Array, n: int, closed: bool, slices: Slices, six: SixJoints, loops: Loops) -> int:
+    """Add a slice in each gap between the first n slices that a curve is closed in; returns how many there are then."""
+    count = 0
+    steps = FIRST_STEPS
+    before = 0
+    for i in range(n + 1 if closed else n):
+        p = slices.p[i] if i < n else slices.p[0] + TURN
+        fill_polynomial(T, p, six, loops)
+        degree = degree_of(loops.polynomial)
+        if i == 0 or degree != before:
+            steps = FIRST_STEPS
+            for k in range(ALL_ROOTS):
+                z = cmath.rect(1.0 + 0.1 * math.cos(3.0 * k), 0.4 + TURN * k / max(2 * degree, 1))
+                loops.roots[1, k, 0], loops.roots[1, k, 1] = z.real, z.imag
+        else:
+            for k in range(2 * degree):
+                move = (p - slices.p[i - 1]) * complex(loops.height[0, k, 2], loops.height[0, k, 3])
+                move /= max(1.0, abs(move) / LONGEST_MOVE)
+                z = complex(loops.roots[0, k, 0], loops.roots[0, k, 1]) * cmath.exp(move)
+                loops.roots[1, k, 0], loops.roots[1, k, 1] = z.real, z.imag
+        improve_roots(loops.polynomial, degree, loops.roots[1], steps)
+        fill_heights(loops.polynomial, degree, loops.roots[1], loops.height[1])
+        if i > 0 and degree == before:
+            low = slices.p[i - 1]
+            h = p - low
+            for k in range(2 * degree):
+                a, da = loops.height[0, k, 0], loops.height[0, k, 1]
+                b, db = loops.height[1, k, 0], loops.height[1, k, 1]
+                above = math.hypot(loops.roots[0, k, 0], loops.roots[0, k, 1]) < 1.0  # of the two conjugates
+                if not above or a <= 0.0 or b <= 0.0 or count == SLICES:
+                    continue
+                share = lowest(a, da, b, db, h)
+                if share < 0.0 or cubic_at(a, da, b, db, h, share) > max(HIGH * min(a, b), FLAT * max(a, b)):
+                    continue
+                at = becomes_real(T, low, p, k, six, loops)
+                if at == at:
+                    loops.found[count] = at
+                    count += 1
+        steps, before = ALL_ROOTS_STEPS, degree
+        for k in range(ALL_ROOTS):
+            loops.roots[0, k, 0], loops.roots[0, k, 1] = loops.roots[1, k, 0], loops.roots[1, k, 1]
+            for m in range(4):
+                loops.height[0, k, m] = loops.height[1, k, m]
+    total = n
+    for k in range(count):
+        total = insert_slice(slices, total, loops.found[k])
+    return total

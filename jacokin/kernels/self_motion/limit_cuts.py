@@ -1,0 +1,203 @@
+"""Where joints pass their limits along an arc, and the intervals between: what exists and is within the limits."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from jacokin.arrays import Array
+from jacokin.kernels.limits import TURN
+from jacokin.kernels.self_motion.arcs import Arcs
+from jacokin.kernels.self_motion.chain7 import tangent7
+from jacokin.kernels.self_motion.follow import Walk, between, chord_length, share_of, where_joint_is
+from jacokin.kernels.self_motion.slices import wrapped
+
+#: [rad] where a joint comes to its limit just as another leaves its own, rounding may put the point past one of them.
+CORNER = 1e-10
+#: Share of the square of a chord: an extremum this near to a limit is looked at on halves of the chord.
+DOUBT = 2e-3
+#: [rad] shorter chords are not halved.
+SHORTEST_CHORD = 1e-7
+HALVINGS = 14
+EVENTS, INTERVALS = 512, 256
+#: Columns of an event: first node of its chord, share of the chord, code, point. A code is 2 j for the lower and
+#: 2 j + 1 for the upper limit of joint j; -1 - n for an arc's end of kind n.
+NODE, SHARE, CODE, POINT, EVENT_COLUMNS = 0, 1, 2, 3, 10
+#: Columns of an interval: arc, first and last chord, codes of both ends, shares of both chords, points at both ends.
+INTERVAL_COLUMNS = 21
+
+
+class Cuts(NamedTuple):
+    """Events of one arc, and the intervals of all arcs."""
+
+    limits: Array  # (2, 7) lower and upper limits [rad], infinite where a joint is unlimited
+    events: Array  # (EVENTS, 10)
+    intervals: Array  # (INTERVALS, 21)
+    stack: Array  # (16, 29) halves of a chord: its nodes, how often it was halved
+
+
+def make_cuts() -> Cuts:
+    """Fresh arrays."""
+    return Cuts(
+        np.empty((2, 7)),
+        np.empty((EVENTS, EVENT_COLUMNS)),
+        np.empty((INTERVALS, INTERVAL_COLUMNS)),
+        np.empty((HALVINGS + 2, 29)),
+    )
+
+
+def is_within(x: Array, limits: Array, slack: float) -> bool:
+    """Whether a 2 pi copy of every joint is within its limits, or outside by no more than slack [rad]."""
+    for j in range(7):
+        if limits[0, j] > -math.inf:
+            middle, half = 0.5 * (limits[0, j] + limits[1, j]), 0.5 * (limits[1, j] - limits[0, j])
+            if abs(wrapped(x[j] - middle)) > half + slack:
+                return False
+    return True
+
+
+def doubtful(v0: float, v1: float, d0: float, d1: float, slack: float) -> bool:
+    """Whether the cubic with these values and slopes at 0 and 1 has an extremum between that leaves its sign open."""
+    c3, c2 = 2.0 * (v0 - v1) + d0 + d1, 3.0 * (v1 - v0) - 2.0 * d0 - d1
+    square = c2 * c2 - 3.0 * c3 * d0
+    if square <= 0.0:
+        return False
+    q = -(c2 + math.copysign(math.sqrt(square), c2))
+    for n in range(2):
+        denominator, numerator = (3.0 * c3, q) if n == 0 else (q, d0)
+        u = numerator / denominator if denominator != 0.0 else -1.0
+        if 0.0 < u < 1.0:
+            value = v0 + u * (d0 + u * (c2 + u * c3))
+            if abs(value) < slack or value * v0 <= 0.0 or value * v1 <= 0.0:
+                return True
+    return False
+
+
+def add_crossings(
+    chain: Array, T: Array, arcs: Arcs, node: int, j: int, level: float, code: int, n: int, cuts: Cuts, walk: Walk
+) -> int:
+    """Append the places where joint j crosses a level on the chord that begins at a node; returns the new count."""
+    stack = cuts.stack
+    for m in range(14):
+        stack[0, m] = arcs.nodes[node, m]
+        stack[0, 14 + m] = arcs.nodes[node + 1, m]
+    stack[0, 28] = 0.0
+    top = 0
+    while top >= 0:
+        half = stack[top]
+        a, b = half[0:14], half[14:28]
+        depth = half[28]
+        length = chord_length(a, b)
+        v0, v1 = a[j] - level, b[j] - level
+        slack = DOUBT * length * length
+        if (
+            length > SHORTEST_CHORD
+            and depth < HALVINGS
+            and doubtful(v0, v1, a[7 + j] * length, b[7 + j] * length, slack)
+            and between(chain, T, a, b, 0.5, walk.x, walk)
+            and tangent7(chain, T, walk.x, walk.border, walk.t, walk.system) != 0.0
+        ):
+            later = stack[top + 1]
+            for m in range(7):
+                later[m], later[7 + m], later[14 + m], later[21 + m] = walk.x[m], walk.t[m], b[m], b[7 + m]
+                half[14 + m], half[21 + m] = walk.x[m], walk.t[m]
+            later[28] = depth + 1.0
+            half[28] = depth + 1.0
+            top += 1
+            continue
+        crosses = (v0 < 0.0) != (v1 < 0.0) and n < EVENTS
+        if crosses and where_joint_is(chain, T, a, b, j, level, walk.x, walk) >= 0.0:
+            event = cuts.events[n]
+            whole = share_of(arcs.nodes[node], arcs.nodes[node + 1], walk.x)
+            event[NODE], event[SHARE], event[CODE] = node, whole, code
+            for m in range(7):
+                event[POINT + m] = walk.x[m]
+            event[POINT + j] = level
+            n += 1
+        top -= 1
+    return n
+
+
+def events_of_arc(chain: Array, T: Array, arcs: Arcs, arc: int, cuts: Cuts, walk: Walk) -> int:
+    """Fill cuts.events with where limits are crossed along an arc, in order; returns how many."""
+    n = 0
+    for j in range(7):
+        if not cuts.limits[0, j] > -math.inf:
+            continue
+        for node in range(arcs.arcs[arc, 0], arcs.arcs[arc, 1] - 1):
+            here, there = arcs.nodes[node, j], arcs.nodes[node + 1, j]
+            farthest = abs(there - here) + 0.1 + chord_length(arcs.nodes[node], arcs.nodes[node + 1])
+            for side in range(2):
+                level = cuts.limits[side, j]
+                level += TURN * math.floor((0.5 * (here + there) - level) / TURN + 0.5)
+                if abs(level - 0.5 * (here + there)) <= farthest:
+                    n = add_crossings(chain, T, arcs, node, j, level, 2 * j + side, n, cuts, walk)
+    for i in range(1, n):
+        k = i
+        while k > 0 and comes_before(cuts.events[k], cuts.events[k - 1]):
+            for m in range(EVENT_COLUMNS):
+                swap = cuts.events[k, m]
+                cuts.events[k, m] = cuts.events[k - 1, m]
+                cuts.events[k - 1, m] = swap
+            k -= 1
+    return n
+
+
+def comes_before(a: Array, b: Array) -> bool:
+    """Whether event a lies before event b on their arc."""
+    return bool(a[NODE] < b[NODE] or (a[NODE] == b[NODE] and a[SHARE] < b[SHARE]))
+
+
+def point_between(chain: Array, T: Array, arcs: Arcs, arc: int, i: int, n: int, cuts: Cuts, walk: Walk) -> bool:
+    """Fill walk.x with a point between events i - 1 and i of n on an arc; any point between tells for all of them."""
+    a, u, b, v = arcs.arcs[arc, 0], 0.0, arcs.arcs[arc, 1] - 2, 1.0  # first and last chord
+    if i > 0:
+        a, u = int(cuts.events[i - 1, NODE]), cuts.events[i - 1, SHARE]
+    if i < n:
+        b, v = int(cuts.events[i, NODE]), cuts.events[i, SHARE]
+    middle, share = (a + b) // 2, 0.5
+    if a == b:
+        share = 0.5 * (u + v)
+    elif b == a + 1:
+        middle, share = (a, 0.5 * (u + 1.0)) if 1.0 - u > v else (b, 0.5 * v)
+    return between(chain, T, arcs.nodes[middle], arcs.nodes[middle + 1], share, walk.x, walk)
+
+
+def cut(chain: Array, T: Array, arcs: Arcs, cuts: Cuts, walk: Walk) -> int:
+    """Fill cuts.intervals with the parts of all arcs that are within the limits; returns how many."""
+    found = 0
+    for arc in range(arcs.size[1]):
+        n = events_of_arc(chain, T, arcs, arc, cuts, walk)
+        before = False  # whether the part before is within the limits
+        for i in range(n + 1):
+            inside = point_between(chain, T, arcs, arc, i, n, cuts, walk) and is_within(walk.x, cuts.limits, 0.0)
+            keep = inside
+            if not inside and not before and 0 < i < n and is_within(walk.x, cuts.limits, CORNER):
+                # A single point, unless it is the end of the part after it.
+                keep = not (
+                    point_between(chain, T, arcs, arc, i + 1, n, cuts, walk) and is_within(walk.x, cuts.limits, 0.0)
+                )
+            before = inside
+            if keep and found < INTERVALS:
+                enter_interval(arcs, arc, i, n, cuts, found)
+                found += 1
+    return found
+
+
+def enter_interval(arcs: Arcs, arc: int, i: int, n: int, cuts: Cuts, found: int) -> None:
+    """Fill a row of cuts.intervals with what lies between events i - 1 and i of n."""
+    first, last = arcs.arcs[arc, 0], arcs.arcs[arc, 1] - 2
+    row = cuts.intervals[found]
+    row[0], row[1], row[3], row[5] = arc, first, -1 - arcs.arcs[arc, 2], 0.0
+    row[2], row[4], row[6] = last, -1 - arcs.arcs[arc, 3], 1.0
+    if i > 0:
+        event = cuts.events[i - 1]
+        row[1], row[3], row[5] = event[NODE], event[CODE], event[SHARE]
+    if i < n:
+        event = cuts.events[i]
+        row[2], row[4], row[6] = event[NODE], event[CODE], event[SHARE]
+    for m in range(7):
+        row[7 + m] = cuts.events[i - 1, POINT + m] if i > 0 else arcs.nodes[first, m]
+        row[14 + m] = cuts.events[i, POINT + m] if i < n else arcs.nodes[last + 1, m]

@@ -1,0 +1,189 @@
+"""The seven-joint arm with joint 3 given: at most eight configurations, each from a chain of plane angles.
+
+The wrist centre W depends on joints 1 to 4 only. Its distance from O, where axes 1 and 2 meet, gives joint 4; its
+height along axis 1 gives joint 2, its direction joint 1; the spherical wrist gives joints 6, 5 and 7.
+"""
+
+from __future__ import annotations
+
+import math
+
+from jacokin.arrays import Array
+from jacokin.kernels.vector import Vec, dot
+
+MOST_AT_Q3 = 8
+
+
+def row_of(chain: Array, i: int, k: int) -> Vec:
+    """Row k of the rotation of placement i."""
+    return (chain[i, k, 0], chain[i, k, 1], chain[i, k, 2])
+
+
+def column_of(chain: Array, i: int, k: int) -> Vec:
+    """Column k of placement i; column 3 is its translation."""
+    return (chain[i, 0, k], chain[i, 1, k], chain[i, 2, k])
+
+
+def turned(chain: Array, i: int, v: Vec) -> Vec:
+    """A vector turned by placement i."""
+    return (dot(row_of(chain, i, 0), v), dot(row_of(chain, i, 1), v), dot(row_of(chain, i, 2), v))
+
+
+def turned_back(chain: Array, i: int, v: Vec) -> Vec:
+    """A vector turned by the inverse of placement i."""
+    return (dot(column_of(chain, i, 0), v), dot(column_of(chain, i, 1), v), dot(column_of(chain, i, 2), v))
+
+
+def about_z(c: float, s: float, v: Vec) -> Vec:
+    """A vector turned about z, by its cosine and sine."""
+    return (c * v[0] - s * v[1], s * v[0] + c * v[1], v[2])
+
+
+def plane_equation(r: Vec, v: Vec, right: float) -> tuple[float, float, float]:
+    """The coefficients of a cos q + b sin q = c that r . Rz(q) v = right stands for."""
+    return r[0] * v[0] + r[1] * v[1], r[1] * v[0] - r[0] * v[1], right - r[2] * v[2]
+
+
+def of_target(T: Array, v: Vec) -> Vec:
+    """A vector of the tool in the base."""
+    return (
+        T[0, 0] * v[0] + T[0, 1] * v[1] + T[0, 2] * v[2],
+        T[1, 0] * v[0] + T[1, 1] * v[1] + T[1, 2] * v[2],
+        T[2, 0] * v[0] + T[2, 1] * v[1] + T[2, 2] * v[2],
+    )
+
+
+def wrist_from_shoulder(chain: Array, arm7: Array, T: Array) -> Vec:
+    """From O to W, in the axes of joint 1 at q1 = 0."""
+    W = of_target(T, (arm7[0], arm7[1], arm7[2]))
+    return turned_back(chain, 0, (W[0] + T[0, 3] - arm7[3], W[1] + T[1, 3] - arm7[4], W[2] + T[2, 3] - arm7[5]))
+
+
+def elbow(chain: Array, arm7: Array, c3: float, s3: float) -> Vec:
+    """From O to the origin of joint 4, in the axes after joint 2."""
+    d = turned(chain, 2, about_z(c3, s3, column_of(chain, 3, 3)))
+    return (chain[2, 0, 3] - arm7[6] + d[0], chain[2, 1, 3] - arm7[7] + d[1], chain[2, 2, 3] - arm7[8] + d[2])
+
+
+def elbow_equation(chain: Array, arm7: Array, D0: Vec, u: Vec, c3: float, s3: float) -> tuple[float, float, float]:
+    """The coefficients of a cos q4 + b sin q4 = c, from the distance of W from O."""
+    w4 = (arm7[9], arm7[10], arm7[11])
+    seen = turned_back(chain, 3, about_z(c3, -s3, turned_back(chain, 2, u)))
+    return plane_equation(seen, w4, 0.5 * (dot(D0, D0) - dot(u, u) - dot(w4, w4)))
+
+
+def wrist_after_joint_2(chain: Array, arm7: Array, u: Vec, c3: float, s3: float, c4: float, s4: float) -> Vec:
+    """From O to W, in the axes after joint 2."""
+    at4 = about_z(c4, s4, (arm7[9], arm7[10], arm7[11]))
+    d = turned(chain, 2, about_z(c3, s3, turned(chain, 3, at4)))
+    return (u[0] + d[0], u[1] + d[1], u[2] + d[2])
+
+
+def discriminant(chain: Array, arm7: Array, D0: Vec, q3: float, sign: float) -> tuple[float, float]:
+    """How far from vanishing the configurations with this joint 3 are, < 0 where there are none.
+
+    Args:
+        chain: (8, 3, 4) the arm's placements.
+        arm7: (12,) see `solve_at_q3`.
+        D0: what `wrist_from_shoulder` returned.
+        q3: [rad].
+        sign: 1 or -1, which of the two values of joint 4.
+
+    Returns:
+        For joint 4, and for joint 2; the second one is -1 where the first one is negative.
+    """
+    c3, s3 = math.cos(q3), math.sin(q3)
+    u = elbow(chain, arm7, c3, s3)
+    a, b, c = elbow_equation(chain, arm7, D0, u, c3, s3)
+    first = a * a + b * b - c * c
+    if not first > 0.0:
+        return first, -1.0
+    q4 = math.atan2(b, a) + sign * math.acos(c / math.sqrt(a * a + b * b))
+    v = wrist_after_joint_2(chain, arm7, u, c3, s3, math.cos(q4), math.sin(q4))
+    a, b, c = plane_equation(row_of(chain, 1, 2), v, D0[2])
+    return first, a * a + b * b - c * c
+
+
+def solve_at_q3(chain: Array, arm7: Array, T: Array, q3: float, rows: Array) -> int:
+    """Fill rows (8, 7) with the configurations that reach T with this joint 3; row 4 a + 2 b + c has signs a, b, c.
+
+    Args:
+        chain: (8, 3, 4) the arm's placements.
+        arm7: (12,) W in the tool frame, O in the base, O after joint 2, W after joint 4 [m].
+        T: (4, 4) target.
+        q3: [rad].
+        rows: filled; NaN in the first column where there is none.
+
+    Returns:
+        How many there are.
+    """
+    for i in range(MOST_AT_Q3):
+        rows[i, 0] = math.nan
+    D0 = wrist_from_shoulder(chain, arm7, T)
+    x = turned_back(chain, 0, of_target(T, row_of(chain, 7, 0)))
+    y = turned_back(chain, 0, of_target(T, row_of(chain, 7, 1)))
+    z = turned_back(chain, 0, of_target(T, row_of(chain, 7, 2)))
+    towards = math.atan2(D0[1], D0[0])
+    c3, s3 = math.cos(q3), math.sin(q3)
+    u = elbow(chain, arm7, c3, s3)
+    a, b, c = elbow_equation(chain, arm7, D0, u, c3, s3)
+    r4 = math.sqrt(a * a + b * b)
+    if not abs(c) <= r4 or r4 == 0.0:
+        return 0
+    middle4, half4 = math.atan2(b, a), math.acos(c / r4)
+    count = 0
+    for i in range(2):
+        q4 = middle4 + (half4 if i == 0 else -half4)
+        c4, s4 = math.cos(q4), math.sin(q4)
+        v = wrist_after_joint_2(chain, arm7, u, c3, s3, c4, s4)
+        a, b, c = plane_equation(row_of(chain, 1, 2), v, D0[2])
+        r2 = math.sqrt(a * a + b * b)
+        if not abs(c) <= r2 or r2 == 0.0:
+            continue
+        middle2, half2 = math.atan2(b, a), math.acos(c / r2)
+        for k in range(2):
+            q2 = middle2 + (half2 if k == 0 else -half2)
+            c2, s2 = math.cos(q2), math.sin(q2)
+            D1 = turned(chain, 1, about_z(c2, s2, v))
+            q1 = towards - math.atan2(D1[1], D1[0])
+            c1, s1 = math.cos(q1), math.sin(q1)
+            n = 4 * i + 2 * k
+            for m in range(n, n + 2):
+                rows[m, 0], rows[m, 1], rows[m, 2], rows[m, 3] = q1, q2, q3, q4
+            solve_wrist(
+                chain,
+                after_joint_4(chain, c1, s1, c2, s2, c3, s3, c4, s4, x),
+                after_joint_4(chain, c1, s1, c2, s2, c3, s3, c4, s4, y),
+                after_joint_4(chain, c1, s1, c2, s2, c3, s3, c4, s4, z),
+                rows,
+                n,
+            )
+            count += 2
+    return count
+
+
+def solve_wrist(chain: Array, x: Vec, y: Vec, z: Vec, rows: Array, n: int) -> None:
+    """Joints 5, 6 and 7 of rows n and n + 1, from the axes of the tool as seen before joint 5."""
+    axis = column_of(chain, 6, 2)
+    a, b, c = plane_equation(row_of(chain, 5, 2), axis, z[2])
+    middle6, half6 = math.atan2(b, a), math.acos(min(1.0, max(-1.0, c / math.sqrt(a * a + b * b))))
+    towards = math.atan2(z[1], z[0])
+    for k in range(2):
+        q6 = middle6 + (half6 if k == 0 else -half6)
+        c6, s6 = math.cos(q6), math.sin(q6)
+        e = turned(chain, 5, about_z(c6, s6, axis))
+        q5 = towards - math.atan2(e[1], e[0])
+        c5, s5 = math.cos(q5), math.sin(q5)
+        f = turned_back(chain, 6, about_z(c6, -s6, turned_back(chain, 5, about_z(c5, -s5, x))))
+        g = turned_back(chain, 6, about_z(c6, -s6, turned_back(chain, 5, about_z(c5, -s5, y))))
+        rows[n + k, 4], rows[n + k, 5], rows[n + k, 6] = q5, q6, math.atan2(f[1] - g[0], f[0] + g[1])
+
+
+def after_joint_4(
+    chain: Array, c1: float, s1: float, c2: float, s2: float, c3: float, s3: float, c4: float, s4: float, v: Vec
+) -> Vec:
+    """A vector seen before joint 1, turned into the axes before joint 5."""
+    v = turned_back(chain, 1, about_z(c1, -s1, v))
+    v = turned_back(chain, 2, about_z(c2, -s2, v))
+    v = turned_back(chain, 3, about_z(c3, -s3, v))
+    return turned_back(chain, 4, about_z(c4, -s4, v))

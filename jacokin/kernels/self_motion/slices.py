@@ -1,0 +1,136 @@
+"""All configurations at given values of the parameter: the points that the curves are drawn through."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jacokin.arrays import Array
+from jacokin.kernels.closed_form.arm import unpack_arm
+from jacokin.kernels.closed_form.pose import Task, Work, solve_pose
+from jacokin.kernels.limits import TURN
+from jacokin.kernels.self_motion.chain7 import bordered_newton, linearise7, null_tangent, tangent7
+from jacokin.kernels.self_motion.follow import CURVE_CLOSURE, WORST_CLOSURE, Walk
+from jacokin.kernels.self_motion.seven import MOST_AT_Q3, solve_at_q3
+
+#: Values of the parameter at most, and points at each.
+SLICES, POINTS = 128, 24
+
+
+class SixJoints(NamedTuple):
+    """A six-joint arm and the free axis of its tool."""
+
+    chain: Array  # (7, 3, 4)
+    arm: Array  # (39,)
+    limits: Array  # (3, 6)
+    axis: Array  # (3,) unit vector in the tool frame
+    T: Array  # (4, 4) the target turned about the axis
+    seed: Array  # (6,)
+    work: Work
+
+
+class SevenJoints(NamedTuple):
+    """A seven-joint arm."""
+
+    arm: Array  # (12,) as `seven.solve_at_q3` needs it
+    rows: Array  # (8, 7)
+
+
+class Slices(NamedTuple):
+    """Points of the curves by the value of the parameter."""
+
+    p: Array  # (SLICES,) [rad], rising
+    filled: NDArray[np.int64]  # (SLICES,) points at each
+    x: Array  # (SLICES, POINTS, 7) [rad]
+    t: Array  # (SLICES, POINTS, 7) unit tangents, dp/ds >= 0
+    sign: Array  # (SLICES, POINTS) of the determinant, see `chain7.tangent7`
+    label: NDArray[np.int64]  # (SLICES, POINTS) row of `seven.solve_at_q3`; -1 for none
+
+
+def wrapped(angle: float) -> float:
+    """The copy of an angle in [-pi, pi)."""
+    return angle - TURN * math.floor(angle / TURN + 0.5)
+
+
+def turn_target(T: Array, axis: Array, angle: float, turned: Array) -> None:
+    """Fill turned with T Rot(axis, angle)."""
+    c, s = math.cos(angle), math.sin(angle)
+    x, y, z = axis[0], axis[1], axis[2]
+    for i in range(3):
+        a, b, d = T[i, 0], T[i, 1], T[i, 2]
+        along = (1.0 - c) * (a * x + b * y + d * z)
+        turned[i, 0] = c * a + along * x + s * (b * z - d * y)
+        turned[i, 1] = c * b + along * y + s * (d * x - a * z)
+        turned[i, 2] = c * d + along * z + s * (a * y - b * x)
+        turned[i, 3] = T[i, 3]
+    turned[3, 0], turned[3, 1], turned[3, 2], turned[3, 3] = 0.0, 0.0, 0.0, 1.0
+
+
+def solve_six(T: Array, p: float, six: SixJoints) -> int:
+    """All branches of the six-joint arm with its tool turned by p [rad], in six.work.branches.rows; how many."""
+    turn_target(T, six.axis, p, six.T)
+    solve_pose(six.arm, unpack_arm(six.arm), Task(six.chain, six.limits, six.T, six.seed), six.work)
+    return int(six.work.branches.filled[0])
+
+
+def add_point(chain: Array, T: Array, parameter: int, i: int, slices: Slices, walk: Walk) -> bool:
+    """Count the point at slices.x[i, filled[i]] in if it lies on a curve; fills its tangent."""
+    k = slices.filled[i]
+    for j in range(7):
+        walk.border[j] = 1.0 if j == parameter else 0.0
+    sign = tangent7(chain, T, slices.x[i, k], walk.border, slices.t[i, k], walk.system)
+    if sign == 0.0:
+        return False
+    slices.sign[i, k] = sign
+    slices.label[i, k] = -1
+    slices.filled[i] = k + 1
+    return True
+
+
+def add_row(chain: Array, T: Array, i: int, label: int, seven: SevenJoints, slices: Slices, walk: Walk) -> bool:
+    """As `add_point`, for a row of `seven.rows`, improved where its closure asks for it."""
+    k = slices.filled[i]
+    x = slices.x[i, k]
+    for j in range(7):
+        x[j] = seven.rows[label, j]
+        walk.border[j] = 1.0 if j == 2 else 0.0
+    if linearise7(chain, T, x, walk.system) > CURVE_CLOSURE:
+        if bordered_newton(chain, T, x, walk.border, slices.p[i], walk.system, 6, CURVE_CLOSURE) > WORST_CLOSURE:
+            return False
+        linearise7(chain, T, x, walk.system)
+    sign = null_tangent(walk.border, slices.t[i, k], walk.system)
+    if sign == 0.0:
+        return False
+    slices.sign[i, k] = sign
+    slices.label[i, k] = label
+    slices.filled[i] = k + 1
+    return True
+
+
+def fill_slices(
+    chain: Array, T: Array, parameter: int, n: int, slices: Slices, six: SixJoints, seven: SevenJoints, walk: Walk
+) -> int:
+    """Solve at the first n values of slices.p; returns how many points could not be used (exactly on a fold)."""
+    lost = 0
+    for i in range(n):
+        slices.filled[i] = 0
+        p = slices.p[i]
+        if parameter == 6:
+            found = solve_six(T, p, six)
+            for k in range(found):
+                for j in range(6):
+                    slices.x[i, slices.filled[i], j] = six.work.branches.rows[k, j]
+                slices.x[i, slices.filled[i], 6] = p
+                if not add_point(chain, T, parameter, i, slices, walk):
+                    lost += 1
+            continue
+        solve_at_q3(chain, seven.arm, T, p, seven.rows)
+        for k in range(MOST_AT_Q3):
+            if math.isnan(seven.rows[k, 0]):
+                continue
+            if not add_row(chain, T, i, k, seven, slices, walk):
+                lost += 1
+    return lost

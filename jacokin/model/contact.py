@@ -1,0 +1,177 @@
+"""Does the arm touch itself, or an obstacle? Asked of MuJoCo, on the collision shapes of the description."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import mujoco
+import numpy as np
+from numpy.typing import ArrayLike
+
+from jacokin.arrays import Array
+from jacokin.errors import ModelError
+from jacokin.model.mujoco_twin import to_spec
+from jacokin.model.obstacles import add_to_spec, collision_pairs
+
+if TYPE_CHECKING:
+    from jacokin.model.obstacles import Obstacle
+    from jacokin.model.robot import Robot
+
+
+class Contact:
+    """Contact of one robot with itself and with obstacles; may be shared between threads.
+
+    Each thread gets working memory of its own.
+
+    Attributes:
+        pairs: how many pairs of shapes are tested.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        obstacles: Sequence[Obstacle] = (),
+        *,
+        clearance: float = 0.0,
+        finger_angle: float | None = None,
+    ) -> None:
+        """Build the shapes in MuJoCo.
+
+        Args:
+            robot: the arm.
+            obstacles: checked obstacles, in the base frame.
+            clearance: shapes this near to each other count as touching [m].
+            finger_angle: angle of the joints off the arm [rad]; None for the one the robot was loaded with.
+
+        Raises:
+            InvalidInputError: `robot` is not a Robot, an obstacle has the name of a shape of the arm, or no finger can
+                take the angle.
+            ModelError: the description's shapes cannot be loaded.
+        """
+        import mujoco
+
+        from jacokin.model.mujoco_twin import to_spec
+        from jacokin.model.obstacles import add_pairs, add_to_spec
+        from jacokin.model.robot import checked_robot
+
+        self._mujoco = mujoco
+        self._robot = checked_robot("robot", robot)
+        self._clearance = clearance
+        spec = to_spec(robot, geometry=True, finger_angle=finger_angle)
+        add_to_spec(spec, obstacles)
+        add_pairs(spec, obstacles)
+        for pair in spec.pairs:
+            pair.margin = clearance
+        self._model = spec.compile()
+        self._local = threading.local()
+        self.pairs = int(self._model.npair)
+
+    def touching(self, q: ArrayLike) -> list[tuple[str, str]]:
+        """Names of the shapes that touch at `q` (dof,) [rad]; empty when none do.
+
+        Raises:
+            InvalidInputError: `q` malformed.
+        """
+        checked = self._robot.configuration(q)
+        try:
+            data = self._local.data
+        except AttributeError:
+            data = self._local.data = self._mujoco.MjData(self._model)
+        data.qpos[:] = checked
+        self._mujoco.mj_kinematics(self._model, data)
+        self._mujoco.mj_collision(self._model, data)
+        contact = data.contact
+        touching = [
+            (self._model.geom(int(a)).name, self._model.geom(int(b)).name)
+            for (a, b), distance in zip(contact.geom, contact.dist, strict=True)
+            if distance <= self._clearance
+        ]
+        return sorted(set(touching))
+
+
+class SelfContact(Contact):
+    """Self-contact of one robot; may be shared between threads."""
+
+    def __init__(self, robot: Robot) -> None:
+        """Build the shapes of the robot in MuJoCo.
+
+        Raises:
+            InvalidInputError: `robot` is not a Robot.
+            ModelError: the description's shapes cannot be loaded.
+        """
+        super().__init__(robot)
+
+    @classmethod
+    def of(cls, robot: Robot) -> SelfContact | None:
+        """A checker, or None when the description has no shapes to check."""
+        try:
+            checker = cls(robot)
+        except ModelError:
+            return None
+        return checker if checker.pairs else None
+
+
+class ShapeDistances:
+    """Smallest distance between shapes of one robot in one scene; may be shared between threads."""
+
+    def __init__(
+        self,
+        robot: Robot,
+        obstacles: Sequence[Obstacle],
+        *,
+        self_collision: bool = False,
+        finger_angle: float | None = None,
+    ) -> None:
+        """Build the shapes in MuJoCo.
+
+        Args:
+            robot: the arm.
+            obstacles: checked obstacles, in the base frame.
+            self_collision: True to measure the arm's own shapes against each other too.
+            finger_angle: angle of the joints off the arm [rad]; None for the one the robot was loaded with.
+
+        Raises:
+            InvalidInputError: an obstacle has the name of a shape of the arm, or no finger can take the angle.
+            ModelError: the description has no shapes, or they cannot be loaded.
+        """
+        spec = to_spec(robot, geometry=True, finger_angle=finger_angle)
+        if not spec.geoms:
+            raise ModelError(f"{robot.name}: the description has no collision shapes, so no distance can be measured")
+        add_to_spec(spec, obstacles)
+        self._model = model = spec.compile()
+        pairs = collision_pairs(model, obstacles, self_collision=self_collision)
+        self._first, self._second = np.array(pairs, dtype=np.intp).reshape(-1, 2).T
+        radius = model.geom_rbound
+        self._radii = radius[self._first] + radius[self._second]
+        # Planes have no bounding sphere.
+        self._bounded = (radius[self._first] > 0.0) & (radius[self._second] > 0.0)
+        self._local = threading.local()
+
+    def least(self, q: Array) -> tuple[float, tuple[str, str]]:
+        """Smallest distance [m] at `q` (dof,) [rad], negative where shapes overlap, and the two shapes.
+
+        Without any pair of shapes the distance is infinite and the names are empty.
+        """
+        model = self._model
+        try:
+            data = self._local.data
+        except AttributeError:
+            data = self._local.data = mujoco.MjData(model)
+        data.qpos[:] = q
+        mujoco.mj_kinematics(model, data)
+        gap = np.linalg.norm(data.geom_xpos[self._first] - data.geom_xpos[self._second], axis=1) - self._radii
+        bound = np.where(self._bounded, gap, -np.inf)
+        best, found = np.inf, -1
+        for pair in np.argsort(bound).tolist():
+            if bound[pair] >= best:
+                break
+            first, second = int(self._first[pair]), int(self._second[pair])
+            cutoff = best if np.isfinite(best) else 1e3
+            distance = mujoco.mj_geomDistance(model, data, first, second, cutoff, None)
+            if distance < best:
+                best, found = float(distance), pair
+        if found < 0:
+            return best, ("", "")
+        return best, (str(model.geom(self._first[found]).name), str(model.geom(self._second[found]).name))

@@ -1,0 +1,360 @@
+"""Do two descriptions, or two engines, agree? Poses, Jacobians, mass matrices, gravity at random configurations."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+
+from jacokin.arrays import Array
+from jacokin.errors import InvalidInputError, UnknownNameError, shown
+from jacokin.model import checks, mujoco_twin, poses
+from jacokin.model.descriptions import mjcf
+from jacokin.model.robot import Robot, checked_robot
+
+QUANTITIES = {
+    "position": "m",
+    "rotation": "rad",
+    "jacobian": "m/rad",
+    "mass_matrix": "kg m^2",
+    "gravity_torque": "N m",
+}
+
+# Same numbers in two engines differ by rounding only; dynamics adds up masses over several bodies.
+TOLERANCES = {
+    "position": 1e-12,
+    "rotation": 1e-12,
+    "jacobian": 1e-12,
+    "mass_matrix": 1e-11,
+    "gravity_torque": 1e-11,
+}
+
+DEFAULT_SAMPLES = 1000
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Deviation:
+    """The largest difference found in one quantity."""
+
+    quantity: str
+    """Key of `QUANTITIES`."""
+    frame: str
+    """Frame of the first robot; empty for dynamics."""
+    value: float
+    """Largest difference, in `unit`."""
+    unit: str
+    """Unit of the value."""
+    q: Array
+    """(dof,) configuration of the first robot where it was found [rad]; read-only."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CrossCheckReport:
+    """How far two descriptions of one arm differ."""
+
+    first: str
+    """What was compared."""
+    second: str
+    """What it was compared with."""
+    samples: int
+    """Number of random configurations."""
+    deviations: tuple[Deviation, ...]
+    """One row for each quantity and frame."""
+    notes: tuple[str, ...]
+    """What was left out, and why."""
+
+    def worst(self, quantity: str) -> Deviation:
+        """The largest deviation of a quantity.
+
+        Raises:
+            UnknownNameError: not a quantity that was compared.
+        """
+        checks.choice("quantity", quantity, dict.fromkeys(row.quantity for row in self.deviations))
+        return max((row for row in self.deviations if row.quantity == quantity), key=lambda row: row.value)
+
+    def within(self, tolerances: Mapping[str, float] = TOLERANCES) -> bool:
+        """Whether every deviation is at most the tolerance of its quantity (1e-12, for dynamics 1e-11).
+
+        Raises:
+            InvalidInputError: the tolerances are not numbers by the names of quantities.
+        """
+        if not isinstance(tolerances, Mapping):
+            raise InvalidInputError(f"tolerances must map quantities to numbers, got {shown(tolerances)}")
+        for quantity, tolerance in tolerances.items():
+            checks.non_negative(f"tolerances[{checks.choice('quantity', quantity, QUANTITIES)!r}]", tolerance)
+        return all(row.value <= tolerances.get(row.quantity, np.inf) for row in self.deviations)
+
+    def __str__(self) -> str:
+        """The report as a plain table."""
+        lines = [f"{self.first} against {self.second}, {self.samples} random configurations"]
+        lines += [f"{row.quantity:15} {row.frame:18} {row.value:10.3e} {row.unit}" for row in self.deviations]
+        return "\n".join([*lines, *self.notes])
+
+
+class Engine(Protocol):
+    """What can be compared: kinematics and dynamics of one arm at a configuration."""
+
+    label: str
+    joint_names: tuple[str, ...]
+    frames: tuple[str, ...]
+    has_armature: bool
+
+    def update(self, q: Array) -> None:
+        """Compute everything at `q`."""
+
+    def pose(self, frame: str) -> tuple[Array, Array]:
+        """Position (3,) [m] and rotation (3, 3)."""
+
+    def jacobian(self, frame: str) -> Array:
+        """(6, dof), local world aligned."""
+
+    def mass_matrix(self, with_armature: bool) -> Array:
+        """(dof, dof)."""
+
+    def gravity_torque(self) -> Array:
+        """(dof,) torque that holds the arm still."""
+
+
+class PinocchioEngine:
+    """A `Robot` in Pinocchio."""
+
+    def __init__(self, robot: Robot) -> None:
+        """Prepare working memory."""
+        self.label = f"{robot.name} ({robot.source.kind}) in Pinocchio"
+        self.joint_names = robot.joint_names
+        self.frames = robot.frames
+        self.has_armature = bool(np.any(robot.pin_model.armature))
+        self._robot = robot
+        self._model = robot.pin_model
+        self._data = self._model.createData()
+
+    def update(self, q: Array) -> None:
+        """Compute everything at `q` (dof,) [rad]."""
+        pin.computeJointJacobians(self._model, self._data, q)
+        pin.updateFramePlacements(self._model, self._data)
+        pin.crba(self._model, self._data, q)
+        pin.computeGeneralizedGravity(self._model, self._data, q)
+
+    def pose(self, frame: str) -> tuple[Array, Array]:
+        """Position (3,) [m] and rotation (3, 3) of a frame in the base."""
+        placement = self._data.oMf[self._robot.frame_id(frame)]
+        return placement.translation.copy(), placement.rotation.copy()
+
+    def jacobian(self, frame: str) -> Array:
+        """(6, dof), local world aligned."""
+        jacobian = pin.getFrameJacobian(
+            self._model, self._data, self._robot.frame_id(frame), pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        )
+        return np.asarray(jacobian).reshape(6, -1)  # Pinocchio drops the second dimension of a single joint
+
+    def mass_matrix(self, with_armature: bool) -> Array:
+        """(dof, dof), with or without armature."""
+        upper = np.triu(self._data.M)
+        full: Array = upper + np.triu(self._data.M, 1).T
+        return full if with_armature else np.asarray(full - np.diag(self._model.armature))
+
+    def gravity_torque(self) -> Array:
+        """(dof,) torque that holds the arm still [N m]."""
+        return np.array(self._data.g)
+
+
+def crosscheck(
+    robot_a: Robot,
+    robot_b: Robot | None = None,
+    *,
+    samples: int = DEFAULT_SAMPLES,
+    rng: np.random.Generator | None = None,
+    joint_map: Mapping[str, str] | None = None,
+    frame_map: Mapping[str, str] | None = None,
+) -> CrossCheckReport:
+    """Compare two descriptions of one arm, or one description in Pinocchio and in MuJoCo.
+
+    Args:
+        robot_a: the first arm, in Pinocchio.
+        robot_b: the second arm, in Pinocchio; None for MuJoCo's own computation on the description of the first.
+        samples: number of random configurations within the limits of the first arm.
+        rng: randomness; None for a fixed seed.
+        joint_map: name in the second for a joint of the first, where they differ.
+        frame_map: name in the second for a frame of the first; None compares all frames of equal name.
+
+    Returns:
+        The largest deviations, with the configurations where they occur.
+
+    Raises:
+        UnknownNameError: a mapped name does not exist.
+        InvalidInputError: the arms have different joints or no frame in common, or `samples` is not positive.
+    """
+    samples = checks.whole_number("samples", samples, 1)
+    checked_robot("robot_a", robot_a)
+    if robot_b is not None:
+        checked_robot("robot_b", robot_b)
+    for name, mapping in (("joint_map", joint_map), ("frame_map", frame_map)):
+        if mapping is not None and not isinstance(mapping, Mapping):
+            raise InvalidInputError(f"{name} must be a mapping of names, got {shown(mapping)}")
+    if rng is not None:
+        checks.generator("rng", rng)
+    first: Engine = PinocchioEngine(robot_a)
+    second = _second_engine(robot_a, robot_b)
+    order = _joint_order(first, second, joint_map or {})
+    frames = _frames(first, second, frame_map)
+    with_armature = first.has_armature == second.has_armature
+    notes = () if with_armature else ("mass matrices are compared without armature: only one side has it",)
+
+    rng = np.random.default_rng(0) if rng is None else rng
+    worst: dict[tuple[str, str], tuple[float, Array]] = {}
+    for q in robot_a.sample(rng, samples):
+        first.update(q)
+        moved = np.empty_like(q)
+        moved[order] = q
+        second.update(moved)
+        for key, value in _differences(first, second, frames, order, with_armature).items():
+            if key not in worst or not value <= worst[key][0]:
+                worst[key] = value, q
+    rows = tuple(
+        Deviation(quantity, frame, value, QUANTITIES[quantity], checks.read_only(q))
+        for (quantity, frame), (value, q) in sorted(worst.items(), key=lambda item: list(QUANTITIES).index(item[0][0]))
+    )
+    return CrossCheckReport(first.label, second.label, samples, rows, notes)
+
+
+def _second_engine(robot_a: Robot, robot_b: Robot | None) -> Engine:
+    if robot_b is not None:
+        return PinocchioEngine(robot_b)
+
+    return MujocoEngine(robot_a)
+
+
+def _joint_order(first: Engine, second: Engine, joint_map: Mapping[str, str]) -> list[int]:
+    """Index in the second arm of each joint of the first."""
+    for name in joint_map:
+        if name not in first.joint_names:
+            raise UnknownNameError("joint", name, first.joint_names)
+    wanted = [joint_map.get(name, name) for name in first.joint_names]
+    for name in wanted:
+        if name not in second.joint_names:
+            raise UnknownNameError("joint", name, second.joint_names)
+    if sorted(wanted) != sorted(second.joint_names):
+        raise InvalidInputError(
+            f"the arms have different joints: {', '.join(first.joint_names)} and {', '.join(second.joint_names)}"
+        )
+    return [second.joint_names.index(name) for name in wanted]
+
+
+def _frames(first: Engine, second: Engine, frame_map: Mapping[str, str] | None) -> list[tuple[str, str]]:
+    """Pairs of frames that mean the same."""
+    if frame_map is None:
+        pairs = [(name, name) for name in first.frames if name in second.frames]
+    else:
+        pairs = list(frame_map.items())
+        for a, b in pairs:
+            for engine, name in ((first, a), (second, b)):
+                if name not in engine.frames:
+                    raise UnknownNameError("frame", name, engine.frames)
+    if not pairs:
+        raise InvalidInputError(
+            f"no frame in common: {', '.join(first.frames)} and {', '.join(second.frames)}; give frame_map"
+        )
+    return pairs
+
+
+def _differences(
+    first: Engine, second: Engine, frames: list[tuple[str, str]], order: list[int], with_armature: bool
+) -> dict[tuple[str, str], float]:
+    """Largest element-wise differences at the present configuration."""
+    values: dict[tuple[str, str], float] = {}
+    for a, b in frames:
+        position_a, rotation_a = first.pose(a)
+        position_b, rotation_b = second.pose(b)
+        values["position", a] = float(np.linalg.norm(position_a - position_b))
+        values["rotation", a] = poses.rotation_angle(rotation_a.T @ rotation_b)
+        values["jacobian", a] = float(np.abs(first.jacobian(a) - second.jacobian(b)[:, order]).max())
+    mass = second.mass_matrix(with_armature)[np.ix_(order, order)]
+    values["mass_matrix", ""] = float(np.abs(first.mass_matrix(with_armature) - mass).max())
+    values["gravity_torque", ""] = float(np.abs(first.gravity_torque() - second.gravity_torque()[order]).max())
+    return values
+
+
+class MujocoEngine:
+    """The description compiled by MuJoCo, joints off the arm held where the robot has them.
+
+    Poses and Jacobians are expressed in the robot's base, as the robot's own are.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        """Prepare working memory."""
+        self._model = model = mujoco_twin.with_masses(robot)
+        self._data = mujoco.MjData(model)
+        self.label = f"{robot.name} in MuJoCo"
+        self.joint_names = robot.joint_names
+        self._qpos = mjcf.joint_addresses(model, robot.joint_names)
+        self._dofs = mjcf.dof_addresses(model, robot.joint_names)
+        self.has_armature = bool(np.any(model.dof_armature[self._dofs]))
+        self._bodies = {mjcf.body_name(model, body): body for body in range(model.nbody)}
+        self._sites = {mjcf.site_name(model, site): site for site in range(model.nsite)}
+        self.frames = tuple(name for name in robot.frames if name in self._bodies or name in self._sites)
+        self._hold_still(robot)
+        self._base = robot.base if robot.base in self._bodies or robot.base in self._sites else None
+        self._mass = np.zeros((model.nv, model.nv))
+
+    def _hold_still(self, robot: Robot) -> None:
+        """Joints off the arm at the robot's finger angle, clipped into their limits."""
+        model = self._model
+        for joint in range(model.njnt):
+            address = model.jnt_qposadr[joint]
+            if address in self._qpos or model.jnt_type[joint] not in mjcf.SCALAR_JOINTS:
+                continue
+            angle = self._data.qpos[address] if robot.finger_angle is None else robot.finger_angle
+            if model.jnt_limited[joint]:
+                angle = np.clip(angle, *model.jnt_range[joint])
+            self._data.qpos[address] = angle
+
+    def update(self, q: Array) -> None:
+        """Compute everything at `q` (dof,) [rad]."""
+        self._data.qpos[self._qpos] = q
+        self._data.qvel[:] = 0.0
+        mujoco.mj_kinematics(self._model, self._data)
+        mujoco.mj_comPos(self._model, self._data)
+        mujoco.mj_makeM(self._model, self._data)
+        mujoco.mj_comVel(self._model, self._data)
+        mujoco.mj_rne(self._model, self._data, 0, self._data.qfrc_bias)
+        mujoco.mj_fullM(self._model, self._data, self._mass)
+
+    def _placement(self, frame: str) -> tuple[Array, Array]:
+        if frame in self._bodies:
+            body = self._bodies[frame]
+            return np.array(self._data.xpos[body]), np.array(self._data.xmat[body]).reshape(3, 3)
+        site = self._sites[frame]
+        return np.array(self._data.site_xpos[site]), np.array(self._data.site_xmat[site]).reshape(3, 3)
+
+    def pose(self, frame: str) -> tuple[Array, Array]:
+        """Position (3,) [m] and rotation (3, 3) of a frame in the base."""
+        position, rotation = self._placement(frame)
+        if self._base is None:
+            return position, rotation
+        base_position, base_rotation = self._placement(self._base)
+        return base_rotation.T @ (position - base_position), base_rotation.T @ rotation
+
+    def jacobian(self, frame: str) -> Array:
+        """(6, dof), local world aligned."""
+        linear, angular = np.zeros((3, self._model.nv)), np.zeros((3, self._model.nv))
+        if frame in self._bodies:
+            mujoco.mj_jacBody(self._model, self._data, linear, angular, self._bodies[frame])
+        else:
+            mujoco.mj_jacSite(self._model, self._data, linear, angular, self._sites[frame])
+        if self._base is not None:
+            to_base = self._placement(self._base)[1].T
+            linear, angular = to_base @ linear, to_base @ angular
+        return np.vstack((linear, angular))[:, self._dofs]
+
+    def mass_matrix(self, with_armature: bool) -> Array:
+        """(dof, dof), with or without armature."""
+        block = self._mass[np.ix_(self._dofs, self._dofs)]
+        return block if with_armature else block - np.diag(self._model.dof_armature[self._dofs])
+
+    def gravity_torque(self) -> Array:
+        """(dof,) torque that holds the arm still [N m]."""
+        return np.array(self._data.qfrc_bias[self._dofs])

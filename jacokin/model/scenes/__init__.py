@@ -1,1 +1,0 @@
-"""Scenes: obstacles around the arm as one thing, from Python, from a file, or from a MuJoCo model."""

@@ -1,0 +1,90 @@
+"""Is a joint trajectory clear of a scene? Looked for on its rows and between them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from jacokin.arrays import Array
+from jacokin.errors import InvalidInputError, shown
+from jacokin.ik.results import Frozen
+from jacokin.model import checks
+from jacokin.model.robot import Robot, checked_robot
+from jacokin.model.scene import Scene, checked_scene
+from jacokin.motion.joint_motion import JointMotion, load_trajectory
+from jacokin.motion.path_result import PathResult
+
+RESOLUTION = 0.02  # [rad] no joint moves farther between two places that are measured
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PathClearance(Frozen):
+    """Distances along a trajectory. Arrays are read-only."""
+
+    t: Array
+    """(m,) time [s], the rows of the trajectory among them."""
+    distance: Array
+    """(m,) smallest distance between shapes [m], negative where they overlap."""
+    pairs: tuple[tuple[str, str], ...]
+    """(m,) the two nearest shapes."""
+
+    @property
+    def least(self) -> float:
+        """Smallest distance of all [m]."""
+        return float(self.distance.min())
+
+    @property
+    def nearest(self) -> tuple[float, tuple[str, str]]:
+        """When the distance is smallest [s], and between which shapes."""
+        row = int(np.argmin(self.distance))
+        return float(self.t[row]), self.pairs[row]
+
+
+def path_clearance(
+    robot: Robot,
+    path: PathResult | JointMotion | str | Path,
+    scene: Scene,
+    *,
+    self_collision: bool = True,
+    resolution: float = RESOLUTION,
+) -> PathClearance:
+    """Distances of the arm to a scene, and to itself, along a trajectory.
+
+    Args:
+        robot: the arm that is to move; its joints must be those of the trajectory.
+        path: a trajectory, or a .csv or .npz file that one was saved in.
+        scene: obstacles; `Scene()` for none.
+        self_collision: False to measure the distances to obstacles only.
+        resolution: no joint moves farther between two places that are measured [rad].
+
+    Raises:
+        InvalidInputError: no trajectory, or of other joints; a file that cannot be read; malformed arguments.
+        ModelError: the description has no collision shapes.
+    """
+    checked_robot("robot", robot)
+    checked_scene("scene", scene)
+    checks.flag("self_collision", self_collision)
+    step = checks.positive("resolution", resolution, "rad")
+    trajectory = load_trajectory(path) if isinstance(path, str | Path) else path
+    if not isinstance(trajectory, PathResult | JointMotion):
+        raise InvalidInputError(f"path must be a PathResult, a JointMotion or a file of one, got {shown(path)}")
+    if trajectory.joint_names != robot.joint_names:
+        raise InvalidInputError(
+            f"the trajectory moves {', '.join(trajectory.joint_names)}, the robot has {', '.join(robot.joint_names)}"
+        )
+    t, q = trajectory.t, trajectory.q
+    counts = np.maximum(np.ceil(np.abs(np.diff(q, axis=0)).max(axis=1, initial=0.0) / step), 1.0).astype(int)
+    places = np.append(
+        np.concatenate([row + np.arange(count) / count for row, count in enumerate(counts.tolist())] or [np.empty(0)]),
+        len(q) - 1.0,
+    )
+    rows = np.arange(len(q), dtype=np.float64)
+    between = np.column_stack([np.interp(places, rows, column) for column in q.T])
+    found = scene.nearest(robot, between, self_collision=self_collision)
+    return PathClearance(
+        t=checks.read_only(np.interp(places, rows, t)),
+        distance=checks.read_only([distance for distance, _ in found]),
+        pairs=tuple(pair for _, pair in found),
+    )

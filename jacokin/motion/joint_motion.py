@@ -1,0 +1,183 @@
+"""From one joint configuration to another in the least time, within velocity, acceleration and jerk limits.
+
+The time profile is Ruckig's (extra ``motion``): all joints start and stop together, at rest on both ends, and no joint
+leaves the interval between its two ends.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from jacokin.arrays import Array
+from jacokin.errors import InvalidInputError, MissingExtraError
+from jacokin.ik import seeds
+from jacokin.model import angles, checks
+from jacokin.model.robot import Robot, checked_robot
+from jacokin.motion import lines
+from jacokin.motion.files import Layout, Stored
+from jacokin.motion.path_result import PathResult
+from jacokin.motion.tracking.joint_limits import velocity_limits
+
+if TYPE_CHECKING:
+    import ruckig
+
+
+ACCELERATION = 1.0  # [rad/s^2] full speed in about 0.7 s; the maker publishes no figure, so this is a gentle guess
+MISSED = 1e-6  # [rad] a motion that ends farther from its goal is not one
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class JointMotion(Stored):
+    """A motion between two configurations, sampled. Arrays are read-only."""
+
+    LAYOUT: ClassVar = Layout(joints=("q", "v", "a"))
+
+    joint_names: tuple[str, ...]
+    """Names of the joints."""
+    t: Array
+    """(n,) time [s], from 0; the last row is the end of the motion."""
+    q: Array
+    """(n, dof) joint angles [rad]."""
+    v: Array
+    """(n, dof) velocities [rad/s]."""
+    a: Array
+    """(n, dof) accelerations [rad/s^2]."""
+    lower: Array
+    """(dof,) lower limits [rad]."""
+    upper: Array
+    """(dof,) upper limits [rad]."""
+    velocity_limit: Array
+    """(dof,) velocity limits that were held [rad/s]."""
+
+    @property
+    def duration(self) -> float:
+        """Length of the motion [s]."""
+        return float(self.t[-1])
+
+    def __len__(self) -> int:
+        """Number of rows."""
+        return len(self.t)
+
+
+def move_joints(
+    robot: Robot,
+    q_from: ArrayLike,
+    q_to: ArrayLike,
+    *,
+    dt: float = 0.01,
+    velocity_limit: ArrayLike | None = None,
+    acceleration_limit: ArrayLike = ACCELERATION,
+    jerk_limit: ArrayLike | None = None,
+) -> JointMotion:
+    """The fastest motion from rest to rest, joints in step; unlimited joints take the short way round.
+
+    Args:
+        robot: the arm.
+        q_from: (dof,) where the arm is [rad].
+        q_to: (dof,) where it goes [rad]; on unlimited joints the 2 pi copy nearest to `q_from` is taken.
+        dt: sampling step [s]; the last row is at the end of the motion, whole step or not.
+        velocity_limit: (dof,) or one for all [rad/s]; None for the robot's own.
+        acceleration_limit: (dof,) or one for all [rad/s^2].
+        jerk_limit: (dof,) or one for all [rad/s^3]; None for none.
+
+    Returns:
+        The sampled motion. Shapes are not looked at: check it for collisions.
+
+    Raises:
+        InvalidInputError: a configuration outside the limits, or a number that is malformed or not positive.
+        MissingExtraError: Ruckig is not installed.
+    """
+    checked_robot("robot", robot)
+    step = checks.positive("dt", dt, "s")
+    start, end = (_checked_configuration(robot, q, name) for q, name in ((q_from, "q_from"), (q_to, "q_to")))
+    end = angles.nearest_copy(end, start, robot.unlimited)
+    velocity = velocity_limits(robot, velocity_limit)
+    acceleration = checks.positive_vector("acceleration_limit", acceleration_limit, robot.dof, "rad/s^2")
+    jerk = None if jerk_limit is None else checks.positive_vector("jerk_limit", jerk_limit, robot.dof, "rad/s^3")
+    trajectory = _timed(start, end, velocity, acceleration, jerk)
+    duration = trajectory.duration
+    if not duration / step <= lines.MAX_TICKS:
+        raise InvalidInputError(f"the motion takes {duration:.6g} s: more than {lines.MAX_TICKS} steps of {step:.6g} s")
+    times = np.append(np.arange(0.0, duration, step), duration) if duration > 0.0 else np.zeros(1)
+    rows = [trajectory.at_time(float(time)) for time in times]
+    q, v, a = (np.array(column) for column in zip(*rows, strict=True))
+    if not np.abs(q[-1] - end).max() <= MISSED:
+        raise InvalidInputError(f"no motion found within these limits: it ends {np.abs(q[-1] - end).max():.3g} rad off")
+    # Rounding may pass the ends by one unit in the last place, and an end may be a limit.
+    q = np.clip(q, np.minimum(start, end), np.maximum(start, end))
+    q[0], q[-1] = start, end
+    return JointMotion(robot.joint_names, *map(checks.read_only, (times, q, v, a, robot.lower, robot.upper, velocity)))
+
+
+def _timed(start: Array, end: Array, velocity: Array, acceleration: Array, jerk: Array | None) -> ruckig.Trajectory:
+    """Ruckig's trajectory from rest to rest; limits (dof,) in rad and s.
+
+    Raises:
+        InvalidInputError: Ruckig finds none; limits of very different or extreme sizes defeat its polynomials.
+        MissingExtraError: Ruckig is not installed.
+    """
+    try:
+        import ruckig
+    except ImportError:
+        raise MissingExtraError("ruckig", "motion") from None
+
+    given = ruckig.InputParameter(len(start))
+    given.current_position, given.target_position = start.tolist(), end.tolist()
+    given.max_velocity, given.max_acceleration = velocity.tolist(), acceleration.tolist()
+    if jerk is not None:
+        given.max_jerk = jerk.tolist()
+    trajectory = ruckig.Trajectory(len(start))
+    try:
+        result = ruckig.Ruckig(len(start)).calculate(given, trajectory)
+        reason = "" if result in (ruckig.Result.Working, ruckig.Result.Finished) else result.name
+    except Exception:  # an error class of its own, and result codes that its enum does not have
+        reason = "Ruckig failed"
+    if reason:
+        raise InvalidInputError(
+            f"no motion found within these limits ({reason}); velocity_limit {_range(velocity)} rad/s, "
+            f"acceleration_limit {_range(acceleration)} rad/s^2"
+            + ("" if jerk is None else f", jerk_limit {_range(jerk)} rad/s^3")
+        )
+    return trajectory
+
+
+def _range(values: Array) -> str:
+    low, high = float(values.min()), float(values.max())
+    return f"{low:.3g}" if low == high else f"{low:.3g} to {high:.3g}"
+
+
+def _checked_configuration(robot: Robot, q: ArrayLike, name: str) -> Array:
+    """A configuration within the limits.
+
+    Raises:
+        InvalidInputError: malformed, or a joint is outside; it is named.
+    """
+    angles = seeds.near_configuration(robot, q, name)
+    outside = np.flatnonzero((angles < robot.lower) | (angles > robot.upper))
+    if outside.size:
+        joint = int(outside[0])
+        raise InvalidInputError(
+            f"{name} puts {robot.joint_names[joint]} at {angles[joint]:.17g} rad, outside "
+            f"[{robot.lower[joint]:.17g}, {robot.upper[joint]:.17g}]"
+        )
+    return angles
+
+
+def load_trajectory(file: str | Path) -> PathResult | JointMotion:
+    """A trajectory of either kind from a file.
+
+    Raises:
+        InvalidInputError: neither kind of trajectory.
+    """
+    try:
+        return PathResult.load(file)
+    except InvalidInputError as error:
+        try:
+            return JointMotion.load(file)
+        except InvalidInputError:
+            raise error from None

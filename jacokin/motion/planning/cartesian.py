@@ -1,0 +1,193 @@
+"""The path of the tool: straight lines between poses, which may be free to turn about an axis of the tool."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
+
+from jacokin.arrays import Array
+from jacokin.errors import InvalidInputError
+from jacokin.ik.targets import PartialTarget, Target, understood
+from jacokin.model import angles, checks, poses
+from jacokin.model.poses import FreeAxis
+
+OPPOSITE = 1e-6  # [rad] axes this near to opposite have no way from one to the other
+NARROW = 1e-9  # [rad] a range of the free angle below this is one value
+MOST_PLACES = 50_000  # steps of a path: half a kilometre, or that many waypoints
+MOST_FAMILIES = 10_000  # the same where each of them has a family
+WHOLE_TICK = 1e-9  # a duration this near to whole ticks is whole; division rounds
+
+
+class CartesianPath:
+    """Poses along straight lines; place u runs from 0 to the number of lines, whole at the waypoints.
+
+    Where a waypoint is a `FreeAxis`, the tool may turn. Between waypoints, axis and range change steadily from one to
+    the next; a full pose counts as a range from 0 to 0 about its neighbour's axis.
+
+    Attributes:
+        poses: the waypoints T_base_tool, at a free angle of zero.
+        lengths: (lines, 2) distance [m] and angle [rad] of each line.
+        free: whether there is a free angle anywhere.
+    """
+
+    def __init__(self, targets: Sequence[Target] | ArrayLike, frame: str) -> None:
+        """Check the waypoints, for a tool on a frame.
+
+        Raises:
+            InvalidInputError: fewer than two, one is malformed (its number is named), all are the same, or the free
+                axes of neighbours are opposite.
+        """
+        rows = [_checked(row, f"targets[{index}]", frame) for index, row in enumerate(_listed(targets))]
+        self.poses = [row.pose if isinstance(row, FreeAxis) else row for row in rows]
+        axes = [row.axis if isinstance(row, FreeAxis) else None for row in rows]
+        self.free = any(axis is not None for axis in axes)
+        self._ranges = np.array([row.range if isinstance(row, FreeAxis) else (0.0, 0.0) for row in rows])
+        self._full = np.array([isinstance(row, FreeAxis) and row.full_turn for row in rows])
+        self._rotations = np.array([pose.rotation for pose in self.poses])
+        self._positions = np.array([pose.translation for pose in self.poses])
+        between = np.swapaxes(self._rotations[:-1], 1, 2) @ self._rotations[1:]
+        self._turns = Rotation.from_matrix(between).as_rotvec()
+        steps = np.diff(self._positions, axis=0)
+        self.lengths = np.column_stack([np.linalg.norm(steps, axis=1), np.linalg.norm(self._turns, axis=1)])
+        if not self.lengths.any():
+            raise InvalidInputError("all waypoints are the same pose")
+        # The axis at both ends of each line, and the angle between them.
+        self._axes = np.array([[_first(a, b), _first(b, a)] for a, b in itertools.pairwise(axes)])
+        cross = np.linalg.norm(np.cross(self._axes[:, 0], self._axes[:, 1]), axis=1)
+        self._bends = np.arctan2(cross, (self._axes[:, 0] * self._axes[:, 1]).sum(axis=1))
+        opposite = np.flatnonzero(self._bends > np.pi - OPPOSITE)
+        if opposite.size:
+            index = int(opposite[0])
+            raise InvalidInputError(
+                f"the free axes of targets[{index}] and targets[{index + 1}] are opposite: turn one of them round, "
+                "and its range with it"
+            )
+
+    @property
+    def lines(self) -> int:
+        """Number of lines."""
+        return len(self.lengths)
+
+    def target(self, u: float) -> pin.SE3 | FreeAxis:
+        """What is to be reached at a place."""
+        where = np.array([u])
+        matrix = self.at(where)[0]
+        low, high, full = (column[0] for column in self.window(where))
+        if full:
+            return FreeAxis(matrix, axis=self.axes(where)[0])
+        if high - low < NARROW:
+            matrix = self.at(where, np.array([low]))[0]
+            return pin.SE3(matrix[:3, :3], matrix[:3, 3])
+        return FreeAxis(matrix, axis=self.axes(where)[0], range=(low, high))
+
+    def window(self, u: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+        """Least and largest free angle (n,) [rad] at places (n,), and where it is any angle."""
+        line, part = self._split(u)
+        low, high = (1.0 - part) * self._ranges[line].T + part * self._ranges[line + 1].T
+        ends = np.where(part == 0.0, self._full[line], self._full[line + 1])
+        return low, high, np.where((part == 0.0) | (part == 1.0), ends, self.turns(line))
+
+    def free_angle(self, parameter: Array) -> Array:
+        """The free angle at the first waypoints (n,) in its range or in [-pi, pi) [rad]; nan at full poses."""
+        number = np.arange(len(parameter))
+        middle = np.where(self._full[number], 0.0, self._ranges[number].mean(axis=1))
+        found = middle + angles.wrap_to_pi(parameter - middle)
+        found = np.where(self._full[number], found, np.clip(found, *self._ranges[number].T))
+        return np.where(self._ranges[number, 1] > self._ranges[number, 0], found, np.nan)
+
+    def turns(self, line: NDArray[np.intp] | int) -> NDArray[np.bool_]:
+        """Whether the free angle may go round and round along lines."""
+        return np.asarray(self._full[line] & self._full[np.asarray(line) + 1])
+
+    def axes(self, u: Array) -> Array:
+        """The axis (n, 3) in the tool frame at places (n,), a unit vector."""
+        line, part = self._split(u)
+        bend = self._bends[line]
+        small = bend < 1e-8
+        sine = np.where(small, 1.0, np.sin(bend))
+        first = np.where(small, 1.0 - part, np.sin((1.0 - part) * bend) / sine)
+        second = np.where(small, part, np.sin(part * bend) / sine)
+        return np.asarray(first[:, None] * self._axes[line, 0] + second[:, None] * self._axes[line, 1])
+
+    def at(self, u: Array, parameter: Array | None = None) -> Array:
+        """Poses (n, 4, 4) at places (n,), turned about the free axis by (n,) [rad]."""
+        line, part = self._split(u)
+        found = np.zeros((len(u), 4, 4))
+        found[:, 3, 3] = 1.0
+        found[:, :3, 3] = self._positions[line] + part[:, None] * (self._positions[line + 1] - self._positions[line])
+        whole = part == 1.0  # the waypoint itself, not what is left of it after rounding
+        found[whole, :3, 3] = self._positions[line[whole] + 1]
+        turned = Rotation.from_rotvec(part[:, None] * self._turns[line]).as_matrix()
+        found[:, :3, :3] = self._rotations[line] @ turned
+        found[whole, :3, :3] = self._rotations[line[whole] + 1]
+        if parameter is not None and self.free:
+            found[:, :3, :3] @= Rotation.from_rotvec(parameter[:, None] * self.axes(u)).as_matrix()
+        return found
+
+    def _split(self, u: Array) -> tuple[NDArray[np.intp], Array]:
+        """Numbers of the lines and how much of them is behind each place."""
+        line = np.clip(u.astype(np.intp), 0, self.lines - 1)
+        return line, u - line
+
+    def ticks(self, times: Array, dt: float) -> Array:
+        """Places at every tick of `dt` [s], lines taking (lines,) times [s], each rounded up to whole ticks."""
+        counts = np.ceil(times / dt - WHOLE_TICK).astype(np.intp)
+        parts = [line + np.arange(1, count + 1) / count for line, count in enumerate(counts.tolist()) if count]
+        return np.concatenate([np.zeros(1), *parts])
+
+    def places(self, spacing: float, angle: float, most: int) -> Array:
+        """Places from start to end, every waypoint among them, at most so far apart [m] and [rad].
+
+        Raises:
+            InvalidInputError: a path longer than a search can take.
+        """
+        counts = np.maximum(np.ceil(np.maximum(self.lengths[:, 0] / spacing, self.lengths[:, 1] / angle)), 1.0)
+        if not counts.sum() <= most:
+            raise InvalidInputError(
+                f"the path is {self.lengths[:, 0].sum():.6g} m long: more than {most} steps of {spacing:g} m"
+            )
+        parts = [line + np.arange(count) / count for line, count in enumerate(counts)]
+        return np.append(np.concatenate(parts), float(self.lines))
+
+
+def _first(axis: Array | None, other: Array | None) -> Array:
+    """The axis; without one the other; without any the tool's z axis."""
+    return axis if axis is not None else other if other is not None else np.array([0.0, 0.0, 1.0])
+
+
+def _checked(row: Target, name: str, frame: str) -> pin.SE3 | FreeAxis:
+    """One waypoint.
+
+    Raises:
+        InvalidInputError: malformed, or a position without orientation.
+    """
+    if isinstance(row, FreeAxis):
+        return row
+    parts = row if isinstance(row, list | tuple) else [row]
+    if not any(isinstance(part, PartialTarget) for part in parts):
+        return poses.checked_pose(row, name)
+    try:
+        found = understood(row, frame)
+    except InvalidInputError as error:
+        raise InvalidInputError(f"{name}: {error}") from error
+    if isinstance(found, FreeAxis):
+        return found
+    if found.position_only:
+        raise InvalidInputError(f"{name} leaves the orientation free: a path needs poses, or one free axis")
+    return pin.SE3(found.rotation, found.position)
+
+
+def _listed(targets: Sequence[Target] | ArrayLike) -> list[Any]:
+    try:
+        rows = list(targets)  # type: ignore[arg-type]  # whatever cannot be listed is refused below
+    except TypeError as error:
+        raise InvalidInputError(f"targets must be a sequence of poses, got {checks.shown(targets)}") from error
+    if len(rows) < 2:
+        raise InvalidInputError(f"a path needs at least two targets, got {len(rows)}")
+    return rows

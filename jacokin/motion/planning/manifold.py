@@ -1,0 +1,212 @@
+"""The configurations that bring the tool to the path of the tool, as points of coordinates x.
+
+Coordinates are the joint angles; where the path has a free angle, it comes after them. A full pose on six joints leaves
+points at each place of the path, a free angle or a seventh joint leaves curves.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
+
+from jacokin.arrays import Array
+from jacokin.model.angles import TURN
+from jacokin.model.poses import FreeAxis
+from jacokin.model.robot import Robot
+from jacokin.motion.planning.cartesian import CartesianPath
+from jacokin.motion.planning.chain import Chain, Goal
+
+CLOSURE = 1e-9  # [m] and [rad] an exact configuration misses its pose by less
+JOINT_3 = 2  # the parameter of a seven-joint arm
+
+
+class Manifold:
+    """One arm on one path.
+
+    Attributes:
+        path: the path of the tool.
+        chain: the kinematics of the arm.
+        dof: number of joints.
+        width: number of coordinates.
+        column: the coordinate that is the parameter of families; None when there are none.
+        circular: (width,) coordinates that are the same after a turn.
+    """
+
+    def __init__(self, robot: Robot, chain: Chain, path: CartesianPath, limit_snap: float) -> None:
+        """Prepare.
+
+        Args:
+            robot: the arm.
+            chain: its kinematics up to the tool.
+            path: the path of the tool.
+            limit_snap: a joint past its limit by at most this is put on the limit [rad].
+        """
+        self.path, self.chain, self.dof = path, chain, robot.dof
+        self.width = self.dof + path.free
+        self.column = self.dof if path.free else JOINT_3 if self.dof > 6 else None
+        self.circular = np.array([*robot.unlimited, *[True] * path.free])
+        self._lower, self._upper, self._snap = robot.lower, robot.upper, limit_snap
+
+    @property
+    def has_families(self) -> bool:
+        """Whether there are curves of configurations at each place."""
+        return self.column is not None
+
+    def points(self, q: Array, target: pin.SE3 | FreeAxis, parameter: float = 0.0) -> Array:
+        """Coordinates (n, width) of configurations (n, dof) at a target; `parameter` where a pose leaves none."""
+        if not self.path.free:
+            return q
+        angles = np.full(len(q), parameter)
+        if isinstance(target, FreeAxis):
+            angles = np.array([target.parameter_of(rotation) for rotation in self.chain.poses(q)[0]])
+        return np.column_stack([q, angles])
+
+    def parameter(self, x: Array) -> Array:
+        """The parameter (n,) [rad] of points (n, width); nan when there is none."""
+        return np.full(len(x), np.nan) if self.column is None else x[:, self.column]
+
+    def goal(self, u: Array) -> Goal:
+        """What the tool is to reach at places (n,)."""
+        return Goal(self.path.at(u), self.path.axes(u) if self.path.free else None)
+
+    def poses(self, u: Array, x: Array) -> Array:
+        """Poses (n, 4, 4) that the tool has on the path at places (n,)."""
+        return self.path.at(u, x[:, self.dof] if self.path.free else None)
+
+    def difference(self, first: Array, second: Array) -> Array:
+        """From points (m, width) to others [rad], the short way round."""
+        away = second - first
+        away[:, self.circular] -= TURN * np.round(away[:, self.circular] / TURN)
+        return away
+
+    def window(self, u: Array) -> tuple[Array, Array]:
+        """Least and largest value (n, width) of each coordinate at places (n,)."""
+        lower, upper = np.tile(self._lower, (len(u), 1)), np.tile(self._upper, (len(u), 1))
+        if self.path.free:
+            low, high, full = self.path.window(u)
+            lower = np.column_stack([lower, np.where(full, -np.inf, low)])
+            upper = np.column_stack([upper, np.where(full, np.inf, high)])
+        return lower, upper
+
+    def inside(self, u: Array, x: Array) -> tuple[Array, NDArray[np.bool_]]:
+        """The points (n, width) on the path within the limits that are nearest to given ones, and where there are any.
+
+        Coordinates that would pass a limit stay on it.
+        """
+        goal = self.goal(u)
+        found, worst = self.chain.closed(x, goal)
+        lower, upper = self.window_near(u, found)
+        within = np.clip(found, lower, upper)
+        beyond = np.abs(within - found)
+        if self.has_families:
+            rows = np.flatnonzero(((beyond > self._snap).any(axis=1)) & (beyond.max(axis=1) < 0.1))
+            if rows.size:
+                held = beyond[rows] > 0.0
+                found[rows], worst[rows] = self.chain.closed(within[rows], goal.some(rows), held)
+                within[rows] = np.clip(found[rows], lower[rows], upper[rows])
+                beyond = np.abs(within - found)
+        good = (worst <= CLOSURE) & (beyond.max(axis=1) <= self._snap)
+        snapped = np.flatnonzero(good & (beyond.max(axis=1) > 0.0))
+        if snapped.size:
+            errors = self.chain.errors(within[snapped], goal.some(snapped))
+            good[snapped] = np.maximum(*errors) <= 100.0 * CLOSURE
+        return within, good
+
+    def tangents(self, u: Array, x: Array) -> Array:
+        """Unit vectors (n, width) along the curves of configurations at points."""
+        _, jacobian = self.chain.linearised(x, self.goal(u))
+        return np.asarray(np.linalg.svd(jacobian)[2][:, -1])
+
+    def window_near(self, u: Array, x: Array) -> tuple[Array, Array]:
+        """`window`, the range of the free angle in the copies nearest to points."""
+        lower, upper = self.window(u)
+        if self.path.free:
+            bounded = np.isfinite(lower[:, -1])
+            middle = 0.5 * (lower[bounded, -1] + upper[bounded, -1])
+            turns = TURN * np.round((x[bounded, -1] - middle) / TURN)
+            lower[bounded, -1] += turns
+            upper[bounded, -1] += turns
+        return lower, upper
+
+
+STRAY = 0.25  # [rad] from the straight joint motion between two knots; farther away is another branch
+MOST_KNOTS = 400_000
+SHORTEST = 1e-9  # of a line: two knots this near that are still far apart in a joint are a jump
+
+
+class Curve:
+    """A motion through knots; between them, the points of the manifold next to the motion from knot to knot."""
+
+    def __init__(self, manifold: Manifold, u: Array, x: Array) -> None:
+        """Take the knots.
+
+        Args:
+            manifold: the configurations on the path.
+            u: (n,) places, rising.
+            x: (n, width) points, circular coordinates counting their turns [rad].
+        """
+        self.manifold, self.u, self.x = manifold, u, x
+        self._smooth = PchipInterpolator(u, x, axis=0) if manifold.has_families and len(u) > 1 else None
+
+    @property
+    def q(self) -> Array:
+        """(n, dof) joint angles of the knots [rad]."""
+        return self.x[:, : self.manifold.dof]
+
+    def at(self, u: Array) -> tuple[Array, NDArray[np.bool_]]:
+        """Points (n, width) at places (n,), and where (n,) there is one on the same branch within the limits."""
+        if self._smooth is not None:
+            guess = np.asarray(self._smooth(u))
+        else:
+            guess = np.column_stack([np.interp(u, self.u, column) for column in self.x.T])
+        x, good = self.manifold.inside(u, guess)
+        good &= np.abs(x - guess).max(axis=1) <= STRAY
+        lower, upper = self.manifold.window(u)
+        dof = self.manifold.dof
+        guess[:, :dof] = np.clip(guess[:, :dof], lower[:, :dof], upper[:, :dof])
+        return np.where(good[:, None], x, guess), good
+
+    def refined(self, u: Array, step: Array) -> tuple[Array, Array, NDArray[np.intp]]:
+        """Knots between which no joint moves more than a step.
+
+        Args:
+            u: (n,) places that are to be knots, the old knots among them.
+            step: (dof,) [rad].
+
+        Returns:
+            Places (m,), points (m, width), and numbers of the old intervals (0 ends at the second knot) in which
+            there is no such way: joint angles jump, or leave the limits.
+        """
+        x, good = self.at(u)
+        bad = set(self._intervals(u[~good]))
+        while True:
+            ratio = (np.abs(np.diff(x[:, : self.manifold.dof], axis=0)) / step).max(axis=1)
+            wide = np.flatnonzero(ratio > 1.0)
+            wide = wide[~np.isin(self._intervals(0.5 * (u[wide] + u[wide + 1])), list(bad))]
+            jumps = wide[np.diff(u)[wide] < SHORTEST]
+            bad.update(self._intervals(0.5 * (u[jumps] + u[jumps + 1])))
+            wide = wide[np.diff(u)[wide] >= SHORTEST]
+            if not wide.size:
+                break
+            if len(u) > MOST_KNOTS:
+                bad.update(self._intervals(0.5 * (u[wide] + u[wide + 1])))
+                break
+            counts = np.minimum(np.ceil(ratio[wide]), 8.0).astype(int)
+            new = np.concatenate(
+                [
+                    u[i] + (u[i + 1] - u[i]) * np.arange(1, count + 1) / (count + 1)
+                    for i, count in zip(wide.tolist(), counts.tolist(), strict=True)
+                ]
+            )
+            found, good = self.at(new)
+            bad.update(self._intervals(new[~good]))
+            order = np.argsort(np.concatenate([u, new]), kind="stable")
+            u, x = np.concatenate([u, new])[order], np.concatenate([x, found])[order]
+        return u, x, np.array(sorted(bad), dtype=np.intp)
+
+    def _intervals(self, u: Array) -> list[int]:
+        """Number of the old interval that each place lies in."""
+        found = np.clip(np.searchsorted(self.u, u, side="left") - 1, 0, len(self.u) - 2)
+        return [int(number) for number in found]

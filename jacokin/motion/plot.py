@@ -1,0 +1,68 @@
+"""Plot of a followed path: joints against their limits, speeds against theirs, and the error (extra ``plot``)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from jacokin.errors import InvalidInputError, MissingExtraError
+from jacokin.motion import files
+from jacokin.motion.path_result import PathResult
+
+FORMATS = (".png", ".svg", ".pdf")
+SIZE = (10.0, 9.0)  # [inch]
+DPI = 110
+LEAST_ERROR = 1e-12  # [m, rad] bottom of the logarithmic error axis: below is rounding
+
+
+def plot_path(result: PathResult, path: str | Path) -> None:
+    """Write the plot of a path to a file; the ending says which kind: .png, .svg or .pdf.
+
+    Raises:
+        InvalidInputError: not a path, another ending, or the file cannot be written.
+        MissingExtraError: matplotlib is not installed.
+    """
+    if not isinstance(result, PathResult):
+        raise InvalidInputError(f"result must be a PathResult (see track_path), got {type(result).__name__}")
+    files.by_ending(path, FORMATS)
+    try:
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+    except ImportError:
+        raise MissingExtraError("matplotlib", "plot") from None
+
+    figure = Figure(figsize=SIZE, layout="constrained")
+    FigureCanvasAgg(figure)
+    angles, speeds, errors = figure.subplots(3, 1, sharex=True)
+    for joint, name in enumerate(result.joint_names):
+        color = f"C{joint}"
+        angles.plot(result.t, result.q[:, joint], color=color, label=name)
+        for limit in (result.lower[joint], result.upper[joint]):
+            if np.isfinite(limit):
+                angles.axhline(limit, color=color, linestyle="--", linewidth=0.8)
+        speeds.plot(result.t, result.v[:, joint] / result.velocity_limit[joint], color=color, label=name)
+    angles.set_ylabel("joint angle [rad]\n(dashed: its limits)")
+    angles.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=len(result.joint_names), fontsize="small")
+    for limit in (-1.0, 1.0):
+        speeds.axhline(limit, color="black", linestyle="--", linewidth=0.8)
+    speeds.set_ylabel("joint velocity\n[part of its limit]")
+    errors.semilogy(result.t, np.maximum(result.position_error, LEAST_ERROR), label="position [m]")
+    errors.semilogy(result.t, np.maximum(result.orientation_error, LEAST_ERROR), label="orientation [rad]")
+    off = np.array([status != "OK" for status in result.status])
+    if off.any():
+        errors.fill_between(
+            result.t,
+            0.0,
+            1.0,
+            where=off,
+            transform=errors.get_xaxis_transform(),
+            color="C3",
+            alpha=0.2,
+            label="off path",
+        )
+    errors.set_ylabel("error")
+    errors.set_xlabel("time [s]")
+    errors.legend(loc="upper right", fontsize="small")
+    figure.suptitle(f"{'on the path throughout' if result.success else 'off the path in places'}, {result.t[-1]:.2f} s")
+    files.save(path, dict.fromkeys(FORMATS, lambda file: figure.savefig(file, dpi=DPI)))

@@ -1,0 +1,288 @@
+"""Follow a Cartesian path, from the start configuration that makes it possible. Read this file first.
+
+A pose is reached in up to a dozen ways, and a path that is easy from one of them runs into a joint limit from another.
+`track_path` starts the tracker on every branch of the first pose within the limits (on seven joints: on members of its
+family), nearest to the seed first, until one of them stays on the path throughout; or on the one that the arm is on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from jacokin.arrays import Array
+from jacokin.errors import InvalidInputError, StructureError
+from jacokin.ik import seeds
+from jacokin.ik.solver import IKSolver
+from jacokin.model import angles, checks
+from jacokin.model.robot import Robot, checked_robot
+from jacokin.motion import lines
+from jacokin.motion.lines import SampledPath
+from jacokin.motion.path_result import AT_SEED, BranchReport, PathResult, in_words
+from jacokin.motion.timing import Profile, profile_within
+from jacokin.motion.tracking.avoidance import Clearance
+from jacokin.motion.tracking.setup import checked_start
+from jacokin.motion.tracking.tracker import Tracker, TrackerStep
+
+SPEED = 0.05  # [m/s]
+ANGULAR_SPEED = 0.5  # [rad/s]
+QP_STARTS = 24  # random seeds that look for branches where the closed form does not apply
+FAMILY_STARTS = 24  # members of the first pose's family that are tried on seven joints
+PROGRESS_CALLS = 200  # per branch at most
+REHEARSAL_SPEED = 1e3  # [rad/s] no limit in effect
+SAME_BRANCH = 1e-3  # [rad] two starts nearer than this are one branch
+
+Progress = Callable[[int, int], None]
+
+
+def track_path(
+    robot: Robot,
+    waypoints: Sequence[pin.SE3] | ArrayLike,
+    dt: float = 0.01,
+    *,
+    speed: ArrayLike = SPEED,
+    angular_speed: ArrayLike = ANGULAR_SPEED,
+    frame: str | None = None,
+    tool: pin.SE3 | ArrayLike | None = None,
+    seed: ArrayLike | None = None,
+    start: ArrayLike | None = None,
+    velocity_limit: ArrayLike | None = None,
+    acceleration_limit: ArrayLike | None = None,
+    collision: Clearance | None = None,
+    qp_solver: str = "daqp",
+    progress: Callable[[int, int], None] | None = None,
+) -> PathResult:
+    """Joint trajectory that moves the tool on straight lines through poses.
+
+    Args:
+        robot: the arm.
+        waypoints: two or more poses T_base_tool, `pin.SE3` or (n, 4, 4).
+        dt: control step [s].
+        speed: along the lines [m/s], one for all segments or (n - 1,).
+        angular_speed: of turning [rad/s], as `speed`; a segment takes the longer of the two times.
+        frame: frame to move; None for the robot's default frame.
+        tool: T_frame_tool, a constant pose after the frame.
+        seed: (dof,) configuration [rad] to start near; None for home. The path may begin on another branch if that is
+            the one that allows it: `PathResult.start_distance` says how far from the seed.
+        start: (dof,) configuration [rad] that the arm is in, instead of `seed`; the path begins there, and no other
+            branch is tried.
+        velocity_limit: (dof,) or one for all [rad/s]; None for the robot's own.
+        acceleration_limit: (dof,) or one for all [rad/s^2]; None for none. With one, each line is run through from
+            rest to rest, and more slowly than asked for where the joints need it.
+        collision: shapes to keep apart; None for none.
+        qp_solver: a QP solver installed for qpsolvers.
+        progress: called with ticks done and ticks in all, for the branch being tried.
+
+    Returns:
+        The first branch that stays on the path, or the one that stays on it longest; `branches` reports on each. When
+        no configuration within the limits reaches the first pose, the arm starts at the closest one and the result
+        says so.
+
+    Raises:
+        InvalidInputError: malformed path, speeds or limits, see `Tracker`; `start` outside the limits or beside `seed`.
+        UnknownNameError: unknown frame, QP solver or shape.
+    """
+    checked_robot("robot", robot)
+    if progress is not None and not callable(progress):
+        raise InvalidInputError(f"progress must be callable with two counts, or None, got {checks.shown(progress)}")
+    if start is not None and seed is not None:
+        raise InvalidInputError("give at most one of seed and start")
+    points = lines.checked_waypoints(waypoints)
+    times = lines.durations(points, speed, angular_speed)
+    near, note = seeds.seed_within_limits(robot, seed) if start is None else (checked_start(robot, start, "start"), "")
+
+    tracker = Tracker(
+        robot,
+        frame,
+        dt=dt,
+        tool=tool,
+        q=near,
+        velocity_limit=velocity_limit,
+        acceleration_limit=acceleration_limit,
+        collision=collision,
+        qp_solver=qp_solver,
+    )
+    follower = _Follower(tracker, points, times, progress)
+    if acceleration_limit is not None:
+        acceleration = checks.positive_vector("acceleration_limit", acceleration_limit, robot.dof, "rad/s^2")
+        follower.rehearse_with(Tracker(robot, frame, dt=dt, tool=tool, velocity_limit=REHEARSAL_SPEED), acceleration)
+    if start is not None:
+        starts, reaching = [near], 1
+    else:
+        solver = IKSolver(robot, tracker.frame, tool=tool, qp_solver=qp_solver)
+        starts = start_branches(solver, points[0], near)
+        reaching = len(starts)
+        starts = starts or [solver.solve(points[0], seed=near).q]
+    best: PathResult | None = None
+    reports: list[BranchReport] = []
+    for q in starts:
+        result = follower.follow(q)
+        reports.append(_report(q, result))
+        if best is None or _rank(result) < _rank(best):
+            best = result
+        if result.success:
+            break
+    assert best is not None  # there is at least one start
+    if start is not None:
+        words = [_sentence_from_start(best), note]
+    else:
+        words = [
+            _sentence(best, len(reports), reaching, "start" if solver.has_families else "branch"),
+            _jump(best, near, "home" if seed is None else "the seed"),
+            note,
+        ]
+    return replace(
+        best,
+        branches=tuple(reports),
+        message="; ".join(word for word in words if word),
+        start_distance=float(np.abs(best.q[0] - near).max()),
+    )
+
+
+def start_branches(solver: IKSolver, pose: pin.SE3, seed: Array) -> list[Array]:
+    """Configurations within the limits that reach a pose, nearest to the seed first: all of them by the closed form.
+
+    On seven joints the nearest one and others spread over all intervals. Where the closed form does not apply, those
+    that the QP finds from the seed and random configurations.
+    """
+    if solver.has_families:
+        family = solver.family(pose, seed=seed)
+        nearest = family.nearest(seed)
+        if nearest is None:
+            return []
+        others = family.sample(FAMILY_STARTS)
+        order = np.argsort(angles.circular_distance(others, seed, solver.robot.unlimited), kind="stable")
+        return [nearest, *(np.array(q) for q in others[order])]
+    try:
+        branches = solver.solve_all(pose, seed=seed)
+        return [np.array(q) for q in branches.q[branches.within_limits]]
+    except StructureError:
+        pass
+    robot, found = solver.robot, list[Array]()
+    rng = np.random.default_rng(seeds.DEFAULT_RANDOM_SEED)
+    for first in (seed, *robot.sample(rng, QP_STARTS)):
+        result = solver.solve(pose, seed=first, max_restarts=0, closest=False)
+        q = angles.nearest_copy(result.q, seed, robot.unlimited)
+        if result.success and all(np.abs(q - other).max() > SAME_BRANCH for other in found):
+            found.append(q)
+    return sorted(found, key=lambda q: float(angles.circular_distance(q, seed, robot.unlimited)))
+
+
+class _Follower:
+    """Follows the lines from one start after another.
+
+    Under acceleration limits each start is rehearsed without limits on velocity and acceleration: how the joints move
+    along the lines decides how fast the lines can be run through.
+    """
+
+    def __init__(self, tracker: Tracker, points: list[pin.SE3], times: Array, progress: Progress | None) -> None:
+        """Sample the path at constant speed."""
+        self.tracker = tracker
+        self._points = points
+        self._times = times
+        self._progress = progress
+        self._path = lines.sample(points, [Profile(float(time)) for time in times], tracker.dt)
+        self._rehearsal: tuple[Tracker, Array] | None = None
+
+    def rehearse_with(self, tracker: Tracker, acceleration: Array) -> None:
+        """Rehearse with a tracker without limits; `acceleration` (dof,) are those to hold later [rad/s^2]."""
+        self._rehearsal = tracker, acceleration
+
+    def follow(self, q: Array) -> PathResult:
+        """The whole path from a configuration (dof,) [rad]."""
+        path = self._path
+        if self._rehearsal is not None:
+            rehearsal, acceleration = self._rehearsal
+            steps = _steps(rehearsal, path, q, None)
+            followed, reached = np.array([step.q for step in steps]), [step.status.name == "OK" for step in steps]
+            dt, velocity = self.tracker.dt, self.tracker.velocity_limit
+            profiles = [Profile(float(time)) for time in self._times]
+            for index in np.unique(path.segment).tolist():
+                rows = np.flatnonzero(path.segment == index)
+                if not all(reached[rows[0] : rows[-1] + 1]):
+                    continue  # fails at any speed
+                ends = followed[max(rows[0] - 1, 0) : rows[-1] + 1]
+                profiles[index] = profile_within(ends, float(self._times[index]), velocity, acceleration, dt)
+            path = lines.sample(self._points, profiles, dt)
+        return _result(self.tracker, path, _steps(self.tracker, path, q, self._progress))
+
+
+def _steps(tracker: Tracker, path: SampledPath, q: Array, progress: Progress | None) -> list[TrackerStep]:
+    """A tick for every pose of the path; the first goes nowhere and measures the start."""
+    tracker.reset(q)
+    steps = [tracker.measure(path.poses[0])]
+    total = len(path.poses)
+    every = 1 + total // PROGRESS_CALLS
+    for index in range(1, total):
+        steps.append(tracker.step(path.poses[index]))
+        if progress is not None and (index % every == 0 or index + 1 == total):
+            progress(index + 1, total)
+    return steps
+
+
+def _result(tracker: Tracker, path: SampledPath, steps: list[TrackerStep]) -> PathResult:
+    robot = tracker.robot
+    return PathResult(
+        joint_names=robot.joint_names,
+        t=checks.read_only(np.arange(len(steps)) * tracker.dt),
+        q=checks.read_only([step.q for step in steps]),
+        v=checks.read_only([step.v for step in steps]),
+        position_error=checks.read_only([step.position_error for step in steps]),
+        orientation_error=checks.read_only([step.orientation_error for step in steps]),
+        status=tuple(step.status.name for step in steps),
+        limiting=tuple("; ".join(step.limiting) for step in steps),
+        segment=path.segment,
+        clearance=checks.read_only([np.nan if step.clearance is None else step.clearance for step in steps]),
+        lower=robot.lower,
+        upper=robot.upper,
+        velocity_limit=tracker.velocity_limit,
+        qp_solver=next((step.qp_solver for step in steps if "then" in step.qp_solver), steps[-1].qp_solver),
+    )
+
+
+def _report(q: Array, result: PathResult) -> BranchReport:
+    return BranchReport(
+        q_start=checks.read_only(q),
+        failed_segments=result.failed_segments,
+        position_error=float(result.position_error.max()),
+        orientation_error=float(result.orientation_error.max()),
+    )
+
+
+def _rank(result: PathResult) -> tuple[float, float]:
+    """Least part of the ticks off the path first, then the smaller error."""
+    return sum(status != "OK" for status in result.status) / len(result), float(result.position_error.max())
+
+
+def _sentence(result: PathResult, tried: int, reaching: int, word: str) -> str:
+    if not reaching:
+        return "no configuration within the limits reaches the first pose; started at the closest one found"
+    if result.success:
+        return f"{word} {tried} of {reaching} stays on the path"
+    words = "branches" if word == "branch" else f"{word}s"
+    where = in_words(result.failed_segments)
+    return f"none of the {reaching} {words} stays on the path; the best one leaves it on segment {where}"
+
+
+def _sentence_from_start(result: PathResult) -> str:
+    if result.success:
+        return "the given start stays on the path"
+    if result.status[0] != "OK":
+        return (
+            f"the given start is not at the first pose: {result.position_error[0]:.3g} m and "
+            f"{result.orientation_error[0]:.3g} rad away"
+        )
+    return f"the given start leaves the path on segment {in_words(result.failed_segments)}"
+
+
+def _jump(result: PathResult, seed: Array, name: str) -> str:
+    """Where the path starts, when that is not at the seed."""
+    away = np.abs(result.q[0] - seed)
+    joint = int(np.argmax(away))
+    if away[joint] <= AT_SEED:
+        return ""
+    return f"it starts {away[joint]:.3g} rad ({result.joint_names[joint]}) from {name}: bring the arm to q[0] first"

@@ -1,0 +1,183 @@
+"""The least-squares problem of one tick, linearised where the arm is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from jacokin.arrays import Array
+from jacokin.ik.qp_backend import Inequalities
+from jacokin.model import angles, checks
+from jacokin.model.robot import Robot
+from jacokin.motion.tracking.avoidance import ClearanceGuard, Distances
+from jacokin.motion.tracking.tasks import Kinematics, Task
+
+
+class Objective(Protocol):
+    """Anything that names a joint velocity it would like."""
+
+    def velocity(self, robot: Robot, frame: str, q: Array) -> Array:
+        """Joint velocity (dof,) [rad/s] wanted at `q` (dof,) [rad]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Posture:
+    """Stay near a configuration.
+
+    Attributes:
+        q: (dof,) the configuration [rad]; free joints take the short way round.
+        rate: how fast the distance shrinks [1/s].
+    """
+
+    q: ArrayLike
+    rate: float = 2.0
+
+    def __post_init__(self) -> None:
+        """Check the rate; the tracker checks the configuration, as it knows the robot."""
+        object.__setattr__(self, "rate", checks.positive("rate", self.rate, "1/s"))
+
+    def velocity(self, robot: Robot, frame: str, q: Array) -> Array:
+        """Towards the posture."""
+        away = np.asarray(self.q, dtype=np.float64) - q
+        return self.rate * np.where(robot.unlimited, angles.wrap_to_pi(away), away)
+
+
+@dataclass(frozen=True, slots=True)
+class Manipulability:
+    """Keep away from singular poses: climb Yoshikawa's measure of the tracker's frame.
+
+    Attributes:
+        rate: joint velocity for each unit of the measure's relative gradient [rad^2/s].
+    """
+
+    rate: float = 0.2
+
+    def __post_init__(self) -> None:
+        """Check the rate."""
+        object.__setattr__(self, "rate", checks.positive("rate", self.rate, "1/s"))
+
+    def velocity(self, robot: Robot, frame: str, q: Array) -> Array:
+        """Gradient of log sqrt(det(J J^T)): trace(J^+ dJ/dq_k), damped where J is singular."""
+        jacobian = robot.jacobian(q, frame)
+        change = robot.jacobian_derivative(q, frame)
+        damped = jacobian @ jacobian.T + 1e-6 * np.eye(6)  # finite at singular poses
+        return np.asarray(self.rate * np.einsum("ij,ijk->k", np.linalg.solve(damped, jacobian), change))
+
+
+@dataclass(frozen=True, slots=True)
+class LimitDistance:
+    """Keep joints away from their limits, towards the middle of the range; free joints have none.
+
+    Attributes:
+        rate: how fast the distance to the middle shrinks [1/s].
+    """
+
+    rate: float = 1.0
+
+    def __post_init__(self) -> None:
+        """Check the rate."""
+        object.__setattr__(self, "rate", checks.positive("rate", self.rate, "1/s"))
+
+    def velocity(self, robot: Robot, frame: str, q: Array) -> Array:
+        """Towards the middle, growing with the cube of the relative distance from it."""
+        both = np.isfinite(robot.lower) & np.isfinite(robot.upper)
+        half = np.where(both, 0.5 * (robot.upper - robot.lower), 1.0)
+        middle = np.where(both, robot.lower + half, q)
+        return np.asarray(-self.rate * half * ((q - middle) / half) ** 3)
+
+
+Quadratic = tuple[Array, Array]  # H (dof, dof) and g (dof,) of x H x / 2 + g x
+
+TIKHONOV = 1e-10  # keeps the QP strictly convex at singular poses
+NULL_WEIGHT = 1e-4  # of null-space motion; it competes with nothing, so only the order of magnitude matters
+NULL_SPEED = 0.25  # part of the velocity limits that null-space motion may use; its curvature costs microns a tick
+RANK = 1e-3  # directions whose singular value is below this part of the largest are left to the null space
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """Minimise x H x / 2 + g x over displacements x [rad].
+
+    Attributes:
+        jacobian: (k, dof) weighted Jacobian of the tasks.
+        cost: squared weighted error of the tasks.
+        hessian: (dof, dof) of everything that is kept when damping is raised.
+        gradient: (dof,) of the same.
+        inequalities: G and h of G x <= h, or (None, None).
+        separating: True when shapes are too near and are being moved apart.
+        exits: see `Distances`.
+    """
+
+    jacobian: Array
+    cost: float
+    hessian: Array
+    gradient: Array
+    inequalities: Inequalities
+    separating: bool
+    exits: Mapping[int, Array]
+
+    def damped(self, damping: float, null_space: Quadratic | None) -> Quadratic:
+        """Hessian and gradient with the null-space objective and with damping relative to the squared error."""
+        hessian, gradient = self.hessian.copy(), self.gradient
+        if null_space is not None:
+            hessian += null_space[0]
+            gradient = gradient + null_space[1]
+        hessian.flat[:: len(gradient) + 1] += TIKHONOV + damping * self.cost
+        return hessian, gradient
+
+
+def linearise(
+    kinematics: Kinematics, tasks: list[Task], q: Array, guard: ClearanceGuard | None, distances: Distances | None
+) -> Problem:
+    """The problem at `q` (dof,) [rad], where the kinematics are, without the null-space objective."""
+    # `dot` instead of @: on six numbers it costs half.
+    if len(tasks) == 1:
+        jacobian, error = tasks[0].linearised(kinematics)
+    else:
+        parts = [task.linearised(kinematics) for task in tasks]
+        jacobian, error = np.vstack([J for J, _ in parts]), np.concatenate([e for _, e in parts])
+    inequalities = [found for task in tasks if (found := task.inequalities(kinematics)) is not None]
+    hessian, gradient, separating = jacobian.T.dot(jacobian), -error.dot(jacobian), False
+    exits: Mapping[int, Array] = {}
+    if guard is not None and distances is not None and distances.near.size:
+        separation = guard.linearise(q, distances)
+        inequalities.append(separation.inequalities)
+        exits = separation.exits
+        if separation.error.size:
+            separating = True
+            hessian = hessian + separation.jacobian.T @ separation.jacobian
+            gradient = gradient - separation.error @ separation.jacobian
+    stacked: Inequalities = (None, None)
+    if len(inequalities) == 1:
+        stacked = inequalities[0]
+    elif inequalities:
+        stacked = np.vstack([G for G, _ in inequalities]), np.concatenate([h for _, h in inequalities])
+    return Problem(jacobian, float(error.dot(error)), hessian, gradient, stacked, separating, exits)
+
+
+def null_space_objective(
+    robot: Robot, frame: str, q: Array, jacobian: Array, objectives: Sequence[Objective], step_limit: Array, dt: float
+) -> Quadratic:
+    """Hessian and gradient that move the null space of the tasks as the objectives want.
+
+    The projector N = I - V V^T leaves out the directions V that the tasks control, so to first order no task error
+    changes.
+
+    Raises:
+        InvalidInputError: an objective returns something else than a joint velocity.
+    """
+    displacement = np.zeros(robot.dof)
+    for objective in objectives:
+        name = f"{type(objective).__name__}.velocity()"
+        displacement += checks.vector(name, objective.velocity(robot, frame, q), robot.dof, "rad/s") * dt
+    part = float(np.max(np.abs(displacement) / step_limit))
+    if part > NULL_SPEED:
+        displacement *= NULL_SPEED / part
+    _, singular, right = np.linalg.svd(jacobian)
+    controlled = right[: singular.size][singular > RANK * max(float(singular[0]), np.finfo(float).tiny)]
+    projector = NULL_WEIGHT * (np.eye(robot.dof) - controlled.T @ controlled)
+    return projector, -(projector @ displacement)

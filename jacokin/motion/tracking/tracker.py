@@ -1,0 +1,399 @@
+"""`Tracker`: one QP a tick, from where the arm is towards a target, within every limit. Read this file first.
+
+A tick asks for the joint displacement that brings the tool to its target, as least squares inside a box (velocity and
+position limits) and a few linear inequalities (clearance). What the QP says of linearised kinematics is checked at the
+new configuration: a step that makes the error grow is taken again with more damping, one that brings shapes too near is
+shortened. So the error never oscillates and the limits hold exactly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from jacokin.arrays import Array
+from jacokin.errors import InvalidInputError
+from jacokin.ik import targets
+from jacokin.ik.options import TRACKING_ORIENTATION_TOLERANCE, TRACKING_POSITION_TOLERANCE
+from jacokin.ik.qp_backend import Backend, QPFailed
+from jacokin.model import checks
+from jacokin.model.robot import Robot
+from jacokin.motion.tracking import setup
+from jacokin.motion.tracking.avoidance import Clearance, Distances
+from jacokin.motion.tracking.problem import Objective, Problem, Quadratic, linearise, null_space_objective
+from jacokin.motion.tracking.targets import TaskFactory, TrackingTarget
+from jacokin.motion.tracking.tasks import Task
+
+
+class TrackerStatus(Enum):
+    """Outcome of a tick; the value is a sentence that says what to try."""
+
+    OK = "the tool is on its target within the tolerances"
+    LIMITED = (
+        "the tool is behind its target and closing in, slowed by what `limiting` names: "
+        "move the target more slowly, or wait"
+    )
+    HELD = (
+        "no allowed step brings the tool nearer, so the arm stays: the target is out of reach, behind a limit "
+        "or behind an obstacle (see `limiting`)"
+    )
+    LOST = "the error keeps growing: the target runs away faster than the limits allow; slow it down"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TrackerStep:
+    """One tick. Arrays are read-only."""
+
+    q: Array
+    """(dof,) joint angles to command [rad], inside the limits exactly."""
+    v: Array
+    """(dof,) joint velocities that led here, constant over the tick [rad/s]."""
+    status: TrackerStatus
+    """What happened; `status.value` says what to try."""
+    position_error: float
+    """Distance between tool and target after the tick [m]; the largest one of several targets."""
+    orientation_error: float
+    """Angle between tool and target after the tick [rad]; the largest one of several targets."""
+    limiting: tuple[str, ...]
+    """What held the arm back: "joint_2 velocity", "joint_3 upper limit", "link_3_beam~box". Empty when OK."""
+    clearance: float | None
+    """Smallest distance between shapes that are kept apart [m]: measured where it is near the one allowed, a lower
+    bound where it is larger; negative when shapes overlap; None when none are kept apart."""
+    qp_solver: str
+    """QP solver that ran, with a fallback named."""
+    message: str
+    """What happened in this tick, with numbers; empty when OK."""
+
+    def __str__(self) -> str:
+        """The step on one line."""
+        by = f" ({', '.join(self.limiting)})" if self.limiting else ""
+        return (
+            f"{self.status.name}{by}: position error {self.position_error:.3g} m, "
+            f"orientation error {self.orientation_error:.3g} rad"
+        )
+
+
+class JointState(NamedTuple):
+    """A configuration (dof,) [rad] and the distances of the shapes there."""
+
+    q: Array
+    distances: Distances | None
+
+
+class TrackerState(NamedTuple):
+    """Everything a tick starts from."""
+
+    arm: JointState
+    """Where the arm is."""
+    v: Array
+    """(dof,) its velocity over the last tick [rad/s]; read-only."""
+    reference: JointState
+    """What the QP moves and the arm follows; the arm itself without acceleration limits."""
+    damping: float
+    """Of the next QP, relative to the squared error."""
+    error: float
+    """Of the last tick [m], position and orientation in one."""
+    growing: int
+    """Ticks in a row in which the error grew."""
+    twist_pose: pin.SE3 | None
+    """T_base_tool that the last twist asked for, while the arm keeps up with twists."""
+
+    @classmethod
+    def at_rest(cls, arm: JointState, damping: float) -> TrackerState:
+        """Standing still."""
+        return cls(arm, checks.read_only(np.zeros(len(arm.q))), arm, damping, np.inf, 0, None)
+
+    def moved(self, arm: JointState, reference: JointState, dt: float, damping: float) -> TrackerState:
+        """After a tick of `dt` [s]."""
+        v = (arm.q - self.arm.q) / dt
+        for array in (arm.q, v):
+            array.setflags(write=False)
+        return TrackerState(arm, v, reference, damping, self.error, self.growing, None)
+
+    def measured(self, error: float, growing: int) -> TrackerState:
+        """With the error [m] of its tick, and for how many ticks it has grown."""
+        return self._replace(error=error, growing=growing)
+
+
+NEGLIGIBLE = 0.1  # of the tolerances: an error below this may grow again
+DAMPING = (1e-2, 1e4)  # relative to the squared error: least, and where no step helps any more
+MORE_DAMPING, LESS_DAMPING = 10.0, 3.0  # factors after a step that makes the error grow, and after a good one
+RETRIES = 6  # QPs in one tick at most
+SHORTENINGS = 6  # halvings of a step that comes too near, before the arm stays
+STILL = 1e-5  # [rad/s] a slower arm stands still
+GROWTH_TIME = 0.25  # [s] of growing error until the target counts as lost
+GROWTH = 1e-7  # [m] an error must grow by this in a tick to count as growing
+
+
+class Tracker:
+    """Follows targets with one robot and frame at a fixed rate.
+
+    A call that fails or is interrupted leaves the tracker as it was.
+
+    Attributes:
+        robot: the arm.
+        frame: the frame that follows targets which name none.
+        dt: control step [s].
+        velocity_limit: (dof,) [rad/s]; read-only.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        frame: str | None = None,
+        *,
+        dt: float = 0.01,
+        q: ArrayLike | None = None,
+        tool: pin.SE3 | ArrayLike | None = None,
+        velocity_limit: ArrayLike | None = None,
+        acceleration_limit: ArrayLike | None = None,
+        collision: Clearance | None = None,
+        posture: ArrayLike | None = None,
+        objectives: Sequence[Objective] = (),
+        qp_solver: str = "daqp",
+        position_tolerance: float = TRACKING_POSITION_TOLERANCE,
+        orientation_tolerance: float = TRACKING_ORIENTATION_TOLERANCE,
+    ) -> None:
+        """Build the QP's parts once.
+
+        Args:
+            robot: the arm.
+            frame: name of the frame to move; None for the robot's default frame.
+            dt: control step [s].
+            q: (dof,) where the arm is [rad]; None for the robot's home.
+            tool: T_frame_tool, a constant pose after the frame.
+            velocity_limit: (dof,) or one for all [rad/s]; None for the robot's own.
+            acceleration_limit: (dof,) or one for all [rad/s^2]; None for none. A step that is shortened to keep
+                shapes apart may brake harder.
+            collision: shapes to keep apart; None for none.
+            posture: (dof,) configuration [rad] to stay near with the freedom that targets leave.
+            objectives: what else to do with that freedom, see `Objective`.
+            qp_solver: a QP solver installed for qpsolvers: "daqp", "quadprog", "osqp", "proxqp".
+            position_tolerance: the target is reached this near [m].
+            orientation_tolerance: the target is reached this near [rad].
+
+        Raises:
+            InvalidInputError: a number that is malformed or not positive, a frame that does not move, velocity limits
+                missing in the robot's file and here, or `q` outside the limits.
+            UnknownNameError: unknown frame, QP solver or shape.
+            ModelError: `collision` and the description has no shapes.
+        """
+        options = setup.Options(
+            frame=frame,
+            dt=dt,
+            tool=tool,
+            velocity_limit=velocity_limit,
+            acceleration_limit=acceleration_limit,
+            collision=collision,
+            posture=posture,
+            objectives=objectives,
+            position_tolerance=position_tolerance,
+            orientation_tolerance=orientation_tolerance,
+        )
+        self._parts = setup.prepare(robot, options)
+        self.robot = robot
+        self.frame = self._parts.frame
+        self.dt = self._parts.dt
+        self.velocity_limit = self._parts.velocity
+        self._negligible = (NEGLIGIBLE * self._parts.position_tolerance) ** 2
+        self._qp = Backend(qp_solver)
+        self._kinematics = self._parts.kinematics
+        self._targets = TaskFactory(self._kinematics)
+        self.reset(q)
+
+    @property
+    def q(self) -> Array:
+        """(dof,) where the arm is [rad]; read-only."""
+        return self._state.arm.q
+
+    @property
+    def v(self) -> Array:
+        """(dof,) its velocity over the last tick [rad/s]; read-only."""
+        return self._state.v
+
+    def reset(self, q: ArrayLike | None = None) -> None:
+        """Put the arm somewhere, standing still.
+
+        Args:
+            q: (dof,) configuration [rad]; None for the robot's home. A joint past its limit by at most 0.01 rad, as
+                an encoder may report it, is put on the limit.
+
+        Raises:
+            InvalidInputError: malformed or outside the limits; the tracker stays as it was.
+        """
+        start = setup.checked_start(self.robot, q)
+        guard = self._parts.guard
+        self._state = TrackerState.at_rest(JointState(start, None if guard is None else guard.start(start)), DAMPING[0])
+
+    def step(
+        self,
+        target: pin.SE3 | ArrayLike | TrackingTarget | Sequence[TrackingTarget] | None = None,
+        *,
+        twist: ArrayLike | None = None,
+        reference: str = "local_world_aligned",
+    ) -> TrackerStep:
+        """One tick towards a target, or along a twist.
+
+        Args:
+            target: T_base_tool as `pin.SE3` or (4, 4), a position (3,) [m], or targets from `jacokin.ik`.
+            twist: (6,) velocity of the tool, linear [m/s] then angular [rad/s]; instead of a target.
+            reference: where the twist is expressed: "local_world_aligned", "local" or "world".
+
+        Returns:
+            Where the arm is after the tick.
+
+        Raises:
+            InvalidInputError: both or neither given, or malformed; the tracker stays as it was.
+            UnknownNameError: unknown frame or reference.
+        """
+        if (target is None) == (twist is None):
+            raise InvalidInputError("give exactly one of target and twist")
+        state = self._state
+        twist_pose = None
+        if twist is not None:
+            twist_pose = setup.moved_by_twist(self._twist_start(state), twist, reference, self.dt)
+            target = twist_pose
+        after, step = self._tick(state, self._targets.tasks(target))
+        # Rounding does not add up while the arm keeps up; when it cannot, no backlog builds.
+        keeps_up = step.status is TrackerStatus.OK
+        # One assignment, the last one: an interrupt leaves the old state or the new one.
+        self._state = after._replace(twist_pose=twist_pose) if keeps_up and twist_pose is not None else after
+        return step
+
+    def measure(self, target: pin.SE3 | ArrayLike | TrackingTarget | Sequence[TrackingTarget]) -> TrackerStep:
+        """How far the tool is from a target, without moving; errors as `step`."""
+        tasks = self._targets.tasks(target)
+        self._qp.reset()
+        return self._report(tasks, self._state, self._state, "", excused=False)[1]
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Unpickled arrays are writable until told otherwise."""
+        self.__dict__.update(state)
+        for array in (self._state.arm.q, self._state.v, self._state.reference.q, self.velocity_limit):
+            array.setflags(write=False)
+
+    def _twist_start(self, state: TrackerState) -> pin.SE3:
+        """T_base_tool that a twist moves on from."""
+        if state.twist_pose is not None:
+            return state.twist_pose
+        self._kinematics.move_to(state.arm.q)
+        return pin.SE3(self._kinematics.pose(self._kinematics.tool))
+
+    def _tick(self, state: TrackerState, tasks: list[Task]) -> tuple[TrackerState, TrackerStep]:
+        """Solve, check and move: the state after the tick."""
+        parts, before = self._parts, state.reference
+        self._qp.reset()
+        self._kinematics.move_to(before.q)
+        problem = linearise(self._kinematics, tasks, before.q, parts.guard, before.distances)
+        null_space = None
+        if parts.objectives:
+            null_space = null_space_objective(
+                self.robot, self.frame, before.q, problem.jacobian, parts.objectives, parts.box.step, self.dt
+            )
+        reference, damping, held = self._descend(tasks, problem, null_space, before, state.damping)
+        if parts.follower is None:
+            arm = reference
+        else:
+            wanted = parts.follower.displacement(state.arm.q, state.v, reference.q, (reference.q - before.q) / self.dt)
+            arm = self._try(state.arm, wanted, problem.exits)
+            # An arm that an obstacle stops takes its reference with it.
+            if not np.array_equal(arm.q, parts.box.moved(state.arm.q, wanted)):
+                reference = arm
+        after = state.moved(arm, reference, self.dt, damping)
+        # Shapes moving apart, or joints still gathering speed, may take the tool away from its target for a while.
+        lagging = parts.follower is not None and not np.array_equal(arm.q, reference.q)
+        return self._report(tasks, state, after, held, excused=problem.separating or lagging)
+
+    def _descend(
+        self, tasks: list[Task], problem: Problem, null_space: Quadratic | None, start: JointState, damping: float
+    ) -> tuple[JointState, float, str]:
+        """The first state that is no farther from the target, with as little damping as that takes.
+
+        Returns:
+            The state, the damping for the next tick, and why the arm stays if it does.
+        """
+        low, high = self._parts.box.bounds(start.q)
+        for _ in range(RETRIES):
+            try:
+                displacement = self._qp.minimize(*problem.damped(damping, null_space), problem.inequalities, low, high)
+            except QPFailed:
+                return start, damping, "no QP solver solved this tick"
+            found = self._try(start, displacement, problem.exits)
+            if problem.separating or self._nearer(tasks, found.q, problem.cost):
+                return found, max(damping / LESS_DAMPING, DAMPING[0]), ""
+            null_space = None
+            if damping >= DAMPING[1]:
+                break
+            damping *= MORE_DAMPING
+        return start, damping, "every step makes the error grow"
+
+    def _try(self, start: JointState, displacement: Array, exits: Mapping[int, Array]) -> JointState:
+        """Where a displacement leads, shortened until nothing comes too near."""
+        guard = self._parts.guard
+        for _ in range(SHORTENINGS):
+            q = self._parts.box.moved(start.q, displacement)
+            if guard is None or start.distances is None:
+                return JointState(q, None)
+            distances = guard.moved(q, start.distances, displacement, exits)
+            if guard.acceptable(start.distances, distances):
+                return JointState(q, distances)
+            displacement = 0.5 * displacement
+        return start
+
+    def _nearer(self, tasks: list[Task], q: Array, cost: float) -> bool:
+        """Whether the error shrank, or is too small to matter."""
+        self._kinematics.move_to(q)
+        now = 0.0
+        for task in tasks:
+            error = task.error(self._kinematics)
+            now += float(error.dot(error))
+        return now <= cost or now <= self._negligible
+
+    def _report(
+        self, tasks: list[Task], before: TrackerState, after: TrackerState, held: str, *, excused: bool
+    ) -> tuple[TrackerState, TrackerStep]:
+        """Measure where the arm is; the state with what was learned of the error."""
+        parts = self._parts
+        self._kinematics.move_to(after.arm.q)
+        position, orientation = tasks[0].measure(self._kinematics)
+        for task in tasks[1:]:
+            position, orientation = map(max, (position, orientation), task.measure(self._kinematics))
+        on_target = position <= parts.position_tolerance and orientation <= parts.orientation_tolerance
+        error = targets.combined_error(position, orientation)
+        grows = not (excused or on_target) and error > before.error + GROWTH
+        after = after.measured(error, before.growing + 1 if grows else 0)
+        status, limiting, message = TrackerStatus.OK, list[str](), ""
+        if not on_target:
+            limiting = parts.box.limiting(after.arm.q - before.arm.q, before.arm.q)
+            if parts.follower is not None:
+                limiting.extend(parts.follower.limiting(after.v, before.v))
+            if parts.guard is not None and after.arm.distances is not None:
+                limiting.extend(parts.guard.limiting(after.arm.distances))
+            status, message = self._why(after, limiting, held)
+        distances = after.arm.distances
+        step = TrackerStep(
+            q=after.arm.q,
+            v=after.v,
+            status=status,
+            position_error=position,
+            orientation_error=orientation,
+            limiting=tuple(limiting),
+            clearance=None if distances is None else distances.least,
+            qp_solver=self._qp.used,
+            message=message,
+        )
+        return after, step
+
+    def _why(self, state: TrackerState, limiting: list[str], held: str) -> tuple[TrackerStatus, str]:
+        """Status and sentence of a tick that is off target."""
+        if state.growing * self.dt >= GROWTH_TIME:
+            return TrackerStatus.LOST, f"the error has grown for {state.growing * self.dt:.2f} s"
+        if float(np.abs(state.v).max()) < STILL:
+            return TrackerStatus.HELD, held or "the arm has come as near as it can"
+        return TrackerStatus.LIMITED, f"slowed by {', '.join(limiting) or 'damping near a singular pose'}"

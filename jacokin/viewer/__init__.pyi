@@ -1,0 +1,6 @@
+from jacokin.viewer.inspector import Inspector as Inspector
+from jacokin.viewer.serving import serve as serve
+from jacokin.viewer.view import View as View
+from jacokin.viewer.viewer import Viewer as Viewer
+
+__all__: list[str]

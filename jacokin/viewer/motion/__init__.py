@@ -1,1 +1,0 @@
-"""Arms that move by themselves: trajectories that are read and played back, and a tracker that follows the gizmo."""

@@ -1,0 +1,179 @@
+"""A trajectory that is played back."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from jacokin.arrays import Array
+from jacokin.errors import InvalidInputError
+from jacokin.model import checks
+from jacokin.motion import files
+
+if TYPE_CHECKING:
+    from jacokin.model.robot import Robot
+
+SPEEDS = (0.1, 4.0)  # least and largest, of the recorded one
+
+
+class Playback:
+    """Where a trajectory is: it plays, pauses, is scrubbed and changes its speed."""
+
+    def __init__(self, trajectory: Trajectory, robot: Robot) -> None:
+        """Check the trajectory against the robot.
+
+        Raises:
+            InvalidInputError: other joints, less than one row, or times that do not increase.
+        """
+        try:
+            names, t = tuple(trajectory.joint_names), np.array(trajectory.t, dtype=np.float64)
+            q = trajectory.q
+        except (AttributeError, TypeError, ValueError) as error:
+            raise InvalidInputError(
+                f"trajectory must be a PathResult, a JointMotion or a file, got {checks.shown(trajectory)}"
+            ) from error
+        if names != robot.joint_names:
+            raise InvalidInputError(f"trajectory has the joints {', '.join(names)}; {robot.name} has others")
+        q = checks.matrix("trajectory", q, robot.dof, "rad")
+        if t.ndim != 1 or not len(t) or len(q) != len(t) or not np.isfinite(t).all() or (np.diff(t) <= 0.0).any():
+            raise InvalidInputError("trajectory must have rows at finite times that increase")
+        self.t, self.q = t - t[0], q
+        self.time = 0.0
+        self.speed = 1.0
+        self.playing = False
+
+    @property
+    def duration(self) -> float:
+        """Of the whole trajectory at its own speed [s]."""
+        return float(self.t[-1])
+
+    def scrub(self, time: float) -> None:
+        """Go to a time [s]; one that is not in the trajectory is brought to its nearer end."""
+        self.time = min(max(checks.number("time", time, "s"), 0.0), self.duration)
+
+    def set_speed(self, speed: float) -> None:
+        """Set the speed, as a multiple of the recorded one, brought within `SPEEDS`."""
+        self.speed = min(max(checks.number("speed", speed), SPEEDS[0]), SPEEDS[1])
+
+    def play(self) -> None:
+        """Play on, from the beginning when it is over."""
+        if self.time >= self.duration:
+            self.time = 0.0
+        self.playing = True
+
+    def advance(self, elapsed: float) -> Array:
+        """Go on for a time on the clock [s], pausing at the end; (dof,) where the arm is then [rad]."""
+        if self.playing:
+            self.time = min(self.time + self.speed * elapsed, self.duration)
+            self.playing = self.time < self.duration
+        return self.at(self.time)
+
+    def at(self, time: float) -> Array:
+        """(dof,) joint angles at a time [s], on straight lines between rows [rad]."""
+        return np.array([np.interp(time, self.t, column) for column in self.q.T])
+
+
+ENDINGS = (".csv", ".npz", ".json", ".kinova.csv")
+LARGEST = 500_000_000  # [byte] of a .json file: a day at 100 Hz takes some 4e9, an hour 1.5e8
+NANOSECOND = 1e-9  # [s]
+
+
+class Trajectory(Protocol):
+    """What is played: a `PathResult`, a `JointMotion`, or anything with these."""
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the joints."""
+
+    @property
+    def t(self) -> Array:
+        """(n,) time [s]."""
+
+    @property
+    def q(self) -> Array:
+        """(n, dof) joint angles [rad]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Recorded:
+    """A trajectory of another program."""
+
+    joint_names: tuple[str, ...]
+    """Names of the joints."""
+    t: Array
+    """(n,) time [s]."""
+    q: Array
+    """(n, dof) joint angles [rad]."""
+
+
+def load_recording(path: str | Path, robot: Robot) -> Trajectory:
+    """Read a trajectory: .csv and .npz of `PathResult` or `JointMotion`, .json of ROS, .kinova.csv.
+
+    Args:
+        path: the file.
+        robot: whose joints it moves. The columns of .kinova.csv have no names; those of .json come in any order.
+
+    Raises:
+        InvalidInputError: no such file, malformed, or of other joints.
+    """
+    file, ending = files.by_ending(path, ENDINGS)
+    if ending == ".json":
+        return _ros(file, robot)
+    if ending == ".kinova.csv":
+        return _kinova(file, robot)
+    from jacokin.motion.joint_motion import load_trajectory
+
+    return load_trajectory(file)
+
+
+def _ros(file: Path, robot: Robot) -> Recorded:
+    """The fields of a JointTrajectory message of ROS 1 or ROS 2, as JSON."""
+    try:
+        if file.stat().st_size > LARGEST:
+            raise InvalidInputError(f"{file} is larger than {LARGEST} bytes: not a trajectory to play")
+        message = json.loads(file.read_text(encoding="utf-8"))
+        names = [str(name) for name in message["joint_names"]]
+        points = message["points"]
+        times = [_seconds(point["time_from_start"]) for point in points]
+        rows = [[float(angle) for angle in point["positions"]] for point in points]
+    except OSError as error:
+        raise InvalidInputError(f"cannot read {file}: {error.strerror or error}") from error
+    except (ValueError, TypeError, KeyError, AttributeError, RecursionError, OverflowError) as error:
+        raise InvalidInputError(f"{file}: not a JointTrajectory as JSON: {error!r}") from error
+    if set(names) != set(robot.joint_names) or len(names) != robot.dof:
+        raise InvalidInputError(f"{file}: trajectory has the joints {', '.join(names)}; {robot.name} has others")
+    if any(len(row) != robot.dof for row in rows):
+        raise InvalidInputError(f"{file}: every point must have {robot.dof} positions")
+    order = [names.index(name) for name in robot.joint_names]
+    q = np.array(rows, dtype=np.float64).reshape(len(rows), robot.dof)
+    return Recorded(robot.joint_names, np.array(times, dtype=np.float64), q[:, order])
+
+
+def _seconds(duration: object) -> float:
+    """A duration of ROS 2 (sec, nanosec), of ROS 1 (secs, nsecs), or a number [s]."""
+    if not isinstance(duration, Mapping):
+        return float(duration)  # type: ignore[arg-type]  # what is not a number is caught by the caller
+    names = ("sec", "nanosec") if "sec" in duration else ("secs", "nsecs")
+    whole, rest = (float(duration[name]) for name in names)
+    return whole + NANOSECOND * rest
+
+
+def _kinova(file: Path, robot: Robot) -> Recorded:
+    """Angles in degrees at 100 Hz, as `PathResult.save` writes them for Kinova's driver."""
+    table = files.read_table(file)
+    wanted = ["time_s", *(f"joint{number}_deg" for number in range(1, robot.dof + 1))]
+    if list(table.head[: len(wanted)]) != wanted or len(table.head) != 2 * robot.dof + 1:
+        raise InvalidInputError(f"{file}: the head line must begin {','.join(wanted)} for {robot.name}")
+    rows = []
+    for row, line in enumerate(table.lines):
+        try:
+            rows.append(table.numbers(row, 0, len(wanted)))
+        except ValueError as error:
+            raise InvalidInputError(f"{file}, line {line}: {error}") from error
+    numbers = checks.read_only(rows)
+    return Recorded(robot.joint_names, numbers[:, 0], np.radians(numbers[:, 1:]))
