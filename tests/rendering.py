@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 
 from jacokin.cli import doctor
-from jacokin.cli.doctor import OK
+from jacokin.cli.doctor_packages import OK
 
 
 @functools.cache

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 import click
 
 from jacokin.cli.declared import Positional
-from jacokin.cli.entry import INTERRUPTED
+from jacokin.cli.exit_codes import INTERRUPTED
 from jacokin.errors import JacokinError, UnknownNameError
 
 # Options followed by any number of numbers, such as one for each joint.

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from jacokin.cli import display, options
 from jacokin.cli.declared import Argument, Option
-from jacokin.cli.entry import NOT_SOLVED
+from jacokin.cli.exit_codes import NOT_SOLVED
 from jacokin.errors import InvalidInputError
 
 if TYPE_CHECKING:

@@ -68,7 +68,7 @@ def demo(
 def targets_file() -> Path:
     """The example targets: in the package, or in a clone beside it."""
     packed = Path(__file__).with_name("targets.csv")
-    return packed if packed.is_file() else Path(__file__).resolve().parents[3] / "examples" / "targets.csv"
+    return packed if packed.is_file() else Path(__file__).resolve().parents[2] / "examples" / "targets.csv"
 
 
 def _report(targets: TargetFile, batch: BatchResult, seconds: float) -> None:

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import json
 import os
 import platform
-import subprocess
 import sys
-from dataclasses import dataclass
 
 import click
 
 from jacokin.cli import display, doctor_packages, options
-from jacokin.cli.entry import NOT_SOLVED
+from jacokin.cli.doctor_packages import FAILED, MISSING, OK, WARNING, Finding
+from jacokin.cli.exit_codes import NOT_SOLVED
 
 
 def doctor(json: options.JsonOption = False) -> None:
@@ -43,29 +41,6 @@ def doctor(json: options.JsonOption = False) -> None:
         display.say("Everything needed works." if well else "Something that is needed does not work, see FAILED above.")
     if not well:
         raise SystemExit(NOT_SOLVED)
-
-
-OK = "ok"
-MISSING = "missing"  # optional, and not there
-WARNING = "warning"
-FAILED = "FAILED"  # needed, and does not work
-
-
-@dataclass(frozen=True, slots=True)
-class Finding:
-    """One line of the report.
-
-    Attributes:
-        area: heading.
-        name: what was looked at.
-        state: one of the constants above.
-        detail: version and place, or what is wrong and what to do.
-    """
-
-    area: str
-    name: str
-    state: str
-    detail: str
 
 
 def kernel_cache() -> Finding:
@@ -101,55 +76,6 @@ def _state() -> tuple[str, str]:
     return MISSING, f"not compiled yet: `jacokin warmup` compiles it into {file.parent}"
 
 
-PROBE_TIMEOUT = 120.0  # [s] for imports or one rendered picture on a slow machine
-
-# One line of JSON for each module, written as it goes: after a crash the first one missing is at fault.
-_IMPORT_PROBE = """
-import importlib, json, sys
-for name in sys.argv[1:]:
-    try:
-        module = importlib.import_module(name)
-        line = [name, getattr(module, "__file__", None), None]
-    except BaseException as error:
-        line = [name, None, f"{type(error).__name__}: {error}"]
-    print("\\n" + json.dumps(line), flush=True)
-"""
-
-
-def imported(modules: list[str]) -> dict[str, tuple[str | None, str | None]]:
-    """Place and error of each module that was tried before the process ended."""
-    output, _ = run(_IMPORT_PROBE, *modules)
-    found = {}
-    for line in output.splitlines():
-        if line.startswith('["'):
-            name, place, error = json.loads(line)
-            found[name] = (place, error)
-    return found
-
-
-def run(program: str, *words: str, **environment: str) -> tuple[str, str | None]:
-    """Output of a Python program in a process of its own, and the last line of its complaint if it failed.
-
-    The current folder is not searched for modules.
-    """
-    try:
-        done = subprocess.run(
-            [sys.executable, "-P", "-c", program, *words],
-            env={**os.environ, **environment},
-            capture_output=True,
-            text=True,
-            timeout=PROBE_TIMEOUT,
-            check=False,
-        )
-    except subprocess.TimeoutExpired:
-        return "", f"no answer within {PROBE_TIMEOUT:.0f} s"
-    if done.returncode == 0:
-        return done.stdout, None
-    lines = done.stderr.strip().splitlines()
-    return done.stdout, lines[-1] if lines else f"ended with code {done.returncode}"
-
-
-# Back end of MuJoCo's renderer -> what installs it on Debian and Ubuntu.
 RENDERERS = {
     "egl": "apt install libegl1 libgl1-mesa-dri",
     "osmesa": "apt install libosmesa6",
@@ -174,7 +100,7 @@ def renderers() -> list[Finding]:
         if backend == "glfw" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
             findings.append(Finding("rendering", backend, MISSING, "no display"))
             continue
-        _, error = run(RENDER_PROBE, MUJOCO_GL=backend)
+        _, error = doctor_packages.run(RENDER_PROBE, MUJOCO_GL=backend)
         detail = f"works with MUJOCO_GL={backend}" if error is None else f"{remedy} ({error})"
         findings.append(Finding("rendering", backend, OK if error is None else MISSING, detail))
     return findings

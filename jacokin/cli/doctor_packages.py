@@ -6,12 +6,84 @@ import importlib.metadata
 import json
 import os
 import re
+import subprocess
 import sys
 from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
 
-from jacokin.cli import doctor
-from jacokin.cli.doctor import FAILED, MISSING, OK, WARNING, Finding
+OK = "ok"
+MISSING = "missing"  # optional, and not there
+WARNING = "warning"
+FAILED = "FAILED"  # needed, and does not work
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One line of the report.
+
+    Attributes:
+        area: heading.
+        name: what was looked at.
+        state: one of the constants above.
+        detail: version and place, or what is wrong and what to do.
+    """
+
+    area: str
+    name: str
+    state: str
+    detail: str
+
+
+PROBE_TIMEOUT = 120.0  # [s] for imports or one rendered picture on a slow machine
+
+# One line of JSON for each module, written as it goes: after a crash the first one missing is at fault.
+_IMPORT_PROBE = """
+import importlib, json, sys
+for name in sys.argv[1:]:
+    try:
+        module = importlib.import_module(name)
+        line = [name, getattr(module, "__file__", None), None]
+    except BaseException as error:
+        line = [name, None, f"{type(error).__name__}: {error}"]
+    print("\\n" + json.dumps(line), flush=True)
+"""
+
+
+def imported(modules: list[str]) -> dict[str, tuple[str | None, str | None]]:
+    """Place and error of each module that was tried before the process ended."""
+    output, _ = run(_IMPORT_PROBE, *modules)
+    found = {}
+    for line in output.splitlines():
+        if line.startswith('["'):
+            name, place, error = json.loads(line)
+            found[name] = (place, error)
+    return found
+
+
+def run(program: str, *words: str, **environment: str) -> tuple[str, str | None]:
+    """Output of a Python program in a process of its own, and the last line of its complaint if it failed.
+
+    The current folder is not searched for modules.
+    """
+    try:
+        done = subprocess.run(
+            [sys.executable, "-P", "-c", program, *words],
+            env={**os.environ, **environment},
+            capture_output=True,
+            text=True,
+            timeout=PROBE_TIMEOUT,
+            check=False,
+        )
+    except subprocess.TimeoutExpired:
+        return "", f"no answer within {PROBE_TIMEOUT:.0f} s"
+    if done.returncode == 0:
+        return done.stdout, None
+    lines = done.stderr.strip().splitlines()
+    return done.stdout, lines[-1] if lines else f"ended with code {done.returncode}"
+
+
+# Back end of MuJoCo's renderer -> what installs it on Debian and Ubuntu.
 
 # Import name -> name of the distribution.
 NEEDED = {
@@ -47,7 +119,7 @@ OPTIONAL = {
 
 def packages() -> list[Finding]:
     """Versions and places of the packages, as a fresh process imports them."""
-    found = doctor.imported([*NEEDED, *OPTIONAL])
+    found = imported([*NEEDED, *OPTIONAL])
     findings = []
     for module, distribution in NEEDED.items():
         place, error = found.get(module, (None, "the process crashed while importing it"))
@@ -118,7 +190,7 @@ def _advice(module: str, error: str) -> str:
 
 def shadows() -> Finding:
     """Does Python find a Pinocchio other than the one pip installed, such as that of a ROS installation?"""
-    place = doctor.imported(["pinocchio"]).get("pinocchio", (None, None))[0]
+    place = imported(["pinocchio"]).get("pinocchio", (None, None))[0]
     return shadow_of_pinocchio(place, _installed_pinocchio(), os.environ.get("PYTHONPATH", ""))
 
 
@@ -141,7 +213,7 @@ def shadow_of_pinocchio(place: str | None, installed: str | None, python_path: s
 def qp_solvers() -> list[Finding]:
     """What qpsolvers can use; daqp is needed."""
     probe = "import json, qpsolvers; print('\\n' + json.dumps(qpsolvers.available_solvers))"
-    output, _ = doctor.run(probe)
+    output, _ = run(probe)
     try:
         names = json.loads(output.strip().splitlines()[-1])
     except (ValueError, IndexError):

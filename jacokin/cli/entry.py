@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import signal
 
-NOT_SOLVED = 1  # not (all) solved, or a check failed
-WRONG_INPUT = 2  # wrong usage or input
-INTERRUPTED = 130  # Ctrl-C
+from jacokin.cli.exit_codes import INTERRUPTED
 
 
 def main() -> None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from jacokin.cli import options
 from jacokin.cli.declared import Option
-from jacokin.cli.entry import NOT_SOLVED
+from jacokin.cli.exit_codes import NOT_SOLVED
 from jacokin.cli.options import free_about
 from jacokin.cli.outputs import keep_apart
 from jacokin.cli.units import Units, numbers, warn_of_degrees

@@ -19,7 +19,7 @@ from jacokin.cli import process
 from jacokin.cli.command import Command, Refusal
 from jacokin.cli.declared import callback, parameters
 from jacokin.cli.display import printable
-from jacokin.cli.entry import WRONG_INPUT
+from jacokin.cli.exit_codes import WRONG_INPUT
 
 HELP = """Kinematics of the Kinova Jaco: poses, Jacobians, and joint angles for a pose within the joint limits.
 

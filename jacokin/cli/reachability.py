@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 from jacokin.cli import display, options
 from jacokin.cli.declared import Argument, Option
 from jacokin.cli.display import progress_bar
-from jacokin.cli.entry import NOT_SOLVED
+from jacokin.cli.exit_codes import NOT_SOLVED
 from jacokin.cli.options import axis_of
 from jacokin.errors import UnknownNameError
 from jacokin.model.descriptions.bundled import NAMES

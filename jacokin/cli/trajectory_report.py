@@ -13,7 +13,7 @@ import numpy as np
 from jacokin import files
 from jacokin.cli import display
 from jacokin.cli.display import facts, number, say, small, table
-from jacokin.cli.entry import NOT_SOLVED
+from jacokin.cli.exit_codes import NOT_SOLVED
 from jacokin.cli.outputs import keep_apart
 from jacokin.errors import InvalidInputError, MissingExtraError
 

@@ -23,7 +23,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from jacokin.ik.structure import measure
+from jacokin.ik.geometry import measure
 from jacokin.kernels.closed_form.batch import BATCH_COLUMNS, BRANCHES, BRANCHES_WITHIN_LIMITS, LARGEST_MARGIN, solve
 from jacokin.kernels.closed_form.pose import (
     COLUMNS,

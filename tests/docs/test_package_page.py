@@ -68,7 +68,7 @@ def test_packages_hold_what_they_should(tmp_path: Path) -> None:
     (wheel,) = tmp_path.glob("*.whl")
     with zipfile.ZipFile(wheel) as archive:
         names = set(archive.namelist())
-    assert {"jacokin/urdf/j2n6s300.urdf", "jacokin/urdf/jaco.toml", "jacokin/cli/demo/targets.csv"} <= names
+    assert {"jacokin/urdf/j2n6s300.urdf", "jacokin/urdf/jaco.toml", "jacokin/cli/targets.csv"} <= names
     assert not [name for name in names if name.startswith("jacokin/urdf/") and name.endswith(".py")]
     assert {name.partition("/")[0] for name in names} == {"jacokin", f"jacokin-{jacokin.__version__}.dist-info"}
     (sdist,) = tmp_path.glob("*.tar.gz")

@@ -28,7 +28,7 @@ from jacokin.ik.families.edge import Edge, Point
 from jacokin.ik.families.family import MEMBER_CLOSURE, Family, Interval, IntervalEnd, Members
 from jacokin.ik.families.tracks import CircleTrack, CurveTrack, PointTrack, Track
 from jacokin.ik.preferences import least
-from jacokin.ik.structure import measure_seven
+from jacokin.ik.geometry import measure_seven
 from jacokin.ik.targets import TargetPose
 from jacokin.ik.verification import Verifier
 from jacokin.model import angles

@@ -170,7 +170,7 @@ def _chain(solver: IKSolver) -> Chain:
     """The kinematics up to the tool."""
     if not solver.has_families:
         return Chain(solver.closed_form().chain)
-    from jacokin.ik.structure import measure_seven
+    from jacokin.ik.geometry import measure_seven
 
     verifier = solver.verifier
     return Chain(measure_seven(solver.robot.pin_model, verifier.frame_id, verifier.tool).chain)

@@ -13,7 +13,7 @@ import pytest
 
 import jacokin
 from jacokin.cli import doctor, doctor_packages
-from jacokin.cli.doctor import FAILED, MISSING, OK, WARNING, Finding
+from jacokin.cli.doctor_packages import FAILED, MISSING, OK, WARNING, Finding
 from jacokin.kernels.compiled import cache
 from jacokin.kernels.compiled.loading import KERNELS
 from tests.cli.run import leave

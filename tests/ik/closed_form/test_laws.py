@@ -16,7 +16,7 @@ from jacokin import Robot
 from jacokin.arrays import Array
 from jacokin.errors import StructureError
 from jacokin.ik.closed_form import ClosedForm
-from jacokin.ik.structure import measure
+from jacokin.ik.geometry import measure
 from jacokin.kernels import chain as kernels_chain
 from jacokin.kernels.compiled.loading import warmup
 from tests.ik.closed_form.tools import (
