@@ -16,11 +16,11 @@ from jacokin.ik.results import IKResult, Status, ik_result
 from jacokin.ik.seeds import inside_exactly
 from jacokin.ik.targets import TargetPose
 from jacokin.model import checks
-from jacokin.model.contact import Contact
 from jacokin.model.robot import Robot
 
 if TYPE_CHECKING:
     from jacokin.ik.closed_form import BranchTable
+    from jacokin.model.contact import Contact
     from jacokin.model.scene import Scene
 
 
@@ -135,6 +135,8 @@ class Verifier:
 
 
 def _contact(robot: Robot, options: Options) -> Contact:
+    from jacokin.model.contact import Contact  # loads MuJoCo
+
     scene = options.scene
     if scene is None:
         return Contact(robot, clearance=options.clearance)

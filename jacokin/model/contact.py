@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from jacokin.arrays import Array
 from jacokin.errors import ModelError
 from jacokin.model.mujoco_twin import to_spec
-from jacokin.model.obstacles import add_to_spec, collision_pairs
+from jacokin.model.obstacles import add_pairs, add_to_spec, collision_pairs
 
 if TYPE_CHECKING:
     from jacokin.model.obstacles import Obstacle
@@ -50,13 +50,8 @@ class Contact:
                 take the angle.
             ModelError: the description's shapes cannot be loaded.
         """
-        import mujoco
-
-        from jacokin.model.mujoco_twin import to_spec
-        from jacokin.model.obstacles import add_pairs, add_to_spec
         from jacokin.model.robot import checked_robot
 
-        self._mujoco = mujoco
         self._robot = checked_robot("robot", robot)
         self._clearance = clearance
         spec = to_spec(robot, geometry=True, finger_angle=finger_angle)
@@ -78,10 +73,10 @@ class Contact:
         try:
             data = self._local.data
         except AttributeError:
-            data = self._local.data = self._mujoco.MjData(self._model)
+            data = self._local.data = mujoco.MjData(self._model)
         data.qpos[:] = checked
-        self._mujoco.mj_kinematics(self._model, data)
-        self._mujoco.mj_collision(self._model, data)
+        mujoco.mj_kinematics(self._model, data)
+        mujoco.mj_collision(self._model, data)
         contact = data.contact
         touching = [
             (self._model.geom(int(a)).name, self._model.geom(int(b)).name)

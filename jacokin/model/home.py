@@ -8,7 +8,6 @@ import numpy as np
 import pinocchio as pin
 
 from jacokin.arrays import Array
-from jacokin.model.contact import SelfContact
 from jacokin.model.descriptions import bundled
 from jacokin.model.robot import Home, Robot
 
@@ -31,6 +30,8 @@ def find(robot: Robot) -> Home:
     do; the middle of the limits; random configurations of a fixed seed. Coarse shapes may always overlap; that is no
     reason to have no home.
     """
+    from jacokin.model.contact import SelfContact  # loads MuJoCo
+
     checker = SelfContact.of(robot)
     best, fewest, singular = Home(middle(robot), "the middle of the limits"), np.inf, True
     for candidate in _candidates(robot):

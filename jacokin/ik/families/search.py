@@ -27,8 +27,8 @@ from jacokin.ik.families.curves import (
 from jacokin.ik.families.edge import Edge, Point
 from jacokin.ik.families.family import MEMBER_CLOSURE, Family, Interval, IntervalEnd, Members
 from jacokin.ik.families.tracks import CircleTrack, CurveTrack, PointTrack, Track
-from jacokin.ik.preferences import least
 from jacokin.ik.geometry import measure_seven
+from jacokin.ik.preferences import least
 from jacokin.ik.targets import TargetPose
 from jacokin.ik.verification import Verifier
 from jacokin.model import angles

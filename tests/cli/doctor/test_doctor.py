@@ -146,7 +146,7 @@ def test_modules_of_the_current_folder_are_not_run(monkeypatch: pytest.MonkeyPat
     planted = tmp_path / "numpy.py"
     planted.write_text("open('was_run', 'w')", encoding="utf-8")
     monkeypatch.chdir(tmp_path)
-    place, error = doctor.imported(["numpy"])["numpy"]
+    place, error = doctor_packages.imported(["numpy"])["numpy"]
     assert error is None
     assert place != str(planted)
     assert not (tmp_path / "was_run").exists()
