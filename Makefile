@@ -10,12 +10,15 @@ LIST := build/sources.txt
 $(shell mkdir -p build; echo $(SOURCES) | cmp -s - $(LIST) || echo $(SOURCES) > $(LIST))
 JOBS ?= 2
 
-.PHONY: demo test lint format type docs build test-oldest bench fuzz release-check clean
+.PHONY: demo test test-all lint format type docs build test-oldest bench fuzz release-check clean
 
 demo: $(VENV)/demo.stamp  ## solve the example targets and draw the arm at a solution
 	$(BIN)/jacokin demo --output out/jaco.png
 
-test: $(VENV)/test.stamp  ## run all tests against the built wheel
+test: $(VENV)/test.stamp  ## the quick tests, against the built wheel: at most 4 minutes on two cores
+	$(BIN)/pytest -n $(JOBS) -m "not slow"
+
+test-all: $(VENV)/test.stamp  ## all tests, against the built wheel
 	$(BIN)/pytest -n $(JOBS)
 
 lint: $(VENV)/test.stamp  ## style, docstrings, formatting

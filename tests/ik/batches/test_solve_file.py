@@ -136,7 +136,7 @@ def test_answers_do_not_depend_on_what_workers_see(
     """On machines without the file the rows come with the job; without the folder, answers go back with it."""
     source = write(tmp_path / f"in{suffix}", targets)
     solve_file(solver, source, tmp_path / "a.parquet", workers=1)
-    monkeypatch.setattr(solve_file, "SHARE", 1)  # several chunks in a job
+    monkeypatch.setattr(module, "SHARE", 1)  # several chunks in a job
     numbers = iter(range(1000))
 
     def elsewhere(job: chunk.ChunkJob) -> object:
@@ -149,7 +149,7 @@ def test_answers_do_not_depend_on_what_workers_see(
             rows = rows._replace(stamp=rows.stamp._replace(path=tmp_path / "elsewhere"))
         return chunk.make(dataclasses.replace(job, keeper=keeper, rows=rows))
 
-    monkeypatch.setattr(solve_file, "make", elsewhere)
+    monkeypatch.setattr(module, "make", elsewhere)
     solve_file(solver, source, tmp_path / "b.parquet", workers=2)
     assert next(numbers) > 1
     assert (tmp_path / "a.parquet").read_bytes() == (tmp_path / "b.parquet").read_bytes()

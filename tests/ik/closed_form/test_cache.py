@@ -175,13 +175,13 @@ def test_a_pipe_in_place_of_the_file_is_not_waited_for(place: Path) -> None:
 
 
 def test_the_name_depends_on_contents_only(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    here = Path(cache.__file__).parent
+    kernels = Path(cache.__file__).parents[1]
     before = cache.key()
     copy = tmp_path / "another environment"
-    shutil.copytree(here, copy, copy_function=shutil.copyfile)  # times of modification are new
-    monkeypatch.setattr(cache, "__file__", str(copy / "cache.py"))
+    shutil.copytree(kernels, copy, copy_function=shutil.copyfile)  # times of modification are new
+    monkeypatch.setattr(cache, "__file__", str(copy / "compiled" / "cache.py"))
     assert cache.key() == before
-    for name in (*compiler.KERNEL_MODULES, "compiler", "one_module", "kernel_library"):
+    for name in (*compiler.KERNEL_MODULES, "compiled.compiler", "compiled.library"):
         kernel = copy / f"{name.replace('.', '/')}.py"
         text = kernel.read_text()
         kernel.write_text(text + "\n")

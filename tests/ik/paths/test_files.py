@@ -178,7 +178,7 @@ def test_archives_that_claim_too_much_are_refused(tmp_path: Path, content: bytes
 def test_a_path_survives_a_locale_without_utf8(result: PathResult, tmp_path: Path) -> None:
     file, copied = tmp_path / "path.csv", tmp_path / "copy.csv"
     replace(result, message="Gelenk 2 läuft über 90°").save(file)
-    code = "import sys; from jacokin.ik import PathResult; PathResult.load(sys.argv[1]).save(sys.argv[2])"
+    code = "import sys; from jacokin.motion import PathResult; PathResult.load(sys.argv[1]).save(sys.argv[2])"
     environment = {**os.environ, "LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
     subprocess.run([sys.executable, "-P", "-c", code, str(file), str(copied)], check=True, env=environment)
     assert copied.read_bytes() == file.read_bytes()

@@ -22,7 +22,7 @@ from jacokin.errors import InvalidInputError
 from jacokin.ik import Sphere
 from jacokin.motion import AxisTarget, Clearance, OrientationTarget, PositionTarget, RegionTarget
 
-PACKAGE = str(Path(jacokin.__file__).parent / "ik")
+PACKAGE = str(Path(jacokin.__file__).parent)
 ROUNDING = 1e-9  # [rad/s] positions are subtracted and divided by dt
 
 Command = Callable[[Tracker], Any]
