@@ -28,10 +28,10 @@ from jacokin.errors import JacokinError
 from jacokin.viewer import Viewer
 
 DOORS = (
-    "jacokin", "jacokin.model", "jacokin.ik", "jacokin.motion", "jacokin.mujoco_bridge", "jacokin.mujoco_bridge.cameras",
-    "jacokin.mujoco_bridge.distributions", "jacokin.mujoco_bridge.observations", "jacokin.mujoco_bridge.rewards",
-    "jacokin.mujoco_bridge.robots", "jacokin.mujoco_bridge.workspaces", "jacokin.reachability", "jacokin.tasks",
-    "jacokin.viewer",
+    "jacokin", "jacokin.model", "jacokin.ik", "jacokin.motion", "jacokin.mujoco_bridge",
+    "jacokin.mujoco_bridge.cameras", "jacokin.mujoco_bridge.distributions", "jacokin.mujoco_bridge.observations",
+    "jacokin.mujoco_bridge.rewards", "jacokin.mujoco_bridge.robots", "jacokin.mujoco_bridge.workspaces",
+    "jacokin.reachability", "jacokin.tasks", "jacokin.viewer",
 )  # fmt: skip
 # Made by jacokin alone, and known to compile or to run for as long as they are told to.
 RESULTS = {
