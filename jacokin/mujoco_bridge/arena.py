@@ -9,7 +9,7 @@ import mujoco
 from numpy.typing import ArrayLike
 
 from jacokin.model.descriptions import bundled
-from jacokin.mujoco_bridge.entities.entity import Entity, check_name
+from jacokin.mujoco_bridge.entity import Entity, check_name
 
 CAMERA = "overview"
 

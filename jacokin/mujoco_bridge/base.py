@@ -18,13 +18,12 @@ from jacokin.errors import InvalidInputError, PhysicsError, UnknownNameError, sh
 from jacokin.kernels.compiled.loading import warmup
 from jacokin.model import angles, checks
 from jacokin.model.descriptions import bundled
+from jacokin.model.poses import unit_quaternion
 from jacokin.mujoco_bridge.control.site_ik import SceneSolvers, SiteSolver, Solution
-from jacokin.mujoco_bridge.entities.entity import Entity
-from jacokin.mujoco_bridge.observables.declaration import JointsObservables, Observables
-from jacokin.mujoco_bridge.quaternions import rotation_matrix, unit_quaternion
+from jacokin.mujoco_bridge.distributions import RandomState, check_random_state
+from jacokin.mujoco_bridge.entity import Entity, rotation_matrix
+from jacokin.mujoco_bridge.observables.observable import JointsObservables, Observables
 from jacokin.mujoco_bridge.simulation.physics import Physics, check_physics
-
-RandomState = np.random.RandomState | np.random.Generator
 
 __all__ = ["DOWN_QUATERNION", "JointsObservables", "RandomState", "RobotArm", "RobotHand"]
 
@@ -208,16 +207,21 @@ class RobotHand(Entity):
         return JointsObservables(self) if hasattr(self, "joints") else Observables(self)
 
 
-def check_random_state(random_state: RandomState) -> None:
-    """Check a source of random numbers.
+def add_velocity_actuator(spec: mujoco.MjSpec, joint: mujoco.MjsJoint, group: str) -> mujoco.MjsActuator:
+    """Add a velocity actuator to a joint, under the name of the joint.
 
-    Raises:
-        InvalidInputError: neither a `numpy.random.RandomState` nor a `numpy.random.Generator`.
+    Args:
+        spec: the spec of the joint.
+        joint: the joint element.
+        group: "large", "small" or "finger": the row with gain, speed and torque in ``urdf/jaco.toml``.
     """
-    if not isinstance(random_state, RandomState):
-        raise InvalidInputError(
-            f"random_state must be a numpy.random.RandomState or numpy.random.Generator, got {shown(random_state)}"
-        )
+    row = bundled.actuator(group)
+    actuator = spec.add_actuator(name=joint.name, target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+    actuator.set_to_velocity(kv=row["kv"])
+    actuator.ctrllimited = actuator.forcelimited = True
+    actuator.ctrlrange = row["ctrl_range"]  # [rad/s]
+    actuator.forcerange = row["force_range"]  # [N m]
+    return actuator
 
 
 def _site_id(physics: Physics, site: mujoco.MjsSite | str) -> int:

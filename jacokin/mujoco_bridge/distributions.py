@@ -140,7 +140,7 @@ class _Distribution:
         Raises:
             InvalidInputError: there is no random state.
         """
-        state = _checked(random_state)
+        state = check_random_state(random_state)
         return self._draw(state, None if self.single_sample or initial_value is None else np.shape(initial_value))
 
     def _draw(self, random_state: RandomState, size: tuple[int, ...] | None) -> Array | float:
@@ -242,7 +242,7 @@ class UniformQuaternion:
         self, initial_value: object = None, current_value: object = None, random_state: RandomState | None = None
     ) -> Array:
         """Draw three numbers (Shoemake, Uniform random rotations, Graphics Gems III, 1992)."""
-        u, first, second = _checked(random_state).uniform((0.0, 0.0, 0.0), (1.0, 2.0 * np.pi, 2.0 * np.pi))
+        u, first, second = check_random_state(random_state).uniform((0.0, 0.0, 0.0), (1.0, 2.0 * np.pi, 2.0 * np.pi))
         inner, outer = np.sqrt(1.0 - u), np.sqrt(u)
         return np.array((inner * np.sin(first), inner * np.cos(first), outer * np.sin(second), outer * np.cos(second)))
 
@@ -259,7 +259,12 @@ def uniform_box(lower: ArrayLike, upper: ArrayLike) -> Uniform:
     return Uniform(checks.read_only(low), checks.read_only(high), single_sample=True)
 
 
-def _checked(random_state: object) -> RandomState:
+def check_random_state(random_state: object) -> RandomState:
+    """A source of random numbers, or an error that says what was given instead.
+
+    Raises:
+        InvalidInputError: neither a `numpy.random.RandomState` nor a `numpy.random.Generator`.
+    """
     if not isinstance(random_state, RandomState):
         raise InvalidInputError(
             f"random_state must be a numpy.random.RandomState or numpy.random.Generator, got {shown(random_state)}"

@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 from jacokin.errors import InvalidInputError, shown
 from jacokin.model import checks
 from jacokin.model.descriptions import bundled
-from jacokin.mujoco_bridge.base import RobotHand
-from jacokin.mujoco_bridge.entities.entity import check_name
+from jacokin.mujoco_bridge.base import RobotHand, add_velocity_actuator
+from jacokin.mujoco_bridge.entity import check_name
 from jacokin.mujoco_bridge.observables.jaco import JacoHandObservables, TwoFingerHandObservables
 from jacokin.mujoco_bridge.simulation.physics import Physics, check_physics
-from jacokin.mujoco_bridge.velocity_actuator import add_velocity_actuator
 
 _HANDS = {3: bundled.DEFAULT_ROBOT, 2: "j2n6s200"}  # whose hand is taken, by the number of fingers
 _HAND_BODY = "hand"

@@ -31,7 +31,7 @@ RENDERING = """
 import mujoco
 import numpy as np
 from jacokin.mujoco_bridge import Arena, Physics, cameras, observations, robots
-from jacokin.mujoco_bridge.observables.declaration import observables_of
+from jacokin.mujoco_bridge.observables.updater import observables_of
 from jacokin.mujoco_bridge.observables.updater import Updater
 
 CUBE = np.array([-0.1, -0.1, 0.05])  # [m]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.mujoco_bridge.entities.entity import Entity
+from jacokin.mujoco_bridge.entity import Entity
 from jacokin.mujoco_bridge.simulation.physics import Physics
 
 Geoms = NDArray[np.bool_]  # one flag for each geom of the model

@@ -10,12 +10,13 @@ from numpy.typing import ArrayLike, NDArray
 from jacokin.arrays import Array
 from jacokin.errors import EpisodeInitializationError, InvalidInputError, shown
 from jacokin.model import checks
-from jacokin.mujoco_bridge.base import DOWN_QUATERNION, RandomState, RobotArm, RobotHand, check_random_state
+from jacokin.model.poses import unit_quaternion
+from jacokin.mujoco_bridge.base import DOWN_QUATERNION, RobotArm, RobotHand
 from jacokin.mujoco_bridge.control import queries
 from jacokin.mujoco_bridge.control.collisions import Geoms, Trial, bodies_of, free_bodies, trial_of
 from jacokin.mujoco_bridge.control.queries import Asking
-from jacokin.mujoco_bridge.distributions import Sampler, constant_or_sampler
-from jacokin.mujoco_bridge.quaternions import rotation_matrix, unit_quaternion
+from jacokin.mujoco_bridge.distributions import RandomState, Sampler, check_random_state, constant_or_sampler
+from jacokin.mujoco_bridge.entity import rotation_matrix
 from jacokin.mujoco_bridge.simulation.physics import Physics, check_physics
 
 Pairs = tuple[tuple[Geoms, Geoms], ...]

@@ -12,11 +12,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from jacokin.errors import EpisodeInitializationError, InvalidInputError, PhysicsError
 from jacokin.model import checks
-from jacokin.mujoco_bridge.base import RandomState, check_random_state
+from jacokin.model.poses import unit_quaternion
 from jacokin.mujoco_bridge.control.collisions import Trial, bodies_of, trial_of
-from jacokin.mujoco_bridge.distributions import IDENTITY_QUATERNION, Sampler, constant_or_sampler
-from jacokin.mujoco_bridge.entities.entity import Entity
-from jacokin.mujoco_bridge.quaternions import unit_quaternion
+from jacokin.mujoco_bridge.distributions import (
+    IDENTITY_QUATERNION,
+    RandomState,
+    Sampler,
+    check_random_state,
+    constant_or_sampler,
+)
+from jacokin.mujoco_bridge.entity import Entity
 from jacokin.mujoco_bridge.simulation.physics import Physics, check_physics
 
 _QPOS_SIZE = {int(mujoco.mjtJoint.mjJNT_FREE): 7, int(mujoco.mjtJoint.mjJNT_BALL): 4}  # hinges and slides have 1

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from jacokin.errors import InvalidInputError, shown
 from jacokin.model import checks
 from jacokin.model.angles import nearest_copy, wrap_to_turn
-from jacokin.mujoco_bridge.observables.declaration import JointsObservables, observable
-from jacokin.mujoco_bridge.observables.observable import Bound, MJCFFeature, Observable
-
-if TYPE_CHECKING:
-    from jacokin.mujoco_bridge.simulation.physics import Physics
+from jacokin.mujoco_bridge.observables.observable import Bound, JointsObservables, MJCFFeature, Observable, observable
+from jacokin.mujoco_bridge.simulation.physics import Physics
 
 
 class JacoArmObservables(JointsObservables):

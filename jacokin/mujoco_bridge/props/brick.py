@@ -16,10 +16,9 @@ from numpy.typing import ArrayLike, NDArray
 from jacokin.errors import InvalidInputError
 from jacokin.model import checks
 from jacokin.mujoco_bridge import workspaces
-from jacokin.mujoco_bridge.entities.entity import check_name
-from jacokin.mujoco_bridge.entities.hooks import RandomState
-from jacokin.mujoco_bridge.observables.declaration import observable
-from jacokin.mujoco_bridge.observables.observable import MJCFFeature, Observable
+from jacokin.mujoco_bridge.distributions import RandomState
+from jacokin.mujoco_bridge.entity import check_name
+from jacokin.mujoco_bridge.observables.observable import MJCFFeature, Observable, observable
 from jacokin.mujoco_bridge.props import primitive
 from jacokin.mujoco_bridge.props.primitive import FreeProp, FreePropObservables, add_vertex_sites
 from jacokin.mujoco_bridge.simulation.physics import Physics
@@ -186,7 +185,7 @@ class Brick(FreeProp):
     def _build_observables(self) -> FreePropObservables:
         return BrickObservables(self)
 
-    def initialize_episode(self, physics: Physics, random_state: RandomState) -> None:
+    def initialize_episode(self, physics: Physics, random_state: RandomState | None) -> None:
         """Draw the radius of the studs, unless it does not vary; masses stay as they are.
 
         Raises:

@@ -8,9 +8,8 @@ import numpy as np
 from jacokin.errors import InvalidInputError, shown
 from jacokin.model import checks
 from jacokin.mujoco_bridge import workspaces
-from jacokin.mujoco_bridge.entities.entity import Entity, check_name
-from jacokin.mujoco_bridge.observables.declaration import Observables, observable
-from jacokin.mujoco_bridge.observables.observable import MJCFFeature, Observable
+from jacokin.mujoco_bridge.entity import Entity, check_name
+from jacokin.mujoco_bridge.observables.observable import MJCFFeature, Observable, Observables, observable
 from jacokin.mujoco_bridge.props import primitive
 
 _TOP_SITE = "top"

@@ -16,9 +16,8 @@ from numpy.typing import ArrayLike
 from jacokin.errors import InvalidInputError, shown
 from jacokin.model import checks
 from jacokin.mujoco_bridge import workspaces
-from jacokin.mujoco_bridge.entities.entity import Entity, check_name
-from jacokin.mujoco_bridge.observables.declaration import Observables, observable
-from jacokin.mujoco_bridge.observables.observable import MJCFFeature, Observable
+from jacokin.mujoco_bridge.entity import Entity, check_name
+from jacokin.mujoco_bridge.observables.observable import MJCFFeature, Observable, Observables, observable
 
 _SENSORS = {
     "position": mujoco.mjtSensor.mjSENS_FRAMEPOS,
