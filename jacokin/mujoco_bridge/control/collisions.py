@@ -13,6 +13,7 @@ from jacokin.mujoco_bridge.entity import Entity
 from jacokin.mujoco_bridge.simulation.physics import Physics
 
 Geoms = NDArray[np.bool_]  # one flag for each geom of the model
+Pairs = tuple[tuple[Geoms, Geoms], ...]
 
 _FULL = int(mujoco.mjtWarning.mjWARN_CONTACTFULL)
 _TRIALS: weakref.WeakKeyDictionary[Physics, Trial] = weakref.WeakKeyDictionary()
@@ -23,6 +24,7 @@ class Trial:
 
     Attributes:
         qpos: the configuration to try.
+        arms: the pairs of sets of geoms that must not touch, by the ids of the bodies that hold an arm and its hand.
     """
 
     def __init__(self, model: mujoco.MjModel) -> None:
@@ -30,14 +32,10 @@ class Trial:
         self._model = model
         self._data = mujoco.MjData(model)
         self.qpos: Array = self._data.qpos
-
-    def start_from(self, physics: Physics) -> None:
-        """Take over the positions of a simulation."""
-        self.qpos[:] = physics.data.qpos
-        self.follow_mocap(physics)
+        self.arms: dict[tuple[int, ...], Pairs] = {}
 
     def follow_mocap(self, physics: Physics) -> None:
-        """Take over the poses of the mocap bodies."""
+        """Copy the poses of the mocap bodies of a simulation."""
         self._data.mocap_pos[:] = physics.data.mocap_pos
         self._data.mocap_quat[:] = physics.data.mocap_quat
 
@@ -67,7 +65,8 @@ def trial_of(physics: Physics) -> Trial:
     trial = _TRIALS.get(physics)
     if trial is None:
         trial = _TRIALS[physics] = Trial(physics.model)
-    trial.start_from(physics)
+    trial.qpos[:] = physics.data.qpos
+    trial.follow_mocap(physics)
     return trial
 
 
@@ -82,7 +81,13 @@ def bodies_of(physics: Physics, entity: Entity) -> NDArray[np.bool_]:
     return found
 
 
-def free_bodies(model: mujoco.MjModel) -> NDArray[np.bool_]:
-    """For each body whether the tree it belongs to has a free joint at its root."""
+def arm_pairs(physics: Physics, arm: Entity, hand: Entity | None) -> Pairs:
+    """The pairs of sets of geoms that must not touch: the arm and all but free things, the hand and fixed things."""
+    model = physics.model
+    with_hand = bodies_of(physics, arm)
+    in_hand = np.zeros(model.nbody, dtype=bool) if hand is None else bodies_of(physics, hand)
+    in_arm = with_hand & ~in_hand
     free_roots = model.jnt_bodyid[model.jnt_type == mujoco.mjtJoint.mjJNT_FREE]
-    return np.asarray(np.isin(model.body_rootid, free_roots))
+    fixed = ~np.isin(model.body_rootid, free_roots) & ~with_hand & ~in_hand
+    geom_body = model.geom_bodyid
+    return (in_arm[geom_body], (in_arm | in_hand | fixed)[geom_body]), (in_hand[geom_body], fixed[geom_body])

@@ -9,11 +9,10 @@ a solution.
 from __future__ import annotations
 
 import math
-import weakref
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -29,148 +28,20 @@ from jacokin.ik.verification import Verifier
 from jacokin.model.descriptions import mjcf
 from jacokin.model.robot import Home, Robot, Source
 from jacokin.mujoco_bridge.control.queries import Query, canonical, wrapped_in_place
+from jacokin.mujoco_bridge.distributions import RandomState
 from jacokin.mujoco_bridge.simulation.physics import Physics
-
-if TYPE_CHECKING:
-    from jacokin.ik.qp import MultiStartQP
-
-BASE = "base"
-SITE = "site"
 
 Memory = tuple[memoryview, ...]
 """Live parts of MuJoCo's arrays. Joining their bytes is the quickest way to compare all of them with what they were."""
 
-_INFINITE = np.array([np.inf])
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class SceneChain:
-    """The joints that move a site.
-
-    Attributes:
-        robot: the chain; its only frame is the site, its base the parent of the first joint's body.
-        base_body: id of that body.
-        base_is_fixed: whether the simulation never moves that body.
-        base_memory: the parts of the model that determine the pose of a fixed base.
-        joints: (dof,) ids of the joints, base to site.
-        qpos: (dof,) addresses of the joints' positions in qpos.
-        memory: the parts of the model that determine the chain, and the positions of joints that are held.
-        memory_then: their bytes when the chain was made.
-    """
-
-    robot: Robot
-    base_body: int
-    base_is_fixed: bool
-    base_memory: Memory
-    joints: tuple[int, ...]
-    qpos: NDArray[np.intp]
-    memory: Memory
-    memory_then: bytes
-
-    @property
-    def is_current(self) -> bool:
-        """Whether the model and the held joints are as they were when the chain was made."""
-        return b"".join(self.memory) == self.memory_then
-
-
-def scene_chain(model: mujoco.MjModel, qpos: Array, joints: Sequence[int], site: int) -> SceneChain:
-    """Build the chain.
-
-    Args:
-        model: the compiled scene.
-        qpos: its live configuration; joints that are not the arm's are held there.
-        joints: ids of the arm's joints.
-        site: id of the site.
-
-    Raises:
-        ModelError: none of the joints moves the site, or a joint on the way is neither hinge nor slide.
-    """
-    bodies = _path(model, int(model.site_bodyid[site]))
-    moved = [i for i, body in enumerate(bodies) if set(mjcf.body_joints(model, body)) & set(joints)]
-    if not moved:
-        raise ModelError(f"none of the arm's joints moves site {model.site(site).name!r}")
-    above, bodies = bodies[: moved[0]], bodies[moved[0] :]
-    members: list[int] = []
-    addresses: list[int] = []
-    held: list[int] = []
-    out = pin.Model()
-    out.name = "scene"
-    carrier, T = 0, pin.SE3.Identity()
-    for body in bodies:
-        T = T * mjcf.placement(model.body_quat[body], model.body_pos[body])
-        for joint in mjcf.body_joints(model, body):
-            if model.jnt_type[joint] not in mjcf.SCALAR_JOINTS:
-                raise ModelError(f"joint {mjcf.joint_name(model, joint)!r} of the arm is neither hinge nor slide")
-            kind, T_zero = mjcf.pinocchio_joint(model, joint)
-            anchor = pin.SE3(np.eye(3), np.array(model.jnt_pos[joint]))
-            address = int(model.jnt_qposadr[joint])
-            if joint in joints:
-                limits = model.jnt_range[joint] if model.jnt_limited[joint] else (-np.inf, np.inf)
-                lower, upper = np.array(limits[:1]), np.array(limits[1:])
-                name = mjcf.joint_name(model, joint)
-                carrier = out.addJoint(carrier, kind, T * anchor * T_zero, name, _INFINITE, _INFINITE, lower, upper)
-                T = anchor.inverse()
-                members.append(joint)
-                addresses.append(address)
-            else:
-                T = T * anchor * mjcf.scalar_joint_motion(model, joint, float(qpos[address])) * anchor.inverse()
-                held.append(address)
-    T = T * mjcf.placement(model.site_quat[site], model.site_pos[site])
-    out.addFrame(pin.Frame(BASE, 0, 0, pin.SE3.Identity(), pin.FrameType.OP_FRAME), False)
-    out.addFrame(pin.Frame(SITE, carrier, 0, T, pin.FrameType.OP_FRAME), False)
-    memory = (*_memory(model, bodies, site), *_rows(qpos, held))
-    source = Source(path=Path("scene"), kind="mjcf", bundled=None, base=BASE, tip=SITE)
-    return SceneChain(
-        robot=Robot(
-            out, base=BASE, tip=SITE, source=source, home=Home(qpos[addresses], "where the arm was in the scene")
-        ),
-        base_body=int(model.body_parentid[bodies[0]]),
-        base_is_fixed=not any(model.body_dofnum[body] or model.body_mocapid[body] >= 0 for body in above),
-        base_memory=_poses(model, above),
-        joints=tuple(members),
-        qpos=np.array(addresses, dtype=np.intp),
-        memory=memory,
-        memory_then=b"".join(memory),
-    )
-
-
-def _memory(model: mujoco.MjModel, bodies: Sequence[int], site: int) -> Memory:
-    """The parts of the model that determine a chain along these bodies."""
-    joints = [joint for body in bodies for joint in mjcf.body_joints(model, body)]
-    arrays = model.jnt_range, model.jnt_limited, model.jnt_pos, model.jnt_axis
-    return (
-        *_poses(model, bodies),
-        *(part for array in arrays for part in _rows(array, joints)),
-        *(part for array in (model.site_pos, model.site_quat) for part in _rows(array, [site])),
-    )
-
-
-def _poses(model: mujoco.MjModel, bodies: Sequence[int]) -> Memory:
-    """The parts of the model with the poses of bodies in their parents."""
-    return tuple(part for array in (model.body_pos, model.body_quat) for part in _rows(array, bodies))
-
-
-def _rows(array: NDArray[Any], rows: Sequence[int]) -> Memory:
-    """The memory of some rows of an array; consecutive ones are one part."""
-    starts = [row for i, row in enumerate(rows) if i == 0 or row != rows[i - 1] + 1]
-    stops = [row + 1 for i, row in enumerate(rows) if i == len(rows) - 1 or rows[i + 1] != row + 1]
-    return tuple(array[start:stop].data for start, stop in zip(starts, stops, strict=True))
-
-
-def _path(model: mujoco.MjModel, body: int) -> list[int]:
-    """Ids of the bodies from the world's child down to a body."""
-    path: list[int] = []
-    while body > 0:
-        path.insert(0, body)
-        body = int(model.body_parentid[body])
-    return path
-
-
-RandomState = np.random.RandomState | np.random.Generator
 Bounds = tuple[Array, Array]
 Solution = tuple[NDArray[np.intp], Array]  # addresses in qpos, and values for them
+
+BASE = "base"  # the frames of the chain
+SITE = "site"
 MEMBERS = 32  # of a family that are tried for contact
 
+_INFINITE = np.array([np.inf])
 _FEW = 16  # numbers that are added up sooner than a dot product starts
 
 # Matrices of rotations that are a small angle apart differ by sqrt(2) times that angle, in the Frobenius norm.
@@ -220,7 +91,10 @@ class SiteSolver:
         self._solver = IKSolver(robot, SITE, warm=None)
         self._has_families = self._solver.has_families
         self.has_closed_form = self._has_families or self._solver.has_closed_form
-        self._qp = None if self.has_closed_form else self._multi_start()
+        if not self.has_closed_form:
+            from jacokin.ik.qp import MultiStartQP  # imports mink, which arms with a closed form do not need
+
+            self._qp = MultiStartQP(Verifier(robot, SITE, None, Options()))
         with_branches = self.has_closed_form and not self._has_families
         self._nearest = self._solver.closed_form().nearest_branch() if with_branches else None
         self._T = np.eye(4) if self._nearest is None else self._nearest.T
@@ -385,17 +259,10 @@ class SiteSolver:
 
     def _by_qp(self, starts: Iterator[Array]) -> Iterator[Array]:
         target = targets.checked(self._T)
-        if self._qp is None:
-            self._qp = self._multi_start()
         for start in starts:
             attempt = self._qp.solve(target, [start])
             if attempt.reached:
                 yield attempt.q
-
-    def _multi_start(self) -> MultiStartQP:
-        from jacokin.ik.qp import MultiStartQP  # imports mink, which arms with a closed form do not need
-
-        return MultiStartQP(Verifier(self._chain.robot, SITE, None, Options()))
 
     def _starts(
         self, present: Array | None, bounds: Bounds, random_state: RandomState, attempts: int
@@ -408,23 +275,124 @@ class SiteSolver:
             yield random_state.uniform(*bounds)[members]
 
 
-class SceneSolvers:
-    """The solvers of one arm, by physics and site."""
+@dataclass(frozen=True, slots=True, eq=False)
+class SceneChain:
+    """The joints that move a site.
 
-    def __init__(self) -> None:
-        """Start empty."""
-        self._solvers: weakref.WeakKeyDictionary[Physics, dict[mujoco.MjsSite | str, SiteSolver]] = (
-            weakref.WeakKeyDictionary()
-        )
+    Attributes:
+        robot: the chain; its only frame is the site, its base the parent of the first joint's body.
+        base_body: id of that body.
+        base_is_fixed: whether the simulation never moves that body.
+        base_memory: the parts of the model that determine the pose of a fixed base.
+        joints: (dof,) ids of the joints, base to site.
+        qpos: (dof,) addresses of the joints' positions in qpos.
+        memory: the parts of the model that determine the chain, and the positions of joints that are held.
+        memory_then: their bytes when the chain was made.
+    """
 
-    def known(self, physics: Physics, site: mujoco.MjsSite | str) -> SiteSolver | None:
-        """The solver that was kept for a site, an element or a name; None if there is none."""
-        try:
-            return self._solvers[physics].get(site)
-        except (KeyError, TypeError):  # no solver kept, or something that cannot be a key
-            return None
+    robot: Robot
+    base_body: int
+    base_is_fixed: bool
+    base_memory: Memory
+    joints: tuple[int, ...]
+    qpos: NDArray[np.intp]
+    memory: Memory
+    memory_then: bytes
 
-    def keep(self, physics: Physics, site: mujoco.MjsSite | str, solver: SiteSolver) -> SiteSolver:
-        """Keep a solver; returns it."""
-        self._solvers.setdefault(physics, {})[site] = solver
-        return solver
+    @property
+    def is_current(self) -> bool:
+        """Whether the model and the held joints are as they were when the chain was made."""
+        return b"".join(self.memory) == self.memory_then
+
+
+def scene_chain(model: mujoco.MjModel, qpos: Array, joints: Sequence[int], site: int) -> SceneChain:
+    """Build the chain.
+
+    Args:
+        model: the compiled scene.
+        qpos: its live configuration; joints that are not the arm's are held there.
+        joints: ids of the arm's joints.
+        site: id of the site.
+
+    Raises:
+        ModelError: none of the joints moves the site, or a joint on the way is neither hinge nor slide.
+    """
+    bodies = _path(model, int(model.site_bodyid[site]))
+    moved = [i for i, body in enumerate(bodies) if set(mjcf.body_joints(model, body)) & set(joints)]
+    if not moved:
+        raise ModelError(f"none of the arm's joints moves site {model.site(site).name!r}")
+    above, bodies = bodies[: moved[0]], bodies[moved[0] :]
+    members: list[int] = []
+    addresses: list[int] = []
+    held: list[int] = []
+    out = pin.Model()
+    out.name = "scene"
+    carrier, T = 0, pin.SE3.Identity()
+    for body in bodies:
+        T = T * mjcf.placement(model.body_quat[body], model.body_pos[body])
+        for joint in mjcf.body_joints(model, body):
+            if model.jnt_type[joint] not in mjcf.SCALAR_JOINTS:
+                raise ModelError(f"joint {mjcf.joint_name(model, joint)!r} of the arm is neither hinge nor slide")
+            kind, T_zero = mjcf.pinocchio_joint(model, joint)
+            anchor = pin.SE3(np.eye(3), np.array(model.jnt_pos[joint]))
+            address = int(model.jnt_qposadr[joint])
+            if joint in joints:
+                limits = model.jnt_range[joint] if model.jnt_limited[joint] else (-np.inf, np.inf)
+                lower, upper = np.array(limits[:1]), np.array(limits[1:])
+                name = mjcf.joint_name(model, joint)
+                carrier = out.addJoint(carrier, kind, T * anchor * T_zero, name, _INFINITE, _INFINITE, lower, upper)
+                T = anchor.inverse()
+                members.append(joint)
+                addresses.append(address)
+            else:
+                T = T * anchor * mjcf.scalar_joint_motion(model, joint, float(qpos[address])) * anchor.inverse()
+                held.append(address)
+    T = T * mjcf.placement(model.site_quat[site], model.site_pos[site])
+    out.addFrame(pin.Frame(BASE, 0, 0, pin.SE3.Identity(), pin.FrameType.OP_FRAME), False)
+    out.addFrame(pin.Frame(SITE, carrier, 0, T, pin.FrameType.OP_FRAME), False)
+    memory = (*_memory(model, bodies, site), *_rows(qpos, held))
+    source = Source(path=Path("scene"), kind="mjcf", bundled=None, base=BASE, tip=SITE)
+    return SceneChain(
+        robot=Robot(
+            out, base=BASE, tip=SITE, source=source, home=Home(qpos[addresses], "where the arm was in the scene")
+        ),
+        base_body=int(model.body_parentid[bodies[0]]),
+        base_is_fixed=not any(model.body_dofnum[body] or model.body_mocapid[body] >= 0 for body in above),
+        base_memory=_poses(model, above),
+        joints=tuple(members),
+        qpos=np.array(addresses, dtype=np.intp),
+        memory=memory,
+        memory_then=b"".join(memory),
+    )
+
+
+def _memory(model: mujoco.MjModel, bodies: Sequence[int], site: int) -> Memory:
+    """The parts of the model that determine a chain along these bodies."""
+    joints = [joint for body in bodies for joint in mjcf.body_joints(model, body)]
+    arrays = model.jnt_range, model.jnt_limited, model.jnt_pos, model.jnt_axis
+    return (
+        *_poses(model, bodies),
+        *(part for array in arrays for part in _rows(array, joints)),
+        *(part for array in (model.site_pos, model.site_quat) for part in _rows(array, [site])),
+    )
+
+
+def _poses(model: mujoco.MjModel, bodies: Sequence[int]) -> Memory:
+    """The parts of the model with the poses of bodies in their parents."""
+    return tuple(part for array in (model.body_pos, model.body_quat) for part in _rows(array, bodies))
+
+
+def _rows(array: NDArray[Any], rows: Sequence[int]) -> Memory:
+    """The memory of some rows of an array; consecutive ones are one part."""
+    starts = [row for i, row in enumerate(rows) if i == 0 or row != rows[i - 1] + 1]
+    stops = [row + 1 for i, row in enumerate(rows) if i == len(rows) - 1 or rows[i + 1] != row + 1]
+    return tuple(array[start:stop].data for start, stop in zip(starts, stops, strict=True))
+
+
+def _path(model: mujoco.MjModel, body: int) -> list[int]:
+    """Ids of the bodies from the world's child down to a body."""
+    path: list[int] = []
+    while body > 0:
+        path.insert(0, body)
+        body = int(model.body_parentid[body])
+    return path

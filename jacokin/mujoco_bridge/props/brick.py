@@ -17,7 +17,7 @@ from jacokin.errors import InvalidInputError
 from jacokin.model import checks
 from jacokin.mujoco_bridge import workspaces
 from jacokin.mujoco_bridge.distributions import RandomState
-from jacokin.mujoco_bridge.entity import check_name
+from jacokin.mujoco_bridge.entity import new_spec
 from jacokin.mujoco_bridge.observables.observable import MJCFFeature, Observable, observable
 from jacokin.mujoco_bridge.props import primitive
 from jacokin.mujoco_bridge.props.primitive import FreeProp, FreePropObservables, add_vertex_sites
@@ -74,9 +74,7 @@ class Brick(FreeProp):
         self._radii = tuple(self._radius + spread * (bound - self._radius) for bound in (least, largest))
         self._rgba = (*rgb, primitive.load()["hint"]["alpha"] if checks.flag("hint", hint) else 1.0)
         self._touches = not hint
-        spec = self._mjcf_root = mujoco.MjSpec()
-        spec.modelname = "brick" if name is None else check_name(name)
-        spec.compiler.degree = False
+        self._mjcf_root = new_spec("brick", name)
         self._row: Row = row
         if self._touches:
             self._add("hull", _BOX, row["hull"], mass=row["hull"]["mass"], group=HIDDEN_GROUP)

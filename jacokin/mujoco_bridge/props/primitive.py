@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from jacokin.errors import InvalidInputError, shown
 from jacokin.model import checks
 from jacokin.mujoco_bridge import workspaces
-from jacokin.mujoco_bridge.entity import Entity, check_name
+from jacokin.mujoco_bridge.entity import Entity, new_spec
 from jacokin.mujoco_bridge.observables.observable import MJCFFeature, Observable, Observables, observable
 
 _SENSORS = {
@@ -144,9 +144,7 @@ class Primitive(FreeProp):
         if mass is not None:
             geom_options["mass"] = checks.positive("mass", mass, "kg")
         colour = checks.vector("rgba", rgba, 4, "0..1")
-        spec = self._mjcf_root = mujoco.MjSpec()
-        spec.modelname = "primitive" if name is None else check_name(name)
-        spec.compiler.degree = False
+        spec = self._mjcf_root = new_spec("primitive", name)
         try:
             self._geom = spec.worldbody.add_geom(
                 name=_GEOM,
