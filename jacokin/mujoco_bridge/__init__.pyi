@@ -34,7 +34,7 @@ from jacokin.mujoco_bridge.observables.updater import observables_of as observab
 from jacokin.mujoco_bridge.props.brick import Brick as Brick
 from jacokin.mujoco_bridge.props.pedestal import Cradle as Cradle
 from jacokin.mujoco_bridge.props.pedestal import Pedestal as Pedestal
-from jacokin.mujoco_bridge.props.primitive import Box as Box
+from jacokin.mujoco_bridge.props.primitive import BoxProp as BoxProp
 from jacokin.mujoco_bridge.props.primitive import Primitive as Primitive
 from jacokin.mujoco_bridge.props.primitive import large_box as large_box
 from jacokin.mujoco_bridge.simulation.physics import Physics as Physics

@@ -62,7 +62,7 @@ class Brick(FreeProp):
         Raises:
             InvalidInputError: an argument is malformed.
         """
-        row = primitive.load()["brick"]
+        row = primitive.load_sizes()["brick"]
         self._is_round = checks.flag("easy_align", easy_align)
         has_flanges = checks.flag("flanges", flanges)
         rgb = checks.vector("color", color, 3, "0..1")
@@ -72,7 +72,7 @@ class Brick(FreeProp):
         least, self._radius, largest = row["stud_radius"][key or "plain"]  # [m]
         spread = checks.non_negative("variation", variation)
         self._radii = tuple(self._radius + spread * (bound - self._radius) for bound in (least, largest))
-        self._rgba = (*rgb, primitive.load()["hint"]["alpha"] if checks.flag("hint", hint) else 1.0)
+        self._rgba = (*rgb, primitive.load_sizes()["hint"]["alpha"] if checks.flag("hint", hint) else 1.0)
         self._touches = not hint
         self._mjcf_root = new_spec("brick", name)
         self._row: Row = row
@@ -256,9 +256,9 @@ _SOLIMP_REST = (0.5, 2.0)  # MuJoCo's default midpoint and power
 
 def _sideways(row: int) -> float:
     """Position of a row of studs along x [m]."""
-    return float((row - (ROWS - 1) / 2.0) * primitive.load()["brick"]["pitch"])
+    return float((row - (ROWS - 1) / 2.0) * primitive.load_sizes()["brick"]["pitch"])
 
 
 def _lengthwise(count: int) -> list[float]:
     """Positions of studs, or of what is between them, along y [m]."""
-    return [float((i - (count - 1) / 2.0) * primitive.load()["brick"]["pitch"]) for i in range(count)]
+    return [float((i - (count - 1) / 2.0) * primitive.load_sizes()["brick"]["pitch"]) for i in range(count)]

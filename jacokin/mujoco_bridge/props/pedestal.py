@@ -25,7 +25,7 @@ class Cradle(Entity):
         Args:
             name: replaces ``cradle`` in the names of its elements.
         """
-        row = primitive.load()["cradle"]
+        row = primitive.load_sizes()["cradle"]
         spec = self._mjcf_root = new_spec("cradle", name)
         for number in range(row["spheres"]):
             angle = 2.0 * np.pi * number / row["spheres"]
@@ -54,7 +54,7 @@ class Pedestal(Entity):
         """
         if not isinstance(cradle, Entity | None):
             raise InvalidInputError(f"cradle must be an Entity or None, got {shown(cradle)}")
-        row = primitive.load()["pedestal"]
+        row = primitive.load_sizes()["pedestal"]
         radius = row["target_radius"] if target_radius is None else checks.positive("target_radius", target_radius, "m")
         spec = self._mjcf_root = new_spec("pedestal", name)
         world = spec.worldbody
