@@ -72,7 +72,7 @@ class SpecCopy:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Attachment:
-    """How an entity hangs in its parent's tree.
+    """How an entity is attached to its parent.
 
     Attributes:
         body: the body made to hold it.
@@ -155,7 +155,7 @@ def _copied(spec: mujoco.MjSpec, children: Iterable[Attachment]) -> SpecCopy:
 
 
 def _remove(spec: mujoco.MjSpec, body: mujoco.MjsBody, frame: mujoco.MjsFrame | None) -> None:
-    """Remove a body with all below it, the assets whose names begin with its name, and the frame it hangs in."""
+    """Remove a body with all below it, the assets whose names begin with its name, and the frame that holds it."""
     prefix = body.name
     for kind in _ASSETS:
         for element in list(getattr(spec, kind)):

@@ -40,8 +40,8 @@ class JacoHand(RobotHand):
             use_pinch_site_as_tcp: use the pinch site, between the finger tips, as tool centre point instead of
                 the grip site; the hand with two fingers has none.
             fingers: 3 (the default) or 2.
-            robot: the bundled robot whose hand it is, which decides about its masses: those of the j2n6s300 are in
-                the hand, all others have the palm's mass in the last link of the arm. None for the j2n6s300 or,
+            robot: the bundled robot whose hand it is, which determines its masses: the j2n6s300 has the palm's mass in
+                the hand, all others in the last link of the arm. None for the j2n6s300 or,
                 with two fingers, the j2n6s200.
 
         Raises:

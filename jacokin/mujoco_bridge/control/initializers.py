@@ -92,7 +92,7 @@ class ToolCenterPointInitializer:
                 self._place(physics, random_state)
 
     def placing(self, physics: Physics, random_state: RandomState) -> Asking[None]:
-        """As a call with branch="nearest_to_random", but whoever runs it answers the queries of inverse kinematics.
+        """As a call with branch="nearest_to_random", but the caller answers the queries of inverse kinematics.
 
         Between a query and its answer, the state of the physics may be another one.
 
@@ -109,7 +109,7 @@ class ToolCenterPointInitializer:
                 q = yield query
                 if q is None:
                     if solver.has_closed_form:
-                        break  # nor from another start
+                        break  # another start changes nothing
                 elif self._is_free(physics, trial_of(physics), query.qpos, q):
                     physics.set_qpos(query.qpos, q)
                     return

@@ -2,7 +2,7 @@
 
 Where the arm has a closed form, it gives every branch (of seven joints, the family of configurations), and the nearest
 one within the limits is taken. Otherwise the QP starts from the present configuration and then from random ones. The
-chain of joints has the numbers of the compiled scene. The simulation is read only; nothing is written before there is
+chain of joints is built from the compiled scene. The simulation is read only; nothing is written before there is
 a solution.
 """
 
@@ -197,7 +197,7 @@ class SiteSolver:
         """Write T_base_site of a target in the world to `_T`; returns the chain as it is now."""
         self._check_finite()
         if not self._chain.base_is_fixed or b"".join(self._watched) != self._seen:
-            self._look_again()
+            self._refresh()
         if self._is_upright:
             self._rotation[...] = rotation
             np.subtract(position, self._base_position, self._translation)
@@ -213,7 +213,7 @@ class SiteSolver:
             PhysicsError: qpos or qvel is not finite.
         """
         qpos, qvel = self._qpos, self._qvel
-        # The quickest tests, of few numbers and of many; what is suspicious is looked at again.
+        # The quickest tests, of few numbers and of many; a sum that is not finite is looked at closely.
         if len(qpos) <= _FEW:
             if math.isfinite(sum(qpos.tolist() + qvel.tolist())):
                 return
@@ -223,7 +223,7 @@ class SiteSolver:
             if not np.isfinite(values).all():
                 raise PhysicsError(f"the simulation is not finite in {name}; reset it first")
 
-    def _look_again(self) -> None:
+    def _refresh(self) -> None:
         """Bring the chain, and the base's pose in the scratch data, up to date."""
         self.chain()
         scratch, data = self._scratch, self._data

@@ -106,7 +106,7 @@ class Brick(FreeProp):
             self._add(f"flange_y{i}", _BOX, row, position, quat=_QUARTER_TURN)
 
     def _add_studs(self, row: Row) -> list[mujoco.MjsGeom]:
-        """Add the studs; returns those whose radius decides about the grip."""
+        """Add the studs; returns those whose radius determines the grip."""
         round_row = self._row["round_studs"]
         hidden = {"contype": row["hidden_contype"], "conaffinity": row["hidden_conaffinity"]}
         studs = []

@@ -176,12 +176,12 @@ Element: TypeAlias = (
 class ElementIds:
     """The ids that elements have in one compiled model.
 
-    They are noted down when the model is compiled: the spec may be changed and compiled again later, which gives its
+    They are recorded when the model is compiled: the spec may be changed and compiled again later, which gives its
     elements other ids.
     """
 
     def __init__(self, model: mujoco.MjModel, spec: mujoco.MjSpec | None) -> None:
-        """Note the ids down.
+        """Record the ids.
 
         Args:
             model: the compiled model.

@@ -3,7 +3,7 @@
 What MuJoCo derives from the state is never read, nor integrated from, when it is older than the state.
 
 A physics may be used by several threads: calls that compute wait for one another. The arrays are live all the same, so
-whoever reads several values of one moment holds ``physics.lock``.
+hold ``physics.lock`` to read several values of one moment.
 """
 
 from __future__ import annotations
@@ -173,7 +173,7 @@ class Physics:
             self._keep_qpos()
 
     def _compute_rest(self) -> None:
-        """Run the forward pass that `set_qpos` has left due; also for those who keep arrays of the data."""
+        """Run the forward pass that `set_qpos` has left due; needed before reading kept arrays of the data."""
         if self._cache.rest_is_due:
             self._cache.forward()
 
@@ -208,7 +208,7 @@ class Physics:
         return found
 
     def refresh(self) -> None:
-        """The same as `forward`: for those who changed derived values in ``physics.data`` themselves.
+        """The same as `forward`: needed after writing derived values to ``physics.data`` directly.
 
         Raises:
             PhysicsError: the state is not finite, or MuJoCo warns.
@@ -218,7 +218,7 @@ class Physics:
     def update(self) -> None:
         """Run `forward` if anything was changed since the last pass, as reading a derived field through `bind` does.
 
-        For those who read ``physics.data`` directly.
+        Call it before reading ``physics.data`` directly.
 
         Raises:
             PhysicsError: the state is not finite, or MuJoCo warns.

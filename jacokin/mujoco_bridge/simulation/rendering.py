@@ -131,7 +131,7 @@ def _free(renderers: list[mujoco.Renderer]) -> None:
 
 
 def _close_at_exit(renderers: Renderers) -> None:
-    """Free OpenGL's contexts before Python and OpenGL come apart; to be called after the first context was made."""
+    """Free OpenGL's contexts before Python shuts down; to be called after the first context was made."""
     if not _OPEN:
         atexit.register(_close_all)
     _OPEN.add(renderers)
