@@ -36,8 +36,8 @@ class Trial:
 
     def follow_mocap(self, physics: Physics) -> None:
         """Copy the poses of the mocap bodies of a simulation."""
-        self._data.mocap_pos[:] = physics.data.mocap_pos
-        self._data.mocap_quat[:] = physics.data.mocap_quat
+        data = physics.data
+        self._data.mocap_pos[:], self._data.mocap_quat[:] = data.mocap_pos, data.mocap_quat
 
     def touching(self, *pairs: tuple[Geoms, Geoms]) -> bool:
         """Whether, for one of the pairs of sets, a geom of the first set touches one of the second, at `qpos`.

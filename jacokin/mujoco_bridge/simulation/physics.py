@@ -126,7 +126,8 @@ class Physics:
         Reading this property computes what `set_qpos` has left due; an `MjData` that was kept from before then has only
         its poses, and what Jacobians are made of, up to date.
         """
-        self._compute_rest()
+        if self._cache.rest_is_due:
+            self._cache.forward()
         return self._data
 
     @property
@@ -171,11 +172,6 @@ class Physics:
         with self.lock:
             self._try_qpos(rows, values)
             self._keep_qpos()
-
-    def _compute_rest(self) -> None:
-        """Run the forward pass that `set_qpos` has left due; needed before reading kept arrays of the data."""
-        if self._cache.rest_is_due:
-            self._cache.forward()
 
     def _try_qpos(self, rows: NDArray[np.intp], values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Write some of qpos and compute poses; returns what was there, (k,).
