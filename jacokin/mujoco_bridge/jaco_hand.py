@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import mujoco
 import numpy as np
@@ -52,7 +52,7 @@ class JacoHand(RobotHand):
         spec = self._mjcf_root = mujoco.MjSpec.from_file(str(bundled.part_file(self._robot_name, "hand")))
         if name is not None:
             spec.modelname = check_name(name)
-        self._joints = [spec.joint(finger) for finger in _fingers_of(self._robot_name)]
+        self._joints = [spec.joint(finger) for finger in _hand_row(self._robot_name)["fingers"]]
         self._grip_site = spec.site(_GRIP_SITE)
         self._pinch_site = spec.site(_PINCH_SITE)
         self._tool_center_point = (
@@ -148,16 +148,13 @@ def has_pinch_site(robot: str) -> bool:
     Raises:
         UnknownNameError: no bundled robot has this name; lists the valid ones.
     """
-    return (
-        _PINCH_SITE
-        in bundled.load()["hands"][bundled.variant(checks.choice("robot", robot, bundled.NAMES))["hand"]]["sites"]
-    )
+    return _PINCH_SITE in _hand_row(checks.choice("robot", robot, bundled.NAMES))["sites"]
 
 
-def _fingers_of(robot: str) -> list[str]:
-    """Names of the finger joints of a bundled robot."""
-    fingers: list[str] = bundled.load()["hands"][bundled.variant(robot)["hand"]]["fingers"]
-    return fingers
+def _hand_row(robot: str) -> Mapping[str, list[str]]:
+    """Names of the finger joints ("fingers") and sites ("sites") of the hand of a bundled robot."""
+    row: Mapping[str, list[str]] = bundled.load()["hands"][bundled.variant(robot)["hand"]]
+    return row
 
 
 def _robot_with(fingers: int | None, robot: str | None) -> str:
@@ -165,8 +162,9 @@ def _robot_with(fingers: int | None, robot: str | None) -> str:
     if fingers is not None and checks.whole_number("fingers", fingers) not in _HANDS:
         raise InvalidInputError(f"fingers must be 3 or 2, got {shown(fingers)}")
     name = _HANDS[3 if fingers is None else fingers] if robot is None else checks.choice("robot", robot, bundled.NAMES)
-    if fingers is not None and len(_fingers_of(name)) != fingers:
-        raise InvalidInputError(f"the hand of the {name} has {len(_fingers_of(name))} fingers, not {fingers}")
+    count = len(_hand_row(name)["fingers"])
+    if fingers is not None and count != fingers:
+        raise InvalidInputError(f"the hand of the {name} has {count} fingers, not {fingers}")
     return name
 
 
