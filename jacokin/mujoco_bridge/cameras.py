@@ -45,9 +45,6 @@ class MJCFCamera(Observable):
         width: columns of the picture [pixels].
     """
 
-    height: int
-    width: int
-
     checks: ClassVar[Mapping[str, Callable[[str, object], object]]] = {
         **Observable.checks,
         "height": lambda name, value: checks.whole_number(name, value, 1),

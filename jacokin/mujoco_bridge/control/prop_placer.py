@@ -203,7 +203,7 @@ class PropPlacer:
         message = (
             f"the props did not come to rest in {self._settle_attempts} attempts of {self._longest:g} s"
             f": velocity {last.velocity:.3g}, acceleration {last.acceleration:.3g}. Raise max_settle_physics_time or "
-            " max_settle_physics_attempts, or sample from another region"
+            "max_settle_physics_attempts, or sample from another region"
         )
         if self._raises:
             raise EpisodeInitializationError(message)

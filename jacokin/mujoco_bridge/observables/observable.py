@@ -169,13 +169,6 @@ class Observable:
         enabled: whether an updater reports this observable.
     """
 
-    update_interval: Steps
-    buffer_size: int | None
-    delay: Steps | None
-    aggregator: str | Aggregator | None
-    corruptor: Corruptor | None
-    enabled: bool
-
     checks: ClassVar[Mapping[str, Callable[[str, object], object]]] = CHECKS
 
     def __init__(

@@ -29,6 +29,8 @@ HIDDEN_GROUP = 4  # of geoms that touch but are not drawn
 _BOX = mujoco.mjtGeom.mjGEOM_BOX
 _CYLINDER = mujoco.mjtGeom.mjGEOM_CYLINDER
 _CAPSULE = mujoco.mjtGeom.mjGEOM_CAPSULE
+_FRICTION_REST = (0.005, 0.0001)  # MuJoCo's default torsional and rolling friction [m]
+_SOLIMP_REST = (0.5, 2.0)  # MuJoCo's default midpoint and power
 _QUARTER_TURN = (np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5))  # about z, wxyz
 
 Row = Mapping[str, Any]
@@ -248,10 +250,6 @@ class BrickObservables(FreePropObservables):
     def force(self) -> Observable:
         """Force on what holds the brick, in its axes, (3,) [N]."""
         return MJCFFeature("sensordata", self._entity.force)
-
-
-_FRICTION_REST = (0.005, 0.0001)  # MuJoCo's default torsional and rolling friction [m]
-_SOLIMP_REST = (0.5, 2.0)  # MuJoCo's default midpoint and power
 
 
 def _sideways(row: int) -> float:

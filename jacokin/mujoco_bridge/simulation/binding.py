@@ -36,12 +36,6 @@ class Binding:
 
     __slots__ = ("_arrays", "_cache", "_element_class", "_ids", "_single")
 
-    _element_class: type | None
-    _ids: tuple[int, ...]
-    _single: bool
-    _cache: ForwardCache
-    _arrays: dict[str, tuple[Array, bool, bool]]
-
     def __init__(self, element_class: type | None, ids: Sequence[int], *, single: bool, cache: ForwardCache) -> None:
         """Bind elements; called by `Physics.bind`.
 
@@ -55,7 +49,7 @@ class Binding:
         self._ids = tuple(ids)
         self._single = single
         self._cache = cache
-        self._arrays = {}
+        self._arrays: dict[str, tuple[Array, bool, bool]] = {}
 
     @property
     def element_id(self) -> int | NDArray[np.intp]:

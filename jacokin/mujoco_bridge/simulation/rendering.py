@@ -53,10 +53,10 @@ class Renderers:
         width: int,
         camera: int | str,
         *,
-        depth: bool,
-        segmentation: bool,
-        scene_option: mujoco.MjvOption | None,
-        render_flag_overrides: RenderFlags | None,
+        depth: bool = False,
+        segmentation: bool = False,
+        scene_option: mujoco.MjvOption | None = None,
+        render_flag_overrides: RenderFlags | None = None,
     ) -> NDArray[Any]:
         """Take a picture of up-to-date data; see `Physics.render` for the arguments.
 
