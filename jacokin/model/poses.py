@@ -27,17 +27,27 @@ ORTHONORMAL = 1e-14  # |R^T R - I| of a product of a dozen rotations: rounding, 
 DOWN_QUAT_WXYZ = (0.0, math.sqrt(0.5), math.sqrt(0.5), 0.0)
 
 
+def unit_quaternion(name: str, quat_wxyz: ArrayLike) -> Array:
+    """The quaternion (4,) wxyz with norm 1, refused when its norm is off by more than 1 %.
+
+    Raises:
+        InvalidInputError: wrong shape, not finite, or a norm off by more than 1 %.
+    """
+    quat = checks.vector(name, quat_wxyz, 4, "wxyz")
+    norm = math.sqrt(quat.dot(quat))
+    if abs(norm - 1.0) > QUATERNION_NORM_TOLERANCE:
+        raise InvalidInputError(f"{name} must have norm 1 (within 1 %), got norm {norm:.6g} for {quat.tolist()}")
+    unit: Array = quat / norm
+    return unit
+
+
 def rotation_from_quat_wxyz(quat_wxyz: ArrayLike, name: str = "quat_wxyz") -> Array:
     """Rotation matrix (3, 3) of a quaternion (w, x, y, z) whose norm is within 1 % of one.
 
     Raises:
         InvalidInputError: wrong shape, not finite, or a norm off by more than 1 %.
     """
-    quat = checks.vector(name, quat_wxyz, 4, "wxyz")
-    norm = float(np.linalg.norm(quat))
-    if abs(norm - 1.0) > QUATERNION_NORM_TOLERANCE:
-        raise InvalidInputError(f"{name} must have norm 1 (within 1 %), got norm {norm:.6g} for {quat.tolist()}")
-    w, x, y, z = (float(c) for c in quat / norm)
+    w, x, y, z = unit_quaternion(name, quat_wxyz).tolist()
     rotation: Array = pin.Quaternion(w, x, y, z).toRotationMatrix()
     return rotation
 

@@ -9,7 +9,7 @@ import mujoco
 from numpy.typing import ArrayLike
 
 from jacokin.model.descriptions import bundled
-from jacokin.mujoco_bridge.entities.entity import Entity, check_name
+from jacokin.mujoco_bridge.entity import Entity, new_spec
 
 CAMERA = "overview"
 
@@ -35,9 +35,7 @@ class Arena(Entity):
         Args:
             name: a name for the model; names of elements do not contain it.
         """
-        spec = self._mjcf_root = mujoco.MjSpec()
-        spec.modelname = "arena" if name is None else check_name(name)
-        spec.compiler.degree = False
+        spec = self._mjcf_root = new_spec("arena", name)
         row = bundled.load()["arena"]
         _set_options(spec, row)
         _add_looks(spec)

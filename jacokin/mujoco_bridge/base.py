@@ -7,6 +7,7 @@ Subclass them for a robot of your own: `_build` makes the spec; `joints` and `wr
 from __future__ import annotations
 
 import abc
+import weakref
 from collections.abc import Iterable, Sequence
 from functools import cached_property
 
@@ -18,13 +19,12 @@ from jacokin.errors import InvalidInputError, PhysicsError, UnknownNameError, sh
 from jacokin.kernels.compiled.loading import warmup
 from jacokin.model import angles, checks
 from jacokin.model.descriptions import bundled
-from jacokin.mujoco_bridge.control.site_ik import SceneSolvers, SiteSolver, Solution
-from jacokin.mujoco_bridge.entities.entity import Entity
-from jacokin.mujoco_bridge.observables.declaration import JointsObservables, Observables
-from jacokin.mujoco_bridge.quaternions import rotation_matrix, unit_quaternion
+from jacokin.model.poses import unit_quaternion
+from jacokin.mujoco_bridge.control.site_ik import SiteSolver, Solution
+from jacokin.mujoco_bridge.distributions import RandomState, check_random_state
+from jacokin.mujoco_bridge.entity import Entity, rotation_matrix
+from jacokin.mujoco_bridge.observables.observable import JointsObservables, Observables
 from jacokin.mujoco_bridge.simulation.physics import Physics, check_physics
-
-RandomState = np.random.RandomState | np.random.Generator
 
 __all__ = ["DOWN_QUATERNION", "JointsObservables", "RandomState", "RobotArm", "RobotHand"]
 
@@ -134,7 +134,7 @@ class RobotArm(Entity):
             numbers = rotation.ravel().tolist()
         attempts = checks.whole_number("max_ik_attempts", max_ik_attempts, 1)
         with check_physics(physics).lock:
-            solver = self._solvers.known(physics, site) or self.site_solver(physics, site)
+            solver = self.site_solver(physics, site)
             found: Iterable[Solution]
             if solver.has_closed_form:
                 found = solver.nearest(position, rotation)
@@ -176,15 +176,19 @@ class RobotArm(Entity):
             UnknownNameError: no site has this name; lists the valid ones.
             ModelError: none of the arm's joints moves the site, or one on the way to it is not a hinge or slide.
         """
-        known = self._solvers.known(physics, site)
-        if known is not None:
-            return known
-        joints = check_physics(physics).bind(self.joints).element_ids
-        return self._solvers.keep(physics, site, SiteSolver(physics, joints, _site_id(physics, site)))
+        solvers = self._solvers.get(check_physics(physics))
+        if solvers is None:
+            solvers = self._solvers[physics] = {}
+        try:
+            return solvers[site]
+        except (KeyError, TypeError):  # not kept yet, or something that cannot be a key
+            number = _site_id(physics, site)
+        solver = solvers[site] = SiteSolver(physics, physics.bind(self.joints).element_ids, number)
+        return solver
 
     @cached_property
-    def _solvers(self) -> SceneSolvers:
-        return SceneSolvers()
+    def _solvers(self) -> weakref.WeakKeyDictionary[Physics, dict[mujoco.MjsSite | str, SiteSolver]]:
+        return weakref.WeakKeyDictionary()
 
 
 class RobotHand(Entity):
@@ -208,16 +212,21 @@ class RobotHand(Entity):
         return JointsObservables(self) if hasattr(self, "joints") else Observables(self)
 
 
-def check_random_state(random_state: RandomState) -> None:
-    """Check a source of random numbers.
+def add_velocity_actuator(spec: mujoco.MjSpec, joint: mujoco.MjsJoint, group: str) -> mujoco.MjsActuator:
+    """Add a velocity actuator to a joint, under the name of the joint.
 
-    Raises:
-        InvalidInputError: neither a `numpy.random.RandomState` nor a `numpy.random.Generator`.
+    Args:
+        spec: the spec of the joint.
+        joint: the joint element.
+        group: "large", "small" or "finger": the row with gain, speed and torque in ``urdf/jaco.toml``.
     """
-    if not isinstance(random_state, RandomState):
-        raise InvalidInputError(
-            f"random_state must be a numpy.random.RandomState or numpy.random.Generator, got {shown(random_state)}"
-        )
+    row = bundled.actuator(group)
+    actuator = spec.add_actuator(name=joint.name, target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+    actuator.set_to_velocity(kv=row["kv"])
+    actuator.ctrllimited = actuator.forcelimited = True
+    actuator.ctrlrange = row["ctrl_range"]  # [rad/s]
+    actuator.forcerange = row["force_range"]  # [N m]
+    return actuator
 
 
 def _site_id(physics: Physics, site: mujoco.MjsSite | str) -> int:

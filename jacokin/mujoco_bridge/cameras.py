@@ -6,21 +6,20 @@ before Python starts.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple, Unpack
+from collections.abc import Callable, Mapping
+from typing import Any, ClassVar, NamedTuple, Unpack
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.errors import InvalidInputError, shown
-from jacokin.model import checks as number_checks
-from jacokin.mujoco_bridge.observables.observable import CAMERA_CHECKS, ArraySpec, Bound, Observable, Options
+from jacokin.model import checks
+from jacokin.mujoco_bridge.entity import Entity
+from jacokin.mujoco_bridge.observables.observable import ArraySpec, Bound, Observable, ObservableOptions
 from jacokin.mujoco_bridge.observations import ObservationSettings
+from jacokin.mujoco_bridge.simulation.physics import Physics
 from jacokin.mujoco_bridge.simulation.rendering import RenderFlags
-
-if TYPE_CHECKING:
-    from jacokin.mujoco_bridge.entities.entity import Entity
-    from jacokin.mujoco_bridge.simulation.physics import Physics
 
 
 class CameraSpec(NamedTuple):
@@ -46,10 +45,11 @@ class MJCFCamera(Observable):
         width: columns of the picture [pixels].
     """
 
-    height: int
-    width: int
-
-    checks = CAMERA_CHECKS
+    checks: ClassVar[Mapping[str, Callable[[str, object], object]]] = {
+        **Observable.checks,
+        "height": lambda name, value: checks.whole_number(name, value, 1),
+        "width": lambda name, value: checks.whole_number(name, value, 1),
+    }
 
     def __init__(
         self,
@@ -61,7 +61,7 @@ class MJCFCamera(Observable):
         segmentation: bool = False,
         scene_option: mujoco.MjvOption | None = None,
         render_flag_overrides: RenderFlags | None = None,
-        **options: Unpack[Options],
+        **options: Unpack[ObservableOptions],
     ) -> None:
         """Observe a camera element.
 
@@ -81,7 +81,7 @@ class MJCFCamera(Observable):
         """
         if not isinstance(camera, mujoco.MjsCamera):
             raise InvalidInputError(f"camera must be a camera element of an MjSpec, got {shown(camera)}")
-        if number_checks.flag("depth", depth) and number_checks.flag("segmentation", segmentation):
+        if checks.flag("depth", depth) and checks.flag("segmentation", segmentation):
             raise InvalidInputError("at most one of depth and segmentation can be observed by one camera observable")
         self._camera = Bound(camera)
         self._depth = depth
@@ -132,8 +132,6 @@ def add_camera_observables(
         InvalidInputError: an argument has the wrong type, a camera name is taken, or an option has a
             wrong value; no camera is added then.
     """
-    from jacokin.mujoco_bridge.entities.entity import Entity  # which need not load for cameras alone
-
     if not isinstance(entity, Entity):
         raise InvalidInputError(f"entity must be an Entity such as an Arena, got {shown(entity)}")
     if not isinstance(obs_settings, ObservationSettings):

@@ -7,8 +7,10 @@ and the source of random numbers. ``f(random_state)`` is accepted too. The class
 from __future__ import annotations
 
 import inspect
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import mujoco
 import numpy as np
@@ -36,48 +38,27 @@ __all__ = [
 IDENTITY_QUATERNION = checks.read_only((1.0, 0.0, 0.0, 0.0))
 """No rotation, wxyz."""
 
-# The ways in which a sampler may take its arguments, tried in this order: names of keywords, or a number of positions.
-_FORMS: tuple[tuple[str, ...] | int, ...] = (
-    ("initial_value", "current_value", "random_state"),
-    ("random_state",),
-    3,
-    1,
-)
+_ARGUMENTS = ("initial_value", "current_value", "random_state")
 
 
 class Drawn:
     """A user's function as a callable of (initial_value, current_value, random_state); pickles if the function does."""
 
-    __slots__ = ("_form", "_function")
+    __slots__ = ("_arguments", "_by_name", "_function")
 
-    def __init__(self, function: Sampler, form: tuple[str, ...] | int) -> None:
-        """Call a function in one of the ways of `_FORMS`."""
-        self._function = function
-        self._form = form
+    def __init__(self, function: Sampler, arguments: tuple[str, ...], by_name: bool) -> None:
+        """Call a function with these arguments, by name or by position."""
+        self._function, self._arguments, self._by_name = function, arguments, by_name
 
     def __call__(self, initial_value: object, current_value: object, random_state: RandomState | None) -> ArrayLike:
         """What the function draws."""
-        if self._form == 1:
-            return self._function(random_state)
-        if self._form == 3:
-            return self._function(initial_value, current_value, random_state)
-        if self._form == ("random_state",):
-            return self._function(random_state=random_state)
-        return self._function(initial_value=initial_value, current_value=current_value, random_state=random_state)
+        given = dict(zip(_ARGUMENTS, (initial_value, current_value, random_state), strict=True))
+        values = {name: given[name] for name in self._arguments}
+        return self._function(**values) if self._by_name else self._function(*values.values())
 
 
-class Constant:
-    """A value as a callable of (initial_value, current_value, random_state)."""
-
-    __slots__ = ("_value",)
-
-    def __init__(self, value: ArrayLike) -> None:
-        """Return this value."""
-        self._value = value
-
-    def __call__(self, initial_value: object, current_value: object, random_state: RandomState | None) -> ArrayLike:
-        """The value."""
-        return self._value
+def _constant(value: ArrayLike, initial_value: object, current_value: object, random_state: object) -> ArrayLike:
+    return value
 
 
 def sampler(name: str, function: Sampler) -> Drawn:
@@ -97,26 +78,25 @@ def sampler(name: str, function: Sampler) -> Drawn:
         raise InvalidInputError(
             f"{name}: Python cannot tell the arguments of {shown(function)}; wrap it, as in lambda random_state: ..."
         ) from None
-    for form in _FORMS:
-        keywords = {} if isinstance(form, int) else dict.fromkeys(form)
+    for by_name, arguments in itertools.product((True, False), (_ARGUMENTS, _ARGUMENTS[-1:])):
         try:
-            signature.bind(*[None] * (form if isinstance(form, int) else 0), **keywords)
+            signature.bind(**dict.fromkeys(arguments)) if by_name else signature.bind(*arguments)
         except TypeError:
             continue
-        return Drawn(function, form)
+        return Drawn(function, arguments, by_name)
     raise InvalidInputError(
         f"{name} must take (initial_value, current_value, random_state), or (random_state), so that a seed determines "
         f"what it returns; got a callable of {signature}"
     )
 
 
-def constant_or_sampler(name: str, value: ArrayLike | Sampler) -> Drawn | Constant:
+def constant_or_sampler(name: str, value: ArrayLike | Sampler) -> Sampler:
     """A callable of (initial_value, current_value, random_state) that returns the value, or draws it from a sampler.
 
     Raises:
         InvalidInputError: a callable with other arguments than a sampler's.
     """
-    return sampler(name, value) if callable(value) else Constant(value)
+    return sampler(name, value) if callable(value) else partial(_constant, value)
 
 
 class _Distribution:
@@ -140,7 +120,7 @@ class _Distribution:
         Raises:
             InvalidInputError: there is no random state.
         """
-        state = _checked(random_state)
+        state = check_random_state(random_state)
         return self._draw(state, None if self.single_sample or initial_value is None else np.shape(initial_value))
 
     def _draw(self, random_state: RandomState, size: tuple[int, ...] | None) -> Array | float:
@@ -242,7 +222,7 @@ class UniformQuaternion:
         self, initial_value: object = None, current_value: object = None, random_state: RandomState | None = None
     ) -> Array:
         """Draw three numbers (Shoemake, Uniform random rotations, Graphics Gems III, 1992)."""
-        u, first, second = _checked(random_state).uniform((0.0, 0.0, 0.0), (1.0, 2.0 * np.pi, 2.0 * np.pi))
+        u, first, second = check_random_state(random_state).uniform((0.0, 0.0, 0.0), (1.0, 2.0 * np.pi, 2.0 * np.pi))
         inner, outer = np.sqrt(1.0 - u), np.sqrt(u)
         return np.array((inner * np.sin(first), inner * np.cos(first), outer * np.sin(second), outer * np.cos(second)))
 
@@ -259,7 +239,12 @@ def uniform_box(lower: ArrayLike, upper: ArrayLike) -> Uniform:
     return Uniform(checks.read_only(low), checks.read_only(high), single_sample=True)
 
 
-def _checked(random_state: object) -> RandomState:
+def check_random_state(random_state: object) -> RandomState:
+    """A source of random numbers, or an error that says what was given instead.
+
+    Raises:
+        InvalidInputError: neither a `numpy.random.RandomState` nor a `numpy.random.Generator`.
+    """
     if not isinstance(random_state, RandomState):
         raise InvalidInputError(
             f"random_state must be a numpy.random.RandomState or numpy.random.Generator, got {shown(random_state)}"

@@ -6,11 +6,10 @@ import mujoco
 
 from jacokin.model import checks
 from jacokin.model.descriptions import bundled
-from jacokin.mujoco_bridge.base import RobotArm, RobotHand
-from jacokin.mujoco_bridge.entities.entity import check_name
+from jacokin.mujoco_bridge.base import RobotArm, RobotHand, add_velocity_actuator
+from jacokin.mujoco_bridge.entity import check_name
 from jacokin.mujoco_bridge.observables.jaco import JacoArmObservables
 from jacokin.mujoco_bridge.simulation.physics import Physics, check_physics
-from jacokin.mujoco_bridge.velocity_actuator import add_velocity_actuator
 
 _WRIST_SITE = "wristsite"
 _SENSOR_SITE_SIZE = 1e-3  # [m]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import mujoco
 import numpy as np
@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 from jacokin.errors import InvalidInputError, shown
 from jacokin.model import checks
 from jacokin.model.descriptions import bundled
-from jacokin.mujoco_bridge.base import RobotHand
-from jacokin.mujoco_bridge.entities.entity import check_name
+from jacokin.mujoco_bridge.base import RobotHand, add_velocity_actuator
+from jacokin.mujoco_bridge.entity import check_name
 from jacokin.mujoco_bridge.observables.jaco import JacoHandObservables, TwoFingerHandObservables
 from jacokin.mujoco_bridge.simulation.physics import Physics, check_physics
-from jacokin.mujoco_bridge.velocity_actuator import add_velocity_actuator
 
 _HANDS = {3: bundled.DEFAULT_ROBOT, 2: "j2n6s200"}  # whose hand is taken, by the number of fingers
 _HAND_BODY = "hand"
@@ -41,8 +40,8 @@ class JacoHand(RobotHand):
             use_pinch_site_as_tcp: use the pinch site, between the finger tips, as tool centre point instead of
                 the grip site; the hand with two fingers has none.
             fingers: 3 (the default) or 2.
-            robot: the bundled robot whose hand it is, which decides about its masses: those of the j2n6s300 are in
-                the hand, all others have the palm's mass in the last link of the arm. None for the j2n6s300 or,
+            robot: the bundled robot whose hand it is, which determines its masses: the j2n6s300 has the palm's mass in
+                the hand, all others in the last link of the arm. None for the j2n6s300 or,
                 with two fingers, the j2n6s200.
 
         Raises:
@@ -53,7 +52,7 @@ class JacoHand(RobotHand):
         spec = self._mjcf_root = mujoco.MjSpec.from_file(str(bundled.part_file(self._robot_name, "hand")))
         if name is not None:
             spec.modelname = check_name(name)
-        self._joints = [spec.joint(finger) for finger in _fingers_of(self._robot_name)]
+        self._joints = [spec.joint(finger) for finger in _hand_row(self._robot_name)["fingers"]]
         self._grip_site = spec.site(_GRIP_SITE)
         self._pinch_site = spec.site(_PINCH_SITE)
         self._tool_center_point = (
@@ -149,16 +148,13 @@ def has_pinch_site(robot: str) -> bool:
     Raises:
         UnknownNameError: no bundled robot has this name; lists the valid ones.
     """
-    return (
-        _PINCH_SITE
-        in bundled.load()["hands"][bundled.variant(checks.choice("robot", robot, bundled.NAMES))["hand"]]["sites"]
-    )
+    return _PINCH_SITE in _hand_row(checks.choice("robot", robot, bundled.NAMES))["sites"]
 
 
-def _fingers_of(robot: str) -> list[str]:
-    """Names of the finger joints of a bundled robot."""
-    fingers: list[str] = bundled.load()["hands"][bundled.variant(robot)["hand"]]["fingers"]
-    return fingers
+def _hand_row(robot: str) -> Mapping[str, list[str]]:
+    """Names of the finger joints ("fingers") and sites ("sites") of the hand of a bundled robot."""
+    row: Mapping[str, list[str]] = bundled.load()["hands"][bundled.variant(robot)["hand"]]
+    return row
 
 
 def _robot_with(fingers: int | None, robot: str | None) -> str:
@@ -166,8 +162,9 @@ def _robot_with(fingers: int | None, robot: str | None) -> str:
     if fingers is not None and checks.whole_number("fingers", fingers) not in _HANDS:
         raise InvalidInputError(f"fingers must be 3 or 2, got {shown(fingers)}")
     name = _HANDS[3 if fingers is None else fingers] if robot is None else checks.choice("robot", robot, bundled.NAMES)
-    if fingers is not None and len(_fingers_of(name)) != fingers:
-        raise InvalidInputError(f"the hand of the {name} has {len(_fingers_of(name))} fingers, not {fingers}")
+    count = len(_hand_row(name)["fingers"])
+    if fingers is not None and count != fingers:
+        raise InvalidInputError(f"the hand of the {name} has {count} fingers, not {fingers}")
     return name
 
 

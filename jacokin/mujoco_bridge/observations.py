@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from jacokin.errors import InvalidInputError, shown
 from jacokin.model import checks
-from jacokin.mujoco_bridge.observables.observable import Aggregator, Corruptor, RandomState, Steps
+from jacokin.mujoco_bridge.distributions import RandomState
+from jacokin.mujoco_bridge.observables.observable import Aggregator, Corruptor, Steps
 
 
 class ObservableSpec(NamedTuple):
@@ -58,7 +59,7 @@ class ObservableNames(NamedTuple):
     camera: tuple[str, ...] = ()
 
 
-def symmetric_log(value: ArrayLike, random_state: RandomState = None) -> NDArray[np.float64]:
+def symmetric_log(value: ArrayLike, random_state: RandomState | None = None) -> NDArray[np.float64]:
     """Return sign(x) log(1 + abs(x)): large and small forces and torques on one scale.
 
     Args:

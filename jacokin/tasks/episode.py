@@ -103,7 +103,7 @@ class Episode:
     @property
     def view(self) -> View:
         """Live arrays of the simulation; what `Physics.set_qpos` has left due is computed first."""
-        self.physics._compute_rest()
+        _ = self.physics.data  # computes what is due
         return self._view
 
     def start(self, random_state: RandomState) -> None:

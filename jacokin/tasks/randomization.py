@@ -15,7 +15,7 @@ from jacokin.errors import InvalidInputError
 from jacokin.model import checks
 from jacokin.mujoco_bridge.base import RandomState
 from jacokin.mujoco_bridge.distributions import Sampler, constant_or_sampler
-from jacokin.mujoco_bridge.quaternions import product
+from jacokin.mujoco_bridge.entity import quaternion_product
 from jacokin.tasks.task import CAMERA, CONTROL_TIMESTEP
 
 Choice = float | Sampler | None
@@ -203,7 +203,7 @@ class Variation:
             x, y, z, yaw = (values[name] for name in _BASE)
             turn = np.array((math.cos(yaw / 2.0), 0.0, 0.0, math.sin(yaw / 2.0)))
             self._model.body_pos[self._base] += x, y, z
-            self._model.body_quat[self._base] = product(turn, self._model.body_quat[self._base])
+            self._model.body_quat[self._base] = quaternion_product(turn, self._model.body_quat[self._base])
         mujoco.mj_setConst(self._model, self._scratch)
 
     def _scale(self, name: str, factor: float, where: object) -> None:

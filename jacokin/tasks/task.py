@@ -13,7 +13,7 @@ from jacokin.mujoco_bridge import Arena, Brick, Physics, ToolCenterPointInitiali
 from jacokin.mujoco_bridge.base import RandomState
 from jacokin.mujoco_bridge.control.queries import Asking
 from jacokin.mujoco_bridge.distributions import QuaternionFromAxisAngle, Uniform, uniform_box
-from jacokin.mujoco_bridge.entities.entity import Entity
+from jacokin.mujoco_bridge.entity import Entity
 from jacokin.mujoco_bridge.rewards import SHAPES, VALUE_AT_MARGIN
 from jacokin.mujoco_bridge.workspaces import BoundingBox
 from jacokin.tasks import features

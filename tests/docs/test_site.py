@@ -166,7 +166,7 @@ def test_the_files_that_the_overview_names_exist_and_hold_what_it_says() -> None
         "ik/results.py": "class Status",
         "ik/diagnosis.py": "Status.UNREACHABLE",
         "ik/tracking/tracker.py": "def step",
-        "mujoco_bridge/observables/channel.py": "delay",
+        "mujoco_bridge/observables/updater.py": "delay",
     }
     for name, thing in holds.items():
         assert f"`{name}`" in text

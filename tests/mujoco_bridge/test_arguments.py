@@ -20,7 +20,7 @@ from jacokin.mujoco_bridge import (
     observations,
     robots,
 )
-from jacokin.mujoco_bridge.observables.declaration import Observables
+from jacokin.mujoco_bridge.observables.observable import Observables
 from tests.mujoco_bridge.scenes import Scene
 
 DIGITS = 10**5000  # more than Python prints
@@ -44,7 +44,6 @@ EVERY = [DIGITS, 1e300 + 2j, object(), FLAGS, [[1.0], [2.0, 3.0]], np, True, NO_
         lambda scene, value: Observable.check_options(value),
         lambda scene, value: scene.arm.observables.set_options(value),
         lambda scene, value: scene.arm.observables.get_observable(value),
-        lambda scene, value: scene.arm.observables.continued(value, lambda element: element),
         lambda scene, value: Physics(scene.physics.model, spec=value),
         lambda scene, value: Physics.from_entity(value),
         lambda scene, value: Physics.from_model(value),

@@ -56,6 +56,7 @@ def test_the_cube_is_lifted_and_held_by_the_controls_alone() -> None:
     np.testing.assert_array_equal(data.qvel, physics.data.qvel)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="MUJOCO_GL=egl and osmesa are Linux's")
 def test_the_example_draws_its_pictures(tmp_path: Path) -> None:
     """Needs Debian's libegl1 and libegl-mesa0 (egl), or libosmesa6 (osmesa)."""

@@ -130,7 +130,7 @@ def test_public_names() -> None:
     assert jacokin.mujoco_bridge.__all__ == [
         "Arena",
         "ArraySpec",
-        "Box",
+        "BoxProp",
         "Brick",
         "Cradle",
         "DOWN_QUATERNION",

@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.mujoco_bridge.entities.entity import Entity
+from jacokin.mujoco_bridge.entity import Entity
 from jacokin.mujoco_bridge.simulation.physics import Physics
 
 Geoms = NDArray[np.bool_]  # one flag for each geom of the model
+Pairs = tuple[tuple[Geoms, Geoms], ...]
 
 _FULL = int(mujoco.mjtWarning.mjWARN_CONTACTFULL)
 _TRIALS: weakref.WeakKeyDictionary[Physics, Trial] = weakref.WeakKeyDictionary()
@@ -23,6 +24,7 @@ class Trial:
 
     Attributes:
         qpos: the configuration to try.
+        arms: the pairs of sets of geoms that must not touch, by the ids of the bodies that hold an arm and its hand.
     """
 
     def __init__(self, model: mujoco.MjModel) -> None:
@@ -30,16 +32,12 @@ class Trial:
         self._model = model
         self._data = mujoco.MjData(model)
         self.qpos: Array = self._data.qpos
-
-    def start_from(self, physics: Physics) -> None:
-        """Take over the positions of a simulation."""
-        self.qpos[:] = physics.data.qpos
-        self.follow_mocap(physics)
+        self.arms: dict[tuple[int, ...], Pairs] = {}
 
     def follow_mocap(self, physics: Physics) -> None:
-        """Take over the poses of the mocap bodies."""
-        self._data.mocap_pos[:] = physics.data.mocap_pos
-        self._data.mocap_quat[:] = physics.data.mocap_quat
+        """Copy the poses of the mocap bodies of a simulation."""
+        data = physics.data
+        self._data.mocap_pos[:], self._data.mocap_quat[:] = data.mocap_pos, data.mocap_quat
 
     def touching(self, *pairs: tuple[Geoms, Geoms]) -> bool:
         """Whether, for one of the pairs of sets, a geom of the first set touches one of the second, at `qpos`.
@@ -67,7 +65,8 @@ def trial_of(physics: Physics) -> Trial:
     trial = _TRIALS.get(physics)
     if trial is None:
         trial = _TRIALS[physics] = Trial(physics.model)
-    trial.start_from(physics)
+    trial.qpos[:] = physics.data.qpos
+    trial.follow_mocap(physics)
     return trial
 
 
@@ -82,7 +81,13 @@ def bodies_of(physics: Physics, entity: Entity) -> NDArray[np.bool_]:
     return found
 
 
-def free_bodies(model: mujoco.MjModel) -> NDArray[np.bool_]:
-    """For each body whether the tree it belongs to has a free joint at its root."""
+def arm_pairs(physics: Physics, arm: Entity, hand: Entity | None) -> Pairs:
+    """The pairs of sets of geoms that must not touch: the arm and all but free things, the hand and fixed things."""
+    model = physics.model
+    with_hand = bodies_of(physics, arm)
+    in_hand = np.zeros(model.nbody, dtype=bool) if hand is None else bodies_of(physics, hand)
+    in_arm = with_hand & ~in_hand
     free_roots = model.jnt_bodyid[model.jnt_type == mujoco.mjtJoint.mjJNT_FREE]
-    return np.asarray(np.isin(model.body_rootid, free_roots))
+    fixed = ~np.isin(model.body_rootid, free_roots) & ~with_hand & ~in_hand
+    geom_body = model.geom_bodyid
+    return (in_arm[geom_body], (in_arm | in_hand | fixed)[geom_body]), (in_hand[geom_body], fixed[geom_body])

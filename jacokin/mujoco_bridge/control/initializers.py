@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-import weakref
-
+import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import EpisodeInitializationError, InvalidInputError, shown
 from jacokin.model import checks
-from jacokin.mujoco_bridge.base import DOWN_QUATERNION, RandomState, RobotArm, RobotHand, check_random_state
+from jacokin.model.poses import unit_quaternion
+from jacokin.mujoco_bridge.base import DOWN_QUATERNION, RobotArm, RobotHand
 from jacokin.mujoco_bridge.control import queries
-from jacokin.mujoco_bridge.control.collisions import Geoms, Trial, bodies_of, free_bodies, trial_of
+from jacokin.mujoco_bridge.control.collisions import Trial, arm_pairs, trial_of
 from jacokin.mujoco_bridge.control.queries import Asking
-from jacokin.mujoco_bridge.distributions import Sampler, constant_or_sampler
-from jacokin.mujoco_bridge.quaternions import rotation_matrix, unit_quaternion
+from jacokin.mujoco_bridge.distributions import RandomState, Sampler, check_random_state, constant_or_sampler
+from jacokin.mujoco_bridge.entity import rotation_matrix
 from jacokin.mujoco_bridge.simulation.physics import Physics, check_physics
-
-Pairs = tuple[tuple[Geoms, Geoms], ...]
 
 BRANCHES = ("random", "nearest", "nearest_to_random")
 
@@ -74,7 +72,6 @@ class ToolCenterPointInitializer:
         self._max_ik_attempts = checks.whole_number("max_ik_attempts", max_ik_attempts, 1)
         self._max_rejection_samples = checks.whole_number("max_rejection_samples", max_rejection_samples, 1)
         self._branch = checks.choice("branch", branch, BRANCHES)
-        self._pairs: weakref.WeakKeyDictionary[Physics, Pairs] = weakref.WeakKeyDictionary()
 
     def __call__(self, physics: Physics, random_state: RandomState) -> None:
         """Place the tool centre point; only the arm's joint positions change.
@@ -95,7 +92,7 @@ class ToolCenterPointInitializer:
                 self._place(physics, random_state)
 
     def placing(self, physics: Physics, random_state: RandomState) -> Asking[None]:
-        """As a call with branch="nearest_to_random", but whoever runs it answers the queries of inverse kinematics.
+        """As a call with branch="nearest_to_random", but the caller answers the queries of inverse kinematics.
 
         Between a query and its answer, the state of the physics may be another one.
 
@@ -103,26 +100,24 @@ class ToolCenterPointInitializer:
             EpisodeInitializationError: as for a call.
             InvalidInputError: as for a call.
         """
-        arm, hand = self._arm, self._hand
-        bounds = arm.sampling_bounds(physics)
+        bounds = self._arm.sampling_bounds(physics)
         for _ in range(self._max_rejection_samples):
             position, rotation = self._pose(random_state)
             for _ in range(self._max_ik_attempts):
-                solver = arm.site_solver(physics, arm.wrist_site if hand is None else hand.tool_center_point)
+                solver = self._arm.site_solver(physics, self._site)
                 query = solver.query(position, rotation, bounds, random_state)
                 q = yield query
                 if q is None:
                     if solver.has_closed_form:
-                        break  # nor from another start
+                        break  # another start changes nothing
                 elif self._is_free(physics, trial_of(physics), query.qpos, q):
                     physics.set_qpos(query.qpos, q)
                     return
         raise self._failure()
 
     def _place(self, physics: Physics, random_state: RandomState) -> None:
-        arm, hand = self._arm, self._hand
-        solver = arm.site_solver(physics, arm.wrist_site if hand is None else hand.tool_center_point)
-        bounds = None if solver.has_closed_form else arm.sampling_bounds(physics)
+        solver = self._arm.site_solver(physics, self._site)
+        bounds = None if solver.has_closed_form else self._arm.sampling_bounds(physics)
         trial = trial_of(physics)
         for _ in range(self._max_rejection_samples):
             shuffle, attempts = self._branch == "random", self._max_ik_attempts
@@ -131,6 +126,10 @@ class ToolCenterPointInitializer:
                     physics.set_qpos(rows, q)
                     return
         raise self._failure()
+
+    @property
+    def _site(self) -> mujoco.MjsSite:
+        return self._arm.wrist_site if self._hand is None else self._hand.tool_center_point
 
     def _pose(self, random_state: RandomState) -> tuple[Array, Array]:
         """A position (3,) and an orientation (3, 3) in the world."""
@@ -142,11 +141,12 @@ class ToolCenterPointInitializer:
         """Whether a configuration may be taken; `trial` is at the present positions otherwise."""
         if self._ignore_collisions:
             return True
-        pairs = self._pairs.get(physics)
-        if pairs is None:
-            pairs = self._pairs[physics] = _pairs(physics, self._arm, self._hand)
+        bodies = [each.root_body for each in (self._arm, self._hand) if each is not None]
+        key = physics.bind(bodies).element_ids
+        if key not in trial.arms:
+            trial.arms[key] = arm_pairs(physics, self._arm, self._hand)
         trial.qpos[rows] = q
-        return not trial.touching(*pairs)
+        return not trial.touching(*trial.arms[key])
 
     def _failure(self) -> EpisodeInitializationError:
         return EpisodeInitializationError(
@@ -155,25 +155,6 @@ class ToolCenterPointInitializer:
             "ignore_collisions=True"
         )
 
-    def __getstate__(self) -> dict[str, object]:
-        """Everything but what belongs to simulations."""
-        return {**vars(self), "_pairs": None}
-
-    def __setstate__(self, state: dict[str, object]) -> None:
-        """Find the geoms of simulations anew."""
-        vars(self).update(state, _pairs=weakref.WeakKeyDictionary())
-
 
 TcpInitializer = ToolCenterPointInitializer
 """The same by its shorter name."""
-
-
-def _pairs(physics: Physics, arm: RobotArm, hand: RobotHand | None) -> Pairs:
-    """The pairs of sets of geoms that must not touch: the arm and all but free things, the hand and fixed things."""
-    model = physics.model
-    above = bodies_of(physics, arm)
-    in_hand = np.zeros(model.nbody, dtype=bool) if hand is None else bodies_of(physics, hand)
-    in_arm = above & ~in_hand
-    fixed = ~free_bodies(model) & ~above & ~in_hand
-    geom_body = model.geom_bodyid
-    return (in_arm[geom_body], (in_arm | in_hand | fixed)[geom_body]), (in_hand[geom_body], fixed[geom_body])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -12,86 +12,18 @@ from numpy.typing import ArrayLike, NDArray
 
 from jacokin.errors import EpisodeInitializationError, InvalidInputError, PhysicsError
 from jacokin.model import checks
-from jacokin.mujoco_bridge.base import RandomState, check_random_state
+from jacokin.model.poses import unit_quaternion
 from jacokin.mujoco_bridge.control.collisions import Trial, bodies_of, trial_of
-from jacokin.mujoco_bridge.distributions import IDENTITY_QUATERNION, Sampler, constant_or_sampler
-from jacokin.mujoco_bridge.entities.entity import Entity
-from jacokin.mujoco_bridge.quaternions import unit_quaternion
+from jacokin.mujoco_bridge.distributions import (
+    IDENTITY_QUATERNION,
+    RandomState,
+    Sampler,
+    check_random_state,
+    constant_or_sampler,
+)
+from jacokin.mujoco_bridge.entity import Entity
+from jacokin.mujoco_bridge.simulation.elements import QPOS_SIZE
 from jacokin.mujoco_bridge.simulation.physics import Physics, check_physics
-
-_QPOS_SIZE = {int(mujoco.mjtJoint.mjJNT_FREE): 7, int(mujoco.mjtJoint.mjJNT_BALL): 4}  # hinges and slides have 1
-
-
-@dataclass(frozen=True, slots=True)
-class Settled:
-    """How a settling ended.
-
-    Attributes:
-        success: whether all joints came to rest in time.
-        velocity: greatest absolute velocity at the end [rad/s, m/s].
-        acceleration: greatest absolute acceleration at the end [rad/s^2, m/s^2].
-    """
-
-    success: bool
-    velocity: float
-    acceleration: float
-
-
-def settle(
-    physics: Physics,
-    bodies: NDArray[np.bool_],
-    *,
-    velocity: float,
-    acceleration: float,
-    shortest: float,
-    longest: float,
-) -> Settled:
-    """Simulate until the joints of some bodies are at rest; everything else keeps its position and velocity.
-
-    Simulated time is put back afterwards.
-
-    Args:
-        physics: the simulation.
-        bodies: (nbody,) which bodies may move.
-        velocity: bound of the velocities of joints at rest [rad/s, m/s].
-        acceleration: bound of their accelerations [rad/s^2, m/s^2].
-        shortest: least time to simulate [s].
-        longest: most time to simulate [s].
-    """
-    model, data = physics.model, physics.data
-    dofs = np.flatnonzero(bodies[model.dof_bodyid])
-    if not len(dofs):
-        return Settled(True, 0.0, 0.0)
-    other_dofs = np.flatnonzero(~bodies[model.dof_bodyid])
-    other_qpos = _qpos_rows(model, ~bodies)
-    qpos, qvel, time = data.qpos[other_qpos], data.qvel[other_dofs], data.time
-    fastest = strongest = np.inf
-    try:
-        while data.time - time < longest:
-            try:
-                physics.step()
-            except PhysicsError:
-                return Settled(False, np.inf, np.inf)
-            fastest = float(np.abs(data.qvel[dofs]).max())
-            strongest = float(np.abs(data.qacc[dofs]).max())
-            data.qpos[other_qpos], data.qvel[other_dofs] = qpos, qvel
-            if fastest < velocity and strongest < acceleration and data.time - time > shortest:
-                return Settled(True, fastest, strongest)
-    finally:
-        data.time = time
-    return Settled(False, fastest, strongest)
-
-
-def _qpos_rows(model: mujoco.MjModel, bodies: NDArray[np.bool_]) -> NDArray[np.intp]:
-    """Addresses in qpos of the joints of some bodies."""
-    rows = [
-        np.arange(model.jnt_qposadr[joint], model.jnt_qposadr[joint] + _QPOS_SIZE.get(int(model.jnt_type[joint]), 1))
-        for joint in np.flatnonzero(bodies[model.jnt_bodyid])
-    ]
-    return np.concatenate([np.empty(0, dtype=np.intp), *rows]).astype(np.intp)
-
-
-Vector = NDArray[np.float64]
 
 MAX_QVEL = 1e-3  # [rad/s, m/s] of a prop at rest, as in dm_control
 MAX_QACC = 1e-2  # [rad/s^2, m/s^2] likewise
@@ -178,11 +110,12 @@ class PropPlacer:
     def _run(self, physics: Physics, random_state: RandomState, ignored: Sequence[Entity]) -> None:
         state, poses = physics.get_state(), [prop.get_pose(physics) for prop in self._props]
         try:
-            last = None
-            for _ in range(self._settle_attempts if self._settles else 1):
+            for _ in range(self._settle_attempts):
                 self._place(physics, random_state, ignored)
-                last = self._settle(physics) if self._settles else None
-                if last is None or last.success:
+                if not self._settles:
+                    return
+                last = self._settle(physics)
+                if last.success:
                     return
             self._report(last)
         except BaseException:
@@ -235,27 +168,69 @@ class PropPlacer:
         )
 
     def _settle(self, physics: Physics) -> Settled:
-        bodies = np.zeros(physics.model.nbody, dtype=bool)
+        """Simulate until the props are at rest; everything else keeps its position and velocity.
+
+        Simulated time is put back afterwards.
+        """
+        model, data = physics.model, physics.data
+        bodies = np.zeros(model.nbody, dtype=bool)
         for prop in self._props:
             bodies |= bodies_of(physics, prop)
-        return settle(
-            physics,
-            bodies,
-            velocity=self._max_qvel,
-            acceleration=self._max_qacc,
-            shortest=self._shortest,
-            longest=self._longest,
-        )
+        dofs = np.flatnonzero(bodies[model.dof_bodyid])
+        if not len(dofs):
+            return Settled(True, 0.0, 0.0)
+        other_dofs = np.flatnonzero(~bodies[model.dof_bodyid])
+        other_qpos = _qpos_rows(model, ~bodies)
+        qpos, qvel, time = data.qpos[other_qpos], data.qvel[other_dofs], data.time
+        velocity = acceleration = np.inf
+        try:
+            while data.time - time < self._longest:
+                try:
+                    physics.step()
+                except PhysicsError:
+                    return Settled(False, np.inf, np.inf)
+                velocity = float(np.abs(data.qvel[dofs]).max())
+                acceleration = float(np.abs(data.qacc[dofs]).max())
+                data.qpos[other_qpos], data.qvel[other_dofs] = qpos, qvel
+                is_slow = velocity < self._max_qvel and acceleration < self._max_qacc
+                if is_slow and data.time - time > self._shortest:
+                    return Settled(True, velocity, acceleration)
+        finally:
+            data.time = time
+        return Settled(False, velocity, acceleration)
 
-    def _report(self, last: Settled | None) -> None:
+    def _report(self, last: Settled) -> None:
         message = (
             f"the props did not come to rest in {self._settle_attempts} attempts of {self._longest:g} s"
-            f"{'' if last is None else f': velocity {last.velocity:.3g}, acceleration {last.acceleration:.3g}'}. Raise "
-            "max_settle_physics_time or max_settle_physics_attempts, or sample from another region"
+            f": velocity {last.velocity:.3g}, acceleration {last.acceleration:.3g}. Raise max_settle_physics_time or "
+            "max_settle_physics_attempts, or sample from another region"
         )
         if self._raises:
             raise EpisodeInitializationError(message)
         _log.warning(message)
+
+
+class Settled(NamedTuple):
+    """How a settling ended.
+
+    Attributes:
+        success: whether all joints came to rest in time.
+        velocity: greatest absolute velocity at the end [rad/s, m/s].
+        acceleration: greatest absolute acceleration at the end [rad/s^2, m/s^2].
+    """
+
+    success: bool
+    velocity: float
+    acceleration: float
+
+
+def _qpos_rows(model: mujoco.MjModel, bodies: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """Addresses in qpos of the joints of some bodies."""
+    rows = [
+        np.arange(model.jnt_qposadr[joint], model.jnt_qposadr[joint] + QPOS_SIZE[model.jnt_type[joint]])
+        for joint in np.flatnonzero(bodies[model.jnt_bodyid])
+    ]
+    return np.concatenate([np.empty(0, dtype=np.intp), *rows]).astype(np.intp)
 
 
 def _entities(name: str, value: Sequence[Entity]) -> tuple[Entity, ...]:

@@ -1,4 +1,4 @@
-"""Questions to inverse kinematics that may be answered one by one or, for many scenes of one arm, at once."""
+"""Queries of inverse kinematics, answered one by one or, for many scenes of one arm, as one batch."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from jacokin.arrays import Array
 from jacokin.ik.solver import IKSolver
 from jacokin.model.angles import TURN
 
-Found = TypeVar("Found")
+Result = TypeVar("Result")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,33 +41,33 @@ class Query:
         return canonical(result.q, self.wraps) if result.success else None
 
 
-Asking = Generator[Query, "Array | None", Found]
-"""Something that yields queries, is sent their answers, and returns what it was started for."""
+Asking = Generator[Query, "Array | None", Result]
+"""A generator that yields queries, is sent their answers, and returns a result."""
 
 
-def run(asking: Asking[Found]) -> Found:
-    """What a generator of queries returns; each is answered by itself."""
+def run(asking: Asking[Result]) -> Result:
+    """Run a generator of queries, each answered by itself; returns its result."""
     answer = None
     while True:
         try:
             query = asking.send(answer)
         except StopIteration as end:
-            found: Found = end.value
-            return found
+            result: Result = end.value
+            return result
         answer = query.answer()
 
 
 def run_all(
-    askings: Sequence[Asking[Found]],
+    askings: Sequence[Asking[Result]],
     switch: Callable[[int], AbstractContextManager[object]] = nullcontext,
-) -> list[Found]:
-    """What several generators of queries return, which run in turns; each turn's queries are solved as one batch.
+) -> list[Result]:
+    """Run several generators of queries in turns, each turn's queries solved as one batch; returns their results.
 
     Args:
         askings: the generators, all of the same arm.
         switch: of the number of a generator: a context in which it goes on, as some share a simulation.
     """
-    found: dict[int, Found] = {}
+    found: dict[int, Result] = {}
     answers: dict[int, Array | None] = dict.fromkeys(range(len(askings)))
     while answers:
         queries: dict[int, Query] = {}

@@ -2,18 +2,17 @@
 
 Where the arm has a closed form, it gives every branch (of seven joints, the family of configurations), and the nearest
 one within the limits is taken. Otherwise the QP starts from the present configuration and then from random ones. The
-chain of joints has the numbers of the compiled scene. The simulation is read only; nothing is written before there is
+chain of joints is built from the compiled scene. The simulation is read only; nothing is written before there is
 a solution.
 """
 
 from __future__ import annotations
 
 import math
-import weakref
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -29,18 +28,251 @@ from jacokin.ik.verification import Verifier
 from jacokin.model.descriptions import mjcf
 from jacokin.model.robot import Home, Robot, Source
 from jacokin.mujoco_bridge.control.queries import Query, canonical, wrapped_in_place
+from jacokin.mujoco_bridge.distributions import RandomState
 from jacokin.mujoco_bridge.simulation.physics import Physics
-
-if TYPE_CHECKING:
-    from jacokin.ik.qp import MultiStartQP
-
-BASE = "base"
-SITE = "site"
 
 Memory = tuple[memoryview, ...]
 """Live parts of MuJoCo's arrays. Joining their bytes is the quickest way to compare all of them with what they were."""
 
+Bounds = tuple[Array, Array]
+Solution = tuple[NDArray[np.intp], Array]  # addresses in qpos, and values for them
+
+BASE = "base"  # the frames of the chain
+SITE = "site"
+MEMBERS = 32  # of a family that are tried for contact
+
 _INFINITE = np.array([np.inf])
+_FEW = 16  # numbers that are added up sooner than a dot product starts
+
+# Matrices of rotations that are a small angle apart differ by sqrt(2) times that angle, in the Frobenius norm.
+_ROTATION_TOLERANCE = math.sqrt(2.0) * ORIENTATION_TOLERANCE
+
+
+class SiteSolver:
+    """Inverse kinematics of one site of one scene, for target poses in the world.
+
+    Attributes:
+        has_closed_form: whether the arm has a closed form; otherwise the QP runs.
+    """
+
+    def __init__(self, physics: Physics, joints: Sequence[int], site: int) -> None:
+        """Prepare for a site.
+
+        Args:
+            physics: the scene; it is only read.
+            joints: ids of the arm's joints.
+            site: id of the site.
+
+        Raises:
+            ModelError: the joints do not move the site, or cannot be solved for.
+            PhysicsError: positions or velocities in the scene are not finite.
+        """
+        self._model = physics.model
+        self._data = physics.data
+        self._scratch = mujoco.MjData(physics.model)
+        self._joints = tuple(joints)
+        self._site = site
+        self._site_position: Array = self._data.site_xpos[site]
+        self._site_rotation: Array = self._data.site_xmat[site]
+        self._qpos: Array = self._data.qpos
+        self._qvel: Array = self._data.qvel
+        self._prepare()
+
+    def chain(self) -> SceneChain:
+        """The joints that move the site; others on the way to it are held at their present positions."""
+        if not self._chain.is_current:
+            self._prepare()
+        return self._chain
+
+    def _prepare(self) -> None:
+        self._check_finite()
+        self._chain = scene_chain(self._model, self._data.qpos, self._joints, self._site)
+        robot = self._chain.robot
+        self._solver = IKSolver(robot, SITE, warm=None)
+        self._has_families = self._solver.has_families
+        self.has_closed_form = self._has_families or self._solver.has_closed_form
+        if not self.has_closed_form:
+            from jacokin.ik.qp import MultiStartQP  # imports mink, which arms with a closed form do not need
+
+            self._qp = MultiStartQP(Verifier(robot, SITE, None, Options()))
+        with_branches = self.has_closed_form and not self._has_families
+        self._nearest = self._solver.closed_form().nearest_branch() if with_branches else None
+        self._T = np.eye(4) if self._nearest is None else self._nearest.T
+        self._rotation, self._translation = self._T[:3, :3], self._T[:3, 3]
+        kinds = self._model.jnt_type[list(self._chain.joints)]
+        self._wraps: list[int] = np.flatnonzero(robot.unlimited & (kinds == mujoco.mjtJoint.mjJNT_HINGE)).tolist()
+        self._base_position: Array = self._scratch.xpos[self._chain.base_body]
+        self._R_base_world: Array = self._scratch.xmat[self._chain.base_body].reshape(3, 3).T
+        limited = np.flatnonzero(~robot.unlimited)
+        lower, upper = robot.lower[limited].tolist(), robot.upper[limited].tolist()
+        self._limits = list(zip(limited.tolist(), lower, upper, strict=True))
+        self._watched = (*self._chain.memory, *self._chain.base_memory)
+        self._seen = b""
+
+    def nearest(self, position: Array, rotation: Array) -> Sequence[Solution]:
+        """The nearest branch of the closed form within the limits, as `solutions` gives it, or nothing.
+
+        Args:
+            position: (3,) target position of the site in the world [m].
+            rotation: (3, 3) target orientation, R_world_site.
+
+        Raises:
+            PhysicsError: positions or velocities in the scene are not finite.
+        """
+        chain = self._target(position, rotation)
+        if self._nearest is None:
+            member = next(self._members(self._qpos[chain.qpos], None), None)
+            q = None if member is None else member.copy()
+        else:
+            self._nearest.seed[:] = self._qpos[chain.qpos]
+            q = self._nearest()
+        return () if q is None else ((chain.qpos, wrapped_in_place(q, self._wraps)),)
+
+    def solutions(
+        self,
+        position: Array,
+        rotation: Array,
+        bounds: Bounds | None,
+        random_state: RandomState,
+        attempts: int,
+        *,
+        shuffle: bool = False,
+    ) -> Iterator[Solution]:
+        """Solutions as addresses in qpos and values for them; branches of the closed form in order of distance.
+
+        Args:
+            position: (3,) target position of the site in the world [m].
+            rotation: (3, 3) target orientation, R_world_site.
+            bounds: lower and upper bounds of all of the arm's joints, for starts of the QP; None with a closed form.
+            random_state: drawn from for all starts but the first.
+            attempts: number of starts.
+            shuffle: branches in random order, and random starts only.
+
+        Raises:
+            PhysicsError: positions or velocities in the scene are not finite.
+        """
+        chain = self._target(position, rotation)
+        present = self._qpos[chain.qpos]
+        if bounds is None:
+            found = self._branches(present, random_state if shuffle else None)
+        else:
+            found = self._by_qp(self._starts(None if shuffle else present, bounds, random_state, attempts))
+        for q in found:
+            yield chain.qpos, canonical(q, self._wraps)
+
+    def query(self, position: Array, rotation: Array, bounds: Bounds, random_state: RandomState) -> Query:
+        """A pose from a random start.
+
+        Args:
+            position: (3,) target position of the site in the world [m].
+            rotation: (3, 3) target orientation, R_world_site.
+            bounds: lower and upper bounds of all of the arm's joints.
+            random_state: draws the start.
+
+        Raises:
+            PhysicsError: positions or velocities in the scene are not finite.
+        """
+        start = next(self._starts(None, bounds, random_state, 1))
+        chain = self._target(position, rotation)
+        return Query(self._solver, self._T.copy(), start, chain.qpos, tuple(self._wraps))
+
+    def is_reached(self, q: Array, position: Array, rotation: list[float]) -> bool:
+        """Whether q is within the limits, and brings the site to a pose.
+
+        Args:
+            q: (dof,) configuration, at which MuJoCo has computed the poses.
+            position: (3,) target position of the site in the world [m].
+            rotation: the 9 numbers of the target orientation R_world_site, row by row.
+        """
+        values = q.tolist()  # plain numbers are faster than NumPy's
+        for joint, lower, upper in self._limits:
+            if not lower <= values[joint] <= upper:
+                return False
+        return (
+            math.dist(self._site_position.tolist(), position.tolist()) <= POSITION_TOLERANCE
+            and math.dist(self._site_rotation.tolist(), rotation) <= _ROTATION_TOLERANCE
+        )
+
+    def _target(self, position: Array, rotation: Array) -> SceneChain:
+        """Write T_base_site of a target in the world to `_T`; returns the chain as it is now."""
+        self._check_finite()
+        if not self._chain.base_is_fixed or b"".join(self._watched) != self._seen:
+            self._refresh()
+        if self._is_upright:
+            self._rotation[...] = rotation
+            np.subtract(position, self._base_position, self._translation)
+        else:
+            self._rotation[...] = self._R_base_world.dot(rotation)
+            self._translation[...] = self._R_base_world.dot(position - self._base_position)
+        return self._chain
+
+    def _check_finite(self) -> None:
+        """Check that the scene has a finite state.
+
+        Raises:
+            PhysicsError: qpos or qvel is not finite.
+        """
+        qpos, qvel = self._qpos, self._qvel
+        # The quickest tests, of few numbers and of many; a sum that is not finite is looked at closely.
+        if len(qpos) <= _FEW:
+            if math.isfinite(sum(qpos.tolist() + qvel.tolist())):
+                return
+        elif math.isfinite(qpos.dot(qpos)) and math.isfinite(qvel.dot(qvel)):
+            return
+        for name, values in (("qpos", qpos), ("qvel", qvel)):
+            if not np.isfinite(values).all():
+                raise PhysicsError(f"the simulation is not finite in {name}; reset it first")
+
+    def _refresh(self) -> None:
+        """Bring the chain, and the base's pose in the scratch data, up to date."""
+        self.chain()
+        scratch, data = self._scratch, self._data
+        scratch.qpos[:] = data.qpos
+        scratch.mocap_pos[:] = data.mocap_pos
+        scratch.mocap_quat[:] = data.mocap_quat
+        mujoco.mj_kinematics(self._model, scratch)
+        self._is_upright = np.array_equal(self._R_base_world, np.eye(3))
+        self._seen = b"".join(self._watched)
+
+    def _members(self, present: Array, shuffled_by: RandomState | None) -> Iterator[Array]:
+        """Members of the family of seven joints: the nearest one, then some of all others by distance; or at random."""
+        family = self._solver.family(self._T, present)
+        nearest = family.nearest()
+        if nearest is None:
+            return
+        if shuffled_by is None:
+            yield nearest
+        rows = family.sample(MEMBERS)
+        order = np.argsort(((rows - present) ** 2).sum(axis=1), kind="stable")
+        for index in order if shuffled_by is None else shuffled_by.permutation(len(rows)):
+            yield rows[index]
+
+    def _branches(self, present: Array, shuffled_by: RandomState | None) -> Iterator[Array]:
+        if self._has_families:
+            yield from self._members(present, shuffled_by)
+            return
+        branches = self._solver.closed_form().solve_all(self._T, present)
+        q = branches.q
+        order = branches.within_limits.nonzero()[0]
+        for index in order if shuffled_by is None else shuffled_by.permutation(order):
+            yield q[index]
+
+    def _by_qp(self, starts: Iterator[Array]) -> Iterator[Array]:
+        target = targets.checked(self._T)
+        for start in starts:
+            attempt = self._qp.solve(target, [start])
+            if attempt.reached:
+                yield attempt.q
+
+    def _starts(
+        self, present: Array | None, bounds: Bounds, random_state: RandomState, attempts: int
+    ) -> Iterator[Array]:
+        """The present configuration, clipped to the limits, then random ones, drawn one at a time when needed."""
+        members = [self._joints.index(joint) for joint in self._chain.joints]
+        if present is not None:
+            yield np.clip(present, self._chain.robot.lower, self._chain.robot.upper)
+        for _ in range(attempts - (present is not None)):
+            yield random_state.uniform(*bounds)[members]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -164,267 +396,3 @@ def _path(model: mujoco.MjModel, body: int) -> list[int]:
         path.insert(0, body)
         body = int(model.body_parentid[body])
     return path
-
-
-RandomState = np.random.RandomState | np.random.Generator
-Bounds = tuple[Array, Array]
-Solution = tuple[NDArray[np.intp], Array]  # addresses in qpos, and values for them
-MEMBERS = 32  # of a family that are tried for contact
-
-_FEW = 16  # numbers that are added up sooner than a dot product starts
-
-# Matrices of rotations that are a small angle apart differ by sqrt(2) times that angle, in the Frobenius norm.
-_ROTATION_TOLERANCE = math.sqrt(2.0) * ORIENTATION_TOLERANCE
-
-
-class SiteSolver:
-    """Inverse kinematics of one site of one scene, for target poses in the world.
-
-    Attributes:
-        has_closed_form: whether the arm has a closed form; otherwise the QP runs.
-    """
-
-    def __init__(self, physics: Physics, joints: Sequence[int], site: int) -> None:
-        """Prepare for a site.
-
-        Args:
-            physics: the scene; it is only read.
-            joints: ids of the arm's joints.
-            site: id of the site.
-
-        Raises:
-            ModelError: the joints do not move the site, or cannot be solved for.
-            PhysicsError: positions or velocities in the scene are not finite.
-        """
-        self._model = physics.model
-        self._data = physics.data
-        self._scratch = mujoco.MjData(physics.model)
-        self._joints = tuple(joints)
-        self._site = site
-        self._site_position: Array = self._data.site_xpos[site]
-        self._site_rotation: Array = self._data.site_xmat[site]
-        self._qpos: Array = self._data.qpos
-        self._qvel: Array = self._data.qvel
-        self._prepare()
-
-    def chain(self) -> SceneChain:
-        """The joints that move the site; others on the way to it are held at their present positions."""
-        if not self._chain.is_current:
-            self._prepare()
-        return self._chain
-
-    def _prepare(self) -> None:
-        self._check_finite()
-        self._chain = scene_chain(self._model, self._data.qpos, self._joints, self._site)
-        robot = self._chain.robot
-        self._solver = IKSolver(robot, SITE, warm=None)
-        self._has_families = self._solver.has_families
-        self.has_closed_form = self._has_families or self._solver.has_closed_form
-        self._qp = None if self.has_closed_form else self._multi_start()
-        with_branches = self.has_closed_form and not self._has_families
-        self._nearest = self._solver.closed_form().nearest_branch() if with_branches else None
-        self._T = np.eye(4) if self._nearest is None else self._nearest.T
-        self._rotation, self._translation = self._T[:3, :3], self._T[:3, 3]
-        kinds = self._model.jnt_type[list(self._chain.joints)]
-        self._wraps: list[int] = np.flatnonzero(robot.unlimited & (kinds == mujoco.mjtJoint.mjJNT_HINGE)).tolist()
-        self._base_position: Array = self._scratch.xpos[self._chain.base_body]
-        self._R_base_world: Array = self._scratch.xmat[self._chain.base_body].reshape(3, 3).T
-        limited = np.flatnonzero(~robot.unlimited)
-        lower, upper = robot.lower[limited].tolist(), robot.upper[limited].tolist()
-        self._limits = list(zip(limited.tolist(), lower, upper, strict=True))
-        self._watched = (*self._chain.memory, *self._chain.base_memory)
-        self._seen = b""
-
-    def nearest(self, position: Array, rotation: Array) -> Sequence[Solution]:
-        """The nearest branch of the closed form within the limits, as `solutions` gives it, or nothing.
-
-        Args:
-            position: (3,) target position of the site in the world [m].
-            rotation: (3, 3) target orientation, R_world_site.
-
-        Raises:
-            PhysicsError: positions or velocities in the scene are not finite.
-        """
-        chain = self._target(position, rotation)
-        if self._nearest is None:
-            member = next(self._members(self._qpos[chain.qpos], None), None)
-            q = None if member is None else member.copy()
-        else:
-            self._nearest.seed[:] = self._qpos[chain.qpos]
-            q = self._nearest()
-        return () if q is None else ((chain.qpos, wrapped_in_place(q, self._wraps)),)
-
-    def solutions(
-        self,
-        position: Array,
-        rotation: Array,
-        bounds: Bounds | None,
-        random_state: RandomState,
-        attempts: int,
-        *,
-        shuffle: bool = False,
-    ) -> Iterator[Solution]:
-        """Solutions as addresses in qpos and values for them; branches of the closed form in order of distance.
-
-        Args:
-            position: (3,) target position of the site in the world [m].
-            rotation: (3, 3) target orientation, R_world_site.
-            bounds: lower and upper bounds of all of the arm's joints, for starts of the QP; None with a closed form.
-            random_state: drawn from for all starts but the first.
-            attempts: number of starts.
-            shuffle: branches in random order, and random starts only.
-
-        Raises:
-            PhysicsError: positions or velocities in the scene are not finite.
-        """
-        chain = self._target(position, rotation)
-        present = self._qpos[chain.qpos]
-        if bounds is None:
-            found = self._branches(present, random_state if shuffle else None)
-        else:
-            found = self._by_qp(self._starts(None if shuffle else present, bounds, random_state, attempts))
-        for q in found:
-            yield chain.qpos, canonical(q, self._wraps)
-
-    def query(self, position: Array, rotation: Array, bounds: Bounds, random_state: RandomState) -> Query:
-        """A pose from a random start.
-
-        Args:
-            position: (3,) target position of the site in the world [m].
-            rotation: (3, 3) target orientation, R_world_site.
-            bounds: lower and upper bounds of all of the arm's joints.
-            random_state: draws the start.
-
-        Raises:
-            PhysicsError: positions or velocities in the scene are not finite.
-        """
-        start = next(self._starts(None, bounds, random_state, 1))
-        chain = self._target(position, rotation)
-        return Query(self._solver, self._T.copy(), start, chain.qpos, tuple(self._wraps))
-
-    def is_reached(self, q: Array, position: Array, rotation: list[float]) -> bool:
-        """Whether q is within the limits, and brings the site to a pose.
-
-        Args:
-            q: (dof,) configuration, at which MuJoCo has computed the poses.
-            position: (3,) target position of the site in the world [m].
-            rotation: the 9 numbers of the target orientation R_world_site, row by row.
-        """
-        values = q.tolist()  # plain numbers are faster than NumPy's
-        for joint, lower, upper in self._limits:
-            if not lower <= values[joint] <= upper:
-                return False
-        return (
-            math.dist(self._site_position.tolist(), position.tolist()) <= POSITION_TOLERANCE
-            and math.dist(self._site_rotation.tolist(), rotation) <= _ROTATION_TOLERANCE
-        )
-
-    def _target(self, position: Array, rotation: Array) -> SceneChain:
-        """Write T_base_site of a target in the world to `_T`; returns the chain as it is now."""
-        self._check_finite()
-        if not self._chain.base_is_fixed or b"".join(self._watched) != self._seen:
-            self._look_again()
-        if self._is_upright:
-            self._rotation[...] = rotation
-            np.subtract(position, self._base_position, self._translation)
-        else:
-            self._rotation[...] = self._R_base_world.dot(rotation)
-            self._translation[...] = self._R_base_world.dot(position - self._base_position)
-        return self._chain
-
-    def _check_finite(self) -> None:
-        """Check that the scene has a finite state.
-
-        Raises:
-            PhysicsError: qpos or qvel is not finite.
-        """
-        qpos, qvel = self._qpos, self._qvel
-        # The quickest tests, of few numbers and of many; what is suspicious is looked at again.
-        if len(qpos) <= _FEW:
-            if math.isfinite(sum(qpos.tolist() + qvel.tolist())):
-                return
-        elif math.isfinite(qpos.dot(qpos)) and math.isfinite(qvel.dot(qvel)):
-            return
-        for name, values in (("qpos", qpos), ("qvel", qvel)):
-            if not np.isfinite(values).all():
-                raise PhysicsError(f"the simulation is not finite in {name}; reset it first")
-
-    def _look_again(self) -> None:
-        """Bring the chain, and the base's pose in the scratch data, up to date."""
-        self.chain()
-        scratch, data = self._scratch, self._data
-        scratch.qpos[:] = data.qpos
-        scratch.mocap_pos[:] = data.mocap_pos
-        scratch.mocap_quat[:] = data.mocap_quat
-        mujoco.mj_kinematics(self._model, scratch)
-        self._is_upright = np.array_equal(self._R_base_world, np.eye(3))
-        self._seen = b"".join(self._watched)
-
-    def _members(self, present: Array, shuffled_by: RandomState | None) -> Iterator[Array]:
-        """Members of the family of seven joints: the nearest one, then some of all others by distance; or at random."""
-        family = self._solver.family(self._T, present)
-        nearest = family.nearest()
-        if nearest is None:
-            return
-        if shuffled_by is None:
-            yield nearest
-        rows = family.sample(MEMBERS)
-        order = np.argsort(((rows - present) ** 2).sum(axis=1), kind="stable")
-        for index in order if shuffled_by is None else shuffled_by.permutation(len(rows)):
-            yield rows[index]
-
-    def _branches(self, present: Array, shuffled_by: RandomState | None) -> Iterator[Array]:
-        if self._has_families:
-            yield from self._members(present, shuffled_by)
-            return
-        branches = self._solver.closed_form().solve_all(self._T, present)
-        q = branches.q
-        order = branches.within_limits.nonzero()[0]
-        for index in order if shuffled_by is None else shuffled_by.permutation(order):
-            yield q[index]
-
-    def _by_qp(self, starts: Iterator[Array]) -> Iterator[Array]:
-        target = targets.checked(self._T)
-        if self._qp is None:
-            self._qp = self._multi_start()
-        for start in starts:
-            attempt = self._qp.solve(target, [start])
-            if attempt.reached:
-                yield attempt.q
-
-    def _multi_start(self) -> MultiStartQP:
-        from jacokin.ik.qp import MultiStartQP  # imports mink, which arms with a closed form do not need
-
-        return MultiStartQP(Verifier(self._chain.robot, SITE, None, Options()))
-
-    def _starts(
-        self, present: Array | None, bounds: Bounds, random_state: RandomState, attempts: int
-    ) -> Iterator[Array]:
-        """The present configuration, clipped to the limits, then random ones, drawn one at a time when needed."""
-        members = [self._joints.index(joint) for joint in self._chain.joints]
-        if present is not None:
-            yield np.clip(present, self._chain.robot.lower, self._chain.robot.upper)
-        for _ in range(attempts - (present is not None)):
-            yield random_state.uniform(*bounds)[members]
-
-
-class SceneSolvers:
-    """The solvers of one arm, by physics and site."""
-
-    def __init__(self) -> None:
-        """Start empty."""
-        self._solvers: weakref.WeakKeyDictionary[Physics, dict[mujoco.MjsSite | str, SiteSolver]] = (
-            weakref.WeakKeyDictionary()
-        )
-
-    def known(self, physics: Physics, site: mujoco.MjsSite | str) -> SiteSolver | None:
-        """The solver that was kept for a site, an element or a name; None if there is none."""
-        try:
-            return self._solvers[physics].get(site)
-        except (KeyError, TypeError):  # no solver kept, or something that cannot be a key
-            return None
-
-    def keep(self, physics: Physics, site: mujoco.MjsSite | str, solver: SiteSolver) -> SiteSolver:
-        """Keep a solver; returns it."""
-        self._solvers.setdefault(physics, {})[site] = solver
-        return solver

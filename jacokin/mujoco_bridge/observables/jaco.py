@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from jacokin.errors import InvalidInputError, shown
 from jacokin.model import checks
 from jacokin.model.angles import nearest_copy, wrap_to_turn
-from jacokin.mujoco_bridge.observables.declaration import JointsObservables, observable
-from jacokin.mujoco_bridge.observables.observable import Bound, MJCFFeature, Observable
-
-if TYPE_CHECKING:
-    from jacokin.mujoco_bridge.simulation.physics import Physics
+from jacokin.mujoco_bridge.observables.observable import Bound, JointsObservables, MJCFFeature, Observable, observable
+from jacokin.mujoco_bridge.simulation.physics import Physics
 
 
 class JacoArmObservables(JointsObservables):
@@ -29,11 +24,7 @@ class JacoArmObservables(JointsObservables):
         joints = Bound(self._entity.joints)
 
         def read(physics: Physics) -> NDArray[np.float64]:
-            q = joints(physics).qpos
-            pairs = np.empty((len(q), 2))
-            np.sin(q, out=pairs[:, 0])
-            np.cos(q, out=pairs[:, 1])
-            return pairs
+            return sin_cos(joints(physics).qpos)
 
         return Observable(read)
 
@@ -80,6 +71,14 @@ class JacoHandObservables(JointsObservables):
     def pinch_site_rmat(self) -> Observable:
         """Rotation matrix R_world_pinchsite in row-major order, (9,)."""
         return MJCFFeature("xmat", self._entity.pinch_site)
+
+
+def sin_cos(angles: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Pairs (sin, cos) of angles (...) [rad], (..., 2); `angles_from_sin_cos` undoes it."""
+    pairs = np.empty((*angles.shape, 2))
+    np.sin(angles, out=pairs[..., 0])
+    np.cos(angles, out=pairs[..., 1])
+    return pairs
 
 
 def angles_from_sin_cos(sin_cos: ArrayLike, near: ArrayLike | None = None) -> NDArray[np.float64]:

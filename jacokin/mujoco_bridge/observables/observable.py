@@ -1,29 +1,29 @@
-"""Quantities read from a simulation.
+"""Quantities read from a simulation, and the collection of those of one entity.
 
 An ``Observable`` is called on a physics and returns an array. Its options say how an ``Updater`` reports it: how often
-it is read, its delay, its buffer, the aggregator of the buffer, and the corruptor of each reading.
+it is read, its delay, its buffer, the aggregator of the buffer, and the corruptor of each reading. The ``Observables``
+of an entity are the methods marked ``@observable`` of its ``Observables`` subclass, each of which makes one.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import partial
-from typing import TYPE_CHECKING, Any, ClassVar, TypedDict, TypeVar, Unpack
+from functools import cached_property, partial
+from inspect import getattr_static
+from typing import Any, ClassVar, Self, TypedDict, TypeVar, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from jacokin.errors import InvalidInputError, UnknownNameError, shown
 from jacokin.model import checks
-from jacokin.mujoco_bridge import distributions
-from jacokin.mujoco_bridge.simulation.physics import Physics
+from jacokin.mujoco_bridge.distributions import RandomState, Sampler, sampler
+from jacokin.mujoco_bridge.simulation.binding import Binding
+from jacokin.mujoco_bridge.simulation.physics import Physics, check_physics
 
-if TYPE_CHECKING:
-    from jacokin.mujoco_bridge.simulation.binding import Binding
-
-RandomState = np.random.RandomState | np.random.Generator | None
-Steps = int | distributions.Sampler  # physics steps, or a sampler of them
+T = TypeVar("T")
+Steps = int | Sampler  # physics steps, or a sampler of them
 Aggregator = Callable[[NDArray[Any]], ArrayLike]  # (buffer_size, ...) -> one observation
 Corruptor = Callable[..., ArrayLike]  # corruptor(value, random_state=...) -> value
 
@@ -42,8 +42,8 @@ class UnknownObservableError(UnknownNameError, KeyError):
     __str__ = Exception.__str__  # KeyError would print the message in quotes
 
 
-class Options(TypedDict, total=False):
-    """The options of every observable; see ``observable.Observable``."""
+class ObservableOptions(TypedDict, total=False):
+    """The options of every observable; see ``Observable``."""
 
     update_interval: Steps
     buffer_size: int | None
@@ -53,17 +53,10 @@ class Options(TypedDict, total=False):
     enabled: bool
 
 
-class CameraOptions(Options, total=False):
-    """The options of a camera observable; see ``cameras.MJCFCamera``."""
-
-    height: int
-    width: int
-
-
 def _check_steps(name: str, value: object, lowest: int) -> Steps:
     if not callable(value):
         return checks.whole_number(name, value, lowest)
-    distributions.sampler(name, value)
+    sampler(name, value)
     return value  # a sampler of whole numbers, which are checked when they are drawn
 
 
@@ -87,11 +80,6 @@ CHECKS: Mapping[str, Callable[[str, object], object]] = {
     "aggregator": _check_aggregator,
     "corruptor": _check_callable,
     "enabled": checks.flag,
-}
-CAMERA_CHECKS: Mapping[str, Callable[[str, object], object]] = {
-    **CHECKS,
-    "height": lambda name, value: checks.whole_number(name, value, 1),
-    "width": lambda name, value: checks.whole_number(name, value, 1),
 }
 
 
@@ -161,14 +149,9 @@ class Bound:
             InvalidInputError: not a Physics, or one without these elements.
         """
         if physics is None or physics is not self._physics:
-            if not isinstance(physics, Physics):
-                raise InvalidInputError(f"physics must be a Physics, made by Physics.from_entity, got {shown(physics)}")
-            self._binding = physics.bind(self._elements)
+            self._binding = check_physics(physics).bind(self._elements)
             self._physics = physics
         return self._binding
-
-
-T = TypeVar("T")
 
 
 class Observable:
@@ -185,13 +168,6 @@ class Observable:
             passes through it before it enters the buffer.
         enabled: whether an updater reports this observable.
     """
-
-    update_interval: Steps
-    buffer_size: int | None
-    delay: Steps | None
-    aggregator: str | Aggregator | None
-    corruptor: Corruptor | None
-    enabled: bool
 
     checks: ClassVar[Mapping[str, Callable[[str, object], object]]] = CHECKS
 
@@ -240,7 +216,7 @@ class Observable:
         check = self.checks.get(name)
         super().__setattr__(name, check(name, value) if check else value)
 
-    def __call__(self, physics: Physics, random_state: RandomState = None) -> NDArray[Any]:
+    def __call__(self, physics: Physics, random_state: RandomState | None = None) -> NDArray[Any]:
         """Read the quantity now and pass it through the corruptor.
 
         Returns:
@@ -290,7 +266,7 @@ class Observable:
 class MJCFFeature(Observable):
     """A field of one or several elements, such as ``MJCFFeature("qpos", arm.joints)``."""
 
-    def __init__(self, kind: str, elements: Any, *, index: Any = None, **options: Unpack[Options]) -> None:
+    def __init__(self, kind: str, elements: Any, *, index: Any = None, **options: Unpack[ObservableOptions]) -> None:
         """Observe ``physics.bind(elements).<kind>``.
 
         Args:
@@ -309,3 +285,146 @@ class MJCFFeature(Observable):
             return value if index is None else value[index]
 
         super().__init__(read, **options)
+
+
+class ObservableProperty(cached_property[T]):
+    """A method of an ``Observables`` subclass that makes one of its observables; called once."""
+
+
+def observable(method: Callable[[Any], T]) -> ObservableProperty[T]:
+    """Mark a method of an ``Observables`` subclass that returns an ``Observable``."""
+    return ObservableProperty(method)
+
+
+class Observables:
+    """The observables of one entity, by name.
+
+    Each is also an attribute: ``arm.observables.joints_pos(physics)``.
+    """
+
+    def __init__(self, entity: Any) -> None:
+        """Make the observables that the class declares; they are disabled.
+
+        Args:
+            entity: the `Entity`, of the class that the observables were written for.
+
+        Raises:
+            InvalidInputError: not an entity.
+        """
+        if isinstance(entity, type) or not callable(getattr(entity, "iter_entities", None)):
+            raise InvalidInputError(f"entity must be an Entity such as an Arena, got {shown(entity)}")
+        self._entity = entity
+        self._observables: dict[str, Observable] = {}
+        for name in sorted(dir(type(self))):
+            if isinstance(getattr_static(type(self), name), ObservableProperty):
+                self._observables[name] = getattr(self, name)
+
+    def __getattr__(self, name: str) -> Observable:
+        """Return an observable that was added; those declared are found without this."""
+        found: Observable | None = vars(self).get("_observables", {}).get(name)
+        if found is None:
+            names = ", ".join(sorted(vars(self).get("_observables", ())))
+            raise AttributeError(f"unknown observable {name!r}. Valid: {names}")
+        return found
+
+    def get_observable(self, name: str) -> Observable:
+        """Return the observable of this name.
+
+        Raises:
+            UnknownNameError: no observable has this name (also a ``KeyError``); lists the valid ones.
+        """
+        try:
+            return self._observables[name]
+        except (KeyError, TypeError):  # a TypeError for what cannot be a key
+            raise UnknownObservableError("observable", name, sorted(self._observables)) from None
+
+    def add_observable(self, name: str, observable: Observable, enabled: bool = True) -> None:
+        """Add an observable that the class does not declare, enabled by default.
+
+        Raises:
+            InvalidInputError: the name is in use or not an identifier, or this is not an ``Observable``.
+        """
+        if not isinstance(observable, Observable):
+            raise InvalidInputError(f"observable must be an Observable, got {shown(observable)}")
+        if not isinstance(name, str) or not name.isidentifier() or hasattr(self, name):
+            raise InvalidInputError(f"name must be an identifier that is not in use, got {shown(name)}")
+        observable.enabled = enabled
+        self._observables[name] = observable
+
+    def take_over(self, former: Observables, replaced: Callable[[Any], Any]) -> Self:
+        """Take the options of the entity's former observables, and those that were added to them; returns self.
+
+        Args:
+            former: the observables the entity had before its elements were replaced.
+            replaced: gives the present element for each former one.
+        """
+        for name, each in former._observables.items():
+            if name in self._observables:
+                self._observables[name].configure(**each.options)
+            else:
+                each.replace_elements(replaced)
+                self._observables[name] = each
+        return self
+
+    def enable_all(self) -> None:
+        """Enable every observable of this entity."""
+        self.set_options({"enabled": True})
+
+    def disable_all(self) -> None:
+        """Disable every observable of this entity."""
+        self.set_options({"enabled": False})
+
+    @property
+    def enabled_observables(self) -> dict[str, Observable]:
+        """The enabled observables by their short names."""
+        return {name: each for name, each in self.as_dict(fully_qualified=False).items() if each.enabled}
+
+    def set_options(self, options: Mapping[str, object] | None) -> None:
+        """Set options of the observables; on an error nothing is set.
+
+        Args:
+            options: ``{observable: {option: value}}``, or one ``{option: value}`` for all; None
+                and an empty dict change nothing.
+
+        Raises:
+            UnknownNameError: unknown observable or option (also a ``KeyError``); lists the valid
+                ones.
+            InvalidInputError: an option has a wrong value.
+        """
+        options = {} if options is None else options
+        if not isinstance(options, Mapping):
+            raise InvalidInputError(f"options must be a dict, got {shown(options)}")
+        if options and all(name in CHECKS for name in options) and not set(options) & set(self._observables):
+            options = dict.fromkeys(self._observables, options)
+        checked: list[tuple[Observable, Mapping[str, object]]] = []
+        for name, values in options.items():
+            each = self.get_observable(name)
+            if not isinstance(values, Mapping):
+                raise InvalidInputError(f"options of {name!r} must be a dict, got {shown(values)}")
+            checked.append((each, each.check_options(values)))
+        for each, values in checked:
+            each.configure(**values)
+
+    def as_dict(self, fully_qualified: bool = True) -> dict[str, Observable]:
+        """The observables by name: those declared in alphabetical order, then those added.
+
+        Args:
+            fully_qualified: prefix the names with the entity's, as in
+                ``"jaco_arm/jaco_hand/joints_pos"``.
+        """
+        prefix = self._entity.prefix if checks.flag("fully_qualified", fully_qualified) else ""
+        return {prefix + name: each for name, each in self._observables.items()}
+
+
+class JointsObservables(Observables):
+    """Positions and velocities of the entity's ``joints``."""
+
+    @observable
+    def joints_pos(self) -> Observable:
+        """Positions, one per joint [rad, m on slide joints]."""
+        return MJCFFeature("qpos", self._entity.joints)
+
+    @observable
+    def joints_vel(self) -> Observable:
+        """Velocities, one per joint [rad/s, m/s on slide joints]."""
+        return MJCFFeature("qvel", self._entity.joints)

@@ -9,20 +9,18 @@ from __future__ import annotations
 
 from bisect import insort
 from collections import deque
-from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any, Protocol
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.errors import InvalidInputError, PhysicsError, shown
 from jacokin.model import checks
-from jacokin.mujoco_bridge.distributions import sampler
-from jacokin.mujoco_bridge.entities.hooks import Hooks
-from jacokin.mujoco_bridge.observables.observable import AGGREGATORS, ArraySpec, Observable, RandomState, Steps
-
-if TYPE_CHECKING:
-    from jacokin.mujoco_bridge.simulation.physics import Physics
+from jacokin.mujoco_bridge.distributions import RandomState, sampler
+from jacokin.mujoco_bridge.entity import HOOKS, Entity
+from jacokin.mujoco_bridge.observables.observable import AGGREGATORS, ArraySpec, Observable, Steps
+from jacokin.mujoco_bridge.simulation.physics import Physics
 
 # Aggregators whose value lies between the least and the greatest reading.
 _KEEP_BOUNDS = tuple(AGGREGATORS[name] for name in ("min", "max", "mean", "median"))
@@ -36,7 +34,7 @@ class Channel:
         next_reading: the physics step at which the observable is read next.
     """
 
-    def __init__(self, name: str, observable: Observable, control_steps: int, random_state: RandomState) -> None:
+    def __init__(self, name: str, observable: Observable, control_steps: int, random_state: RandomState | None) -> None:
         """Report an observable with its present options.
 
         Args:
@@ -135,13 +133,6 @@ class Channel:
         return checks.whole_number(f"{option} drawn for {self.name!r}", drawn, lowest)
 
 
-class HasEntities(Protocol):
-    """The root of a tree of entities."""
-
-    def iter_entities(self) -> Iterator[Hooks]:
-        """The entity itself and all that are attached to it."""
-
-
 class Updater:
     """Reports the enabled observables of a dictionary once per control step.
 
@@ -156,7 +147,7 @@ class Updater:
         *,
         strip_singleton_buffer_dim: bool = False,
         pad_with_initial_value: bool = False,
-        entity: HasEntities | None = None,
+        entity: Entity | None = None,
     ) -> None:
         """Report those of the observables that are enabled at ``reset``.
 
@@ -178,21 +169,21 @@ class Updater:
         for name, observable in observables.items():
             if not isinstance(observable, Observable):
                 raise InvalidInputError(f"observables[{name!r}] must be an Observable, got {shown(observable)}")
-        if entity is not None and not callable(getattr(entity, "iter_entities", None)):
+        if not isinstance(entity, Entity | None):
             raise InvalidInputError(f"entity must be an Entity such as an Arena, got {shown(entity)}")
         self._observables = dict(observables)
         self._control_steps = checks.whole_number("physics_steps_per_control_step", physics_steps_per_control_step, 1)
         self._strip = checks.flag("strip_singleton_buffer_dim", strip_singleton_buffer_dim)
         self._pad = checks.flag("pad_with_initial_value", pad_with_initial_value)
         self._entity = entity
-        self._hooks: dict[str, list[Hooks]] = {}
+        self._hooks: dict[str, list[Entity]] = {}
         self._step = 0
         self._end: int | None = None  # of the control step in progress
         self._physics: Physics | None = None
-        self._random_state: RandomState = None
+        self._random_state: RandomState | None = None
         self._channels: list[Channel] = []
 
-    def reset(self, physics: Physics, random_state: RandomState = None) -> None:
+    def reset(self, physics: Physics, random_state: RandomState | None = None) -> None:
         """Start an episode at the present state of the physics: empty buffers, first readings.
 
         Args:
@@ -306,11 +297,29 @@ class Updater:
         return self._physics
 
 
-def _overridden(root: HasEntities) -> dict[str, list[Hooks]]:
-    """For each hook the entities that override it, in the order of the tree."""
-    found: dict[str, list[Hooks]] = {}
+def observables_of(root: Entity) -> dict[str, Observable]:
+    """The observables of an entity and of all entities attached to it, by full name.
+
+    They are in the order of dm_control: entity by entity as they are attached, the arm before its hand; of each entity
+    those that its class declares by name, then those that were added. Observables of a task come before them:
+    ``{**own, **observables_of(arena)}``.
+
+    Raises:
+        InvalidInputError: root is not an entity.
+    """
+    if not isinstance(root, Entity):
+        raise InvalidInputError(f"root must be an Entity such as an Arena, got {shown(root)}")
+    found: dict[str, Observable] = {}
     for entity in root.iter_entities():
-        for name, method in vars(Hooks).items():
-            if not name.startswith("_") and getattr(type(entity), name) is not method:
-                found.setdefault(name, []).append(entity)
+        found.update(entity.observables.as_dict())
+    return found
+
+
+def _overridden(root: Entity) -> dict[str, list[Entity]]:
+    """For each hook the entities that override it, in the order of the tree."""
+    found: dict[str, list[Entity]] = {}
+    for entity in root.iter_entities():
+        for hook in HOOKS:
+            if getattr(type(entity), hook) is not getattr(Entity, hook):
+                found.setdefault(hook, []).append(entity)
     return found

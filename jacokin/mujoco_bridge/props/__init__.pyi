@@ -1,7 +1,7 @@
 from jacokin.mujoco_bridge.props.brick import Brick as Brick
 from jacokin.mujoco_bridge.props.pedestal import Cradle as Cradle
 from jacokin.mujoco_bridge.props.pedestal import Pedestal as Pedestal
-from jacokin.mujoco_bridge.props.primitive import Box as Box
+from jacokin.mujoco_bridge.props.primitive import BoxProp as BoxProp
 from jacokin.mujoco_bridge.props.primitive import FreeProp as FreeProp
 from jacokin.mujoco_bridge.props.primitive import FreePropObservables as FreePropObservables
 from jacokin.mujoco_bridge.props.primitive import Primitive as Primitive

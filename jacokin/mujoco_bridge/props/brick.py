@@ -16,10 +16,9 @@ from numpy.typing import ArrayLike, NDArray
 from jacokin.errors import InvalidInputError
 from jacokin.model import checks
 from jacokin.mujoco_bridge import workspaces
-from jacokin.mujoco_bridge.entities.entity import check_name
-from jacokin.mujoco_bridge.entities.hooks import RandomState
-from jacokin.mujoco_bridge.observables.declaration import observable
-from jacokin.mujoco_bridge.observables.observable import MJCFFeature, Observable
+from jacokin.mujoco_bridge.distributions import RandomState
+from jacokin.mujoco_bridge.entity import new_spec
+from jacokin.mujoco_bridge.observables.observable import MJCFFeature, Observable, observable
 from jacokin.mujoco_bridge.props import primitive
 from jacokin.mujoco_bridge.props.primitive import FreeProp, FreePropObservables, add_vertex_sites
 from jacokin.mujoco_bridge.simulation.physics import Physics
@@ -30,6 +29,8 @@ HIDDEN_GROUP = 4  # of geoms that touch but are not drawn
 _BOX = mujoco.mjtGeom.mjGEOM_BOX
 _CYLINDER = mujoco.mjtGeom.mjGEOM_CYLINDER
 _CAPSULE = mujoco.mjtGeom.mjGEOM_CAPSULE
+_FRICTION_REST = (0.005, 0.0001)  # MuJoCo's default torsional and rolling friction [m]
+_SOLIMP_REST = (0.5, 2.0)  # MuJoCo's default midpoint and power
 _QUARTER_TURN = (np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5))  # about z, wxyz
 
 Row = Mapping[str, Any]
@@ -63,7 +64,7 @@ class Brick(FreeProp):
         Raises:
             InvalidInputError: an argument is malformed.
         """
-        row = primitive.load()["brick"]
+        row = primitive.load_sizes()["brick"]
         self._is_round = checks.flag("easy_align", easy_align)
         has_flanges = checks.flag("flanges", flanges)
         rgb = checks.vector("color", color, 3, "0..1")
@@ -73,11 +74,9 @@ class Brick(FreeProp):
         least, self._radius, largest = row["stud_radius"][key or "plain"]  # [m]
         spread = checks.non_negative("variation", variation)
         self._radii = tuple(self._radius + spread * (bound - self._radius) for bound in (least, largest))
-        self._rgba = (*rgb, primitive.load()["hint"]["alpha"] if checks.flag("hint", hint) else 1.0)
+        self._rgba = (*rgb, primitive.load_sizes()["hint"]["alpha"] if checks.flag("hint", hint) else 1.0)
         self._touches = not hint
-        spec = self._mjcf_root = mujoco.MjSpec()
-        spec.modelname = "brick" if name is None else check_name(name)
-        spec.compiler.degree = False
+        self._mjcf_root = new_spec("brick", name)
         self._row: Row = row
         if self._touches:
             self._add("hull", _BOX, row["hull"], mass=row["hull"]["mass"], group=HIDDEN_GROUP)
@@ -109,7 +108,7 @@ class Brick(FreeProp):
             self._add(f"flange_y{i}", _BOX, row, position, quat=_QUARTER_TURN)
 
     def _add_studs(self, row: Row) -> list[mujoco.MjsGeom]:
-        """Add the studs; returns those whose radius decides about the grip."""
+        """Add the studs; returns those whose radius determines the grip."""
         round_row = self._row["round_studs"]
         hidden = {"contype": row["hidden_contype"], "conaffinity": row["hidden_conaffinity"]}
         studs = []
@@ -186,7 +185,7 @@ class Brick(FreeProp):
     def _build_observables(self) -> FreePropObservables:
         return BrickObservables(self)
 
-    def initialize_episode(self, physics: Physics, random_state: RandomState) -> None:
+    def initialize_episode(self, physics: Physics, random_state: RandomState | None) -> None:
         """Draw the radius of the studs, unless it does not vary; masses stay as they are.
 
         Raises:
@@ -253,15 +252,11 @@ class BrickObservables(FreePropObservables):
         return MJCFFeature("sensordata", self._entity.force)
 
 
-_FRICTION_REST = (0.005, 0.0001)  # MuJoCo's default torsional and rolling friction [m]
-_SOLIMP_REST = (0.5, 2.0)  # MuJoCo's default midpoint and power
-
-
 def _sideways(row: int) -> float:
     """Position of a row of studs along x [m]."""
-    return float((row - (ROWS - 1) / 2.0) * primitive.load()["brick"]["pitch"])
+    return float((row - (ROWS - 1) / 2.0) * primitive.load_sizes()["brick"]["pitch"])
 
 
 def _lengthwise(count: int) -> list[float]:
     """Positions of studs, or of what is between them, along y [m]."""
-    return [float((i - (count - 1) / 2.0) * primitive.load()["brick"]["pitch"]) for i in range(count)]
+    return [float((i - (count - 1) / 2.0) * primitive.load_sizes()["brick"]["pitch"]) for i in range(count)]

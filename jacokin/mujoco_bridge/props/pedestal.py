@@ -8,9 +8,8 @@ import numpy as np
 from jacokin.errors import InvalidInputError, shown
 from jacokin.model import checks
 from jacokin.mujoco_bridge import workspaces
-from jacokin.mujoco_bridge.entities.entity import Entity, check_name
-from jacokin.mujoco_bridge.observables.declaration import Observables, observable
-from jacokin.mujoco_bridge.observables.observable import MJCFFeature, Observable
+from jacokin.mujoco_bridge.entity import Entity, new_spec
+from jacokin.mujoco_bridge.observables.observable import MJCFFeature, Observable, Observables, observable
 from jacokin.mujoco_bridge.props import primitive
 
 _TOP_SITE = "top"
@@ -26,10 +25,8 @@ class Cradle(Entity):
         Args:
             name: replaces ``cradle`` in the names of its elements.
         """
-        row = primitive.load()["cradle"]
-        spec = self._mjcf_root = mujoco.MjSpec()
-        spec.modelname = "cradle" if name is None else check_name(name)
-        spec.compiler.degree = False
+        row = primitive.load_sizes()["cradle"]
+        spec = self._mjcf_root = new_spec("cradle", name)
         for number in range(row["spheres"]):
             angle = 2.0 * np.pi * number / row["spheres"]
             spec.worldbody.add_geom(
@@ -57,11 +54,9 @@ class Pedestal(Entity):
         """
         if not isinstance(cradle, Entity | None):
             raise InvalidInputError(f"cradle must be an Entity or None, got {shown(cradle)}")
-        row = primitive.load()["pedestal"]
+        row = primitive.load_sizes()["pedestal"]
         radius = row["target_radius"] if target_radius is None else checks.positive("target_radius", target_radius, "m")
-        spec = self._mjcf_root = mujoco.MjSpec()
-        spec.modelname = "pedestal" if name is None else check_name(name)
-        spec.compiler.degree = False
+        spec = self._mjcf_root = new_spec("pedestal", name)
         world = spec.worldbody
         world.add_geom(
             name="pillar",

@@ -1,4 +1,4 @@
-"""Props of one simple shape."""
+"""Props that move freely: one simple shape, a box with sites at its corners. All sizes are in `sizes.toml`."""
 
 from __future__ import annotations
 
@@ -16,9 +16,8 @@ from numpy.typing import ArrayLike
 from jacokin.errors import InvalidInputError, shown
 from jacokin.model import checks
 from jacokin.mujoco_bridge import workspaces
-from jacokin.mujoco_bridge.entities.entity import Entity, check_name
-from jacokin.mujoco_bridge.observables.declaration import Observables, observable
-from jacokin.mujoco_bridge.observables.observable import MJCFFeature, Observable
+from jacokin.mujoco_bridge.entity import Entity, new_spec
+from jacokin.mujoco_bridge.observables.observable import MJCFFeature, Observable, Observables, observable
 
 _SENSORS = {
     "position": mujoco.mjtSensor.mjSENS_FRAMEPOS,
@@ -26,6 +25,17 @@ _SENSORS = {
     "linear_velocity": mujoco.mjtSensor.mjSENS_FRAMELINVEL,
     "angular_velocity": mujoco.mjtSensor.mjSENS_FRAMEANGVEL,
 }
+DENSITY = 1000.0  # [kg/m^3] MuJoCo's own default
+
+_SHAPES = {
+    "box": (mujoco.mjtGeom.mjGEOM_BOX, 3),
+    "sphere": (mujoco.mjtGeom.mjGEOM_SPHERE, 1),
+    "cylinder": (mujoco.mjtGeom.mjGEOM_CYLINDER, 2),
+    "capsule": (mujoco.mjtGeom.mjGEOM_CAPSULE, 2),
+    "ellipsoid": (mujoco.mjtGeom.mjGEOM_ELLIPSOID, 3),
+}
+_GEOM = "geom"
+_GREY = (0.5, 0.5, 0.5, 1.0)  # of the large box, as in dm_control
 
 
 class FreeProp(Entity):
@@ -95,18 +105,6 @@ class FreePropObservables(Observables):
         return MJCFFeature("sensordata", self._entity.angular_velocity)
 
 
-DENSITY = 1000.0  # [kg/m^3] MuJoCo's own default
-
-_SHAPES = {
-    "box": (mujoco.mjtGeom.mjGEOM_BOX, 3),
-    "sphere": (mujoco.mjtGeom.mjGEOM_SPHERE, 1),
-    "cylinder": (mujoco.mjtGeom.mjGEOM_CYLINDER, 2),
-    "capsule": (mujoco.mjtGeom.mjGEOM_CAPSULE, 2),
-    "ellipsoid": (mujoco.mjtGeom.mjGEOM_ELLIPSOID, 3),
-}
-_GEOM = "geom"
-
-
 class Primitive(FreeProp):
     """One rigid shape. `Arena.add_free_entity` lets it move."""
 
@@ -145,9 +143,7 @@ class Primitive(FreeProp):
         if mass is not None:
             geom_options["mass"] = checks.positive("mass", mass, "kg")
         colour = checks.vector("rgba", rgba, 4, "0..1")
-        spec = self._mjcf_root = mujoco.MjSpec()
-        spec.modelname = "primitive" if name is None else check_name(name)
-        spec.compiler.degree = False
+        spec = self._mjcf_root = new_spec("primitive", name)
         try:
             self._geom = spec.worldbody.add_geom(
                 name=_GEOM,
@@ -167,37 +163,7 @@ class Primitive(FreeProp):
         return self._geom
 
 
-@functools.cache
-def load() -> Mapping[str, Any]:
-    """The whole table as nested dictionaries; treat it as read-only."""
-    return tomllib.loads(resources.files(__package__).joinpath("sizes.toml").read_text(encoding="utf-8"))
-
-
-def add_vertex_sites(body: mujoco.MjsBody, box: mujoco.MjsGeom | mujoco.MjsSite) -> list[mujoco.MjsSite]:
-    """Add a site ``vertex_0`` .. ``vertex_7`` at each corner of a box whose axes are those of its body.
-
-    Args:
-        body: the body of the box.
-        box: a geom or site of type box.
-    """
-    corners = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
-    radius = load()["vertices"]["site_radius"]
-    return [
-        body.add_site(
-            name=f"vertex_{number}",
-            pos=box.pos + corner * box.size,
-            size=[radius] * 3,
-            rgba=workspaces.RED,
-            group=workspaces.SITE_GROUP,
-        )
-        for number, corner in enumerate(corners)
-    ]
-
-
-_GREY = (0.5, 0.5, 0.5, 1.0)  # of the large box, as in dm_control
-
-
-class Box(Primitive):
+class BoxProp(Primitive):
     """A box with a site at each corner."""
 
     def _build(  # type: ignore[override]  # the shape is given
@@ -230,12 +196,39 @@ class Box(Primitive):
         return self._vertices
 
 
-def large_box(name: str | None = None, observable_options: Mapping[str, object] | None = None) -> Box:
+def large_box(name: str | None = None, observable_options: Mapping[str, object] | None = None) -> BoxProp:
     """The box of the task of lifting one, too wide for the hand to pinch.
 
     Args:
         name: replaces ``box`` in the names of its elements.
         observable_options: as for every `Entity`.
     """
-    row = load()["large_box"]
-    return Box(row["half_size"], row["mass"], _GREY, name=name, observable_options=observable_options)
+    row = load_sizes()["large_box"]
+    return BoxProp(row["half_size"], row["mass"], _GREY, name=name, observable_options=observable_options)
+
+
+def add_vertex_sites(body: mujoco.MjsBody, box: mujoco.MjsGeom | mujoco.MjsSite) -> list[mujoco.MjsSite]:
+    """Add a site ``vertex_0`` .. ``vertex_7`` at each corner of a box whose axes are those of its body.
+
+    Args:
+        body: the body of the box.
+        box: a geom or site of type box.
+    """
+    corners = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
+    radius = load_sizes()["vertices"]["site_radius"]
+    return [
+        body.add_site(
+            name=f"vertex_{number}",
+            pos=box.pos + corner * box.size,
+            size=[radius] * 3,
+            rgba=workspaces.RED,
+            group=workspaces.SITE_GROUP,
+        )
+        for number, corner in enumerate(corners)
+    ]
+
+
+@functools.cache
+def load_sizes() -> Mapping[str, Any]:
+    """The table of sizes as nested dictionaries; treat it as read-only."""
+    return tomllib.loads(resources.files(__package__).joinpath("sizes.toml").read_text(encoding="utf-8"))

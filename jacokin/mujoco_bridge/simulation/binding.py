@@ -1,23 +1,123 @@
 """Live arrays of the values that MuJoCo keeps for some elements: what `Physics.bind` returns.
 
 Reading ``physics.bind(elements).field`` gives a numpy view of MuJoCo's own memory. Reading a field that a forward
-pass computes (``xpos``, ``sensordata``, ...) runs that pass first if anything it depends on has changed.
+pass computes (``xpos``, ``sensordata``, ...) runs that pass first if anything it depends on has changed. MuJoCo's own
+`MjData.bind` does neither: of several elements it gives copies, and derived fields as the last pass left them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from functools import cache
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from jacokin.errors import InvalidInputError, UnknownNameError, shown
-from jacokin.mujoco_bridge.simulation.elements import KINDS, Field, Kind, fields_of
+from jacokin.mujoco_bridge.simulation.elements import KINDS, fields_of
+from jacokin.mujoco_bridge.simulation.forward_cache import ForwardCache
 
-if TYPE_CHECKING:
-    from jacokin.mujoco_bridge.simulation.forward_cache import ForwardCache
+Array = NDArray[Any]  # of any dtype that MuJoCo has
+
+# A forward pass computes these, and the inverse dynamics take them in.
+_DERIVED_INPUTS = ("qacc",)
+
+
+class UnknownFieldError(UnknownNameError, AttributeError):
+    """Elements of this kind have no such field; also an ``AttributeError``, so that ``hasattr`` works."""
+
+
+class Binding:
+    """The fields of some elements of one kind in one physics, as attributes.
+
+    Scalar fields are (n,), others (n, k); of a single element (1,) and (k,). Writing an attribute, an item, a slice
+    or a broadcast value changes the simulation. Every field of no elements is an empty array, which cannot be written.
+    """
+
+    __slots__ = ("_arrays", "_cache", "_element_class", "_ids", "_single")
+
+    def __init__(self, element_class: type | None, ids: Sequence[int], *, single: bool, cache: ForwardCache) -> None:
+        """Bind elements; called by `Physics.bind`.
+
+        Args:
+            element_class: class of the elements in `mujoco.MjSpec`; None for no elements.
+            ids: their ids in the compiled model.
+            single: whether one element was given and not a list.
+            cache: MuJoCo's model and data, and what keeps their derived values up to date.
+        """
+        self._element_class = element_class
+        self._ids = tuple(ids)
+        self._single = single
+        self._cache = cache
+        self._arrays: dict[str, tuple[Array, bool, bool]] = {}
+
+    @property
+    def element_id(self) -> int | NDArray[np.intp]:
+        """The id of the element in MuJoCo's arrays; (n,) ids for a list."""
+        return self._ids[0] if self._single else np.array(self._ids, dtype=np.intp)
+
+    @property
+    def element_ids(self) -> tuple[int, ...]:
+        """The ids of the elements."""
+        return self._ids
+
+    def __getattr__(self, name: str) -> Array:
+        """A field as a live array; runs a forward pass first if it is derived and one is due."""
+        try:
+            array, derived, indexed = self._arrays[name]
+        except KeyError:
+            array, derived, indexed = self._find(name)
+        if derived:
+            self._cache.ensure()
+        if indexed:
+            array.fetch()  # type: ignore[attr-defined]  # an IndexedArray
+        return array
+
+    def __setattr__(self, name: str, value: ArrayLike) -> None:
+        """Write a field; the value is broadcast."""
+        if name in Binding.__slots__:
+            object.__setattr__(self, name, value)
+            return
+        if self._element_class is None:
+            raise InvalidInputError(f"cannot write {name}: no elements are bound")
+        kind = KINDS[self._element_class]
+        array, derived, _ = self._arrays.get(name) or self._find(name)
+        if derived and name not in _DERIVED_INPUTS:
+            raise InvalidInputError(
+                f"{kind.name} field {name!r} is computed by MuJoCo; write what it follows from, such as qpos"
+            )
+        try:
+            array[...] = value
+        except (TypeError, ValueError) as error:
+            raise InvalidInputError(
+                f"{name} of {len(self._ids)} {kind.plural} must fit shape {array.shape}, got {shown(value)}"
+            ) from error
+
+    def __dir__(self) -> list[str]:
+        """The fields, beside the usual."""
+        fields = () if self._element_class is None else fields_of(self._element_class)
+        return sorted({*object.__dir__(self), *fields})
+
+    def _find(self, name: str) -> tuple[Array, bool, bool]:
+        """Make the array of a field and keep it."""
+        if self._element_class is None:
+            if name.startswith("_"):
+                raise AttributeError(name)
+            return np.empty(0), False, False
+        fields = fields_of(self._element_class)
+        if name not in fields:
+            raise UnknownFieldError(f"{KINDS[self._element_class].name} field", name, sorted(fields))
+        field, cache = fields[name], self._cache
+        source: Array = getattr(cache.model if field.in_model else cache.data, field.array)
+        rows = [field.rows(cache.model, index) for index in self._ids]
+        if field.derived and field.array not in _DERIVED_INPUTS:
+            source = source.view()
+            source.setflags(write=False)
+        array = _selected(source, rows, self._single)
+        if field.in_model:
+            cache.watch(field.array)
+        found = self._arrays[name] = (array, field.derived, isinstance(array, IndexedArray))
+        return found
 
 
 class IndexedArray(np.ndarray[Any, np.dtype[Any]]):
@@ -91,17 +191,7 @@ def _fetched(value: Any) -> Any:
     return value.fetch() if isinstance(value, IndexedArray) else value
 
 
-Array = NDArray[Any]  # of any dtype that MuJoCo has
-
-# A forward pass computes these, and the inverse dynamics take them in.
-_DERIVED_INPUTS = ("qacc",)
-
-
-class UnknownFieldError(UnknownNameError, AttributeError):
-    """Elements of this kind have no such field; also an ``AttributeError``, so that ``hasattr`` works."""
-
-
-def select(array: Array, rows: Sequence[NDArray[np.intp]], single: bool) -> Array:
+def _selected(array: Array, rows: Sequence[NDArray[np.intp]], single: bool) -> Array:
     """The rows of an array that belong to the elements, as a view wherever numpy can make one.
 
     Args:
@@ -130,138 +220,3 @@ def select(array: Array, rows: Sequence[NDArray[np.intp]], single: bool) -> Arra
     width = array.shape[1] if array.ndim == 2 else per_element
     index = flat[:, None] * width + np.arange(width) if array.ndim == 2 else flat
     return IndexedArray(array.reshape(-1), index.reshape(-1, width) if width > 1 else index)
-
-
-@cache
-def _fields(element_class: type) -> Mapping[str, Field]:
-    return fields_of(KINDS[element_class])
-
-
-class Binding:
-    """The fields of one or several elements in one physics, as attributes.
-
-    Scalar fields are (n,), others (n, k); of a single element (1,) and (k,). Writing an attribute, an item, a slice
-    or a broadcast value changes the simulation.
-    """
-
-    __slots__ = ("_arrays", "_cache", "_fields", "_ids", "_kind", "_single")
-
-    _kind: Kind
-    _fields: Mapping[str, Field]
-    _ids: tuple[int, ...]
-    _single: bool
-    _cache: ForwardCache
-    _arrays: dict[str, tuple[Array, bool, bool]]
-
-    def __init__(self, element_class: type, ids: Sequence[int], *, single: bool, cache: ForwardCache) -> None:
-        """Bind elements; called by `Physics.bind`.
-
-        Args:
-            element_class: class of the elements in `mujoco.MjSpec`.
-            ids: their ids in the compiled model.
-            single: whether one element was given and not a list.
-            cache: MuJoCo's model and data, and what keeps their derived values up to date.
-        """
-        self._kind = KINDS[element_class]
-        self._fields = _fields(element_class)
-        self._ids = tuple(ids)
-        self._single = single
-        self._cache = cache
-        self._arrays = {}
-
-    @property
-    def element_id(self) -> int | NDArray[np.intp]:
-        """The id of the element in MuJoCo's arrays; (n,) ids for a list."""
-        return self._ids[0] if self._single else np.array(self._ids, dtype=np.intp)
-
-    @property
-    def element_ids(self) -> tuple[int, ...]:
-        """The ids of the elements."""
-        return self._ids
-
-    def __getattr__(self, name: str) -> Array:
-        """A field as a live array; runs a forward pass first if it is derived and one is due."""
-        try:
-            array, derived, indexed = self._arrays[name]
-        except KeyError:
-            array, derived, indexed = self._find(name)
-        if derived:
-            self._cache.ensure()
-        if indexed:
-            array.fetch()  # type: ignore[attr-defined]  # a IndexedArray
-        return array
-
-    def __setattr__(self, name: str, value: ArrayLike) -> None:
-        """Write a field; the value is broadcast."""
-        if name in Binding.__slots__:
-            object.__setattr__(self, name, value)
-            return
-        array, derived, _ = self._arrays.get(name) or self._find(name)
-        if derived and name not in _DERIVED_INPUTS:
-            raise InvalidInputError(
-                f"{self._kind.name} field {name!r} is computed by MuJoCo; write what it follows from, such as qpos"
-            )
-        try:
-            array[...] = value
-        except (TypeError, ValueError) as error:
-            raise InvalidInputError(
-                f"{name} of {len(self._ids)} {self._kind.plural} must fit shape {array.shape}, got {shown(value)}"
-            ) from error
-
-    def __dir__(self) -> list[str]:
-        """The fields, beside the usual."""
-        return sorted({*object.__dir__(self), *self._fields})
-
-    def _find(self, name: str) -> tuple[Array, bool, bool]:
-        """Make the array of a field and keep it."""
-        field = self._fields.get(name)
-        if field is None:
-            raise UnknownFieldError(f"{self._kind.name} field", name, sorted(self._fields))
-        cache = self._cache
-        model = cache.model
-        source: Array = getattr(model if field.in_model else cache.data, field.array)
-        rows = [field.rows(model, index) for index in self._ids]
-        if field.derived and field.array not in _DERIVED_INPUTS:
-            source = source.view()
-            source.setflags(write=False)
-        array = select(source, rows, self._single)
-        if field.in_model:
-            cache.watch(field.array)
-        found = self._arrays[name] = (array, field.derived, isinstance(array, IndexedArray))
-        return found
-
-
-class EmptyBinding(Binding):
-    """The binding of no elements: every field is an empty array, and none can be written."""
-
-    __slots__ = ()
-
-    def __init__(self) -> None:
-        """There is nothing to bind."""
-
-    @property
-    def element_id(self) -> NDArray[np.intp]:
-        """No ids, (0,)."""
-        return np.empty(0, dtype=np.intp)
-
-    @property
-    def element_ids(self) -> tuple[int, ...]:
-        """No ids."""
-        return ()
-
-    def __getattr__(self, name: str) -> Array:
-        """An empty array (0,)."""
-        if name.startswith("_"):
-            raise AttributeError(name)
-        return np.empty(0)
-
-    def __setattr__(self, name: str, value: ArrayLike) -> None:
-        """Refuse to write."""
-        raise InvalidInputError(f"cannot write {name}: no elements are bound")
-
-    def __dir__(self) -> list[str]:
-        """No fields."""
-        return list(object.__dir__(self))
-
-
-EMPTY = EmptyBinding()

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache
 from typing import TypeAlias
 
 import mujoco
@@ -12,8 +13,15 @@ from numpy.typing import NDArray
 
 from jacokin.errors import InvalidInputError, UnknownNameError, shown
 
-Rows = Sequence[NDArray[np.intp]]
 RowFinder = Callable[[mujoco.MjModel, int], NDArray[np.intp]]
+
+# Numbers in qpos and qvel of a free, ball, slide and hinge joint, in the order of MuJoCo's mjtJoint.
+QPOS_SIZE = (7, 4, 1, 1)
+_QVEL_SIZE = (6, 3, 1, 1)
+# The only arrays of the model without a prefix that have rows for the joints.
+_QPOS_FIELDS = ("qpos0", "qpos_spring")
+_SHORT_PREFIXES = ("geom_", "site_", "cam_", "light_", "actuator_", "ten_", "eq_", "mat_")
+_FORCES = " ".join(name for name in dir(mujoco.MjData) if name.startswith("qfrc_") and name != "qfrc_applied")
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,29 +41,6 @@ class Field:
     derived: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class Kind:
-    """A kind of element.
-
-    Attributes:
-        name: its name in messages, and the method of `mujoco.MjSpec` that looks one up.
-        plural: the attribute of `mujoco.MjSpec` that lists all.
-        count: the attribute of `mujoco.MjModel` that counts them.
-        object_type: MuJoCo's number for the kind.
-        prefixes: of its arrays, the first wins where a field has two.
-        inputs: arrays of the data that the simulation takes in.
-        derived: arrays of the data that a forward pass computes.
-    """
-
-    name: str
-    plural: str
-    count: str
-    object_type: mujoco.mjtObj
-    prefixes: tuple[tuple[str, RowFinder], ...]
-    inputs: tuple[tuple[str, RowFinder], ...] = ()
-    derived: tuple[tuple[str, RowFinder], ...] = ()
-
-
 def _span(start: int, length: int) -> NDArray[np.intp]:
     return np.arange(start, start + length, dtype=np.intp)
 
@@ -64,13 +49,8 @@ def _by_id(model: mujoco.MjModel, index: int) -> NDArray[np.intp]:
     return _span(index, 1)
 
 
-# Numbers in qpos and qvel of a free, ball, slide and hinge joint, in the order of MuJoCo's mjtJoint.
-_QPOS_SIZE = (7, 4, 1, 1)
-_QVEL_SIZE = (6, 3, 1, 1)
-
-
 def _by_qpos(model: mujoco.MjModel, joint: int) -> NDArray[np.intp]:
-    return _span(model.jnt_qposadr[joint], _QPOS_SIZE[model.jnt_type[joint]])
+    return _span(model.jnt_qposadr[joint], QPOS_SIZE[model.jnt_type[joint]])
 
 
 def _by_dof(model: mujoco.MjModel, joint: int) -> NDArray[np.intp]:
@@ -89,11 +69,31 @@ def _by_mocap(model: mujoco.MjModel, body: int) -> NDArray[np.intp]:
     return _span(max(model.body_mocapid[body], 0), int(model.body_mocapid[body] >= 0))
 
 
-def _each(names: str, rows: RowFinder) -> tuple[tuple[str, RowFinder], ...]:
-    return tuple((name, rows) for name in names.split())
+@dataclass(frozen=True, slots=True, eq=False)
+class Kind:
+    """A kind of element.
 
+    Attributes:
+        name: its name in messages, and the method of `mujoco.MjSpec` that looks one up.
+        plural: the attribute of `mujoco.MjSpec` that lists all.
+        count: the attribute of `mujoco.MjModel` that counts them.
+        prefixes: of its arrays in the model; the first wins where a field has two.
+        inputs: arrays of the data that the simulation takes in: names by what finds their rows.
+        derived: arrays of the data that a forward pass computes, likewise.
+    """
 
-_FORCES = " ".join(name for name in dir(mujoco.MjData) if name.startswith("qfrc_") and name != "qfrc_applied")
+    name: str
+    plural: str
+    count: str
+    prefixes: Mapping[str, RowFinder]
+    inputs: Mapping[RowFinder, str] = field(default_factory=dict)
+    derived: Mapping[RowFinder, str] = field(default_factory=dict)
+
+    @property
+    def object_type(self) -> mujoco.mjtObj:
+        """MuJoCo's number for the kind."""
+        return getattr(mujoco.mjtObj, f"mjOBJ_{self.name.upper()}")
+
 
 # The classes of MjSpec's elements. mypy does not follow mujoco, hence the plain `type`.
 KINDS: dict[type, Kind] = {
@@ -101,112 +101,59 @@ KINDS: dict[type, Kind] = {
         "body",
         "bodies",
         "nbody",
-        mujoco.mjtObj.mjOBJ_BODY,
-        (("body_", _by_id),),
-        _each("xfrc_applied", _by_id) + _each("mocap_pos mocap_quat", _by_mocap),
-        _each(
-            "xpos xquat xmat xipos ximat cvel cacc cfrc_int cfrc_ext cinert subtree_com subtree_linvel subtree_angmom",
-            _by_id,
-        ),
+        {"body_": _by_id},
+        {_by_id: "xfrc_applied", _by_mocap: "mocap_pos mocap_quat"},
+        {
+            _by_id: "xpos xquat xmat xipos ximat cvel cacc cfrc_int cfrc_ext cinert subtree_com subtree_linvel "
+            "subtree_angmom"
+        },
     ),
     mujoco.MjsJoint: Kind(
         "joint",
         "joints",
         "njnt",
-        mujoco.mjtObj.mjOBJ_JOINT,
-        (("jnt_", _by_id), ("dof_", _by_dof), ("", _by_qpos)),
-        _each("qpos", _by_qpos) + _each("qvel qfrc_applied qacc_warmstart", _by_dof),
-        _each("qacc qacc_smooth " + _FORCES, _by_dof) + _each("xanchor xaxis", _by_id),
+        {"jnt_": _by_id, "dof_": _by_dof, "": _by_qpos},
+        {_by_qpos: "qpos", _by_dof: "qvel qfrc_applied qacc_warmstart"},
+        {_by_dof: f"qacc qacc_smooth {_FORCES}", _by_id: "xanchor xaxis"},
     ),
-    mujoco.MjsGeom: Kind(
-        "geom",
-        "geoms",
-        "ngeom",
-        mujoco.mjtObj.mjOBJ_GEOM,
-        (("geom_", _by_id),),
-        derived=_each("geom_xpos geom_xmat", _by_id),
-    ),
-    mujoco.MjsSite: Kind(
-        "site",
-        "sites",
-        "nsite",
-        mujoco.mjtObj.mjOBJ_SITE,
-        (("site_", _by_id),),
-        derived=_each("site_xpos site_xmat", _by_id),
-    ),
-    mujoco.MjsCamera: Kind(
-        "camera",
-        "cameras",
-        "ncam",
-        mujoco.mjtObj.mjOBJ_CAMERA,
-        (("cam_", _by_id),),
-        derived=_each("cam_xpos cam_xmat", _by_id),
-    ),
-    mujoco.MjsLight: Kind(
-        "light",
-        "lights",
-        "nlight",
-        mujoco.mjtObj.mjOBJ_LIGHT,
-        (("light_", _by_id),),
-        derived=_each("light_xpos light_xdir", _by_id),
-    ),
+    mujoco.MjsGeom: Kind("geom", "geoms", "ngeom", {"geom_": _by_id}, {}, {_by_id: "geom_xpos geom_xmat"}),
+    mujoco.MjsSite: Kind("site", "sites", "nsite", {"site_": _by_id}, {}, {_by_id: "site_xpos site_xmat"}),
+    mujoco.MjsCamera: Kind("camera", "cameras", "ncam", {"cam_": _by_id}, {}, {_by_id: "cam_xpos cam_xmat"}),
+    mujoco.MjsLight: Kind("light", "lights", "nlight", {"light_": _by_id}, {}, {_by_id: "light_xpos light_xdir"}),
     mujoco.MjsActuator: Kind(
         "actuator",
         "actuators",
         "nu",
-        mujoco.mjtObj.mjOBJ_ACTUATOR,
-        (("actuator_", _by_id),),
-        _each("ctrl", _by_id) + _each("act", _by_activation),
-        _each("actuator_length actuator_velocity actuator_force", _by_id) + _each("act_dot", _by_activation),
+        {"actuator_": _by_id},
+        {_by_id: "ctrl", _by_activation: "act"},
+        {_by_id: "actuator_length actuator_velocity actuator_force", _by_activation: "act_dot"},
     ),
-    mujoco.MjsSensor: Kind(
-        "sensor",
-        "sensors",
-        "nsensor",
-        mujoco.mjtObj.mjOBJ_SENSOR,
-        (("sensor_", _by_id),),
-        derived=_each("sensordata", _by_reading),
-    ),
+    mujoco.MjsSensor: Kind("sensor", "sensors", "nsensor", {"sensor_": _by_id}, {}, {_by_reading: "sensordata"}),
     mujoco.MjsTendon: Kind(
-        "tendon",
-        "tendons",
-        "ntendon",
-        mujoco.mjtObj.mjOBJ_TENDON,
-        (("tendon_", _by_id),),
-        derived=_each("ten_length ten_velocity", _by_id),
+        "tendon", "tendons", "ntendon", {"tendon_": _by_id}, {}, {_by_id: "ten_length ten_velocity"}
     ),
-    mujoco.MjsEquality: Kind(
-        "equality",
-        "equalities",
-        "neq",
-        mujoco.mjtObj.mjOBJ_EQUALITY,
-        (("eq_", _by_id),),
-        _each("eq_active", _by_id),
-    ),
-    mujoco.MjsMaterial: Kind("material", "materials", "nmat", mujoco.mjtObj.mjOBJ_MATERIAL, (("mat_", _by_id),)),
+    mujoco.MjsEquality: Kind("equality", "equalities", "neq", {"eq_": _by_id}, {_by_id: "eq_active"}),
+    mujoco.MjsMaterial: Kind("material", "materials", "nmat", {"mat_": _by_id}),
 }
 
-# The only arrays of the model without a prefix that have rows for the joints.
-_QPOS_FIELDS = ("qpos0", "qpos_spring")
 
-_SHORT_PREFIXES = ("geom_", "site_", "cam_", "light_", "actuator_", "ten_", "eq_", "mat_")
-
-
-def fields_of(kind: Kind) -> dict[str, Field]:
-    """All fields of a kind by every name they go by."""
+@cache
+def fields_of(element_class: type) -> Mapping[str, Field]:
+    """All fields of a class of elements by every name they go by."""
+    kind = KINDS[element_class]
     found: dict[str, Field] = {}
     for derived, table in ((False, kind.inputs), (True, kind.derived)):
-        for array, rows in table:
-            field = Field(False, array, rows, derived)
-            found[array] = field
-            for prefix in _SHORT_PREFIXES:
-                found.setdefault(array.removeprefix(prefix), field)
+        for rows, arrays in table.items():
+            for array in arrays.split():
+                found[array] = each = Field(False, array, rows, derived)
+                for prefix in _SHORT_PREFIXES:
+                    found.setdefault(array.removeprefix(prefix), each)
     for array in dir(mujoco.MjModel):
-        for prefix, rows in kind.prefixes:
+        for prefix, rows in kind.prefixes.items():
             if array.startswith(prefix) if prefix else array in _QPOS_FIELDS:
-                field = Field(True, array, rows)
-                found.setdefault(array.removeprefix(prefix), field)
-                found.setdefault(array, field)
+                each = Field(True, array, rows)
+                found.setdefault(array.removeprefix(prefix), each)
+                found.setdefault(array, each)
     return found
 
 
@@ -229,12 +176,12 @@ Element: TypeAlias = (
 class ElementIds:
     """The ids that elements have in one compiled model.
 
-    They are noted down when the model is compiled: the spec may be changed and compiled again later, which gives its
+    They are recorded when the model is compiled: the spec may be changed and compiled again later, which gives its
     elements other ids.
     """
 
     def __init__(self, model: mujoco.MjModel, spec: mujoco.MjSpec | None) -> None:
-        """Note the ids down.
+        """Record the ids.
 
         Args:
             model: the compiled model.
@@ -258,17 +205,19 @@ class ElementIds:
                     )
                 self._ids.update((element, i) for i, element in enumerate(elements))
 
-    def find(self, elements: Sequence[Element | str]) -> tuple[type, list[int]]:
-        """The class that elements have in common, and their ids.
+    def find(self, elements: Sequence[Element | str]) -> tuple[type | None, list[int]]:
+        """The class that elements have in common, None of no elements, and their ids.
 
         Args:
-            elements: at least one element, or full name. A name that elements of several kinds have means the first
-                kind of `element_arrays.KINDS` that has all names given.
+            elements: elements or full names. A name that elements of several kinds have means the first kind of `KINDS`
+                that has all names given.
 
         Raises:
             InvalidInputError: not elements of one kind, or not part of the model.
             UnknownNameError: there is no element of a name.
         """
+        if not elements:
+            return None, []
         names = [element for element in elements if isinstance(element, str)]
         classes = {type(element) for element in elements if not isinstance(element, str)}
         for element in elements:

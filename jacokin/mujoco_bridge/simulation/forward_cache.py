@@ -1,4 +1,4 @@
-"""Keeping what MuJoCo derives from the state in step with the state.
+"""Forward passes: what MuJoCo derives from the state is computed anew when the state has changed.
 
 MuJoCo computes positions, velocities, contacts and forces in a forward pass and keeps them until the next one: after a
 write to qpos they belong to the old state. `ForwardCache` remembers the inputs of the last pass, compares, and runs a
@@ -16,97 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.errors import PhysicsError
-
-_GAP = 4096  # [bytes] comparing these is cheaper than a second comparison
-
-# MuJoCo takes shortcuts where a frame coincides with its body's; moving such a frame must clear the flag that says so.
-_SHORTCUTS = {
-    "geom_pos": ("geom_sameframe",),
-    "geom_quat": ("geom_sameframe",),
-    "site_pos": ("site_sameframe",),
-    "site_quat": ("site_sameframe",),
-    "body_ipos": ("body_sameframe",),
-    "body_iquat": ("body_sameframe",),
-}
-_INERTIAL = ("body_ipos", "body_iquat")
-
-
-class _Span(NamedTuple):
-    """A part of the model's buffer, and its bytes when it was last looked at."""
-
-    memory: NDArray[np.uint8]
-    known: bytes
-
-
-class ModelWatch:
-    """The arrays of one model that were handed out to be written to."""
-
-    def __init__(self, model: mujoco.MjModel) -> None:
-        """Watch nothing yet."""
-        self._model = model
-        self._names: set[str] = set()
-        self._spans: list[_Span] = []
-        self._has_changed = False
-        self._frames = {name: getattr(model, name).copy() for name in _SHORTCUTS}
-
-    def add(self, name: str) -> None:
-        """Watch an array of the model from now on."""
-        if name in self._names:
-            return
-        self._has_changed = self.changed()  # not to be forgotten by looking at the memory anew
-        self._names.add(name)
-        arrays = [array for each in self._names if (array := getattr(self._model, each)).size]
-        spans: list[tuple[int, int, NDArray[np.uint8]]] = []
-        for start, first in sorted((array.__array_interface__["data"][0], i) for i, array in enumerate(arrays)):
-            array = arrays[first]
-            stop = start + array.nbytes
-            if spans and start - spans[-1][1] <= _GAP:
-                spans[-1] = (spans[-1][0], max(stop, spans[-1][1]), spans[-1][2])
-            else:
-                spans.append((start, stop, array.reshape(-1).view(np.uint8)))
-        self._spans = []
-        for start, stop, array in spans:
-            memory = np.lib.stride_tricks.as_strided(array, shape=(stop - start,), strides=(1,))
-            self._spans.append(_Span(memory, memory.tobytes()))
-
-    def changed(self) -> bool:
-        """Whether anything was written since the last call; clears the flags of frames that were moved.
-
-        Raises:
-            PhysicsError: an inertial frame was moved that MuJoCo cannot move; it is put back.
-        """
-        changed, self._has_changed = self._has_changed, False
-        for i, (memory, known) in enumerate(self._spans):
-            now = memory.tobytes()
-            if now != known:
-                self._spans[i] = _Span(memory, now)
-                changed = True
-        if changed:
-            self._clear_shortcuts()
-        return changed
-
-    def _clear_shortcuts(self) -> None:
-        for name, flags in _SHORTCUTS.items():
-            now, known = getattr(self._model, name), self._frames[name]
-            moved = (now != known).any(axis=1)
-            if name in _INERTIAL:
-                self._put_back(name, moved & (self._model.body_simple != 0))
-            if moved.any():
-                known[...] = now
-                for flag in flags:
-                    getattr(self._model, flag)[moved] = 0
-
-    def _put_back(self, name: str, bodies: NDArray[np.bool_]) -> None:
-        """Refuse to move inertial frames of bodies for whose mass matrix MuJoCo has compiled a diagonal alone."""
-        if not bodies.any():
-            return
-        getattr(self._model, name)[bodies] = self._frames[name][bodies]
-        names = ", ".join(repr(self._model.body(i).name) for i in np.flatnonzero(bodies))
-        raise PhysicsError(
-            f"{name} of {names} cannot be changed in a compiled model: MuJoCo has no room for the mass matrix that "
-            "follows. Set it in the spec and make the physics anew"
-        )
-
 
 Array = NDArray[Any]  # of any dtype that MuJoCo has
 
@@ -133,18 +42,18 @@ _UNSTABLE = ("mjWARN_INERTIA", "mjWARN_BADQPOS", "mjWARN_BADQVEL", "mjWARN_BADQA
 _FULL = ("mjWARN_CONTACTFULL", "mjWARN_CNSTRFULL")
 _MORE_MEMORY = "give the scene more memory: mjcf_model.memory [bytes] of the root entity, before it is compiled"
 
+_GAP = 4096  # [bytes] comparing these is cheaper than a second comparison
 
-class _State:
-    """A buffer for MuJoCo's state, and the parts of it that derived values depend on."""
-
-    def __init__(self, model: mujoco.MjModel) -> None:
-        self.all = np.empty(mujoco.mj_stateSize(model, _INTEGRATION))
-        # The state is laid out by ascending bits: time, qpos, qvel ..., warm start, ctrl, applied forces, mocap ...
-        up_to = {bit: mujoco.mj_stateSize(model, 2 * int(bit) - 1) for bit in _BOUNDARIES}
-        time, history, warmstart, ctrl = (up_to[bit] for bit in _BOUNDARIES)
-        self.motion = self.all[time:history]
-        self.ctrl = self.all[warmstart:ctrl]
-        self.applied = self.all[ctrl:]
+# MuJoCo takes shortcuts where a frame coincides with its body's; moving such a frame must clear the flag that says so.
+_SHORTCUTS = {
+    "geom_pos": "geom_sameframe",
+    "geom_quat": "geom_sameframe",
+    "site_pos": "site_sameframe",
+    "site_quat": "site_sameframe",
+    "body_ipos": "body_sameframe",
+    "body_iquat": "body_sameframe",
+}
+_INERTIAL = ("body_ipos", "body_iquat")
 
 
 class ForwardCache:
@@ -285,7 +194,8 @@ class ForwardCache:
         """Raise what MuJoCo warned of; returns whether there was room for all contacts."""
         if self._warnings.tobytes() == self._no_warnings:
             return True
-        names = [name for name, kind in mujoco.mjtWarning.__members__.items() if self._counted(kind)]
+        counts = dict(enumerate(self._warnings.tolist()))
+        names = [name for name, kind in mujoco.mjtWarning.__members__.items() if counts.get(int(kind))]
         self._warnings[:] = 0
         self._is_known = False
         if any(name in _UNSTABLE for name in names):
@@ -294,9 +204,6 @@ class ForwardCache:
         if is_crowded and not may_be_crowded:
             raise PhysicsError(f"MuJoCo warns of {', '.join(names)}: not all contacts find room; {_MORE_MEMORY}")
         return not is_crowded
-
-    def _counted(self, kind: mujoco.mjtWarning) -> bool:
-        return int(kind) < len(self._warnings) and bool(self._warnings[int(kind)])
 
     def _gave_up(self, error: mujoco.FatalError) -> PhysicsError:
         """The error to raise; makes the data usable again, as MuJoCo leaves its stack as it was when it gave up."""
@@ -307,3 +214,92 @@ class ForwardCache:
         self._is_known = False
         advice = f"; {_MORE_MEMORY}" if "memory" in str(error) else ""
         return PhysicsError(f"MuJoCo gave up: {' '.join(str(error).split())}{advice}")
+
+
+class _State:
+    """A buffer for MuJoCo's state, and the parts of it that derived values depend on."""
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        self.all = np.empty(mujoco.mj_stateSize(model, _INTEGRATION))
+        # The state is laid out by ascending bits: time, qpos, qvel ..., warm start, ctrl, applied forces, mocap ...
+        up_to = {bit: mujoco.mj_stateSize(model, 2 * int(bit) - 1) for bit in _BOUNDARIES}
+        time, history, warmstart, ctrl = (up_to[bit] for bit in _BOUNDARIES)
+        self.motion = self.all[time:history]
+        self.ctrl = self.all[warmstart:ctrl]
+        self.applied = self.all[ctrl:]
+
+
+class _Span(NamedTuple):
+    """A part of the model's buffer, and its bytes when it was last looked at."""
+
+    memory: NDArray[np.uint8]
+    known: bytes
+
+
+class ModelWatch:
+    """The arrays of one model that were handed out to be written to."""
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        """Watch nothing yet."""
+        self._model = model
+        self._names: set[str] = set()
+        self._spans: list[_Span] = []
+        self._has_changed = False
+        self._frames = {name: getattr(model, name).copy() for name in _SHORTCUTS}
+
+    def add(self, name: str) -> None:
+        """Watch an array of the model from now on."""
+        if name in self._names:
+            return
+        self._has_changed = self.changed()  # not to be forgotten by looking at the memory anew
+        self._names.add(name)
+        arrays = [array for each in self._names if (array := getattr(self._model, each)).size]
+        spans: list[tuple[int, int, NDArray[np.uint8]]] = []
+        for start, first in sorted((array.__array_interface__["data"][0], i) for i, array in enumerate(arrays)):
+            array = arrays[first]
+            stop = start + array.nbytes
+            if spans and start - spans[-1][1] <= _GAP:
+                spans[-1] = (spans[-1][0], max(stop, spans[-1][1]), spans[-1][2])
+            else:
+                spans.append((start, stop, array.reshape(-1).view(np.uint8)))
+        self._spans = []
+        for start, stop, array in spans:
+            memory = np.lib.stride_tricks.as_strided(array, shape=(stop - start,), strides=(1,))
+            self._spans.append(_Span(memory, memory.tobytes()))
+
+    def changed(self) -> bool:
+        """Whether anything was written since the last call; clears the flags of frames that were moved.
+
+        Raises:
+            PhysicsError: an inertial frame was moved that MuJoCo cannot move; it is put back.
+        """
+        changed, self._has_changed = self._has_changed, False
+        for i, (memory, known) in enumerate(self._spans):
+            now = memory.tobytes()
+            if now != known:
+                self._spans[i] = _Span(memory, now)
+                changed = True
+        if changed:
+            self._clear_shortcuts()
+        return changed
+
+    def _clear_shortcuts(self) -> None:
+        for name, flag in _SHORTCUTS.items():
+            now, known = getattr(self._model, name), self._frames[name]
+            moved = (now != known).any(axis=1)
+            if name in _INERTIAL:
+                self._put_back(name, moved & (self._model.body_simple != 0))
+            if moved.any():
+                known[...] = now
+                getattr(self._model, flag)[moved] = 0
+
+    def _put_back(self, name: str, bodies: NDArray[np.bool_]) -> None:
+        """Refuse to move inertial frames of bodies for whose mass matrix MuJoCo has compiled a diagonal alone."""
+        if not bodies.any():
+            return
+        getattr(self._model, name)[bodies] = self._frames[name][bodies]
+        names = ", ".join(repr(self._model.body(i).name) for i in np.flatnonzero(bodies))
+        raise PhysicsError(
+            f"{name} of {names} cannot be changed in a compiled model: MuJoCo has no room for the mass matrix that "
+            "follows. Set it in the spec and make the physics anew"
+        )

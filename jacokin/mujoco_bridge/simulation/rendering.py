@@ -53,10 +53,10 @@ class Renderers:
         width: int,
         camera: int | str,
         *,
-        depth: bool,
-        segmentation: bool,
-        scene_option: mujoco.MjvOption | None,
-        render_flag_overrides: RenderFlags | None,
+        depth: bool = False,
+        segmentation: bool = False,
+        scene_option: mujoco.MjvOption | None = None,
+        render_flag_overrides: RenderFlags | None = None,
     ) -> NDArray[Any]:
         """Take a picture of up-to-date data; see `Physics.render` for the arguments.
 
@@ -131,7 +131,7 @@ def _free(renderers: list[mujoco.Renderer]) -> None:
 
 
 def _close_at_exit(renderers: Renderers) -> None:
-    """Free OpenGL's contexts before Python and OpenGL come apart; to be called after the first context was made."""
+    """Free OpenGL's contexts before Python shuts down; to be called after the first context was made."""
     if not _OPEN:
         atexit.register(_close_all)
     _OPEN.add(renderers)

@@ -17,7 +17,7 @@ from jacokin.mujoco_bridge import Brick, PropPlacer
 from jacokin.mujoco_bridge.base import RandomState
 from jacokin.mujoco_bridge.control.queries import Asking
 from jacokin.mujoco_bridge.distributions import uniform_box
-from jacokin.mujoco_bridge.quaternions import product
+from jacokin.mujoco_bridge.entity import quaternion_product
 from jacokin.mujoco_bridge.workspaces import BoundingBox
 from jacokin.tasks import features
 from jacokin.tasks.features import Feature, View, ids, length, picked
@@ -131,7 +131,7 @@ class BrickTask(Task):
             _, turn = below.get_pose(physics)
             is_turned = bool(random_state.uniform() < 0.5)
             hole = above.holes[(-1, -1) if is_turned else (0, 0)]
-            above.set_pose(physics, np.zeros(3), product(turn, _HALF_TURN) if is_turned else turn)
+            above.set_pose(physics, np.zeros(3), quaternion_product(turn, _HALF_TURN) if is_turned else turn)
             above.set_pose(physics, stud - physics.bind(hole).xpos)
 
     def _show_hints(self, order: Indices, random_state: RandomState) -> None:

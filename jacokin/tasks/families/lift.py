@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from jacokin.arrays import Array
-from jacokin.mujoco_bridge import Box, Brick, PropPlacer, large_box
+from jacokin.mujoco_bridge import BoxProp, Brick, PropPlacer, large_box
 from jacokin.mujoco_bridge.base import RandomState
 from jacokin.mujoco_bridge.control.queries import Asking
 from jacokin.mujoco_bridge.distributions import uniform_box
@@ -24,10 +24,10 @@ class _Lift(Task):
 
     goal_size = 1  # the height to reach [m]
     tool_box = BoundingBox((-0.1, -0.1, 0.2), (0.1, 0.1, 0.4))
-    prop: Brick | Box
+    prop: Brick | BoxProp
     height: float  # [m] of the prop's origin when it is placed
 
-    def _add_prop(self, prop: Brick | Box) -> None:
+    def _add_prop(self, prop: Brick | BoxProp) -> None:
         self.prop = prop
         self._add_free(prop)
         lower, upper = (-0.1, -0.1, self.height), (0.1, 0.1, self.height)

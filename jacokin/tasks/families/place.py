@@ -9,7 +9,7 @@ from jacokin.mujoco_bridge import Cradle, Pedestal, PropPlacer
 from jacokin.mujoco_bridge.base import RandomState
 from jacokin.mujoco_bridge.control.queries import Asking
 from jacokin.mujoco_bridge.distributions import uniform_box
-from jacokin.mujoco_bridge.entities.entity import Entity
+from jacokin.mujoco_bridge.entity import Entity
 from jacokin.mujoco_bridge.workspaces import BoundingBox
 from jacokin.tasks import features
 from jacokin.tasks.families.bricks import BRICK_BOX

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.typing import ArrayLike
 
 from jacokin.errors import InvalidInputError
-from jacokin.mujoco_bridge.observables.jaco import angles_from_sin_cos
+from jacokin.mujoco_bridge.observables.jaco import angles_from_sin_cos, sin_cos
 
 TURN = 2 * np.pi
 ROUNDING = 1e-14  # [rad], a few rounding errors of an angle of up to 10 pi
@@ -31,6 +31,12 @@ def test_the_copy_nearest_to_a_reference_is_returned(angle: float, near: float) 
     back = float(angles_from_sin_cos(pairs(angle), near=near))
     assert abs(back - near) <= np.pi + ROUNDING
     assert abs((back - angle + np.pi) % TURN - np.pi) < 2 * ROUNDING
+
+
+@pytest.mark.parametrize("shape", [(), (6,), (4, 6)])
+def test_pairs_of_any_number_of_angles(shape: tuple[int, ...]) -> None:
+    angles = np.random.default_rng(0).uniform(-9.0, 9.0, shape)
+    np.testing.assert_array_equal(sin_cos(angles), pairs(angles))
 
 
 def test_shapes_and_edge_cases() -> None:

@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any, cast
 
+import mujoco
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from jacokin.errors import InvalidInputError, UnknownNameError
-from jacokin.mujoco_bridge.observables.declaration import Observables, observable, observables_of
-from jacokin.mujoco_bridge.observables.observable import AGGREGATORS, Observable
+from jacokin.mujoco_bridge import Entity
+from jacokin.mujoco_bridge.observables.observable import AGGREGATORS, Observable, Observables, observable
+from jacokin.mujoco_bridge.observables.updater import observables_of
 
 DEFAULTS = {
     "update_interval": 1,
@@ -37,17 +39,23 @@ class Doors(Observables):
         return Observable(lambda physics: 0.5)
 
 
-class House:
-    """As much of an entity as observables look at."""
+class House(Entity):
+    """An entity that says itself what its prefix is and what is attached to it."""
 
-    def __init__(self, prefix: str, *rooms: House) -> None:
-        self.prefix = prefix
-        self.rooms = rooms
-        self.observables = Doors(cast(Any, self))
+    def _build(self, prefix: str, *rooms: House) -> None:
+        self._mjcf_root = mujoco.MjSpec()
+        self._prefix, self._rooms = prefix, rooms
 
-    def iter_entities(self) -> Iterator[House]:
+    def _build_observables(self) -> Doors:
+        return Doors(self)
+
+    @property
+    def prefix(self) -> str:
+        return self._prefix
+
+    def iter_entities(self, exclude_self: bool = False) -> Iterator[Entity]:
         yield self
-        for room in self.rooms:
+        for room in self._rooms:
             yield from room.iter_entities()
 
 
@@ -160,7 +168,7 @@ def test_as_dict_has_the_declared_ones_first_and_full_names() -> None:
 
 def test_observables_of_a_tree() -> None:
     tree = House("", House("b/"), House("a/", House("a/c/")))
-    assert list(observables_of(cast(Any, tree))) == [
+    assert list(observables_of(tree)) == [
         "angle",
         "width",
         "b/angle",

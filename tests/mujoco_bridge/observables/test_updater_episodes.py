@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any, cast
 
+import mujoco
 import numpy as np
 import pytest
 
 from jacokin.errors import InvalidInputError, PhysicsError
-from jacokin.mujoco_bridge import Arena, JacoArm, Physics
+from jacokin.mujoco_bridge import Arena, Cradle, Entity, JacoArm, Physics
 from jacokin.mujoco_bridge.distributions import Uniform
-from jacokin.mujoco_bridge.entities.hooks import Hooks
-from jacokin.mujoco_bridge.observables.declaration import observables_of
 from jacokin.mujoco_bridge.observables.observable import ArraySpec, Observable
-from jacokin.mujoco_bridge.observables.updater import Updater
+from jacokin.mujoco_bridge.observables.updater import Updater, observables_of
 from tests.mujoco_bridge.scenes import Scene
 
 CONTROL_STEPS = 20
@@ -117,16 +115,13 @@ def test_reading_between_control_steps_does_not_change_the_observation_at_their_
                 np.testing.assert_array_equal(value, second[name], err_msg=name)
 
 
-class Recording(Hooks):
-    """An entity, as far as an updater looks at it, that writes down when it is called."""
+class Recording(Entity):
+    """An entity that writes down when it is called."""
 
-    def __init__(self) -> None:
+    def _build(self) -> None:
+        self._mjcf_root = mujoco.MjSpec()
         self.calls: list[tuple[str, float]] = []
         self.states: set[int] = set()
-
-    def iter_entities(self) -> Iterator[Hooks]:
-        yield Hooks()
-        yield self
 
     def _note(self, name: str, physics: Physics, random_state: Any) -> None:
         self.calls.append((name, round(float(physics.time) / 0.002)))
@@ -146,8 +141,10 @@ class Recording(Hooks):
 
 
 def test_hooks_are_called_in_the_order_of_an_episode(jaco: Scene) -> None:
-    recording = Recording()
-    updater = Updater(observables_of(jaco.arena), 3, entity=recording)
+    recording, root = Recording(), Arena()
+    root.attach(Cradle())  # overrides no hook
+    root.attach(recording)
+    updater = Updater(observables_of(jaco.arena), 3, entity=root)
     random_state = np.random.default_rng(0)
     for _ in range(2):
         jaco.physics.reset()
@@ -190,11 +187,11 @@ def test_hooks_of_entities_act_on_the_simulation_before_it_is_observed() -> None
 
 
 def test_a_hook_that_raises_does_not_lose_steps(jaco: Scene) -> None:
-    class Failing(Hooks):
+    class Failing(Entity):
         interrupted = Interrupted(KeyboardInterrupt, 7)
 
-        def iter_entities(self) -> Iterator[Hooks]:
-            yield self
+        def _build(self) -> None:
+            self._mjcf_root = mujoco.MjSpec()
 
         def after_substep(self, physics: Physics, random_state: Any) -> None:
             self.interrupted(None)

@@ -122,7 +122,7 @@ def test_forces_vary_with_the_radius_of_the_studs() -> None:
         for brick in (bottom, top):
             brick.initialize_episode(physics, rng)
         radii.append(physics.bind(bottom.stud_geoms).size[0, 0])
-    row = primitive.load()["brick"]["stud_radius"]["flanges"]
+    row = primitive.load_sizes()["brick"]["stud_radius"]["flanges"]
     assert row[0] <= min(radii) < row[1] < max(radii) <= row[2]
     for brick in (bottom, top):
         physics.bind(brick.stud_geoms).size[:, 0] = row[0]

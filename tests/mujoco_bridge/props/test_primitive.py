@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from jacokin.errors import InvalidInputError, UnknownNameError
-from jacokin.mujoco_bridge import Arena, Box, Physics, Primitive, large_box, observations
+from jacokin.mujoco_bridge import Arena, BoxProp, Physics, Primitive, large_box, observations
 
 EXACT = 1e-12
 # Volume of each shape [m^3], by the formulas of geometry.
@@ -72,7 +72,7 @@ def test_sensors_are_those_of_the_world() -> None:
 
 
 def test_a_box_has_a_site_at_each_corner() -> None:
-    box = Box((0.1, 0.2, 0.3), mass=1.0)
+    box = BoxProp((0.1, 0.2, 0.3), mass=1.0)
     physics = free(box, position=(0.0, 0.0, 1.0))
     corners = physics.bind(box.vertices).xpos
     assert {tuple(np.round(corner, 12)) for corner in corners} == {

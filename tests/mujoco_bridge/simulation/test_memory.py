@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import resource
+import weakref
 from pathlib import Path
 
 import mujoco
@@ -11,7 +12,7 @@ import numpy as np
 import pytest
 
 from jacokin.errors import PhysicsError
-from jacokin.mujoco_bridge import Physics
+from jacokin.mujoco_bridge import Physics, TcpInitializer
 from tests.mujoco_bridge.scenes import jaco_parts, jaco_scene
 
 BOXES = 10
@@ -78,6 +79,18 @@ def test_the_reference_state_need_not_fit() -> None:
     physics.step(10)
 
 
+def test_nothing_keeps_a_scene_that_is_not_used_any_more() -> None:
+    physics, arena, arm, hand = jaco_scene()
+    arm.set_site_to_xpos(physics, np.random.default_rng(0), hand.pinch_site, (0.1, 0.0, 0.2))
+    TcpInitializer(hand, arm, (0.1, 0.0, 0.2))(physics, np.random.default_rng(0))
+    simulation, entity = weakref.ref(physics), weakref.ref(arena)
+    del physics, arena, arm, hand
+    gc.collect()
+    assert simulation() is None
+    assert entity() is None
+
+
+@pytest.mark.slow
 def test_scenes_are_freed() -> None:
     def peak() -> float:
         gc.collect()

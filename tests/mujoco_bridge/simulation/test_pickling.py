@@ -35,6 +35,7 @@ def test_a_pickled_physics_has_the_same_state_and_goes_on_alike(jaco: Scene) -> 
     assert twin.time > physics.time
 
 
+@pytest.mark.slow
 def test_a_physics_is_sent_to_another_process(jaco: Scene) -> None:
     physics = jaco.physics
     context = multiprocessing.get_context("spawn")

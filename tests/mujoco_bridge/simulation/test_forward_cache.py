@@ -10,7 +10,7 @@ from jacokin.mujoco_bridge.simulation.elements import KINDS, fields_of
 from jacokin.mujoco_bridge.simulation.forward_cache import ModelWatch
 from tests.mujoco_bridge.scenes import Scene
 
-MODEL_FIELDS = sorted({field.array for kind in KINDS.values() for field in fields_of(kind).values() if field.in_model})
+MODEL_FIELDS = sorted({field.array for kind in KINDS for field in fields_of(kind).values() if field.in_model})
 
 
 def test_a_write_to_any_array_that_was_handed_out_is_noticed_once(jaco: Scene) -> None:

@@ -6,6 +6,7 @@ replaces the child afterwards, and every element an entity holds is replaced by 
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, MutableMapping
 from contextlib import suppress
 from dataclasses import dataclass
@@ -13,11 +14,10 @@ from typing import Any, TypeAlias
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, ModelError
 
-Vector = NDArray[np.float64]
 # Bindable elements and others alike (frames, textures, keys, ...): mujoco has no base class for them.
 SpecElement: TypeAlias = Any
 
@@ -27,6 +27,8 @@ _IN_BODIES = ("bodies", "joints", "geoms", "sites", "cameras", "lights", "frames
 _REFERRING = ("actuators", "sensors", "tendons", "equalities", "excludes", "pairs", "flexes", "plugins")
 # Elements that deleting a body leaves behind.
 _ASSETS = ("materials", "textures", "meshes", "hfields", "skins", "numerics", "texts", "tuples", "keys")
+# Lists of a spec whose lengths tell whether something was added by hand.
+_COUNTED = ("bodies", "joints", "geoms", "sites", "cameras", "lights", "actuators", "sensors", "tendons", "equalities")
 _LISTS = (*_IN_BODIES, *_REFERRING, *_ASSETS)
 
 
@@ -70,7 +72,7 @@ class SpecCopy:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Attachment:
-    """How an entity hangs in its parent's tree.
+    """How an entity is attached to its parent.
 
     Attributes:
         body: the body made to hold it.
@@ -84,7 +86,7 @@ class Attachment:
     frame: mujoco.MjsFrame | None
     before: SpecCopy
 
-    def pose(self) -> tuple[Vector, Vector]:
+    def pose(self) -> tuple[Array, Array]:
         """Position (3,) [m] and quaternion (4,) wxyz of the body in its frame."""
         return np.array(self.body.pos), np.array(self.body.quat)
 
@@ -94,13 +96,13 @@ class Attachment:
         return self.before
 
 
-def attach(
+def attach_spec(
     spec: mujoco.MjSpec,
     child: mujoco.MjSpec,
     place: mujoco.MjsSite | mujoco.MjsBody,
     prefix: str,
-    position: Vector,
-    quaternion: Vector,
+    position: Array,
+    quaternion: Array,
     children: Iterable[Attachment],
 ) -> Attachment:
     """Move all elements of a child spec into a new body of a tree.
@@ -153,7 +155,7 @@ def _copied(spec: mujoco.MjSpec, children: Iterable[Attachment]) -> SpecCopy:
 
 
 def _remove(spec: mujoco.MjSpec, body: mujoco.MjsBody, frame: mujoco.MjsFrame | None) -> None:
-    """Remove a body with all below it, the assets whose names begin with its name, and the frame it hangs in."""
+    """Remove a body with all below it, the assets whose names begin with its name, and the frame that holds it."""
     prefix = body.name
     for kind in _ASSETS:
         for element in list(getattr(spec, kind)):
@@ -191,3 +193,10 @@ def refuse_lost_elements(root: mujoco.MjSpec, attached: mujoco.MjSpec, before: S
                 f"{lost[0].name!r} ({kind}) was added to the mjcf_model of {name!r} after that was attached, where "
                 f"MuJoCo leaves it out; {advice}"
             )
+
+
+def count_elements(spec: mujoco.MjSpec) -> Counter[str]:
+    """The numbers of elements of a spec by kind, without the world body."""
+    found = Counter({kind: len(getattr(spec, kind)) for kind in _COUNTED})
+    found["bodies"] -= 1
+    return found

@@ -1,1 +1,0 @@
-"""Entities, the parts of a scene: attaching, poses, hooks, pickling. Read `entity` first."""
