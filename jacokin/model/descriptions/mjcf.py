@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
 from jacokin.errors import ModelError
-from jacokin.model.descriptions.whole import Coupling
+from jacokin.model.descriptions.chain import Coupling, Description
 
 WORLD = "world"
 NUMERIC = frozenset((
@@ -42,6 +42,24 @@ UNIT = ("body_quat", "body_iquat", "site_quat", "jnt_axis")  # zeros in the comp
 UNIT_TOLERANCE = 1e-6  # of a norm; MuJoCo normalises
 SITE_SUFFIX = "_site"  # of a site that has the name of a body
 SCALAR_JOINTS = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))  # ints: numpy does not equal enums
+
+
+def read(path: Path) -> Description:
+    """The robot or scene of an MJCF file.
+
+    Raises:
+        ModelError: as `compile_mjcf`.
+    """
+    compiled = compile_mjcf(path)
+    model = to_pinocchio(compiled, path.stem)
+    return Description(
+        model=model,
+        reference=reference_configuration(compiled, model),
+        kind="mjcf",
+        base=WORLD,
+        couplings=couplings(compiled),
+        content=compiled,
+    )
 
 
 def compile_mjcf(path: Path) -> mujoco.MjModel:

@@ -14,7 +14,7 @@ from pathlib import Path
 import pinocchio as pin
 
 from jacokin.errors import ModelError
-from jacokin.model.descriptions.whole import MOST_JOINTS, Coupling, Whole
+from jacokin.model.descriptions.chain import MOST_JOINTS, Coupling, Description
 
 JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 LIMITED_TYPES = ("revolute", "prismatic")
@@ -255,8 +255,8 @@ KINEMATIC_TAGS = ("link", "joint")  # of a <robot>; materials, transmissions and
 SHAPE_TAGS = ("visual", "collision")
 
 
-def read(path: Path) -> Whole:
-    """The whole robot of a user's URDF file.
+def read(path: Path) -> Description:
+    """The robot of a user's URDF file.
 
     Raises:
         ModelError: the file is malformed; the message names the element at fault.
@@ -268,16 +268,16 @@ def read(path: Path) -> Whole:
     robot = checked(text, str(path))
     text = ET.tostring(robot, encoding="unicode")
     couplings = [Coupling(frozenset((joint,)), "mimic") for joint in _mimic_joints(text, str(path))]
-    return _whole(_parse(kinematic_text(robot), str(path)), couplings, text)
+    return _description(_parse(kinematic_text(robot), str(path)), couplings, text)
 
 
-def read_bundled(path: Path) -> Whole:
-    """The whole robot of a URDF file that this project generated: not checked again."""
-    return _whole(_parse(path.read_text(encoding="utf-8"), str(path)), (), None)
+def read_bundled(path: Path) -> Description:
+    """The robot of a URDF file that this project generated: not checked again."""
+    return _description(_parse(path.read_text(encoding="utf-8"), str(path)), (), None)
 
 
-def _whole(model: pin.Model, couplings: Sequence[Coupling], content: str | None) -> Whole:
-    return Whole(
+def _description(model: pin.Model, couplings: Sequence[Coupling], content: str | None) -> Description:
+    return Description(
         model=model,
         reference=pin.neutral(model),
         kind="urdf",
