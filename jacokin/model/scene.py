@@ -1,20 +1,20 @@
-"""`Scene`: the obstacles around an arm, and how far the arm is from them."""
+"""`Scene`: the obstacles around an arm, given one by one, in a file or by a MuJoCo model."""
 
 from __future__ import annotations
 
 import json
 import weakref
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Self
 
 import mujoco
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
-from jacokin.errors import InvalidInputError, UnknownNameError, shown
+from jacokin.errors import InvalidInputError, UnknownNameError
 from jacokin.model import checks, poses
 from jacokin.model.contact import ShapeDistances
 from jacokin.model.descriptions import mjcf
@@ -25,28 +25,143 @@ from jacokin.model.robot import Robot
 ENDINGS = (".yaml", ".yml", ".json")
 LARGEST = 10_000_000  # [byte] of a file
 PLACE = ("position", "quat_wxyz", "rpy")
-# Keys of each shape beside its name; every one but the orientation and the height is needed.
-KEYS = {
-    "box": ("size", *PLACE),
-    "sphere": ("radius", "position"),
-    "capsule": ("radius", "length", *PLACE),
-    "cylinder": ("radius", "length", *PLACE),
-    "floor": ("height",),
+# Each shape of a file and its keys beside "shape" and "name".
+SHAPES: Mapping[str, tuple[Callable[..., Obstacle], tuple[str, ...]]] = {
+    "box": (Box, ("size", *PLACE)),
+    "sphere": (Sphere, ("radius", "position")),
+    "capsule": (Capsule, ("radius", "length", *PLACE)),
+    "cylinder": (Cylinder, ("radius", "length", *PLACE)),
+    "floor": (Floor, ("height",)),
 }
 OPTIONAL = ("quat_wxyz", "rpy", "height")
-ALL_KEYS = ("shape", "name", *dict.fromkeys(key for keys in KEYS.values() for key in keys))
+ALL_KEYS = ("shape", "name", *dict.fromkeys(key for _, keys in SHAPES.values() for key in keys))
+
+GEOM = mujoco.mjtGeom
+HORIZONTAL = 1e-9  # a plane whose normal misses the vertical by less is a floor
+THINNEST = 1e-6  # [m] of a bounding box: a flat mesh has no thickness
 
 
-def read(path: str | Path) -> tuple[list[Obstacle], float | None]:
-    """The shapes of a file and its finger angle.
+class Scene:
+    """Obstacles that stand still in the base frame; immutable.
+
+    Attributes:
+        obstacles: the shapes.
+        finger_angle: angle at which the fingers stand when contact is looked for [rad]; None for the angle that the
+            robot was loaded with.
+    """
+
+    __slots__ = ("_measured", "finger_angle", "obstacles")
+
+    obstacles: tuple[Obstacle, ...]
+    finger_angle: float | None
+    _measured: weakref.WeakKeyDictionary[Robot, dict[bool, ShapeDistances]]
+
+    def __init__(self, obstacles: Iterable[Obstacle] = (), *, finger_angle: float | None = None) -> None:
+        """Check the shapes.
+
+        Args:
+            obstacles: `Box`, `Sphere`, `Capsule`, `Cylinder`, `Floor`, or other shapes with `name` and `add_to`.
+            finger_angle: angle at which the fingers stand when contact is looked for [rad]; None for the angle that
+                the robot was loaded with.
+
+        Raises:
+            InvalidInputError: not shapes, two of the same name, or an angle that is not a number.
+        """
+        angle = None if finger_angle is None else checks.number("finger_angle", finger_angle, "rad")
+        object.__setattr__(self, "obstacles", checked_obstacles(obstacles))
+        object.__setattr__(self, "finger_angle", angle)
+        object.__setattr__(self, "_measured", weakref.WeakKeyDictionary())
+
+    def __setattr__(self, name: str, value: object) -> None:
+        """Refuse changes after construction."""
+        raise AttributeError(f"a Scene does not change; make another one instead of setting {name!r}")
+
+    def __repr__(self) -> str:
+        """The names of the shapes."""
+        return f"Scene({', '.join(self.names) or 'empty'})"
+
+    def __len__(self) -> int:
+        """Number of obstacles."""
+        return len(self.obstacles)
+
+    def __iter__(self) -> Iterator[Obstacle]:
+        """The obstacles in order."""
+        return iter(self.obstacles)
+
+    def __reduce__(self) -> tuple[object, tuple[object, ...]]:
+        """Pickle the shapes; what was compiled is made anew."""
+        return partial(Scene, finger_angle=self.finger_angle), (self.obstacles,)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the obstacles."""
+        return tuple(obstacle.name for obstacle in self.obstacles)
+
+    @classmethod
+    def load(cls, path: str | Path) -> Self:
+        """Read a .yaml, .yml or .json file; `docs/planning.md` has an example.
+
+        Raises:
+            InvalidInputError: no such file, another ending, malformed, or wrong numbers; names the entry.
+            UnknownNameError: an unknown shape or key.
+        """
+        obstacles, finger_angle = _read_file(checks.path("path", path, "a file name"))
+        return cls(obstacles, finger_angle=finger_angle)
+
+    @classmethod
+    def from_mujoco(
+        cls,
+        model: mujoco.MjModel,
+        *,
+        base: str | pin.SE3 | None = None,
+        exclude: Iterable[str] = (),
+        finger_angle: float | None = None,
+    ) -> Self:
+        """The geoms of a compiled MuJoCo model that stand still and can collide.
+
+        Meshes, height fields and ellipsoids become their bounding boxes. The body that carries an arm's first joint is
+        left out, as part of that arm.
+
+        Args:
+            model: the model, for example `physics.model`.
+            base: where the arm's base is: name of a body or site, or T_world_base; None for the world's origin.
+            exclude: names of geoms, or of bodies with all their geoms, to be left out.
+            finger_angle: as in `Scene`.
+
+        Raises:
+            InvalidInputError: not a model, or a plane that is not horizontal in the base frame.
+            UnknownNameError: no such body, site or geom.
+        """
+        checks.instance("model", model, mujoco.MjModel, "a compiled mujoco.MjModel")
+        return cls(_collect_geoms(model, base, checks.listed("exclude", exclude)), finger_angle=finger_angle)
+
+    def measure(self, robot: Robot, rows: Array, *, self_collision: bool = False) -> Array:
+        """Distances (n,) [m] for checked configurations (n, dof); `Robot.clearance` is the public way."""
+        return np.array([found[0] for found in self.nearest(robot, rows, self_collision=self_collision)])
+
+    def nearest(
+        self, robot: Robot, rows: Array, *, self_collision: bool = False
+    ) -> list[tuple[float, tuple[str, str]]]:
+        """As `measure`, with the names of the two nearest shapes."""
+        prepared: dict[bool, ShapeDistances] = self._measured.setdefault(robot, {})
+        if self_collision not in prepared:
+            prepared[self_collision] = ShapeDistances(
+                robot, self.obstacles, self_collision=self_collision, finger_angle=self.finger_angle
+            )
+        return [prepared[self_collision].least(q) for q in rows]
+
+
+def checked_scene(name: str, value: object) -> Scene:
+    """A scene, or an error that names the argument.
 
     Raises:
-        InvalidInputError: no such file, another ending, malformed, or wrong numbers; names the entry.
-        UnknownNameError: an unknown shape or key.
+        InvalidInputError: not a `Scene`.
     """
-    if not isinstance(path, str | Path):
-        raise InvalidInputError(f"path must be a file name, got {shown(path)}")
-    file = Path(path)
+    return checks.instance(name, value, Scene, "a Scene, for example Scene([Floor(0.0)])")
+
+
+def _read_file(file: Path) -> tuple[list[Obstacle], float | None]:
+    """The shapes of a file and its finger angle; see `Scene.load`."""
     content = _content(file)
     finger_angle = None
     if isinstance(content, Mapping):
@@ -55,7 +170,7 @@ def read(path: str | Path) -> tuple[list[Obstacle], float | None]:
             finger_angle = checks.number(f"{file}: finger_angle", content["finger_angle"], "rad")
         content = content.get("obstacles", [])
     if not isinstance(content, list):
-        raise InvalidInputError(f"{file}: obstacles must be a list of shapes, got {shown(content)}")
+        raise checks.refusal(f"{file}: obstacles", "a list of shapes", content)
     return [_obstacle(f"{file}, obstacle {index}", entry, index) for index, entry in enumerate(content)], finger_angle
 
 
@@ -112,21 +227,25 @@ def _obstacle(where: str, entry: object, index: int) -> Obstacle:
         InvalidInputError: malformed.
         UnknownNameError: an unknown shape or key.
     """
-    if not isinstance(entry, Mapping):
-        raise InvalidInputError(f"{where} must be a mapping with the key 'shape', got {shown(entry)}")
-    if "shape" not in entry:
-        _check_keys(where, entry, ALL_KEYS)
-        raise InvalidInputError(f"{where}: needs the key 'shape', one of {', '.join(KEYS)}")
-    shape = checks.choice(f"shape in {where}:", entry["shape"], KEYS)
-    _check_keys(where, entry, ("shape", "name", *KEYS[shape]))
-    missing = [key for key in KEYS[shape] if key not in entry and key not in OPTIONAL]
+    given = checks.mapping(where, entry, "a mapping with the key 'shape'")
+    if "shape" not in given:
+        _check_keys(where, given, ALL_KEYS)
+        raise InvalidInputError(f"{where}: needs the key 'shape', one of {', '.join(SHAPES)}")
+    shape = checks.choice(f"shape in {where}:", given["shape"], SHAPES)
+    build, keys = SHAPES[shape]
+    _check_keys(where, given, ("shape", "name", *keys))
+    missing = [key for key in keys if key not in given and key not in OPTIONAL]
     if missing:
         raise InvalidInputError(f"{where}: {shape} needs {', '.join(missing)}")
-    name = entry.get("name", f"{shape}_{index}")
+    name = given.get("name", f"{shape}_{index}")
     if not isinstance(name, str) or not name:
-        raise InvalidInputError(f"{where}: name must be a word, got {shown(name)}")
+        raise checks.refusal(f"{where}: name", "a word", name)
+    values = {key: given[key] for key in keys if key in given}
     try:
-        return _BUILD[shape](name, entry)
+        if set(PLACE) <= set(keys):
+            position, *orientation = (values.pop(key, None) for key in PLACE)
+            values["pose"] = pose(position, orientation[0], rpy=orientation[1])
+        return build(name=name, **values)
     except InvalidInputError as error:
         raise InvalidInputError(f"{where}: {error}") from error
 
@@ -137,37 +256,8 @@ def _check_keys(where: str, entry: Mapping[object, object], known: tuple[str, ..
             raise UnknownNameError(f"key in {where}:", key, known)
 
 
-def _pose(entry: Mapping[str, ArrayLike]) -> pin.SE3:
-    return pose(entry["position"], quat_wxyz=entry.get("quat_wxyz"), rpy=entry.get("rpy"))
-
-
-def _round(kind: type[Capsule] | type[Cylinder]) -> Callable[[str, Mapping[str, ArrayLike]], Obstacle]:
-    return lambda name, entry: kind(name, entry["radius"], entry["length"], _pose(entry))  # type: ignore[arg-type]  # checked there
-
-
-_BUILD: dict[str, Callable[[str, Mapping[str, ArrayLike]], Obstacle]] = {
-    "box": lambda name, entry: Box(name, entry["size"], _pose(entry)),
-    "sphere": lambda name, entry: Sphere(name, entry["radius"], entry["position"]),  # type: ignore[arg-type]  # checked there
-    "capsule": _round(Capsule),
-    "cylinder": _round(Cylinder),
-    "floor": lambda name, entry: Floor(entry.get("height", 0.0), name),  # type: ignore[arg-type]  # checked there
-}
-
-
-HORIZONTAL = 1e-9  # a plane whose normal misses the vertical by less is a floor
-THINNEST = 1e-6  # [m] of a bounding box: a flat mesh has no thickness
-GEOM = mujoco.mjtGeom
-
-
-def obstacles(model: mujoco.MjModel, base: str | pin.SE3 | None, exclude: Iterable[str]) -> list[Obstacle]:
-    """The shapes in the frame of the arm's base; see `Scene.from_mujoco`.
-
-    Raises:
-        InvalidInputError: not a model, or a plane that is not horizontal in the base frame.
-        UnknownNameError: no such body, site or geom.
-    """
-    if not isinstance(model, mujoco.MjModel):
-        raise InvalidInputError(f"model must be a compiled mujoco.MjModel, got {shown(model)}")
+def _collect_geoms(model: mujoco.MjModel, base: str | pin.SE3 | None, exclude: Iterable[str]) -> list[Obstacle]:
+    """The shapes in the frame of the arm's base; see `Scene.from_mujoco`."""
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     T_base_world = _base(model, data, base).inverse()
@@ -179,11 +269,11 @@ def obstacles(model: mujoco.MjModel, base: str | pin.SE3 | None, exclude: Iterab
         if model.body_weldid[body] != 0 or not collides or geom in left_out:
             continue
         T_world_geom = pin.SE3(data.geom_xmat[geom].reshape(3, 3).copy(), data.geom_xpos[geom].copy())
-        found.append(_shape(model, geom, T_base_world * T_world_geom))
+        found.append(_obstacle_of_geom(model, geom, T_base_world * T_world_geom))
     return found
 
 
-def _shape(model: mujoco.MjModel, geom: int, pose: pin.SE3) -> Obstacle:
+def _obstacle_of_geom(model: mujoco.MjModel, geom: int, pose: pin.SE3) -> Obstacle:
     name = _name(model, geom)
     kind, size = int(model.geom_type[geom]), model.geom_size[geom]
     if kind == GEOM.mjGEOM_PLANE:
@@ -243,128 +333,3 @@ def _carriers(model: mujoco.MjModel) -> set[int]:
         if model.jnt_type[joint] in mjcf.SCALAR_JOINTS and parent and model.body_weldid[parent] == 0:
             found.update(np.flatnonzero(model.geom_bodyid == parent).tolist())
     return found
-
-
-class Scene:
-    """Obstacles that stand still in the base frame; immutable.
-
-    Attributes:
-        obstacles: the shapes.
-        finger_angle: angle at which the fingers stand when contact is looked for [rad]; None for the angle that the
-            robot was loaded with.
-    """
-
-    __slots__ = ("_measured", "finger_angle", "obstacles")
-
-    obstacles: tuple[Obstacle, ...]
-    finger_angle: float | None
-
-    def __init__(self, obstacles: Iterable[Obstacle] = (), *, finger_angle: float | None = None) -> None:
-        """Check the shapes.
-
-        Args:
-            obstacles: `Box`, `Sphere`, `Capsule`, `Cylinder`, `Floor`, or other shapes with `name` and `add_to`.
-            finger_angle: angle at which the fingers stand when contact is looked for [rad]; None for the angle that
-                the robot was loaded with.
-
-        Raises:
-            InvalidInputError: not shapes, two of the same name, or an angle that is not a number.
-        """
-        angle = None if finger_angle is None else checks.number("finger_angle", finger_angle, "rad")
-        object.__setattr__(self, "obstacles", checked_obstacles(obstacles))
-        object.__setattr__(self, "finger_angle", angle)
-        object.__setattr__(self, "_measured", weakref.WeakKeyDictionary())
-
-    def __setattr__(self, name: str, value: object) -> None:
-        """Refuse changes after construction."""
-        raise AttributeError(f"a Scene does not change; make another one instead of setting {name!r}")
-
-    def __repr__(self) -> str:
-        """The names of the shapes."""
-        return f"Scene({', '.join(self.names) or 'empty'})"
-
-    def __len__(self) -> int:
-        """Number of obstacles."""
-        return len(self.obstacles)
-
-    def __iter__(self) -> Iterator[Obstacle]:
-        """The obstacles in order."""
-        return iter(self.obstacles)
-
-    def __reduce__(self) -> tuple[object, tuple[object, ...]]:
-        """Pickle the shapes; what was compiled is made anew."""
-        return _rebuilt, (self.obstacles, self.finger_angle)
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the obstacles."""
-        return tuple(obstacle.name for obstacle in self.obstacles)
-
-    @classmethod
-    def load(cls, path: str | Path) -> Self:
-        """Read a .yaml, .yml or .json file; `docs/planning.md` has an example.
-
-        Raises:
-            InvalidInputError: no such file, another ending, malformed, or wrong numbers; names the entry.
-            UnknownNameError: an unknown shape or key.
-        """
-        obstacles, finger_angle = read(path)
-        return cls(obstacles, finger_angle=finger_angle)
-
-    @classmethod
-    def from_mujoco(
-        cls,
-        model: mujoco.MjModel,
-        *,
-        base: str | pin.SE3 | None = None,
-        exclude: Iterable[str] = (),
-        finger_angle: float | None = None,
-    ) -> Self:
-        """The geoms of a compiled MuJoCo model that stand still and can collide.
-
-        Meshes, height fields and ellipsoids become their bounding boxes. The body that carries an arm's first joint is
-        left out, as part of that arm.
-
-        Args:
-            model: the model, for example `physics.model`.
-            base: where the arm's base is: name of a body or site, or T_world_base; None for the world's origin.
-            exclude: names of geoms, or of bodies with all their geoms, to be left out.
-            finger_angle: as in `Scene`.
-
-        Raises:
-            InvalidInputError: not a model, or a plane that is not horizontal in the base frame.
-            UnknownNameError: no such body, site or geom.
-        """
-        return cls(obstacles(model, base, checks.listed("exclude", exclude)), finger_angle=finger_angle)
-
-    def measure(self, robot: Robot, rows: Array, *, self_collision: bool = False) -> Array:
-        """Distances (n,) [m] for checked configurations (n, dof); `Robot.clearance` is the public way."""
-        return np.array([found[0] for found in self.nearest(robot, rows, self_collision=self_collision)])
-
-    def nearest(
-        self, robot: Robot, rows: Array, *, self_collision: bool = False
-    ) -> list[tuple[float, tuple[str, str]]]:
-        """As `measure`, with the names of the two nearest shapes."""
-        prepared: dict[bool, ShapeDistances] = self._measured.setdefault(robot, {})
-        if self_collision not in prepared:
-            prepared[self_collision] = ShapeDistances(
-                robot, self.obstacles, self_collision=self_collision, finger_angle=self.finger_angle
-            )
-        return [prepared[self_collision].least(q) for q in rows]
-
-    _measured: weakref.WeakKeyDictionary[Robot, dict[bool, ShapeDistances]]
-
-
-def _rebuilt(obstacles: tuple[Obstacle, ...], finger_angle: float | None) -> Scene:
-    return Scene(obstacles, finger_angle=finger_angle)
-
-
-def checked_scene(name: str, value: object) -> Scene:
-    """A scene, or an error that names the argument.
-
-    Raises:
-        InvalidInputError: not a `Scene`.
-    """
-    if not isinstance(value, Scene):
-        raise InvalidInputError(f"{name} must be a Scene, for example Scene([Floor(0.0)]), got {shown(value)}")
-    return value
