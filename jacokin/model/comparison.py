@@ -1,17 +1,17 @@
-"""Do two descriptions, or two engines, agree? Poses, Jacobians, mass matrices, gravity at random configurations."""
+"""`crosscheck`: how far two descriptions, or Pinocchio and MuJoCo, differ in kinematics and dynamics."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TypeAlias
 
 import mujoco
 import numpy as np
 import pinocchio as pin
 
 from jacokin.arrays import Array
-from jacokin.errors import InvalidInputError, UnknownNameError, shown
+from jacokin.errors import InvalidInputError
 from jacokin.model import checks, mujoco_twin, poses
 from jacokin.model.descriptions import mjcf
 from jacokin.model.robot import Robot, checked_robot
@@ -34,6 +34,65 @@ TOLERANCES = {
 }
 
 DEFAULT_SAMPLES = 1000
+
+
+def crosscheck(
+    robot_a: Robot,
+    robot_b: Robot | None = None,
+    *,
+    samples: int = DEFAULT_SAMPLES,
+    rng: np.random.Generator | None = None,
+    joint_map: Mapping[str, str] | None = None,
+    frame_map: Mapping[str, str] | None = None,
+) -> CrossCheckReport:
+    """Compare two descriptions of one arm, or one description in Pinocchio and in MuJoCo.
+
+    Args:
+        robot_a: the first arm, in Pinocchio.
+        robot_b: the second arm, in Pinocchio; None for MuJoCo's own computation on the description of the first.
+        samples: number of random configurations within the limits of the first arm.
+        rng: randomness; None for a fixed seed.
+        joint_map: name in the second for a joint of the first, where they differ.
+        frame_map: name in the second for a frame of the first; None compares all frames of equal name.
+
+    Returns:
+        The largest deviations, with the configurations where they occur.
+
+    Raises:
+        UnknownNameError: a mapped name does not exist.
+        InvalidInputError: the arms have different joints or no frame in common, or `samples` is not positive.
+    """
+    samples = checks.whole_number("samples", samples, 1)
+    checked_robot("robot_a", robot_a)
+    if robot_b is not None:
+        checked_robot("robot_b", robot_b)
+    for name, mapping in (("joint_map", joint_map), ("frame_map", frame_map)):
+        if mapping is not None:
+            checks.mapping(name, mapping, "a dict of names")
+    if rng is not None:
+        checks.generator("rng", rng)
+    first = PinocchioEngine(robot_a)
+    second = MujocoEngine(robot_a) if robot_b is None else PinocchioEngine(robot_b)
+    order = _joint_order(first, second, joint_map or {})
+    frames = _frames(first, second, frame_map)
+    with_armature = first.has_armature == second.has_armature
+    notes = () if with_armature else ("mass matrices are compared without armature: only one side has it",)
+
+    rng = np.random.default_rng(0) if rng is None else rng
+    worst: dict[tuple[str, str], tuple[float, Array]] = {}
+    for q in robot_a.sample(rng, samples):
+        first.update(q)
+        moved = np.empty_like(q)
+        moved[order] = q
+        second.update(moved)
+        for key, value in _differences(first, second, frames, order, with_armature).items():
+            if key not in worst or not value <= worst[key][0]:
+                worst[key] = value, q
+    rows = tuple(
+        Deviation(quantity, frame, value, QUANTITIES[quantity], checks.read_only(q))
+        for (quantity, frame), (value, q) in sorted(worst.items(), key=lambda item: list(QUANTITIES).index(item[0][0]))
+    )
+    return CrossCheckReport(first.label, second.label, samples, rows, notes)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -82,9 +141,7 @@ class CrossCheckReport:
         Raises:
             InvalidInputError: the tolerances are not numbers by the names of quantities.
         """
-        if not isinstance(tolerances, Mapping):
-            raise InvalidInputError(f"tolerances must map quantities to numbers, got {shown(tolerances)}")
-        for quantity, tolerance in tolerances.items():
+        for quantity, tolerance in checks.mapping("tolerances", tolerances, "a dict of numbers by quantity").items():
             checks.non_negative(f"tolerances[{checks.choice('quantity', quantity, QUANTITIES)!r}]", tolerance)
         return all(row.value <= tolerances.get(row.quantity, np.inf) for row in self.deviations)
 
@@ -93,30 +150,6 @@ class CrossCheckReport:
         lines = [f"{self.first} against {self.second}, {self.samples} random configurations"]
         lines += [f"{row.quantity:15} {row.frame:18} {row.value:10.3e} {row.unit}" for row in self.deviations]
         return "\n".join([*lines, *self.notes])
-
-
-class Engine(Protocol):
-    """What can be compared: kinematics and dynamics of one arm at a configuration."""
-
-    label: str
-    joint_names: tuple[str, ...]
-    frames: tuple[str, ...]
-    has_armature: bool
-
-    def update(self, q: Array) -> None:
-        """Compute everything at `q`."""
-
-    def pose(self, frame: str) -> tuple[Array, Array]:
-        """Position (3,) [m] and rotation (3, 3)."""
-
-    def jacobian(self, frame: str) -> Array:
-        """(6, dof), local world aligned."""
-
-    def mass_matrix(self, with_armature: bool) -> Array:
-        """(dof, dof)."""
-
-    def gravity_torque(self) -> Array:
-        """(dof,) torque that holds the arm still."""
 
 
 class PinocchioEngine:
@@ -160,122 +193,6 @@ class PinocchioEngine:
     def gravity_torque(self) -> Array:
         """(dof,) torque that holds the arm still [N m]."""
         return np.array(self._data.g)
-
-
-def crosscheck(
-    robot_a: Robot,
-    robot_b: Robot | None = None,
-    *,
-    samples: int = DEFAULT_SAMPLES,
-    rng: np.random.Generator | None = None,
-    joint_map: Mapping[str, str] | None = None,
-    frame_map: Mapping[str, str] | None = None,
-) -> CrossCheckReport:
-    """Compare two descriptions of one arm, or one description in Pinocchio and in MuJoCo.
-
-    Args:
-        robot_a: the first arm, in Pinocchio.
-        robot_b: the second arm, in Pinocchio; None for MuJoCo's own computation on the description of the first.
-        samples: number of random configurations within the limits of the first arm.
-        rng: randomness; None for a fixed seed.
-        joint_map: name in the second for a joint of the first, where they differ.
-        frame_map: name in the second for a frame of the first; None compares all frames of equal name.
-
-    Returns:
-        The largest deviations, with the configurations where they occur.
-
-    Raises:
-        UnknownNameError: a mapped name does not exist.
-        InvalidInputError: the arms have different joints or no frame in common, or `samples` is not positive.
-    """
-    samples = checks.whole_number("samples", samples, 1)
-    checked_robot("robot_a", robot_a)
-    if robot_b is not None:
-        checked_robot("robot_b", robot_b)
-    for name, mapping in (("joint_map", joint_map), ("frame_map", frame_map)):
-        if mapping is not None and not isinstance(mapping, Mapping):
-            raise InvalidInputError(f"{name} must be a mapping of names, got {shown(mapping)}")
-    if rng is not None:
-        checks.generator("rng", rng)
-    first: Engine = PinocchioEngine(robot_a)
-    second = _second_engine(robot_a, robot_b)
-    order = _joint_order(first, second, joint_map or {})
-    frames = _frames(first, second, frame_map)
-    with_armature = first.has_armature == second.has_armature
-    notes = () if with_armature else ("mass matrices are compared without armature: only one side has it",)
-
-    rng = np.random.default_rng(0) if rng is None else rng
-    worst: dict[tuple[str, str], tuple[float, Array]] = {}
-    for q in robot_a.sample(rng, samples):
-        first.update(q)
-        moved = np.empty_like(q)
-        moved[order] = q
-        second.update(moved)
-        for key, value in _differences(first, second, frames, order, with_armature).items():
-            if key not in worst or not value <= worst[key][0]:
-                worst[key] = value, q
-    rows = tuple(
-        Deviation(quantity, frame, value, QUANTITIES[quantity], checks.read_only(q))
-        for (quantity, frame), (value, q) in sorted(worst.items(), key=lambda item: list(QUANTITIES).index(item[0][0]))
-    )
-    return CrossCheckReport(first.label, second.label, samples, rows, notes)
-
-
-def _second_engine(robot_a: Robot, robot_b: Robot | None) -> Engine:
-    if robot_b is not None:
-        return PinocchioEngine(robot_b)
-
-    return MujocoEngine(robot_a)
-
-
-def _joint_order(first: Engine, second: Engine, joint_map: Mapping[str, str]) -> list[int]:
-    """Index in the second arm of each joint of the first."""
-    for name in joint_map:
-        if name not in first.joint_names:
-            raise UnknownNameError("joint", name, first.joint_names)
-    wanted = [joint_map.get(name, name) for name in first.joint_names]
-    for name in wanted:
-        if name not in second.joint_names:
-            raise UnknownNameError("joint", name, second.joint_names)
-    if sorted(wanted) != sorted(second.joint_names):
-        raise InvalidInputError(
-            f"the arms have different joints: {', '.join(first.joint_names)} and {', '.join(second.joint_names)}"
-        )
-    return [second.joint_names.index(name) for name in wanted]
-
-
-def _frames(first: Engine, second: Engine, frame_map: Mapping[str, str] | None) -> list[tuple[str, str]]:
-    """Pairs of frames that mean the same."""
-    if frame_map is None:
-        pairs = [(name, name) for name in first.frames if name in second.frames]
-    else:
-        pairs = list(frame_map.items())
-        for a, b in pairs:
-            for engine, name in ((first, a), (second, b)):
-                if name not in engine.frames:
-                    raise UnknownNameError("frame", name, engine.frames)
-    if not pairs:
-        raise InvalidInputError(
-            f"no frame in common: {', '.join(first.frames)} and {', '.join(second.frames)}; give frame_map"
-        )
-    return pairs
-
-
-def _differences(
-    first: Engine, second: Engine, frames: list[tuple[str, str]], order: list[int], with_armature: bool
-) -> dict[tuple[str, str], float]:
-    """Largest element-wise differences at the present configuration."""
-    values: dict[tuple[str, str], float] = {}
-    for a, b in frames:
-        position_a, rotation_a = first.pose(a)
-        position_b, rotation_b = second.pose(b)
-        values["position", a] = float(np.linalg.norm(position_a - position_b))
-        values["rotation", a] = poses.rotation_angle(rotation_a.T @ rotation_b)
-        values["jacobian", a] = float(np.abs(first.jacobian(a) - second.jacobian(b)[:, order]).max())
-    mass = second.mass_matrix(with_armature)[np.ix_(order, order)]
-    values["mass_matrix", ""] = float(np.abs(first.mass_matrix(with_armature) - mass).max())
-    values["gravity_torque", ""] = float(np.abs(first.gravity_torque() - second.gravity_torque()[order]).max())
-    return values
 
 
 class MujocoEngine:
@@ -358,3 +275,51 @@ class MujocoEngine:
     def gravity_torque(self) -> Array:
         """(dof,) torque that holds the arm still [N m]."""
         return np.array(self._data.qfrc_bias[self._dofs])
+
+
+Engine: TypeAlias = PinocchioEngine | MujocoEngine
+
+
+def _joint_order(first: Engine, second: Engine, joint_map: Mapping[str, str]) -> list[int]:
+    """Index in the second arm of each joint of the first."""
+    for name in joint_map:
+        checks.choice("joint", name, first.joint_names)
+    wanted = [checks.choice("joint", joint_map.get(name, name), second.joint_names) for name in first.joint_names]
+    if sorted(wanted) != sorted(second.joint_names):
+        raise InvalidInputError(
+            f"the arms have different joints: {', '.join(first.joint_names)} and {', '.join(second.joint_names)}"
+        )
+    return [second.joint_names.index(name) for name in wanted]
+
+
+def _frames(first: Engine, second: Engine, frame_map: Mapping[str, str] | None) -> list[tuple[str, str]]:
+    """Pairs of frames that mean the same."""
+    if frame_map is None:
+        pairs = [(name, name) for name in first.frames if name in second.frames]
+    else:
+        pairs = list(frame_map.items())
+        for a, b in pairs:
+            checks.choice("frame", a, first.frames)
+            checks.choice("frame", b, second.frames)
+    if not pairs:
+        raise InvalidInputError(
+            f"no frame in common: {', '.join(first.frames)} and {', '.join(second.frames)}; give frame_map"
+        )
+    return pairs
+
+
+def _differences(
+    first: Engine, second: Engine, frames: list[tuple[str, str]], order: list[int], with_armature: bool
+) -> dict[tuple[str, str], float]:
+    """Largest element-wise differences at the present configuration."""
+    values: dict[tuple[str, str], float] = {}
+    for a, b in frames:
+        position_a, rotation_a = first.pose(a)
+        position_b, rotation_b = second.pose(b)
+        values["position", a] = float(np.linalg.norm(position_a - position_b))
+        values["rotation", a] = poses.rotation_angle(rotation_a.T @ rotation_b)
+        values["jacobian", a] = float(np.abs(first.jacobian(a) - second.jacobian(b)[:, order]).max())
+    mass = second.mass_matrix(with_armature)[np.ix_(order, order)]
+    values["mass_matrix", ""] = float(np.abs(first.mass_matrix(with_armature) - mass).max())
+    values["gravity_torque", ""] = float(np.abs(first.gravity_torque() - second.gravity_torque()[order]).max())
+    return values

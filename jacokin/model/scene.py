@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import weakref
+from collections import Counter
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -12,6 +13,7 @@ from typing import Self
 import mujoco
 import numpy as np
 import pinocchio as pin
+import yaml
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, UnknownNameError
@@ -176,8 +178,6 @@ def _read_file(file: Path) -> tuple[list[Obstacle], float | None]:
 
 def _content(file: Path) -> object:
     """What a file holds, as plain Python."""
-    import yaml
-
     ending = file.suffix.lower()
     if ending not in ENDINGS:
         raise InvalidInputError(f"the file of a scene must end in {' or '.join(ENDINGS)}, got {str(file)!r}")
@@ -190,34 +190,34 @@ def _content(file: Path) -> object:
     except UnicodeDecodeError as error:
         raise InvalidInputError(f"{file}: not a text file: {error}") from error
 
-    class Loader(yaml.SafeLoader):
-        """YAML's own takes the last of two equal keys."""
-
-        def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, object]:
-            _once([(key.value, value) for key, value in node.value if key.tag == "tag:yaml.org,2002:str"])
-            return super().construct_mapping(node, deep)
-
     try:
         if ending == ".json":
-            return json.loads(text, object_pairs_hook=_once)
-        return yaml.load(text, Loader)
+            return json.loads(text, object_pairs_hook=_refuse_repeated_keys)
+        return yaml.load(text, _Loader)
     except InvalidInputError as error:
         raise InvalidInputError(f"{file}: {error}") from error
     except (ValueError, yaml.YAMLError, RecursionError) as error:
         raise InvalidInputError(f"{file}: not a {ending[1:].upper()} file: {error}") from error
 
 
-def _once(pairs: Sequence[tuple[str, object]]) -> dict[str, object]:
-    """A mapping without a key that is given twice.
+class _Loader(yaml.SafeLoader):
+    """YAML without repeated keys: YAML's own takes the last of two equal ones."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, object]:
+        _refuse_repeated_keys([(key.value, value) for key, value in node.value if key.tag == "tag:yaml.org,2002:str"])
+        return super().construct_mapping(node, deep)
+
+
+def _refuse_repeated_keys(pairs: Sequence[tuple[str, object]]) -> dict[str, object]:
+    """A mapping of pairs.
 
     Raises:
-        InvalidInputError: there is one.
+        InvalidInputError: a key is given twice.
     """
-    found = dict(pairs)
-    if len(found) < len(pairs):
-        keys = [key for key, _ in pairs]
-        raise InvalidInputError(f"the key {next(key for key in keys if keys.count(key) > 1)!r} is given twice")
-    return found
+    repeated = [key for key, count in Counter(key for key, _ in pairs).items() if count > 1]
+    if repeated:
+        raise InvalidInputError(f"the key {repeated[0]!r} is given twice")
+    return dict(pairs)
 
 
 def _obstacle(where: str, entry: object, index: int) -> Obstacle:
