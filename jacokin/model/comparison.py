@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import mujoco
 import numpy as np
@@ -207,14 +207,13 @@ class MujocoEngine:
         self._data = mujoco.MjData(model)
         self.label = f"{robot.name} in MuJoCo"
         self.joint_names = robot.joint_names
-        self._qpos = mjcf.joint_addresses(model, robot.joint_names)
-        self._dofs = mjcf.dof_addresses(model, robot.joint_names)
+        joints = mjcf.joint_ids(model, robot.joint_names)
+        self._qpos, self._dofs = model.jnt_qposadr[joints], model.jnt_dofadr[joints]
         self.has_armature = bool(np.any(model.dof_armature[self._dofs]))
-        self._bodies = {mjcf.body_name(model, body): body for body in range(model.nbody)}
-        self._sites = {mjcf.site_name(model, site): site for site in range(model.nsite)}
-        self.frames = tuple(name for name in robot.frames if name in self._bodies or name in self._sites)
+        self._frames = _live_frames(model, self._data)
+        self.frames = tuple(name for name in robot.frames if name in self._frames)
+        self._base = self._frames.get(robot.base, self._frames[mjcf.body_name(model, 0)])
         self._hold_still(robot)
-        self._base = robot.base if robot.base in self._bodies or robot.base in self._sites else None
         self._mass = np.zeros((model.nv, model.nv))
 
     def _hold_still(self, robot: Robot) -> None:
@@ -240,32 +239,18 @@ class MujocoEngine:
         mujoco.mj_rne(self._model, self._data, 0, self._data.qfrc_bias)
         mujoco.mj_fullM(self._model, self._data, self._mass)
 
-    def _placement(self, frame: str) -> tuple[Array, Array]:
-        if frame in self._bodies:
-            body = self._bodies[frame]
-            return np.array(self._data.xpos[body]), np.array(self._data.xmat[body]).reshape(3, 3)
-        site = self._sites[frame]
-        return np.array(self._data.site_xpos[site]), np.array(self._data.site_xmat[site]).reshape(3, 3)
-
     def pose(self, frame: str) -> tuple[Array, Array]:
         """Position (3,) [m] and rotation (3, 3) of a frame in the base."""
-        position, rotation = self._placement(frame)
-        if self._base is None:
-            return position, rotation
-        base_position, base_rotation = self._placement(self._base)
-        return base_rotation.T @ (position - base_position), base_rotation.T @ rotation
+        base, placed = self._base, self._frames[frame]
+        return base.rotation.T @ (placed.position - base.position), base.rotation.T @ placed.rotation
 
     def jacobian(self, frame: str) -> Array:
         """(6, dof), local world aligned."""
         linear, angular = np.zeros((3, self._model.nv)), np.zeros((3, self._model.nv))
-        if frame in self._bodies:
-            mujoco.mj_jacBody(self._model, self._data, linear, angular, self._bodies[frame])
-        else:
-            mujoco.mj_jacSite(self._model, self._data, linear, angular, self._sites[frame])
-        if self._base is not None:
-            to_base = self._placement(self._base)[1].T
-            linear, angular = to_base @ linear, to_base @ angular
-        return np.vstack((linear, angular))[:, self._dofs]
+        placed = self._frames[frame]
+        placed.compute_jacobian(self._model, self._data, linear, angular, placed.id)
+        to_base = self._base.rotation.T
+        return np.vstack((to_base @ linear, to_base @ angular))[:, self._dofs]
 
     def mass_matrix(self, with_armature: bool) -> Array:
         """(dof, dof), with or without armature."""
@@ -278,6 +263,28 @@ class MujocoEngine:
 
 
 Engine: TypeAlias = PinocchioEngine | MujocoEngine
+
+
+class _LiveFrame(NamedTuple):
+    """A body or site of MuJoCo, with views of the working memory."""
+
+    position: Array
+    rotation: Array
+    compute_jacobian: Callable[..., None]
+    id: int
+
+
+def _live_frames(model: mujoco.MjModel, data: mujoco.MjData) -> dict[str, _LiveFrame]:
+    """Bodies and sites by name, in the world; of a body and a site with the same name, the body."""
+    sites = {
+        mjcf.site_name(model, i): _LiveFrame(data.site_xpos[i], data.site_xmat[i].reshape(3, 3), mujoco.mj_jacSite, i)
+        for i in range(model.nsite)
+    }
+    bodies = {
+        mjcf.body_name(model, i): _LiveFrame(data.xpos[i], data.xmat[i].reshape(3, 3), mujoco.mj_jacBody, i)
+        for i in range(model.nbody)
+    }
+    return sites | bodies
 
 
 def _joint_order(first: Engine, second: Engine, joint_map: Mapping[str, str]) -> list[int]:

@@ -1,4 +1,4 @@
-"""A configuration every robot can start from: within the limits, and free of self-contact where there are shapes."""
+"""`find` a configuration to start from: within the limits, and free of self-contact where there are shapes."""
 
 from __future__ import annotations
 
@@ -95,10 +95,10 @@ def _keyframe(robot: Robot) -> Array | None:
     model = robot.source.content
     if model is None or isinstance(model, str):
         return None
-    from jacokin.model.descriptions import mjcf
+    from jacokin.model.descriptions import mjcf  # loads MuJoCo
 
     for key in range(model.nkey):
         if model.key(key).name == KEYFRAME:
-            address = mjcf.joint_addresses(model, robot.joint_names)
-            return np.array(model.key_qpos[key][address])
+            addresses = model.jnt_qposadr[mjcf.joint_ids(model, robot.joint_names)]
+            return np.array(model.key_qpos[key][addresses])
     return None

@@ -7,7 +7,9 @@ MuJoCo compiles too: `with_shapes` and `with_masses`.
 
 from __future__ import annotations
 
+import itertools
 import xml.etree.ElementTree as ET
+from collections.abc import Mapping
 
 import mujoco
 import numpy as np
@@ -122,7 +124,7 @@ def add_shapes(
     model = robot.pin_model
     fingers = None if finger_angle is None else _Fingers(source, robot, finger_angle)
     names = set(robot.frames)
-    placed: dict[int, str] = {}  # geom of the source -> its name here
+    carrier: dict[int, int] = {}  # geom of the source -> number of the joint that moves it
     for geom in range(source.ngeom):
         body = int(source.geom_bodyid[geom])
         link = mjcf.body_name(source, body)
@@ -131,9 +133,11 @@ def add_shapes(
         frame = model.frames[robot.frame_id(link)]
         T_carrier_link = frame.placement if fingers is None else fingers.placement(body, frame.parentJoint)
         T_carrier_geom = T_carrier_link * mjcf.placement(source.geom_quat[geom], source.geom_pos[geom])
-        placed[geom] = _add_geom(spec, carriers[frame.parentJoint], source, geom, T_carrier_geom)
-    for first, second in _pairs(source, sorted(placed), robot):
-        spec.add_pair(name=f"{placed[first]}~{placed[second]}", geomname1=placed[first], geomname2=placed[second])
+        carrier[geom] = frame.parentJoint
+        _add_geom(spec, carriers[frame.parentJoint], source, geom, T_carrier_geom)
+    for pair in _pairs(source, carrier):
+        first, second = (mjcf.geom_name(source, geom) for geom in pair)
+        spec.add_pair(name=f"{first}~{second}", geomname1=first, geomname2=second)
 
 
 class _Fingers:
@@ -171,9 +175,9 @@ class _Fingers:
 
 def _add_geom(
     spec: mujoco.MjSpec, body: mujoco.MjsBody, source: mujoco.MjModel, geom: int, T_body_geom: pin.SE3
-) -> str:
+) -> None:
     """One shape; meshes are copied as vertices, and collide as their convex hull, as in MuJoCo."""
-    name = str(source.geom(geom).name) or f"{mjcf.body_name(source, int(source.geom_bodyid[geom]))}#{geom}"
+    name = mjcf.geom_name(source, geom)
     kind = mujoco.mjtGeom(source.geom_type[geom])
     shape: dict[str, object] = {"size": source.geom_size[geom]}
     if kind == mujoco.mjtGeom.mjGEOM_MESH:
@@ -190,7 +194,6 @@ def _add_geom(
         **shape,
     )
     added.mass = 0.0
-    return name
 
 
 def _mesh_vertices(source: mujoco.MjModel, mesh: int) -> Array:
@@ -198,27 +201,20 @@ def _mesh_vertices(source: mujoco.MjModel, mesh: int) -> Array:
     return np.array(source.mesh_vert[first : first + int(source.mesh_vertnum[mesh])], dtype=np.float64)
 
 
-def _pairs(source: mujoco.MjModel, geoms: list[int], robot: Robot) -> list[tuple[int, int]]:
+def _pairs(source: mujoco.MjModel, carrier: Mapping[int, int]) -> list[tuple[int, int]]:
     """Pairs of shapes MuJoCo would test: masks agree, not parent and child, not excluded, and able to move apart."""
-    carrier = {
-        geom: robot.pin_model.frames[robot.frame_id(mjcf.body_name(source, int(source.geom_bodyid[geom])))].parentJoint
-        for geom in geoms
-    }
     # MuJoCo's signature of an excluded pair: lower body id in the high half.
     excluded = {int(signature) for signature in source.exclude_signature}
     pairs = []
-    for position, first in enumerate(geoms):
-        for second in geoms[position + 1 :]:
-            if carrier[first] == carrier[second]:
-                continue
-            body_a, body_b = int(source.geom_bodyid[first]), int(source.geom_bodyid[second])
-            if (min(body_a, body_b) << 16) + max(body_a, body_b) in excluded:
-                continue
-            masks = (source.geom_contype[first] & source.geom_conaffinity[second]) | (
-                source.geom_contype[second] & source.geom_conaffinity[first]
-            )
-            if masks and not _parent_and_child(source, body_a, body_b):
-                pairs.append((first, second))
+    for first, second in itertools.combinations(sorted(carrier), 2):
+        body_a, body_b = int(source.geom_bodyid[first]), int(source.geom_bodyid[second])
+        if carrier[first] == carrier[second] or (min(body_a, body_b) << 16) + max(body_a, body_b) in excluded:
+            continue
+        masks = (source.geom_contype[first] & source.geom_conaffinity[second]) | (
+            source.geom_contype[second] & source.geom_conaffinity[first]
+        )
+        if masks and not _parent_and_child(source, body_a, body_b):
+            pairs.append((first, second))
     return pairs
 
 

@@ -274,7 +274,7 @@ def _collect_geoms(model: mujoco.MjModel, base: str | pin.SE3 | None, exclude: I
 
 
 def _obstacle_of_geom(model: mujoco.MjModel, geom: int, pose: pin.SE3) -> Obstacle:
-    name = _name(model, geom)
+    name = mjcf.geom_name(model, geom)
     kind, size = int(model.geom_type[geom]), model.geom_size[geom]
     if kind == GEOM.mjGEOM_PLANE:
         if pose.rotation[2, 2] < 1.0 - HORIZONTAL:
@@ -288,11 +288,6 @@ def _obstacle_of_geom(model: mujoco.MjModel, geom: int, pose: pin.SE3) -> Obstac
         return Cylinder(name, float(size[0]), 2.0 * float(size[1]), pose)
     centre, half = model.geom_aabb[geom][:3], np.maximum(model.geom_aabb[geom][3:], 0.5 * THINNEST)
     return Box(name, 2.0 * half, pose * pin.SE3(np.eye(3), centre))
-
-
-def _name(model: mujoco.MjModel, geom: int) -> str:
-    """Name of a geom; unnamed ones get a name from their body and number."""
-    return str(model.geom(geom).name) or f"{mjcf.body_name(model, int(model.geom_bodyid[geom]))}#{geom}"
 
 
 def _base(model: mujoco.MjModel, data: mujoco.MjData, base: str | pin.SE3 | None) -> pin.SE3:
@@ -312,7 +307,7 @@ def _base(model: mujoco.MjModel, data: mujoco.MjData, base: str | pin.SE3 | None
 
 
 def _excluded(model: mujoco.MjModel, exclude: Iterable[str]) -> set[int]:
-    geoms = {_name(model, geom): geom for geom in range(model.ngeom)}
+    geoms = {mjcf.geom_name(model, geom): geom for geom in range(model.ngeom)}
     bodies = {mjcf.body_name(model, body): body for body in range(model.nbody)}
     found: set[int] = set()
     for name in exclude:
