@@ -83,7 +83,7 @@ def _has_the_joints_of(robot: Robot, name: str) -> bool:
     if robot.dof != len(rows):
         return False
     for row, placement in zip(rows[1:], list(robot.pin_model.jointPlacements)[2:], strict=True):
-        rpy = np.array([bundled.angle(value) for value in row["rpy"]])
+        rpy = np.array([bundled.parse_angle(value) for value in row["rpy"]])
         expected = pin.SE3(pin.rpy.rpyToMatrix(rpy), np.array(row["xyz"], dtype=np.float64))
         if not np.allclose(placement.homogeneous, expected.homogeneous, rtol=0.0, atol=SAME_PLACE):
             return False

@@ -56,9 +56,9 @@ def test_page_of_numbers_has_every_robot_source_and_doubt() -> None:
 
     for name in NAMES:
         assert f"### {name}: " in text
-    for key, source in bundled.load()["sources"].items():
+    for key, source in bundled.robot_table()["sources"].items():
         assert f"| {key} | {source} |" in text
-    everything = doubts(dict(bundled.load())) + doubts(dict(bundled.load("shapes.toml")))
+    everything = doubts(dict(bundled.robot_table())) + doubts(dict(bundled.robot_table("shapes.toml")))
     assert len(everything) > 20
     for doubt in everything:
         assert doubt in text

@@ -118,11 +118,11 @@ def test_every_number_has_a_unit_and_a_source() -> None:
 
 def test_angles_are_exact(generator: ModuleType) -> None:
     description = sys.modules[generator.describe.__module__]
-    assert description.angle("-pi/2") == -math.pi / 2
-    assert description.angle("pi/3") == math.pi / 3
-    assert description.angle(0.5) == 0.5
+    assert description.parse_angle("-pi/2") == -math.pi / 2
+    assert description.parse_angle("pi/3") == math.pi / 3
+    assert description.parse_angle(0.5) == 0.5
     with pytest.raises(ValueError, match=r"'2pi' is not an angle.*'pi/3'"):
-        description.angle("2pi")
+        description.parse_angle("2pi")
 
 
 # --- names and contents --------------------------------------------------------------------------------------

@@ -115,4 +115,4 @@ def test_what_a_new_arm_lacks_is_named(case: str, generator: Any) -> None:
 
 def test_a_section_that_is_missing_lists_those_there_are() -> None:
     with pytest.raises(UnknownNameError, match="'j3n6'.*Did you mean.*Valid: j2n6, j2s6, m1n6"):
-        bundled.section(bundled.load()["arms"], "j3n6")
+        bundled.section(bundled.robot_table()["arms"], "j3n6")
