@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from jacokin.model.descriptions import bundled
 
-FOLDER = Path(__file__).resolve().parents[2] / "urdf"
+FOLDER = Path(__file__).resolve().parents[3] / "urdf"
 NAMES = ("j2n6s300", "j2n6s200", "j2s6s200", "j2s6s300", "m1n6s200", "m1n6s300", "j2s7s300", "j2s7s200")
 ARM_LINKS = ["link_base", "link_1", "link_2", "link_3", "link_4", "link_5", "link_6"]
 JOINTS = {name: 7 if name[3] == "7" else 6 for name in NAMES}

@@ -17,7 +17,7 @@ from jacokin.errors import ModelError, UnknownNameError
 from jacokin.model import NAMES
 from jacokin.model.descriptions import bundled
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 Table = dict[str, Any]
 
 LONG = 0.5  # [m] between joints 2 and 3 of the new arm
