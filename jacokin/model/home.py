@@ -18,7 +18,7 @@ SAME_PLACE = 1e-3  # [m, or of a matrix] between the joints of a file and those 
 
 
 def documented(name: str) -> Home:
-    """The home that the table gives a bundled robot; its tests see to it that it is free of contact."""
+    """The home of a bundled robot in the table of numbers, free of contact as tests check."""
     q = np.array(bundled.variant(name)["home"], dtype=np.float64)
     return Home(q, f"documented for the {name}")
 
@@ -78,7 +78,7 @@ def _candidates(robot: Robot) -> Iterator[Home]:
 
 
 def _has_the_joints_of(robot: Robot, name: str) -> bool:
-    """Whether the joints stand to each other as those of a bundled arm, wherever the base is and whatever the names."""
+    """Whether each joint has the place after the one before it that it has in a bundled arm; names do not count."""
     rows = list(bundled.arm_joints(name).values())
     if robot.dof != len(rows):
         return False

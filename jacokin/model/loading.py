@@ -118,8 +118,8 @@ def _problem(path: Path) -> str | None:
     """Why a path cannot be read as a file; None when it can. Reading a FIFO would wait without end."""
     try:
         mode = path.stat().st_mode
-    except (OSError, RuntimeError, ValueError) as error:
-        if isinstance(error, RuntimeError) or getattr(error, "errno", None) == errno.ELOOP:
+    except (OSError, ValueError) as error:
+        if getattr(error, "errno", None) == errno.ELOOP:
             return "is a loop of symbolic links"
         if getattr(error, "errno", None) in (errno.EACCES, errno.EPERM):
             return "cannot be read: permission denied"
@@ -165,7 +165,7 @@ def _documented_home(name: str, model: pin.Model) -> Home | HomeFinder:
 
 
 def _locked_reference(full: pin.Model, reference: Array, finger_angle: float | None) -> Array:
-    """Configuration at which joints off the arm are frozen; the arm's own entries do not matter."""
+    """Configuration at which joints off the arm are locked; the arm's own entries have no effect."""
     q = np.array(reference, dtype=np.float64)
     for index in range(1, full.njoints):
         joint = full.joints[index]
@@ -178,7 +178,7 @@ def _locked_reference(full: pin.Model, reference: Array, finger_angle: float | N
 
 
 def _refuse_coupled(model: pin.Model, couplings: Iterable[chain.Coupling]) -> None:
-    """Solving needs joints that move independently of each other and of what holds the arm."""
+    """Refuse an arm whose joints are coupled: solving needs joints that move independently."""
     for joint in tuple(model.names)[1:]:
         for coupling in couplings:
             if joint in coupling.joints:

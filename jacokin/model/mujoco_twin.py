@@ -108,7 +108,7 @@ def _add_joint(body: mujoco.MjsBody, robot: Robot, index: int) -> None:
 def add_shapes(
     spec: mujoco.MjSpec, carriers: list[mujoco.MjsBody], robot: Robot, finger_angle: float | None = None
 ) -> None:
-    """Copy the colliding shapes of the arm, and MuJoCo's own choice of which pairs may touch.
+    """Copy the collision shapes of the arm, and the pairs of them that MuJoCo would test for contact.
 
     Args:
         spec: the twin.

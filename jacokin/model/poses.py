@@ -24,7 +24,7 @@ RIGID_TOLERANCE = 1e-6  # |R^T R - I|: admits float32 matrices (1e-7), refuses s
 ORTHONORMAL = 1e-14  # |R^T R - I| of a product of a dozen rotations: rounding, left as it is
 # The tool pointing vertically down: half a turn about the horizontal axis (0, 1, 1) / sqrt(2) of the tool.
 DOWN_QUAT_WXYZ = (0.0, math.sqrt(0.5), math.sqrt(0.5), 0.0)
-FULL_TURN = 1e-12  # [rad] a range this near to a full turn is one, longer ones too: what a double resolves
+FULL_TURN = 1e-12  # [rad] a range this near to a full turn, shorter or longer, is one: what a double resolves
 FARTHEST_ANGLE = 1e3  # [rad] of a range: a parameter keeps its digits
 VERTICAL = 1e-9  # sine; an approach this near to vertical has no horizontal direction of its own
 
@@ -212,7 +212,7 @@ def checked_pose(target: pin.SE3 | ArrayLike, name: str = "target") -> pin.SE3:
 
 
 def matrix_of(target: pin.SE3 | ArrayLike, name: str = "target") -> Array:
-    """A rigid homogeneous matrix (4, 4) of one's own from a `pin.SE3` or a matrix, positions in [m].
+    """A rigid homogeneous matrix (4, 4), always a copy, of a `pin.SE3` or a matrix, positions in [m].
 
     Raises:
         InvalidInputError: wrong type or shape, not finite, or not rigid.

@@ -61,13 +61,13 @@ def extract(full: pin.Model, q_reference: Array, base: str | None, tip: str | No
 
     Args:
         full: the whole robot.
-        q_reference: (full.nq,) configuration at which everything off the chain is frozen.
+        q_reference: (full.nq,) configuration at which everything off the chain is locked.
         base: frame the result is expressed in; None for the world of the model.
         tip: frame at the end of the chain; None to end where the tree branches.
         name: name of the result.
 
     Returns:
-        A model whose universe is `base`; frames of the frozen parts are kept, rigidly attached.
+        A model whose universe is `base`; frames of the locked parts are kept, rigidly attached.
 
     Raises:
         UnknownNameError: no such base or tip.
@@ -177,7 +177,7 @@ def _length(model: pin.Model, joint: int) -> int:
 
 
 def _advice(model: pin.Model, starts: list[int]) -> str:
-    """What to say with tip=..., with a frame at the end of each chain, the longest chains first."""
+    """Advice to give tip=..., with frames at the ends of the chains, those of the longest first."""
     frames = {model.frames[index].parentJoint: name for name, index in reversed(frame_names(model).items())}
     ends = [_before_the_branches(model, start)[0] for start in sorted(starts, key=lambda start: -_length(model, start))]
     candidates = [frames[joint] for joint in ends if joint in frames][:NAMED_CANDIDATES]
@@ -226,7 +226,7 @@ def _one_coordinate_joint(full: pin.Model, index: int) -> tuple[object, bool]:
 
 
 def _check_place(what: str, placement: pin.SE3) -> None:
-    """Refuse what is not finite, or so far from the joint before it that no tolerance can be met there."""
+    """Refuse a place that is not finite, or so far from the joint before it that rounding exceeds every tolerance."""
     if not np.abs(placement.homogeneous).max() <= FARTHEST:
         x, y, z = placement.translation
         raise ModelError(

@@ -94,7 +94,7 @@ def compile_mjcf(path: Path) -> mujoco.MjModel:
 
 
 def _refuse_nan(path: Path) -> None:
-    """Name a NaN before MuJoCo warns of it and goes on; what cannot be parsed is left for MuJoCo to name."""
+    """Refuse NaN, of which MuJoCo would only warn. Files that cannot be parsed are left to MuJoCo, which says why."""
     try:
         elements = ET.parse(path).getroot().iter()
     except (OSError, ET.ParseError):

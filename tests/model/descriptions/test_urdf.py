@@ -187,7 +187,7 @@ def test_many_damaged_urdfs_are_read_or_named(seed: int) -> None:
 
 
 def damage_and_check(seed: int) -> None:
-    """Deleted, doubled and emptied elements and attributes: `checked` lets through only what has one tree."""
+    """Deleted, doubled and emptied elements and attributes: `check` lets through only what has one tree."""
     damage = random.Random(seed)
     tree = ET.fromstring(urdf_text())
     for _ in range(damage.randint(1, 3)):
@@ -205,7 +205,7 @@ def damage_and_check(seed: int) -> None:
             if act == 3:
                 del child.attrib[attribute]
     try:
-        robot = urdf.checked(ET.tostring(tree, encoding="unicode"), "damaged")
+        robot = urdf.check(ET.tostring(tree, encoding="unicode"), "damaged")
     except ModelError as error:
         event("refused")
         assert str(error).startswith("damaged: ")  # noqa: PT017 - both outcomes are right
