@@ -163,10 +163,7 @@ def _robot_with(fingers: int | None, robot: str | None) -> str:
 
 
 def _checked_factors(close_factors: float | Sequence[float], fingers: int) -> NDArray[np.float64]:
-    try:
-        factors = checks.numbers(close_factors)
-    except (TypeError, ValueError) as error:
-        raise InvalidInputError(f"close_factors must be numbers in 0..1, got {shown(close_factors)}") from error
+    factors = checks.array("close_factors", close_factors, "numbers in 0..1")
     if factors.shape not in ((), (fingers,)):
         raise InvalidInputError(f"close_factors must be one number or {fingers}, got shape {factors.shape}")
     if not ((factors >= 0.0) & (factors <= 1.0)).all():
