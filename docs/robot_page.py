@@ -20,7 +20,7 @@ Row = Mapping[str, Any]
 
 def page() -> str:
     """The whole page as Markdown."""
-    numbers = bundled.load()
+    numbers = bundled.robot_table()
     parts = [
         "<!-- Written by docs/robot_page.py from urdf/jaco.toml and urdf/shapes.toml. Edit those, not this page. -->",
         "# The robots in numbers",
@@ -262,7 +262,7 @@ def _dynamics(numbers: Row) -> list[str]:
 
 
 def _command(group: str) -> str:
-    row = bundled.load()["actuators"][group]
+    row = bundled.robot_table()["actuators"][group]
     return f"{value(row['ctrl_range_deg'])} °/s" if "ctrl_range_deg" in row else f"{value(row['ctrl_range'])} rad/s"
 
 
@@ -301,7 +301,7 @@ def _contacts(numbers: Row) -> list[str]:
 
 
 def _shapes() -> list[str]:
-    shapes = bundled.load("shapes.toml")
+    shapes = bundled.robot_table("shapes.toml")
     parts = [
         "## Shapes",
         "Bodies are made of boxes, cylinders and spheres, the same in URDF and MJCF, for drawing and for contact. "

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from jacokin.model.descriptions.bundled import angle, section
+from jacokin.model.descriptions.bundled import parse_angle, section
 from urdf.checks import check
 
 FOLDER = Path(__file__).resolve().parent
@@ -162,7 +162,7 @@ def placement(row: Mapping[str, Any]) -> Placement:
         norm = math.hypot(*row["quat_wxyz"])
         quat_wxyz = tuple(x / norm for x in row["quat_wxyz"])
         return Placement(xyz, _rpy_from_quat(quat_wxyz), quat_wxyz)
-    rpy = tuple(angle(x) for x in row.get("rpy", (0.0, 0.0, 0.0)))
+    rpy = tuple(parse_angle(x) for x in row.get("rpy", (0.0, 0.0, 0.0)))
     return Placement(xyz, rpy, _quat_from_rpy(rpy))
 
 

@@ -86,7 +86,7 @@ def _arm_source(name: str) -> str:
     """Letter of the source of an arm's chain."""
     from jacokin.model.descriptions import bundled
 
-    return str(bundled.section(bundled.load()["arms"], bundled.variant(name)["arm"])["source"])
+    return str(bundled.arm(name)["source"])
 
 
 def _sources(arm: Robot) -> dict[str, str]:

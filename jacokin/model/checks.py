@@ -6,8 +6,9 @@ A number is a real Python or NumPy number: not a boolean, not digits in a string
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from typing import TypeVar
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,8 +26,93 @@ PLAIN = frozenset((float, int, np.float64))
 NESTING = 3  # lists in lists in lists that are searched for values that are not numbers
 
 
-def _with_unit(text: str, unit: str) -> str:
-    return f"{text} [{unit}]" if unit else text
+def refusal(name: str, what: str, value: object, unit: str = "") -> InvalidInputError:
+    """The error that an argument must be `what`, with the value it has."""
+    return InvalidInputError(f"{name} must be {what}{_bracketed(unit)}, got {shown(value)}")
+
+
+def _bracketed(unit: str) -> str:
+    return f" [{unit}]" if unit else ""
+
+
+def instance(name: str, value: object, kind: type[Item], what: str) -> Item:
+    """A value of a class.
+
+    Raises:
+        InvalidInputError: anything else; says that `what` is needed.
+    """
+    if not isinstance(value, kind):
+        raise refusal(name, what, value)
+    return value
+
+
+def function(name: str, value: Item, what: str = "callable") -> Item:
+    """A value that can be called.
+
+    Raises:
+        InvalidInputError: anything else; says that `what` is needed.
+    """
+    if not callable(value):
+        raise refusal(name, what, value)
+    return value
+
+
+def mapping(name: str, value: object, what: str = "a dict") -> Mapping[Any, Any]:
+    """A dict, or another mapping.
+
+    Raises:
+        InvalidInputError: anything else; says that `what` is needed.
+    """
+    if not isinstance(value, Mapping):
+        raise refusal(name, what, value)
+    return value
+
+
+def path(name: str, value: object, what: str = "a str or a Path") -> Path:
+    """The name of a file or folder.
+
+    Raises:
+        InvalidInputError: neither a string nor a path, or empty; says that `what` is needed.
+    """
+    if not isinstance(value, str | Path) or not str(value):
+        raise refusal(name, what, value)
+    return Path(value)
+
+
+def number(name: str, value: object, unit: str = "") -> float:
+    """A finite number.
+
+    Raises:
+        InvalidInputError: not a number, NaN or infinite.
+    """
+    result = _as_float(value)
+    if math.isnan(result):
+        raise refusal(name, "a finite number", value, unit)
+    return result
+
+
+def positive(name: str, value: object, unit: str = "") -> float:
+    """A finite number > 0.
+
+    Raises:
+        InvalidInputError: not a number, not finite or not positive.
+    """
+    result = _as_float(value)
+    if not result > 0.0:
+        raise refusal(name, "a positive number", value, unit)
+    return result
+
+
+def non_negative(name: str, value: object, unit: str = "") -> float:
+    """A finite number >= 0.
+
+    Raises:
+        InvalidInputError: not a number, not finite or negative.
+    """
+    result = _as_float(value)
+    if not result >= 0.0:
+        raise refusal(name, "a finite number >= 0", value, unit)
+    return result
 
 
 def _as_float(value: object) -> float:
@@ -40,42 +126,6 @@ def _as_float(value: object) -> float:
     return number if math.isfinite(number) else math.nan
 
 
-def number(name: str, value: object, unit: str = "") -> float:
-    """A finite number.
-
-    Raises:
-        InvalidInputError: not a number, NaN or infinite.
-    """
-    result = _as_float(value)
-    if math.isnan(result):
-        raise InvalidInputError(f"{_with_unit(f'{name} must be a finite number', unit)}, got {shown(value)}")
-    return result
-
-
-def positive(name: str, value: object, unit: str = "") -> float:
-    """A finite number > 0.
-
-    Raises:
-        InvalidInputError: not a number, not finite or not positive.
-    """
-    result = _as_float(value)
-    if not result > 0.0:
-        raise InvalidInputError(f"{_with_unit(f'{name} must be a positive number', unit)}, got {shown(value)}")
-    return result
-
-
-def non_negative(name: str, value: object, unit: str = "") -> float:
-    """A finite number >= 0.
-
-    Raises:
-        InvalidInputError: not a number, not finite or negative.
-    """
-    result = _as_float(value)
-    if not result >= 0.0:
-        raise InvalidInputError(f"{_with_unit(f'{name} must be a finite number >= 0', unit)}, got {shown(value)}")
-    return result
-
-
 def whole_number(name: str, value: object, lowest: int = 0, highest: int | None = None) -> int:
     """A whole number, at least `lowest` and, if given, at most `highest`.
 
@@ -85,9 +135,9 @@ def whole_number(name: str, value: object, lowest: int = 0, highest: int | None 
     if type(value) is int and lowest <= value and (highest is None or value <= highest):
         return value  # what is asked most often, answered first
     if isinstance(value, bool | np.timedelta64) or not isinstance(value, int | np.integer) or value < lowest:
-        raise InvalidInputError(f"{name} must be a whole number >= {lowest}, got {shown(value)}")
+        raise refusal(name, f"a whole number >= {lowest}", value)
     if highest is not None and value > highest:
-        raise InvalidInputError(f"{name} must be a whole number <= {highest}, got {shown(value)}")
+        raise refusal(name, f"a whole number <= {highest}", value)
     return int(value)
 
 
@@ -100,7 +150,7 @@ def flag(name: str, value: object) -> bool:
     if value is True or value is False:
         return value
     if not isinstance(value, np.bool_):
-        raise InvalidInputError(f"{name} must be True or False, got {shown(value)}")
+        raise refusal(name, "True or False", value)
     return bool(value)
 
 
@@ -122,11 +172,10 @@ def text(name: str, value: object) -> str:
     Raises:
         InvalidInputError: anything else.
     """
-    if not isinstance(value, str):
-        raise InvalidInputError(f"{name} must be a string, got {shown(value)}")
-    if "\0" in value or value.encode(errors="ignore").decode() != value:
-        raise InvalidInputError(f"{name} must be a text that UTF-8 can write, without nulls, got {shown(value)}")
-    return value
+    string = instance(name, value, str, "a string")
+    if "\0" in string or string.encode(errors="ignore").decode() != string:
+        raise refusal(name, "a text that UTF-8 can write, without nulls,", value)
+    return string
 
 
 def listed(name: str, items: Iterable[Item]) -> tuple[Item, ...]:
@@ -149,9 +198,7 @@ def generator(name: str, value: object) -> np.random.Generator:
     Raises:
         InvalidInputError: anything else, also `RandomState` and seeds.
     """
-    if not isinstance(value, np.random.Generator):
-        raise InvalidInputError(f"{name} must be a numpy.random.Generator, got {type(value).__name__}")
-    return value
+    return instance(name, value, np.random.Generator, "a numpy.random.Generator")
 
 
 def numbers(value: ArrayLike) -> Array:
@@ -194,6 +241,18 @@ def _refuse_hidden(value: object, nesting: int) -> None:
                 _refuse_hidden(item, nesting - 1)
 
 
+def array(name: str, value: ArrayLike, what: str, unit: str = "") -> Array:
+    """As `numbers`, with an error that names the argument and says that `what` is needed.
+
+    Raises:
+        InvalidInputError: not made of real numbers.
+    """
+    try:
+        return numbers(value)
+    except (TypeError, ValueError) as error:
+        raise refusal(name, what, value, unit) from error
+
+
 def vector(name: str, value: ArrayLike, size: int, unit: str) -> Array:
     """A finite, contiguous float64 vector (size,).
 
@@ -201,17 +260,16 @@ def vector(name: str, value: ArrayLike, size: int, unit: str) -> Array:
         InvalidInputError: wrong shape, not numbers, or not finite.
     """
     try:
-        array = numbers(value)
+        checked = numbers(value)
     except (TypeError, ValueError) as error:
-        raise InvalidInputError(f"{_with_unit(f'{name} must be {size} numbers', unit)}, got {shown(value)}") from error
-    if array.shape != (size,):
-        text = _with_unit(f"{name} must have shape ({size},)", unit)
-        raise InvalidInputError(f"{text}, got shape {array.shape}")
+        raise refusal(name, f"{size} numbers", value, unit) from error
+    if checked.shape != (size,):
+        raise InvalidInputError(f"{name} must have shape ({size},){_bracketed(unit)}, got shape {checked.shape}")
     # A sum of plain floats is the cheapest test, and silent; only a suspicious one is looked at again.
-    if not math.isfinite(sum(array.tolist())) and not np.isfinite(array).all():
-        raise InvalidInputError(f"{name} must be finite, got {array.tolist()}")
+    if not math.isfinite(sum(checked.tolist())) and not np.isfinite(checked).all():
+        raise InvalidInputError(f"{name} must be finite, got {checked.tolist()}")
     # A column of a matrix, or a reversed view: compiled kernels take neither.
-    return array if array.flags.c_contiguous else np.ascontiguousarray(array)
+    return checked if checked.flags.c_contiguous else np.ascontiguousarray(checked)
 
 
 def positive_vector(name: str, value: ArrayLike, size: int, unit: str) -> Array:
@@ -220,14 +278,11 @@ def positive_vector(name: str, value: ArrayLike, size: int, unit: str) -> Array:
     Raises:
         InvalidInputError: wrong shape, not numbers, not finite or not positive.
     """
-    try:
-        array = numbers(value)
-    except (TypeError, ValueError) as error:
-        raise InvalidInputError(f"{name} must be one number or {size} [{unit}], got {shown(value)}") from error
-    array = vector(name, np.full(size, array) if array.ndim == 0 else array, size, unit)
-    if not (array > 0.0).all():
-        raise InvalidInputError(f"{name} must be positive [{unit}], got {array.tolist()}")
-    return read_only(array)
+    given = array(name, value, f"one number or {size}", unit)
+    checked = vector(name, np.full(size, given) if given.ndim == 0 else given, size, unit)
+    if not (checked > 0.0).all():
+        raise InvalidInputError(f"{name} must be positive{_bracketed(unit)}, got {checked.tolist()}")
+    return read_only(checked)
 
 
 def matrix(name: str, value: ArrayLike, columns: int, unit: str) -> Array:
@@ -236,19 +291,15 @@ def matrix(name: str, value: ArrayLike, columns: int, unit: str) -> Array:
     Raises:
         InvalidInputError: wrong shape, empty, not numbers, or not finite (the first bad row is named).
     """
-    try:
-        array = numbers(value)
-    except (TypeError, ValueError) as error:
-        raise InvalidInputError(_with_unit(f"{name} must be rows of {columns} numbers", unit)) from error
-    if array.ndim != 2 or array.shape[1] != columns:
-        text = _with_unit(f"{name} must have shape (n, {columns})", unit)
-        raise InvalidInputError(f"{text}, got shape {array.shape}")
-    if array.shape[0] == 0:
+    rows = array(name, value, f"rows of {columns} numbers", unit)
+    if rows.ndim != 2 or rows.shape[1] != columns:
+        raise InvalidInputError(f"{name} must have shape (n, {columns}){_bracketed(unit)}, got shape {rows.shape}")
+    if not len(rows):
         raise InvalidInputError(f"{name} is empty")
-    finite = np.isfinite(array).all(axis=1)
+    finite = np.isfinite(rows).all(axis=1)
     if not finite.all():
         raise InvalidInputError(f"{name} must be finite; row {int(np.argmin(finite))} is not")
-    return array
+    return rows
 
 
 def read_only(array: ArrayLike) -> Array:

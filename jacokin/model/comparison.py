@@ -1,17 +1,17 @@
-"""Do two descriptions, or two engines, agree? Poses, Jacobians, mass matrices, gravity at random configurations."""
+"""`crosscheck`: how far two descriptions, or Pinocchio and MuJoCo, differ in kinematics and dynamics."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, TypeAlias
 
 import mujoco
 import numpy as np
 import pinocchio as pin
 
 from jacokin.arrays import Array
-from jacokin.errors import InvalidInputError, UnknownNameError, shown
+from jacokin.errors import InvalidInputError
 from jacokin.model import checks, mujoco_twin, poses
 from jacokin.model.descriptions import mjcf
 from jacokin.model.robot import Robot, checked_robot
@@ -34,6 +34,65 @@ TOLERANCES = {
 }
 
 DEFAULT_SAMPLES = 1000
+
+
+def crosscheck(
+    robot_a: Robot,
+    robot_b: Robot | None = None,
+    *,
+    samples: int = DEFAULT_SAMPLES,
+    rng: np.random.Generator | None = None,
+    joint_map: Mapping[str, str] | None = None,
+    frame_map: Mapping[str, str] | None = None,
+) -> CrossCheckReport:
+    """Compare two descriptions of one arm, or one description in Pinocchio and in MuJoCo.
+
+    Args:
+        robot_a: the first arm, in Pinocchio.
+        robot_b: the second arm, in Pinocchio; None for MuJoCo's own computation on the description of the first.
+        samples: number of random configurations within the limits of the first arm.
+        rng: randomness; None for a fixed seed.
+        joint_map: name in the second for a joint of the first, where they differ.
+        frame_map: name in the second for a frame of the first; None compares all frames of equal name.
+
+    Returns:
+        The largest deviations, with the configurations where they occur.
+
+    Raises:
+        UnknownNameError: a mapped name does not exist.
+        InvalidInputError: the arms have different joints or no frame in common, or `samples` is not positive.
+    """
+    samples = checks.whole_number("samples", samples, 1)
+    checked_robot("robot_a", robot_a)
+    if robot_b is not None:
+        checked_robot("robot_b", robot_b)
+    for name, mapping in (("joint_map", joint_map), ("frame_map", frame_map)):
+        if mapping is not None:
+            checks.mapping(name, mapping, "a dict of names")
+    if rng is not None:
+        checks.generator("rng", rng)
+    first = PinocchioEngine(robot_a)
+    second = MujocoEngine(robot_a) if robot_b is None else PinocchioEngine(robot_b)
+    order = _joint_order(first, second, joint_map or {})
+    frames = _frames(first, second, frame_map)
+    with_armature = first.has_armature == second.has_armature
+    notes = () if with_armature else ("mass matrices are compared without armature: only one side has it",)
+
+    rng = np.random.default_rng(0) if rng is None else rng
+    worst: dict[tuple[str, str], tuple[float, Array]] = {}
+    for q in robot_a.sample(rng, samples):
+        first.update(q)
+        moved = np.empty_like(q)
+        moved[order] = q
+        second.update(moved)
+        for key, value in _differences(first, second, frames, order, with_armature).items():
+            if key not in worst or not value <= worst[key][0]:
+                worst[key] = value, q
+    rows = tuple(
+        Deviation(quantity, frame, value, QUANTITIES[quantity], checks.read_only(q))
+        for (quantity, frame), (value, q) in sorted(worst.items(), key=lambda item: list(QUANTITIES).index(item[0][0]))
+    )
+    return CrossCheckReport(first.label, second.label, samples, rows, notes)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -82,9 +141,7 @@ class CrossCheckReport:
         Raises:
             InvalidInputError: the tolerances are not numbers by the names of quantities.
         """
-        if not isinstance(tolerances, Mapping):
-            raise InvalidInputError(f"tolerances must map quantities to numbers, got {shown(tolerances)}")
-        for quantity, tolerance in tolerances.items():
+        for quantity, tolerance in checks.mapping("tolerances", tolerances, "a dict of numbers by quantity").items():
             checks.non_negative(f"tolerances[{checks.choice('quantity', quantity, QUANTITIES)!r}]", tolerance)
         return all(row.value <= tolerances.get(row.quantity, np.inf) for row in self.deviations)
 
@@ -93,30 +150,6 @@ class CrossCheckReport:
         lines = [f"{self.first} against {self.second}, {self.samples} random configurations"]
         lines += [f"{row.quantity:15} {row.frame:18} {row.value:10.3e} {row.unit}" for row in self.deviations]
         return "\n".join([*lines, *self.notes])
-
-
-class Engine(Protocol):
-    """What can be compared: kinematics and dynamics of one arm at a configuration."""
-
-    label: str
-    joint_names: tuple[str, ...]
-    frames: tuple[str, ...]
-    has_armature: bool
-
-    def update(self, q: Array) -> None:
-        """Compute everything at `q`."""
-
-    def pose(self, frame: str) -> tuple[Array, Array]:
-        """Position (3,) [m] and rotation (3, 3)."""
-
-    def jacobian(self, frame: str) -> Array:
-        """(6, dof), local world aligned."""
-
-    def mass_matrix(self, with_armature: bool) -> Array:
-        """(dof, dof)."""
-
-    def gravity_torque(self) -> Array:
-        """(dof,) torque that holds the arm still."""
 
 
 class PinocchioEngine:
@@ -162,122 +195,6 @@ class PinocchioEngine:
         return np.array(self._data.g)
 
 
-def crosscheck(
-    robot_a: Robot,
-    robot_b: Robot | None = None,
-    *,
-    samples: int = DEFAULT_SAMPLES,
-    rng: np.random.Generator | None = None,
-    joint_map: Mapping[str, str] | None = None,
-    frame_map: Mapping[str, str] | None = None,
-) -> CrossCheckReport:
-    """Compare two descriptions of one arm, or one description in Pinocchio and in MuJoCo.
-
-    Args:
-        robot_a: the first arm, in Pinocchio.
-        robot_b: the second arm, in Pinocchio; None for MuJoCo's own computation on the description of the first.
-        samples: number of random configurations within the limits of the first arm.
-        rng: randomness; None for a fixed seed.
-        joint_map: name in the second for a joint of the first, where they differ.
-        frame_map: name in the second for a frame of the first; None compares all frames of equal name.
-
-    Returns:
-        The largest deviations, with the configurations where they occur.
-
-    Raises:
-        UnknownNameError: a mapped name does not exist.
-        InvalidInputError: the arms have different joints or no frame in common, or `samples` is not positive.
-    """
-    samples = checks.whole_number("samples", samples, 1)
-    checked_robot("robot_a", robot_a)
-    if robot_b is not None:
-        checked_robot("robot_b", robot_b)
-    for name, mapping in (("joint_map", joint_map), ("frame_map", frame_map)):
-        if mapping is not None and not isinstance(mapping, Mapping):
-            raise InvalidInputError(f"{name} must be a mapping of names, got {shown(mapping)}")
-    if rng is not None:
-        checks.generator("rng", rng)
-    first: Engine = PinocchioEngine(robot_a)
-    second = _second_engine(robot_a, robot_b)
-    order = _joint_order(first, second, joint_map or {})
-    frames = _frames(first, second, frame_map)
-    with_armature = first.has_armature == second.has_armature
-    notes = () if with_armature else ("mass matrices are compared without armature: only one side has it",)
-
-    rng = np.random.default_rng(0) if rng is None else rng
-    worst: dict[tuple[str, str], tuple[float, Array]] = {}
-    for q in robot_a.sample(rng, samples):
-        first.update(q)
-        moved = np.empty_like(q)
-        moved[order] = q
-        second.update(moved)
-        for key, value in _differences(first, second, frames, order, with_armature).items():
-            if key not in worst or not value <= worst[key][0]:
-                worst[key] = value, q
-    rows = tuple(
-        Deviation(quantity, frame, value, QUANTITIES[quantity], checks.read_only(q))
-        for (quantity, frame), (value, q) in sorted(worst.items(), key=lambda item: list(QUANTITIES).index(item[0][0]))
-    )
-    return CrossCheckReport(first.label, second.label, samples, rows, notes)
-
-
-def _second_engine(robot_a: Robot, robot_b: Robot | None) -> Engine:
-    if robot_b is not None:
-        return PinocchioEngine(robot_b)
-
-    return MujocoEngine(robot_a)
-
-
-def _joint_order(first: Engine, second: Engine, joint_map: Mapping[str, str]) -> list[int]:
-    """Index in the second arm of each joint of the first."""
-    for name in joint_map:
-        if name not in first.joint_names:
-            raise UnknownNameError("joint", name, first.joint_names)
-    wanted = [joint_map.get(name, name) for name in first.joint_names]
-    for name in wanted:
-        if name not in second.joint_names:
-            raise UnknownNameError("joint", name, second.joint_names)
-    if sorted(wanted) != sorted(second.joint_names):
-        raise InvalidInputError(
-            f"the arms have different joints: {', '.join(first.joint_names)} and {', '.join(second.joint_names)}"
-        )
-    return [second.joint_names.index(name) for name in wanted]
-
-
-def _frames(first: Engine, second: Engine, frame_map: Mapping[str, str] | None) -> list[tuple[str, str]]:
-    """Pairs of frames that mean the same."""
-    if frame_map is None:
-        pairs = [(name, name) for name in first.frames if name in second.frames]
-    else:
-        pairs = list(frame_map.items())
-        for a, b in pairs:
-            for engine, name in ((first, a), (second, b)):
-                if name not in engine.frames:
-                    raise UnknownNameError("frame", name, engine.frames)
-    if not pairs:
-        raise InvalidInputError(
-            f"no frame in common: {', '.join(first.frames)} and {', '.join(second.frames)}; give frame_map"
-        )
-    return pairs
-
-
-def _differences(
-    first: Engine, second: Engine, frames: list[tuple[str, str]], order: list[int], with_armature: bool
-) -> dict[tuple[str, str], float]:
-    """Largest element-wise differences at the present configuration."""
-    values: dict[tuple[str, str], float] = {}
-    for a, b in frames:
-        position_a, rotation_a = first.pose(a)
-        position_b, rotation_b = second.pose(b)
-        values["position", a] = float(np.linalg.norm(position_a - position_b))
-        values["rotation", a] = poses.rotation_angle(rotation_a.T @ rotation_b)
-        values["jacobian", a] = float(np.abs(first.jacobian(a) - second.jacobian(b)[:, order]).max())
-    mass = second.mass_matrix(with_armature)[np.ix_(order, order)]
-    values["mass_matrix", ""] = float(np.abs(first.mass_matrix(with_armature) - mass).max())
-    values["gravity_torque", ""] = float(np.abs(first.gravity_torque() - second.gravity_torque()[order]).max())
-    return values
-
-
 class MujocoEngine:
     """The description compiled by MuJoCo, joints off the arm held where the robot has them.
 
@@ -290,14 +207,13 @@ class MujocoEngine:
         self._data = mujoco.MjData(model)
         self.label = f"{robot.name} in MuJoCo"
         self.joint_names = robot.joint_names
-        self._qpos = mjcf.joint_addresses(model, robot.joint_names)
-        self._dofs = mjcf.dof_addresses(model, robot.joint_names)
+        joints = mjcf.joint_ids(model, robot.joint_names)
+        self._qpos, self._dofs = model.jnt_qposadr[joints], model.jnt_dofadr[joints]
         self.has_armature = bool(np.any(model.dof_armature[self._dofs]))
-        self._bodies = {mjcf.body_name(model, body): body for body in range(model.nbody)}
-        self._sites = {mjcf.site_name(model, site): site for site in range(model.nsite)}
-        self.frames = tuple(name for name in robot.frames if name in self._bodies or name in self._sites)
+        self._frames = _live_frames(model, self._data)
+        self.frames = tuple(name for name in robot.frames if name in self._frames)
+        self._base = self._frames.get(robot.base, self._frames[mjcf.body_name(model, 0)])
         self._hold_still(robot)
-        self._base = robot.base if robot.base in self._bodies or robot.base in self._sites else None
         self._mass = np.zeros((model.nv, model.nv))
 
     def _hold_still(self, robot: Robot) -> None:
@@ -323,32 +239,18 @@ class MujocoEngine:
         mujoco.mj_rne(self._model, self._data, 0, self._data.qfrc_bias)
         mujoco.mj_fullM(self._model, self._data, self._mass)
 
-    def _placement(self, frame: str) -> tuple[Array, Array]:
-        if frame in self._bodies:
-            body = self._bodies[frame]
-            return np.array(self._data.xpos[body]), np.array(self._data.xmat[body]).reshape(3, 3)
-        site = self._sites[frame]
-        return np.array(self._data.site_xpos[site]), np.array(self._data.site_xmat[site]).reshape(3, 3)
-
     def pose(self, frame: str) -> tuple[Array, Array]:
         """Position (3,) [m] and rotation (3, 3) of a frame in the base."""
-        position, rotation = self._placement(frame)
-        if self._base is None:
-            return position, rotation
-        base_position, base_rotation = self._placement(self._base)
-        return base_rotation.T @ (position - base_position), base_rotation.T @ rotation
+        base, placed = self._base, self._frames[frame]
+        return base.rotation.T @ (placed.position - base.position), base.rotation.T @ placed.rotation
 
     def jacobian(self, frame: str) -> Array:
         """(6, dof), local world aligned."""
         linear, angular = np.zeros((3, self._model.nv)), np.zeros((3, self._model.nv))
-        if frame in self._bodies:
-            mujoco.mj_jacBody(self._model, self._data, linear, angular, self._bodies[frame])
-        else:
-            mujoco.mj_jacSite(self._model, self._data, linear, angular, self._sites[frame])
-        if self._base is not None:
-            to_base = self._placement(self._base)[1].T
-            linear, angular = to_base @ linear, to_base @ angular
-        return np.vstack((linear, angular))[:, self._dofs]
+        placed = self._frames[frame]
+        placed.compute_jacobian(self._model, self._data, linear, angular, placed.id)
+        to_base = self._base.rotation.T
+        return np.vstack((to_base @ linear, to_base @ angular))[:, self._dofs]
 
     def mass_matrix(self, with_armature: bool) -> Array:
         """(dof, dof), with or without armature."""
@@ -358,3 +260,73 @@ class MujocoEngine:
     def gravity_torque(self) -> Array:
         """(dof,) torque that holds the arm still [N m]."""
         return np.array(self._data.qfrc_bias[self._dofs])
+
+
+Engine: TypeAlias = PinocchioEngine | MujocoEngine
+
+
+class _LiveFrame(NamedTuple):
+    """A body or site of MuJoCo, with views of the working memory."""
+
+    position: Array
+    rotation: Array
+    compute_jacobian: Callable[..., None]
+    id: int
+
+
+def _live_frames(model: mujoco.MjModel, data: mujoco.MjData) -> dict[str, _LiveFrame]:
+    """Bodies and sites by name, in the world; of a body and a site with the same name, the body."""
+    sites = {
+        mjcf.site_name(model, i): _LiveFrame(data.site_xpos[i], data.site_xmat[i].reshape(3, 3), mujoco.mj_jacSite, i)
+        for i in range(model.nsite)
+    }
+    bodies = {
+        mjcf.body_name(model, i): _LiveFrame(data.xpos[i], data.xmat[i].reshape(3, 3), mujoco.mj_jacBody, i)
+        for i in range(model.nbody)
+    }
+    return sites | bodies
+
+
+def _joint_order(first: Engine, second: Engine, joint_map: Mapping[str, str]) -> list[int]:
+    """Index in the second arm of each joint of the first."""
+    for name in joint_map:
+        checks.choice("joint", name, first.joint_names)
+    wanted = [checks.choice("joint", joint_map.get(name, name), second.joint_names) for name in first.joint_names]
+    if sorted(wanted) != sorted(second.joint_names):
+        raise InvalidInputError(
+            f"the arms have different joints: {', '.join(first.joint_names)} and {', '.join(second.joint_names)}"
+        )
+    return [second.joint_names.index(name) for name in wanted]
+
+
+def _frames(first: Engine, second: Engine, frame_map: Mapping[str, str] | None) -> list[tuple[str, str]]:
+    """Pairs of frames that mean the same."""
+    if frame_map is None:
+        pairs = [(name, name) for name in first.frames if name in second.frames]
+    else:
+        pairs = list(frame_map.items())
+        for a, b in pairs:
+            checks.choice("frame", a, first.frames)
+            checks.choice("frame", b, second.frames)
+    if not pairs:
+        raise InvalidInputError(
+            f"no frame in common: {', '.join(first.frames)} and {', '.join(second.frames)}; give frame_map"
+        )
+    return pairs
+
+
+def _differences(
+    first: Engine, second: Engine, frames: list[tuple[str, str]], order: list[int], with_armature: bool
+) -> dict[tuple[str, str], float]:
+    """Largest element-wise differences at the present configuration."""
+    values: dict[tuple[str, str], float] = {}
+    for a, b in frames:
+        position_a, rotation_a = first.pose(a)
+        position_b, rotation_b = second.pose(b)
+        values["position", a] = float(np.linalg.norm(position_a - position_b))
+        values["rotation", a] = poses.rotation_angle(rotation_a.T @ rotation_b)
+        values["jacobian", a] = float(np.abs(first.jacobian(a) - second.jacobian(b)[:, order]).max())
+    mass = second.mass_matrix(with_armature)[np.ix_(order, order)]
+    values["mass_matrix", ""] = float(np.abs(first.mass_matrix(with_armature) - mass).max())
+    values["gravity_torque", ""] = float(np.abs(first.gravity_torque() - second.gravity_torque()[order]).max())
+    return values

@@ -1,10 +1,9 @@
-"""Does the arm touch itself, or an obstacle? Asked of MuJoCo, on the collision shapes of the description."""
+"""Contact of an arm with itself and with obstacles, and distances, on the collision shapes of its description."""
 
 from __future__ import annotations
 
 import threading
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
@@ -13,17 +12,33 @@ from numpy.typing import ArrayLike
 from jacokin.arrays import Array
 from jacokin.errors import ModelError
 from jacokin.model.mujoco_twin import to_spec
-from jacokin.model.obstacles import add_pairs, add_to_spec, collision_pairs
+from jacokin.model.obstacles import Obstacle, add_pairs, add_to_spec, collision_pairs
+from jacokin.model.robot import Robot, checked_robot
 
-if TYPE_CHECKING:
-    from jacokin.model.obstacles import Obstacle
-    from jacokin.model.robot import Robot
+FARTHEST = 1e3  # [m] distances beyond are not looked for
+
+
+class _Shapes:
+    """A compiled model of the arm and obstacles; each thread gets working memory of its own."""
+
+    def __init__(self, spec: mujoco.MjSpec) -> None:
+        """Compile the twin of a robot with its obstacles."""
+        self.model: mujoco.MjModel = spec.compile()
+        self._local = threading.local()
+
+    def at(self, q: Array) -> mujoco.MjData:
+        """The shapes in the places that they have at `q` (dof,) [rad]."""
+        try:
+            data = self._local.data
+        except AttributeError:
+            data = self._local.data = mujoco.MjData(self.model)
+        data.qpos[:] = q
+        mujoco.mj_kinematics(self.model, data)
+        return data
 
 
 class Contact:
     """Contact of one robot with itself and with obstacles; may be shared between threads.
-
-    Each thread gets working memory of its own.
 
     Attributes:
         pairs: how many pairs of shapes are tested.
@@ -50,8 +65,6 @@ class Contact:
                 take the angle.
             ModelError: the description's shapes cannot be loaded.
         """
-        from jacokin.model.robot import checked_robot
-
         self._robot = checked_robot("robot", robot)
         self._clearance = clearance
         spec = to_spec(robot, geometry=True, finger_angle=finger_angle)
@@ -59,9 +72,8 @@ class Contact:
         add_pairs(spec, obstacles)
         for pair in spec.pairs:
             pair.margin = clearance
-        self._model = spec.compile()
-        self._local = threading.local()
-        self.pairs = int(self._model.npair)
+        self._shapes = _Shapes(spec)
+        self.pairs = int(self._shapes.model.npair)
 
     def touching(self, q: ArrayLike) -> list[tuple[str, str]]:
         """Names of the shapes that touch at `q` (dof,) [rad]; empty when none do.
@@ -69,21 +81,15 @@ class Contact:
         Raises:
             InvalidInputError: `q` malformed.
         """
-        checked = self._robot.configuration(q)
-        try:
-            data = self._local.data
-        except AttributeError:
-            data = self._local.data = mujoco.MjData(self._model)
-        data.qpos[:] = checked
-        mujoco.mj_kinematics(self._model, data)
-        mujoco.mj_collision(self._model, data)
+        model, data = self._shapes.model, self._shapes.at(self._robot.configuration(q))
+        mujoco.mj_collision(model, data)
         contact = data.contact
-        touching = [
-            (self._model.geom(int(a)).name, self._model.geom(int(b)).name)
+        touching = {
+            (model.geom(int(a)).name, model.geom(int(b)).name)
             for (a, b), distance in zip(contact.geom, contact.dist, strict=True)
             if distance <= self._clearance
-        ]
-        return sorted(set(touching))
+        }
+        return sorted(touching)
 
 
 class SelfContact(Contact):
@@ -135,27 +141,21 @@ class ShapeDistances:
         if not spec.geoms:
             raise ModelError(f"{robot.name}: the description has no collision shapes, so no distance can be measured")
         add_to_spec(spec, obstacles)
-        self._model = model = spec.compile()
+        self._shapes = _Shapes(spec)
+        model = self._shapes.model
         pairs = collision_pairs(model, obstacles, self_collision=self_collision)
         self._first, self._second = np.array(pairs, dtype=np.intp).reshape(-1, 2).T
         radius = model.geom_rbound
         self._radii = radius[self._first] + radius[self._second]
         # Planes have no bounding sphere.
         self._bounded = (radius[self._first] > 0.0) & (radius[self._second] > 0.0)
-        self._local = threading.local()
 
     def least(self, q: Array) -> tuple[float, tuple[str, str]]:
         """Smallest distance [m] at `q` (dof,) [rad], negative where shapes overlap, and the two shapes.
 
         Without any pair of shapes the distance is infinite and the names are empty.
         """
-        model = self._model
-        try:
-            data = self._local.data
-        except AttributeError:
-            data = self._local.data = mujoco.MjData(model)
-        data.qpos[:] = q
-        mujoco.mj_kinematics(model, data)
+        model, data = self._shapes.model, self._shapes.at(q)
         gap = np.linalg.norm(data.geom_xpos[self._first] - data.geom_xpos[self._second], axis=1) - self._radii
         bound = np.where(self._bounded, gap, -np.inf)
         best, found = np.inf, -1
@@ -163,8 +163,7 @@ class ShapeDistances:
             if bound[pair] >= best:
                 break
             first, second = int(self._first[pair]), int(self._second[pair])
-            cutoff = best if np.isfinite(best) else 1e3
-            distance = mujoco.mj_geomDistance(model, data, first, second, cutoff, None)
+            distance = mujoco.mj_geomDistance(model, data, first, second, min(best, FARTHEST), None)
             if distance < best:
                 best, found = float(distance), pair
         if found < 0:

@@ -1,4 +1,4 @@
-"""A configuration every robot can start from: within the limits, and free of self-contact where there are shapes."""
+"""`find` a configuration to start from: within the limits, and free of self-contact where there are shapes."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ SAME_PLACE = 1e-3  # [m, or of a matrix] between the joints of a file and those 
 
 
 def documented(name: str) -> Home:
-    """The home that the table gives a bundled robot; its tests see to it that it is free of contact."""
+    """The home of a bundled robot in the table of numbers, free of contact as tests check."""
     q = np.array(bundled.variant(name)["home"], dtype=np.float64)
     return Home(q, f"documented for the {name}")
 
@@ -78,12 +78,12 @@ def _candidates(robot: Robot) -> Iterator[Home]:
 
 
 def _has_the_joints_of(robot: Robot, name: str) -> bool:
-    """Whether the joints stand to each other as those of a bundled arm, wherever the base is and whatever the names."""
+    """Whether each joint has the place after the one before it that it has in a bundled arm; names do not count."""
     rows = list(bundled.arm_joints(name).values())
     if robot.dof != len(rows):
         return False
     for row, placement in zip(rows[1:], list(robot.pin_model.jointPlacements)[2:], strict=True):
-        rpy = np.array([bundled.angle(value) for value in row["rpy"]])
+        rpy = np.array([bundled.parse_angle(value) for value in row["rpy"]])
         expected = pin.SE3(pin.rpy.rpyToMatrix(rpy), np.array(row["xyz"], dtype=np.float64))
         if not np.allclose(placement.homogeneous, expected.homogeneous, rtol=0.0, atol=SAME_PLACE):
             return False
@@ -95,10 +95,10 @@ def _keyframe(robot: Robot) -> Array | None:
     model = robot.source.content
     if model is None or isinstance(model, str):
         return None
-    from jacokin.model.descriptions import mjcf
+    from jacokin.model.descriptions import mjcf  # loads MuJoCo
 
     for key in range(model.nkey):
         if model.key(key).name == KEYFRAME:
-            address = mjcf.joint_addresses(model, robot.joint_names)
-            return np.array(model.key_qpos[key][address])
+            addresses = model.jnt_qposadr[mjcf.joint_ids(model, robot.joint_names)]
+            return np.array(model.key_qpos[key][addresses])
     return None

@@ -1,4 +1,4 @@
-"""Jacobians of a chain and their derivatives, as thin layers over Pinocchio.
+"""Reference frames of Jacobians, and the analytical Jacobian: rates of roll-pitch-yaw, rotation vector, quaternion.
 
 Twists and Jacobian rows: linear first, then angular. Reference frames:
 
@@ -42,26 +42,6 @@ def reference_frame(name: str) -> pin.ReferenceFrame:
         return REFERENCES[name]
     except (KeyError, TypeError):
         raise UnknownNameError("reference", name, REFERENCES) from None
-
-
-def time_derivative(
-    model: pin.Model, data: pin.Data, q: Array, v: Array, frame: int, reference: pin.ReferenceFrame
-) -> Array:
-    """Derivative of the Jacobian with respect to time, (6, n)."""
-    pin.computeJointJacobiansTimeVariation(model, data, q, v)
-    pin.updateFramePlacement(model, data, frame)
-    result: Array = pin.getFrameJacobianTimeVariation(model, data, frame, reference)
-    return result
-
-
-def kinematic_hessian(model: pin.Model, data: pin.Data, q: Array, frame: int, reference: pin.ReferenceFrame) -> Array:
-    """Derivative of the Jacobian with respect to the joints, (6, n, n): [:, j, k] = d J[:, j] / d q_k."""
-    pin.computeJointJacobians(model, data, q)
-    pin.updateFramePlacement(model, data, frame)
-    pin.computeJointKinematicHessians(model, data)
-    tensor = pin.getFrameKinematicHessian(model, data, frame, reference)
-    # Pinocchio's tensor is column major but arrives labelled row major.
-    return np.ascontiguousarray(tensor.ravel(order="K").reshape(tensor.shape, order="F"))
 
 
 def analytical(rotation: Array, jacobian: Array, representation: str) -> Array:

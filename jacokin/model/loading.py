@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import errno
+import stat
+import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
@@ -9,14 +12,15 @@ import numpy as np
 import pinocchio as pin
 
 from jacokin.arrays import Array
-from jacokin.errors import InvalidInputError, ModelError, UnknownNameError, shown
+from jacokin.errors import InvalidInputError, ModelError, UnknownNameError
 from jacokin.model import checks, home
-from jacokin.model.descriptions import bundled, chain, reading
-from jacokin.model.descriptions.whole import Coupling
+from jacokin.model.descriptions import bundled, chain, urdf
 from jacokin.model.robot import Home, HomeFinder, Robot, Source
 
 FINGER_ANGLE = 0.15  # [rad] fully open: the fingers' lower limit
 TIP_OF_BUNDLED = "end_effector"
+SUFFIXES = (".urdf", ".xml", ".mjcf")
+NO_FILE = "no such file"
 
 
 def load_robot(
@@ -50,40 +54,102 @@ def load_robot(
         InvalidInputError: limits malformed, or a finger angle that no finger can take.
         ModelError: the file is missing, malformed, or holds no such arm.
     """
-    path, name = reading.resolve(robot)
+    path, name = _resolve(robot)
     for argument, frame in (("base", base), ("tip", tip)):
-        if frame is not None and not isinstance(frame, str):
-            raise InvalidInputError(f"{argument} must be the name of a frame, got {shown(frame)}")
-    folders = _folders(package_dirs)
+        if frame is not None:
+            checks.instance(argument, frame, str, "the name of a frame")
+    folders = [
+        checks.path(f"package_dirs[{index}]", folder, "a folder")
+        for index, folder in enumerate(checks.listed("package_dirs", package_dirs))
+    ]
     if finger_angle is not None:
         finger_angle = checks.number("finger_angle", finger_angle, "rad")
-    whole = reading.read(path, name)
+    described = _read(path, name)
     if name:
         tip = tip or TIP_OF_BUNDLED
         finger_angle = FINGER_ANGLE if finger_angle is None else finger_angle
-    locked = _locked_reference(whole.model, whole.reference, finger_angle)
-    model = chain.extract(whole.model, locked, base, tip, name or whole.model.name or path.stem)
-    _refuse_coupled(model, whole.couplings)
+    locked = _locked_reference(described.model, described.reference, finger_angle)
+    model = chain.extract(described.model, locked, base, tip, name or described.model.name or path.stem)
+    _refuse_coupled(model, described.couplings)
     if finger_angle is not None:
-        _check_fingers(whole.model, model, finger_angle)
+        _check_fingers(described.model, model, finger_angle)
     own_limits = () if limits is None else _override_limits(model, limits)
-    _check_limits(model)
     return Robot(
         model,
-        base=base or whole.base,
+        base=base or described.base,
         tip=tip,
-        source=Source(path, whole.kind, name, base, tip, folders, own_limits, whole.content),
+        source=Source(
+            path,
+            described.kind,
+            name,
+            base,
+            tip,
+            tuple(folder.absolute() for folder in folders),
+            own_limits,
+            described.content,
+        ),
         finger_angle=finger_angle,
         home=_documented_home(name, model) if name else home.find,
     )
 
 
-def _folders(package_dirs: Sequence[str | Path]) -> tuple[Path, ...]:
-    folders = checks.listed("package_dirs", package_dirs)
-    for folder in folders:
-        if not isinstance(folder, str | Path):
-            raise InvalidInputError(f"package_dirs must be a list of folders, got {shown(folder)} in it")
-    return tuple(Path(folder).absolute() for folder in folders)
+def _resolve(robot: str | Path) -> tuple[Path, str | None]:
+    """Path of the description, and the bundled name if it is one.
+
+    Raises:
+        UnknownNameError: neither a bundled name nor a file of a known type.
+        InvalidInputError: neither a string nor a path.
+        ModelError: there is no such file, or it is not a regular file.
+    """
+    path, text = checks.path("robot", robot, "a bundled name or a path").absolute(), str(robot)
+    if text in bundled.NAMES:
+        return bundled.urdf_folder() / f"{text}.urdf", text
+    problem = _problem(path)
+    if path.suffix in SUFFIXES:
+        if problem:
+            raise ModelError(f"{path}: {problem}")
+        return path, None
+    if problem == NO_FILE:
+        raise UnknownNameError("robot", text, [*bundled.NAMES, "or a path to a .urdf or .xml file"])
+    raise ModelError(f"{path}: {problem or f'unknown file type {path.suffix!r}; valid: .urdf, .xml (MJCF)'}")
+
+
+def _problem(path: Path) -> str | None:
+    """Why a path cannot be read as a file; None when it can. Reading a FIFO would wait without end."""
+    try:
+        mode = path.stat().st_mode
+    except (OSError, ValueError) as error:
+        if getattr(error, "errno", None) == errno.ELOOP:
+            return "is a loop of symbolic links"
+        if getattr(error, "errno", None) in (errno.EACCES, errno.EPERM):
+            return "cannot be read: permission denied"
+        return NO_FILE  # or a name that no file can have
+    if stat.S_ISDIR(mode):
+        return "is a folder, not a file"
+    return None if stat.S_ISREG(mode) else "is not a regular file (a pipe, socket or device)"
+
+
+def _read(path: Path, name: str | None) -> chain.Description:
+    """What a file describes; `name` says that the file is a bundled one, which is not checked again.
+
+    Raises:
+        ModelError: the file is malformed.
+    """
+    if name is not None:
+        return urdf.read_bundled(path)
+    if path.suffix == ".urdf" or _is_urdf(path):
+        return urdf.read(path)
+    from jacokin.model.descriptions import mjcf  # loads MuJoCo
+
+    return mjcf.read(path)
+
+
+def _is_urdf(path: Path) -> bool:
+    """Whether an XML file holds a URDF, whatever it is called."""
+    try:
+        return ET.parse(path).getroot().tag == "robot"
+    except (OSError, ET.ParseError, ValueError):
+        return False
 
 
 def _documented_home(name: str, model: pin.Model) -> Home | HomeFinder:
@@ -99,7 +165,7 @@ def _documented_home(name: str, model: pin.Model) -> Home | HomeFinder:
 
 
 def _locked_reference(full: pin.Model, reference: Array, finger_angle: float | None) -> Array:
-    """Configuration at which joints off the arm are frozen; the arm's own entries do not matter."""
+    """Configuration at which joints off the arm are locked; the arm's own entries have no effect."""
     q = np.array(reference, dtype=np.float64)
     for index in range(1, full.njoints):
         joint = full.joints[index]
@@ -111,8 +177,8 @@ def _locked_reference(full: pin.Model, reference: Array, finger_angle: float | N
     return q
 
 
-def _refuse_coupled(model: pin.Model, couplings: Iterable[Coupling]) -> None:
-    """Solving needs joints that move independently of each other and of what holds the arm."""
+def _refuse_coupled(model: pin.Model, couplings: Iterable[chain.Coupling]) -> None:
+    """Refuse an arm whose joints are coupled: solving needs joints that move independently."""
     for joint in tuple(model.names)[1:]:
         for coupling in couplings:
             if joint in coupling.joints:
@@ -142,31 +208,17 @@ def _override_limits(
     names = tuple(model.names)[1:]
     lower, upper = model.lowerPositionLimit.copy(), model.upperPositionLimit.copy()
     written: list[tuple[str, float, float]] = []
-    if not isinstance(limits, Mapping):
-        raise InvalidInputError(f"limits must map joint names to pairs (lower, upper) [rad], got {shown(limits)}")
-    for joint, pair in limits.items():
-        if joint not in names:
-            raise UnknownNameError("joint", joint, names)
-        where = f"limits[{joint!r}]"
-        try:
-            both = checks.numbers(pair)
-        except (TypeError, ValueError) as error:
-            raise InvalidInputError(f"{where} must be a pair (lower, upper) [rad], got {shown(pair)}") from error
+    for joint, pair in checks.mapping("limits", limits, "a dict of joint names and pairs (lower, upper) [rad]").items():
+        index, where = names.index(checks.choice("joint", joint, names)), f"limits[{joint!r}]"
+        both = checks.array(where, pair, "a pair (lower, upper)", "rad")
         if both.shape != (2,):
-            raise InvalidInputError(f"{where} must be a pair (lower, upper) [rad], got {shown(pair)}")
+            raise checks.refusal(where, "a pair (lower, upper)", pair, "rad")
         low, high = both.tolist()
         if not low <= high:
             raise InvalidInputError(f"{where}: lower {low} must not be above upper {high}")
         if low > chain.NO_LIMIT or high < -chain.NO_LIMIT:
             raise InvalidInputError(f"{where}: no angle within 1e6 rad lies between {low} and {high}")
-        lower[names.index(joint)], upper[names.index(joint)] = low, high
+        lower[index], upper[index] = low, high
         written.append((joint, low, high))
     model.lowerPositionLimit, model.upperPositionLimit = lower, upper
     return tuple(written)
-
-
-def _check_limits(model: pin.Model) -> None:
-    """A chain whose limits contradict each other is not an arm."""
-    for name, low, high in zip(tuple(model.names)[1:], model.lowerPositionLimit, model.upperPositionLimit, strict=True):
-        if not low <= high:
-            raise ModelError(f"joint {name!r}: lower limit {low} is above upper limit {high}")

@@ -1,12 +1,15 @@
-"""The same arm in MuJoCo: what mink solves on, and what checks contact.
+"""`to_mujoco`: the same arm in MuJoCo, for mink and for contact.
 
-`to_mujoco` builds a model with the joints of a `Robot` and nothing else that moves, from the robot's own Pinocchio
-numbers, so a URDF and an MJCF end in the same place. It is a kinematic twin: masses are placeholders.
+The twin has the joints of a `Robot` and nothing else that moves, from the robot's own Pinocchio numbers, so that a URDF
+and an MJCF give the same one. It is kinematic: masses are placeholders. Its shapes are those of the description, which
+MuJoCo compiles too: `with_shapes` and `with_masses`.
 """
 
 from __future__ import annotations
 
+import itertools
 import xml.etree.ElementTree as ET
+from collections.abc import Mapping
 
 import mujoco
 import numpy as np
@@ -18,9 +21,213 @@ from jacokin.model import checks, poses
 from jacokin.model.descriptions import bundled, meshes, mjcf, urdf
 from jacokin.model.robot import Robot, Source, checked_robot
 
+UNLIMITED = 1e6  # [rad] stands for an open side
+LOCKED_ROOM = 1e-9  # [rad] on both sides of a joint with equal limits
+BASE_BODY = "jacokin_base"
 # Off the joint's axes and turned, or MuJoCo's compiler marks the body for shortcuts that its true numbers forbid.
 PLACEHOLDER = """<inertial><origin xyz="0.1 0.2 0.3" rpy="0.3 0.2 0.1"/><mass value="1"/>
 <inertia ixx="3" iyy="4" izz="5" ixy="0" ixz="0" iyz="0"/></inertial>"""
+
+
+def to_mujoco(robot: Robot, *, geometry: bool = False) -> mujoco.MjModel:
+    """Compile the kinematic twin of a robot.
+
+    Args:
+        robot: the arm.
+        geometry: True to carry the collision shapes of the description, fingers locked at `robot.finger_angle`.
+
+    Returns:
+        A model with nq == nv == robot.dof, joints in the robot's order and named as there, one body a link, and a
+        site for every name in `robot.frames`. The world of the model is the robot's base.
+
+    Raises:
+        InvalidInputError: `robot` is not a Robot, `geometry` neither True nor False.
+        ModelError: `geometry` and the description's shapes cannot be loaded by MuJoCo.
+    """
+    return to_spec(checked_robot("robot", robot), geometry=checks.flag("geometry", geometry)).compile()
+
+
+def to_spec(robot: Robot, *, geometry: bool = False, finger_angle: float | None = None) -> mujoco.MjSpec:
+    """As `to_mujoco`, before compiling: scene geometry can still be added.
+
+    With `finger_angle` [rad] the shapes of the fingers stand at that angle instead of the robot's own.
+    """
+    model = robot.pin_model
+    spec = mujoco.MjSpec()
+    spec.modelname = robot.name
+    spec.compiler.degree = False
+    spec.compiler.autolimits = False
+    carriers = [spec.worldbody.add_body(name=BASE_BODY)]
+    for index in range(1, model.njoints):
+        placement = model.jointPlacements[index]
+        body = carriers[model.parents[index]].add_body(
+            name=body_of_joint(robot, index),
+            pos=placement.translation,
+            quat=poses.quaternion(placement.rotation),
+        )
+        # Kinematics needs no mass; MuJoCo refuses moving bodies without one.
+        body.mass, body.inertia, body.explicitinertial = 1.0, np.ones(3), True
+        _add_joint(body, robot, index)
+        carriers.append(body)
+    for name in robot.frames:
+        frame = model.frames[robot.frame_id(name)]
+        carriers[frame.parentJoint].add_site(
+            name=name, pos=frame.placement.translation, quat=poses.quaternion(frame.placement.rotation)
+        )
+    if geometry:
+        add_shapes(spec, carriers, robot, finger_angle)
+    return spec
+
+
+def body_of_joint(robot: Robot, joint: int) -> str:
+    """Name of the twin's body that Pinocchio's joint (by number, 0 for the base) moves."""
+    return f"jacokin_body_{joint}" if joint else BASE_BODY
+
+
+def _add_joint(body: mujoco.MjsBody, robot: Robot, index: int) -> None:
+    """The joint that moves a body, about (or along) the axis Pinocchio has."""
+    joint = robot.pin_model.joints[index]
+    data = joint.createData()
+    joint.calc(data, np.zeros(robot.dof))
+    subspace = np.asarray(data.S).ravel()
+    hinge = bool(subspace[3:].any())
+    limited = bool(np.isfinite(robot.lower[index - 1]) or np.isfinite(robot.upper[index - 1]))
+    # MuJoCo wants a finite range; one side may be open.
+    low, high = np.clip((robot.lower[index - 1], robot.upper[index - 1]), -UNLIMITED, UNLIMITED)
+    if not low < high:  # a locked joint: MuJoCo wants some room, answers are clamped to the robot's own limits
+        low, high = low - LOCKED_ROOM, high + LOCKED_ROOM
+    body.add_joint(
+        name=robot.joint_names[index - 1],
+        type=mujoco.mjtJoint.mjJNT_HINGE if hinge else mujoco.mjtJoint.mjJNT_SLIDE,
+        axis=subspace[3:] if hinge else subspace[:3],
+        limited=mujoco.mjtLimited.mjLIMITED_TRUE if limited else mujoco.mjtLimited.mjLIMITED_FALSE,
+        range=(low, high) if limited else (0.0, 0.0),
+    )
+
+
+def add_shapes(
+    spec: mujoco.MjSpec, carriers: list[mujoco.MjsBody], robot: Robot, finger_angle: float | None = None
+) -> None:
+    """Copy the collision shapes of the arm, and the pairs of them that MuJoCo would test for contact.
+
+    Args:
+        spec: the twin.
+        carriers: its bodies, by number of Pinocchio's joint that moves them.
+        robot: the arm.
+        finger_angle: angle of the joints off the arm [rad]; None for the one the robot was loaded with.
+
+    Raises:
+        InvalidInputError: a finger angle that no joint off the arm can take.
+        ModelError: a mesh is not found, or MuJoCo cannot load the shapes.
+    """
+    source = with_shapes(robot)
+    model = robot.pin_model
+    fingers = None if finger_angle is None else _Fingers(source, robot, finger_angle)
+    names = set(robot.frames)
+    carrier: dict[int, int] = {}  # geom of the source -> number of the joint that moves it
+    for geom in range(source.ngeom):
+        body = int(source.geom_bodyid[geom])
+        link = mjcf.body_name(source, body)
+        if link not in names or body == 0 or not (source.geom_contype[geom] or source.geom_conaffinity[geom]):
+            continue
+        frame = model.frames[robot.frame_id(link)]
+        T_carrier_link = frame.placement if fingers is None else fingers.placement(body, frame.parentJoint)
+        T_carrier_geom = T_carrier_link * mjcf.placement(source.geom_quat[geom], source.geom_pos[geom])
+        carrier[geom] = frame.parentJoint
+        _add_geom(spec, carriers[frame.parentJoint], source, geom, T_carrier_geom)
+    for pair in _pairs(source, carrier):
+        first, second = (mjcf.geom_name(source, geom) for geom in pair)
+        spec.add_pair(name=f"{first}~{second}", geomname1=first, geomname2=second)
+
+
+class _Fingers:
+    """Where the links of a description are when the joints off the arm stand at another angle."""
+
+    def __init__(self, source: mujoco.MjModel, robot: Robot, angle: float) -> None:
+        """Put every joint off the arm at the angle [rad], clipped into its limits."""
+        self._source, self._robot = source, robot
+        self._data = mujoco.MjData(source)
+        arm, allowed = set(robot.joint_names), list[tuple[float, float]]()
+        for joint in range(source.njnt):
+            if mjcf.joint_name(source, joint) in arm or source.jnt_type[joint] not in mjcf.SCALAR_JOINTS:
+                continue
+            low, high = source.jnt_range[joint].tolist() if source.jnt_limited[joint] else (-np.inf, np.inf)
+            self._data.qpos[source.jnt_qposadr[joint]] = np.clip(angle, low, high)
+            allowed.append((low, high))
+        if not any(low <= angle <= high for low, high in allowed):
+            reason = f"the fingers move from {allowed[0][0]} to {allowed[0][1]} rad" if allowed else "it has no fingers"
+            raise InvalidInputError(f"finger_angle = {angle} rad: {reason}")
+        mujoco.mj_kinematics(source, self._data)
+
+    def placement(self, body: int, carrier: int) -> pin.SE3:
+        """Placement of a link on the link that Pinocchio's joint (by number, 0 for the base) moves."""
+        robot, source = self._robot, self._source
+        if carrier == 0:
+            return robot.pin_model.frames[robot.frame_id(mjcf.body_name(source, body))].placement
+        joints = [mjcf.joint_name(source, joint) for joint in range(source.njnt)]
+        moved = int(source.jnt_bodyid[joints.index(robot.joint_names[carrier - 1])])
+        T_carrier_moved = robot.pin_model.frames[robot.frame_id(mjcf.body_name(source, moved))].placement
+        return T_carrier_moved * self._world(moved).inverse() * self._world(body)
+
+    def _world(self, body: int) -> pin.SE3:
+        return mjcf.placement(self._data.xquat[body], self._data.xpos[body])
+
+
+def _add_geom(
+    spec: mujoco.MjSpec, body: mujoco.MjsBody, source: mujoco.MjModel, geom: int, T_body_geom: pin.SE3
+) -> None:
+    """One shape; meshes are copied as vertices, and collide as their convex hull, as in MuJoCo."""
+    name = mjcf.geom_name(source, geom)
+    kind = mujoco.mjtGeom(source.geom_type[geom])
+    shape: dict[str, object] = {"size": source.geom_size[geom]}
+    if kind == mujoco.mjtGeom.mjGEOM_MESH:
+        shape = {"meshname": name}
+        spec.add_mesh(name=name, uservert=_mesh_vertices(source, int(source.geom_dataid[geom])).ravel())
+    added = body.add_geom(
+        name=name,
+        type=kind,
+        pos=T_body_geom.translation,
+        quat=poses.quaternion(T_body_geom.rotation),
+        contype=0,
+        conaffinity=0,
+        rgba=source.geom_rgba[geom] if source.geom_matid[geom] < 0 else source.mat_rgba[source.geom_matid[geom]],
+        **shape,
+    )
+    added.mass = 0.0
+
+
+def _mesh_vertices(source: mujoco.MjModel, mesh: int) -> Array:
+    first = int(source.mesh_vertadr[mesh])
+    return np.array(source.mesh_vert[first : first + int(source.mesh_vertnum[mesh])], dtype=np.float64)
+
+
+def _pairs(source: mujoco.MjModel, carrier: Mapping[int, int]) -> list[tuple[int, int]]:
+    """Pairs of shapes MuJoCo would test: masks agree, not parent and child, not excluded, and able to move apart."""
+    # MuJoCo's signature of an excluded pair: lower body id in the high half.
+    excluded = {int(signature) for signature in source.exclude_signature}
+    pairs = []
+    for first, second in itertools.combinations(sorted(carrier), 2):
+        body_a, body_b = int(source.geom_bodyid[first]), int(source.geom_bodyid[second])
+        if carrier[first] == carrier[second] or (min(body_a, body_b) << 16) + max(body_a, body_b) in excluded:
+            continue
+        masks = (source.geom_contype[first] & source.geom_conaffinity[second]) | (
+            source.geom_contype[second] & source.geom_conaffinity[first]
+        )
+        if masks and not _parent_and_child(source, body_a, body_b):
+            pairs.append((first, second))
+    return pairs
+
+
+def _parent_and_child(source: mujoco.MjModel, body_a: int, body_b: int) -> bool:
+    """Whether a joint joins the two; bodies welded together count as one.
+
+    MuJoCo tests such a pair when one side is welded to the world. A base that overlaps its first link is no
+    self-contact, so here it never counts.
+    """
+    weld_a, weld_b = int(source.body_weldid[body_a]), int(source.body_weldid[body_b])
+    parent_a = int(source.body_weldid[source.body_parentid[weld_a]])
+    parent_b = int(source.body_weldid[source.body_parentid[weld_b]])
+    return weld_a == parent_b or weld_b == parent_a
 
 
 def with_shapes(robot: Robot) -> mujoco.MjModel:
@@ -129,219 +336,3 @@ def _write_inertial(model: mujoco.MjModel, body: int, inertial: ET.Element | Non
     model.body_inertia[body] = moments
     model.body_ipos[body] = position
     model.body_iquat[body] = poses.quaternion(poses.rotation_from_rpy(rpy) @ axes)
-
-
-GEOM_OF_MESH = mujoco.mjtGeom.mjGEOM_MESH
-
-
-def add_shapes(
-    spec: mujoco.MjSpec, carriers: list[mujoco.MjsBody], robot: Robot, finger_angle: float | None = None
-) -> None:
-    """Copy the colliding shapes of the arm, and MuJoCo's own choice of which pairs may touch.
-
-    Args:
-        spec: the twin.
-        carriers: its bodies, by number of Pinocchio's joint that moves them.
-        robot: the arm.
-        finger_angle: angle of the joints off the arm [rad]; None for the one the robot was loaded with.
-
-    Raises:
-        InvalidInputError: a finger angle that no joint off the arm can take.
-        ModelError: a mesh is not found, or MuJoCo cannot load the shapes.
-    """
-    source = with_shapes(robot)
-    model = robot.pin_model
-    fingers = None if finger_angle is None else _Fingers(source, robot, finger_angle)
-    names = set(robot.frames)
-    placed: dict[int, str] = {}  # geom of the source -> its name here
-    for geom in range(source.ngeom):
-        body = int(source.geom_bodyid[geom])
-        link = mjcf.body_name(source, body)
-        if link not in names or body == 0 or not (source.geom_contype[geom] or source.geom_conaffinity[geom]):
-            continue
-        frame = model.frames[robot.frame_id(link)]
-        T_carrier_link = frame.placement if fingers is None else fingers.placement(body, frame.parentJoint)
-        T_carrier_geom = T_carrier_link * mjcf.placement(source.geom_quat[geom], source.geom_pos[geom])
-        placed[geom] = _add_geom(spec, carriers[frame.parentJoint], source, geom, T_carrier_geom)
-    for first, second in _pairs(source, sorted(placed), robot):
-        spec.add_pair(name=f"{placed[first]}~{placed[second]}", geomname1=placed[first], geomname2=placed[second])
-
-
-class _Fingers:
-    """Where the links of a description are when the joints off the arm stand at another angle."""
-
-    def __init__(self, source: mujoco.MjModel, robot: Robot, angle: float) -> None:
-        """Put every joint off the arm at the angle [rad], clipped into its limits."""
-        self._source, self._robot = source, robot
-        self._data = mujoco.MjData(source)
-        arm, allowed = set(robot.joint_names), list[tuple[float, float]]()
-        for joint in range(source.njnt):
-            if mjcf.joint_name(source, joint) in arm or source.jnt_type[joint] not in mjcf.SCALAR_JOINTS:
-                continue
-            low, high = source.jnt_range[joint].tolist() if source.jnt_limited[joint] else (-np.inf, np.inf)
-            self._data.qpos[source.jnt_qposadr[joint]] = np.clip(angle, low, high)
-            allowed.append((low, high))
-        if not any(low <= angle <= high for low, high in allowed):
-            reason = f"the fingers move from {allowed[0][0]} to {allowed[0][1]} rad" if allowed else "it has no fingers"
-            raise InvalidInputError(f"finger_angle = {angle} rad: {reason}")
-        mujoco.mj_kinematics(source, self._data)
-
-    def placement(self, body: int, carrier: int) -> pin.SE3:
-        """Placement of a link on the link that Pinocchio's joint (by number, 0 for the base) moves."""
-        robot, source = self._robot, self._source
-        if carrier == 0:
-            return robot.pin_model.frames[robot.frame_id(mjcf.body_name(source, body))].placement
-        joints = [mjcf.joint_name(source, joint) for joint in range(source.njnt)]
-        moved = int(source.jnt_bodyid[joints.index(robot.joint_names[carrier - 1])])
-        T_carrier_moved = robot.pin_model.frames[robot.frame_id(mjcf.body_name(source, moved))].placement
-        return T_carrier_moved * self._world(moved).inverse() * self._world(body)
-
-    def _world(self, body: int) -> pin.SE3:
-        return mjcf.placement(self._data.xquat[body], self._data.xpos[body])
-
-
-def _add_geom(
-    spec: mujoco.MjSpec, body: mujoco.MjsBody, source: mujoco.MjModel, geom: int, T_body_geom: pin.SE3
-) -> str:
-    """One shape; meshes are copied as vertices, and collide as their convex hull, as in MuJoCo."""
-    name = str(source.geom(geom).name) or f"{mjcf.body_name(source, int(source.geom_bodyid[geom]))}#{geom}"
-    kind = mujoco.mjtGeom(source.geom_type[geom])
-    shape: dict[str, object] = {"size": source.geom_size[geom]}
-    if kind == GEOM_OF_MESH:
-        shape = {"meshname": name}
-        spec.add_mesh(name=name, uservert=_mesh_vertices(source, int(source.geom_dataid[geom])).ravel())
-    added = body.add_geom(
-        name=name,
-        type=kind,
-        pos=T_body_geom.translation,
-        quat=poses.quaternion(T_body_geom.rotation),
-        contype=0,
-        conaffinity=0,
-        rgba=source.geom_rgba[geom] if source.geom_matid[geom] < 0 else source.mat_rgba[source.geom_matid[geom]],
-        **shape,
-    )
-    added.mass = 0.0
-    return name
-
-
-def _mesh_vertices(source: mujoco.MjModel, mesh: int) -> Array:
-    first = int(source.mesh_vertadr[mesh])
-    return np.array(source.mesh_vert[first : first + int(source.mesh_vertnum[mesh])], dtype=np.float64)
-
-
-def _pairs(source: mujoco.MjModel, geoms: list[int], robot: Robot) -> list[tuple[int, int]]:
-    """Pairs of shapes MuJoCo would test: masks agree, not parent and child, not excluded, and able to move apart."""
-    carrier = {
-        geom: robot.pin_model.frames[robot.frame_id(mjcf.body_name(source, int(source.geom_bodyid[geom])))].parentJoint
-        for geom in geoms
-    }
-    # MuJoCo's signature of an excluded pair: lower body id in the high half.
-    excluded = {int(signature) for signature in source.exclude_signature}
-    pairs = []
-    for position, first in enumerate(geoms):
-        for second in geoms[position + 1 :]:
-            if carrier[first] == carrier[second]:
-                continue
-            body_a, body_b = int(source.geom_bodyid[first]), int(source.geom_bodyid[second])
-            if (min(body_a, body_b) << 16) + max(body_a, body_b) in excluded:
-                continue
-            masks = (source.geom_contype[first] & source.geom_conaffinity[second]) | (
-                source.geom_contype[second] & source.geom_conaffinity[first]
-            )
-            if masks and not _parent_and_child(source, body_a, body_b):
-                pairs.append((first, second))
-    return pairs
-
-
-def _parent_and_child(source: mujoco.MjModel, body_a: int, body_b: int) -> bool:
-    """Whether a joint joins the two; bodies welded together count as one.
-
-    MuJoCo tests such a pair when one side is welded to the world. A base that overlaps its first link is no
-    self-contact, so here it never counts.
-    """
-    weld_a, weld_b = int(source.body_weldid[body_a]), int(source.body_weldid[body_b])
-    parent_a = int(source.body_weldid[source.body_parentid[weld_a]])
-    parent_b = int(source.body_weldid[source.body_parentid[weld_b]])
-    return weld_a == parent_b or weld_b == parent_a
-
-
-UNLIMITED = 1e6  # [rad] stands for an open side
-LOCKED_ROOM = 1e-9  # [rad] on both sides of a joint with equal limits
-
-BASE_BODY = "jacokin_base"
-
-
-def to_mujoco(robot: Robot, *, geometry: bool = False) -> mujoco.MjModel:
-    """Compile the kinematic twin of a robot.
-
-    Args:
-        robot: the arm.
-        geometry: True to carry the collision shapes of the description, fingers locked at `robot.finger_angle`.
-
-    Returns:
-        A model with nq == nv == robot.dof, joints in the robot's order and named as there, one body a link, and a
-        site for every name in `robot.frames`. The world of the model is the robot's base.
-
-    Raises:
-        InvalidInputError: `robot` is not a Robot, `geometry` neither True nor False.
-        ModelError: `geometry` and the description's shapes cannot be loaded by MuJoCo.
-    """
-    return to_spec(checked_robot("robot", robot), geometry=checks.flag("geometry", geometry)).compile()
-
-
-def to_spec(robot: Robot, *, geometry: bool = False, finger_angle: float | None = None) -> mujoco.MjSpec:
-    """As `to_mujoco`, before compiling: scene geometry can still be added.
-
-    With `finger_angle` [rad] the shapes of the fingers stand at that angle instead of the robot's own.
-    """
-    model = robot.pin_model
-    spec = mujoco.MjSpec()
-    spec.modelname = robot.name
-    spec.compiler.degree = False
-    spec.compiler.autolimits = False
-    carriers = [spec.worldbody.add_body(name=BASE_BODY)]
-    for index in range(1, model.njoints):
-        placement = model.jointPlacements[index]
-        body = carriers[model.parents[index]].add_body(
-            name=body_of_joint(robot, index),
-            pos=placement.translation,
-            quat=poses.quaternion(placement.rotation),
-        )
-        # Kinematics needs no mass; MuJoCo refuses moving bodies without one.
-        body.mass, body.inertia, body.explicitinertial = 1.0, np.ones(3), True
-        _add_joint(body, robot, index)
-        carriers.append(body)
-    for name in robot.frames:
-        frame = model.frames[robot.frame_id(name)]
-        carriers[frame.parentJoint].add_site(
-            name=name, pos=frame.placement.translation, quat=poses.quaternion(frame.placement.rotation)
-        )
-    if geometry:
-        add_shapes(spec, carriers, robot, finger_angle)
-    return spec
-
-
-def body_of_joint(robot: Robot, joint: int) -> str:
-    """Name of the twin's body that Pinocchio's joint (by number, 0 for the base) moves."""
-    return f"jacokin_body_{joint}" if joint else BASE_BODY
-
-
-def _add_joint(body: mujoco.MjsBody, robot: Robot, index: int) -> None:
-    """The joint that moves a body, about (or along) the axis Pinocchio has."""
-    joint = robot.pin_model.joints[index]
-    data = joint.createData()
-    joint.calc(data, np.zeros(robot.dof))
-    subspace = np.asarray(data.S).ravel()
-    hinge = bool(subspace[3:].any())
-    limited = bool(np.isfinite(robot.lower[index - 1]) or np.isfinite(robot.upper[index - 1]))
-    # MuJoCo wants a finite range; one side may be open.
-    low, high = np.clip((robot.lower[index - 1], robot.upper[index - 1]), -UNLIMITED, UNLIMITED)
-    if not low < high:  # a locked joint: MuJoCo wants some room, answers are clamped to the robot's own limits
-        low, high = low - LOCKED_ROOM, high + LOCKED_ROOM
-    body.add_joint(
-        name=robot.joint_names[index - 1],
-        type=mujoco.mjtJoint.mjJNT_HINGE if hinge else mujoco.mjtJoint.mjJNT_SLIDE,
-        axis=subspace[3:] if hinge else subspace[:3],
-        limited=mujoco.mjtLimited.mjLIMITED_TRUE if limited else mujoco.mjtLimited.mjLIMITED_FALSE,
-        range=(low, high) if limited else (0.0, 0.0),
-    )

@@ -1,6 +1,6 @@
-"""Obstacles around the arm: shapes that stand still in the base frame.
+"""Obstacles around the arm: box, sphere, capsule, cylinder and floor, which stand still in the base frame.
 
-The arm brings its own shapes: the collision shapes of its description.
+The arm has shapes of its own: the collision shapes of its description.
 """
 
 from __future__ import annotations
@@ -82,7 +82,24 @@ class Sphere:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Capsule:
+class _Round:
+    """What capsules and cylinders share."""
+
+    name: str
+    radius: float
+    length: float
+    pose: pin.SE3 | ArrayLike
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        _check_name(self.name)
+        object.__setattr__(self, "radius", checks.positive(f"{self.name}: radius", self.radius, "m"))
+        object.__setattr__(self, "length", checks.positive(f"{self.name}: length", self.length, "m"))
+        object.__setattr__(self, "pose", _pose(f"{self.name}: pose", self.pose))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Capsule(_Round):
     """A cylinder along its z axis with a half sphere on each end.
 
     Attributes:
@@ -92,25 +109,13 @@ class Capsule:
         pose: where its centre is: T_base_capsule, or a position (3,) [m].
     """
 
-    name: str
-    radius: float
-    length: float
-    pose: pin.SE3 | ArrayLike
-
-    def __post_init__(self) -> None:
-        """Check the numbers."""
-        _check_name(self.name)
-        object.__setattr__(self, "radius", checks.positive(f"{self.name}: radius", self.radius, "m"))
-        object.__setattr__(self, "length", checks.positive(f"{self.name}: length", self.length, "m"))
-        object.__setattr__(self, "pose", _pose(f"{self.name}: pose", self.pose))
-
     def add_to(self, body: mujoco.MjsBody) -> None:
         """Add the shape to the base body."""
         _add(body, self.name, mujoco.mjtGeom.mjGEOM_CAPSULE, [self.radius, 0.5 * self.length], self.pose)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Cylinder:
+class Cylinder(_Round):
     """A cylinder along its z axis with flat ends.
 
     Attributes:
@@ -119,18 +124,6 @@ class Cylinder:
         length: [m].
         pose: where its centre is: T_base_cylinder, or a position (3,) [m].
     """
-
-    name: str
-    radius: float
-    length: float
-    pose: pin.SE3 | ArrayLike
-
-    def __post_init__(self) -> None:
-        """Check the numbers."""
-        _check_name(self.name)
-        object.__setattr__(self, "radius", checks.positive(f"{self.name}: radius", self.radius, "m"))
-        object.__setattr__(self, "length", checks.positive(f"{self.name}: length", self.length, "m"))
-        object.__setattr__(self, "pose", _pose(f"{self.name}: pose", self.pose))
 
     def add_to(self, body: mujoco.MjsBody) -> None:
         """Add the shape to the base body."""
@@ -172,10 +165,7 @@ def checked_obstacles(obstacles: Iterable[Obstacle]) -> tuple[Obstacle, ...]:
     for shape in shapes:
         name = getattr(shape, "name", None)
         if not callable(getattr(shape, "add_to", None)) or not isinstance(name, str) or not name:
-            raise InvalidInputError(
-                f"obstacles must each be a shape with a name (Box, Sphere, Capsule, Cylinder, Floor), "
-                f"got {checks.shown(shape)}"
-            )
+            raise checks.refusal("obstacles", "shapes with a name (Box, Sphere, Capsule, Cylinder, Floor)", shape)
         if name in names:
             raise InvalidInputError(f"the name {name!r} is used by two shapes; names must differ")
         names.add(name)
@@ -224,7 +214,7 @@ def collision_pairs(
 
 def _check_name(name: str) -> None:
     if not isinstance(name, str) or not name:
-        raise InvalidInputError(f"an obstacle must have a name, got {checks.shown(name)}")
+        raise checks.refusal("the name of an obstacle", "a word", name)
 
 
 def _pose(name: str, value: pin.SE3 | ArrayLike) -> pin.SE3:
@@ -235,10 +225,7 @@ def _pose(name: str, value: pin.SE3 | ArrayLike) -> pin.SE3:
     """
     if isinstance(value, pin.SE3):
         return poses.checked_pose(value, name)
-    try:
-        array = checks.numbers(value)
-    except (TypeError, ValueError) as error:
-        raise InvalidInputError(f"{name} must be a pose or a position, got {checks.shown(value)}") from error
+    array = checks.array(name, value, "a pose or a position")
     if array.ndim == 1:
         return pin.SE3(np.eye(3), checks.vector(name, array, 3, "m"))
     return poses.checked_pose(array, name)

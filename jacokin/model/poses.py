@@ -1,4 +1,4 @@
-"""Poses as `pin.SE3`: building them from user input and checking those that users bring.
+"""`pose` and `FreeAxis`, which build targets, and the checks of poses, rotations and quaternions that users give.
 
 Quaternions are wxyz. Roll-pitch-yaw means R = Rz(yaw) Ry(pitch) Rx(roll).
 """
@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import partial
 from typing import overload
 
 import numpy as np
@@ -14,201 +15,97 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
-from jacokin.errors import InvalidInputError, shown
+from jacokin.errors import InvalidInputError
 from jacokin.model import checks
 from jacokin.model.angles import TURN
 
 QUATERNION_NORM_TOLERANCE = 0.01  # hand-typed quaternions have two or three digits; more than 1 % is a mistake
 RIGID_TOLERANCE = 1e-6  # |R^T R - I|: admits float32 matrices (1e-7), refuses scaled or sheared ones
-
 ORTHONORMAL = 1e-14  # |R^T R - I| of a product of a dozen rotations: rounding, left as it is
-
 # The tool pointing vertically down: half a turn about the horizontal axis (0, 1, 1) / sqrt(2) of the tool.
 DOWN_QUAT_WXYZ = (0.0, math.sqrt(0.5), math.sqrt(0.5), 0.0)
-
-
-def unit_quaternion(name: str, quat_wxyz: ArrayLike) -> Array:
-    """The quaternion (4,) wxyz with norm 1, refused when its norm is off by more than 1 %.
-
-    Raises:
-        InvalidInputError: wrong shape, not finite, or a norm off by more than 1 %.
-    """
-    quat = checks.vector(name, quat_wxyz, 4, "wxyz")
-    norm = math.sqrt(quat.dot(quat))
-    if abs(norm - 1.0) > QUATERNION_NORM_TOLERANCE:
-        raise InvalidInputError(f"{name} must have norm 1 (within 1 %), got norm {norm:.6g} for {quat.tolist()}")
-    unit: Array = quat / norm
-    return unit
-
-
-def rotation_from_quat_wxyz(quat_wxyz: ArrayLike, name: str = "quat_wxyz") -> Array:
-    """Rotation matrix (3, 3) of a quaternion (w, x, y, z) whose norm is within 1 % of one.
-
-    Raises:
-        InvalidInputError: wrong shape, not finite, or a norm off by more than 1 %.
-    """
-    w, x, y, z = unit_quaternion(name, quat_wxyz).tolist()
-    rotation: Array = pin.Quaternion(w, x, y, z).toRotationMatrix()
-    return rotation
-
-
-def rotation_from_rpy(rpy: ArrayLike, name: str = "rpy") -> Array:
-    """Rotation matrix (3, 3) of R = Rz(yaw) Ry(pitch) Rx(roll), angles (roll, pitch, yaw) in [rad].
-
-    Raises:
-        InvalidInputError: wrong shape or not finite.
-    """
-    rotation: Array = pin.rpy.rpyToMatrix(checks.vector(name, rpy, 3, "rad"))
-    return rotation
-
-
-def checked_rotation(name: str, value: ArrayLike) -> Array:
-    """A rotation matrix (3, 3) made orthonormal to the last bit, refused when it is not one within 1e-6.
-
-    Raises:
-        InvalidInputError: wrong shape, not finite, sheared, scaled or a reflection.
-    """
-    try:
-        matrix = checks.numbers(value)
-    except (TypeError, ValueError) as error:
-        raise InvalidInputError(f"{name} must be a (3, 3) rotation matrix") from error
-    if matrix.shape != (3, 3):
-        raise InvalidInputError(f"{name} must have shape (3, 3), got {matrix.shape}")
-    homogeneous = np.eye(4)
-    homogeneous[:3, :3] = matrix
-    return checked_matrix(name, homogeneous)[:3, :3]
-
-
-def checked_matrix(name: str, matrix: Array) -> Array:
-    """A homogeneous matrix (4, 4) whose rotation is made orthonormal in place; refused when it is not rigid.
-
-    Raises:
-        InvalidInputError: not finite, a last row that is not 0 0 0 1, sheared, scaled or a reflection.
-    """
-    # Sixteen numbers: plain floats are faster than NumPy here, and this runs before every solve.
-    (a, b, c, x), (d, e, f, y), (g, h, k, z), (p, q, r, one) = matrix.tolist()
-    total = a + b + c + d + e + f + g + h + k + x + y + z + p + q + r + one
-    if not math.isfinite(total) and not np.isfinite(matrix).all():
-        raise InvalidInputError(f"{name} must be finite")
-    has_exact_last_row = one == 1.0 and p == q == r == 0.0
-    if not has_exact_last_row and not max(abs(p), abs(q), abs(r), abs(one - 1.0)) <= RIGID_TOLERANCE:
-        raise InvalidInputError(f"{name}: the last row must be 0 0 0 1, got {matrix[3].tolist()}")
-    misfit = max(
-        abs(a * a + d * d + g * g - 1.0),
-        abs(b * b + e * e + h * h - 1.0),
-        abs(c * c + f * f + k * k - 1.0),
-        abs(a * b + d * e + g * h),
-        abs(a * c + d * f + g * k),
-        abs(b * c + e * f + h * k),
-    )
-    if not misfit <= RIGID_TOLERANCE:
-        raise InvalidInputError(f"{name} is not a rotation: R^T R differs from the identity by {misfit:.3g}")
-    if a * (e * k - f * h) - b * (d * k - f * g) + c * (d * h - e * g) < 0.0:
-        raise InvalidInputError(f"{name} is a reflection (determinant -1), not a rotation")
-    if misfit > ORTHONORMAL:
-        _orthonormalise(matrix[:3, :3])
-    if not has_exact_last_row:
-        matrix[3] = 0.0, 0.0, 0.0, 1.0
-    return matrix
-
-
-def _orthonormalise(rotation: Array) -> None:
-    """Move (..., 3, 3) onto the nearest orthonormal matrix; each step squares the misfit: 1e-6, 1e-12, 1e-24."""
-    for _ in range(2):
-        rotation[...] = rotation @ (1.5 * np.eye(3) - 0.5 * (np.swapaxes(rotation, -1, -2) @ rotation))
-
-
-def checked_matrices(name: str, matrices: Array) -> Array:
-    """As `checked_matrix` for (n, 4, 4) at once, in place.
-
-    Raises:
-        InvalidInputError: as there; the first row at fault is named.
-    """
-    rotation = matrices[:, :3, :3]
-    # Entry by entry, as for one matrix: products of many small matrices take several times as long.
-    (a, b, c, x), (d, e, f, y), (g, h, k, z), (p, q, r, one) = matrices.transpose(1, 2, 0).copy()
-    with np.errstate(over="ignore", invalid="ignore"):
-        misfit = np.abs(a * a + d * d + g * g - 1.0)
-        for other in (
-            b * b + e * e + h * h - 1.0,
-            c * c + f * f + k * k - 1.0,
-            a * b + d * e + g * h,
-            a * c + d * f + g * k,
-            b * c + e * f + h * k,
-        ):
-            np.maximum(misfit, np.abs(other), out=misfit)
-        good = misfit <= RIGID_TOLERANCE
-        for last in (p, q, r, one - 1.0):
-            good &= np.abs(last) <= RIGID_TOLERANCE
-        for finite in (x, y, z):
-            good &= np.isfinite(finite)
-        good &= a * (e * k - f * h) - b * (d * k - f * g) + c * (d * h - e * g) > 0.0
-    if not good.all():
-        index = int(np.argmin(good))
-        checked_matrix(f"{name}[{index}]", matrices[index].copy())
-    rough = misfit > ORTHONORMAL
-    if rough.any():
-        fixed = rotation[rough]
-        _orthonormalise(fixed)
-        matrices[rough, :3, :3] = fixed
-    matrices[:, 3] = 0.0, 0.0, 0.0, 1.0
-    return matrices
-
-
-def matrix_of(target: pin.SE3 | ArrayLike, name: str = "target") -> Array:
-    """A rigid homogeneous matrix (4, 4) of one's own from a `pin.SE3` or a matrix, positions in [m].
-
-    Raises:
-        InvalidInputError: wrong type or shape, not finite, or not rigid.
-    """
-    if isinstance(target, pin.SE3):
-        return checked_matrix(name, target.homogeneous)
-    try:
-        matrix = np.array(checks.numbers(target), order="C")
-    except (TypeError, ValueError) as error:
-        raise InvalidInputError(f"{name} must be a pin.SE3 or a (4, 4) matrix, got {shown(target)}") from error
-    if matrix.shape != (4, 4):
-        raise InvalidInputError(f"{name} must be a pin.SE3 or a (4, 4) matrix, got shape {matrix.shape}")
-    return checked_matrix(name, matrix)
-
-
-def checked_pose(target: pin.SE3 | ArrayLike, name: str = "target") -> pin.SE3:
-    """A rigid pose from a `pin.SE3` or a homogeneous matrix (4, 4); a fresh object, positions in [m].
-
-    Raises:
-        InvalidInputError: wrong type or shape, not finite, or not rigid.
-    """
-    matrix = matrix_of(target, name)
-    return pin.SE3(matrix[:3, :3], matrix[:3, 3])
-
-
-def quat_wxyz(rotation: ArrayLike) -> Array:
-    """Unit quaternion (w, x, y, z) of a rotation matrix (3, 3), with w >= 0.
-
-    Raises:
-        InvalidInputError: not a rotation matrix.
-    """
-    return quaternion(checked_rotation("rotation", rotation))
-
-
-def quaternion(rotation: Array) -> Array:
-    """As `quat_wxyz`, for callers inside the package: the argument is trusted."""
-    x, y, z, w = pin.Quaternion(np.asarray(rotation)).normalized().coeffs()
-    quat = np.array([w, x, y, z])
-    return -quat if w < 0.0 else quat
-
-
-def rotation_angle(rotation: Array) -> float:
-    """Angle [rad] of a rotation matrix, accurate near zero and near a half turn."""
-    a, b, c, d, e, f, g, h, k = rotation.ravel().tolist()
-    return math.atan2(math.hypot(h - f, c - g, d - b), a + e + k - 1.0)
-
-
-#: [rad] a range this near to a full turn is one, and one longer by no more than this is too: what a double resolves.
-FULL_TURN = 1e-12
-#: Sine; an approach this near to vertical has no horizontal direction of its own.
-VERTICAL = 1e-9
+FULL_TURN = 1e-12  # [rad] a range this near to a full turn, shorter or longer, is one: what a double resolves
 FARTHEST_ANGLE = 1e3  # [rad] of a range: a parameter keeps its digits
+VERTICAL = 1e-9  # sine; an approach this near to vertical has no horizontal direction of its own
+
+
+@overload
+def pose(
+    position: ArrayLike,
+    quat_wxyz: ArrayLike | None = None,
+    *,
+    rpy: ArrayLike | None = None,
+    rotation: ArrayLike | None = None,
+    down: bool = False,
+    approach: None = None,
+) -> pin.SE3: ...
+
+
+@overload
+def pose(position: ArrayLike, *, approach: ArrayLike) -> FreeAxis: ...
+
+
+def pose(
+    position: ArrayLike,
+    quat_wxyz: ArrayLike | None = None,
+    *,
+    rpy: ArrayLike | None = None,
+    rotation: ArrayLike | None = None,
+    down: bool = False,
+    approach: ArrayLike | None = None,
+) -> pin.SE3 | FreeAxis:
+    """Build a pose from a position and at most one orientation; without one the orientation is the identity.
+
+    ``approach`` counts as an orientation that leaves the roll free: the result is a `FreeAxis` about the tool's z axis,
+    which points the way given. At parameter 0 the tool's x axis is horizontal, and its y axis points up; where the
+    approach is vertical, x is the base's y axis, so that straight down is ``down=True``.
+
+    Args:
+        position: (3,) position [m].
+        quat_wxyz: (4,) quaternion w, x, y, z; normalised when its norm is within 1 % of one.
+        rpy: (3,) roll, pitch, yaw [rad], R = Rz(yaw) Ry(pitch) Rx(roll).
+        rotation: (3, 3) rotation matrix.
+        down: True for a tool pointing vertically down.
+        approach: (3,) direction in the base in which the tool's z axis points, any length but zero.
+
+    Returns:
+        The pose as `pin.SE3`; with ``approach`` a `FreeAxis`.
+
+    Raises:
+        InvalidInputError: more than one orientation, or a malformed one.
+    """
+    down = checks.flag("down", down)
+    orientations = {
+        "quat_wxyz": quat_wxyz,
+        "rpy": rpy,
+        "rotation": rotation,
+        "down": down or None,
+        "approach": approach,
+    }
+    given = [name for name, value in orientations.items() if value is not None]
+    if len(given) > 1:
+        raise InvalidInputError(f"give at most one orientation, got {' and '.join(given)}")
+    at = checks.vector("position", position, 3, "m").copy()
+    if approach is not None:
+        return FreeAxis(pin.SE3(_facing(unit_vector("approach", approach)), at), axis=(0.0, 0.0, 1.0))
+    if quat_wxyz is not None:
+        return pin.SE3(rotation_from_quat_wxyz(quat_wxyz), at)
+    if rpy is not None:
+        return pin.SE3(rotation_from_rpy(rpy), at)
+    if rotation is not None:
+        return pin.SE3(checked_rotation("rotation", rotation), at)
+    if down:
+        return pin.SE3(rotation_from_quat_wxyz(DOWN_QUAT_WXYZ), at)
+    return pin.SE3(np.eye(3), at)
+
+
+def _facing(z: Array) -> Array:
+    """The rotation (3, 3) of a tool whose z axis points along a unit vector (3,), its x axis horizontal."""
+    across = math.hypot(z[0], z[1])
+    x = np.array([0.0, 1.0, 0.0]) if across < VERTICAL else np.array([-z[1], z[0], 0.0]) / across
+    x = x - (x @ z) * z
+    x /= np.linalg.norm(x)
+    return np.column_stack([x, np.cross(z, x), z])
 
 
 class FreeAxis:
@@ -239,10 +136,7 @@ class FreeAxis:
         """
         matrix = matrix_of(pose, "pose")
         matrix.setflags(write=False)
-        direction = checks.vector("axis", axis, 3, "")
-        length = math.hypot(*direction.tolist())  # infinite where it overflows, without a warning
-        if not length > 0.0 or not math.isfinite(length):
-            raise InvalidInputError(f"axis must have a direction, got {direction.tolist()}")
+        direction = unit_vector("axis", axis)
         low, high = checks.vector("range", range, 2, "rad").tolist()
         if not low < high:
             raise InvalidInputError(f"range must be (least, largest) [rad] with least < largest, got ({low}, {high})")
@@ -251,7 +145,7 @@ class FreeAxis:
         if max(abs(low), abs(high)) > FARTHEST_ANGLE:
             raise InvalidInputError(f"range must be within {FARTHEST_ANGLE:g} rad of zero, got ({low}, {high})")
         self._matrix = matrix
-        self._axis = checks.read_only(direction / length)
+        self._axis = checks.read_only(direction)
         self._range = (low, high)
 
     @property
@@ -304,89 +198,188 @@ class FreeAxis:
 
     def __reduce__(self) -> tuple[object, tuple[object, ...]]:
         """Rebuild from the arguments."""
-        return _rebuild, (self._matrix, self._axis, self._range)
+        return partial(FreeAxis, axis=self._axis, range=self._range), (self._matrix,)
 
 
-def _rebuild(matrix: Array, axis: Array, limits: tuple[float, float]) -> FreeAxis:
-    return FreeAxis(matrix, axis=axis, range=limits)
-
-
-@overload
-def pose(
-    position: ArrayLike,
-    quat_wxyz: ArrayLike | None = None,
-    *,
-    rpy: ArrayLike | None = None,
-    rotation: ArrayLike | None = None,
-    down: bool = False,
-    approach: None = None,
-) -> pin.SE3: ...
-
-
-@overload
-def pose(position: ArrayLike, *, approach: ArrayLike) -> FreeAxis: ...
-
-
-def pose(
-    position: ArrayLike,
-    quat_wxyz: ArrayLike | None = None,
-    *,
-    rpy: ArrayLike | None = None,
-    rotation: ArrayLike | None = None,
-    down: bool = False,
-    approach: ArrayLike | None = None,
-) -> pin.SE3 | FreeAxis:
-    """Build a pose from a position and at most one orientation; without one the orientation is the identity.
-
-    ``approach`` counts as an orientation that leaves the roll free: the result is a `FreeAxis` about the tool's z axis,
-    which points the way given. At parameter 0 the tool's x axis is horizontal, and its y axis points up; where the
-    approach is vertical, x is the base's y axis, so that straight down is ``down=True``.
-
-    Args:
-        position: (3,) position [m].
-        quat_wxyz: (4,) quaternion w, x, y, z; normalised when its norm is within 1 % of one.
-        rpy: (3,) roll, pitch, yaw [rad], R = Rz(yaw) Ry(pitch) Rx(roll).
-        rotation: (3, 3) rotation matrix.
-        down: True for a tool pointing vertically down.
-        approach: (3,) direction in the base in which the tool's z axis points, any length but zero.
-
-    Returns:
-        The pose as `pin.SE3`; with ``approach`` a `FreeAxis`.
+def checked_pose(target: pin.SE3 | ArrayLike, name: str = "target") -> pin.SE3:
+    """A rigid pose from a `pin.SE3` or a homogeneous matrix (4, 4); a fresh object, positions in [m].
 
     Raises:
-        InvalidInputError: more than one orientation, or a malformed one.
+        InvalidInputError: wrong type or shape, not finite, or not rigid.
     """
-    down = checks.flag("down", down)
-    given = [n for n, v in (("quat_wxyz", quat_wxyz), ("rpy", rpy), ("rotation", rotation)) if v is not None]
-    if down:
-        given.append("down")
-    if approach is not None:
-        given.append("approach")
-    if len(given) > 1:
-        raise InvalidInputError(f"give at most one orientation, got {' and '.join(given)}")
-    at = checks.vector("position", position, 3, "m").copy()
-    if approach is not None:
-        return FreeAxis(pin.SE3(_facing(approach), at), axis=(0.0, 0.0, 1.0))
-    if quat_wxyz is not None:
-        return pin.SE3(rotation_from_quat_wxyz(quat_wxyz), at)
-    if rpy is not None:
-        return pin.SE3(rotation_from_rpy(rpy), at)
-    if rotation is not None:
-        return pin.SE3(checked_rotation("rotation", rotation), at)
-    if down:
-        return pin.SE3(rotation_from_quat_wxyz(DOWN_QUAT_WXYZ), at)
-    return pin.SE3(np.eye(3), at)
+    matrix = matrix_of(target, name)
+    return pin.SE3(matrix[:3, :3], matrix[:3, 3])
 
 
-def _facing(approach: ArrayLike) -> Array:
-    """The rotation (3, 3) of a tool whose z axis points in a direction (3,), its x axis horizontal."""
-    z = checks.vector("approach", approach, 3, "")
-    length = math.hypot(*z.tolist())
+def matrix_of(target: pin.SE3 | ArrayLike, name: str = "target") -> Array:
+    """A rigid homogeneous matrix (4, 4), always a copy, of a `pin.SE3` or a matrix, positions in [m].
+
+    Raises:
+        InvalidInputError: wrong type or shape, not finite, or not rigid.
+    """
+    if isinstance(target, pin.SE3):
+        return checked_matrix(name, target.homogeneous)
+    matrix = np.array(checks.array(name, target, "a pin.SE3 or a (4, 4) matrix"), order="C")
+    if matrix.shape != (4, 4):
+        raise InvalidInputError(f"{name} must be a pin.SE3 or a (4, 4) matrix, got shape {matrix.shape}")
+    return checked_matrix(name, matrix)
+
+
+def checked_matrix(name: str, matrix: Array) -> Array:
+    """A homogeneous matrix (4, 4) whose rotation is made orthonormal in place; refused when it is not rigid.
+
+    Raises:
+        InvalidInputError: not finite, a last row that is not 0 0 0 1, sheared, scaled or a reflection.
+    """
+    # Sixteen numbers: plain floats are faster than NumPy here, and this runs before every solve.
+    (a, b, c, x), (d, e, f, y), (g, h, k, z), (p, q, r, one) = matrix.tolist()
+    total = a + b + c + d + e + f + g + h + k + x + y + z + p + q + r + one
+    if not math.isfinite(total) and not np.isfinite(matrix).all():
+        raise InvalidInputError(f"{name} must be finite")
+    has_exact_last_row = one == 1.0 and p == q == r == 0.0
+    if not has_exact_last_row and not max(abs(p), abs(q), abs(r), abs(one - 1.0)) <= RIGID_TOLERANCE:
+        raise InvalidInputError(f"{name}: the last row must be 0 0 0 1, got {matrix[3].tolist()}")
+    misfit = max(
+        abs(a * a + d * d + g * g - 1.0),
+        abs(b * b + e * e + h * h - 1.0),
+        abs(c * c + f * f + k * k - 1.0),
+        abs(a * b + d * e + g * h),
+        abs(a * c + d * f + g * k),
+        abs(b * c + e * f + h * k),
+    )
+    if not misfit <= RIGID_TOLERANCE:
+        raise InvalidInputError(f"{name} is not a rotation: R^T R differs from the identity by {misfit:.3g}")
+    if a * (e * k - f * h) - b * (d * k - f * g) + c * (d * h - e * g) < 0.0:
+        raise InvalidInputError(f"{name} is a reflection (determinant -1), not a rotation")
+    if misfit > ORTHONORMAL:
+        _orthonormalise(matrix[:3, :3])
+    if not has_exact_last_row:
+        matrix[3] = 0.0, 0.0, 0.0, 1.0
+    return matrix
+
+
+def checked_matrices(name: str, matrices: Array) -> Array:
+    """As `checked_matrix` for (n, 4, 4) at once, in place.
+
+    Raises:
+        InvalidInputError: as there; the first row at fault is named.
+    """
+    rotation = matrices[:, :3, :3]
+    # Entry by entry, as for one matrix: products of many small matrices take several times as long.
+    (a, b, c, x), (d, e, f, y), (g, h, k, z), (p, q, r, one) = matrices.transpose(1, 2, 0).copy()
+    with np.errstate(over="ignore", invalid="ignore"):
+        misfit = np.abs(a * a + d * d + g * g - 1.0)
+        for other in (
+            b * b + e * e + h * h - 1.0,
+            c * c + f * f + k * k - 1.0,
+            a * b + d * e + g * h,
+            a * c + d * f + g * k,
+            b * c + e * f + h * k,
+        ):
+            np.maximum(misfit, np.abs(other), out=misfit)
+        good = misfit <= RIGID_TOLERANCE
+        for last in (p, q, r, one - 1.0):
+            good &= np.abs(last) <= RIGID_TOLERANCE
+        for finite in (x, y, z):
+            good &= np.isfinite(finite)
+        good &= a * (e * k - f * h) - b * (d * k - f * g) + c * (d * h - e * g) > 0.0
+    if not good.all():
+        index = int(np.argmin(good))
+        checked_matrix(f"{name}[{index}]", matrices[index].copy())
+    rough = misfit > ORTHONORMAL
+    if rough.any():
+        fixed = rotation[rough]
+        _orthonormalise(fixed)
+        matrices[rough, :3, :3] = fixed
+    matrices[:, 3] = 0.0, 0.0, 0.0, 1.0
+    return matrices
+
+
+def _orthonormalise(rotation: Array) -> None:
+    """Move (..., 3, 3) onto the nearest orthonormal matrix; each step squares the misfit: 1e-6, 1e-12, 1e-24."""
+    for _ in range(2):
+        rotation[...] = rotation @ (1.5 * np.eye(3) - 0.5 * (np.swapaxes(rotation, -1, -2) @ rotation))
+
+
+def checked_rotation(name: str, value: ArrayLike) -> Array:
+    """A rotation matrix (3, 3) made orthonormal to the last bit, refused when it is not one within 1e-6.
+
+    Raises:
+        InvalidInputError: wrong shape, not finite, sheared, scaled or a reflection.
+    """
+    matrix = checks.array(name, value, "a (3, 3) rotation matrix")
+    if matrix.shape != (3, 3):
+        raise InvalidInputError(f"{name} must have shape (3, 3), got {matrix.shape}")
+    homogeneous = np.eye(4)
+    homogeneous[:3, :3] = matrix
+    return checked_matrix(name, homogeneous)[:3, :3]
+
+
+def unit_vector(name: str, value: ArrayLike) -> Array:
+    """The direction of a vector (3,).
+
+    Raises:
+        InvalidInputError: wrong shape, not finite, or of no length.
+    """
+    vector = checks.vector(name, value, 3, "")
+    length = math.hypot(*vector.tolist())  # infinite where it overflows, without a warning
     if not length > 0.0 or not math.isfinite(length):
-        raise InvalidInputError(f"approach must have a direction, got {z.tolist()}")
-    z = z / length
-    across = math.hypot(z[0], z[1])
-    x = np.array([0.0, 1.0, 0.0]) if across < VERTICAL else np.array([-z[1], z[0], 0.0]) / across
-    x = x - (x @ z) * z
-    x /= np.linalg.norm(x)
-    return np.column_stack([x, np.cross(z, x), z])
+        raise InvalidInputError(f"{name} must have a direction, got {vector.tolist()}")
+    return vector / length
+
+
+def unit_quaternion(name: str, quat_wxyz: ArrayLike) -> Array:
+    """The quaternion (4,) wxyz with norm 1, refused when its norm is off by more than 1 %.
+
+    Raises:
+        InvalidInputError: wrong shape, not finite, or a norm off by more than 1 %.
+    """
+    quat = checks.vector(name, quat_wxyz, 4, "wxyz")
+    norm = math.sqrt(quat.dot(quat))
+    if abs(norm - 1.0) > QUATERNION_NORM_TOLERANCE:
+        raise InvalidInputError(f"{name} must have norm 1 (within 1 %), got norm {norm:.6g} for {quat.tolist()}")
+    unit: Array = quat / norm
+    return unit
+
+
+def rotation_from_quat_wxyz(quat_wxyz: ArrayLike, name: str = "quat_wxyz") -> Array:
+    """Rotation matrix (3, 3) of a quaternion (w, x, y, z) whose norm is within 1 % of one.
+
+    Raises:
+        InvalidInputError: wrong shape, not finite, or a norm off by more than 1 %.
+    """
+    w, x, y, z = unit_quaternion(name, quat_wxyz).tolist()
+    rotation: Array = pin.Quaternion(w, x, y, z).toRotationMatrix()
+    return rotation
+
+
+def rotation_from_rpy(rpy: ArrayLike, name: str = "rpy") -> Array:
+    """Rotation matrix (3, 3) of R = Rz(yaw) Ry(pitch) Rx(roll), angles (roll, pitch, yaw) in [rad].
+
+    Raises:
+        InvalidInputError: wrong shape or not finite.
+    """
+    rotation: Array = pin.rpy.rpyToMatrix(checks.vector(name, rpy, 3, "rad"))
+    return rotation
+
+
+def quat_wxyz(rotation: ArrayLike) -> Array:
+    """Unit quaternion (w, x, y, z) of a rotation matrix (3, 3), with w >= 0.
+
+    Raises:
+        InvalidInputError: not a rotation matrix.
+    """
+    return quaternion(checked_rotation("rotation", rotation))
+
+
+def quaternion(rotation: Array) -> Array:
+    """As `quat_wxyz`, for callers inside the package: the argument is trusted."""
+    x, y, z, w = pin.Quaternion(np.asarray(rotation)).normalized().coeffs()
+    quat = np.array([w, x, y, z])
+    return -quat if w < 0.0 else quat
+
+
+def rotation_angle(rotation: Array) -> float:
+    """Angle [rad] of a rotation matrix, accurate near zero and near a half turn."""
+    a, b, c, d, e, f, g, h, k = rotation.ravel().tolist()
+    return math.atan2(math.hypot(h - f, c - g, d - b), a + e + k - 1.0)

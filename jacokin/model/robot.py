@@ -1,4 +1,4 @@
-"""The arm: its joints, limits, frames and kinematics. Read this file first.
+"""`Robot`: the joints, limits, frames and kinematics of an arm. Read this file first.
 
 A `Robot` is parsed, checked and immutable; `load_robot` makes one. Public joint vectors `q` hold one angle per joint
 [rad], shape (dof,), in the order of `joint_names`, for continuous joints too. Poses are T_base_frame.
@@ -6,10 +6,11 @@ A `Robot` is parsed, checked and immutable; `load_robot` makes one. Public joint
 
 from __future__ import annotations
 
+import hashlib
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
@@ -25,51 +26,7 @@ from jacokin.model.descriptions import chain
 if TYPE_CHECKING:
     import mujoco
 
-
-@dataclass(frozen=True, slots=True)
-class Source:
-    """Where a robot came from, and what was read there: the file is not read again.
-
-    Attributes:
-        path: the description file.
-        kind: "urdf" or "mjcf".
-        bundled: name of the bundled robot, or None for a user's own file.
-        base: base frame that was asked for, or None.
-        tip: tip frame that was asked for, or None.
-        package_dirs: folders that hold the packages of package:// meshes.
-        limits: a user's own limits: joint, lower and upper [rad].
-        content: the checked text of a URDF, or an MJCF as MuJoCo compiled it; None for bundled robots.
-    """
-
-    path: Path
-    kind: str
-    bundled: str | None
-    base: str | None
-    tip: str | None
-    package_dirs: tuple[Path, ...] = ()
-    limits: tuple[tuple[str, float, float], ...] = ()
-    content: str | mujoco.MjModel | None = field(default=None, repr=False, compare=False)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Home:
-    """A configuration to start from, and where it comes from."""
-
-    q: Array
-    """(dof,) [rad]."""
-    source: str
-    """In words: a documented configuration, a keyframe of the file, the middle of the limits, or a search."""
-
-
-# Half-open bounds for sampling an unlimited joint [rad].
-UNLIMITED_RANGE = (-np.pi, np.pi)
-
-
-class Surroundings(Protocol):
-    """What `Robot.clearance` measures against: a `Scene`."""
-
-    def measure(self, robot: Robot, rows: Array, *, self_collision: bool = False) -> Array:
-        """Distances (n,) [m] for configurations (n, dof) [rad]."""
+UNLIMITED_RANGE = (-np.pi, np.pi)  # [rad] half-open, for sampling a joint without limits
 
 
 class Robot:
@@ -83,7 +40,7 @@ class Robot:
         dof: number of joints.
         lower: (dof,) lower limits [rad]; -inf on unlimited joints. Read-only, as are the arrays below.
         upper: (dof,) upper limits [rad]; +inf on unlimited joints.
-        sliding: (dof,) True where a joint slides [m] instead of turning [rad].
+        sliding: (dof,) True where a joint is prismatic, with values in [m] instead of [rad].
         unlimited: (dof,) True where a joint has no limits.
         velocity_limit: (dof,) [rad/s]; inf where the file gives none.
         effort_limit: (dof,) [N m], what the loaded file says; inf where it gives none.
@@ -147,15 +104,15 @@ class Robot:
 
     def __reduce__(self) -> tuple[object, tuple[object, ...]]:
         """Pickle the model and its names; working memory is made anew."""
-        state = (
-            self.pin_model,
-            self.base,
-            self.default_frame,
-            self.source,
-            self.finger_angle,
-            self.__dict__.get("_found_home", self._home),
+        rebuild = partial(
+            Robot,
+            base=self.base,
+            tip=self.default_frame,
+            source=self.source,
+            finger_angle=self.finger_angle,
+            home=self.__dict__.get("_found_home", self._home),
         )
-        return _rebuild, state
+        return rebuild, (self.pin_model,)
 
     @property
     def _data(self) -> pin.Data:
@@ -197,7 +154,7 @@ class Robot:
             InvalidInputError: wrong shape or not finite, or `name` is not a string.
         """
         if not isinstance(name, str):
-            raise InvalidInputError(f"name must be a string, got {checks.shown(name)}")
+            raise checks.refusal("name", "a string", name)
         return checks.vector(name, q, self.dof, "rad")
 
     def forward_kinematics(self, q: ArrayLike, frame: str | None = None) -> pin.SE3:
@@ -245,39 +202,34 @@ class Robot:
             InvalidInputError: `q` malformed.
             UnknownNameError: no such frame or reference.
         """
-        jacobian: Array = pin.computeFrameJacobian(
-            self.pin_model,
-            self._data,
-            self.configuration(q),
-            self.frame_id(frame),
-            jacobians.reference_frame(reference),
-        )
+        model, data, at = self.pin_model, self._data, self.configuration(q)
+        frame_id, axes = self.frame_id(frame), jacobians.reference_frame(reference)
+        jacobian: Array = pin.computeFrameJacobian(model, data, at, frame_id, axes)
         return jacobian.reshape(6, self.dof)  # Pinocchio drops the second dimension of a single joint
 
     def jacobian_time_derivative(
         self, q: ArrayLike, v: ArrayLike, frame: str | None = None, reference: str = "local_world_aligned"
     ) -> Array:
         """Time derivative of `jacobian` along joint velocities `v` [rad/s]; (6, dof). Errors as `jacobian`."""
-        return jacobians.time_derivative(
-            self.pin_model,
-            self._data,
-            self.configuration(q),
-            self.configuration(v, "v"),
-            self.frame_id(frame),
-            jacobians.reference_frame(reference),
-        )
+        model, data, at, velocity = self.pin_model, self._data, self.configuration(q), self.configuration(v, "v")
+        frame_id, axes = self.frame_id(frame), jacobians.reference_frame(reference)
+        pin.computeJointJacobiansTimeVariation(model, data, at, velocity)
+        pin.updateFramePlacement(model, data, frame_id)
+        derivative: Array = pin.getFrameJacobianTimeVariation(model, data, frame_id, axes)
+        return derivative
 
     def jacobian_derivative(
         self, q: ArrayLike, frame: str | None = None, reference: str = "local_world_aligned"
     ) -> Array:
         """Kinematic Hessian, (6, dof, dof): [:, j, k] = d J[:, j] / d q_k. Errors as `jacobian`."""
-        return jacobians.kinematic_hessian(
-            self.pin_model,
-            self._data,
-            self.configuration(q),
-            self.frame_id(frame),
-            jacobians.reference_frame(reference),
-        )
+        model, data, at = self.pin_model, self._data, self.configuration(q)
+        frame_id, axes = self.frame_id(frame), jacobians.reference_frame(reference)
+        pin.computeJointJacobians(model, data, at)
+        pin.updateFramePlacement(model, data, frame_id)
+        pin.computeJointKinematicHessians(model, data)
+        tensor = pin.getFrameKinematicHessian(model, data, frame_id, axes)
+        # Pinocchio's tensor is column major but arrives labelled row major.
+        return np.ascontiguousarray(tensor.ravel(order="K").reshape(tensor.shape, order="F"))
 
     def analytical_jacobian(self, q: ArrayLike, frame: str | None = None, representation: str = "rpy") -> Array:
         """Jacobian whose lower rows are the rates of an orientation representation.
@@ -361,15 +313,12 @@ class Robot:
             ModelError: the description has no collision shapes, or they cannot be loaded.
         """
         if not callable(getattr(scene, "measure", None)):
-            raise InvalidInputError(f"scene must be a Scene, got {shown(scene)}")
+            raise checks.refusal("scene", "a Scene", scene)
         checks.flag("self_collision", self_collision)
-        try:
-            single = checks.numbers(q).ndim == 1
-        except (TypeError, ValueError):
-            single = True  # `configuration` names what is wrong
-        rows = self.configuration(q)[np.newaxis] if single else checks.matrix("q", q, self.dof, "rad")
-        found = scene.measure(self, rows, self_collision=self_collision)
-        return float(found[0]) if single else found
+        given = checks.array("q", q, f"{self.dof} numbers, or rows of them", "rad")
+        if given.ndim == 1:
+            return float(scene.measure(self, self.configuration(given)[np.newaxis], self_collision=self_collision)[0])
+        return scene.measure(self, checks.matrix("q", given, self.dof, "rad"), self_collision=self_collision)
 
     @cached_property
     def home(self) -> Array:
@@ -386,10 +335,49 @@ class Robot:
         return self._home(self) if callable(self._home) else self._home
 
 
-def _rebuild(
-    model: pin.Model, base: str, frame: str, source: Source, finger_angle: float | None, home: Home | HomeFinder
-) -> Robot:
-    return Robot(model, base=base, tip=frame, source=source, finger_angle=finger_angle, home=home)
+@dataclass(frozen=True, slots=True)
+class Source:
+    """Where a robot came from, and what was read there: the file is not read again.
+
+    Attributes:
+        path: the description file.
+        kind: "urdf" or "mjcf".
+        bundled: name of the bundled robot, or None for a user's own file.
+        base: base frame that was asked for, or None.
+        tip: tip frame that was asked for, or None.
+        package_dirs: folders that hold the packages of package:// meshes.
+        limits: a user's own limits: joint, lower and upper [rad].
+        content: the checked text of a URDF, or an MJCF as MuJoCo compiled it; None for bundled robots.
+    """
+
+    path: Path
+    kind: str
+    bundled: str | None
+    base: str | None
+    tip: str | None
+    package_dirs: tuple[Path, ...] = ()
+    limits: tuple[tuple[str, float, float], ...] = ()
+    content: str | mujoco.MjModel | None = field(default=None, repr=False, compare=False)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Home:
+    """A configuration to start from, and where it comes from."""
+
+    q: Array
+    """(dof,) [rad]."""
+    source: str
+    """In words: a documented configuration, a keyframe of the file, the middle of the limits, or a search."""
+
+
+HomeFinder = Callable[[Robot], Home]
+
+
+class Surroundings(Protocol):
+    """What `Robot.clearance` measures against: a `Scene`."""
+
+    def measure(self, robot: Robot, rows: Array, *, self_collision: bool = False) -> Array:
+        """Distances (n,) [m] for configurations (n, dof) [rad]."""
 
 
 def checked_robot(name: str, value: object) -> Robot:
@@ -398,9 +386,37 @@ def checked_robot(name: str, value: object) -> Robot:
     Raises:
         InvalidInputError: not a `Robot`.
     """
-    if not isinstance(value, Robot):
-        raise InvalidInputError(f"{name} must be a Robot, from load_robot, got {shown(value)}")
-    return value
+    return checks.instance(name, value, Robot, "a Robot, from load_robot")
 
 
-HomeFinder = Callable[[Robot], Home]
+def fingerprint(robot: Robot, *, shapes: bool = False) -> str:
+    """SHA-256 of joints, limits, placements and frames: two robots with the same one give the same answers.
+
+    Args:
+        robot: the arm.
+        shapes: the collision shapes too.
+    """
+    model = robot.pin_model
+    names = [robot.base, robot.default_frame, *robot.joint_names, *robot.frames]
+    names += [joint.shortname() for joint in model.joints]
+    arrays = [robot.lower, robot.upper, robot.home]
+    arrays += [placement.homogeneous for placement in model.jointPlacements]
+    for name in robot.frames:
+        frame = model.frames[robot.frame_id(name)]
+        arrays += [np.array([frame.parentJoint]), frame.placement.homogeneous]
+    content = hashlib.sha256("\n".join(names).encode())
+    for array in arrays:
+        content.update(np.ascontiguousarray(array, dtype=np.float64).tobytes())
+    if shapes:
+        content.update(_shapes(robot))
+    return content.hexdigest()
+
+
+def _shapes(robot: Robot) -> bytes:
+    described = robot.source.content
+    if described is None:
+        return f"bundled {robot.source.bundled}".encode()
+    if isinstance(described, str):
+        return described.encode()
+    arrays = (described.geom_type, described.geom_size, described.geom_pos, described.geom_quat, described.geom_bodyid)
+    return b"".join(np.ascontiguousarray(array).tobytes() for array in (*arrays, described.mesh_vert))

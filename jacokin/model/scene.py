@@ -1,20 +1,22 @@
-"""`Scene`: the obstacles around an arm, and how far the arm is from them."""
+"""`Scene`: the obstacles around an arm, given one by one, in a file or by a MuJoCo model."""
 
 from __future__ import annotations
 
 import json
 import weakref
+from collections import Counter
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Self
 
 import mujoco
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike
+import yaml
 
 from jacokin.arrays import Array
-from jacokin.errors import InvalidInputError, UnknownNameError, shown
+from jacokin.errors import InvalidInputError, UnknownNameError
 from jacokin.model import checks, poses
 from jacokin.model.contact import ShapeDistances
 from jacokin.model.descriptions import mjcf
@@ -25,224 +27,20 @@ from jacokin.model.robot import Robot
 ENDINGS = (".yaml", ".yml", ".json")
 LARGEST = 10_000_000  # [byte] of a file
 PLACE = ("position", "quat_wxyz", "rpy")
-# Keys of each shape beside its name; every one but the orientation and the height is needed.
-KEYS = {
-    "box": ("size", *PLACE),
-    "sphere": ("radius", "position"),
-    "capsule": ("radius", "length", *PLACE),
-    "cylinder": ("radius", "length", *PLACE),
-    "floor": ("height",),
+# Each shape of a file and its keys beside "shape" and "name".
+SHAPES: Mapping[str, tuple[Callable[..., Obstacle], tuple[str, ...]]] = {
+    "box": (Box, ("size", *PLACE)),
+    "sphere": (Sphere, ("radius", "position")),
+    "capsule": (Capsule, ("radius", "length", *PLACE)),
+    "cylinder": (Cylinder, ("radius", "length", *PLACE)),
+    "floor": (Floor, ("height",)),
 }
 OPTIONAL = ("quat_wxyz", "rpy", "height")
-ALL_KEYS = ("shape", "name", *dict.fromkeys(key for keys in KEYS.values() for key in keys))
+ALL_KEYS = ("shape", "name", *dict.fromkeys(key for _, keys in SHAPES.values() for key in keys))
 
-
-def read(path: str | Path) -> tuple[list[Obstacle], float | None]:
-    """The shapes of a file and its finger angle.
-
-    Raises:
-        InvalidInputError: no such file, another ending, malformed, or wrong numbers; names the entry.
-        UnknownNameError: an unknown shape or key.
-    """
-    if not isinstance(path, str | Path):
-        raise InvalidInputError(f"path must be a file name, got {shown(path)}")
-    file = Path(path)
-    content = _content(file)
-    finger_angle = None
-    if isinstance(content, Mapping):
-        _check_keys(str(file), content, ("obstacles", "finger_angle"))
-        if content.get("finger_angle") is not None:
-            finger_angle = checks.number(f"{file}: finger_angle", content["finger_angle"], "rad")
-        content = content.get("obstacles", [])
-    if not isinstance(content, list):
-        raise InvalidInputError(f"{file}: obstacles must be a list of shapes, got {shown(content)}")
-    return [_obstacle(f"{file}, obstacle {index}", entry, index) for index, entry in enumerate(content)], finger_angle
-
-
-def _content(file: Path) -> object:
-    """What a file holds, as plain Python."""
-    import yaml
-
-    ending = file.suffix.lower()
-    if ending not in ENDINGS:
-        raise InvalidInputError(f"the file of a scene must end in {' or '.join(ENDINGS)}, got {str(file)!r}")
-    try:
-        if file.stat().st_size > LARGEST:
-            raise InvalidInputError(f"{file} is larger than {LARGEST} bytes: not a scene")
-        text = file.read_text(encoding="utf-8")
-    except OSError as error:
-        raise InvalidInputError(f"cannot read {file}: {error.strerror or error}") from error
-    except UnicodeDecodeError as error:
-        raise InvalidInputError(f"{file}: not a text file: {error}") from error
-
-    class Loader(yaml.SafeLoader):
-        """YAML's own takes the last of two equal keys."""
-
-        def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, object]:
-            _once([(key.value, value) for key, value in node.value if key.tag == "tag:yaml.org,2002:str"])
-            return super().construct_mapping(node, deep)
-
-    try:
-        if ending == ".json":
-            return json.loads(text, object_pairs_hook=_once)
-        return yaml.load(text, Loader)
-    except InvalidInputError as error:
-        raise InvalidInputError(f"{file}: {error}") from error
-    except (ValueError, yaml.YAMLError, RecursionError) as error:
-        raise InvalidInputError(f"{file}: not a {ending[1:].upper()} file: {error}") from error
-
-
-def _once(pairs: Sequence[tuple[str, object]]) -> dict[str, object]:
-    """A mapping without a key that is given twice.
-
-    Raises:
-        InvalidInputError: there is one.
-    """
-    found = dict(pairs)
-    if len(found) < len(pairs):
-        keys = [key for key, _ in pairs]
-        raise InvalidInputError(f"the key {next(key for key in keys if keys.count(key) > 1)!r} is given twice")
-    return found
-
-
-def _obstacle(where: str, entry: object, index: int) -> Obstacle:
-    """One shape.
-
-    Raises:
-        InvalidInputError: malformed.
-        UnknownNameError: an unknown shape or key.
-    """
-    if not isinstance(entry, Mapping):
-        raise InvalidInputError(f"{where} must be a mapping with the key 'shape', got {shown(entry)}")
-    if "shape" not in entry:
-        _check_keys(where, entry, ALL_KEYS)
-        raise InvalidInputError(f"{where}: needs the key 'shape', one of {', '.join(KEYS)}")
-    shape = checks.choice(f"shape in {where}:", entry["shape"], KEYS)
-    _check_keys(where, entry, ("shape", "name", *KEYS[shape]))
-    missing = [key for key in KEYS[shape] if key not in entry and key not in OPTIONAL]
-    if missing:
-        raise InvalidInputError(f"{where}: {shape} needs {', '.join(missing)}")
-    name = entry.get("name", f"{shape}_{index}")
-    if not isinstance(name, str) or not name:
-        raise InvalidInputError(f"{where}: name must be a word, got {shown(name)}")
-    try:
-        return _BUILD[shape](name, entry)
-    except InvalidInputError as error:
-        raise InvalidInputError(f"{where}: {error}") from error
-
-
-def _check_keys(where: str, entry: Mapping[object, object], known: tuple[str, ...]) -> None:
-    for key in entry:
-        if key not in known:
-            raise UnknownNameError(f"key in {where}:", key, known)
-
-
-def _pose(entry: Mapping[str, ArrayLike]) -> pin.SE3:
-    return pose(entry["position"], quat_wxyz=entry.get("quat_wxyz"), rpy=entry.get("rpy"))
-
-
-def _round(kind: type[Capsule] | type[Cylinder]) -> Callable[[str, Mapping[str, ArrayLike]], Obstacle]:
-    return lambda name, entry: kind(name, entry["radius"], entry["length"], _pose(entry))  # type: ignore[arg-type]  # checked there
-
-
-_BUILD: dict[str, Callable[[str, Mapping[str, ArrayLike]], Obstacle]] = {
-    "box": lambda name, entry: Box(name, entry["size"], _pose(entry)),
-    "sphere": lambda name, entry: Sphere(name, entry["radius"], entry["position"]),  # type: ignore[arg-type]  # checked there
-    "capsule": _round(Capsule),
-    "cylinder": _round(Cylinder),
-    "floor": lambda name, entry: Floor(entry.get("height", 0.0), name),  # type: ignore[arg-type]  # checked there
-}
-
-
+GEOM = mujoco.mjtGeom
 HORIZONTAL = 1e-9  # a plane whose normal misses the vertical by less is a floor
 THINNEST = 1e-6  # [m] of a bounding box: a flat mesh has no thickness
-GEOM = mujoco.mjtGeom
-
-
-def obstacles(model: mujoco.MjModel, base: str | pin.SE3 | None, exclude: Iterable[str]) -> list[Obstacle]:
-    """The shapes in the frame of the arm's base; see `Scene.from_mujoco`.
-
-    Raises:
-        InvalidInputError: not a model, or a plane that is not horizontal in the base frame.
-        UnknownNameError: no such body, site or geom.
-    """
-    if not isinstance(model, mujoco.MjModel):
-        raise InvalidInputError(f"model must be a compiled mujoco.MjModel, got {shown(model)}")
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-    T_base_world = _base(model, data, base).inverse()
-    left_out = _excluded(model, exclude) | _carriers(model)
-    found: list[Obstacle] = []
-    for geom in range(model.ngeom):
-        body = int(model.geom_bodyid[geom])
-        collides = model.geom_contype[geom] or model.geom_conaffinity[geom]
-        if model.body_weldid[body] != 0 or not collides or geom in left_out:
-            continue
-        T_world_geom = pin.SE3(data.geom_xmat[geom].reshape(3, 3).copy(), data.geom_xpos[geom].copy())
-        found.append(_shape(model, geom, T_base_world * T_world_geom))
-    return found
-
-
-def _shape(model: mujoco.MjModel, geom: int, pose: pin.SE3) -> Obstacle:
-    name = _name(model, geom)
-    kind, size = int(model.geom_type[geom]), model.geom_size[geom]
-    if kind == GEOM.mjGEOM_PLANE:
-        if pose.rotation[2, 2] < 1.0 - HORIZONTAL:
-            raise InvalidInputError(f"the plane {name!r} is not horizontal in the base: leave it out with exclude")
-        return Floor(float(pose.translation[2]), name)
-    if kind == GEOM.mjGEOM_SPHERE:
-        return Sphere(name, float(size[0]), pose.translation)
-    if kind == GEOM.mjGEOM_CAPSULE:
-        return Capsule(name, float(size[0]), 2.0 * float(size[1]), pose)
-    if kind == GEOM.mjGEOM_CYLINDER:
-        return Cylinder(name, float(size[0]), 2.0 * float(size[1]), pose)
-    centre, half = model.geom_aabb[geom][:3], np.maximum(model.geom_aabb[geom][3:], 0.5 * THINNEST)
-    return Box(name, 2.0 * half, pose * pin.SE3(np.eye(3), centre))
-
-
-def _name(model: mujoco.MjModel, geom: int) -> str:
-    """Name of a geom; unnamed ones get a name from their body and number."""
-    return str(model.geom(geom).name) or f"{mjcf.body_name(model, int(model.geom_bodyid[geom]))}#{geom}"
-
-
-def _base(model: mujoco.MjModel, data: mujoco.MjData, base: str | pin.SE3 | None) -> pin.SE3:
-    """T_world_base."""
-    if base is None:
-        return pin.SE3.Identity()
-    if not isinstance(base, str):
-        return poses.checked_pose(base, "base")
-    body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, base)
-    if body >= 0:
-        return mjcf.placement(data.xquat[body], data.xpos[body])
-    site = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, base)
-    if site >= 0:
-        return pin.SE3(data.site_xmat[site].reshape(3, 3).copy(), data.site_xpos[site].copy())
-    names = [model.body(i).name for i in range(model.nbody)] + [model.site(i).name for i in range(model.nsite)]
-    raise UnknownNameError("body or site", base, [name for name in names if name])
-
-
-def _excluded(model: mujoco.MjModel, exclude: Iterable[str]) -> set[int]:
-    geoms = {_name(model, geom): geom for geom in range(model.ngeom)}
-    bodies = {mjcf.body_name(model, body): body for body in range(model.nbody)}
-    found: set[int] = set()
-    for name in exclude:
-        if name in geoms:
-            found.add(geoms[name])
-        elif name in bodies:
-            found.update(np.flatnonzero(model.geom_bodyid == bodies[name]).tolist())
-        else:
-            raise UnknownNameError("geom or body", name, [*geoms, *bodies])
-    return found
-
-
-def _carriers(model: mujoco.MjModel) -> set[int]:
-    """Geoms of bodies, the world aside, that stand still and carry a hinge or a slide: bases of arms."""
-    found: set[int] = set()
-    for joint in range(model.njnt):
-        parent = int(model.body_parentid[model.jnt_bodyid[joint]])
-        if model.jnt_type[joint] in mjcf.SCALAR_JOINTS and parent and model.body_weldid[parent] == 0:
-            found.update(np.flatnonzero(model.geom_bodyid == parent).tolist())
-    return found
 
 
 class Scene:
@@ -258,6 +56,7 @@ class Scene:
 
     obstacles: tuple[Obstacle, ...]
     finger_angle: float | None
+    _measured: weakref.WeakKeyDictionary[Robot, dict[bool, ShapeDistances]]
 
     def __init__(self, obstacles: Iterable[Obstacle] = (), *, finger_angle: float | None = None) -> None:
         """Check the shapes.
@@ -293,7 +92,7 @@ class Scene:
 
     def __reduce__(self) -> tuple[object, tuple[object, ...]]:
         """Pickle the shapes; what was compiled is made anew."""
-        return _rebuilt, (self.obstacles, self.finger_angle)
+        return partial(Scene, finger_angle=self.finger_angle), (self.obstacles,)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -308,7 +107,7 @@ class Scene:
             InvalidInputError: no such file, another ending, malformed, or wrong numbers; names the entry.
             UnknownNameError: an unknown shape or key.
         """
-        obstacles, finger_angle = read(path)
+        obstacles, finger_angle = _read_file(checks.path("path", path, "a file name"))
         return cls(obstacles, finger_angle=finger_angle)
 
     @classmethod
@@ -335,7 +134,8 @@ class Scene:
             InvalidInputError: not a model, or a plane that is not horizontal in the base frame.
             UnknownNameError: no such body, site or geom.
         """
-        return cls(obstacles(model, base, checks.listed("exclude", exclude)), finger_angle=finger_angle)
+        checks.instance("model", model, mujoco.MjModel, "a compiled mujoco.MjModel")
+        return cls(_collect_geoms(model, base, checks.listed("exclude", exclude)), finger_angle=finger_angle)
 
     def measure(self, robot: Robot, rows: Array, *, self_collision: bool = False) -> Array:
         """Distances (n,) [m] for checked configurations (n, dof); `Robot.clearance` is the public way."""
@@ -352,12 +152,6 @@ class Scene:
             )
         return [prepared[self_collision].least(q) for q in rows]
 
-    _measured: weakref.WeakKeyDictionary[Robot, dict[bool, ShapeDistances]]
-
-
-def _rebuilt(obstacles: tuple[Obstacle, ...], finger_angle: float | None) -> Scene:
-    return Scene(obstacles, finger_angle=finger_angle)
-
 
 def checked_scene(name: str, value: object) -> Scene:
     """A scene, or an error that names the argument.
@@ -365,6 +159,172 @@ def checked_scene(name: str, value: object) -> Scene:
     Raises:
         InvalidInputError: not a `Scene`.
     """
-    if not isinstance(value, Scene):
-        raise InvalidInputError(f"{name} must be a Scene, for example Scene([Floor(0.0)]), got {shown(value)}")
-    return value
+    return checks.instance(name, value, Scene, "a Scene, for example Scene([Floor(0.0)])")
+
+
+def _read_file(file: Path) -> tuple[list[Obstacle], float | None]:
+    """The shapes of a file and its finger angle; see `Scene.load`."""
+    content = _content(file)
+    finger_angle = None
+    if isinstance(content, Mapping):
+        _check_keys(str(file), content, ("obstacles", "finger_angle"))
+        if content.get("finger_angle") is not None:
+            finger_angle = checks.number(f"{file}: finger_angle", content["finger_angle"], "rad")
+        content = content.get("obstacles", [])
+    if not isinstance(content, list):
+        raise checks.refusal(f"{file}: obstacles", "a list of shapes", content)
+    return [_obstacle(f"{file}, obstacle {index}", entry, index) for index, entry in enumerate(content)], finger_angle
+
+
+def _content(file: Path) -> object:
+    """What a file holds, as plain Python."""
+    ending = file.suffix.lower()
+    if ending not in ENDINGS:
+        raise InvalidInputError(f"the file of a scene must end in {' or '.join(ENDINGS)}, got {str(file)!r}")
+    try:
+        if file.stat().st_size > LARGEST:
+            raise InvalidInputError(f"{file} is larger than {LARGEST} bytes: not a scene")
+        text = file.read_text(encoding="utf-8")
+    except OSError as error:
+        raise InvalidInputError(f"cannot read {file}: {error.strerror or error}") from error
+    except UnicodeDecodeError as error:
+        raise InvalidInputError(f"{file}: not a text file: {error}") from error
+
+    try:
+        if ending == ".json":
+            return json.loads(text, object_pairs_hook=_refuse_repeated_keys)
+        return yaml.load(text, _Loader)
+    except InvalidInputError as error:
+        raise InvalidInputError(f"{file}: {error}") from error
+    except (ValueError, yaml.YAMLError, RecursionError) as error:
+        raise InvalidInputError(f"{file}: not a {ending[1:].upper()} file: {error}") from error
+
+
+class _Loader(yaml.SafeLoader):
+    """YAML without repeated keys: YAML's own takes the last of two equal ones."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, object]:
+        _refuse_repeated_keys([(key.value, value) for key, value in node.value if key.tag == "tag:yaml.org,2002:str"])
+        return super().construct_mapping(node, deep)
+
+
+def _refuse_repeated_keys(pairs: Sequence[tuple[str, object]]) -> dict[str, object]:
+    """A mapping of pairs.
+
+    Raises:
+        InvalidInputError: a key is given twice.
+    """
+    repeated = [key for key, count in Counter(key for key, _ in pairs).items() if count > 1]
+    if repeated:
+        raise InvalidInputError(f"the key {repeated[0]!r} is given twice")
+    return dict(pairs)
+
+
+def _obstacle(where: str, entry: object, index: int) -> Obstacle:
+    """One shape.
+
+    Raises:
+        InvalidInputError: malformed.
+        UnknownNameError: an unknown shape or key.
+    """
+    given = checks.mapping(where, entry, "a mapping with the key 'shape'")
+    if "shape" not in given:
+        _check_keys(where, given, ALL_KEYS)
+        raise InvalidInputError(f"{where}: needs the key 'shape', one of {', '.join(SHAPES)}")
+    shape = checks.choice(f"shape in {where}:", given["shape"], SHAPES)
+    build, keys = SHAPES[shape]
+    _check_keys(where, given, ("shape", "name", *keys))
+    missing = [key for key in keys if key not in given and key not in OPTIONAL]
+    if missing:
+        raise InvalidInputError(f"{where}: {shape} needs {', '.join(missing)}")
+    name = given.get("name", f"{shape}_{index}")
+    if not isinstance(name, str) or not name:
+        raise checks.refusal(f"{where}: name", "a word", name)
+    values = {key: given[key] for key in keys if key in given}
+    try:
+        if set(PLACE) <= set(keys):
+            position, *orientation = (values.pop(key, None) for key in PLACE)
+            values["pose"] = pose(position, orientation[0], rpy=orientation[1])
+        return build(name=name, **values)
+    except InvalidInputError as error:
+        raise InvalidInputError(f"{where}: {error}") from error
+
+
+def _check_keys(where: str, entry: Mapping[object, object], known: tuple[str, ...]) -> None:
+    for key in entry:
+        if key not in known:
+            raise UnknownNameError(f"key in {where}:", key, known)
+
+
+def _collect_geoms(model: mujoco.MjModel, base: str | pin.SE3 | None, exclude: Iterable[str]) -> list[Obstacle]:
+    """The shapes in the frame of the arm's base; see `Scene.from_mujoco`."""
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    T_base_world = _base(model, data, base).inverse()
+    left_out = _excluded(model, exclude) | _carriers(model)
+    found: list[Obstacle] = []
+    for geom in range(model.ngeom):
+        body = int(model.geom_bodyid[geom])
+        collides = model.geom_contype[geom] or model.geom_conaffinity[geom]
+        if model.body_weldid[body] != 0 or not collides or geom in left_out:
+            continue
+        T_world_geom = pin.SE3(data.geom_xmat[geom].reshape(3, 3).copy(), data.geom_xpos[geom].copy())
+        found.append(_obstacle_of_geom(model, geom, T_base_world * T_world_geom))
+    return found
+
+
+def _obstacle_of_geom(model: mujoco.MjModel, geom: int, pose: pin.SE3) -> Obstacle:
+    name = mjcf.geom_name(model, geom)
+    kind, size = int(model.geom_type[geom]), model.geom_size[geom]
+    if kind == GEOM.mjGEOM_PLANE:
+        if pose.rotation[2, 2] < 1.0 - HORIZONTAL:
+            raise InvalidInputError(f"the plane {name!r} is not horizontal in the base: leave it out with exclude")
+        return Floor(float(pose.translation[2]), name)
+    if kind == GEOM.mjGEOM_SPHERE:
+        return Sphere(name, float(size[0]), pose.translation)
+    if kind == GEOM.mjGEOM_CAPSULE:
+        return Capsule(name, float(size[0]), 2.0 * float(size[1]), pose)
+    if kind == GEOM.mjGEOM_CYLINDER:
+        return Cylinder(name, float(size[0]), 2.0 * float(size[1]), pose)
+    centre, half = model.geom_aabb[geom][:3], np.maximum(model.geom_aabb[geom][3:], 0.5 * THINNEST)
+    return Box(name, 2.0 * half, pose * pin.SE3(np.eye(3), centre))
+
+
+def _base(model: mujoco.MjModel, data: mujoco.MjData, base: str | pin.SE3 | None) -> pin.SE3:
+    """T_world_base."""
+    if base is None:
+        return pin.SE3.Identity()
+    if not isinstance(base, str):
+        return poses.checked_pose(base, "base")
+    body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, base)
+    if body >= 0:
+        return mjcf.placement(data.xquat[body], data.xpos[body])
+    site = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, base)
+    if site >= 0:
+        return pin.SE3(data.site_xmat[site].reshape(3, 3).copy(), data.site_xpos[site].copy())
+    names = [model.body(i).name for i in range(model.nbody)] + [model.site(i).name for i in range(model.nsite)]
+    raise UnknownNameError("body or site", base, [name for name in names if name])
+
+
+def _excluded(model: mujoco.MjModel, exclude: Iterable[str]) -> set[int]:
+    geoms = {mjcf.geom_name(model, geom): geom for geom in range(model.ngeom)}
+    bodies = {mjcf.body_name(model, body): body for body in range(model.nbody)}
+    found: set[int] = set()
+    for name in exclude:
+        if name in geoms:
+            found.add(geoms[name])
+        elif name in bodies:
+            found.update(np.flatnonzero(model.geom_bodyid == bodies[name]).tolist())
+        else:
+            raise UnknownNameError("geom or body", name, [*geoms, *bodies])
+    return found
+
+
+def _carriers(model: mujoco.MjModel) -> set[int]:
+    """Geoms of bodies, the world aside, that stand still and carry a hinge or a slide: bases of arms."""
+    found: set[int] = set()
+    for joint in range(model.njnt):
+        parent = int(model.body_parentid[model.jnt_bodyid[joint]])
+        if model.jnt_type[joint] in mjcf.SCALAR_JOINTS and parent and model.body_weldid[parent] == 0:
+            found.update(np.flatnonzero(model.geom_bodyid == parent).tolist())
+    return found

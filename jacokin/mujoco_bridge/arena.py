@@ -36,7 +36,7 @@ class Arena(Entity):
             name: a name for the model; names of elements do not contain it.
         """
         spec = self._mjcf_root = new_spec("arena", name)
-        row = bundled.load()["arena"]
+        row = bundled.robot_table()["arena"]
         _set_options(spec, row)
         _add_looks(spec)
         ground = row["ground"]

@@ -28,7 +28,7 @@ from jacokin.mujoco_bridge.simulation.physics import Physics, check_physics
 
 __all__ = ["DOWN_QUATERNION", "JointsObservables", "RandomState", "RobotArm", "RobotHand"]
 
-DOWN_QUATERNION = checks.read_only(bundled.load()["arena"]["down"]["quat_wxyz"])
+DOWN_QUATERNION = checks.read_only(bundled.robot_table()["arena"]["down"]["quat_wxyz"])
 """The tool pointing vertically down, wxyz."""
 
 _DOWN = rotation_matrix(DOWN_QUATERNION)

@@ -79,8 +79,7 @@ class MJCFCamera(Observable):
             InvalidInputError: camera is not a camera element, both depth and segmentation are asked for, or an option
                 has a wrong value.
         """
-        if not isinstance(camera, mujoco.MjsCamera):
-            raise InvalidInputError(f"camera must be a camera element of an MjSpec, got {shown(camera)}")
+        checks.instance("camera", camera, mujoco.MjsCamera, "a camera element of an MjSpec")
         if checks.flag("depth", depth) and checks.flag("segmentation", segmentation):
             raise InvalidInputError("at most one of depth and segmentation can be observed by one camera observable")
         self._camera = Bound(camera)
@@ -134,13 +133,11 @@ def add_camera_observables(
     """
     if not isinstance(entity, Entity):
         raise InvalidInputError(f"entity must be an Entity such as an Arena, got {shown(entity)}")
-    if not isinstance(obs_settings, ObservationSettings):
-        raise InvalidInputError(f"obs_settings must be ObservationSettings, got {shown(obs_settings)}")
+    checks.instance("obs_settings", obs_settings, ObservationSettings, "ObservationSettings")
     options = MJCFCamera.check_options(obs_settings.camera._asdict())
     taken = {camera.name for camera in entity.root.mjcf_model.cameras}
     for camera_spec in camera_specs:
-        if not isinstance(camera_spec, CameraSpec):
-            raise InvalidInputError(f"camera_specs must be CameraSpec, got {shown(camera_spec)}")
+        checks.instance("camera_specs", camera_spec, CameraSpec, "CameraSpec")
         full_name = entity.prefix + camera_spec.name
         if full_name in taken:
             raise InvalidInputError(f"a camera named {full_name!r} is there already")

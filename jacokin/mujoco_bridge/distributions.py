@@ -246,17 +246,12 @@ def check_random_state(random_state: object) -> RandomState:
         InvalidInputError: neither a `numpy.random.RandomState` nor a `numpy.random.Generator`.
     """
     if not isinstance(random_state, RandomState):
-        raise InvalidInputError(
-            f"random_state must be a numpy.random.RandomState or numpy.random.Generator, got {shown(random_state)}"
-        )
+        raise checks.refusal("random_state", "a numpy.random.RandomState or numpy.random.Generator", random_state)
     return random_state
 
 
 def _finite(name: str, value: ArrayLike) -> Array:
-    try:
-        array = checks.numbers(value)
-    except (TypeError, ValueError) as error:
-        raise InvalidInputError(f"{name} must be numbers, got {checks.shown(value)}") from error
+    array = checks.array(name, value, "numbers")
     if not np.isfinite(array).all():
         raise InvalidInputError(f"{name} must be finite, got {array.tolist()}")
     return array

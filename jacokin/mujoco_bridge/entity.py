@@ -557,8 +557,7 @@ class ModelWrapperEntity(Entity):
             mjcf_model: the spec; it becomes part of the entity.
             name: replaces the name of the model.
         """
-        if not isinstance(mjcf_model, mujoco.MjSpec):
-            raise InvalidInputError(f"mjcf_model must be a mujoco.MjSpec, got {shown(mjcf_model)}")
+        checks.instance("mjcf_model", mjcf_model, mujoco.MjSpec, "a mujoco.MjSpec")
         self._mjcf_root = mjcf_model
         if name is not None:
             mjcf_model.modelname = check_name(name)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import mujoco
 import numpy as np
@@ -52,7 +52,7 @@ class JacoHand(RobotHand):
         spec = self._mjcf_root = mujoco.MjSpec.from_file(str(bundled.part_file(self._robot_name, "hand")))
         if name is not None:
             spec.modelname = check_name(name)
-        self._joints = [spec.joint(finger) for finger in _hand_row(self._robot_name)["fingers"]]
+        self._joints = [spec.joint(finger) for finger in bundled.hand(self._robot_name)["fingers"]]
         self._grip_site = spec.site(_GRIP_SITE)
         self._pinch_site = spec.site(_PINCH_SITE)
         self._tool_center_point = (
@@ -60,7 +60,7 @@ class JacoHand(RobotHand):
         )
         self._hand_geom = list(spec.body(_HAND_BODY).geoms)
         self._finger_geoms = [geom for geom in spec.geoms if geom.name.startswith(_FINGER_GEOMS)]
-        group = bundled.load()["finger"]["group"]
+        group = bundled.robot_table()["finger"]["group"]
         self._actuators = [add_velocity_actuator(spec, joint, group) for joint in self._joints]
 
     def _build_observables(self) -> JacoHandObservables | TwoFingerHandObservables:
@@ -148,13 +148,7 @@ def has_pinch_site(robot: str) -> bool:
     Raises:
         UnknownNameError: no bundled robot has this name; lists the valid ones.
     """
-    return _PINCH_SITE in _hand_row(checks.choice("robot", robot, bundled.NAMES))["sites"]
-
-
-def _hand_row(robot: str) -> Mapping[str, list[str]]:
-    """Names of the finger joints ("fingers") and sites ("sites") of the hand of a bundled robot."""
-    row: Mapping[str, list[str]] = bundled.load()["hands"][bundled.variant(robot)["hand"]]
-    return row
+    return _PINCH_SITE in bundled.hand(checks.choice("robot", robot, bundled.NAMES))["sites"]
 
 
 def _robot_with(fingers: int | None, robot: str | None) -> str:
@@ -162,17 +156,14 @@ def _robot_with(fingers: int | None, robot: str | None) -> str:
     if fingers is not None and checks.whole_number("fingers", fingers) not in _HANDS:
         raise InvalidInputError(f"fingers must be 3 or 2, got {shown(fingers)}")
     name = _HANDS[3 if fingers is None else fingers] if robot is None else checks.choice("robot", robot, bundled.NAMES)
-    count = len(_hand_row(name)["fingers"])
+    count = len(bundled.hand(name)["fingers"])
     if fingers is not None and count != fingers:
         raise InvalidInputError(f"the hand of the {name} has {count} fingers, not {fingers}")
     return name
 
 
 def _checked_factors(close_factors: float | Sequence[float], fingers: int) -> NDArray[np.float64]:
-    try:
-        factors = checks.numbers(close_factors)
-    except (TypeError, ValueError) as error:
-        raise InvalidInputError(f"close_factors must be numbers in 0..1, got {shown(close_factors)}") from error
+    factors = checks.array("close_factors", close_factors, "numbers in 0..1")
     if factors.shape not in ((), (fingers,)):
         raise InvalidInputError(f"close_factors must be one number or {fingers}, got shape {factors.shape}")
     if not ((factors >= 0.0) & (factors <= 1.0)).all():

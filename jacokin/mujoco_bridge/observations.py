@@ -11,7 +11,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from jacokin.errors import InvalidInputError, shown
 from jacokin.model import checks
 from jacokin.mujoco_bridge.distributions import RandomState
 from jacokin.mujoco_bridge.observables.observable import Aggregator, Corruptor, Steps
@@ -69,10 +68,7 @@ def symmetric_log(value: ArrayLike, random_state: RandomState | None = None) -> 
     Raises:
         InvalidInputError: value is not made of real numbers.
     """
-    try:
-        x = checks.numbers(value)
-    except (TypeError, ValueError) as error:
-        raise InvalidInputError(f"value must be numbers, got {shown(value)}") from error
+    x = checks.array("value", value, "numbers")
     return np.asarray(np.copysign(np.log1p(np.abs(x)), x))
 
 
@@ -104,10 +100,8 @@ def make_options(obs_settings: ObservationSettings, obs_names: ObservableNames) 
     Raises:
         InvalidInputError: an argument has another type.
     """
-    if not isinstance(obs_settings, ObservationSettings):
-        raise InvalidInputError(f"obs_settings must be ObservationSettings, got {shown(obs_settings)}")
-    if not isinstance(obs_names, ObservableNames):
-        raise InvalidInputError(f"obs_names must be ObservableNames, got {shown(obs_names)}")
+    checks.instance("obs_settings", obs_settings, ObservationSettings, "ObservationSettings")
+    checks.instance("obs_names", obs_names, ObservableNames, "ObservableNames")
     return {
         name: spec._asdict()
         for category, spec in obs_settings._asdict().items()

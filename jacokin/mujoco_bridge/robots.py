@@ -8,7 +8,7 @@ from jacokin.mujoco_bridge.base import DOWN_QUATERNION
 from jacokin.mujoco_bridge.jaco_arm import JacoArm
 from jacokin.mujoco_bridge.jaco_hand import JacoHand, has_pinch_site
 
-ARM_OFFSET: tuple[float, float, float] = tuple(bundled.load()["arena"]["arm_offset"]["xyz"])
+ARM_OFFSET: tuple[float, float, float] = tuple(bundled.robot_table()["arena"]["arm_offset"]["xyz"])
 """Position of the arm's base in the arena [m]."""
 
 __all__ = ["ARM_OFFSET", "DOWN_QUATERNION", "make_arm", "make_hand"]

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
-from jacokin.errors import InvalidInputError, shown
+from jacokin.errors import InvalidInputError
 from jacokin.model import checks
 
 SITE_GROUP = 3  # of sites of tasks, which MuJoCo does not draw unless told to
@@ -93,5 +93,4 @@ def add_target_site(
 
 
 def _check_body(body: mujoco.MjsBody) -> None:
-    if not isinstance(body, mujoco.MjsBody):
-        raise InvalidInputError(f"body must be a body of an MjSpec, such as worldbody, got {shown(body)}")
+    checks.instance("body", body, mujoco.MjsBody, "a body of an MjSpec, such as worldbody")

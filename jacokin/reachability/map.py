@@ -14,10 +14,9 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.ik.solver import IKSolver
 from jacokin.model import checks, poses
-from jacokin.model.fingerprint import fingerprint
 from jacokin.model.loading import load_robot
 from jacokin.model.poses import FreeAxis
-from jacokin.model.robot import Robot
+from jacokin.model.robot import Robot, fingerprint
 from jacokin.model.scene import Scene
 from jacokin.reachability.orientations import Orientations
 from jacokin.reachability.recipe import samples_of

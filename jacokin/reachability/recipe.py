@@ -10,7 +10,7 @@ import jacokin
 from jacokin.chunks.folder import digest
 from jacokin.errors import InvalidInputError
 from jacokin.ik.solver import IKSolver
-from jacokin.model.fingerprint import fingerprint
+from jacokin.model.robot import fingerprint
 from jacokin.reachability.chunk import one_by_one
 from jacokin.reachability.orientations import Orientations, Symmetries
 from jacokin.reachability.samples import Grid, Samples

@@ -18,10 +18,9 @@ from jacokin.ik.solver import IKSolver
 from jacokin.ik.targets import TargetPose
 from jacokin.ik.targets import checked as checked_target
 from jacokin.model import checks
-from jacokin.model.fingerprint import fingerprint
 from jacokin.model.loading import load_robot
 from jacokin.model.poses import FreeAxis
-from jacokin.model.robot import Robot
+from jacokin.model.robot import Robot, fingerprint
 from jacokin.model.scene import Scene, checked_scene
 from jacokin.viewer.contents import Contents
 from jacokin.viewer.drawing.robot import Part, parts_of, visuals_of

@@ -56,9 +56,9 @@ def test_page_of_numbers_has_every_robot_source_and_doubt() -> None:
 
     for name in NAMES:
         assert f"### {name}: " in text
-    for key, source in bundled.load()["sources"].items():
+    for key, source in bundled.robot_table()["sources"].items():
         assert f"| {key} | {source} |" in text
-    everything = doubts(dict(bundled.load())) + doubts(dict(bundled.load("shapes.toml")))
+    everything = doubts(dict(bundled.robot_table())) + doubts(dict(bundled.robot_table("shapes.toml")))
     assert len(everything) > 20
     for doubt in everything:
         assert doubt in text
@@ -162,11 +162,16 @@ def test_the_files_that_the_overview_names_exist_and_hold_what_it_says() -> None
         assert any((root / name).is_file() for root in (ROOT, package)), name
     holds = {  # file in the package, text that is only where the thing is
         "model/obstacles.py": "class Box",
+        "kernels/closed_form/resultant.py": "def resultant",
         "ik/verification.py": "class Verifier",
         "ik/results.py": "class Status",
         "ik/diagnosis.py": "Status.UNREACHABLE",
-        "ik/tracking/tracker.py": "def step",
+        "ik/qp.py": "mink",
+        "motion/tracking/tracker.py": "def step",
+        "mujoco_bridge/simulation/binding.py": "class Binding",
         "mujoco_bridge/observables/updater.py": "delay",
+        "tasks/families/reach.py": "def reward",
+        "cli/units.py": "class Units",
     }
     for name, thing in holds.items():
         assert f"`{name}`" in text

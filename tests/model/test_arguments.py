@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import datetime
 import decimal
+import functools
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -33,6 +34,8 @@ VALUES: list[Any] = [
     float, np.array("link_3"), [1e308] * 6, 10**5000, NotImplemented, np.timedelta64(5, "s"), "\ud800", "a\0b",
     np.zeros(6, dtype=[("a", float)]),
 ]  # fmt: skip
+
+contact_of = functools.cache(SelfContact)
 
 CALLS: dict[str, Callable[[Robot, Any], object]] = {
     "forward_kinematics": lambda robot, x: robot.forward_kinematics(x),
@@ -71,7 +74,7 @@ CALLS: dict[str, Callable[[Robot, Any], object]] = {
     "to_mujoco": lambda _, x: to_mujoco(x),
     "geometry": lambda robot, x: to_mujoco(robot, geometry=x),
     "SelfContact": lambda _, x: SelfContact(x),
-    "touching": lambda robot, x: SelfContact(robot).touching(x),
+    "touching": lambda robot, x: contact_of(robot).touching(x),
 }
 
 

@@ -1,6 +1,8 @@
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -94,6 +96,24 @@ def test_what_has_no_unit_is_told_without_one() -> None:
         checks.vector("q", [0.0, 1.0], 3, "rad")
     with pytest.raises(InvalidInputError, match=r"^axes must have shape \(n, 3\), got shape \(2,\)$"):
         checks.matrix("axes", [0.0, 1.0], 3, "")
+
+
+@pytest.mark.parametrize(
+    ("check", "good", "bad", "words"),
+    [
+        (lambda name, value: checks.instance(name, value, Path, "a Path"), Path(), "x", "a Path"),
+        (checks.function, len, 3, "callable"),
+        (checks.mapping, {"a": 1}, [("a", 1)], "a dict"),
+        (checks.path, "x", 3, "a str or a Path"),
+        (checks.path, Path("x"), "", "a str or a Path"),
+    ],
+)
+def test_what_is_of_another_kind_is_refused_by_name(
+    check: Callable[[str, object], object], good: object, bad: object, words: str
+) -> None:
+    assert check("given", good) == (Path(good) if isinstance(good, str) else good)
+    with pytest.raises(InvalidInputError, match=re.escape(f"given must be {words}, got {bad!r}")):
+        check("given", bad)
 
 
 def test_a_generator_is_neither_a_seed_nor_a_random_state(rng: np.random.Generator) -> None:

@@ -58,7 +58,7 @@ from jacokin.ik.files.targets import POSITION, Part
 from jacokin.ik.seeds import seed_within_limits
 from jacokin.ik.solver import IKSolver
 from jacokin.model import checks
-from jacokin.model.fingerprint import fingerprint
+from jacokin.model.robot import fingerprint
 
 TOGETHER = 16  # consecutive chunks in one job, at most: some seconds of work that is handed out at once
 SHARE = 4  # a job has at most this part of what is left for each worker: towards the end, none waits long for another

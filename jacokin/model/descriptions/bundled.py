@@ -1,4 +1,4 @@
-"""The one table of numbers behind the bundled robots, as the package reads it: `urdf/jaco.toml`."""
+"""The bundled robots: their names, their files, and their table of numbers, `urdf/jaco.toml`."""
 
 from __future__ import annotations
 
@@ -12,6 +12,9 @@ from typing import Any
 
 from jacokin.errors import ModelError, UnknownNameError
 
+#: The robot that is meant when none is named.
+DEFAULT_ROBOT = "j2n6s300"
+
 
 def urdf_folder() -> Path:
     """Folder of the generated descriptions: inside the installed package, or beside it in a source tree."""
@@ -21,13 +24,17 @@ def urdf_folder() -> Path:
 
 
 @functools.cache
-def load(file_name: str = "jaco.toml") -> Mapping[str, Any]:
+def robot_table(file_name: str = "jaco.toml") -> Mapping[str, Any]:
     """The whole table as nested dictionaries; treat it as read-only."""
     with (urdf_folder() / file_name).open("rb") as file:
         return tomllib.load(file)
 
 
-def angle(value: float | str) -> float:
+#: Names of the bundled robots, in the order of the table.
+NAMES: tuple[str, ...] = tuple(robot_table()["variants"])
+
+
+def parse_angle(value: float | str) -> float:
     """A number [rad], or an exact multiple of pi such as ``"pi"``, ``"-pi/2"``, ``"pi/3"``.
 
     Raises:
@@ -76,19 +83,29 @@ def ancestors(group: Mapping[str, Any], name: str) -> list[str]:
 
 def variant(name: str) -> Mapping[str, Any]:
     """Row of a bundled robot: its arm, its hand, its home [rad]."""
-    row: Mapping[str, Any] = load()["variants"][name]
+    row: Mapping[str, Any] = robot_table()["variants"][name]
     return row
+
+
+def arm(name: str) -> Mapping[str, Any]:
+    """Section of the arm of a bundled robot."""
+    return section(robot_table()["arms"], variant(name)["arm"])
 
 
 def arm_joints(name: str) -> dict[str, Mapping[str, Any]]:
     """Rows of the arm joints of a bundled robot, by joint name, base to tip."""
-    rows = section(load()["arms"], variant(name)["arm"])
-    return {key: row for key, row in rows.items() if key.startswith("joint_")}
+    return {key: row for key, row in arm(name).items() if key.startswith("joint_")}
+
+
+def hand(name: str) -> Mapping[str, Any]:
+    """Section of the hand of a bundled robot."""
+    row: Mapping[str, Any] = robot_table()["hands"][variant(name)["hand"]]
+    return row
 
 
 def actuator(group: str) -> Mapping[str, Any]:
     """Row of the velocity actuator of a joint group ("large", "small", "finger"), ranges in [rad/s] and [N m]."""
-    row = dict(load()["actuators"][group])
+    row = dict(robot_table()["actuators"][group])
     if "ctrl_range_deg" in row:
         row["ctrl_range"] = [math.radians(value) for value in row.pop("ctrl_range_deg")]
     return row
@@ -96,13 +113,7 @@ def actuator(group: str) -> Mapping[str, Any]:
 
 def source_text(key: str) -> str:
     """What a source letter of the table stands for."""
-    return str(load()["sources"][key])
-
-
-#: The robot that is meant when none is named.
-DEFAULT_ROBOT = "j2n6s300"
-#: Names of the bundled robots, in the order of the table.
-NAMES: tuple[str, ...] = tuple(load()["variants"])
+    return str(robot_table()["sources"][key])
 
 
 def part_file(robot: str, part: str) -> Path:

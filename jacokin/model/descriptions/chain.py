@@ -1,21 +1,26 @@
-"""From a whole robot to the arm: one angle per joint, everything off the chain held still.
+"""`Description`, what a file holds, and `extract`, which takes the arm out of it.
 
-The chain runs from a base frame to a tip frame. Joints off it (fingers, other arms, free objects) are frozen at a
-reference configuration and their bodies join the link they hang on. Pinocchio's (cos, sin) packing of continuous
-joints ends here: every revolute joint of the result has exactly one coordinate.
+The arm is the chain of joints from a base frame to a tip frame, with one coordinate per joint. Joints off the chain
+(fingers, other arms, free objects) are locked at a reference configuration, and their bodies join the link that they
+hang on. Pinocchio's (cos, sin) packing of continuous joints ends here.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
 
 from jacokin.arrays import Array
 from jacokin.errors import ModelError, UnknownNameError
-from jacokin.model.descriptions.whole import MOST_JOINTS
 
+if TYPE_CHECKING:
+    import mujoco
+
+MOST_JOINTS = 200  # of an arm; Pinocchio's memory grows with the cube of their number: 6 GiB at a thousand
 FRAME_TYPES = (pin.FrameType.BODY, pin.FrameType.OP_FRAME)
 END_EFFECTOR = "end_effector"
 SHORTEST_ARM = 2  # joints of a branch that may be an arm; one joint is a finger, also on a single slide
@@ -26,104 +31,29 @@ NO_LIMIT = 1e6  # [rad] or [m]; files that must write a number for "none" write 
 _PLAIN_AXIS = {"X": pin.JointModelRX, "Y": pin.JointModelRY, "Z": pin.JointModelRZ}
 
 
-def frame_names(model: pin.Model) -> dict[str, int]:
-    """Names of links, bodies and sites with their frame ids; the first of two equal names wins."""
-    names: dict[str, int] = {}
-    for index, frame in enumerate(model.frames):
-        if frame.type in FRAME_TYPES and index > 0:
-            names.setdefault(frame.name, index)
-    return names
+@dataclass(frozen=True, slots=True)
+class Coupling:
+    """Joints that do not move independently of each other."""
+
+    joints: frozenset[str]
+    what: str
+    """Kind and name of what couples them, for messages."""
 
 
-def frame_id(model: pin.Model, name: str) -> int:
-    """Id of a link, body or site.
+@dataclass(frozen=True, slots=True, eq=False)
+class Description:
+    """A robot or scene as a file describes it, before the arm is taken out of it."""
 
-    Raises:
-        UnknownNameError: there is no such frame; lists the ones there are.
-    """
-    names = frame_names(model)
-    if name not in names:
-        raise UnknownNameError("frame", name, names)
-    return names[name]
-
-
-def path_to_root(model: pin.Model, joint: int) -> list[int]:
-    """Joint ids from `joint` up to, but without, the universe."""
-    path = []
-    while joint > 0:
-        path.append(joint)
-        joint = model.parents[joint]
-    return path
-
-
-def arm_tip_joint(model: pin.Model, base_joint: int) -> int:
-    """The last joint before the tree branches, walking out from the base: where the arm ends and fingers begin.
-
-    Raises:
-        ModelError: nothing moves, or arms rather than fingers begin where the tree branches; names candidates for tip.
-    """
-    children: dict[int, list[int]] = {}
-    for joint in range(1, model.njoints):
-        children.setdefault(model.parents[joint], []).append(joint)
-    # Free objects in the scene hang on the base too, and are not arms.
-    start = children.get(base_joint, [])
-    start = [joint for joint in start if model.joints[joint].nv == 1] or start
-    if not start:
-        raise ModelError("no joint starts at the base; say where the arm begins with base=...")
-    if len(start) > 1:
-        names = ", ".join(model.names[joint] for joint in start)
-        raise ModelError(f"several chains start at the base ({names}); {_advice(model, children, start)}")
-    joint, length = start[0], 1
-    while len(children.get(joint, [])) == 1:
-        joint, length = children[joint][0], length + 1
-    branches = children.get(joint, [])
-    longest = max((_length(children, branch) for branch in branches), default=0)
-    if longest >= max(length, SHORTEST_ARM):
-        raise ModelError(
-            f"the chain branches at joint {model.names[joint]!r}, its number {length}, into chains of up to {longest} "
-            f"joints: arms on a torso rather than fingers on an arm; {_advice(model, children, branches)}"
-        )
-    return joint
-
-
-def _length(children: Mapping[int, list[int]], joint: int) -> int:
-    """Joints on the longest way outwards from a joint, itself included."""
-    longest, ahead = 0, [(joint, 1)]
-    while ahead:
-        joint, length = ahead.pop()
-        longest = max(longest, length)
-        ahead.extend((child, length + 1) for child in children.get(joint, []))
-    return longest
-
-
-def _advice(model: pin.Model, children: Mapping[int, list[int]], starts: list[int]) -> str:
-    """What to say with tip=..., with a frame at the end of each chain, the longest chains first."""
-    frames = {model.frames[index].parentJoint: name for name, index in reversed(frame_names(model).items())}
-    candidates = []
-    for joint in sorted(starts, key=lambda start: -_length(children, start)):
-        while len(children.get(joint, [])) == 1:
-            joint = children[joint][0]
-        if joint in frames:
-            candidates.append(frames[joint])
-    named = f", for example {', '.join(candidates[:NAMED_CANDIDATES])}" if candidates else ""
-    return f"say which frame ends the arm with tip=...{named} (and which begins it with base=...)"
-
-
-def default_frame(model: pin.Model, tip: str | None) -> str:
-    """The frame solved when none is named: `tip`, else an end effector, else the last frame of the last link."""
-    if tip is not None:
-        return tip
-    last = model.njoints - 1
-    names = [model.frames[i].name for i in frame_names(model).values() if model.frames[i].parentJoint == last]
-    for name in names:
-        if name == END_EFFECTOR:
-            return str(name)
-    for name in names:
-        if name.endswith(END_EFFECTOR):
-            return str(name)
-    if not names:
-        raise ModelError("the last link of the arm has no named frame; name it, or give tip=...")
-    return str(names[0])
+    model: pin.Model
+    reference: Array
+    """(nq,) configuration at which joints off the arm rest."""
+    kind: str
+    """"urdf" or "mjcf"."""
+    base: str
+    """Name of the frame that poses are expressed in when none is named."""
+    couplings: Sequence[Coupling]
+    content: str | mujoco.MjModel | None
+    """Checked text of a URDF, compiled MJCF; None for bundled robots."""
 
 
 def extract(full: pin.Model, q_reference: Array, base: str | None, tip: str | None, name: str) -> pin.Model:
@@ -131,13 +61,13 @@ def extract(full: pin.Model, q_reference: Array, base: str | None, tip: str | No
 
     Args:
         full: the whole robot.
-        q_reference: (full.nq,) configuration at which everything off the chain is frozen.
+        q_reference: (full.nq,) configuration at which everything off the chain is locked.
         base: frame the result is expressed in; None for the world of the model.
         tip: frame at the end of the chain; None to end where the tree branches.
         name: name of the result.
 
     Returns:
-        A model whose universe is `base`; frames of the frozen parts are kept, rigidly attached.
+        A model whose universe is `base`; frames of the locked parts are kept, rigidly attached.
 
     Raises:
         UnknownNameError: no such base or tip.
@@ -196,15 +126,63 @@ def _above_and_between(
     full: pin.Model, base_joint: int, base: str | None, tip: str | None
 ) -> tuple[set[int], set[int]]:
     """Ids of the joints that carry the base, and of those between base and tip."""
-    tip_joint = arm_tip_joint(full, base_joint) if tip is None else full.frames[frame_id(full, tip)].parentJoint
-    above_base, upwards = set(path_to_root(full, base_joint)), set(path_to_root(full, tip_joint))
-    if not above_base <= upwards:
+    tip_joint = _arm_tip_joint(full, base_joint) if tip is None else full.frames[frame_id(full, tip)].parentJoint
+    above_base, above_tip = (set(full.supports[joint]) - {0} for joint in (base_joint, tip_joint))
+    if not above_base <= above_tip:
         raise ModelError(f"tip {tip!r} does not descend from base {base!r}: no chain joins them")
-    if above_base == upwards:
+    between = above_tip - above_base
+    if not between:
         raise ModelError(f"no joint moves between base {base!r} and tip {tip!r}")
-    if len(upwards - above_base) > MOST_JOINTS:
-        raise ModelError(f"the chain has {len(upwards - above_base)} joints; at most {MOST_JOINTS} are read")
-    return above_base, upwards - above_base
+    if len(between) > MOST_JOINTS:
+        raise ModelError(f"the chain has {len(between)} joints; at most {MOST_JOINTS} are read")
+    return above_base, between
+
+
+def _arm_tip_joint(model: pin.Model, base_joint: int) -> int:
+    """The last joint before the tree branches, walking out from the base: where the arm ends and fingers begin.
+
+    Raises:
+        ModelError: nothing moves, or arms rather than fingers begin where the tree branches; names candidates for tip.
+    """
+    # Free objects in the scene hang on the base too, and are not arms.
+    start = list(model.children[base_joint])
+    start = [joint for joint in start if model.joints[joint].nv == 1] or start
+    if not start:
+        raise ModelError("no joint starts at the base; say where the arm begins with base=...")
+    if len(start) > 1:
+        names = ", ".join(model.names[joint] for joint in start)
+        raise ModelError(f"several chains start at the base ({names}); {_advice(model, start)}")
+    joint, length = _before_the_branches(model, start[0])
+    branches = list(model.children[joint])
+    longest = max((_length(model, branch) for branch in branches), default=0)
+    if longest >= max(length, SHORTEST_ARM):
+        raise ModelError(
+            f"the chain branches at joint {model.names[joint]!r}, its number {length}, into chains of up to {longest} "
+            f"joints: arms on a torso rather than fingers on an arm; {_advice(model, branches)}"
+        )
+    return joint
+
+
+def _before_the_branches(model: pin.Model, joint: int) -> tuple[int, int]:
+    """The last joint outwards from a joint before the tree branches or ends, and the number of joints up to it."""
+    length = 1
+    while len(model.children[joint]) == 1:
+        joint, length = model.children[joint][0], length + 1
+    return joint, length
+
+
+def _length(model: pin.Model, joint: int) -> int:
+    """Joints on the longest way outwards from a joint, itself included."""
+    return max(len(model.supports[end]) for end in model.subtrees[joint]) - len(model.supports[joint]) + 1
+
+
+def _advice(model: pin.Model, starts: list[int]) -> str:
+    """Advice to give tip=..., with frames at the ends of the chains, those of the longest first."""
+    frames = {model.frames[index].parentJoint: name for name, index in reversed(frame_names(model).items())}
+    ends = [_before_the_branches(model, start)[0] for start in sorted(starts, key=lambda start: -_length(model, start))]
+    candidates = [frames[joint] for joint in ends if joint in frames][:NAMED_CANDIDATES]
+    named = f", for example {', '.join(candidates)}" if candidates else ""
+    return f"say which frame ends the arm with tip=...{named} (and which begins it with base=...)"
 
 
 def _add_joint(arm: pin.Model, parent: int, placement: pin.SE3, full: pin.Model, index: int) -> int:
@@ -234,15 +212,6 @@ def _add_joint(arm: pin.Model, parent: int, placement: pin.SE3, full: pin.Model,
     return added
 
 
-def _check_place(what: str, placement: pin.SE3) -> None:
-    """Refuse what is not finite, or so far from the joint before it that no tolerance can be met there."""
-    if not np.abs(placement.homogeneous).max() <= FARTHEST:
-        x, y, z = placement.translation
-        raise ModelError(
-            f"{what} is at ({x:.3g}, {y:.3g}, {z:.3g}) m of the joint before it: not finite, or beyond 1e6 m"
-        )
-
-
 def _one_coordinate_joint(full: pin.Model, index: int) -> tuple[object, bool]:
     """A joint with one plain coordinate, and whether it was a continuous one."""
     joint = full.joints[index]
@@ -254,3 +223,44 @@ def _one_coordinate_joint(full: pin.Model, index: int) -> tuple[object, bool]:
         joint.calc(motion, pin.neutral(full))
         return pin.JointModelRevoluteUnaligned(np.array(motion.S[3:])), True
     return joint.extract(), False
+
+
+def _check_place(what: str, placement: pin.SE3) -> None:
+    """Refuse a place that is not finite, or so far from the joint before it that rounding exceeds every tolerance."""
+    if not np.abs(placement.homogeneous).max() <= FARTHEST:
+        x, y, z = placement.translation
+        raise ModelError(
+            f"{what} is at ({x:.3g}, {y:.3g}, {z:.3g}) m of the joint before it: not finite, or beyond 1e6 m"
+        )
+
+
+def frame_names(model: pin.Model) -> dict[str, int]:
+    """Names of links, bodies and sites with their frame ids; the first of two equal names wins."""
+    names: dict[str, int] = {}
+    for index, frame in enumerate(model.frames):
+        if frame.type in FRAME_TYPES and index > 0:
+            names.setdefault(frame.name, index)
+    return names
+
+
+def frame_id(model: pin.Model, name: str) -> int:
+    """Id of a link, body or site.
+
+    Raises:
+        UnknownNameError: there is no such frame; lists the ones there are.
+    """
+    names = frame_names(model)
+    if name not in names:
+        raise UnknownNameError("frame", name, names)
+    return names[name]
+
+
+def default_frame(model: pin.Model, tip: str | None) -> str:
+    """The frame solved when none is named: `tip`, else an end effector, else the last frame of the last link."""
+    if tip is not None:
+        return tip
+    last = model.njoints - 1
+    names = [name for name, index in frame_names(model).items() if model.frames[index].parentJoint == last]
+    if not names:
+        raise ModelError("the last link of the arm has no named frame; name it, or give tip=...")
+    return min(names, key=lambda name: (name != END_EFFECTOR, not name.endswith(END_EFFECTOR)))

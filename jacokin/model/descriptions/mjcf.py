@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
 from jacokin.errors import ModelError
-from jacokin.model.descriptions.whole import Coupling
+from jacokin.model.descriptions.chain import Coupling, Description
 
 WORLD = "world"
 NUMERIC = frozenset((
@@ -41,7 +41,33 @@ COMPILED = (
 UNIT = ("body_quat", "body_iquat", "site_quat", "jnt_axis")  # zeros in the compiled model where a norm overflowed
 UNIT_TOLERANCE = 1e-6  # of a norm; MuJoCo normalises
 SITE_SUFFIX = "_site"  # of a site that has the name of a body
-SCALAR_JOINTS = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))  # ints: numpy does not equal enums
+# As ints: NumPy's comparisons do not take enums.
+CONNECT, WELD, JOINT, TENDON = (
+    int(kind)
+    for kind in (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD, mujoco.mjtEq.mjEQ_JOINT, mujoco.mjtEq.mjEQ_TENDON)
+)
+SCALAR_JOINTS = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
+SITE = int(mujoco.mjtObj.mjOBJ_SITE)
+FREE = int(mujoco.mjtJoint.mjJNT_FREE)
+BODY_NAME, JOINT_NAME, SITE_NAME = mujoco.mjtObj.mjOBJ_BODY, mujoco.mjtObj.mjOBJ_JOINT, mujoco.mjtObj.mjOBJ_SITE
+
+
+def read(path: Path) -> Description:
+    """The robot or scene of an MJCF file.
+
+    Raises:
+        ModelError: as `compile_mjcf`.
+    """
+    compiled = compile_mjcf(path)
+    model = to_pinocchio(compiled, path.stem)
+    return Description(
+        model=model,
+        reference=reference_configuration(compiled, model),
+        kind="mjcf",
+        base=WORLD,
+        couplings=couplings(compiled),
+        content=compiled,
+    )
 
 
 def compile_mjcf(path: Path) -> mujoco.MjModel:
@@ -68,7 +94,7 @@ def compile_mjcf(path: Path) -> mujoco.MjModel:
 
 
 def _refuse_nan(path: Path) -> None:
-    """Name a NaN before MuJoCo warns of it and goes on; what cannot be parsed is left for MuJoCo to name."""
+    """Refuse NaN, of which MuJoCo would only warn. Files that cannot be parsed are left to MuJoCo, which says why."""
     try:
         elements = ET.parse(path).getroot().iter()
     except (OSError, ET.ParseError):
@@ -82,42 +108,59 @@ def _refuse_nan(path: Path) -> None:
                 )
 
 
-def placement(quat_wxyz: ArrayLike, position: ArrayLike) -> pin.SE3:
-    """`pin.SE3` from MuJoCo's quaternion (w, x, y, z) and position [m]."""
-    w, x, y, z = (float(c) for c in np.asarray(quat_wxyz))
-    quat = pin.Quaternion(w, x, y, z)
-    quat.normalize()
-    return pin.SE3(quat.toRotationMatrix(), np.array(position, dtype=np.float64))
+def to_pinocchio(model: mujoco.MjModel, name: str) -> pin.Model:
+    """The same tree in Pinocchio, its zero for ball and free joints at MuJoCo's reference pose.
 
-
-def body_name(model: mujoco.MjModel, body: int) -> str:
-    """Name of a body; unnamed ones get a name from their number."""
-    return str(model.body(body).name) or _free_name(model, mujoco.mjtObj.mjOBJ_BODY, f"body_{body}")
-
-
-def joint_name(model: mujoco.MjModel, joint: int) -> str:
-    """Name of a joint; unnamed ones get a name from their number."""
-    return str(model.joint(joint).name) or _free_name(model, mujoco.mjtObj.mjOBJ_JOINT, f"joint#{joint}")
-
-
-def site_name(model: mujoco.MjModel, site: int) -> str:
-    """Name of a site, "" for none; one that is named like a body gets an ending, as frames have unique names."""
-    name = str(model.site(site).name)
-    if not name or mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name) < 0:
-        return name
-    name += SITE_SUFFIX
-    while any(
-        mujoco.mj_name2id(model, kind, name) >= 0 for kind in (mujoco.mjtObj.mjOBJ_BODY, mujoco.mjtObj.mjOBJ_SITE)
-    ):
-        name += "_"
-    return name
-
-
-def _free_name(model: mujoco.MjModel, kind: mujoco.mjtObj, name: str) -> str:
-    """A generated name that no element of the file has."""
-    while mujoco.mj_name2id(model, kind, name) >= 0:
-        name += "_"
-    return name
+    Bodies become body frames, sites operational frames, the world body a frame called "world". Names: `body_name`,
+    `site_name`.
+    """
+    out = pin.Model()
+    out.name = name
+    out.gravity.linear = np.array(model.opt.gravity)
+    out.addFrame(pin.Frame(WORLD, 0, 0, pin.SE3.Identity(), pin.FrameType.BODY), False)
+    carried: dict[int, tuple[int, pin.SE3]] = {0: (0, pin.SE3.Identity())}
+    dofs: list[int] = []  # MuJoCo's degree of freedom behind each of Pinocchio's
+    for body in range(1, model.nbody):
+        parent, T_parent_body = carried[model.body_parentid[body]]
+        T_parent_body = T_parent_body * placement(model.body_quat[body], model.body_pos[body])
+        for joint in body_joints(model, body):
+            anchor = np.array(model.jnt_pos[joint])
+            plain, T_zero = pinocchio_joint(model, joint)
+            # A range alone is no limit to MuJoCo.
+            lower, upper = model.jnt_range[joint] if model.jnt_limited[joint] else (-np.inf, np.inf)
+            effort = np.abs(model.jnt_actfrcrange[joint]).min() if model.jnt_actfrclimited[joint] else np.inf
+            parent = out.addJoint(
+                parent,
+                plain,
+                T_parent_body * pin.SE3(np.eye(3), anchor) * T_zero,
+                joint_name(model, joint),
+                np.full(plain.nv, effort),
+                np.full(plain.nv, np.inf),
+                np.full(plain.nq, lower),
+                np.full(plain.nq, upper),
+            )
+            dofs.extend(range(model.jnt_dofadr[joint], model.jnt_dofadr[joint] + plain.nv))
+            T_parent_body = pin.SE3(np.eye(3), -anchor)
+        carried[body] = (parent, T_parent_body)
+        principal = placement(model.body_iquat[body], np.zeros(3)).rotation
+        inertia = pin.Inertia(
+            float(model.body_mass[body]),
+            np.array(model.body_ipos[body]),
+            principal @ np.diag(model.body_inertia[body]) @ principal.T,
+        )
+        out.appendBodyToJoint(parent, inertia, T_parent_body)
+        out.addFrame(pin.Frame(body_name(model, body), parent, 0, T_parent_body, pin.FrameType.BODY), False)
+    for site in range(model.nsite):
+        parent, T_parent_body = carried[model.site_bodyid[site]]
+        T_parent_site = T_parent_body * placement(model.site_quat[site], model.site_pos[site])
+        name_of_site = site_name(model, site)
+        if name_of_site:
+            out.addFrame(pin.Frame(name_of_site, parent, 0, T_parent_site, pin.FrameType.OP_FRAME), False)
+    out.armature = np.array(model.dof_armature[dofs])
+    out.damping = np.array(model.dof_damping[dofs])
+    out.upperDryFrictionLimit = np.array(model.dof_frictionloss[dofs])
+    out.lowerDryFrictionLimit = -out.upperDryFrictionLimit
+    return out
 
 
 def scalar_joint_motion(model: mujoco.MjModel, joint: int, position: float) -> pin.SE3:
@@ -149,72 +192,48 @@ def body_joints(model: mujoco.MjModel, body: int) -> range:
     return range(first, first + int(model.body_jntnum[body]))
 
 
-def _joint_limits(model: mujoco.MjModel, joint: int) -> tuple[float, float]:
-    """Lower and upper limit, infinite where MuJoCo imposes none (a range alone does not)."""
-    if not model.jnt_limited[joint]:
-        return -np.inf, np.inf
-    lower, upper = model.jnt_range[joint]
-    return float(lower), float(upper)
+def placement(quat_wxyz: ArrayLike, position: ArrayLike) -> pin.SE3:
+    """`pin.SE3` from MuJoCo's quaternion (w, x, y, z) and position [m]."""
+    w, x, y, z = (float(c) for c in np.asarray(quat_wxyz))
+    quat = pin.Quaternion(w, x, y, z)
+    quat.normalize()
+    return pin.SE3(quat.toRotationMatrix(), np.array(position, dtype=np.float64))
 
 
-def to_pinocchio(model: mujoco.MjModel, name: str) -> pin.Model:
-    """The same tree in Pinocchio, its zero for ball and free joints at MuJoCo's reference pose.
+def body_name(model: mujoco.MjModel, body: int) -> str:
+    """Name of a body; unnamed ones get a name from their number."""
+    return str(model.body(body).name) or _free_name(model, f"body_{body}", BODY_NAME)
 
-    Bodies become body frames, sites operational frames, the world body a frame called "world". Names: `body_name`,
-    `site_name`.
-    """
-    out = pin.Model()
-    out.name = name
-    out.gravity.linear = np.array(model.opt.gravity)
-    out.addFrame(pin.Frame(WORLD, 0, 0, pin.SE3.Identity(), pin.FrameType.BODY), False)
-    carried: dict[int, tuple[int, pin.SE3]] = {0: (0, pin.SE3.Identity())}
-    dofs: list[int] = []  # MuJoCo's degree of freedom behind each of Pinocchio's
-    for body in range(1, model.nbody):
-        parent, T_parent_body = carried[model.body_parentid[body]]
-        T_parent_body = T_parent_body * placement(model.body_quat[body], model.body_pos[body])
-        for joint in body_joints(model, body):
-            anchor = np.array(model.jnt_pos[joint])
-            plain, T_zero = pinocchio_joint(model, joint)
-            lower, upper = _joint_limits(model, joint)
-            limited_force = bool(model.jnt_actfrclimited[joint])
-            effort = float(np.abs(model.jnt_actfrcrange[joint]).min()) if limited_force else np.inf
-            parent = out.addJoint(
-                parent,
-                plain,
-                T_parent_body * pin.SE3(np.eye(3), anchor) * T_zero,
-                joint_name(model, joint),
-                *(
-                    np.full(size, value)
-                    for size, value in (
-                        (plain.nv, effort),
-                        (plain.nv, np.inf),
-                        (plain.nq, lower),
-                        (plain.nq, upper),
-                    )
-                ),
-            )
-            dofs.extend(range(model.jnt_dofadr[joint], model.jnt_dofadr[joint] + plain.nv))
-            T_parent_body = pin.SE3(np.eye(3), -anchor)
-        carried[body] = (parent, T_parent_body)
-        principal = placement(model.body_iquat[body], np.zeros(3)).rotation
-        inertia = pin.Inertia(
-            float(model.body_mass[body]),
-            np.array(model.body_ipos[body]),
-            principal @ np.diag(model.body_inertia[body]) @ principal.T,
-        )
-        out.appendBodyToJoint(parent, inertia, T_parent_body)
-        out.addFrame(pin.Frame(body_name(model, body), parent, 0, T_parent_body, pin.FrameType.BODY), False)
-    for site in range(model.nsite):
-        parent, T_parent_body = carried[model.site_bodyid[site]]
-        T_parent_site = T_parent_body * placement(model.site_quat[site], model.site_pos[site])
-        name_of_site = site_name(model, site)
-        if name_of_site:
-            out.addFrame(pin.Frame(name_of_site, parent, 0, T_parent_site, pin.FrameType.OP_FRAME), False)
-    out.armature = np.array(model.dof_armature[dofs])
-    out.damping = np.array(model.dof_damping[dofs])
-    out.upperDryFrictionLimit = np.array(model.dof_frictionloss[dofs])
-    out.lowerDryFrictionLimit = -out.upperDryFrictionLimit
-    return out
+
+def joint_name(model: mujoco.MjModel, joint: int) -> str:
+    """Name of a joint; unnamed ones get a name from their number."""
+    return str(model.joint(joint).name) or _free_name(model, f"joint#{joint}", JOINT_NAME)
+
+
+def geom_name(model: mujoco.MjModel, geom: int) -> str:
+    """Name of a geom; unnamed ones get a name from their body and number."""
+    return str(model.geom(geom).name) or f"{body_name(model, int(model.geom_bodyid[geom]))}#{geom}"
+
+
+def site_name(model: mujoco.MjModel, site: int) -> str:
+    """Name of a site, "" for none; one that is named like a body gets an ending, as frames have unique names."""
+    name = str(model.site(site).name)
+    if not name or mujoco.mj_name2id(model, BODY_NAME, name) < 0:
+        return name
+    return _free_name(model, name + SITE_SUFFIX, BODY_NAME, SITE_NAME)
+
+
+def _free_name(model: mujoco.MjModel, name: str, *kinds: mujoco.mjtObj) -> str:
+    """A generated name that no element of the file has."""
+    while any(mujoco.mj_name2id(model, kind, name) >= 0 for kind in kinds):
+        name += "_"
+    return name
+
+
+def joint_ids(model: mujoco.MjModel, names: Iterable[str]) -> list[int]:
+    """Ids of joints, by the names `joint_name` gives."""
+    by_name = {joint_name(model, joint): joint for joint in range(model.njnt)}
+    return [by_name[name] for name in names]
 
 
 def reference_configuration(model: mujoco.MjModel, full: pin.Model) -> Array:
@@ -226,27 +245,6 @@ def reference_configuration(model: mujoco.MjModel, full: pin.Model) -> Array:
                 index = full.joints[full.getJointId(joint_name(model, joint))].idx_q
                 q[index] = model.qpos0[model.jnt_qposadr[joint]]
     return np.asarray(q)
-
-
-def joint_addresses(model: mujoco.MjModel, names: tuple[str, ...]) -> list[int]:
-    """Addresses in qpos of scalar joints, by the names `joint_name` gives."""
-    by_name = {joint_name(model, joint): int(model.jnt_qposadr[joint]) for joint in range(model.njnt)}
-    return [by_name[name] for name in names]
-
-
-def dof_addresses(model: mujoco.MjModel, names: tuple[str, ...]) -> list[int]:
-    """Addresses in qvel of scalar joints, by the names `joint_name` gives."""
-    by_name = {joint_name(model, joint): int(model.jnt_dofadr[joint]) for joint in range(model.njnt)}
-    return [by_name[name] for name in names]
-
-
-# As ints: NumPy's comparisons do not take enums.
-CONNECT, WELD, JOINT, TENDON = (
-    int(kind)
-    for kind in (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD, mujoco.mjtEq.mjEQ_JOINT, mujoco.mjtEq.mjEQ_TENDON)
-)
-SITE = int(mujoco.mjtObj.mjOBJ_SITE)
-FREE = int(mujoco.mjtJoint.mjJNT_FREE)
 
 
 def couplings(model: mujoco.MjModel) -> list[Coupling]:

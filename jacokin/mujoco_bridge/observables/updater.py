@@ -164,11 +164,9 @@ class Updater:
         Raises:
             InvalidInputError: an argument has a wrong type or value.
         """
-        if not isinstance(observables, Mapping):
-            raise InvalidInputError(f"observables must be a dict by name, got {shown(observables)}")
+        observables = checks.mapping("observables", observables, "a dict by name")
         for name, observable in observables.items():
-            if not isinstance(observable, Observable):
-                raise InvalidInputError(f"observables[{name!r}] must be an Observable, got {shown(observable)}")
+            checks.instance(f"observables[{name!r}]", observable, Observable, "an Observable")
         if not isinstance(entity, Entity | None):
             raise InvalidInputError(f"entity must be an Entity such as an Arena, got {shown(entity)}")
         self._observables = dict(observables)

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.errors import InvalidInputError, UnknownNameError, shown
+from jacokin.model import checks
 
 RowFinder = Callable[[mujoco.MjModel, int], NDArray[np.intp]]
 
@@ -193,8 +194,7 @@ class ElementIds:
         self._model = model
         self._ids: dict[Element, int] | None = None
         if spec is not None:
-            if not isinstance(spec, mujoco.MjSpec):
-                raise InvalidInputError(f"spec must be a mujoco.MjSpec or None, got {shown(spec)}")
+            checks.instance("spec", spec, mujoco.MjSpec, "a mujoco.MjSpec or None")
             self._ids = {}
             for kind in KINDS.values():
                 elements, count = getattr(spec, kind.plural), getattr(model, kind.count)

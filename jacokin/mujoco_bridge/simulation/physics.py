@@ -61,8 +61,7 @@ class Physics:
             InvalidInputError: model is not a `mujoco.MjModel`, or the spec was changed since.
             PhysicsError: the reference state cannot be simulated.
         """
-        if not isinstance(model, mujoco.MjModel):
-            raise InvalidInputError(f"model must be a mujoco.MjModel, got {shown(model)}")
+        checks.instance("model", model, mujoco.MjModel, "a mujoco.MjModel")
         self.model = model
         self._data = mujoco.MjData(model)
         self._cache = ForwardCache(model, self._data)
@@ -112,9 +111,7 @@ class Physics:
         except KeyError:
             pass
         except TypeError:
-            raise InvalidInputError(
-                f"elements must be an MjSpec element, a name, or a list of them, got {shown(elements)}"
-            ) from None
+            raise checks.refusal("elements", "an MjSpec element, a name, or a list of them", elements) from None
         kind, ids = self._ids.find(each)
         binding = self._bindings[key] = Binding(kind, ids, single=single, cache=self._cache)
         return binding
@@ -315,12 +312,7 @@ class Physics:
             InvalidInputError: not a state of this model.
         """
         size = mujoco.mj_stateSize(self.model, _STATE)
-        try:
-            values = checks.numbers(state)
-        except (TypeError, ValueError):
-            raise InvalidInputError(
-                f"state must be {size} numbers, as get_state gives them, got {shown(state)}"
-            ) from None
+        values = checks.array("state", state, f"{size} numbers, as get_state gives them")
         if values.shape != (size,):
             raise InvalidInputError(f"state must have shape ({size},), got {values.shape}")
         with self.lock:

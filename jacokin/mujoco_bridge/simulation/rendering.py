@@ -67,8 +67,8 @@ class Renderers:
         """
         if checks.flag("depth", depth) and checks.flag("segmentation", segmentation):
             raise InvalidInputError("at most one of depth and segmentation can be rendered at a time")
-        if not isinstance(scene_option, mujoco.MjvOption | None):
-            raise InvalidInputError(f"scene_option must be a mujoco.MjvOption or None, got {shown(scene_option)}")
+        if scene_option is not None:
+            checks.instance("scene_option", scene_option, mujoco.MjvOption, "a mujoco.MjvOption or None")
         flags = _checked_flags(render_flag_overrides)
         number = self._camera_id(camera)
         size = (
@@ -146,8 +146,8 @@ def _close_all() -> None:
 def _checked_flags(overrides: RenderFlags | None) -> dict[int, bool]:
     known = {name.removeprefix(_FLAG).lower(): int(flag) for name, flag in mujoco.mjtRndFlag.__members__.items()}
     valid = {name: number for name, number in known.items() if number < len(mujoco.MjvScene().flags)}
-    if not isinstance(overrides, Mapping | None):
-        raise InvalidInputError(f"render_flag_overrides must be a dict of flags, got {shown(overrides)}")
+    if overrides is not None:
+        overrides = checks.mapping("render_flag_overrides", overrides, "a dict of flags")
     return {
         valid[checks.choice("render flag", name, valid)]: checks.flag(f"render_flag_overrides[{name!r}]", value)
         for name, value in (overrides or {}).items()

@@ -5,9 +5,9 @@ from __future__ import annotations
 import random
 import re
 import xml.etree.ElementTree as ET
+from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
 import pytest
 from hypothesis import event, given, settings
 from hypothesis import strategies as st
@@ -16,6 +16,55 @@ import jacokin
 from jacokin.errors import JacokinError, ModelError
 from jacokin.model.descriptions import urdf
 from tests.robot_files import urdf_text
+
+BROKEN: dict[str, tuple[Callable[[str], str], str]] = {
+    "truncated": (lambda text: text[: len(text) // 2], "not well-formed XML"),
+    "other root": (lambda text: "<sdf/>", "root element is <sdf>"),
+    "unknown parent": (
+        lambda text: text.replace('parent link="link_2"', 'parent link="link_22"'),
+        "'link_22' does not exist",
+    ),
+    "cycle": (
+        lambda text: text.replace(
+            "</robot>",
+            '<joint name="back" type="fixed"><parent link="link_6"/><child link="link_base"/></joint></robot>',
+        ),
+        "form a cycle",
+    ),
+    "two parents": (
+        lambda text: text.replace(
+            "</robot>", '<joint name="more" type="fixed"><parent link="link_1"/><child link="link_4"/></joint></robot>'
+        ),
+        "two parents",
+    ),
+    "NaN origin": (lambda text: text.replace('xyz="0.0 -0.41 0.0"', 'xyz="0.0 nan 0.0"', 1), "not finite"),
+    "words for numbers": (lambda text: text.replace('xyz="0.0 -0.41 0.0"', 'xyz="a b c"', 1), "not made of numbers"),
+    "two numbers": (lambda text: text.replace('xyz="0.0 -0.41 0.0"', 'xyz="0.0 1.0"', 1), "must have 3 numbers"),
+    "inverted limits": (lambda text: text.replace('lower="0.8203', 'lower="9.8203'), "above upper limit"),
+    "negative mass": (lambda text: text.replace('<mass value="', '<mass value="-', 1), "negative"),
+    "zero axis": (lambda text: re.sub('<axis xyz="[^"]*"', '<axis xyz="0 0 0"', text), "unit vector"),
+    "axis without numbers": (lambda text: re.sub('<axis xyz="[^"]*"', "<axis", text), "the axis has no xyz"),
+    "unknown joint type": (
+        lambda text: text.replace('type="continuous"', 'type="spinning"', 1),
+        "unknown type 'spinning'",
+    ),
+    "twice the same link": (lambda text: text.replace("</robot>", '<link name="link_1"/></robot>'), "more than once"),
+    "loose link": (lambda text: text.replace("</robot>", '<link name="adrift"/></robot>'), "one root link"),
+}
+
+
+@pytest.mark.parametrize("case", BROKEN)
+def test_broken_urdf_is_named(case: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    change, message = BROKEN[case]
+    text = change(urdf_text())
+    assert text != urdf_text()
+    path = tmp_path / "robot.urdf"
+    path.write_text(text)
+    with pytest.raises(ModelError, match=message) as error:
+        jacokin.load_robot(path)
+    assert str(path) in str(error.value)
+    assert capfd.readouterr().err == ""  # no parser noise beside the message
+
 
 JOINT = '<joint name="j" type="{kind}"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/>{inside}</joint>'
 ROBOT = '<robot name="r"><link name="a">{link}</link><link name="b"/>{joint}</robot>'
@@ -124,10 +173,21 @@ def test_what_is_for_other_programs_does_not_matter(tmp_path: Path) -> None:
     assert robot.home_source.startswith("documented")
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_a_damaged_urdf_is_read_or_named(seed: int) -> None:
-    """Deleted, doubled and emptied elements and attributes: `checked` lets through only what has one tree."""
+    damage_and_check(seed)
+
+
+@pytest.mark.slow
+@settings(max_examples=1000, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_many_damaged_urdfs_are_read_or_named(seed: int) -> None:
+    damage_and_check(seed)
+
+
+def damage_and_check(seed: int) -> None:
+    """Deleted, doubled and emptied elements and attributes: `check` lets through only what has one tree."""
     damage = random.Random(seed)
     tree = ET.fromstring(urdf_text())
     for _ in range(damage.randint(1, 3)):
@@ -145,7 +205,7 @@ def test_a_damaged_urdf_is_read_or_named(seed: int) -> None:
             if act == 3:
                 del child.attrib[attribute]
     try:
-        robot = urdf.checked(ET.tostring(tree, encoding="unicode"), "damaged")
+        robot = urdf.check(ET.tostring(tree, encoding="unicode"), "damaged")
     except ModelError as error:
         event("refused")
         assert str(error).startswith("damaged: ")  # noqa: PT017 - both outcomes are right
@@ -158,7 +218,7 @@ def test_damaged_files_make_a_robot_or_a_message(tmp_path: Path, capfd: pytest.C
     damage = random.Random(7)
     path = tmp_path / "robot.urdf"
     read = 0
-    for _ in range(150):
+    for _ in range(60):
         text = list(urdf_text())
         for _ in range(damage.randint(1, 3)):
             at = damage.randrange(len(text))
@@ -168,59 +228,5 @@ def test_damaged_files_make_a_robot_or_a_message(tmp_path: Path, capfd: pytest.C
             read += jacokin.load_robot(path).dof > 0
         except JacokinError as error:  # both outcomes are right
             assert str(path) in str(error) or "base" in str(error)  # noqa: PT017
-    assert 10 < read < 140
+    assert 5 < read < 55
     assert capfd.readouterr().err == ""
-
-
-TORSO = """<robot name="torso">{links}
-  <joint name="lift" type="prismatic"><parent link="floor"/><child link="torso"/><axis xyz="0 0 1"/>
-    <limit lower="0" upper="1" effort="1" velocity="1"/></joint>{arms}</robot>"""
-
-
-def torso_text(arms: dict[str, int]) -> str:
-    links, joints = ['<link name="floor"/><link name="torso"/>'], []
-    for side, count in arms.items():
-        parent = "torso"
-        for i in range(count):
-            child = f"{side}_{i}"
-            links.append(f'<link name="{child}"/>')
-            joints.append(
-                f'<joint name="{child}_joint" type="continuous"><parent link="{parent}"/><child link="{child}"/>'
-                '<origin xyz="0.1 0.2 0.3"/><axis xyz="0 1 0"/></joint>'
-            )
-            parent = child
-    return TORSO.format(links="".join(links), arms="".join(joints))
-
-
-def test_arms_on_a_torso_ask_for_the_tip(tmp_path: Path) -> None:
-    path = tmp_path / "torso.urdf"
-    path.write_text(torso_text({"head": 2, "left": 7, "right": 7}))
-    with pytest.raises(ModelError, match=r"branches at joint 'lift'.*tip=.*left_6, right_6, head_1"):
-        jacokin.load_robot(path)
-    assert jacokin.load_robot(path, tip="left_6").dof == 8
-    assert jacokin.load_robot(path, tip="left_6", base="torso").dof == 7
-    path.write_text(torso_text({"left": 1, "right": 1}))  # a gripper on a slide
-    assert jacokin.load_robot(path).joint_names == ("lift",)
-
-
-def test_a_robot_without_masses_agrees_with_itself(tmp_path: Path, rng: np.random.Generator) -> None:
-    path = tmp_path / "bare.urdf"
-    path.write_text(torso_text({"left": 5}))
-    report = jacokin.crosscheck(jacokin.load_robot(path), samples=50, rng=rng)
-    assert report.within(), str(report)
-    assert report.worst("mass_matrix").value == 0.0
-
-
-@pytest.mark.parametrize("inertia", ["9 1 1", "0 0 0", "1 2 3.5", "-1 1 1"])
-def test_inertias_that_no_body_has_are_compared_as_the_file_says(
-    tmp_path: Path, inertia: str, rng: np.random.Generator
-) -> None:
-    xx, yy, zz = inertia.split()
-    inertial = (
-        f'<inertial><origin xyz="0.1 0.2 0.3" rpy="0.4 0.5 0.6"/><mass value="2"/>'
-        f'<inertia ixx="{xx}" ixy="0.1" ixz="0" iyy="{yy}" iyz="0" izz="{zz}"/></inertial>'
-    )
-    path = tmp_path / "odd.urdf"
-    path.write_text(torso_text({"left": 4}).replace('<link name="left_1"/>', f'<link name="left_1">{inertial}</link>'))
-    report = jacokin.crosscheck(jacokin.load_robot(path), samples=50, rng=rng)
-    assert report.within(), str(report)

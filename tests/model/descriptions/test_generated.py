@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from jacokin.model.descriptions import bundled
 
-FOLDER = Path(__file__).resolve().parents[2] / "urdf"
+FOLDER = Path(__file__).resolve().parents[3] / "urdf"
 NAMES = ("j2n6s300", "j2n6s200", "j2s6s200", "j2s6s300", "m1n6s200", "m1n6s300", "j2s7s300", "j2s7s200")
 ARM_LINKS = ["link_base", "link_1", "link_2", "link_3", "link_4", "link_5", "link_6"]
 JOINTS = {name: 7 if name[3] == "7" else 6 for name in NAMES}
@@ -118,11 +118,11 @@ def test_every_number_has_a_unit_and_a_source() -> None:
 
 def test_angles_are_exact(generator: ModuleType) -> None:
     description = sys.modules[generator.describe.__module__]
-    assert description.angle("-pi/2") == -math.pi / 2
-    assert description.angle("pi/3") == math.pi / 3
-    assert description.angle(0.5) == 0.5
+    assert description.parse_angle("-pi/2") == -math.pi / 2
+    assert description.parse_angle("pi/3") == math.pi / 3
+    assert description.parse_angle(0.5) == 0.5
     with pytest.raises(ValueError, match=r"'2pi' is not an angle.*'pi/3'"):
-        description.angle("2pi")
+        description.parse_angle("2pi")
 
 
 # --- names and contents --------------------------------------------------------------------------------------

@@ -17,7 +17,7 @@ from jacokin.errors import ModelError, UnknownNameError
 from jacokin.model import NAMES
 from jacokin.model.descriptions import bundled
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 Table = dict[str, Any]
 
 LONG = 0.5  # [m] between joints 2 and 3 of the new arm
@@ -115,4 +115,4 @@ def test_what_a_new_arm_lacks_is_named(case: str, generator: Any) -> None:
 
 def test_a_section_that_is_missing_lists_those_there_are() -> None:
     with pytest.raises(UnknownNameError, match="'j3n6'.*Did you mean.*Valid: j2n6, j2s6, m1n6"):
-        bundled.section(bundled.load()["arms"], "j3n6")
+        bundled.section(bundled.robot_table()["arms"], "j3n6")

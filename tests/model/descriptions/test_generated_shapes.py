@@ -17,7 +17,7 @@ from scipy.spatial import ConvexHull
 from jacokin.arrays import Array
 from tests.optional import needs_dm_control
 
-FOLDER = Path(__file__).resolve().parents[2] / "urdf"
+FOLDER = Path(__file__).resolve().parents[3] / "urdf"
 NAMES = ("j2n6s300", "j2n6s200", "j2s6s200", "j2s6s300", "m1n6s200", "m1n6s300", "j2s7s300", "j2s7s200")
 # The other description writes quaternions with six digits: 8e-7 rad and 3e-8 m at the wrist.
 SIX_DIGITS = 2e-6

@@ -1,0 +1,127 @@
+"""Two descriptions, or two engines, compared."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import jacokin
+import jacokin.model
+from jacokin import Robot
+from jacokin.errors import InvalidInputError
+from jacokin.model import NAMES, urdf_folder
+
+# A UR5's joints, from the parameters that its maker publishes [m].
+UR5 = """<robot name="ur5">{links}{joints}</robot>"""
+UR5_JOINTS = [
+    ("0 0 0.089159", "0 0 0", "0 0 1"),
+    ("0 0.13585 0", "0 1.5707963267948966 0", "0 1 0"),
+    ("0 -0.1197 0.425", "0 0 0", "0 1 0"),
+    ("0 0 0.39225", "0 1.5707963267948966 0", "0 1 0"),
+    ("0 0.093 0", "0 0 0", "0 0 1"),
+    ("0 0 0.09465", "0 0 0", "0 1 0"),
+]
+
+
+def ur5_text(shape: str = "") -> str:
+    links = "".join(f'<link name="l{i}">{shape}</link>' for i in range(7))
+    joints = "".join(
+        f'<joint name="q{i}" type="revolute"><parent link="l{i}"/><child link="l{i + 1}"/>'
+        f'<origin xyz="{xyz}" rpy="{rpy}"/><axis xyz="{axis}"/>'
+        '<limit lower="-6.283" upper="6.283" effort="1" velocity="1"/></joint>'
+        for i, (xyz, rpy, axis) in enumerate(UR5_JOINTS)
+    )
+    return UR5.format(links=links, joints=joints)
+
+
+def test_a_rotation_differs_by_an_angle(tmp_path: Path) -> None:
+    """Two thirds of pi about a diagonal: 2.094 rad, of which the chord would be 1.732."""
+    one, other = tmp_path / "one.urdf", tmp_path / "other.urdf"
+    one.write_text(ur5_text())
+    turned = '<link name="tool"/><joint name="t" type="fixed"><parent link="l6"/><child link="tool"/>{}</joint></robot>'
+    one.write_text(ur5_text().replace("</robot>", turned.format("")))
+    other.write_text(
+        ur5_text().replace("</robot>", turned.format('<origin rpy="1.5707963267948966 0 1.5707963267948966"/>'))
+    )
+    a, b = (jacokin.load_robot(path, tip="tool") for path in (one, other))
+    report = jacokin.crosscheck(a, b, samples=5, frame_map={"tool": "tool"})
+    assert report.worst("rotation").value == pytest.approx(2.0 * np.pi / 3.0, abs=1e-12)
+
+
+@pytest.mark.parametrize("samples", [100, pytest.param(1000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", NAMES)
+def test_every_frame_agrees_with_mujoco(
+    name: str, samples: int, bundled: Callable[[str], Robot], rng: np.random.Generator
+) -> None:
+    robot = bundled(name)
+    report = jacokin.crosscheck(robot, samples=samples, rng=rng)
+    assert report.within(), str(report)
+    compared = {row.frame for row in report.deviations if row.frame}
+    sites = {"wristsite", "end_effector", "gripsite"} | ({"pinchsite"} if name.endswith("300") else set())
+    assert {"link_base", "link_6", "hand"} | sites <= compared
+
+
+def test_absurd_requests_are_refused(robot: Robot) -> None:
+    with pytest.raises(InvalidInputError, match="too large"):
+        robot.sample(np.random.default_rng(0), 10**15)
+    with pytest.raises(InvalidInputError, match="robot_a"):
+        jacokin.crosscheck("j2n6s300")  # type: ignore[arg-type]  # wrong on purpose
+    with pytest.raises(InvalidInputError, match="robot_b"):
+        jacokin.crosscheck(robot, "x")  # type: ignore[arg-type]  # wrong on purpose
+    with pytest.raises(InvalidInputError, match="frame_map"):
+        jacokin.crosscheck(robot, frame_map=["a"])  # type: ignore[arg-type]  # wrong on purpose
+    with pytest.raises(InvalidInputError, match="joint_map"):
+        jacokin.crosscheck(robot, joint_map=["a"])  # type: ignore[arg-type]  # wrong on purpose
+
+
+def test_a_user_s_urdf_passes_its_own_crosscheck(rng: np.random.Generator) -> None:
+    robot = jacokin.load_robot(urdf_folder() / "j2n6s300.urdf")
+    assert robot.source.bundled is None
+    report = jacokin.crosscheck(robot, samples=100, rng=rng)
+    assert report.within(), str(report)
+
+
+TORSO = """<robot name="torso">{links}
+  <joint name="lift" type="prismatic"><parent link="floor"/><child link="torso"/><axis xyz="0 0 1"/>
+    <limit lower="0" upper="1" effort="1" velocity="1"/></joint>{arms}</robot>"""
+
+
+def torso_text(arms: dict[str, int]) -> str:
+    links, joints = ['<link name="floor"/><link name="torso"/>'], []
+    for side, count in arms.items():
+        parent = "torso"
+        for i in range(count):
+            child = f"{side}_{i}"
+            links.append(f'<link name="{child}"/>')
+            joints.append(
+                f'<joint name="{child}_joint" type="continuous"><parent link="{parent}"/><child link="{child}"/>'
+                '<origin xyz="0.1 0.2 0.3"/><axis xyz="0 1 0"/></joint>'
+            )
+            parent = child
+    return TORSO.format(links="".join(links), arms="".join(joints))
+
+
+def test_a_robot_without_masses_agrees_with_itself(tmp_path: Path, rng: np.random.Generator) -> None:
+    path = tmp_path / "bare.urdf"
+    path.write_text(torso_text({"left": 5}))
+    report = jacokin.crosscheck(jacokin.load_robot(path), samples=50, rng=rng)
+    assert report.within(), str(report)
+    assert report.worst("mass_matrix").value == 0.0
+
+
+@pytest.mark.parametrize("inertia", ["9 1 1", "0 0 0", "1 2 3.5", "-1 1 1"])
+def test_inertias_that_no_body_has_are_compared_as_the_file_says(
+    tmp_path: Path, inertia: str, rng: np.random.Generator
+) -> None:
+    xx, yy, zz = inertia.split()
+    inertial = (
+        f'<inertial><origin xyz="0.1 0.2 0.3" rpy="0.4 0.5 0.6"/><mass value="2"/>'
+        f'<inertia ixx="{xx}" ixy="0.1" ixz="0" iyy="{yy}" iyz="0" izz="{zz}"/></inertial>'
+    )
+    path = tmp_path / "odd.urdf"
+    path.write_text(torso_text({"left": 4}).replace('<link name="left_1"/>', f'<link name="left_1">{inertial}</link>'))
+    report = jacokin.crosscheck(jacokin.load_robot(path), samples=50, rng=rng)
+    assert report.within(), str(report)

@@ -1,0 +1,105 @@
+"""The configuration to start from: documented, from a keyframe, or found."""
+
+from __future__ import annotations
+
+import math
+import pickle
+from pathlib import Path
+
+import numpy as np
+
+import jacokin
+import jacokin.model
+from jacokin.model import SelfContact, urdf_folder
+from tests.robot_files import SCENE, urdf_text
+
+
+def test_a_pickled_robot_keeps_the_home_it_found(scene: Path) -> None:
+    robot = jacokin.load_robot(scene)
+    home = robot.home
+    copy = pickle.loads(pickle.dumps(robot))
+    assert copy.home.tolist() == home.tolist()
+    assert copy.home_source == robot.home_source
+    assert not copy.home.flags.writeable
+
+
+KEYFRAME = '<keyframe><key name="home" qpos="{}"/></keyframe></mujoco>'
+HOME = "1 1 1 1 0 0 0 0.5 0.2 0.05 0.3 0.2 0.2"
+
+
+def test_the_keyframe_called_home_is_the_home(scene: Path) -> None:
+    scene.write_text(SCENE.replace("</mujoco>", KEYFRAME.format(HOME)))
+    robot = jacokin.load_robot(scene)
+    np.testing.assert_allclose(robot.home, [0.5, 0.2, 0.05, 0.3])
+    assert robot.home_source == "keyframe 'home' of the file"
+
+
+# A UR5's joints, from the parameters that its maker publishes [m].
+UR5 = """<robot name="ur5">{links}{joints}</robot>"""
+UR5_JOINTS = [
+    ("0 0 0.089159", "0 0 0", "0 0 1"),
+    ("0 0.13585 0", "0 1.5707963267948966 0", "0 1 0"),
+    ("0 -0.1197 0.425", "0 0 0", "0 1 0"),
+    ("0 0 0.39225", "0 1.5707963267948966 0", "0 1 0"),
+    ("0 0.093 0", "0 0 0", "0 0 1"),
+    ("0 0 0.09465", "0 0 0", "0 1 0"),
+]
+
+
+def ur5_text(shape: str = "") -> str:
+    links = "".join(f'<link name="l{i}">{shape}</link>' for i in range(7))
+    joints = "".join(
+        f'<joint name="q{i}" type="revolute"><parent link="l{i}"/><child link="l{i + 1}"/>'
+        f'<origin xyz="{xyz}" rpy="{rpy}"/><axis xyz="{axis}"/>'
+        '<limit lower="-6.283" upper="6.283" effort="1" velocity="1"/></joint>'
+        for i, (xyz, rpy, axis) in enumerate(UR5_JOINTS)
+    )
+    return UR5.format(links=links, joints=joints)
+
+
+def test_another_arm_does_not_get_the_home_of_a_jaco(tmp_path: Path) -> None:
+    path = tmp_path / "ur5.urdf"
+    path.write_text(ur5_text())
+    robot = jacokin.load_robot(path)
+    assert robot.home_source == "a random search within the limits; without shapes to check for contact"
+    assert robot.within_limits(robot.home)
+    assert robot.singular_values(robot.home)[-1] > 0.01  # its middle, all joints at 0, is a straight arm
+    assert not np.allclose(robot.home, jacokin.load_robot().home)
+
+
+def test_a_jaco_from_a_file_has_the_documented_home(tmp_path: Path) -> None:
+    path = tmp_path / "mine.urdf"
+    path.write_text(urdf_text().replace("joint_", "my_joint_").replace("link_", "my_link_"))
+    robot = jacokin.load_robot(path)
+    assert robot.home_source == "documented for the j2n6s300"
+    assert robot.home.tolist() == jacokin.load_robot().home.tolist()
+    assert jacokin.load_robot().home_source == "documented for the j2n6s300"
+    other = jacokin.load_robot(limits={"joint_1": (0.0, 1.0)})
+    assert other.home_source == "a random search within the limits"
+
+
+def test_home_is_within_limits_and_free_of_contact(scene: Path) -> None:
+
+    robot = jacokin.load_robot(scene)
+    assert robot.within_limits(robot.home)
+    for name in ("j2n6s300", urdf_folder() / "jaco_arm.xml"):
+        arm = jacokin.load_robot(name)
+        assert arm.within_limits(arm.home)
+        assert SelfContact(arm).touching(arm.home) == []
+        assert SelfContact(arm).pairs > 20
+    assert SelfContact(arm).touching(np.array([0.0, math.pi, arm.lower[2], 0.0, 0.0, 0.0])) != []
+
+
+def test_home_of_shapes_that_always_overlap(tmp_path: Path) -> None:
+    shape = '<collision><geometry><sphere radius="0.5"/></geometry></collision>'
+    inertial = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
+    links = "".join(f'<link name="l{i}">{inertial}{shape}</link>' for i in range(4))
+    joints = "".join(
+        f'<joint name="q{i}" type="revolute"><parent link="l{i - 1}"/><child link="l{i}"/><origin xyz="0 0 0.1"/>'
+        '<axis xyz="1 0 0"/><limit lower="-2" upper="2" effort="1" velocity="1"/></joint>'
+        for i in range(1, 4)
+    )
+    path = tmp_path / "coarse.urdf"
+    path.write_text(f'<robot name="coarse">{links}{joints}</robot>')
+    robot = jacokin.load_robot(path)
+    assert robot.within_limits(robot.home)
