@@ -34,15 +34,7 @@ def headline(inspector: Inspector, view: View) -> str:
         return f"Reached, in contact: {_pairs(view.arm_touching)}"
     if view.status is Status.OK:
         return "Reached" if not total else f"Reached, in a posture that is none of the {total} branches"
-    if not total:
-        what = view.message or "no configuration reaches this pose, whatever the limits"
-    elif view.status is Status.IN_COLLISION:
-        what = f"each of the {total} branches is in contact or outside the limits"
-    else:
-        mildest = view.branches[int(np.argmax(view.margins.min(axis=1)))]
-        over = inspector.excess(mildest)
-        what = f"each of the {total} branches is outside the limits; the mildest: {_joints(inspector, over)}"
-    return f"{_name(view.status)}: {what}"
+    return f"{_name(view.status)}: {view.message}"
 
 
 def advice(view: View) -> str:
