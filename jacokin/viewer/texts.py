@@ -94,7 +94,7 @@ def bars_html(inspector: Inspector, q: Array) -> str:
         low, high = float(robot.lower[joint]), float(robot.upper[joint])
         if math.isinf(margin):
             low, high, text, shade = -math.pi, math.pi, "no limits", GREY
-            share = (wrapped(float(q[joint])) - low) / (high - low)
+            share = (wrap(float(q[joint])) - low) / (high - low)
         else:
             share = (float(q[joint]) - low) / (high - low) if math.isfinite(high - low) and high > low else 0.5
             text = _amount(inspector, joint, margin)
@@ -125,7 +125,7 @@ def intervals_html(free: Free) -> str:
                     f'<div style="position:absolute;left:{left:.2f}%;width:{right - left:.2f}%;height:8px;'
                     f'background:{GREEN};opacity:0.6"></div>'
                 )
-    mark = share(wrapped(free.value))
+    mark = share(wrap(free.value))
     said = "; ".join(words) if words else "none"
     return (
         f"<div>{html.escape(free.name.capitalize())} within the limits [deg]: {said}</div>"
@@ -135,7 +135,7 @@ def intervals_html(free: Free) -> str:
     )
 
 
-def wrapped(angle: float) -> float:
+def wrap(angle: float) -> float:
     """An angle [rad] by full turns into [-pi, pi]."""
     return math.remainder(angle, 2.0 * math.pi)
 

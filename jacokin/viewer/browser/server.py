@@ -52,6 +52,11 @@ class Server(viser.ViserServer):
         logger.warning("a page asked for a public address, which the viewer does not give")
         return None
 
+    def stop(self) -> None:
+        """Stop serving and disconnect every page, without a message."""
+        with quiet():
+            super().stop()
+
 
 def start(host: str, port: int, label: str) -> tuple[Server, str]:
     """Start serving.
@@ -83,19 +88,13 @@ def start(host: str, port: int, label: str) -> tuple[Server, str]:
         listening.close()
         raise
     if not guard.used:
-        stop(server)
+        server.stop()
         listening.close()
         raise JacokinError(f"viser {viser.__version__} cannot be guarded against other pages; install another version")
     if not ipaddress.ip_address(address).is_loopback:
         logger.warning("the viewer is open to every computer that reaches %s:%d, without a password", address, bound)
     name = LOOPBACK if ipaddress.ip_address(address).is_unspecified else address
     return server, f"http://[{name}]:{bound}" if ":" in name else f"http://{name}:{bound}"
-
-
-def stop(server: Server) -> None:
-    """Stop serving and disconnect every page."""
-    with quiet():
-        server.stop()
 
 
 def bind(host: str, port: int) -> socket.socket:
