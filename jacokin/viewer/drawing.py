@@ -248,12 +248,12 @@ def cylinder(radius: float, half: float) -> Mesh:
 
 
 def move(mesh: Mesh, place: pin.SE3) -> Mesh:
-    """A mesh elsewhere: at the pose of its axes in others."""
+    """A mesh in other axes, given the pose of its own in them."""
     return Mesh((mesh.vertices @ place.rotation.T + place.translation).astype(np.float32), mesh.faces)
 
 
 def read_geom(model: mujoco.MjModel, geom: int) -> Mesh | None:
-    """One shape in the frame of its body; None for a kind without an end, such as a plane."""
+    """One shape in the frame of its body; None for an infinite one, such as a plane."""
     kind, size = int(model.geom_type[geom]), np.array(model.geom_size[geom])
     kinds = mujoco.mjtGeom
     if kind == kinds.mjGEOM_BOX:

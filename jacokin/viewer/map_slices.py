@@ -37,7 +37,7 @@ class MapSlices:
     """
 
     def __init__(self, reach: ReachabilityMap) -> None:
-        """Take the numbers of a map."""
+        """Read the fractions and the grid of a map."""
         grid = reach.grid
         self._fraction = reach.fraction
         self._spacing = grid.spacing
@@ -50,7 +50,7 @@ class MapSlices:
         )
 
     def square(self) -> Mesh:
-        """A cell about the origin, to be seen from above and from below."""
+        """A cell around the origin, visible from above and from below."""
         half = 0.5 * FILLED * self._spacing
         corners = np.array([[-half, -half, 0.0], [half, -half, 0.0], [half, half, 0.0], [-half, half, 0.0]])
         return Mesh(corners.astype(np.float32), np.array([[0, 1, 2], [0, 2, 3]], dtype=np.uint32))

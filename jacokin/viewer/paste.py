@@ -240,7 +240,7 @@ def _texts(values: Iterable[float]) -> list[str]:
 
 
 def _state(view: View) -> str:
-    """What the arm on the screen is to the target."""
+    """Whether the arm on the screen reaches the target, or why not."""
     if view.status is not Status.OK:
         return view.status.name.replace("_", " ").lower()
     return "reached" if max(view.errors) < SAME else "the target; the arm on the screen is still on its way"

@@ -25,7 +25,7 @@ Columns = tuple[tuple[str, ...], Array, Array]  # names of the joints, times (n,
 
 
 class Playback:
-    """Where a trajectory is: it plays, pauses, is scrubbed and changes its speed."""
+    """A trajectory and the time it is at: it plays, pauses, can be scrubbed and changes its speed."""
 
     def __init__(self, trajectory: Trajectory | str | Path, robot: Robot) -> None:
         """Read the trajectory, and check it against the robot.
@@ -50,7 +50,7 @@ class Playback:
 
     @property
     def duration(self) -> float:
-        """Of the whole trajectory at its own speed [s]."""
+        """Length of the trajectory at its own speed [s]."""
         return float(self.t[-1])
 
     def scrub(self, time: float) -> None:
@@ -68,7 +68,7 @@ class Playback:
         self.playing = not self.playing
 
     def advance(self, elapsed: float) -> Array:
-        """Go on for a time on the clock [s], pausing at the end; (dof,) where the arm is then [rad]."""
+        """Let time pass on the clock [s], up to the end; (dof,) where the arm is then [rad]."""
         if self.playing:
             self.time = min(self.time + self.speed * elapsed, self.duration)
             self.playing = self.time < self.duration

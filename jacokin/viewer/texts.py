@@ -13,7 +13,7 @@ from jacokin.viewer.inspector import Inspector
 from jacokin.viewer.view import Free, View
 
 GREEN, RED, ORANGE, GREY = "#2f9e44", "#e03131", "#e8890c", "#868e96"
-REACHED = 1e-5  # [m] and [rad] an error below this is none that could be seen
+REACHED = 1e-5  # [m] and [rad] an error below this cannot be seen
 COLOUR = {Status.OK: GREEN, Status.IN_COLLISION: ORANGE}
 
 
@@ -38,7 +38,7 @@ def headline(inspector: Inspector, view: View) -> str:
 
 
 def advice(view: View) -> str:
-    """What to try, and how far the closest configuration is; empty when the target is reached."""
+    """What to try, and how far away the closest configuration is; empty when the target is reached."""
     if view.status is Status.OK or view.note:
         return ""
     if view.selected is not None:

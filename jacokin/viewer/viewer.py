@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 AIMED = {"target", "shown", "axis", "range", "prefer"}  # what changes the target
 PERIOD = 0.02  # [s] from one picture to the next of what moves by itself
 TICK = 0.01  # [s] of the tracker: 100 Hz, as the real arm takes joint angles
-LONGEST_LAG = 0.1  # [s] of ticks that are made up for; after a longer pause the tracker goes on from where it is
+LONGEST_LAG = 0.1  # [s] of ticks that are caught up with; after a longer pause the tracker goes on from where it is
 
 logger = logging.getLogger(__name__)
 
@@ -109,7 +109,7 @@ class Viewer:
         self._inbox.post("target")
 
     def _answer(self) -> None:
-        """Answer what pages do until the viewer is closed; move what moves by itself; then look for closest ones."""
+        """Until closed: answer what pages do, move what moves by itself, and look for closest configurations."""
         before = time.monotonic()
         while True:
             moving = self._moving
@@ -132,12 +132,12 @@ class Viewer:
                 self._view = replace(self._view, pending=False)
 
     def _ignore(self, error: JacokinError, *, move_gizmo: bool) -> None:
-        """Say that a client sent what is not a number, or what the robot cannot do; a lost gizmo goes back."""
+        """Say that what a client sent was ignored, and why; a gizmo that got lost goes back."""
         logger.warning("ignored: %s", error)
         self._show(replace(self._view, note=f"Ignored: {error}", pending=False), move_gizmo=move_gizmo)
 
     def _act(self, names: dict[str, int]) -> None:
-        """Answer the latest of each kind; what is wrong with one does not keep the others from being answered."""
+        """Answer the latest of each kind; an error in one does not keep the others from being answered."""
         self._view = replace(self._view, note="")
         for kinds, answer in (
             ({"python", "command"}, self._copy),
@@ -157,28 +157,28 @@ class Viewer:
                     self._ignore(error, move_gizmo=kinds >= AIMED)
 
     def _copy(self, names: dict[str, int]) -> None:
-        """Text to paste."""
+        """Show the text to paste that was asked for."""
         make = paste.python_text if "python" in names else paste.command_text
         self._panel.say(make(self._inspector, self._view))
 
     def _slice(self, names: dict[str, int]) -> None:
-        """Another slice of the map, or none."""
+        """Show another slice of the map, or none."""
         if self._panel.slicing is not None:
             self._panel.slicing.show()
 
     def _draw(self, names: dict[str, int]) -> None:
-        """Other things to draw of the same view."""
+        """Draw more or less of the same view."""
         if "visuals" in names:
             self._stage.arm.dress(self._parts(self._panel.visuals))
         self._show(self._view, move_gizmo=False)
 
     def _pose_joints(self, names: dict[str, int]) -> None:
-        """The joints are where their sliders are, and the target follows."""
+        """Bring the joints to where their sliders are; the target follows."""
         self._stop()
         self._show(self._inspector.posture(self._panel.joints(self._view.q)))
 
     def _choose(self, names: dict[str, int]) -> None:
-        """Another branch."""
+        """Go to another branch."""
         view = self._view
         if not len(view.branches):
             return
@@ -301,7 +301,7 @@ class Viewer:
 
 
 class Inbox:
-    """A set of names in the order in which they came, filled by any thread and emptied by one."""
+    """Names of what pages did and how often, in order; any thread posts, one takes."""
 
     def __init__(self) -> None:
         """Start empty and open."""
@@ -337,7 +337,7 @@ class Inbox:
             return name in self._counts
 
     def close(self) -> None:
-        """Let the taker finish."""
+        """Let `take` return None from now on."""
         with self._changed:
             self._closed = True
             self._changed.notify_all()
@@ -356,7 +356,7 @@ class Following:
         self._owed = 0.0  # [s] on the clock that no tick has covered
 
     def advance(self, target: pin.SE3, elapsed: float) -> TrackerStep | None:
-        """Make up for a time on the clock [s] with whole ticks; the last one, or None when there was none."""
+        """Let time pass on the clock [s], in whole ticks; the last one, or None when there was none."""
         self._owed += elapsed
         if self._owed > LONGEST_LAG:
             self._owed = TICK

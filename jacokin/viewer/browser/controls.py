@@ -88,7 +88,7 @@ class FreeControls:
 
     @property
     def span(self) -> tuple[float, float]:
-        """Least and largest angle [rad]; what a client sent that is no range goes back to what was there."""
+        """Least and largest angle [rad]; an invalid range that a client sent is put back to the one before."""
         sent = self._range.value
         try:
             low, high = (float(end) for end in sent)
@@ -115,7 +115,7 @@ class FreeControls:
             set_value(self._value, min(max(math.degrees(wrap(free.value)), -180.0), 180.0))
 
 
-class Solving:
+class SolverControls:
     """The folder "Solver" of the panel."""
 
     def __init__(self, gui: viser.GuiApi, robot: Robot, setup: Setup, post: Post) -> None:
@@ -150,7 +150,7 @@ class Solving:
         """What the controls say. A tool that was not touched stays exactly as it is; the rest is as a client sent it.
 
         Raises:
-            InvalidInputError: the numbers of the tool are none.
+            InvalidInputError: the tool is not made of finite numbers.
         """
         position = checks.vector("tool", self._position.value, 3, "m")
         rpy = checks.vector("tool", self._rpy.value, 3, "deg")
@@ -172,7 +172,7 @@ def _three(values: Array | Three) -> Three:
     return x, y, z
 
 
-class Player:
+class PlayerControls:
     """The folder "Trajectory" of the panel."""
 
     def __init__(self, gui: viser.GuiApi, robot: Robot, playback: Playback, post: Post) -> None:
@@ -192,12 +192,12 @@ class Player:
 
     @property
     def time(self) -> float:
-        """Where the slider is [s]; as a client sent it."""
+        """Where the slider is [s], as a client sent it."""
         return float(self._time.value)
 
     @property
     def speed(self) -> float:
-        """What the slider says; as a client sent it."""
+        """The value of the slider, as a client sent it."""
         return float(self._speed.value)
 
     def show(self) -> None:
@@ -224,7 +224,7 @@ def _plot(gui: viser.GuiApi, robot: Robot, playback: Playback, joint: int) -> No
     )
 
 
-class Slicing:
+class SliceControls:
     """The folder "Reachability map" of the panel, and what it draws."""
 
     def __init__(self, server: viser.ViserServer, slices: MapSlices, post: Post) -> None:
@@ -261,7 +261,7 @@ class Slicing:
         )
 
     def show(self) -> None:
-        """Draw what the controls say, whatever a client sent."""
+        """Draw the slice that the controls ask for, whatever a client sent."""
         height = float(self._height.value)
         layer = self._slices.layer(height) if np.isfinite(height) else 0
         cells = self._slices.cells(layer)

@@ -11,7 +11,15 @@ import viser
 from jacokin.arrays import Array
 from jacokin.ik.preferences import PREFERENCES
 from jacokin.viewer import texts
-from jacokin.viewer.browser.controls import FreeControls, Player, Post, Slicing, Solving, set_value, watch
+from jacokin.viewer.browser.controls import (
+    FreeControls,
+    PlayerControls,
+    Post,
+    SliceControls,
+    SolverControls,
+    set_value,
+    watch,
+)
 from jacokin.viewer.contents import Contents
 from jacokin.viewer.inspector import Inspector
 from jacokin.viewer.view import View
@@ -21,7 +29,7 @@ ONE_SIDED = 2.0 * math.pi  # how far a slider goes where a joint has no limit
 
 
 class Panel:
-    """Controls that every page shares. What a client does is posted as the name of a control; values are read later."""
+    """Controls that all pages share. What a client does is posted as the name of a control; its value is read later."""
 
     def __init__(self, server: viser.ViserServer, inspector: Inspector, post: Post, contents: Contents) -> None:
         """Add the controls.
@@ -59,11 +67,11 @@ class Panel:
         watch(post, "track", self._track)
         self._prefer = gui.add_dropdown("Prefer", PREFERENCES, initial_value=inspector.prefer, hint="Which branch")
         watch(post, "prefer", self._prefer)
-        self._free = FreeControls(gui, inspector, post, contents.axis, contents.span)
-        self.solving = Solving(gui, inspector.robot, contents.setup, post)
-        self.slicing = None if contents.slices is None else Slicing(server, contents.slices, post)
+        self.free = FreeControls(gui, inspector, post, contents.axis, contents.span)
+        self.solving = SolverControls(gui, inspector.robot, contents.setup, post)
+        self.slicing = None if contents.slices is None else SliceControls(server, contents.slices, post)
         playback = contents.playback
-        self.player = None if playback is None else Player(gui, inspector.robot, playback, post)
+        self.player = None if playback is None else PlayerControls(gui, inspector.robot, playback, post)
         self._shown = np.zeros(inspector.robot.dof)  # values the sliders were last set to
         with gui.add_folder("Joints"):
             self._joints = [self._add_joint(gui, joint, post) for joint in range(inspector.robot.dof)]
@@ -80,7 +88,7 @@ class Panel:
         self._branch.max = max(count, 2)
         if view.selected is not None:
             set_value(self._branch, view.selected + 1)
-        self._free.show(view.free)
+        self.free.show(view.free)
         for joint, slider in enumerate(self._joints):
             value = float(view.q[joint])
             if self._inspector.robot.unlimited[joint] and not self._inspector.robot.sliding[joint]:
@@ -90,12 +98,12 @@ class Panel:
             self._shown[joint] = value
 
     def say(self, text: str) -> None:
-        """Text to paste."""
+        """Show a text to paste."""
         set_value(self._text, text)
 
     @property
     def branch(self) -> int:
-        """Number of the branch that the slider is at, from 0; as a client sent it."""
+        """Number of the branch that the slider is at, from 0, as a client sent it."""
         return int(self._branch.value) - 1
 
     @property
@@ -123,13 +131,8 @@ class Panel:
         """Whether the visual meshes are to be drawn."""
         return bool(self._visuals.value)
 
-    @property
-    def free(self) -> FreeControls:
-        """The controls of the free axis or joint."""
-        return self._free
-
     def stop_tracking(self) -> None:
-        """Take the mark from "Track"."""
+        """Untick "Track"."""
         set_value(self._track, False)
 
     def joints(self, q: Array) -> Array:

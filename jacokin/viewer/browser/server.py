@@ -32,7 +32,9 @@ LOOPBACK = "127.0.0.1"
 LAST_PORT = 65535
 
 logger = logging.getLogger(__name__)
-unheard = logging.getLogger(f"{__name__}.websockets")  # tells of every browser that connects ahead and leaves
+unheard = logging.getLogger(
+    f"{__name__}.websockets"
+)  # it logs each connection that a browser opens and does not use
 unheard.setLevel(logging.CRITICAL + 1)
 _starting = threading.Lock()
 
@@ -45,7 +47,7 @@ class _Serve(Protocol):
 
 
 class Server(viser.ViserServer):
-    """Viser's server without a way to the public."""
+    """Viser's server, which gives no public address."""
 
     def request_share_url(self, verbose: bool = True) -> str | None:
         """Refuse: a client may ask for this, and the viewer is for this machine."""
@@ -131,7 +133,7 @@ class OwnPages:
     """
 
     def __init__(self, host: str) -> None:
-        """Collect the names of this machine: an address is always one, since no page can have it looked up."""
+        """Collect the names of this machine; an address always passes, since no page can have it looked up."""
         self._names = {"localhost", host.lower(), socket.gethostname().lower()}
 
     def refusal(self, headers: Headers) -> str | None:
@@ -158,7 +160,7 @@ class OwnPages:
 
 
 class _Guard:
-    """Puts our socket and our check under the server that viser starts."""
+    """Makes the server that viser starts use our socket and our check."""
 
     def __init__(self, listening: socket.socket, pages: OwnPages) -> None:
         self._listening = listening

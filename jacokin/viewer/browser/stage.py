@@ -148,7 +148,7 @@ class Stage:
 
 
 class ArmNodes:
-    """One arm that is solid and many that are not, drawn by the same parts."""
+    """The solid arm and its ghosts, drawn by the same parts."""
 
     def __init__(self, scene: viser.SceneApi, parts: tuple[ArmPart, ...], shapes: tuple[ArmPart, ...]) -> None:
         """Add the nodes, out of sight until they are placed.
@@ -167,7 +167,7 @@ class ArmNodes:
         self.dress(parts)
 
     def dress(self, parts: tuple[ArmPart, ...]) -> None:
-        """Draw the arm by other parts, in place of those before."""
+        """Draw the arm by other parts instead."""
         for node in (*self.solid.values(), *self.ghosts.values()):
             node.remove()
         self.solid, self.ghosts = {}, {}
