@@ -21,11 +21,11 @@ from jacokin.ik.solver import IKSolver
 from jacokin.model import checks
 from jacokin.model.angles import TURN
 from jacokin.model.poses import FreeAxis
-from jacokin.motion.tracking.tracker import TrackerStep
 from jacokin.viewer.view import Free, Places, View
 
 if TYPE_CHECKING:
     from jacokin.ik.families.family import Family
+    from jacokin.motion.tracking.tracker import TrackerStep  # loads MuJoCo
 
 MEMBERS = 12  # least number of postures drawn of a family
 FREE_JOINT = 2  # of a seven-joint arm, the parameter of its families

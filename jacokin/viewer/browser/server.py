@@ -32,9 +32,7 @@ LOOPBACK = "127.0.0.1"
 LAST_PORT = 65535
 
 logger = logging.getLogger(__name__)
-unheard = logging.getLogger(
-    f"{__name__}.websockets"
-)  # it logs each connection that a browser opens and does not use
+unheard = logging.getLogger(f"{__name__}.websockets")  # it logs each connection that a browser opens and does not use
 unheard.setLevel(logging.CRITICAL + 1)
 _starting = threading.Lock()
 
