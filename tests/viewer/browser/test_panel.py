@@ -48,10 +48,15 @@ def test_another_frame_is_where_the_arm_has_it(viewer: Viewer, page: Page, robot
 
 
 def test_a_tool_is_taken_from_its_controls(viewer: Viewer, page: Page, robot: Robot) -> None:
-    page.change("Tool [m]", (0.0, 0.02, 0.1))
+
+    def in_force(tool: pin.SE3) -> bool:
+        return until(lambda: viewer.view.target.isApprox(robot.forward_kinematics(viewer.view.q) * tool, 1e-9))
+
+    place = np.array([0.0, 0.02, 0.1])
+    page.change("Tool [m]", tuple(place.tolist()))
+    assert in_force(pin.SE3(np.eye(3), place))  # all controls of a setup are set when one is answered
     page.change("Tool [deg]", (90.0, 0.0, 0.0))
-    wanted = pin.SE3(pin.rpy.rpyToMatrix(np.pi / 2, 0.0, 0.0), np.array([0.0, 0.02, 0.1]))
-    assert until(lambda: viewer.view.target.isApprox(robot.forward_kinematics(viewer.view.q) * wanted, 1e-9))
+    assert in_force(pin.SE3(pin.rpy.rpyToMatrix(np.pi / 2, 0.0, 0.0), place))
 
 
 def test_a_tool_of_an_option_stays_exact_until_it_is_moved(robot: Robot) -> None:
