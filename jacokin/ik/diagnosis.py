@@ -114,6 +114,13 @@ def of_contact(what: str, nearest: Sequence[tuple[str, str]]) -> Outcome:
     )
 
 
+def diagnose_posture(within_limits: bool, touching: Sequence[tuple[str, str]]) -> Status:
+    """What keeps a configuration that somebody chose by hand, and that is at its target, from counting as reached."""
+    if not within_limits:
+        return Status.OUTSIDE_LIMITS
+    return Status.IN_COLLISION if touching else Status.OK
+
+
 class Reach:
     """A ball around the origin of joint 1 that the tool cannot leave: the links laid end to end."""
 

@@ -1,13 +1,14 @@
-"""What it looks like: every branch in the browser. Everything public is imported from here; read `view` first.
+"""The arm in the browser: a gizmo for the target, and every branch that reaches it.
 
-view                      what to show for a target, as data
-postures, inspector       how it is found
-setup, contents           what is solved for, and what a page offers
-texts, paste              what a view says in words; text to paste, which is tried first
-drawing                   meshes of the arm, of obstacles, and of slices of a map
-motion                    trajectories that are played, and following the gizmo
-serving, viewer, inbox    `serve`, the running viewer, what pages did
-browser                   the scene, the controls and the guarded web server of viser
+Everything public is imported from here. Read `view` first.
+
+view, inspector       what to show for a target, as data, and how it is found
+texts, paste          what a view says in words; text to paste, which is tried first
+drawing, map_slices   meshes of the arm and of obstacles; slices of a reachability map
+playback              trajectories that are played
+serving, contents     `serve`, and what a page offers and solves for
+viewer                the running viewer, between pages and inspector
+browser               the only part that knows viser: scene, panel and the guarded web server
 """
 
 from jacokin import lazy

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import shlex
+from collections.abc import Iterable
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -13,159 +14,49 @@ import pinocchio as pin
 from jacokin.arrays import Array
 from jacokin.errors import JacokinError
 from jacokin.ik.options import Options
-from jacokin.ik.results import Branches, Status
+from jacokin.ik.results import Status
 from jacokin.model import poses
+from jacokin.model.loading import FINGER_ANGLE, TIP_OF_BUNDLED
 from jacokin.model.obstacles import Box, Capsule, Cylinder, Floor, Obstacle, Sphere
-from jacokin.model.poses import FreeAxis, pose
-from jacokin.model.robot import Source
+from jacokin.model.poses import FreeAxis
+from jacokin.model.robot import Robot
 from jacokin.model.scene import Scene
 from jacokin.viewer.inspector import FULL_TURN, Inspector
 from jacokin.viewer.view import View
 
 SAME = 1e-6  # [rad] an answer this near to the arm on the screen is the same
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Call:
-    """A call that gives the configuration on the screen."""
-
-    seed: Array
-    """(dof,) [rad]."""
-    prefer: str
-    """Which configuration."""
-    free: bool
-    """Whether the target may turn about its free axis."""
-    branch: int | None = None
-    """The number of the branch among all of them; None for the answer of `solve`."""
-
-
-def call_of(inspector: Inspector, view: View) -> Call:
-    """The call whose answer is on the screen, found by trying."""
-    turns = view.free is not None and view.free.axis is not None
-    reached = view.status is Status.OK or view.selected is not None
-    seeds = [view.q, view.seed] if reached else [view.seed]
-    for free in (True, False) if turns else (False,):
-        for prefer in dict.fromkeys((inspector.prefer, "nearest")):
-            for seed in seeds:
-                if inspector.robot.within_limits(seed) and _gives(inspector, view, Call(seed, prefer, free)):
-                    return Call(seed, prefer, free)
-    if len(view.branches):
-        found = inspector.solver.solve_all(view.target, view.seed)
-        if isinstance(found, Branches) and len(found):
-            apart = np.abs(found.q - view.q).max(axis=1)
-            if apart.min() < SAME:
-                return Call(view.seed, "nearest", free=False, branch=int(np.argmin(apart)))
-    return Call(view.seed, "nearest", free=False)
-
-
-def _gives(inspector: Inspector, view: View, call: Call) -> bool:
-    """Whether a call gives the configuration on the screen."""
-    target: pin.SE3 | FreeAxis = _as_read(view.target)
-    if call.free and view.free is not None:
-        target = FreeAxis(
-            _as_read(view.gizmo), axis=axis_vector(view.free.axis), range=(view.free.lower, view.free.upper)
-        )
-    try:
-        result = inspector.solver.solve(target, call.seed, prefer=call.prefer)
-    except JacokinError:
-        return False
-    return bool(np.abs(result.q - view.q).max() < SAME)
-
-
-def _as_read(place: pin.SE3) -> pin.SE3:
-    """A pose as it comes out of the text: a quaternion rounds, which decides between equal branches."""
-    return pose(place.translation, quat_wxyz=poses.quaternion(place.rotation))
-
-
-def axis_vector(axis: int | None) -> list[float]:
-    """(3,) the axis x, y or z of the tool by its number."""
-    return [1.0 if index == axis else 0.0 for index in range(3)]
-
-
-SIZES = {Box: ("size",), Sphere: ("radius",), Capsule: ("radius", "length"), Cylinder: ("radius", "length")}
-
-
-def python_scene(scene: Scene) -> list[str]:
-    """The lines that make a scene."""
-    entries, left_out = entries_of(scene)
-    kinds = sorted({str(entry["shape"]).capitalize() for entry in entries})
-    lines = [f"from jacokin.ik import {', '.join([*kinds, 'Scene'])}"]
-    lines += [f"# left out, as no text can say what it is: {name}" for name in left_out]
-    lines.append("scene = Scene([")
-    for entry in entries:
-        if entry["shape"] == "floor":
-            lines.append(f"    Floor({entry['height']!r}, {entry['name']!r}),")
-            continue
-        place = repr(entry["position"])
-        if "quat_wxyz" in entry:
-            place = f"jacokin.pose({place}, quat_wxyz={entry['quat_wxyz']!r})"
-        sizes = [repr(entry[key]) for key in ("size", "radius", "length") if key in entry]
-        lines.append(f"    {str(entry['shape']).capitalize()}({', '.join([repr(entry['name']), *sizes, place])}),")
-    angle = scene.finger_angle
-    lines.append("])" if angle is None else f"], finger_angle={angle!r})")
-    return lines
-
-
-def entries_of(scene: Scene) -> tuple[list[dict[str, object]], list[str]]:
-    """The obstacles as in a scene's file, and the names of those that have no place in one."""
-    entries, left_out = [], []
-    for obstacle in scene:
-        entry = _entry(obstacle)
-        if entry is None:
-            left_out.append(obstacle.name)
-        else:
-            entries.append(entry)
-    return entries, left_out
-
-
-def _entry(obstacle: Obstacle) -> dict[str, object] | None:
-    """An obstacle as in a scene's file; None for a shape of another program."""
-    kind = type(obstacle)
-    entry: dict[str, object] = {"shape": kind.__name__.lower(), "name": obstacle.name}
-    if isinstance(obstacle, Floor):
-        return entry | {"height": obstacle.height}
-    if kind not in SIZES:
-        return None
-    for key in SIZES[kind]:
-        value = getattr(obstacle, key)
-        entry[key] = value.tolist() if isinstance(value, np.ndarray) else value
-    if isinstance(obstacle, Sphere):
-        return entry | {"position": np.asarray(obstacle.position).tolist()}
-    assert isinstance(obstacle, Box | Capsule | Cylinder)  # those of SIZES
-    place = poses.checked_pose(obstacle.pose)
-    quat = poses.quaternion(place.rotation).tolist()
-    return entry | {"position": place.translation.tolist(), "quat_wxyz": quat}
-
-
 SCENE_FILE = "jacokin_scene.json"
 OF_SOLVER = ("method", "qp_solver")  # options that the command line has too
 ONLY_PYTHON = ("position_tolerance", "orientation_tolerance", "limit_snap", "max_restarts")
+Shape = type[Box] | type[Sphere] | type[Capsule] | type[Cylinder] | type[Floor]
+SHAPES: tuple[Shape, ...] = (Box, Sphere, Capsule, Cylinder, Floor)  # that a scene's file can hold
 DEFAULTS = {field.name: field.default for field in fields(Options)}
 
 
 def python_text(inspector: Inspector, view: View) -> str:
     """The target and the answer as Python; at its end, `q` is where the arm is."""
-    solver, call = inspector.solver, call_of(inspector, view)
+    solver, call = inspector.solver, find_call(inspector, view)
     options = solver.verifier.options
     lines = ["import jacokin"]
     arguments = [repr(solver.frame)]
     if solver.tool is not None:
         arguments.append(f"tool={_python_pose(solver.tool)}")
-    for field in fields(Options):
-        value = getattr(options, field.name)
-        if value != field.default and field.name != "scene":
-            arguments.append(f"{field.name}={value!r}")
+    for name, default in DEFAULTS.items():
+        value = getattr(options, name)
+        if value != default and name != "scene":
+            arguments.append(f"{name}={value!r}")
     if options.scene is not None:
-        lines += python_scene(options.scene)
+        lines += _python_scene(options.scene)
         arguments.append("scene=scene")
-    lines.append(f"robot = jacokin.load_robot({', '.join(_robot_arguments(inspector))})")
+    source = inspector.robot.source
+    loading = [repr(source.bundled or str(source.path)), *(python for python, _ in _robot_options(inspector.robot))]
+    lines.append(f"robot = jacokin.load_robot({', '.join(loading)})")
     lines.append(f"solver = jacokin.IKSolver(robot, {', '.join(arguments)})")
-    place = view.gizmo if call.free else view.target
-    lines.append(f"target = {_python_pose(place)}")
+    lines.append(f"target = {_python_pose(view.gizmo if call.free else view.target)}")
     if call.free and view.free is not None:
-        free = view.free
-        span = "" if (free.lower, free.upper) == FULL_TURN else f", range={[free.lower, free.upper]}"
-        lines.append(f"target = jacokin.FreeAxis(target, axis={axis_vector(free.axis)}{span})")
+        span = [view.free.lower, view.free.upper]
+        limited = "" if tuple(span) == FULL_TURN else f", range={span}"
+        lines.append(f"target = jacokin.FreeAxis(target, axis={_axis_vector(view.free.axis)}{limited})")
     lines.append(f"seed = {call.seed.tolist()}")
     if call.branch is not None:
         lines.append("branches = solver.solve_all(target, seed=seed)")
@@ -179,20 +70,12 @@ def python_text(inspector: Inspector, view: View) -> str:
 
 def command_text(inspector: Inspector, view: View) -> str:
     """The target as a command line; a scene is written to a file first, and what it has no option for is named."""
-    solver, robot, call = inspector.solver, inspector.robot, call_of(inspector, view)
-    options, source = solver.verifier.options, robot.source
+    solver, source, call = inspector.solver, inspector.robot.source, find_call(inspector, view)
+    options = solver.verifier.options
     words = ["jacokin", "ik", "--robot", source.bundled or str(source.path), "--frame", solver.frame]
     if solver.tool is not None:
         words += ["--tool", *_texts(solver.tool.translation), *_texts(poses.quaternion(solver.tool.rotation))]
-    for option, value in (("--base", source.base), ("--tip", _own_tip(source))):
-        if value is not None:
-            words += [option, value]
-    for folder in source.package_dirs:
-        words += ["--package-dir", str(folder)]
-    for joint, low, high in source.limits:
-        words += ["--limit", f"{joint}={low!r},{high!r}"]
-    if _own_fingers(inspector):
-        words += ["--finger-angle", repr(robot.finger_angle)]
+    words += [word for _, some in _robot_options(inspector.robot) for word in some]
     place = view.gizmo if call.free else view.target
     words += ["--position", *_texts(place.translation), "--quat-wxyz", *_texts(poses.quaternion(place.rotation))]
     if call.free and view.free is not None:
@@ -201,17 +84,17 @@ def command_text(inspector: Inspector, view: View) -> str:
             words += ["--free-range", *_texts([view.free.lower, view.free.upper])]
     words += ["--seed", *_texts(call.seed), "--collision", options.collision]
     words += ["--all"] if call.branch is not None else ["--prefer", call.prefer]
+    changed = {name: getattr(options, name) for name in DEFAULTS if getattr(options, name) != DEFAULTS[name]}
     for name in OF_SOLVER:
-        if getattr(options, name) != DEFAULTS[name]:
-            words += [f"--{name.replace('_', '-')}", getattr(options, name)]
-    own = [f"{name}={getattr(options, name)!r}" for name in ONLY_PYTHON if getattr(options, name) != DEFAULTS[name]]
+        if name in changed:
+            words += [f"--{name.replace('_', '-')}", changed[name]]
     if options.clearance:
         words += ["--clearance", repr(options.clearance)]
     notes = [f"# {_state(view)}; row {call.branch + 1} of the table\n" if call.branch is not None else ""]
-    if own:
+    if own := [f"{name}={changed[name]!r}" for name in ONLY_PYTHON if name in changed]:
         notes.append(f"# there are no options for {', '.join(own)}\n")
     if options.scene is not None:
-        entries, left_out = entries_of(options.scene)
+        entries, left_out = _describe(options.scene)
         rows = ",\n".join(json.dumps(entry) for entry in entries)
         angle = json.dumps(options.scene.finger_angle)
         content = f'{{"finger_angle": {angle}, "obstacles": [\n{rows}\n]}}'
@@ -222,37 +105,124 @@ def command_text(inspector: Inspector, view: View) -> str:
     return "".join(notes) + shlex.join(words) + "\n"
 
 
-def _robot_arguments(inspector: Inspector) -> list[str]:
-    """What `load_robot` is given."""
-    robot, source = inspector.robot, inspector.robot.source
-    arguments = [repr(source.bundled or str(source.path))]
+@dataclass(frozen=True, slots=True, eq=False)
+class SolveCall:
+    """A call that gives the configuration on the screen."""
+
+    seed: Array
+    """(dof,) [rad]."""
+    prefer: str
+    """Which configuration."""
+    free: bool
+    """Whether the target may turn about its free axis."""
+    branch: int | None = None
+    """The number of the branch among all of them; None for the answer of `solve`."""
+
+
+def find_call(inspector: Inspector, view: View) -> SolveCall:
+    """The call whose answer is on the screen, found by trying."""
+    turns = view.free is not None and view.free.axis is not None
+    reached = view.status is Status.OK or view.selected is not None
+    seeds = [view.q, view.seed] if reached else [view.seed]
+    for free in (True, False) if turns else (False,):
+        for prefer in dict.fromkeys((inspector.prefer, "nearest")):
+            for seed in seeds:
+                call = SolveCall(seed, prefer, free)
+                if inspector.robot.within_limits(seed) and _gives(inspector, view, call):
+                    return call
+    if len(view.branches) and inspector.solver.has_closed_form:
+        found = inspector.solver.solve_all(view.target, view.seed)
+        apart = np.abs(found.q - view.q).max(axis=1)
+        if len(apart) and apart.min() < SAME:
+            return SolveCall(view.seed, "nearest", free=False, branch=int(np.argmin(apart)))
+    return SolveCall(view.seed, "nearest", free=False)
+
+
+def _gives(inspector: Inspector, view: View, call: SolveCall) -> bool:
+    """Whether a call gives the configuration on the screen."""
+    target: pin.SE3 | FreeAxis = _as_read(view.target)
+    if call.free and view.free is not None:
+        span = view.free.lower, view.free.upper
+        target = FreeAxis(_as_read(view.gizmo), axis=_axis_vector(view.free.axis), range=span)
+    try:
+        result = inspector.solver.solve(target, call.seed, prefer=call.prefer)
+    except JacokinError:
+        return False
+    return bool(np.abs(result.q - view.q).max() < SAME)
+
+
+def _as_read(place: pin.SE3) -> pin.SE3:
+    """A pose as it comes out of the text: a quaternion rounds, which decides between equal branches."""
+    return poses.pose(place.translation, quat_wxyz=poses.quaternion(place.rotation))
+
+
+def _robot_options(robot: Robot) -> list[tuple[str, list[str]]]:
+    """What the robot was loaded with: each as an argument of `load_robot`, and as words of the command line."""
+    source = robot.source
+    found = []
     if source.base is not None:
-        arguments.append(f"base={source.base!r}")
-    if _own_tip(source) is not None:
-        arguments.append(f"tip={source.tip!r}")
-    if _own_fingers(inspector):
-        arguments.append(f"finger_angle={robot.finger_angle!r}")
+        found.append((f"base={source.base!r}", ["--base", source.base]))
+    if source.tip is not None and (source.bundled is None or source.tip != TIP_OF_BUNDLED):
+        found.append((f"tip={source.tip!r}", ["--tip", source.tip]))
+    angle = robot.finger_angle
+    if angle != (None if source.bundled is None else FINGER_ANGLE):
+        found.append((f"finger_angle={angle!r}", ["--finger-angle", repr(angle)]))
     if source.limits:
         pairs = ", ".join(f"{joint!r}: ({_number(low)}, {_number(high)})" for joint, low, high in source.limits)
-        arguments.append(f"limits={{{pairs}}}")
+        words = [word for joint, low, high in source.limits for word in ("--limit", f"{joint}={low!r},{high!r}")]
+        found.append((f"limits={{{pairs}}}", words))
     if source.package_dirs:
-        arguments.append(f"package_dirs={[str(folder) for folder in source.package_dirs]}")
-    return arguments
+        folders = [str(folder) for folder in source.package_dirs]
+        found.append((f"package_dirs={folders}", [word for each in folders for word in ("--package-dir", each)]))
+    return found
 
 
-def _own_tip(source: Source) -> str | None:
-    """The tip that was asked for; None for what it is without asking."""
-    from jacokin.model.loading import TIP_OF_BUNDLED
+def _python_scene(scene: Scene) -> list[str]:
+    """The lines that make a scene."""
+    entries, left_out = _describe(scene)
+    kinds = sorted({str(entry["shape"]).capitalize() for entry in entries})
+    lines = [f"from jacokin.ik import {', '.join([*kinds, 'Scene'])}"]
+    lines += [f"# left out, as no text can say what it is: {name}" for name in left_out]
+    lines.append("scene = Scene([")
+    for entry in entries:
+        given = [repr(value) for key, value in entry.items() if key not in ("shape", "quat_wxyz")]
+        if "quat_wxyz" in entry:
+            given[-1] = f"jacokin.pose({given[-1]}, quat_wxyz={entry['quat_wxyz']!r})"
+        lines.append(f"    {str(entry['shape']).capitalize()}({', '.join(given)}),")
+    angle = scene.finger_angle
+    lines.append("])" if angle is None else f"], finger_angle={angle!r})")
+    return lines
 
-    return None if source.bundled is not None and source.tip == TIP_OF_BUNDLED else source.tip
+
+def _describe(scene: Scene) -> tuple[list[dict[str, object]], list[str]]:
+    """The obstacles as in a scene's file, and the names of those that have no place in one."""
+    entries, left_out = [], []
+    for obstacle in scene:
+        kind = next((kind for kind in SHAPES if isinstance(obstacle, kind)), None)
+        if kind is None:
+            left_out.append(obstacle.name)
+        else:
+            entries.append(_entry(obstacle, kind))
+    return entries, left_out
 
 
-def _own_fingers(inspector: Inspector) -> bool:
-    """Whether the fingers stand at another angle than that of a robot loaded without one."""
-    from jacokin.model.loading import FINGER_ANGLE
+def _entry(obstacle: Obstacle, kind: Shape) -> dict[str, object]:
+    """An obstacle as in a scene's file: its shape, and its fields in order."""
+    entry: dict[str, object] = {"shape": kind.__name__.lower()}
+    for field in fields(kind):
+        value = getattr(obstacle, field.name)
+        if field.name == "pose":
+            place = poses.checked_pose(value)
+            entry["position"] = place.translation.tolist()
+            entry["quat_wxyz"] = poses.quaternion(place.rotation).tolist()
+        else:
+            entry[field.name] = value.tolist() if isinstance(value, np.ndarray) else value
+    return entry
 
-    usual = FINGER_ANGLE if inspector.robot.source.bundled is not None else None
-    return inspector.robot.finger_angle != usual
+
+def _axis_vector(axis: int | None) -> list[float]:
+    """(3,) the axis x, y or z of the tool by its number."""
+    return [1.0 if index == axis else 0.0 for index in range(3)]
 
 
 def _python_pose(place: pin.SE3) -> str:
@@ -265,12 +235,12 @@ def _number(value: float) -> str:
     return repr(value) if math.isfinite(value) else f"float({str(value)!r})"
 
 
-def _texts(values: Array | list[float]) -> list[str]:
+def _texts(values: Iterable[float]) -> list[str]:
     return [repr(float(value)) for value in values]
 
 
 def _state(view: View) -> str:
-    """What the arm on the screen is to the target."""
+    """Whether the arm on the screen reaches the target, or why not."""
     if view.status is not Status.OK:
         return view.status.name.replace("_", " ").lower()
     return "reached" if max(view.errors) < SAME else "the target; the arm on the screen is still on its way"

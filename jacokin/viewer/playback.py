@@ -1,42 +1,43 @@
-"""A trajectory that is played back."""
+"""`Playback`: a trajectory that is played back, from this package or from a file of another program."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.model import checks
+from jacokin.model.robot import Robot
 from jacokin.motion import files
-
-if TYPE_CHECKING:
-    from jacokin.model.robot import Robot
+from jacokin.motion.files import Trajectory
+from jacokin.motion.joint_motion import load_trajectory
 
 SPEEDS = (0.1, 4.0)  # least and largest, of the recorded one
+ENDINGS = (".csv", ".npz", ".json", ".kinova.csv")
+LARGEST = 500_000_000  # [byte] of a .json file: a day at 100 Hz takes some 4e9, an hour 1.5e8
+NANOSECOND = 1e-9  # [s]
+
+Columns = tuple[tuple[str, ...], Array, Array]  # names of the joints, times (n,) [s], angles (n, dof) [rad]
 
 
 class Playback:
-    """Where a trajectory is: it plays, pauses, is scrubbed and changes its speed."""
+    """A trajectory and the time it is at: it plays, pauses, can be scrubbed and changes its speed."""
 
-    def __init__(self, trajectory: Trajectory, robot: Robot) -> None:
-        """Check the trajectory against the robot.
+    def __init__(self, trajectory: Trajectory | str | Path, robot: Robot) -> None:
+        """Read the trajectory, and check it against the robot.
+
+        Args:
+            trajectory: a `PathResult`, a `JointMotion`, or a file: .csv and .npz of theirs, .json of ROS, .kinova.csv.
+            robot: whose joints it moves. The columns of .kinova.csv have no names; those of .json come in any order.
 
         Raises:
-            InvalidInputError: other joints, less than one row, or times that do not increase.
+            InvalidInputError: not a trajectory or no such file; other joints, no rows, or times that do not increase.
         """
-        try:
-            names, t = tuple(trajectory.joint_names), np.array(trajectory.t, dtype=np.float64)
-            q = trajectory.q
-        except (AttributeError, TypeError, ValueError) as error:
-            raise InvalidInputError(
-                f"trajectory must be a PathResult, a JointMotion or a file, got {checks.shown(trajectory)}"
-            ) from error
+        names, t, q = _read(trajectory, robot) if isinstance(trajectory, str | Path) else _columns(trajectory)
         if names != robot.joint_names:
             raise InvalidInputError(f"trajectory has the joints {', '.join(names)}; {robot.name} has others")
         q = checks.matrix("trajectory", q, robot.dof, "rad")
@@ -49,7 +50,7 @@ class Playback:
 
     @property
     def duration(self) -> float:
-        """Of the whole trajectory at its own speed [s]."""
+        """Length of the trajectory at its own speed [s]."""
         return float(self.t[-1])
 
     def scrub(self, time: float) -> None:
@@ -60,14 +61,14 @@ class Playback:
         """Set the speed, as a multiple of the recorded one, brought within `SPEEDS`."""
         self.speed = min(max(checks.number("speed", speed), SPEEDS[0]), SPEEDS[1])
 
-    def play(self) -> None:
-        """Play on, from the beginning when it is over."""
-        if self.time >= self.duration:
+    def toggle(self) -> None:
+        """Pause; or play on, from the beginning when it is over."""
+        if not self.playing and self.time >= self.duration:
             self.time = 0.0
-        self.playing = True
+        self.playing = not self.playing
 
     def advance(self, elapsed: float) -> Array:
-        """Go on for a time on the clock [s], pausing at the end; (dof,) where the arm is then [rad]."""
+        """Let time pass on the clock [s], up to the end; (dof,) where the arm is then [rad]."""
         if self.playing:
             self.time = min(self.time + self.speed * elapsed, self.duration)
             self.playing = self.time < self.duration
@@ -78,60 +79,27 @@ class Playback:
         return np.array([np.interp(time, self.t, column) for column in self.q.T])
 
 
-ENDINGS = (".csv", ".npz", ".json", ".kinova.csv")
-LARGEST = 500_000_000  # [byte] of a .json file: a day at 100 Hz takes some 4e9, an hour 1.5e8
-NANOSECOND = 1e-9  # [s]
-
-
-class Trajectory(Protocol):
-    """What is played: a `PathResult`, a `JointMotion`, or anything with these."""
-
-    @property
-    def joint_names(self) -> tuple[str, ...]:
-        """Names of the joints."""
-
-    @property
-    def t(self) -> Array:
-        """(n,) time [s]."""
-
-    @property
-    def q(self) -> Array:
-        """(n, dof) joint angles [rad]."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Recorded:
-    """A trajectory of another program."""
-
-    joint_names: tuple[str, ...]
-    """Names of the joints."""
-    t: Array
-    """(n,) time [s]."""
-    q: Array
-    """(n, dof) joint angles [rad]."""
-
-
-def load_recording(path: str | Path, robot: Robot) -> Trajectory:
-    """Read a trajectory: .csv and .npz of `PathResult` or `JointMotion`, .json of ROS, .kinova.csv.
-
-    Args:
-        path: the file.
-        robot: whose joints it moves. The columns of .kinova.csv have no names; those of .json come in any order.
-
-    Raises:
-        InvalidInputError: no such file, malformed, or of other joints.
-    """
+def _read(path: str | Path, robot: Robot) -> Columns:
+    """The columns of a file."""
     file, ending = files.by_ending(path, ENDINGS)
     if ending == ".json":
-        return _ros(file, robot)
+        return _read_ros(file, robot)
     if ending == ".kinova.csv":
-        return _kinova(file, robot)
-    from jacokin.motion.joint_motion import load_trajectory
-
-    return load_trajectory(file)
+        return _read_kinova(file, robot)
+    return _columns(load_trajectory(file))
 
 
-def _ros(file: Path, robot: Robot) -> Recorded:
+def _columns(trajectory: Trajectory) -> Columns:
+    """The columns of a trajectory of this package, or of anything that has them."""
+    try:
+        return tuple(trajectory.joint_names), np.array(trajectory.t, dtype=np.float64), trajectory.q
+    except (AttributeError, TypeError, ValueError) as error:
+        raise InvalidInputError(
+            f"trajectory must be a PathResult, a JointMotion or a file, got {checks.shown(trajectory)}"
+        ) from error
+
+
+def _read_ros(file: Path, robot: Robot) -> Columns:
     """The fields of a JointTrajectory message of ROS 1 or ROS 2, as JSON."""
     try:
         if file.stat().st_size > LARGEST:
@@ -151,7 +119,7 @@ def _ros(file: Path, robot: Robot) -> Recorded:
         raise InvalidInputError(f"{file}: every point must have {robot.dof} positions")
     order = [names.index(name) for name in robot.joint_names]
     q = np.array(rows, dtype=np.float64).reshape(len(rows), robot.dof)
-    return Recorded(robot.joint_names, np.array(times, dtype=np.float64), q[:, order])
+    return robot.joint_names, np.array(times, dtype=np.float64), q[:, order]
 
 
 def _seconds(duration: object) -> float:
@@ -163,7 +131,7 @@ def _seconds(duration: object) -> float:
     return whole + NANOSECOND * rest
 
 
-def _kinova(file: Path, robot: Robot) -> Recorded:
+def _read_kinova(file: Path, robot: Robot) -> Columns:
     """Angles in degrees at 100 Hz, as `PathResult.save` writes them for Kinova's driver."""
     table = files.read_table(file)
     wanted = ["time_s", *(f"joint{number}_deg" for number in range(1, robot.dof + 1))]
@@ -176,4 +144,4 @@ def _kinova(file: Path, robot: Robot) -> Recorded:
         except ValueError as error:
             raise InvalidInputError(f"{file}, line {line}: {error}") from error
     numbers = checks.read_only(rows)
-    return Recorded(robot.joint_names, numbers[:, 0], np.radians(numbers[:, 1:]))
+    return robot.joint_names, numbers[:, 0], np.radians(numbers[:, 1:])

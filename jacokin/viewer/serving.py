@@ -11,28 +11,25 @@ from typing import TYPE_CHECKING
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, MissingExtraError, ModelError
 from jacokin.ik.seeds import seed_within_limits
 from jacokin.ik.solver import IKSolver
-from jacokin.ik.targets import TargetPose
 from jacokin.ik.targets import checked as checked_target
 from jacokin.model import checks
 from jacokin.model.loading import load_robot
 from jacokin.model.poses import FreeAxis
 from jacokin.model.robot import Robot, fingerprint
 from jacokin.model.scene import Scene, checked_scene
-from jacokin.viewer.contents import Contents
-from jacokin.viewer.drawing.robot import Part, parts_of, visuals_of
-from jacokin.viewer.drawing.slices import Slices
+from jacokin.reachability import ReachabilityMap, bundled, load
+from jacokin.viewer.contents import Contents, Setup
+from jacokin.viewer.drawing import ArmPart, load_parts, load_visuals
 from jacokin.viewer.inspector import FULL_TURN, Inspector
-from jacokin.viewer.playback import Playback, Trajectory
-from jacokin.viewer.playback import load_recording as load_recording
-from jacokin.viewer.setup import Setup
-from jacokin.viewer.viewer import Look, Viewer
+from jacokin.viewer.map_slices import MapSlices
+from jacokin.viewer.playback import Playback
+from jacokin.viewer.viewer import Viewer
 
 if TYPE_CHECKING:
-    from jacokin.reachability import ReachabilityMap
+    from jacokin.motion.files import Trajectory
 
 DEFAULT_PORT = 8080
 DEFAULT_HOST = "127.0.0.1"  # this machine and no other
@@ -105,71 +102,61 @@ def serve(
     inspector = Inspector(solver, prefer=prefer)
     axis = None if free_axis is None else AXES.index(checks.choice("free_axis", free_axis, AXES))
     span = FreeAxis(pin.SE3.Identity(), axis=(0, 0, 1), range=free_range).range
-    shapes, shapes_note = parts_of(robot)
-    drawn, visuals_note = _visuals(robot)
-    notes = [note for note in (shapes_note, visuals_note) if note]
+    shapes, shapes_note = load_parts(robot)
+    meshes, meshes_note = _visuals(robot)
+    notes = [note for note in (shapes_note, meshes_note) if note]
     for note in notes:
         logger.warning("%s", note)
-    playback = None
-    if trajectory is not None:
-        read = load_recording(trajectory, robot) if isinstance(trajectory, str | Path) else trajectory
-        playback = Playback(read, robot)
+    playback = None if trajectory is None else Playback(trajectory, robot)
     contents = Contents(
         setup=Setup(solver.frame, solver.tool, collision, obstacles, obstacles=True, clearance=clearance),
         axis=axis,
         span=span,
-        visuals=None if drawn is None else visuals,
+        shapes=shapes,
+        visuals=meshes,
+        dressed=visuals,
         note="; ".join(notes),
         slices=_slices(robot, reachability),
         playback=playback,
     )
     start, _ = seed_within_limits(robot, seed)
-    if target is not None:
-        place = _pose(inspector, checked_target(target), start)
-    elif playback is not None and seed is None:
+    if target is None and playback is not None and seed is None:
         start = playback.at(0.0)
-        place = inspector.pose_of(start)
-    else:
-        place = inspector.pose_of(start)
+    place = inspector.pose_of(start)
+    if target is not None:
+        asked = checked_target(target)
+        place = pin.SE3(place.rotation if asked.position_only else asked.rotation, asked.position)
     if axis is not None:
         view = inspector.turned(place, axis, start, None, span)
     else:
         view = inspector.posture(start) if target is None else inspector.at(place, start)
-    return Viewer(inspector, view, Look(shapes, drawn), contents, host=host, port=port)
+    return Viewer(inspector, view, contents, host=host, port=port)
 
 
-def _visuals(robot: Robot) -> tuple[tuple[Part, ...] | None, str]:
+def _visuals(robot: Robot) -> tuple[tuple[ArmPart, ...] | None, str]:
     """The visual meshes of the robot's file, or None and why they cannot be drawn."""
     try:
-        return visuals_of(robot), ""
+        return load_visuals(robot), ""
     except ModelError as error:
         return None, f"The shapes that collide are drawn instead of the visual meshes: {error}"
 
 
-def _slices(robot: Robot, reachability: ReachabilityMap | str | Path | None) -> Slices | None:
+def _slices(robot: Robot, reachability: ReachabilityMap | str | Path | None) -> MapSlices | None:
     """The slices of a map; of the bundled one where none is given and the robot is the bundled one.
 
     Raises:
         InvalidInputError: not a map, or one of another robot.
     """
-    from jacokin.reachability import ReachabilityMap, bundled, load
-
     if isinstance(reachability, ReachabilityMap):
         recipe = reachability.recipe
         if fingerprint(robot, shapes=recipe["collision"] != "ignore") != recipe["robot"]["sha256"]:
             raise InvalidInputError(f"reachability is a map of another robot than this {robot.name}")
-        return Slices(reachability)
+        return MapSlices(reachability)
     if reachability is not None:
-        return Slices(load(reachability, robot=robot))
+        return MapSlices(load(reachability, robot=robot))
     if robot.source.bundled is None:
         return None
     try:
-        return Slices(load(bundled(robot.source.bundled).folder, robot=robot))
+        return MapSlices(load(bundled(robot.source.bundled).folder, robot=robot))
     except InvalidInputError:  # an arm without a map, or with limits of its own
         return None
-
-
-def _pose(inspector: Inspector, target: TargetPose, start: Array) -> pin.SE3:
-    """A target whose orientation, if free, is that of the tool at `start`."""
-    rotation = inspector.pose_of(start).rotation if target.position_only else target.rotation
-    return pin.SE3(rotation, target.position)

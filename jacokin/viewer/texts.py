@@ -13,7 +13,7 @@ from jacokin.viewer.inspector import Inspector
 from jacokin.viewer.view import Free, View
 
 GREEN, RED, ORANGE, GREY = "#2f9e44", "#e03131", "#e8890c", "#868e96"
-REACHED = 1e-5  # [m] and [rad] an error below this is none that could be seen
+REACHED = 1e-5  # [m] and [rad] an error below this cannot be seen
 COLOUR = {Status.OK: GREEN, Status.IN_COLLISION: ORANGE}
 
 
@@ -34,19 +34,11 @@ def headline(inspector: Inspector, view: View) -> str:
         return f"Reached, in contact: {_pairs(view.arm_touching)}"
     if view.status is Status.OK:
         return "Reached" if not total else f"Reached, in a posture that is none of the {total} branches"
-    if not total:
-        what = view.message or "no configuration reaches this pose, whatever the limits"
-    elif view.status is Status.IN_COLLISION:
-        what = f"each of the {total} branches is in contact or outside the limits"
-    else:
-        mildest = view.branches[int(np.argmax(view.margins.min(axis=1)))]
-        over = inspector.excess(mildest)
-        what = f"each of the {total} branches is outside the limits; the mildest: {_joints(inspector, over)}"
-    return f"{_name(view.status)}: {what}"
+    return f"{_name(view.status)}: {view.message}"
 
 
 def advice(view: View) -> str:
-    """What to try, and how far the closest configuration is; empty when the target is reached."""
+    """What to try, and how far away the closest configuration is; empty when the target is reached."""
     if view.status is Status.OK or view.note:
         return ""
     if view.selected is not None:
@@ -102,7 +94,7 @@ def bars_html(inspector: Inspector, q: Array) -> str:
         low, high = float(robot.lower[joint]), float(robot.upper[joint])
         if math.isinf(margin):
             low, high, text, shade = -math.pi, math.pi, "no limits", GREY
-            share = (wrapped(float(q[joint])) - low) / (high - low)
+            share = (wrap(float(q[joint])) - low) / (high - low)
         else:
             share = (float(q[joint]) - low) / (high - low) if math.isfinite(high - low) and high > low else 0.5
             text = _amount(inspector, joint, margin)
@@ -133,7 +125,7 @@ def intervals_html(free: Free) -> str:
                     f'<div style="position:absolute;left:{left:.2f}%;width:{right - left:.2f}%;height:8px;'
                     f'background:{GREEN};opacity:0.6"></div>'
                 )
-    mark = share(wrapped(free.value))
+    mark = share(wrap(free.value))
     said = "; ".join(words) if words else "none"
     return (
         f"<div>{html.escape(free.name.capitalize())} within the limits [deg]: {said}</div>"
@@ -143,7 +135,7 @@ def intervals_html(free: Free) -> str:
     )
 
 
-def wrapped(angle: float) -> float:
+def wrap(angle: float) -> float:
     """An angle [rad] by full turns into [-pi, pi]."""
     return math.remainder(angle, 2.0 * math.pi)
 

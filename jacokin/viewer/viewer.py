@@ -1,4 +1,4 @@
-"""`Viewer`: the viewer of one robot in the browser, from what pages do to what they show."""
+"""`Viewer`: the running viewer of one robot, from what pages do to what they show."""
 
 from __future__ import annotations
 
@@ -6,8 +6,7 @@ import logging
 import threading
 import time
 from dataclasses import replace
-from types import TracebackType
-from typing import TYPE_CHECKING, NamedTuple, Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 import pinocchio as pin
@@ -17,110 +16,28 @@ from jacokin.arrays import Array
 from jacokin.errors import JacokinError
 from jacokin.ik.solver import IKSolver
 from jacokin.model import poses
-from jacokin.model.poses import pose
 from jacokin.motion.tracking.tracker import Tracker, TrackerStep
-from jacokin.viewer import paste as paste
+from jacokin.viewer import paste
 from jacokin.viewer.contents import Contents
-from jacokin.viewer.drawing.robot import Part
+from jacokin.viewer.drawing import ArmPart
 from jacokin.viewer.inspector import Inspector
 from jacokin.viewer.view import View
 
 if TYPE_CHECKING:
     import viser
 
-
-class Inbox:
-    """A set of names in the order in which they came, filled by any thread and emptied by one."""
-
-    def __init__(self) -> None:
-        """Start empty and open."""
-        self._changed = threading.Condition()
-        self._counts: dict[str, int] = {}
-        self._closed = False
-
-    def post(self, name: str) -> None:
-        """Add a name; one that waits already is counted."""
-        with self._changed:
-            self._counts[name] = self._counts.get(name, 0) + 1
-            self._changed.notify()
-
-    def take(self, wait: float | None) -> dict[str, int] | None:
-        """Every name that waits, with how often it was posted.
-
-        Args:
-            wait: at most so long for a name [s]; None for without end.
-
-        Returns:
-            Empty after waiting in vain; None once closed.
-        """
-        with self._changed:
-            self._changed.wait_for(lambda: self._counts or self._closed, wait)
-            if self._closed:
-                return None
-            taken, self._counts = self._counts, {}
-            return taken
-
-    def waits(self, name: str) -> bool:
-        """Whether a name waits to be taken."""
-        with self._changed:
-            return name in self._counts
-
-    def close(self) -> None:
-        """Let the taker finish."""
-        with self._changed:
-            self._closed = True
-            self._changed.notify_all()
-
-
-TICK = 0.01  # [s] of the tracker: 100 Hz, as the real arm takes joint angles
-LONGEST_LAG = 0.1  # [s] of ticks that are made up for; after a longer pause the tracker goes on from where it is
-
-
-class Following:
-    """A tracker that follows the gizmo at 100 Hz of the clock, within the velocity limits."""
-
-    def __init__(self, solver: IKSolver, q: Array) -> None:
-        """Start at rest at `q` (dof,) [rad].
-
-        Raises:
-            InvalidInputError: the robot's file has no velocity limits.
-        """
-        self._tracker = Tracker(solver.robot, solver.frame, dt=TICK, q=q, tool=solver.tool)
-        self._owed = 0.0  # [s] on the clock that no tick has covered
-
-    def advance(self, target: pin.SE3, elapsed: float) -> TrackerStep | None:
-        """Make up for a time on the clock [s] with whole ticks; the last one, or None when there was none."""
-        self._owed += elapsed
-        if self._owed > LONGEST_LAG:
-            self._owed = TICK
-        step = None
-        while self._owed >= TICK:
-            step = self._tracker.step(target)
-            self._owed -= TICK
-        return step
-
-
 AIMED = {"target", "shown", "axis", "range", "prefer"}  # what changes the target
 PERIOD = 0.02  # [s] from one picture to the next of what moves by itself
+TICK = 0.01  # [s] of the tracker: 100 Hz, as the real arm takes joint angles
+LONGEST_LAG = 0.1  # [s] of ticks that are caught up with; after a longer pause the tracker goes on from where it is
 
 logger = logging.getLogger(__name__)
-
-
-class Look(NamedTuple):
-    """What the arm can be drawn by."""
-
-    shapes: tuple[Part, ...]
-    """The shapes that collide, or sticks."""
-    visuals: tuple[Part, ...] | None
-    """The visual meshes of the file; None where there are none."""
 
 
 class Viewer:
     """A running viewer, made by `serve`. A context manager: leaving it closes the viewer."""
 
-    def __init__(
-        self, inspector: Inspector, start: View, look: Look, contents: Contents, *, host: str, port: int
-    ) -> None:
+    def __init__(self, inspector: Inspector, start: View, contents: Contents, *, host: str, port: int) -> None:
         """Start the server and the thread that answers pages; users call `serve`."""
         from jacokin.viewer.browser import server
         from jacokin.viewer.browser.panel import Panel
@@ -129,15 +46,14 @@ class Viewer:
         self._inspector = inspector
         self._inbox = Inbox()
         self._view = start
-        self._look = look
+        self._contents = contents
         self._setup = contents.setup
-        self._playback = contents.playback
         self._following: Following | None = None
         self._goal = self._asked = start.target
-        parts = look.visuals if contents.visuals and look.visuals is not None else look.shapes
         self._server, self._url = server.start(host, port, inspector.robot.name)
-        self._stage = Stage(self._server, inspector, parts, look.shapes, contents.setup.scene)
+        self._stage = Stage(self._server, inspector, self._parts(contents.dressed), contents)
         self._panel = Panel(self._server, inspector, self._inbox.post, contents)
+        self._player = self._panel.player
         self._stage.gizmo.on_update(self._gizmo_moved)
         self._show(start)
         self._done = threading.Event()
@@ -176,20 +92,16 @@ class Viewer:
         """Stop serving; pages stay open and say so. May be called again."""
         if self._done.is_set():
             return
-        from jacokin.viewer.browser import server
-
         self._inbox.close()
         self._thread.join()
-        server.stop(self._server)
+        self._server.stop()
         self._done.set()
 
     def __enter__(self) -> Self:
         """The viewer itself."""
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
+    def __exit__(self, *raised: object) -> None:
         """Close."""
         self.close()
 
@@ -197,10 +109,10 @@ class Viewer:
         self._inbox.post("target")
 
     def _answer(self) -> None:
-        """Answer what pages do until the viewer is closed; move what moves by itself; then look for closest ones."""
+        """Until closed: answer what pages do, move what moves by itself, and look for closest configurations."""
         before = time.monotonic()
         while True:
-            moving = self._following is not None or (self._playback is not None and self._playback.playing)
+            moving = self._moving
             names = self._inbox.take(PERIOD if moving else 0.0 if self._view.pending else None)
             now = time.monotonic()
             elapsed, before = now - before, now
@@ -209,10 +121,10 @@ class Viewer:
             try:
                 if names:
                     self._act(names)
-                if moving:
-                    self._move(elapsed)
-                elif not names:
+                elif not moving:
                     self._show(self._inspector.closest(self._view), move_gizmo=False)
+                if moving and self._moving:  # what began just now had no time to move
+                    self._move(elapsed)
             except JacokinError as error:
                 self._ignore(error, move_gizmo=True)
             except Exception:
@@ -220,12 +132,12 @@ class Viewer:
                 self._view = replace(self._view, pending=False)
 
     def _ignore(self, error: JacokinError, *, move_gizmo: bool) -> None:
-        """Say that a client sent what is not a number, or what the robot cannot do; a lost gizmo goes back."""
+        """Say that what a client sent was ignored, and why; a gizmo that got lost goes back."""
         logger.warning("ignored: %s", error)
         self._show(replace(self._view, note=f"Ignored: {error}", pending=False), move_gizmo=move_gizmo)
 
     def _act(self, names: dict[str, int]) -> None:
-        """Answer the latest of each kind; what is wrong with one does not keep the others from being answered."""
+        """Answer the latest of each kind; an error in one does not keep the others from being answered."""
         self._view = replace(self._view, note="")
         for kinds, answer in (
             ({"python", "command"}, self._copy),
@@ -245,30 +157,28 @@ class Viewer:
                     self._ignore(error, move_gizmo=kinds >= AIMED)
 
     def _copy(self, names: dict[str, int]) -> None:
-        """Text to paste."""
+        """Show the text to paste that was asked for."""
         make = paste.python_text if "python" in names else paste.command_text
         self._panel.say(make(self._inspector, self._view))
 
     def _slice(self, names: dict[str, int]) -> None:
-        """Another slice of the map, or none."""
+        """Show another slice of the map, or none."""
         if self._panel.slicing is not None:
             self._panel.slicing.show()
 
     def _draw(self, names: dict[str, int]) -> None:
-        """Other things to draw of the same view."""
-        if "visuals" in names and self._look.visuals is not None:
-            self._stage.arm.dress(self._look.visuals if self._panel.visuals else self._look.shapes)
-        self._stage.show_ghosts(self._panel.ghosts)
-        self._stage.show_ellipsoid(self._panel.ellipsoid)
+        """Draw more or less of the same view."""
+        if "visuals" in names:
+            self._stage.arm.dress(self._parts(self._panel.visuals))
         self._show(self._view, move_gizmo=False)
 
     def _pose_joints(self, names: dict[str, int]) -> None:
-        """The joints are where their sliders are, and the target follows."""
+        """Bring the joints to where their sliders are; the target follows."""
         self._stop()
         self._show(self._inspector.posture(self._panel.joints(self._view.q)))
 
     def _choose(self, names: dict[str, int]) -> None:
-        """Another branch."""
+        """Go to another branch."""
         view = self._view
         if not len(view.branches):
             return
@@ -288,8 +198,7 @@ class Viewer:
             return
         if "shown" in names:
             self._stage.place_gizmo(self._asked)
-        position, quat = self._stage.target()
-        target, free = pose(position, quat), self._panel.free
+        target, free = self._stage.target(), self._panel.free
         if self._following is not None and free.axis is None:
             self._goal = target
             return
@@ -330,35 +239,36 @@ class Viewer:
         except JacokinError:
             self._panel.stop_tracking()
             raise
-        position, quat = self._stage.target()
-        self._goal = pose(position, quat)
+        self._goal = self._stage.target()
 
     def _play(self, names: dict[str, int]) -> None:
         """Play, pause, scrub, change the speed."""
-        playback, player = self._playback, self._panel.player
-        if playback is None or player is None:
+        player = self._player
+        if player is None:
             return
         if self._following is not None:
             self._stop()
         if "speed" in names:
-            playback.set_speed(player.speed)
+            player.playback.set_speed(player.speed)
         if "time" in names:
-            playback.scrub(player.time)
+            player.playback.scrub(player.time)
         if names.get("play", 0) % 2:
-            if playback.playing:
-                playback.playing = False
-            else:
-                playback.play()
+            player.playback.toggle()
         self._move(0.0)
 
+    @property
+    def _moving(self) -> bool:
+        """Whether the arm moves by itself."""
+        return self._following is not None or (self._player is not None and self._player.playback.playing)
+
     def _stop(self) -> None:
-        """Let nothing move by itself."""
+        """Let nothing move by itself any more."""
         if self._following is not None:
             self._following = None
             self._panel.stop_tracking()
-        if self._playback is not None and self._panel.player is not None and self._playback.playing:
-            self._playback.playing = False
-            self._panel.player.show()
+        if self._player is not None and self._player.playback.playing:
+            self._player.playback.toggle()
+            self._player.show()
 
     def _move(self, elapsed: float) -> None:
         """Let a time [s] pass for what moves by itself."""
@@ -366,11 +276,16 @@ class Viewer:
             step = self._following.advance(self._goal, elapsed)
             if step is not None:
                 self._show(self._inspector.followed(self._goal, step), move_gizmo=False)
-        elif self._playback is not None and self._panel.player is not None:
-            q = self._playback.advance(elapsed)
-            note = f"Trajectory at {self._playback.time:.2f} of {self._playback.duration:.2f} s"
-            self._show(self._inspector.played(q, note))
-            self._panel.player.show()
+        elif self._player is not None:
+            playback = self._player.playback
+            q = playback.advance(elapsed)
+            self._show(self._inspector.played(q, f"Trajectory at {playback.time:.2f} of {playback.duration:.2f} s"))
+            self._player.show()
+
+    def _parts(self, visuals: bool) -> tuple[ArmPart, ...]:
+        """What the arm is drawn by: its visual meshes, if they are wanted and there are any."""
+        meshes = self._contents.visuals
+        return meshes if visuals and meshes is not None else self._contents.shapes
 
     def _seed(self) -> Array:
         """Where the arm is, within the limits."""
@@ -379,6 +294,74 @@ class Viewer:
 
     def _show(self, view: View, *, move_gizmo: bool = True) -> None:
         # A gizmo that somebody moved meanwhile stays where it is: that target is the next one.
-        self._stage.show(view, move_gizmo=move_gizmo and not self._inbox.waits("target"))
+        move_gizmo = move_gizmo and not self._inbox.waits("target")
+        self._stage.show(view, ghosts=self._panel.ghosts, ellipsoid=self._panel.ellipsoid, move_gizmo=move_gizmo)
         self._panel.show(view)
         self._view = view
+
+
+class Inbox:
+    """Names of what pages did and how often, in order; any thread posts, one takes."""
+
+    def __init__(self) -> None:
+        """Start empty and open."""
+        self._changed = threading.Condition()
+        self._counts: dict[str, int] = {}
+        self._closed = False
+
+    def post(self, name: str) -> None:
+        """Add a name; one that waits already is counted."""
+        with self._changed:
+            self._counts[name] = self._counts.get(name, 0) + 1
+            self._changed.notify()
+
+    def take(self, wait: float | None) -> dict[str, int] | None:
+        """Every name that waits, with how often it was posted.
+
+        Args:
+            wait: at most so long for a name [s]; None for without end.
+
+        Returns:
+            Empty after waiting in vain; None once closed.
+        """
+        with self._changed:
+            self._changed.wait_for(lambda: self._counts or self._closed, wait)
+            if self._closed:
+                return None
+            taken, self._counts = self._counts, {}
+            return taken
+
+    def waits(self, name: str) -> bool:
+        """Whether a name waits to be taken."""
+        with self._changed:
+            return name in self._counts
+
+    def close(self) -> None:
+        """Let `take` return None from now on."""
+        with self._changed:
+            self._closed = True
+            self._changed.notify_all()
+
+
+class Following:
+    """A tracker that follows the gizmo at 100 Hz of the clock, within the velocity limits."""
+
+    def __init__(self, solver: IKSolver, q: Array) -> None:
+        """Start at rest at `q` (dof,) [rad].
+
+        Raises:
+            InvalidInputError: the robot's file has no velocity limits.
+        """
+        self._tracker = Tracker(solver.robot, solver.frame, dt=TICK, q=q, tool=solver.tool)
+        self._owed = 0.0  # [s] on the clock that no tick has covered
+
+    def advance(self, target: pin.SE3, elapsed: float) -> TrackerStep | None:
+        """Let time pass on the clock [s], in whole ticks; the last one, or None when there was none."""
+        self._owed += elapsed
+        if self._owed > LONGEST_LAG:
+            self._owed = TICK
+        step = None
+        while self._owed >= TICK:
+            step = self._tracker.step(target)
+            self._owed -= TICK
+        return step

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.viewer.browser import IN_BROWSER, browsing
+from tests.viewer.chromium import IN_BROWSER, browsing
 from tests.viewer.page import until
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import json
-import os
 import subprocess
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -23,6 +23,7 @@ from jacokin.ik import Box, Capsule, Cylinder, Floor, Scene, Sphere
 from jacokin.model import urdf_folder
 from jacokin.viewer import Inspector, View
 from jacokin.viewer import paste as paste
+from tests.cli.run import leave
 
 TURNED = pin.SE3(pin.rpy.rpyToMatrix(0.1, 0.2, 0.3), np.array([0.0, 0.05, 0.1]))
 TABLE = Scene(
@@ -91,15 +92,14 @@ def pasted_python(inspector: Inspector, view: View) -> tuple[str, Array]:
 
 
 def pasted_command(inspector: Inspector, view: View, folder: Path) -> tuple[str, Array]:
-    """What a shell makes of it, with --json at its end."""
+    """What a shell makes of it, with --json at its end; the command line itself runs in this process."""
     text = paste.command_text(inspector, view)
-    shell = f'jacokin() {{ "{sys.executable}" -P -m jacokin "$@"; }}\n{text.rstrip()} --json\n'
-    environment = {**os.environ, "PYTHONPATH": str(Path(jacokin.__file__).parent.parent)}
-    done = subprocess.run(
-        ["bash", "-c", shell], cwd=folder, env=environment, capture_output=True, text=True, check=False
-    )
-    assert done.returncode in (0, 1), done.stderr
-    answer = json.loads(done.stdout)
+    shell = f"jacokin() {{ printf '%s\\0' \"$@\"; }}\n{text.rstrip()} --json\n"
+    done = subprocess.run(["bash", "-c", shell], cwd=folder, capture_output=True, text=True, check=True)
+    printed = io.StringIO()
+    with contextlib.chdir(folder), contextlib.redirect_stdout(printed):
+        assert leave(*done.stdout.split("\0")[:-1]) in (0, 1)
+    answer = json.loads(printed.getvalue())
     if "branches" in answer:
         rows = np.array([branch["q"] for branch in answer["branches"]])
         return text, rows[np.argmin(np.abs(rows - view.q).max(axis=1))]

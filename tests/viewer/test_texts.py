@@ -11,7 +11,7 @@ import pytest
 import jacokin
 from jacokin import IKSolver, Status
 from jacokin.viewer import Inspector, texts
-from tests.viewer.test_view import FAR, outside
+from tests.viewer.test_inspector import FAR, outside
 
 
 @pytest.fixture(scope="module")

@@ -1,10 +1,10 @@
-"""What controls of the panel have in common: who moved them, and setting them on every page."""
+"""Groups of controls of the panel: the free axis or joint, the solver, a trajectory, and slices of a map."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Protocol, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import pinocchio as pin
@@ -12,45 +12,42 @@ import viser
 from viser import uplot
 
 from jacokin.arrays import Array
+from jacokin.ik.options import COLLISION
 from jacokin.model import checks, poses
 from jacokin.model.robot import Robot
-from jacokin.viewer.drawing.slices import COLOURS, Slices
+from jacokin.viewer.contents import Setup
 from jacokin.viewer.inspector import FULL_TURN, Inspector
+from jacokin.viewer.map_slices import COLOURS, MapSlices
 from jacokin.viewer.playback import SPEEDS, Playback
-from jacokin.viewer.setup import COLLISION, Setup
-from jacokin.viewer.texts import wrapped
+from jacokin.viewer.texts import wrap
 from jacokin.viewer.view import Free
 
+AXES: tuple[str, ...] = ("none", "x", "y", "z")
+NARROWEST = 1.0  # [deg] of a range
+STEP = 0.5  # [deg]
+MOST_POINTS = 1000  # of a plot
+PLOT_HEIGHT = 110  # [pixel]
+OPACITY = 0.55  # of the cells of a map
+
 Post = Callable[[str], None]
+Three = tuple[float, float, float]
 Value = TypeVar("Value")
 
 
-class FromClient(Protocol):
-    """What viser tells a callback."""
+def watch(post: Post, name: str, *controls: viser.GuiInputHandle[Any]) -> None:  # Any: whatever their values
+    """Post a name when a client moves one of some controls, and not when the viewer sets one itself."""
 
-    @property
-    def client(self) -> object:
-        """Who moved the control; None when the viewer did."""
-
-
-def from_client(post: Post, name: str) -> Callable[[FromClient], None]:
-    """A callback that posts what clients do, and not what the viewer sets itself."""
-
-    def updated(event: FromClient) -> None:
+    def moved(event: viser.GuiEvent[Any]) -> None:
         if event.client is not None:
             post(name)
 
-    return updated
+    for control in controls:
+        control.on_update(moved)
 
 
 def set_value(control: viser.GuiInputHandle[Value], value: Value) -> None:
     """Bring a control to a value on every page."""
     control.value = value  # type: ignore[misc]  # viser's setter stands behind another method, where mypy misses it
-
-
-AXES: tuple[str, ...] = ("none", "x", "y", "z")
-NARROWEST = 1.0  # [deg] of a range
-STEP = 0.5  # [deg]
 
 
 class FreeControls:
@@ -74,16 +71,15 @@ class FreeControls:
         self._axis = gui.add_dropdown(
             "Free axis", AXES, initial_value=chosen, disabled=seven, hint="The tool may turn about this axis of its own"
         )
-        self._axis.on_update(from_client(post, "axis"))
         low, high = (min(max(math.degrees(end), -180.0), 180.0) for end in span)
         self._range = gui.add_multi_slider(
             "Range [deg]", -180.0, 180.0, STEP, (low, high), min_range=NARROWEST, disabled=axis is None
         )
-        self._range.on_update(from_client(post, "range"))
         self._shown = (low, high)
         label = f"{inspector.robot.joint_names[2]}, free [deg]" if seven else "Angle [deg]"
         self._value = gui.add_slider(label, -180.0, 180.0, STEP, 0.0, disabled=True)
-        self._value.on_update(from_client(post, "angle"))
+        for name, control in (("axis", self._axis), ("range", self._range), ("angle", self._value)):
+            watch(post, name, control)
 
     @property
     def axis(self) -> int | None:
@@ -92,7 +88,7 @@ class FreeControls:
 
     @property
     def span(self) -> tuple[float, float]:
-        """Least and largest angle [rad]; what a client sent that is no range goes back to what was there."""
+        """Least and largest angle [rad]; an invalid range that a client sent is put back to the one before."""
         sent = self._range.value
         try:
             low, high = (float(end) for end in sent)
@@ -116,13 +112,10 @@ class FreeControls:
         self._value.disabled = free is None
         self._range.disabled = free is None or free.axis is None
         if free is not None:
-            set_value(self._value, min(max(math.degrees(wrapped(free.value)), -180.0), 180.0))
+            set_value(self._value, min(max(math.degrees(wrap(free.value)), -180.0), 180.0))
 
 
-Three = tuple[float, float, float]
-
-
-class Solving:
+class SolverControls:
     """The folder "Solver" of the panel."""
 
     def __init__(self, gui: viser.GuiApi, robot: Robot, setup: Setup, post: Post) -> None:
@@ -139,12 +132,8 @@ class Solving:
             self._clearance = gui.add_number("Clearance [m]", setup.clearance, min=0.0, step=0.001)
         self._shown: tuple[Three, Three] = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
         self.show(setup)
-        for control in (self._frame, self._collision):
-            control.on_update(from_client(post, "setup"))
-        for vector in (self._position, self._rpy):
-            vector.on_update(from_client(post, "setup"))
-        self._obstacles.on_update(from_client(post, "setup"))
-        self._clearance.on_update(from_client(post, "setup"))
+        controls = (self._frame, self._position, self._rpy, self._collision, self._obstacles, self._clearance)
+        watch(post, "setup", *controls)
 
     def show(self, setup: Setup) -> None:
         """Bring the controls to what is in force."""
@@ -161,7 +150,7 @@ class Solving:
         """What the controls say. A tool that was not touched stays exactly as it is; the rest is as a client sent it.
 
         Raises:
-            InvalidInputError: the numbers of the tool are none.
+            InvalidInputError: the tool is not made of finite numbers.
         """
         position = checks.vector("tool", self._position.value, 3, "m")
         rpy = checks.vector("tool", self._rpy.value, 3, "deg")
@@ -183,42 +172,38 @@ def _three(values: Array | Three) -> Three:
     return x, y, z
 
 
-MOST_POINTS = 1000  # of a plot
-PLOT_HEIGHT = 110  # [pixel]
-
-
-class Player:
+class PlayerControls:
     """The folder "Trajectory" of the panel."""
 
     def __init__(self, gui: viser.GuiApi, robot: Robot, playback: Playback, post: Post) -> None:
         """Add the controls, which post "play", "time" and "speed"."""
-        self._playback = playback
+        self.playback = playback
         with gui.add_folder("Trajectory"):
             self._play = gui.add_button("Play")
             self._play.on_click(lambda _: post("play"))
             end = max(playback.duration, 1e-3)
             self._time = gui.add_slider("Time [s]", 0.0, end, min(0.001, end), 0.0)
-            self._time.on_update(from_client(post, "time"))
+            watch(post, "time", self._time)
             self._speed = gui.add_slider("Speed", SPEEDS[0], SPEEDS[1], 0.1, 1.0)
-            self._speed.on_update(from_client(post, "speed"))
+            watch(post, "speed", self._speed)
             with gui.add_folder("Joints over time", expand_by_default=False):
                 for joint in range(robot.dof):
                     _plot(gui, robot, playback, joint)
 
     @property
     def time(self) -> float:
-        """Where the slider is [s]; as a client sent it."""
+        """Where the slider is [s], as a client sent it."""
         return float(self._time.value)
 
     @property
     def speed(self) -> float:
-        """What the slider says; as a client sent it."""
+        """The value of the slider, as a client sent it."""
         return float(self._speed.value)
 
     def show(self) -> None:
         """Bring the controls to where the trajectory is."""
-        self._play.label = "Pause" if self._playback.playing else "Play"
-        set_value(self._time, min(self._playback.time, self._time.max))
+        self._play.label = "Pause" if self.playback.playing else "Play"
+        set_value(self._time, min(self.playback.time, self._time.max))
 
 
 def _plot(gui: viser.GuiApi, robot: Robot, playback: Playback, joint: int) -> None:
@@ -239,25 +224,21 @@ def _plot(gui: viser.GuiApi, robot: Robot, playback: Playback, joint: int) -> No
     )
 
 
-OPACITY = 0.55
-
-
-class Slicing:
+class SliceControls:
     """The folder "Reachability map" of the panel, and what it draws."""
 
-    def __init__(self, server: viser.ViserServer, slices: Slices, post: Post) -> None:
+    def __init__(self, server: viser.ViserServer, slices: MapSlices, post: Post) -> None:
         """Add the controls, which post "slice"; nothing is drawn before they are used."""
         self._slices = slices
         self._drawn: int | None = None
         gui, heights = server.gui, slices.heights
         with gui.add_folder("Reachability map", expand_by_default=False):
             self._show = gui.add_checkbox("Slice", False, hint="Where the tool gets to, at one height")
-            self._show.on_update(from_client(post, "slice"))
             low, high = float(heights[0]), float(heights[-1])
             step = float(heights[1] - heights[0]) if len(heights) > 1 else 1.0
             middle = float(heights[slices.layer(0.5 * (low + high))])
             self._height = gui.add_slider("Height [m]", low, max(high, low + step), step, middle)
-            self._height.on_update(from_client(post, "slice"))
+            watch(post, "slice", self._show, self._height)
             stops = ",".join(f"rgb({red},{green},{blue})" for red, green, blue in COLOURS.tolist())
             gui.add_html(
                 f'<div style="font-size:0.8em;padding:0 0.75em">0 to 1: {slices.caption}'
@@ -280,7 +261,7 @@ class Slicing:
         )
 
     def show(self) -> None:
-        """Draw what the controls say, whatever a client sent."""
+        """Draw the slice that the controls ask for, whatever a client sent."""
         height = float(self._height.value)
         layer = self._slices.layer(height) if np.isfinite(height) else 0
         cells = self._slices.cells(layer)

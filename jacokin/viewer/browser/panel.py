@@ -11,7 +11,15 @@ import viser
 from jacokin.arrays import Array
 from jacokin.ik.preferences import PREFERENCES
 from jacokin.viewer import texts
-from jacokin.viewer.browser.controls import FreeControls, Player, Post, Slicing, Solving, from_client, set_value
+from jacokin.viewer.browser.controls import (
+    FreeControls,
+    PlayerControls,
+    Post,
+    SliceControls,
+    SolverControls,
+    set_value,
+    watch,
+)
 from jacokin.viewer.contents import Contents
 from jacokin.viewer.inspector import Inspector
 from jacokin.viewer.view import View
@@ -21,7 +29,7 @@ ONE_SIDED = 2.0 * math.pi  # how far a slider goes where a joint has no limit
 
 
 class Panel:
-    """Controls that every page shares. What a client does is posted as the name of a control; values are read later."""
+    """Controls that all pages share. What a client does is posted as the name of a control; its value is read later."""
 
     def __init__(self, server: viser.ViserServer, inspector: Inspector, post: Post, contents: Contents) -> None:
         """Add the controls.
@@ -39,31 +47,31 @@ class Panel:
         gui.configure_theme(show_logo=False, show_share_button=False, control_width="large")
         self._status = gui.add_html("")
         self._branch = gui.add_slider("Branch", 1, 2, 1, 1, hint="N and P: the next and the previous one")
-        self._branch.on_update(from_client(post, "branch"))
+        watch(post, "branch", self._branch)
         gui.add_command("Next branch", hotkey="N").on_trigger(lambda _: post("next"))
         gui.add_command("Previous branch", hotkey="P").on_trigger(lambda _: post("previous"))
         self._ghosts = gui.add_checkbox("Ghosts", True, hint="Draw the other branches")
-        self._ghosts.on_update(from_client(post, "ghosts"))
+        watch(post, "ghosts", self._ghosts)
         self._ellipsoid = gui.add_checkbox("Manipulability", False, hint="Draw how fast the tool can move each way")
-        self._ellipsoid.on_update(from_client(post, "ellipsoid"))
+        watch(post, "ellipsoid", self._ellipsoid)
         self._visuals = gui.add_checkbox(
             "Visual meshes",
-            bool(contents.visuals),
+            contents.dressed and contents.visuals is not None,
             disabled=contents.visuals is None,
             hint="Draw what the file shows instead of the shapes that collide",
         )
-        self._visuals.on_update(from_client(post, "visuals"))
+        watch(post, "visuals", self._visuals)
         if contents.note:
             gui.add_html(f'<div style="font-size:0.8em;padding:0 0.75em">{html.escape(contents.note)}</div>')
         self._track = gui.add_checkbox("Track", False, hint="Follow the gizmo at 100 Hz within the velocity limits")
-        self._track.on_update(from_client(post, "track"))
+        watch(post, "track", self._track)
         self._prefer = gui.add_dropdown("Prefer", PREFERENCES, initial_value=inspector.prefer, hint="Which branch")
-        self._prefer.on_update(from_client(post, "prefer"))
-        self._free = FreeControls(gui, inspector, post, contents.axis, contents.span)
-        self.solving = Solving(gui, inspector.robot, contents.setup, post)
-        self.slicing = None if contents.slices is None else Slicing(server, contents.slices, post)
+        watch(post, "prefer", self._prefer)
+        self.free = FreeControls(gui, inspector, post, contents.axis, contents.span)
+        self.solving = SolverControls(gui, inspector.robot, contents.setup, post)
+        self.slicing = None if contents.slices is None else SliceControls(server, contents.slices, post)
         playback = contents.playback
-        self.player = None if playback is None else Player(gui, inspector.robot, playback, post)
+        self.player = None if playback is None else PlayerControls(gui, inspector.robot, playback, post)
         self._shown = np.zeros(inspector.robot.dof)  # values the sliders were last set to
         with gui.add_folder("Joints"):
             self._joints = [self._add_joint(gui, joint, post) for joint in range(inspector.robot.dof)]
@@ -80,22 +88,22 @@ class Panel:
         self._branch.max = max(count, 2)
         if view.selected is not None:
             set_value(self._branch, view.selected + 1)
-        self._free.show(view.free)
+        self.free.show(view.free)
         for joint, slider in enumerate(self._joints):
             value = float(view.q[joint])
             if self._inspector.robot.unlimited[joint] and not self._inspector.robot.sliding[joint]:
-                value = texts.wrapped(value)
+                value = texts.wrap(value)
             value = min(max(value, slider.min), slider.max)
             set_value(slider, value)
             self._shown[joint] = value
 
     def say(self, text: str) -> None:
-        """Text to paste."""
+        """Show a text to paste."""
         set_value(self._text, text)
 
     @property
     def branch(self) -> int:
-        """Number of the branch that the slider is at, from 0; as a client sent it."""
+        """Number of the branch that the slider is at, from 0, as a client sent it."""
         return int(self._branch.value) - 1
 
     @property
@@ -123,13 +131,8 @@ class Panel:
         """Whether the visual meshes are to be drawn."""
         return bool(self._visuals.value)
 
-    @property
-    def free(self) -> FreeControls:
-        """The controls of the free axis or joint."""
-        return self._free
-
     def stop_tracking(self) -> None:
-        """Take the mark from "Track"."""
+        """Untick "Track"."""
         set_value(self._track, False)
 
     def joints(self, q: Array) -> Array:
@@ -141,7 +144,7 @@ class Panel:
             if value == self._shown[joint]:
                 continue
             turns = robot.unlimited[joint] and not robot.sliding[joint]
-            wanted[joint] = q[joint] + texts.wrapped(value - q[joint]) if turns and math.isfinite(value) else value
+            wanted[joint] = q[joint] + texts.wrap(value - q[joint]) if turns and math.isfinite(value) else value
         return wanted
 
     def _add_joint(self, gui: viser.GuiApi, joint: int, post: Post) -> viser.GuiSliderHandle[float]:
@@ -152,6 +155,6 @@ class Panel:
         low = high - ONE_SIDED if math.isinf(low) else low
         high = low + ONE_SIDED if math.isinf(high) else high
         slider = gui.add_slider(robot.joint_names[joint], low, high, STEP, low, disabled=not low < high)
-        slider.on_update(from_client(post, "joints"))
+        watch(post, "joints", slider)
         self._shown[joint] = low
         return slider

@@ -32,7 +32,7 @@ LOOPBACK = "127.0.0.1"
 LAST_PORT = 65535
 
 logger = logging.getLogger(__name__)
-unheard = logging.getLogger(f"{__name__}.websockets")  # tells of every browser that connects ahead and leaves
+unheard = logging.getLogger(f"{__name__}.websockets")  # it logs each connection that a browser opens and does not use
 unheard.setLevel(logging.CRITICAL + 1)
 _starting = threading.Lock()
 
@@ -45,12 +45,17 @@ class _Serve(Protocol):
 
 
 class Server(viser.ViserServer):
-    """Viser's server without a way to the public."""
+    """Viser's server, which gives no public address."""
 
     def request_share_url(self, verbose: bool = True) -> str | None:
         """Refuse: a client may ask for this, and the viewer is for this machine."""
         logger.warning("a page asked for a public address, which the viewer does not give")
         return None
+
+    def stop(self) -> None:
+        """Stop serving and disconnect every page, without a message."""
+        with quiet():
+            super().stop()
 
 
 def start(host: str, port: int, label: str) -> tuple[Server, str]:
@@ -83,19 +88,13 @@ def start(host: str, port: int, label: str) -> tuple[Server, str]:
         listening.close()
         raise
     if not guard.used:
-        stop(server)
+        server.stop()
         listening.close()
         raise JacokinError(f"viser {viser.__version__} cannot be guarded against other pages; install another version")
     if not ipaddress.ip_address(address).is_loopback:
         logger.warning("the viewer is open to every computer that reaches %s:%d, without a password", address, bound)
     name = LOOPBACK if ipaddress.ip_address(address).is_unspecified else address
     return server, f"http://[{name}]:{bound}" if ":" in name else f"http://{name}:{bound}"
-
-
-def stop(server: Server) -> None:
-    """Stop serving and disconnect every page."""
-    with quiet():
-        server.stop()
 
 
 def bind(host: str, port: int) -> socket.socket:
@@ -132,7 +131,7 @@ class OwnPages:
     """
 
     def __init__(self, host: str) -> None:
-        """Collect the names of this machine: an address is always one, since no page can have it looked up."""
+        """Collect the names of this machine; an address always passes, since no page can have it looked up."""
         self._names = {"localhost", host.lower(), socket.gethostname().lower()}
 
     def refusal(self, headers: Headers) -> str | None:
@@ -159,7 +158,7 @@ class OwnPages:
 
 
 class _Guard:
-    """Puts our socket and our check under the server that viser starts."""
+    """Makes the server that viser starts use our socket and our check."""
 
     def __init__(self, listening: socket.socket, pages: OwnPages) -> None:
         self._listening = listening

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.viewer.drawing.meshes import Mesh
+from jacokin.viewer.drawing import Mesh
 
 if TYPE_CHECKING:
     from jacokin.reachability import ReachabilityMap
@@ -28,7 +28,7 @@ class Cells(NamedTuple):
     """(n,) fraction of the orientations that are reached, above 0."""
 
 
-class Slices:
+class MapSlices:
     """The slices of a map.
 
     Attributes:
@@ -37,7 +37,7 @@ class Slices:
     """
 
     def __init__(self, reach: ReachabilityMap) -> None:
-        """Take the numbers of a map."""
+        """Read the fractions and the grid of a map."""
         grid = reach.grid
         self._fraction = reach.fraction
         self._spacing = grid.spacing
@@ -50,7 +50,7 @@ class Slices:
         )
 
     def square(self) -> Mesh:
-        """A cell about the origin, to be seen from above and from below."""
+        """A cell around the origin, visible from above and from below."""
         half = 0.5 * FILLED * self._spacing
         corners = np.array([[-half, -half, 0.0], [half, -half, 0.0], [half, half, 0.0], [-half, half, 0.0]])
         return Mesh(corners.astype(np.float32), np.array([[0, 1, 2], [0, 2, 3]], dtype=np.uint32))
@@ -65,10 +65,10 @@ class Slices:
         reached = fraction > 0.0
         count = int(reached.sum())
         positions = np.column_stack((self._x[reached], self._y[reached], np.full(count, self.heights[layer])))
-        return Cells(positions.astype(np.float32), colours_of(fraction[reached]), fraction[reached])
+        return Cells(positions.astype(np.float32), colour_fractions(fraction[reached]), fraction[reached])
 
 
-def colours_of(fraction: Array) -> NDArray[np.uint8]:
+def colour_fractions(fraction: Array) -> NDArray[np.uint8]:
     """(n, 3) the colours of fractions (n,) from 0 to 1."""
     stops = np.linspace(0.0, 1.0, len(COLOURS))
     return np.column_stack([np.interp(fraction, stops, channel) for channel in COLOURS.T]).round().astype(np.uint8)

@@ -11,21 +11,17 @@ import pytest
 
 import jacokin
 from jacokin import Robot
-from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.motion import track_path
 from jacokin.motion.path_result import PathResult
-from jacokin.viewer.playback import Playback, Trajectory, load_recording
-
-
-def recorded(robot: Robot, t: list[float], q: Array) -> Trajectory:
-    made: Trajectory = SimpleNamespace(joint_names=robot.joint_names, t=np.array(t), q=q)
-    return made
+from jacokin.viewer.playback import Playback
+from tests.viewer.trajectories import recorded
 
 
 @pytest.fixture
 def playback(robot: Robot) -> Playback:
-    return Playback(recorded(robot, [1.0, 2.0, 4.0], robot.home + np.array([[0.0], [0.1], [0.5]])), robot)
+    rows = robot.home + np.array([[0.0], [0.1], [0.5]])
+    return Playback(recorded(robot, [1.0, 2.0, 4.0], rows), robot)
 
 
 def test_time_starts_at_zero_and_rows_are_joined_by_lines(playback: Playback, robot: Robot) -> None:
@@ -36,12 +32,12 @@ def test_time_starts_at_zero_and_rows_are_joined_by_lines(playback: Playback, ro
 
 def test_speed_scales_the_clock_and_the_end_is_a_pause(playback: Playback, robot: Robot) -> None:
     assert np.allclose(playback.advance(1.0), robot.home)  # paused
-    playback.play()
+    playback.toggle()
     playback.set_speed(2.0)
     assert np.allclose(playback.advance(0.5), robot.home + 0.1)
     assert np.allclose(playback.advance(100.0), robot.home + 0.5)
     assert not playback.playing
-    playback.play()
+    playback.toggle()
     assert playback.time == 0.0
 
 
@@ -57,23 +53,35 @@ def test_scrubbing_stays_in_the_trajectory(playback: Playback, asked: float, giv
     assert playback.time == given
 
 
-@pytest.mark.parametrize("t", [[], [0.0, 0.0], [1.0, 0.5], [0.0, float("nan")], [0.0]])
-def test_what_is_not_a_trajectory_is_refused(robot: Robot, t: list[float]) -> None:
-    rows = np.tile(robot.home, (2 if len(t) < 2 else len(t), 1))
-    with pytest.raises(InvalidInputError, match="trajectory"):
-        Playback(recorded(robot, t, rows), robot)
+JOINTS = tuple(f"joint_{number}" for number in range(1, 7))
+NONE = "trajectory must be a PathResult, a JointMotion or a file"
+ROWS = "trajectory must have rows at finite times that increase"
 
 
-@pytest.mark.parametrize("what", [5, [1.0], np.zeros((3, 6)), SimpleNamespace(joint_names=5, t=[0.0], q=[])])
-def test_what_has_no_rows_and_times_is_refused(robot: Robot, what: Trajectory) -> None:
-    with pytest.raises(InvalidInputError, match="trajectory must be a PathResult, a JointMotion or a file"):
-        Playback(what, robot)
-
-
-def test_a_trajectory_of_another_robot_is_refused(robot: Robot) -> None:
-    other: Trajectory = SimpleNamespace(joint_names=("a", "b"), t=np.zeros(1), q=np.zeros((1, 2)))
-    with pytest.raises(InvalidInputError, match="trajectory has the joints a, b"):
-        Playback(other, robot)
+@pytest.mark.parametrize(
+    ("trajectory", "message"),
+    [
+        (5, NONE),
+        ([], NONE),
+        (np.zeros((3, 6)), NONE),
+        (SimpleNamespace(joint_names=5, t=[0.0], q=[]), NONE),
+        (SimpleNamespace(joint_names=JOINTS, t="ab", q=[]), NONE),
+        (
+            {"names": ("a", "b"), "t": [0.0], "q": np.zeros((1, 2))},
+            "the joints a, b; j2n6s300 has others",
+        ),
+        ({"t": [], "q": np.zeros((1, 6))}, ROWS),
+        ({"t": [0.0], "q": np.zeros((2, 6))}, ROWS),
+        ({"t": [0.0, 0.0], "q": np.zeros((2, 6))}, ROWS),
+        ({"t": [1.0, 0.5], "q": np.zeros((2, 6))}, ROWS),
+        ({"t": [0.0, np.nan], "q": np.zeros((2, 6))}, ROWS),
+        ({"t": [0.0], "q": np.full((1, 6), np.nan)}, "trajectory must be finite"),
+    ],
+)
+def test_what_is_not_a_trajectory_of_the_robot_is_refused(robot: Robot, trajectory: object, message: str) -> None:
+    made = recorded(robot, **trajectory) if isinstance(trajectory, dict) else trajectory
+    with pytest.raises(InvalidInputError, match=message):
+        Playback(made, robot)  # type: ignore[arg-type]  # the mistakes
 
 
 @pytest.mark.parametrize("ending", [".csv", ".npz"])
@@ -82,7 +90,7 @@ def test_saved_paths_are_loaded(robot: Robot, tmp_path: Path, ending: str) -> No
     end = jacokin.pose(start.translation + np.array([0.0, 0.0, 0.01]), rotation=start.rotation)
     path = track_path(robot, [start, end], start=robot.home)
     path.save(tmp_path / f"path{ending}")
-    loaded = Playback(load_recording(tmp_path / f"path{ending}", robot), robot)
+    loaded = Playback(tmp_path / f"path{ending}", robot)
     assert np.array_equal(loaded.q, path.q)
     assert np.allclose(loaded.t, path.t)
 
@@ -95,14 +103,14 @@ def test_saved_joint_motions_are_loaded(robot: Robot, tmp_path: Path) -> None:
     end[0] += 0.1
     motion = move_joints(robot, robot.home, end, acceleration_limit=1.0)
     motion.save(tmp_path / "motion.csv")
-    assert np.array_equal(Playback(load_recording(tmp_path / "motion.csv", robot), robot).q, motion.q)
+    assert np.array_equal(Playback(tmp_path / "motion.csv", robot).q, motion.q)
 
 
 @pytest.mark.parametrize("name", ["missing.csv", "text.csv", "x.txt"])
 def test_a_file_that_is_none_is_named(robot: Robot, tmp_path: Path, name: str) -> None:
     (tmp_path / "text.csv").write_text("hello\n", encoding="utf-8")
     with pytest.raises(InvalidInputError, match=name):
-        load_recording(tmp_path / name, robot)
+        Playback(tmp_path / name, robot)
 
 
 @pytest.fixture
@@ -117,7 +125,7 @@ def test_ros_trajectories_are_loaded_with_joints_in_any_order(
 ) -> None:
     file = tmp_path / "path.json"
     followed.save(file)
-    loaded = Playback(load_recording(file, robot), robot)
+    loaded = Playback(file, robot)
     assert np.array_equal(loaded.q, followed.q)
     assert np.allclose(loaded.t, followed.t, atol=1e-9)
     message = json.loads(file.read_text(encoding="utf-8"))
@@ -129,14 +137,14 @@ def test_ros_trajectories_are_loaded_with_joints_in_any_order(
         if index % 2:  # as ROS 1 has it
             point["time_from_start"] = {"secs": stamp["sec"], "nsecs": stamp["nanosec"]}
     file.write_text(json.dumps(message), encoding="utf-8")
-    again = Playback(load_recording(file, robot), robot)
+    again = Playback(file, robot)
     assert np.array_equal(again.q, followed.q)
     assert np.allclose(again.t, followed.t, atol=1e-9)
 
 
 def test_files_for_kinovas_driver_are_loaded(robot: Robot, followed: PathResult, tmp_path: Path) -> None:
     followed.save(tmp_path / "path.kinova.csv")
-    loaded = Playback(load_recording(tmp_path / "path.kinova.csv", robot), robot)
+    loaded = Playback(tmp_path / "path.kinova.csv", robot)
     assert np.allclose(loaded.q[[0, -1]], followed.q[[0, -1]], atol=1e-12)
     assert np.allclose(np.diff(loaded.t), 0.01)
     assert (loaded.q >= robot.lower).all()
@@ -166,7 +174,7 @@ def test_what_is_not_a_message_is_refused(robot: Robot, tmp_path: Path, content:
     file = tmp_path / "bad.json"
     file.write_text(content, encoding="utf-8")
     with pytest.raises(InvalidInputError, match=f"bad.json.*{message}"):
-        load_recording(file, robot)
+        Playback(file, robot)
 
 
 def test_messages_that_are_no_trajectory_are_refused(robot: Robot, tmp_path: Path) -> None:
@@ -174,14 +182,14 @@ def test_messages_that_are_no_trajectory_are_refused(robot: Robot, tmp_path: Pat
         file = tmp_path / "bad.json"
         file.write_text(json.dumps({"joint_names": NAMES, "points": points}), encoding="utf-8")
         with pytest.raises(InvalidInputError, match="trajectory"):
-            Playback(load_recording(file, robot), robot)
+            Playback(file, robot)
 
 
 @pytest.mark.parametrize("line", ["time_s,joint1_deg\n0.0,1.0\n", "t,a\n0,1\n", "", "time_s\n"])
 def test_what_is_not_a_file_for_kinovas_driver_is_refused(robot: Robot, tmp_path: Path, line: str) -> None:
     (tmp_path / "bad.kinova.csv").write_text(line, encoding="utf-8")
     with pytest.raises(InvalidInputError, match=r"bad\.kinova\.csv"):
-        load_recording(tmp_path / "bad.kinova.csv", robot)
+        Playback(tmp_path / "bad.kinova.csv", robot)
 
 
 def test_a_cell_that_is_not_a_number_is_named(robot: Robot, followed: PathResult, tmp_path: Path) -> None:
@@ -191,10 +199,4 @@ def test_a_cell_that_is_not_a_number_is_named(robot: Robot, followed: PathResult
     lines[2] = lines[2].replace(",", ",x", 1)
     file.write_text("\n".join(lines), encoding="utf-8")
     with pytest.raises(InvalidInputError, match=r"path\.kinova\.csv, line 3"):
-        load_recording(file, robot)
-
-
-@pytest.mark.parametrize("trajectory", [[], 1.0, np.eye(4), "path.csv"])
-def test_what_has_no_rows_is_refused(trajectory: object, robot: Robot) -> None:
-    with pytest.raises(InvalidInputError, match="trajectory must be a PathResult"):
-        Playback(trajectory, robot)  # type: ignore[arg-type]  # the mistakes
+        Playback(file, robot)

@@ -13,7 +13,8 @@ import jacokin
 from jacokin import IKSolver, Robot, Status
 from jacokin.arrays import Array
 from jacokin.errors import UnknownNameError
-from jacokin.viewer import Inspector, View
+from jacokin.ik.closed_form import BranchTable, ClosedForm
+from jacokin.viewer import Inspector, View, texts
 from tests.robot_files import urdf_text
 
 TURNS = (-2 * np.pi, 0.0, 2 * np.pi)
@@ -116,6 +117,50 @@ def test_out_of_reach_the_arm_waits_and_then_goes_to_the_closest_configuration(i
     assert closest.errors[0] < waiting.errors[0]
     reached = inspector.pose_of(closest.q).translation
     assert closest.errors[0] == pytest.approx(float(np.linalg.norm(FAR.translation - reached)), abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("branches", "dropped", "status"),
+    [
+        ("outside", True, Status.NO_CONVERGENCE),
+        ("outside", False, Status.OUTSIDE_LIMITS),
+        ("none", True, Status.NO_CONVERGENCE),
+    ],
+)
+def test_the_status_is_the_solvers_also_where_branches_are_missing(
+    inspector: Inspector,
+    monkeypatch: pytest.MonkeyPatch,
+    rng: np.random.Generator,
+    branches: str,
+    dropped: bool,
+    status: Status,
+) -> None:
+    """A table of the closed form that was full proves nothing, whatever the branches in it are."""
+    solve_all = ClosedForm.solve_all
+
+    def cut(form: ClosedForm, T: Array, seed: Array) -> BranchTable:
+        table = solve_all(form, T, seed)
+        kept = ~table.within_limits if branches == "outside" else np.zeros(len(table), dtype=bool)
+        return BranchTable(table.rows[kept].copy(), dropped)
+
+    target = outside(inspector, rng).target
+    monkeypatch.setattr(ClosedForm, "solve_all", cut)
+    view = inspector.at(target, inspector.robot.home)
+    answer = inspector.solver.solve(target, inspector.robot.home, closest=False)
+    assert answer.status is status
+    assert (view.status, view.message, view.pending) == (status, answer.message, True)
+    assert answer.message in texts.headline(inspector, view)
+    # The search for the closest configuration finds a branch that the table lost.
+    assert inspector.closest(view).status in (status, Status.OK)
+
+
+def test_a_branch_that_misses_the_tolerances_is_not_reached(robot: Robot) -> None:
+    """Rounding is more than such tolerances allow: the viewer says so, as the solver does."""
+    inspector = Inspector(IKSolver(robot, position_tolerance=1e-30, orientation_tolerance=1e-30))
+    target = jacokin.pose([0.3, -0.3, 0.45], down=True)
+    view = inspector.at(target, robot.home)
+    assert view.within.any()
+    assert view.status is inspector.solver.solve(target, robot.home, closest=False).status is Status.NO_CONVERGENCE
 
 
 def test_the_target_follows_the_joints(inspector: Inspector, rng: np.random.Generator) -> None:

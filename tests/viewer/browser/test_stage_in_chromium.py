@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
 
 import numpy as np
@@ -11,11 +10,11 @@ import pytest
 import viser
 
 import jacokin
-from jacokin import Robot
+from jacokin import IKSolver, Robot
 from jacokin.arrays import Array
-from jacokin.viewer import Viewer, serve
-from jacokin.viewer.drawing.robot import Part, parts_of
-from tests.viewer.browser import IN_BROWSER, Mask, Tab, agreement, picture, pixels, showing, silhouette
+from jacokin.viewer import Inspector, Viewer, serve
+from jacokin.viewer.drawing import ArmPart, load_parts
+from tests.viewer.chromium import IN_BROWSER, Mask, Tab, agreement, hidden, picture, pixels, showing, silhouette
 from tests.viewer.page import opened, until
 
 pytestmark = IN_BROWSER
@@ -36,15 +35,28 @@ def tab(viewer: Viewer, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Ta
 
 
 @pytest.fixture
-def arm_only(viewer: Viewer, tab: Tab) -> Iterator[tuple[Part, ...]]:
+def arm_only(viewer: Viewer, tab: Tab, robot: Robot) -> Iterator[tuple[ArmPart, ...]]:
     """A scene without grid and gizmo, which would be in the pictures."""
-    scene = viewer.server.scene
-    hidden = [scene._handle_from_node_name[name] for name in ("/grid", "/target")]
-    for node in hidden:
-        node.visible = False
-    yield parts_of(viewer._inspector.robot)[0]
-    for node in hidden:
-        node.visible = True
+    with hidden(viewer, "/grid", "/target"):
+        yield load_parts(robot)[0]
+
+
+@pytest.fixture
+def no_ghosts(viewer: Viewer) -> Iterator[None]:
+    """A scene without the other branches."""
+    with opened(viewer) as page:
+        page.change("Ghosts", False)
+        assert until(lambda: page.ghosts == 0)
+    yield
+    with opened(viewer) as page:
+        page.change("Ghosts", True)
+        assert until(lambda: page.ghosts == len(viewer.view.ghosts))
+
+
+def silhouettes(robot: Robot, arm: tuple[ArmPart, ...], rows: Array, first: int = 0) -> list[Mask]:
+    """The pixels that the arm covers at configurations (k, dof), from a part on."""
+    places = Inspector(IKSolver(robot)).places(rows)
+    return [silhouette(arm, places, index, first) for index in range(len(rows))]
 
 
 def shown(viewer: Viewer, position: Array) -> bool:
@@ -56,35 +68,28 @@ def drawn(viewer: Viewer, wanted: Mask) -> bool:
     return until(lambda: agreement(picture(viewer), wanted) > ALIKE)
 
 
-def test_the_arm_is_drawn_where_forward_kinematics_has_it(viewer: Viewer, arm_only: tuple[Part, ...]) -> None:
-    viewer._stage.show_ghosts(False)
+def test_the_arm_is_drawn_where_forward_kinematics_has_it(
+    viewer: Viewer, robot: Robot, arm_only: tuple[ArmPart, ...], no_ghosts: None
+) -> None:
     seen = []
     for target in (TARGET, jacokin.pose([-0.3, -0.4, 0.6], down=True)):
         viewer.show(target)
         assert shown(viewer, target.translation)
-        seen.append(silhouette(arm_only, viewer._inspector.places([viewer.view.q]), 0))
+        seen += silhouettes(robot, arm_only, viewer.view.q[None])
         assert drawn(viewer, seen[-1])
     assert agreement(*seen) < 0.7  # the two postures differ, so the comparison can fail
-    viewer._stage.show_ghosts(True)
 
 
-def test_every_other_branch_is_a_ghost(viewer: Viewer, arm_only: tuple[Part, ...]) -> None:
+def test_every_other_branch_is_a_ghost(viewer: Viewer, robot: Robot, arm_only: tuple[ArmPart, ...]) -> None:
     viewer.show(jacokin.pose([0.31, -0.3, 0.45], down=True))
     assert shown(viewer, np.array([0.31, -0.3, 0.45]))
     view = viewer.view
     assert len(view.ghosts) >= 3
-    places = viewer._inspector.places(view.branches[view.ghosts])
-    masks = [silhouette(arm_only, places, index, first=1) for index in range(len(view.ghosts))]
-    for node in viewer._stage.arm.solid.values():
-        node.visible = False
-    try:
+    masks = silhouettes(robot, arm_only, view.branches[view.ghosts], first=1)
+    with hidden(viewer, *(f"/arm/{part}" for part in range(7))):
         assert drawn(viewer, np.logical_or.reduce(masks))
         image = picture(viewer)
-        covered = [float(image[mask].mean()) for mask in masks]
-        assert min(covered) > ALIKE
-    finally:
-        for node in viewer._stage.arm.solid.values():
-            node.visible = True
+        assert min(float(image[mask].mean()) for mask in masks) > ALIKE
 
 
 def test_the_mouse_drags_the_gizmo(viewer: Viewer, tab: Tab) -> None:
@@ -92,22 +97,31 @@ def test_the_mouse_drags_the_gizmo(viewer: Viewer, tab: Tab) -> None:
     assert shown(viewer, TARGET.translation)
     client = next(iter(viewer.server.get_clients().values()))
     centre = TARGET.translation
-    grip, aim = centre + 0.12 * TARGET.rotation[:, 2], centre + 0.22 * TARGET.rotation[:, 2]
+    grip, aim_at = centre + 0.12 * TARGET.rotation[:, 2], centre + 0.22 * TARGET.rotation[:, 2]
 
-    def is_dragged() -> bool:
-        """A drag that misses, because the browser has not drawn the gizmo yet, turns the camera."""
-        time.sleep(0.5)  # for the camera's last place
+    def aim() -> Array:
+        """(2, 2) the pixels of grip and aim, where the camera is."""
         camera = client.camera
         w, x, y, z = (float(value) for value in camera.wxyz)
         axes = pin.Quaternion(w, x, y, z).toRotationMatrix()
         size = camera.image_width, camera.image_height
-        ends = pixels(np.stack((grip, aim)), axes, camera.position, camera.fov, *size)
-        tab.drag(ends[0], ends[1])
-        return until(lambda: np.linalg.norm(viewer.view.target.translation - centre) > 0.05, patience=5.0)
+        return pixels(np.stack((grip, aim_at)), axes, camera.position, camera.fov, *size)
 
-    assert any(is_dragged() for _ in range(6))
+    def is_dragged() -> bool:
+        """A drag that misses, because the browser has not drawn the gizmo yet, turns the camera."""
+        ends = aim()
+        tab.draw()
+        while not np.array_equal(ends, now := aim()):  # the camera still turns
+            ends = now
+            tab.draw()
+        tab.drag(ends[0], ends[1])
+        return until(lambda: np.linalg.norm(viewer.view.target.translation - centre) > 0.05, patience=2.0)
+
+    assert until(is_dragged)
     # How far depends on which frames the browser had time for; what it sent is where the gizmo is.
-    assert shown(viewer, viewer._stage.gizmo.position)
+    gizmo = viewer.server.scene.get_handle_by_name("/target")
+    assert gizmo is not None
+    assert until(lambda: np.allclose(viewer.view.target.translation, gizmo.position) and not viewer.view.pending)
 
 
 def test_keys_go_through_the_branches(viewer: Viewer, tab: Tab) -> None:
@@ -122,13 +136,13 @@ def test_keys_go_through_the_branches(viewer: Viewer, tab: Tab) -> None:
     assert until(lambda: viewer.view.selected == before)
 
 
-def test_a_second_tab_moves_what_the_first_one_draws(viewer: Viewer, arm_only: tuple[Part, ...]) -> None:
-    viewer._stage.show_ghosts(False)
+def test_a_second_tab_moves_what_the_first_one_draws(
+    viewer: Viewer, robot: Robot, arm_only: tuple[ArmPart, ...], no_ghosts: None
+) -> None:
     with opened(viewer) as other:
         other.move_gizmo((0.35, -0.25, 0.5))
         assert shown(viewer, np.array([0.35, -0.25, 0.5]))
-    assert drawn(viewer, silhouette(arm_only, viewer._inspector.places([viewer.view.q]), 0))
-    viewer._stage.show_ghosts(True)
+    assert drawn(viewer, silhouettes(robot, arm_only, viewer.view.q[None])[0])
 
 
 def test_a_page_of_another_address_cannot_connect(viewer: Viewer, robot: Robot, tab: Tab) -> None:

@@ -22,7 +22,7 @@ from websockets.sync.connection import Connection
 from jacokin.arrays import Array
 from jacokin.model import poses
 from jacokin.viewer import Viewer
-from jacokin.viewer.drawing.robot import Part
+from jacokin.viewer.drawing import ArmPart
 from jacokin.viewer.view import Places
 from tests.viewer.page import until
 
@@ -32,8 +32,6 @@ CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", 
 IN_BROWSER = [
     pytest.mark.slow,
     pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed (Debian: apt-get install chromium)"),
-    # A browser that gets no time from the machine loses input; what the viewer does wrong it does each time.
-    pytest.mark.flaky(reruns=2),
 ]
 WITHOUT_SCREEN = (
     "--headless=new",
@@ -60,6 +58,7 @@ SLIDER = f"""(() => {{ {TEXTS}
   }}
   return false;
 }})()"""
+FRAMES = "(async () => { for (let i = 0; i < %d; i++) await new Promise(requestAnimationFrame); })()"
 PLACE = f"""(async () => {{ {TEXTS}
   for (let frame = 0; frame < 6; frame++) await new Promise(requestAnimationFrame);
   const text = texts[0];
@@ -97,17 +96,19 @@ class Tab:
         self.ask("Input.dispatchKeyEvent", type="keyDown", text=letter.lower(), **code)
         self.ask("Input.dispatchKeyEvent", type="keyUp", **code)
 
-    def press_arrow(self, times: int) -> None:
-        """The right arrow, for what has the focus."""
+    def press_key(self, key: str, code: int, times: int = 1) -> None:
+        """A key without a letter, for what has the focus."""
         for _ in range(times):
             for kind in ("keyDown", "keyUp"):
-                self.ask(
-                    "Input.dispatchKeyEvent", type=kind, key="ArrowRight", code="ArrowRight", windowsVirtualKeyCode=39
-                )
+                self.ask("Input.dispatchKeyEvent", type=kind, key=key, code=key, windowsVirtualKeyCode=code)
 
     def focus_slider(self, label: str) -> None:
         """Give the focus to the slider of the panel beside a text."""
-        assert self.value(SLIDER % json.dumps(label)), f"no slider {label}"
+        assert until(lambda: self.value(SLIDER % json.dumps(label)), STARTING), f"no slider {label}"
+
+    def draw(self, frames: int = 3) -> None:
+        """Wait until the page has drawn some frames: it has then answered what it was sent before."""
+        self.value(FRAMES % frames)
 
     def click(self, label: str) -> None:
         """Click on the check box beside a text, or on the text."""
@@ -126,11 +127,11 @@ class Tab:
     def drag(self, start: Array, end: Array, steps: int = 8) -> None:
         """Hold the left button from one pixel to another."""
         self._mouse("mouseMoved", start, "none")
-        time.sleep(0.4)  # the page looks at what is under the mouse once a frame
+        self.draw()  # the page looks at what is under the mouse once a frame
         self._mouse("mousePressed", start, "left")
         for step in range(1, steps + 1):
             self._mouse("mouseMoved", start + (end - start) * step / steps, "left")
-            time.sleep(0.03)
+            self.draw(1)
         self._mouse("mouseReleased", end, "left")
 
     def value(self, script: str) -> object:
@@ -169,7 +170,22 @@ def showing(viewer: Viewer, folder: Path) -> Iterator[Tab]:
     known = set(viewer.server.get_clients())
     with browsing(viewer.url, folder) as tab:
         assert until(lambda: set(viewer.server.get_clients()) - known, STARTING), "the page did not connect"
+        assert until(lambda: tab.value("document.querySelectorAll('[role=slider]').length"), STARTING), "no panel"
         yield tab
+
+
+@contextlib.contextmanager
+def hidden(viewer: Viewer, *names: str) -> Iterator[None]:
+    """Without some nodes of the scene, which would be in the pictures."""
+    nodes = [viewer.server.scene.get_handle_by_name(name) for name in names]
+    gone = [node for node in nodes if node is not None and node.visible]
+    for node in gone:
+        node.visible = False
+    try:
+        yield
+    finally:
+        for node in gone:
+            node.visible = True
 
 
 def camera() -> Array:
@@ -187,7 +203,7 @@ def pixels(points: Array, axes: Array, eye: Array, fov: float, width: int, heigh
     return np.column_stack((0.5 * width, 0.5 * height)) + scale * seen[:, :2] / seen[:, 2:]
 
 
-def silhouette(parts: tuple[Part, ...], places: Places, arm: int, first: int = 0) -> Mask:
+def silhouette(parts: tuple[ArmPart, ...], places: Places, arm: int, first: int = 0) -> Mask:
     """The pixels that one of the placed arms covers, from part `first` on."""
     picture = Image.new("1", (WIDTH, HEIGHT))
     draw = ImageDraw.Draw(picture)

@@ -1,0 +1,244 @@
+"""The panel in a real browser: sliders, switches and folders by mouse and keys, and what they draw."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+import jacokin
+from jacokin import IKSolver, Robot, reachability
+from jacokin.ik import Box, Scene
+from jacokin.model import urdf_folder
+from jacokin.motion import PathResult, track_path
+from jacokin.viewer import Inspector, Viewer, serve
+from jacokin.viewer.drawing import ArmPart, load_parts, load_visuals, merge
+from jacokin.viewer.map_slices import MapSlices
+from tests.viewer.chromium import (
+    EYE,
+    FOV,
+    HEIGHT,
+    IN_BROWSER,
+    WIDTH,
+    Mask,
+    Tab,
+    agreement,
+    camera,
+    hidden,
+    image,
+    picture,
+    pixels,
+    showing,
+    silhouette,
+)
+from tests.viewer.page import opened, repeat, until
+
+pytestmark = IN_BROWSER
+ALIKE = 0.92  # of the pixels; the rest are edges, which the browser smooths
+
+
+@pytest.fixture(scope="module")
+def path(bundled: Callable[[str], Robot]) -> PathResult:
+    robot = bundled("j2n6s300")
+    start = robot.forward_kinematics(robot.home)
+    end = jacokin.pose(start.translation + np.array([0.0, 0.0, 0.02]), rotation=start.rotation)
+    return track_path(robot, [start, end], start=robot.home)
+
+
+@pytest.fixture(scope="module")
+def viewer(bundled: Callable[[str], Robot], path: PathResult) -> Iterator[Viewer]:
+    """With a crate that the hand touches, and a trajectory."""
+    robot = bundled("j2n6s300")
+    crate = Scene([Box("crate", (0.06, 0.06, 0.06), robot.forward_kinematics(robot.home).translation)])
+    with serve(robot, scene=crate, collision="report", trajectory=path, port=0) as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def tab(viewer: Viewer, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Tab]:
+    with showing(viewer, tmp_path_factory.mktemp("chromium")) as page:
+        yield page
+
+
+@pytest.fixture
+def inspector(robot: Robot) -> Inspector:
+    return Inspector(IKSolver(robot))
+
+
+RIGHT = ("ArrowRight", 39)
+
+
+def press_on_slider(tab: Tab, label: str, key: tuple[str, int], there: Callable[[], object], times: int = 1) -> bool:
+    """Press a key on a slider, several times and again and again, until something comes true."""
+
+    def press() -> None:
+        tab.focus_slider(label)
+        tab.press_key(*key, times)
+
+    return repeat(press, there, pause=2.0)
+
+
+def test_a_joint_slider_moves_its_joint(viewer: Viewer, tab: Tab, robot: Robot) -> None:
+    before = viewer.view.q
+    assert press_on_slider(tab, "joint_2", RIGHT, lambda: viewer.view.q[1] > before[1] + 0.015, times=20)
+    assert np.allclose(np.delete(viewer.view.q, 1), np.delete(before, 1))
+    viewer.show(robot.forward_kinematics(before))
+    assert until(lambda: np.allclose(viewer.view.q, before, atol=1e-6))
+
+
+def test_a_click_shows_the_ellipsoid(viewer: Viewer, tab: Tab, inspector: Inspector) -> None:
+    tab.click("Manipulability")
+    with opened(viewer) as page:
+        assert until(lambda: page.node("/ellipsoid").visible)
+    tool = inspector.pose_of(viewer.view.q).translation
+    column, row = pixels(tool[None], camera(), EYE, FOV, WIDTH, HEIGHT)[0].round().astype(int)
+
+    def violet() -> bool:
+        red, green, blue, seen = image(viewer)[row, column].astype(int)
+        return bool(seen and blue > red > green)
+
+    with hidden(viewer, "/grid", "/target", "/scene/0", *parts(viewer)):
+        assert until(violet)
+        assert until(lambda: 0 < picture(viewer).sum() < 0.5 * WIDTH * HEIGHT)
+    tab.click("Manipulability")
+    with opened(viewer) as page:
+        assert until(lambda: not page.node("/ellipsoid").visible)
+
+
+def parts(viewer: Viewer) -> list[str]:
+    """The nodes of the arm, its ghosts, and what touches."""
+    touching = [f"/touching/{name}" for pair in viewer.view.arm_touching for name in pair]
+    return [*(f"/{kind}/{part}" for kind in ("arm", "ghosts") for part in range(7)), *touching]
+
+
+def test_cells_of_the_map_are_drawn_where_they_are(viewer: Viewer, tab: Tab) -> None:
+    tab.click("Reachability map")
+    assert until(lambda: tab.value("document.body.innerText.includes('Height [m]')"))
+    tab.click("Slice")
+    with opened(viewer) as page:
+        assert until(lambda: page.node("/map").visible)
+        height = float(page.node("/map").positions[0, 2])
+    reach = reachability.bundled()
+    slices = MapSlices(reach)
+    layer = slices.layer(height)
+    fraction = reach.fraction[:, :, layer].ravel()
+    x, y = np.meshgrid(reach.grid.axis(0), reach.grid.axis(1), indexing="ij")
+    centres = np.column_stack((x.ravel(), y.ravel(), np.full(x.size, slices.heights[layer])))
+    at = pixels(centres, camera(), EYE, FOV, WIDTH, HEIGHT).round().astype(int)
+    seen = ((at >= 0) & (at < [WIDTH, HEIGHT])).all(axis=1) & (((centres - EYE) @ camera())[:, 2] > 0.3)
+    assert (seen & (fraction > 0.0)).sum() > 200
+
+    def drawn() -> bool:
+        covered = picture(viewer)[at[seen][:, 1], at[seen][:, 0]]
+        return bool((covered == (fraction[seen] > 0.0)).mean() > 0.97)
+
+    with hidden(viewer, "/grid", "/target", "/scene/0", *parts(viewer)):
+        assert until(drawn)
+        inside = seen & (fraction > 0.0)
+        colours = image(viewer)[at[inside][:, 1], at[inside][:, 0], :3].astype(int)
+        assert np.corrcoef(fraction[inside], colours[:, 1])[0, 1] > 0.8  # greener where more is reached
+        tab.click("Slice")
+        assert until(lambda: not picture(viewer).any())
+
+
+def test_what_touches_is_orange_and_nothing_else(viewer: Viewer, tab: Tab, robot: Robot, inspector: Inspector) -> None:
+    view = viewer.view
+    touching = {name for pair in view.arm_touching for name in pair} - {"crate"}
+    assert touching
+    places = inspector.places([view.q])
+    shapes = load_parts(robot)[0]
+    only = [
+        ArmPart(part.name, merge([mesh for name, mesh in part.shapes.items() if name in touching])) for part in shapes
+    ]
+    wanted, whole = silhouette(tuple(only), places, 0), silhouette(shapes, places, 0)
+    assert 0 < wanted.sum() < 0.8 * whole.sum()
+
+    def orange() -> Mask:
+        red, green, blue = np.moveaxis(image(viewer)[:, :, :3].astype(int), 2, 0)
+        return np.asarray((red > green + 20) & (green > blue + 40))
+
+    with hidden(viewer, "/grid", "/target", "/scene/0", *(f"/ghosts/{part}" for part in range(1, 7))):
+        assert until(lambda: orange()[wanted].mean() > 0.5)  # the rest is behind the arm
+        marked = orange()
+        assert not marked[~wanted].sum() > 0.1 * marked.sum()
+
+
+def test_the_plots_of_a_trajectory_are_drawn(viewer: Viewer, tab: Tab) -> None:
+    tab.click("Joints over time")
+    assert until(lambda: tab.value("document.querySelectorAll('.uplot canvas').length") == 6)
+
+
+def test_a_trajectory_is_played_by_a_click(viewer: Viewer, tab: Tab, path: PathResult) -> None:
+    end = float(path.t[-1])
+    tab.click("Play")
+    assert until(lambda: viewer.view.note.startswith(f"Trajectory at {end:.2f} of {end:.2f} s"))
+    tab.focus_slider("Time [s]")
+    assert until(lambda: tab.value(f"Math.abs(document.activeElement.ariaValueNow - {end}) < 0.01"))  # the page, too
+    assert press_on_slider(tab, "Time [s]", ("Home", 36), lambda: viewer.view.note.startswith("Trajectory at 0.00"))
+
+
+def test_the_tracker_takes_the_arm_to_a_gizmo_that_was_dragged(viewer: Viewer, tab: Tab, inspector: Inspector) -> None:
+    tab.click("Track")
+    assert until(lambda: viewer.view.note.startswith("Tracking"))
+    goal = viewer.view.target.translation + np.array([0.0, 0.0, 0.05])
+    with opened(viewer) as other:
+        other.move_gizmo(tuple(goal.tolist()), other.node("/target").wxyz)
+        assert until(lambda: np.linalg.norm(inspector.pose_of(viewer.view.q).translation - goal) < 1e-3)
+        tab.click("Track")
+        assert until(lambda: other.value("Track") is False)
+    assert until(lambda: not viewer.view.note)
+
+
+def test_copied_text_stands_in_the_page(viewer: Viewer, tab: Tab) -> None:
+    tab.click("Copy")
+    assert until(lambda: tab.value("document.body.innerText.includes('As Python')"))
+    tab.click("As Python")
+    assert until(
+        lambda: tab.value("[...document.querySelectorAll('textarea')].some(e => e.value.includes('IKSolver'))")
+    )
+
+
+def test_visual_meshes_are_drawn_where_forward_kinematics_has_them(tmp_path: Path) -> None:
+    trimesh.creation.torus(0.15, 0.04).export(tmp_path / "ring.stl")
+    text = (urdf_folder() / "j2n6s300.urdf").read_text(encoding="utf-8")
+    ring = '<visual><origin xyz="0 0.1 0"/><geometry><mesh filename="ring.stl"/></geometry></visual>'
+    path = tmp_path / "ringed.urdf"
+    path.write_text(text.replace('<link name="link_3">', f'<link name="link_3">{ring}'), encoding="utf-8")
+    robot = jacokin.load_robot(path)
+    visuals = load_visuals(robot)
+    assert visuals is not None
+    with (
+        serve(robot, port=0) as viewer,
+        showing(viewer, tmp_path / "chromium") as tab,
+        hidden(viewer, "/grid", "/target"),
+    ):
+        tab.click("Ghosts")
+        places = Inspector(IKSolver(robot)).places([viewer.view.q])
+        shapes, drawn = silhouette(load_parts(robot)[0], places, 0), silhouette(visuals, places, 0)
+        assert agreement(shapes, drawn) < ALIKE  # they differ, so the comparison can fail
+        assert until(lambda: agreement(picture(viewer), shapes) > ALIKE)
+        tab.click("Visual meshes")
+        assert until(lambda: agreement(picture(viewer), drawn) > ALIKE)
+
+
+def test_two_browsers_show_the_same(tmp_path: Path, robot: Robot, inspector: Inspector) -> None:
+    with (
+        serve(robot, port=0) as viewer,
+        showing(viewer, tmp_path / "first") as first,
+        showing(viewer, tmp_path / "second") as second,
+        hidden(viewer, "/grid", "/target"),
+    ):
+        first.click("Ghosts")
+        before = viewer.view.q
+        assert press_on_slider(second, "joint_2", RIGHT, lambda: viewer.view.q[1] > before[1] + 0.08, times=100)
+        parts = load_parts(robot)[0]
+        for page in (0, 1):
+
+            def alike(page: int = page) -> bool:
+                wanted = silhouette(parts, inspector.places([viewer.view.q]), 0)
+                return agreement(picture(viewer, page), wanted) > ALIKE
+
+            assert until(alike)

@@ -1,0 +1,53 @@
+"""What `serve` takes: robots, targets and options, and what it refuses."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import jacokin
+from jacokin import Robot, Status
+from jacokin.errors import JacokinError, MissingExtraError
+from jacokin.viewer import serve
+from tests.viewer.page import opened
+
+NEAR = (0.3, -0.2, 0.5)
+
+
+def test_a_position_keeps_the_orientation_of_the_tool(robot: Robot) -> None:
+    with serve(robot, target=NEAR, port=0) as viewer:
+        assert np.allclose(viewer.view.target.translation, NEAR)
+        assert np.allclose(viewer.view.target.rotation, robot.forward_kinematics(robot.home).rotation)
+
+
+def test_without_viser_the_extra_is_named(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    with pytest.raises(MissingExtraError, match=r"pip install 'jacokin\[viewer\]'"):
+        serve(robot)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"visuals": "yes"}, "visuals"),
+        ({"free_axis": ["z"]}, "free_axis"),
+        ({"free_axis": "z", "free_range": "ab"}, "range"),
+        ({"reachability": 5}, "folder"),
+        ({"trajectory": 5}, "trajectory"),
+        ({"tool": [1.0, 2.0]}, "tool"),
+        ({"scene": [1]}, "scene"),
+        ({"clearance": 0.1}, "clearance has no effect"),
+    ],
+)
+def test_a_wrong_option_is_named(robot: Robot, options: dict[str, Any], message: str) -> None:  # Any: as users may
+    with pytest.raises(JacokinError, match=message):
+        serve(robot, port=0, **options)
+
+
+def test_every_bundled_robot_is_served() -> None:
+    for name in jacokin.model.NAMES:
+        with serve(name, port=0) as viewer, opened(viewer) as page:
+            assert viewer.view.status is Status.OK
+            assert page.ghosts == len(viewer.view.branches) - 1 > 0
