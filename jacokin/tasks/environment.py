@@ -14,8 +14,9 @@ from jacokin.errors import InvalidInputError, MissingExtraError
 from jacokin.model import checks
 from jacokin.mujoco_bridge import Physics
 from jacokin.mujoco_bridge.base import RandomState
+from jacokin.mujoco_bridge.control import queries
 from jacokin.tasks import registry
-from jacokin.tasks.episode import PICTURE, STEPS, Episode, Snapshot
+from jacokin.tasks.episode import PICTURE, STEPS, Episode, Snapshot, bounded
 from jacokin.tasks.task import CAMERA, CONTROL_TIMESTEP, Task
 
 try:
@@ -37,9 +38,9 @@ class Environment(dm_env.Environment):  # type: ignore[misc]  # dm_env has no ty
     def __init__(self, name: str, seed: int | RandomState | None = None) -> None:
         """Compile the scene; see `load`."""
         self._name = name
-        self._task_name, observed = registry.task_and_observations(name)
+        task, observed = registry.task_and_observations(name)
         self._random_state = checked_random_state(seed)
-        self._episode = Episode(self._task_name)
+        self._episode = Episode(task)
         self._has_camera = observed == registry.VISION
         self._features = [
             each for each in self._episode.task.features if each.is_proprioceptive or not self._has_camera
@@ -75,7 +76,7 @@ class Environment(dm_env.Environment):  # type: ignore[misc]  # dm_env has no ty
         Raises:
             EpisodeInitializationError: no initial state was found.
         """
-        self._episode.start(self._random_state)
+        queries.run(self._episode.starting(self._random_state))
         return dm_env.restart(self._observation())
 
     def step(self, action: object) -> dm_env.TimeStep:
@@ -91,7 +92,7 @@ class Environment(dm_env.Environment):  # type: ignore[misc]  # dm_env has no ty
         episode = self._episode
         if episode.steps is None or episode.steps >= STEPS:
             return self.reset()
-        episode.advance(episode.checked_action(action))
+        episode.advance(bounded(action, episode.lower, episode.upper))
         task, view, goal = episode.task, episode.view, episode.goal
         reward = float(task.reward(task.achieved(view, goal), task.desired(view, goal)))
         kind = dm_env.StepType.LAST if episode.steps >= STEPS else dm_env.StepType.MID
@@ -135,11 +136,7 @@ class Environment(dm_env.Environment):  # type: ignore[misc]  # dm_env has no ty
 
     def __copy__(self) -> Environment:
         """The same as `copy.deepcopy`: two environments cannot share a simulation."""
-        return self.__deepcopy__({})
-
-    def __deepcopy__(self, memo: dict[int, object]) -> Environment:
-        """An independent environment in the same state."""
-        return _restored(self._name, copy.deepcopy(self._random_state, memo), self._episode.snapshot())
+        return copy.deepcopy(self)
 
 
 def load(name: str, seed: int | RandomState | None = None) -> Environment:

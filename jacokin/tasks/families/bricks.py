@@ -18,10 +18,11 @@ from jacokin.mujoco_bridge.base import RandomState
 from jacokin.mujoco_bridge.control.queries import Asking
 from jacokin.mujoco_bridge.distributions import uniform_box
 from jacokin.mujoco_bridge.entity import quaternion_product
+from jacokin.mujoco_bridge.rewards import fall_beyond
 from jacokin.mujoco_bridge.workspaces import BoundingBox
 from jacokin.tasks import features
-from jacokin.tasks.features import Feature, View, ids, length, picked
-from jacokin.tasks.task import ANY_YAW, BRICK, Task, brick, shaped
+from jacokin.tasks.features import Feature, StateView, ids, length, picked
+from jacokin.tasks.task import ANY_YAW, BRICK, Task
 
 BRICK_BOX = BoundingBox((-0.1, -0.1, 1e-6), (0.1, 0.1, 1e-6))
 CLOSE, CLOSE_MARGIN = 0.01, 0.1  # [m]
@@ -71,12 +72,12 @@ class BrickTask(Task):
         self.bricks: list[Brick] = []
         self.hints: list[Brick] = []
         for number in range(self.count):
-            prop = brick(names[2 * number], _COLORS[number])
+            prop = Brick(name=names[2 * number], color=_COLORS[number])
             if number == 0 and self._is_base_fixed:
                 self._add_fixed(prop)
             else:
                 self._add_free(prop)
-            hint = brick(names[2 * number + 1], _COLORS[number], hint=True)
+            hint = Brick(name=names[2 * number + 1], color=_COLORS[number], hint=True)
             self._add_fixed(hint)
             self.bricks.append(prop)
             self.hints.append(hint)
@@ -147,7 +148,7 @@ class BrickTask(Task):
         below, above = self._studs[placed[..., :-1]], self._holes[placed[..., 1:]]
         return below.reshape(*below.shape[:-2], -1), above.reshape(*above.shape[:-2], -1)
 
-    def achieved(self, view: View, goal: Array) -> Array:
+    def achieved(self, view: StateView, goal: Array) -> Array:
         """For each pair of neighbours in the wanted order how far studs and holes are apart, (..., height - 1) [m].
 
         The sum of the distances of two opposite studs and holes, the smaller for the brick turned by 180 deg or not.
@@ -164,16 +165,16 @@ class BrickTask(Task):
         turned = length(stud[..., ::-1, :] - hole)
         return np.minimum(straight[..., 0] + straight[..., 1], turned[..., 0] + turned[..., 1])
 
-    def desired(self, view: View, goal: Array) -> Array:
+    def desired(self, view: StateView, goal: Array) -> Array:
         """Zeros, (..., height - 1) [m]: all pairs together."""
         return np.zeros((*view.qpos.shape[:-1], self.height - 1))
 
     def reward(self, achieved: Array, desired: Array) -> Array:
         """The mean over the pairs of how close they are, and how closely they click together."""
         distance = np.abs(achieved - desired)
-        clicked = shaped(distance - CLICK, CLICK_MARGIN, "gaussian")
+        clicked = fall_beyond(distance - CLICK, CLICK_MARGIN, "gaussian")
         if self.close_weight:
-            close = shaped(distance - CLOSE, CLOSE_MARGIN, "gaussian")
+            close = fall_beyond(distance - CLOSE, CLOSE_MARGIN, "gaussian")
             clicked = (self.close_weight * close + clicked) / (1.0 + self.close_weight)
         return np.asarray(clicked.mean(axis=-1))
 

@@ -7,14 +7,15 @@ from functools import partial
 import numpy as np
 
 from jacokin.arrays import Array
-from jacokin.mujoco_bridge import PropPlacer, workspaces
+from jacokin.mujoco_bridge import Brick, PropPlacer, workspaces
 from jacokin.mujoco_bridge.base import RandomState
 from jacokin.mujoco_bridge.control.queries import Asking
 from jacokin.mujoco_bridge.distributions import uniform_box
+from jacokin.mujoco_bridge.rewards import fall_beyond
 from jacokin.mujoco_bridge.workspaces import BoundingBox
 from jacokin.tasks import features
-from jacokin.tasks.features import Feature, View, length
-from jacokin.tasks.task import ANY_YAW, Task, brick, qpos_rows, shaped
+from jacokin.tasks.features import Feature, StateView, length
+from jacokin.tasks.task import ANY_YAW, BRICK, Task, position_in_qpos
 
 RADIUS = 0.05  # [m] of the target
 _TARGET = "target"
@@ -31,13 +32,13 @@ _CORNERS = {
 class _Reach(Task):
     """Bring the tool centre point to within 0.05 m of a target."""
 
-    def achieved(self, view: View, goal: Array) -> Array:
+    def achieved(self, view: StateView, goal: Array) -> Array:
         """Position of the tool centre point, (..., 3) [m]."""
         return self.tool(view)
 
     def reward(self, achieved: Array, desired: Array) -> Array:
         """1 within 0.05 m of the target, falling along a Gaussian that is 0.1 at 0.1 m."""
-        return shaped(length(achieved - desired) - RADIUS, RADIUS, "gaussian")
+        return fall_beyond(length(achieved - desired) - RADIUS, RADIUS, "gaussian")
 
     def success(self, achieved: Array, desired: Array) -> Array:
         """Whether the tool centre point is within 0.05 m of the target."""
@@ -62,7 +63,7 @@ class ReachSite(_Reach):
         self.physics.data.mocap_pos[0] = self._target(random_state=random_state)
         return np.empty(0)
 
-    def desired(self, view: View, goal: Array) -> Array:
+    def desired(self, view: StateView, goal: Array) -> Array:
         """Position of the site, (..., 3) [m]."""
         return view.mocap_pos[..., 0, :]
 
@@ -82,12 +83,12 @@ class ReachBrick(_Reach):
         super().__init__()
 
     def _add_props(self) -> None:
-        self.brick = brick()
+        self.brick = Brick(name=BRICK)
         self._add_free(self.brick)
         self._place_brick = PropPlacer([self.brick], uniform_box(*self._brick_box), ANY_YAW, settle_physics=True)
 
     def _features(self) -> tuple[list[Feature], list[Feature]]:
-        self._position = qpos_rows(self.physics, self.brick)[0]
+        self._position = position_in_qpos(self.physics, self.brick)
         return [], features.of_prop(self.physics, self.brick)
 
     def _initialize(self, random_state: RandomState) -> Asking[Array]:
@@ -95,7 +96,7 @@ class ReachBrick(_Reach):
         self._place_brick(self.physics, random_state)
         return np.empty(0)
 
-    def desired(self, view: View, goal: Array) -> Array:
+    def desired(self, view: StateView, goal: Array) -> Array:
         """Position of the brick, (..., 3) [m]."""
         return view.qpos[..., self._position]
 

@@ -20,7 +20,7 @@ from jacokin.model.angles import nearest_copy
 from jacokin.model.robot import Robot
 from jacokin.mujoco_bridge import Physics, robots
 from jacokin.mujoco_bridge.control.commands import GAIN
-from jacokin.tasks.features import View
+from jacokin.tasks.features import StateView
 from jacokin.tasks.task import CONTROL_TIMESTEP
 
 FRAME = "pinchsite"
@@ -50,7 +50,7 @@ class Control(Protocol):
     def start(self, physics: Physics) -> None:
         """Begin an episode."""
 
-    def velocities(self, view: View, action: Array) -> Array:
+    def velocities(self, view: StateView, action: Array) -> Array:
         """The velocities (9,) for a control step [rad/s], of a checked action, for a simulation as it is now."""
 
 
@@ -71,7 +71,7 @@ class JointVelocity:
     def start(self, physics: Physics) -> None:
         """Nothing to do."""
 
-    def velocities(self, view: View, action: Array) -> Array:
+    def velocities(self, view: StateView, action: Array) -> Array:
         """The action itself."""
         return action
 
@@ -104,7 +104,7 @@ class _ToolControl:
     def _within(self, q: Array) -> Array:
         return np.asarray(np.clip(q, self._robot.lower, self._robot.upper))
 
-    def _follow(self, view: View, speed: Array, fingers: Array) -> Array:
+    def _follow(self, view: StateView, speed: Array, fingers: Array) -> Array:
         """Velocities of all actuators, for the arm to be at the reference at the end of the control step."""
         assert self._gain is not None
         error = self._tracker.q - speed * CONTROL_TIMESTEP - view.qpos[: self._joints]
@@ -112,7 +112,7 @@ class _ToolControl:
         found += (view.qfrc_bias - view.qfrc_passive)[: len(found)] / self._gain
         return np.asarray(np.minimum(np.maximum(found, self._lower), self._upper))
 
-    def _keep_near(self, view: View) -> None:
+    def _keep_near(self, view: StateView) -> None:
         """Put the reference back to an arm that something has stopped."""
         q = view.qpos[: self._joints]
         if np.abs(self._tracker.q - q).max() > LEAD:
@@ -132,7 +132,7 @@ class ToolVelocity(_ToolControl):
         bound = np.array([SPEED] * 3 + [TURN] * 3 + [upper[-1]])
         self.bounds = -bound, bound
 
-    def velocities(self, view: View, action: Array) -> Array:
+    def velocities(self, view: StateView, action: Array) -> Array:
         """Move the reference along the twist, and follow it."""
         self._keep_near(view)
         twist = np.concatenate((self._R_base_world @ action[:3], self._R_base_world @ action[3:6]))
@@ -170,7 +170,7 @@ class ToolPose(_ToolControl):
         if is_zero.any():
             raise InvalidInputError(f"the quaternion of a pose must not be 0, got {quats[is_zero].tolist()[0]}")
 
-    def velocities(self, view: View, action: Array) -> Array:
+    def velocities(self, view: StateView, action: Array) -> Array:
         """Move the reference towards the pose, and follow it."""
         self._keep_near(view)
         quat = action[3:7] / np.linalg.norm(action[3:7])

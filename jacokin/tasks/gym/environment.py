@@ -23,12 +23,12 @@ from jacokin.tasks import registry
 from jacokin.tasks.episode import STEPS, Episode, Snapshot, bounded
 from jacokin.tasks.features import ids
 from jacokin.tasks.gym.controls import CONTROLS, Control
-from jacokin.tasks.gym.options import RENDER_MODES, Options
-from jacokin.tasks.gym.packing import Observation, Packing, with_picture
+from jacokin.tasks.gym.packing import EnvOptions, Observation, Packing, with_picture
 from jacokin.tasks.gym.window import Window, check_display
 from jacokin.tasks.randomization import Randomization, Variation, steps_of
 from jacokin.tasks.task import CONTROL_TIMESTEP, Task
 
+RENDER_MODES = ("rgb_array", "human", "depth_array")
 SIZE = 480  # rows and columns of rendered pictures [pixels]
 
 Info = dict[str, Any]
@@ -80,7 +80,7 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
             InvalidInputError: options that do not go together.
             PhysicsError: "human" without a display.
         """
-        self.options = Options(task, control, reward, goal, observations, flatten)
+        self.options = EnvOptions(task, control, reward, goal, observations, flatten)
         if not isinstance(randomization, Randomization | None):
             raise InvalidInputError(f"randomization must be a Randomization or None, got {checks.shown(randomization)}")
         self.randomization = randomization
@@ -311,7 +311,7 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Compile the scene and go on."""
-        options: Options = state["options"]
+        options: EnvOptions = state["options"]
         fields = {name: getattr(options, name) for name in options.__slots__}
         self.__init__(**fields, randomization=state["randomization"], **state["render"])  # type: ignore[misc]  # an object without state is made as usual
         self._np_random, self._np_random_seed = state["random"]

@@ -61,6 +61,6 @@ def register() -> None:
             gymnasium.register(
                 name,
                 entry_point="jacokin.tasks.gym.environment:make_environment",
-                vector_entry_point="jacokin.tasks.gym.vector:make_vector",
+                vector_entry_point="jacokin.tasks.gym.vector:VectorTaskEnv",
                 kwargs=_Kwargs(task=task),
             )
