@@ -87,7 +87,7 @@ class ArmDriver:
 
     def get(self, name: str, size: int) -> Array:
         """The newest value of an observation."""
-        return np.ravel(np.asarray(self._observation[name], dtype=np.float64))[-size:]
+        return self.whole(name)[-size:]
 
     def whole(self, name: str) -> Array:
         """All values of an observation whose size differs between tasks."""
@@ -131,8 +131,7 @@ class ArmDriver:
 
     def durations(self, q: Array, start: Array) -> Array:
         """How long (k,) the joints need from one configuration to others [s]."""
-        limit = self.robot.velocity_limit
-        return np.asarray(np.abs(q - start).max(axis=-1) if limit is None else (np.abs(q - start) / limit).max(axis=-1))
+        return np.asarray((np.abs(q - start) / self.robot.velocity_limit).max(axis=-1))
 
     def duration(self, *stops: Array) -> float:
         """How long the joints need from one configuration to the next [s]."""
@@ -156,7 +155,7 @@ class ArmDriver:
             speed: part of the joints' velocity limits to use.
         """
         error = nearest_copy(q, self.q, self.robot.unlimited) - self.q
-        limit = np.minimum(speed * np.asarray(self.robot.velocity_limit), np.sqrt(2.0 * SLOWING * np.abs(error)) + 1e-9)
+        limit = np.minimum(speed * self.robot.velocity_limit, np.sqrt(2.0 * SLOWING * np.abs(error)) + 1e-9)
         velocity = END_GAIN * error
         velocity /= max(1.0, float(np.abs(velocity / limit).max()))
         return self._action(velocity, fingers)

@@ -31,6 +31,7 @@ _HINT_POSITION = (0.2, 0.1, 0.0)  # [m]
 _HINT_QUATERNION = (-0.38268343, 0.0, 0.0, 0.92387953)  # wxyz, -135 deg about z
 _HALF_TURN = np.array((0.0, 0.0, 0.0, 1.0))  # about z, wxyz
 _COLORS = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (0.0, 1.0, 1.0), (1.0, 0.0, 1.0), (1.0, 1.0, 0.0))
+_BASE_POSITION = uniform_box(*BRICK_BOX)
 
 Indices = NDArray[np.intp]
 
@@ -49,21 +50,23 @@ class BrickTask(Task):
 
     tool_box = BoundingBox((-0.1, -0.1, 0.15), (0.1, 0.1, 0.4))
 
+    close_weight = 0.0
+
     def __init__(
-        self, count: int, height: int, *, is_base_fixed: bool, order_varies: bool, close_weight: float
+        self, count: int, height: int | None = None, *, is_base_fixed: bool = True, order_varies: bool = False
     ) -> None:
         """Compile the scene.
 
         Args:
-            count: number of bricks, at most 6.
-            height: number of bricks in the wanted stack.
+            count: number of bricks on the table, at most 6.
+            height: number of bricks in the wanted stack; None for all.
             is_base_fixed: whether the bottom brick of the stack stands still.
-            order_varies: whether the wanted order is drawn, and observed.
-            close_weight: see the class.
+            order_varies: whether orders are drawn, and the wanted one is observed.
         """
-        self.count, self.height, self.close_weight = count, height, close_weight
+        self.count, self.height = count, count if height is None else height
         self._is_base_fixed, self._order_varies = is_base_fixed, order_varies
-        self.goal_size = height + count
+        self.goal_size = self.height + count
+        self._placers: dict[int, PropPlacer] = {}
         super().__init__()
 
     def _add_props(self) -> None:
@@ -183,30 +186,10 @@ class BrickTask(Task):
         return np.asarray((np.abs(achieved - desired) <= CLICK).all(axis=-1))
 
 
-_CLOSE_WEIGHT = 0.1
-
-
 class Stack(BrickTask):
     """Stack bricks on one another."""
 
-    def __init__(
-        self, count: int, height: int | None = None, *, is_base_fixed: bool = True, order_varies: bool = False
-    ) -> None:
-        """Compile the scene.
-
-        Args:
-            count: number of bricks on the table.
-            height: number of bricks in the wanted stack; None for all.
-            is_base_fixed: whether the bottom brick of the stack stands still.
-            order_varies: whether the wanted order is drawn, and observed.
-        """
-        super().__init__(
-            count,
-            count if height is None else height,
-            is_base_fixed=is_base_fixed,
-            order_varies=order_varies,
-            close_weight=_CLOSE_WEIGHT,
-        )
+    close_weight = 0.1
 
     def _initialize(self, random_state: RandomState) -> Asking[Array]:
         order = np.arange(self.height)
@@ -224,22 +207,9 @@ class Stack(BrickTask):
         self._show_hints(order, random_state)
         return goal
 
-    def _add_props(self) -> None:
-        super()._add_props()
-        self._placers: dict[int, PropPlacer] = {}
-
 
 class Reassemble(BrickTask):
     """Take a stack apart and build another on its bottom brick: in reverse order, or in one that is drawn."""
-
-    def __init__(self, count: int, *, order_varies: bool = False) -> None:
-        """Compile the scene.
-
-        Args:
-            count: number of bricks.
-            order_varies: whether the orders of both stacks are drawn, and the wanted one is observed.
-        """
-        super().__init__(count, count, is_base_fixed=True, order_varies=order_varies, close_weight=0.0)
 
     def _usual_order(self) -> Indices:
         return _rebuilt(np.arange(self.count))
@@ -252,16 +222,12 @@ class Reassemble(BrickTask):
         if self._order_varies:
             random_state.shuffle(wanted[1:])
         goal, slots = self._goal(wanted, int(initial[0]))
-        position = np.asarray(self._base_position(random_state=random_state))
+        position = np.asarray(_BASE_POSITION(random_state=random_state))
         quat_wxyz = np.asarray(ANY_YAW(random_state=random_state))
         self._build_stack([self.bricks[slots[k]] for k in initial], position, quat_wxyz, random_state)
         self._show_hints(wanted, random_state)
         yield from self._place_robot(random_state)
         return goal
-
-    def _add_props(self) -> None:
-        super()._add_props()
-        self._base_position = uniform_box(*BRICK_BOX)
 
 
 def _rebuilt(order: Indices) -> Indices:
