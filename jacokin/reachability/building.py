@@ -15,7 +15,6 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import orjson
 import pinocchio as pin
@@ -30,18 +29,13 @@ from jacokin.ik.solver import IKSolver
 from jacokin.model import checks
 from jacokin.model.poses import FreeAxis
 from jacokin.model.robot import Robot
+from jacokin.model.scene import Scene
 from jacokin.reachability.bound import bound_of
 from jacokin.reachability.chunk import MapJob, make
-from jacokin.reachability.loading import MANIFEST, load
+from jacokin.reachability.folder import MANIFEST, load, recipe_of
 from jacokin.reachability.map import ReachabilityMap
-from jacokin.reachability.orientations import NO_SYMMETRIES as NO_SYMMETRIES
-from jacokin.reachability.orientations import Orientations, checked_orientations
-from jacokin.reachability.orientations import symmetries_of as symmetries_of
-from jacokin.reachability.recipe import recipe_of
+from jacokin.reachability.orientations import NO_SYMMETRIES, Orientations, checked_orientations, symmetries_of
 from jacokin.reachability.samples import Grid, Samples
-
-if TYPE_CHECKING:
-    from jacokin.model.scene import Scene
 
 SPACING = 0.05  # [m] of the grid where none is given
 COUNT = 200  # of orientations where none are given
@@ -81,7 +75,7 @@ def build(
         collision: "reject" counts only configurations that touch neither the arm itself nor the scene: some hundred
             times slower, and without symmetry.
         scene: obstacles; needs collision="reject".
-        use_symmetry: use that the first and the last joint turn freely, where they do; see `symmetries`.
+        use_symmetry: use that the first and the last joint turn freely, where they do; see `Symmetries`.
 
     Returns:
         The map; None while chunks of other shards are missing.

@@ -1,4 +1,4 @@
-"""Sets of orientations: evenly spread ones, tools that point down, and such that may turn about an axis.
+"""`Orientations` of the tool, sets that are spread evenly, point down or may turn about an axis, and `Symmetries`.
 
 Sources: super-Fibonacci spirals for rotations (Alexa, Super-Fibonacci Spirals: Fast, Low-Discrepancy Sampling of SO(3),
 CVPR 2022); the spherical Fibonacci lattice for directions (Gonzalez, Measurement of Areas on a Sphere Using Fibonacci
@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
@@ -21,55 +22,13 @@ from jacokin.ik.solver import IKSolver
 from jacokin.model import checks
 from jacokin.model.poses import DOWN_QUAT_WXYZ, FreeAxis, quat_wxyz
 
-TOLERANCE = 1e-9  # [m] and [rad] that an axis may be off: a thousandth of the tolerance of a solution
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Symmetries:
-    """What does not matter.
-
-    Attributes:
-        turns: whether poses may be turned about the z axis of the base.
-        tool_axis: (3,) axis of the tool about which poses may be turned, a unit vector in its frame; None if none.
-    """
-
-    turns: bool
-    tool_axis: Array | None
-
-
-NO_SYMMETRIES = Symmetries(turns=False, tool_axis=None)
-
-
-def symmetries_of(solver: IKSolver) -> Symmetries:
-    """The symmetries of an arm, frame and tool, without obstacles and self-contact."""
-    robot = solver.robot
-    pose = robot.forward_kinematics(robot.home, solver.frame)
-    jacobian = robot.jacobian(robot.home, solver.frame)
-    position, rotation = pose.translation, pose.rotation
-    velocity, angular = jacobian[:3].copy(), jacobian[3:]
-    if solver.tool is not None:
-        arm = rotation @ solver.tool.translation
-        position = position + arm
-        velocity += np.cross(angular.T, arm).T
-        rotation = rotation @ solver.tool.rotation
-    # A joint whose axis passes through a point moves it by the cross product of the axis with the way to the tool.
-    about_z = np.cross(angular[:, 0], position)[:2]
-    turns = bool(
-        robot.unlimited[0]
-        and np.abs(angular[:2, 0]).max() < TOLERANCE
-        and np.abs(velocity[:2, 0] - about_z).max() < TOLERANCE
-        and np.abs(velocity[2, 0]) < TOLERANCE
-    )
-    rolls = bool(robot.unlimited[-1] and not robot.sliding[-1] and np.abs(velocity[:, -1]).max() < TOLERANCE)
-    return Symmetries(turns, np.asarray(rotation.T @ angular[:, -1]) if rolls else None)
-
-
 GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))  # [rad]
 PHI = math.sqrt(2.0)  # the constants of Alexa, section 3: psi solves psi^4 = psi + 4
 PSI = 1.533751168755204288118041413
 MOST = 100_000
 FULL = (-math.pi, math.pi)  # [rad]
 SAME_AXIS = 1e-9  # sine; as exact as symmetries are
+TOLERANCE = 1e-9  # [m] and [rad] that an axis may be off: a thousandth of the tolerance of a solution
 
 
 class Orientations:
@@ -191,11 +150,57 @@ class Orientations:
         quats = np.stack([c * w - s * z, c * x - s * y, c * y + s * x, c * z + s * w], axis=1)
         return cls(quats, f"tool down, {yaws} yaws")
 
+    def free_axis(self, index: int, pose: pin.SE3 | ArrayLike) -> FreeAxis:
+        """A pose with one of these orientations as a target that may turn about the axis of that; there are axes."""
+        assert self.axes is not None
+        assert self.ranges is not None
+        return FreeAxis(pose, axis=self.axes[index], range=self.ranges[index])
+
     def without_roll(self, axis: ArrayLike) -> Orientations:
         """One of those that turn `axis` of the tool into the same direction."""
         directions = self.rotations @ _unit(axis)
         _, first = np.unique(np.round(directions, 9), axis=0, return_index=True)
         return Orientations(self.quats_wxyz[np.sort(first)], self.name)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Symmetries:
+    """What does not matter.
+
+    Attributes:
+        turns: whether poses may be turned about the z axis of the base.
+        tool_axis: (3,) axis of the tool about which poses may be turned, a unit vector in its frame; None if none.
+    """
+
+    turns: bool
+    tool_axis: Array | None
+
+
+NO_SYMMETRIES = Symmetries(turns=False, tool_axis=None)
+
+
+def symmetries_of(solver: IKSolver) -> Symmetries:
+    """The symmetries of an arm, frame and tool, without obstacles and self-contact."""
+    robot = solver.robot
+    pose = robot.forward_kinematics(robot.home, solver.frame)
+    jacobian = robot.jacobian(robot.home, solver.frame)
+    position, rotation = pose.translation, pose.rotation
+    velocity, angular = jacobian[:3].copy(), jacobian[3:]
+    if solver.tool is not None:
+        arm = rotation @ solver.tool.translation
+        position = position + arm
+        velocity += np.cross(angular.T, arm).T
+        rotation = rotation @ solver.tool.rotation
+    # A joint whose axis passes through a point moves it by the cross product of the axis with the way to the tool.
+    about_z = np.cross(angular[:, 0], position)[:2]
+    turns = bool(
+        robot.unlimited[0]
+        and np.abs(angular[:2, 0]).max() < TOLERANCE
+        and np.abs(velocity[:2, 0] - about_z).max() < TOLERANCE
+        and np.abs(velocity[2, 0]) < TOLERANCE
+    )
+    rolls = bool(robot.unlimited[-1] and not robot.sliding[-1] and np.abs(velocity[:, -1]).max() < TOLERANCE)
+    return Symmetries(turns, np.asarray(rotation.T @ angular[:, -1]) if rolls else None)
 
 
 def turning(axis: Array, directions: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Which poses a map is made of, and which of them stands for a given one.
+"""`Grid` and `Samples`: which poses a map is made of, and which of them stands for a given one.
 
 A sample is a position and an orientation. Where joint 1 turns freely, positions are (r, 0, z), and a pose anywhere is
 first turned about the z axis of the base into the half plane y = 0, x >= 0. Where the last joint rolls the tool freely,
@@ -21,6 +21,8 @@ from jacokin.model.robot import Robot
 from jacokin.reachability.orientations import Orientations, Symmetries
 
 MOST_CELLS = 10**9  # one number for each is 8 GB
+NOWHERE = -1  # the cell of a position outside the grid
+_AT_ONCE = 4096  # poses whose nearest orientation is looked for in one product
 _ROUNDING = 1e-9  # of a cell, by which an edge may miss the box
 
 
@@ -97,10 +99,6 @@ class Grid:
     def centres(self) -> Array:
         """(nx, ny, nz, 3) centres of the cells [m]."""
         return np.stack(np.meshgrid(*(self.axis(index) for index in range(3)), indexing="ij"), axis=-1)
-
-
-NOWHERE = -1  # the cell of a position outside the grid
-_AT_ONCE = 4096  # poses whose nearest orientation is looked for in one product
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,3 +199,8 @@ def turned(rotations: Array, angles: Array) -> Array:
     turn = np.zeros((len(angles), 3, 3))
     turn[:, 0, 0], turn[:, 0, 1], turn[:, 1, 0], turn[:, 1, 1], turn[:, 2, 2] = c, -s, s, c, 1.0
     return np.asarray(turn @ rotations)
+
+
+def turn_about_z(angle: float) -> Array:
+    """The rotation (3, 3) by an angle [rad] about the z axis."""
+    return np.asarray(turned(np.eye(3)[None], np.array([angle]))[0])

@@ -14,7 +14,7 @@ from jacokin import FreeAxis, IKSolver, Robot
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.reachability import Grid, Orientations, ReachabilityMap, build, load
-from jacokin.reachability.samples import turned
+from jacokin.reachability.samples import turn_about_z
 
 SCANNED = 1500
 GRID = Grid([-0.9, -0.9, -0.3], [0.9, 0.9, 1.2], 0.3)
@@ -42,7 +42,7 @@ def targets_of(reach: ReachabilityMap, rng: np.random.Generator, count: int) -> 
     for _ in range(count):
         cell, index = int(rng.integers(samples.positions)), int(rng.integers(len(sets)))
         angle = rng.uniform(-np.pi, np.pi) if samples.symmetries.turns else 0.0
-        turn = turned(np.eye(3)[None], np.array([angle]))[0]
+        turn = turn_about_z(angle)
         pose = pin.SE3(turn @ sets.rotations[index], turn @ samples.position(np.array([cell]))[0])
         target = FreeAxis(pose, axis=sets.axes[index], range=sets.ranges[index])
         found.append((target, int(reach.counts[cell, index]), float(reach.margins[cell, index])))

@@ -127,7 +127,7 @@ def test_the_nearest_reachable_pose_is_reached_and_near(
 def test_shards_together_are_the_map_and_a_damaged_chunk_is_made_again(
     robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("jacokin.reachability.recipe.POSES_IN_A_CHUNK", 200)
+    monkeypatch.setattr("jacokin.reachability.folder.POSES_IN_A_CHUNK", 200)
     grid = Grid([0.0, -0.4, 0.0], [0.8, 0.4, 0.8], 0.2)
 
     def part(folder: str, shard: str | None = None) -> ReachabilityMap | None:
