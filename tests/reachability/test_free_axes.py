@@ -56,7 +56,7 @@ def scan(solver: IKSolver, target: FreeAxis) -> tuple[NDArray[np.int64], Array]:
     return rows.branches_within_limits, rows.largest_margin
 
 
-@pytest.mark.parametrize("symmetry", [True, False])
+@pytest.mark.parametrize("symmetry", [True, pytest.param(False, marks=pytest.mark.slow)])
 def test_a_cell_is_reached_when_any_member_is(
     robot: Robot, tmp_path: Path, rng: np.random.Generator, symmetry: bool
 ) -> None:
