@@ -2,7 +2,7 @@
 
 Every orientation of a set is tried at every position of a grid, with the closed form, which gives all configurations
 and needs no seed: what a map calls unreachable is unreachable. The work is cut into chunks that are kept in a folder
-with the recipe of the map; a build that is killed continues from there, and several can share the work.
+with the recipe of the map; a build that was killed continues from there, and several processes can share the work.
 
 The folder is plain: `recipe.json`, the chunks as NPZ files `000000-<hash>.npz`, and, once complete, `manifest.json`
 with the SHA-256 of each.
@@ -30,11 +30,11 @@ from jacokin.model import checks
 from jacokin.model.poses import FreeAxis
 from jacokin.model.robot import Robot
 from jacokin.model.scene import Scene
-from jacokin.reachability.bound import bound_of
+from jacokin.reachability.bound import derive_bound
 from jacokin.reachability.chunk import MapJob, make
-from jacokin.reachability.folder import MANIFEST, load, recipe_of
+from jacokin.reachability.folder import MANIFEST, load, make_recipe
 from jacokin.reachability.map import ReachabilityMap
-from jacokin.reachability.orientations import NO_SYMMETRIES, Orientations, checked_orientations, symmetries_of
+from jacokin.reachability.orientations import NO_SYMMETRIES, Orientations, checked_orientations, find_symmetries
 from jacokin.reachability.samples import Grid, Samples
 
 SPACING = 0.05  # [m] of the grid where none is given
@@ -100,12 +100,12 @@ def build(
     solver = IKSolver(robot, frame, tool=tool, method="closed_form", collision=collision, scene=scene, warm=None)
     if not solver.has_families:
         solver.closed_form()
-    found = symmetries_of(solver) if use_symmetry and collision == "ignore" else NO_SYMMETRIES
+    found = find_symmetries(solver) if use_symmetry and collision == "ignore" else NO_SYMMETRIES
     chosen, found = checked_orientations(orientations, found)
     if chosen.axes is not None and solver.has_families:
         raise InvalidInputError("orientations that may turn about an axis are for six joints: seven turn by themselves")
     samples = Samples(Grid.around(robot, SPACING) if grid is None else grid, chosen, found)
-    recipe = recipe_of(solver, samples)
+    recipe = make_recipe(solver, samples)
     size = recipe["chunks"]["positions"]  # type: ignore[index]  # a dictionary, written above
     starts = range(0, samples.positions, size)
     chunks = ChunkFolder(Path(folder), recipe, len(starts), ".npz")
@@ -131,7 +131,7 @@ def build(
             "sha256": hashes,
             "recipe": file_digest(chunks.path / RECIPE),
             "symmetries": recipe["symmetries"],
-            "bound": bound_of(samples, solver),
+            "bound": derive_bound(samples, solver),
         }
         written.write_bytes(orjson.dumps(document, option=orjson.OPT_INDENT_2))
     chunks.remove_unfinished()

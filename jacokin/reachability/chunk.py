@@ -1,4 +1,4 @@
-"""One chunk of a map: every orientation at some positions, in whatever process."""
+"""One chunk of a map, `MapJob`: every orientation at some positions, and how many configurations reach each."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def one_by_one(solver: IKSolver, free: bool) -> bool:
     return free or solver.has_families or solver.verifier.rejects_contact
 
 
-def reached(solver: IKSolver, targets: Array, orientations: Orientations | None = None) -> Answers:
+def count_reaching(solver: IKSolver, targets: Array, orientations: Orientations | None = None) -> Answers:
     """How many configurations reach each of n poses (n, 4, 4), and the largest limit margin among them [rad].
 
     Where a pose has a family of configurations, because the arm has seven joints or the tool may turn about an axis,
@@ -132,7 +132,7 @@ def make(job: MapJob) -> str | bytes:
     targets = job.samples.targets(np.arange(job.first, job.stop))
     shape = targets.shape[:2]
     solver = unpickled_solver(job.solver)
-    branches, margin = reached(solver, targets.reshape(-1, 4, 4), job.samples.orientations)
+    branches, margin = count_reaching(solver, targets.reshape(-1, 4, 4), job.samples.orientations)
     stream = io.BytesIO()
     np.savez_compressed(
         stream, branches=branches.reshape(shape), margin=margin.astype(np.float16).reshape(shape), allow_pickle=False

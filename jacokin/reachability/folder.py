@@ -24,7 +24,7 @@ from jacokin.model.descriptions.bundled import DEFAULT_ROBOT
 from jacokin.model.robot import Robot, checked_robot, fingerprint
 from jacokin.model.scene import Scene, checked_scene
 from jacokin.reachability.chunk import one_by_one
-from jacokin.reachability.map import ReachabilityMap, same_robot
+from jacokin.reachability.map import ReachabilityMap, check_same_robot
 from jacokin.reachability.orientations import Orientations, Symmetries
 from jacokin.reachability.samples import Grid, Samples
 
@@ -63,7 +63,7 @@ def load(folder: str | Path, *, robot: Robot | None = None, scene: Scene | None 
     if not isinstance(manifest.get("sha256"), dict):
         raise InvalidInputError(f"{path / MANIFEST}: does not list the chunks; build again to mend it")
     if robot is not None:
-        same_robot(path, recipe, checked_robot("robot", robot))
+        check_same_robot(path, recipe, checked_robot("robot", robot))
     samples = _samples_of(recipe, str(path))
     if scene is not None and digest(pickle.dumps(checked_scene("scene", scene))) != recipe["scene"]:
         raise InvalidInputError(f"{path}: is a map with other obstacles than this scene, or without any")
@@ -126,7 +126,7 @@ def _chunk(path: Path, wanted: str) -> dict[str, NDArray[np.generic]]:
         return {name: file[name] for name in ("branches", "margin")}
 
 
-def recipe_of(solver: IKSolver, samples: Samples) -> dict[str, object]:
+def make_recipe(solver: IKSolver, samples: Samples) -> dict[str, object]:
     """The recipe of a map."""
     grid, symmetries, tool, options = samples.grid, samples.symmetries, solver.tool, solver.verifier.options
     source = solver.robot.source

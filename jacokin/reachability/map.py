@@ -1,4 +1,4 @@
-"""Maps that were built: what fraction of orientations is reached where, and what is near."""
+"""`ReachabilityMap`: what fraction of orientations is reached where, and the nearest pose that is reached."""
 
 from __future__ import annotations
 
@@ -81,14 +81,14 @@ class ReachabilityMap:
         """The robot.
 
         Raises:
-            InvalidInputError: it is not a bundled one as it is, and the map was loaded without it.
+            InvalidInputError: it is not a bundled robot without changes, and the map was loaded without it.
         """
         if self._robot is None:
             name = self.recipe["robot"]["bundled"]
             if name is None:
                 raise InvalidInputError(f"{self.folder}: load the map with robot=, it is not a bundled one")
             try:
-                self._robot = same_robot(self.folder, self.recipe, load_robot(name))
+                self._robot = check_same_robot(self.folder, self.recipe, load_robot(name))
             except InvalidInputError as error:
                 raise InvalidInputError(f"{error}: load the map with robot=, as it was built") from error
         return self._robot
@@ -228,8 +228,8 @@ def checked_poses(targets: ArrayLike) -> Array:
     return matrices
 
 
-def same_robot(path: Path, recipe: dict[str, Any], robot: Robot) -> Robot:  # Any: JSON
-    """A robot that is the one of a recipe.
+def check_same_robot(path: Path, recipe: dict[str, Any], robot: Robot) -> Robot:  # Any: JSON
+    """Check that a robot is the one of a recipe.
 
     Raises:
         InvalidInputError: it is another one.

@@ -135,7 +135,7 @@ class Orientations:
         z = 1.0 - (2.0 * number + 1.0) / count
         radius, angle = np.sqrt(1.0 - z * z), number * GOLDEN_ANGLE
         return cls(
-            turning(_unit(axis), np.stack([radius * np.cos(angle), radius * np.sin(angle), z], axis=1)),
+            shortest_turns(_unit(axis), np.stack([radius * np.cos(angle), radius * np.sin(angle), z], axis=1)),
             f"{count} directions, spherical Fibonacci{', any roll' if free_roll else ''}",
             axes=np.tile(_unit(axis), (len(number), 1)) if free_roll else None,
         )
@@ -179,7 +179,7 @@ class Symmetries:
 NO_SYMMETRIES = Symmetries(turns=False, tool_axis=None)
 
 
-def symmetries_of(solver: IKSolver) -> Symmetries:
+def find_symmetries(solver: IKSolver) -> Symmetries:
     """The symmetries of an arm, frame and tool, without obstacles and self-contact."""
     robot = solver.robot
     pose = robot.forward_kinematics(robot.home, solver.frame)
@@ -203,7 +203,7 @@ def symmetries_of(solver: IKSolver) -> Symmetries:
     return Symmetries(turns, np.asarray(rotation.T @ angular[:, -1]) if rolls else None)
 
 
-def turning(axis: Array, directions: Array) -> Array:
+def shortest_turns(axis: Array, directions: Array) -> Array:
     """Quaternions (m, 4) of the smallest rotations from a unit vector to others (m, 3)."""
     quats = np.concatenate([1.0 + directions @ axis[:, None], np.cross(axis, directions)], axis=1)
     opposite = quats[:, 0] < 1e-12

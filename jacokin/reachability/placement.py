@@ -17,9 +17,9 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.ik.results import Frozen
 from jacokin.model import checks
-from jacokin.reachability.chunk import one_by_one, reached
+from jacokin.reachability.chunk import count_reaching, one_by_one
 from jacokin.reachability.map import ReachabilityMap, checked_poses
-from jacokin.reachability.samples import NOWHERE, Grid, turn_about_z, turned
+from jacokin.reachability.samples import NOWHERE, Grid, turn_about_base, turn_about_z
 
 STARTS = 12  # places from the grid that are checked and moved
 SLOW_STARTS = 3  # where each target takes milliseconds
@@ -150,7 +150,7 @@ def _orientation_table(map: ReachabilityMap, rotations: Array) -> NDArray[np.int
     if not map.samples.symmetries.turns:
         return map.samples.nearest(rotations)[:, None]
     angles = 2.0 * np.pi * np.arange(TURNS) / TURNS
-    columns = [map.samples.nearest(turned(rotations, np.full(len(rotations), -angle))) for angle in angles]
+    columns = [map.samples.nearest(turn_about_base(rotations, np.full(len(rotations), -angle))) for angle in angles]
     return np.stack(columns, axis=1)
 
 
@@ -228,7 +228,7 @@ class _Search:
     def _measure(self, places: Array, yaw: float) -> tuple[list[tuple[int, float]], NDArray[np.bool_]]:
         """Targets reached and smallest margin of each place; and which targets."""
         seen = np.concatenate([_targets_in_base(self.targets, place, yaw) for place in places])
-        counts, margins = reached(self.map.solver, np.ascontiguousarray(seen))
+        counts, margins = count_reaching(self.map.solver, np.ascontiguousarray(seen))
         hits = (counts > 0).reshape(len(places), len(self.targets))
         smallest = np.where(hits, margins.reshape(hits.shape), np.inf).min(axis=1)
         return list(zip(hits.sum(axis=1).tolist(), smallest.tolist(), strict=True)), hits

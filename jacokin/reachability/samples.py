@@ -162,11 +162,11 @@ class Samples:
     def orientation_of(self, rotations: Array, positions: Array) -> NDArray[np.int_]:
         """(n,) the nearest orientation for poses with these rotations (n, 3, 3) and positions (n, 3)."""
         if self.symmetries.turns:
-            rotations = turned(rotations, -np.arctan2(positions[:, 1], positions[:, 0]))
+            rotations = turn_about_base(rotations, -np.arctan2(positions[:, 1], positions[:, 0]))
         return self.nearest(rotations)
 
     def nearest(self, rotations: Array) -> NDArray[np.int_]:
-        """(n,) the nearest orientation of each rotation (n, 3, 3), as it is."""
+        """(n,) the nearest orientation of each rotation (n, 3, 3), which is not turned before."""
         found = np.empty(len(rotations), dtype=np.int_)
         for first in range(0, len(rotations), _AT_ONCE):
             some = slice(first, first + _AT_ONCE)
@@ -193,8 +193,8 @@ class Samples:
         return np.asarray((traces - 1.0) / 2.0)
 
 
-def turned(rotations: Array, angles: Array) -> Array:
-    """Rotations (n, 3, 3) turned by angles (n,) [rad] about the z axis of the base."""
+def turn_about_base(rotations: Array, angles: Array) -> Array:
+    """Turn rotations (n, 3, 3) by angles (n,) [rad] about the z axis of the base."""
     c, s = np.cos(angles), np.sin(angles)
     turn = np.zeros((len(angles), 3, 3))
     turn[:, 0, 0], turn[:, 0, 1], turn[:, 1, 0], turn[:, 1, 1], turn[:, 2, 2] = c, -s, s, c, 1.0
@@ -203,4 +203,4 @@ def turned(rotations: Array, angles: Array) -> Array:
 
 def turn_about_z(angle: float) -> Array:
     """The rotation (3, 3) by an angle [rad] about the z axis."""
-    return np.asarray(turned(np.eye(3)[None], np.array([angle]))[0])
+    return np.asarray(turn_about_base(np.eye(3)[None], np.array([angle]))[0])

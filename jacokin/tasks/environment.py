@@ -1,4 +1,4 @@
-"""Tasks as environments of dm_env, with the names, observations, actions and rewards of dm_control's manipulation."""
+"""`Environment`: a task for dm_env, with the names, observations, actions and rewards of dm_control's manipulation."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from jacokin.mujoco_bridge import Physics
 from jacokin.mujoco_bridge.base import RandomState
 from jacokin.mujoco_bridge.control import queries
 from jacokin.tasks import registry
-from jacokin.tasks.episode import PICTURE, STEPS, Episode, Snapshot, bounded
+from jacokin.tasks.episode import PICTURE, STEPS, Episode, Snapshot, clip_action
 from jacokin.tasks.task import CAMERA, CONTROL_TIMESTEP, Task
 
 try:
@@ -76,7 +76,7 @@ class Environment(dm_env.Environment):  # type: ignore[misc]  # dm_env has no ty
         Raises:
             EpisodeInitializationError: no initial state was found.
         """
-        queries.run(self._episode.starting(self._random_state))
+        queries.run(self._episode.start(self._random_state))
         return dm_env.restart(self._observation())
 
     def step(self, action: object) -> dm_env.TimeStep:
@@ -92,7 +92,7 @@ class Environment(dm_env.Environment):  # type: ignore[misc]  # dm_env has no ty
         episode = self._episode
         if episode.steps is None or episode.steps >= STEPS:
             return self.reset()
-        episode.advance(bounded(action, episode.lower, episode.upper))
+        episode.advance(clip_action(action, episode.lower, episode.upper))
         task, view, goal = episode.task, episode.view, episode.goal
         reward = float(task.reward(task.achieved(view, goal), task.desired(view, goal)))
         kind = dm_env.StepType.LAST if episode.steps >= STEPS else dm_env.StepType.MID

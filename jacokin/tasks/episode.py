@@ -1,4 +1,4 @@
-"""One simulation of a task, from reset to reset: what the environments for dm_env and Gymnasium have in common."""
+"""`Episode`: one simulation of a task, from reset to reset, for the environments of dm_env and Gymnasium alike."""
 
 from __future__ import annotations
 
@@ -70,14 +70,14 @@ class Episode:
         _ = self.physics.data  # computes what is due
         return self._view
 
-    def starting(self, random_state: RandomState) -> Asking[None]:
-        """Draw an initial state; whoever runs this answers the queries, see `Task.starting`.
+    def start(self, random_state: RandomState) -> Asking[None]:
+        """Draw an initial state; the caller answers the queries, see `Task.start`.
 
         Raises:
             EpisodeInitializationError: none was found; a reset is due.
         """
         self.steps = None
-        self.goal = yield from self.task.starting(random_state)
+        self.goal = yield from self.task.start(random_state)
         self.steps = 0
 
     def advance(self, action: Array) -> None:
@@ -149,7 +149,7 @@ class Episode:
         self._renderers.close()
 
 
-def bounded(action: object, lower: Array, upper: Array) -> Array:
+def clip_action(action: object, lower: Array, upper: Array) -> Array:
     """An action within its bounds, as a new array; values beyond them are put on them.
 
     Args:

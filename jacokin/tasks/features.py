@@ -1,4 +1,4 @@
-"""What an agent observes: the arm, the hand, and the things it handles.
+"""`Feature`, something that an agent observes of the arm, the hand or a thing that it handles.
 
 Names, shapes and order are those of dm_control's manipulation tasks.
 """
@@ -61,7 +61,7 @@ class StateView:
         return StateView(*(getattr(self, name)[index] for name in self.__slots__))
 
 
-def rows(indices: NDArray[np.intp]) -> Rows:
+def as_slice(indices: NDArray[np.intp]) -> Rows:
     """The same indices as a slice if they are consecutive, which reads faster."""
     first = int(indices[0])
     consecutive = np.array_equal(indices, np.arange(first, first + len(indices)))
@@ -78,7 +78,7 @@ def length(vectors: Array) -> Array:
     return np.asarray(np.sqrt(np.vecdot(vectors, vectors)))
 
 
-def picked(array: Array, indices: NDArray[np.intp]) -> Array:
+def take_rows(array: Array, indices: NDArray[np.intp]) -> Array:
     """Rows of (..., m, 3) by indices (..., k): the same for every simulation, or different ones."""
     if array.ndim == 2 or indices.ndim == 1:
         return np.asarray(array[..., indices, :])
@@ -102,7 +102,7 @@ class Feature:
     is_proprioceptive: bool = False
 
 
-def of_robot(physics: Physics, arm: JacoArm, hand: JacoHand) -> list[Feature]:
+def robot_features(physics: Physics, arm: JacoArm, hand: JacoHand) -> list[Feature]:
     """The observations of the arm and the hand.
 
     Args:
@@ -112,11 +112,11 @@ def of_robot(physics: Physics, arm: JacoArm, hand: JacoHand) -> list[Feature]:
     """
     model = physics.model
     arm_ids, hand_ids = (ids(physics, each.joints) for each in (arm, hand))
-    q, v = rows(model.jnt_qposadr[arm_ids]), rows(model.jnt_dofadr[arm_ids])
-    finger_q, finger_v = rows(model.jnt_qposadr[hand_ids]), rows(model.jnt_dofadr[hand_ids])
+    q, v = as_slice(model.jnt_qposadr[arm_ids]), as_slice(model.jnt_dofadr[arm_ids])
+    finger_q, finger_v = as_slice(model.jnt_qposadr[hand_ids]), as_slice(model.jnt_dofadr[hand_ids])
     axis = model.jnt_axis[arm_ids].copy()
     sensors = ids(physics, arm.joint_torque_sensors)
-    torque = rows(_readings(physics, sensors, 3).ravel())
+    torque = as_slice(_readings(physics, sensors, 3).ravel())
     site = int(ids(physics, hand.tool_center_point)[0])
     joints, fingers = len(arm_ids), len(hand_ids)
 
@@ -136,17 +136,17 @@ def of_robot(physics: Physics, arm: JacoArm, hand: JacoHand) -> list[Feature]:
     ]
 
 
-def of_prop(physics: Physics, prop: FreeProp) -> list[Feature]:
+def prop_features(physics: Physics, prop: FreeProp) -> list[Feature]:
     """The observations of a prop: pose and velocity in the world."""
     found = []
     for name in PROP_SENSORS:
         sensor = ids(physics, prop.sensors[name])
         size = int(physics.model.sensor_dim[sensor[0]])
-        found.append(Feature(prop.prefix + name, (size,), _reading(rows(_readings(physics, sensor, size).ravel()))))
+        found.append(Feature(prop.prefix + name, (size,), _reading(as_slice(_readings(physics, sensor, size).ravel()))))
     return found
 
 
-def of_props_in_roles(
+def role_features(
     physics: Physics, props: Sequence[FreeProp], slot: Callable[[Array, int], NDArray[np.intp]]
 ) -> list[Feature]:
     """The observations of equal props that play one another's roles.

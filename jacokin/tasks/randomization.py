@@ -1,4 +1,4 @@
-"""What may differ between episodes beside the initial state: masses, friction, gains, delays, noise, lights, poses."""
+"""`Randomization`: masses, friction, gains, delays, noise, lights and poses that differ between episodes."""
 
 from __future__ import annotations
 
@@ -105,7 +105,8 @@ class Randomization:
             raise InvalidInputError(f"randomization must be a dict, as info has it, got {checks.shown(values)}")
         names = self.names
         found = {
-            checks.choice("randomized quantity", name, names): checked(name, value) for name, value in values.items()
+            checks.choice("randomized quantity", name, names): check_value(name, value)
+            for name, value in values.items()
         }
         missing = set(names) - set(found)
         if missing:
@@ -128,11 +129,11 @@ def _numbers_of(name: str, value: ArrayLike) -> dict[str, float]:
     if numbers.size != 1 and numbers.shape != (len(names),):
         raise InvalidInputError(f"{name} must be {expected}, got shape {numbers.shape}")
     each = np.broadcast_to(numbers.ravel(), len(names)).tolist()
-    return {key: checked(key, number) for key, number in zip(names, each, strict=True)}
+    return {key: check_value(key, number) for key, number in zip(names, each, strict=True)}
 
 
-def checked(name: str, value: object) -> float:
-    """A value that physics allows.
+def check_value(name: str, value: object) -> float:
+    """Check that physics allows a value.
 
     Raises:
         InvalidInputError: not a number, negative, or too large.
@@ -151,7 +152,7 @@ def checked(name: str, value: object) -> float:
     return number
 
 
-def steps_of(values: Mapping[str, float]) -> int:
+def latency_steps(values: Mapping[str, float]) -> int:
     """The latency in control steps."""
     return round(values.get("latency", 0.0) / CONTROL_TIMESTEP)
 

@@ -1,4 +1,4 @@
-"""The tasks by name.
+"""`TASKS`, the tasks by name, and `names` of their environments.
 
 A name of an environment is that of a task and what is observed: ``reach_site_features``, ``reach_site_vision``.
 """

@@ -1,4 +1,4 @@
-"""What every task consists of: a scene, initial states, observations, and a reward of what is achieved and desired."""
+"""`Task`: a scene, initial states, observations, and a reward of what is achieved and desired."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ _FLOOR_SHINE = 0.5  # MuJoCo's default
 
 
 class Task(abc.ABC):
-    """One task with its compiled scene, in which initial states are made; simulating is left to environments.
+    """One task with its compiled scene, in which initial states are made; environments simulate it.
 
     Read `families/reach` for an example.
 
@@ -74,7 +74,7 @@ class Task(abc.ABC):
         self._tool_placer = ToolCenterPointInitializer(
             self.hand, self.arm, uniform_box(*self.tool_box), branch="nearest_to_random"
         )
-        own = features.of_robot(self.physics, self.arm, self.hand)
+        own = features.robot_features(self.physics, self.arm, self.hand)
         before, after = self._features()
         self.features: tuple[Feature, ...] = (*before, *own, *after)
 
@@ -106,11 +106,11 @@ class Task(abc.ABC):
     def success(self, achieved: Array, desired: Array) -> Array:
         """Whether (...) the task is solved: all that its reward asks for is within its bounds."""
 
-    def starting(self, random_state: RandomState) -> Asking[Array]:
+    def start(self, random_state: RandomState) -> Asking[Array]:
         """Start an episode in `physics`: at rest, at time 0, controls 0.
 
-        Whoever runs this answers the queries of inverse kinematics: one by one, as `queries.run` does, or for many
-        episodes that start at once from one batched solve. Between a query and its answer, the state of `physics` may
+        The caller answers the queries of inverse kinematics: one by one, as `queries.run` does, or for many episodes
+        that start at once from one batched solve. Between a query and its answer, the state of `physics` may
         be another one.
 
         Args:

@@ -12,7 +12,7 @@ import jacokin
 from jacokin.arrays import Array
 from jacokin.reachability import Grid, Orientations, bundled
 from jacokin.reachability.orientations import NO_SYMMETRIES, Symmetries
-from jacokin.reachability.samples import NOWHERE, Samples, turned
+from jacokin.reachability.samples import NOWHERE, Samples, turn_about_base
 
 GRID = Grid([-0.3, -0.2, 0.0], [0.3, 0.4, 0.5], 0.1)
 COUNT = 300
@@ -51,7 +51,7 @@ def test_the_orientation_of_a_pose_is_the_nearest(symmetries: Symmetries, rng: n
     rotations, positions = random_rotations(rng, COUNT), rng.uniform(-0.5, 0.5, (COUNT, 3))
     seen = rotations
     if symmetries.turns:
-        seen = turned(rotations, -np.arctan2(positions[:, 1], positions[:, 0]))
+        seen = turn_about_base(rotations, -np.arctan2(positions[:, 1], positions[:, 0]))
     found = samples.orientation_of(rotations, positions)
     for rotation, index in zip(seen, found, strict=True):
         angles = [angle_between(rotation, each, symmetries.tool_axis) for each in samples.orientations.rotations]

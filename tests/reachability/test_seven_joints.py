@@ -10,7 +10,7 @@ import pytest
 
 from jacokin import IKSolver, Robot
 from jacokin.reachability import Grid, ReachabilityMap, build, place_base
-from jacokin.reachability.chunk import reached
+from jacokin.reachability.chunk import count_reaching
 from tests.reachability.poses import random_samples
 
 
@@ -36,7 +36,7 @@ def test_poses_of_configurations_are_reached_with_their_margin(
     count: int, seven: Robot, rng: np.random.Generator
 ) -> None:
     solver, rows = IKSolver(seven), seven.sample(rng, count)
-    counts, margins = reached(solver, np.array([seven.forward_kinematics(q).homogeneous for q in rows]))
+    counts, margins = count_reaching(solver, np.array([seven.forward_kinematics(q).homogeneous for q in rows]))
     own = np.minimum(rows - seven.lower, seven.upper - rows).min(axis=1)
     assert (counts > 0).all()
     assert (margins >= own - 1e-9).all()
@@ -68,7 +68,7 @@ def test_the_symmetries_give_what_the_full_grid_gives(
     reduced = build(seven, folder=tmp_path / "reduced", grid=grid, orientations=full.orientations)
     assert reduced is not None
     targets, counts = random_samples(reduced, rng, 7 * count)
-    again, _ = reached(full.solver, targets)
+    again, _ = count_reaching(full.solver, targets)
     np.testing.assert_array_equal(again > 0, counts > 0)
 
 

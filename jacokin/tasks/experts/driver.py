@@ -186,7 +186,7 @@ class ArmDriver:
         return FINGER_GAIN * (np.asarray(angle) - self.fingers)
 
     def stay(self, fingers: float) -> Script:
-        """Stay where the arm is now, for ever."""
+        """Stay where the arm is now, without end."""
         q = self.q.copy()
         while True:
             yield self.towards(q, fingers)
@@ -230,7 +230,7 @@ class ArmDriver:
                     if not around:
                         return
                     around = False
-                    yield from self.move(moved(self.pose, up(AROUND)), fingers, tolerance=0.02, settle=2)
+                    yield from self.move(shift(self.pose, up(AROUND)), fingers, tolerance=0.02, settle=2)
                 before = self.q.copy()
 
     def move(
@@ -266,7 +266,7 @@ class ArmDriver:
             waited = waited + 1 if rate < 0.1 else 0
             pace = min(rate, pace + CONTROL_TIMESTEP / max(ramp, CONTROL_TIMESTEP))
             part = min(1.0, part + pace * CONTROL_TIMESTEP / duration)
-            now = moved(start, part * way) * pin.SE3(pin.exp3(part * turn), np.zeros(3))
+            now = shift(start, part * way) * pin.SE3(pin.exp3(part * turn), np.zeros(3))
             yield self.along(now, self._squeeze_to(fingers))
         end = self.chain([pose], self.tracker.q, np.inf)
         for _ in range(settle):
@@ -286,8 +286,8 @@ def up(height: float) -> Array:
     return np.array((0.0, 0.0, height))
 
 
-def moved(pose: pin.SE3, way: Array) -> pin.SE3:
-    """A pose moved by a way in the world [m]."""
+def shift(pose: pin.SE3, way: Array) -> pin.SE3:
+    """Move a pose by a way in the world [m]."""
     return pin.SE3(pose.rotation, pose.translation + way)
 
 

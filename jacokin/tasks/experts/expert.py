@@ -10,13 +10,13 @@ import pinocchio as pin
 from jacokin.arrays import Array
 from jacokin.model import checks
 from jacokin.tasks.experts import grasps
-from jacokin.tasks.experts.driver import BRICK, CLOSE, OPEN, SQUEEZE, ArmDriver, Script, moved, up
-from jacokin.tasks.experts.grasps import pointing
+from jacokin.tasks.experts.driver import BRICK, CLOSE, OPEN, SQUEEZE, ArmDriver, Script, shift, up
+from jacokin.tasks.experts.grasps import point_down
 from jacokin.tasks.experts.place import place_brick, place_cradle
 from jacokin.tasks.experts.stack import stack
 from jacokin.tasks.registry import FEATURES, TASKS
 
-DOWN = pointing(np.array((0.0, 1.0, 0.0)))
+DOWN = point_down(np.array((0.0, 1.0, 0.0)))
 _ABOVE = 0.036  # [m] the middle of a brick: near enough, and the fingers do not push it away
 HEIGHT = 0.33  # [m] by which things are lifted
 BOX = "unnamed_model/"  # prefix of the observations of the large box
@@ -45,7 +45,7 @@ def lift_brick(arm: ArmDriver) -> Script:
             yield from arm.stay(0.0)
             return
         yield from grasps.take(arm, grasp)
-        yield from arm.move(moved(grasp.pose, up(HEIGHT)), SQUEEZE)
+        yield from arm.move(shift(grasp.pose, up(HEIGHT)), SQUEEZE)
         q = arm.q.copy()
         while grasps.holds(arm, arm.prop(BRICK)):
             yield arm.towards(q, CLOSE)
@@ -65,9 +65,9 @@ def lift_large_box(arm: ArmDriver) -> Script:
         across = np.array((-outwards[1], outwards[0], 0.0))
         edge = box.translation + (np.sqrt(2.0) * HALF_BOX - 0.03) * outwards
         for sign in (1.0, -1.0):
-            tool = pointing(sign * across)
+            tool = point_down(sign * across)
             at = pin.SE3(tool, edge + up(HALF_BOX + AROUND_BOX) - tool @ grasps.CENTRE)
-            for q in arm.configurations(moved(at, up(OVER_BOX)))[:4]:
+            for q in arm.configurations(shift(at, up(OVER_BOX)))[:4]:
                 if arm.chain([at], q, 2.0) is not None:
                     value = arm.duration(arm.q, q)
                     if value < cost:
@@ -76,7 +76,7 @@ def lift_large_box(arm: ArmDriver) -> Script:
         yield from arm.go(best[0], OPEN, tolerance=0.05)
         yield from arm.move(best[1], 0.4)
         yield from arm.close(BOX_STEPS)
-        yield from arm.move(moved(best[1], up(HEIGHT)), SQUEEZE, speed=0.1)
+        yield from arm.move(shift(best[1], up(HEIGHT)), SQUEEZE, speed=0.1)
     yield from arm.stay(CLOSE)
 
 
@@ -128,7 +128,7 @@ def expert(name: str) -> Expert:
         name: of the task or its environment, such as "lift_brick" or "lift_brick_features".
 
     Raises:
-        UnknownNameError: there is no expert for this task; lists those there are.
+        UnknownNameError: there is no expert for this task; lists the experts.
     """
     task = name.removesuffix(f"_{FEATURES}") if isinstance(name, str) else name
     return Expert(SCRIPTS[checks.choice("expert", task, SCRIPTS)])

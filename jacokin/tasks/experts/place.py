@@ -1,4 +1,4 @@
-"""Placing: take a brick, put it on a pedestal, take the hand away."""
+"""`place_brick` and `place_cradle`: take a brick, put it on a pedestal, take the hand away."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from jacokin.arrays import Array
 from jacokin.ik import Capsule, Scene, Sphere
 from jacokin.mujoco_bridge import robots
 from jacokin.tasks.experts import grasps
-from jacokin.tasks.experts.driver import BRICK, CLOSED, OPEN, SPEED, SQUEEZE, ArmDriver, Script, moved, up
+from jacokin.tasks.experts.driver import BRICK, CLOSED, OPEN, SPEED, SQUEEZE, ArmDriver, Script, shift, up
 
 CLEAR = 0.07  # [m] of the brick's middle above the pedestal on its way
 ON_BRICK, IN_CRADLE = 0.04, 0.032  # [m] of the brick's middle above the pedestal when it is released
@@ -73,14 +73,14 @@ def _place(arm: ArmDriver, rest: float) -> Script:
         yield from grasps.take(arm, grasp)
         start = arm.pose
         for way in ways:
-            yield from arm.move(moved(start, way), SQUEEZE, tolerance=0.02)
+            yield from arm.move(shift(start, way), SQUEEZE, tolerance=0.02)
             if not grasps.holds(arm, arm.prop(BRICK)):
                 break
         else:
             yield from _put(arm, target, rest)
         if not grasps.holds(arm, arm.prop(BRICK)):
             has_failed = True
-            yield from arm.move(moved(arm.pose, up(0.05)), grasps.WIDE, tolerance=0.02)
+            yield from arm.move(shift(arm.pose, up(0.05)), grasps.WIDE, tolerance=0.02)
 
 
 def _drag(arm: ArmDriver, brick: Array, target: Array, scene: Scene) -> Script:
@@ -93,12 +93,12 @@ def _drag(arm: ArmDriver, brick: Array, target: Array, scene: Scene) -> Script:
     way = max(0.0, FREE - beside) * outwards
     best, cost = None, LONGEST_TRAVEL
     for yaw, tilt in itertools.product(YAWS, DRAG_TILTS):
-        tool = pin.exp3(tilt * tangent) @ grasps.pointing(np.array((np.cos(yaw), np.sin(yaw), 0.0)))
+        tool = pin.exp3(tilt * tangent) @ grasps.point_down(np.array((np.cos(yaw), np.sin(yaw), 0.0)))
         at = pin.SE3(tool, on - tool @ grasps.CENTRE)
         for height in (LOW, target[2] + OVER - at.translation[2]):
-            for q in arm.configurations(moved(at, up(height)))[:4]:
+            for q in arm.configurations(shift(at, up(height)))[:4]:
                 value = arm.duration(arm.q, q) + height / SPEED + abs(tilt - DRAG_TILTS[0])
-                if value > cost or arm.chain([at, moved(at, way)], q, grasps.LONGEST_STEP) is None:
+                if value > cost or arm.chain([at, shift(at, way)], q, grasps.LONGEST_STEP) is None:
                     continue
                 if height > LOW or arm.room(arm.way(arm.q, q), scene) > grasps.ROOM:
                     best, cost = (q, at), value
@@ -106,8 +106,8 @@ def _drag(arm: ArmDriver, brick: Array, target: Array, scene: Scene) -> Script:
         return
     yield from arm.go(best[0], CLOSED, tolerance=0.08)
     yield from arm.move(best[1], CLOSED, settle=5)
-    yield from arm.move(moved(best[1], way), CLOSED, speed=0.15, settle=3)
-    yield from arm.move(moved(best[1], way + up(0.06)), CLOSED, tolerance=0.03)
+    yield from arm.move(shift(best[1], way), CLOSED, speed=0.15, settle=3)
+    yield from arm.move(shift(best[1], way + up(0.06)), CLOSED, tolerance=0.03)
 
 
 def _ways(brick: Array, target: Array) -> list[Array]:
@@ -122,14 +122,14 @@ def _put(arm: ArmDriver, target: Array, rest: float) -> Script:
     """Carry the brick over the pedestal, level it, lower it and let it go."""
     brick = arm.prop(BRICK)
     T_brick_tool = brick.inverse() * arm.pose
-    level = grasps.upright(brick.rotation)
+    level = grasps.turn_upright(brick.rotation)
     best, cost = None, np.inf
     for yaw in YAWS:
         above = pin.SE3(pin.utils.rotate("z", yaw) @ level, target + up(CLEAR)) * T_brick_tool
         for q in arm.configurations(above)[:4]:
-            below = arm.chain([moved(above, up(rest - CLEAR))], q, grasps.LONGEST_STEP)
+            below = arm.chain([shift(above, up(rest - CLEAR))], q, grasps.LONGEST_STEP)
             if below is not None and arm.durations(q[None], arm.q)[0] < cost:
-                best, cost = (q, moved(above, up(rest - CLEAR))), float(arm.durations(q[None], arm.q)[0])
+                best, cost = (q, shift(above, up(rest - CLEAR))), float(arm.durations(q[None], arm.q)[0])
     if best is None:
         return
     yield from arm.go(best[0], SQUEEZE, tolerance=0.02)
@@ -140,7 +140,7 @@ def _put(arm: ArmDriver, target: Array, rest: float) -> Script:
         if np.linalg.norm(T_tool_brick_now.translation - T_tool_brick.translation) > TOUCH:
             # What presses on something jumps when it is let go.
             height = arm.pose.translation[2] + RELIEF - best[1].translation[2]
-            yield from arm.move(moved(best[1], up(height)), SQUEEZE, settle=RELIEF_STEPS)
+            yield from arm.move(shift(best[1], up(height)), SQUEEZE, settle=RELIEF_STEPS)
             break
     yield from arm.release(RELEASE_STEPS)
 
@@ -149,7 +149,7 @@ def _leave(arm: ArmDriver, target: Array) -> Script:
     """Take the hand away upwards."""
     missing = target[2] + AWAY - arm.pose.translation[2]
     if missing > 0.01:
-        above = arm.chain([moved(arm.pose, up(missing))], arm.q, np.inf)
+        above = arm.chain([shift(arm.pose, up(missing))], arm.q, np.inf)
         if above is not None:
             yield from arm.go(above[0], OPEN)
 

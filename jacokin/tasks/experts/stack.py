@@ -1,4 +1,4 @@
-"""Stacking: take brick after brick, click it onto the one below."""
+"""`stack`: take brick after brick, and click it onto the one below."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pinocchio as pin
 from jacokin.arrays import Array
 from jacokin.ik import Box, Scene
 from jacokin.tasks.experts import grasps
-from jacokin.tasks.experts.driver import CLOSED, OPEN, SQUEEZE, ArmDriver, Script, in_base, moved, up
+from jacokin.tasks.experts.driver import CLOSED, OPEN, SQUEEZE, ArmDriver, Script, in_base, shift, up
 from jacokin.tasks.gym.controls import FRAME
 
 HEIGHT = 0.0192  # [m] from a brick to the one that clicks onto it
@@ -88,9 +88,9 @@ def _hover(arm: ArmDriver, below: str, above: str) -> tuple[Array, pin.SE3] | No
     T_brick_tool = arm.prop(above).inverse() * arm.pose
     best, cost = None, np.inf
     for goal in _places(arm, below):
-        tool = moved(goal, up(HIGH)) * T_brick_tool
+        tool = shift(goal, up(HIGH)) * T_brick_tool
         for q in arm.configurations(tool):
-            if arm.chain([moved(tool, up(-HIGH))], q, grasps.LONGEST_STEP) is None:
+            if arm.chain([shift(tool, up(-HIGH))], q, grasps.LONGEST_STEP) is None:
                 continue
             low = float(arm.robot.singular_values(q, FRAME)[-1])
             value = float(arm.durations(q[None], arm.q)[0]) + SINGULAR_COST * max(0.0, REGULAR - low)
@@ -109,7 +109,7 @@ def _click(arm: ArmDriver, below: str, above: str) -> Script:
         yield arm.towards(arm.robot.home, arm.fingers_to(OPEN))
         return
     yield from grasps.take(arm, grasp)
-    yield from arm.move(moved(arm.pose, rise), SQUEEZE, tolerance=0.03)
+    yield from arm.move(shift(arm.pose, rise), SQUEEZE, tolerance=0.03)
     if not grasps.holds(arm, arm.prop(above)):
         yield from arm.release(RELEASE_STEPS)
         return
@@ -119,28 +119,28 @@ def _click(arm: ArmDriver, below: str, above: str) -> Script:
         return
     q, goal = hover
     yield from arm.go(q, SQUEEZE, tolerance=0.02)
-    tool = moved(goal, up(HOVER)) * arm.prop(above).inverse() * arm.pose
+    tool = shift(goal, up(HOVER)) * arm.prop(above).inverse() * arm.pose
     yield from arm.move(tool, SQUEEZE, tolerance=0.001, settle=10)
     for _ in range(ALIGNMENTS):
-        wanted = moved(goal, up(HOVER))
+        wanted = shift(goal, up(HOVER))
         if _apart(wanted, arm.prop(above)) < ALIGNED:
             break
         tool = wanted * arm.prop(above).inverse() * tool
         yield from arm.move(tool, SQUEEZE, tolerance=0.0, settle=6)
-    yield from arm.move(moved(tool, up(-HOVER - DEEPER)), SQUEEZE, speed=0.08, settle=6)
+    yield from arm.move(shift(tool, up(-HOVER - DEEPER)), SQUEEZE, speed=0.08, settle=6)
     if has_clicked(arm, below, above):
         yield from arm.release(RELEASE_STEPS)
-        yield from arm.move(moved(arm.pose, up(HIGH)), OPEN, tolerance=0.03)
+        yield from arm.move(shift(arm.pose, up(HIGH)), OPEN, tolerance=0.03)
         return
     # What presses on something jumps when it is let go.
-    yield from arm.move(moved(arm.pose, up(RELIEF)), SQUEEZE, settle=RELIEF_STEPS)
+    yield from arm.move(shift(arm.pose, up(RELIEF)), SQUEEZE, settle=RELIEF_STEPS)
     yield from arm.release(RELEASE_STEPS)
     yield from _press(arm, below, above)
 
 
 def _press(arm: ArmDriver, below: str, above: str) -> Script:
     """Press on a brick with the closed fingers, where it is highest, until it has clicked."""
-    yield from arm.move(moved(arm.pose, up(0.04)), RELEASED, tolerance=0.01, settle=4)
+    yield from arm.move(shift(arm.pose, up(0.04)), RELEASED, tolerance=0.01, settle=4)
     if _missing(arm, below, above) > BESIDE:
         return
     yield from arm.close(FIST_STEPS)
@@ -151,9 +151,9 @@ def _press(arm: ArmDriver, below: str, above: str) -> Script:
         if on[2] - spots[0][2] < LEVEL:
             on = spots[0]
         tool = pin.SE3(arm.pose.rotation, on + up(FIST) - arm.pose.rotation @ grasps.CENTRE)
-        yield from arm.move(moved(tool, up(LIFTED)), CLOSED, tolerance=0.003, settle=6)
+        yield from arm.move(shift(tool, up(LIFTED)), CLOSED, tolerance=0.003, settle=6)
         missing = _missing(arm, below, above)  # not before: a brick that is pressed on is too low
         if missing < CLICK or missing > BESIDE or not left:
             break
-        yield from arm.move(moved(tool, up(-PRESS)), CLOSED, speed=0.15, settle=8)
-    yield from arm.move(moved(tool, up(HIGH)), CLOSED, tolerance=0.03)
+        yield from arm.move(shift(tool, up(-PRESS)), CLOSED, speed=0.15, settle=8)
+    yield from arm.move(shift(tool, up(HIGH)), CLOSED, tolerance=0.03)

@@ -1,4 +1,4 @@
-"""What tasks with several bricks have in common: bricks in roles, wanted orders, distances of studs and holes.
+"""`Stack` and `Reassemble`, tasks with several bricks: roles, wanted orders, distances of studs and holes.
 
 All bricks are equal, so the one that stands still is always the first of the scene. When an episode wants another
 brick there, the two exchange their roles: colours and names of observations. No scene is compiled anew.
@@ -21,7 +21,7 @@ from jacokin.mujoco_bridge.entity import quaternion_product
 from jacokin.mujoco_bridge.rewards import fall_beyond
 from jacokin.mujoco_bridge.workspaces import BoundingBox
 from jacokin.tasks import features
-from jacokin.tasks.features import Feature, StateView, ids, length, picked
+from jacokin.tasks.features import Feature, StateView, ids, length, take_rows
 from jacokin.tasks.task import ANY_YAW, BRICK, Task
 
 BRICK_BOX = BoundingBox((-0.1, -0.1, 1e-6), (0.1, 0.1, 1e-6))
@@ -95,9 +95,9 @@ class BrickTask(Task):
         self._geoms = [geoms == ids(physics, each.root_body)[0] for each in self.bricks]
         if not self._order_varies:
             self._fixed_pairs = self._pairs_of(self._usual_order(), np.arange(self.count))
-            return [], [each for prop in self.bricks for each in features.of_prop(physics, prop)]
+            return [], [each for prop in self.bricks for each in features.prop_features(physics, prop)]
         order = Feature("desired_order", (self.height,), lambda view, goal: goal[..., : self.height])
-        return [order], features.of_props_in_roles(physics, self.bricks, self._slot)
+        return [order], features.role_features(physics, self.bricks, self._slot)
 
     def _usual_order(self) -> Indices:
         """The wanted order if none is drawn."""
@@ -140,7 +140,7 @@ class BrickTask(Task):
 
     def _show_hints(self, order: Indices, random_state: RandomState) -> None:
         for role in set(range(self.count)) - set(order.tolist()):
-            self.hints[role].set_pose(self.physics, np.zeros(3))  # of no use, but in dm_control's pictures
+            self.hints[role].set_pose(self.physics, np.zeros(3))  # dm_control's pictures show them there
         self._build_stack(
             [self.hints[k] for k in order], np.array(_HINT_POSITION), np.array(_HINT_QUATERNION), random_state
         )
@@ -161,7 +161,7 @@ class BrickTask(Task):
             studs, holes = self._pairs_of(whole[..., : self.height], whole[..., self.height :])
         else:
             studs, holes = self._fixed_pairs
-        stud, hole = picked(view.site_xpos, studs), picked(view.site_xpos, holes)
+        stud, hole = take_rows(view.site_xpos, studs), take_rows(view.site_xpos, holes)
         pairs = (*stud.shape[:-2], self.height - 1, 2, 3)
         stud, hole = stud.reshape(pairs), hole.reshape(pairs)
         straight = length(stud - hole)

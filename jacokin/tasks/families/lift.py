@@ -38,7 +38,7 @@ class _Lift(Task):
 
     def _features(self) -> tuple[list[Feature], list[Feature]]:
         self._corners = ids(self.physics, self.prop.vertices)
-        return [], features.of_prop(self.physics, self.prop)
+        return [], features.prop_features(self.physics, self.prop)
 
     def _initialize(self, random_state: RandomState) -> Asking[Array]:
         self.hand.set_grasp(self.physics, float(random_state.uniform()))

@@ -43,7 +43,7 @@ class _Place(Task):
     def _features(self) -> tuple[list[Feature], list[Feature]]:
         self._position = position_in_qpos(self.physics, self.brick)
         position = Feature(f"{self.pedestal.prefix}position", (3,), self.desired)
-        return [], [*features.of_prop(self.physics, self.brick), position]
+        return [], [*features.prop_features(self.physics, self.brick), position]
 
     def _initialize(self, random_state: RandomState) -> Asking[Array]:
         self._place_pedestal(self.physics, random_state, ignore_contacts_with_entities=[self.brick])

@@ -89,7 +89,7 @@ class ReachBrick(_Reach):
 
     def _features(self) -> tuple[list[Feature], list[Feature]]:
         self._position = position_in_qpos(self.physics, self.brick)
-        return [], features.of_prop(self.physics, self.brick)
+        return [], features.prop_features(self.physics, self.brick)
 
     def _initialize(self, random_state: RandomState) -> Asking[Array]:
         yield from self._place_robot(random_state)

@@ -1,4 +1,4 @@
-"""What actions mean: velocities of the joints, a velocity of the tool, or a pose of the tool.
+"""`CONTROLS`, what actions may mean: velocities of the joints, a velocity of the tool, or a pose of the tool.
 
 Those of the tool move a reference configuration within the limits of the joints, which the arm follows with velocities;
 gravity is compensated.

@@ -1,4 +1,4 @@
-"""One task as an environment of Gymnasium."""
+"""`TaskEnv`: one task as an environment of Gymnasium."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from jacokin.model import checks
 from jacokin.mujoco_bridge.control import queries
 from jacokin.mujoco_bridge.control.queries import Asking
 from jacokin.tasks import registry
-from jacokin.tasks.episode import STEPS, Episode, Snapshot, bounded
+from jacokin.tasks.episode import STEPS, Episode, Snapshot, clip_action
 from jacokin.tasks.features import ids
 from jacokin.tasks.gym.controls import CONTROLS, Control
-from jacokin.tasks.gym.packing import EnvOptions, Observation, Packing, with_picture
+from jacokin.tasks.gym.packing import EnvOptions, Observation, Packing, add_picture
 from jacokin.tasks.gym.window import Window, check_display
-from jacokin.tasks.randomization import Randomization, Variation, steps_of
+from jacokin.tasks.randomization import Randomization, Variation, latency_steps
 from jacokin.tasks.task import CONTROL_TIMESTEP, Task
 
 RENDER_MODES = ("rgb_array", "human", "depth_array")
@@ -135,7 +135,7 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
             InvalidInputError: a seed that is not a whole number >= 0, or an unknown option.
             EpisodeInitializationError: no initial state was found.
         """
-        return queries.run(self._resetting(seed, self._checked_reset(seed, options)))
+        return queries.run(self._start(seed, self._checked_reset(seed, options)))
 
     def _checked_reset(self, seed: object, options: Mapping[str, Any] | None) -> dict[str, float] | None:
         """Check the arguments of `reset`; returns the values of an earlier episode, if they were given.
@@ -153,13 +153,13 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
             return None
         return self.randomization.replayed(options["randomization"])
 
-    def _resetting(self, seed: int | None, replayed: dict[str, float] | None) -> Asking[tuple[Observation, Info]]:
-        """As `reset` with checked arguments, but whoever runs it answers the queries; see `Task.starting`."""
+    def _start(self, seed: int | None, replayed: dict[str, float] | None) -> Asking[tuple[Observation, Info]]:
+        """As `reset` with checked arguments; the caller answers the queries, see `Task.start`."""
         super().reset(seed=None if seed is None else int(seed))  # Gymnasium refuses NumPy's whole numbers
         if self.randomization is not None:
             drawn = self.randomization.draw(self.np_random)
             self._apply(drawn if replayed is None else replayed)
-        yield from self._episode.starting(self.np_random)
+        yield from self._episode.start(self.np_random)
         self._control.start(self._episode.physics)
         self._delayed.clear()
         observation, _, success = self._outcome()
@@ -182,7 +182,7 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
         episode = self._episode
         if episode.steps is None:
             raise PhysicsError("there is no episode: call reset() before step()")
-        values = bounded(action, *self._control.bounds)
+        values = clip_action(action, *self._control.bounds)
         self._control.check(values)
         try:
             velocities = self._control.velocities(episode.view, values)
@@ -263,7 +263,7 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
         achieved, desired = task.achieved(view, goal), task.desired(view, goal)
         observation = self._packing.pack(view, goal, achieved, desired)
         if self.options.has_camera:
-            observation = with_picture(observation, episode.picture())
+            observation = add_picture(observation, episode.picture())
         if "observation_noise" in self._values:
             self._packing.add_noise(observation, self._values["observation_noise"], self.np_random)
         self._last = observation
@@ -283,7 +283,7 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
     def _late(self, velocities: Array) -> Array:
         """The velocities asked for some steps ago; none at first."""
         self._delayed.append(velocities)
-        late = len(self._delayed) > steps_of(self._values)
+        late = len(self._delayed) > latency_steps(self._values)
         return self._delayed.popleft() if late else np.zeros_like(velocities)
 
     def _show(self) -> None:

@@ -142,7 +142,7 @@ class Packing:
             observation[name] += random_state.normal(0.0, deviation, observation[name].shape)
 
 
-def with_picture(observation: Observation, picture: NDArray[Any]) -> Observation:
+def add_picture(observation: Observation, picture: NDArray[Any]) -> Observation:
     """The observation with the picture in front."""
     assert isinstance(observation, dict)
     return {CAMERA: picture, **observation}

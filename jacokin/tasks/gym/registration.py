@@ -1,4 +1,4 @@
-"""Makes the tasks known to Gymnasium."""
+"""`register`, which makes the tasks known to Gymnasium under their `IDS`."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""Many environments of one task in one process.
+"""`VectorTaskEnv`: many environments of one task in one process.
 
-`VectorTaskEnv` has Gymnasium's side: checks, resets and infos. `Simulations` has what moves them, a
+It has Gymnasium's side: checks, resets and infos. `Simulations` has what moves them, a
 `mujoco.batch.Batch`, whose threads run across environments. A step is done for all at once: actions, physics,
 observations and rewards are arrays with a row for each environment. Only controls of the tool, noise and pictures are
 computed one by one. Episodes start in the simulation of a single environment, in turns.
@@ -25,13 +25,13 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, PhysicsError
 from jacokin.model import checks
 from jacokin.mujoco_bridge.control import queries
-from jacokin.tasks.episode import PICTURE, STEPS, bounded
+from jacokin.tasks.episode import PICTURE, STEPS, clip_action
 from jacokin.tasks.features import StateView
 from jacokin.tasks.gym import packing
 from jacokin.tasks.gym.controls import CONTROLS
 from jacokin.tasks.gym.environment import OPTIONS, Info, TaskEnv
-from jacokin.tasks.gym.packing import Observation, with_picture
-from jacokin.tasks.randomization import MAX_LATENCY, SIMULATED, steps_of
+from jacokin.tasks.gym.packing import Observation, add_picture
+from jacokin.tasks.randomization import MAX_LATENCY, SIMULATED, latency_steps
 from jacokin.tasks.task import CONTROL_TIMESTEP, SUBSTEPS
 
 Flags = NDArray[np.bool_]
@@ -146,7 +146,7 @@ class VectorTaskEnv(VectorEnv[Observation, Any, NDArray[Any]]):
         """
         if not self._has_begun.all():
             raise PhysicsError("there is no episode: call reset() before step()")
-        checked = bounded(values, *self._bounds)
+        checked = clip_action(values, *self._bounds)
         self._first._control.check(checked)
         ended, goes_on = np.flatnonzero(self._is_over), np.flatnonzero(~self._is_over)
         if len(ended) and self.autoreset_mode is AutoresetMode.DISABLED:
@@ -300,7 +300,7 @@ class Simulations:
         self._pictured = mujoco.MjData(model) if first.options.has_camera else None
 
     def begin(self, ids: Indices, seeds: Sequence[int | None], replayed: Sequence[Values | None]) -> Begun:
-        """Start episodes in some environments, with checked arguments; see `TaskEnv._resetting`.
+        """Start episodes in some environments, with checked arguments; see `TaskEnv._start`.
 
         Raises:
             EpisodeInitializationError: no initial state was found for one of them.
@@ -313,7 +313,7 @@ class Simulations:
                 yield
             waiting.add(place)
 
-        runs = [self._first._resetting(seed, values) for seed, values in zip(seeds, replayed, strict=True)]
+        runs = [self._first._start(seed, values) for seed, values in zip(seeds, replayed, strict=True)]
         begun = queries.run_all(runs, switch)
         batch = self._batch
         batch.reset(ids, stage=int(mujoco.mjtStage.mjSTAGE_NONE))
@@ -339,7 +339,7 @@ class Simulations:
         finally:
             self._random[index] = first.np_random
         self._states[index] = physics.get_state()
-        self._values[index], self._delays[index] = first._values, steps_of(first._values)
+        self._values[index], self._delays[index] = first._values, latency_steps(first._values)
         for name, constants in self._constants.items():
             constants[index] = getattr(first.model, name)
         if first._episode.steps is not None:  # the start is complete
@@ -359,7 +359,7 @@ class Simulations:
         observations = first._packing.pack(view, goals, achieved, desired)
         going = [index for index in ids.tolist() if index not in errors]
         if self._pictured is not None:
-            observations = with_picture(observations, self._pictures(going))
+            observations = add_picture(observations, self._pictures(going))
         for index in going if self._is_noisy else ():
             random_state = self._random[index]
             assert random_state is not None

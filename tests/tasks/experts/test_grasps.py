@@ -10,7 +10,7 @@ import pytest
 
 import jacokin.tasks
 from jacokin.tasks.experts import grasps
-from jacokin.tasks.experts.driver import BRICK, SQUEEZE, ArmDriver, Script, moved, up
+from jacokin.tasks.experts.driver import BRICK, SQUEEZE, ArmDriver, Script, shift, up
 from jacokin.tasks.experts.expert import Expert
 from jacokin.tasks.experts.grasps import LONG, SHORT, Grasp, Side
 
@@ -19,9 +19,9 @@ RISE = up(0.1)
 
 def grasp_at(arm: ArmDriver, side: Side, at: pin.SE3) -> Grasp | None:
     """A grasp where the arm may be, if it reaches that far."""
-    before = moved(at, -grasps.ABOVE * at.rotation[:, 2])
+    before = shift(at, -grasps.ABOVE * at.rotation[:, 2])
     for q in arm.configurations(before):
-        stops = arm.chain([at, moved(at, RISE)], q, grasps.LONGEST_STEP)
+        stops = arm.chain([at, shift(at, RISE)], q, grasps.LONGEST_STEP)
         if stops is not None:
             return Grasp((q, stops[0]), at, np.inf, side)
     return None
@@ -38,7 +38,7 @@ def holds(environment: jacokin.tasks.TaskEnv, seed: int, side: Side, number: int
             found.append(None)
         else:
             yield from grasps.take(arm, grasp)
-            yield from arm.move(moved(arm.pose, RISE), SQUEEZE, tolerance=0.02)
+            yield from arm.move(shift(arm.pose, RISE), SQUEEZE, tolerance=0.02)
             found.append(grasps.holds(arm, arm.prop(BRICK)))
         yield from arm.stay(0.0)
 
