@@ -43,25 +43,16 @@ def draw(path: str | Path, grid: Grid, fraction: Array, robot: str, title: str) 
     out = Path(checks.text("path", str(path)))
     if out.suffix not in ENDINGS:
         raise InvalidInputError(f"{out}: pictures of maps are written as {', '.join(ENDINGS)}, told by the ending")
-    if out.suffix == ".html":
-        points, values = _shown_cells(grid, fraction)
-        with files.replacing(out) as written:
-            written.write_text(_page(title, points, values, grid.spacing), encoding="utf-8")
-        return
-    figure = _draw_figure(grid, fraction, robot) if out.suffix not in TURNING else None
-    views = [] if figure is not None else list(_draw_turning(grid, fraction, robot))
     with files.replacing(out) as written:
-        if figure is not None:
-            figure.savefig(written, format=out.suffix[1:], dpi=120)
+        if out.suffix == ".html":
+            page = _write_page(title, *_shown_cells(grid, fraction), grid.spacing)
+            written.write_text(page, encoding="utf-8")
+        elif out.suffix in TURNING:
+            first, *others = _draw_turning(grid, fraction, robot)
+            kind = TURNING[out.suffix]
+            first.save(written, format=kind, save_all=True, append_images=others, duration=VIEW_TIME, loop=0)
         else:
-            views[0].save(
-                written,
-                format=TURNING[out.suffix],
-                save_all=True,
-                append_images=views[1:],
-                duration=VIEW_TIME,
-                loop=0,
-            )
+            _draw_figure(grid, fraction, robot).savefig(written, format=out.suffix[1:], dpi=120)
 
 
 def _draw_figure(grid: Grid, fraction: Array, robot: str) -> Figure:
@@ -188,7 +179,7 @@ draw();
 """
 
 
-def _page(title: str, points: Array, values: Array, spacing: float) -> str:
+def _write_page(title: str, points: Array, values: Array, spacing: float) -> str:
     """The page that turns a map in the browser.
 
     Args:

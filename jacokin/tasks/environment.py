@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 from collections import OrderedDict
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -130,9 +129,13 @@ class Environment(dm_env.Environment):  # type: ignore[misc]  # dm_env has no ty
             found[each.name] = np.array(each.read(view, goal))[None]
         return found
 
-    def __reduce__(self) -> tuple[Callable[..., Environment], tuple[object, ...]]:
+    def __reduce__(self) -> tuple[type[Environment], tuple[object, ...], Snapshot]:
         """Pickle the name, the source of random numbers, and where the episode is."""
-        return _restored, (self._name, self._random_state, self._episode.snapshot())
+        return Environment, (self._name, self._random_state), self._episode.snapshot()
+
+    def __setstate__(self, snapshot: Snapshot) -> None:
+        """Go back to where the episode was."""
+        self._episode.restore(snapshot)
 
     def __copy__(self) -> Environment:
         """The same as `copy.deepcopy`: two environments cannot share a simulation."""
@@ -169,9 +172,3 @@ def checked_random_state(seed: object) -> RandomState:
             f"seed must be a whole number >= 0, a numpy.random.Generator or None, got {checks.shown(seed)}"
         )
     return np.random.default_rng(int(seed))
-
-
-def _restored(name: str, random_state: RandomState, snapshot: Snapshot) -> Environment:
-    environment = Environment(name, random_state)
-    environment._episode.restore(snapshot)
-    return environment

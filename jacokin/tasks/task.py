@@ -75,16 +75,15 @@ class Task(abc.ABC):
             self.hand, self.arm, uniform_box(*self.tool_box), branch="nearest_to_random"
         )
         own = features.robot_features(self.physics, self.arm, self.hand)
-        before, after = self._features()
-        self.features: tuple[Feature, ...] = (*before, *own, *after)
+        self.features: tuple[Feature, ...] = tuple(self._features(own))
 
     @abc.abstractmethod
     def _add_props(self) -> None:
         """Add what the task needs to the arena, before it is compiled."""
 
     @abc.abstractmethod
-    def _features(self) -> tuple[list[Feature], list[Feature]]:
-        """The observations that come before those of the robot, and those after them."""
+    def _features(self, own: list[Feature]) -> list[Feature]:
+        """The observations in their order, with the robot's own among them."""
 
     @abc.abstractmethod
     def _initialize(self, random_state: RandomState) -> Asking[Array]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 import pinocchio as pin
@@ -12,7 +13,7 @@ from jacokin.model import checks
 from jacokin.tasks.experts import grasps
 from jacokin.tasks.experts.driver import BRICK, CLOSE, OPEN, SQUEEZE, ArmDriver, Script, shift, up
 from jacokin.tasks.experts.grasps import point_down
-from jacokin.tasks.experts.place import place_brick, place_cradle
+from jacokin.tasks.experts.place import IN_CRADLE, ON_BRICK, place
 from jacokin.tasks.experts.stack import stack
 from jacokin.tasks.registry import FEATURES, TASKS
 
@@ -85,8 +86,8 @@ SCRIPTS: dict[str, Callable[[ArmDriver], Script]] = {
     "lift_brick": lift_brick,
     "lift_large_box": lift_large_box,
     **{name: stack for name in TASKS if name.startswith("stack")},
-    "place_brick": place_brick,
-    "place_cradle": place_cradle,
+    "place_brick": partial(place, rest=ON_BRICK),
+    "place_cradle": partial(place, rest=IN_CRADLE),
 }
 
 

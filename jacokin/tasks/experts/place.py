@@ -1,4 +1,4 @@
-"""`place_brick` and `place_cradle`: take a brick, put it on a pedestal, take the hand away."""
+"""`place`: take a brick, put it on a pedestal, take the hand away."""
 
 from __future__ import annotations
 
@@ -36,17 +36,7 @@ _SPHERE, _OFFSET = 0.049, 0.0343  # [m] radius of the spheres of its cradle, and
 _ORIGIN = np.array((0.0, 0.0, -0.0119))  # [m] of a brick from its middle
 
 
-def place_brick(arm: ArmDriver) -> Script:
-    """Put a brick onto the one on the pedestal."""
-    return _place(arm, ON_BRICK)
-
-
-def place_cradle(arm: ArmDriver) -> Script:
-    """Put a brick into the cradle on the pedestal."""
-    return _place(arm, IN_CRADLE)
-
-
-def _place(arm: ArmDriver, rest: float) -> Script:
+def place(arm: ArmDriver, rest: float) -> Script:
     """Put a brick on the pedestal, again if it falls; it is released at some height above it [m]."""
     target = arm.get("pedestal/position", 3)
     scene = pillar(target)

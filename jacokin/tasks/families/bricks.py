@@ -85,7 +85,7 @@ class BrickTask(Task):
             self.bricks.append(prop)
             self.hints.append(hint)
 
-    def _features(self) -> tuple[list[Feature], list[Feature]]:
+    def _features(self, own: list[Feature]) -> list[Feature]:
         physics = self.physics
         self._studs, self._holes = (
             np.array([ids(physics, [grid[0, 0], grid[-1, -1]]) for grid in grids], dtype=np.intp)
@@ -95,9 +95,9 @@ class BrickTask(Task):
         self._geoms = [geoms == ids(physics, each.root_body)[0] for each in self.bricks]
         if not self._order_varies:
             self._fixed_pairs = self._pairs_of(self._usual_order(), np.arange(self.count))
-            return [], [each for prop in self.bricks for each in features.prop_features(physics, prop)]
+            return own + [each for prop in self.bricks for each in features.prop_features(physics, prop)]
         order = Feature("desired_order", (self.height,), lambda view, goal: goal[..., : self.height])
-        return [order], features.role_features(physics, self.bricks, self._slot)
+        return [order, *own, *features.role_features(physics, self.bricks, self._slot)]
 
     def _usual_order(self) -> Indices:
         """The wanted order if none is drawn."""

@@ -36,9 +36,9 @@ class _Lift(Task):
             [prop], uniform_box(lower, upper), ANY_YAW, ignore_collisions=True, settle_physics=True
         )
 
-    def _features(self) -> tuple[list[Feature], list[Feature]]:
+    def _features(self, own: list[Feature]) -> list[Feature]:
         self._corners = ids(self.physics, self.prop.vertices)
-        return [], features.prop_features(self.physics, self.prop)
+        return own + features.prop_features(self.physics, self.prop)
 
     def _initialize(self, random_state: RandomState) -> Asking[Array]:
         self.hand.set_grasp(self.physics, float(random_state.uniform()))

@@ -40,10 +40,10 @@ class _Place(Task):
         )
         self._place_pedestal = PropPlacer([self.pedestal], uniform_box(*_PEDESTAL_BOX))
 
-    def _features(self) -> tuple[list[Feature], list[Feature]]:
+    def _features(self, own: list[Feature]) -> list[Feature]:
         self._position = position_in_qpos(self.physics, self.brick)
         position = Feature(f"{self.pedestal.prefix}position", (3,), self.desired)
-        return [], [*features.prop_features(self.physics, self.brick), position]
+        return [*own, *features.prop_features(self.physics, self.brick), position]
 
     def _initialize(self, random_state: RandomState) -> Asking[Array]:
         self._place_pedestal(self.physics, random_state, ignore_contacts_with_entities=[self.brick])

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 
 from jacokin.arrays import Array
@@ -20,13 +18,16 @@ from jacokin.tasks.task import ANY_YAW, BRICK, Task, position_in_qpos
 RADIUS = 0.05  # [m] of the target
 _TARGET = "target"
 _SITE_BOX = BoundingBox((-0.2, -0.2, 0.02), (0.2, 0.2, 0.4))
-_BRICK_BOX = BoundingBox((-0.1, -0.1, 0.001), (0.1, 0.1, 0.001))
+_LYING = 0.001  # [m] height of a brick that is placed
+_BRICK_BOX = BoundingBox((-0.1, -0.1, _LYING), (0.1, 0.1, _LYING))
 _CORNERS = {
     "top_left": (-0.09, 0.09),
     "top_right": (0.09, 0.09),
     "bottom_left": (-0.09, -0.09),
     "bottom_right": (0.09, -0.09),
 }
+CORNERS = {name: BoundingBox((x, y, _LYING), (x, y, _LYING)) for name, (x, y) in _CORNERS.items()}
+"""Boxes that place the brick of `ReachBrick` at a corner of the usual one."""
 
 
 class _Reach(Task):
@@ -55,8 +56,8 @@ class ReachSite(_Reach):
         workspaces.add_target_site(body, RADIUS, visible=True, name=_TARGET)
         self._target = uniform_box(*_SITE_BOX)
 
-    def _features(self) -> tuple[list[Feature], list[Feature]]:
-        return [Feature("target_position", (3,), self.desired)], []
+    def _features(self, own: list[Feature]) -> list[Feature]:
+        return [Feature("target_position", (3,), self.desired), *own]
 
     def _initialize(self, random_state: RandomState) -> Asking[Array]:
         yield from self._place_robot(random_state)
@@ -87,9 +88,9 @@ class ReachBrick(_Reach):
         self._add_free(self.brick)
         self._place_brick = PropPlacer([self.brick], uniform_box(*self._brick_box), ANY_YAW, settle_physics=True)
 
-    def _features(self) -> tuple[list[Feature], list[Feature]]:
+    def _features(self, own: list[Feature]) -> list[Feature]:
         self._position = position_in_qpos(self.physics, self.brick)
-        return [], features.prop_features(self.physics, self.brick)
+        return own + features.prop_features(self.physics, self.brick)
 
     def _initialize(self, random_state: RandomState) -> Asking[Array]:
         yield from self._place_robot(random_state)
@@ -99,10 +100,3 @@ class ReachBrick(_Reach):
     def desired(self, view: StateView, goal: Array) -> Array:
         """Position of the brick, (..., 3) [m]."""
         return view.qpos[..., self._position]
-
-
-def corner(name: str) -> partial[ReachBrick]:
-    """Makes the task of reaching a brick at a corner of its box: "top_left", "top_right", ..."""
-    x, y = _CORNERS[name]
-    at = (x, y, _BRICK_BOX.lower[2])
-    return partial(ReachBrick, BoundingBox(at, at))

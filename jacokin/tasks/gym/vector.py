@@ -127,7 +127,7 @@ class VectorTaskEnv(VectorEnv[Observation, Any, NDArray[Any]]):
         all_seeds, each = self._seeds(seed), self._each(given)
         seeds = [all_seeds[index] for index in ids]
         replayed = [self._first._checked_reset(all_seeds[index], each[index]) for index in ids]
-        infos = self._started(ids, self._simulations.begin(ids, seeds, replayed), self._last, {})
+        infos = self._note_starts(ids, self._simulations.begin(ids, seeds, replayed), self._last, {})
         self._is_over[ids] = False
         self._has_begun[ids] = True
         return copy.deepcopy(self._last), infos
@@ -160,9 +160,9 @@ class VectorTaskEnv(VectorEnv[Observation, Any, NDArray[Any]]):
             packing.put(observations, index, packing.row(self._last, index))
         outcome.rewards[ended], truncated[ended] = 0.0, False
         if self.autoreset_mode is AutoresetMode.SAME_STEP:
-            infos = self._started_over(np.flatnonzero(truncated), outcome)
+            infos = self._start_over(np.flatnonzero(truncated), outcome)
         else:
-            infos = self._started(ended, begun, observations, self._infos(outcome, goes_on))
+            infos = self._note_starts(ended, begun, observations, self._infos(outcome, goes_on))
             self._is_over = truncated.copy()
         self._last = copy.deepcopy(observations)
         return observations, outcome.rewards, np.zeros(self.num_envs, dtype=bool), truncated, infos
@@ -171,7 +171,7 @@ class VectorTaskEnv(VectorEnv[Observation, Any, NDArray[Any]]):
         """Start further episodes."""
         return self._simulations.begin(ids, [None] * len(ids), [None] * len(ids)) if len(ids) else []
 
-    def _started(self, ids: Indices, begun: Begun, observations: Observation, infos: Info) -> Info:
+    def _note_starts(self, ids: Indices, begun: Begun, observations: Observation, infos: Info) -> Info:
         """Note what the starts of episodes gave, among the observations and infos of all."""
         for index, (observation, info) in zip(ids.tolist(), begun, strict=True):
             packing.put(observations, index, observation)
@@ -180,7 +180,7 @@ class VectorTaskEnv(VectorEnv[Observation, Any, NDArray[Any]]):
                 self._values[name][index] = value
         return infos
 
-    def _started_over(self, ended: Indices, outcome: StepOutcome) -> Info:
+    def _start_over(self, ended: Indices, outcome: StepOutcome) -> Info:
         """Start other episodes in the same step; the infos have the last observations and infos of those that ended."""
         infos = self._infos(outcome, np.flatnonzero(~outcome.is_over))
         for index in ended.tolist():
@@ -191,7 +191,7 @@ class VectorTaskEnv(VectorEnv[Observation, Any, NDArray[Any]]):
                 last["error"] = outcome.errors[index]
             observation = copy.deepcopy(packing.row(outcome.observations, index))
             infos = self._add_info(infos, {"final_obs": observation, "final_info": last}, index)
-        return self._started(ended, self._begin_again(ended), outcome.observations, infos)
+        return self._note_starts(ended, self._begin_again(ended), outcome.observations, infos)
 
     def _infos(self, outcome: StepOutcome, ids: Indices) -> Info:
         """The infos of steps of some environments, as `VectorEnv._add_info` would put them together one by one."""
