@@ -75,7 +75,7 @@ class Environment(dm_env.Environment):  # type: ignore[misc]  # dm_env has no ty
         Raises:
             EpisodeInitializationError: no initial state was found.
         """
-        queries.run(self._episode.start(self._random_state))
+        queries.run(self._episode.starting(self._random_state))
         return dm_env.restart(self._observation())
 
     def step(self, action: object) -> dm_env.TimeStep:

@@ -70,14 +70,14 @@ class Episode:
         _ = self.physics.data  # computes what is due
         return self._view
 
-    def start(self, random_state: RandomState) -> Asking[None]:
-        """Draw an initial state; the caller answers the queries, see `Task.start`.
+    def starting(self, random_state: RandomState) -> Asking[None]:
+        """Draw an initial state; the caller answers the queries, see `Task.starting`.
 
         Raises:
             EpisodeInitializationError: none was found; a reset is due.
         """
         self.steps = None
-        self.goal = yield from self.task.start(random_state)
+        self.goal = yield from self.task.starting(random_state)
         self.steps = 0
 
     def advance(self, action: Array) -> None:

@@ -105,7 +105,7 @@ class Task(abc.ABC):
     def success(self, achieved: Array, desired: Array) -> Array:
         """Whether (...) the task is solved: all that its reward asks for is within its bounds."""
 
-    def start(self, random_state: RandomState) -> Asking[Array]:
+    def starting(self, random_state: RandomState) -> Asking[Array]:
         """Start an episode in `physics`: at rest, at time 0, controls 0.
 
         The caller answers the queries of inverse kinematics: one by one, as `queries.run` does, or for many episodes

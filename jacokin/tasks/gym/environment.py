@@ -154,12 +154,12 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
         return self.randomization.replayed(options["randomization"])
 
     def _start(self, seed: int | None, replayed: dict[str, float] | None) -> Asking[tuple[Observation, Info]]:
-        """As `reset` with checked arguments; the caller answers the queries, see `Task.start`."""
+        """As `reset` with checked arguments; the caller answers the queries, see `Task.starting`."""
         super().reset(seed=None if seed is None else int(seed))  # Gymnasium refuses NumPy's whole numbers
         if self.randomization is not None:
             drawn = self.randomization.draw(self.np_random)
             self._apply(drawn if replayed is None else replayed)
-        yield from self._episode.start(self.np_random)
+        yield from self._episode.starting(self.np_random)
         self._control.start(self._episode.physics)
         self._delayed.clear()
         observation, _, success = self._outcome()
