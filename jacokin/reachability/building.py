@@ -88,13 +88,11 @@ def build(
     mine = _shard(shard)
     use_symmetry = checks.flag("use_symmetry", use_symmetry)
     checked_executor(executor)
-    if not isinstance(folder, str | Path) or not str(folder):
-        raise InvalidInputError(f"folder must be a str or a Path, got {checks.shown(folder)}")
-    checks.text("folder", str(folder))
-    if grid is not None and not isinstance(grid, Grid):
-        raise InvalidInputError(f"grid must be a Grid, got {checks.shown(grid)}")
-    if progress is not None and not callable(progress):
-        raise InvalidInputError(f"progress must be callable, got {checks.shown(progress)}")
+    path = Path(checks.text("folder", str(checks.path("folder", folder))))
+    if grid is not None:
+        checks.instance("grid", grid, Grid, "a Grid")
+    if progress is not None:
+        checks.function("progress", progress)
     if isinstance(collision, str) and collision == "report":
         raise InvalidInputError("collision must be 'ignore' or 'reject' for a map, got 'report'")
     solver = IKSolver(robot, frame, tool=tool, method="closed_form", collision=collision, scene=scene, warm=None)
@@ -108,7 +106,7 @@ def build(
     recipe = make_recipe(solver, samples)
     size = recipe["chunks"]["positions"]  # type: ignore[index]  # a dictionary, written above
     starts = range(0, samples.positions, size)
-    chunks = ChunkFolder(Path(folder), recipe, len(starts), ".npz")
+    chunks = ChunkFolder(path, recipe, len(starts), ".npz")
     finished = chunks.finished()
     manifest = chunks.path / MANIFEST
     if len(finished) < len(starts):
@@ -135,7 +133,7 @@ def build(
         }
         written.write_bytes(orjson.dumps(document, option=orjson.OPT_INDENT_2))
     chunks.remove_unfinished()
-    return load(folder, robot=robot, scene=scene)
+    return load(path, robot=robot, scene=scene)
 
 
 def _jobs(
@@ -160,4 +158,4 @@ def _shard(shard: str | None) -> tuple[int, int]:
         number, count = int(parts[0]), int(parts[1])
         if 1 <= number <= count:
             return number - 1, count
-    raise InvalidInputError(f"shard must be 'i/n' with 1 <= i <= n, got {checks.shown(shard)}")
+    raise checks.refusal("shard", "'i/n' with 1 <= i <= n", shard)

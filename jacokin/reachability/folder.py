@@ -51,9 +51,7 @@ def load(folder: str | Path, *, robot: Robot | None = None, scene: Scene | None 
     Raises:
         InvalidInputError: not a map, not complete, damaged, or of another robot or scene.
     """
-    if not isinstance(folder, str | Path):
-        raise InvalidInputError(f"folder must be a str or a Path, got {checks.shown(folder)}")
-    path = Path(checks.text("folder", str(folder)))
+    path = Path(checks.text("folder", str(checks.path("folder", folder))))
     recipe = _document(path, RECIPE, f"is not a map: it has no {RECIPE}")
     manifest = _document(path, MANIFEST, f"is not a complete map: it has no {MANIFEST}; build the rest of it")
     if manifest.get("recipe") != file_digest(path / RECIPE):

@@ -112,7 +112,7 @@ class Orientations:
         """
         each = [targets] if isinstance(targets, FreeAxis) else checks.listed("targets", targets)
         if not each or not all(isinstance(target, FreeAxis) for target in each):
-            raise InvalidInputError(f"targets must be a FreeAxis, or a sequence of them, got {checks.shown(targets)}")
+            raise checks.refusal("targets", "a FreeAxis, or a sequence of them", targets)
         return cls(
             np.array([quat_wxyz(target.matrix[:3, :3]) for target in each]),
             f"{len(each)} free about an axis" if name is None else name,
@@ -234,8 +234,7 @@ def checked_orientations(
             return value.without_roll(axis), symmetries
         return value, Symmetries(symmetries.turns, None)
     if not isinstance(value, int | np.integer) or isinstance(value, bool):
-        kinds = "an Orientations, one or several FreeAxis, or a number of them"
-        raise InvalidInputError(f"orientations must be {kinds}, got {checks.shown(value)}")
+        raise checks.refusal("orientations", "an Orientations, one or several FreeAxis, or a number of them", value)
     count = checks.whole_number("orientations", value, lowest=1)
     return Orientations.even(count) if axis is None else Orientations.directions(count, axis), symmetries
 
@@ -246,11 +245,7 @@ def _rows(name: str, values: ArrayLike, width: int, count: int) -> Array:
     Raises:
         InvalidInputError: another number of them, or malformed.
     """
-    try:
-        array = np.atleast_2d(checks.numbers(values))
-    except (TypeError, ValueError) as error:
-        raise InvalidInputError(f"{name} must be rows of {width} numbers, got {checks.shown(values)}") from error
-    rows = checks.matrix(name, array, width, "")
+    rows = checks.matrix(name, np.atleast_2d(checks.array(name, values, f"rows of {width} numbers")), width, "")
     if len(rows) not in (1, count):
         raise InvalidInputError(f"{name} must have one row for each of the {count} orientations, got {len(rows)}")
     return np.asarray(np.broadcast_to(rows, (count, width)))

@@ -38,9 +38,7 @@ def draw(path: str | Path, grid: Grid, fraction: Array, robot: str, title: str) 
         robot: name of the robot.
         title: what is shown.
     """
-    if not isinstance(path, str | Path):
-        raise InvalidInputError(f"path must be a str or a Path, got {checks.shown(path)}")
-    out = Path(checks.text("path", str(path)))
+    out = Path(checks.text("path", str(checks.path("path", path))))
     if out.suffix not in ENDINGS:
         raise InvalidInputError(f"{out}: pictures of maps are written as {', '.join(ENDINGS)}, told by the ending")
     with files.replacing(out) as written:

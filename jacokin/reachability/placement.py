@@ -14,7 +14,6 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
-from jacokin.errors import InvalidInputError
 from jacokin.ik.results import Frozen
 from jacokin.model import checks
 from jacokin.reachability.chunk import count_reaching, one_by_one
@@ -69,8 +68,7 @@ def place_base(
     Raises:
         InvalidInputError: malformed targets or numbers, or a map of a robot that was not given to `load`.
     """
-    if not isinstance(map, ReachabilityMap):
-        raise InvalidInputError(f"map must be a ReachabilityMap, got {checks.shown(map)}")
+    checks.instance("map", map, ReachabilityMap, "a ReachabilityMap")
     wanted = checked_poses(targets)
     levels = None if heights is None else np.sort(_levels(heights))
     count = checks.whole_number("count", count, lowest=1)
@@ -99,12 +97,9 @@ def place_base(
 
 
 def _levels(heights: ArrayLike) -> Array:
-    try:
-        values = np.atleast_1d(checks.numbers(heights))
-    except (TypeError, ValueError) as error:
-        raise InvalidInputError(f"heights must be numbers (k,) [m], got {checks.shown(heights)}: {error}") from error
+    values = np.atleast_1d(checks.array("heights", heights, "numbers (k,)", "m"))
     if values.ndim != 1 or not len(values) or not np.isfinite(values).all():
-        raise InvalidInputError(f"heights must be finite numbers (k,) [m], got {checks.shown(heights)}")
+        raise checks.refusal("heights", "finite numbers (k,)", heights, "m")
     return values
 
 

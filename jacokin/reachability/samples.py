@@ -68,8 +68,7 @@ class Grid:
         Raises:
             InvalidInputError: not a robot, or a spacing as for a grid.
         """
-        if not isinstance(robot, Robot):
-            raise InvalidInputError(f"robot must be a Robot, got {checks.shown(robot)}")
+        checks.instance("robot", robot, Robot, "a Robot")
         spacing = checks.positive("spacing", spacing, "m")
         placements = list(robot.pin_model.jointPlacements)[1:]
         frame = robot.pin_model.frames[robot.frame_id()].placement

@@ -7,9 +7,9 @@ from collections import OrderedDict
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from jacokin.errors import InvalidInputError, MissingExtraError
+from jacokin.errors import MissingExtraError
 from jacokin.model import checks
 from jacokin.mujoco_bridge import Physics
 from jacokin.mujoco_bridge.base import RandomState
@@ -78,7 +78,7 @@ class Environment(dm_env.Environment):  # type: ignore[misc]  # dm_env has no ty
         queries.run(self._episode.starting(self._random_state))
         return dm_env.restart(self._observation())
 
-    def step(self, action: object) -> dm_env.TimeStep:
+    def step(self, action: ArrayLike) -> dm_env.TimeStep:
         """Apply an action for 0.04 s; starts an episode instead, if there is none or the last has ended.
 
         Args:
@@ -168,7 +168,5 @@ def checked_random_state(seed: object) -> RandomState:
     if seed is None:
         return np.random.default_rng()
     if isinstance(seed, bool | np.timedelta64) or not isinstance(seed, int | np.integer) or seed < 0:
-        raise InvalidInputError(
-            f"seed must be a whole number >= 0, a numpy.random.Generator or None, got {checks.shown(seed)}"
-        )
+        raise checks.refusal("seed", "a whole number >= 0, a numpy.random.Generator or None", seed)
     return np.random.default_rng(int(seed))

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, PhysicsError
@@ -149,7 +149,7 @@ class Episode:
         self._renderers.close()
 
 
-def clip_action(action: object, lower: Array, upper: Array) -> Array:
+def clip_action(action: ArrayLike, lower: Array, upper: Array) -> Array:
     """An action within its bounds, as a new array; values beyond them are put on them.
 
     Args:
@@ -160,7 +160,7 @@ def clip_action(action: object, lower: Array, upper: Array) -> Array:
     Raises:
         InvalidInputError: wrong shape, not real numbers, or NaN.
     """
-    values = _as_array(action)
+    values = action if type(action) is np.ndarray else checks.array("action", action, "an array of numbers")
     if values.shape != lower.shape or values.dtype.kind not in "fiu":
         raise InvalidInputError(
             f"action must be numbers of shape {lower.shape}, got shape {values.shape} and dtype {values.dtype}"
@@ -170,12 +170,3 @@ def clip_action(action: object, lower: Array, upper: Array) -> Array:
     if total != total:  # NaN; infinite values are bounded
         raise InvalidInputError(f"action must not be NaN, got {checks.shown(values)}")
     return found
-
-
-def _as_array(action: object) -> np.ndarray:
-    if type(action) is np.ndarray:
-        return action
-    try:
-        return checks.numbers(action)  # type: ignore[arg-type]  # `numbers` checks
-    except (TypeError, ValueError) as error:
-        raise InvalidInputError(f"action must be an array of numbers, got {checks.shown(action)}: {error}") from error

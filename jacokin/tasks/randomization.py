@@ -100,12 +100,9 @@ class Randomization:
         Raises:
             InvalidInputError: not such values.
         """
-        if not isinstance(values, Mapping):
-            raise InvalidInputError(f"randomization must be a dict, as info has it, got {checks.shown(values)}")
-        names = self.names
+        given, names = checks.mapping("randomization", values, "a dict, as info has it"), self.names
         found = {
-            checks.choice("randomized quantity", name, names): check_value(name, value)
-            for name, value in values.items()
+            checks.choice("randomized quantity", name, names): check_value(name, value) for name, value in given.items()
         }
         missing = set(names) - set(found)
         if missing:
@@ -121,10 +118,7 @@ def _values_by_name(name: str, value: ArrayLike) -> dict[str, float]:
     """
     names = _BASE if name == "base_pose" else (name,)
     expected = "a number" if len(names) == 1 else f"one number or {len(names)}"
-    try:
-        numbers = checks.numbers(value)
-    except (TypeError, ValueError) as error:
-        raise InvalidInputError(f"{name} must be {expected}, got {checks.shown(value)}") from error
+    numbers = checks.array(name, value, expected)
     if numbers.size != 1 and numbers.shape != (len(names),):
         raise InvalidInputError(f"{name} must be {expected}, got shape {numbers.shape}")
     each = np.broadcast_to(numbers.ravel(), len(names)).tolist()

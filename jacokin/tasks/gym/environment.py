@@ -81,8 +81,8 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
             PhysicsError: "human" without a display.
         """
         self.options = EnvOptions(task, control, reward, goal, observations, flatten)
-        if not isinstance(randomization, Randomization | None):
-            raise InvalidInputError(f"randomization must be a Randomization or None, got {checks.shown(randomization)}")
+        if randomization is not None:
+            checks.instance("randomization", randomization, Randomization, "a Randomization or None")
         self.randomization = randomization
         if render_mode is not None:
             checks.choice("render_mode", render_mode, RENDER_MODES)
@@ -143,15 +143,14 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
         Raises:
             InvalidInputError: as for `reset`.
         """
-        if not isinstance(options, Mapping | None):
-            raise InvalidInputError(f"options must be a dict or None, got {checks.shown(options)}")
-        for name in options or ():
+        given = checks.mapping("options", {} if options is None else options, "a dict or None")
+        for name in given:
             checks.choice("option of reset", name, () if self.randomization is None else ("randomization",))
         if seed is not None:
             checks.whole_number("seed", seed)
-        if self.randomization is None or not options:
+        if self.randomization is None or not given:
             return None
-        return self.randomization.replayed(options["randomization"])
+        return self.randomization.replayed(given["randomization"])
 
     def _start(self, seed: int | None, replayed: dict[str, float] | None) -> Asking[tuple[Observation, Info]]:
         """As `reset` with checked arguments; the caller answers the queries, see `Task.starting`."""
@@ -337,10 +336,7 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
 
 
 def _goals(name: str, value: ArrayLike, size: int) -> Array:
-    try:
-        goals = checks.numbers(value)
-    except (TypeError, ValueError) as error:
-        raise InvalidInputError(f"{name} must be numbers, got {checks.shown(value)}") from error
+    goals = checks.array(name, value, "numbers")
     if goals.ndim < 1 or goals.shape[-1] != size:
         raise InvalidInputError(f"{name} must have shape (..., {size}), got {goals.shape}")
     return goals

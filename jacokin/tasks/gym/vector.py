@@ -120,9 +120,7 @@ class VectorTaskEnv(VectorEnv[Observation, Any, NDArray[Any]]):
         Raises:
             InvalidInputError: wrong seeds or options; nothing is changed.
         """
-        if not isinstance(options, Mapping | None):
-            raise InvalidInputError(f"options must be a dict or None, got {checks.shown(options)}")
-        given = dict(options or {})
+        given = dict(checks.mapping("options", {} if options is None else options, "a dict or None"))
         ids = np.flatnonzero(self._mask(given.pop("reset_mask", True)))
         all_seeds, each = self._seeds(seed), self._each(given)
         seeds = [all_seeds[index] for index in ids]
@@ -219,7 +217,7 @@ class VectorTaskEnv(VectorEnv[Observation, Any, NDArray[Any]]):
         if value is True:
             return np.ones(self.num_envs, dtype=bool)
         if not isinstance(value, np.ndarray) or value.dtype != bool or value.shape != (self.num_envs,):
-            raise InvalidInputError(f"reset_mask must be a bool array ({self.num_envs},), got {checks.shown(value)}")
+            raise checks.refusal("reset_mask", f"a bool array ({self.num_envs},)", value)
         return value
 
     def _seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
@@ -228,7 +226,7 @@ class VectorTaskEnv(VectorEnv[Observation, Any, NDArray[Any]]):
         if isinstance(seed, int | np.integer) and not isinstance(seed, bool):
             return [int(seed) + index for index in range(self.num_envs)]
         if not isinstance(seed, Sequence | np.ndarray) or isinstance(seed, str) or len(seed) != self.num_envs:
-            raise InvalidInputError(f"seed must be one number, or {self.num_envs}, got {checks.shown(seed)}")
+            raise checks.refusal("seed", f"one number, or {self.num_envs}", seed)
         return list(seed)
 
     def _each(self, options: Mapping[str, Any]) -> list[dict[str, Any]]:
