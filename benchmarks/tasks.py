@@ -26,7 +26,7 @@ from jacokin.mujoco_bridge.distributions import Uniform
 from jacokin.tasks import Randomization
 from jacokin.tasks.episode import STEPS
 from jacokin.tasks.gym.registration import IDS
-from jacokin.tasks.gym.vector import make_vector
+from jacokin.tasks.gym.vector import VectorTaskEnv
 from jacokin.tasks.task import SUBSTEPS
 
 Array = NDArray[np.float64]
@@ -138,8 +138,8 @@ def vector_rates(name: str) -> tuple[float, float, float, float, float, float]:
         with observations and rewards; ours with one reset in 250 steps too; the same randomized; and the cores that
         the batch got, as other processes may take some.
     """
-    vector: Any = make_vector(ENVIRONMENTS, task=name, threads=THREADS)
-    varied: Any = make_vector(ENVIRONMENTS, task=name, threads=THREADS, randomization=VARIED)
+    vector: Any = VectorTaskEnv(ENVIRONMENTS, task=name, threads=THREADS)
+    varied: Any = VectorTaskEnv(ENVIRONMENTS, task=name, threads=THREADS, randomization=VARIED)
     model, steps = vector._first.model, actions(VECTOR_BLOCK, ENVIRONMENTS)
     state = mujoco.mjtState.mjSTATE_INTEGRATION
     vector.reset(seed=0)
@@ -205,9 +205,9 @@ def starts(name: str) -> list[Array]:
 def memory(name: str) -> float:
     """What many environments take in a fresh process, beside the first of them [MB]."""
     program = (
-        "import sys, numpy as np; from jacokin.tasks.gym.vector import make_vector\n"
+        "import sys, numpy as np; from jacokin.tasks.gym.vector import VectorTaskEnv\n"
         "def used(): return int(open('/proc/self/statm').read().split()[1]) * 4096\n"
-        f"def run(n): v = make_vector(n, task={name!r}, threads={THREADS}); v.reset(seed=0); "
+        f"def run(n): v = VectorTaskEnv(n, task={name!r}, threads={THREADS}); v.reset(seed=0); "
         "v.step(np.zeros((n, 9))); return v\n"
         f"one = run(1); before = used(); many = run({MANY}); print((used() - before) / 1e6)"
     )

@@ -132,12 +132,12 @@ def load_map(folder: str) -> ReachabilityMap:
         UnknownNameError: it is neither.
         InvalidInputError: a folder without a map, or with a damaged one.
     """
-    from jacokin.reachability import loading
+    from jacokin import reachability
 
     if Path(folder).exists():
-        return loading.load(folder)
+        return reachability.load(folder)
     if folder in NAMES:
-        return loading.bundled(folder)
+        return reachability.bundled(folder)
     raise UnknownNameError("map", folder, [*NAMES, "or the folder of a map"])
 
 
@@ -163,7 +163,7 @@ class MapOptions:
             UnknownNameError: it is neither.
             InvalidInputError: a folder without a map, a damaged one, or a map of another robot or scene.
         """
-        from jacokin.reachability import loading
+        from jacokin import reachability
 
         found = load_map(folder)
         around, _ = options.surroundings(self.scene, None)
@@ -175,7 +175,7 @@ class MapOptions:
             )
         if arm is None and around is None:
             return found
-        return loading.load(found.folder, robot=arm, scene=around)
+        return reachability.load(found.folder, robot=arm, scene=around)
 
 
 Vector4 = tuple[float, float, float, float]

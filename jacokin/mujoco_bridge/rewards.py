@@ -63,6 +63,16 @@ SHAPES: Mapping[str, Callable[[Array, float], Array]] = {
 _REACH_ZERO = ("cosine", "linear", "quadratic")
 
 
+def fall_beyond(excess: Array, margin: float, sigmoid: str, value_at_margin: float = VALUE_AT_MARGIN) -> Array:
+    """`tolerance` of checked arrays (...) that say how far something is beyond its bounds, negative within them.
+
+    One simulation gets the same bits as the rows of many: also a single number is computed as an array, because NumPy
+    rounds the powers of numbers differently.
+    """
+    distance = np.atleast_1d(np.maximum(excess, 0.0) / margin)
+    return SHAPES[sigmoid](distance, value_at_margin).reshape(np.shape(excess))
+
+
 def tolerance(
     x: ArrayLike,
     bounds: tuple[float, float] = (0.0, 0.0),

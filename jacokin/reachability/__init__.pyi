@@ -1,6 +1,6 @@
 from jacokin.reachability.building import build as build
-from jacokin.reachability.loading import bundled as bundled
-from jacokin.reachability.loading import load as load
+from jacokin.reachability.folder import bundled as bundled
+from jacokin.reachability.folder import load as load
 from jacokin.reachability.map import ReachabilityMap as ReachabilityMap
 from jacokin.reachability.orientations import Orientations as Orientations
 from jacokin.reachability.placement import BasePlacement as BasePlacement

@@ -1,4 +1,4 @@
-"""How far from a sample that is reached the tool can be: what a grid and a finite set of orientations leave out.
+"""`derive_bound`: how far the tool can be from a sample that is reached, between grid points and orientations.
 
 The arm has its tool somewhere, its wrist (where the last two axes meet) at a distance L from it. Turning the tool about
 the wrist to the nearest orientation of the set, which is within the covering angle a of the set, moves it by no more
@@ -25,7 +25,7 @@ from jacokin.reachability.samples import Samples
 PARALLEL = 1e-9  # sine of an angle between axes that do not meet
 
 
-def bound_of(samples: Samples, solver: IKSolver) -> float | None:
+def derive_bound(samples: Samples, solver: IKSolver) -> float | None:
     """The bound [m]; None where the orientations are some that were chosen and not spread over all."""
     angle = covering_angle(samples.orientations, samples.symmetries.tool_axis)
     if angle is None:

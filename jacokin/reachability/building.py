@@ -2,7 +2,7 @@
 
 Every orientation of a set is tried at every position of a grid, with the closed form, which gives all configurations
 and needs no seed: what a map calls unreachable is unreachable. The work is cut into chunks that are kept in a folder
-with the recipe of the map; a build that is killed continues from there, and several can share the work.
+with the recipe of the map; a build that was killed continues from there, and several processes can share the work.
 
 The folder is plain: `recipe.json`, the chunks as NPZ files `000000-<hash>.npz`, and, once complete, `manifest.json`
 with the SHA-256 of each.
@@ -15,7 +15,6 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import orjson
 import pinocchio as pin
@@ -30,18 +29,13 @@ from jacokin.ik.solver import IKSolver
 from jacokin.model import checks
 from jacokin.model.poses import FreeAxis
 from jacokin.model.robot import Robot
-from jacokin.reachability.bound import bound_of
+from jacokin.model.scene import Scene
+from jacokin.reachability.bound import derive_bound
 from jacokin.reachability.chunk import MapJob, make
-from jacokin.reachability.loading import MANIFEST, load
+from jacokin.reachability.folder import MANIFEST, load, make_recipe
 from jacokin.reachability.map import ReachabilityMap
-from jacokin.reachability.orientations import NO_SYMMETRIES as NO_SYMMETRIES
-from jacokin.reachability.orientations import Orientations, checked_orientations
-from jacokin.reachability.orientations import symmetries_of as symmetries_of
-from jacokin.reachability.recipe import recipe_of
+from jacokin.reachability.orientations import NO_SYMMETRIES, Orientations, checked_orientations, find_symmetries
 from jacokin.reachability.samples import Grid, Samples
-
-if TYPE_CHECKING:
-    from jacokin.model.scene import Scene
 
 SPACING = 0.05  # [m] of the grid where none is given
 COUNT = 200  # of orientations where none are given
@@ -81,7 +75,7 @@ def build(
         collision: "reject" counts only configurations that touch neither the arm itself nor the scene: some hundred
             times slower, and without symmetry.
         scene: obstacles; needs collision="reject".
-        use_symmetry: use that the first and the last joint turn freely, where they do; see `symmetries`.
+        use_symmetry: use that the first and the last joint turn freely, where they do; see `Symmetries`.
 
     Returns:
         The map; None while chunks of other shards are missing.
@@ -94,27 +88,25 @@ def build(
     mine = _shard(shard)
     use_symmetry = checks.flag("use_symmetry", use_symmetry)
     checked_executor(executor)
-    if not isinstance(folder, str | Path) or not str(folder):
-        raise InvalidInputError(f"folder must be a str or a Path, got {checks.shown(folder)}")
-    checks.text("folder", str(folder))
-    if grid is not None and not isinstance(grid, Grid):
-        raise InvalidInputError(f"grid must be a Grid, got {checks.shown(grid)}")
-    if progress is not None and not callable(progress):
-        raise InvalidInputError(f"progress must be callable, got {checks.shown(progress)}")
+    path = Path(checks.text("folder", str(checks.path("folder", folder))))
+    if grid is not None:
+        checks.instance("grid", grid, Grid, "a Grid")
+    if progress is not None:
+        checks.function("progress", progress)
     if isinstance(collision, str) and collision == "report":
         raise InvalidInputError("collision must be 'ignore' or 'reject' for a map, got 'report'")
     solver = IKSolver(robot, frame, tool=tool, method="closed_form", collision=collision, scene=scene, warm=None)
     if not solver.has_families:
         solver.closed_form()
-    found = symmetries_of(solver) if use_symmetry and collision == "ignore" else NO_SYMMETRIES
+    found = find_symmetries(solver) if use_symmetry and collision == "ignore" else NO_SYMMETRIES
     chosen, found = checked_orientations(orientations, found)
     if chosen.axes is not None and solver.has_families:
         raise InvalidInputError("orientations that may turn about an axis are for six joints: seven turn by themselves")
     samples = Samples(Grid.around(robot, SPACING) if grid is None else grid, chosen, found)
-    recipe = recipe_of(solver, samples)
+    recipe = make_recipe(solver, samples)
     size = recipe["chunks"]["positions"]  # type: ignore[index]  # a dictionary, written above
     starts = range(0, samples.positions, size)
-    chunks = ChunkFolder(Path(folder), recipe, len(starts), ".npz")
+    chunks = ChunkFolder(path, recipe, len(starts), ".npz")
     finished = chunks.finished()
     manifest = chunks.path / MANIFEST
     if len(finished) < len(starts):
@@ -137,11 +129,11 @@ def build(
             "sha256": hashes,
             "recipe": file_digest(chunks.path / RECIPE),
             "symmetries": recipe["symmetries"],
-            "bound": bound_of(samples, solver),
+            "bound": derive_bound(samples, solver),
         }
         written.write_bytes(orjson.dumps(document, option=orjson.OPT_INDENT_2))
     chunks.remove_unfinished()
-    return load(folder, robot=robot, scene=scene)
+    return load(path, robot=robot, scene=scene)
 
 
 def _jobs(
@@ -166,4 +158,4 @@ def _shard(shard: str | None) -> tuple[int, int]:
         number, count = int(parts[0]), int(parts[1])
         if 1 <= number <= count:
             return number - 1, count
-    raise InvalidInputError(f"shard must be 'i/n' with 1 <= i <= n, got {checks.shown(shard)}")
+    raise checks.refusal("shard", "'i/n' with 1 <= i <= n", shard)

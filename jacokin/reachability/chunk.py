@@ -1,4 +1,4 @@
-"""One chunk of a map: every orientation at some positions, in whatever process."""
+"""One chunk of a map, `MapJob`: every orientation at some positions, and how many configurations reach each."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def one_by_one(solver: IKSolver, free: bool) -> bool:
     return free or solver.has_families or solver.verifier.rejects_contact
 
 
-def reached(solver: IKSolver, targets: Array, orientations: Orientations | None = None) -> Answers:
+def count_reaching(solver: IKSolver, targets: Array, orientations: Orientations | None = None) -> Answers:
     """How many configurations reach each of n poses (n, 4, 4), and the largest limit margin among them [rad].
 
     Where a pose has a family of configurations, because the arm has seven joints or the tool may turn about an axis,
@@ -49,25 +49,23 @@ def reached(solver: IKSolver, targets: Array, orientations: Orientations | None 
     Returns:
         (n,) numbers, and (n,) margins, NaN where there is no configuration.
     """
-    axes = None if orientations is None else orientations.axes
-    if not one_by_one(solver, axes is not None):
-        return _compiled(solver, targets)
+    free = orientations if orientations is not None and orientations.axes is not None else None
+    if not one_by_one(solver, free is not None):
+        return _count_compiled(solver, targets)
     counts, margins = np.zeros(len(targets), dtype=np.uint8), np.full(len(targets), np.nan)
     for row, matrix in enumerate(targets):
-        if orientations is not None and axes is not None and orientations.ranges is not None:
-            index = row % len(orientations)
-            free = FreeAxis(matrix, axis=axes[index], range=orientations.ranges[index])
-            number, margin = _of_family(solver, free)
+        if free is not None:
+            number, margin = _count_intervals(solver, free.free_axis(row % len(free), matrix))
         elif solver.has_families:
-            number, margin = _of_family(solver, matrix)
+            number, margin = _count_intervals(solver, matrix)
         else:
-            number, margin = _of_branches(solver, matrix)
+            number, margin = _count_branches(solver, matrix)
         if number:
             counts[row], margins[row] = min(number, MOST_BRANCHES), margin
     return counts, margins
 
 
-def _compiled(solver: IKSolver, targets: Array) -> Answers:
+def _count_compiled(solver: IKSolver, targets: Array) -> Answers:
     seeds = np.tile(solver.robot.home, (len(targets), 1))
     rows = solver.closed_form().solve_batch(targets, seeds)
     position_tolerance, orientation_tolerance = solver.tolerances
@@ -77,14 +75,14 @@ def _compiled(solver: IKSolver, targets: Array) -> Answers:
     return counts, np.where(good, rows.largest_margin, np.nan)
 
 
-def _of_branches(solver: IKSolver, target: Array) -> tuple[int, float]:
+def _count_branches(solver: IKSolver, target: Array) -> tuple[int, float]:
     """Branches within the limits that touch nothing."""
     branches = solver.solve_all(target)
     free = branches.within_limits & np.array([not pairs for pairs in branches.touching or ()], dtype=np.bool_)
     return int(free.sum()), float(branches.margin[free].min(axis=1).max()) if free.any() else np.nan
 
 
-def _of_family(solver: IKSolver, target: Array | FreeAxis) -> tuple[int, float]:
+def _count_intervals(solver: IKSolver, target: Array | FreeAxis) -> tuple[int, float]:
     """Intervals of a family; where contact counts, those with a member that touches nothing among some of each."""
     family = solver.family(target)
     cost = by_margin(solver.robot)
@@ -134,7 +132,7 @@ def make(job: MapJob) -> str | bytes:
     targets = job.samples.targets(np.arange(job.first, job.stop))
     shape = targets.shape[:2]
     solver = unpickled_solver(job.solver)
-    branches, margin = reached(solver, targets.reshape(-1, 4, 4), job.samples.orientations)
+    branches, margin = count_reaching(solver, targets.reshape(-1, 4, 4), job.samples.orientations)
     stream = io.BytesIO()
     np.savez_compressed(
         stream, branches=branches.reshape(shape), margin=margin.astype(np.float16).reshape(shape), allow_pickle=False

@@ -1,4 +1,4 @@
-"""Maps that were built: what fraction of orientations is reached where, and what is near."""
+"""`ReachabilityMap`: what fraction of orientations is reached where, and the nearest pose that is reached."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from numpy.typing import ArrayLike, NDArray
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.ik.solver import IKSolver
+from jacokin.ik.targets import checked_batch
 from jacokin.model import checks, poses
 from jacokin.model.loading import load_robot
-from jacokin.model.poses import FreeAxis
 from jacokin.model.robot import Robot, fingerprint
 from jacokin.model.scene import Scene
 from jacokin.reachability.orientations import Orientations
-from jacokin.reachability.recipe import samples_of
-from jacokin.reachability.samples import NOWHERE, Grid, Samples, turned
+from jacokin.reachability.pictures import draw
+from jacokin.reachability.samples import NOWHERE, Grid, Samples, turn_about_z
 
 RADIAN = 0.1  # [m] that a radian counts when distances of poses are compared, as for closest configurations
 
@@ -42,6 +42,7 @@ class ReachabilityMap:
         self,
         folder: Path,
         recipe: dict[str, Any],  # Any: JSON
+        samples: Samples,
         counts: NDArray[np.uint8],
         margins: NDArray[np.float16],
         robot: Robot | None,
@@ -52,7 +53,7 @@ class ReachabilityMap:
         """Take what `load` has read."""
         self.folder = folder
         self.recipe = recipe
-        self.samples: Samples = samples_of(recipe, str(folder))
+        self.samples = samples
         self.counts = counts
         self.margins = margins
         self.bound = bound
@@ -80,29 +81,25 @@ class ReachabilityMap:
         """The robot.
 
         Raises:
-            InvalidInputError: it is not a bundled one as it is, and the map was loaded without it.
+            InvalidInputError: it is not a bundled robot without changes, and the map was loaded without it.
         """
         if self._robot is None:
             name = self.recipe["robot"]["bundled"]
             if name is None:
                 raise InvalidInputError(f"{self.folder}: load the map with robot=, it is not a bundled one")
             try:
-                self._robot = same_robot(self.folder, self.recipe, load_robot(name))
+                self._robot = check_same_robot(self.folder, self.recipe, load_robot(name))
             except InvalidInputError as error:
                 raise InvalidInputError(f"{error}: load the map with robot=, as it was built") from error
         return self._robot
 
-    @property
+    @cached_property
     def solver(self) -> IKSolver:
         """The solver of the map: robot, frame, tool, and what counts as contact.
 
         Raises:
             InvalidInputError: the map was loaded without its robot, which is not bundled, or without its scene.
         """
-        return self._solver
-
-    @cached_property
-    def _solver(self) -> IKSolver:
         if self.recipe["scene"] is not None and self._scene is None:
             raise InvalidInputError(f"{self.folder}: load the map with scene=, the one that it was built with")
         return IKSolver(
@@ -166,7 +163,7 @@ class ReachabilityMap:
         if symmetries.turns:  # the nearest pose that comes from a sample by turning is in the same half plane
             angle = float(np.arctan2(position[1], position[0]))
             position = np.array([np.hypot(position[0], position[1]), 0.0, position[2]])
-            rotation = turned(rotation[None], np.array([-angle]))[0]
+            rotation = turn_about_z(-angle) @ rotation
         away = np.linalg.norm(self.samples.position(np.arange(self.samples.positions)) - position, axis=1)
         aside = RADIAN * np.arccos(np.clip(self.samples.cosines(rotation[None])[0], -1.0, 1.0))
         best, where = np.inf, (0, 0)
@@ -182,16 +179,13 @@ class ReachabilityMap:
         found = self.orientations.rotations[where[1]]
         if symmetries.tool_axis is not None:
             found = _rolled(found, rotation, symmetries.tool_axis)
-        turn = turned(np.eye(3)[None], np.array([angle]))[0]
+        turn = turn_about_z(angle)
         nearest = pin.SE3(turn @ found, turn @ self.samples.position(np.array([where[0]]))[0])
         return nearest if self.orientations.axes is None else self._member(nearest, where[1], turn @ rotation)
 
     def _member(self, pose: pin.SE3, index: int, wanted: Array) -> pin.SE3:
         """Of the poses that come from turning an orientation, one that is reached, near to a rotation (3, 3)."""
-        axes, ranges = self.orientations.axes, self.orientations.ranges
-        assert axes is not None
-        assert ranges is not None
-        target = FreeAxis(pose, axis=axes[index], range=ranges[index])
+        target = self.orientations.free_axis(index, pose)
 
         def away(q: Array) -> float:
             return float(np.linalg.norm(self.solver.verifier.tool_pose(q).rotation - wanted))
@@ -209,9 +203,9 @@ class ReachabilityMap:
             MissingExtraError: matplotlib is not installed.
             InvalidInputError: another ending, or the file cannot be written.
         """
-        from jacokin.reachability.pictures import draw
-
-        draw(self, path)
+        robot = self.recipe["robot"]["name"]
+        title = f"{robot}, frame {self.recipe['frame']}: {self.orientations.name}"
+        draw(path, self.grid, self.fraction, robot, title)
 
     def _spread(self, values: Array) -> Array:
         """Numbers of positions as numbers of the cells of the grid."""
@@ -228,16 +222,14 @@ def checked_poses(targets: ArrayLike) -> Array:
     Raises:
         InvalidInputError: malformed.
     """
-    from jacokin.ik.targets import checked_batch
-
     matrices, position_only, turning = checked_batch(targets)
     if position_only.any() or turning:
         raise InvalidInputError("targets must be poses (n, 4, 4): positions and free axes have no one orientation")
     return matrices
 
 
-def same_robot(path: Path, recipe: dict[str, Any], robot: Robot) -> Robot:  # Any: JSON
-    """A robot that is the one of a recipe.
+def check_same_robot(path: Path, recipe: dict[str, Any], robot: Robot) -> Robot:  # Any: JSON
+    """Check that a robot is the one of a recipe.
 
     Raises:
         InvalidInputError: it is another one.

@@ -1,4 +1,4 @@
-"""Sets of orientations: evenly spread ones, tools that point down, and such that may turn about an axis.
+"""`Orientations` of the tool, sets that are spread evenly, point down or may turn about an axis, and `Symmetries`.
 
 Sources: super-Fibonacci spirals for rotations (Alexa, Super-Fibonacci Spirals: Fast, Low-Discrepancy Sampling of SO(3),
 CVPR 2022); the spherical Fibonacci lattice for directions (Gonzalez, Measurement of Areas on a Sphere Using Fibonacci
@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
@@ -21,55 +22,13 @@ from jacokin.ik.solver import IKSolver
 from jacokin.model import checks
 from jacokin.model.poses import DOWN_QUAT_WXYZ, FreeAxis, quat_wxyz
 
-TOLERANCE = 1e-9  # [m] and [rad] that an axis may be off: a thousandth of the tolerance of a solution
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Symmetries:
-    """What does not matter.
-
-    Attributes:
-        turns: whether poses may be turned about the z axis of the base.
-        tool_axis: (3,) axis of the tool about which poses may be turned, a unit vector in its frame; None if none.
-    """
-
-    turns: bool
-    tool_axis: Array | None
-
-
-NO_SYMMETRIES = Symmetries(turns=False, tool_axis=None)
-
-
-def symmetries_of(solver: IKSolver) -> Symmetries:
-    """The symmetries of an arm, frame and tool, without obstacles and self-contact."""
-    robot = solver.robot
-    pose = robot.forward_kinematics(robot.home, solver.frame)
-    jacobian = robot.jacobian(robot.home, solver.frame)
-    position, rotation = pose.translation, pose.rotation
-    velocity, angular = jacobian[:3].copy(), jacobian[3:]
-    if solver.tool is not None:
-        arm = rotation @ solver.tool.translation
-        position = position + arm
-        velocity += np.cross(angular.T, arm).T
-        rotation = rotation @ solver.tool.rotation
-    # A joint whose axis passes through a point moves it by the cross product of the axis with the way to the tool.
-    about_z = np.cross(angular[:, 0], position)[:2]
-    turns = bool(
-        robot.unlimited[0]
-        and np.abs(angular[:2, 0]).max() < TOLERANCE
-        and np.abs(velocity[:2, 0] - about_z).max() < TOLERANCE
-        and np.abs(velocity[2, 0]) < TOLERANCE
-    )
-    rolls = bool(robot.unlimited[-1] and not robot.sliding[-1] and np.abs(velocity[:, -1]).max() < TOLERANCE)
-    return Symmetries(turns, np.asarray(rotation.T @ angular[:, -1]) if rolls else None)
-
-
 GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))  # [rad]
 PHI = math.sqrt(2.0)  # the constants of Alexa, section 3: psi solves psi^4 = psi + 4
 PSI = 1.533751168755204288118041413
 MOST = 100_000
 FULL = (-math.pi, math.pi)  # [rad]
 SAME_AXIS = 1e-9  # sine; as exact as symmetries are
+TOLERANCE = 1e-9  # [m] and [rad] that an axis may be off: a thousandth of the tolerance of a solution
 
 
 class Orientations:
@@ -153,7 +112,7 @@ class Orientations:
         """
         each = [targets] if isinstance(targets, FreeAxis) else checks.listed("targets", targets)
         if not each or not all(isinstance(target, FreeAxis) for target in each):
-            raise InvalidInputError(f"targets must be a FreeAxis, or a sequence of them, got {checks.shown(targets)}")
+            raise checks.refusal("targets", "a FreeAxis, or a sequence of them", targets)
         return cls(
             np.array([quat_wxyz(target.matrix[:3, :3]) for target in each]),
             f"{len(each)} free about an axis" if name is None else name,
@@ -176,7 +135,7 @@ class Orientations:
         z = 1.0 - (2.0 * number + 1.0) / count
         radius, angle = np.sqrt(1.0 - z * z), number * GOLDEN_ANGLE
         return cls(
-            turning(_unit(axis), np.stack([radius * np.cos(angle), radius * np.sin(angle), z], axis=1)),
+            shortest_turns(_unit(axis), np.stack([radius * np.cos(angle), radius * np.sin(angle), z], axis=1)),
             f"{count} directions, spherical Fibonacci{', any roll' if free_roll else ''}",
             axes=np.tile(_unit(axis), (len(number), 1)) if free_roll else None,
         )
@@ -191,6 +150,12 @@ class Orientations:
         quats = np.stack([c * w - s * z, c * x - s * y, c * y + s * x, c * z + s * w], axis=1)
         return cls(quats, f"tool down, {yaws} yaws")
 
+    def free_axis(self, index: int, pose: pin.SE3 | ArrayLike) -> FreeAxis:
+        """A pose with one of these orientations as a target that may turn about the axis of that; there are axes."""
+        assert self.axes is not None
+        assert self.ranges is not None
+        return FreeAxis(pose, axis=self.axes[index], range=self.ranges[index])
+
     def without_roll(self, axis: ArrayLike) -> Orientations:
         """One of those that turn `axis` of the tool into the same direction."""
         directions = self.rotations @ _unit(axis)
@@ -198,7 +163,47 @@ class Orientations:
         return Orientations(self.quats_wxyz[np.sort(first)], self.name)
 
 
-def turning(axis: Array, directions: Array) -> Array:
+@dataclass(frozen=True, slots=True, eq=False)
+class Symmetries:
+    """What does not matter.
+
+    Attributes:
+        turns: whether poses may be turned about the z axis of the base.
+        tool_axis: (3,) axis of the tool about which poses may be turned, a unit vector in its frame; None if none.
+    """
+
+    turns: bool
+    tool_axis: Array | None
+
+
+NO_SYMMETRIES = Symmetries(turns=False, tool_axis=None)
+
+
+def find_symmetries(solver: IKSolver) -> Symmetries:
+    """The symmetries of an arm, frame and tool, without obstacles and self-contact."""
+    robot = solver.robot
+    pose = robot.forward_kinematics(robot.home, solver.frame)
+    jacobian = robot.jacobian(robot.home, solver.frame)
+    position, rotation = pose.translation, pose.rotation
+    velocity, angular = jacobian[:3].copy(), jacobian[3:]
+    if solver.tool is not None:
+        arm = rotation @ solver.tool.translation
+        position = position + arm
+        velocity += np.cross(angular.T, arm).T
+        rotation = rotation @ solver.tool.rotation
+    # A joint whose axis passes through a point moves it by the cross product of the axis with the way to the tool.
+    about_z = np.cross(angular[:, 0], position)[:2]
+    turns = bool(
+        robot.unlimited[0]
+        and np.abs(angular[:2, 0]).max() < TOLERANCE
+        and np.abs(velocity[:2, 0] - about_z).max() < TOLERANCE
+        and np.abs(velocity[2, 0]) < TOLERANCE
+    )
+    rolls = bool(robot.unlimited[-1] and not robot.sliding[-1] and np.abs(velocity[:, -1]).max() < TOLERANCE)
+    return Symmetries(turns, np.asarray(rotation.T @ angular[:, -1]) if rolls else None)
+
+
+def shortest_turns(axis: Array, directions: Array) -> Array:
     """Quaternions (m, 4) of the smallest rotations from a unit vector to others (m, 3)."""
     quats = np.concatenate([1.0 + directions @ axis[:, None], np.cross(axis, directions)], axis=1)
     opposite = quats[:, 0] < 1e-12
@@ -229,8 +234,7 @@ def checked_orientations(
             return value.without_roll(axis), symmetries
         return value, Symmetries(symmetries.turns, None)
     if not isinstance(value, int | np.integer) or isinstance(value, bool):
-        kinds = "an Orientations, one or several FreeAxis, or a number of them"
-        raise InvalidInputError(f"orientations must be {kinds}, got {checks.shown(value)}")
+        raise checks.refusal("orientations", "an Orientations, one or several FreeAxis, or a number of them", value)
     count = checks.whole_number("orientations", value, lowest=1)
     return Orientations.even(count) if axis is None else Orientations.directions(count, axis), symmetries
 
@@ -241,11 +245,7 @@ def _rows(name: str, values: ArrayLike, width: int, count: int) -> Array:
     Raises:
         InvalidInputError: another number of them, or malformed.
     """
-    try:
-        array = np.atleast_2d(checks.numbers(values))
-    except (TypeError, ValueError) as error:
-        raise InvalidInputError(f"{name} must be rows of {width} numbers, got {checks.shown(values)}") from error
-    rows = checks.matrix(name, array, width, "")
+    rows = checks.matrix(name, np.atleast_2d(checks.array(name, values, f"rows of {width} numbers")), width, "")
     if len(rows) not in (1, count):
         raise InvalidInputError(f"{name} must have one row for each of the {count} orientations, got {len(rows)}")
     return np.asarray(np.broadcast_to(rows, (count, width)))

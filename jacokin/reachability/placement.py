@@ -1,4 +1,4 @@
-"""Where to put the base of an arm, so that it reaches as many of some targets as possible.
+"""`place_base`: where to put the base of an arm, so that it reaches as many of some targets as possible.
 
 The map counts quickly how many targets each place of a grid reaches. The best places are then checked with the closed
 form itself, and moved in smaller and smaller steps as long as that reaches more targets, or the same with more margin.
@@ -14,12 +14,11 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
-from jacokin.errors import InvalidInputError
 from jacokin.ik.results import Frozen
 from jacokin.model import checks
-from jacokin.reachability.chunk import one_by_one, reached
+from jacokin.reachability.chunk import count_reaching, one_by_one
 from jacokin.reachability.map import ReachabilityMap, checked_poses
-from jacokin.reachability.samples import NOWHERE, Grid, turned
+from jacokin.reachability.samples import NOWHERE, Grid, turn_about_base, turn_about_z
 
 STARTS = 12  # places from the grid that are checked and moved
 SLOW_STARTS = 3  # where each target takes milliseconds
@@ -69,8 +68,7 @@ def place_base(
     Raises:
         InvalidInputError: malformed targets or numbers, or a map of a robot that was not given to `load`.
     """
-    if not isinstance(map, ReachabilityMap):
-        raise InvalidInputError(f"map must be a ReachabilityMap, got {checks.shown(map)}")
+    checks.instance("map", map, ReachabilityMap, "a ReachabilityMap")
     wanted = checked_poses(targets)
     levels = None if heights is None else np.sort(_levels(heights))
     count = checks.whole_number("count", count, lowest=1)
@@ -79,19 +77,16 @@ def place_base(
     angles = [0.0] if turns else (2.0 * np.pi * np.arange(yaws) / yaws).tolist()
     starts: list[tuple[int, float, Array]] = []
     for yaw in angles:
-        local = _seen_from(wanted, np.zeros(3), yaw)
-        places, counts = _counted(map, local, levels)
-        best = _spread_out(places, counts, 2.0 * map.grid.spacing)
+        local = _targets_in_base(wanted, np.zeros(3), yaw)
+        places, counts = _count_places(map, local, levels)
+        best = _choose_apart(places, counts, 2.0 * map.grid.spacing)
         starts += [(int(counts[index]), yaw, places[index]) for index in best]
     starts.sort(key=lambda start: -start[0])
     slow = one_by_one(map.solver, False)
-    found = [
-        _settled(map, wanted, yaw, place, fixed_height=levels is not None, slow=slow)
-        for _, yaw, place in starts[: SLOW_STARTS if slow else STARTS]
-    ]
+    search = _Search(map, wanted, levels is not None, slow)
+    found = [search.settle(yaw, place) for _, yaw, place in starts[: SLOW_STARTS if slow else STARTS]]
     if not slow and found and max(placement.reached for placement in found) < len(wanted):
-        most = max(found, key=lambda placement: placement.reached)
-        found.append(_scanned(map, wanted, most, fixed_height=levels is not None))
+        found.append(search.scan(max(found, key=lambda placement: placement.reached)))
     found.sort(key=lambda placement: (-placement.reached, -np.nan_to_num(placement.margin, nan=-np.inf)))
     distinct: list[BasePlacement] = []
     for placement in found:
@@ -102,25 +97,22 @@ def place_base(
 
 
 def _levels(heights: ArrayLike) -> Array:
-    try:
-        values = np.atleast_1d(checks.numbers(heights))
-    except (TypeError, ValueError) as error:
-        raise InvalidInputError(f"heights must be numbers (k,) [m], got {checks.shown(heights)}: {error}") from error
+    values = np.atleast_1d(checks.array("heights", heights, "numbers (k,)", "m"))
     if values.ndim != 1 or not len(values) or not np.isfinite(values).all():
-        raise InvalidInputError(f"heights must be finite numbers (k,) [m], got {checks.shown(heights)}")
+        raise checks.refusal("heights", "finite numbers (k,)", heights, "m")
     return values
 
 
-def _seen_from(targets: Array, place: Array, yaw: float) -> Array:
+def _targets_in_base(targets: Array, place: Array, yaw: float) -> Array:
     """Targets in a base at a place (3,), turned by `yaw` about the vertical."""
     seen = targets.copy()
-    turn = turned(np.eye(3)[None], np.array([-yaw]))[0]
+    turn = turn_about_z(-yaw)
     seen[:, :3, 3] = (targets[:, :3, 3] - place) @ turn.T
     seen[:, :3, :3] = turn @ targets[:, :3, :3]
     return seen
 
 
-def _counted(map: ReachabilityMap, local: Array, levels: Array | None) -> tuple[Array, NDArray[np.int_]]:  # noqa: A002 - as above
+def _count_places(map: ReachabilityMap, local: Array, levels: Array | None) -> tuple[Array, NDArray[np.int_]]:  # noqa: A002 - as above
     """Places in the base's own axes, and how many targets the map says each reaches."""
     positions, grid = local[:, :3, 3], map.grid
     lower, upper = positions.max(axis=0) - grid.upper, positions.min(axis=0) - grid.lower
@@ -153,11 +145,11 @@ def _orientation_table(map: ReachabilityMap, rotations: Array) -> NDArray[np.int
     if not map.samples.symmetries.turns:
         return map.samples.nearest(rotations)[:, None]
     angles = 2.0 * np.pi * np.arange(TURNS) / TURNS
-    columns = [map.samples.nearest(turned(rotations, np.full(len(rotations), -angle))) for angle in angles]
+    columns = [map.samples.nearest(turn_about_base(rotations, np.full(len(rotations), -angle))) for angle in angles]
     return np.stack(columns, axis=1)
 
 
-def _spread_out(places: Array, counts: NDArray[np.int_], distance: float) -> list[int]:
+def _choose_apart(places: Array, counts: NDArray[np.int_], distance: float) -> list[int]:
     """The best places that are not next to a better one."""
     chosen: list[int] = []
     for index in np.argsort(-counts, kind="stable").tolist():
@@ -168,75 +160,70 @@ def _spread_out(places: Array, counts: NDArray[np.int_], distance: float) -> lis
     return chosen
 
 
-def _settled(
-    map: ReachabilityMap,  # noqa: A002 - as above
-    targets: Array,
-    yaw: float,
-    place: Array,
-    *,
-    fixed_height: bool,
-    slow: bool,
-) -> BasePlacement:
-    """The best place that smaller and smaller steps lead to; of slow targets one from which all are reached will do."""
-    turn = turned(np.eye(3)[None], np.array([yaw]))[0]
-    place = turn @ place
-    moves = np.stack(np.meshgrid(*([-1.0, 0.0, 1.0],) * 3, indexing="ij"), axis=-1).reshape(-1, 3)
-    if fixed_height:
-        moves = moves[moves[:, 2] == 0.0]
-    steps = np.abs(moves).sum(axis=1)
-    moves = moves[(steps == 1.0) if slow else (steps > 0.0)]
-    step = map.grid.spacing
-    best, success = _measured(map, targets, place[None], yaw)
-    score = best[0]
-    for _ in range(MOST_ROUNDS):
-        if slow and score[0] == len(targets):
-            break
-        around = place + step * moves
-        scores, hits = _measured(map, targets, around, yaw)
-        index = max(range(len(scores)), key=scores.__getitem__)
-        if scores[index] > score:
-            place, score, success = around[index], scores[index], hits[index : index + 1]
-        elif step > FINEST:
-            step /= 2.0
-        else:
-            break
-    pose = pin.SE3(turn, place)
-    return BasePlacement(pose, score[0], score[1] if score[0] else np.nan, _read_only(success[0]))
+@dataclass(frozen=True, slots=True, eq=False)
+class _Search:
+    """Looks for better places near given ones, by the closed form.
 
-
-def _scanned(map: ReachabilityMap, targets: Array, near: BasePlacement, *, fixed_height: bool) -> BasePlacement:  # noqa: A002 - as above
-    """The best place that steps lead to from the best one of a close grid around a place where some targets are missed.
-
-    Steps only go to where more is reached, and the places from which all targets are can be a small spot.
+    Attributes:
+        map: of the robot.
+        targets: (n, 4, 4) in the world.
+        fixed_height: whether places move horizontally only.
+        slow: whether each target takes milliseconds.
     """
-    steps = np.linspace(-AROUND, AROUND, FLAT_GRID if fixed_height else SPACE_GRID) * map.grid.spacing
-    moves = np.stack(np.meshgrid(steps, steps, [0.0] if fixed_height else steps, indexing="ij"), axis=-1).reshape(-1, 3)
-    yaw = float(np.arctan2(near.pose.rotation[1, 0], near.pose.rotation[0, 0]))
-    places = near.pose.translation + moves
-    scores: list[tuple[int, float]] = []
-    for first in range(0, len(places), PLACES):
-        scores += _measured(map, targets, places[first : first + PLACES], yaw)[0]
-    best = places[max(range(len(scores)), key=scores.__getitem__)]
-    turn = turned(np.eye(3)[None], np.array([-yaw]))[0]
-    return _settled(map, targets, yaw, turn @ best, fixed_height=fixed_height, slow=False)
 
+    map: ReachabilityMap
+    targets: Array
+    fixed_height: bool
+    slow: bool
 
-def _measured(
-    map: ReachabilityMap,  # noqa: A002 - as above
-    targets: Array,
-    places: Array,
-    yaw: float,
-) -> tuple[list[tuple[int, float]], NDArray[np.bool_]]:
-    """Targets reached and smallest margin of each place, by the closed form; and which targets."""
-    seen = np.concatenate([_seen_from(targets, place, yaw) for place in places])
-    counts, margins = reached(map.solver, np.ascontiguousarray(seen))
-    hits = (counts > 0).reshape(len(places), len(targets))
-    smallest = np.where(hits, margins.reshape(hits.shape), np.inf).min(axis=1)
-    return list(zip(hits.sum(axis=1).tolist(), smallest.tolist(), strict=True)), hits
+    def settle(self, yaw: float, place: Array) -> BasePlacement:
+        """The best place that smaller and smaller steps lead to; if slow, one from which all are reached will do."""
+        turn = turn_about_z(yaw)
+        place = turn @ place
+        moves = np.stack(np.meshgrid(*([-1.0, 0.0, 1.0],) * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+        if self.fixed_height:
+            moves = moves[moves[:, 2] == 0.0]
+        steps = np.abs(moves).sum(axis=1)
+        moves = moves[(steps == 1.0) if self.slow else (steps > 0.0)]
+        step = self.map.grid.spacing
+        best, hits = self._measure(place[None], yaw)
+        score, success = best[0], hits[0]
+        for _ in range(MOST_ROUNDS):
+            if self.slow and score[0] == len(self.targets):
+                break
+            around = place + step * moves
+            scores, hits = self._measure(around, yaw)
+            index = max(range(len(scores)), key=scores.__getitem__)
+            if scores[index] > score:
+                place, score, success = around[index], scores[index], hits[index]
+            elif step > FINEST:
+                step /= 2.0
+            else:
+                break
+        success = success.copy()
+        success.setflags(write=False)
+        return BasePlacement(pin.SE3(turn, place), score[0], score[1] if score[0] else np.nan, success)
 
+    def scan(self, near: BasePlacement) -> BasePlacement:
+        """The best place that steps lead to from the best one of a close grid around a place that misses some targets.
 
-def _read_only(success: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """A copy that cannot be written to."""
-    copy = success.copy()
-    copy.setflags(write=False)
-    return copy
+        Steps only go to where more is reached, and the places from which all targets are can be a small spot.
+        """
+        flat = self.fixed_height
+        steps = np.linspace(-AROUND, AROUND, FLAT_GRID if flat else SPACE_GRID) * self.map.grid.spacing
+        moves = np.stack(np.meshgrid(steps, steps, [0.0] if flat else steps, indexing="ij"), axis=-1).reshape(-1, 3)
+        yaw = float(np.arctan2(near.pose.rotation[1, 0], near.pose.rotation[0, 0]))
+        places = near.pose.translation + moves
+        scores: list[tuple[int, float]] = []
+        for first in range(0, len(places), PLACES):
+            scores += self._measure(places[first : first + PLACES], yaw)[0]
+        best = places[max(range(len(scores)), key=scores.__getitem__)]
+        return self.settle(yaw, turn_about_z(-yaw) @ best)
+
+    def _measure(self, places: Array, yaw: float) -> tuple[list[tuple[int, float]], NDArray[np.bool_]]:
+        """Targets reached and smallest margin of each place; and which targets."""
+        seen = np.concatenate([_targets_in_base(self.targets, place, yaw) for place in places])
+        counts, margins = count_reaching(self.map.solver, np.ascontiguousarray(seen))
+        hits = (counts > 0).reshape(len(places), len(self.targets))
+        smallest = np.where(hits, margins.reshape(hits.shape), np.inf).min(axis=1)
+        return list(zip(hits.sum(axis=1).tolist(), smallest.tolist(), strict=True)), hits

@@ -1,4 +1,4 @@
-"""Which poses a map is made of, and which of them stands for a given one.
+"""`Grid` and `Samples`: which poses a map is made of, and which of them stands for a given one.
 
 A sample is a position and an orientation. Where joint 1 turns freely, positions are (r, 0, z), and a pose anywhere is
 first turned about the z axis of the base into the half plane y = 0, x >= 0. Where the last joint rolls the tool freely,
@@ -21,6 +21,8 @@ from jacokin.model.robot import Robot
 from jacokin.reachability.orientations import Orientations, Symmetries
 
 MOST_CELLS = 10**9  # one number for each is 8 GB
+NOWHERE = -1  # the cell of a position outside the grid
+_AT_ONCE = 4096  # poses whose nearest orientation is looked for in one product
 _ROUNDING = 1e-9  # of a cell, by which an edge may miss the box
 
 
@@ -66,8 +68,7 @@ class Grid:
         Raises:
             InvalidInputError: not a robot, or a spacing as for a grid.
         """
-        if not isinstance(robot, Robot):
-            raise InvalidInputError(f"robot must be a Robot, got {checks.shown(robot)}")
+        checks.instance("robot", robot, Robot, "a Robot")
         spacing = checks.positive("spacing", spacing, "m")
         placements = list(robot.pin_model.jointPlacements)[1:]
         frame = robot.pin_model.frames[robot.frame_id()].placement
@@ -97,10 +98,6 @@ class Grid:
     def centres(self) -> Array:
         """(nx, ny, nz, 3) centres of the cells [m]."""
         return np.stack(np.meshgrid(*(self.axis(index) for index in range(3)), indexing="ij"), axis=-1)
-
-
-NOWHERE = -1  # the cell of a position outside the grid
-_AT_ONCE = 4096  # poses whose nearest orientation is looked for in one product
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,11 +161,11 @@ class Samples:
     def orientation_of(self, rotations: Array, positions: Array) -> NDArray[np.int_]:
         """(n,) the nearest orientation for poses with these rotations (n, 3, 3) and positions (n, 3)."""
         if self.symmetries.turns:
-            rotations = turned(rotations, -np.arctan2(positions[:, 1], positions[:, 0]))
+            rotations = turn_about_base(rotations, -np.arctan2(positions[:, 1], positions[:, 0]))
         return self.nearest(rotations)
 
     def nearest(self, rotations: Array) -> NDArray[np.int_]:
-        """(n,) the nearest orientation of each rotation (n, 3, 3), as it is."""
+        """(n,) the nearest orientation of each rotation (n, 3, 3), which is not turned before."""
         found = np.empty(len(rotations), dtype=np.int_)
         for first in range(0, len(rotations), _AT_ONCE):
             some = slice(first, first + _AT_ONCE)
@@ -195,9 +192,14 @@ class Samples:
         return np.asarray((traces - 1.0) / 2.0)
 
 
-def turned(rotations: Array, angles: Array) -> Array:
-    """Rotations (n, 3, 3) turned by angles (n,) [rad] about the z axis of the base."""
+def turn_about_base(rotations: Array, angles: Array) -> Array:
+    """Turn rotations (n, 3, 3) by angles (n,) [rad] about the z axis of the base."""
     c, s = np.cos(angles), np.sin(angles)
     turn = np.zeros((len(angles), 3, 3))
     turn[:, 0, 0], turn[:, 0, 1], turn[:, 1, 0], turn[:, 1, 1], turn[:, 2, 2] = c, -s, s, c, 1.0
     return np.asarray(turn @ rotations)
+
+
+def turn_about_z(angle: float) -> Array:
+    """The rotation (3, 3) by an angle [rad] about the z axis."""
+    return np.asarray(turn_about_base(np.eye(3)[None], np.array([angle]))[0])

@@ -1,21 +1,21 @@
-"""Tasks as environments of dm_env, with the names, observations, actions and rewards of dm_control's manipulation."""
+"""`Environment`: a task for dm_env, with the names, observations, actions and rewards of dm_control's manipulation."""
 
 from __future__ import annotations
 
 import copy
 from collections import OrderedDict
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from jacokin.errors import InvalidInputError, MissingExtraError
+from jacokin.errors import MissingExtraError
 from jacokin.model import checks
 from jacokin.mujoco_bridge import Physics
 from jacokin.mujoco_bridge.base import RandomState
+from jacokin.mujoco_bridge.control import queries
 from jacokin.tasks import registry
-from jacokin.tasks.episode import PICTURE, STEPS, Episode, Snapshot
+from jacokin.tasks.episode import PICTURE, STEPS, Episode, Snapshot, clip_action
 from jacokin.tasks.task import CAMERA, CONTROL_TIMESTEP, Task
 
 try:
@@ -37,9 +37,9 @@ class Environment(dm_env.Environment):  # type: ignore[misc]  # dm_env has no ty
     def __init__(self, name: str, seed: int | RandomState | None = None) -> None:
         """Compile the scene; see `load`."""
         self._name = name
-        self._task_name, observed = registry.task_and_observations(name)
+        task, observed = registry.task_and_observations(name)
         self._random_state = checked_random_state(seed)
-        self._episode = Episode(self._task_name)
+        self._episode = Episode(task)
         self._has_camera = observed == registry.VISION
         self._features = [
             each for each in self._episode.task.features if each.is_proprioceptive or not self._has_camera
@@ -75,10 +75,10 @@ class Environment(dm_env.Environment):  # type: ignore[misc]  # dm_env has no ty
         Raises:
             EpisodeInitializationError: no initial state was found.
         """
-        self._episode.start(self._random_state)
+        queries.run(self._episode.starting(self._random_state))
         return dm_env.restart(self._observation())
 
-    def step(self, action: object) -> dm_env.TimeStep:
+    def step(self, action: ArrayLike) -> dm_env.TimeStep:
         """Apply an action for 0.04 s; starts an episode instead, if there is none or the last has ended.
 
         Args:
@@ -91,7 +91,7 @@ class Environment(dm_env.Environment):  # type: ignore[misc]  # dm_env has no ty
         episode = self._episode
         if episode.steps is None or episode.steps >= STEPS:
             return self.reset()
-        episode.advance(episode.checked_action(action))
+        episode.advance(clip_action(action, episode.lower, episode.upper))
         task, view, goal = episode.task, episode.view, episode.goal
         reward = float(task.reward(task.achieved(view, goal), task.desired(view, goal)))
         kind = dm_env.StepType.LAST if episode.steps >= STEPS else dm_env.StepType.MID
@@ -129,17 +129,17 @@ class Environment(dm_env.Environment):  # type: ignore[misc]  # dm_env has no ty
             found[each.name] = np.array(each.read(view, goal))[None]
         return found
 
-    def __reduce__(self) -> tuple[Callable[..., Environment], tuple[object, ...]]:
+    def __reduce__(self) -> tuple[type[Environment], tuple[object, ...], Snapshot]:
         """Pickle the name, the source of random numbers, and where the episode is."""
-        return _restored, (self._name, self._random_state, self._episode.snapshot())
+        return Environment, (self._name, self._random_state), self._episode.snapshot()
+
+    def __setstate__(self, snapshot: Snapshot) -> None:
+        """Go back to where the episode was."""
+        self._episode.restore(snapshot)
 
     def __copy__(self) -> Environment:
         """The same as `copy.deepcopy`: two environments cannot share a simulation."""
-        return self.__deepcopy__({})
-
-    def __deepcopy__(self, memo: dict[int, object]) -> Environment:
-        """An independent environment in the same state."""
-        return _restored(self._name, copy.deepcopy(self._random_state, memo), self._episode.snapshot())
+        return copy.deepcopy(self)
 
 
 def load(name: str, seed: int | RandomState | None = None) -> Environment:
@@ -168,13 +168,5 @@ def checked_random_state(seed: object) -> RandomState:
     if seed is None:
         return np.random.default_rng()
     if isinstance(seed, bool | np.timedelta64) or not isinstance(seed, int | np.integer) or seed < 0:
-        raise InvalidInputError(
-            f"seed must be a whole number >= 0, a numpy.random.Generator or None, got {checks.shown(seed)}"
-        )
+        raise checks.refusal("seed", "a whole number >= 0, a numpy.random.Generator or None", seed)
     return np.random.default_rng(int(seed))
-
-
-def _restored(name: str, random_state: RandomState, snapshot: Snapshot) -> Environment:
-    environment = Environment(name, random_state)
-    environment._episode.restore(snapshot)
-    return environment

@@ -1,4 +1,4 @@
-"""One simulation of a task, from reset to reset: what the environments for dm_env and Gymnasium have in common."""
+"""`Episode`: one simulation of a task, from reset to reset, for the environments of dm_env and Gymnasium alike."""
 
 from __future__ import annotations
 
@@ -6,51 +6,17 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, PhysicsError
 from jacokin.model import checks
 from jacokin.mujoco_bridge.base import RandomState
-from jacokin.mujoco_bridge.control import queries
 from jacokin.mujoco_bridge.control.queries import Asking
 from jacokin.mujoco_bridge.simulation.rendering import Renderers
 from jacokin.tasks import registry
-from jacokin.tasks.features import View
+from jacokin.tasks.features import StateView
 from jacokin.tasks.task import CAMERA, CONTROL_TIMESTEP, SUBSTEPS, TIME_LIMIT
-
-
-def bounded(action: object, lower: Array, upper: Array) -> Array:
-    """An action within its bounds, as a new array; values beyond them are put on them.
-
-    Args:
-        action: what a user gave.
-        lower: lower bounds, of any shape.
-        upper: upper bounds.
-
-    Raises:
-        InvalidInputError: wrong shape, not real numbers, or NaN.
-    """
-    values = _as_array(action)
-    if values.shape != lower.shape or values.dtype.kind not in "fiu":
-        raise InvalidInputError(
-            f"action must be numbers of shape {lower.shape}, got shape {values.shape} and dtype {values.dtype}"
-        )
-    found = np.asarray(np.minimum(np.maximum(values, lower), upper), dtype=np.float64)
-    total = float(found.sum())
-    if total != total:  # NaN; infinite values are bounded
-        raise InvalidInputError(f"action must not be NaN, got {checks.shown(values)}")
-    return found
-
-
-def _as_array(action: object) -> np.ndarray:
-    if type(action) is np.ndarray:
-        return action
-    try:
-        return checks.numbers(action)  # type: ignore[arg-type]  # `numbers` checks
-    except (TypeError, ValueError) as error:
-        raise InvalidInputError(f"action must be an array of numbers, got {checks.shown(action)}: {error}") from error
-
 
 PICTURE = 84  # rows and columns of what the camera observes [pixels]
 STEPS = round(TIME_LIMIT / CONTROL_TIMESTEP)
@@ -77,7 +43,6 @@ class Episode:
     """A task, its simulation, and the number of steps taken.
 
     Attributes:
-        name: of the task.
         task: the task.
         physics: the simulation, that of the task.
         goal: of the episode.
@@ -90,10 +55,9 @@ class Episode:
         Raises:
             UnknownNameError: no such task.
         """
-        self.name = name
         self.task = registry.make(name)
         self.physics = self.task.physics
-        self._view = View.of(self.physics.data)
+        self._view = StateView.of(self.physics.data)
         self.goal: Array = np.empty(0)
         self.steps: int | None = None
         self._renderers = Renderers(self.physics.model)
@@ -101,21 +65,17 @@ class Episode:
         self.lower, self.upper = (checks.read_only(bound) for bound in limits.T)
 
     @property
-    def view(self) -> View:
+    def view(self) -> StateView:
         """Live arrays of the simulation; what `Physics.set_qpos` has left due is computed first."""
         _ = self.physics.data  # computes what is due
         return self._view
 
-    def start(self, random_state: RandomState) -> None:
-        """Draw an initial state.
+    def starting(self, random_state: RandomState) -> Asking[None]:
+        """Draw an initial state; the caller answers the queries, see `Task.starting`.
 
         Raises:
             EpisodeInitializationError: none was found; a reset is due.
         """
-        queries.run(self.starting(random_state))
-
-    def starting(self, random_state: RandomState) -> Asking[None]:
-        """As `start`, but whoever runs it answers the queries; see `Task.starting`."""
         self.steps = None
         self.goal = yield from self.task.starting(random_state)
         self.steps = 0
@@ -124,7 +84,7 @@ class Episode:
         """Simulate one control step.
 
         Args:
-            action: (nu,) what `checked_action` returned.
+            action: (nu,) within the limits.
 
         Raises:
             PhysicsError: the simulation diverged; a reset is due.
@@ -136,14 +96,6 @@ class Episode:
         self.physics.data.ctrl[:] = action
         self.physics.step(SUBSTEPS)
         self.steps = steps + 1
-
-    def checked_action(self, action: object) -> Array:
-        """An action within the limits; values beyond them are put on them.
-
-        Raises:
-            InvalidInputError: wrong shape, not real numbers, or not finite.
-        """
-        return bounded(action, self.lower, self.upper)
 
     def picture(
         self,
@@ -195,3 +147,26 @@ class Episode:
     def close(self) -> None:
         """Free what pictures need."""
         self._renderers.close()
+
+
+def clip_action(action: ArrayLike, lower: Array, upper: Array) -> Array:
+    """An action within its bounds, as a new array; values beyond them are put on them.
+
+    Args:
+        action: what a user gave.
+        lower: lower bounds, of any shape.
+        upper: upper bounds.
+
+    Raises:
+        InvalidInputError: wrong shape, not real numbers, or NaN.
+    """
+    values = action if type(action) is np.ndarray else checks.array("action", action, "an array of numbers")
+    if values.shape != lower.shape or values.dtype.kind not in "fiu":
+        raise InvalidInputError(
+            f"action must be numbers of shape {lower.shape}, got shape {values.shape} and dtype {values.dtype}"
+        )
+    found = np.asarray(np.minimum(np.maximum(values, lower), upper), dtype=np.float64)
+    total = float(found.sum())
+    if total != total:  # NaN; infinite values are bounded
+        raise InvalidInputError(f"action must not be NaN, got {checks.shown(values)}")
+    return found

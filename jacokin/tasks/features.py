@@ -1,4 +1,4 @@
-"""What an agent observes: the arm, the hand, and the things it handles.
+"""`Feature`, something that an agent observes of the arm, the hand or a thing that it handles.
 
 Names, shapes and order are those of dm_control's manipulation tasks.
 """
@@ -7,35 +7,27 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.mujoco_bridge import JacoArm, JacoHand, Physics
+from jacokin.mujoco_bridge.observables.jaco import sin_cos
 from jacokin.mujoco_bridge.observations import symmetric_log
 from jacokin.mujoco_bridge.props import FreeProp
 
 Elements = Any  # an element of a spec or a list of them, whose classes mypy does not know
 Rows = slice | NDArray[np.intp]
+Reader = Callable[["StateView", Array], Array]
 
-
-class HasFields(Protocol):
-    """MuJoCo's data, of which a view shows some."""
-
-    qpos: Array
-    qvel: Array
-    site_xpos: Array
-    site_xmat: Array
-    sensordata: Array
-    mocap_pos: Array
-    qfrc_bias: Array
-    qfrc_passive: Array
+PROP_SENSORS = ("angular_velocity", "linear_velocity", "orientation", "position")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class View:
+class StateView:
     """Live arrays of one simulation; of n simulations each has one more axis, (n, ...), in front.
 
     Attributes:
@@ -59,17 +51,17 @@ class View:
     qfrc_passive: Array
 
     @classmethod
-    def of(cls, data: HasFields) -> View:
+    def of(cls, data: Any) -> StateView:  # Any: mujoco.MjData or mujoco.batch.Batch
         """The view of one simulation, or of those of a batch, whose matrices have two axes."""
         site_xmat = data.site_xmat.reshape(*data.site_xpos.shape[:-1], 9)
         return cls(*(site_xmat if name == "site_xmat" else getattr(data, name) for name in cls.__slots__))
 
-    def row(self, index: int) -> View:
+    def row(self, index: int) -> StateView:
         """The view of one of n simulations."""
-        return View(*(getattr(self, name)[index] for name in self.__slots__))
+        return StateView(*(getattr(self, name)[index] for name in self.__slots__))
 
 
-def rows(indices: NDArray[np.intp]) -> Rows:
+def as_slice(indices: NDArray[np.intp]) -> Rows:
     """The same indices as a slice if they are consecutive, which reads faster."""
     first = int(indices[0])
     consecutive = np.array_equal(indices, np.arange(first, first + len(indices)))
@@ -86,16 +78,11 @@ def length(vectors: Array) -> Array:
     return np.asarray(np.sqrt(np.vecdot(vectors, vectors)))
 
 
-def picked(array: Array, indices: NDArray[np.intp]) -> Array:
+def take_rows(array: Array, indices: NDArray[np.intp]) -> Array:
     """Rows of (..., m, 3) by indices (..., k): the same for every simulation, or different ones."""
     if array.ndim == 2 or indices.ndim == 1:
         return np.asarray(array[..., indices, :])
     return np.take_along_axis(array, indices[..., None], axis=-2)
-
-
-Reader = Callable[[View, Array], Array]
-
-PROP_SENSORS = ("angular_velocity", "linear_velocity", "orientation", "position")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -115,7 +102,7 @@ class Feature:
     is_proprioceptive: bool = False
 
 
-def of_robot(physics: Physics, arm: JacoArm, hand: JacoHand) -> list[Feature]:
+def robot_features(physics: Physics, arm: JacoArm, hand: JacoHand) -> list[Feature]:
     """The observations of the arm and the hand.
 
     Args:
@@ -125,48 +112,41 @@ def of_robot(physics: Physics, arm: JacoArm, hand: JacoHand) -> list[Feature]:
     """
     model = physics.model
     arm_ids, hand_ids = (ids(physics, each.joints) for each in (arm, hand))
-    q, v = rows(model.jnt_qposadr[arm_ids]), rows(model.jnt_dofadr[arm_ids])
-    finger_q, finger_v = rows(model.jnt_qposadr[hand_ids]), rows(model.jnt_dofadr[hand_ids])
+    q, v = as_slice(model.jnt_qposadr[arm_ids]), as_slice(model.jnt_dofadr[arm_ids])
+    finger_q, finger_v = as_slice(model.jnt_qposadr[hand_ids]), as_slice(model.jnt_dofadr[hand_ids])
     axis = model.jnt_axis[arm_ids].copy()
     sensors = ids(physics, arm.joint_torque_sensors)
-    torque = rows(_readings(physics, sensors, 3).ravel())
+    torque = as_slice(_readings(physics, sensors, 3).ravel())
     site = int(ids(physics, hand.tool_center_point)[0])
     joints, fingers = len(arm_ids), len(hand_ids)
 
-    def joints_pos(view: View, goal: Array) -> Array:
-        angles = view.qpos[..., q]
-        pairs = np.empty((*angles.shape, 2))
-        np.sin(angles, out=pairs[..., 0])
-        np.cos(angles, out=pairs[..., 1])
-        return pairs
-
-    def joints_torque(view: View, goal: Array) -> Array:
+    def joints_torque(view: StateView, goal: Array) -> Array:
         torques = view.sensordata[..., torque]
         return symmetric_log(np.vecdot(torques.reshape(*torques.shape[:-1], joints, 3), axis))
 
-    own = [
-        Feature(f"{arm.prefix}joints_pos", (joints, 2), joints_pos),
-        Feature(f"{arm.prefix}joints_torque", (joints,), joints_torque),
-        Feature(f"{arm.prefix}joints_vel", (joints,), lambda view, goal: view.qvel[..., v]),
-        Feature(f"{hand.prefix}joints_pos", (fingers,), lambda view, goal: view.qpos[..., finger_q]),
-        Feature(f"{hand.prefix}joints_vel", (fingers,), lambda view, goal: view.qvel[..., finger_v]),
-        Feature(f"{hand.prefix}pinch_site_pos", (3,), lambda view, goal: view.site_xpos[..., site, :]),
-        Feature(f"{hand.prefix}pinch_site_rmat", (9,), lambda view, goal: view.site_xmat[..., site, :]),
+    feature = partial(Feature, is_proprioceptive=True)
+    return [
+        feature(f"{arm.prefix}joints_pos", (joints, 2), lambda view, goal: sin_cos(view.qpos[..., q])),
+        feature(f"{arm.prefix}joints_torque", (joints,), joints_torque),
+        feature(f"{arm.prefix}joints_vel", (joints,), lambda view, goal: view.qvel[..., v]),
+        feature(f"{hand.prefix}joints_pos", (fingers,), lambda view, goal: view.qpos[..., finger_q]),
+        feature(f"{hand.prefix}joints_vel", (fingers,), lambda view, goal: view.qvel[..., finger_v]),
+        feature(f"{hand.prefix}pinch_site_pos", (3,), lambda view, goal: view.site_xpos[..., site, :]),
+        feature(f"{hand.prefix}pinch_site_rmat", (9,), lambda view, goal: view.site_xmat[..., site, :]),
     ]
-    return [Feature(each.name, each.shape, each.read, is_proprioceptive=True) for each in own]
 
 
-def of_prop(physics: Physics, prop: FreeProp) -> list[Feature]:
+def prop_features(physics: Physics, prop: FreeProp) -> list[Feature]:
     """The observations of a prop: pose and velocity in the world."""
     found = []
     for name in PROP_SENSORS:
         sensor = ids(physics, prop.sensors[name])
         size = int(physics.model.sensor_dim[sensor[0]])
-        found.append(Feature(prop.prefix + name, (size,), _reading(rows(_readings(physics, sensor, size).ravel()))))
+        found.append(Feature(prop.prefix + name, (size,), _reading(as_slice(_readings(physics, sensor, size).ravel()))))
     return found
 
 
-def of_props_in_roles(
+def role_features(
     physics: Physics, props: Sequence[FreeProp], slot: Callable[[Array, int], NDArray[np.intp]]
 ) -> list[Feature]:
     """The observations of equal props that play one another's roles.
@@ -183,14 +163,14 @@ def of_props_in_roles(
             size = int(physics.model.sensor_dim[sensors[0]])
             table = _readings(physics, sensors, size)
 
-            def read(view: View, goal: Array, table: NDArray[np.intp] = table, role: int = role) -> Array:
+            def read(view: StateView, goal: Array, table: NDArray[np.intp] = table, role: int = role) -> Array:
                 return np.take_along_axis(view.sensordata, table[slot(goal, role)], axis=-1)
 
             found.append(Feature(prop.prefix + name, (size,), read))
     return found
 
 
-def _reading(where: slice | NDArray[np.intp]) -> Reader:
+def _reading(where: Rows) -> Reader:
     return lambda view, goal: view.sensordata[..., where]
 
 

@@ -1,10 +1,11 @@
-"""What may differ between episodes beside the initial state: masses, friction, gains, delays, noise, lights, poses."""
+"""`Randomization`: masses, friction, gains, delays, noise, lights and poses that differ between episodes."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -62,19 +63,20 @@ class Randomization:
         Raises:
             InvalidInputError: a number that is impossible, or something else than a number or a sampler.
         """
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if value is None:
-                continue
-            constant_or_sampler(field.name, value)
+        for name, value in self._given().items():
+            constant_or_sampler(name, value)
             if not callable(value):
-                _numbers_of(field.name, value)
+                _values_by_name(name, value)
+
+    def _given(self) -> dict[str, Any]:  # Any: numbers and samplers
+        """The fields that are not None."""
+        values = ((field.name, getattr(self, field.name)) for field in fields(self))
+        return {name: value for name, value in values if value is not None}
 
     @property
     def names(self) -> list[str]:
         """Of the values of an episode."""
-        given = (field.name for field in fields(self) if getattr(self, field.name) is not None)
-        return [name for each in given for name in _VALUES.get(each, (each,))]
+        return [name for field in self._given() for name in _VALUES.get(field, (field,))]
 
     def draw(self, random_state: RandomState) -> dict[str, float]:
         """The values of an episode.
@@ -83,16 +85,13 @@ class Randomization:
             InvalidInputError: a sampler gave an impossible value.
         """
         found = {}
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if value is not None:
-                first = np.zeros(len(_BASE)) if field.name == "base_pose" else None
-                drawn = constant_or_sampler(field.name, value)(first, None, random_state)
-                found.update(_numbers_of(field.name, drawn))
-                if field.name == "camera":
-                    direction = np.asarray(random_state.normal(size=len(_CAMERA)))
-                    direction /= max(float(np.linalg.norm(direction)), 1e-12)
-                    found.update(zip(_CAMERA, direction.tolist(), strict=True))
+        for name, value in self._given().items():
+            first = np.zeros(len(_BASE)) if name == "base_pose" else None
+            found.update(_values_by_name(name, constant_or_sampler(name, value)(first, None, random_state)))
+            if name == "camera":
+                direction = np.asarray(random_state.normal(size=len(_CAMERA)))
+                direction /= max(float(np.linalg.norm(direction)), 1e-12)
+                found.update(zip(_CAMERA, direction.tolist(), strict=True))
         return found
 
     def replayed(self, values: object) -> dict[str, float]:
@@ -101,11 +100,9 @@ class Randomization:
         Raises:
             InvalidInputError: not such values.
         """
-        if not isinstance(values, Mapping):
-            raise InvalidInputError(f"randomization must be a dict, as info has it, got {checks.shown(values)}")
-        names = self.names
+        given, names = checks.mapping("randomization", values, "a dict, as info has it"), self.names
         found = {
-            checks.choice("randomized quantity", name, names): checked(name, value) for name, value in values.items()
+            checks.choice("randomized quantity", name, names): check_value(name, value) for name, value in given.items()
         }
         missing = set(names) - set(found)
         if missing:
@@ -113,7 +110,7 @@ class Randomization:
         return found
 
 
-def _numbers_of(name: str, value: ArrayLike) -> dict[str, float]:
+def _values_by_name(name: str, value: ArrayLike) -> dict[str, float]:
     """The values that a number means, or four for the pose of the base, by name.
 
     Raises:
@@ -121,18 +118,15 @@ def _numbers_of(name: str, value: ArrayLike) -> dict[str, float]:
     """
     names = _BASE if name == "base_pose" else (name,)
     expected = "a number" if len(names) == 1 else f"one number or {len(names)}"
-    try:
-        numbers = checks.numbers(value)
-    except (TypeError, ValueError) as error:
-        raise InvalidInputError(f"{name} must be {expected}, got {checks.shown(value)}") from error
+    numbers = checks.array(name, value, expected)
     if numbers.size != 1 and numbers.shape != (len(names),):
         raise InvalidInputError(f"{name} must be {expected}, got shape {numbers.shape}")
     each = np.broadcast_to(numbers.ravel(), len(names)).tolist()
-    return {key: checked(key, number) for key, number in zip(names, each, strict=True)}
+    return {key: check_value(key, number) for key, number in zip(names, each, strict=True)}
 
 
-def checked(name: str, value: object) -> float:
-    """A value that physics allows.
+def check_value(name: str, value: object) -> float:
+    """Check that physics allows a value.
 
     Raises:
         InvalidInputError: not a number, negative, or too large.
@@ -151,7 +145,7 @@ def checked(name: str, value: object) -> float:
     return number
 
 
-def steps_of(values: Mapping[str, float]) -> int:
+def latency_steps(values: Mapping[str, float]) -> int:
     """The latency in control steps."""
     return round(values.get("latency", 0.0) / CONTROL_TIMESTEP)
 

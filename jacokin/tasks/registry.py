@@ -1,4 +1,4 @@
-"""The tasks by name.
+"""`TASKS`, the tasks by name, and `names` of their environments.
 
 A name of an environment is that of a task and what is observed: ``reach_site_features``, ``reach_site_vision``.
 """
@@ -48,10 +48,7 @@ TASKS = {
     "stack_2_of_3_bricks_random_order": Entry(partial(bricks.Stack, 3, 2, order_varies=True)),
     "reassemble_3_bricks_fixed_order": Entry(partial(bricks.Reassemble, 3)),
     "reassemble_5_bricks_random_order": Entry(partial(bricks.Reassemble, 5, order_varies=True)),
-    "reach_top_left": Entry(reach.corner("top_left"), tags=(EASY,)),
-    "reach_top_right": Entry(reach.corner("top_right"), tags=(EASY,)),
-    "reach_bottom_left": Entry(reach.corner("bottom_left"), tags=(EASY,)),
-    "reach_bottom_right": Entry(reach.corner("bottom_right"), tags=(EASY,)),
+    **{f"reach_{corner}": Entry(partial(reach.ReachBrick, at), tags=(EASY,)) for corner, at in reach.CORNERS.items()},
 }
 
 _ENVIRONMENTS = {

@@ -1,46 +1,21 @@
-"""What every task consists of: a scene, initial states, observations, and a reward of what is achieved and desired."""
+"""`Task`: a scene, initial states, observations, and a reward of what is achieved and desired."""
 
 from __future__ import annotations
 
 import abc
-from collections.abc import Callable
 
 import mujoco
 import numpy as np
 
 from jacokin.arrays import Array
-from jacokin.mujoco_bridge import Arena, Brick, Physics, ToolCenterPointInitializer, cameras, observations, robots
+from jacokin.mujoco_bridge import Arena, Physics, ToolCenterPointInitializer, cameras, observations, robots
 from jacokin.mujoco_bridge.base import RandomState
 from jacokin.mujoco_bridge.control.queries import Asking
 from jacokin.mujoco_bridge.distributions import QuaternionFromAxisAngle, Uniform, uniform_box
 from jacokin.mujoco_bridge.entity import Entity
-from jacokin.mujoco_bridge.rewards import SHAPES, VALUE_AT_MARGIN
 from jacokin.mujoco_bridge.workspaces import BoundingBox
 from jacokin.tasks import features
-from jacokin.tasks.features import Feature, View, ids
-
-_SKY_RGB = ((0.4, 0.6, 0.8), (0.0, 0.0, 0.0))  # at the zenith, at the nadir
-_FLOOR_RGB = ((0.2, 0.3, 0.4), (0.1, 0.2, 0.3))  # of the two kinds of tiles
-_EDGE_RGB = (0.8, 0.8, 0.8)  # of the lines between tiles
-_REFLECTANCE = 0.2  # of the floor
-_HEADLIGHT, _LAMP, _SHINE = 0.6, 0.7, 0.3  # intensities
-_FLOOR_SHINE = 0.5  # MuJoCo's default
-
-
-def set_looks(spec: mujoco.MjSpec) -> None:
-    """Give an arena the looks of the reference."""
-    spec.visual.headlight.diffuse = [_HEADLIGHT] * 3
-    for texture in spec.textures:
-        if texture.type == mujoco.mjtTexture.mjTEXTURE_SKYBOX:
-            texture.rgb1, texture.rgb2 = _SKY_RGB
-        elif texture.builtin == mujoco.mjtBuiltin.mjBUILTIN_CHECKER:
-            texture.rgb1, texture.rgb2 = _FLOOR_RGB
-            texture.mark, texture.markrgb = mujoco.mjtMark.mjMARK_EDGE, _EDGE_RGB
-            floor = spec.material(texture.name)
-            floor.reflectance, floor.specular = _REFLECTANCE, _FLOOR_SHINE
-    for light in spec.lights:
-        light.diffuse, light.specular = [_LAMP] * 3, [_SHINE] * 3
-
+from jacokin.tasks.features import Feature, StateView, ids
 
 CONTROL_TIMESTEP = 0.04  # [s]
 SUBSTEPS = 20  # physics steps of 0.002 s
@@ -54,9 +29,16 @@ ANY_YAW = QuaternionFromAxisAngle((0.0, 0.0, 1.0), Uniform(-np.pi, np.pi, single
 _WAITING = (0.5, 0.0, 0.0)  # [m] where props are before the first reset
 _APART = np.array((0.1, 0.0, 0.0))  # [m]
 
+_SKY_RGB = ((0.4, 0.6, 0.8), (0.0, 0.0, 0.0))  # at the zenith, at the nadir
+_FLOOR_RGB = ((0.2, 0.3, 0.4), (0.1, 0.2, 0.3))  # of the two kinds of tiles
+_EDGE_RGB = (0.8, 0.8, 0.8)  # of the lines between tiles
+_REFLECTANCE = 0.2  # of the floor
+_HEADLIGHT, _LAMP, _SHINE = 0.6, 0.7, 0.3  # intensities
+_FLOOR_SHINE = 0.5  # MuJoCo's default
+
 
 class Task(abc.ABC):
-    """One task with its compiled scene, in which initial states are made; simulating is left to environments.
+    """One task with its compiled scene, in which initial states are made; environments simulate it.
 
     Read `families/reach` for an example.
 
@@ -76,7 +58,7 @@ class Task(abc.ABC):
     def __init__(self) -> None:
         """Compile the scene; for the first time on a machine, the closed form of the arm too (20 s)."""
         self.arena = Arena()
-        set_looks(self.arena.mjcf_model)
+        _set_looks(self.arena.mjcf_model)
         cameras.add_camera_observables(self.arena, observations.VISION, cameras.FRONT_CLOSE)
         self.arm = robots.make_arm(observations.PERFECT_FEATURES)
         self.hand = robots.make_hand(observations.PERFECT_FEATURES)
@@ -92,28 +74,27 @@ class Task(abc.ABC):
         self._tool_placer = ToolCenterPointInitializer(
             self.hand, self.arm, uniform_box(*self.tool_box), branch="nearest_to_random"
         )
-        own = features.of_robot(self.physics, self.arm, self.hand)
-        before, after = self._features()
-        self.features: tuple[Feature, ...] = (*before, *own, *after)
+        own = features.robot_features(self.physics, self.arm, self.hand)
+        self.features: tuple[Feature, ...] = tuple(self._features(own))
 
     @abc.abstractmethod
     def _add_props(self) -> None:
         """Add what the task needs to the arena, before it is compiled."""
 
     @abc.abstractmethod
-    def _features(self) -> tuple[list[Feature], list[Feature]]:
-        """The observations that come before those of the robot, and those after them."""
+    def _features(self, own: list[Feature]) -> list[Feature]:
+        """The observations in their order, with the robot's own among them."""
 
     @abc.abstractmethod
     def _initialize(self, random_state: RandomState) -> Asking[Array]:
         """Draw an initial state of the physics; returns the goal (goal_size,)."""
 
     @abc.abstractmethod
-    def achieved(self, view: View, goal: Array) -> Array:
+    def achieved(self, view: StateView, goal: Array) -> Array:
         """What counts for the reward, (..., a), of simulations with the goals (..., goal_size)."""
 
     @abc.abstractmethod
-    def desired(self, view: View, goal: Array) -> Array:
+    def desired(self, view: StateView, goal: Array) -> Array:
         """What `achieved` should be, (..., d)."""
 
     @abc.abstractmethod
@@ -127,8 +108,8 @@ class Task(abc.ABC):
     def starting(self, random_state: RandomState) -> Asking[Array]:
         """Start an episode in `physics`: at rest, at time 0, controls 0.
 
-        Whoever runs this answers the queries of inverse kinematics: one by one, as `queries.run` does, or for many
-        episodes that start at once from one batched solve. Between a query and its answer, the state of `physics` may
+        The caller answers the queries of inverse kinematics: one by one, as `queries.run` does, or for many episodes
+        that start at once from one batched solve. Between a query and its answer, the state of `physics` may
         be another one.
 
         Args:
@@ -162,7 +143,7 @@ class Task(abc.ABC):
     def _place_tool(self, random_state: RandomState) -> Asking[None]:
         return self._tool_placer.placing(self.physics, random_state)
 
-    def tool(self, view: View) -> Array:
+    def tool(self, view: StateView) -> Array:
         """Position (..., 3) of the tool centre point [m]."""
         return view.site_xpos[..., self._tool, :]
 
@@ -178,25 +159,24 @@ class Task(abc.ABC):
         self._waiting += 1
 
 
-def brick(name: str = BRICK, color: tuple[float, float, float] = (1.0, 0.0, 0.0), *, hint: bool = False) -> Brick:
-    """A brick of the tasks."""
-    return Brick(color=color, name=name, hint=hint)
+def _set_looks(spec: mujoco.MjSpec) -> None:
+    """Give an arena the looks of the reference."""
+    spec.visual.headlight.diffuse = [_HEADLIGHT] * 3
+    for texture in spec.textures:
+        if texture.type == mujoco.mjtTexture.mjTEXTURE_SKYBOX:
+            texture.rgb1, texture.rgb2 = _SKY_RGB
+        elif texture.builtin == mujoco.mjtBuiltin.mjBUILTIN_CHECKER:
+            texture.rgb1, texture.rgb2 = _FLOOR_RGB
+            texture.mark, texture.markrgb = mujoco.mjtMark.mjMARK_EDGE, _EDGE_RGB
+            floor = spec.material(texture.name)
+            floor.reflectance, floor.specular = _REFLECTANCE, _FLOOR_SHINE
+    for light in spec.lights:
+        light.diffuse, light.specular = [_LAMP] * 3, [_SHINE] * 3
 
 
-def qpos_rows(physics: Physics, prop: Entity) -> tuple[slice, slice]:
-    """Where the position and the quaternion of a free prop are in qpos."""
+def position_in_qpos(physics: Physics, prop: Entity) -> slice:
+    """Where the position (3,) of a free prop is in qpos."""
     joint = prop.freejoint
     assert joint is not None, prop.name
     start = int(physics.model.jnt_qposadr[ids(physics, joint)[0]])
-    return slice(start, start + 3), slice(start + 3, start + 7)
-
-
-def shaped(beyond: Array, margin: float, shape: str) -> Array:
-    """1 where something is within its bounds, and a value that falls with the distance from them.
-
-    The same as `rewards.tolerance`, for distances (...) beyond a bound, negative within, and fixed margins.
-    """
-    fall: Callable[[Array, float], Array] = SHAPES[shape]
-    # As an array even for one number, whose powers numpy rounds differently.
-    distance = np.atleast_1d(np.maximum(beyond, 0.0) / margin)
-    return fall(distance, 0.0 if shape == "linear" else VALUE_AT_MARGIN).reshape(np.shape(beyond))
+    return slice(start, start + 3)

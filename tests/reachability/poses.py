@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.reachability import ReachabilityMap
-from jacokin.reachability.samples import turned
+from jacokin.reachability.samples import turn_about_base
 
 
 def random_samples(reach: ReachabilityMap, rng: np.random.Generator, count: int) -> tuple[Array, NDArray[np.uint8]]:
@@ -22,7 +22,7 @@ def random_samples(reach: ReachabilityMap, rng: np.random.Generator, count: int)
     if axis is not None:
         rotations = np.array([r @ pin.exp3(rng.uniform(-np.pi, np.pi) * axis) for r in rotations])
     if samples.symmetries.turns:
-        turns = turned(np.tile(np.eye(3), (count, 1, 1)), rng.uniform(-np.pi, np.pi, count))
+        turns = turn_about_base(np.tile(np.eye(3), (count, 1, 1)), rng.uniform(-np.pi, np.pi, count))
         rotations, positions = turns @ rotations, np.einsum("nij,nj->ni", turns, positions)
     targets = np.tile(np.eye(4), (count, 1, 1))
     targets[:, :3, :3], targets[:, :3, 3] = rotations, positions

@@ -61,7 +61,7 @@ def test_the_bound_of_a_map_without_symmetry(robot: Robot, tmp_path: Path, rng: 
     assert farthest(reach, positions) <= reach.bound
 
 
-@pytest.mark.parametrize("count", [30, 200])
+@pytest.mark.parametrize("count", [30, pytest.param(200, marks=pytest.mark.slow)])
 def test_the_covering_angle_is_that_of_the_farthest_orientation(count: int, rng: np.random.Generator) -> None:
     axis = np.array([0.0, 0.6, 0.8])
     directions = Orientations.directions(count, axis)

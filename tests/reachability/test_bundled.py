@@ -12,7 +12,7 @@ from jacokin import Robot
 from jacokin.errors import UnknownNameError
 from jacokin.model.descriptions.bundled import NAMES
 from jacokin.reachability import Grid, build, bundled
-from jacokin.reachability.chunk import reached
+from jacokin.reachability.chunk import count_reaching
 from tests.reachability.poses import random_samples
 
 
@@ -30,7 +30,7 @@ def test_a_bundled_map_is_of_its_robot_and_small(name: str) -> None:
 def test_a_bundled_map_agrees_with_the_solver_of_its_robot(name: str, rng: np.random.Generator) -> None:
     reach = bundled(name)
     targets, wanted = random_samples(reach, rng, 80)
-    counts, _ = reached(reach.solver, targets)
+    counts, _ = count_reaching(reach.solver, targets)
     assert ((counts > 0) == (wanted > 0)).all()
 
 

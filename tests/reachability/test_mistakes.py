@@ -10,9 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from jacokin import Robot
+import jacokin
+from jacokin import FreeAxis, Robot
 from jacokin.errors import InvalidInputError, JacokinError
 from jacokin.reachability import Grid, Orientations, build, bundled, load, place_base
+
+WRONG = ["z", object(), [[1.0], [1.0, 2.0]], np.zeros((3, 3)), 0.5]  # neither axes nor ranges nor targets
+WRONG_FOLDERS = ["a\0b", "\ud800", 3]
 
 
 @pytest.mark.parametrize("spacing", ["1", 0.0, -1.0, np.nan, 10**400, 1e-320, np.eye(3), None])
@@ -28,6 +32,8 @@ def test_grids(robot: Robot) -> None:
         Grid.around("j2n6s300", 0.1)  # type: ignore[arg-type]  # the mistake
     with pytest.raises(InvalidInputError, match="cells"):
         Grid((-1e308, 0, 0), (1e308, 1, 1), 0.1)
+    with pytest.raises(InvalidInputError, match=r"1e\+12 cells"):
+        Grid([0, 0, 0], [1, 1, 1], 1e-4)
     grid = Grid.around(robot, 0.5)
     for index in (3, -1, 0.0, True, [0]):
         with pytest.raises(InvalidInputError, match="index"):
@@ -47,30 +53,55 @@ def test_axes_without_roll(axis: Any) -> None:
         Orientations.even(3).without_roll(axis)
 
 
-@pytest.mark.parametrize("wrong", ["z", object(), [[1.0], [1.0, 2.0]], np.zeros((3, 3)), 0.5])
-def test_axes_and_targets_of_orientations(wrong: Any) -> None:
-    for name in ("axes", "ranges"):
-        with pytest.raises(InvalidInputError, match=name):
-            Orientations([[0.0, 1.0, 0.0, 0.0]], **{"axes": (0, 0, 1), name: wrong})
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        *(({"axes": wrong}, "axes") for wrong in WRONG),
+        *(({"axes": (0, 0, 1), "ranges": wrong}, "ranges") for wrong in WRONG),
+        ({"axes": np.eye(3)}, "one row for each of the 1 orientations"),
+        ({"axes": [[0, 0, 0]]}, "axis must have a direction"),
+        ({"ranges": [[0, 1]]}, "give axes too"),
+    ],
+)
+def test_orientations(options: dict[str, Any], words: str) -> None:
+    with pytest.raises(InvalidInputError, match=words):
+        Orientations([[0.0, 1.0, 0.0, 0.0]], **options)
+
+
+@pytest.mark.parametrize("wrong", WRONG)
+def test_free_axes(wrong: Any) -> None:
     with pytest.raises(InvalidInputError, match="targets"):
         Orientations.free(wrong)
 
 
-def test_folders_and_callbacks(robot: Robot, tmp_path: Path) -> None:
-    for folder in ("a\0b", "\ud800"):
-        with pytest.raises(InvalidInputError, match="folder"):
-            load(folder)
-        with pytest.raises(InvalidInputError, match="folder"):
-            build(robot, folder=folder)
-    with pytest.raises(InvalidInputError, match="progress must be callable"):
-        build(robot, folder=tmp_path, progress="yes")  # type: ignore[arg-type]  # the mistake
-    for value in ("all", 2.0, True, None):
-        with pytest.raises(InvalidInputError, match="orientations must be an Orientations, one or"):
-            build(robot, folder=tmp_path, orientations=value)  # type: ignore[arg-type]  # the mistakes
-    for collision in ("report", np.eye(3), ["ignore"]):
-        with pytest.raises(JacokinError, match="collision"):
-            build(robot, folder=tmp_path, collision=collision)  # type: ignore[arg-type]  # the mistakes
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        *(({"folder": folder}, "folder") for folder in WRONG_FOLDERS),
+        ({"progress": "yes"}, "progress must be callable"),
+        *(
+            ({"orientations": value}, "orientations must be an Orientations, one or")
+            for value in ("all", 2.0, True, None)
+        ),
+        ({"orientations": [FreeAxis(np.eye(4), axis=(0, 0, 1)), 3]}, "a sequence of them"),
+        *(({"collision": collision}, "collision") for collision in ("report", np.eye(3), ["ignore"])),
+        *(({"shard": shard}, "shard must be 'i/n'") for shard in ("0/3", "4/3", "a", 3)),
+        (
+            {"robot": jacokin.load_robot("j2s7s300"), "orientations": FreeAxis(np.eye(4), axis=(1, 0, 0))},
+            "for six joints",
+        ),
+    ],
+)
+def test_build(options: dict[str, Any], words: str, robot: Robot, tmp_path: Path) -> None:
+    with pytest.raises(JacokinError, match=words):
+        build(**{"robot": robot, "folder": tmp_path / "map", **options})
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("folder", WRONG_FOLDERS)
+def test_load(folder: Any) -> None:
+    with pytest.raises(InvalidInputError, match="folder"):
+        load(folder)
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import pytest
 
 from jacokin import IKSolver, Robot
 from jacokin.reachability import Grid, ReachabilityMap, build, place_base
-from jacokin.reachability.chunk import reached
+from jacokin.reachability.chunk import count_reaching
 from tests.reachability.poses import random_samples
 
 
@@ -26,9 +26,17 @@ def reach(seven: Robot, tmp_path_factory: pytest.TempPathFactory) -> Reachabilit
     return found
 
 
-def test_poses_of_configurations_are_reached_with_their_margin(seven: Robot, rng: np.random.Generator) -> None:
-    solver, rows = IKSolver(seven), seven.sample(rng, 150)
-    counts, margins = reached(solver, np.array([seven.forward_kinematics(q).homogeneous for q in rows]))
+def slow_from(quick: int, thorough: int) -> pytest.MarkDecorator:
+    """Two sizes of a test, the larger one slow."""
+    return pytest.mark.parametrize("count", [quick, pytest.param(thorough, marks=pytest.mark.slow)])
+
+
+@slow_from(30, 150)
+def test_poses_of_configurations_are_reached_with_their_margin(
+    count: int, seven: Robot, rng: np.random.Generator
+) -> None:
+    solver, rows = IKSolver(seven), seven.sample(rng, count)
+    counts, margins = count_reaching(solver, np.array([seven.forward_kinematics(q).homogeneous for q in rows]))
     own = np.minimum(rows - seven.lower, seven.upper - rows).min(axis=1)
     assert (counts > 0).all()
     assert (margins >= own - 1e-9).all()
@@ -49,21 +57,27 @@ def test_a_map_agrees_with_the_solver(reach: ReachabilityMap, seven: Robot, rng:
     np.testing.assert_array_equal(reach.reached(targets), counts > 0)
 
 
-def test_the_symmetries_give_what_the_full_grid_gives(seven: Robot, tmp_path: Path, rng: np.random.Generator) -> None:
+@slow_from(2, 8)
+def test_the_symmetries_give_what_the_full_grid_gives(
+    count: int, seven: Robot, tmp_path: Path, rng: np.random.Generator
+) -> None:
     grid = Grid([0.2, -0.2, 0.2], [0.6, 0.2, 0.6], 0.2)
-    full = build(seven, folder=tmp_path / "map", grid=grid, orientations=8, use_symmetry=False)
+    full = build(seven, folder=tmp_path / "map", grid=grid, orientations=count, use_symmetry=False)
     assert full is not None
     assert full.recipe["positions"]["axes"] == "x, y, z"
     reduced = build(seven, folder=tmp_path / "reduced", grid=grid, orientations=full.orientations)
     assert reduced is not None
-    targets, counts = random_samples(reduced, rng, 60)
-    again, _ = reached(full.solver, targets)
+    targets, counts = random_samples(reduced, rng, 7 * count)
+    again, _ = count_reaching(full.solver, targets)
     np.testing.assert_array_equal(again > 0, counts > 0)
 
 
-def test_a_base_is_placed_for_seven_joints(reach: ReachabilityMap, seven: Robot, rng: np.random.Generator) -> None:
-    targets = [seven.forward_kinematics(q) for q in seven.sample(rng, 6)]
+@slow_from(2, 6)
+def test_a_base_is_placed_for_seven_joints(
+    count: int, reach: ReachabilityMap, seven: Robot, rng: np.random.Generator
+) -> None:
+    targets = [seven.forward_kinematics(q) for q in seven.sample(rng, count)]
     best = place_base(reach, targets, heights=[0.0], count=1)[0]
-    assert best.reached == 6
+    assert best.reached == count
     seen = [best.pose.inverse() * target for target in targets]
     assert IKSolver(seven).solve_batch(seen, closest=False).success.all()

@@ -157,9 +157,9 @@ def test_pictures_of_gymnasium() -> None:
         "e = make('jacokin/LiftBrick-v0', observations='vision', render_mode='rgb_array', width=64, height=48)\n"
         "o, _ = e.reset(seed=0); assert e.observation_space.contains(o); frame = e.render()\n"
         "o2 = e.step(np.ones(9))[0]\n"
-        "f = make('jacokin/LiftBrick-v0', render_mode='depth_array'); f.reset(seed=0); depth = f.render()\n"
+        "f = make('jacokin/LiftBrick-v0', render_mode='depth_array', height=96); f.reset(seed=0); depth = f.render()\n"
         "p = f.step(np.ones(9))[0]; assert frame.shape == (48, 64, 3) and frame.std() > 10\n"
-        "assert depth.shape == (480, 480) and depth.dtype == np.float32 and 0.2 < depth.min() < depth.max()\n"
+        "assert depth.shape == (96, 480) and depth.dtype == np.float32 and 0.2 < depth.min() < depth.max()\n"
         "assert np.array_equal(o2['proprioception'], p[: o2['proprioception'].size])  # pictures change nothing\n"
     )
     environment = {**_environment(), "MUJOCO_GL": backends()[0]}

@@ -1,1 +1,1 @@
-"""Scripted policies that solve tasks. Read `expert` first, then `scripts`."""
+"""Scripted policies that solve tasks. Read `expert` first, then `driver`."""

@@ -1,27 +1,32 @@
-"""`expert`: a scripted policy for a task."""
+"""`expert`: a scripted policy for a task, and the scripts that reach and lift."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 import pinocchio as pin
 
 from jacokin.arrays import Array
 from jacokin.model import checks
-from jacokin.tasks.experts import grasps, motions
-from jacokin.tasks.experts.arm import CLOSE, OPEN, Arm
-from jacokin.tasks.experts.grasps import pointing
-from jacokin.tasks.experts.motions import BRICK, SQUEEZE, Script, up
-from jacokin.tasks.experts.place import place_brick, place_cradle
+from jacokin.tasks.experts import grasps
+from jacokin.tasks.experts.driver import BRICK, CLOSE, OPEN, SQUEEZE, ArmDriver, Script, shift, up
+from jacokin.tasks.experts.grasps import point_down
+from jacokin.tasks.experts.place import IN_CRADLE, ON_BRICK, place
 from jacokin.tasks.experts.stack import stack
 from jacokin.tasks.registry import FEATURES, TASKS
 
-DOWN = pointing(np.array((0.0, 1.0, 0.0)))
+DOWN = point_down(np.array((0.0, 1.0, 0.0)))
 _ABOVE = 0.036  # [m] the middle of a brick: near enough, and the fingers do not push it away
+HEIGHT = 0.33  # [m] by which things are lifted
+BOX = "unnamed_model/"  # prefix of the observations of the large box
+HALF_BOX = 0.09  # [m]
+OVER_BOX, AROUND_BOX = 0.1, -0.02  # [m] of the pinch site above the top of the box
+BOX_STEPS = 30  # until the fingers are as closed as the box lets them be
 
 
-def reach(arm: Arm) -> Script:
+def reach(arm: ArmDriver) -> Script:
     """Bring the pinch site to the target, in its present orientation where that is possible."""
     seen = arm.find("target_position")
     while True:
@@ -33,28 +38,21 @@ def reach(arm: Arm) -> Script:
         yield arm.towards(found[0] if len(found) else arm.q, 0.0)
 
 
-HEIGHT = 0.33  # [m]
-BOX = "unnamed_model/"
-HALF_BOX = 0.09  # [m]
-OVER_BOX, AROUND_BOX = 0.1, -0.02  # [m] of the pinch site above the top of the box
-BOX_STEPS = 30  # until the fingers are as closed as the box lets them be
-
-
-def lift_brick(arm: Arm) -> Script:
+def lift_brick(arm: ArmDriver) -> Script:
     """Grasp a brick and lift it; again if it falls."""
     while True:
         grasp = grasps.plan(arm, arm.prop(BRICK), [up(HEIGHT)]) or grasps.plan(arm, arm.prop(BRICK))
         if grasp is None:
-            yield from motions.stay(arm, 0.0)
+            yield from arm.stay(0.0)
             return
         yield from grasps.take(arm, grasp)
-        yield from motions.move(arm, motions.moved(grasp.pose, up(HEIGHT)), SQUEEZE)
+        yield from arm.move(shift(grasp.pose, up(HEIGHT)), SQUEEZE)
         q = arm.q.copy()
         while grasps.holds(arm, arm.prop(BRICK)):
             yield arm.towards(q, CLOSE)
 
 
-def lift_large_box(arm: Arm) -> Script:
+def lift_large_box(arm: ArmDriver) -> Script:
     """Try to lift the large box by one of its edges.
 
     The open hand is 0.17 m wide and the box 0.18 m, so no two opposite sides can be pinched. What can be is an upright
@@ -68,28 +66,28 @@ def lift_large_box(arm: Arm) -> Script:
         across = np.array((-outwards[1], outwards[0], 0.0))
         edge = box.translation + (np.sqrt(2.0) * HALF_BOX - 0.03) * outwards
         for sign in (1.0, -1.0):
-            tool = grasps.pointing(sign * across)
+            tool = point_down(sign * across)
             at = pin.SE3(tool, edge + up(HALF_BOX + AROUND_BOX) - tool @ grasps.CENTRE)
-            for q in arm.configurations(motions.moved(at, up(OVER_BOX)))[:4]:
+            for q in arm.configurations(shift(at, up(OVER_BOX)))[:4]:
                 if arm.chain([at], q, 2.0) is not None:
                     value = arm.duration(arm.q, q)
                     if value < cost:
                         best, cost = (q, at), value
     if best is not None:
-        yield from motions.go(arm, best[0], OPEN, tolerance=0.05)
-        yield from motions.move(arm, best[1], 0.4)
-        yield from motions.close(arm, BOX_STEPS)
-        yield from motions.move(arm, motions.moved(best[1], up(HEIGHT)), SQUEEZE, speed=0.1)
-    yield from motions.stay(arm, CLOSE)
+        yield from arm.go(best[0], OPEN, tolerance=0.05)
+        yield from arm.move(best[1], 0.4)
+        yield from arm.close(BOX_STEPS)
+        yield from arm.move(shift(best[1], up(HEIGHT)), SQUEEZE, speed=0.1)
+    yield from arm.stay(CLOSE)
 
 
-SCRIPTS: dict[str, Callable[[Arm], Script]] = {
+SCRIPTS: dict[str, Callable[[ArmDriver], Script]] = {
     **{name: reach for name in TASKS if name.startswith("reach")},
     "lift_brick": lift_brick,
     "lift_large_box": lift_large_box,
     **{name: stack for name in TASKS if name.startswith("stack")},
-    "place_brick": place_brick,
-    "place_cradle": place_cradle,
+    "place_brick": partial(place, rest=ON_BRICK),
+    "place_cradle": partial(place, rest=IN_CRADLE),
 }
 
 
@@ -99,10 +97,10 @@ class Expert:
     It goes by what it has seen since `reset`, and by nothing but observations.
     """
 
-    def __init__(self, script: Callable[[Arm], Script]) -> None:
+    def __init__(self, script: Callable[[ArmDriver], Script]) -> None:
         """Follow a script."""
         self._script = script
-        self._arm = Arm()
+        self._arm = ArmDriver()
         self._actions: Script | None = None
 
     def reset(self) -> None:
@@ -131,7 +129,7 @@ def expert(name: str) -> Expert:
         name: of the task or its environment, such as "lift_brick" or "lift_brick_features".
 
     Raises:
-        UnknownNameError: there is no expert for this task; lists those there are.
+        UnknownNameError: there is no expert for this task; lists the experts.
     """
     task = name.removesuffix(f"_{FEATURES}") if isinstance(name, str) else name
     return Expert(SCRIPTS[checks.choice("expert", task, SCRIPTS)])

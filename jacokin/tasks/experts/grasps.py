@@ -1,4 +1,4 @@
-"""How to take a brick: where the hand goes, and that it holds the brick afterwards."""
+"""Grasps of a brick: where the hand goes, how it takes the brick, and whether it holds it."""
 
 from __future__ import annotations
 
@@ -11,9 +11,7 @@ import pinocchio as pin
 
 from jacokin.arrays import Array
 from jacokin.ik import Scene
-from jacokin.tasks.experts import motions
-from jacokin.tasks.experts.arm import Arm
-from jacokin.tasks.experts.motions import Script, up
+from jacokin.tasks.experts.driver import ArmDriver, Script, shift, up
 
 CENTRE = np.array((0.0, -0.012, 0.0))  # [m] of the fingers' grip in the frame of the pinch site
 HALF = np.array((0.016, 0.032, 0.012))  # [m] of a brick
@@ -88,7 +86,7 @@ class Grasp:
     side: Side
 
 
-def upright(rotation: Array) -> Array:
+def turn_upright(rotation: Array) -> Array:
     """The rotation nearest to this one that has an axis of the prop upright."""
     axis = int(np.abs(rotation[2]).argmax())
     vertical = np.sign(rotation[2, axis]) * np.array((0.0, 0.0, 1.0))
@@ -101,7 +99,7 @@ def upright(rotation: Array) -> Array:
 
 
 def plan(
-    arm: Arm, brick: pin.SE3, ways: Sequence[Array] = (), scene: Scene | None = None, height: float = 0.0
+    arm: ArmDriver, brick: pin.SE3, ways: Sequence[Array] = (), scene: Scene | None = None, height: float = 0.0
 ) -> Grasp | None:
     """The grasp that is quick to reach, and leaves room between the arm and obstacles; None if none is possible.
 
@@ -119,11 +117,11 @@ def plan(
             for angle in (side.fingers, side.closed)
         )
         for at, penalty in poses(brick, side, straight=scene is None):
-            before = motions.moved(at, -ABOVE * at.rotation[:, 2])
+            before = shift(at, -ABOVE * at.rotation[:, 2])
             for q in arm.configurations(before)[:4]:
                 if arm.duration(arm.q, q) + penalty >= cost:
                     break  # those that follow take longer
-                stops = arm.chain([at, *(motions.moved(at, way) for way in ways)], q, LONGEST_STEP)
+                stops = arm.chain([at, *(shift(at, way) for way in ways)], q, LONGEST_STEP)
                 if stops is None:
                     continue
                 room = min(_room(arm, opened, q, stops[0]), _room(arm, closed, *stops))
@@ -138,48 +136,48 @@ def plan(
 
 def poses(brick: pin.SE3, side: Side, straight: bool) -> Iterator[tuple[pin.SE3, float]]:
     """T_world_tool of a hand that holds a brick, each with its penalty [s]; straight or in every way."""
-    rotation = upright(brick.rotation)
+    rotation = turn_upright(brick.rotation)
     vertical = int(np.abs(rotation[2]).argmax())
     horizontal = sorted({0, 1, 2} - {vertical}, key=lambda axis: HALF[axis])
     across = horizontal[side is LONG]
     for sign, (tilt, lean, shifts) in itertools.product((1.0, -1.0), side.tilts[:1] if straight else side.tilts):
-        tool = pointing(sign * rotation[:, across], tilt, lean)
-        sideways = pointing(sign * rotation[:, across])[:, 1]
+        tool = point_down(sign * rotation[:, across], tilt, lean)
+        sideways = point_down(sign * rotation[:, across])[:, 1]
         lower = SPREAD * (abs(np.sin(tilt)) + abs(np.sin(lean)))
-        for shift in shifts[:1] if straight else shifts:
-            middle = brick.translation + shift * sideways + up(lower)
-            penalty = side.penalty + TILT_COST * (abs(tilt) + abs(lean)) + SHIFT_COST * abs(shift)
+        for sideways_by in shifts[:1] if straight else shifts:
+            middle = brick.translation + sideways_by * sideways + up(lower)
+            penalty = side.penalty + TILT_COST * (abs(tilt) + abs(lean)) + SHIFT_COST * abs(sideways_by)
             yield pin.SE3(tool, middle - tool @ CENTRE), penalty
 
 
-def _room(arm: Arm, scene: Scene | None, *stops: Array) -> float:
+def _room(arm: ArmDriver, scene: Scene | None, *stops: Array) -> float:
     """The least distance between the arm and obstacles on its way [m]."""
     if scene is None:
         return np.inf
     return arm.room(arm.way(*stops) if len(stops) > 1 else stops[0][np.newaxis], scene)
 
 
-def _ways_to(arm: Arm, before: pin.SE3, q: Array, height: float) -> list[tuple[Array, ...]]:
+def _ways_to(arm: ArmDriver, before: pin.SE3, q: Array, height: float) -> list[tuple[Array, ...]]:
     """The ways to where the hand comes straight: at once, or from above."""
     rise = height - float(before.translation[2])
-    higher = None if rise <= 0.0 else arm.chain([motions.moved(before, up(rise))], q, LONGEST_STEP)
+    higher = None if rise <= 0.0 else arm.chain([shift(before, up(rise))], q, LONGEST_STEP)
     return [(q,)] if higher is None else [(q,), (higher[0], q)]
 
 
-def take(arm: Arm, grasp: Grasp) -> Script:
+def take(arm: ArmDriver, grasp: Grasp) -> Script:
     """Go there and close the fingers."""
     stops = list(zip(reversed(grasp.way), TOLERANCES, strict=False))
     for q, tolerance in reversed(stops):
-        yield from motions.go(arm, q, grasp.side.fingers, tolerance=tolerance, around=q is not grasp.way[-1])
-    yield from motions.close(arm, grasp.side.steps)
+        yield from arm.go(q, grasp.side.fingers, tolerance=tolerance, around=q is not grasp.way[-1])
+    yield from arm.close(grasp.side.steps)
 
 
-def holds(arm: Arm, brick: pin.SE3) -> bool:
+def holds(arm: ArmDriver, brick: pin.SE3) -> bool:
     """Whether a brick is between the fingers."""
     return bool(np.linalg.norm(arm.pose.act(CENTRE) - brick.translation) < SLIPPED)
 
 
-def pointing(across: Array, tilt: float = 0.0, lean: float = 0.0) -> Array:
+def point_down(across: Array, tilt: float = 0.0, lean: float = 0.0) -> Array:
     """R_world_tool of a hand that points down.
 
     Args:

@@ -1,4 +1,4 @@
-"""Placing: take a brick, put it on a pedestal, take the hand away."""
+"""`place`: take a brick, put it on a pedestal, take the hand away."""
 
 from __future__ import annotations
 
@@ -10,9 +10,8 @@ import pinocchio as pin
 from jacokin.arrays import Array
 from jacokin.ik import Capsule, Scene, Sphere
 from jacokin.mujoco_bridge import robots
-from jacokin.tasks.experts import grasps, motions
-from jacokin.tasks.experts.arm import CLOSED, OPEN, Arm
-from jacokin.tasks.experts.motions import BRICK, SQUEEZE, Script, up
+from jacokin.tasks.experts import grasps
+from jacokin.tasks.experts.driver import BRICK, CLOSED, OPEN, SPEED, SQUEEZE, ArmDriver, Script, shift, up
 
 CLEAR = 0.07  # [m] of the brick's middle above the pedestal on its way
 ON_BRICK, IN_CRADLE = 0.04, 0.032  # [m] of the brick's middle above the pedestal when it is released
@@ -37,17 +36,7 @@ _SPHERE, _OFFSET = 0.049, 0.0343  # [m] radius of the spheres of its cradle, and
 _ORIGIN = np.array((0.0, 0.0, -0.0119))  # [m] of a brick from its middle
 
 
-def place_brick(arm: Arm) -> Script:
-    """Put a brick onto the one on the pedestal."""
-    return _place(arm, ON_BRICK)
-
-
-def place_cradle(arm: Arm) -> Script:
-    """Put a brick into the cradle on the pedestal."""
-    return _place(arm, IN_CRADLE)
-
-
-def _place(arm: Arm, rest: float) -> Script:
+def place(arm: ArmDriver, rest: float) -> Script:
     """Put a brick on the pedestal, again if it falls; it is released at some height above it [m]."""
     target = arm.get("pedestal/position", 3)
     scene = pillar(target)
@@ -74,17 +63,17 @@ def _place(arm: Arm, rest: float) -> Script:
         yield from grasps.take(arm, grasp)
         start = arm.pose
         for way in ways:
-            yield from motions.move(arm, motions.moved(start, way), SQUEEZE, tolerance=0.02)
+            yield from arm.move(shift(start, way), SQUEEZE, tolerance=0.02)
             if not grasps.holds(arm, arm.prop(BRICK)):
                 break
         else:
             yield from _put(arm, target, rest)
         if not grasps.holds(arm, arm.prop(BRICK)):
             has_failed = True
-            yield from motions.move(arm, motions.moved(arm.pose, up(0.05)), grasps.WIDE, tolerance=0.02)
+            yield from arm.move(shift(arm.pose, up(0.05)), grasps.WIDE, tolerance=0.02)
 
 
-def _drag(arm: Arm, brick: Array, target: Array, scene: Scene) -> Script:
+def _drag(arm: ArmDriver, brick: Array, target: Array, scene: Scene) -> Script:
     """Press on a brick with the closed fingers and drag it away from the pedestal."""
     outwards = (brick - target) * (1.0, 1.0, 0.0)
     beside = max(float(np.linalg.norm(outwards)), 1e-6)
@@ -94,21 +83,21 @@ def _drag(arm: Arm, brick: Array, target: Array, scene: Scene) -> Script:
     way = max(0.0, FREE - beside) * outwards
     best, cost = None, LONGEST_TRAVEL
     for yaw, tilt in itertools.product(YAWS, DRAG_TILTS):
-        tool = pin.exp3(tilt * tangent) @ grasps.pointing(np.array((np.cos(yaw), np.sin(yaw), 0.0)))
+        tool = pin.exp3(tilt * tangent) @ grasps.point_down(np.array((np.cos(yaw), np.sin(yaw), 0.0)))
         at = pin.SE3(tool, on - tool @ grasps.CENTRE)
         for height in (LOW, target[2] + OVER - at.translation[2]):
-            for q in arm.configurations(motions.moved(at, up(height)))[:4]:
-                value = arm.duration(arm.q, q) + height / motions.SPEED + abs(tilt - DRAG_TILTS[0])
-                if value > cost or arm.chain([at, motions.moved(at, way)], q, grasps.LONGEST_STEP) is None:
+            for q in arm.configurations(shift(at, up(height)))[:4]:
+                value = arm.duration(arm.q, q) + height / SPEED + abs(tilt - DRAG_TILTS[0])
+                if value > cost or arm.chain([at, shift(at, way)], q, grasps.LONGEST_STEP) is None:
                     continue
                 if height > LOW or arm.room(arm.way(arm.q, q), scene) > grasps.ROOM:
                     best, cost = (q, at), value
     if best is None:
         return
-    yield from motions.go(arm, best[0], CLOSED, tolerance=0.08)
-    yield from motions.move(arm, best[1], CLOSED, settle=5)
-    yield from motions.move(arm, motions.moved(best[1], way), CLOSED, speed=0.15, settle=3)
-    yield from motions.move(arm, motions.moved(best[1], way + up(0.06)), CLOSED, tolerance=0.03)
+    yield from arm.go(best[0], CLOSED, tolerance=0.08)
+    yield from arm.move(best[1], CLOSED, settle=5)
+    yield from arm.move(shift(best[1], way), CLOSED, speed=0.15, settle=3)
+    yield from arm.move(shift(best[1], way + up(0.06)), CLOSED, tolerance=0.03)
 
 
 def _ways(brick: Array, target: Array) -> list[Array]:
@@ -119,40 +108,40 @@ def _ways(brick: Array, target: Array) -> list[Array]:
     return [aside + up(STEP_ASIDE), aside + up(target[2] + CLEAR - brick[2])]
 
 
-def _put(arm: Arm, target: Array, rest: float) -> Script:
+def _put(arm: ArmDriver, target: Array, rest: float) -> Script:
     """Carry the brick over the pedestal, level it, lower it and let it go."""
     brick = arm.prop(BRICK)
     T_brick_tool = brick.inverse() * arm.pose
-    level = grasps.upright(brick.rotation)
+    level = grasps.turn_upright(brick.rotation)
     best, cost = None, np.inf
     for yaw in YAWS:
         above = pin.SE3(pin.utils.rotate("z", yaw) @ level, target + up(CLEAR)) * T_brick_tool
         for q in arm.configurations(above)[:4]:
-            below = arm.chain([motions.moved(above, up(rest - CLEAR))], q, grasps.LONGEST_STEP)
+            below = arm.chain([shift(above, up(rest - CLEAR))], q, grasps.LONGEST_STEP)
             if below is not None and arm.durations(q[None], arm.q)[0] < cost:
-                best, cost = (q, motions.moved(above, up(rest - CLEAR))), float(arm.durations(q[None], arm.q)[0])
+                best, cost = (q, shift(above, up(rest - CLEAR))), float(arm.durations(q[None], arm.q)[0])
     if best is None:
         return
-    yield from motions.go(arm, best[0], SQUEEZE, tolerance=0.02)
+    yield from arm.go(best[0], SQUEEZE, tolerance=0.02)
     T_tool_brick = arm.pose.inverse() * arm.prop(BRICK)
-    for action in motions.move(arm, best[1], SQUEEZE, speed=LOWERING, ramp=RAMP, settle=5):
+    for action in arm.move(best[1], SQUEEZE, speed=LOWERING, ramp=RAMP, settle=5):
         yield action
-        moved = arm.pose.inverse() * arm.prop(BRICK)
-        if np.linalg.norm(moved.translation - T_tool_brick.translation) > TOUCH:
+        T_tool_brick_now = arm.pose.inverse() * arm.prop(BRICK)
+        if np.linalg.norm(T_tool_brick_now.translation - T_tool_brick.translation) > TOUCH:
             # What presses on something jumps when it is let go.
             height = arm.pose.translation[2] + RELIEF - best[1].translation[2]
-            yield from motions.move(arm, motions.moved(best[1], up(height)), SQUEEZE, settle=RELIEF_STEPS)
+            yield from arm.move(shift(best[1], up(height)), SQUEEZE, settle=RELIEF_STEPS)
             break
-    yield from motions.release(arm, RELEASE_STEPS)
+    yield from arm.release(RELEASE_STEPS)
 
 
-def _leave(arm: Arm, target: Array) -> Script:
+def _leave(arm: ArmDriver, target: Array) -> Script:
     """Take the hand away upwards."""
     missing = target[2] + AWAY - arm.pose.translation[2]
     if missing > 0.01:
-        above = arm.chain([motions.moved(arm.pose, up(missing))], arm.q, np.inf)
+        above = arm.chain([shift(arm.pose, up(missing))], arm.q, np.inf)
         if above is not None:
-            yield from motions.go(arm, above[0], OPEN)
+            yield from arm.go(above[0], OPEN)
 
 
 def pillar(top: Array) -> Scene:

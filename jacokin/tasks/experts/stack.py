@@ -1,4 +1,4 @@
-"""Stacking: take brick after brick, click it onto the one below."""
+"""`stack`: take brick after brick, and click it onto the one below."""
 
 from __future__ import annotations
 
@@ -9,9 +9,8 @@ import pinocchio as pin
 
 from jacokin.arrays import Array
 from jacokin.ik import Box, Scene
-from jacokin.tasks.experts import grasps, motions
-from jacokin.tasks.experts.arm import CLOSED, OPEN, Arm, in_base
-from jacokin.tasks.experts.motions import SQUEEZE, Script, up
+from jacokin.tasks.experts import grasps
+from jacokin.tasks.experts.driver import CLOSED, OPEN, SQUEEZE, ArmDriver, Script, in_base, shift, up
 from jacokin.tasks.gym.controls import FRAME
 
 HEIGHT = 0.0192  # [m] from a brick to the one that clicks onto it
@@ -34,7 +33,7 @@ RELEASE_STEPS, FIST_STEPS = 9, 9
 RELIEF, RELIEF_STEPS = 0.003, 3  # [m] that the hand goes up before it releases a brick that has not clicked
 
 
-def stack(arm: Arm) -> Script:
+def stack(arm: ArmDriver) -> Script:
     """Stack the bricks in the wanted order, which is that of their names unless it is observed."""
     names = bricks(arm)
     order = list(range(len(names)))
@@ -49,17 +48,17 @@ def stack(arm: Arm) -> Script:
             yield arm.towards(arm.q, arm.fingers_to(OPEN))
 
 
-def bricks(arm: Arm) -> list[str]:
+def bricks(arm: ArmDriver) -> list[str]:
     """The prefixes of what is observed of the bricks, in the order of their roles."""
     return [name.removesuffix("position") for name in arm.find("/position") if name.startswith("duplo2x4")]
 
 
-def has_clicked(arm: Arm, below: str, above: str) -> bool:
+def has_clicked(arm: ArmDriver, below: str, above: str) -> bool:
     """Whether a brick is in its place on another: two opposite studs in two opposite holes."""
     return _missing(arm, below, above) < CLICK
 
 
-def _missing(arm: Arm, below: str, above: str) -> float:
+def _missing(arm: ArmDriver, below: str, above: str) -> float:
     """The sum of the distances of two opposite holes of a brick from its place on another [m]."""
     brick = arm.prop(above)
     return min(_apart(goal, brick) for goal in _places(arm, below))
@@ -70,28 +69,28 @@ def _apart(goal: pin.SE3, brick: pin.SE3) -> float:
     return float(sum(np.linalg.norm(goal.act(hole) - brick.act(hole)) for hole in (HOLE, HOLE * (-1.0, -1.0, 1.0))))
 
 
-def _places(arm: Arm, below: str) -> list[pin.SE3]:
+def _places(arm: ArmDriver, below: str) -> list[pin.SE3]:
     """T_world_brick of a brick in its place on another, which is the same when it is turned by 180 deg."""
     base = arm.prop(below)
     middle = base.translation + HEIGHT * base.rotation[:, 2]
     return [pin.SE3(base.rotation @ pin.utils.rotate("z", turn), middle) for turn in (0.0, np.pi)]
 
 
-def _others(arm: Arm, brick: str) -> Scene:
+def _others(arm: ArmDriver, brick: str) -> Scene:
     """The other bricks as obstacles, in the frame of the arm's base."""
     names = [name for name in bricks(arm) if name != brick]
     boxes = [Box(f"brick_{k}", 2.0 * grasps.HALF, in_base(arm.prop(name))) for k, name in enumerate(names)]
     return Scene(boxes, finger_angle=grasps.WIDE)
 
 
-def _hover(arm: Arm, below: str, above: str) -> tuple[Array, pin.SE3] | None:
+def _hover(arm: ArmDriver, below: str, above: str) -> tuple[Array, pin.SE3] | None:
     """A configuration that holds a brick above its place, and the place: quick to reach, and far from singular ones."""
     T_brick_tool = arm.prop(above).inverse() * arm.pose
     best, cost = None, np.inf
     for goal in _places(arm, below):
-        tool = motions.moved(goal, up(HIGH)) * T_brick_tool
+        tool = shift(goal, up(HIGH)) * T_brick_tool
         for q in arm.configurations(tool):
-            if arm.chain([motions.moved(tool, up(-HIGH))], q, grasps.LONGEST_STEP) is None:
+            if arm.chain([shift(tool, up(-HIGH))], q, grasps.LONGEST_STEP) is None:
                 continue
             low = float(arm.robot.singular_values(q, FRAME)[-1])
             value = float(arm.durations(q[None], arm.q)[0]) + SINGULAR_COST * max(0.0, REGULAR - low)
@@ -100,7 +99,7 @@ def _hover(arm: Arm, below: str, above: str) -> tuple[Array, pin.SE3] | None:
     return best
 
 
-def _click(arm: Arm, below: str, above: str) -> Script:
+def _click(arm: ArmDriver, below: str, above: str) -> Script:
     """Take a brick, and press it onto another."""
     brick = arm.prop(above)
     rise = up(arm.prop(below).translation[2] + HEIGHT + HIGH - brick.translation[2])
@@ -110,41 +109,41 @@ def _click(arm: Arm, below: str, above: str) -> Script:
         yield arm.towards(arm.robot.home, arm.fingers_to(OPEN))
         return
     yield from grasps.take(arm, grasp)
-    yield from motions.move(arm, motions.moved(arm.pose, rise), SQUEEZE, tolerance=0.03)
+    yield from arm.move(shift(arm.pose, rise), SQUEEZE, tolerance=0.03)
     if not grasps.holds(arm, arm.prop(above)):
-        yield from motions.release(arm, RELEASE_STEPS)
+        yield from arm.release(RELEASE_STEPS)
         return
     hover = _hover(arm, below, above)
     if hover is None:
-        yield from motions.release(arm, RELEASE_STEPS)
+        yield from arm.release(RELEASE_STEPS)
         return
     q, goal = hover
-    yield from motions.go(arm, q, SQUEEZE, tolerance=0.02)
-    tool = motions.moved(goal, up(HOVER)) * arm.prop(above).inverse() * arm.pose
-    yield from motions.move(arm, tool, SQUEEZE, tolerance=0.001, settle=10)
+    yield from arm.go(q, SQUEEZE, tolerance=0.02)
+    tool = shift(goal, up(HOVER)) * arm.prop(above).inverse() * arm.pose
+    yield from arm.move(tool, SQUEEZE, tolerance=0.001, settle=10)
     for _ in range(ALIGNMENTS):
-        wanted = motions.moved(goal, up(HOVER))
+        wanted = shift(goal, up(HOVER))
         if _apart(wanted, arm.prop(above)) < ALIGNED:
             break
         tool = wanted * arm.prop(above).inverse() * tool
-        yield from motions.move(arm, tool, SQUEEZE, tolerance=0.0, settle=6)
-    yield from motions.move(arm, motions.moved(tool, up(-HOVER - DEEPER)), SQUEEZE, speed=0.08, settle=6)
+        yield from arm.move(tool, SQUEEZE, tolerance=0.0, settle=6)
+    yield from arm.move(shift(tool, up(-HOVER - DEEPER)), SQUEEZE, speed=0.08, settle=6)
     if has_clicked(arm, below, above):
-        yield from motions.release(arm, RELEASE_STEPS)
-        yield from motions.move(arm, motions.moved(arm.pose, up(HIGH)), OPEN, tolerance=0.03)
+        yield from arm.release(RELEASE_STEPS)
+        yield from arm.move(shift(arm.pose, up(HIGH)), OPEN, tolerance=0.03)
         return
     # What presses on something jumps when it is let go.
-    yield from motions.move(arm, motions.moved(arm.pose, up(RELIEF)), SQUEEZE, settle=RELIEF_STEPS)
-    yield from motions.release(arm, RELEASE_STEPS)
+    yield from arm.move(shift(arm.pose, up(RELIEF)), SQUEEZE, settle=RELIEF_STEPS)
+    yield from arm.release(RELEASE_STEPS)
     yield from _press(arm, below, above)
 
 
-def _press(arm: Arm, below: str, above: str) -> Script:
+def _press(arm: ArmDriver, below: str, above: str) -> Script:
     """Press on a brick with the closed fingers, where it is highest, until it has clicked."""
-    yield from motions.move(arm, motions.moved(arm.pose, up(0.04)), RELEASED, tolerance=0.01, settle=4)
+    yield from arm.move(shift(arm.pose, up(0.04)), RELEASED, tolerance=0.01, settle=4)
     if _missing(arm, below, above) > BESIDE:
         return
-    yield from motions.close(arm, FIST_STEPS)
+    yield from arm.close(FIST_STEPS)
     for left in reversed(range(PRESSES + 1)):
         brick = arm.prop(above)
         spots = [brick.act(part * END) for part in (0.0, 1.0, -1.0)]
@@ -152,9 +151,9 @@ def _press(arm: Arm, below: str, above: str) -> Script:
         if on[2] - spots[0][2] < LEVEL:
             on = spots[0]
         tool = pin.SE3(arm.pose.rotation, on + up(FIST) - arm.pose.rotation @ grasps.CENTRE)
-        yield from motions.move(arm, motions.moved(tool, up(LIFTED)), CLOSED, tolerance=0.003, settle=6)
+        yield from arm.move(shift(tool, up(LIFTED)), CLOSED, tolerance=0.003, settle=6)
         missing = _missing(arm, below, above)  # not before: a brick that is pressed on is too low
         if missing < CLICK or missing > BESIDE or not left:
             break
-        yield from motions.move(arm, motions.moved(tool, up(-PRESS)), CLOSED, speed=0.15, settle=8)
-    yield from motions.move(arm, motions.moved(tool, up(HIGH)), CLOSED, tolerance=0.03)
+        yield from arm.move(shift(tool, up(-PRESS)), CLOSED, speed=0.15, settle=8)
+    yield from arm.move(shift(tool, up(HIGH)), CLOSED, tolerance=0.03)

@@ -1,4 +1,4 @@
-"""What tasks with several bricks have in common: bricks in roles, wanted orders, distances of studs and holes.
+"""`Stack` and `Reassemble`, tasks with several bricks: roles, wanted orders, distances of studs and holes.
 
 All bricks are equal, so the one that stands still is always the first of the scene. When an episode wants another
 brick there, the two exchange their roles: colours and names of observations. No scene is compiled anew.
@@ -18,10 +18,11 @@ from jacokin.mujoco_bridge.base import RandomState
 from jacokin.mujoco_bridge.control.queries import Asking
 from jacokin.mujoco_bridge.distributions import uniform_box
 from jacokin.mujoco_bridge.entity import quaternion_product
+from jacokin.mujoco_bridge.rewards import fall_beyond
 from jacokin.mujoco_bridge.workspaces import BoundingBox
 from jacokin.tasks import features
-from jacokin.tasks.features import Feature, View, ids, length, picked
-from jacokin.tasks.task import ANY_YAW, BRICK, Task, brick, shaped
+from jacokin.tasks.features import Feature, StateView, ids, length, take_rows
+from jacokin.tasks.task import ANY_YAW, BRICK, Task
 
 BRICK_BOX = BoundingBox((-0.1, -0.1, 1e-6), (0.1, 0.1, 1e-6))
 CLOSE, CLOSE_MARGIN = 0.01, 0.1  # [m]
@@ -30,6 +31,7 @@ _HINT_POSITION = (0.2, 0.1, 0.0)  # [m]
 _HINT_QUATERNION = (-0.38268343, 0.0, 0.0, 0.92387953)  # wxyz, -135 deg about z
 _HALF_TURN = np.array((0.0, 0.0, 0.0, 1.0))  # about z, wxyz
 _COLORS = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (0.0, 1.0, 1.0), (1.0, 0.0, 1.0), (1.0, 1.0, 0.0))
+_BASE_POSITION = uniform_box(*BRICK_BOX)
 
 Indices = NDArray[np.intp]
 
@@ -48,21 +50,23 @@ class BrickTask(Task):
 
     tool_box = BoundingBox((-0.1, -0.1, 0.15), (0.1, 0.1, 0.4))
 
+    close_weight = 0.0
+
     def __init__(
-        self, count: int, height: int, *, is_base_fixed: bool, order_varies: bool, close_weight: float
+        self, count: int, height: int | None = None, *, is_base_fixed: bool = True, order_varies: bool = False
     ) -> None:
         """Compile the scene.
 
         Args:
-            count: number of bricks, at most 6.
-            height: number of bricks in the wanted stack.
+            count: number of bricks on the table, at most 6.
+            height: number of bricks in the wanted stack; None for all.
             is_base_fixed: whether the bottom brick of the stack stands still.
-            order_varies: whether the wanted order is drawn, and observed.
-            close_weight: see the class.
+            order_varies: whether orders are drawn, and the wanted one is observed.
         """
-        self.count, self.height, self.close_weight = count, height, close_weight
+        self.count, self.height = count, count if height is None else height
         self._is_base_fixed, self._order_varies = is_base_fixed, order_varies
-        self.goal_size = height + count
+        self.goal_size = self.height + count
+        self._placers: dict[int, PropPlacer] = {}
         super().__init__()
 
     def _add_props(self) -> None:
@@ -71,17 +75,17 @@ class BrickTask(Task):
         self.bricks: list[Brick] = []
         self.hints: list[Brick] = []
         for number in range(self.count):
-            prop = brick(names[2 * number], _COLORS[number])
+            prop = Brick(name=names[2 * number], color=_COLORS[number])
             if number == 0 and self._is_base_fixed:
                 self._add_fixed(prop)
             else:
                 self._add_free(prop)
-            hint = brick(names[2 * number + 1], _COLORS[number], hint=True)
+            hint = Brick(name=names[2 * number + 1], color=_COLORS[number], hint=True)
             self._add_fixed(hint)
             self.bricks.append(prop)
             self.hints.append(hint)
 
-    def _features(self) -> tuple[list[Feature], list[Feature]]:
+    def _features(self, own: list[Feature]) -> list[Feature]:
         physics = self.physics
         self._studs, self._holes = (
             np.array([ids(physics, [grid[0, 0], grid[-1, -1]]) for grid in grids], dtype=np.intp)
@@ -91,9 +95,9 @@ class BrickTask(Task):
         self._geoms = [geoms == ids(physics, each.root_body)[0] for each in self.bricks]
         if not self._order_varies:
             self._fixed_pairs = self._pairs_of(self._usual_order(), np.arange(self.count))
-            return [], [each for prop in self.bricks for each in features.of_prop(physics, prop)]
+            return own + [each for prop in self.bricks for each in features.prop_features(physics, prop)]
         order = Feature("desired_order", (self.height,), lambda view, goal: goal[..., : self.height])
-        return [order], features.of_props_in_roles(physics, self.bricks, self._slot)
+        return [order, *own, *features.role_features(physics, self.bricks, self._slot)]
 
     def _usual_order(self) -> Indices:
         """The wanted order if none is drawn."""
@@ -136,7 +140,7 @@ class BrickTask(Task):
 
     def _show_hints(self, order: Indices, random_state: RandomState) -> None:
         for role in set(range(self.count)) - set(order.tolist()):
-            self.hints[role].set_pose(self.physics, np.zeros(3))  # of no use, but in dm_control's pictures
+            self.hints[role].set_pose(self.physics, np.zeros(3))  # dm_control's pictures show them there
         self._build_stack(
             [self.hints[k] for k in order], np.array(_HINT_POSITION), np.array(_HINT_QUATERNION), random_state
         )
@@ -147,7 +151,7 @@ class BrickTask(Task):
         below, above = self._studs[placed[..., :-1]], self._holes[placed[..., 1:]]
         return below.reshape(*below.shape[:-2], -1), above.reshape(*above.shape[:-2], -1)
 
-    def achieved(self, view: View, goal: Array) -> Array:
+    def achieved(self, view: StateView, goal: Array) -> Array:
         """For each pair of neighbours in the wanted order how far studs and holes are apart, (..., height - 1) [m].
 
         The sum of the distances of two opposite studs and holes, the smaller for the brick turned by 180 deg or not.
@@ -157,23 +161,23 @@ class BrickTask(Task):
             studs, holes = self._pairs_of(whole[..., : self.height], whole[..., self.height :])
         else:
             studs, holes = self._fixed_pairs
-        stud, hole = picked(view.site_xpos, studs), picked(view.site_xpos, holes)
+        stud, hole = take_rows(view.site_xpos, studs), take_rows(view.site_xpos, holes)
         pairs = (*stud.shape[:-2], self.height - 1, 2, 3)
         stud, hole = stud.reshape(pairs), hole.reshape(pairs)
         straight = length(stud - hole)
         turned = length(stud[..., ::-1, :] - hole)
         return np.minimum(straight[..., 0] + straight[..., 1], turned[..., 0] + turned[..., 1])
 
-    def desired(self, view: View, goal: Array) -> Array:
+    def desired(self, view: StateView, goal: Array) -> Array:
         """Zeros, (..., height - 1) [m]: all pairs together."""
         return np.zeros((*view.qpos.shape[:-1], self.height - 1))
 
     def reward(self, achieved: Array, desired: Array) -> Array:
         """The mean over the pairs of how close they are, and how closely they click together."""
         distance = np.abs(achieved - desired)
-        clicked = shaped(distance - CLICK, CLICK_MARGIN, "gaussian")
+        clicked = fall_beyond(distance - CLICK, CLICK_MARGIN, "gaussian")
         if self.close_weight:
-            close = shaped(distance - CLOSE, CLOSE_MARGIN, "gaussian")
+            close = fall_beyond(distance - CLOSE, CLOSE_MARGIN, "gaussian")
             clicked = (self.close_weight * close + clicked) / (1.0 + self.close_weight)
         return np.asarray(clicked.mean(axis=-1))
 
@@ -182,30 +186,10 @@ class BrickTask(Task):
         return np.asarray((np.abs(achieved - desired) <= CLICK).all(axis=-1))
 
 
-_CLOSE_WEIGHT = 0.1
-
-
 class Stack(BrickTask):
     """Stack bricks on one another."""
 
-    def __init__(
-        self, count: int, height: int | None = None, *, is_base_fixed: bool = True, order_varies: bool = False
-    ) -> None:
-        """Compile the scene.
-
-        Args:
-            count: number of bricks on the table.
-            height: number of bricks in the wanted stack; None for all.
-            is_base_fixed: whether the bottom brick of the stack stands still.
-            order_varies: whether the wanted order is drawn, and observed.
-        """
-        super().__init__(
-            count,
-            count if height is None else height,
-            is_base_fixed=is_base_fixed,
-            order_varies=order_varies,
-            close_weight=_CLOSE_WEIGHT,
-        )
+    close_weight = 0.1
 
     def _initialize(self, random_state: RandomState) -> Asking[Array]:
         order = np.arange(self.height)
@@ -223,22 +207,9 @@ class Stack(BrickTask):
         self._show_hints(order, random_state)
         return goal
 
-    def _add_props(self) -> None:
-        super()._add_props()
-        self._placers: dict[int, PropPlacer] = {}
-
 
 class Reassemble(BrickTask):
     """Take a stack apart and build another on its bottom brick: in reverse order, or in one that is drawn."""
-
-    def __init__(self, count: int, *, order_varies: bool = False) -> None:
-        """Compile the scene.
-
-        Args:
-            count: number of bricks.
-            order_varies: whether the orders of both stacks are drawn, and the wanted one is observed.
-        """
-        super().__init__(count, count, is_base_fixed=True, order_varies=order_varies, close_weight=0.0)
 
     def _usual_order(self) -> Indices:
         return _rebuilt(np.arange(self.count))
@@ -251,16 +222,12 @@ class Reassemble(BrickTask):
         if self._order_varies:
             random_state.shuffle(wanted[1:])
         goal, slots = self._goal(wanted, int(initial[0]))
-        position = np.asarray(self._base_position(random_state=random_state))
+        position = np.asarray(_BASE_POSITION(random_state=random_state))
         quat_wxyz = np.asarray(ANY_YAW(random_state=random_state))
         self._build_stack([self.bricks[slots[k]] for k in initial], position, quat_wxyz, random_state)
         self._show_hints(wanted, random_state)
         yield from self._place_robot(random_state)
         return goal
-
-    def _add_props(self) -> None:
-        super()._add_props()
-        self._base_position = uniform_box(*BRICK_BOX)
 
 
 def _rebuilt(order: Indices) -> Indices:

@@ -5,16 +5,17 @@ from __future__ import annotations
 import numpy as np
 
 from jacokin.arrays import Array
-from jacokin.mujoco_bridge import Cradle, Pedestal, PropPlacer
+from jacokin.mujoco_bridge import Brick, Cradle, Pedestal, PropPlacer
 from jacokin.mujoco_bridge.base import RandomState
 from jacokin.mujoco_bridge.control.queries import Asking
 from jacokin.mujoco_bridge.distributions import uniform_box
 from jacokin.mujoco_bridge.entity import Entity
+from jacokin.mujoco_bridge.rewards import fall_beyond
 from jacokin.mujoco_bridge.workspaces import BoundingBox
 from jacokin.tasks import features
 from jacokin.tasks.families.bricks import BRICK_BOX
-from jacokin.tasks.features import Feature, View, length
-from jacokin.tasks.task import ANY_YAW, Task, brick, qpos_rows, shaped
+from jacokin.tasks.features import Feature, StateView, length
+from jacokin.tasks.task import ANY_YAW, BRICK, Task, position_in_qpos
 
 RADIUS = 0.05  # [m] of the target
 AWAY = 4.0 * RADIUS  # [m] of the hand from the target
@@ -30,7 +31,7 @@ class _Place(Task):
     tool_box = BoundingBox((-0.1, -0.1, 0.17), (0.1, 0.1, 0.4))
 
     def _add_pedestal(self, top: Entity) -> None:
-        self.brick = brick()
+        self.brick = Brick(name=BRICK)
         self._add_free(self.brick)
         self.pedestal = Pedestal(top)
         self._add_fixed(self.pedestal)
@@ -39,10 +40,10 @@ class _Place(Task):
         )
         self._place_pedestal = PropPlacer([self.pedestal], uniform_box(*_PEDESTAL_BOX))
 
-    def _features(self) -> tuple[list[Feature], list[Feature]]:
-        self._position = qpos_rows(self.physics, self.brick)[0]
+    def _features(self, own: list[Feature]) -> list[Feature]:
+        self._position = position_in_qpos(self.physics, self.brick)
         position = Feature(f"{self.pedestal.prefix}position", (3,), self.desired)
-        return [], [*features.of_prop(self.physics, self.brick), position]
+        return [*own, *features.prop_features(self.physics, self.brick), position]
 
     def _initialize(self, random_state: RandomState) -> Asking[Array]:
         self._place_pedestal(self.physics, random_state, ignore_contacts_with_entities=[self.brick])
@@ -50,20 +51,20 @@ class _Place(Task):
         self._place_brick(self.physics, random_state)
         return np.empty(0)
 
-    def achieved(self, view: View, goal: Array) -> Array:
+    def achieved(self, view: StateView, goal: Array) -> Array:
         """Positions of the brick and of the tool centre point, (..., 6) [m]."""
         return np.concatenate((view.qpos[..., self._position], self.tool(view)), axis=-1)
 
-    def desired(self, view: View, goal: Array) -> Array:
+    def desired(self, view: StateView, goal: Array) -> Array:
         """Where the brick is to be, (..., 3) [m]."""
         return view.mocap_pos[..., 0, :]
 
     def reward(self, achieved: Array, desired: Array) -> Array:
         """Ten parts for the brick in place; one for the hand at the brick or, once that is in place, away."""
         prop, tool = achieved[..., :3], achieved[..., 3:]
-        grasped = shaped(length(prop - tool) - RADIUS, RADIUS, "long_tail")
-        in_place = shaped(length(prop - desired) - RADIUS, RADIUS, "long_tail")
-        away = shaped(AWAY - length(tool - desired), _AWAY_MARGIN, "long_tail")
+        grasped = fall_beyond(length(prop - tool) - RADIUS, RADIUS, "long_tail")
+        in_place = fall_beyond(length(prop - desired) - RADIUS, RADIUS, "long_tail")
+        away = fall_beyond(AWAY - length(tool - desired), _AWAY_MARGIN, "long_tail")
         return (grasped * (1.0 - in_place) + away * in_place + _IN_PLACE * in_place) / (1.0 + _IN_PLACE)
 
     def success(self, achieved: Array, desired: Array) -> Array:
@@ -76,7 +77,7 @@ class PlaceBrick(_Place):
     """Put a brick on a pedestal that carries another brick."""
 
     def _add_props(self) -> None:
-        self._add_pedestal(brick())
+        self._add_pedestal(Brick(name=BRICK))
 
 
 class PlaceCradle(_Place):

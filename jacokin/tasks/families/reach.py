@@ -2,42 +2,44 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 
 from jacokin.arrays import Array
-from jacokin.mujoco_bridge import PropPlacer, workspaces
+from jacokin.mujoco_bridge import Brick, PropPlacer, workspaces
 from jacokin.mujoco_bridge.base import RandomState
 from jacokin.mujoco_bridge.control.queries import Asking
 from jacokin.mujoco_bridge.distributions import uniform_box
+from jacokin.mujoco_bridge.rewards import fall_beyond
 from jacokin.mujoco_bridge.workspaces import BoundingBox
 from jacokin.tasks import features
-from jacokin.tasks.features import Feature, View, length
-from jacokin.tasks.task import ANY_YAW, Task, brick, qpos_rows, shaped
+from jacokin.tasks.features import Feature, StateView, length
+from jacokin.tasks.task import ANY_YAW, BRICK, Task, position_in_qpos
 
 RADIUS = 0.05  # [m] of the target
 _TARGET = "target"
 _SITE_BOX = BoundingBox((-0.2, -0.2, 0.02), (0.2, 0.2, 0.4))
-_BRICK_BOX = BoundingBox((-0.1, -0.1, 0.001), (0.1, 0.1, 0.001))
+_LYING = 0.001  # [m] height of a brick that is placed
+_BRICK_BOX = BoundingBox((-0.1, -0.1, _LYING), (0.1, 0.1, _LYING))
 _CORNERS = {
     "top_left": (-0.09, 0.09),
     "top_right": (0.09, 0.09),
     "bottom_left": (-0.09, -0.09),
     "bottom_right": (0.09, -0.09),
 }
+CORNERS = {name: BoundingBox((x, y, _LYING), (x, y, _LYING)) for name, (x, y) in _CORNERS.items()}
+"""Boxes that place the brick of `ReachBrick` at a corner of the usual one."""
 
 
 class _Reach(Task):
     """Bring the tool centre point to within 0.05 m of a target."""
 
-    def achieved(self, view: View, goal: Array) -> Array:
+    def achieved(self, view: StateView, goal: Array) -> Array:
         """Position of the tool centre point, (..., 3) [m]."""
         return self.tool(view)
 
     def reward(self, achieved: Array, desired: Array) -> Array:
         """1 within 0.05 m of the target, falling along a Gaussian that is 0.1 at 0.1 m."""
-        return shaped(length(achieved - desired) - RADIUS, RADIUS, "gaussian")
+        return fall_beyond(length(achieved - desired) - RADIUS, RADIUS, "gaussian")
 
     def success(self, achieved: Array, desired: Array) -> Array:
         """Whether the tool centre point is within 0.05 m of the target."""
@@ -54,15 +56,15 @@ class ReachSite(_Reach):
         workspaces.add_target_site(body, RADIUS, visible=True, name=_TARGET)
         self._target = uniform_box(*_SITE_BOX)
 
-    def _features(self) -> tuple[list[Feature], list[Feature]]:
-        return [Feature("target_position", (3,), self.desired)], []
+    def _features(self, own: list[Feature]) -> list[Feature]:
+        return [Feature("target_position", (3,), self.desired), *own]
 
     def _initialize(self, random_state: RandomState) -> Asking[Array]:
         yield from self._place_robot(random_state)
         self.physics.data.mocap_pos[0] = self._target(random_state=random_state)
         return np.empty(0)
 
-    def desired(self, view: View, goal: Array) -> Array:
+    def desired(self, view: StateView, goal: Array) -> Array:
         """Position of the site, (..., 3) [m]."""
         return view.mocap_pos[..., 0, :]
 
@@ -82,26 +84,19 @@ class ReachBrick(_Reach):
         super().__init__()
 
     def _add_props(self) -> None:
-        self.brick = brick()
+        self.brick = Brick(name=BRICK)
         self._add_free(self.brick)
         self._place_brick = PropPlacer([self.brick], uniform_box(*self._brick_box), ANY_YAW, settle_physics=True)
 
-    def _features(self) -> tuple[list[Feature], list[Feature]]:
-        self._position = qpos_rows(self.physics, self.brick)[0]
-        return [], features.of_prop(self.physics, self.brick)
+    def _features(self, own: list[Feature]) -> list[Feature]:
+        self._position = position_in_qpos(self.physics, self.brick)
+        return own + features.prop_features(self.physics, self.brick)
 
     def _initialize(self, random_state: RandomState) -> Asking[Array]:
         yield from self._place_robot(random_state)
         self._place_brick(self.physics, random_state)
         return np.empty(0)
 
-    def desired(self, view: View, goal: Array) -> Array:
+    def desired(self, view: StateView, goal: Array) -> Array:
         """Position of the brick, (..., 3) [m]."""
         return view.qpos[..., self._position]
-
-
-def corner(name: str) -> partial[ReachBrick]:
-    """Makes the task of reaching a brick at a corner of its box: "top_left", "top_right", ..."""
-    x, y = _CORNERS[name]
-    at = (x, y, _BRICK_BOX.lower[2])
-    return partial(ReachBrick, BoundingBox(at, at))

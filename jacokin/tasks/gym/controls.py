@@ -1,4 +1,4 @@
-"""What actions mean: velocities of the joints, a velocity of the tool, or a pose of the tool.
+"""`CONTROLS`, what actions may mean: velocities of the joints, a velocity of the tool, or a pose of the tool.
 
 Those of the tool move a reference configuration within the limits of the joints, which the arm follows with velocities;
 gravity is compensated.
@@ -6,9 +6,9 @@ gravity is compensated.
 
 from __future__ import annotations
 
+import abc
 import functools
 from collections.abc import Callable
-from typing import Protocol
 
 import numpy as np
 import pinocchio as pin
@@ -18,9 +18,9 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.model.angles import nearest_copy
 from jacokin.model.robot import Robot
-from jacokin.mujoco_bridge import Physics, robots
+from jacokin.mujoco_bridge import Physics
 from jacokin.mujoco_bridge.control.commands import GAIN
-from jacokin.tasks.features import View
+from jacokin.tasks.features import StateView
 from jacokin.tasks.task import CONTROL_TIMESTEP
 
 FRAME = "pinchsite"
@@ -33,28 +33,31 @@ _HEIGHT = 0.4  # [m] of their middle
 _SMALLEST = 1e-3  # norm of a quaternion
 
 
-class Control(Protocol):
-    """Turns actions into velocities; one for each environment. Pickles."""
+class Control(abc.ABC):
+    """Turns actions into velocities; one for each environment. Pickles.
 
-    @property
-    def bounds(self) -> tuple[Array, Array]:
-        """Lower and upper bounds of actions."""
+    Attributes:
+        bounds: lower and upper bounds of actions.
+    """
 
-    def check(self, actions: Array) -> None:
+    bounds: tuple[Array, Array]
+
+    def check(self, actions: Array) -> None:  # noqa: B027 - nothing to refuse where every action is a velocity
         """Check actions (..., n) within the bounds.
 
         Raises:
             InvalidInputError: one of them means nothing.
         """
 
-    def start(self, physics: Physics) -> None:
+    def start(self, physics: Physics) -> None:  # noqa: B027 - joint velocities need no start
         """Begin an episode."""
 
-    def velocities(self, view: View, action: Array) -> Array:
+    @abc.abstractmethod
+    def velocities(self, view: StateView, action: Array) -> Array:
         """The velocities (9,) for a control step [rad/s], of a checked action, for a simulation as it is now."""
 
 
-class JointVelocity:
+class JointVelocity(Control):
     """Actions are the velocities of the joints and the fingers, as in the reference.
 
     Attributes:
@@ -65,18 +68,12 @@ class JointVelocity:
         """Allow velocities between two bounds (9,) [rad/s]."""
         self.bounds = lower, upper
 
-    def check(self, actions: Array) -> None:
-        """Every action is a velocity."""
-
-    def start(self, physics: Physics) -> None:
-        """Nothing to do."""
-
-    def velocities(self, view: View, action: Array) -> Array:
+    def velocities(self, view: StateView, action: Array) -> Array:
         """The action itself."""
         return action
 
 
-class _ToolControl:
+class _ToolControl(Control):
     """A reference configuration, and velocities that follow it."""
 
     def __init__(self, lower: Array, upper: Array) -> None:
@@ -84,35 +81,28 @@ class _ToolControl:
         self._robot = _robot()
         self._tracker = jacokin.Tracker(self._robot, FRAME, dt=CONTROL_TIMESTEP)
         self._joints = self._robot.dof
-        self._gain: Array | None = None
-        self._fingers: Array | None = None
-        self._base_position: Array = np.array(robots.ARM_OFFSET)
-        self._R_base_world: Array = np.eye(3)
-
-    def check(self, actions: Array) -> None:
-        """Every action is a velocity."""
 
     def start(self, physics: Physics) -> None:
         """Begin where the arm is."""
         model, data = physics.model, physics.data
-        self._gain = model.actuator_gainprm[:, 0].copy()
-        self._fingers = model.jnt_range[self._joints : self._joints + FINGERS].T.copy()
+        self._gain: Array = model.actuator_gainprm[:, 0].copy()
+        self._fingers: Array = model.jnt_range[self._joints : self._joints + FINGERS].T.copy()
         base = model.body_parentid[model.jnt_bodyid[0]]
-        self._base_position, self._R_base_world = data.xpos[base].copy(), data.xmat[base].reshape(3, 3).T.copy()
+        self._base_position: Array = data.xpos[base].copy()
+        self._R_base_world: Array = data.xmat[base].reshape(3, 3).T.copy()
         self._tracker.reset(self._within(physics.data.qpos[: self._joints]))
 
     def _within(self, q: Array) -> Array:
         return np.asarray(np.clip(q, self._robot.lower, self._robot.upper))
 
-    def _follow(self, view: View, speed: Array, fingers: Array) -> Array:
+    def _follow(self, view: StateView, speed: Array, fingers: Array) -> Array:
         """Velocities of all actuators, for the arm to be at the reference at the end of the control step."""
-        assert self._gain is not None
         error = self._tracker.q - speed * CONTROL_TIMESTEP - view.qpos[: self._joints]
         found = np.concatenate((speed + GAIN * error, fingers))
         found += (view.qfrc_bias - view.qfrc_passive)[: len(found)] / self._gain
         return np.asarray(np.minimum(np.maximum(found, self._lower), self._upper))
 
-    def _keep_near(self, view: View) -> None:
+    def _keep_near(self, view: StateView) -> None:
         """Put the reference back to an arm that something has stopped."""
         q = view.qpos[: self._joints]
         if np.abs(self._tracker.q - q).max() > LEAD:
@@ -132,7 +122,7 @@ class ToolVelocity(_ToolControl):
         bound = np.array([SPEED] * 3 + [TURN] * 3 + [upper[-1]])
         self.bounds = -bound, bound
 
-    def velocities(self, view: View, action: Array) -> Array:
+    def velocities(self, view: StateView, action: Array) -> Array:
         """Move the reference along the twist, and follow it."""
         self._keep_near(view)
         twist = np.concatenate((self._R_base_world @ action[:3], self._R_base_world @ action[3:6]))
@@ -170,7 +160,7 @@ class ToolPose(_ToolControl):
         if is_zero.any():
             raise InvalidInputError(f"the quaternion of a pose must not be 0, got {quats[is_zero].tolist()[0]}")
 
-    def velocities(self, view: View, action: Array) -> Array:
+    def velocities(self, view: StateView, action: Array) -> Array:
         """Move the reference towards the pose, and follow it."""
         self._keep_near(view)
         quat = action[3:7] / np.linalg.norm(action[3:7])
@@ -178,7 +168,6 @@ class ToolPose(_ToolControl):
         R = self._R_base_world
         target = pin.SE3(R @ rotation, R @ (action[:3] - self._base_position))
         speed = self._speed(target)
-        assert self._fingers is not None
         lower, upper = self._fingers
         closed = lower + action[7] * (upper - lower)
         closing = GAIN * (closed - view.qpos[self._joints : self._joints + FINGERS])

@@ -1,4 +1,4 @@
-"""One task as an environment of Gymnasium."""
+"""`TaskEnv`: one task as an environment of Gymnasium."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from jacokin.model import checks
 from jacokin.mujoco_bridge.control import queries
 from jacokin.mujoco_bridge.control.queries import Asking
 from jacokin.tasks import registry
-from jacokin.tasks.episode import STEPS, Episode, Snapshot, bounded
+from jacokin.tasks.episode import STEPS, Episode, Snapshot, clip_action
 from jacokin.tasks.features import ids
 from jacokin.tasks.gym.controls import CONTROLS, Control
-from jacokin.tasks.gym.options import RENDER_MODES, Options
-from jacokin.tasks.gym.packing import Observation, Packing, with_picture
+from jacokin.tasks.gym.packing import EnvOptions, Observation, Packing, add_picture
 from jacokin.tasks.gym.window import Window, check_display
-from jacokin.tasks.randomization import Randomization, Variation, steps_of
+from jacokin.tasks.randomization import Randomization, Variation, latency_steps
 from jacokin.tasks.task import CONTROL_TIMESTEP, Task
 
+RENDER_MODES = ("rgb_array", "human", "depth_array")
 SIZE = 480  # rows and columns of rendered pictures [pixels]
 
 Info = dict[str, Any]
@@ -80,9 +80,9 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
             InvalidInputError: options that do not go together.
             PhysicsError: "human" without a display.
         """
-        self.options = Options(task, control, reward, goal, observations, flatten)
-        if not isinstance(randomization, Randomization | None):
-            raise InvalidInputError(f"randomization must be a Randomization or None, got {checks.shown(randomization)}")
+        self.options = EnvOptions(task, control, reward, goal, observations, flatten)
+        if randomization is not None:
+            checks.instance("randomization", randomization, Randomization, "a Randomization or None")
         self.randomization = randomization
         if render_mode is not None:
             checks.choice("render_mode", render_mode, RENDER_MODES)
@@ -135,7 +135,7 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
             InvalidInputError: a seed that is not a whole number >= 0, or an unknown option.
             EpisodeInitializationError: no initial state was found.
         """
-        return queries.run(self._resetting(seed, self._checked_reset(seed, options)))
+        return queries.run(self._start(seed, self._checked_reset(seed, options)))
 
     def _checked_reset(self, seed: object, options: Mapping[str, Any] | None) -> dict[str, float] | None:
         """Check the arguments of `reset`; returns the values of an earlier episode, if they were given.
@@ -143,18 +143,17 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
         Raises:
             InvalidInputError: as for `reset`.
         """
-        if not isinstance(options, Mapping | None):
-            raise InvalidInputError(f"options must be a dict or None, got {checks.shown(options)}")
-        for name in options or ():
+        given = checks.mapping("options", {} if options is None else options, "a dict or None")
+        for name in given:
             checks.choice("option of reset", name, () if self.randomization is None else ("randomization",))
         if seed is not None:
             checks.whole_number("seed", seed)
-        if self.randomization is None or not options:
+        if self.randomization is None or not given:
             return None
-        return self.randomization.replayed(options["randomization"])
+        return self.randomization.replayed(given["randomization"])
 
-    def _resetting(self, seed: int | None, replayed: dict[str, float] | None) -> Asking[tuple[Observation, Info]]:
-        """As `reset` with checked arguments, but whoever runs it answers the queries; see `Task.starting`."""
+    def _start(self, seed: int | None, replayed: dict[str, float] | None) -> Asking[tuple[Observation, Info]]:
+        """As `reset` with checked arguments; the caller answers the queries, see `Task.starting`."""
         super().reset(seed=None if seed is None else int(seed))  # Gymnasium refuses NumPy's whole numbers
         if self.randomization is not None:
             drawn = self.randomization.draw(self.np_random)
@@ -182,7 +181,7 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
         episode = self._episode
         if episode.steps is None:
             raise PhysicsError("there is no episode: call reset() before step()")
-        values = bounded(action, *self._control.bounds)
+        values = clip_action(action, *self._control.bounds)
         self._control.check(values)
         try:
             velocities = self._control.velocities(episode.view, values)
@@ -263,7 +262,7 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
         achieved, desired = task.achieved(view, goal), task.desired(view, goal)
         observation = self._packing.pack(view, goal, achieved, desired)
         if self.options.has_camera:
-            observation = with_picture(observation, episode.picture())
+            observation = add_picture(observation, episode.picture())
         if "observation_noise" in self._values:
             self._packing.add_noise(observation, self._values["observation_noise"], self.np_random)
         self._last = observation
@@ -283,7 +282,7 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
     def _late(self, velocities: Array) -> Array:
         """The velocities asked for some steps ago; none at first."""
         self._delayed.append(velocities)
-        late = len(self._delayed) > steps_of(self._values)
+        late = len(self._delayed) > latency_steps(self._values)
         return self._delayed.popleft() if late else np.zeros_like(velocities)
 
     def _show(self) -> None:
@@ -311,7 +310,7 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Compile the scene and go on."""
-        options: Options = state["options"]
+        options: EnvOptions = state["options"]
         fields = {name: getattr(options, name) for name in options.__slots__}
         self.__init__(**fields, randomization=state["randomization"], **state["render"])  # type: ignore[misc]  # an object without state is made as usual
         self._np_random, self._np_random_seed = state["random"]
@@ -337,10 +336,7 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
 
 
 def _goals(name: str, value: ArrayLike, size: int) -> Array:
-    try:
-        goals = checks.numbers(value)
-    except (TypeError, ValueError) as error:
-        raise InvalidInputError(f"{name} must be numbers, got {checks.shown(value)}") from error
+    goals = checks.array(name, value, "numbers")
     if goals.ndim < 1 or goals.shape[-1] != size:
         raise InvalidInputError(f"{name} must have shape (..., {size}), got {goals.shape}")
     return goals

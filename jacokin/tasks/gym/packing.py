@@ -1,23 +1,77 @@
-"""Observations as Gymnasium has them: one array, or a dictionary, of one simulation or of many."""
+"""`EnvOptions`, what a Gymnasium environment was asked for, and `Packing`, the observations that follow from them.
+
+Observations are one array or a dictionary, of one simulation or of many.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any, cast
 
 import numpy as np
 from gymnasium import spaces
-from gymnasium.vector.utils import create_empty_array
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
+from jacokin.errors import InvalidInputError
+from jacokin.model import checks
+from jacokin.tasks import registry
 from jacokin.tasks.episode import PICTURE
-from jacokin.tasks.features import View
-from jacokin.tasks.gym.options import Options
+from jacokin.tasks.features import StateView
+from jacokin.tasks.gym.controls import CONTROLS
 from jacokin.tasks.task import CAMERA, Task
 
 Observation = Array | dict[str, NDArray[Any]]
-PROPRIOCEPTION = "proprioception"
+REWARDS = ("dense", "sparse")
+PROPRIOCEPTION = "proprioception"  # key of the features of the robot beside a picture
+
+
+@dataclass(frozen=True, slots=True)
+class EnvOptions:
+    """What distinguishes the environments of one task; checked when they are made.
+
+    Attributes:
+        task: name of the task.
+        control: what actions mean: "joint_velocity", "tool_velocity" or "tool_pose".
+        reward: "dense", the reference's, or "sparse", 1 when the task is solved and 0 otherwise.
+        goal: whether observations contain what is achieved and desired.
+        observations: "features", or "vision": a picture, and of the features those of the robot.
+        flatten: whether the features are one array; otherwise a dictionary by name.
+    """
+
+    task: str
+    control: str = "joint_velocity"
+    reward: str = "dense"
+    goal: bool = False
+    observations: str = registry.FEATURES
+    flatten: bool = True
+
+    def __post_init__(self) -> None:
+        """Check the options.
+
+        Raises:
+            UnknownNameError: an unknown task or option; lists the valid ones.
+            InvalidInputError: options that do not go together.
+        """
+        entry = registry.TASKS[checks.choice("task", self.task, registry.TASKS)]
+        checks.choice("control", self.control, CONTROLS)
+        checks.choice("reward", self.reward, REWARDS)
+        checks.flag("goal", self.goal)
+        checks.flag("flatten", self.flatten)
+        checks.choice("observations", self.observations, registry.OBSERVATIONS)
+        if self.observations not in entry.observations:
+            raise InvalidInputError(
+                f"{self.task} cannot be observed by {self.observations!r}: a picture does not show which order is "
+                f"wanted. Valid: {', '.join(entry.observations)}"
+            )
+        if self.goal and not (self.flatten and self.observations == registry.FEATURES):
+            raise InvalidInputError("goal=True needs observations='features' and flatten=True")
+
+    @property
+    def has_camera(self) -> bool:
+        """Whether a picture is observed."""
+        return self.observations == registry.VISION
 
 
 class Packing:
@@ -28,7 +82,7 @@ class Packing:
         goal_sizes: numbers of what is achieved and of what is desired.
     """
 
-    def __init__(self, task: Task, options: Options) -> None:
+    def __init__(self, task: Task, options: EnvOptions) -> None:
         """Prepare for a task that has been reset."""
         self._task = task
         self._options = options
@@ -36,7 +90,7 @@ class Packing:
         ends = np.cumsum([int(np.prod(each.shape)) for each in self._features]).tolist()
         self._slices = [slice(start, end) for start, end in zip([0, *ends[:-1]], ends, strict=True)]
         self._size = ends[-1]
-        view, goal = View.of(task.physics.data), np.zeros(task.goal_size)
+        view, goal = StateView.of(task.physics.data), np.zeros(task.goal_size)
         self.goal_sizes = task.achieved(view, goal).shape[-1], task.desired(view, goal).shape[-1]
         self.space = self._space()
 
@@ -57,7 +111,7 @@ class Packing:
             found.update({each.name: _box(*each.shape) for each in self._features})
         return spaces.Dict(found)
 
-    def pack(self, view: View, goal: Array, achieved: Array, desired: Array) -> Observation:
+    def pack(self, view: StateView, goal: Array, achieved: Array, desired: Array) -> Observation:
         """The observation, as new arrays, without the picture.
 
         Args:
@@ -88,7 +142,7 @@ class Packing:
             observation[name] += random_state.normal(0.0, deviation, observation[name].shape)
 
 
-def with_picture(observation: Observation, picture: NDArray[Any]) -> Observation:
+def add_picture(observation: Observation, picture: NDArray[Any]) -> Observation:
     """The observation with the picture in front."""
     assert isinstance(observation, dict)
     return {CAMERA: picture, **observation}
@@ -96,11 +150,6 @@ def with_picture(observation: Observation, picture: NDArray[Any]) -> Observation
 
 def _box(*shape: int) -> spaces.Box:
     return spaces.Box(-np.inf, np.inf, shape, np.float64)
-
-
-def zeros(space: spaces.Space[Any], count: int) -> Observation:
-    """Room for the observations of so many environments."""
-    return cast(Observation, create_empty_array(space, count))
 
 
 def row(observations: Observation, index: int) -> Observation:
@@ -117,10 +166,3 @@ def put(observations: Observation, index: int, observation: Observation) -> None
     else:
         for name, value in cast(Mapping[str, Any], observation).items():
             observations[name][index] = value
-
-
-def copied(observations: Observation) -> Observation:
-    """The same in new arrays."""
-    if isinstance(observations, np.ndarray):
-        return observations.copy()
-    return {name: value.copy() for name, value in observations.items()}

@@ -1,4 +1,4 @@
-"""Makes the tasks known to Gymnasium."""
+"""`register`, which makes the tasks known to Gymnasium under their `IDS`."""
 
 from __future__ import annotations
 
@@ -61,6 +61,6 @@ def register() -> None:
             gymnasium.register(
                 name,
                 entry_point="jacokin.tasks.gym.environment:make_environment",
-                vector_entry_point="jacokin.tasks.gym.vector:make_vector",
+                vector_entry_point="jacokin.tasks.gym.vector:VectorTaskEnv",
                 kwargs=_Kwargs(task=task),
             )

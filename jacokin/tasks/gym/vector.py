@@ -1,27 +1,57 @@
-"""Many environments of one task in one process: resets, infos and checks. `simulations` has what moves them."""
+"""`VectorTaskEnv`: many environments of one task in one process.
+
+It has Gymnasium's side: checks, resets and infos. `Simulations` has what moves them, a
+`mujoco.batch.Batch`, whose threads run across environments. A step is done for all at once: actions, physics,
+observations and rewards are arrays with a row for each environment. Only controls of the tool, noise and pictures are
+computed one by one. Episodes start in the simulation of a single environment, in turns.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+import copy
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any, cast
 
+import mujoco
 import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
-from gymnasium.vector.utils import batch_space
+from gymnasium.vector.utils import batch_space, create_empty_array
+from mujoco.batch import Batch, SimulationError
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, PhysicsError
 from jacokin.model import checks
-from jacokin.tasks.episode import bounded
+from jacokin.mujoco_bridge.control import queries
+from jacokin.tasks.episode import PICTURE, STEPS, clip_action
+from jacokin.tasks.features import StateView
 from jacokin.tasks.gym import packing
+from jacokin.tasks.gym.controls import CONTROLS
 from jacokin.tasks.gym.environment import OPTIONS, Info, TaskEnv
-from jacokin.tasks.gym.packing import Observation
-from jacokin.tasks.gym.simulations import Begun, Flags, Indices, Outcome, Simulations
+from jacokin.tasks.gym.packing import Observation, add_picture
+from jacokin.tasks.randomization import MAX_LATENCY, SIMULATED, latency_steps
+from jacokin.tasks.task import CONTROL_TIMESTEP, SUBSTEPS
 
+Flags = NDArray[np.bool_]
+Indices = NDArray[np.intp]
+Values = dict[str, float]  # of a randomization
+Begun = list[tuple[Observation, Info]]
 Steps = tuple[Observation, Array, Flags, Flags, Info]
 
 AUTORESET_MODES = tuple(mode.value for mode in AutoresetMode)
+_WITHOUT_WINDOW = [name for name in OPTIONS if name not in ("render_mode", "width", "height")]
+_VELOCITIES = int(mujoco.mjtStage.mjSTAGE_VEL)
+_HUGE = 1e10  # where MuJoCo takes a simulation for unstable
+_WARNINGS = {
+    mujoco.mjtWarning.mjWARN_INERTIA: "the simulation is unstable: its inertia is singular",
+    mujoco.mjtWarning.mjWARN_CONTACTFULL: "not all contacts find room in MuJoCo's memory",
+    mujoco.mjtWarning.mjWARN_CNSTRFULL: "not all constraints find room in MuJoCo's memory",
+    mujoco.mjtWarning.mjWARN_BADQPOS: "the simulation is unstable in qpos",
+    mujoco.mjtWarning.mjWARN_BADQVEL: "the simulation is unstable in qvel",
+    mujoco.mjtWarning.mjWARN_BADQACC: "the simulation is unstable in qacc",
+}
 
 
 class VectorTaskEnv(VectorEnv[Observation, Any, NDArray[Any]]):
@@ -31,19 +61,30 @@ class VectorTaskEnv(VectorEnv[Observation, Any, NDArray[Any]]):
     """
 
     def __init__(
-        self, num_envs: int, threads: int, autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP, **options: Any
+        self,
+        num_envs: int = 1,
+        *,
+        threads: int = 1,
+        autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
+        **options: Any,
     ) -> None:
         """Make the environments.
 
         Args:
             num_envs: how many.
             threads: how many threads simulate.
-            autoreset_mode: when an environment whose episode has ended is reset.
-            options: as for `TaskEnv`.
+            autoreset_mode: when an environment whose episode has ended starts another: Gymnasium's "NextStep",
+                "SameStep" or "Disabled".
+            options: as for `TaskEnv`, without rendering.
 
         Raises:
-            UnknownNameError: no such mode.
+            UnknownNameError: an unknown option or mode; lists the valid ones.
+            InvalidInputError: a wrong number, or an option that vectors do not have.
         """
+        if options.pop("render_mode", None) is not None:
+            raise InvalidInputError("a vector of environments does not render; make a single one with the same seed")
+        for name in options:
+            checks.choice("option of a vector", name, ("threads", "autoreset_mode", *_WITHOUT_WINDOW))
         checks.whole_number("num_envs", num_envs, 1)
         checks.whole_number("threads", threads, 1)
         value = autoreset_mode.value if isinstance(autoreset_mode, AutoresetMode) else autoreset_mode
@@ -61,7 +102,7 @@ class VectorTaskEnv(VectorEnv[Observation, Any, NDArray[Any]]):
         self._values = {name: np.zeros(num_envs) for name in names}
         self._is_over = np.zeros(num_envs, dtype=bool)
         self._has_begun = np.zeros(num_envs, dtype=bool)
-        self._last = packing.zeros(first.observation_space, num_envs)
+        self._last = cast(Observation, create_empty_array(first.observation_space, num_envs))
 
     def reset(
         self,
@@ -79,17 +120,15 @@ class VectorTaskEnv(VectorEnv[Observation, Any, NDArray[Any]]):
         Raises:
             InvalidInputError: wrong seeds or options; nothing is changed.
         """
-        if not isinstance(options, Mapping | None):
-            raise InvalidInputError(f"options must be a dict or None, got {checks.shown(options)}")
-        given = dict(options or {})
+        given = dict(checks.mapping("options", {} if options is None else options, "a dict or None"))
         ids = np.flatnonzero(self._mask(given.pop("reset_mask", True)))
         all_seeds, each = self._seeds(seed), self._each(given)
         seeds = [all_seeds[index] for index in ids]
         replayed = [self._first._checked_reset(all_seeds[index], each[index]) for index in ids]
-        infos = self._started(ids, self._simulations.begin(ids, seeds, replayed), self._last, {})
+        infos = self._note_starts(ids, self._simulations.begin(ids, seeds, replayed), self._last, {})
         self._is_over[ids] = False
         self._has_begun[ids] = True
-        return packing.copied(self._last), infos
+        return copy.deepcopy(self._last), infos
 
     def step(self, values: NDArray[Any]) -> Steps:
         """Apply an action in every environment.
@@ -105,7 +144,7 @@ class VectorTaskEnv(VectorEnv[Observation, Any, NDArray[Any]]):
         """
         if not self._has_begun.all():
             raise PhysicsError("there is no episode: call reset() before step()")
-        checked = bounded(values, *self._bounds)
+        checked = clip_action(values, *self._bounds)
         self._first._control.check(checked)
         ended, goes_on = np.flatnonzero(self._is_over), np.flatnonzero(~self._is_over)
         if len(ended) and self.autoreset_mode is AutoresetMode.DISABLED:
@@ -119,18 +158,18 @@ class VectorTaskEnv(VectorEnv[Observation, Any, NDArray[Any]]):
             packing.put(observations, index, packing.row(self._last, index))
         outcome.rewards[ended], truncated[ended] = 0.0, False
         if self.autoreset_mode is AutoresetMode.SAME_STEP:
-            infos = self._started_over(np.flatnonzero(truncated), outcome)
+            infos = self._start_over(np.flatnonzero(truncated), outcome)
         else:
-            infos = self._started(ended, begun, observations, self._infos(outcome, goes_on))
+            infos = self._note_starts(ended, begun, observations, self._infos(outcome, goes_on))
             self._is_over = truncated.copy()
-        self._last = packing.copied(observations)
+        self._last = copy.deepcopy(observations)
         return observations, outcome.rewards, np.zeros(self.num_envs, dtype=bool), truncated, infos
 
     def _begin_again(self, ids: Indices) -> Begun:
         """Start further episodes."""
         return self._simulations.begin(ids, [None] * len(ids), [None] * len(ids)) if len(ids) else []
 
-    def _started(self, ids: Indices, begun: Begun, observations: Observation, infos: Info) -> Info:
+    def _note_starts(self, ids: Indices, begun: Begun, observations: Observation, infos: Info) -> Info:
         """Note what the starts of episodes gave, among the observations and infos of all."""
         for index, (observation, info) in zip(ids.tolist(), begun, strict=True):
             packing.put(observations, index, observation)
@@ -139,7 +178,7 @@ class VectorTaskEnv(VectorEnv[Observation, Any, NDArray[Any]]):
                 self._values[name][index] = value
         return infos
 
-    def _started_over(self, ended: Indices, outcome: Outcome) -> Info:
+    def _start_over(self, ended: Indices, outcome: StepOutcome) -> Info:
         """Start other episodes in the same step; the infos have the last observations and infos of those that ended."""
         infos = self._infos(outcome, np.flatnonzero(~outcome.is_over))
         for index in ended.tolist():
@@ -148,11 +187,11 @@ class VectorTaskEnv(VectorEnv[Observation, Any, NDArray[Any]]):
                 last["randomization"] = {name: float(column[index]) for name, column in self._values.items()}
             if index in outcome.errors:
                 last["error"] = outcome.errors[index]
-            observation = packing.copied(packing.row(outcome.observations, index))
+            observation = copy.deepcopy(packing.row(outcome.observations, index))
             infos = self._add_info(infos, {"final_obs": observation, "final_info": last}, index)
-        return self._started(ended, self._begin_again(ended), outcome.observations, infos)
+        return self._note_starts(ended, self._begin_again(ended), outcome.observations, infos)
 
-    def _infos(self, outcome: Outcome, ids: Indices) -> Info:
+    def _infos(self, outcome: StepOutcome, ids: Indices) -> Info:
         """The infos of steps of some environments, as `VectorEnv._add_info` would put them together one by one."""
         found: Info = {}
         if not len(ids):
@@ -178,7 +217,7 @@ class VectorTaskEnv(VectorEnv[Observation, Any, NDArray[Any]]):
         if value is True:
             return np.ones(self.num_envs, dtype=bool)
         if not isinstance(value, np.ndarray) or value.dtype != bool or value.shape != (self.num_envs,):
-            raise InvalidInputError(f"reset_mask must be a bool array ({self.num_envs},), got {checks.shown(value)}")
+            raise checks.refusal("reset_mask", f"a bool array ({self.num_envs},)", value)
         return value
 
     def _seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
@@ -187,7 +226,7 @@ class VectorTaskEnv(VectorEnv[Observation, Any, NDArray[Any]]):
         if isinstance(seed, int | np.integer) and not isinstance(seed, bool):
             return [int(seed) + index for index in range(self.num_envs)]
         if not isinstance(seed, Sequence | np.ndarray) or isinstance(seed, str) or len(seed) != self.num_envs:
-            raise InvalidInputError(f"seed must be one number, or {self.num_envs}, got {checks.shown(seed)}")
+            raise checks.refusal("seed", f"one number, or {self.num_envs}", seed)
         return list(seed)
 
     def _each(self, options: Mapping[str, Any]) -> list[dict[str, Any]]:
@@ -204,31 +243,175 @@ class VectorTaskEnv(VectorEnv[Observation, Any, NDArray[Any]]):
         ]
 
 
-_WITHOUT_WINDOW = [name for name in OPTIONS if name not in ("render_mode", "width", "height")]
+@dataclass(frozen=True, slots=True, eq=False)
+class StepOutcome:
+    """What a step gave.
 
-
-def make_vector(
-    num_envs: int = 1,
-    *,
-    threads: int = 1,
-    autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
-    **options: Any,
-) -> VectorTaskEnv:
-    """Make environments of one task that are stepped together.
-
-    Args:
-        num_envs: how many.
-        threads: how many threads simulate.
-        autoreset_mode: when an environment whose episode has ended starts another: Gymnasium's "NextStep", "SameStep"
-            or "Disabled".
-        options: as for `TaskEnv`, without rendering.
-
-    Raises:
-        UnknownNameError: an unknown option or mode; lists the valid ones.
-        InvalidInputError: a wrong number, or an option that vectors do not have.
+    Attributes:
+        observations: of all environments, in new arrays.
+        rewards: (n,).
+        is_success: (n,).
+        is_over: (n,) whether the episode has ended.
+        errors: why simulations diverged, by the number of the environment; its observation does not count.
     """
-    if options.pop("render_mode", None) is not None:
-        raise InvalidInputError("a vector of environments does not render; make a single one with the same seed")
-    for name in options:
-        checks.choice("option of a vector", name, ("threads", "autoreset_mode", *_WITHOUT_WINDOW))
-    return VectorTaskEnv(num_envs, threads, autoreset_mode, **options)
+
+    observations: Observation
+    rewards: Array
+    is_success: Flags
+    is_over: Flags
+    errors: dict[int, str]
+
+
+class Simulations:
+    """Simulations of the task of an environment, each with its own random numbers and constants of the model."""
+
+    def __init__(self, first: TaskEnv, count: int, threads: int) -> None:
+        """Make the batch.
+
+        Args:
+            first: the environment in which episodes are started; it is of no other use then.
+            count: how many simulations.
+            threads: how many threads simulate.
+        """
+        self._first, self._count = first, count
+        model, control = first.model, first.options.control
+        flags = model.opt.disableflags
+        # MuJoCo would put a diverged simulation back to its reference state, and go on as if nothing had happened.
+        model.opt.disableflags = flags | int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+        self._batch = Batch(model, count, threads, persistent=True)
+        model.opt.disableflags = flags
+        self._ctrl: Array = self._batch.bind("ctrl")
+        self._view = StateView.of(self._batch)
+        self._goals = np.zeros((count, first.task.goal_size))
+        self._steps = np.zeros(count, dtype=np.intp)
+        self._random: list[np.random.Generator | None] = [None] * count
+        self._values: list[Values] = [{}] * count
+        self._states: Array = np.zeros_like(self._batch.state)  # of episodes that are being started
+        self._controls = [CONTROLS[control](first._episode.lower, first._episode.upper) for _ in range(count)]
+        self._rows = [] if control == "joint_velocity" else [self._view.row(index) for index in range(count)]
+        names = () if first.randomization is None else first.randomization.names
+        self._constants: dict[str, Array] = {name: self._batch.expand(name) for name in SIMULATED if names}
+        self._is_noisy = "observation_noise" in names
+        delays = round(MAX_LATENCY / CONTROL_TIMESTEP) + 1 if "latency" in names else 0
+        self._delayed = np.zeros((delays, *self._ctrl.shape))
+        self._delays = np.zeros(count, dtype=np.intp)
+        self._pictured = mujoco.MjData(model) if first.options.has_camera else None
+
+    def begin(self, ids: Indices, seeds: Sequence[int | None], replayed: Sequence[Values | None]) -> Begun:
+        """Start episodes in some environments, with checked arguments; see `TaskEnv._start`.
+
+        Raises:
+            EpisodeInitializationError: no initial state was found for one of them.
+        """
+        numbers, waiting = ids.tolist(), set[int]()
+
+        @contextmanager
+        def switch(place: int) -> Iterator[None]:
+            with self._as_first(numbers[place], is_waiting=place in waiting):
+                yield
+            waiting.add(place)
+
+        runs = [self._first._start(seed, values) for seed, values in zip(seeds, replayed, strict=True)]
+        begun = queries.run_all(runs, switch)
+        batch = self._batch
+        batch.reset(ids, stage=int(mujoco.mjtStage.mjSTAGE_NONE))
+        batch.state[ids] = self._states[ids]
+        batch.warning[ids] = 0
+        if self._constants:
+            batch.set_const(ids)
+        batch.forward(ids, _VELOCITIES)
+        self._steps[ids] = 0
+        return begun
+
+    @contextmanager
+    def _as_first(self, index: int, *, is_waiting: bool) -> Iterator[None]:
+        """Let the first environment be another one; `is_waiting`: one whose episode is being started."""
+        first, physics = self._first, self._first.task.physics
+        first._np_random, first._control = self._random[index], self._controls[index]
+        if is_waiting:
+            if self._constants:
+                first._apply(self._values[index])
+            physics.set_state(self._states[index])
+        try:
+            yield
+        finally:
+            self._random[index] = first.np_random
+        self._states[index] = physics.get_state()
+        self._values[index], self._delays[index] = first._values, latency_steps(first._values)
+        for name, constants in self._constants.items():
+            constants[index] = getattr(first.model, name)
+        if first._episode.steps is not None:  # the start is complete
+            self._goals[index] = first._episode.goal
+
+    def advance(self, actions: Array, ids: Indices) -> StepOutcome:
+        """Step some environments; what the outcome says of others does not count.
+
+        Args:
+            actions: (n, ...) checked actions of all.
+            ids: which to step.
+        """
+        first, view, goals = self._first, self._view, self._goals
+        errors = self._simulate(actions, ids) if len(ids) else {}
+        self._steps[ids] += 1
+        achieved, desired = first.task.achieved(view, goals), first.task.desired(view, goals)
+        observations = first._packing.pack(view, goals, achieved, desired)
+        going = [index for index in ids.tolist() if index not in errors]
+        if self._pictured is not None:
+            observations = add_picture(observations, self._pictures(going))
+        for index in going if self._is_noisy else ():
+            random_state = self._random[index]
+            assert random_state is not None
+            deviation = self._values[index]["observation_noise"]
+            first._packing.add_noise(packing.row(observations, index), deviation, random_state)
+        outcome = StepOutcome(
+            observations,
+            np.array(first._rewards(achieved, desired)),
+            np.array(first.task.success(achieved, desired)),
+            self._steps >= STEPS,
+            errors,
+        )
+        for index in errors:
+            outcome.rewards[index], outcome.is_success[index], outcome.is_over[index] = 0.0, False, True
+        return outcome
+
+    def _simulate(self, actions: Array, ids: Indices) -> dict[int, str]:
+        """Simulate a control step; returns why some simulations have diverged."""
+        batch, view, errors = self._batch, self._view, dict[int, str]()
+        velocities = actions[ids]
+        if self._rows:
+            velocities = np.array([self._controls[i].velocities(self._rows[i], actions[i]) for i in ids.tolist()])
+        self._ctrl[ids] = self._late(velocities, ids) if len(self._delayed) else velocities
+        try:
+            batch.step(None if len(ids) == self._count else ids, SUBSTEPS, _VELOCITIES)
+        except SimulationError as error:
+            errors.update({int(index): f"MuJoCo gave up: {batch.error(int(index))}" for index in error.ids})
+        # NaN is not below the bound either.
+        is_well = (np.abs(view.qpos).max(axis=1) < _HUGE) & (np.abs(view.qvel).max(axis=1) < _HUGE)
+        is_well &= ~batch.warning[..., 1].any(axis=1)
+        for index in ids[~is_well[ids]].tolist():
+            counts = batch.warning[index, :, 1]
+            found = [text for kind, text in _WARNINGS.items() if int(kind) < len(counts) and counts[int(kind)]]
+            errors.setdefault(index, "; ".join(found) or "the simulation is unstable")
+        return errors
+
+    def _late(self, velocities: Array, ids: Indices) -> Array:
+        """The velocities asked for some steps ago; none at first."""
+        steps, delayed = self._steps[ids], self._delayed
+        delayed[steps % len(delayed), ids] = velocities
+        asked = steps - self._delays[ids]
+        return np.where((asked >= 0)[:, None], delayed[asked % len(delayed), ids], 0.0)
+
+    def _pictures(self, ids: Sequence[int]) -> NDArray[np.generic]:
+        """What the cameras of some environments see; black elsewhere."""
+        found = np.zeros((self._count, PICTURE, PICTURE, 3), dtype=np.uint8)
+        for index in ids:
+            if self._constants:
+                self._first._apply(self._values[index])
+            self._first.task.show_goal(self._goals[index])
+            self._batch.get_data(index, self._pictured)
+            found[index] = self._first._episode.picture(data=self._pictured)
+        return found
+
+    def close(self) -> None:
+        """Free what pictures need."""
+        self._first.close()

@@ -9,20 +9,19 @@ import pinocchio as pin
 import pytest
 
 import jacokin.tasks
-from jacokin.tasks.experts import grasps, motions
-from jacokin.tasks.experts.arm import Arm
+from jacokin.tasks.experts import grasps
+from jacokin.tasks.experts.driver import BRICK, SQUEEZE, ArmDriver, Script, shift, up
 from jacokin.tasks.experts.expert import Expert
 from jacokin.tasks.experts.grasps import LONG, SHORT, Grasp, Side
-from jacokin.tasks.experts.motions import BRICK, SQUEEZE, Script, up
 
 RISE = up(0.1)
 
 
-def grasp_at(arm: Arm, side: Side, at: pin.SE3) -> Grasp | None:
+def grasp_at(arm: ArmDriver, side: Side, at: pin.SE3) -> Grasp | None:
     """A grasp where the arm may be, if it reaches that far."""
-    before = motions.moved(at, -grasps.ABOVE * at.rotation[:, 2])
+    before = shift(at, -grasps.ABOVE * at.rotation[:, 2])
     for q in arm.configurations(before):
-        stops = arm.chain([at, motions.moved(at, RISE)], q, grasps.LONGEST_STEP)
+        stops = arm.chain([at, shift(at, RISE)], q, grasps.LONGEST_STEP)
         if stops is not None:
             return Grasp((q, stops[0]), at, np.inf, side)
     return None
@@ -32,16 +31,16 @@ def holds(environment: jacokin.tasks.TaskEnv, seed: int, side: Side, number: int
     """Whether a brick that is held in one of the ways is still held when it is lifted; None if the arm cannot do so."""
     found: list[bool | None] = []
 
-    def script(arm: Arm) -> Script:
+    def script(arm: ArmDriver) -> Script:
         at, _ = next(itertools.islice(grasps.poses(arm.prop(BRICK), side, straight=False), number, None))
         grasp = grasp_at(arm, side, at)
         if grasp is None:
             found.append(None)
         else:
             yield from grasps.take(arm, grasp)
-            yield from motions.move(arm, motions.moved(arm.pose, RISE), SQUEEZE, tolerance=0.02)
+            yield from arm.move(shift(arm.pose, RISE), SQUEEZE, tolerance=0.02)
             found.append(grasps.holds(arm, arm.prop(BRICK)))
-        yield from motions.stay(arm, 0.0)
+        yield from arm.stay(0.0)
 
     observation, _ = environment.reset(seed=seed)
     expert = Expert(script)

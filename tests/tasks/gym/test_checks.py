@@ -11,6 +11,7 @@ import pytest
 
 from jacokin.tasks.registry import TASKS
 from tests.rendering import backends
+from tests.tasks.families_sample import slow_but
 from tests.tasks.gym.checking import FEATURE_OPTIONS, check, check_copies
 
 QUICK = "stack_2_of_3_bricks_random_order"  # with all that a task may have
@@ -25,23 +26,20 @@ runpy.run_module("tests.tasks.gym.render_program", run_name="__main__")
 """
 
 
-@pytest.mark.parametrize("task", OTHERS)
+@pytest.mark.parametrize("task", slow_but(OTHERS))
 def test_gymnasium_accepts_every_task(task: str) -> None:
     check(task, {})
 
 
 @pytest.mark.parametrize("name", FEATURE_OPTIONS)
-@pytest.mark.parametrize(
-    "task", [pytest.param(task, marks=[] if task == QUICK else pytest.mark.slow) for task in TASKS]
-)
+@pytest.mark.parametrize("task", slow_but(TASKS, [QUICK]))
 def test_gymnasium_accepts_every_option_of_every_task(task: str, name: str) -> None:
     check(task, FEATURE_OPTIONS[name])
     check_copies(task, FEATURE_OPTIONS[name])
 
 
-@pytest.mark.parametrize(
-    "tasks", [[QUICK], *(pytest.param(OTHERS[start::GROUPS], marks=pytest.mark.slow) for start in range(GROUPS))]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("tasks", [[QUICK], *(OTHERS[start::GROUPS] for start in range(GROUPS))])
 def test_gymnasium_accepts_pictures_of_every_task(tasks: list[str]) -> None:
     if not backends():
         pytest.skip("no rendering back end works here")

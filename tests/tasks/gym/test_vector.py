@@ -18,8 +18,9 @@ from jacokin.errors import EpisodeInitializationError, InvalidInputError, Physic
 from jacokin.ik import IKSolver
 from jacokin.mujoco_bridge.distributions import Uniform
 from jacokin.tasks import Randomization, TaskEnv
-from jacokin.tasks.gym import environment, simulations
-from jacokin.tasks.gym.vector import make_vector
+from jacokin.tasks.gym import environment
+from jacokin.tasks.gym import vector as vectors
+from jacokin.tasks.gym.vector import VectorTaskEnv
 from jacokin.tasks.registry import TASKS
 from tests.rendering import backends
 from tests.tasks.gym.randomizations import ALL
@@ -93,7 +94,7 @@ def test_randomized_environments_equal_single_ones(task: str, options: dict[str,
 
 
 def check_equal_to_single_ones(task: str, options: dict[str, Any], steps: int) -> None:
-    vector: Any = make_vector(COUNT, task=task, threads=2, **options)
+    vector: Any = VectorTaskEnv(COUNT, task=task, threads=2, **options)
     singles = [TaskEnv(task, **options) for _ in range(COUNT)]
     observations, _ = vector.reset(seed=10)
     wanted = [flat(each.reset(seed=10 + index)[0]) for index, each in enumerate(singles)]
@@ -118,11 +119,11 @@ def check_equal_to_single_ones(task: str, options: dict[str, Any], steps: int) -
 @pytest.mark.parametrize("mode", AutoresetMode)
 def test_resets_are_those_of_gymnasium(mode: AutoresetMode, monkeypatch: pytest.MonkeyPatch) -> None:
     """With every mode all that is returned is what Gymnasium's own vector returns, types of infos included."""
-    for module in (environment, simulations):
+    for module in (environment, vectors):
         monkeypatch.setattr(module, "STEPS", 5)
     options: dict[str, Any] = {"goal": True, "randomization": Randomization(mass=Uniform(0.5, 2.0), camera=0.1)}
     theirs: Any = SyncVectorEnv([lambda: TaskEnv("lift_brick", **options)] * 3, autoreset_mode=mode)
-    ours: Any = make_vector(3, threads=2, task="lift_brick", autoreset_mode=mode, **options)
+    ours: Any = VectorTaskEnv(3, threads=2, task="lift_brick", autoreset_mode=mode, **options)
     assert ours.metadata["autoreset_mode"] is mode
 
     def both(call: str, *args: Any, **kwargs: Any) -> Any:
@@ -190,13 +191,13 @@ def test_resets_are_solved_as_a_batch(monkeypatch: pytest.MonkeyPatch) -> None:
         return solve_batch(self, targets, *args, **kwargs)
 
     monkeypatch.setattr(IKSolver, "solve_batch", counted)
-    make_vector(8, threads=2, task="reach_site").reset(seed=0)
+    VectorTaskEnv(8, threads=2, task="reach_site").reset(seed=0)
     assert sizes[0] == 8
     assert sizes == sorted(sizes, reverse=True)  # those that collide are asked again
 
 
 def test_values_are_replayed() -> None:
-    vector: Any = make_vector(3, threads=2, task="lift_brick", randomization=ALL)
+    vector: Any = VectorTaskEnv(3, threads=2, task="lift_brick", randomization=ALL)
     _, infos = vector.reset(seed=[1, 2, 3])
     drawn = infos["randomization"]
     assert len(set(drawn["mass"])) == 3
@@ -214,7 +215,7 @@ def test_values_are_replayed() -> None:
 
 
 def test_a_diverged_simulation_leaves_the_others_alone() -> None:
-    vector: Any = make_vector(3, threads=2, task="reach_site")
+    vector: Any = VectorTaskEnv(3, threads=2, task="reach_site")
     single = TaskEnv("reach_site")
     before, _ = vector.reset(seed=0)
     single.reset(seed=2)
@@ -238,7 +239,7 @@ def test_a_diverged_simulation_leaves_the_others_alone() -> None:
 
 
 def test_mistakes() -> None:
-    vector: Any = make_vector(2, threads=2, task="reach_site")
+    vector: Any = VectorTaskEnv(2, threads=2, task="reach_site")
     with pytest.raises(PhysicsError, match=r"call reset\(\) before step\(\)"):
         vector.step(np.zeros((2, 9)))
     observations, _ = vector.reset(seed=0)
@@ -262,7 +263,7 @@ def test_mistakes() -> None:
 
 
 def test_a_wrong_pose_moves_nothing() -> None:
-    vector: Any = make_vector(2, task="reach_site", control="tool_pose")
+    vector: Any = VectorTaskEnv(2, task="reach_site", control="tool_pose")
     vector.reset(seed=0)
     before = vector._simulations._batch.state.copy()
     with pytest.raises(InvalidInputError, match="quaternion of a pose must not be 0"):
@@ -276,10 +277,10 @@ def test_pictures_of_many() -> None:
     code = (
         "import numpy as np; from jacokin.tasks import Randomization, TaskEnv\n"
         "from jacokin.mujoco_bridge.distributions import Uniform\n"
-        "from jacokin.tasks.gym.vector import make_vector\n"
+        "from jacokin.tasks.gym.vector import VectorTaskEnv\n"
         "varied = Randomization(camera=0.05, lights=Uniform(0.5, 1.5), base_pose=0.01, observation_noise=0.1)\n"
         "for task, more in (('place_brick', {'randomization': varied}), ('reassemble_3_bricks_fixed_order', {})):\n"
-        "    v = make_vector(2, task=task, threads=2, observations='vision', **more); f = v.reset(seed=0)[0]\n"
+        "    v = VectorTaskEnv(2, task=task, threads=2, observations='vision', **more); f = v.reset(seed=0)[0]\n"
         "    e = TaskEnv(task, observations='vision', **more); g = e.reset(seed=1)[0]; assert list(f) == list(g)\n"
         "    o, p = v.step(np.ones((2, 9)))[0], e.step(np.ones(9))[0]; assert v.observation_space.contains(o)\n"
         "    assert all(np.array_equal(f[key][1], g[key]) for key in g), task\n"
@@ -293,11 +294,11 @@ def test_pictures_of_many() -> None:
 
 def test_mistakes_in_options() -> None:
     with pytest.raises(InvalidInputError, match="does not render"):
-        make_vector(2, task="reach_site", render_mode="rgb_array")
+        VectorTaskEnv(2, task="reach_site", render_mode="rgb_array")
     with pytest.raises(InvalidInputError, match="threads"):
-        make_vector(2, task="reach_site", threads=0)
+        VectorTaskEnv(2, task="reach_site", threads=0)
     with pytest.raises(UnknownNameError, match="Valid: NextStep, SameStep, Disabled"):
-        make_vector(2, task="reach_site", autoreset_mode="Never")
-    vector: Any = make_vector(2, task="reach_site", randomization=Randomization(base_pose=(0.5, 0.5, 0.5, 0.0)))
+        VectorTaskEnv(2, task="reach_site", autoreset_mode="Never")
+    vector: Any = VectorTaskEnv(2, task="reach_site", randomization=Randomization(base_pose=(0.5, 0.5, 0.5, 0.0)))
     with pytest.raises(EpisodeInitializationError):  # the arm stands too far away
         vector.reset(seed=0)

@@ -11,6 +11,7 @@ import pytest
 import jacokin.tasks
 from jacokin.arrays import Array
 from jacokin.tasks.experts.expert import SCRIPTS
+from tests.tasks.families_sample import slow_but
 from tests.tasks.reference.sides import FEATURES, SAME, load_reference, take_over
 
 STEPS = 250
@@ -50,7 +51,7 @@ def compare(name: str, steps: int) -> list[float]:
     return rewards
 
 
-@pytest.mark.parametrize("name", FEATURES)
+@pytest.mark.parametrize("name", slow_but(FEATURES))
 def test_the_same_states_have_the_same_rewards_and_observations(name: str) -> None:
     compare(name, 20)
 
@@ -63,7 +64,7 @@ def test_whole_episodes_have_the_same_rewards_and_observations(name: str) -> Non
         assert max(rewards) > 0.9  # our expert solves the reference's task, so every part of the reward is at work
 
 
-@pytest.mark.parametrize("name", FEATURES)
+@pytest.mark.parametrize("name", slow_but(FEATURES))
 def test_the_same_actions_give_the_same_observations(name: str) -> None:
     """Torques too, as long as the hand, whose shapes differ, touches nothing."""
     reference, ours = load_reference(name, seed=6), jacokin.tasks.load(name, seed=0)

@@ -40,9 +40,8 @@ def comparison(name: str) -> dict[str, Any]:
     return found
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[] if name == "reach_site_vision" else pytest.mark.slow) for name in VISION]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", VISION)
 def test_vision_tasks_are_equal_but_for_the_shape_of_the_robot(name: str) -> None:
     found = comparison(name)
     wanted, ours = found["specifications"]

@@ -8,6 +8,7 @@ import pytest
 
 import jacokin.tasks
 from tests.optional import make_dm_control_run
+from tests.tasks.families_sample import slow_but
 from tests.tasks.reference.sides import FEATURES, NAMES, load_reference, specifications
 
 
@@ -22,7 +23,7 @@ def test_all_names_are_there() -> None:
         assert of_tag == set(manipulation.get_environments_by_tag(tag))
 
 
-@pytest.mark.parametrize("name", FEATURES)
+@pytest.mark.parametrize("name", slow_but(FEATURES))
 def test_specifications_are_equal(name: str) -> None:
     wanted = specifications(load_reference(name))
     assert specifications(jacokin.tasks.load(name)) == wanted

@@ -1,9 +1,12 @@
-"""The arm as a script sees it: observations in, actions out."""
+"""`ArmDriver`, the arm as a script sees it: observations in, actions out, and the motions that scripts consist of.
+
+A script is a generator of actions. Before each it is resumed, the arm has a new observation.
+"""
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -21,17 +24,29 @@ from jacokin.mujoco_bridge import robots
 from jacokin.tasks.gym.controls import FRAME
 from jacokin.tasks.task import CONTROL_TIMESTEP
 
+ARM, HAND = "jaco_arm/", "jaco_arm/jaco_hand/"  # prefixes of their observations
+BRICK = "duplo2x4/"  # prefix of the observations of the first brick
 GAIN = 8.0  # [1/s] velocity per position error of the tracker
 END_GAIN, SLOWING = 15.0, 2.0  # [1/s], [rad/s^2] velocity near the end of a motion, and how fast it slows down before
 VELOCITY_GAIN = 500.0  # [N m s/rad] of the arm's actuators
-ARM, HAND = "jaco_arm/", "jaco_arm/jaco_hand/"
 OPEN, CLOSED = 0.15, 1.35  # [rad] limits of the fingers
 CLOSE, RELEASE = 5.0, -5.0  # [rad/s]
 FINGER_GAIN = 5.0  # [1/s]
 
+SQUEEZE = 2.0  # [rad] beyond the limits of the fingers: they squeeze
+STUCK_STEPS, STUCK = 5, 0.01  # an arm that moves less [rad] in so many steps is stopped by something
+AROUND = 0.08  # [m]
+SPEED = 0.35  # [m/s] of the tool along lines
+TURN = 1.0  # [rad/s]
+KEEPS_UP, LAG = 0.015, 0.04  # [m] of the tool behind the line, from where that slows down, and where it waits
+PATIENCE = 15  # steps of waiting, until it ends
+STILL = 0.002  # [m] and [rad] from the end of a line
 
-class Arm:
-    """The arm as observed.
+Script = Iterator[Array]
+
+
+class ArmDriver:
+    """The arm as observed, and what makes it move.
 
     Attributes:
         robot: its kinematics.
@@ -55,7 +70,7 @@ class Arm:
         self._data = self.robot.pin_model.createData()
 
     def observe(self, observation: object) -> None:
-        """Take over an observation.
+        """Read an observation.
 
         Raises:
             InvalidInputError: not a dictionary of features by name.
@@ -72,7 +87,7 @@ class Arm:
 
     def get(self, name: str, size: int) -> Array:
         """The newest value of an observation."""
-        return np.ravel(np.asarray(self._observation[name], dtype=np.float64))[-size:]
+        return self.whole(name)[-size:]
 
     def whole(self, name: str) -> Array:
         """All values of an observation whose size differs between tasks."""
@@ -116,8 +131,7 @@ class Arm:
 
     def durations(self, q: Array, start: Array) -> Array:
         """How long (k,) the joints need from one configuration to others [s]."""
-        limit = self.robot.velocity_limit
-        return np.asarray(np.abs(q - start).max(axis=-1) if limit is None else (np.abs(q - start) / limit).max(axis=-1))
+        return np.asarray((np.abs(q - start) / self.robot.velocity_limit).max(axis=-1))
 
     def duration(self, *stops: Array) -> float:
         """How long the joints need from one configuration to the next [s]."""
@@ -141,7 +155,7 @@ class Arm:
             speed: part of the joints' velocity limits to use.
         """
         error = nearest_copy(q, self.q, self.robot.unlimited) - self.q
-        limit = np.minimum(speed * np.asarray(self.robot.velocity_limit), np.sqrt(2.0 * SLOWING * np.abs(error)) + 1e-9)
+        limit = np.minimum(speed * self.robot.velocity_limit, np.sqrt(2.0 * SLOWING * np.abs(error)) + 1e-9)
         velocity = END_GAIN * error
         velocity /= max(1.0, float(np.abs(velocity / limit).max()))
         return self._action(velocity, fingers)
@@ -171,7 +185,113 @@ class Arm:
         """Velocities that move the fingers to an angle, or each to its own."""
         return FINGER_GAIN * (np.asarray(angle) - self.fingers)
 
+    def stay(self, fingers: float) -> Script:
+        """Stay where the arm is now, without end."""
+        q = self.q.copy()
+        while True:
+            yield self.towards(q, fingers)
+
+    def hold(self, fingers: float, steps: int) -> Script:
+        """Stay where the arm is now while the fingers move with a velocity [rad/s]."""
+        q = self.q.copy()
+        for _ in range(steps):
+            yield self.towards(q, fingers)
+
+    def close(self, steps: int) -> Script:
+        """Close the hand and squeeze."""
+        yield from self.hold(CLOSE, steps)
+        self.grip = self.fingers.copy()
+
+    def release(self, steps: int) -> Script:
+        """Open the hand."""
+        return self.hold(RELEASE, steps)
+
+    def _squeeze_to(self, angle: float) -> Array:
+        """Velocities that move the fingers to an angle; if it is beyond their limits, the thumb squeezes."""
+        if angle <= CLOSED:
+            return self.fingers_to(angle)
+        return np.concatenate(((CLOSE,), self.fingers_to(self.grip)[1:]))
+
+    def go(self, q: Array, fingers: float, *, tolerance: float = 0.01, around: bool = True) -> Script:
+        """Go to a configuration; the fingers go to an angle, or squeeze if it is beyond their limits.
+
+        Args:
+            q: (6,) where to [rad].
+            fingers: their angle [rad].
+            tolerance: at which distance of a joint the motion ends [rad].
+            around: where something stops the arm, go around it, upwards; otherwise the motion ends there.
+        """
+        before, step = self.q + 1.0, 0
+        while not self.is_at(q, tolerance):
+            yield self.towards(q, self._squeeze_to(fingers))
+            step += 1
+            if step % STUCK_STEPS == 0:
+                if np.abs(self.q - before).max() < STUCK:
+                    if not around:
+                        return
+                    around = False
+                    yield from self.move(shift(self.pose, up(AROUND)), fingers, tolerance=0.02, settle=2)
+                before = self.q.copy()
+
+    def move(
+        self,
+        pose: pin.SE3,
+        fingers: float,
+        *,
+        speed: float = SPEED,
+        ramp: float = 0.0,
+        tolerance: float = STILL,
+        settle: int = 15,
+    ) -> Script:
+        """Move the pinch site to a pose in the world along a straight line.
+
+        Args:
+            pose: T_world_tool at the end.
+            fingers: their angle [rad]; they squeeze if it is beyond their limits.
+            speed: of the tool [m/s].
+            ramp: time until it has this speed [s].
+            tolerance: to the end, where the motion may stop [m], [rad].
+            settle: steps at most from when the line has ended.
+        """
+        self.follow_from_here()
+        start = self.pose
+        turn = pin.log3(start.rotation.T @ pose.rotation)
+        way = pose.translation - start.translation
+        duration = max(float(np.linalg.norm(way)) / speed, float(np.linalg.norm(turn)) / TURN, CONTROL_TIMESTEP)
+        part, waited, now, pace = 0.0, 0, start, 0.0
+        while part < 1.0 and waited < PATIENCE:
+            # The joints accelerate slowly, and each has its limit: the line waits for them.
+            lag = float(np.linalg.norm(self.pose.translation - now.translation)) + (0.0 if self.is_stuck else self.lag)
+            rate = min(1.0, max(0.0, (LAG - lag) / (LAG - KEEPS_UP)))
+            waited = waited + 1 if rate < 0.1 else 0
+            pace = min(rate, pace + CONTROL_TIMESTEP / max(ramp, CONTROL_TIMESTEP))
+            part = min(1.0, part + pace * CONTROL_TIMESTEP / duration)
+            now = shift(start, part * way) * pin.SE3(pin.exp3(part * turn), np.zeros(3))
+            yield self.along(now, self._squeeze_to(fingers))
+        end = self.chain([pose], self.tracker.q, np.inf)
+        for _ in range(settle):
+            if waited >= PATIENCE or _distance(self.pose, pose) < tolerance:
+                return
+            squeeze = self._squeeze_to(fingers)
+            yield self.along(pose, squeeze) if end is None else self.towards(end[0], squeeze)
+
 
 def in_base(T_world_tool: pin.SE3) -> pin.SE3:
     """T_base_tool."""
     return pin.SE3(T_world_tool.rotation, T_world_tool.translation - robots.ARM_OFFSET)
+
+
+def up(height: float) -> Array:
+    """A vertical way [m]."""
+    return np.array((0.0, 0.0, height))
+
+
+def shift(pose: pin.SE3, way: Array) -> pin.SE3:
+    """Move a pose by a way in the world [m]."""
+    return pin.SE3(pose.rotation, pose.translation + way)
+
+
+def _distance(a: pin.SE3, b: pin.SE3) -> float:
+    """The larger of the distance [m] and the angle [rad] between two poses."""
+    turn = float(np.linalg.norm(pin.log3(a.rotation.T @ b.rotation)))
+    return max(float(np.linalg.norm(a.translation - b.translation)), turn)
