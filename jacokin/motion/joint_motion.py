@@ -15,13 +15,12 @@ from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, MissingExtraError
-from jacokin.ik import seeds
 from jacokin.model import angles, checks
 from jacokin.model.robot import Robot, checked_robot
 from jacokin.motion import lines
 from jacokin.motion.files import Layout, Stored
 from jacokin.motion.path_result import PathResult
-from jacokin.motion.tracking.joint_limits import velocity_limits
+from jacokin.motion.tracking.joint_limits import checked_start, velocity_limits
 
 if TYPE_CHECKING:
     import ruckig
@@ -94,7 +93,7 @@ def move_joints(
     """
     checked_robot("robot", robot)
     step = checks.positive("dt", dt, "s")
-    start, end = (_checked_configuration(robot, q, name) for q, name in ((q_from, "q_from"), (q_to, "q_to")))
+    start, end = (checked_start(robot, q, name, noise=0.0) for q, name in ((q_from, "q_from"), (q_to, "q_to")))
     end = angles.nearest_copy(end, start, robot.unlimited)
     velocity = velocity_limits(robot, velocity_limit)
     acceleration = checks.positive_vector("acceleration_limit", acceleration_limit, robot.dof, "rad/s^2")
@@ -149,23 +148,6 @@ def _timed(start: Array, end: Array, velocity: Array, acceleration: Array, jerk:
 def _range(values: Array) -> str:
     low, high = float(values.min()), float(values.max())
     return f"{low:.3g}" if low == high else f"{low:.3g} to {high:.3g}"
-
-
-def _checked_configuration(robot: Robot, q: ArrayLike, name: str) -> Array:
-    """A configuration within the limits.
-
-    Raises:
-        InvalidInputError: malformed, or a joint is outside; it is named.
-    """
-    angles = seeds.near_configuration(robot, q, name)
-    outside = np.flatnonzero((angles < robot.lower) | (angles > robot.upper))
-    if outside.size:
-        joint = int(outside[0])
-        raise InvalidInputError(
-            f"{name} puts {robot.joint_names[joint]} at {angles[joint]:.17g} rad, outside "
-            f"[{robot.lower[joint]:.17g}, {robot.upper[joint]:.17g}]"
-        )
-    return angles
 
 
 def load_trajectory(file: str | Path) -> PathResult | JointMotion:

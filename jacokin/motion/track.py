@@ -20,12 +20,12 @@ from jacokin.ik import seeds
 from jacokin.ik.solver import IKSolver
 from jacokin.model import angles, checks
 from jacokin.model.robot import Robot, checked_robot
+from jacokin.model.scene import Scene
 from jacokin.motion import lines
 from jacokin.motion.lines import SampledPath
 from jacokin.motion.path_result import AT_SEED, BranchReport, PathResult, in_words
 from jacokin.motion.timing import Profile, profile_within
-from jacokin.motion.tracking.avoidance import Clearance
-from jacokin.motion.tracking.setup import checked_start
+from jacokin.motion.tracking.joint_limits import seed_or_start
 from jacokin.motion.tracking.tracker import Tracker, TrackerStep
 
 SPEED = 0.05  # [m/s]
@@ -52,7 +52,11 @@ def track_path(
     start: ArrayLike | None = None,
     velocity_limit: ArrayLike | None = None,
     acceleration_limit: ArrayLike | None = None,
-    collision: Clearance | None = None,
+    scene: Scene | None = None,
+    clearance: float | None = None,
+    collision: str | None = None,
+    self_collision: bool = True,
+    pairs: Sequence[tuple[str, str]] | None = None,
     qp_solver: str = "daqp",
     progress: Callable[[int, int], None] | None = None,
 ) -> PathResult:
@@ -73,7 +77,11 @@ def track_path(
         velocity_limit: (dof,) or one for all [rad/s]; None for the robot's own.
         acceleration_limit: (dof,) or one for all [rad/s^2]; None for none. With one, each line is run through from
             rest to rest, and more slowly than asked for where the joints need it.
-        collision: shapes to keep apart; None for none.
+        scene: obstacles around the arm, in the base frame.
+        clearance: shapes are kept this far apart [m]; None for 0.01.
+        collision: "reject" or "ignore"; None for "reject" where a scene, a clearance or pairs are given.
+        self_collision: False to keep the arm clear of obstacles only.
+        pairs: exactly these pairs of shapes, by name, instead of all.
         qp_solver: a QP solver installed for qpsolvers.
         progress: called with ticks done and ticks in all, for the branch being tried.
 
@@ -84,16 +92,14 @@ def track_path(
 
     Raises:
         InvalidInputError: malformed path, speeds or limits, see `Tracker`; `start` outside the limits or beside `seed`.
-        UnknownNameError: unknown frame, QP solver or shape.
+        UnknownNameError: unknown frame, QP solver, collision mode or shape.
     """
     checked_robot("robot", robot)
     if progress is not None and not callable(progress):
         raise InvalidInputError(f"progress must be callable with two counts, or None, got {checks.shown(progress)}")
-    if start is not None and seed is not None:
-        raise InvalidInputError("give at most one of seed and start")
     points = lines.checked_waypoints(waypoints)
     times = lines.durations(points, speed, angular_speed)
-    near, note = seeds.seed_within_limits(robot, seed) if start is None else (checked_start(robot, start, "start"), "")
+    near, note = seed_or_start(robot, seed, start)
 
     tracker = Tracker(
         robot,
@@ -103,7 +109,11 @@ def track_path(
         q=near,
         velocity_limit=velocity_limit,
         acceleration_limit=acceleration_limit,
+        scene=scene,
+        clearance=clearance,
         collision=collision,
+        self_collision=self_collision,
+        pairs=pairs,
         qp_solver=qp_solver,
     )
     follower = _Follower(tracker, points, times, progress)

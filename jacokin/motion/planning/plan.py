@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, StructureError, shown
-from jacokin.ik import diagnosis, seeds
+from jacokin.ik import diagnosis
 from jacokin.ik.solver import IKSolver
 from jacokin.ik.targets import Target
 from jacokin.model import checks
@@ -28,8 +28,7 @@ from jacokin.motion.planning.manifold import Manifold
 from jacokin.motion.planning.planned import Planned, Settings
 from jacokin.motion.planning.search import Search
 from jacokin.motion.track import ANGULAR_SPEED, SPEED
-from jacokin.motion.tracking.joint_limits import velocity_limits
-from jacokin.motion.tracking.setup import checked_start
+from jacokin.motion.tracking.joint_limits import seed_or_start, velocity_limits
 
 TIGHT = 0.05  # [rad] a joint this near to its limit is why a way ends
 
@@ -142,10 +141,8 @@ def plan_path(
         raise InvalidInputError(f"free_step must be at least {FINEST:g} rad, got {free_step!r}")
     times = lines.durations_of(path.lengths, speed, angular_speed)
     lines.check_ticks(times, settings.dt)
-    if start is not None and seed is not None:
-        raise InvalidInputError("give at most one of seed and start")
     robot = solver.robot
-    near, note = seeds.seed_within_limits(robot, seed) if start is None else (checked_start(robot, start, "start"), "")
+    near, note = seed_or_start(robot, seed, start)
     manifold = Manifold(robot, _chain(solver), path, solver.verifier.options.limit_snap)
     pace = Pace(times, settings.velocity)
     ladder = Ladder(Rungs(solver, manifold, free_step), manifold, pace, free_step, keep=timing == "keep")

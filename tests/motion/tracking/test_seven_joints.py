@@ -11,9 +11,9 @@ import pytest
 
 from jacokin import IKSolver, Robot, Tracker
 from jacokin.arrays import Array
-from jacokin.ik import Floor, Sphere
+from jacokin.ik import Floor, Scene, Sphere
 from jacokin.model import to_mujoco
-from jacokin.motion import AxisTarget, Clearance, PositionTarget, TrackerStatus, track_path
+from jacokin.motion import AxisTarget, PositionTarget, TrackerStatus, track_path
 
 DT = 0.01  # [s]
 NAME = "j2s7s300"
@@ -118,8 +118,8 @@ def test_the_first_pose_out_of_reach(seven: Robot) -> None:
 
 def test_obstacles_accelerations_and_axes(seven: Robot) -> None:
     start = seven.forward_kinematics(seven.home)
-    clearance = Clearance(0.02, [Floor(0.0), Sphere("ball", 0.05, start.translation + np.array([0.0, 0.0, 0.25]))])
-    tracker = Tracker(seven, dt=DT, collision=clearance)
+    scene = Scene([Floor(0.0), Sphere("ball", 0.05, start.translation + np.array([0.0, 0.0, 0.25]))])
+    tracker = Tracker(seven, dt=DT, scene=scene, clearance=0.02)
     for tick in range(1, 401):
         step = tracker.step(pin.SE3(start.rotation, start.translation + np.array([0.0, 0.0, 5e-4 * tick])))
         assert step.clearance is not None

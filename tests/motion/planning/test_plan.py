@@ -14,7 +14,7 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, StructureError, UnknownNameError
 from jacokin.ik import Box, FreeAxis, Scene, Sphere
 from jacokin.motion import PathResult, track_path
-from tests.ik.paths.by_mujoco import DOWN, at, tool_poses
+from tests.motion.by_mujoco import DOWN, at, tool_poses
 
 
 def off_the_lines(positions: Array, corners: list[pin.SE3]) -> Array:

@@ -15,7 +15,7 @@ from jacokin import FreeAxis, IKSolver, Robot, plan_path
 from jacokin.errors import InvalidInputError
 from jacokin.ik import Scene, Sphere
 from jacokin.motion import AxisTarget, PathResult, PositionTarget, track_path
-from tests.ik.paths.by_mujoco import at, tool_poses
+from tests.motion.by_mujoco import at, tool_poses
 
 SEVEN = "j2s7s300"
 
