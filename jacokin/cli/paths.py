@@ -14,7 +14,7 @@ from jacokin.errors import InvalidInputError
 
 if TYPE_CHECKING:
     from jacokin.arrays import Array
-    from jacokin.motion.path_result import PathResult
+    from jacokin.motion.trajectory import PathResult
 
 
 def plan(

@@ -13,8 +13,7 @@ from jacokin.ik.results import Frozen
 from jacokin.model import checks
 from jacokin.model.robot import Robot, checked_robot
 from jacokin.model.scene import Scene, checked_scene
-from jacokin.motion.joint_motion import JointMotion, load_trajectory
-from jacokin.motion.path_result import PathResult
+from jacokin.motion.trajectory import JointMotion, PathResult, load_trajectory
 
 RESOLUTION = 0.02  # [rad] no joint moves farther between two places that are measured
 

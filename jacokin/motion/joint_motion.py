@@ -6,9 +6,7 @@ leaves the interval between its two ends.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,9 +16,8 @@ from jacokin.errors import InvalidInputError, MissingExtraError
 from jacokin.model import angles, checks
 from jacokin.model.robot import Robot, checked_robot
 from jacokin.motion import lines
-from jacokin.motion.files import Layout, Stored
-from jacokin.motion.path_result import PathResult
 from jacokin.motion.tracking.joint_limits import checked_start, velocity_limits
+from jacokin.motion.trajectory import JointMotion
 
 if TYPE_CHECKING:
     import ruckig
@@ -28,39 +25,6 @@ if TYPE_CHECKING:
 
 ACCELERATION = 1.0  # [rad/s^2] full speed in about 0.7 s; the maker publishes no figure, so this is a gentle guess
 MISSED = 1e-6  # [rad] a motion that ends farther from its goal is not one
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class JointMotion(Stored):
-    """A motion between two configurations, sampled. Arrays are read-only."""
-
-    LAYOUT: ClassVar = Layout(joints=("q", "v", "a"))
-
-    joint_names: tuple[str, ...]
-    """Names of the joints."""
-    t: Array
-    """(n,) time [s], from 0; the last row is the end of the motion."""
-    q: Array
-    """(n, dof) joint angles [rad]."""
-    v: Array
-    """(n, dof) velocities [rad/s]."""
-    a: Array
-    """(n, dof) accelerations [rad/s^2]."""
-    lower: Array
-    """(dof,) lower limits [rad]."""
-    upper: Array
-    """(dof,) upper limits [rad]."""
-    velocity_limit: Array
-    """(dof,) velocity limits that were held [rad/s]."""
-
-    @property
-    def duration(self) -> float:
-        """Length of the motion [s]."""
-        return float(self.t[-1])
-
-    def __len__(self) -> int:
-        """Number of rows."""
-        return len(self.t)
 
 
 def move_joints(
@@ -110,7 +74,8 @@ def move_joints(
     # Rounding may pass the ends by one unit in the last place, and an end may be a limit.
     q = np.clip(q, np.minimum(start, end), np.maximum(start, end))
     q[0], q[-1] = start, end
-    return JointMotion(robot.joint_names, *map(checks.read_only, (times, q, v, a, robot.lower, robot.upper, velocity)))
+    columns = map(checks.read_only, (times, q, v, robot.lower, robot.upper, velocity, a))
+    return JointMotion(robot.joint_names, *columns)
 
 
 def _timed(start: Array, end: Array, velocity: Array, acceleration: Array, jerk: Array | None) -> ruckig.Trajectory:
@@ -148,18 +113,3 @@ def _timed(start: Array, end: Array, velocity: Array, acceleration: Array, jerk:
 def _range(values: Array) -> str:
     low, high = float(values.min()), float(values.max())
     return f"{low:.3g}" if low == high else f"{low:.3g} to {high:.3g}"
-
-
-def load_trajectory(file: str | Path) -> PathResult | JointMotion:
-    """A trajectory of either kind from a file.
-
-    Raises:
-        InvalidInputError: neither kind of trajectory.
-    """
-    try:
-        return PathResult.load(file)
-    except InvalidInputError as error:
-        try:
-            return JointMotion.load(file)
-        except InvalidInputError:
-            raise error from None

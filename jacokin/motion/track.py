@@ -23,10 +23,10 @@ from jacokin.model.robot import Robot, checked_robot
 from jacokin.model.scene import Scene
 from jacokin.motion import lines
 from jacokin.motion.lines import SampledPath
-from jacokin.motion.path_result import AT_SEED, BranchReport, PathResult, in_words
 from jacokin.motion.timing import Profile, profile_within
 from jacokin.motion.tracking.joint_limits import seed_or_start
 from jacokin.motion.tracking.tracker import Tracker, TrackerStep
+from jacokin.motion.trajectory import BranchReport, PathResult, describe_jump, list_segments
 
 SPEED = 0.05  # [m/s]
 ANGULAR_SPEED = 0.5  # [rad/s]
@@ -137,19 +137,20 @@ def track_path(
         if result.success:
             break
     assert best is not None  # there is at least one start
+    away = np.abs(best.q[0] - near)
     if start is not None:
         words = [_sentence_from_start(best), note]
     else:
         words = [
             _sentence(best, len(reports), reaching, "start" if solver.has_families else "branch"),
-            _jump(best, near, "home" if seed is None else "the seed"),
+            describe_jump(robot.joint_names, away, "home" if seed is None else "the seed"),
             note,
         ]
     return replace(
         best,
         branches=tuple(reports),
         message="; ".join(word for word in words if word),
-        start_distance=float(np.abs(best.q[0] - near).max()),
+        start_distance=float(away.max()),
     )
 
 
@@ -274,7 +275,7 @@ def _sentence(result: PathResult, tried: int, reaching: int, word: str) -> str:
     if result.success:
         return f"{word} {tried} of {reaching} stays on the path"
     words = "branches" if word == "branch" else f"{word}s"
-    where = in_words(result.failed_segments)
+    where = list_segments(result.failed_segments)
     return f"none of the {reaching} {words} stays on the path; the best one leaves it on segment {where}"
 
 
@@ -286,13 +287,4 @@ def _sentence_from_start(result: PathResult) -> str:
             f"the given start is not at the first pose: {result.position_error[0]:.3g} m and "
             f"{result.orientation_error[0]:.3g} rad away"
         )
-    return f"the given start leaves the path on segment {in_words(result.failed_segments)}"
-
-
-def _jump(result: PathResult, seed: Array, name: str) -> str:
-    """Where the path starts, when that is not at the seed."""
-    away = np.abs(result.q[0] - seed)
-    joint = int(np.argmax(away))
-    if away[joint] <= AT_SEED:
-        return ""
-    return f"it starts {away[joint]:.3g} rad ({result.joint_names[joint]}) from {name}: bring the arm to q[0] first"
+    return f"the given start leaves the path on segment {list_segments(result.failed_segments)}"

@@ -126,7 +126,7 @@ def load_recording(path: str | Path, robot: Robot) -> Trajectory:
         return _ros(file, robot)
     if ending == ".kinova.csv":
         return _kinova(file, robot)
-    from jacokin.motion.joint_motion import load_trajectory
+    from jacokin.motion.trajectory import load_trajectory
 
     return load_trajectory(file)
 
@@ -170,9 +170,9 @@ def _kinova(file: Path, robot: Robot) -> Recorded:
     if list(table.head[: len(wanted)]) != wanted or len(table.head) != 2 * robot.dof + 1:
         raise InvalidInputError(f"{file}: the head line must begin {','.join(wanted)} for {robot.name}")
     rows = []
-    for row, line in enumerate(table.lines):
+    for line, row in zip(table.lines, table.rows, strict=True):
         try:
-            rows.append(table.numbers(row, 0, len(wanted)))
+            rows.append([float(cell) for cell in row[: len(wanted)]])
         except ValueError as error:
             raise InvalidInputError(f"{file}, line {line}: {error}") from error
     numbers = checks.read_only(rows)

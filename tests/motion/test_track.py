@@ -13,9 +13,9 @@ from jacokin import IKSolver, Robot
 from jacokin.errors import InvalidInputError, UnknownNameError
 from jacokin.motion import PathResult, plot_path, track_path
 from jacokin.motion.lines import SampledPath, durations, sample
-from jacokin.motion.path_result import in_words
 from jacokin.motion.timing import Profile, profile_within, rest_to_rest
 from jacokin.motion.track import start_branches
+from jacokin.motion.trajectory import list_segments
 
 
 def at_speed(waypoints: list[pin.SE3], speed: float, angular_speed: float, dt: float) -> SampledPath:
@@ -80,8 +80,8 @@ def test_a_branch_that_fails_gives_way_to_one_that_does_not(robot: Robot) -> Non
 
 
 def test_a_sentence_names_a_few_segments() -> None:
-    assert in_words([0, 2]) == "0, 2"
-    assert in_words(range(9)) == "0, 1, 2, 3, 4, 5, 6, 7 and 1 more"
+    assert list_segments([0, 2]) == "0, 2"
+    assert list_segments(range(9)) == "0, 1, 2, 3, 4, 5, 6, 7 and 1 more"
 
 
 def test_an_impossible_path_names_its_segments(robot: Robot, square: list[pin.SE3]) -> None:

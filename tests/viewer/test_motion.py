@@ -14,7 +14,7 @@ from jacokin import Robot
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.motion import track_path
-from jacokin.motion.path_result import PathResult
+from jacokin.motion.trajectory import PathResult
 from jacokin.viewer.playback import Playback, Trajectory, load_recording
 
 

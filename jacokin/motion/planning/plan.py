@@ -19,7 +19,6 @@ from jacokin.ik.solver import IKSolver
 from jacokin.ik.targets import Target
 from jacokin.model import checks
 from jacokin.motion import lines
-from jacokin.motion.path_result import PathResult
 from jacokin.motion.planning.cartesian import MOST_FAMILIES, MOST_PLACES, CartesianPath
 from jacokin.motion.planning.chain import Chain
 from jacokin.motion.planning.climbing import Begin, Climb
@@ -29,6 +28,7 @@ from jacokin.motion.planning.planned import Planned, Settings
 from jacokin.motion.planning.search import Search
 from jacokin.motion.track import ANGULAR_SPEED, SPEED
 from jacokin.motion.tracking.joint_limits import seed_or_start, velocity_limits
+from jacokin.motion.trajectory import PathResult
 
 TIGHT = 0.05  # [rad] a joint this near to its limit is why a way ends
 

@@ -12,8 +12,8 @@ from jacokin.arrays import Array
 from jacokin.ik.targets import TargetPose
 from jacokin.model import checks
 from jacokin.motion import lines, timing
-from jacokin.motion.path_result import AT_SEED, PathResult
 from jacokin.motion.planning.manifold import Curve, Manifold
+from jacokin.motion.trajectory import PathResult, describe_jump
 
 if TYPE_CHECKING:
     from jacokin.ik.solver import IKSolver
@@ -172,11 +172,8 @@ class Planned:
         segment = np.clip(np.ceil(u).astype(np.intp) - 1, 0, self._path.lines - 1)
         segment.setflags(write=False)
         away = np.abs(q[0] - near)
-        words = [reason or self._sentence(v, fast, status), note]
-        joint = int(np.argmax(away))
-        if away[joint] > AT_SEED:
-            name = robot.joint_names[joint]
-            words.insert(1, f"it starts {away[joint]:.3g} rad ({name}) from {self._begin}: bring the arm to q[0] first")
+        jump = describe_jump(robot.joint_names, away, self._begin)
+        words = [reason or self._sentence(v, fast, status), jump, note]
         return PathResult(
             joint_names=robot.joint_names,
             t=checks.read_only(np.arange(len(q)) * settings.dt),
