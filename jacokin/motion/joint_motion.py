@@ -15,7 +15,7 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, MissingExtraError
 from jacokin.model import angles, checks
 from jacokin.model.robot import Robot, checked_robot
-from jacokin.motion import lines
+from jacokin.motion.timing import MAX_TICKS
 from jacokin.motion.tracking.joint_limits import checked_start, velocity_limits
 from jacokin.motion.trajectory import JointMotion
 
@@ -64,8 +64,8 @@ def move_joints(
     jerk = None if jerk_limit is None else checks.positive_vector("jerk_limit", jerk_limit, robot.dof, "rad/s^3")
     trajectory = _timed(start, end, velocity, acceleration, jerk)
     duration = trajectory.duration
-    if not duration / step <= lines.MAX_TICKS:
-        raise InvalidInputError(f"the motion takes {duration:.6g} s: more than {lines.MAX_TICKS} steps of {step:.6g} s")
+    if not duration / step <= MAX_TICKS:
+        raise InvalidInputError(f"the motion takes {duration:.6g} s: more than {MAX_TICKS} steps of {step:.6g} s")
     times = np.append(np.arange(0.0, duration, step), duration) if duration > 0.0 else np.zeros(1)
     rows = [trajectory.at_time(float(time)) for time in times]
     q, v, a = (np.array(column) for column in zip(*rows, strict=True))

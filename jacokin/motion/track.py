@@ -21,9 +21,8 @@ from jacokin.ik.solver import IKSolver
 from jacokin.model import angles, checks
 from jacokin.model.robot import Robot, checked_robot
 from jacokin.model.scene import Scene
-from jacokin.motion import lines
-from jacokin.motion.lines import SampledPath
-from jacokin.motion.timing import Profile, profile_within
+from jacokin.motion.path import CartesianPath
+from jacokin.motion.timing import check_ticks, line_ticks, trapezoid_within
 from jacokin.motion.tracking.joint_limits import seed_or_start
 from jacokin.motion.tracking.tracker import Tracker, TrackerStep
 from jacokin.motion.trajectory import BranchReport, PathResult, describe_jump, list_segments
@@ -97,8 +96,10 @@ def track_path(
     checked_robot("robot", robot)
     if progress is not None and not callable(progress):
         raise InvalidInputError(f"progress must be callable with two counts, or None, got {checks.shown(progress)}")
-    points = lines.checked_waypoints(waypoints)
-    times = lines.durations(points, speed, angular_speed)
+    path = CartesianPath(waypoints, "", "waypoints")
+    if path.free:
+        raise InvalidInputError("track_path follows full poses; plan_path takes waypoints with a free axis")
+    times = path.durations(speed, angular_speed)
     near, note = seed_or_start(robot, seed, start)
 
     tracker = Tracker(
@@ -116,7 +117,7 @@ def track_path(
         pairs=pairs,
         qp_solver=qp_solver,
     )
-    follower = _Follower(tracker, points, times, progress)
+    follower = _Follower(tracker, path, times, progress)
     if acceleration_limit is not None:
         acceleration = checks.positive_vector("acceleration_limit", acceleration_limit, robot.dof, "rad/s^2")
         follower.rehearse_with(Tracker(robot, frame, dt=dt, tool=tool, velocity_limit=REHEARSAL_SPEED), acceleration)
@@ -124,9 +125,9 @@ def track_path(
         starts, reaching = [near], 1
     else:
         solver = IKSolver(robot, tracker.frame, tool=tool, qp_solver=qp_solver)
-        starts = start_branches(solver, points[0], near)
+        starts = start_branches(solver, path.poses[0], near)
         reaching = len(starts)
-        starts = starts or [solver.solve(points[0], seed=near).q]
+        starts = starts or [solver.solve(path.poses[0], seed=near).q]
     best: PathResult | None = None
     reports: list[BranchReport] = []
     for q in starts:
@@ -190,13 +191,11 @@ class _Follower:
     along the lines decides how fast the lines can be run through.
     """
 
-    def __init__(self, tracker: Tracker, points: list[pin.SE3], times: Array, progress: Progress | None) -> None:
-        """Sample the path at constant speed."""
+    def __init__(self, tracker: Tracker, path: CartesianPath, times: Array, progress: Progress | None) -> None:
+        """Take the path and how long its lines take at the speed asked for (lines,) [s]."""
+        check_ticks(times, tracker.dt)
         self.tracker = tracker
-        self._points = points
-        self._times = times
-        self._progress = progress
-        self._path = lines.sample(points, [Profile(float(time)) for time in times], tracker.dt)
+        self._path, self._times, self._progress = path, times, progress
         self._rehearsal: tuple[Tracker, Array] | None = None
 
     def rehearse_with(self, tracker: Tracker, acceleration: Array) -> None:
@@ -205,54 +204,53 @@ class _Follower:
 
     def follow(self, q: Array) -> PathResult:
         """The whole path from a configuration (dof,) [rad]."""
-        path = self._path
+        tracker, dt = self.tracker, self.tracker.dt
+        u = line_ticks(self._times, dt)
         if self._rehearsal is not None:
             rehearsal, acceleration = self._rehearsal
-            steps = _steps(rehearsal, path, q, None)
+            steps = self._steps(rehearsal, u, q, None)
             followed, reached = np.array([step.q for step in steps]), [step.status.name == "OK" for step in steps]
-            dt, velocity = self.tracker.dt, self.tracker.velocity_limit
-            profiles = [Profile(float(time)) for time in self._times]
-            for index in np.unique(path.segment).tolist():
-                rows = np.flatnonzero(path.segment == index)
-                if not all(reached[rows[0] : rows[-1] + 1]):
-                    continue  # fails at any speed
-                ends = followed[max(rows[0] - 1, 0) : rows[-1] + 1]
-                profiles[index] = profile_within(ends, float(self._times[index]), velocity, acceleration, dt)
-            path = lines.sample(self._points, profiles, dt)
-        return _result(self.tracker, path, _steps(self.tracker, path, q, self._progress))
+            times, ramps, segments = self._times.copy(), np.zeros(len(self._times)), self._path.segments(u)
+            for line in np.unique(segments).tolist():
+                rows = np.flatnonzero(segments == line)
+                if all(reached[rows[0] : rows[-1] + 1]):  # else it fails at any speed
+                    ends = followed[max(rows[0] - 1, 0) : rows[-1] + 1]
+                    limits = tracker.velocity_limit, acceleration
+                    times[line], ramps[line] = trapezoid_within(ends, float(self._times[line]), *limits, dt)
+            check_ticks(times, dt)
+            u = line_ticks(times, dt, ramps)
+        return self._result(u, self._steps(tracker, u, q, self._progress))
 
+    def _steps(self, tracker: Tracker, u: Array, q: Array, progress: Progress | None) -> list[TrackerStep]:
+        """A tick for every place of the path; the first goes nowhere and measures the start."""
+        poses = [pin.SE3(T[:3, :3], T[:3, 3]) for T in self._path.at(u)]
+        tracker.reset(q)
+        steps = [tracker.measure(poses[0])]
+        every = 1 + len(u) // PROGRESS_CALLS
+        for index, pose in enumerate(poses[1:], start=1):
+            steps.append(tracker.step(pose))
+            if progress is not None and (index % every == 0 or index + 1 == len(u)):
+                progress(index + 1, len(u))
+        return steps
 
-def _steps(tracker: Tracker, path: SampledPath, q: Array, progress: Progress | None) -> list[TrackerStep]:
-    """A tick for every pose of the path; the first goes nowhere and measures the start."""
-    tracker.reset(q)
-    steps = [tracker.measure(path.poses[0])]
-    total = len(path.poses)
-    every = 1 + total // PROGRESS_CALLS
-    for index in range(1, total):
-        steps.append(tracker.step(path.poses[index]))
-        if progress is not None and (index % every == 0 or index + 1 == total):
-            progress(index + 1, total)
-    return steps
-
-
-def _result(tracker: Tracker, path: SampledPath, steps: list[TrackerStep]) -> PathResult:
-    robot = tracker.robot
-    return PathResult(
-        joint_names=robot.joint_names,
-        t=checks.read_only(np.arange(len(steps)) * tracker.dt),
-        q=checks.read_only([step.q for step in steps]),
-        v=checks.read_only([step.v for step in steps]),
-        position_error=checks.read_only([step.position_error for step in steps]),
-        orientation_error=checks.read_only([step.orientation_error for step in steps]),
-        status=tuple(step.status.name for step in steps),
-        limiting=tuple("; ".join(step.limiting) for step in steps),
-        segment=path.segment,
-        clearance=checks.read_only([np.nan if step.clearance is None else step.clearance for step in steps]),
-        lower=robot.lower,
-        upper=robot.upper,
-        velocity_limit=tracker.velocity_limit,
-        qp_solver=next((step.qp_solver for step in steps if "then" in step.qp_solver), steps[-1].qp_solver),
-    )
+    def _result(self, u: Array, steps: list[TrackerStep]) -> PathResult:
+        robot = self.tracker.robot
+        return PathResult(
+            joint_names=robot.joint_names,
+            t=checks.read_only(np.arange(len(steps)) * self.tracker.dt),
+            q=checks.read_only([step.q for step in steps]),
+            v=checks.read_only([step.v for step in steps]),
+            lower=robot.lower,
+            upper=robot.upper,
+            velocity_limit=self.tracker.velocity_limit,
+            position_error=checks.read_only([step.position_error for step in steps]),
+            orientation_error=checks.read_only([step.orientation_error for step in steps]),
+            status=tuple(step.status.name for step in steps),
+            limiting=tuple("; ".join(step.limiting) for step in steps),
+            segment=self._path.segments(u),
+            clearance=checks.read_only([np.nan if step.clearance is None else step.clearance for step in steps]),
+            qp_solver=next((step.qp_solver for step in steps if "then" in step.qp_solver), steps[-1].qp_solver),
+        )
 
 
 def _report(q: Array, result: PathResult) -> BranchReport:

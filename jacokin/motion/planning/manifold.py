@@ -15,11 +15,14 @@ from jacokin.arrays import Array
 from jacokin.model.angles import TURN
 from jacokin.model.poses import FreeAxis
 from jacokin.model.robot import Robot
-from jacokin.motion.planning.cartesian import CartesianPath
+from jacokin.motion.path import CartesianPath
 from jacokin.motion.planning.chain import Chain, Goal
 
 CLOSURE = 1e-9  # [m] and [rad] an exact configuration misses its pose by less
 JOINT_3 = 2  # the parameter of a seven-joint arm
+STRAY = 0.25  # [rad] from the straight joint motion between two knots; farther away is another branch
+MOST_KNOTS = 400_000
+SHORTEST = 1e-9  # of a line: two knots this near that are still far apart in a joint are a jump
 
 
 class Manifold:
@@ -129,11 +132,6 @@ class Manifold:
             lower[bounded, -1] += turns
             upper[bounded, -1] += turns
         return lower, upper
-
-
-STRAY = 0.25  # [rad] from the straight joint motion between two knots; farther away is another branch
-MOST_KNOTS = 400_000
-SHORTEST = 1e-9  # of a line: two knots this near that are still far apart in a joint are a jump
 
 
 class Curve:
