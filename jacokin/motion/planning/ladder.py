@@ -9,8 +9,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
@@ -50,13 +49,6 @@ class Rung:
     touching: tuple[tuple[str, str], ...] = ()
 
 
-class _Pairs(NamedTuple):
-    """Numbers of solutions on two rungs."""
-
-    first: NDArray[np.intp]
-    second: NDArray[np.intp]
-
-
 @dataclass(slots=True)
 class Links:
     """Which solutions of a rung follow which of the rung before.
@@ -64,18 +56,12 @@ class Links:
     Attributes:
         first: (m,) numbers on the rung before.
         second: (m,) numbers on this rung.
-        cost: (m,) of each.
-        alive: (m,) False where a closer look found that they do not follow each other.
+        cost: (m,) of each; infinite where a closer look found that they do not follow each other.
     """
 
     first: NDArray[np.intp]
     second: NDArray[np.intp]
     cost: Array
-    alive: NDArray[np.bool_] = field(init=False)
-
-    def __post_init__(self) -> None:
-        """All are taken for good first."""
-        self.alive = np.ones(len(self.first), dtype=np.bool_)
 
 
 class Ladder:
@@ -92,8 +78,8 @@ class Ladder:
             keep: True when motions that need more than the time of their line are the last resort.
         """
         self.manifold, self.pace = manifold, pace
-        self._solver, self._step, self._keep = solver, step, keep
-        self._robot, self._verifier = solver.robot, solver.verifier
+        self._solver, self._step, self.keep = solver, step, keep
+        self._robot, self.verifier = solver.robot, solver.verifier
         # Limited joints with more than a turn of room stand for several configurations.
         self._wide = np.flatnonzero(~self._robot.unlimited & (self._robot.upper - self._robot.lower > TURN))
 
@@ -121,14 +107,14 @@ class Ladder:
     def _branches(self, u: float, T: Array) -> Rung:
         """The branches of a pose (4, 4)."""
         rows = self._solver.closed_form().solve_all(T, self._robot.home)
-        return self._rung(u, rows.q[self._verifier.reached_rows(rows)], len(rows))
+        return self._rung(u, rows.q[self.verifier.reached_rows(rows)], len(rows))
 
     def _members(self, u: float, target: pin.SE3 | FreeAxis, near: Array | None) -> tuple[Array, int]:
         """Points (k, width) of a family, to about 1e-4 rad, and how many branches it has in all."""
         if not isinstance(target, FreeAxis) and self.manifold.path.free:  # six joints, at one value of the free angle
             branches = self._solver.closed_form().solve_all(target.homogeneous, self._robot.home)
             angle = float(self.manifold.path.window(np.array([u]))[0][0])
-            rows = branches.q[self._verifier.reached_rows(branches)]
+            rows = branches.q[self.verifier.reached_rows(branches)]
             return self.manifold.points(rows, target, angle), len(branches)
         family = self._solver.family(target)
         found = [np.empty((0, self.manifold.width))]
@@ -144,10 +130,10 @@ class Ladder:
     def _rung(self, u: float, x: Array, solutions: int) -> Rung:
         """The rung of points (k, width): without those in contact, and with their copies."""
         touching: tuple[tuple[str, str], ...] = ()
-        if self._verifier.rejects_contact:
+        if self.verifier.rejects_contact:
             clear = np.ones(len(x), dtype=np.bool_)
             for row, point in enumerate(x):
-                pairs = self._verifier.touching(point[: self.manifold.dof])
+                pairs = self.verifier.touching(point[: self.manifold.dof])
                 if pairs:
                     clear[row], touching = False, tuple(pairs)
             x = x[clear]
@@ -166,11 +152,11 @@ class Ladder:
     def links(self, rungs: Sequence[Rung]) -> list[Links]:
         """Which solutions of each rung, the second to the last, follow which of the rung before, and at what cost."""
         manifold = self.manifold
-        pairs = [_Pairs(*np.nonzero(self._plausible(a, b))) for a, b in itertools.pairwise(rungs)]
-        counts = [len(pair.first) for pair in pairs]
-        start = np.concatenate([a.x[pair.first] for a, pair in zip(rungs, pairs, strict=False)])
+        pairs = [np.nonzero(self._plausible(a, b)) for a, b in itertools.pairwise(rungs)]
+        counts = [len(first) for first, _ in pairs]
+        start = np.concatenate([a.x[first] for a, (first, _) in zip(rungs, pairs, strict=False)])
         away = manifold.difference(
-            start, np.concatenate([b.x[pair.second] for b, pair in zip(rungs[1:], pairs, strict=True)])
+            start, np.concatenate([b.x[second] for b, (_, second) in zip(rungs[1:], pairs, strict=True)])
         )
         middles = np.repeat([0.5 * (a.u + b.u) for a, b in itertools.pairwise(rungs)], counts)
         good = np.abs(away[:, : manifold.dof]).max(axis=1, initial=0.0) <= NEAR
@@ -179,10 +165,11 @@ class Ladder:
         good[good] = (position <= DEVIATION + more) & (tilt <= TILT + more)
         found = []
         ends = np.cumsum([0, *counts]).tolist()
-        for (a, b), pair, (first, end) in zip(itertools.pairwise(rungs), pairs, itertools.pairwise(ends), strict=True):
-            keep = good[first:end]
-            cost = self.pace.cost(away[first:end][keep, : manifold.dof], a.u, b.u, self._keep)
-            found.append(Links(pair.first[keep], pair.second[keep], cost))
+        rows = zip(itertools.pairwise(rungs), pairs, itertools.pairwise(ends), strict=True)
+        for (a, b), (first, second), (start_row, end_row) in rows:
+            keep = good[start_row:end_row]
+            cost = self.pace.cost(away[start_row:end_row][keep, : manifold.dof], a.u, b.u, self.keep)
+            found.append(Links(first[keep], second[keep], cost))
         return found
 
     def _plausible(self, a: Rung, b: Rung) -> NDArray[np.bool_]:

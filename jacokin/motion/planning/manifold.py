@@ -66,17 +66,9 @@ class Manifold:
             angles = np.array([target.parameter_of(rotation) for rotation in self.chain.poses(q)[0]])
         return np.column_stack([q, angles])
 
-    def parameter(self, x: Array) -> Array:
-        """The parameter (n,) [rad] of points (n, width); nan when there is none."""
-        return np.full(len(x), np.nan) if self.column is None else x[:, self.column]
-
     def goal(self, u: Array) -> Goal:
         """What the tool is to reach at places (n,)."""
         return Goal(self.path.at(u), self.path.axes(u) if self.path.free else None)
-
-    def poses(self, u: Array, x: Array) -> Array:
-        """Poses (n, 4, 4) that the tool has on the path at places (n,)."""
-        return self.path.at(u, x[:, self.dof] if self.path.free else None)
 
     def difference(self, first: Array, second: Array) -> Array:
         """From points (m, width) to others [rad], the short way round."""
@@ -178,18 +170,18 @@ class Curve:
             there is no such way: joint angles jump, or leave the limits.
         """
         x, good = self.at(u)
-        bad = set(self._intervals(u[~good]))
+        bad = set(self.intervals(u[~good]).tolist())
         while True:
             ratio = (np.abs(np.diff(x[:, : self.manifold.dof], axis=0)) / step).max(axis=1)
             wide = np.flatnonzero(ratio > 1.0)
-            wide = wide[~np.isin(self._intervals(0.5 * (u[wide] + u[wide + 1])), list(bad))]
+            wide = wide[~np.isin(self.intervals(0.5 * (u[wide] + u[wide + 1])), list(bad))]
             jumps = wide[np.diff(u)[wide] < SHORTEST]
-            bad.update(self._intervals(0.5 * (u[jumps] + u[jumps + 1])))
+            bad.update(self.intervals(0.5 * (u[jumps] + u[jumps + 1])).tolist())
             wide = wide[np.diff(u)[wide] >= SHORTEST]
             if not wide.size:
                 break
             if len(u) > MOST_KNOTS:
-                bad.update(self._intervals(0.5 * (u[wide] + u[wide + 1])))
+                bad.update(self.intervals(0.5 * (u[wide] + u[wide + 1])).tolist())
                 break
             counts = np.minimum(np.ceil(ratio[wide]), 8.0).astype(int)
             new = np.concatenate(
@@ -199,12 +191,11 @@ class Curve:
                 ]
             )
             found, good = self.at(new)
-            bad.update(self._intervals(new[~good]))
+            bad.update(self.intervals(new[~good]).tolist())
             order = np.argsort(np.concatenate([u, new]), kind="stable")
             u, x = np.concatenate([u, new])[order], np.concatenate([x, found])[order]
         return u, x, np.array(sorted(bad), dtype=np.intp)
 
-    def _intervals(self, u: Array) -> list[int]:
-        """Number of the old interval that each place lies in."""
-        found = np.clip(np.searchsorted(self.u, u, side="left") - 1, 0, len(self.u) - 2)
-        return [int(number) for number in found]
+    def intervals(self, u: Array) -> NDArray[np.intp]:
+        """Number (n,) of the interval between knots that each place (n,) lies in; 0 ends at the second knot."""
+        return np.asarray(np.clip(np.searchsorted(self.u, u, side="left") - 1, 0, len(self.u) - 2))

@@ -24,7 +24,7 @@ from jacokin.motion.path import MOST_FAMILIES, MOST_PLACES, CartesianPath
 from jacokin.motion.planning.chain import Chain
 from jacokin.motion.planning.ladder import Ladder, Pace, Rung
 from jacokin.motion.planning.manifold import Curve, Manifold
-from jacokin.motion.planning.search import Begin, Climb, Search
+from jacokin.motion.planning.search import Climb, Search
 from jacokin.motion.timing import check_ticks, line_ticks, ticks_within
 from jacokin.motion.track import ANGULAR_SPEED, SPEED
 from jacokin.motion.tracking.joint_limits import seed_or_start, velocity_limits
@@ -117,10 +117,9 @@ def plan_path(
     manifold = Manifold(robot, chain, path, solver.verifier.options.limit_snap)
     pace = Pace(times, velocity)
     ladder = Ladder(solver, manifold, pace, free_step, keep=timing == "keep")
-    begin = Begin(manifold, near, pace, exactly=start is not None)
     places = path.places(SPACING, TURNING, MOST_FAMILIES if manifold.has_families else MOST_PLACES)
-    search = Search(ladder, places, near, begin)
-    found = Climb(search, solver, begin, dt, keep=timing == "keep").found()
+    search = Search(ladder, places, near, exactly=start is not None)
+    found = Climb(search, dt).found()
     writer = _Writer(
         solver=solver,
         manifold=manifold,
@@ -223,17 +222,18 @@ class _Writer:
         """The parameter (lines + 1,) at the waypoints that are reached; nan at others, and where there is none."""
         path = self.manifold.path
         parameter = np.full(path.lines + 1, np.nan)
-        if not self.manifold.has_families:
+        if self.manifold.column is None:
             return parameter
         passed = np.arange(int(reached) + 1, dtype=np.float64)
-        found = self.manifold.parameter(curve.at(passed)[0] if len(curve.u) > 1 else curve.x)
+        found = (curve.at(passed)[0] if len(curve.u) > 1 else curve.x)[:, self.manifold.column]
         parameter[: len(passed)] = path.free_angle(found) if path.free else found
         return parameter
 
     def _measure(self, u: Array, x: Array, parameter: Array, reached: float, reason: str) -> PathResult:
         """Every row measured by Pinocchio, against limits, and for contact."""
         robot, verifier = self.solver.robot, self.solver.verifier
-        wanted, q = self.manifold.poses(u, x), x[:, : self.manifold.dof]
+        path, dof = self.manifold.path, self.manifold.dof
+        wanted, q = path.at(u, x[:, dof] if path.free else None), x[:, :dof]
         errors = np.array(
             [verifier.measure(row, TargetPose(T, position_only=False)) for row, T in zip(q, wanted, strict=True)]
         )
@@ -266,7 +266,7 @@ class _Writer:
             orientation_error=checks.read_only(errors[:, 1]),
             status=tuple(status),
             limiting=tuple(limiting),
-            segment=self.manifold.path.segments(u),
+            segment=path.segments(u),
             clearance=checks.read_only(clearance),
             lower=robot.lower,
             upper=robot.upper,

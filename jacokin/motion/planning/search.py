@@ -6,7 +6,6 @@ that way closely and cuts what does not hold, until a way passes.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -14,10 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.ik.solver import IKSolver
 from jacokin.model import angles
-from jacokin.motion.planning.ladder import TOO_FAST, Ladder, Links, Pace, Rung
-from jacokin.motion.planning.manifold import Curve, Manifold
+from jacokin.motion.planning.ladder import TOO_FAST, Ladder, Links
+from jacokin.motion.planning.manifold import Curve
 from jacokin.motion.planning.smoothing import Smoothing
 from jacokin.motion.timing import line_ticks
 
@@ -63,17 +61,9 @@ class _Look(NamedTuple):
 class Climb:
     """Changes the way until it passes."""
 
-    def __init__(self, search: Search, solver: IKSolver, begin: Begin, dt: float, *, keep: bool) -> None:
-        """Prepare.
-
-        Args:
-            search: finds the best way.
-            solver: knows what touches.
-            begin: where the way begins.
-            dt: control step [s].
-            keep: True when the speed of the path is kept.
-        """
-        self._search, self._verifier, self._begin, self._keep = search, solver.verifier, begin, keep
+    def __init__(self, search: Search, dt: float) -> None:
+        """Take what finds the best way, and the control step [s]."""
+        self._search, self._verifier = search, search.ladder.verifier
         self._manifold, self._pace = search.ladder.manifold, search.ladder.pace
         self._ticks = line_ticks(self._pace.times, dt)
         self._step = np.minimum(self._pace.velocity * dt, RESOLUTION)
@@ -87,16 +77,16 @@ class Climb:
         faster = 0
         for rounds in range(MOST_ROUNDS):
             way = search.best()
-            if not way.chosen:
+            if not way:
                 return None
-            curve = self._curve(way.chosen)
-            if len(way.chosen) == 1:
+            curve = self._curve(way)
+            if len(way) == 1:
                 return ClimbResult(curve, 0.0, blocked)
             look = self._looked_at(curve)
             blocked = next(iter(look.touched.values()), blocked)
             if not look.wrong:
                 done = ClimbResult(self._smoothed(curve) or look.curve, float(curve.u[-1]), blocked)
-                late, dearer = self._too_fast(done.curve, way, curve) if self._keep else (0.0, False)
+                late, dearer = self._too_fast(done.curve, way, curve) if search.ladder.keep else (0.0, False)
                 if best is None or (done.reached, -late) > (best[1].reached, -best[0]):
                     best = late, done
                 faster += 1
@@ -104,15 +94,15 @@ class Climb:
                     return best[1]
             elif rounds == MOST_ROUNDS - 1 and best is None:
                 last = look.wrong[-1]
-                return ClimbResult(self._curve(way.chosen[: last + 1]), float(curve.u[last]), blocked)
+                return ClimbResult(self._curve(way[: last + 1]), float(curve.u[last]), blocked)
             for interval in look.wrong:  # from the end: numbers of the others stay as they are
                 if interval not in look.touched and search.can_halve(interval + 1):
                     search.halve(interval + 1)
                 else:
-                    search.cut(interval + 1, way.chosen[interval], way.chosen[interval + 1])
+                    search.cut(interval + 1, way[interval], way[interval + 1])
         return None if best is None else best[1]
 
-    def _too_fast(self, found: Curve, way: Way, curve: Curve) -> tuple[float, bool]:
+    def _too_fast(self, found: Curve, way: list[int], curve: Curve) -> tuple[float, bool]:
         """How long joints would be too fast [s], weighted by how much; and whether the search now knows more of that.
 
         The steps of the way in which they are become dearer in it.
@@ -121,11 +111,11 @@ class Climb:
         q = found.q[np.searchsorted(found.u, ticks)]
         ratio = (np.abs(np.diff(q, axis=0)) / self._fastest).max(axis=1)
         late = np.flatnonzero(ratio > 1.0)
-        interval = np.clip(np.searchsorted(curve.u, ticks[late + 1], side="left") - 1, 0, len(curve.u) - 2)
+        interval = curve.intervals(ticks[late + 1])
         dearer = False
         for number in np.unique(interval).tolist():
             cost = TOO_FAST * self._dt * float(ratio[late[interval == number]].sum())
-            dearer |= self._search.charge(number + 1, way.chosen[number], way.chosen[number + 1], cost)
+            dearer |= self._search.charge(number + 1, way[number], way[number + 1], cost)
         return float(ratio[late].sum()) * self._dt, dearer
 
     def _looked_at(self, curve: Curve) -> _Look:
@@ -138,8 +128,8 @@ class Climb:
         """The way, finely, after its knots moved to where joints move less; None when nothing better is free."""
         if not self._manifold.has_families:
             return None
-        begin = self._begin
-        smoothing = Smoothing(self._manifold, self._pace, curve.u, None if begin.exactly else (begin.near, FROM_SEED))
+        pull = None if self._search.exactly else (self._search.near, FROM_SEED)
+        smoothing = Smoothing(self._manifold, self._pace, curve.u, pull)
         pinned = np.zeros(len(curve.u), dtype=np.bool_)
         for _ in range(SMOOTHINGS):
             look = self._looked_at(Curve(self._manifold, curve.u, smoothing.improved(curve.x, pinned)))
@@ -154,7 +144,7 @@ class Climb:
         rungs, manifold = self._search.rungs[: len(chosen)], self._manifold
         x = np.array([rung.x[node] for rung, node in zip(rungs, chosen, strict=True)])
         first, joints = x[0].copy(), slice(manifold.dof)
-        first[joints] = angles.nearest_copy(first[joints], self._begin.near, manifold.circular[joints])
+        first[joints] = angles.nearest_copy(first[joints], self._search.near, manifold.circular[joints])
         unrolled = np.vstack([first, first + np.cumsum(manifold.difference(x[:-1], x[1:]), axis=0)])
         x = np.where(manifold.circular, unrolled, x)
         return Curve(manifold, np.array([rung.u for rung in rungs]), x)
@@ -164,8 +154,7 @@ class Climb:
         if not self._verifier.rejects_contact:
             return {}
         found: dict[int, str] = {}
-        interval = np.clip(np.searchsorted(curve.u, u, side="left") - 1, 0, len(curve.u) - 2)
-        for row, index in enumerate(interval.tolist()):
+        for row, index in enumerate(curve.intervals(u).tolist()):
             if index in found or index in bad:
                 continue
             pairs = self._verifier.touching(q[row])
@@ -174,65 +163,28 @@ class Climb:
         return found
 
 
-class Begin:
-    """Cost of beginning at a solution.
-
-    Attributes:
-        near: (dof,) where the path should begin [rad].
-        exactly: whether it must begin there.
-    """
-
-    def __init__(self, manifold: Manifold, near: Array, pace: Pace, *, exactly: bool) -> None:
-        """Take where the path should begin."""
-        self.near, self.exactly = near, exactly
-        self._manifold, self._scale = manifold, pace.scale
-
-    def __call__(self, rung: Rung) -> Array:
-        """(k,) for the solutions of the first rung; infinite where the arm cannot be."""
-        q = rung.x[:, : self._manifold.dof]
-        away = q - angles.nearest_copy(self.near, q, self._manifold.circular[: self._manifold.dof])
-        if self.exactly:  # the nearest one of those that are near enough
-            farthest = np.abs(away).max(axis=1, initial=0.0)
-            return np.where(farthest <= min(AT_START, farthest.min(initial=np.inf)), 0.0, np.inf)
-        return np.asarray(FROM_SEED * ((away / self._scale) ** 2).sum(axis=1))
-
-
-@dataclass(slots=True)
-class Way:
-    """One solution on each rung, as far as the way leads.
-
-    Attributes:
-        chosen: the solution on each rung, from the first.
-        cost: of all its steps.
-    """
-
-    chosen: list[int]
-    cost: float
-
-
 class Search:
     """The ladder of one path, and the best way up; links are made when they are needed and can be cut."""
 
-    def __init__(self, ladder: Ladder, places: Array, near: Array, start_cost: Callable[[Rung], Array]) -> None:
+    def __init__(self, ladder: Ladder, places: Array, near: Array, *, exactly: bool) -> None:
         """Solve at every place.
 
         Args:
             ladder: makes rungs and links.
             places: (n,) along the path.
             near: (dof,) where the path should begin [rad].
-            start_cost: cost of beginning at each solution of the first rung; infinite for "not there".
+            exactly: whether it must begin there.
         """
-        self.ladder = ladder
+        self.ladder, self.near, self.exactly = ladder, near, exactly
         self.rungs = [*ladder.make(places[:1], near), *ladder.make(places[1:])]
         self._links: list[Links | None] = [None] * len(self.rungs)  # from the rung before
         self._most = len(self.rungs) + MOST_RUNGS
-        self._start_cost = start_cost
         self._costs: list[Array] = []
         self._back: list[NDArray[np.intp]] = []
         self._valid = 0  # rungs whose costs are still right
 
-    def best(self) -> Way:
-        """The cheapest way to the end; when there is none, the cheapest to the last rung that can be reached."""
+    def best(self) -> list[int]:
+        """Solutions of the cheapest way, rung by rung: to the end, or else to the last rung that can be reached."""
         while True:
             reached = self._climb()
             if reached == len(self.rungs) - 1 or not self._refined(reached):
@@ -242,7 +194,7 @@ class Search:
         """Two solutions do not follow each other after all: `first` on the rung before, `second` on this one."""
         links = self._links[rung]
         assert links is not None
-        links.alive &= ~((links.first == first) & (links.second == second))
+        links.cost[(links.first == first) & (links.second == second)] = np.inf
         self._valid = min(self._valid, rung)
 
     def charge(self, rung: int, first: int, second: int, cost: float) -> bool:
@@ -255,10 +207,20 @@ class Search:
             self._valid = min(self._valid, rung)
         return bool(cheap.any())
 
+    def _start_cost(self) -> Array:
+        """(k,) for the solutions of the first rung; infinite where the arm cannot be."""
+        manifold, rung = self.ladder.manifold, self.rungs[0]
+        q = rung.x[:, : manifold.dof]
+        away = q - angles.nearest_copy(self.near, q, manifold.circular[: manifold.dof])
+        if self.exactly:  # the nearest one of those that are near enough
+            farthest = np.abs(away).max(axis=1, initial=0.0)
+            return np.where(farthest <= min(AT_START, farthest.min(initial=np.inf)), 0.0, np.inf)
+        return np.asarray(FROM_SEED * ((away / self.ladder.pace.scale) ** 2).sum(axis=1))
+
     def _climb(self) -> int:
         """Costs of all solutions, rung by rung; returns the last rung that can be reached, -1 for none."""
         if self._valid == 0:
-            self._costs, self._back = [self._start_cost(self.rungs[0])], [np.empty(0, dtype=np.intp)]
+            self._costs, self._back = [self._start_cost()], [np.empty(0, dtype=np.intp)]
             self._valid = 1
         del self._costs[self._valid :], self._back[self._valid :]
         if not np.isfinite(self._costs[-1]).any():
@@ -268,7 +230,7 @@ class Search:
             if links is None:
                 links = self._link(index)
             size = len(self.rungs[index].x)
-            total = np.where(links.alive, self._costs[-1][links.first] + links.cost, np.inf)
+            total = self._costs[-1][links.first] + links.cost
             cost, back = np.full(size, np.inf), np.full(size, -1, dtype=np.intp)
             order = np.argsort(-total, kind="stable")  # the cheapest is written last
             cost[links.second[order]] = total[order]
@@ -291,16 +253,15 @@ class Search:
         assert links is not None
         return links
 
-    def _way(self, reached: int) -> Way:
+    def _way(self, reached: int) -> list[int]:
         if reached < 0:
-            return Way([], np.inf)
+            return []
         node = int(np.argmin(self._costs[reached]))
-        cost = float(self._costs[reached][node])
         chosen = [node]
         for index in range(reached, 0, -1):
             node = int(self._back[index][node])
             chosen.append(node)
-        return Way(chosen[::-1], cost)
+        return chosen[::-1]
 
     def _refined(self, reached: int) -> bool:
         """Halve the steps at which ways ended, the last ones first; False when all are as small as they get."""
@@ -340,6 +301,7 @@ class Search:
             return False
         a, b = np.isfinite(self._costs[index - 1]), len(self.rungs[index].x)
         left, entered = np.zeros(len(a), dtype=np.bool_), np.zeros(b, dtype=np.bool_)
-        left[links.first[links.alive]] = True
-        entered[links.second[links.alive]] = True
+        alive = np.isfinite(links.cost)
+        left[links.first[alive]] = True
+        entered[links.second[alive]] = True
         return bool((a & ~left).any() and not entered.all())
