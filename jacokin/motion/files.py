@@ -77,7 +77,7 @@ def by_ending(path: str | Path, endings: Iterable[str]) -> tuple[Path, str]:
     raise InvalidInputError(f"the file name must end in {' or '.join(endings)}, got {str(path)!r}")
 
 
-def exact(values: NDArray[np.float64]) -> list[str]:
+def format_exactly(values: NDArray[np.float64]) -> list[str]:
     """Numbers as text that reads back to the same bits."""
     return [repr(value) for value in values.tolist()]
 

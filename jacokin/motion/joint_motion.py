@@ -62,7 +62,7 @@ def move_joints(
     velocity = velocity_limits(robot, velocity_limit)
     acceleration = checks.positive_vector("acceleration_limit", acceleration_limit, robot.dof, "rad/s^2")
     jerk = None if jerk_limit is None else checks.positive_vector("jerk_limit", jerk_limit, robot.dof, "rad/s^3")
-    trajectory = _timed(start, end, velocity, acceleration, jerk)
+    trajectory = _time(start, end, velocity, acceleration, jerk)
     duration = trajectory.duration
     if not duration / step <= MAX_TICKS:
         raise InvalidInputError(f"the motion takes {duration:.6g} s: more than {MAX_TICKS} steps of {step:.6g} s")
@@ -78,7 +78,7 @@ def move_joints(
     return JointMotion(robot.joint_names, *columns)
 
 
-def _timed(start: Array, end: Array, velocity: Array, acceleration: Array, jerk: Array | None) -> ruckig.Trajectory:
+def _time(start: Array, end: Array, velocity: Array, acceleration: Array, jerk: Array | None) -> ruckig.Trajectory:
     """Ruckig's trajectory from rest to rest; limits (dof,) in rad and s.
 
     Raises:

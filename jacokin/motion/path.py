@@ -46,7 +46,7 @@ class CartesianPath:
             InvalidInputError: fewer than two, one is malformed (its number is named), all are the same, or the free
                 axes of neighbours are opposite.
         """
-        rows = [_checked(row, f"{name}[{index}]", frame) for index, row in enumerate(_listed(waypoints, name))]
+        rows = [_checked(row, f"{name}[{index}]", frame) for index, row in enumerate(_list_rows(waypoints, name))]
         self.poses = [row.pose if isinstance(row, FreeAxis) else row for row in rows]
         axes = [row.axis if isinstance(row, FreeAxis) else None for row in rows]
         self.free = any(axis is not None for axis in axes)
@@ -201,7 +201,7 @@ def _checked(row: Target, name: str, frame: str) -> pin.SE3 | FreeAxis:
     return pin.SE3(found.rotation, found.position)
 
 
-def _listed(waypoints: Sequence[Target] | ArrayLike, name: str) -> list[Any]:
+def _list_rows(waypoints: Sequence[Target] | ArrayLike, name: str) -> list[Any]:
     try:
         rows = list(waypoints)  # type: ignore[arg-type]  # whatever cannot be listed is refused below
     except TypeError as error:

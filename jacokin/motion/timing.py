@@ -50,7 +50,7 @@ def check_ticks(durations: Array, dt: float) -> None:
         raise InvalidInputError(f"the path takes {total:.6g} s, less than one control step of {dt:.6g} s")
 
 
-def line_ticks(durations: Array, dt: float, ramps: Array | None = None) -> Array:
+def sample_lines(durations: Array, dt: float, ramps: Array | None = None) -> Array:
     """Places at every tick of `dt` [s]; each line takes whole ticks, rounded up, and is slowed down to that.
 
     Args:
@@ -90,7 +90,7 @@ def fastest_trapezoid(speed: float, acceleration: float) -> tuple[float, float]:
     return duration, speed / acceleration / duration
 
 
-def trapezoid_within(q: Array, duration: float, velocity: Array, acceleration: Array, dt: float) -> tuple[float, float]:
+def fit_trapezoid(q: Array, duration: float, velocity: Array, acceleration: Array, dt: float) -> tuple[float, float]:
     """Duration [s] and ramp from rest to rest along a line, within the velocity and acceleration limits of the joints.
 
     The velocity of a joint is q' s' and its acceleration q' s'' + q'' s'^2, with derivatives along the line taken from
@@ -116,7 +116,7 @@ def trapezoid_within(q: Array, duration: float, velocity: Array, acceleration: A
         return fastest_trapezoid(speed, min(float((left / slope).min()), speed / dt))
 
 
-def ticks_within(
+def fit_ticks(
     u: Array,
     q: Array,
     joints_at: Callable[[Array], Array],
@@ -144,11 +144,11 @@ def ticks_within(
     part, top_speed, ticks = PATH_SPEED_USED, np.full(len(u) - 1, np.inf), u
     for _ in range(ATTEMPTS):
         if acceleration is None:
-            schedule = within_speed(u, q, least, part * velocity)
+            schedule = fit_speed(u, q, least, part * velocity)
         else:
             stops = _corners(u, q, least, acceleration, dt)
             usable = ACCELERATION_USED * acceleration
-            schedule = within_acceleration(u, q, least, part * velocity, usable, stops, top_speed)
+            schedule = fit_acceleration(u, q, least, part * velocity, usable, stops, top_speed)
         check_ticks(np.asarray(np.bincount(line, np.diff(schedule.t)), dtype=np.float64), dt)
         ticks = schedule.ticks(dt)
         v = np.diff(joints_at(ticks), axis=0) / dt
@@ -211,7 +211,7 @@ class Schedule:
         return np.maximum.accumulate(np.clip(found, self.u[i], self.u[i + 1]))
 
 
-def within_speed(u: Array, q: Array, least: Array, velocity: Array) -> Schedule:
+def fit_speed(u: Array, q: Array, least: Array, velocity: Array) -> Schedule:
     """Each interval takes the time that was asked for, or the longer one that the joints need.
 
     Args:
@@ -224,7 +224,7 @@ def within_speed(u: Array, q: Array, least: Array, velocity: Array) -> Schedule:
     return Schedule(u, np.append(0.0, np.cumsum(np.maximum(least, needed))))
 
 
-def within_acceleration(
+def fit_acceleration(
     u: Array,
     q: Array,
     least: Array,

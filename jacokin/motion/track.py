@@ -22,8 +22,8 @@ from jacokin.model import angles, checks
 from jacokin.model.robot import Robot, checked_robot
 from jacokin.model.scene import Scene
 from jacokin.motion.path import CartesianPath
-from jacokin.motion.timing import check_ticks, line_ticks, trapezoid_within
-from jacokin.motion.tracking.joint_limits import seed_or_start
+from jacokin.motion.timing import check_ticks, fit_trapezoid, sample_lines
+from jacokin.motion.tracking.joint_limits import choose_start
 from jacokin.motion.tracking.tracker import Tracker, TrackerStep
 from jacokin.motion.trajectory import BranchReport, PathResult, describe_jump, list_segments
 
@@ -100,7 +100,7 @@ def track_path(
     if path.free:
         raise InvalidInputError("track_path follows full poses; plan_path takes waypoints with a free axis")
     times = path.durations(speed, angular_speed)
-    near, note = seed_or_start(robot, seed, start)
+    near, note = choose_start(robot, seed, start)
 
     tracker = Tracker(
         robot,
@@ -205,7 +205,7 @@ class _Follower:
     def follow(self, q: Array) -> PathResult:
         """The whole path from a configuration (dof,) [rad]."""
         tracker, dt = self.tracker, self.tracker.dt
-        u = line_ticks(self._times, dt)
+        u = sample_lines(self._times, dt)
         if self._rehearsal is not None:
             rehearsal, acceleration = self._rehearsal
             steps = self._steps(rehearsal, u, q, None)
@@ -216,9 +216,9 @@ class _Follower:
                 if all(reached[rows[0] : rows[-1] + 1]):  # else it fails at any speed
                     ends = followed[max(rows[0] - 1, 0) : rows[-1] + 1]
                     limits = tracker.velocity_limit, acceleration
-                    times[line], ramps[line] = trapezoid_within(ends, float(self._times[line]), *limits, dt)
+                    times[line], ramps[line] = fit_trapezoid(ends, float(self._times[line]), *limits, dt)
             check_ticks(times, dt)
-            u = line_ticks(times, dt, ramps)
+            u = sample_lines(times, dt, ramps)
         return self._result(u, self._steps(tracker, u, q, self._progress))
 
     def _steps(self, tracker: Tracker, u: Array, q: Array, progress: Progress | None) -> list[TrackerStep]:

@@ -26,7 +26,7 @@ from jacokin.motion.files import (
     NOT_OURS,
     Table,
     by_ending,
-    exact,
+    format_exactly,
     read_arrays,
     read_table,
     save,
@@ -185,10 +185,10 @@ class Trajectory(Frozen):
         layout, arrays = self.LAYOUT, self._arrays()
         numbers = np.column_stack([arrays[name] for name in ("t", *layout.joints, *layout.rows)])
         words = [map(str, arrays[name].tolist()) for name in (*layout.counts, *layout.words)]
-        notes = {name: exact(arrays[name]) for name in (*LIMITS, *layout.numbers)}
+        notes = {name: format_exactly(arrays[name]) for name in (*LIMITS, *layout.numbers)}
         notes |= {name: [arrays[name].item()] for name in layout.texts}
         notes |= {name: [repr(arrays[name].item())] for name in layout.values}
-        rows = [[*exact(row), *rest] for row, *rest in zip(numbers, *words, strict=True)]
+        rows = [[*format_exactly(row), *rest] for row, *rest in zip(numbers, *words, strict=True)]
         write_table(file, Table(notes, layout.head(self.joint_names), rows))
 
     @classmethod
@@ -384,9 +384,9 @@ def write_kinova_csv(file: Path, trajectory: Trajectory) -> None:
     Raises:
         InvalidInputError: a resampled row breaks a position or velocity limit.
     """
-    q, v = resampled(trajectory, KINOVA_STEP)
+    q, v = resample(trajectory, KINOVA_STEP)
     check_limits(trajectory, q, v)
-    degrees = _degrees_within(q, trajectory.lower, trajectory.upper)
+    degrees = _to_degrees(q, trajectory.lower, trajectory.upper)
     velocity = np.degrees(v)
     count = q.shape[1]
     head = [
@@ -395,11 +395,11 @@ def write_kinova_csv(file: Path, trajectory: Trajectory) -> None:
         *(f"joint{k}_deg_s" for k in range(1, count + 1)),
     ]
     numbers = np.column_stack([degrees, velocity])
-    rows = [[f"{tick / 100:.2f}", *exact(row)] for tick, row in enumerate(numbers)]
+    rows = [[f"{tick / 100:.2f}", *format_exactly(row)] for tick, row in enumerate(numbers)]
     write_table(file, Table({}, head, rows))
 
 
-def resampled(trajectory: Trajectory, step: float) -> tuple[Array, Array]:
+def resample(trajectory: Trajectory, step: float) -> tuple[Array, Array]:
     """Angles (m, dof) [rad] every `step` [s], and the velocity (m, dof) [rad/s] that leads to the next row.
 
     Straight lines between the rows, so no joint passes its limits or gets faster than between two rows. The last row
@@ -432,7 +432,7 @@ def check_limits(trajectory: Trajectory, q: Array, v: Array) -> None:
             )
 
 
-def _degrees_within(q: Array, lower: Array, upper: Array) -> Array:
+def _to_degrees(q: Array, lower: Array, upper: Array) -> Array:
     """Angles in degrees that read back to radians within the limits; rounding could put them one ulp outside."""
     degrees = np.degrees(q)
     for _ in range(4):

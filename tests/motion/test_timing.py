@@ -10,18 +10,18 @@ from jacokin.errors import InvalidInputError
 from jacokin.motion.timing import (
     check_ticks,
     fastest_trapezoid,
-    line_ticks,
-    ticks_within,
-    trapezoid_within,
-    within_acceleration,
-    within_speed,
+    fit_acceleration,
+    fit_speed,
+    fit_ticks,
+    fit_trapezoid,
+    sample_lines,
 )
 
 DT = 0.01  # [s]
 
 
 def test_lines_take_whole_ticks() -> None:
-    assert np.allclose(line_ticks(np.array([0.02, 0.0, 0.025]), DT), [0.0, 0.5, 1.0, 2 + 1 / 3, 2 + 2 / 3, 3.0])
+    assert np.allclose(sample_lines(np.array([0.02, 0.0, 0.025]), DT), [0.0, 0.5, 1.0, 2 + 1 / 3, 2 + 2 / 3, 3.0])
 
 
 @pytest.mark.parametrize(("durations", "match"), [([1.0, 1e9], "most of it segment 1"), ([1e-3], "less than one")])
@@ -33,7 +33,7 @@ def test_paths_of_too_many_ticks_or_none_are_refused(durations: list[float], mat
 def trapezoid(duration: float, ramp: float, count: int) -> tuple[Array, float]:
     """Parts of a line at many ticks, and the time between them [s]."""
     step = duration / count
-    return line_ticks(np.array([duration]), step, np.array([ramp])), step
+    return sample_lines(np.array([duration]), step, np.array([ramp])), step
 
 
 @pytest.mark.parametrize(("speed", "acceleration"), [(0.5, 0.2), (0.5, 0.25), (0.5, 10.0), (3.0, 0.1)])
@@ -59,20 +59,20 @@ def bent(u: Array) -> Array:
 def test_a_bent_joint_path_is_run_through_within_acceleration() -> None:
     q = bent(np.linspace(0.0, 1.0, 401))
     limit, velocity = np.array([1.0, 0.5]), np.array([1.0, 10.0])
-    parts, step = trapezoid(*trapezoid_within(q, 1.0, velocity, limit, DT), 5_000)
+    parts, step = trapezoid(*fit_trapezoid(q, 1.0, velocity, limit, DT), 5_000)
     joints = bent(parts)
     acceleration = np.abs(np.diff(joints, 2, axis=0) / step**2).max(axis=0)
     assert (acceleration <= limit).all()
     assert (acceleration > 0.3 * limit).any()  # and not much slower than that
     assert (np.abs(np.diff(joints, axis=0) / step).max(axis=0) <= velocity).all()
-    hurried, _ = trapezoid_within(q, 1.0, velocity, 1e6 * limit, DT)
+    hurried, _ = fit_trapezoid(q, 1.0, velocity, 1e6 * limit, DT)
     assert hurried == pytest.approx(3.0 / 0.98, rel=0.02)  # joint 1 at its velocity limit, slope 3
 
 
 def test_the_speed_asked_for_is_kept_where_joints_can_follow() -> None:
     u = np.linspace(0.0, 2.0, 5)
     q = np.column_stack([[0.0, 0.1, 0.2, 1.2, 1.3]])
-    schedule = within_speed(u, q, np.full(4, 0.5), np.array([1.0]))
+    schedule = fit_speed(u, q, np.full(4, 0.5), np.array([1.0]))
     assert np.diff(schedule.t) == pytest.approx([0.5, 0.5, 1.0, 0.5])
 
 
@@ -81,7 +81,7 @@ def test_a_straight_joint_path_takes_the_time_of_full_acceleration_and_braking()
     u = np.linspace(0.0, 1.0, 201)
     stops = np.zeros(201, dtype=np.bool_)
     stops[[0, -1]] = True
-    schedule = within_acceleration(
+    schedule = fit_acceleration(
         u, 0.8 * u[:, None], np.full(200, 1e-6), np.array([100.0]), np.array([2.0]), stops, np.full(200, np.inf)
     )
     assert schedule.t[-1] == pytest.approx(2.0 * np.sqrt(0.8 / 2.0), rel=1e-3)
@@ -94,7 +94,7 @@ def test_a_straight_joint_path_takes_the_time_of_full_acceleration_and_braking()
 def test_limits_hold_at_every_tick_and_between(acceleration: Array | None, speed: float) -> None:
     velocity = np.array([1.0, 0.8])
     u = np.linspace(0.0, 2.0, 801)
-    ticks = ticks_within(u, bent(u), bent, np.full(2, 1.0 / speed), DT, velocity, acceleration)
+    ticks = fit_ticks(u, bent(u), bent, np.full(2, 1.0 / speed), DT, velocity, acceleration)
     assert (ticks[0], ticks[-1]) == (0.0, 2.0)
     assert (np.diff(ticks) >= 0.0).all()
     v = np.diff(bent(ticks), axis=0) / DT
@@ -114,7 +114,7 @@ def test_the_path_stands_still_where_joints_turn_sharply() -> None:
         return np.column_stack([np.minimum(u, 1.0), np.maximum(u - 1.0, 0.0)])
 
     limit = np.array([2.0, 2.0])
-    ticks = ticks_within(u, corner(u), corner, np.full(2, 0.5), DT, np.full(2, 5.0), limit)
+    ticks = fit_ticks(u, corner(u), corner, np.full(2, 0.5), DT, np.full(2, 5.0), limit)
     v = np.diff(corner(ticks), axis=0) / DT
     at_corner = int(np.searchsorted(ticks, 1.0))
     assert np.abs(v[at_corner - 1 : at_corner + 1]).max() < 0.1

@@ -83,21 +83,21 @@ class Ladder:
         # Limited joints with more than a turn of room stand for several configurations.
         self._wide = np.flatnonzero(~self._robot.unlimited & (self._robot.upper - self._robot.lower > TURN))
 
-    def make(self, places: Array, near: Array | None = None) -> list[Rung]:
+    def make_rungs(self, places: Array, near: Array | None = None) -> list[Rung]:
         """The solutions at places (n,); of families also the members nearest to a configuration (dof,)."""
         manifold = self.manifold
         if not manifold.has_families:
             poses = manifold.path.at(places)
             return [self._branches(u, T) for u, T in zip(places.tolist(), poses, strict=True)]
         parts = [places[start : start + TOGETHER] for start in range(0, len(places), TOGETHER)]
-        return [rung for part in parts for rung in self._of_families(part, near)]
+        return [rung for part in parts for rung in self._family_rungs(part, near)]
 
-    def _of_families(self, places: Array, near: Array | None) -> list[Rung]:
+    def _family_rungs(self, places: Array, near: Array | None) -> list[Rung]:
         """Members of families, all corrected together."""
         manifold = self.manifold
         found = [self._members(u, manifold.path.target(u), near) for u in places.tolist()]
         counts = [len(rows) for rows, _ in found]
-        x, good = manifold.inside(np.repeat(places, counts), np.concatenate([rows for rows, _ in found]))
+        x, good = manifold.project(np.repeat(places, counts), np.concatenate([rows for rows, _ in found]))
         ends = np.cumsum([0, *counts]).tolist()
         return [
             self._rung(u, x[start:end][good[start:end]], solutions)
@@ -138,10 +138,10 @@ class Ladder:
                     clear[row], touching = False, tuple(pairs)
             x = x[clear]
         for joint in self._wide.tolist():
-            x = self._copied(x, joint)
+            x = self._add_turns(x, joint)
         return Rung(u, x, solutions, touching)
 
-    def _copied(self, x: Array, joint: int) -> Array:
+    def _add_turns(self, x: Array, joint: int) -> Array:
         """Points, and the same with turns of a joint that has room for it."""
         lower, upper = self._robot.lower[joint], self._robot.upper[joint]
         most = int((upper - lower) // TURN) + 1
@@ -149,7 +149,7 @@ class Ladder:
         copies = np.concatenate([x + turns * turn for turns in range(-most, most + 1)])
         return np.asarray(copies[(copies[:, joint] >= lower) & (copies[:, joint] <= upper)])
 
-    def links(self, rungs: Sequence[Rung]) -> list[Links]:
+    def link(self, rungs: Sequence[Rung]) -> list[Links]:
         """Which solutions of each rung, the second to the last, follow which of the rung before, and at what cost."""
         manifold = self.manifold
         pairs = [np.nonzero(self._plausible(a, b)) for a, b in itertools.pairwise(rungs)]

@@ -85,7 +85,7 @@ class Manifold:
             upper = np.column_stack([upper, np.where(full, np.inf, high)])
         return lower, upper
 
-    def inside(self, u: Array, x: Array) -> tuple[Array, NDArray[np.bool_]]:
+    def project(self, u: Array, x: Array) -> tuple[Array, NDArray[np.bool_]]:
         """The points (n, width) on the path within the limits that are nearest to given ones, and where there are any.
 
         Coordinates that would pass a limit stay on it.
@@ -151,14 +151,14 @@ class Curve:
             guess = np.asarray(self._smooth(u))
         else:
             guess = np.column_stack([np.interp(u, self.u, column) for column in self.x.T])
-        x, good = self.manifold.inside(u, guess)
+        x, good = self.manifold.project(u, guess)
         good &= np.abs(x - guess).max(axis=1) <= STRAY
         lower, upper = self.manifold.window(u)
         dof = self.manifold.dof
         guess[:, :dof] = np.clip(guess[:, :dof], lower[:, :dof], upper[:, :dof])
         return np.where(good[:, None], x, guess), good
 
-    def refined(self, u: Array, step: Array) -> tuple[Array, Array, NDArray[np.intp]]:
+    def refine(self, u: Array, step: Array) -> tuple[Array, Array, NDArray[np.intp]]:
         """Knots between which no joint moves more than a step.
 
         Args:

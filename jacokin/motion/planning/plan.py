@@ -25,9 +25,9 @@ from jacokin.motion.planning.chain import Chain
 from jacokin.motion.planning.ladder import Ladder, Pace, Rung
 from jacokin.motion.planning.manifold import Curve, Manifold
 from jacokin.motion.planning.search import Climb, Search
-from jacokin.motion.timing import check_ticks, line_ticks, ticks_within
+from jacokin.motion.timing import check_ticks, fit_ticks, sample_lines
 from jacokin.motion.track import ANGULAR_SPEED, SPEED
-from jacokin.motion.tracking.joint_limits import seed_or_start, velocity_limits
+from jacokin.motion.tracking.joint_limits import choose_start, velocity_limits
 from jacokin.motion.trajectory import PathResult, describe_jump
 
 TIMINGS = ("keep", "slow")
@@ -112,14 +112,14 @@ def plan_path(
         raise InvalidInputError(f"free_step must be at least {FINEST:g} rad, got {free_step!r}")
     times = path.durations(speed, angular_speed)
     check_ticks(times, dt)
-    near, note = seed_or_start(robot, seed, start)
+    near, note = choose_start(robot, seed, start)
 
     manifold = Manifold(robot, chain, path, solver.verifier.options.limit_snap)
     pace = Pace(times, velocity)
     ladder = Ladder(solver, manifold, pace, free_step, keep=timing == "keep")
     places = path.places(SPACING, TURNING, MOST_FAMILIES if manifold.has_families else MOST_PLACES)
     search = Search(ladder, places, near, exactly=start is not None)
-    found = Climb(search, dt).found()
+    found = Climb(search, dt).find()
     writer = _Writer(
         solver=solver,
         manifold=manifold,
@@ -189,17 +189,17 @@ class _Writer:
     def stay(self, q: Array, reason: str) -> PathResult:
         """A path that does not begin: the arm stays at the configuration (dof,) nearest to the first pose."""
         path = self.manifold.path
-        u = line_ticks(self.times, self.dt)
+        u = sample_lines(self.times, self.dt)
         parameter = np.full(path.lines + 1, np.nan)
         x = self.manifold.points(q[None], path.target(0.0))
         return self._measure(u, np.tile(x, (len(u), 1)), parameter, -1.0, reason)
 
     def follow(self, curve: Curve, reached: float, reason: str) -> PathResult:
         """The ticks along a joint path; beyond its end the arm stays there."""
-        ticks = kept = line_ticks(self.times, self.dt)
+        ticks = kept = sample_lines(self.times, self.dt)
         if self.slow and len(curve.u) > 1:
             dof = self.manifold.dof
-            ticks = ticks_within(
+            ticks = fit_ticks(
                 curve.u,
                 curve.q,
                 lambda u: curve.at(u)[0][:, :dof],

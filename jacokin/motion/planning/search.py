@@ -17,7 +17,7 @@ from jacokin.model import angles
 from jacokin.motion.planning.ladder import TOO_FAST, Ladder, Links
 from jacokin.motion.planning.manifold import Curve
 from jacokin.motion.planning.smoothing import Smoothing
-from jacokin.motion.timing import line_ticks
+from jacokin.motion.timing import sample_lines
 
 FINEST = 2e-5  # [m] and [rad / 5] no step of the path is made smaller
 MOST_RUNGS = 6000  # more than the path began with: steps that are halved cost time
@@ -65,12 +65,12 @@ class Climb:
         """Take what finds the best way, and the control step [s]."""
         self._search, self._verifier = search, search.ladder.verifier
         self._manifold, self._pace = search.ladder.manifold, search.ladder.pace
-        self._ticks = line_ticks(self._pace.times, dt)
+        self._ticks = sample_lines(self._pace.times, dt)
         self._step = np.minimum(self._pace.velocity * dt, RESOLUTION)
         self._fastest = self._pace.velocity * dt * (1.0 + SPEED_ROUNDING)
         self._dt = dt
 
-    def found(self) -> ClimbResult | None:
+    def find(self) -> ClimbResult | None:
         """The best way; None when it does not even begin."""
         search, blocked = self._search, ""
         best: tuple[float, ClimbResult] | None = None
@@ -82,11 +82,11 @@ class Climb:
             curve = self._curve(way)
             if len(way) == 1:
                 return ClimbResult(curve, 0.0, blocked)
-            look = self._looked_at(curve)
+            look = self._look(curve)
             blocked = next(iter(look.touched.values()), blocked)
             if not look.wrong:
-                done = ClimbResult(self._smoothed(curve) or look.curve, float(curve.u[-1]), blocked)
-                late, dearer = self._too_fast(done.curve, way, curve) if search.ladder.keep else (0.0, False)
+                done = ClimbResult(self._smooth(curve) or look.curve, float(curve.u[-1]), blocked)
+                late, dearer = self._charge_haste(done.curve, way, curve) if search.ladder.keep else (0.0, False)
                 if best is None or (done.reached, -late) > (best[1].reached, -best[0]):
                     best = late, done
                 faster += 1
@@ -102,7 +102,7 @@ class Climb:
                     search.cut(interval + 1, way[interval], way[interval + 1])
         return None if best is None else best[1]
 
-    def _too_fast(self, found: Curve, way: list[int], curve: Curve) -> tuple[float, bool]:
+    def _charge_haste(self, found: Curve, way: list[int], curve: Curve) -> tuple[float, bool]:
         """How long joints would be too fast [s], weighted by how much; and whether the search now knows more of that.
 
         The steps of the way in which they are become dearer in it.
@@ -118,13 +118,13 @@ class Climb:
             dearer |= self._search.charge(number + 1, way[number], way[number + 1], cost)
         return float(ratio[late].sum()) * self._dt, dearer
 
-    def _looked_at(self, curve: Curve) -> _Look:
+    def _look(self, curve: Curve) -> _Look:
         inside = self._ticks[(self._ticks > curve.u[0]) & (self._ticks < curve.u[-1])]
-        u, x, bad = curve.refined(np.unique(np.concatenate([curve.u, inside])), self._step)
-        touched = self._touched(curve, u, x[:, : self._manifold.dof], bad)
+        u, x, bad = curve.refine(np.unique(np.concatenate([curve.u, inside])), self._step)
+        touched = self._find_contact(curve, u, x[:, : self._manifold.dof], bad)
         return _Look(sorted({*bad.tolist(), *touched}, reverse=True), touched, Curve(self._manifold, u, x))
 
-    def _smoothed(self, curve: Curve) -> Curve | None:
+    def _smooth(self, curve: Curve) -> Curve | None:
         """The way, finely, after its knots moved to where joints move less; None when nothing better is free."""
         if not self._manifold.has_families:
             return None
@@ -132,7 +132,7 @@ class Climb:
         smoothing = Smoothing(self._manifold, self._pace, curve.u, pull)
         pinned = np.zeros(len(curve.u), dtype=np.bool_)
         for _ in range(SMOOTHINGS):
-            look = self._looked_at(Curve(self._manifold, curve.u, smoothing.improved(curve.x, pinned)))
+            look = self._look(Curve(self._manifold, curve.u, smoothing.improve(curve.x, pinned)))
             if not look.wrong:
                 return look.curve
             for interval in look.wrong:
@@ -149,7 +149,7 @@ class Climb:
         x = np.where(manifold.circular, unrolled, x)
         return Curve(manifold, np.array([rung.u for rung in rungs]), x)
 
-    def _touched(self, curve: Curve, u: Array, q: Array, bad: NDArray[np.intp]) -> dict[int, str]:
+    def _find_contact(self, curve: Curve, u: Array, q: Array, bad: NDArray[np.intp]) -> dict[int, str]:
         """Numbers of intervals of the curve in which shapes touch, with their names, where contact is rejected."""
         if not self._verifier.rejects_contact:
             return {}
@@ -176,7 +176,7 @@ class Search:
             exactly: whether it must begin there.
         """
         self.ladder, self.near, self.exactly = ladder, near, exactly
-        self.rungs = [*ladder.make(places[:1], near), *ladder.make(places[1:])]
+        self.rungs = [*ladder.make_rungs(places[:1], near), *ladder.make_rungs(places[1:])]
         self._links: list[Links | None] = [None] * len(self.rungs)  # from the rung before
         self._most = len(self.rungs) + MOST_RUNGS
         self._costs: list[Array] = []
@@ -187,8 +187,8 @@ class Search:
         """Solutions of the cheapest way, rung by rung: to the end, or else to the last rung that can be reached."""
         while True:
             reached = self._climb()
-            if reached == len(self.rungs) - 1 or not self._refined(reached):
-                return self._way(reached)
+            if reached == len(self.rungs) - 1 or not self._refine(reached):
+                return self._trace(reached)
 
     def cut(self, rung: int, first: int, second: int) -> None:
         """Two solutions do not follow each other after all: `first` on the rung before, `second` on this one."""
@@ -248,12 +248,12 @@ class Search:
         while last < len(self.rungs) and self._links[last] is None and pairs < TOGETHER:
             pairs += len(self.rungs[last - 1].x) * len(self.rungs[last].x)
             last += 1
-        self._links[index:last] = self.ladder.links(self.rungs[index - 1 : last])
+        self._links[index:last] = self.ladder.link(self.rungs[index - 1 : last])
         links = self._links[index]
         assert links is not None
         return links
 
-    def _way(self, reached: int) -> list[int]:
+    def _trace(self, reached: int) -> list[int]:
         if reached < 0:
             return []
         node = int(np.argmin(self._costs[reached]))
@@ -263,11 +263,11 @@ class Search:
             chosen.append(node)
         return chosen[::-1]
 
-    def _refined(self, reached: int) -> bool:
+    def _refine(self, reached: int) -> bool:
         """Halve the steps at which ways ended, the last ones first; False when all are as small as they get."""
         ended = []
         for index in range(min(reached + 1, len(self.rungs) - 1), 0, -1):
-            if self._ends(index) and self._size(index) > FINEST:
+            if self._is_dead_end(index) and self._size(index) > FINEST:
                 ended.append(index)
             if len(ended) == MOST_REFINED:
                 break
@@ -280,7 +280,7 @@ class Search:
     def halve(self, index: int) -> None:
         """Put a rung half way before a rung."""
         middle = 0.5 * (self.rungs[index - 1].u + self.rungs[index].u)
-        self.rungs.insert(index, self.ladder.make(np.array([middle]))[0])
+        self.rungs.insert(index, self.ladder.make_rungs(np.array([middle]))[0])
         self._links[index : index + 1] = [None, None]
         self._valid = min(self._valid, index)
 
@@ -294,7 +294,7 @@ class Search:
         lengths = self.ladder.manifold.path.lengths[min(int(a), self.ladder.manifold.path.lines - 1)]
         return float((b - a) * max(lengths[0], 0.2 * lengths[1]))
 
-    def _ends(self, index: int) -> bool:
+    def _is_dead_end(self, index: int) -> bool:
         """Whether a way that reached the rung before ends there though this rung has solutions that nothing reaches."""
         links = self._links[index]
         if links is None or index - 1 >= len(self._costs):

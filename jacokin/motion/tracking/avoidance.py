@@ -118,7 +118,7 @@ class ClearanceGuard:
         bounded = (radius[self._first] > 0.0) & (radius[self._second] > 0.0)
         return self._measure(q, np.where(bounded, gap - radius[self._first] - radius[self._second], -np.inf), {})
 
-    def moved(self, q: Array, before: Distances, step: Array, exits: Mapping[int, Array]) -> Distances:
+    def move(self, q: Array, before: Distances, step: Array, exits: Mapping[int, Array]) -> Distances:
         """Distances at `q` (dof,) [rad], a displacement (dof,) [rad] away from where `before` was taken."""
         return self._measure(q, before.bound - self._lever.dot(np.abs(step)), exits)
 

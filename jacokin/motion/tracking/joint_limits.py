@@ -43,7 +43,7 @@ class JointBox:
         """Least and largest displacement (dof,) [rad] from a `q` within the limits [rad]."""
         return np.maximum(-self.step, self.lower - q), np.minimum(self.step, self.upper - q)
 
-    def moved(self, q: Array, displacement: Array) -> Array:
+    def move(self, q: Array, displacement: Array) -> Array:
         """The configuration after a displacement; adding may round past a limit."""
         return np.minimum(np.maximum(q + displacement, self.lower), self.upper)
 
@@ -168,7 +168,7 @@ def checked_start(robot: Robot, q: ArrayLike | None, name: str = "q", noise: flo
     return checks.read_only(inside)
 
 
-def seed_or_start(robot: Robot, seed: ArrayLike | None, start: ArrayLike | None) -> tuple[Array, str]:
+def choose_start(robot: Robot, seed: ArrayLike | None, start: ArrayLike | None) -> tuple[Array, str]:
     """Where a path should begin, near `seed`, or begins, at `start`; and a sentence when a seed was moved.
 
     Raises:

@@ -134,7 +134,7 @@ class TickProblem:
     separating: bool
     exits: Mapping[int, Array]
 
-    def damped(self, damping: float, null_space: Quadratic | None) -> Quadratic:
+    def damp(self, damping: float, null_space: Quadratic | None) -> Quadratic:
         """Hessian and gradient with the null-space objective and with damping relative to the squared error."""
         hessian, gradient = self.hessian.copy(), self.gradient
         if null_space is not None:
@@ -144,15 +144,15 @@ class TickProblem:
         return hessian, gradient
 
 
-def linearise(
+def build_problem(
     kinematics: Kinematics, tasks: list[FrameTask], q: Array, guard: ClearanceGuard | None, distances: Distances | None
 ) -> TickProblem:
     """The problem at `q` (dof,) [rad], where the kinematics are, without the null-space objective."""
     # `dot` instead of @: on six numbers it costs half.
     if len(tasks) == 1:
-        jacobian, error = tasks[0].linearised(kinematics)
+        jacobian, error = tasks[0].linearise(kinematics)
     else:
-        parts = [task.linearised(kinematics) for task in tasks]
+        parts = [task.linearise(kinematics) for task in tasks]
         jacobian, error = np.vstack([J for J, _ in parts]), np.concatenate([e for _, e in parts])
     inequalities = [found for task in tasks if (found := task.inequalities(kinematics)) is not None]
     hessian, gradient, separating = jacobian.T.dot(jacobian), -error.dot(jacobian), False

@@ -302,7 +302,7 @@ class Kinematics:
         return jacobian.reshape(6, -1)  # one joint gives six numbers without a second axis
 
 
-def _within_far(position: Array) -> Array:
+def _limit_distance(position: Array) -> Array:
     """The position (3,) [m], or if it is farther than `FAR` from the base, the one at `FAR` on the way there."""
     largest: float = max(map(abs, position.tolist()))  # a third of what numpy takes, at every tick
     if largest <= FAR:
@@ -324,7 +324,7 @@ class FrameTask(ABC):
         """Weighted error e (k,): what is missing to the target."""
 
     @abstractmethod
-    def linearised(self, kinematics: Kinematics) -> tuple[Array, Array]:
+    def linearise(self, kinematics: Kinematics) -> tuple[Array, Array]:
         """Weighted Jacobian J (k, dof) and the same error e (k,)."""
 
     @abstractmethod
@@ -355,14 +355,14 @@ class PoseTask(FrameTask):
     def set(self, pose: pin.SE3) -> None:
         """Set T_base_frame, which must not change until it is set again."""
         self._pose, position = pose, pose.translation
-        near = _within_far(position)
+        near = _limit_distance(position)
         self._near = pose if near is position else pin.SE3(pose.rotation, near)
 
     def error(self, kinematics: Kinematics) -> Array:
         """Weighted logarithm of the way to the target."""
         return np.asarray(-self._cost * pin.log6(self._near.actInv(kinematics.pose(self._frame))).vector)
 
-    def linearised(self, kinematics: Kinematics) -> tuple[Array, Array]:
+    def linearise(self, kinematics: Kinematics) -> tuple[Array, Array]:
         """Weighted Jacobian of that logarithm, and itself."""
         way = self._near.actInv(kinematics.pose(self._frame))
         jacobian = pin.Jlog6(way).dot(kinematics.jacobian(self._frame, pin.LOCAL))
@@ -383,13 +383,13 @@ class PositionTask(FrameTask):
     def __init__(self, frame: int, weight: float, position: Array) -> None:
         """Keep the position (3,) [m]."""
         super().__init__(frame, weight)
-        self._position, self._near = position, _within_far(position)
+        self._position, self._near = position, _limit_distance(position)
 
     def error(self, kinematics: Kinematics) -> Array:
         """Weighted difference of the positions."""
         return np.asarray(self._weight * (self._near - kinematics.pose(self._frame).translation))
 
-    def linearised(self, kinematics: Kinematics) -> tuple[Array, Array]:
+    def linearise(self, kinematics: Kinematics) -> tuple[Array, Array]:
         """Weighted linear Jacobian, and the error."""
         return self._weight * kinematics.jacobian(self._frame, IN_BASE)[:3], self.error(kinematics)
 
@@ -425,7 +425,7 @@ class AxisTask(FrameTask):
         """Weighted rotation vector of the shortest rotation."""
         return self._weight * RADIAN_IN_METRES * self._rotation(kinematics)[1]
 
-    def linearised(self, kinematics: Kinematics) -> tuple[Array, Array]:
+    def linearise(self, kinematics: Kinematics) -> tuple[Array, Array]:
         """Weighted angular Jacobian without the rotation about the axis, and the error."""
         points, rotation, _ = self._rotation(kinematics)
         angular = kinematics.jacobian(self._frame, IN_BASE)[3:]
@@ -453,7 +453,7 @@ class RegionTask(FrameTask):
         """Weighted difference to the nearest point of the box."""
         return self._weight * self._difference(kinematics)
 
-    def linearised(self, kinematics: Kinematics) -> tuple[Array, Array]:
+    def linearise(self, kinematics: Kinematics) -> tuple[Array, Array]:
         """Weighted linear Jacobian along the axes of the base in which the frame is outside, and the error."""
         difference = self._difference(kinematics)
         outside = (difference != 0.0).astype(np.float64)[:, None]

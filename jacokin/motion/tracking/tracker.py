@@ -31,8 +31,8 @@ from jacokin.motion.tracking.problem import (
     Objective,
     Quadratic,
     TickProblem,
+    build_problem,
     checked_objectives,
-    linearise,
     null_space_objective,
 )
 from jacokin.motion.tracking.targets import FrameTask, Kinematics, TaskFactory, TrackingTarget
@@ -126,7 +126,7 @@ class TrackerState(NamedTuple):
         """Standing still."""
         return cls(arm, checks.read_only(np.zeros(len(arm.q))), arm, damping, np.inf, 0, None)
 
-    def moved(self, arm: JointState, reference: JointState, dt: float, damping: float) -> TrackerState:
+    def move(self, arm: JointState, reference: JointState, dt: float, damping: float) -> TrackerState:
         """After a tick of `dt` [s]."""
         v = (arm.q - self.arm.q) / dt
         for array in (arm.q, v):
@@ -276,7 +276,7 @@ class Tracker:
         state = self._state
         twist_pose = None
         if twist is not None:
-            twist_pose = moved_by_twist(self._twist_start(state), twist, reference, self.dt)
+            twist_pose = move_by_twist(self._twist_start(state), twist, reference, self.dt)
             target = twist_pose
         after, step = self._tick(state, self._targets.tasks(target))
         # Rounding does not add up while the arm keeps up; when it cannot, no backlog builds.
@@ -309,7 +309,7 @@ class Tracker:
         before = state.reference
         self._qp.reset()
         self._kinematics.move_to(before.q)
-        problem = linearise(self._kinematics, tasks, before.q, self._guard, before.distances)
+        problem = build_problem(self._kinematics, tasks, before.q, self._guard, before.distances)
         null_space = None
         if self._objectives:
             null_space = null_space_objective(
@@ -322,9 +322,9 @@ class Tracker:
             wanted = self._follower.displacement(state.arm.q, state.v, reference.q, (reference.q - before.q) / self.dt)
             arm = self._try(state.arm, wanted, problem.exits)
             # An arm that an obstacle stops takes its reference with it.
-            if not np.array_equal(arm.q, self._box.moved(state.arm.q, wanted)):
+            if not np.array_equal(arm.q, self._box.move(state.arm.q, wanted)):
                 reference = arm
-        after = state.moved(arm, reference, self.dt, damping)
+        after = state.move(arm, reference, self.dt, damping)
         # Shapes moving apart, or joints still gathering speed, may take the tool away from its target for a while.
         lagging = self._follower is not None and not np.array_equal(arm.q, reference.q)
         return self._report(tasks, state, after, held, excused=problem.separating or lagging)
@@ -345,7 +345,7 @@ class Tracker:
         low, high = self._box.bounds(start.q)
         for _ in range(RETRIES):
             try:
-                displacement = self._qp.minimize(*problem.damped(damping, null_space), problem.inequalities, low, high)
+                displacement = self._qp.minimize(*problem.damp(damping, null_space), problem.inequalities, low, high)
             except QPFailed:
                 return start, damping, "no QP solver solved this tick"
             found = self._try(start, displacement, problem.exits)
@@ -361,10 +361,10 @@ class Tracker:
         """Where a displacement leads, shortened until nothing comes too near."""
         guard = self._guard
         for _ in range(SHORTENINGS):
-            q = self._box.moved(start.q, displacement)
+            q = self._box.move(start.q, displacement)
             if guard is None or start.distances is None:
                 return JointState(q, None)
-            distances = guard.moved(q, start.distances, displacement, exits)
+            distances = guard.move(q, start.distances, displacement, exits)
             if guard.acceptable(start.distances, distances):
                 return JointState(q, distances)
             displacement = 0.5 * displacement
@@ -422,7 +422,7 @@ class Tracker:
         return TrackerStatus.LIMITED, f"slowed by {', '.join(limiting) or 'damping near a singular pose'}"
 
 
-def moved_by_twist(pose: pin.SE3, twist: ArrayLike, reference: str, dt: float) -> pin.SE3:
+def move_by_twist(pose: pin.SE3, twist: ArrayLike, reference: str, dt: float) -> pin.SE3:
     """A pose after moving along a twist (6,) for `dt` [s].
 
     Raises:

@@ -30,7 +30,7 @@ def line(robot: Robot, q_from: list[float], q_to: list[float], *, free: bool = F
 
 def cheapest_of_all(search: Search) -> float:
     """The cost of the best of all ways, by trying each: first solution, then any link that leads on."""
-    links = search.ladder.links(search.rungs)
+    links = search.ladder.link(search.rungs)
     steps = [dict(zip(zip(a.first, a.second, strict=True), a.cost, strict=True)) for a in links]
     q = search.rungs[0].x[:, :6]
     starts = 0.1 * (((q - search.near) / search.ladder.pace.scale) ** 2).sum(axis=1)
@@ -46,7 +46,7 @@ def cheapest_of_all(search: Search) -> float:
 def cost_of(search: Search, way: list[int]) -> float:
     q = search.rungs[0].x[way[0], :6]
     cost = 0.1 * (((q - search.near) / search.ladder.pace.scale) ** 2).sum()
-    for link, pair in zip(search.ladder.links(search.rungs), itertools.pairwise(way), strict=True):
+    for link, pair in zip(search.ladder.link(search.rungs), itertools.pairwise(way), strict=True):
         cost += link.cost[(link.first == pair[0]) & (link.second == pair[1])][0]
     return float(cost)
 

@@ -34,7 +34,7 @@ def rough(robot: Robot, manifold: Manifold) -> tuple[Array, Array]:
     u = np.linspace(0.0, 1.0, KNOTS)
     x = [np.append(robot.home, 0.0)]
     for place in u[1:]:
-        found, good = manifold.inside(np.array([place]), x[-1][None])
+        found, good = manifold.project(np.array([place]), x[-1][None])
         assert good[0]
         x.append(found[0])
     turned = np.array(x)
@@ -56,7 +56,7 @@ def test_the_motion_costs_less_and_stays_on_the_path(
     u, x = rough
     smoothing = Smoothing(manifold, Pace(np.array([2.0]), robot.velocity_limit), u, None)
     free = np.zeros(KNOTS, dtype=np.bool_)
-    smooth = smoothing.improved(x, free)
+    smooth = smoothing.improve(x, free)
     assert on_path(manifold, u, x)
     assert on_path(manifold, u, smooth)
     assert np.array_equal(smooth[0], x[0])  # nothing pulls it
@@ -68,7 +68,7 @@ def test_the_motion_costs_less_and_stays_on_the_path(
 def test_pinned_knots_stay(manifold: Manifold, rough: tuple[Array, Array], robot: Robot) -> None:
     u, x = rough
     pinned = np.arange(KNOTS) % 3 == 0
-    smooth = Smoothing(manifold, Pace(np.array([2.0]), robot.velocity_limit), u, None).improved(x, pinned)
+    smooth = Smoothing(manifold, Pace(np.array([2.0]), robot.velocity_limit), u, None).improve(x, pinned)
     assert np.abs(smooth[pinned] - x[pinned]).max() < 1e-9
     assert not np.allclose(smooth[~pinned], x[~pinned])
 
@@ -84,16 +84,16 @@ def test_joints_that_are_too_fast_are_relieved(manifold: Manifold, rough: tuple[
         return float(np.maximum(speed.max(axis=1) - 1.0, 0.0).sum())
 
     assert excess(x) > 1.0
-    assert excess(smoothing.improved(x, np.zeros(KNOTS, dtype=np.bool_))) < 0.5 * excess(x)
+    assert excess(smoothing.improve(x, np.zeros(KNOTS, dtype=np.bool_))) < 0.5 * excess(x)
 
 
 def test_the_first_knot_is_pulled_where_the_path_should_begin(
     manifold: Manifold, rough: tuple[Array, Array], robot: Robot
 ) -> None:
     u, x = rough
-    found, good = manifold.inside(u[:1], (x[0] + np.append(np.zeros(6), 0.2))[None])
+    found, good = manifold.project(u[:1], (x[0] + np.append(np.zeros(6), 0.2))[None])
     assert good[0]
     aim = found[0, :6]
     smoothing = Smoothing(manifold, Pace(np.array([2.0]), robot.velocity_limit), u, (aim, 1e4))
-    smooth = smoothing.improved(x, np.zeros(KNOTS, dtype=np.bool_))
+    smooth = smoothing.improve(x, np.zeros(KNOTS, dtype=np.bool_))
     assert np.abs(smooth[0, :6] - aim).max() < 0.1 * np.abs(x[0, :6] - aim).max()
