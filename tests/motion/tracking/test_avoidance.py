@@ -83,7 +83,7 @@ def test_two_hundred_passes_at_full_speed_keep_the_distance(robot: Robot, rng: n
     assert near > 500
 
 
-@pytest.mark.parametrize("number", range(12))
+@pytest.mark.parametrize("number", [*range(6), *(pytest.param(n, marks=pytest.mark.slow) for n in range(6, 12))])
 def test_an_arm_inside_an_obstacle_moves_out(robot: Robot, number: int) -> None:
     rng = np.random.default_rng(number)
     pose = robot.forward_kinematics(robot.home)
@@ -110,11 +110,12 @@ def test_the_floor_is_not_touched(robot: Robot) -> None:
     assert any(name.startswith("floor~") for name in step.limiting)
 
 
-def test_the_arm_does_not_touch_itself(robot: Robot, rng: np.random.Generator) -> None:
+@pytest.mark.parametrize("targets", [5, pytest.param(12, marks=pytest.mark.slow)])
+def test_the_arm_does_not_touch_itself(robot: Robot, rng: np.random.Generator, targets: int) -> None:
     referee = Referee(robot, Scene())
     tracker = Tracker(robot, collision="reject", clearance=0.005)
     nearest = np.inf
-    for _ in range(12):
+    for _ in range(targets):
         target = robot.forward_kinematics(robot.sample(rng))
         for tick in range(100):
             step = tracker.step(target)

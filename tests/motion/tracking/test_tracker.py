@@ -59,11 +59,12 @@ def test_a_circle_is_followed(robot: Robot) -> None:
         assert step.status is TrackerStatus.OK
 
 
-def test_limits_hold_exactly_while_targets_jump(robot: Robot, rng: np.random.Generator) -> None:
+@pytest.mark.parametrize("ticks", [1_500, pytest.param(10_000, marks=pytest.mark.slow)])
+def test_limits_hold_exactly_while_targets_jump(robot: Robot, rng: np.random.Generator, ticks: int) -> None:
     tracker = Tracker(robot, dt=DT)
     before = tracker.q
     at_speed = 0
-    for tick in range(10_000):
+    for tick in range(ticks):
         if tick % 20 == 0:
             reachable = rng.random() < 0.7
             target = (
@@ -78,7 +79,7 @@ def test_limits_hold_exactly_while_targets_jump(robot: Robot, rng: np.random.Gen
         assert np.allclose(step.v, (step.q - before) / DT, atol=1e-12)
         at_speed += bool((speed > 0.999 * robot.velocity_limit).any())
         before = step.q
-    assert at_speed > 5_000
+    assert at_speed > ticks / 2
 
 
 @pytest.mark.parametrize("solver", ["osqp", "quadprog", "proxqp"])
