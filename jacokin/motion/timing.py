@@ -1,11 +1,10 @@
 """Time parametrisation: when each place of a path is passed, within velocity and acceleration limits.
 
-Three ways, from plain to fast: each line at constant speed; each line from rest to rest on a trapezoid of speed; and
-the whole path as fast as the joints allow between its stops, by reachability analysis as TOPP-RA does it (Pham and
-Pham: A new approach to time-optimal path parameterization based on reachability analysis, 2018): a backward pass finds
-the largest speeds from which the path can be followed to its end, a forward pass takes them. The package `toppra` does
-it for splines, with linear programs compiled for each platform; between the knots of a piecewise linear path each
-program is the least of a few quotients, which takes a page of NumPy and no compiler.
+Lines run at constant speed, or as fast as the joints allow between stops, by reachability analysis as TOPP-RA does it
+(Pham and Pham: A new approach to time-optimal path parameterization based on reachability analysis, 2018): a backward
+pass finds the largest speeds from which the path can be followed to its end, a forward pass takes them. The package
+`toppra` does it for splines, with linear programs compiled for each platform; between the knots of a piecewise linear
+path each program is the least of a few quotients, which takes a page of NumPy and no compiler.
 
 A place u counts lines: 2.5 is half way along the third.
 """
@@ -25,9 +24,7 @@ WHOLE_TICK = 1e-9  # a duration this near to whole ticks is whole; division roun
 MAX_TICKS = 10_000_000  # more than a day at 100 Hz: a speed or a step was mistyped
 ACCELERATION_USED = 0.9  # part of the acceleration limits that is planned with; the rest is for what following takes
 SPEED_USED = 0.98  # the same of the velocity limits
-CURVATURE_USED = 0.5  # of the acceleration, the most that the bend of the joint path may use at full speed
 NO_MOTION = 1e-12  # [rad] a joint that moves less along a line limits nothing
-SLOWEST = 0.1  # of the speed asked for: a line that needs less passes a singular pose, and is not worth the wait
 PATH_SPEED_USED = 0.995  # the same where ticks are checked: one may take in a little of a faster part beside it
 ATTEMPTS = 24  # to find a pace whose ticks are all within the limits
 LESS = 0.9  # of the limits is used at the next attempt
@@ -50,70 +47,17 @@ def check_ticks(durations: Array, dt: float) -> None:
         raise InvalidInputError(f"the path takes {total:.6g} s, less than one control step of {dt:.6g} s")
 
 
-def sample_lines(durations: Array, dt: float, ramps: Array | None = None) -> Array:
-    """Places at every tick of `dt` [s]; each line takes whole ticks, rounded up, and is slowed down to that.
+def sample_lines(durations: Array, dt: float) -> Array:
+    """Places at every tick of `dt` [s], each line at constant speed, for durations (lines,) [s].
 
-    Args:
-        durations: (lines,) [s]; a line that takes no time has no tick.
-        dt: control step [s].
-        ramps: (lines,) part of each duration for gaining speed, and again for losing it; None for constant speed.
+    Each line takes whole ticks, rounded up, and is slowed down to that; one that takes no time has none.
     """
     places = [np.zeros(1)]
     for line, duration in enumerate(durations.tolist()):
         if duration > 0.0:
             ticks = max(1, int(np.ceil(duration / dt - WHOLE_TICK)))
-            part = np.arange(1, ticks + 1) / ticks
-            places.append(line + (part if ramps is None else _trapezoid(part, float(ramps[line]))))
+            places.append(line + np.arange(1, ticks + 1) / ticks)
     return np.concatenate(places)
-
-
-def _trapezoid(times: Array, ramp: float) -> Array:
-    """The part of a line that is done after parts of its duration, from rest to rest; both 0 to 1."""
-    if ramp == 0.0:
-        return times
-    top = 1.0 / (1.0 - ramp)  # speed on the plateau
-    left = 1.0 - times
-    rising, falling = 0.5 * top / ramp * times**2, 1.0 - 0.5 * top / ramp * left**2
-    return np.select([times < ramp, left < ramp], [rising, falling], top * (times - 0.5 * ramp))
-
-
-def fastest_trapezoid(speed: float, acceleration: float) -> tuple[float, float]:
-    """Duration [s] and ramp of the fastest trapezoid of length one.
-
-    Args:
-        speed: largest [1/s].
-        acceleration: largest [1/s^2].
-    """
-    if speed**2 >= acceleration:  # the speed is never reached
-        return 2.0 / float(np.sqrt(acceleration)), 0.5
-    duration = 1.0 / speed + speed / acceleration
-    return duration, speed / acceleration / duration
-
-
-def fit_trapezoid(q: Array, duration: float, velocity: Array, acceleration: Array, dt: float) -> tuple[float, float]:
-    """Duration [s] and ramp from rest to rest along a line, within the velocity and acceleration limits of the joints.
-
-    The velocity of a joint is q' s' and its acceleration q' s'' + q'' s'^2, with derivatives along the line taken from
-    the samples.
-
-    Args:
-        q: (n, dof) configurations at equal steps along the line, both ends included [rad].
-        duration: of the line at the speed asked for [s]; it is not run through faster.
-        velocity: (dof,) limits [rad/s].
-        acceleration: (dof,) limits [rad/s^2].
-        dt: control step [s].
-    """
-    step = 1.0 / (len(q) - 1)
-    slope = np.abs(np.diff(q, axis=0)).max(axis=0) / step
-    bend = np.abs(np.diff(q, 2, axis=0)).max(axis=0, initial=0.0) / step**2
-    slope, bend = np.maximum(slope, NO_MOTION), np.maximum(bend, NO_MOTION)
-    limit = ACCELERATION_USED * acceleration
-    asked = 1.0 / duration
-    with np.errstate(over="ignore"):  # what is beyond 1e308 limits nothing
-        fastest = min((SPEED_USED * velocity / slope).min(), np.sqrt(CURVATURE_USED * limit / bend).min())
-        speed = max(min(asked, float(fastest)), SLOWEST * asked)
-        left = np.maximum(limit - speed**2 * bend, (1.0 - ACCELERATION_USED) * limit)
-        return fastest_trapezoid(speed, min(float((left / slope).min()), speed / dt))
 
 
 def fit_ticks(
@@ -271,6 +215,25 @@ def fit_acceleration(
     total = speed[:-1] + speed[1:]
     times = 2.0 * h / np.maximum(total, NO_MOTION)
     return Schedule(u, np.append(0.0, np.cumsum(times)), speed)
+
+
+def fit_line(u: Array, q: Array, duration: float, velocity: Array, acceleration: Array) -> Schedule:
+    """From rest to rest along a line, within parts of the limits that leave room for what following it takes.
+
+    Args:
+        u: (n,) places, both ends of the line included.
+        q: (n, dof) configurations there [rad].
+        duration: of the line at the speed asked for [s]; no part of it is run through faster.
+        velocity: (dof,) limits [rad/s].
+        acceleration: (dof,) limits [rad/s^2].
+    """
+    if len(u) == 2:  # at rest at both, it would never move
+        u, q = np.insert(u, 1, u.mean()), np.insert(q, 1, q.mean(axis=0), axis=0)
+    stops = np.zeros(len(u), dtype=np.bool_)
+    stops[[0, -1]] = True
+    fastest = np.full(len(u) - 1, np.inf)
+    limits = SPEED_USED * velocity, ACCELERATION_USED * acceleration
+    return fit_acceleration(u, q, np.diff(u) * duration, *limits, stops, fastest)
 
 
 def _controllable(h: Array, high: Array, tilt: Array, top: Array) -> Array:

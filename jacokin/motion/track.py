@@ -22,9 +22,9 @@ from jacokin.model import angles, checks
 from jacokin.model.robot import Robot, checked_robot
 from jacokin.model.scene import Scene
 from jacokin.motion.path import CartesianPath
-from jacokin.motion.timing import check_ticks, fit_trapezoid, sample_lines
+from jacokin.motion.timing import Schedule, check_ticks, fit_line, sample_lines
 from jacokin.motion.tracking.joint_limits import choose_start
-from jacokin.motion.tracking.tracker import Tracker, TrackerStep
+from jacokin.motion.tracking.tracker import Tracker, TrackerStatus, TrackerStep
 from jacokin.motion.trajectory import BranchReport, PathResult, describe_jump, list_segments
 
 SPEED = 0.05  # [m/s]
@@ -117,10 +117,11 @@ def track_path(
         pairs=pairs,
         qp_solver=qp_solver,
     )
-    follower = _Follower(tracker, path, times, progress)
+    rehearsal = acceleration = None
     if acceleration_limit is not None:
         acceleration = checks.positive_vector("acceleration_limit", acceleration_limit, robot.dof, "rad/s^2")
-        follower.rehearse_with(Tracker(robot, frame, dt=dt, tool=tool, velocity_limit=REHEARSAL_SPEED), acceleration)
+        rehearsal = Tracker(robot, frame, dt=dt, tool=tool, velocity_limit=REHEARSAL_SPEED)
+    follower = _Follower(tracker, path, times, progress, rehearsal, acceleration)
     if start is not None:
         starts, reaching = [near], 1
     else:
@@ -132,7 +133,13 @@ def track_path(
     reports: list[BranchReport] = []
     for q in starts:
         result = follower.follow(q)
-        reports.append(_report(q, result))
+        report = BranchReport(
+            q_start=checks.read_only(q),
+            failed_segments=result.failed_segments,
+            position_error=float(result.position_error.max()),
+            orientation_error=float(result.orientation_error.max()),
+        )
+        reports.append(report)
         if best is None or _rank(result) < _rank(best):
             best = result
         if result.success:
@@ -191,38 +198,52 @@ class _Follower:
     along the lines decides how fast the lines can be run through.
     """
 
-    def __init__(self, tracker: Tracker, path: CartesianPath, times: Array, progress: Progress | None) -> None:
-        """Take the path and how long its lines take at the speed asked for (lines,) [s]."""
-        check_ticks(times, tracker.dt)
-        self.tracker = tracker
-        self._path, self._times, self._progress = path, times, progress
-        self._rehearsal: tuple[Tracker, Array] | None = None
+    def __init__(
+        self,
+        tracker: Tracker,
+        path: CartesianPath,
+        times: Array,
+        progress: Progress | None,
+        rehearsal: Tracker | None,
+        acceleration: Array | None,
+    ) -> None:
+        """Take the path and how long its lines take at the speed asked for (lines,) [s].
 
-    def rehearse_with(self, tracker: Tracker, acceleration: Array) -> None:
-        """Rehearse with a tracker without limits; `acceleration` (dof,) are those to hold later [rad/s^2]."""
-        self._rehearsal = tracker, acceleration
+        With acceleration limits (dof,) [rad/s^2] also a tracker without limits, to rehearse with.
+        """
+        check_ticks(times, tracker.dt)
+        self._tracker, self._path, self._times, self._progress = tracker, path, times, progress
+        self._rehearsal, self._acceleration = rehearsal, acceleration
 
     def follow(self, q: Array) -> PathResult:
         """The whole path from a configuration (dof,) [rad]."""
-        tracker, dt = self.tracker, self.tracker.dt
-        u = sample_lines(self._times, dt)
-        if self._rehearsal is not None:
-            rehearsal, acceleration = self._rehearsal
-            steps = self._steps(rehearsal, u, q, None)
-            followed, reached = np.array([step.q for step in steps]), [step.status.name == "OK" for step in steps]
-            times, ramps, segments = self._times.copy(), np.zeros(len(self._times)), self._path.segments(u)
-            for line in np.unique(segments).tolist():
-                rows = np.flatnonzero(segments == line)
-                if all(reached[rows[0] : rows[-1] + 1]):  # else it fails at any speed
-                    ends = followed[max(rows[0] - 1, 0) : rows[-1] + 1]
-                    limits = tracker.velocity_limit, acceleration
-                    times[line], ramps[line] = fit_trapezoid(ends, float(self._times[line]), *limits, dt)
-            check_ticks(times, dt)
-            u = sample_lines(times, dt, ramps)
-        return self._result(u, self._steps(tracker, u, q, self._progress))
+        u = sample_lines(self._times, self._tracker.dt)
+        if self._rehearsal is not None and self._acceleration is not None:
+            u = self._accelerated(u, self._steps(self._rehearsal, u, q, None), self._acceleration)
+        return self._result(u, self._steps(self._tracker, u, q, self._progress))
+
+    def _accelerated(self, u: Array, rehearsed: list[TrackerStep], acceleration: Array) -> Array:
+        """Places of the ticks with each line run through from rest to rest, for rehearsed ticks at places (n,)."""
+        q, dt = np.array([step.q for step in rehearsed]), self._tracker.dt
+        times, schedules = self._times.copy(), dict[int, Schedule]()
+        for line, end in enumerate(np.searchsorted(u, np.arange(1.0, len(times) + 1.0)).tolist()):
+            start = int(np.searchsorted(u, line, side="right")) - 1
+            on_path = all(step.status is TrackerStatus.OK for step in rehearsed[start : end + 1])
+            if times[line] > 0.0 and on_path:  # what the rehearsal leaves fails at any speed
+                knots = np.append(float(line), u[start + 1 : end + 1])
+                limits = self._tracker.velocity_limit, acceleration
+                schedules[line] = fit_line(knots, q[start : end + 1], float(times[line]), *limits)
+                times[line] = schedules[line].t[-1]
+        check_ticks(times, dt)
+        ticks = sample_lines(times, dt)
+        places = [np.zeros(1)]
+        for line in range(len(times)):
+            between = (ticks > line) & (ticks <= line + 1)
+            places.append(schedules[line].ticks(dt)[1:] if line in schedules else ticks[between])
+        return np.concatenate(places)
 
     def _steps(self, tracker: Tracker, u: Array, q: Array, progress: Progress | None) -> list[TrackerStep]:
-        """A tick for every place of the path; the first goes nowhere and measures the start."""
+        """A tick for every place of the path; the first one only measures the start."""
         poses = [pin.SE3(T[:3, :3], T[:3, 3]) for T in self._path.at(u)]
         tracker.reset(q)
         steps = [tracker.measure(poses[0])]
@@ -234,15 +255,15 @@ class _Follower:
         return steps
 
     def _result(self, u: Array, steps: list[TrackerStep]) -> PathResult:
-        robot = self.tracker.robot
+        robot = self._tracker.robot
         return PathResult(
             joint_names=robot.joint_names,
-            t=checks.read_only(np.arange(len(steps)) * self.tracker.dt),
+            t=checks.read_only(np.arange(len(steps)) * self._tracker.dt),
             q=checks.read_only([step.q for step in steps]),
             v=checks.read_only([step.v for step in steps]),
             lower=robot.lower,
             upper=robot.upper,
-            velocity_limit=self.tracker.velocity_limit,
+            velocity_limit=self._tracker.velocity_limit,
             position_error=checks.read_only([step.position_error for step in steps]),
             orientation_error=checks.read_only([step.orientation_error for step in steps]),
             status=tuple(step.status.name for step in steps),
@@ -251,15 +272,6 @@ class _Follower:
             clearance=checks.read_only([np.nan if step.clearance is None else step.clearance for step in steps]),
             qp_solver=next((step.qp_solver for step in steps if "then" in step.qp_solver), steps[-1].qp_solver),
         )
-
-
-def _report(q: Array, result: PathResult) -> BranchReport:
-    return BranchReport(
-        q_start=checks.read_only(q),
-        failed_segments=result.failed_segments,
-        position_error=float(result.position_error.max()),
-        orientation_error=float(result.orientation_error.max()),
-    )
 
 
 def _rank(result: PathResult) -> tuple[float, float]:

@@ -1,8 +1,8 @@
-"""Which solutions of neighbouring rungs follow each other.
+"""The ladder graph of a path: rungs of all solutions at its places, and which of neighbouring rungs follow each other.
 
 Two solutions follow each other when the straight motion between them stays near the line of the tool: half way, the
 tool misses the line by no more than `DEVIATION` and `TILT`, and by a little more where the parameter of a family
-changes. What is on the line exactly is found later (`curve`).
+changes. What is on the line exactly is found later (`manifold.Curve`).
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ class Links:
 
 
 class Ladder:
-    """Makes rungs and links."""
+    """Makes the rungs of one path, and the links between neighbours."""
 
     def __init__(self, solver: IKSolver, manifold: Manifold, pace: Pace, step: float, *, keep: bool) -> None:
         """Prepare.

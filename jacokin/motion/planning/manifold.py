@@ -1,7 +1,8 @@
-"""The configurations that bring the tool to the path of the tool, as points of coordinates x.
+"""The configurations that keep the tool on its path, as points of coordinates x, and motions through them.
 
 Coordinates are the joint angles; where the path has a free angle, it comes after them. A full pose on six joints leaves
-points at each place of the path, a free angle or a seventh joint leaves curves.
+points at each place of the path; a free angle or a seventh joint, one degree of redundancy, leaves curves: the
+self-motions of the arm.
 """
 
 from __future__ import annotations

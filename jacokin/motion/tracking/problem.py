@@ -36,7 +36,7 @@ class Posture:
     """Stay near a configuration.
 
     Attributes:
-        q: (dof,) the configuration [rad]; free joints take the short way round.
+        q: (dof,) the configuration [rad]; unlimited joints take the short way round.
         rate: how fast the distance shrinks [1/s].
     """
 
@@ -77,7 +77,7 @@ class Manipulability:
 
 @dataclass(frozen=True, slots=True)
 class LimitDistance:
-    """Keep joints away from their limits, towards the middle of the range; free joints have none.
+    """Keep joints away from their limits, towards the middle of the range; unlimited joints have none.
 
     Attributes:
         rate: how fast the distance to the middle shrinks [1/s].

@@ -3,7 +3,8 @@
 A tick asks for the joint displacement that brings the tool to its target, as least squares inside a box (velocity and
 position limits) and a few linear inequalities (clearance). What the QP says of linearised kinematics is checked at the
 new configuration: a step that makes the error grow is taken again with more damping, one that brings shapes too near is
-shortened. So the error never oscillates and the limits hold exactly.
+shortened. So the error never oscillates and the limits hold exactly. Why this QP is written on Pinocchio and the one of
+the solver is mink's: see `jacokin.ik.qp`.
 """
 
 from __future__ import annotations
