@@ -261,7 +261,7 @@ class Tracker:
         """One tick towards a target, or along a twist.
 
         Args:
-            target: T_base_tool as `pin.SE3` or (4, 4), a position (3,) [m], or targets from `jacokin.ik`.
+            target: T_base_tool as `pin.SE3` or (4, 4), a position (3,) [m], or targets from `jacokin.motion`.
             twist: (6,) velocity of the tool, linear [m/s] then angular [rad/s]; instead of a target.
             reference: where the twist is expressed: "local_world_aligned", "local" or "world".
 
