@@ -22,10 +22,10 @@ from jacokin.errors import InvalidInputError
 
 WHOLE_TICK = 1e-9  # a duration this near to whole ticks is whole; division rounds
 MAX_TICKS = 10_000_000  # more than a day at 100 Hz: a speed or a step was mistyped
-ACCELERATION_USED = 0.9  # part of the acceleration limits that is planned with; the rest is for what following takes
-SPEED_USED = 0.98  # the same of the velocity limits
+ACCELERATION_USED = 0.9  # part of the acceleration limits that is planned with where ticks are checked
+LINE_USED = 0.8, 0.98  # parts of acceleration and velocity limits for a line that is tracked, no tick of it checked
 NO_MOTION = 1e-12  # [rad] a joint that moves less along a line limits nothing
-PATH_SPEED_USED = 0.995  # the same where ticks are checked: one may take in a little of a faster part beside it
+PATH_SPEED_USED = 0.995  # of the velocity limits where ticks are checked: one may take in a little of a faster part
 ATTEMPTS = 24  # to find a pace whose ticks are all within the limits
 LESS = 0.9  # of the limits is used at the next attempt
 EASED, LEAST_EASED = 0.97, 0.5  # of its speed is left to a part of the path, beside the excess and at least
@@ -232,8 +232,8 @@ def fit_line(u: Array, q: Array, duration: float, velocity: Array, acceleration:
     stops = np.zeros(len(u), dtype=np.bool_)
     stops[[0, -1]] = True
     fastest = np.full(len(u) - 1, np.inf)
-    limits = SPEED_USED * velocity, ACCELERATION_USED * acceleration
-    return fit_acceleration(u, q, np.diff(u) * duration, *limits, stops, fastest)
+    usable, speed = LINE_USED[0] * acceleration, LINE_USED[1] * velocity
+    return fit_acceleration(u, q, np.diff(u) * duration, speed, usable, stops, fastest)
 
 
 def _controllable(h: Array, high: Array, tilt: Array, top: Array) -> Array:

@@ -33,6 +33,7 @@ QP_STARTS = 24  # random seeds that look for branches where the closed form does
 FAMILY_STARTS = 24  # members of the first pose's family that are tried on seven joints
 PROGRESS_CALLS = 200  # per branch at most
 REHEARSAL_SPEED = 1e3  # [rad/s] no limit in effect
+REHEARSAL_TICKS = 200  # of a line at least, however fast it is asked for: they show how joints speed up and slow down
 SAME_BRANCH = 1e-3  # [rad] two starts nearer than this are one branch
 
 Progress = Callable[[int, int], None]
@@ -217,8 +218,10 @@ class _Follower:
 
     def follow(self, q: Array) -> PathResult:
         """The whole path from a configuration (dof,) [rad]."""
-        u = sample_lines(self._times, self._tracker.dt)
+        times, dt = self._times, self._tracker.dt
+        u = sample_lines(times, dt)
         if self._rehearsal is not None and self._acceleration is not None:
+            u = sample_lines(np.where(times > 0.0, np.maximum(times, REHEARSAL_TICKS * dt), 0.0), dt)
             u = self._accelerated(u, self._steps(self._rehearsal, u, q, None), self._acceleration)
         return self._result(u, self._steps(self._tracker, u, q, self._progress))
 

@@ -45,7 +45,7 @@ def test_a_bent_joint_path_is_run_through_within_acceleration() -> None:
     assert (np.abs(v) <= velocity).all()
     acceleration = np.abs(np.diff(v, axis=0) / (50 * step)).max(axis=0)
     assert (acceleration <= limit).all()
-    assert (acceleration > 0.85 * limit).any()  # and no slower than that
+    assert (acceleration > 0.75 * limit).any()  # and no slower than that
     hurried = fit_line(u, bent(u), 1.0, velocity, 1e6 * limit)
     assert hurried.t[-1] == pytest.approx(np.abs(np.diff(np.sin(3.0 * u))).sum() / 0.98, rel=0.35)
     assert fit_line(u, bent(u), 20.0, velocity, limit).t[-1] == pytest.approx(20.0, rel=0.02)  # as asked
@@ -53,7 +53,7 @@ def test_a_bent_joint_path_is_run_through_within_acceleration() -> None:
 
 def test_a_line_of_one_tick_moves() -> None:
     schedule = fit_line(np.array([2.0, 3.0]), np.array([[0.0], [0.1]]), 0.01, np.array([1.0]), np.array([2.0]))
-    assert schedule.t[-1] == pytest.approx(2.0 * np.sqrt(0.1 / 1.8), rel=1e-6)
+    assert schedule.t[-1] == pytest.approx(2.0 * np.sqrt(0.1 / 1.6), rel=1e-6)
     assert (schedule.ticks(DT)[0], schedule.ticks(DT)[-1]) == (2.0, 3.0)
 
 

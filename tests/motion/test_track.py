@@ -209,6 +209,18 @@ def test_a_path_is_followed_from_rest_to_rest_within_acceleration(robot: Robot, 
     assert np.abs(reached.translation - corners[-1].translation).max() < 1e-5
 
 
+def test_a_speed_that_no_joint_can_follow_is_not_reached(robot: Robot) -> None:
+    """The line is asked for in a tenth of a second; from rest to rest it takes what the joints need."""
+    start = robot.forward_kinematics(robot.home)
+    corners = [start, pin.SE3(start.rotation, start.translation + np.array([0.0, 0.0, 0.2]))]
+    result = track_path(robot, corners, speed=2.0, start=robot.home, acceleration_limit=2.0)
+    assert result.success
+    assert (np.abs(result.a) <= 2.0 + 1e-7).all()
+    assert 0.7 < result.t[-1] < 3.0
+    slower = track_path(robot, corners, speed=0.05, start=robot.home, acceleration_limit=2.0)
+    assert slower.t[-1] > 4.0
+
+
 def test_a_start_is_never_left(robot: Robot) -> None:
     """The path that made `seed` begin on another branch: from `start` it is refused by its result instead."""
     rng = np.random.default_rng(5)
