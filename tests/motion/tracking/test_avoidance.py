@@ -214,8 +214,8 @@ def test_wrong_scenes_are_refused_before_the_first_tick(
     ("make", "match"),
     [
         (lambda: Scene(Floor()), "obstacles must be a list"),  # type: ignore[arg-type]  # wrong on purpose
-        (lambda: Scene(["floor"]), "each be a shape with a name"),  # type: ignore[list-item]  # wrong on purpose
-        (lambda: Scene([Floor(name="")]), "must have a name"),
+        (lambda: Scene(["floor"]), "obstacles must be shapes with a name"),  # type: ignore[list-item]  # wrong on purpose
+        (lambda: Scene([Floor(name="")]), "name of an obstacle must be a word"),
         (lambda: Scene([Floor(), Floor(-0.1)]), "'floor' is used by two"),
         (lambda: Sphere("a", 0.0, [0.0] * 3), "a: radius"),
         (lambda: Box("b", [0.1, -0.1, 0.1], [0.0] * 3), "b: size"),
