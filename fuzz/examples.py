@@ -30,7 +30,7 @@ def build(folder: Path) -> Examples:
     target = robot.forward_kinematics(HOME)
     near = robot.forward_kinematics(np.add(HOME, 0.05))
     solver = jacokin.IKSolver(robot)
-    clearance = motion.Clearance(0.01, [ik.Floor(-0.2)])
+    scene = ik.Scene([ik.Floor(-0.2)])
     path = motion.track_path(robot, [target, near], speed=0.5, angular_speed=1.0, seed=HOME)
     arm = robots.make_arm(observations.PERFECT_FEATURES)
     hand = robots.make_hand(observations.PERFECT_FEATURES)
@@ -81,7 +81,7 @@ def build(folder: Path) -> Examples:
         "random_state": np.random.RandomState(0),
         "path": csv,
         "result": path,
-        "collision": clearance,
+        "collision": "reject",
         "physics": physics,
         "arm": arm,
         "hand": hand,
@@ -135,7 +135,7 @@ def build(folder: Path) -> Examples:
         "Robot": robot,
         "IKSolver": solver,
         "IKResult": solver.solve(target),
-        "Tracker": jacokin.Tracker(robot, q=HOME, collision=clearance),
+        "Tracker": jacokin.Tracker(robot, q=HOME, scene=scene),
         "PathResult": path,
         "SelfContact": model.SelfContact(robot),
         "CrossCheckReport": jacokin.crosscheck(robot, samples=2),

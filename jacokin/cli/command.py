@@ -12,9 +12,7 @@ from jacokin.cli.exit_codes import INTERRUPTED
 from jacokin.errors import JacokinError, UnknownNameError
 
 # Options followed by any number of numbers, such as one for each joint.
-NUMBER_LISTS = frozenset(
-    {"--seed", "--start", "--velocity-limit", "--acceleration-limit", "--box", "--sphere", "--target", "--tool"}
-)
+NUMBER_LISTS = frozenset({"--seed", "--start", "--velocity-limit", "--acceleration-limit", "--target", "--tool"})
 
 _NUMBER = re.compile(r"[-+]?((\d+\.?\d*|\.\d+)(e[-+]?\d+)?|inf(inity)?|nan)", re.IGNORECASE | re.ASCII)
 

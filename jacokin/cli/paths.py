@@ -14,9 +14,7 @@ from jacokin.errors import InvalidInputError
 
 if TYPE_CHECKING:
     from jacokin.arrays import Array
-    from jacokin.model.obstacles import Obstacle
-    from jacokin.motion.path_result import PathResult
-    from jacokin.motion.tracking.avoidance import Clearance
+    from jacokin.motion.trajectory import PathResult
 
 
 def plan(
@@ -108,22 +106,11 @@ def track(
         str | None,
         Option("--acceleration-limit", metavar="A ..", help="Of the joints [rad/s^2]; none if not given."),
     ] = None,
+    scene: options.SceneOption = None,
     clearance: Annotated[
         float | None,
-        Option("--clearance", metavar="D", help="Distance kept between shapes [m]; 0.01 with obstacles."),
+        Option("--clearance", metavar="D", help="Distance kept between shapes [m]; 0.01 with a scene."),
     ] = None,
-    box: Annotated[
-        list[str] | None,
-        Option("--box", metavar="X Y Z A B C", help="An obstacle: centre and edge lengths [m]. Repeatable."),
-    ] = None,
-    sphere: Annotated[
-        list[str] | None,
-        Option("--sphere", metavar="X Y Z R", help="An obstacle: centre and radius [m]. Repeatable."),
-    ] = None,
-    floor: Annotated[
-        float | None, Option("--floor", metavar="Z", help="An obstacle: everything below this height [m].")
-    ] = None,
-    scene: options.SceneOption = None,
     frame: options.FrameOption = None,
     tool: options.ToolOption = None,
     seed: options.SeedOption = None,
@@ -146,7 +133,7 @@ def track(
       jacokin track --path path.csv --output trajectory.csv
       jacokin track --path path.csv --dt 0.005 --speed 0.1 --output trajectory.npz --plot trajectory.png
       jacokin track --path path.csv --degrees --velocity-limit 20 --acceleration-limit 60
-      jacokin track --path path.csv --floor 0 --box 0.5 -0.5 0.1 0.6 0.6 0.05 --clearance 0.02
+      jacokin track --path path.csv --scene scene.yaml --clearance 0.02
     """
     from jacokin.cli import trajectory_report
     from jacokin.motion.track import ANGULAR_SPEED, track_path
@@ -155,7 +142,7 @@ def track(
     trajectory_report.check_files(
         output, plot, {"--path": path, "--robot": source.robot, "--scene": scene}, source.package_dir
     )
-    obstacles = read(clearance, box, sphere, floor, scene)
+    around = options.surroundings(scene, clearance)[0]
     arm = source.load()
     units = Units(degrees)
     joints = units.of_joints(arm)
@@ -174,7 +161,8 @@ def track(
                 start=of_joints("--start", start, joints),
                 velocity_limit=of_joints("--velocity-limit", velocity_limit, joints),
                 acceleration_limit=of_joints("--acceleration-limit", acceleration_limit, joints),
-                collision=obstacles,
+                scene=around,
+                clearance=clearance,
                 progress=progress,
             )
 
@@ -208,43 +196,3 @@ def read_poses(path: Path) -> Array:
             f"{path}: a path needs orientations, columns {', '.join(QUATERNION)} or {', '.join(RPY)}"
         )
     return targets
-
-
-def read(
-    clearance: float | None,
-    boxes: list[str] | None,
-    spheres: list[str] | None,
-    floor: float | None,
-    scene: Path | None,
-) -> Clearance | None:
-    """What the options ask to keep apart; None if they ask for nothing.
-
-    Args:
-        clearance: distance kept between all shapes [m]; the tracker's own if None.
-        boxes: centre and edge lengths of each [m].
-        spheres: centre and radius of each [m].
-        floor: height of the floor [m].
-        scene: a file of obstacles.
-
-    Raises:
-        InvalidInputError: a malformed number or scene.
-    """
-    if clearance is None and floor is None and not boxes and not spheres and scene is None:
-        return None
-    from jacokin.model.obstacles import Box, Floor, Sphere
-    from jacokin.motion.tracking.avoidance import CLEARANCE, Clearance
-
-    obstacles: list[Obstacle] = []
-    for index, text in enumerate(boxes or (), start=1):
-        values = numbers("--box", text, 6) or []
-        obstacles.append(Box(f"--box {index}", values[3:], values[:3]))
-    for index, text in enumerate(spheres or (), start=1):
-        values = numbers("--sphere", text, 4) or []
-        obstacles.append(Sphere(f"--sphere {index}", values[3], values[:3]))
-    if floor is not None:
-        obstacles.append(Floor(floor))
-    if scene is not None:
-        from jacokin.model.scene import Scene
-
-        obstacles.extend(Scene.load(scene))
-    return Clearance(CLEARANCE if clearance is None else clearance, obstacles)

@@ -20,7 +20,7 @@ from jacokin.errors import InvalidInputError, MissingExtraError
 if TYPE_CHECKING:
     from jacokin.cli.units import Units
     from jacokin.model.robot import Robot
-    from jacokin.motion.path_result import PathResult
+    from jacokin.motion.trajectory import PathResult
 
 SHOWN = 6  # values of the parameter in a line
 
@@ -43,8 +43,8 @@ def check_files(
         InvalidInputError: a file of another kind, or one that is read.
         MissingExtraError: matplotlib is needed and not installed.
     """
-    from jacokin.motion.files import FORMATS
     from jacokin.motion.plot import FORMATS as PICTURES
+    from jacokin.motion.trajectory import FORMATS
 
     for option, file, endings in (("--output", output, FORMATS), ("--plot", plot, PICTURES)):
         if file is not None and file.suffix not in endings:
@@ -147,12 +147,12 @@ def show(arm: Robot, result: PathResult, units: Units, output: Path | None, plot
     lines += [(name, str(file)) for name, file in (("written to", output), ("drawn in", plot)) if file is not None]
     say(facts(lines))
     if not result.success and result.branches:
-        from jacokin.motion.path_result import in_words
+        from jacokin.motion.trajectory import list_segments
 
         rows = [
             (
                 str(index),
-                in_words(branch.failed_segments) or "none",
+                list_segments(branch.failed_segments) or "none",
                 small(branch.position_error, "m"),
                 small(units.shown(branch.orientation_error), units.angle),
             )

@@ -1,10 +1,11 @@
 """Motion: how the arm gets there. Everything public is imported from here; read `tracking/tracker` first.
 
-tracking            following targets at a fixed rate, one QP a tick
-track_path          following a path of poses with the tracker
-planning            `plan_path`: the best branch at every place of a path, before anything moves
-joint_motion        from one configuration to another in the least time
-path_result, files  trajectories as arrays and as files
+tracking      following targets at a fixed rate, one QP a tick
+track         `track_path`: following a path of poses with the tracker, from the start that makes it possible
+planning      `plan_path`: the best branch at every place of a path, before anything moves
+joint_motion  `move_joints`: from one configuration to another in the least time
+path, timing  lines between poses, and when each place of them is passed
+trajectory    joint angles over time, and their files; `clearance` measures them, `plot` draws them
 """
 
 from jacokin import lazy

@@ -6,22 +6,18 @@ leaves the interval between its two ends.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, MissingExtraError
-from jacokin.ik import seeds
 from jacokin.model import angles, checks
 from jacokin.model.robot import Robot, checked_robot
-from jacokin.motion import lines
-from jacokin.motion.files import Layout, Stored
-from jacokin.motion.path_result import PathResult
-from jacokin.motion.tracking.joint_limits import velocity_limits
+from jacokin.motion.timing import MAX_TICKS
+from jacokin.motion.tracking.joint_limits import checked_start, velocity_limits
+from jacokin.motion.trajectory import JointMotion
 
 if TYPE_CHECKING:
     import ruckig
@@ -29,39 +25,6 @@ if TYPE_CHECKING:
 
 ACCELERATION = 1.0  # [rad/s^2] full speed in about 0.7 s; the maker publishes no figure, so this is a gentle guess
 MISSED = 1e-6  # [rad] a motion that ends farther from its goal is not one
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class JointMotion(Stored):
-    """A motion between two configurations, sampled. Arrays are read-only."""
-
-    LAYOUT: ClassVar = Layout(joints=("q", "v", "a"))
-
-    joint_names: tuple[str, ...]
-    """Names of the joints."""
-    t: Array
-    """(n,) time [s], from 0; the last row is the end of the motion."""
-    q: Array
-    """(n, dof) joint angles [rad]."""
-    v: Array
-    """(n, dof) velocities [rad/s]."""
-    a: Array
-    """(n, dof) accelerations [rad/s^2]."""
-    lower: Array
-    """(dof,) lower limits [rad]."""
-    upper: Array
-    """(dof,) upper limits [rad]."""
-    velocity_limit: Array
-    """(dof,) velocity limits that were held [rad/s]."""
-
-    @property
-    def duration(self) -> float:
-        """Length of the motion [s]."""
-        return float(self.t[-1])
-
-    def __len__(self) -> int:
-        """Number of rows."""
-        return len(self.t)
 
 
 def move_joints(
@@ -94,15 +57,15 @@ def move_joints(
     """
     checked_robot("robot", robot)
     step = checks.positive("dt", dt, "s")
-    start, end = (_checked_configuration(robot, q, name) for q, name in ((q_from, "q_from"), (q_to, "q_to")))
+    start, end = (checked_start(robot, q, name, noise=0.0) for q, name in ((q_from, "q_from"), (q_to, "q_to")))
     end = angles.nearest_copy(end, start, robot.unlimited)
     velocity = velocity_limits(robot, velocity_limit)
     acceleration = checks.positive_vector("acceleration_limit", acceleration_limit, robot.dof, "rad/s^2")
     jerk = None if jerk_limit is None else checks.positive_vector("jerk_limit", jerk_limit, robot.dof, "rad/s^3")
-    trajectory = _timed(start, end, velocity, acceleration, jerk)
+    trajectory = _time(start, end, velocity, acceleration, jerk)
     duration = trajectory.duration
-    if not duration / step <= lines.MAX_TICKS:
-        raise InvalidInputError(f"the motion takes {duration:.6g} s: more than {lines.MAX_TICKS} steps of {step:.6g} s")
+    if not duration / step <= MAX_TICKS:
+        raise InvalidInputError(f"the motion takes {duration:.6g} s: more than {MAX_TICKS} steps of {step:.6g} s")
     times = np.append(np.arange(0.0, duration, step), duration) if duration > 0.0 else np.zeros(1)
     rows = [trajectory.at_time(float(time)) for time in times]
     q, v, a = (np.array(column) for column in zip(*rows, strict=True))
@@ -111,10 +74,11 @@ def move_joints(
     # Rounding may pass the ends by one unit in the last place, and an end may be a limit.
     q = np.clip(q, np.minimum(start, end), np.maximum(start, end))
     q[0], q[-1] = start, end
-    return JointMotion(robot.joint_names, *map(checks.read_only, (times, q, v, a, robot.lower, robot.upper, velocity)))
+    columns = map(checks.read_only, (times, q, v, robot.lower, robot.upper, velocity, a))
+    return JointMotion(robot.joint_names, *columns)
 
 
-def _timed(start: Array, end: Array, velocity: Array, acceleration: Array, jerk: Array | None) -> ruckig.Trajectory:
+def _time(start: Array, end: Array, velocity: Array, acceleration: Array, jerk: Array | None) -> ruckig.Trajectory:
     """Ruckig's trajectory from rest to rest; limits (dof,) in rad and s.
 
     Raises:
@@ -149,35 +113,3 @@ def _timed(start: Array, end: Array, velocity: Array, acceleration: Array, jerk:
 def _range(values: Array) -> str:
     low, high = float(values.min()), float(values.max())
     return f"{low:.3g}" if low == high else f"{low:.3g} to {high:.3g}"
-
-
-def _checked_configuration(robot: Robot, q: ArrayLike, name: str) -> Array:
-    """A configuration within the limits.
-
-    Raises:
-        InvalidInputError: malformed, or a joint is outside; it is named.
-    """
-    angles = seeds.near_configuration(robot, q, name)
-    outside = np.flatnonzero((angles < robot.lower) | (angles > robot.upper))
-    if outside.size:
-        joint = int(outside[0])
-        raise InvalidInputError(
-            f"{name} puts {robot.joint_names[joint]} at {angles[joint]:.17g} rad, outside "
-            f"[{robot.lower[joint]:.17g}, {robot.upper[joint]:.17g}]"
-        )
-    return angles
-
-
-def load_trajectory(file: str | Path) -> PathResult | JointMotion:
-    """A trajectory of either kind from a file.
-
-    Raises:
-        InvalidInputError: neither kind of trajectory.
-    """
-    try:
-        return PathResult.load(file)
-    except InvalidInputError as error:
-        try:
-            return JointMotion.load(file)
-        except InvalidInputError:
-            raise error from None

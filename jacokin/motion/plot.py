@@ -8,7 +8,7 @@ import numpy as np
 
 from jacokin.errors import InvalidInputError, MissingExtraError
 from jacokin.motion import files
-from jacokin.motion.path_result import PathResult
+from jacokin.motion.trajectory import PathResult
 
 FORMATS = (".png", ".svg", ".pdf")
 SIZE = (10.0, 9.0)  # [inch]

@@ -1,90 +1,130 @@
-"""How a line is run through in time: at constant speed, or from rest to rest as fast as the joints allow.
+"""Time parametrisation: when each place of a path is passed, within velocity and acceleration limits.
 
-A line has length one; the part of it that is behind the tool is s(t). From rest to rest, s'(t) is a trapezoid: constant
-acceleration, constant speed, constant deceleration.
+Lines run at constant speed, or as fast as the joints allow between stops, by reachability analysis as TOPP-RA does it
+(Pham and Pham: A new approach to time-optimal path parameterization based on reachability analysis, 2018): a backward
+pass finds the largest speeds from which the path can be followed to its end, a forward pass takes them. The package
+`toppra` does it for splines, with linear programs compiled for each platform; between the knots of a piecewise linear
+path each program is the least of a few quotients, which takes a page of NumPy and no compiler.
+
+A place u counts lines: 2.5 is half way along the third.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
+from jacokin.errors import InvalidInputError
 
-USED = 0.9  # part of the acceleration limits that a path plans with; the rest is for what following it takes
-SPEED_USED = 0.98  # the same of the velocity limits
-CURVATURE_USED = 0.5  # of the acceleration, the most that the bend of the joint path may use at full speed
-TINY = 1e-12  # [rad] a joint that moves less along a line limits nothing
-SLOWEST = 0.1  # of the speed asked for: a line that needs less passes a singular pose, and is not worth the wait
+WHOLE_TICK = 1e-9  # a duration this near to whole ticks is whole; division rounds
+MAX_TICKS = 10_000_000  # more than a day at 100 Hz: a speed or a step was mistyped
+ACCELERATION_USED = 0.9  # part of the acceleration limits that is planned with where ticks are checked
+LINE_USED = 0.8, 0.98  # parts of acceleration and velocity limits for a line that is tracked, no tick of it checked
+NO_MOTION = 1e-12  # [rad] a joint that moves less along a line limits nothing
+PATH_SPEED_USED = 0.995  # of the velocity limits where ticks are checked: one may take in a little of a faster part
+ATTEMPTS = 24  # to find a pace whose ticks are all within the limits
+LESS = 0.9  # of the limits is used at the next attempt
+EASED, LEAST_EASED = 0.97, 0.5  # of its speed is left to a part of the path, beside the excess and at least
 
 
-@dataclass(frozen=True, slots=True)
-class Profile:
-    """A line of length one in time.
+def check_ticks(durations: Array, dt: float) -> None:
+    """Refuse a path that takes too many ticks of `dt` [s], or none; durations of its lines (n,) [s].
 
-    Attributes:
-        duration: [s].
-        ramp: the part of the duration for gaining speed, and again for losing it; 0 for constant speed, at most 0.5.
+    Raises:
+        InvalidInputError: names the longest segment.
     """
-
-    duration: float
-    ramp: float = 0.0
-
-    def parts(self, times: Array) -> Array:
-        """The part of the line that is done after parts of the duration; both 0 to 1."""
-        if self.ramp == 0.0:
-            return times
-        top = 1.0 / (1.0 - self.ramp)  # speed on the plateau
-        left = 1.0 - times
-        rising, falling = 0.5 * top / self.ramp * times**2, 1.0 - 0.5 * top / self.ramp * left**2
-        plateau = top * (times - 0.5 * self.ramp)
-        return np.select([times < self.ramp, left < self.ramp], [rising, falling], plateau)
+    total = float(durations.sum())
+    if not total / dt <= MAX_TICKS:
+        raise InvalidInputError(
+            f"the path takes {total:.6g} s, most of it segment {int(np.argmax(durations))}: more than {MAX_TICKS} "
+            f"ticks of {dt:.6g} s"
+        )
+    if total < dt * (1.0 - WHOLE_TICK):
+        raise InvalidInputError(f"the path takes {total:.6g} s, less than one control step of {dt:.6g} s")
 
 
-def rest_to_rest(speed: float, acceleration: float) -> Profile:
-    """The fastest trapezoid of length one.
+def sample_lines(durations: Array, dt: float) -> Array:
+    """Places at every tick of `dt` [s], each line at constant speed, for durations (lines,) [s].
+
+    Each line takes whole ticks, rounded up, and is slowed down to that; one that takes no time has none.
+    """
+    places = [np.zeros(1)]
+    for line, duration in enumerate(durations.tolist()):
+        if duration > 0.0:
+            ticks = max(1, int(np.ceil(duration / dt - WHOLE_TICK)))
+            places.append(line + np.arange(1, ticks + 1) / ticks)
+    return np.concatenate(places)
+
+
+def fit_ticks(
+    u: Array,
+    q: Array,
+    joints_at: Callable[[Array], Array],
+    times: Array,
+    dt: float,
+    velocity: Array,
+    acceleration: Array | None,
+) -> Array:
+    """Places of the ticks along a path that every joint can follow, no faster than asked.
 
     Args:
-        speed: largest [1/s].
-        acceleration: largest [1/s^2].
-    """
-    if speed**2 >= acceleration:  # the speed is never reached
-        return Profile(2.0 / np.sqrt(acceleration), 0.5)
-    duration = 1.0 / speed + speed / acceleration
-    return Profile(duration, speed / acceleration / duration)
-
-
-def profile_within(q: Array, duration: float, velocity: Array, acceleration: Array, dt: float) -> Profile:
-    """From rest to rest along a line whose joint path is known, within velocity and acceleration limits.
-
-    The velocity of a joint is q' s' and its acceleration q' s'' + q'' s'^2, with derivatives along the line taken from
-    the samples.
-
-    Args:
-        q: (n, dof) configurations at equal steps along the line, both ends included [rad].
-        duration: of the line at the speed asked for [s]; it is not run through faster.
-        velocity: (dof,) limits [rad/s].
-        acceleration: (dof,) limits [rad/s^2].
+        u: (n,) places of knots.
+        q: (n, dof) configurations there [rad].
+        joints_at: the configurations (m, dof) at places (m,) [rad].
+        times: (lines,) asked for each line [s].
         dt: control step [s].
+        velocity: (dof,) limits [rad/s].
+        acceleration: (dof,) limits [rad/s^2], from rest to rest then; None for none.
+
+    Raises:
+        InvalidInputError: more than ten million ticks, or none.
     """
-    step = 1.0 / (len(q) - 1)
-    slope = np.abs(np.diff(q, axis=0)).max(axis=0) / step
-    bend = np.abs(np.diff(q, 2, axis=0)).max(axis=0, initial=0.0) / step**2
-    slope, bend = np.maximum(slope, TINY), np.maximum(bend, TINY)
-    limit = USED * acceleration
-    asked = 1.0 / duration
-    with np.errstate(over="ignore"):  # what is beyond 1e308 limits nothing
-        fastest = min((SPEED_USED * velocity / slope).min(), np.sqrt(CURVATURE_USED * limit / bend).min())
-        speed = max(min(asked, float(fastest)), SLOWEST * asked)
-        left = np.maximum(limit - speed**2 * bend, (1.0 - USED) * limit)
-        return rest_to_rest(speed, min(float((left / slope).min()), speed / dt))
+    line = np.clip(0.5 * (u[:-1] + u[1:]), 0.0, None).astype(np.intp)
+    least = np.maximum(np.diff(u) * times[line], 1e-12)
+    part, top_speed, ticks = PATH_SPEED_USED, np.full(len(u) - 1, np.inf), u
+    for _ in range(ATTEMPTS):
+        if acceleration is None:
+            schedule = fit_speed(u, q, least, part * velocity)
+        else:
+            stops = _corners(u, q, least, acceleration, dt)
+            usable = ACCELERATION_USED * acceleration
+            schedule = fit_acceleration(u, q, least, part * velocity, usable, stops, top_speed)
+        check_ticks(np.asarray(np.bincount(line, np.diff(schedule.t)), dtype=np.float64), dt)
+        ticks = schedule.ticks(dt)
+        v = np.diff(joints_at(ticks), axis=0) / dt
+        fast = float((np.abs(v) / velocity).max())
+        if fast > 1.0:
+            part *= min(LESS, 1.0 / fast) if fast > 1.05 else 1.0 / fast - 1e-6
+        if schedule.speed is None or acceleration is None:
+            if fast <= 1.0:
+                break
+            continue
+        still = np.zeros((1, v.shape[1]))
+        change = np.abs(np.diff(np.vstack([still, v, still]), axis=0)) / dt
+        hard = (change / acceleration).max(axis=1)
+        if fast <= 1.0 and (hard <= 1.0).all():
+            break
+        speed, slower = np.maximum(schedule.speed[:-1], schedule.speed[1:]), top_speed.copy()
+        for tick in np.flatnonzero(hard > 1.0).tolist():  # slower where ticks gain or lose speed too quickly
+            near = (u[1:] >= ticks[max(tick - 1, 0)]) & (u[:-1] <= ticks[min(tick + 1, len(ticks) - 1)])
+            slower[near] = np.minimum(slower[near], max(LEAST_EASED, EASED / hard[tick]) * speed[near].max())
+        top_speed = slower
+    return ticks
 
 
-PATH_SPEED_USED = 0.995  # part of the velocity limits: a tick may take in a little of a faster part beside it
-ACCELERATION_USED = 0.9  # the same of the acceleration limits
-NO_MOTION = 1e-12
+def _corners(u: Array, q: Array, least: Array, acceleration: Array, dt: float) -> NDArray[np.bool_]:
+    """(n,) True at both ends, and where the joints' velocities change suddenly from one line to the next."""
+    v = np.diff(q, axis=0) / least[:, None]
+    jump = np.abs(np.diff(v, axis=0)) - 0.5 * (least[:-1] + least[1:])[:, None] * acceleration
+    sudden = (jump > 0.1 * acceleration * dt).any(axis=1)
+    stops = np.zeros(len(u), dtype=np.bool_)
+    stops[1:-1] = sudden & (u[1:-1] == np.round(u[1:-1]))
+    stops[[0, -1]] = True
+    return stops
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,21 +155,20 @@ class Schedule:
         return np.maximum.accumulate(np.clip(found, self.u[i], self.u[i + 1]))
 
 
-def within_speed(u: Array, q: Array, least: Array, velocity: Array, part: float) -> Schedule:
+def fit_speed(u: Array, q: Array, least: Array, velocity: Array) -> Schedule:
     """Each interval takes the time that was asked for, or the longer one that the joints need.
 
     Args:
         u: (n,) places.
         q: (n, dof) [rad].
         least: (n - 1,) time asked for each interval [s].
-        velocity: (dof,) limits [rad/s].
-        part: of the limits that is used.
+        velocity: (dof,) limits [rad/s], as far as they are to be used.
     """
-    needed = (np.abs(np.diff(q, axis=0)) / (part * velocity)).max(axis=1)
+    needed = (np.abs(np.diff(q, axis=0)) / velocity).max(axis=1)
     return Schedule(u, np.append(0.0, np.cumsum(np.maximum(least, needed))))
 
 
-def within_acceleration(
+def fit_acceleration(
     u: Array,
     q: Array,
     least: Array,
@@ -176,6 +215,25 @@ def within_acceleration(
     total = speed[:-1] + speed[1:]
     times = 2.0 * h / np.maximum(total, NO_MOTION)
     return Schedule(u, np.append(0.0, np.cumsum(times)), speed)
+
+
+def fit_line(u: Array, q: Array, duration: float, velocity: Array, acceleration: Array) -> Schedule:
+    """From rest to rest along a line, within parts of the limits that leave room for what following it takes.
+
+    Args:
+        u: (n,) places, both ends of the line included.
+        q: (n, dof) configurations there [rad].
+        duration: of the line at the speed asked for [s]; no part of it is run through faster.
+        velocity: (dof,) limits [rad/s].
+        acceleration: (dof,) limits [rad/s^2].
+    """
+    if len(u) == 2:  # at rest at both, it would never move
+        u, q = np.insert(u, 1, u.mean()), np.insert(q, 1, q.mean(axis=0), axis=0)
+    stops = np.zeros(len(u), dtype=np.bool_)
+    stops[[0, -1]] = True
+    fastest = np.full(len(u) - 1, np.inf)
+    usable, speed = LINE_USED[0] * acceleration, LINE_USED[1] * velocity
+    return fit_acceleration(u, q, np.diff(u) * duration, speed, usable, stops, fastest)
 
 
 def _controllable(h: Array, high: Array, tilt: Array, top: Array) -> Array:

@@ -20,13 +20,12 @@ from jacokin.ik import seeds
 from jacokin.ik.solver import IKSolver
 from jacokin.model import angles, checks
 from jacokin.model.robot import Robot, checked_robot
-from jacokin.motion import lines
-from jacokin.motion.lines import SampledPath
-from jacokin.motion.path_result import AT_SEED, BranchReport, PathResult, in_words
-from jacokin.motion.timing import Profile, profile_within
-from jacokin.motion.tracking.avoidance import Clearance
-from jacokin.motion.tracking.setup import checked_start
-from jacokin.motion.tracking.tracker import Tracker, TrackerStep
+from jacokin.model.scene import Scene
+from jacokin.motion.path import CartesianPath
+from jacokin.motion.timing import Schedule, check_ticks, fit_line, sample_lines
+from jacokin.motion.tracking.joint_limits import choose_start
+from jacokin.motion.tracking.tracker import Tracker, TrackerStatus, TrackerStep
+from jacokin.motion.trajectory import BranchReport, PathResult, describe_jump, list_segments
 
 SPEED = 0.05  # [m/s]
 ANGULAR_SPEED = 0.5  # [rad/s]
@@ -34,6 +33,7 @@ QP_STARTS = 24  # random seeds that look for branches where the closed form does
 FAMILY_STARTS = 24  # members of the first pose's family that are tried on seven joints
 PROGRESS_CALLS = 200  # per branch at most
 REHEARSAL_SPEED = 1e3  # [rad/s] no limit in effect
+REHEARSAL_TICKS = 200  # of a line at least, however fast it is asked for: they show how joints speed up and slow down
 SAME_BRANCH = 1e-3  # [rad] two starts nearer than this are one branch
 
 Progress = Callable[[int, int], None]
@@ -52,7 +52,11 @@ def track_path(
     start: ArrayLike | None = None,
     velocity_limit: ArrayLike | None = None,
     acceleration_limit: ArrayLike | None = None,
-    collision: Clearance | None = None,
+    scene: Scene | None = None,
+    clearance: float | None = None,
+    collision: str | None = None,
+    self_collision: bool = True,
+    pairs: Sequence[tuple[str, str]] | None = None,
     qp_solver: str = "daqp",
     progress: Callable[[int, int], None] | None = None,
 ) -> PathResult:
@@ -73,7 +77,11 @@ def track_path(
         velocity_limit: (dof,) or one for all [rad/s]; None for the robot's own.
         acceleration_limit: (dof,) or one for all [rad/s^2]; None for none. With one, each line is run through from
             rest to rest, and more slowly than asked for where the joints need it.
-        collision: shapes to keep apart; None for none.
+        scene: obstacles around the arm, in the base frame.
+        clearance: shapes are kept this far apart [m]; None for 0.01.
+        collision: "reject" or "ignore"; None for "reject" where a scene, a clearance or pairs are given.
+        self_collision: False to keep the arm clear of obstacles only.
+        pairs: exactly these pairs of shapes, by name, instead of all.
         qp_solver: a QP solver installed for qpsolvers.
         progress: called with ticks done and ticks in all, for the branch being tried.
 
@@ -84,16 +92,16 @@ def track_path(
 
     Raises:
         InvalidInputError: malformed path, speeds or limits, see `Tracker`; `start` outside the limits or beside `seed`.
-        UnknownNameError: unknown frame, QP solver or shape.
+        UnknownNameError: unknown frame, QP solver, collision mode or shape.
     """
     checked_robot("robot", robot)
     if progress is not None and not callable(progress):
         raise InvalidInputError(f"progress must be callable with two counts, or None, got {checks.shown(progress)}")
-    if start is not None and seed is not None:
-        raise InvalidInputError("give at most one of seed and start")
-    points = lines.checked_waypoints(waypoints)
-    times = lines.durations(points, speed, angular_speed)
-    near, note = seeds.seed_within_limits(robot, seed) if start is None else (checked_start(robot, start, "start"), "")
+    path = CartesianPath(waypoints, "", "waypoints")
+    if path.free:
+        raise InvalidInputError("track_path follows full poses; plan_path takes waypoints with a free axis")
+    times = path.durations(speed, angular_speed)
+    near, note = choose_start(robot, seed, start)
 
     tracker = Tracker(
         robot,
@@ -103,43 +111,55 @@ def track_path(
         q=near,
         velocity_limit=velocity_limit,
         acceleration_limit=acceleration_limit,
+        scene=scene,
+        clearance=clearance,
         collision=collision,
+        self_collision=self_collision,
+        pairs=pairs,
         qp_solver=qp_solver,
     )
-    follower = _Follower(tracker, points, times, progress)
+    rehearsal = acceleration = None
     if acceleration_limit is not None:
         acceleration = checks.positive_vector("acceleration_limit", acceleration_limit, robot.dof, "rad/s^2")
-        follower.rehearse_with(Tracker(robot, frame, dt=dt, tool=tool, velocity_limit=REHEARSAL_SPEED), acceleration)
+        rehearsal = Tracker(robot, frame, dt=dt, tool=tool, velocity_limit=REHEARSAL_SPEED)
+    follower = _Follower(tracker, path, times, progress, rehearsal, acceleration)
     if start is not None:
         starts, reaching = [near], 1
     else:
         solver = IKSolver(robot, tracker.frame, tool=tool, qp_solver=qp_solver)
-        starts = start_branches(solver, points[0], near)
+        starts = start_branches(solver, path.poses[0], near)
         reaching = len(starts)
-        starts = starts or [solver.solve(points[0], seed=near).q]
+        starts = starts or [solver.solve(path.poses[0], seed=near).q]
     best: PathResult | None = None
     reports: list[BranchReport] = []
     for q in starts:
         result = follower.follow(q)
-        reports.append(_report(q, result))
+        report = BranchReport(
+            q_start=checks.read_only(q),
+            failed_segments=result.failed_segments,
+            position_error=float(result.position_error.max()),
+            orientation_error=float(result.orientation_error.max()),
+        )
+        reports.append(report)
         if best is None or _rank(result) < _rank(best):
             best = result
         if result.success:
             break
     assert best is not None  # there is at least one start
+    away = np.abs(best.q[0] - near)
     if start is not None:
         words = [_sentence_from_start(best), note]
     else:
         words = [
             _sentence(best, len(reports), reaching, "start" if solver.has_families else "branch"),
-            _jump(best, near, "home" if seed is None else "the seed"),
+            describe_jump(robot.joint_names, away, "home" if seed is None else "the seed"),
             note,
         ]
     return replace(
         best,
         branches=tuple(reports),
         message="; ".join(word for word in words if word),
-        start_distance=float(np.abs(best.q[0] - near).max()),
+        start_distance=float(away.max()),
     )
 
 
@@ -179,78 +199,82 @@ class _Follower:
     along the lines decides how fast the lines can be run through.
     """
 
-    def __init__(self, tracker: Tracker, points: list[pin.SE3], times: Array, progress: Progress | None) -> None:
-        """Sample the path at constant speed."""
-        self.tracker = tracker
-        self._points = points
-        self._times = times
-        self._progress = progress
-        self._path = lines.sample(points, [Profile(float(time)) for time in times], tracker.dt)
-        self._rehearsal: tuple[Tracker, Array] | None = None
+    def __init__(
+        self,
+        tracker: Tracker,
+        path: CartesianPath,
+        times: Array,
+        progress: Progress | None,
+        rehearsal: Tracker | None,
+        acceleration: Array | None,
+    ) -> None:
+        """Take the path and how long its lines take at the speed asked for (lines,) [s].
 
-    def rehearse_with(self, tracker: Tracker, acceleration: Array) -> None:
-        """Rehearse with a tracker without limits; `acceleration` (dof,) are those to hold later [rad/s^2]."""
-        self._rehearsal = tracker, acceleration
+        With acceleration limits (dof,) [rad/s^2] also a tracker without limits, to rehearse with.
+        """
+        check_ticks(times, tracker.dt)
+        self._tracker, self._path, self._times, self._progress = tracker, path, times, progress
+        self._rehearsal, self._acceleration = rehearsal, acceleration
 
     def follow(self, q: Array) -> PathResult:
         """The whole path from a configuration (dof,) [rad]."""
-        path = self._path
-        if self._rehearsal is not None:
-            rehearsal, acceleration = self._rehearsal
-            steps = _steps(rehearsal, path, q, None)
-            followed, reached = np.array([step.q for step in steps]), [step.status.name == "OK" for step in steps]
-            dt, velocity = self.tracker.dt, self.tracker.velocity_limit
-            profiles = [Profile(float(time)) for time in self._times]
-            for index in np.unique(path.segment).tolist():
-                rows = np.flatnonzero(path.segment == index)
-                if not all(reached[rows[0] : rows[-1] + 1]):
-                    continue  # fails at any speed
-                ends = followed[max(rows[0] - 1, 0) : rows[-1] + 1]
-                profiles[index] = profile_within(ends, float(self._times[index]), velocity, acceleration, dt)
-            path = lines.sample(self._points, profiles, dt)
-        return _result(self.tracker, path, _steps(self.tracker, path, q, self._progress))
+        times, dt = self._times, self._tracker.dt
+        u = sample_lines(times, dt)
+        if self._rehearsal is not None and self._acceleration is not None:
+            u = sample_lines(np.where(times > 0.0, np.maximum(times, REHEARSAL_TICKS * dt), 0.0), dt)
+            u = self._accelerated(u, self._steps(self._rehearsal, u, q, None), self._acceleration)
+        return self._result(u, self._steps(self._tracker, u, q, self._progress))
 
+    def _accelerated(self, u: Array, rehearsed: list[TrackerStep], acceleration: Array) -> Array:
+        """Places of the ticks with each line run through from rest to rest, for rehearsed ticks at places (n,)."""
+        q, dt = np.array([step.q for step in rehearsed]), self._tracker.dt
+        times, schedules = self._times.copy(), dict[int, Schedule]()
+        for line, end in enumerate(np.searchsorted(u, np.arange(1.0, len(times) + 1.0)).tolist()):
+            start = int(np.searchsorted(u, line, side="right")) - 1
+            on_path = all(step.status is TrackerStatus.OK for step in rehearsed[start : end + 1])
+            if times[line] > 0.0 and on_path:  # what the rehearsal leaves fails at any speed
+                knots = np.append(float(line), u[start + 1 : end + 1])
+                limits = self._tracker.velocity_limit, acceleration
+                schedules[line] = fit_line(knots, q[start : end + 1], float(times[line]), *limits)
+                times[line] = schedules[line].t[-1]
+        check_ticks(times, dt)
+        ticks = sample_lines(times, dt)
+        places = [np.zeros(1)]
+        for line in range(len(times)):
+            between = (ticks > line) & (ticks <= line + 1)
+            places.append(schedules[line].ticks(dt)[1:] if line in schedules else ticks[between])
+        return np.concatenate(places)
 
-def _steps(tracker: Tracker, path: SampledPath, q: Array, progress: Progress | None) -> list[TrackerStep]:
-    """A tick for every pose of the path; the first goes nowhere and measures the start."""
-    tracker.reset(q)
-    steps = [tracker.measure(path.poses[0])]
-    total = len(path.poses)
-    every = 1 + total // PROGRESS_CALLS
-    for index in range(1, total):
-        steps.append(tracker.step(path.poses[index]))
-        if progress is not None and (index % every == 0 or index + 1 == total):
-            progress(index + 1, total)
-    return steps
+    def _steps(self, tracker: Tracker, u: Array, q: Array, progress: Progress | None) -> list[TrackerStep]:
+        """A tick for every place of the path; the first one only measures the start."""
+        poses = [pin.SE3(T[:3, :3], T[:3, 3]) for T in self._path.at(u)]
+        tracker.reset(q)
+        steps = [tracker.measure(poses[0])]
+        every = 1 + len(u) // PROGRESS_CALLS
+        for index, pose in enumerate(poses[1:], start=1):
+            steps.append(tracker.step(pose))
+            if progress is not None and (index % every == 0 or index + 1 == len(u)):
+                progress(index + 1, len(u))
+        return steps
 
-
-def _result(tracker: Tracker, path: SampledPath, steps: list[TrackerStep]) -> PathResult:
-    robot = tracker.robot
-    return PathResult(
-        joint_names=robot.joint_names,
-        t=checks.read_only(np.arange(len(steps)) * tracker.dt),
-        q=checks.read_only([step.q for step in steps]),
-        v=checks.read_only([step.v for step in steps]),
-        position_error=checks.read_only([step.position_error for step in steps]),
-        orientation_error=checks.read_only([step.orientation_error for step in steps]),
-        status=tuple(step.status.name for step in steps),
-        limiting=tuple("; ".join(step.limiting) for step in steps),
-        segment=path.segment,
-        clearance=checks.read_only([np.nan if step.clearance is None else step.clearance for step in steps]),
-        lower=robot.lower,
-        upper=robot.upper,
-        velocity_limit=tracker.velocity_limit,
-        qp_solver=next((step.qp_solver for step in steps if "then" in step.qp_solver), steps[-1].qp_solver),
-    )
-
-
-def _report(q: Array, result: PathResult) -> BranchReport:
-    return BranchReport(
-        q_start=checks.read_only(q),
-        failed_segments=result.failed_segments,
-        position_error=float(result.position_error.max()),
-        orientation_error=float(result.orientation_error.max()),
-    )
+    def _result(self, u: Array, steps: list[TrackerStep]) -> PathResult:
+        robot = self._tracker.robot
+        return PathResult(
+            joint_names=robot.joint_names,
+            t=checks.read_only(np.arange(len(steps)) * self._tracker.dt),
+            q=checks.read_only([step.q for step in steps]),
+            v=checks.read_only([step.v for step in steps]),
+            lower=robot.lower,
+            upper=robot.upper,
+            velocity_limit=self._tracker.velocity_limit,
+            position_error=checks.read_only([step.position_error for step in steps]),
+            orientation_error=checks.read_only([step.orientation_error for step in steps]),
+            status=tuple(step.status.name for step in steps),
+            limiting=tuple("; ".join(step.limiting) for step in steps),
+            segment=self._path.segments(u),
+            clearance=checks.read_only([np.nan if step.clearance is None else step.clearance for step in steps]),
+            qp_solver=next((step.qp_solver for step in steps if "then" in step.qp_solver), steps[-1].qp_solver),
+        )
 
 
 def _rank(result: PathResult) -> tuple[float, float]:
@@ -264,7 +288,7 @@ def _sentence(result: PathResult, tried: int, reaching: int, word: str) -> str:
     if result.success:
         return f"{word} {tried} of {reaching} stays on the path"
     words = "branches" if word == "branch" else f"{word}s"
-    where = in_words(result.failed_segments)
+    where = list_segments(result.failed_segments)
     return f"none of the {reaching} {words} stays on the path; the best one leaves it on segment {where}"
 
 
@@ -276,13 +300,4 @@ def _sentence_from_start(result: PathResult) -> str:
             f"the given start is not at the first pose: {result.position_error[0]:.3g} m and "
             f"{result.orientation_error[0]:.3g} rad away"
         )
-    return f"the given start leaves the path on segment {in_words(result.failed_segments)}"
-
-
-def _jump(result: PathResult, seed: Array, name: str) -> str:
-    """Where the path starts, when that is not at the seed."""
-    away = np.abs(result.q[0] - seed)
-    joint = int(np.argmax(away))
-    if away[joint] <= AT_SEED:
-        return ""
-    return f"it starts {away[joint]:.3g} rad ({result.joint_names[joint]}) from {name}: bring the arm to q[0] first"
+    return f"the given start leaves the path on segment {list_segments(result.failed_segments)}"

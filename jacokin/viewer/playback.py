@@ -13,8 +13,7 @@ from jacokin.errors import InvalidInputError
 from jacokin.model import checks
 from jacokin.model.robot import Robot
 from jacokin.motion import files
-from jacokin.motion.files import Trajectory
-from jacokin.motion.joint_motion import load_trajectory
+from jacokin.motion.trajectory import Trajectory, load_trajectory
 
 SPEEDS = (0.1, 4.0)  # least and largest, of the recorded one
 ENDINGS = (".csv", ".npz", ".json", ".kinova.csv")
@@ -138,9 +137,9 @@ def _read_kinova(file: Path, robot: Robot) -> Columns:
     if list(table.head[: len(wanted)]) != wanted or len(table.head) != 2 * robot.dof + 1:
         raise InvalidInputError(f"{file}: the head line must begin {','.join(wanted)} for {robot.name}")
     rows = []
-    for row, line in enumerate(table.lines):
+    for line, row in zip(table.lines, table.rows, strict=True):
         try:
-            rows.append(table.numbers(row, 0, len(wanted)))
+            rows.append([float(cell) for cell in row[: len(wanted)]])
         except ValueError as error:
             raise InvalidInputError(f"{file}, line {line}: {error}") from error
     numbers = checks.read_only(rows)

@@ -29,7 +29,7 @@ from jacokin.viewer.playback import Playback
 from jacokin.viewer.viewer import Viewer
 
 if TYPE_CHECKING:
-    from jacokin.motion.files import Trajectory
+    from jacokin.motion.trajectory import Trajectory
 
 DEFAULT_PORT = 8080
 DEFAULT_HOST = "127.0.0.1"  # this machine and no other

@@ -13,7 +13,7 @@ import jacokin
 from jacokin import Robot
 from jacokin.errors import InvalidInputError
 from jacokin.motion import track_path
-from jacokin.motion.path_result import PathResult
+from jacokin.motion.trajectory import PathResult
 from jacokin.viewer.playback import Playback
 from tests.viewer.trajectories import recorded
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from jacokin import Robot
 from jacokin.arrays import Array
-from jacokin.motion.files import Trajectory
+from jacokin.motion.trajectory import Trajectory
 
 
 def recorded(robot: Robot, t: Array | Sequence[float], q: Array, names: Sequence[str] | None = None) -> Trajectory:

@@ -1,1 +1,1 @@
-"""What `plan_path` is made of: the path of the tool, the ladder of all solutions, and how fast it is run through."""
+"""What `plan_path` is made of; read `plan` first, then `ladder` and `search`."""

@@ -1,32 +1,35 @@
-"""Which solutions of neighbouring rungs follow each other.
+"""The ladder graph of a path: rungs of all solutions at its places, and which of neighbouring rungs follow each other.
 
 Two solutions follow each other when the straight motion between them stays near the line of the tool: half way, the
 tool misses the line by no more than `DEVIATION` and `TILT`, and by a little more where the parameter of a family
-changes. What is on the line exactly is found later (`curve`).
+changes. What is on the line exactly is found later (`manifold.Curve`).
 """
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
+from jacokin.ik.solver import IKSolver
 from jacokin.model import angles
 from jacokin.model.angles import TURN
 from jacokin.model.poses import FreeAxis
 from jacokin.motion.planning.manifold import Manifold
 
-if TYPE_CHECKING:
-    import pinocchio as pin
-
-    from jacokin.ik.solver import IKSolver
-
 TOGETHER = 256  # places whose members are corrected in one go
+DEVIATION = 2e-3  # [m] of the tool from its line half way between two steps, the joints moving straight
+TILT = 2e-2  # [rad] the same of its orientation
+BEND = 0.15  # [m] and [rad], times the squared change of the parameter: how much more that may be
+NEAR = 1.0  # [rad] no joint moves farther between two steps
+MANY = 256  # pairs of solutions that are worth a look at single joints first
+FREE_STEPS = 2.5  # steps of the parameter from one step of the path to the next, at most
+TOO_FAST = 1e3  # cost of a second beyond a velocity limit: avoided wherever another way leads on
 
 
 @dataclass(slots=True)
@@ -46,37 +49,55 @@ class Rung:
     touching: tuple[tuple[str, str], ...] = ()
 
 
-class Rungs:
-    """Makes rungs."""
+@dataclass(slots=True)
+class Links:
+    """Which solutions of a rung follow which of the rung before.
 
-    def __init__(self, solver: IKSolver, manifold: Manifold, step: float) -> None:
+    Attributes:
+        first: (m,) numbers on the rung before.
+        second: (m,) numbers on this rung.
+        cost: (m,) of each; infinite where a closer look found that they do not follow each other.
+    """
+
+    first: NDArray[np.intp]
+    second: NDArray[np.intp]
+    cost: Array
+
+
+class Ladder:
+    """Makes the rungs of one path, and the links between neighbours."""
+
+    def __init__(self, solver: IKSolver, manifold: Manifold, pace: Pace, step: float, *, keep: bool) -> None:
         """Prepare.
 
         Args:
             solver: what solves; it has a closed form.
             manifold: the configurations on the path.
+            pace: what motion costs.
             step: between members of a family, in the parameter [rad].
+            keep: True when motions that need more than the time of their line are the last resort.
         """
-        self._solver, self._manifold, self._step = solver, manifold, step
-        self._robot, self._verifier = solver.robot, solver.verifier
+        self.manifold, self.pace = manifold, pace
+        self._solver, self._step, self.keep = solver, step, keep
+        self._robot, self.verifier = solver.robot, solver.verifier
         # Limited joints with more than a turn of room stand for several configurations.
         self._wide = np.flatnonzero(~self._robot.unlimited & (self._robot.upper - self._robot.lower > TURN))
 
-    def make(self, places: Array, near: Array | None = None) -> list[Rung]:
+    def make_rungs(self, places: Array, near: Array | None = None) -> list[Rung]:
         """The solutions at places (n,); of families also the members nearest to a configuration (dof,)."""
-        manifold = self._manifold
+        manifold = self.manifold
         if not manifold.has_families:
             poses = manifold.path.at(places)
             return [self._branches(u, T) for u, T in zip(places.tolist(), poses, strict=True)]
         parts = [places[start : start + TOGETHER] for start in range(0, len(places), TOGETHER)]
-        return [rung for part in parts for rung in self._of_families(part, near)]
+        return [rung for part in parts for rung in self._family_rungs(part, near)]
 
-    def _of_families(self, places: Array, near: Array | None) -> list[Rung]:
+    def _family_rungs(self, places: Array, near: Array | None) -> list[Rung]:
         """Members of families, all corrected together."""
-        manifold = self._manifold
+        manifold = self.manifold
         found = [self._members(u, manifold.path.target(u), near) for u in places.tolist()]
         counts = [len(rows) for rows, _ in found]
-        x, good = manifold.inside(np.repeat(places, counts), np.concatenate([rows for rows, _ in found]))
+        x, good = manifold.project(np.repeat(places, counts), np.concatenate([rows for rows, _ in found]))
         ends = np.cumsum([0, *counts]).tolist()
         return [
             self._rung(u, x[start:end][good[start:end]], solutions)
@@ -86,41 +107,41 @@ class Rungs:
     def _branches(self, u: float, T: Array) -> Rung:
         """The branches of a pose (4, 4)."""
         rows = self._solver.closed_form().solve_all(T, self._robot.home)
-        return self._rung(u, rows.q[self._verifier.reached_rows(rows)], len(rows))
+        return self._rung(u, rows.q[self.verifier.reached_rows(rows)], len(rows))
 
     def _members(self, u: float, target: pin.SE3 | FreeAxis, near: Array | None) -> tuple[Array, int]:
         """Points (k, width) of a family, to about 1e-4 rad, and how many branches it has in all."""
-        if not isinstance(target, FreeAxis) and self._manifold.path.free:  # six joints, at one value of the free angle
+        if not isinstance(target, FreeAxis) and self.manifold.path.free:  # six joints, at one value of the free angle
             branches = self._solver.closed_form().solve_all(target.homogeneous, self._robot.home)
-            angle = float(self._manifold.path.window(np.array([u]))[0][0])
-            rows = branches.q[self._verifier.reached_rows(branches)]
-            return self._manifold.points(rows, target, angle), len(branches)
+            angle = float(self.manifold.path.window(np.array([u]))[0][0])
+            rows = branches.q[self.verifier.reached_rows(branches)]
+            return self.manifold.points(rows, target, angle), len(branches)
         family = self._solver.family(target)
-        found = [np.empty((0, self._manifold.width))]
+        found = [np.empty((0, self.manifold.width))]
         for interval in family:
             parameters, rows = interval.spread(self._step)
             rows = angles.into_limits(rows, self._robot.lower, self._robot.upper)
-            found.append(np.column_stack([rows, parameters]) if self._manifold.path.free else rows)
+            found.append(np.column_stack([rows, parameters]) if self.manifold.path.free else rows)
         if near is not None:  # the member nearest to it, and the configuration itself, which may be a member
             nearest = family.nearest(near)
-            found.append(self._manifold.points(np.array([near] if nearest is None else [nearest, near]), target))
+            found.append(self.manifold.points(np.array([near] if nearest is None else [nearest, near]), target))
         return np.concatenate(found), family.branches
 
     def _rung(self, u: float, x: Array, solutions: int) -> Rung:
         """The rung of points (k, width): without those in contact, and with their copies."""
         touching: tuple[tuple[str, str], ...] = ()
-        if self._verifier.rejects_contact:
+        if self.verifier.rejects_contact:
             clear = np.ones(len(x), dtype=np.bool_)
             for row, point in enumerate(x):
-                pairs = self._verifier.touching(point[: self._manifold.dof])
+                pairs = self.verifier.touching(point[: self.manifold.dof])
                 if pairs:
                     clear[row], touching = False, tuple(pairs)
             x = x[clear]
         for joint in self._wide.tolist():
-            x = self._copied(x, joint)
+            x = self._add_turns(x, joint)
         return Rung(u, x, solutions, touching)
 
-    def _copied(self, x: Array, joint: int) -> Array:
+    def _add_turns(self, x: Array, joint: int) -> Array:
         """Points, and the same with turns of a joint that has room for it."""
         lower, upper = self._robot.lower[joint], self._robot.upper[joint]
         most = int((upper - lower) // TURN) + 1
@@ -128,68 +149,14 @@ class Rungs:
         copies = np.concatenate([x + turns * turn for turns in range(-most, most + 1)])
         return np.asarray(copies[(copies[:, joint] >= lower) & (copies[:, joint] <= upper)])
 
-
-DEVIATION = 2e-3  # [m] of the tool from its line half way between two steps, the joints moving straight
-TILT = 2e-2  # [rad] the same of its orientation
-BEND = 0.15  # [m] and [rad], times the squared change of the parameter: how much more that may be
-NEAR = 1.0  # [rad] no joint moves farther between two steps
-MANY = 256  # pairs of solutions that are worth a look at single joints first
-FREE_STEPS = 2.5  # steps of the parameter from one step of the path to the next, at most
-TOO_FAST = 1e3  # cost of a second beyond a velocity limit: avoided wherever another way leads on
-
-
-class _Pairs(NamedTuple):
-    """Numbers of solutions on two rungs."""
-
-    first: NDArray[np.intp]
-    second: NDArray[np.intp]
-
-
-@dataclass(slots=True)
-class Links:
-    """Which solutions of a rung follow which of the rung before.
-
-    Attributes:
-        first: (m,) numbers on the rung before.
-        second: (m,) numbers on this rung.
-        cost: (m,) of each.
-        alive: (m,) False where a closer look found that they do not follow each other.
-    """
-
-    first: NDArray[np.intp]
-    second: NDArray[np.intp]
-    cost: Array
-    alive: NDArray[np.bool_] = field(init=False)
-
-    def __post_init__(self) -> None:
-        """All are taken for good first."""
-        self.alive = np.ones(len(self.first), dtype=np.bool_)
-
-
-class Ladder:
-    """Makes rungs and links."""
-
-    def __init__(self, rungs: Rungs, manifold: Manifold, pace: Pace, step: float, *, keep: bool) -> None:
-        """Prepare.
-
-        Args:
-            rungs: makes the rungs.
-            manifold: the configurations on the path.
-            pace: what motion costs.
-            step: between members of a family, in the parameter [rad].
-            keep: True when motions that need more than the time of their line are the last resort.
-        """
-        self.make, self.manifold, self.pace = rungs.make, manifold, pace
-        self._step, self._keep = step, keep
-
-    def links(self, rungs: Sequence[Rung]) -> list[Links]:
+    def link(self, rungs: Sequence[Rung]) -> list[Links]:
         """Which solutions of each rung, the second to the last, follow which of the rung before, and at what cost."""
         manifold = self.manifold
-        pairs = [_Pairs(*np.nonzero(self._plausible(a, b))) for a, b in itertools.pairwise(rungs)]
-        counts = [len(pair.first) for pair in pairs]
-        start = np.concatenate([a.x[pair.first] for a, pair in zip(rungs, pairs, strict=False)])
+        pairs = [np.nonzero(self._plausible(a, b)) for a, b in itertools.pairwise(rungs)]
+        counts = [len(first) for first, _ in pairs]
+        start = np.concatenate([a.x[first] for a, (first, _) in zip(rungs, pairs, strict=False)])
         away = manifold.difference(
-            start, np.concatenate([b.x[pair.second] for b, pair in zip(rungs[1:], pairs, strict=True)])
+            start, np.concatenate([b.x[second] for b, (_, second) in zip(rungs[1:], pairs, strict=True)])
         )
         middles = np.repeat([0.5 * (a.u + b.u) for a, b in itertools.pairwise(rungs)], counts)
         good = np.abs(away[:, : manifold.dof]).max(axis=1, initial=0.0) <= NEAR
@@ -198,10 +165,11 @@ class Ladder:
         good[good] = (position <= DEVIATION + more) & (tilt <= TILT + more)
         found = []
         ends = np.cumsum([0, *counts]).tolist()
-        for (a, b), pair, (first, end) in zip(itertools.pairwise(rungs), pairs, itertools.pairwise(ends), strict=True):
-            keep = good[first:end]
-            cost = self.pace.cost(away[first:end][keep, : manifold.dof], a.u, b.u, self._keep)
-            found.append(Links(pair.first[keep], pair.second[keep], cost))
+        rows = zip(itertools.pairwise(rungs), pairs, itertools.pairwise(ends), strict=True)
+        for (a, b), (first, second), (start_row, end_row) in rows:
+            keep = good[start_row:end_row]
+            cost = self.pace.cost(away[start_row:end_row][keep, : manifold.dof], a.u, b.u, self.keep)
+            found.append(Links(first[keep], second[keep], cost))
         return found
 
     def _plausible(self, a: Rung, b: Rung) -> NDArray[np.bool_]:

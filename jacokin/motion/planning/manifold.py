@@ -1,7 +1,8 @@
-"""The configurations that bring the tool to the path of the tool, as points of coordinates x.
+"""The configurations that keep the tool on its path, as points of coordinates x, and motions through them.
 
 Coordinates are the joint angles; where the path has a free angle, it comes after them. A full pose on six joints leaves
-points at each place of the path, a free angle or a seventh joint leaves curves.
+points at each place of the path; a free angle or a seventh joint, one degree of redundancy, leaves curves: the
+self-motions of the arm.
 """
 
 from __future__ import annotations
@@ -15,11 +16,14 @@ from jacokin.arrays import Array
 from jacokin.model.angles import TURN
 from jacokin.model.poses import FreeAxis
 from jacokin.model.robot import Robot
-from jacokin.motion.planning.cartesian import CartesianPath
+from jacokin.motion.path import CartesianPath
 from jacokin.motion.planning.chain import Chain, Goal
 
 CLOSURE = 1e-9  # [m] and [rad] an exact configuration misses its pose by less
 JOINT_3 = 2  # the parameter of a seven-joint arm
+STRAY = 0.25  # [rad] from the straight joint motion between two knots; farther away is another branch
+MOST_KNOTS = 400_000
+SHORTEST = 1e-9  # of a line: two knots this near that are still far apart in a joint are a jump
 
 
 class Manifold:
@@ -63,17 +67,9 @@ class Manifold:
             angles = np.array([target.parameter_of(rotation) for rotation in self.chain.poses(q)[0]])
         return np.column_stack([q, angles])
 
-    def parameter(self, x: Array) -> Array:
-        """The parameter (n,) [rad] of points (n, width); nan when there is none."""
-        return np.full(len(x), np.nan) if self.column is None else x[:, self.column]
-
     def goal(self, u: Array) -> Goal:
         """What the tool is to reach at places (n,)."""
         return Goal(self.path.at(u), self.path.axes(u) if self.path.free else None)
-
-    def poses(self, u: Array, x: Array) -> Array:
-        """Poses (n, 4, 4) that the tool has on the path at places (n,)."""
-        return self.path.at(u, x[:, self.dof] if self.path.free else None)
 
     def difference(self, first: Array, second: Array) -> Array:
         """From points (m, width) to others [rad], the short way round."""
@@ -90,7 +86,7 @@ class Manifold:
             upper = np.column_stack([upper, np.where(full, np.inf, high)])
         return lower, upper
 
-    def inside(self, u: Array, x: Array) -> tuple[Array, NDArray[np.bool_]]:
+    def project(self, u: Array, x: Array) -> tuple[Array, NDArray[np.bool_]]:
         """The points (n, width) on the path within the limits that are nearest to given ones, and where there are any.
 
         Coordinates that would pass a limit stay on it.
@@ -131,11 +127,6 @@ class Manifold:
         return lower, upper
 
 
-STRAY = 0.25  # [rad] from the straight joint motion between two knots; farther away is another branch
-MOST_KNOTS = 400_000
-SHORTEST = 1e-9  # of a line: two knots this near that are still far apart in a joint are a jump
-
-
 class Curve:
     """A motion through knots; between them, the points of the manifold next to the motion from knot to knot."""
 
@@ -161,14 +152,14 @@ class Curve:
             guess = np.asarray(self._smooth(u))
         else:
             guess = np.column_stack([np.interp(u, self.u, column) for column in self.x.T])
-        x, good = self.manifold.inside(u, guess)
+        x, good = self.manifold.project(u, guess)
         good &= np.abs(x - guess).max(axis=1) <= STRAY
         lower, upper = self.manifold.window(u)
         dof = self.manifold.dof
         guess[:, :dof] = np.clip(guess[:, :dof], lower[:, :dof], upper[:, :dof])
         return np.where(good[:, None], x, guess), good
 
-    def refined(self, u: Array, step: Array) -> tuple[Array, Array, NDArray[np.intp]]:
+    def refine(self, u: Array, step: Array) -> tuple[Array, Array, NDArray[np.intp]]:
         """Knots between which no joint moves more than a step.
 
         Args:
@@ -180,18 +171,18 @@ class Curve:
             there is no such way: joint angles jump, or leave the limits.
         """
         x, good = self.at(u)
-        bad = set(self._intervals(u[~good]))
+        bad = set(self.intervals(u[~good]).tolist())
         while True:
             ratio = (np.abs(np.diff(x[:, : self.manifold.dof], axis=0)) / step).max(axis=1)
             wide = np.flatnonzero(ratio > 1.0)
-            wide = wide[~np.isin(self._intervals(0.5 * (u[wide] + u[wide + 1])), list(bad))]
+            wide = wide[~np.isin(self.intervals(0.5 * (u[wide] + u[wide + 1])), list(bad))]
             jumps = wide[np.diff(u)[wide] < SHORTEST]
-            bad.update(self._intervals(0.5 * (u[jumps] + u[jumps + 1])))
+            bad.update(self.intervals(0.5 * (u[jumps] + u[jumps + 1])).tolist())
             wide = wide[np.diff(u)[wide] >= SHORTEST]
             if not wide.size:
                 break
             if len(u) > MOST_KNOTS:
-                bad.update(self._intervals(0.5 * (u[wide] + u[wide + 1])))
+                bad.update(self.intervals(0.5 * (u[wide] + u[wide + 1])).tolist())
                 break
             counts = np.minimum(np.ceil(ratio[wide]), 8.0).astype(int)
             new = np.concatenate(
@@ -201,12 +192,11 @@ class Curve:
                 ]
             )
             found, good = self.at(new)
-            bad.update(self._intervals(new[~good]))
+            bad.update(self.intervals(new[~good]).tolist())
             order = np.argsort(np.concatenate([u, new]), kind="stable")
             u, x = np.concatenate([u, new])[order], np.concatenate([x, found])[order]
         return u, x, np.array(sorted(bad), dtype=np.intp)
 
-    def _intervals(self, u: Array) -> list[int]:
-        """Number of the old interval that each place lies in."""
-        found = np.clip(np.searchsorted(self.u, u, side="left") - 1, 0, len(self.u) - 2)
-        return [int(number) for number in found]
+    def intervals(self, u: Array) -> NDArray[np.intp]:
+        """Number (n,) of the interval between knots that each place (n,) lies in; 0 ends at the second knot."""
+        return np.asarray(np.clip(np.searchsorted(self.u, u, side="left") - 1, 0, len(self.u) - 2))

@@ -1,79 +1,34 @@
-"""Plan a path over all branches, before anything moves. Read this file first, then `jacokin.ik.planning`.
+"""`plan_path`: a path planned over all branches, before anything moves. Read this file first.
 
 `track_path` follows the path from one start after another, tick by tick, and never changes its mind. `plan_path` first
-computes all solutions at steps along the path, links those that follow each other, and takes the cheapest way from the
-first to the last; then it computes every tick exactly on the path.
+computes all solutions at steps along the path and links those that follow each other (`ladder`), and takes the cheapest
+way from the first to the last (`search`); then it computes every tick exactly on the path (`manifold`) and measures it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, StructureError, shown
-from jacokin.ik import diagnosis, seeds
+from jacokin.ik import diagnosis
+from jacokin.ik.geometry import measure_seven
 from jacokin.ik.solver import IKSolver
-from jacokin.ik.targets import Target
+from jacokin.ik.targets import Target, TargetPose
 from jacokin.model import checks
-from jacokin.motion import lines
-from jacokin.motion.path_result import PathResult
-from jacokin.motion.planning.cartesian import MOST_FAMILIES, MOST_PLACES, CartesianPath
+from jacokin.motion.path import MOST_FAMILIES, MOST_PLACES, CartesianPath
 from jacokin.motion.planning.chain import Chain
-from jacokin.motion.planning.climbing import Begin, Climb
-from jacokin.motion.planning.ladder import Ladder, Pace, Rung, Rungs
-from jacokin.motion.planning.manifold import Manifold
-from jacokin.motion.planning.planned import Planned, Settings
-from jacokin.motion.planning.search import Search
+from jacokin.motion.planning.ladder import Ladder, Pace, Rung
+from jacokin.motion.planning.manifold import Curve, Manifold
+from jacokin.motion.planning.search import Climb, Search
+from jacokin.motion.timing import check_ticks, fit_ticks, sample_lines
 from jacokin.motion.track import ANGULAR_SPEED, SPEED
-from jacokin.motion.tracking.joint_limits import velocity_limits
-from jacokin.motion.tracking.setup import checked_start
-
-TIGHT = 0.05  # [rad] a joint this near to its limit is why a way ends
-
-
-def of_first(rung: Rung, solver: IKSolver, manifold: Manifold, from_start: bool) -> str:
-    """When the path does not begin."""
-    if from_start and len(rung.x):
-        return "the given start is not at the first pose"
-    return f"no configuration at the first pose: {of_rung(rung, solver, manifold)}"
-
-
-def of_rung(rung: Rung, solver: IKSolver, manifold: Manifold) -> str:
-    """When a place has no configuration."""
-    if not rung.solutions:
-        return "out of reach"
-    if rung.touching:
-        return "contact of " + ", ".join(f"{a} and {b}" for a, b in rung.touching[:2])
-    if manifold.has_families:
-        return solver.solve(manifold.path.target(rung.u), closest=False).message
-    rows = solver.closed_form().solve_all(manifold.path.at(np.array([rung.u]))[0], solver.robot.home)
-    return diagnosis.of_branches(rows, solver.robot.joint_names).message
-
-
-def of_end(search: Search, reached: float, q: Array, blocked: str, solver: IKSolver) -> str:
-    """When the best way ends at a place, which is that of a rung, in a configuration (dof,)."""
-    manifold, robot = search.ladder.manifold, solver.robot
-    index = [rung.u for rung in search.rungs].index(reached)
-    here, ahead = search.rungs[index], search.rungs[index + 1]
-    line = min(int(here.u), manifold.path.lines - 1)
-    where = f"the best way ends at {100.0 * (here.u - line):.4g} % of line {line}"
-    if not len(ahead.x):
-        return f"{where}: {of_rung(ahead, solver, manifold)}"
-    if blocked:
-        return f"{where}: contact of {blocked}"
-    away = manifold.difference(np.repeat(here.x, len(ahead.x), axis=0), np.tile(ahead.x, (len(here.x), 1)))
-    away = away[:, : manifold.dof]
-    nearest = away[np.argmin(np.abs(away).max(axis=1))]
-    joint = int(np.argmax(np.abs(nearest)))
-    margin = np.minimum(q - robot.lower, robot.upper - q)
-    tight = int(np.argmin(margin))
-    if margin[tight] < TIGHT:
-        return f"{where}: {robot.joint_names[tight]} runs into its limit, and no branch within the limits follows"
-    return f"{where}: a gap between branches, {abs(float(nearest[joint])):.3g} rad in {robot.joint_names[joint]}"
-
+from jacokin.motion.tracking.joint_limits import choose_start, velocity_limits
+from jacokin.motion.trajectory import PathResult, describe_jump
 
 TIMINGS = ("keep", "slow")
 FINEST = 0.01  # [rad] between members of a family: more of them take minutes
@@ -81,6 +36,9 @@ SLOWEST = 1e-6  # [rad/s] of a velocity limit: a turn takes 70 days
 FREE_STEP = float(np.radians(10.0))  # [rad] between members of a family that are tried
 SPACING = 0.01  # [m] of the tool between two steps of the path
 TURNING = 0.05  # [rad] the same of its orientation
+TIGHT = 0.05  # [rad] a joint this near to its limit is why a way ends
+SPEED_ROUNDING = 1e-9  # [rad/s] of positions subtracted and divided by a step
+ACCELERATION_ROUNDING = 1e-6  # relative
 
 
 def plan_path(
@@ -131,7 +89,19 @@ def plan_path(
         UnknownNameError: unknown timing.
         StructureError: the robot has no closed form.
     """
-    settings = _settings(solver, dt, timing, velocity_limit, acceleration_limit)
+    if not isinstance(solver, IKSolver):
+        raise InvalidInputError(f"solver must be an IKSolver, got {shown(solver)}")
+    robot, chain = solver.robot, _chain(solver)
+    checks.choice("timing", timing, TIMINGS)
+    acceleration = None
+    if acceleration_limit is not None:
+        if timing == "keep":
+            raise InvalidInputError("acceleration_limit needs timing='slow': the speed that is kept has corners")
+        acceleration = checks.positive_vector("acceleration_limit", acceleration_limit, robot.dof, "rad/s^2")
+    velocity = velocity_limits(robot, velocity_limit)
+    if velocity.min() < SLOWEST:
+        raise InvalidInputError(f"velocity_limit must be at least {SLOWEST:g} rad/s, got {velocity.min():g}")
+    dt = checks.positive("dt", dt, "s")
     path = CartesianPath(targets, solver.frame)
     if path.free and solver.has_families:
         raise InvalidInputError(
@@ -140,62 +110,225 @@ def plan_path(
     free_step = checks.positive("free_step", free_step, "rad")
     if free_step < FINEST:
         raise InvalidInputError(f"free_step must be at least {FINEST:g} rad, got {free_step!r}")
-    times = lines.durations_of(path.lengths, speed, angular_speed)
-    lines.check_ticks(times, settings.dt)
-    if start is not None and seed is not None:
-        raise InvalidInputError("give at most one of seed and start")
-    robot = solver.robot
-    near, note = seeds.seed_within_limits(robot, seed) if start is None else (checked_start(robot, start, "start"), "")
-    manifold = Manifold(robot, _chain(solver), path, solver.verifier.options.limit_snap)
-    pace = Pace(times, settings.velocity)
-    ladder = Ladder(Rungs(solver, manifold, free_step), manifold, pace, free_step, keep=timing == "keep")
-    begin = Begin(manifold, near, pace, exactly=start is not None)
+    times = path.durations(speed, angular_speed)
+    check_ticks(times, dt)
+    near, note = choose_start(robot, seed, start)
+
+    manifold = Manifold(robot, chain, path, solver.verifier.options.limit_snap)
+    pace = Pace(times, velocity)
+    ladder = Ladder(solver, manifold, pace, free_step, keep=timing == "keep")
     places = path.places(SPACING, TURNING, MOST_FAMILIES if manifold.has_families else MOST_PLACES)
-    search = Search(ladder, places, near, begin)
-    found = Climb(search, solver, begin, settings.dt, keep=timing == "keep").found()
-    planned = Planned(solver, manifold, times, settings, "home" if seed is None and start is None else "the seed")
+    search = Search(ladder, places, near, exactly=start is not None)
+    found = Climb(search, dt).find()
+    writer = _Writer(
+        solver=solver,
+        manifold=manifold,
+        times=times,
+        dt=dt,
+        slow=timing == "slow",
+        velocity=velocity,
+        acceleration=acceleration,
+        near=near,
+        origin="home" if seed is None and start is None else "the seed",
+        note=note,
+    )
     if found is None:
-        failed = of_first(search.rungs[0], solver, manifold, start is not None)
         stay = near if start is not None else solver.solve(path.target(0.0), seed=near).q
         if solver.verifier.rejects_contact and solver.verifier.touching(stay):
             stay = near
-        return planned.nowhere(stay, near, failed, note)
+        return writer.stay(stay, _explain_no_start(search.rungs[0], solver, manifold, start is not None))
     reason = ""
     if found.reached < path.lines:
-        reason = of_end(search, found.reached, found.curve.q[-1], found.blocked, solver)
-    return planned.result(found.curve, found.reached, near, reason, note)
+        reason = _explain_end(search, found.reached, found.curve.q[-1], found.blocked, solver)
+    return writer.follow(found.curve, found.reached, reason)
 
 
 def _chain(solver: IKSolver) -> Chain:
-    """The kinematics up to the tool."""
-    if not solver.has_families:
-        return Chain(solver.closed_form().chain)
-    from jacokin.ik.geometry import measure_seven
+    """The kinematics up to the tool.
 
-    verifier = solver.verifier
-    return Chain(measure_seven(solver.robot.pin_model, verifier.frame_id, verifier.tool).chain)
-
-
-def _settings(
-    solver: IKSolver,
-    dt: float,
-    timing: str,
-    velocity_limit: ArrayLike | None,
-    acceleration_limit: ArrayLike | None,
-) -> Settings:
-    if not isinstance(solver, IKSolver):
-        raise InvalidInputError(f"solver must be an IKSolver, got {shown(solver)}")
+    Raises:
+        StructureError: the robot has no closed form.
+    """
     try:
-        _chain(solver)
+        if not solver.has_families:
+            return Chain(solver.closed_form().chain)
+        verifier = solver.verifier
+        return Chain(measure_seven(solver.robot.pin_model, verifier.frame_id, verifier.tool).chain)
     except StructureError as error:
         raise StructureError(f"plan_path needs a closed form: {error}") from error
-    checks.choice("timing", timing, TIMINGS)
-    acceleration = None
-    if acceleration_limit is not None:
-        if timing == "keep":
-            raise InvalidInputError("acceleration_limit needs timing='slow': the speed that is kept has corners")
-        acceleration = checks.positive_vector("acceleration_limit", acceleration_limit, solver.robot.dof, "rad/s^2")
-    velocity = velocity_limits(solver.robot, velocity_limit)
-    if velocity.min() < SLOWEST:
-        raise InvalidInputError(f"velocity_limit must be at least {SLOWEST:g} rad/s, got {velocity.min():g}")
-    return Settings(checks.positive("dt", dt, "s"), timing == "slow", velocity, acceleration)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Writer:
+    """From a planned joint path to ticks, measured.
+
+    Attributes:
+        solver: what measures.
+        manifold: the configurations on the path.
+        times: (lines,) at the speed asked for [s].
+        dt: control step [s].
+        slow: True to slow down where joints cannot follow.
+        velocity: (dof,) limits [rad/s].
+        acceleration: (dof,) limits [rad/s^2], or None.
+        near: (dof,) where the path should begin [rad].
+        origin: what messages call that place.
+        note: a sentence about it.
+    """
+
+    solver: IKSolver
+    manifold: Manifold
+    times: Array
+    dt: float
+    slow: bool
+    velocity: Array
+    acceleration: Array | None
+    near: Array
+    origin: str
+    note: str
+
+    def stay(self, q: Array, reason: str) -> PathResult:
+        """A path that does not begin: the arm stays at the configuration (dof,) nearest to the first pose."""
+        path = self.manifold.path
+        u = sample_lines(self.times, self.dt)
+        parameter = np.full(path.lines + 1, np.nan)
+        x = self.manifold.points(q[None], path.target(0.0))
+        return self._measure(u, np.tile(x, (len(u), 1)), parameter, -1.0, reason)
+
+    def follow(self, curve: Curve, reached: float, reason: str) -> PathResult:
+        """The ticks along a joint path; beyond its end the arm stays there."""
+        ticks = kept = sample_lines(self.times, self.dt)
+        if self.slow and len(curve.u) > 1:
+            dof = self.manifold.dof
+            ticks = fit_ticks(
+                curve.u,
+                curve.q,
+                lambda u: curve.at(u)[0][:, :dof],
+                self.times,
+                self.dt,
+                self.velocity,
+                self.acceleration,
+            )
+        parameter = self._at_waypoints(curve, reached)
+        if reached == self.manifold.path.lines:
+            return self._measure(ticks, curve.at(ticks)[0], parameter, reached, reason)
+        if self.slow:
+            ticks = np.concatenate([ticks, kept[kept > reached]])
+        inside = ticks <= reached
+        x = np.tile(curve.x[-1], (len(ticks), 1))
+        x[inside] = curve.at(ticks[inside])[0] if len(curve.u) > 1 else curve.x[0]
+        return self._measure(ticks, x, parameter, reached, reason)
+
+    def _at_waypoints(self, curve: Curve, reached: float) -> Array:
+        """The parameter (lines + 1,) at the waypoints that are reached; nan at others, and where there is none."""
+        path = self.manifold.path
+        parameter = np.full(path.lines + 1, np.nan)
+        if self.manifold.column is None:
+            return parameter
+        passed = np.arange(int(reached) + 1, dtype=np.float64)
+        found = (curve.at(passed)[0] if len(curve.u) > 1 else curve.x)[:, self.manifold.column]
+        parameter[: len(passed)] = path.free_angle(found) if path.free else found
+        return parameter
+
+    def _measure(self, u: Array, x: Array, parameter: Array, reached: float, reason: str) -> PathResult:
+        """Every row measured by Pinocchio, against limits, and for contact."""
+        robot, verifier = self.solver.robot, self.solver.verifier
+        path, dof = self.manifold.path, self.manifold.dof
+        wanted, q = path.at(u, x[:, dof] if path.free else None), x[:, :dof]
+        errors = np.array(
+            [verifier.measure(row, TargetPose(T, position_only=False)) for row, T in zip(q, wanted, strict=True)]
+        )
+        v = np.zeros_like(q)
+        v[1:] = np.diff(q, axis=0) / self.dt
+        off = (errors[:, 0] > verifier.options.position_tolerance) | (
+            errors[:, 1] > verifier.options.orientation_tolerance
+        )
+        fast = np.abs(v) > self.velocity + SPEED_ROUNDING
+        hard = np.zeros_like(fast)
+        if self.acceleration is not None:
+            hard[1:] = np.abs(np.diff(v, axis=0)) > self.acceleration * self.dt * (1.0 + ACCELERATION_ROUNDING)
+        status, limiting = [], []
+        for row in range(len(q)):
+            names = [f"{robot.joint_names[j]} velocity" for j in np.flatnonzero(fast[row])]
+            names += [f"{robot.joint_names[j]} acceleration" for j in np.flatnonzero(hard[row])]
+            held = off[row] or u[row] > reached
+            status.append("HELD" if held else "LIMITED" if names else "OK")
+            limiting.append("; ".join(names) if names else reason if held else "")
+        clearance = verifier.distances(q) if verifier.looks_for_contact else np.full(len(q), np.nan)
+        away = np.abs(q[0] - self.near)
+        jump = describe_jump(robot.joint_names, away, self.origin)
+        words = [reason or self._sentence(v, fast, status), jump, self.note]
+        return PathResult(
+            joint_names=robot.joint_names,
+            t=checks.read_only(np.arange(len(q)) * self.dt),
+            q=checks.read_only(q),
+            v=checks.read_only(v),
+            position_error=checks.read_only(errors[:, 0]),
+            orientation_error=checks.read_only(errors[:, 1]),
+            status=tuple(status),
+            limiting=tuple(limiting),
+            segment=path.segments(u),
+            clearance=checks.read_only(clearance),
+            lower=robot.lower,
+            upper=robot.upper,
+            velocity_limit=checks.read_only(self.velocity),
+            parameter=checks.read_only(parameter),
+            message="; ".join(word for word in words if word),
+            start_distance=float(away.max()),
+        )
+
+    def _sentence(self, v: Array, fast: NDArray[np.bool_], status: list[str]) -> str:
+        if all(word == "OK" for word in status):
+            return "on the path throughout"
+        ticks = np.flatnonzero(fast.any(axis=1))
+        if ticks.size:
+            names = ", ".join(self.solver.robot.joint_names[j] for j in np.flatnonzero(fast.any(axis=0)))
+            excess = float((np.abs(v) / self.velocity).max()) - 1.0
+            return (
+                f"{names} cannot follow at this speed on {ticks.size} of {len(fast)} ticks, first at "
+                f"{ticks[0] * self.dt:.6g} s, too fast by up to {100.0 * excess:.3g} %; timing='slow' slows "
+                "down there"
+            )
+        if "LIMITED" in status:
+            return f"joints would accelerate too much at {status.index('LIMITED') * self.dt:.6g} s"
+        return "a tick misses the path"
+
+
+def _explain_no_start(rung: Rung, solver: IKSolver, manifold: Manifold, from_start: bool) -> str:
+    """Why the path does not begin."""
+    if from_start and len(rung.x):
+        return "the given start is not at the first pose"
+    return f"no configuration at the first pose: {_explain_rung(rung, solver, manifold)}"
+
+
+def _explain_rung(rung: Rung, solver: IKSolver, manifold: Manifold) -> str:
+    """Why a place has no configuration."""
+    if not rung.solutions:
+        return "out of reach"
+    if rung.touching:
+        return "contact of " + ", ".join(f"{a} and {b}" for a, b in rung.touching[:2])
+    if manifold.has_families:
+        return solver.solve(manifold.path.target(rung.u), closest=False).message
+    rows = solver.closed_form().solve_all(manifold.path.at(np.array([rung.u]))[0], solver.robot.home)
+    return diagnosis.of_branches(rows, solver.robot.joint_names).message
+
+
+def _explain_end(search: Search, reached: float, q: Array, blocked: str, solver: IKSolver) -> str:
+    """Why the best way ends at a place, which is that of a rung, in a configuration (dof,)."""
+    manifold, robot = search.ladder.manifold, solver.robot
+    index = [rung.u for rung in search.rungs].index(reached)
+    here, ahead = search.rungs[index], search.rungs[index + 1]
+    line = min(int(here.u), manifold.path.lines - 1)
+    where = f"the best way ends at {100.0 * (here.u - line):.4g} % of line {line}"
+    if not len(ahead.x):
+        return f"{where}: {_explain_rung(ahead, solver, manifold)}"
+    if blocked:
+        return f"{where}: contact of {blocked}"
+    away = manifold.difference(np.repeat(here.x, len(ahead.x), axis=0), np.tile(ahead.x, (len(here.x), 1)))
+    away = away[:, : manifold.dof]
+    nearest = away[np.argmin(np.abs(away).max(axis=1))]
+    joint = int(np.argmax(np.abs(nearest)))
+    margin = np.minimum(q - robot.lower, robot.upper - q)
+    tight = int(np.argmin(margin))
+    if margin[tight] < TIGHT:
+        return f"{where}: {robot.joint_names[tight]} runs into its limit, and no branch within the limits follows"
+    return f"{where}: a gap between branches, {abs(float(nearest[joint])):.3g} rad in {robot.joint_names[joint]}"

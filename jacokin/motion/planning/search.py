@@ -1,68 +1,200 @@
-"""The cheapest way up the ladder, by dynamic programming; steps are made smaller where no way leads on."""
+"""The best way up the ladder that also passes a closer look: between its steps, for gaps, contact and speed.
+
+`Search` finds the cheapest way by dynamic programming, and makes steps smaller where no way leads on. `Climb` looks at
+that way closely and cuts what does not hold, until a way passes.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.motion.planning.ladder import Ladder, Links, Rung
+from jacokin.model import angles
+from jacokin.motion.planning.ladder import TOO_FAST, Ladder, Links
+from jacokin.motion.planning.manifold import Curve
+from jacokin.motion.planning.smoothing import Smoothing
+from jacokin.motion.timing import sample_lines
 
 FINEST = 2e-5  # [m] and [rad / 5] no step of the path is made smaller
 MOST_RUNGS = 6000  # more than the path began with: steps that are halved cost time
 TOGETHER = 20_000  # pairs of solutions that are looked at in one go
 MOST_REFINED = 24  # steps that are halved at once, the last ones first
+RESOLUTION = 0.02  # [rad] no joint moves farther between two places at which contact is looked for
+AT_START = 1e-3  # [rad] a solution this near to `start` is the one the arm is on
+FROM_SEED = 0.1  # cost of a first solution's squared distance to the seed, beside that of the motion
+SMOOTHINGS = 4  # times a way is smoothed, with what got worse by it left alone
+MOST_ROUNDS = 100  # times the way is changed because a closer look found a gap or an obstacle
+MOST_FASTER = 12  # times another way is tried because joints would be too fast on the best one
+SPEED_ROUNDING = 1e-9  # relative to a velocity limit
 
 
-@dataclass(slots=True)
-class Way:
-    """One solution on each rung, as far as the way leads.
+@dataclass(frozen=True, slots=True)
+class ClimbResult:
+    """A way that passed every closer look.
 
     Attributes:
-        chosen: the solution on each rung, from the first.
-        cost: of all its steps.
+        curve: the way, finely.
+        reached: the place where it ends.
+        blocked: shapes that stood in the way of a better one.
     """
 
-    chosen: list[int]
-    cost: float
+    curve: Curve
+    reached: float
+    blocked: str
+
+
+class _Look(NamedTuple):
+    """What a closer look at a way found."""
+
+    wrong: list[int]
+    """Numbers of the intervals with gaps or contact, the last first."""
+    touched: dict[int, str]
+    """Those with contact, and the names of what touches."""
+    curve: Curve
+    """The way, finely."""
+
+
+class Climb:
+    """Changes the way until it passes."""
+
+    def __init__(self, search: Search, dt: float) -> None:
+        """Take what finds the best way, and the control step [s]."""
+        self._search, self._verifier = search, search.ladder.verifier
+        self._manifold, self._pace = search.ladder.manifold, search.ladder.pace
+        self._ticks = sample_lines(self._pace.times, dt)
+        self._step = np.minimum(self._pace.velocity * dt, RESOLUTION)
+        self._fastest = self._pace.velocity * dt * (1.0 + SPEED_ROUNDING)
+        self._dt = dt
+
+    def find(self) -> ClimbResult | None:
+        """The best way; None when it does not even begin."""
+        search, blocked = self._search, ""
+        best: tuple[float, ClimbResult] | None = None
+        faster = 0
+        for rounds in range(MOST_ROUNDS):
+            way = search.best()
+            if not way:
+                return None
+            curve = self._curve(way)
+            if len(way) == 1:
+                return ClimbResult(curve, 0.0, blocked)
+            look = self._look(curve)
+            blocked = next(iter(look.touched.values()), blocked)
+            if not look.wrong:
+                done = ClimbResult(self._smooth(curve) or look.curve, float(curve.u[-1]), blocked)
+                late, dearer = self._charge_haste(done.curve, way, curve) if search.ladder.keep else (0.0, False)
+                if best is None or (done.reached, -late) > (best[1].reached, -best[0]):
+                    best = late, done
+                faster += 1
+                if not dearer or faster > MOST_FASTER:
+                    return best[1]
+            elif rounds == MOST_ROUNDS - 1 and best is None:
+                last = look.wrong[-1]
+                return ClimbResult(self._curve(way[: last + 1]), float(curve.u[last]), blocked)
+            for interval in look.wrong:  # from the end: numbers of the others stay as they are
+                if interval not in look.touched and search.can_halve(interval + 1):
+                    search.halve(interval + 1)
+                else:
+                    search.cut(interval + 1, way[interval], way[interval + 1])
+        return None if best is None else best[1]
+
+    def _charge_haste(self, found: Curve, way: list[int], curve: Curve) -> tuple[float, bool]:
+        """How long joints would be too fast [s], weighted by how much; and whether the search now knows more of that.
+
+        The steps of the way in which they are become dearer in it.
+        """
+        ticks = self._ticks[(self._ticks >= found.u[0]) & (self._ticks <= found.u[-1])]
+        q = found.q[np.searchsorted(found.u, ticks)]
+        ratio = (np.abs(np.diff(q, axis=0)) / self._fastest).max(axis=1)
+        late = np.flatnonzero(ratio > 1.0)
+        interval = curve.intervals(ticks[late + 1])
+        dearer = False
+        for number in np.unique(interval).tolist():
+            cost = TOO_FAST * self._dt * float(ratio[late[interval == number]].sum())
+            dearer |= self._search.charge(number + 1, way[number], way[number + 1], cost)
+        return float(ratio[late].sum()) * self._dt, dearer
+
+    def _look(self, curve: Curve) -> _Look:
+        inside = self._ticks[(self._ticks > curve.u[0]) & (self._ticks < curve.u[-1])]
+        u, x, bad = curve.refine(np.unique(np.concatenate([curve.u, inside])), self._step)
+        touched = self._find_contact(curve, u, x[:, : self._manifold.dof], bad)
+        return _Look(sorted({*bad.tolist(), *touched}, reverse=True), touched, Curve(self._manifold, u, x))
+
+    def _smooth(self, curve: Curve) -> Curve | None:
+        """The way, finely, after its knots moved to where joints move less; None when nothing better is free."""
+        if not self._manifold.has_families:
+            return None
+        pull = None if self._search.exactly else (self._search.near, FROM_SEED)
+        smoothing = Smoothing(self._manifold, self._pace, curve.u, pull)
+        pinned = np.zeros(len(curve.u), dtype=np.bool_)
+        for _ in range(SMOOTHINGS):
+            look = self._look(Curve(self._manifold, curve.u, smoothing.improve(curve.x, pinned)))
+            if not look.wrong:
+                return look.curve
+            for interval in look.wrong:
+                pinned[max(interval - 2, 0) : interval + 4] = True
+        return None
+
+    def _curve(self, chosen: list[int]) -> Curve:
+        """The knots of a way, turns of circular coordinates counted from where the path should begin."""
+        rungs, manifold = self._search.rungs[: len(chosen)], self._manifold
+        x = np.array([rung.x[node] for rung, node in zip(rungs, chosen, strict=True)])
+        first, joints = x[0].copy(), slice(manifold.dof)
+        first[joints] = angles.nearest_copy(first[joints], self._search.near, manifold.circular[joints])
+        unrolled = np.vstack([first, first + np.cumsum(manifold.difference(x[:-1], x[1:]), axis=0)])
+        x = np.where(manifold.circular, unrolled, x)
+        return Curve(manifold, np.array([rung.u for rung in rungs]), x)
+
+    def _find_contact(self, curve: Curve, u: Array, q: Array, bad: NDArray[np.intp]) -> dict[int, str]:
+        """Numbers of intervals of the curve in which shapes touch, with their names, where contact is rejected."""
+        if not self._verifier.rejects_contact:
+            return {}
+        found: dict[int, str] = {}
+        for row, index in enumerate(curve.intervals(u).tolist()):
+            if index in found or index in bad:
+                continue
+            pairs = self._verifier.touching(q[row])
+            if pairs:
+                found[index] = ", ".join(f"{a} and {b}" for a, b in pairs[:2])
+        return found
 
 
 class Search:
     """The ladder of one path, and the best way up; links are made when they are needed and can be cut."""
 
-    def __init__(self, ladder: Ladder, places: Array, near: Array, start_cost: Callable[[Rung], Array]) -> None:
+    def __init__(self, ladder: Ladder, places: Array, near: Array, *, exactly: bool) -> None:
         """Solve at every place.
 
         Args:
             ladder: makes rungs and links.
             places: (n,) along the path.
             near: (dof,) where the path should begin [rad].
-            start_cost: cost of beginning at each solution of the first rung; infinite for "not there".
+            exactly: whether it must begin there.
         """
-        self.ladder = ladder
-        self.rungs = [*ladder.make(places[:1], near), *ladder.make(places[1:])]
+        self.ladder, self.near, self.exactly = ladder, near, exactly
+        self.rungs = [*ladder.make_rungs(places[:1], near), *ladder.make_rungs(places[1:])]
         self._links: list[Links | None] = [None] * len(self.rungs)  # from the rung before
         self._most = len(self.rungs) + MOST_RUNGS
-        self._start_cost = start_cost
         self._costs: list[Array] = []
         self._back: list[NDArray[np.intp]] = []
         self._valid = 0  # rungs whose costs are still right
 
-    def best(self) -> Way:
-        """The cheapest way to the end; when there is none, the cheapest to the last rung that can be reached."""
+    def best(self) -> list[int]:
+        """Solutions of the cheapest way, rung by rung: to the end, or else to the last rung that can be reached."""
         while True:
             reached = self._climb()
-            if reached == len(self.rungs) - 1 or not self._refined(reached):
-                return self._way(reached)
+            if reached == len(self.rungs) - 1 or not self._refine(reached):
+                return self._trace(reached)
 
     def cut(self, rung: int, first: int, second: int) -> None:
         """Two solutions do not follow each other after all: `first` on the rung before, `second` on this one."""
         links = self._links[rung]
         assert links is not None
-        links.alive &= ~((links.first == first) & (links.second == second))
+        links.cost[(links.first == first) & (links.second == second)] = np.inf
         self._valid = min(self._valid, rung)
 
     def charge(self, rung: int, first: int, second: int, cost: float) -> bool:
@@ -75,10 +207,20 @@ class Search:
             self._valid = min(self._valid, rung)
         return bool(cheap.any())
 
+    def _start_cost(self) -> Array:
+        """(k,) for the solutions of the first rung; infinite where the arm cannot be."""
+        manifold, rung = self.ladder.manifold, self.rungs[0]
+        q = rung.x[:, : manifold.dof]
+        away = q - angles.nearest_copy(self.near, q, manifold.circular[: manifold.dof])
+        if self.exactly:  # the nearest one of those that are near enough
+            farthest = np.abs(away).max(axis=1, initial=0.0)
+            return np.where(farthest <= min(AT_START, farthest.min(initial=np.inf)), 0.0, np.inf)
+        return np.asarray(FROM_SEED * ((away / self.ladder.pace.scale) ** 2).sum(axis=1))
+
     def _climb(self) -> int:
         """Costs of all solutions, rung by rung; returns the last rung that can be reached, -1 for none."""
         if self._valid == 0:
-            self._costs, self._back = [self._start_cost(self.rungs[0])], [np.empty(0, dtype=np.intp)]
+            self._costs, self._back = [self._start_cost()], [np.empty(0, dtype=np.intp)]
             self._valid = 1
         del self._costs[self._valid :], self._back[self._valid :]
         if not np.isfinite(self._costs[-1]).any():
@@ -88,7 +230,7 @@ class Search:
             if links is None:
                 links = self._link(index)
             size = len(self.rungs[index].x)
-            total = np.where(links.alive, self._costs[-1][links.first] + links.cost, np.inf)
+            total = self._costs[-1][links.first] + links.cost
             cost, back = np.full(size, np.inf), np.full(size, -1, dtype=np.intp)
             order = np.argsort(-total, kind="stable")  # the cheapest is written last
             cost[links.second[order]] = total[order]
@@ -106,27 +248,26 @@ class Search:
         while last < len(self.rungs) and self._links[last] is None and pairs < TOGETHER:
             pairs += len(self.rungs[last - 1].x) * len(self.rungs[last].x)
             last += 1
-        self._links[index:last] = self.ladder.links(self.rungs[index - 1 : last])
+        self._links[index:last] = self.ladder.link(self.rungs[index - 1 : last])
         links = self._links[index]
         assert links is not None
         return links
 
-    def _way(self, reached: int) -> Way:
+    def _trace(self, reached: int) -> list[int]:
         if reached < 0:
-            return Way([], np.inf)
+            return []
         node = int(np.argmin(self._costs[reached]))
-        cost = float(self._costs[reached][node])
         chosen = [node]
         for index in range(reached, 0, -1):
             node = int(self._back[index][node])
             chosen.append(node)
-        return Way(chosen[::-1], cost)
+        return chosen[::-1]
 
-    def _refined(self, reached: int) -> bool:
+    def _refine(self, reached: int) -> bool:
         """Halve the steps at which ways ended, the last ones first; False when all are as small as they get."""
         ended = []
         for index in range(min(reached + 1, len(self.rungs) - 1), 0, -1):
-            if self._ends(index) and self._size(index) > FINEST:
+            if self._is_dead_end(index) and self._size(index) > FINEST:
                 ended.append(index)
             if len(ended) == MOST_REFINED:
                 break
@@ -139,7 +280,7 @@ class Search:
     def halve(self, index: int) -> None:
         """Put a rung half way before a rung."""
         middle = 0.5 * (self.rungs[index - 1].u + self.rungs[index].u)
-        self.rungs.insert(index, self.ladder.make(np.array([middle]))[0])
+        self.rungs.insert(index, self.ladder.make_rungs(np.array([middle]))[0])
         self._links[index : index + 1] = [None, None]
         self._valid = min(self._valid, index)
 
@@ -153,13 +294,14 @@ class Search:
         lengths = self.ladder.manifold.path.lengths[min(int(a), self.ladder.manifold.path.lines - 1)]
         return float((b - a) * max(lengths[0], 0.2 * lengths[1]))
 
-    def _ends(self, index: int) -> bool:
+    def _is_dead_end(self, index: int) -> bool:
         """Whether a way that reached the rung before ends there though this rung has solutions that nothing reaches."""
         links = self._links[index]
         if links is None or index - 1 >= len(self._costs):
             return False
         a, b = np.isfinite(self._costs[index - 1]), len(self.rungs[index].x)
         left, entered = np.zeros(len(a), dtype=np.bool_), np.zeros(b, dtype=np.bool_)
-        left[links.first[links.alive]] = True
-        entered[links.second[links.alive]] = True
+        alive = np.isfinite(links.cost)
+        left[links.first[alive]] = True
+        entered[links.second[alive]] = True
         return bool((a & ~left).any() and not entered.all())

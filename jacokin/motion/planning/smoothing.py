@@ -1,4 +1,4 @@
-"""A way through members of families, moved along their curves until the joints move as little as they can.
+"""Smoothing: a way through families is moved along their self-motions until the joints move as little as they can.
 
 The search chooses among members some degrees apart. Each knot may move along its curve, by s along a unit tangent n;
 what the motion costs is, to first order, a sum of squares of neighbouring s, whose minimum is a tridiagonal system.
@@ -45,7 +45,7 @@ class Smoothing:
         self._weights = np.tile(1.0 / self._times[:, None], (1, manifold.dof))
         self._limited = np.isfinite(pace.velocity)
 
-    def improved(self, x: Array, pinned: NDArray[np.bool_]) -> Array:
+    def improve(self, x: Array, pinned: NDArray[np.bool_]) -> Array:
         """Knots (n, width) on the same curves that take less time, and cost less; pinned ones (n,) stay."""
         weights = self._weights
         best = x = self.smooth(x, pinned)
@@ -75,7 +75,7 @@ class Smoothing:
         for _ in range(ROUNDS):
             moves = self._moves(x, pinned)
             for _ in range(HALVINGS):
-                there, good = self._manifold.inside(self._u, x + moves)
+                there, good = self._manifold.project(self._u, x + moves)
                 there[~good] = x[~good]
                 cost = self.cost(there)
                 if cost < best:

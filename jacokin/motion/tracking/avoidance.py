@@ -1,4 +1,4 @@
-"""Which shapes the tracker keeps how far apart."""
+"""The tracker's guard against collisions: distances between shapes, and the inequalities that keep them."""
 
 from __future__ import annotations
 
@@ -14,78 +14,12 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, ModelError, UnknownNameError
 from jacokin.model import checks
 from jacokin.model.mujoco_twin import to_spec
-from jacokin.model.obstacles import Obstacle, add_to_spec, checked_obstacles, collision_pairs
+from jacokin.model.obstacles import add_to_spec, collision_pairs
 from jacokin.model.robot import Robot
+from jacokin.model.scene import Scene, checked_scene
 
 CLEARANCE = 0.01  # [m] kept between shapes unless told otherwise
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Clearance:
-    """What the tracker keeps apart.
-
-    Attributes:
-        distance: smallest distance allowed [m].
-        obstacles: shapes around the arm.
-        self_collision: keep the arm's own shapes apart too, in the pairs MuJoCo would test for contact.
-        pairs: exactly these pairs of shapes by name, instead of all.
-    """
-
-    distance: float = CLEARANCE
-    obstacles: Sequence[Obstacle] = ()
-    self_collision: bool = True
-    pairs: Sequence[tuple[str, str]] | None = None
-
-    def __post_init__(self) -> None:
-        """Check what needs no robot."""
-        object.__setattr__(self, "distance", checks.non_negative("distance", self.distance, "m"))
-        object.__setattr__(self, "obstacles", checked_obstacles(self.obstacles))
-        object.__setattr__(self, "self_collision", checks.flag("self_collision", self.self_collision))
-        if self.pairs is not None:
-            object.__setattr__(self, "pairs", tuple(_checked_pair(p) for p in checks.listed("pairs", self.pairs)))
-
-
-def compile_with(robot: Robot, clearance: Clearance) -> tuple[mujoco.MjModel, list[tuple[int, int]]]:
-    """The robot's twin with its shapes and the obstacles, and the pairs of shapes to keep apart.
-
-    Returns:
-        The model, and pairs of shapes by number, the one nearer to the base first.
-
-    Raises:
-        InvalidInputError: an obstacle's name is taken, or a pair cannot move apart.
-        UnknownNameError: a pair names a shape that does not exist.
-        ModelError: the description has no shapes, or they cannot be loaded.
-    """
-    spec = to_spec(robot, geometry=True)
-    if not spec.geoms:
-        raise ModelError(f"{robot.name}: the description has no collision shapes, so nothing can be kept apart")
-    add_to_spec(spec, clearance.obstacles)
-    model = spec.compile()
-    if clearance.pairs is None:
-        found = collision_pairs(model, clearance.obstacles, self_collision=clearance.self_collision)
-    else:
-        names = [model.geom(index).name for index in range(model.ngeom)]
-        found = [_named_pair(model, names, pair) for pair in clearance.pairs]
-    # The chain is serial and bodies are numbered along it.
-    return model, [(a, b) if model.geom_bodyid[a] <= model.geom_bodyid[b] else (b, a) for a, b in found]
-
-
-def _checked_pair(pair: tuple[str, str]) -> tuple[str, str]:
-    if not isinstance(pair, tuple | list) or len(pair) != 2 or not all(isinstance(name, str) for name in pair):
-        raise InvalidInputError(f"pairs must hold pairs of shape names, got {checks.shown(pair)}")
-    return pair[0], pair[1]
-
-
-def _named_pair(model: mujoco.MjModel, names: list[str], pair: tuple[str, str]) -> tuple[int, int]:
-    for name in pair:
-        if name not in names:
-            raise UnknownNameError("shape", name, names)
-    first, second = (names.index(name) for name in pair)
-    if model.body_weldid[model.geom_bodyid[first]] == model.body_weldid[model.geom_bodyid[second]]:
-        raise InvalidInputError(f"the shapes {pair[0]!r} and {pair[1]!r} are on the same link and cannot move apart")
-    return first, second
-
-
+COLLISION = ("ignore", "reject")
 APPROACH = 0.5  # part of the spare distance that may be used up in one tick
 BUFFER = 5e-4  # [m] the QP stays this far above the distance, so that curvature does not cost a shortened step
 LOOK_AHEAD = 3.0  # ticks at full speed before a pair could come too near, from which it is watched
@@ -184,7 +118,7 @@ class ClearanceGuard:
         bounded = (radius[self._first] > 0.0) & (radius[self._second] > 0.0)
         return self._measure(q, np.where(bounded, gap - radius[self._first] - radius[self._second], -np.inf), {})
 
-    def moved(self, q: Array, before: Distances, step: Array, exits: Mapping[int, Array]) -> Distances:
+    def move(self, q: Array, before: Distances, step: Array, exits: Mapping[int, Array]) -> Distances:
         """Distances at `q` (dof,) [rad], a displacement (dof,) [rad] away from where `before` was taken."""
         return self._measure(q, before.bound - self._lever.dot(np.abs(step)), exits)
 
@@ -333,3 +267,62 @@ def _levers(model: mujoco.MjModel, geoms: NDArray[np.intp]) -> Array:
             reach += float(np.linalg.norm(model.body_pos[body]))
             body = int(model.body_parentid[body])
     return levers
+
+
+def make_guard(
+    robot: Robot,
+    velocity: Array,
+    dt: float,
+    *,
+    scene: Scene | None,
+    clearance: float | None,
+    collision: str | None,
+    self_collision: bool,
+    pairs: Sequence[tuple[str, str]] | None,
+) -> ClearanceGuard | None:
+    """What keeps shapes apart, None for nothing; arguments and errors as in `Tracker`."""
+    given = {"scene": scene, "clearance": clearance, "pairs": pairs}
+    asked = [name for name, value in given.items() if value is not None]
+    mode = checks.choice("collision", ("reject" if asked else "ignore") if collision is None else collision, COLLISION)
+    checks.flag("self_collision", self_collision)
+    distance = checks.non_negative("clearance", CLEARANCE if clearance is None else clearance, "m")
+    around = Scene() if scene is None else checked_scene("scene", scene)
+    if mode == "ignore":
+        if asked:
+            raise InvalidInputError(f"{asked[0]} has no effect with collision='ignore'; use 'reject'")
+        return None
+    model, numbers = _compile(robot, around, self_collision, pairs)
+    return ClearanceGuard(model, numbers, distance, velocity, dt)
+
+
+def _compile(
+    robot: Robot, scene: Scene, self_collision: bool, pairs: Sequence[tuple[str, str]] | None
+) -> tuple[mujoco.MjModel, list[tuple[int, int]]]:
+    """The robot's twin with its shapes and the obstacles, and numbers of the pairs to keep apart.
+
+    Of a pair the shape nearer to the base comes first.
+    """
+    spec = to_spec(robot, geometry=True, finger_angle=scene.finger_angle)
+    if not spec.geoms:
+        raise ModelError(f"{robot.name}: the description has no collision shapes, so nothing can be kept apart")
+    add_to_spec(spec, scene.obstacles)
+    model = spec.compile()
+    if pairs is None:
+        found = collision_pairs(model, scene.obstacles, self_collision=self_collision)
+    else:
+        names = [model.geom(index).name for index in range(model.ngeom)]
+        found = [_named_pair(model, names, pair) for pair in checks.listed("pairs", pairs)]
+    # The chain is serial and bodies are numbered along it.
+    return model, [(a, b) if model.geom_bodyid[a] <= model.geom_bodyid[b] else (b, a) for a, b in found]
+
+
+def _named_pair(model: mujoco.MjModel, names: list[str], pair: tuple[str, str]) -> tuple[int, int]:
+    if not isinstance(pair, tuple | list) or len(pair) != 2 or not all(isinstance(name, str) for name in pair):
+        raise InvalidInputError(f"pairs must hold pairs of shape names, got {checks.shown(pair)}")
+    for name in pair:
+        if name not in names:
+            raise UnknownNameError("shape", name, names)
+    first, second = (names.index(name) for name in pair)
+    if model.body_weldid[model.geom_bodyid[first]] == model.body_weldid[model.geom_bodyid[second]]:
+        raise InvalidInputError(f"the shapes {pair[0]!r} and {pair[1]!r} are on the same link and cannot move apart")
+    return first, second

@@ -16,9 +16,11 @@ from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
+from jacokin.ik import seeds
 from jacokin.model import checks
 from jacokin.model.robot import Robot
 
+LIMIT_NOISE = 0.01  # [rad] an encoder may report a joint this far past its limit
 AT_BOUND = 1e-6  # of the velocity limit's step: a displacement this near to a bound lies on it
 
 
@@ -31,25 +33,17 @@ class JointBox:
         step: (dof,) largest displacement in a tick by the velocity limits [rad].
     """
 
-    def __init__(self, names: tuple[str, ...], lower: Array, upper: Array, velocity: Array, dt: float) -> None:
-        """Keep the limits.
-
-        Args:
-            names: joint names.
-            lower: (dof,) [rad].
-            upper: (dof,) [rad].
-            velocity: (dof,) velocity limits [rad/s].
-            dt: control step [s].
-        """
-        self._names = names
-        self.lower, self.upper = lower, upper
+    def __init__(self, robot: Robot, velocity: Array, dt: float) -> None:
+        """Keep the limits: `velocity` (dof,) [rad/s], `dt` the control step [s]."""
+        self._names = robot.joint_names
+        self.lower, self.upper = robot.lower, robot.upper
         self.step = velocity * dt
 
     def bounds(self, q: Array) -> tuple[Array, Array]:
         """Least and largest displacement (dof,) [rad] from a `q` within the limits [rad]."""
         return np.maximum(-self.step, self.lower - q), np.minimum(self.step, self.upper - q)
 
-    def moved(self, q: Array, displacement: Array) -> Array:
+    def move(self, q: Array, displacement: Array) -> Array:
         """The configuration after a displacement; adding may round past a limit."""
         return np.minimum(np.maximum(q + displacement, self.lower), self.upper)
 
@@ -94,9 +88,9 @@ def braking_speed(distance: Array, deceleration: Array, dt: float) -> Array:
 class Follower:
     """Follows a reference within acceleration limits."""
 
-    def __init__(self, names: tuple[str, ...], box: JointBox, acceleration: Array, dt: float) -> None:
+    def __init__(self, robot: Robot, box: JointBox, acceleration: Array, dt: float) -> None:
         """Keep the limits: `acceleration` (dof,) [rad/s^2], `dt` the control step [s]."""
-        self._names = names
+        self._names = robot.joint_names
         self._box = box
         self._acceleration = acceleration
         self._dt = dt
@@ -151,3 +145,37 @@ def velocity_limits(robot: Robot, value: ArrayLike | None) -> Array:
             "pass velocity_limit= [rad/s]"
         )
     return checks.positive_vector("velocity_limit", robot.velocity_limit, robot.dof, "rad/s")
+
+
+def checked_start(robot: Robot, q: ArrayLike | None, name: str = "q", noise: float = LIMIT_NOISE) -> Array:
+    """A configuration (dof,) [rad] within the limits, read-only; None is home.
+
+    A joint past its limit by at most `noise` [rad] is put on the limit.
+
+    Raises:
+        InvalidInputError: malformed, outside the limits, or more than 1e6 rad from zero.
+    """
+    if q is None:
+        return robot.home
+    angles = seeds.near_configuration(robot, q, name)
+    inside = np.clip(angles, robot.lower, robot.upper)
+    joint = int(np.argmax(np.abs(angles - inside)))
+    if abs(angles[joint] - inside[joint]) > noise:
+        raise InvalidInputError(
+            f"{name} puts {robot.joint_names[joint]} at {angles[joint]:.17g} rad, outside "
+            f"[{robot.lower[joint]:.17g}, {robot.upper[joint]:.17g}]"
+        )
+    return checks.read_only(inside)
+
+
+def choose_start(robot: Robot, seed: ArrayLike | None, start: ArrayLike | None) -> tuple[Array, str]:
+    """Where a path should begin, near `seed`, or begins, at `start`; and a sentence when a seed was moved.
+
+    Raises:
+        InvalidInputError: both are given, one is malformed, or `start` is outside the limits.
+    """
+    if start is None:
+        return seeds.seed_within_limits(robot, seed)
+    if seed is not None:
+        raise InvalidInputError("give at most one of seed and start")
+    return checked_start(robot, start, "start"), ""

@@ -10,11 +10,18 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
+from jacokin.errors import InvalidInputError
 from jacokin.ik.qp_backend import Inequalities
 from jacokin.model import angles, checks
 from jacokin.model.robot import Robot
 from jacokin.motion.tracking.avoidance import ClearanceGuard, Distances
-from jacokin.motion.tracking.tasks import Kinematics, Task
+from jacokin.motion.tracking.targets import FrameTask, Kinematics
+
+Quadratic = tuple[Array, Array]  # H (dof, dof) and g (dof,) of x H x / 2 + g x
+TIKHONOV = 1e-10  # keeps the QP strictly convex at singular poses
+NULL_WEIGHT = 1e-4  # of null-space motion; it competes with nothing, so only the order of magnitude matters
+NULL_SPEED = 0.25  # part of the velocity limits that null-space motion may use; its curvature costs microns a tick
+RANK = 1e-3  # directions whose singular value is below this part of the largest are left to the null space
 
 
 class Objective(Protocol):
@@ -29,7 +36,7 @@ class Posture:
     """Stay near a configuration.
 
     Attributes:
-        q: (dof,) the configuration [rad]; free joints take the short way round.
+        q: (dof,) the configuration [rad]; unlimited joints take the short way round.
         rate: how fast the distance shrinks [1/s].
     """
 
@@ -70,7 +77,7 @@ class Manipulability:
 
 @dataclass(frozen=True, slots=True)
 class LimitDistance:
-    """Keep joints away from their limits, towards the middle of the range; free joints have none.
+    """Keep joints away from their limits, towards the middle of the range; unlimited joints have none.
 
     Attributes:
         rate: how fast the distance to the middle shrinks [1/s].
@@ -90,16 +97,23 @@ class LimitDistance:
         return np.asarray(-self.rate * half * ((q - middle) / half) ** 3)
 
 
-Quadratic = tuple[Array, Array]  # H (dof, dof) and g (dof,) of x H x / 2 + g x
-
-TIKHONOV = 1e-10  # keeps the QP strictly convex at singular poses
-NULL_WEIGHT = 1e-4  # of null-space motion; it competes with nothing, so only the order of magnitude matters
-NULL_SPEED = 0.25  # part of the velocity limits that null-space motion may use; its curvature costs microns a tick
-RANK = 1e-3  # directions whose singular value is below this part of the largest are left to the null space
+def checked_objectives(
+    robot: Robot, objectives: Sequence[Objective], posture: ArrayLike | None
+) -> tuple[Objective, ...]:
+    """The objectives of a tracker, the posture first; errors as in `Tracker`."""
+    found: tuple[Objective, ...] = checks.listed("objectives", objectives)
+    if posture is not None:
+        found = (Posture(posture), *found)
+    for objective in found:
+        if isinstance(objective, Posture):
+            robot.configuration(objective.q, "posture")
+        elif not callable(getattr(objective, "velocity", None)):
+            raise InvalidInputError(f"objectives must have a velocity() method, got {type(objective).__name__}")
+    return found
 
 
 @dataclass(frozen=True, slots=True)
-class Problem:
+class TickProblem:
     """Minimise x H x / 2 + g x over displacements x [rad].
 
     Attributes:
@@ -120,7 +134,7 @@ class Problem:
     separating: bool
     exits: Mapping[int, Array]
 
-    def damped(self, damping: float, null_space: Quadratic | None) -> Quadratic:
+    def damp(self, damping: float, null_space: Quadratic | None) -> Quadratic:
         """Hessian and gradient with the null-space objective and with damping relative to the squared error."""
         hessian, gradient = self.hessian.copy(), self.gradient
         if null_space is not None:
@@ -130,15 +144,15 @@ class Problem:
         return hessian, gradient
 
 
-def linearise(
-    kinematics: Kinematics, tasks: list[Task], q: Array, guard: ClearanceGuard | None, distances: Distances | None
-) -> Problem:
+def build_problem(
+    kinematics: Kinematics, tasks: list[FrameTask], q: Array, guard: ClearanceGuard | None, distances: Distances | None
+) -> TickProblem:
     """The problem at `q` (dof,) [rad], where the kinematics are, without the null-space objective."""
     # `dot` instead of @: on six numbers it costs half.
     if len(tasks) == 1:
-        jacobian, error = tasks[0].linearised(kinematics)
+        jacobian, error = tasks[0].linearise(kinematics)
     else:
-        parts = [task.linearised(kinematics) for task in tasks]
+        parts = [task.linearise(kinematics) for task in tasks]
         jacobian, error = np.vstack([J for J, _ in parts]), np.concatenate([e for _, e in parts])
     inequalities = [found for task in tasks if (found := task.inequalities(kinematics)) is not None]
     hessian, gradient, separating = jacobian.T.dot(jacobian), -error.dot(jacobian), False
@@ -156,7 +170,7 @@ def linearise(
         stacked = inequalities[0]
     elif inequalities:
         stacked = np.vstack([G for G, _ in inequalities]), np.concatenate([h for _, h in inequalities])
-    return Problem(jacobian, float(error.dot(error)), hessian, gradient, stacked, separating, exits)
+    return TickProblem(jacobian, float(error.dot(error)), hessian, gradient, stacked, separating, exits)
 
 
 def null_space_objective(

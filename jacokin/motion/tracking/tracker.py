@@ -3,7 +3,8 @@
 A tick asks for the joint displacement that brings the tool to its target, as least squares inside a box (velocity and
 position limits) and a few linear inequalities (clearance). What the QP says of linearised kinematics is checked at the
 new configuration: a step that makes the error grow is taken again with more damping, one that brings shapes too near is
-shortened. So the error never oscillates and the limits hold exactly.
+shortened. So the error never oscillates and the limits hold exactly. Why this QP is written on Pinocchio and the one of
+the solver is mink's: see `jacokin.ik.qp`.
 """
 
 from __future__ import annotations
@@ -22,13 +23,30 @@ from jacokin.errors import InvalidInputError
 from jacokin.ik import targets
 from jacokin.ik.options import TRACKING_ORIENTATION_TOLERANCE, TRACKING_POSITION_TOLERANCE
 from jacokin.ik.qp_backend import Backend, QPFailed
-from jacokin.model import checks
-from jacokin.model.robot import Robot
-from jacokin.motion.tracking import setup
-from jacokin.motion.tracking.avoidance import Clearance, Distances
-from jacokin.motion.tracking.problem import Objective, Problem, Quadratic, linearise, null_space_objective
-from jacokin.motion.tracking.targets import TaskFactory, TrackingTarget
-from jacokin.motion.tracking.tasks import Task
+from jacokin.model import checks, poses
+from jacokin.model.robot import Robot, checked_robot
+from jacokin.model.scene import Scene
+from jacokin.motion.tracking.avoidance import Distances, make_guard
+from jacokin.motion.tracking.joint_limits import Follower, JointBox, checked_start, velocity_limits
+from jacokin.motion.tracking.problem import (
+    Objective,
+    Quadratic,
+    TickProblem,
+    build_problem,
+    checked_objectives,
+    null_space_objective,
+)
+from jacokin.motion.tracking.targets import FrameTask, Kinematics, TaskFactory, TrackingTarget
+
+NEGLIGIBLE = 0.1  # of the tolerances: an error below this may grow again
+DAMPING = (1e-2, 1e4)  # relative to the squared error: least, and where no step helps any more
+MORE_DAMPING, LESS_DAMPING = 10.0, 3.0  # factors after a step that makes the error grow, and after a good one
+RETRIES = 6  # QPs in one tick at most
+SHORTENINGS = 6  # halvings of a step that comes too near, before the arm stays
+STILL = 1e-5  # [rad/s] a slower arm stands still
+GROWTH_TIME = 0.25  # [s] of growing error until the target counts as lost
+GROWTH = 1e-7  # [m] an error must grow by this in a tick to count as growing
+TWIST_REFERENCES = ("local_world_aligned", "local", "world")
 
 
 class TrackerStatus(Enum):
@@ -109,26 +127,12 @@ class TrackerState(NamedTuple):
         """Standing still."""
         return cls(arm, checks.read_only(np.zeros(len(arm.q))), arm, damping, np.inf, 0, None)
 
-    def moved(self, arm: JointState, reference: JointState, dt: float, damping: float) -> TrackerState:
+    def move(self, arm: JointState, reference: JointState, dt: float, damping: float) -> TrackerState:
         """After a tick of `dt` [s]."""
         v = (arm.q - self.arm.q) / dt
         for array in (arm.q, v):
             array.setflags(write=False)
         return TrackerState(arm, v, reference, damping, self.error, self.growing, None)
-
-    def measured(self, error: float, growing: int) -> TrackerState:
-        """With the error [m] of its tick, and for how many ticks it has grown."""
-        return self._replace(error=error, growing=growing)
-
-
-NEGLIGIBLE = 0.1  # of the tolerances: an error below this may grow again
-DAMPING = (1e-2, 1e4)  # relative to the squared error: least, and where no step helps any more
-MORE_DAMPING, LESS_DAMPING = 10.0, 3.0  # factors after a step that makes the error grow, and after a good one
-RETRIES = 6  # QPs in one tick at most
-SHORTENINGS = 6  # halvings of a step that comes too near, before the arm stays
-STILL = 1e-5  # [rad/s] a slower arm stands still
-GROWTH_TIME = 0.25  # [s] of growing error until the target counts as lost
-GROWTH = 1e-7  # [m] an error must grow by this in a tick to count as growing
 
 
 class Tracker:
@@ -153,7 +157,11 @@ class Tracker:
         tool: pin.SE3 | ArrayLike | None = None,
         velocity_limit: ArrayLike | None = None,
         acceleration_limit: ArrayLike | None = None,
-        collision: Clearance | None = None,
+        scene: Scene | None = None,
+        clearance: float | None = None,
+        collision: str | None = None,
+        self_collision: bool = True,
+        pairs: Sequence[tuple[str, str]] | None = None,
         posture: ArrayLike | None = None,
         objectives: Sequence[Objective] = (),
         qp_solver: str = "daqp",
@@ -171,7 +179,12 @@ class Tracker:
             velocity_limit: (dof,) or one for all [rad/s]; None for the robot's own.
             acceleration_limit: (dof,) or one for all [rad/s^2]; None for none. A step that is shortened to keep
                 shapes apart may brake harder.
-            collision: shapes to keep apart; None for none.
+            scene: obstacles around the arm, in the base frame.
+            clearance: shapes are kept this far apart [m]; None for 0.01.
+            collision: "reject" keeps the arm clear of the scene and of itself, "ignore" keeps nothing apart. None is
+                "reject" where a scene, a clearance or pairs are given, else "ignore".
+            self_collision: False to keep the arm clear of obstacles only.
+            pairs: exactly these pairs of shapes, by name, instead of all.
             posture: (dof,) configuration [rad] to stay near with the freedom that targets leave.
             objectives: what else to do with that freedom, see `Objective`.
             qp_solver: a QP solver installed for qpsolvers: "daqp", "quadprog", "osqp", "proxqp".
@@ -180,31 +193,38 @@ class Tracker:
 
         Raises:
             InvalidInputError: a number that is malformed or not positive, a frame that does not move, velocity limits
-                missing in the robot's file and here, or `q` outside the limits.
-            UnknownNameError: unknown frame, QP solver or shape.
-            ModelError: `collision` and the description has no shapes.
+                missing in the robot's file and here, `q` outside the limits, or a scene, clearance or pairs with
+                collision="ignore".
+            UnknownNameError: unknown frame, QP solver, collision mode or shape.
+            ModelError: shapes are to be kept apart and the description has none.
         """
-        options = setup.Options(
-            frame=frame,
-            dt=dt,
-            tool=tool,
-            velocity_limit=velocity_limit,
-            acceleration_limit=acceleration_limit,
-            collision=collision,
-            posture=posture,
-            objectives=objectives,
-            position_tolerance=position_tolerance,
-            orientation_tolerance=orientation_tolerance,
-        )
-        self._parts = setup.prepare(robot, options)
+        checked_robot("robot", robot)
         self.robot = robot
-        self.frame = self._parts.frame
-        self.dt = self._parts.dt
-        self.velocity_limit = self._parts.velocity
-        self._negligible = (NEGLIGIBLE * self._parts.position_tolerance) ** 2
-        self._qp = Backend(qp_solver)
-        self._kinematics = self._parts.kinematics
+        self.frame = robot.default_frame if frame is None else frame
+        self._kinematics = Kinematics(robot, self.frame, None if tool is None else poses.checked_pose(tool, "tool"))
         self._targets = TaskFactory(self._kinematics)
+        self.dt = checks.positive("dt", dt, "s")
+        self.velocity_limit = velocity_limits(robot, velocity_limit)
+        self._box = JointBox(robot, self.velocity_limit, self.dt)
+        self._follower = None
+        if acceleration_limit is not None:
+            acceleration = checks.positive_vector("acceleration_limit", acceleration_limit, robot.dof, "rad/s^2")
+            self._follower = Follower(robot, self._box, acceleration, self.dt)
+        self._guard = make_guard(
+            robot,
+            self.velocity_limit,
+            self.dt,
+            scene=scene,
+            clearance=clearance,
+            collision=collision,
+            self_collision=self_collision,
+            pairs=pairs,
+        )
+        self._objectives = checked_objectives(robot, objectives, posture)
+        self._position_tolerance = checks.positive("position_tolerance", position_tolerance, "m")
+        self._orientation_tolerance = checks.positive("orientation_tolerance", orientation_tolerance, "rad")
+        self._negligible = (NEGLIGIBLE * self._position_tolerance) ** 2
+        self._qp = Backend(qp_solver)
         self.reset(q)
 
     @property
@@ -227,8 +247,8 @@ class Tracker:
         Raises:
             InvalidInputError: malformed or outside the limits; the tracker stays as it was.
         """
-        start = setup.checked_start(self.robot, q)
-        guard = self._parts.guard
+        start = checked_start(self.robot, q)
+        guard = self._guard
         self._state = TrackerState.at_rest(JointState(start, None if guard is None else guard.start(start)), DAMPING[0])
 
     def step(
@@ -241,7 +261,7 @@ class Tracker:
         """One tick towards a target, or along a twist.
 
         Args:
-            target: T_base_tool as `pin.SE3` or (4, 4), a position (3,) [m], or targets from `jacokin.ik`.
+            target: T_base_tool as `pin.SE3` or (4, 4), a position (3,) [m], or targets from `jacokin.motion`.
             twist: (6,) velocity of the tool, linear [m/s] then angular [rad/s]; instead of a target.
             reference: where the twist is expressed: "local_world_aligned", "local" or "world".
 
@@ -257,7 +277,7 @@ class Tracker:
         state = self._state
         twist_pose = None
         if twist is not None:
-            twist_pose = setup.moved_by_twist(self._twist_start(state), twist, reference, self.dt)
+            twist_pose = move_by_twist(self._twist_start(state), twist, reference, self.dt)
             target = twist_pose
         after, step = self._tick(state, self._targets.tasks(target))
         # Rounding does not add up while the arm keeps up; when it cannot, no backlog builds.
@@ -285,43 +305,48 @@ class Tracker:
         self._kinematics.move_to(state.arm.q)
         return pin.SE3(self._kinematics.pose(self._kinematics.tool))
 
-    def _tick(self, state: TrackerState, tasks: list[Task]) -> tuple[TrackerState, TrackerStep]:
+    def _tick(self, state: TrackerState, tasks: list[FrameTask]) -> tuple[TrackerState, TrackerStep]:
         """Solve, check and move: the state after the tick."""
-        parts, before = self._parts, state.reference
+        before = state.reference
         self._qp.reset()
         self._kinematics.move_to(before.q)
-        problem = linearise(self._kinematics, tasks, before.q, parts.guard, before.distances)
+        problem = build_problem(self._kinematics, tasks, before.q, self._guard, before.distances)
         null_space = None
-        if parts.objectives:
+        if self._objectives:
             null_space = null_space_objective(
-                self.robot, self.frame, before.q, problem.jacobian, parts.objectives, parts.box.step, self.dt
+                self.robot, self.frame, before.q, problem.jacobian, self._objectives, self._box.step, self.dt
             )
         reference, damping, held = self._descend(tasks, problem, null_space, before, state.damping)
-        if parts.follower is None:
+        if self._follower is None:
             arm = reference
         else:
-            wanted = parts.follower.displacement(state.arm.q, state.v, reference.q, (reference.q - before.q) / self.dt)
+            wanted = self._follower.displacement(state.arm.q, state.v, reference.q, (reference.q - before.q) / self.dt)
             arm = self._try(state.arm, wanted, problem.exits)
             # An arm that an obstacle stops takes its reference with it.
-            if not np.array_equal(arm.q, parts.box.moved(state.arm.q, wanted)):
+            if not np.array_equal(arm.q, self._box.move(state.arm.q, wanted)):
                 reference = arm
-        after = state.moved(arm, reference, self.dt, damping)
+        after = state.move(arm, reference, self.dt, damping)
         # Shapes moving apart, or joints still gathering speed, may take the tool away from its target for a while.
-        lagging = parts.follower is not None and not np.array_equal(arm.q, reference.q)
+        lagging = self._follower is not None and not np.array_equal(arm.q, reference.q)
         return self._report(tasks, state, after, held, excused=problem.separating or lagging)
 
     def _descend(
-        self, tasks: list[Task], problem: Problem, null_space: Quadratic | None, start: JointState, damping: float
+        self,
+        tasks: list[FrameTask],
+        problem: TickProblem,
+        null_space: Quadratic | None,
+        start: JointState,
+        damping: float,
     ) -> tuple[JointState, float, str]:
         """The first state that is no farther from the target, with as little damping as that takes.
 
         Returns:
             The state, the damping for the next tick, and why the arm stays if it does.
         """
-        low, high = self._parts.box.bounds(start.q)
+        low, high = self._box.bounds(start.q)
         for _ in range(RETRIES):
             try:
-                displacement = self._qp.minimize(*problem.damped(damping, null_space), problem.inequalities, low, high)
+                displacement = self._qp.minimize(*problem.damp(damping, null_space), problem.inequalities, low, high)
             except QPFailed:
                 return start, damping, "no QP solver solved this tick"
             found = self._try(start, displacement, problem.exits)
@@ -335,18 +360,18 @@ class Tracker:
 
     def _try(self, start: JointState, displacement: Array, exits: Mapping[int, Array]) -> JointState:
         """Where a displacement leads, shortened until nothing comes too near."""
-        guard = self._parts.guard
+        guard = self._guard
         for _ in range(SHORTENINGS):
-            q = self._parts.box.moved(start.q, displacement)
+            q = self._box.move(start.q, displacement)
             if guard is None or start.distances is None:
                 return JointState(q, None)
-            distances = guard.moved(q, start.distances, displacement, exits)
+            distances = guard.move(q, start.distances, displacement, exits)
             if guard.acceptable(start.distances, distances):
                 return JointState(q, distances)
             displacement = 0.5 * displacement
         return start
 
-    def _nearer(self, tasks: list[Task], q: Array, cost: float) -> bool:
+    def _nearer(self, tasks: list[FrameTask], q: Array, cost: float) -> bool:
         """Whether the error shrank, or is too small to matter."""
         self._kinematics.move_to(q)
         now = 0.0
@@ -356,25 +381,24 @@ class Tracker:
         return now <= cost or now <= self._negligible
 
     def _report(
-        self, tasks: list[Task], before: TrackerState, after: TrackerState, held: str, *, excused: bool
+        self, tasks: list[FrameTask], before: TrackerState, after: TrackerState, held: str, *, excused: bool
     ) -> tuple[TrackerState, TrackerStep]:
         """Measure where the arm is; the state with what was learned of the error."""
-        parts = self._parts
         self._kinematics.move_to(after.arm.q)
         position, orientation = tasks[0].measure(self._kinematics)
         for task in tasks[1:]:
             position, orientation = map(max, (position, orientation), task.measure(self._kinematics))
-        on_target = position <= parts.position_tolerance and orientation <= parts.orientation_tolerance
+        on_target = position <= self._position_tolerance and orientation <= self._orientation_tolerance
         error = targets.combined_error(position, orientation)
         grows = not (excused or on_target) and error > before.error + GROWTH
-        after = after.measured(error, before.growing + 1 if grows else 0)
+        after = after._replace(error=error, growing=before.growing + 1 if grows else 0)
         status, limiting, message = TrackerStatus.OK, list[str](), ""
         if not on_target:
-            limiting = parts.box.limiting(after.arm.q - before.arm.q, before.arm.q)
-            if parts.follower is not None:
-                limiting.extend(parts.follower.limiting(after.v, before.v))
-            if parts.guard is not None and after.arm.distances is not None:
-                limiting.extend(parts.guard.limiting(after.arm.distances))
+            limiting = self._box.limiting(after.arm.q - before.arm.q, before.arm.q)
+            if self._follower is not None:
+                limiting.extend(self._follower.limiting(after.v, before.v))
+            if self._guard is not None and after.arm.distances is not None:
+                limiting.extend(self._guard.limiting(after.arm.distances))
             status, message = self._why(after, limiting, held)
         distances = after.arm.distances
         step = TrackerStep(
@@ -397,3 +421,19 @@ class Tracker:
         if float(np.abs(state.v).max()) < STILL:
             return TrackerStatus.HELD, held or "the arm has come as near as it can"
         return TrackerStatus.LIMITED, f"slowed by {', '.join(limiting) or 'damping near a singular pose'}"
+
+
+def move_by_twist(pose: pin.SE3, twist: ArrayLike, reference: str, dt: float) -> pin.SE3:
+    """A pose after moving along a twist (6,) for `dt` [s].
+
+    Raises:
+        InvalidInputError: the twist is malformed.
+        UnknownNameError: the reference is unknown.
+    """
+    checks.choice("reference", reference, TWIST_REFERENCES)
+    motion = checks.vector("twist", twist, 6, "m/s, rad/s") * dt
+    if reference == "local":
+        return pose * pin.exp6(motion)
+    if reference == "world":
+        return pin.exp6(motion) * pose
+    return pin.SE3(pin.exp3(motion[3:]) @ pose.rotation, pose.translation + motion[:3])

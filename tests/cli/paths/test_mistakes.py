@@ -22,9 +22,7 @@ BOTH = (
 )
 TRACK = (
     (("--acceleration-limit", "0"), "--acceleration-limit"),
-    (("--box", "1", "2", "3"), "--box must be 6 numbers"),
-    (("--sphere", "1", "2", "3"), "--sphere must be 4 numbers"),
-    (("--clearance", "-1"), "distance"),
+    (("--clearance", "-1"), "--clearance must be"),
 )
 PLAN = (
     (("--free-axis", "0 0 0"), "--free-axis must have a direction"),

@@ -48,8 +48,10 @@ def test_track_keeps_limits_in_degrees_and_clear_of_obstacles(
     assert np.abs(PathResult.load(out).v).max() <= np.radians(12.0) + 1e-9
     capsys.readouterr()
     # The path leads through a box: the tool stops before it.
-    box = ("--box", "0.4", "-0.2", "0.5", "0.1", "0.1", "0.1", "--clearance", "0.01")
-    assert leave(*words, *box) == 1
+    scene = path_file.with_name("scene.json")
+    box = {"shape": "box", "name": "box", "size": [0.1, 0.1, 0.1], "position": [0.4, -0.2, 0.5]}
+    scene.write_text(json.dumps([box]), encoding="utf-8")
+    assert leave(*words, "--scene", str(scene), "--clearance", "0.01") == 1
     assert "NOT on the path" in capsys.readouterr().out
 
 

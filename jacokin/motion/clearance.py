@@ -13,14 +13,13 @@ from jacokin.ik.results import Frozen
 from jacokin.model import checks
 from jacokin.model.robot import Robot, checked_robot
 from jacokin.model.scene import Scene, checked_scene
-from jacokin.motion.joint_motion import JointMotion, load_trajectory
-from jacokin.motion.path_result import PathResult
+from jacokin.motion.trajectory import JointMotion, PathResult, load_trajectory
 
 RESOLUTION = 0.02  # [rad] no joint moves farther between two places that are measured
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class PathClearance(Frozen):
+class Clearance(Frozen):
     """Distances along a trajectory. Arrays are read-only."""
 
     t: Array
@@ -49,7 +48,7 @@ def path_clearance(
     *,
     self_collision: bool = True,
     resolution: float = RESOLUTION,
-) -> PathClearance:
+) -> Clearance:
     """Distances of the arm to a scene, and to itself, along a trajectory.
 
     Args:
@@ -83,7 +82,7 @@ def path_clearance(
     rows = np.arange(len(q), dtype=np.float64)
     between = np.column_stack([np.interp(places, rows, column) for column in q.T])
     found = scene.nearest(robot, between, self_collision=self_collision)
-    return PathClearance(
+    return Clearance(
         t=checks.read_only(np.interp(places, rows, t)),
         distance=checks.read_only([distance for distance, _ in found]),
         pairs=tuple(pair for _, pair in found),

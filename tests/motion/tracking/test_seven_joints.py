@@ -11,9 +11,9 @@ import pytest
 
 from jacokin import IKSolver, Robot, Tracker
 from jacokin.arrays import Array
-from jacokin.ik import Floor, Sphere
+from jacokin.ik import Floor, Scene, Sphere
 from jacokin.model import to_mujoco
-from jacokin.motion import AxisTarget, Clearance, PositionTarget, TrackerStatus, track_path
+from jacokin.motion import AxisTarget, PositionTarget, TrackerStatus, track_path
 
 DT = 0.01  # [s]
 NAME = "j2s7s300"
@@ -86,11 +86,12 @@ def test_the_elbow_moves_while_the_tool_stays(seven: Robot) -> None:
     assert np.abs(tracker.q - elsewhere).max() < 0.3 * before
 
 
-def test_a_path_is_tracked_from_a_start_that_allows_it(seven: Robot) -> None:
+@pytest.mark.parametrize(("paths", "least"), [(3, 0), pytest.param(8, 1, marks=pytest.mark.slow)])
+def test_a_path_is_tracked_from_a_start_that_allows_it(seven: Robot, paths: int, least: int) -> None:
     """The nearest member of the first pose's family runs into a limit on some lines, and another one does not."""
     rng = np.random.default_rng(0)
     solved, later = 0, 0
-    for _ in range(8):
+    for _ in range(paths):
         start = seven.forward_kinematics(seven.sample(rng))
         way, turn = rng.normal(size=3), rng.normal(size=3)
         way *= rng.uniform(0.1, 0.4) / np.linalg.norm(way)
@@ -105,8 +106,8 @@ def test_a_path_is_tracked_from_a_start_that_allows_it(seven: Robot) -> None:
             assert "starts" in result.message
         solved += result.success
         later += result.success and len(result.branches) > 1
-    assert solved > 1
-    assert later > 0
+    assert solved > least
+    assert later >= least
 
 
 def test_the_first_pose_out_of_reach(seven: Robot) -> None:
@@ -118,8 +119,8 @@ def test_the_first_pose_out_of_reach(seven: Robot) -> None:
 
 def test_obstacles_accelerations_and_axes(seven: Robot) -> None:
     start = seven.forward_kinematics(seven.home)
-    clearance = Clearance(0.02, [Floor(0.0), Sphere("ball", 0.05, start.translation + np.array([0.0, 0.0, 0.25]))])
-    tracker = Tracker(seven, dt=DT, collision=clearance)
+    scene = Scene([Floor(0.0), Sphere("ball", 0.05, start.translation + np.array([0.0, 0.0, 0.25]))])
+    tracker = Tracker(seven, dt=DT, scene=scene, clearance=0.02)
     for tick in range(1, 401):
         step = tracker.step(pin.SE3(start.rotation, start.translation + np.array([0.0, 0.0, 5e-4 * tick])))
         assert step.clearance is not None

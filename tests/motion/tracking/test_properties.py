@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 import jacokin
 from jacokin import Robot, Tracker
 from jacokin.errors import InvalidInputError
-from jacokin.ik import Sphere
-from jacokin.motion import AxisTarget, Clearance, OrientationTarget, PositionTarget, RegionTarget
+from jacokin.ik import Scene, Sphere
+from jacokin.motion import AxisTarget, OrientationTarget, PositionTarget, RegionTarget
 
 PACKAGE = str(Path(jacokin.__file__).parent)
 ROUNDING = 1e-9  # [rad/s] positions are subtracted and divided by dt
@@ -110,12 +110,12 @@ class InterruptAt:
         return self
 
 
-BALL = Clearance(0.01, [Sphere("ball", 0.05, [0.25, -0.2, 0.62])])
+BALL = Scene([Sphere("ball", 0.05, [0.25, -0.2, 0.62])])
 
 
 @pytest.mark.parametrize("use_twist", [False, True], ids=["pose", "twist"])
 @pytest.mark.parametrize(
-    "options", [{}, {"acceleration_limit": 2.0}, {"collision": BALL}], ids=["plain", "acceleration", "collision"]
+    "options", [{}, {"acceleration_limit": 2.0}, {"scene": BALL}], ids=["plain", "acceleration", "collision"]
 )
 def test_an_interrupted_tick_leaves_the_old_state_or_the_new_one(
     robot: Robot, options: dict[str, Any], use_twist: bool

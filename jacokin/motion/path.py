@@ -1,4 +1,8 @@
-"""The path of the tool: straight lines between poses, which may be free to turn about an axis of the tool."""
+"""`CartesianPath`: straight lines between poses of the tool, which may be free to turn about an axis of its own.
+
+Along a line the position moves straight and the orientation turns about one fixed axis by the short way, both in
+proportion; the screw motion of SE(3) would bend the line.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +25,6 @@ OPPOSITE = 1e-6  # [rad] axes this near to opposite have no way from one to the 
 NARROW = 1e-9  # [rad] a range of the free angle below this is one value
 MOST_PLACES = 50_000  # steps of a path: half a kilometre, or that many waypoints
 MOST_FAMILIES = 10_000  # the same where each of them has a family
-WHOLE_TICK = 1e-9  # a duration this near to whole ticks is whole; division rounds
 
 
 class CartesianPath:
@@ -36,14 +39,14 @@ class CartesianPath:
         free: whether there is a free angle anywhere.
     """
 
-    def __init__(self, targets: Sequence[Target] | ArrayLike, frame: str) -> None:
-        """Check the waypoints, for a tool on a frame.
+    def __init__(self, waypoints: Sequence[Target] | ArrayLike, frame: str, name: str = "targets") -> None:
+        """Check the waypoints, for a tool on a frame; `name` is what messages call them.
 
         Raises:
             InvalidInputError: fewer than two, one is malformed (its number is named), all are the same, or the free
                 axes of neighbours are opposite.
         """
-        rows = [_checked(row, f"targets[{index}]", frame) for index, row in enumerate(_listed(targets))]
+        rows = [_checked(row, f"{name}[{index}]", frame) for index, row in enumerate(_list_rows(waypoints, name))]
         self.poses = [row.pose if isinstance(row, FreeAxis) else row for row in rows]
         axes = [row.axis if isinstance(row, FreeAxis) else None for row in rows]
         self.free = any(axis is not None for axis in axes)
@@ -65,7 +68,7 @@ class CartesianPath:
         if opposite.size:
             index = int(opposite[0])
             raise InvalidInputError(
-                f"the free axes of targets[{index}] and targets[{index + 1}] are opposite: turn one of them round, "
+                f"the free axes of {name}[{index}] and {name}[{index + 1}] are opposite: turn one of them round, "
                 "and its range with it"
             )
 
@@ -135,11 +138,26 @@ class CartesianPath:
         line = np.clip(u.astype(np.intp), 0, self.lines - 1)
         return line, u - line
 
-    def ticks(self, times: Array, dt: float) -> Array:
-        """Places at every tick of `dt` [s], lines taking (lines,) times [s], each rounded up to whole ticks."""
-        counts = np.ceil(times / dt - WHOLE_TICK).astype(np.intp)
-        parts = [line + np.arange(1, count + 1) / count for line, count in enumerate(counts.tolist()) if count]
-        return np.concatenate([np.zeros(1), *parts])
+    def durations(self, speed: ArrayLike, angular_speed: ArrayLike) -> Array:
+        """How long each line takes at constant speed (lines,) [s]: the longer of position and orientation.
+
+        Args:
+            speed: of the position [m/s], one for all lines or one for each.
+            angular_speed: of the orientation [rad/s], as `speed`.
+
+        Raises:
+            InvalidInputError: a speed is not positive, or there is one too many or too few.
+        """
+        linear = checks.positive_vector("speed", speed, self.lines, "m/s")
+        angular = checks.positive_vector("angular_speed", angular_speed, self.lines, "rad/s")
+        with np.errstate(over="ignore"):  # an infinite duration is refused when it is counted in ticks
+            return np.maximum(self.lengths[:, 0] / linear, self.lengths[:, 1] / angular)
+
+    def segments(self, u: Array) -> NDArray[np.intp]:
+        """Number of the line that ends at or leads on from each place (n,); read-only."""
+        segments = np.clip(np.ceil(u).astype(np.intp) - 1, 0, self.lines - 1)
+        segments.setflags(write=False)
+        return segments
 
     def places(self, spacing: float, angle: float, most: int) -> Array:
         """Places from start to end, every waypoint among them, at most so far apart [m] and [rad].
@@ -183,11 +201,11 @@ def _checked(row: Target, name: str, frame: str) -> pin.SE3 | FreeAxis:
     return pin.SE3(found.rotation, found.position)
 
 
-def _listed(targets: Sequence[Target] | ArrayLike) -> list[Any]:
+def _list_rows(waypoints: Sequence[Target] | ArrayLike, name: str) -> list[Any]:
     try:
-        rows = list(targets)  # type: ignore[arg-type]  # whatever cannot be listed is refused below
+        rows = list(waypoints)  # type: ignore[arg-type]  # whatever cannot be listed is refused below
     except TypeError as error:
-        raise InvalidInputError(f"targets must be a sequence of poses, got {checks.shown(targets)}") from error
+        raise InvalidInputError(f"{name} must be a sequence of poses, got {checks.shown(waypoints)}") from error
     if len(rows) < 2:
-        raise InvalidInputError(f"a path needs at least two targets, got {len(rows)}")
+        raise InvalidInputError(f"a path needs at least two {name}, got {len(rows)}")
     return rows

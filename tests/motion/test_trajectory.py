@@ -12,7 +12,7 @@ import pickle
 import subprocess
 import sys
 import zipfile
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +22,8 @@ from numpy.typing import NDArray
 
 from jacokin import Robot
 from jacokin.errors import InvalidInputError
-from jacokin.motion import JointMotion, PathResult, files, move_joints
+from jacokin.motion import JointMotion, PathResult, move_joints
+from jacokin.motion import trajectory as trajectories
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +61,7 @@ def test_a_failed_save_leaves_the_old_file(result: PathResult, tmp_path: Path, m
     def fail(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(files, "write_table", fail)
+    monkeypatch.setattr(trajectories, "write_table", fail)
     with pytest.raises(InvalidInputError, match="No space left"):
         result.save(file)
     assert file.read_text() == "precious"
@@ -185,7 +186,7 @@ def test_a_path_survives_a_locale_without_utf8(result: PathResult, tmp_path: Pat
 
 
 def arrays(value: Any) -> list[NDArray[np.float64]]:
-    return [found for name in value.__slots__ if isinstance(found := getattr(value, name), np.ndarray)]
+    return [found for each in fields(value) if isinstance(found := getattr(value, each.name), np.ndarray)]
 
 
 def test_copies_stay_read_only(trajectory: PathResult | JointMotion) -> None:

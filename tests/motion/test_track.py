@@ -9,30 +9,13 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from jacokin import IKSolver, Robot
+from jacokin import FreeAxis, IKSolver, Robot
 from jacokin.errors import InvalidInputError, UnknownNameError
 from jacokin.motion import PathResult, plot_path, track_path
-from jacokin.motion.lines import SampledPath, durations, sample
-from jacokin.motion.path_result import in_words
-from jacokin.motion.timing import Profile, profile_within, rest_to_rest
 from jacokin.motion.track import start_branches
+from jacokin.motion.trajectory import list_segments
 
-
-def at_speed(waypoints: list[pin.SE3], speed: float, angular_speed: float, dt: float) -> SampledPath:
-    return sample(waypoints, [Profile(float(time)) for time in durations(waypoints, speed, angular_speed)], dt)
-
-
-def test_lines_are_straight_and_timed(robot: Robot) -> None:
-    start = robot.forward_kinematics(robot.home)
-    end = pin.SE3(start.rotation @ pin.exp3(np.array([0.0, 0.3, 0.0])), start.translation + np.array([0.1, 0.0, 0.0]))
-    path = at_speed([start, end], 0.05, 1.0, 0.01)
-    assert len(path.poses) == 201  # 0.1 m at 0.05 m/s in steps of 0.01 s, and the start
-    for tick, pose in enumerate(path.poses):
-        assert np.allclose(pose.translation, start.translation + np.array([0.1 * tick / 200, 0.0, 0.0]), atol=1e-15)
-        turned = pin.log3(start.rotation.T @ pose.rotation)
-        assert np.allclose(turned, [0.0, 0.3 * tick / 200, 0.0], atol=1e-12)
-    slow_turn = at_speed([start, end], 10.0, 0.1, 0.01)
-    assert len(slow_turn.poses) == 301  # 0.3 rad at 0.1 rad/s takes longer
+POSE = pin.SE3(np.eye(3), np.array([0.3, -0.2, 0.5]))
 
 
 def test_a_square_is_followed(robot: Robot, square: list[pin.SE3], result: PathResult) -> None:
@@ -80,8 +63,8 @@ def test_a_branch_that_fails_gives_way_to_one_that_does_not(robot: Robot) -> Non
 
 
 def test_a_sentence_names_a_few_segments() -> None:
-    assert in_words([0, 2]) == "0, 2"
-    assert in_words(range(9)) == "0, 1, 2, 3, 4, 5, 6, 7 and 1 more"
+    assert list_segments([0, 2]) == "0, 2"
+    assert list_segments(range(9)) == "0, 1, 2, 3, 4, 5, 6, 7 and 1 more"
 
 
 def test_an_impossible_path_names_its_segments(robot: Robot, square: list[pin.SE3]) -> None:
@@ -153,6 +136,7 @@ def test_the_plot_shows_joints_and_error(result: PathResult, tmp_path: Path) -> 
         ({"waypoints": [np.eye(4), np.full((4, 4), np.nan)]}, r"waypoints\[1\]"),
         ({"waypoints": [np.eye(4), np.eye(3)]}, r"waypoints\[1\]"),
         ({"waypoints": 3.0}, "waypoints must be a sequence"),
+        ({"waypoints": [np.eye(4), FreeAxis(POSE, axis=(1.0, 0.0, 0.0))]}, "track_path follows full poses"),
         ({"waypoints": [np.eye(4), np.eye(4)]}, "same pose"),
         ({"dt": 0.0}, "dt must be"),
         ({"speed": 0.0}, "speed must be"),
@@ -201,38 +185,6 @@ def test_wrong_types_are_refused(robot: Robot, square: list[pin.SE3]) -> None:
         track_path(robot, square, progress=3)  # type: ignore[arg-type]  # wrong on purpose
 
 
-def test_profiles_start_and_end_at_rest() -> None:
-    for speed, acceleration in ((0.5, 0.2), (0.5, 0.25), (0.5, 10.0), (3.0, 0.1)):
-        profile = rest_to_rest(speed, acceleration)
-        times = np.linspace(0.0, 1.0, 20_001)
-        parts = profile.parts(times)
-        assert (parts[0], parts[-1]) == (0.0, 1.0)
-        velocity = np.diff(parts) / (times[1] * profile.duration)
-        assert velocity.min() >= 0.0
-        assert velocity.max() <= speed * (1 + 1e-9)
-        assert max(velocity[0], velocity[-1]) <= acceleration * times[1] * profile.duration
-        assert np.abs(np.diff(velocity)).max() / (times[1] * profile.duration) <= acceleration * (1 + 1e-4)
-    assert rest_to_rest(0.5, 10.0).duration == pytest.approx(1 / 0.5 + 0.5 / 10.0)
-
-
-def test_a_bent_joint_path_is_run_through_within_acceleration() -> None:
-    """One joint moves as sin(s), another as s: both parts of q' s'' + q'' s'^2 count."""
-    along = np.linspace(0.0, 1.0, 401)
-    q = np.column_stack([np.sin(3.0 * along), along])
-    limit = np.array([1.0, 0.5])
-    velocity = np.array([1.0, 10.0])
-    profile = profile_within(q, 1.0, velocity, limit, 0.01)
-    parts = profile.parts(np.linspace(0.0, 1.0, 5_001))
-    step = profile.duration / 5_000
-    joints = np.column_stack([np.sin(3.0 * parts), parts])
-    acceleration = np.abs(np.diff(joints, 2, axis=0) / step**2).max(axis=0)
-    assert (acceleration <= limit).all()
-    assert (acceleration > 0.3 * limit).any()  # and not much slower than that
-    assert (np.abs(np.diff(joints, axis=0) / step).max(axis=0) <= velocity).all()
-    hurried = profile_within(q, 1.0, velocity, 1e6 * limit, 0.01)
-    assert hurried.duration == pytest.approx(3.0 / 0.98, rel=0.02)  # joint 1 at its velocity limit, slope 3
-
-
 @pytest.mark.parametrize("acceleration", [5.0, 2.0, 1.0])
 def test_a_path_is_followed_from_rest_to_rest_within_acceleration(robot: Robot, acceleration: float) -> None:
     """The corners of the documentation's example: a jump of the speed at each would throw the tool off the path."""
@@ -255,6 +207,18 @@ def test_a_path_is_followed_from_rest_to_rest_within_acceleration(robot: Robot, 
         assert min(np.hypot(offset[0], offset[1]), np.hypot(offset[1], offset[2] - 0.1)) < 2e-5
     reached = robot.forward_kinematics(result.q[-1])
     assert np.abs(reached.translation - corners[-1].translation).max() < 1e-5
+
+
+def test_a_speed_that_no_joint_can_follow_is_not_reached(robot: Robot) -> None:
+    """The line is asked for in a tenth of a second; from rest to rest it takes what the joints need."""
+    start = robot.forward_kinematics(robot.home)
+    corners = [start, pin.SE3(start.rotation, start.translation + np.array([0.0, 0.0, 0.2]))]
+    result = track_path(robot, corners, speed=2.0, start=robot.home, acceleration_limit=2.0)
+    assert result.success
+    assert (np.abs(result.a) <= 2.0 + 1e-7).all()
+    assert 0.7 < result.t[-1] < 3.0
+    slower = track_path(robot, corners, speed=0.05, start=robot.home, acceleration_limit=2.0)
+    assert slower.t[-1] > 4.0
 
 
 def test_a_start_is_never_left(robot: Robot) -> None:

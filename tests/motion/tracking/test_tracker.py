@@ -18,7 +18,7 @@ from jacokin import IKSolver, Robot, Tracker
 from jacokin.errors import InvalidInputError, UnknownNameError
 from jacokin.ik import qp_backend
 from jacokin.ik.qp_backend import Backend, QPFailed
-from jacokin.motion import Clearance, TrackerStatus
+from jacokin.motion import TrackerStatus
 
 DT = 0.01  # [s]
 
@@ -59,11 +59,12 @@ def test_a_circle_is_followed(robot: Robot) -> None:
         assert step.status is TrackerStatus.OK
 
 
-def test_limits_hold_exactly_while_targets_jump(robot: Robot, rng: np.random.Generator) -> None:
+@pytest.mark.parametrize("ticks", [1_500, pytest.param(10_000, marks=pytest.mark.slow)])
+def test_limits_hold_exactly_while_targets_jump(robot: Robot, rng: np.random.Generator, ticks: int) -> None:
     tracker = Tracker(robot, dt=DT)
     before = tracker.q
     at_speed = 0
-    for tick in range(10_000):
+    for tick in range(ticks):
         if tick % 20 == 0:
             reachable = rng.random() < 0.7
             target = (
@@ -78,7 +79,7 @@ def test_limits_hold_exactly_while_targets_jump(robot: Robot, rng: np.random.Gen
         assert np.allclose(step.v, (step.q - before) / DT, atol=1e-12)
         at_speed += bool((speed > 0.999 * robot.velocity_limit).any())
         before = step.q
-    assert at_speed > 5_000
+    assert at_speed > ticks / 2
 
 
 @pytest.mark.parametrize("solver", ["osqp", "quadprog", "proxqp"])
@@ -224,7 +225,7 @@ def test_reset_puts_the_arm_there_and_noise_past_a_limit_is_removed(robot: Robot
 
 
 def test_copies_go_on_from_where_the_tracker_is(robot: Robot) -> None:
-    tracker = Tracker(robot, collision=Clearance(0.005))
+    tracker = Tracker(robot, clearance=0.005)
     for pose in line(robot)[:5]:
         tracker.step(pose)
     for other in (pickle.loads(pickle.dumps(tracker)), copy.deepcopy(tracker)):
@@ -313,7 +314,6 @@ def test_failed_calls_change_nothing(robot: Robot) -> None:
         ({"posture": [0.0] * 5}, "posture"),
         ({"objectives": ["manipulability"]}, "objectives"),
         ({"objectives": 3}, "objectives must be a list"),
-        ({"collision": "self"}, "collision must be"),
         ({"frame": "link_base"}, "fixed to the base"),
         ({"q": [0.0] * 6}, "q puts joint_2"),
         ({"q": [1e17, 2.9, 1.0, 4.2, 1.4, 1.3]}, r"q: joint_1 = 1e\+17 rad is too far from zero"),

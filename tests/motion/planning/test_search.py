@@ -1,0 +1,105 @@
+"""The cheapest way up a ladder of solutions, against all ways there are."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from jacokin import FreeAxis, IKSolver, Robot
+from jacokin.motion.path import CartesianPath
+from jacokin.motion.planning.chain import Chain
+from jacokin.motion.planning.ladder import Ladder, Pace
+from jacokin.motion.planning.manifold import Manifold
+from jacokin.motion.planning.search import Search
+
+
+def make_ladder(robot: Robot, path: CartesianPath, *, keep: bool = True) -> Ladder:
+    solver = IKSolver(robot)
+    manifold = Manifold(robot, Chain(solver.closed_form().chain), path, 1e-9)
+    return Ladder(solver, manifold, Pace(path.durations(0.1, 1.0), robot.velocity_limit), 0.5, keep=keep)
+
+
+def line(robot: Robot, q_from: list[float], q_to: list[float], *, free: bool = False) -> CartesianPath:
+    poses = [robot.forward_kinematics(np.array(q)) for q in (q_from, q_to)]
+    targets = [FreeAxis(pose, axis=(0.0, 0.0, 1.0), range=(-0.5, 0.5)) for pose in poses] if free else poses
+    return CartesianPath(targets, robot.default_frame)
+
+
+def cheapest_of_all(search: Search) -> float:
+    """The cost of the best of all ways, by trying each: first solution, then any link that leads on."""
+    links = search.ladder.link(search.rungs)
+    steps = [dict(zip(zip(a.first, a.second, strict=True), a.cost, strict=True)) for a in links]
+    q = search.rungs[0].x[:, :6]
+    starts = 0.1 * (((q - search.near) / search.ladder.pace.scale) ** 2).sum(axis=1)
+    best = np.inf
+    for way in itertools.product(*(range(len(rung.x)) for rung in search.rungs)):
+        cost = starts[way[0]]
+        for step, pair in zip(steps, itertools.pairwise(way), strict=True):
+            cost += step.get(pair, np.inf)
+        best = min(best, cost)
+    return float(best)
+
+
+def cost_of(search: Search, way: list[int]) -> float:
+    q = search.rungs[0].x[way[0], :6]
+    cost = 0.1 * (((q - search.near) / search.ladder.pace.scale) ** 2).sum()
+    for link, pair in zip(search.ladder.link(search.rungs), itertools.pairwise(way), strict=True):
+        cost += link.cost[(link.first == pair[0]) & (link.second == pair[1])][0]
+    return float(cost)
+
+
+@pytest.mark.parametrize("free", [False, True], ids=["pose", "free axis"])
+def test_the_way_is_the_cheapest_of_all(robot: Robot, free: bool) -> None:
+    home = robot.home
+    path = line(robot, home.tolist(), (home + 0.05).tolist(), free=free)
+    ladder = make_ladder(robot, path)
+    near = home + np.array([0.0, 0.3, -0.2, 0.0, 0.4, 0.0])  # on a joint that turns endlessly, the copy is the nearest
+    search = Search(ladder, np.array([0.0, 0.5, 1.0]), near, exactly=False)
+    way = search.best()
+    assert len(way) == len(search.rungs) == 3  # no step had to be made smaller
+    assert min(len(rung.x) for rung in search.rungs) > 3
+    assert cost_of(search, way) == pytest.approx(cheapest_of_all(search), rel=1e-12)
+
+
+def test_what_is_cut_or_made_dearer_is_not_taken_again(robot: Robot) -> None:
+    home = robot.home
+    search = Search(
+        make_ladder(robot, line(robot, home.tolist(), (home + 0.05).tolist())),
+        np.array([0.0, 0.5, 1.0]),
+        home,
+        exactly=False,
+    )
+    ways = [search.best()]
+    search.cut(2, ways[0][1], ways[0][2])
+    ways.append(search.best())
+    assert search.charge(1, ways[1][0], ways[1][1], 1e6)
+    assert not search.charge(1, ways[1][0], ways[1][1], 1e5)  # it costs more already
+    ways.append(search.best())
+    assert len({tuple(way) for way in ways}) == 3
+    assert np.diff([cost_of(search, way) for way in ways]).min() > 0.0
+
+
+def test_a_way_that_must_begin_at_a_configuration_does(robot: Robot) -> None:
+    home = robot.home
+    path = line(robot, home.tolist(), (home + 0.05).tolist())
+    search = Search(make_ladder(robot, path), np.array([0.0, 1.0]), home, exactly=True)
+    assert np.abs(search.rungs[0].x[search.best()[0]] - home).max() < 1e-9
+    away = Search(make_ladder(robot, path), np.array([0.0, 1.0]), home + 0.1, exactly=True)
+    assert away.best() == []
+
+
+def test_steps_are_made_smaller_where_no_way_leads_on(robot: Robot) -> None:
+    """Half a turn of the tool in one step: no solution follows another until the step is halved."""
+    start = robot.forward_kinematics(robot.home)
+    end = pin.SE3(start.rotation @ pin.exp3(np.array([0.0, 0.0, 2.5])), start.translation)
+    path = CartesianPath([start, end], robot.default_frame)
+    search = Search(make_ladder(robot, path), np.array([0.0, 1.0]), robot.home, exactly=False)
+    way = search.best()
+    places = [rung.u for rung in search.rungs]
+    assert len(way) == len(places) > 2
+    assert places == sorted(places)
+    q = np.array([rung.x[node] for rung, node in zip(search.rungs, way, strict=True)])
+    assert np.abs(search.ladder.manifold.difference(q[:-1], q[1:])).max() <= 1.0

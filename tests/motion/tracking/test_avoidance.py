@@ -1,0 +1,237 @@
+"""Shapes kept apart: full-speed passes by obstacles, starts inside one, self-collision, and wrong scenes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+import pytest
+from numpy.typing import NDArray
+
+import jacokin
+from jacokin import Robot, Tracker
+from jacokin.errors import InvalidInputError, UnknownNameError
+from jacokin.ik import Box, Capsule, Floor, Obstacle, Scene, Sphere
+from jacokin.model import to_mujoco
+from jacokin.model.mujoco_twin import to_spec
+from jacokin.model.obstacles import add_to_spec, collision_pairs
+from jacokin.motion import TrackerStatus
+
+DISTANCE = 0.01  # [m]
+TOLERANCE = 1e-4  # [m]
+HORIZON = 0.2  # [m] the referee does not look farther
+
+
+class Referee:
+    """Distances by brute force: every pair, every time."""
+
+    def __init__(self, robot: Robot, scene: Scene, *, self_collision: bool = True) -> None:
+        spec = to_spec(robot, geometry=True)
+        add_to_spec(spec, scene.obstacles)
+        self.model = spec.compile()
+        self.pairs = collision_pairs(self.model, scene.obstacles, self_collision=self_collision)
+        self.data = mujoco.MjData(self.model)
+
+    def least(self, q: NDArray[np.float64]) -> float:
+        self.data.qpos[:] = q
+        mujoco.mj_kinematics(self.model, self.data)
+        fromto = np.zeros(6)
+        return float(min(mujoco.mj_geomDistance(self.model, self.data, a, b, HORIZON, fromto) for a, b in self.pairs))
+
+
+def obstacle(kind: int, centre: NDArray[np.float64], rng: np.random.Generator) -> Obstacle:
+    pose = pin.SE3(pin.exp3(rng.normal(size=3)), centre)
+    if kind == 0:
+        return Box("box", rng.uniform(0.04, 0.2, 3), pose)
+    if kind == 1:
+        return Sphere("ball", rng.uniform(0.03, 0.1), centre)
+    return Capsule("rod", 0.03, 0.2, pose)
+
+
+@pytest.mark.parametrize("count", [6, pytest.param(200, marks=pytest.mark.slow)])
+def test_passes_at_full_speed_keep_the_distance(robot: Robot, rng: np.random.Generator, count: int) -> None:
+    start = robot.forward_kinematics(robot.home).translation
+    passes, closest, at_speed, near = 0, np.inf, 0, 0
+    while passes < count:
+        centre = start + rng.uniform(-0.2, 0.2, 3)
+        scene = Scene([obstacle(passes % 3, centre, rng)])
+        referee = Referee(robot, scene, self_collision=False)
+        if referee.least(robot.home) < 0.03:
+            continue
+        passes += 1
+        tracker = Tracker(robot, scene=scene, clearance=DISTANCE, self_collision=False)
+        # Beyond the obstacle, so that the way there leads through it.
+        target = centre + 0.3 * (centre - start) / np.linalg.norm(centre - start)
+        for _ in range(40):
+            step = tracker.step(target)
+            distance = referee.least(step.q)
+            assert distance >= DISTANCE - TOLERANCE
+            assert step.clearance is not None
+            assert step.clearance <= distance + 1e-6
+            if distance < 2 * DISTANCE:
+                assert step.clearance == pytest.approx(distance, abs=1e-6)
+            assert robot.within_limits(step.q)
+            assert (np.abs(step.v) <= robot.velocity_limit + 1e-9).all()
+            closest = min(closest, distance)
+            at_speed += bool((np.abs(step.v) > 0.999 * robot.velocity_limit).any())
+            near += distance < 2 * DISTANCE
+    assert closest < 1.2 * DISTANCE  # the passes did come near
+    assert at_speed > 10 * count
+    assert near > 2.5 * count
+
+
+@pytest.mark.parametrize("number", [*range(6), *(pytest.param(n, marks=pytest.mark.slow) for n in range(6, 12))])
+def test_an_arm_inside_an_obstacle_moves_out(robot: Robot, number: int) -> None:
+    rng = np.random.default_rng(number)
+    pose = robot.forward_kinematics(robot.home)
+    scene = Scene([obstacle(number % 3, pose.translation, rng)])
+    referee = Referee(robot, scene)
+    assert referee.least(robot.home) < 0.0
+    tracker = Tracker(robot, scene=scene, clearance=DISTANCE)
+    for _ in range(200):
+        step = tracker.step(pose)
+        assert robot.within_limits(step.q)
+    assert referee.least(step.q) >= DISTANCE - TOLERANCE
+    assert step.status is not TrackerStatus.OK
+    assert any("~" in name for name in step.limiting)
+
+
+def test_the_floor_is_not_touched(robot: Robot) -> None:
+    referee = Referee(robot, Scene([Floor()]), self_collision=False)
+    tracker = Tracker(robot, scene=Scene([Floor()]), self_collision=False)
+    start = robot.forward_kinematics(robot.home).translation
+    for _ in range(250):
+        step = tracker.step(np.array([start[0], start[1] - 0.1, -0.2]))
+        assert referee.least(step.q) >= DISTANCE - TOLERANCE
+    assert referee.least(step.q) < 2 * DISTANCE
+    assert any(name.startswith("floor~") for name in step.limiting)
+
+
+@pytest.mark.parametrize("targets", [5, pytest.param(12, marks=pytest.mark.slow)])
+def test_the_arm_does_not_touch_itself(robot: Robot, rng: np.random.Generator, targets: int) -> None:
+    referee = Referee(robot, Scene())
+    tracker = Tracker(robot, collision="reject", clearance=0.005)
+    nearest = np.inf
+    for _ in range(targets):
+        target = robot.forward_kinematics(robot.sample(rng))
+        for tick in range(100):
+            step = tracker.step(target)
+            assert robot.within_limits(step.q)
+            if tick % 10 == 9:
+                distance = referee.least(step.q)
+                assert distance >= 0.005 - TOLERANCE
+                nearest = min(nearest, distance)
+    assert nearest < 0.03
+
+
+def test_clearance_holds_with_acceleration_limits_too(robot: Robot) -> None:
+    start = robot.forward_kinematics(robot.home).translation
+    scene = Scene([Sphere("ball", 0.05, start + np.array([0.0, 0.0, 0.25]))])
+    referee = Referee(robot, scene, self_collision=False)
+    tracker = Tracker(robot, scene=scene, self_collision=False, acceleration_limit=2.0)
+    for _ in range(150):
+        step = tracker.step(start + np.array([0.0, 0.0, 0.5]))
+        assert referee.least(step.q) >= DISTANCE - TOLERANCE
+
+
+def test_far_obstacles_change_nothing(robot: Robot) -> None:
+    pose = robot.forward_kinematics(robot.home)
+    pose = pin.SE3(pose.rotation, pose.translation + np.array([0.0, 0.0, 0.02]))
+    plain = Tracker(robot)
+    guarded = Tracker(robot, scene=Scene([Sphere("moon", 0.1, [5.0, 5.0, 5.0])]), self_collision=False)
+    for _ in range(30):
+        assert np.array_equal(plain.step(pose).q, guarded.step(pose).q)
+    seen = guarded.step(pose).clearance
+    assert seen is not None
+    assert 0.1 < seen < 9.0
+
+
+def test_named_pairs_only(robot: Robot) -> None:
+    pose = robot.forward_kinematics(robot.home)
+    ball = Sphere("ball", 0.05, pose.translation)
+    shapes = [geom.name for geom in to_spec(robot, geometry=True).geoms]
+    base = next(name for name in shapes if name.startswith("link_2"))
+    tracker = Tracker(robot, scene=Scene([ball]), pairs=[("ball", base)])
+    assert tracker.step(pose).status is TrackerStatus.OK  # the hand is inside the ball, but only link 2 is kept away
+
+
+def test_shapes_are_kept_apart_where_anything_says_so(robot: Robot) -> None:
+    pose = robot.forward_kinematics(robot.home)
+    assert Tracker(robot).step(pose).clearance is None
+    assert Tracker(robot, collision="ignore").step(pose).clearance is None
+    itself = [Tracker(robot, collision="reject"), Tracker(robot, clearance=0.01), Tracker(robot, scene=Scene())]
+    assert len({tracker.step(pose).clearance for tracker in itself}) == 1
+
+
+def test_fingers_stand_as_the_scene_says(robot: Robot) -> None:
+    """A ball where closed fingers are, and open ones are not."""
+    angle = 1.2  # [rad]
+    closed = jacokin.load_robot(finger_angle=angle)
+    data = mujoco.MjData(to_mujoco(closed, geometry=True))
+    data.qpos[:] = robot.home
+    mujoco.mj_kinematics(data.model, data)
+    names = [data.model.geom(index).name for index in range(data.model.ngeom)]
+    tip = data.geom_xpos[next(index for index, name in enumerate(names) if "tip" in name)]
+    ball = Sphere("ball", 0.005, tip)
+    pose = robot.forward_kinematics(robot.home)
+    for finger_angle, inside in ((None, False), (angle, True)):
+        scene = Scene([ball], finger_angle=finger_angle)
+        distance = Tracker(robot, scene=scene, clearance=0.0, self_collision=False).measure(pose).clearance
+        assert distance is not None
+        assert (distance < 0.0) is inside
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "match"),
+    [
+        ({"pairs": [("link_9", "link_1_ring")]}, UnknownNameError, "unknown shape 'link_9'"),
+        ({"pairs": ["link_1_ring"]}, InvalidInputError, "pairs of shape names"),
+        ({"pairs": [("link_1_ring", "link_1_column")]}, InvalidInputError, "same link"),
+        ({"clearance": "far"}, InvalidInputError, "clearance must be"),
+        ({"clearance": -0.01}, InvalidInputError, "clearance must be"),
+        ({"clearance": np.nan}, InvalidInputError, "clearance must be"),
+        ({"scene": [Floor()]}, InvalidInputError, "scene must be a Scene"),
+        ({"scene": Scene([Box("link_1_ring", [0.1] * 3, [5.0] * 3)])}, InvalidInputError, "a shape of the"),
+        ({"scene": Scene(), "self_collision": "no"}, InvalidInputError, "self_collision must be True or False"),
+        ({"collision": "report"}, UnknownNameError, "Valid: ignore, reject"),
+        ({"collision": True}, UnknownNameError, "unknown collision"),
+        ({"collision": "ignore", "scene": Scene()}, InvalidInputError, "scene has no effect with collision='ignore'"),
+        ({"collision": "ignore", "clearance": 0.0}, InvalidInputError, "clearance has no effect"),
+        ({"collision": "ignore", "pairs": []}, InvalidInputError, "pairs has no effect"),
+    ],
+)
+def test_wrong_scenes_are_refused_before_the_first_tick(
+    robot: Robot, options: dict[str, Any], error: type[Exception], match: str
+) -> None:
+    with pytest.raises(error, match=match):
+        Tracker(robot, **options)
+
+
+@pytest.mark.parametrize(
+    ("make", "match"),
+    [
+        (lambda: Scene(Floor()), "obstacles must be a list"),  # type: ignore[arg-type]  # wrong on purpose
+        (lambda: Scene(["floor"]), "obstacles must be shapes with a name"),  # type: ignore[list-item]  # wrong on purpose
+        (lambda: Scene([Floor(name="")]), "name of an obstacle must be a word"),
+        (lambda: Scene([Floor(), Floor(-0.1)]), "'floor' is used by two"),
+        (lambda: Sphere("a", 0.0, [0.0] * 3), "a: radius"),
+        (lambda: Box("b", [0.1, -0.1, 0.1], [0.0] * 3), "b: size"),
+        (lambda: Box("b", [0.1, 0.1], [0.0] * 3), "b: size"),
+        (lambda: Box("b", [0.1] * 3, [np.nan] * 3), "b: pose"),
+        (lambda: Capsule("c", 0.1, np.inf, [0.0] * 3), "c: length"),
+        (lambda: Floor(np.nan), "floor: height"),
+        (lambda: Box("b", ["0.1"] * 3, [0.0] * 3), "b: size must be one number or 3"),
+        (lambda: Box("b", [True] * 3, [0.0] * 3), "b: size must be one number or 3"),
+        (lambda: Box("b", np.array(["2026-01-01"] * 3, "M8[D]"), [0.0] * 3), "b: size must be"),
+        (lambda: Box("b", [0.1] * 3, "here"), "b: pose must be a pose or a position"),
+        (lambda: Sphere("a", True, [0.0] * 3), "a: radius must be a positive number"),
+        (lambda: Sphere("a", "1", [0.0] * 3), "a: radius must be"),  # type: ignore[arg-type]  # wrong on purpose
+        (lambda: Capsule("c", 0.1, False, [0.0] * 3), "c: length must be a positive number"),
+    ],
+)
+def test_shapes_that_are_none_are_refused(make: Callable[[], object], match: str) -> None:
+    with pytest.raises(InvalidInputError, match=match):
+        make()
