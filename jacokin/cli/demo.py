@@ -9,10 +9,13 @@ import sys
 import tempfile
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
+
+import click
 
 from jacokin import files
-from jacokin.cli.declared import Option
+from jacokin.cli import options
+from jacokin.cli.command import Command
 from jacokin.cli.display import say
 from jacokin.errors import InvalidInputError
 
@@ -26,9 +29,9 @@ PICTURE = Path("jaco.png")
 BACKENDS = {"egl": "libegl1 libgl1-mesa-dri", "osmesa": "libosmesa6"}
 
 
-def demo(
-    output: Annotated[Path, Option("--output", metavar="FILE.png", help="Where the picture goes.")] = PICTURE,
-) -> None:
+@click.command(cls=Command)
+@click.option("--output", type=options.FILE, default=PICTURE, metavar="FILE.png", help="Where the picture goes.")
+def demo(output: Path) -> None:
     """Solve 206 example poses and draw the arm.
 
     Says why six of the poses cannot be reached, and how near the arm comes to them. The picture needs EGL or OSMesa.
@@ -44,7 +47,7 @@ def demo(
     from jacokin.model.loading import load_robot
 
     if output.suffix != ".png":
-        raise InvalidInputError(f"output must end in .png, got {str(output)!r}")
+        raise InvalidInputError(f"--output must end in .png, got {str(output)!r}")
     targets = read_targets(targets_file())
     solver = IKSolver(load_robot(), warm=None)
     started = time.perf_counter()

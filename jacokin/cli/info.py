@@ -2,26 +2,29 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
 
 from jacokin.cli import display, options
-from jacokin.cli.declared import Argument
+from jacokin.cli.command import Argument, Command
+from jacokin.cli.options import RobotOptions
 from jacokin.cli.units import JointUnits, Units
 
 if TYPE_CHECKING:
     from jacokin.model.robot import Robot
 
 
-def info(
-    robot: Annotated[
-        str, Argument(metavar="[NAME|FILE]", help="A bundled robot, or the path of a .urdf or .xml (MJCF).")
-    ] = options.DEFAULT_ROBOT,
-    degrees: options.DegreesOption = False,
-    json: options.JsonOption = False,
-    base: options.BaseOption = None,
-    tip: options.TipOption = None,
-    package_dir: options.PackageDirOption = None,
-) -> None:
+@click.command(cls=Command)
+@click.argument("robot", cls=Argument, default=options.DEFAULT_ROBOT, metavar="[NAME|FILE]", text=options.NAME_OR_FILE)
+@options.degrees
+@options.json
+@options.base
+@options.tip
+@options.package_dir
+def info(robot: str, units: Units, json: bool, base: str | None, tip: str | None, package_dirs: Sequence[Path]) -> None:
     """Show joints, limits with their source, home and frames.
 
     Bundled robots: j2n6s300 (the default), j2n6s200, j2s6s300, j2s6s200, m1n6s300, m1n6s200;
@@ -32,8 +35,7 @@ def info(
       jacokin info j2s6s200 --degrees
       jacokin info urdf/j2n6s300.urdf --json
     """
-    arm = options.load(robot, base, tip, package_dir)
-    units = Units(degrees)
+    arm = RobotOptions(robot, base, tip, package_dirs).load()
     in_units = units.of_joints(arm)
     joints = [_joint(arm, index, in_units) for index in range(arm.dof)]
     sources = _sources(arm)

@@ -1,23 +1,33 @@
-"""`jacokin fk`: the pose of a frame for given joint angles."""
+"""`jacokin fk` and `jacokin jacobian`: the pose and the Jacobian of a frame for given joint angles."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import Annotated
+from collections.abc import Iterable, Sequence
+
+import click
 
 from jacokin.cli import display, options
-from jacokin.cli.declared import Option
+from jacokin.cli.command import Argument, Command
 from jacokin.cli.units import Units
 
+angles = click.argument(
+    "q",
+    cls=Argument,
+    nargs=-1,
+    type=float,
+    required=True,
+    metavar="ANGLE...",
+    text="Joint angles, base to tip, one for each joint.",
+)
 
-def fk(
-    q: options.QArgument,
-    frame: options.FrameOption = None,
-    degrees: options.DegreesOption = False,
-    json: options.JsonOption = False,
-    *,
-    source: options.RobotOptions,
-) -> None:
+
+@click.command(cls=Command, no_args_is_help=True)
+@angles
+@options.frame
+@options.degrees
+@options.json
+@options.robot()
+def fk(q: Sequence[float], frame: str | None, units: Units, json: bool, source: options.RobotOptions) -> None:
     """Show the pose of a frame for given joint angles.
 
     Examples:
@@ -30,7 +40,6 @@ def fk(
     from jacokin.model import poses
 
     arm = source.load()
-    units = Units(degrees)
     configuration = arm.configuration(units.of_joints(arm).read(q))
     pose = arm.forward_kinematics(configuration, frame)
     quat = poses.quat_wxyz(pose.rotation)
@@ -67,16 +76,15 @@ def _broken(names: Iterable[str], lower: Iterable[float], upper: Iterable[float]
     return f"broken by {', '.join(outside)}"
 
 
+@click.command(cls=Command, no_args_is_help=True)
+@angles
+@options.frame
+@click.option("--reference", default="local_world_aligned", metavar="NAME", help="local_world_aligned, local or world.")
+@options.degrees
+@options.json
+@options.robot()
 def jacobian(
-    q: options.QArgument,
-    frame: options.FrameOption = None,
-    reference: Annotated[
-        str, Option("--reference", metavar="NAME", help="local_world_aligned, local or world.")
-    ] = "local_world_aligned",
-    degrees: options.DegreesOption = False,
-    json: options.JsonOption = False,
-    *,
-    source: options.RobotOptions,
+    q: Sequence[float], frame: str | None, reference: str, units: Units, json: bool, source: options.RobotOptions
 ) -> None:
     """Show the Jacobian of a frame.
 
@@ -88,7 +96,7 @@ def jacobian(
       jacokin jacobian 4.8 2.92 1.0 4.2 1.45 1.32 --reference local --frame gripsite --json
     """
     arm = source.load()
-    configuration = arm.configuration(Units(degrees).of_joints(arm).read(q))
+    configuration = arm.configuration(units.of_joints(arm).read(q))
     matrix = arm.jacobian(configuration, frame, reference)
     singular_values = arm.singular_values(configuration, frame)
     manipulability = arm.manipulability(configuration, frame)

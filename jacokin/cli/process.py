@@ -1,4 +1,4 @@
-"""The process around a command: standard streams, signals, log messages."""
+"""The process around a command: exit codes, standard streams, signals, log messages."""
 
 from __future__ import annotations
 
@@ -12,6 +12,10 @@ import threading
 from collections.abc import Iterator
 from types import FrameType
 from typing import TextIO
+
+# Exit codes; 0 means solved, or that the check passed.
+NOT_SOLVED = 1  # not (all) solved, or a check failed
+WRONG_INPUT = 2  # wrong usage or input
 
 # Ends the process after `finally` blocks have removed unfinished files. Missing on Windows: SIGHUP.
 ENDING = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))

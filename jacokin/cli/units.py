@@ -9,8 +9,6 @@ from typing import TYPE_CHECKING
 
 import click
 
-from jacokin.errors import InvalidInputError
-
 if TYPE_CHECKING:
     from jacokin.model.robot import Robot
 
@@ -67,6 +65,12 @@ class JointUnits:
         turned = self.units.read(values)
         return [float(values[k]) if slides else turned[k] for k, slides in enumerate(self.sliding)]
 
+    def read_option(self, values: Sequence[float] | None, *, one_for_all: bool = False) -> list[float] | None:
+        """As `read`; None where an option is not given, and one number may stand for all joints."""
+        if values is None:
+            return None
+        return self.read([*values] * len(self.sliding) if one_for_all and len(values) == 1 else values)
+
     def shown(self, values: Iterable[float]) -> list[float]:
         """Joint values in the user's unit."""
         pairs = zip(values, self.sliding, strict=True)
@@ -85,25 +89,6 @@ class JointUnits:
     def distance(self, value: float) -> float:
         """A distance between configurations: in the unit of angles if every joint turns, else as it is."""
         return float(value) if any(self.sliding) else self.units.shown(value)
-
-
-def numbers(option: str, text: str | None, count: int | None = None) -> list[float] | None:
-    """The value of an option that takes a list of numbers.
-
-    Raises:
-        InvalidInputError: not numbers, or not as many as `count`.
-    """
-    if text is None:
-        return None
-    try:
-        values = [float(word) for word in text.replace(",", " ").split()]
-    except ValueError:
-        raise InvalidInputError(f"{option} must be numbers, got {text.strip()!r}") from None
-    if not values:
-        raise InvalidInputError(f"{option} must be followed by numbers")
-    if count is not None and len(values) != count:
-        raise InvalidInputError(f"{option} must be {count} numbers, got {len(values)}")
-    return values
 
 
 def warn_of_degrees(option: str, values: Iterable[float], units: Units) -> None:

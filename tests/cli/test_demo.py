@@ -63,7 +63,7 @@ def test_the_arm_is_in_the_picture(tmp_path: Path) -> None:
     """The pixels MuJoCo attributes to the arm are dark as its links are, light as its rings are, and many."""
     program = (
         "import numpy as np, jacokin\n"
-        "from jacokin.cli.demo import render\n"
+        "from jacokin.cli.picture import render\n"
         "picture, arm = render(jacokin.load_robot().home)\n"
         f"np.savez({str(tmp_path / 'seen.npz')!r}, picture=picture, arm=arm)\n"
     )

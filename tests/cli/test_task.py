@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 import jacokin.tasks.gym.environment
 from jacokin.arrays import Array
-from jacokin.cli import recording, task
+from jacokin.cli import task
 from jacokin.errors import InvalidInputError
 from tests import rendering
 from tests.cli.run import Run
@@ -43,7 +43,7 @@ def no_display(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def record_black(file: Path, pictures: int) -> None:
-    with recording.recorder(file) as recorder:
+    with task.record_to(file) as recorder:
         for _ in range(pictures):
             recorder.add(picture=np.zeros((480, 480, 3), dtype=np.uint8))
 
@@ -51,7 +51,7 @@ def record_black(file: Path, pictures: int) -> None:
 def decoded(file: Path, height: int, width: int) -> NDArray[np.uint8]:
     """The pictures of a video (n, height, width, 3), by ffmpeg."""
     command = [
-        recording.find_ffmpeg(),
+        task.find_ffmpeg(),
         "-loglevel",
         "error",
         "-i",
@@ -113,7 +113,7 @@ def test_a_video_has_a_picture_for_each_step_of_all_episodes(tmp_path: Path) -> 
 def test_pictures_arrive_in_the_video_unchanged_but_for_the_encoding(tmp_path: Path) -> None:
     file = tmp_path / "video.mp4"
     colors = np.array([[200, 30, 30], [30, 200, 30], [30, 30, 200]], dtype=np.uint8)
-    with recording.recorder(file) as recorder:
+    with task.record_to(file) as recorder:
         for color in colors:
             recorder.add(picture=np.broadcast_to(color, (64, 96, 3)))
         assert not file.exists()
@@ -139,7 +139,7 @@ def test_without_an_encoder_the_command_that_installs_one_is_told(
 ) -> None:
     monkeypatch.delenv("IMAGEIO_FFMPEG_EXE", raising=False)
     monkeypatch.setattr(shutil, "which", lambda name: None)
-    monkeypatch.setattr(recording, "find_spec", lambda name: None)
+    monkeypatch.setattr(task, "find_spec", lambda name: None)
     answer = run("task", "reach_site", "--record", str(tmp_path / "video.mp4"))
     assert answer.code == 2
     assert "pip install 'jacokin[video]'" in answer.err
