@@ -142,13 +142,11 @@ def _show(report: CrossCheckReport, limits: dict[str, float]) -> None:
     rows = [(frame, *(_verdict(value[name, frame], limits[name]) for name in kinematic)) for frame in frames]
     columns = ("frame", *(f"{name} [{report.worst(name).unit}]" for name in kinematic))
     title = f"{report.first} against {report.second}: largest difference in {report.samples} random configurations"
-    display.say(display.table(title, columns, rows))
-    display.say(
-        display.facts(
-            (row.quantity.replace("_", " "), f"{_verdict(row.value, limits[row.quantity])} {row.unit}")
-            for row in report.deviations
-            if not row.frame
-        )
+    display.show_table(title, columns, rows)
+    display.show_facts(
+        (row.quantity.replace("_", " "), f"{_verdict(row.value, limits[row.quantity])} {row.unit}")
+        for row in report.deviations
+        if not row.frame
     )
     allowed = ", ".join(f"{name.replace('_', ' ')} {limit:.0e}" for name, limit in limits.items())
     display.say(f"allowed: {allowed}")

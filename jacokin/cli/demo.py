@@ -17,6 +17,7 @@ from jacokin import files
 from jacokin.cli import options
 from jacokin.cli.command import Command
 from jacokin.cli.display import say
+from jacokin.cli.doctor import RENDERERS
 from jacokin.errors import InvalidInputError
 
 if TYPE_CHECKING:
@@ -25,8 +26,7 @@ if TYPE_CHECKING:
     from jacokin.ik.results import BatchResult
 
 PICTURE = Path("jaco.png")
-# Back ends of MuJoCo that need no display, and what installs them on Debian and Ubuntu.
-BACKENDS = {"egl": "libegl1 libgl1-mesa-dri", "osmesa": "libosmesa6"}
+BACKENDS = ("egl", "osmesa")  # of MuJoCo, that need no display
 
 
 @click.command(cls=Command)
@@ -62,8 +62,8 @@ def demo(output: Path) -> None:
             with files.replacing(output) as replacement:
                 shutil.copyfile(picture, replacement)
     if drawn is None:
-        packages = ", or: ".join(BACKENDS.values())
-        say(f"no picture: MuJoCo found neither EGL nor OSMesa. On Debian and Ubuntu: apt install {packages}")
+        remedies = ", or: ".join(RENDERERS[backend] for backend in BACKENDS)
+        say(f"no picture: MuJoCo found neither EGL nor OSMesa. On Debian and Ubuntu: {remedies}")
     else:
         say(f"picture of the arm at an answer: {output} (drawn with {drawn})")
 

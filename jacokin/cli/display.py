@@ -1,4 +1,4 @@
-"""Results as tables, for people."""
+"""Results as tables for people or as JSON for programs, and a progress bar."""
 
 from __future__ import annotations
 
@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 PIPE_WIDTH = 160  # columns of what is not shown in a terminal, so that little is broken
 GAP = 3  # columns between columns
 NARROWEST = 16  # columns that text is broken into at least
+PERIOD = 0.1  # [s] between two lines of a progress bar
+CLEAR = "\r\x1b[K"  # back to the start of the line, and erase it
 
 
 def say(text: str) -> None:
@@ -34,22 +36,23 @@ def printable(text: str) -> str:
     return "".join(char if char.isprintable() or char == "\n" else ascii(char)[1:-1] for char in text)
 
 
-def table(title: str | None, columns: Sequence[str], rows: Iterable[Sequence[str]], *, text: int = 1) -> str:
-    """A table whose first `text` columns are text, broken where it is too wide, and whose others are numbers."""
+def show_table(title: str | None, columns: Sequence[str], rows: Iterable[Sequence[str]], *, text: int = 1) -> None:
+    """Print a table whose first `text` columns are text, broken where it is too wide, and whose others are numbers."""
     lines = [list(columns), *(list(row) for row in rows)]
     widths = _widths(lines, text)
-    rule = " " + _dash() * (sum(widths) + GAP * (len(widths) - 1) + 2)
+    dash = "─" if (sys.stdout.encoding or "").lower().startswith("utf") else "-"
+    rule = " " + dash * (sum(widths) + GAP * (len(widths) - 1) + 2)
     head = _row(lines[0], widths, text)
     body = [line for row in lines[1:] for line in _row(row, widths, text)]
-    return "\n".join([*([] if title is None else [title]), "", *head, rule, *body, ""])
+    say("\n".join([*([] if title is None else [title]), "", *head, rule, *body, ""]))
 
 
-def facts(rows: Iterable[tuple[str, str]], title: str | None = None) -> str:
-    """Names and what they are."""
+def show_facts(rows: Iterable[tuple[str, str]], title: str | None = None) -> None:
+    """Print names and what they are."""
     lines = [list(row) for row in rows]
     widths = _widths(lines, 2)
     body = [line for row in lines for line in _row(row, widths, 2)]
-    return "\n".join([*([] if title is None else [title, ""]), *body, ""])
+    say("\n".join([*([] if title is None else [title, ""]), *body, ""]))
 
 
 def _widths(lines: Sequence[Sequence[str]], text: int) -> list[int]:
@@ -80,10 +83,6 @@ def _row(cells: Sequence[str], widths: Sequence[int], text: int) -> list[str]:
         ]
         lines.append(f"  {(' ' * GAP).join(parts)}".rstrip())
     return lines
-
-
-def _dash() -> str:
-    return "─" if (sys.stdout.encoding or "").lower().startswith("utf") else "-"
 
 
 def number(value: float, digits: int = 6, *, missing: str = "unlimited") -> str:
@@ -130,10 +129,6 @@ def plain(value: object) -> object:
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value
-
-
-PERIOD = 0.1  # [s] between two lines
-CLEAR = "\r\x1b[K"  # back to the start of the line, and erase it
 
 
 @contextlib.contextmanager

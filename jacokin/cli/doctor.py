@@ -11,6 +11,7 @@ import subprocess
 import sys
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 
 import click
@@ -39,25 +40,22 @@ for name in sys.argv[1:]:
         line = [name, None, f"{type(error).__name__}: {error}"]
     print("\\n" + json.dumps(line), flush=True)
 """
-# Import name -> name of the distribution.
-NEEDED = {
-    "numpy": "numpy",
-    "scipy": "scipy",
-    "pinocchio": "pin",
-    "mujoco": "mujoco",
-    "mink": "mink",
-    "numba": "numba",
-    "llvmlite": "llvmlite",
-    "qpsolvers": "qpsolvers",
-    "daqp": "daqp",
-    "orjson": "orjson",
-    "osqp": "osqp",
-    "yaml": "PyYAML",
-    "yourdfpy": "yourdfpy",
-    "click": "click",
-}
-# Import name -> distribution, extra of jacokin that brings it.
-OPTIONAL = {
+# Import name -> distribution, and the extra of jacokin that brings it; None where it is needed.
+PACKAGES = {
+    "numpy": ("numpy", None),
+    "scipy": ("scipy", None),
+    "pinocchio": ("pin", None),
+    "mujoco": ("mujoco", None),
+    "mink": ("mink", None),
+    "numba": ("numba", None),
+    "llvmlite": ("llvmlite", None),
+    "qpsolvers": ("qpsolvers", None),
+    "daqp": ("daqp", None),
+    "orjson": ("orjson", None),
+    "osqp": ("osqp", None),
+    "yaml": ("PyYAML", None),
+    "yourdfpy": ("yourdfpy", None),
+    "click": ("click", None),
     "proxsuite": ("proxsuite", "proxqp"),
     "quadprog": ("quadprog", "quadprog"),
     "ruckig": ("ruckig", "motion"),
@@ -109,7 +107,7 @@ def doctor(json: bool) -> None:
         )
     else:
         rows = [(finding.area, finding.name, finding.state, finding.detail) for finding in findings]
-        display.say(display.table(None, ("area", "what", "state", "detail"), rows, text=4))
+        display.show_table(None, ("area", "what", "state", "detail"), rows, text=4)
         display.say("Everything needed works." if well else "Something that is needed does not work, see FAILED above.")
     if not well:
         raise SystemExit(NOT_SOLVED)
@@ -186,31 +184,25 @@ def check_robots() -> Finding:
 
 def check_packages() -> list[Finding]:
     """Versions and places of the packages, as a fresh process imports them."""
-    found = import_modules([*NEEDED, *OPTIONAL])
+    found = import_modules(list(PACKAGES))
+    requirements = _requirements()
     findings = []
-    for module, distribution in NEEDED.items():
+    for module, (distribution, extra) in PACKAGES.items():
         place, error = found.get(module, (None, "the process crashed while importing it"))
-        if error is None:
-            findings.append(_judge_version(distribution, place, FAILED, f"pip install '{_requirement(distribution)}'"))
+        oldest = oldest_version(distribution, requirements)
+        remedy = f"pip install '{distribution}>={oldest}'" if extra is None else f"pip install 'jacokin[{extra}]'"
+        version = _installed_version(distribution)
+        if error is not None and extra is None:
+            state, detail = FAILED, error + _advice(module, error)
+        elif error is not None:
+            state, detail = MISSING, remedy
+        elif oldest is not None and _numbers(version) < _numbers(oldest):
+            state = FAILED if extra is None else WARNING
+            detail = f"{version} is older than {oldest}, the oldest supported: {remedy}"
         else:
-            findings.append(Finding("package", distribution, FAILED, error + _advice(module, error)))
-    for module, (distribution, extra) in OPTIONAL.items():
-        place, error = found.get(module, (None, "the process crashed while importing it"))
-        if error is None:
-            findings.append(_judge_version(distribution, place, WARNING, f"pip install 'jacokin[{extra}]'"))
-        else:
-            findings.append(Finding("package", distribution, MISSING, f"pip install 'jacokin[{extra}]'"))
+            state, detail = OK, f"{version}, {place}"
+        findings.append(Finding("package", distribution, state, detail))
     return findings
-
-
-def _judge_version(distribution: str, place: str | None, too_old: str, remedy: str) -> Finding:
-    """A package that can be imported, held against the oldest version that jacokin supports."""
-    version, oldest = _installed_version(distribution), oldest_version(distribution, _requirements())
-    if oldest is not None and _numbers(version) < _numbers(oldest):
-        return Finding(
-            "package", distribution, too_old, f"{version} is older than {oldest}, the oldest supported: {remedy}"
-        )
-    return Finding("package", distribution, OK, f"{version}, {place}")
 
 
 def oldest_version(distribution: str, requirements: Iterable[str]) -> str | None:
@@ -220,10 +212,6 @@ def oldest_version(distribution: str, requirements: Iterable[str]) -> str | None
         if match:
             return match[1]
     return None
-
-
-def _requirement(distribution: str) -> str:
-    return f"{distribution}>={oldest_version(distribution, _requirements())}"
 
 
 def _requirements() -> list[str]:
@@ -263,18 +251,15 @@ def check_shadowing() -> Finding:
 
 def find_shadow(place: str | None, installed: str | None, python_path: str) -> Finding:
     """As `check_shadowing`, from the place it is imported from, the place pip put it, and PYTHONPATH."""
-    name = "ROS and PYTHONPATH"
+    finding = partial(Finding, "environment", "ROS and PYTHONPATH")
     if place is not None and installed is not None and Path(place).resolve() != Path(installed).resolve():
-        return Finding(
-            "environment",
-            name,
-            FAILED,
-            f"pinocchio is imported from {place}, not from {installed}: unset PYTHONPATH or leave the ROS shell",
+        return finding(
+            FAILED, f"pinocchio is imported from {place}, not from {installed}: unset PYTHONPATH or leave the ROS shell"
         )
     suspects = [entry for entry in python_path.split(os.pathsep) if "/opt/ros" in entry or "/ros" in entry.lower()]
     if suspects:
-        return Finding("environment", name, WARNING, f"PYTHONPATH holds {', '.join(suspects)}: its packages come first")
-    return Finding("environment", name, OK, "nothing shadows pinocchio")
+        return finding(WARNING, f"PYTHONPATH holds {', '.join(suspects)}: its packages come first")
+    return finding(OK, "nothing shadows pinocchio")
 
 
 def check_qp_solvers() -> list[Finding]:
@@ -323,35 +308,32 @@ def check_renderers() -> list[Finding]:
 
 def check_kernel_cache() -> Finding:
     """Is the compiled closed form on disk, and does it load?"""
-    state, detail = _state_of_cache()
-    return Finding("closed form", "cache", state, detail)
-
-
-def _state_of_cache() -> tuple[str, str]:
     from jacokin.kernels.compiled import cache, loading
     from jacokin.kernels.compiled.library import KernelLibrary
 
+    finding = partial(Finding, "closed form", "cache")
     if loading.is_disabled():
-        return WARNING, loading.DISABLED
+        return finding(WARNING, loading.DISABLED)
     file = cache.path()
     if file is None:
-        return WARNING, "no home folder to cache in: set NUMBA_CACHE_DIR to a folder of your own"
+        return finding(WARNING, "no home folder to cache in: set NUMBA_CACHE_DIR to a folder of your own")
     found = cache.read()
     if found.code is not None:
         try:
             KernelLibrary(found.code)
         except RuntimeError as error:
-            return WARNING, f"{file} does not load: {error}; `jacokin warmup` compiles it anew"
-        return OK, f"compiled, in {file}"
+            return finding(WARNING, f"{file} does not load: {error}; `jacokin warmup` compiles it anew")
+        return finding(OK, f"compiled, in {file}")
     if found.problem:
-        return WARNING, found.problem
+        return finding(WARNING, found.problem)
     existing = next(parent for parent in file.parents if parent.exists())
     if not os.access(existing, os.W_OK):
-        return WARNING, (
+        return finding(
+            WARNING,
             f"{file.parent} cannot be written, so each process compiles anew: "
-            "set NUMBA_CACHE_DIR to a folder of your own"
+            "set NUMBA_CACHE_DIR to a folder of your own",
         )
-    return MISSING, f"not compiled yet: `jacokin warmup` compiles it into {file.parent}"
+    return finding(MISSING, f"not compiled yet: `jacokin warmup` compiles it into {file.parent}")
 
 
 def import_modules(modules: list[str]) -> dict[str, tuple[str | None, str | None]]:

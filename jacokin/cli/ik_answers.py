@@ -51,7 +51,7 @@ def show_result(solver: IKSolver, result: IKResult, units: Units, *, as_json: bo
     if not result.success:
         title = "the closest configuration within the limits"
         display.say(f"{result.status.name}: {result.message}.\n{result.status.value}.")
-    display.say(display.table(title, columns, rows))
+    display.show_table(title, columns, rows)
     lines = [
         ("position error", display.small(result.position_error, "m")),
         ("orientation error", display.small(units.shown(result.orientation_error), units.angle)),
@@ -61,7 +61,7 @@ def show_result(solver: IKSolver, result: IKResult, units: Units, *, as_json: bo
         lines.append(("note", result.message))
     if result.touching:
         lines.append(("touching", ", ".join(f"{a} and {b}" for a, b in result.touching)))
-    display.say(display.facts(lines))
+    display.show_facts(lines)
     return result.success
 
 
@@ -111,7 +111,7 @@ def show_branches(solver: IKSolver, branches: Branches, units: Units, *, reject_
     if branches.touching is not None:
         columns.append("touches")
     title = f"{robot.name}: {len(branches)} branches, {int(acceptable.sum())} usable; angles in {units.angle}"
-    display.say(display.table(title, columns, rows, text=2))
+    display.show_table(title, columns, rows, text=2)
     worst = float(branches.position_error.max()), units.shown(float(branches.orientation_error.max()))
     lines = [
         ("margin", "distance of the joint nearest to its limit; negative outside"),
@@ -120,7 +120,7 @@ def show_branches(solver: IKSolver, branches: Branches, units: Units, *, reject_
     ]
     if not branches.complete:
         lines.append(("note", "this pose has a one-parameter family of solutions; the rows are members of it"))
-    display.say(display.facts(lines))
+    display.show_facts(lines)
     return bool(acceptable.any())
 
 
@@ -162,10 +162,10 @@ def show_family(solver: IKSolver, family: Family, units: Units, *, as_json: bool
         for interval in family
     ]
     title = f"{robot.name}: {len(family)} intervals of the free parameter; angles in {units.angle}"
-    display.say(display.table(title, columns, rows, text=4))
+    display.show_table(title, columns, rows, text=4)
     what = robot.joint_names[2] if robot.dof == 7 else "the angle about the free axis"
     lines = [("from, to", f"ends of the interval of {what}"), ("joints", "of the member nearest to the seed")]
     if not family.complete:
         lines.append(("note", "some curves were lost: there may be more"))
-    display.say(display.facts(lines))
+    display.show_facts(lines)
     return True

@@ -5,13 +5,12 @@ from __future__ import annotations
 import contextlib
 import time
 from collections.abc import Iterator
-from concurrent.futures import Executor
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from jacokin.chunks.execution import Progress
+from jacokin.chunks.execution import dask_executor
 from jacokin.cli import display
 from jacokin.cli.display import progress_bar
 from jacokin.cli.units import Units, warn_of_degrees
@@ -52,23 +51,26 @@ def run(
         if first.columns[3:] == RPY:
             widest = float(np.nanmax(np.abs(first.values[:, 3:]), initial=0.0))
             warn_of_degrees(f"{targets}: roll, pitch, yaw", [widest], Units(degrees=False))
-    with progress_bar("solving") as show:
-
-        def advance(so_far: Progress) -> None:
-            show(so_far.done, so_far.total)
-
-        if out is None:
-            summary = _to_nowhere(solver, targets, seed, workers, results if as_json else None)
-        else:
-            left = unfinished(out)
-            if left is not None and not resume:
-                raise InvalidInputError(
-                    f"{left} holds an unfinished run that was to write {out}: --resume continues it, "
-                    f"or remove that folder to start again"
-                )
-            with _executor(dask) as executor:
-                own = None if executor is not None else workers
-                summary = solve_file(solver, targets, out, executor, seed=seed, workers=own, progress=advance)
+    if out is None:
+        summary = _solve_for_display(solver, targets, seed, workers, results if as_json else None)
+    else:
+        left = unfinished(out)
+        if left is not None and not resume:
+            raise InvalidInputError(
+                f"{left} holds an unfinished run that was to write {out}: --resume continues it, "
+                f"or remove that folder to start again"
+            )
+        cluster = contextlib.nullcontext() if dask is None else dask_executor(dask)
+        with progress_bar("solving") as show, cluster as executor:
+            summary = solve_file(
+                solver,
+                targets,
+                out,
+                executor,
+                seed=seed,
+                workers=workers if executor is None else None,
+                progress=lambda so_far: show(so_far.done, so_far.total),
+            )
     if as_json:
         display.print_json(_document(solver, summary, results))
     else:
@@ -76,18 +78,7 @@ def run(
     return summary.solved == summary.targets
 
 
-@contextlib.contextmanager
-def _executor(dask: str | None) -> Iterator[Executor | None]:
-    if dask is None:
-        yield None
-        return
-    from jacokin.chunks.execution import dask_executor
-
-    with dask_executor(dask) as executor:
-        yield executor
-
-
-def _to_nowhere(
+def _solve_for_display(
     solver: IKSolver,
     targets: Path,
     seed: list[float] | None,
@@ -159,9 +150,9 @@ def _show(found: FileSummary) -> None:
         lines.append(("solved before", f"{found.resumed}, in a run that did not end"))
     if found.output is not None:
         lines.append(("written to", str(found.output)))
-    display.say(display.facts(lines))
+    display.show_facts(lines)
     if found.failures:
         failed = found.targets - found.solved
         rows = [(str(line), status.name, message) for line, status, message in found.failures]
         more = f", the first {len(rows)} of {failed}" if failed > len(rows) else ""
-        display.say(display.table(f"Not solved{more}", ("line", "status", "why"), rows, text=3))
+        display.show_table(f"Not solved{more}", ("line", "status", "why"), rows, text=3)

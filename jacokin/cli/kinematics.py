@@ -67,7 +67,7 @@ def fk(q: Sequence[float], frame: str | None, units: Units, json: bool, source: 
         (f"roll pitch yaw [{units.angle}]", display.numbers(rpy)),
         ("joint limits", "all kept" if within else _broken(arm.joint_names, arm.lower, arm.upper, configuration)),
     ]
-    display.say(display.facts(rows, f"{arm.name}: {name} in {arm.base}"))
+    display.show_facts(rows, f"{arm.name}: {name} in {arm.base}")
 
 
 def _broken(names: Iterable[str], lower: Iterable[float], upper: Iterable[float], q: Iterable[float]) -> str:
@@ -116,9 +116,7 @@ def jacobian(
         return
     names = ("vx", "vy", "vz", "wx", "wy", "wz")
     rows = [(label, *(display.number(value) for value in row)) for label, row in zip(names, matrix, strict=True)]
-    display.say(display.table(f"Jacobian of {name}, {reference}", ("", *arm.joint_names), rows))
-    display.say(
-        display.facts(
-            [("singular values", display.numbers(singular_values)), ("manipulability", f"{manipulability:.6g}")],
-        )
+    display.show_table(f"Jacobian of {name}, {reference}", ("", *arm.joint_names), rows)
+    display.show_facts(
+        [("singular values", display.numbers(singular_values)), ("manipulability", f"{manipulability:.6g}")],
     )

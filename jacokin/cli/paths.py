@@ -14,7 +14,7 @@ import click
 from jacokin import files
 from jacokin.cli import display, options
 from jacokin.cli.command import Command, NumberList, option_group
-from jacokin.cli.display import facts, number, progress_bar, say, small, table
+from jacokin.cli.display import number, progress_bar, show_facts, show_table, small
 from jacokin.cli.outputs import keep_apart
 from jacokin.cli.process import NOT_SOLVED
 from jacokin.cli.units import Units
@@ -348,7 +348,7 @@ def show(arm: Robot, result: PathResult, given: PathOptions) -> None:
         lines.append((f"{name} at the poses", f"{', '.join(shown)}{more} {units.angle}"))
     written = (("written to", given.output), ("drawn in", given.plot))
     lines += [(name, str(file)) for name, file in written if file is not None]
-    say(facts(lines))
+    show_facts(lines)
     if not result.success and result.branches:
         from jacokin.motion.path_result import in_words
 
@@ -362,4 +362,4 @@ def show(arm: Robot, result: PathResult, given: PathOptions) -> None:
             for index, branch in enumerate(result.branches, start=1)
         ]
         columns = ("start branch", "off the path on segments", "position error", "orientation error")
-        say(table("Every start that was tried", columns, rows, text=2))
+        show_table("Every start that was tried", columns, rows, text=2)

@@ -18,6 +18,9 @@ from jacokin.errors import InvalidInputError, UnknownNameError
 from jacokin.model.descriptions.bundled import NAMES
 
 if TYPE_CHECKING:
+    from concurrent.futures import Executor
+    from contextlib import AbstractContextManager
+
     import pinocchio as pin
 
     from jacokin.reachability import Orientations
@@ -90,9 +93,8 @@ def build(
       jacokin map build out/level --down --free-axis x --scene table.yaml --workers 2
     """
     from concurrent.futures import ThreadPoolExecutor
-    from contextlib import nullcontext
 
-    from jacokin.chunks.execution import Progress, dask_executor, worker_processes
+    from jacokin.chunks.execution import dask_executor, worker_processes
     from jacokin.reachability import Grid
     from jacokin.reachability import build as build_map
 
@@ -102,28 +104,26 @@ def build(
     grid = Grid.around(arm, spacing) if lower is None or upper is None else Grid(lower, upper, spacing)
     obstacles = options.load_scene(scene)
     contact = avoid_contact or obstacles is not None
-    slow = contact or free_axis is not None or arm.dof == SEVEN  # in Python, where threads wait for each other
-    start = worker_processes if slow and workers > 1 else ThreadPoolExecutor
-    executor = start(workers) if dask is None else nullcontext(None)
-    with progress_bar("positions") as show, executor as threads:
-
-        def advance(so_far: Progress) -> None:
-            show(so_far.done, so_far.total)
-
-        with nullcontext(threads) if dask is None else dask_executor(dask) as pool:
-            found = build_map(
-                arm,
-                folder=folder,
-                grid=grid,
-                orientations=_orientations(orientations, free_axis, down=down),
-                executor=pool,
-                shard=shard,
-                progress=advance,
-                frame=frame,
-                tool=tool,
-                collision="reject" if contact else "ignore",
-                scene=obstacles,
-            )
+    is_slow = contact or free_axis is not None or arm.dof == SEVEN  # in Python, where threads wait for each other
+    pool: AbstractContextManager[Executor]
+    if dask is not None:
+        pool = dask_executor(dask)
+    else:
+        pool = worker_processes(workers) if is_slow and workers > 1 else ThreadPoolExecutor(workers)
+    with progress_bar("positions") as show, pool as executor:
+        found = build_map(
+            arm,
+            folder=folder,
+            grid=grid,
+            orientations=_orientations(orientations, free_axis, down=down),
+            executor=executor,
+            shard=shard,
+            progress=lambda so_far: show(so_far.done, so_far.total),
+            frame=frame,
+            tool=tool,
+            collision="reject" if contact else "ignore",
+            scene=obstacles,
+        )
     if found is None:
         display.say(f"{folder}: shard {shard} is finished; others are missing")
     else:
@@ -182,7 +182,7 @@ def query(
     if json:
         display.print_json(document)
     else:
-        display.say(display.facts(lines))
+        display.show_facts(lines)
 
 
 @map.command(cls=Command, no_args_is_help=True)
@@ -252,7 +252,7 @@ def place(
             for each in found
         ]
         columns = ("x [m]", "y [m]", "z [m]", "yaw [rad]", "reached", "margin [rad]")
-        display.say(display.table("Places for the base", columns, rows))
+        display.show_table("Places for the base", columns, rows)
     if not found or found[0].reached < len(wanted):
         raise SystemExit(NOT_SOLVED)
 

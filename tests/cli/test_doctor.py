@@ -48,8 +48,7 @@ def test_a_package_that_does_not_import_is_a_failure(monkeypatch: pytest.MonkeyP
     (tmp_path / "mink.py").write_text("raise OSError('no such library')", encoding="utf-8")
     (tmp_path / "daqp.py").write_text("import os; os.abort()", encoding="utf-8")  # takes the process down
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    monkeypatch.setattr(doctor, "NEEDED", {"json": "json", "mink": "mink", "daqp": "daqp"})
-    monkeypatch.setattr(doctor, "OPTIONAL", {})
+    monkeypatch.setattr(doctor, "PACKAGES", {name: (name, None) for name in ("json", "mink", "daqp")})
     states = {finding.name: (finding.state, finding.detail) for finding in doctor.check_packages()}
     assert states["json"][0] == OK
     assert states["mink"] == (FAILED, "OSError: no such library")
@@ -59,8 +58,8 @@ def test_a_package_that_does_not_import_is_a_failure(monkeypatch: pytest.MonkeyP
 def test_a_package_that_is_too_old_is_named_with_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     bounds = ["jso>=9", "json>=1.10", "csv>=2.0; extra == 'viewer'", "io>=1.2"]
     monkeypatch.setattr(doctor, "_requirements", lambda: bounds)
-    monkeypatch.setattr(doctor, "NEEDED", {"json": "json", "io": "io", "os": "os"})
-    monkeypatch.setattr(doctor, "OPTIONAL", {"csv": ("csv", "viewer")})
+    needed = {name: (name, None) for name in ("json", "io", "os")}
+    monkeypatch.setattr(doctor, "PACKAGES", {**needed, "csv": ("csv", "viewer")})
     monkeypatch.setattr(
         doctor, "_installed_version", {"json": "1.9.3", "io": "1.2.0", "os": "0.1", "csv": "0.2"}.__getitem__
     )
@@ -72,7 +71,7 @@ def test_a_package_that_is_too_old_is_named_with_what_to_install(monkeypatch: py
 
 
 def test_every_package_that_is_judged_has_a_bound() -> None:
-    names = [*doctor.NEEDED.values(), *(distribution for distribution, _ in doctor.OPTIONAL.values())]
+    names = [distribution for distribution, _ in doctor.PACKAGES.values()]
     requirements = importlib.metadata.requires("jacokin") or []
     assert [name for name in names if doctor.oldest_version(name, requirements) is None] == []
 
@@ -155,8 +154,7 @@ def test_modules_of_the_current_folder_are_not_run(monkeypatch: pytest.MonkeyPat
 
 def test_a_back_end_that_is_not_there_is_named_with_what_helps(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MUJOCO_GL", "magic")
-    monkeypatch.setattr(doctor, "NEEDED", {"mujoco": "mujoco"})
-    monkeypatch.setattr(doctor, "OPTIONAL", {})
+    monkeypatch.setattr(doctor, "PACKAGES", {"mujoco": ("mujoco", None)})
     (finding,) = doctor.check_packages()
     assert finding.state == FAILED
     assert "MUJOCO_GL=magic" in finding.detail
@@ -168,8 +166,7 @@ def test_half_an_installation_of_mujoco_is_named_with_what_helps(
 ) -> None:
     (tmp_path / "mujoco.py").write_text("import mujoco_core_that_is_gone", encoding="utf-8")
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    monkeypatch.setattr(doctor, "NEEDED", {"mujoco": "mujoco"})
-    monkeypatch.setattr(doctor, "OPTIONAL", {})
+    monkeypatch.setattr(doctor, "PACKAGES", {"mujoco": ("mujoco", None)})
     (finding,) = doctor.check_packages()
     assert finding.state == FAILED
     assert "--force-reinstall mujoco mujoco-core" in finding.detail
