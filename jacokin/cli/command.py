@@ -60,7 +60,7 @@ class Command(click.Command):
 
 
 class Argument(click.Argument):
-    """An argument that the help explains, which click's own does since 8.5."""
+    """An argument with a text in the help, as click itself has it since 8.5."""
 
     def __init__(self, declarations: list[str], text: str = "", **settings: Any) -> None:  # Any: click's own
         """Keep the text; the settings are those of `click.Argument`."""
@@ -72,7 +72,7 @@ class NumberList(click.Option):
     """An option followed by any number of numbers, such as one for each joint."""
 
     def __init__(self, declarations: list[str], **settings: Any) -> None:  # Any: click's own
-        """Hand out a list of numbers, unless there is a callback that makes something else of the text."""
+        """Give the command a list of numbers, or what a callback makes of the text."""
         super().__init__(declarations, **{"callback": read_numbers, **settings})
 
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def read_pairs(context: click.Context, option: click.Parameter, words: Sequence[str]) -> dict[str, str] | None:
-    """A=B, A=B, ... as a mapping.
+    """Read A=B, A=B, ... as a mapping.
 
     Raises:
         InvalidInputError: a word is not A=B.

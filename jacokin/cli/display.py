@@ -106,18 +106,18 @@ def print_json(document: Mapping[str, object]) -> None:
 
 
 def head(robot: Robot, units: Units, frame: str | None = None) -> dict[str, object]:
-    """What a document about joint values begins with."""
+    """The first entries of a document about joint values."""
     return {
         "robot": robot.name,
         **({} if frame is None else {"frame": frame}),
         "joint_names": robot.joint_names,
         "angle_unit": units.angle,
-        "joint_units": units.of_joints(robot).names,
+        "joint_units": units.for_joints(robot).names,
     }
 
 
 def plain(value: object) -> object:
-    """A value made of what JSON has."""
+    """A value in the types of JSON."""
     if isinstance(value, Enum):
         return value.name
     if isinstance(value, Mapping):
@@ -133,7 +133,7 @@ def plain(value: object) -> object:
 
 @contextlib.contextmanager
 def progress_bar(title: str) -> Iterator[Callable[[int, int], None]]:
-    """A function that takes what is done and how much there is in all."""
+    """Show progress on a terminal, through a function that takes the counts done and in all."""
     if not sys.stderr.isatty():
         yield lambda done, total: None
         return

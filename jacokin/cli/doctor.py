@@ -1,4 +1,4 @@
-"""`jacokin doctor`: is everything that is needed installed, and does it work? `jacokin warmup` prepares it."""
+"""`jacokin doctor`: does everything needed work? `jacokin warmup`: compile the closed form."""
 
 from __future__ import annotations
 
@@ -250,7 +250,7 @@ def check_shadowing() -> Finding:
 
 
 def find_shadow(place: str | None, installed: str | None, python_path: str) -> Finding:
-    """As `check_shadowing`, from the place it is imported from, the place pip put it, and PYTHONPATH."""
+    """`check_shadowing` for a place it is imported from, the place where pip put it, and a PYTHONPATH."""
     finding = partial(Finding, "environment", "ROS and PYTHONPATH")
     if place is not None and installed is not None and Path(place).resolve() != Path(installed).resolve():
         return finding(
@@ -337,7 +337,7 @@ def check_kernel_cache() -> Finding:
 
 
 def import_modules(modules: list[str]) -> dict[str, tuple[str | None, str | None]]:
-    """Place and error of each module that was tried before the process ended."""
+    """Import modules in a process of their own; returns place and error of each, as far as the process came."""
     output, _ = run_python(_IMPORT_PROBE, *modules)
     found = {}
     for line in output.splitlines():
@@ -348,7 +348,7 @@ def import_modules(modules: list[str]) -> dict[str, tuple[str | None, str | None
 
 
 def run_python(program: str, *words: str, **environment: str) -> tuple[str, str | None]:
-    """Output of a Python program in a process of its own, and the last line of its complaint if it failed.
+    """Run a Python program in a process of its own; returns its output, and the last line on stderr if it failed.
 
     The current folder is not searched for modules.
     """

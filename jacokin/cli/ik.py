@@ -47,7 +47,7 @@ class TargetOptions:
         """Whether the tool may turn about an axis, apart from --approach."""
         return self.free_axis is not None or self.free_range is not None
 
-    def read(self, units: Units) -> pin.SE3 | NDArray[np.float64] | FreeAxis:
+    def build(self, units: Units) -> pin.SE3 | NDArray[np.float64] | FreeAxis:
         """The pose; the position alone when the orientation is free; or a pose that may turn about an axis.
 
         Raises:
@@ -64,12 +64,12 @@ class TargetOptions:
             target = pose(self.position, approach=self.approach)
             if self.free_range is None:
                 return target
-            return FreeAxis(target.pose, axis=target.axis, range=units.read(self.free_range))
+            return FreeAxis(target.pose, axis=target.axis, range=units.to_si(self.free_range))
         if not self.is_oriented:
             if self.is_free:
                 raise InvalidInputError("--free-axis and --free-range need an orientation to start from")
             return np.array(self.position)
-        rpy = None if self.rpy is None else units.read(self.rpy)
+        rpy = None if self.rpy is None else units.to_si(self.rpy)
         at = pose(self.position, self.quat_wxyz, rpy=rpy, down=self.down)
         if self.free_axis is None:
             if self.free_range is not None:
@@ -180,7 +180,7 @@ def ik(
     arm = source.load()
     if wanted.rpy is not None:
         warn_of_degrees("--rpy", wanted.rpy, units)
-    start = units.of_joints(arm).read_option(seed)
+    start = units.for_joints(arm).option_to_si(seed)
     obstacles = options.load_scene(scene)
     if collision is None:
         collision = "ignore" if obstacles is None and not clearance else "reject"
@@ -200,7 +200,7 @@ def ik(
 
         solved = ik_batch.run(solver, targets, output, start, resume=resume, workers=workers, dask=dask, as_json=json)
     elif every:
-        found = solver.solve_all(wanted.read(units), start)
+        found = solver.solve_all(wanted.build(units), start)
         if isinstance(found, Family):
             solved = show_family(solver, found, units, as_json=json)
         else:
@@ -209,7 +209,7 @@ def ik(
         import numpy as np
 
         rng = None if random_seed is None else np.random.default_rng(random_seed)
-        result = solver.solve(wanted.read(units), start, rng, prefer=prefer or "nearest")
+        result = solver.solve(wanted.build(units), start, rng, prefer=prefer or "nearest")
         solved = show_result(solver, result, units, as_json=json)
     if not solved:
         raise SystemExit(NOT_SOLVED)

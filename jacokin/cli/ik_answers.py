@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 def show_result(solver: IKSolver, result: IKResult, units: Units, *, as_json: bool) -> bool:
     """Print one answer; returns whether the pose is reached."""
     robot = solver.robot
-    joints = units.of_joints(robot)
+    joints = units.for_joints(robot)
     margin = np.minimum(result.q - robot.lower, robot.upper - result.q)
     if as_json:
         display.print_json(
@@ -28,21 +28,21 @@ def show_result(solver: IKSolver, result: IKResult, units: Units, *, as_json: bo
                 "status": result.status,
                 "message": result.message,
                 "advice": None if result.success else result.status.value,
-                "q": joints.shown(result.q),
-                "limit_margin": joints.shown(margin),
+                "q": joints.from_si(result.q),
+                "limit_margin": joints.from_si(margin),
                 "position_error": result.position_error,
-                "orientation_error": units.shown(result.orientation_error),
+                "orientation_error": units.from_si(result.orientation_error),
                 "method": result.method,
                 "qp_solver": result.qp_solver,
                 "iterations": result.iterations,
                 "restarts": result.restarts,
                 "touching": result.touching,
-                "parameter": None if result.parameter is None else units.shown(result.parameter),
+                "parameter": None if result.parameter is None else units.from_si(result.parameter),
             }
         )
         return result.success
     columns = ("joint", joints.heading("angle"), "lower", "upper", "to the limit")
-    values = [map(display.number, joints.shown(row)) for row in (result.q, robot.lower, robot.upper, margin)]
+    values = [map(display.number, joints.from_si(row)) for row in (result.q, robot.lower, robot.upper, margin)]
     rows = list(zip(joints.labels(robot.joint_names), *values, strict=True))
     ran = result.method
     if result.qp_solver is not None:
@@ -54,7 +54,7 @@ def show_result(solver: IKSolver, result: IKResult, units: Units, *, as_json: bo
     display.show_table(title, columns, rows)
     lines = [
         ("position error", display.small(result.position_error, "m")),
-        ("orientation error", display.small(units.shown(result.orientation_error), units.angle)),
+        ("orientation error", display.small(units.from_si(result.orientation_error), units.angle)),
         ("method", ran),
     ]
     if result.success and result.message:
@@ -68,7 +68,7 @@ def show_result(solver: IKSolver, result: IKResult, units: Units, *, as_json: bo
 def show_branches(solver: IKSolver, branches: Branches, units: Units, *, reject_contact: bool, as_json: bool) -> bool:
     """Print every branch; returns whether one is inside the limits and, if asked for, free of self-contact."""
     robot = solver.robot
-    joints = units.of_joints(robot)
+    joints = units.for_joints(robot)
     acceptable = branches.within_limits.copy()
     if branches.touching is not None and reject_contact:
         acceptable &= np.array([not pairs for pairs in branches.touching], dtype=bool)
@@ -79,12 +79,12 @@ def show_branches(solver: IKSolver, branches: Branches, units: Units, *, reject_
                 "complete": branches.complete,
                 "branches": [
                     {
-                        "q": joints.shown(branches.q[row]),
+                        "q": joints.from_si(branches.q[row]),
                         "within_limits": bool(branches.within_limits[row]),
-                        "limit_margin": joints.shown(branches.margin[row]),
+                        "limit_margin": joints.from_si(branches.margin[row]),
                         "distance": joints.distance(branches.distance[row]),
                         "position_error": branches.position_error[row],
-                        "orientation_error": units.shown(branches.orientation_error[row]),
+                        "orientation_error": units.from_si(branches.orientation_error[row]),
                         "touching": None if branches.touching is None else branches.touching[row],
                     }
                     for row in range(len(branches))
@@ -100,9 +100,9 @@ def show_branches(solver: IKSolver, branches: Branches, units: Units, *, reject_
     for row in range(len(branches)):
         joint = int(np.argmin(branches.margin[row]))
         cells = [str(row + 1), "kept" if branches.within_limits[row] else f"broken: {robot.joint_names[joint]}"]
-        cells += [display.number(value, 4) for value in joints.shown(branches.q[row])]
+        cells += [display.number(value, 4) for value in joints.from_si(branches.q[row])]
         cells += [
-            display.number(joints.shown(branches.margin[row])[joint], 4),
+            display.number(joints.from_si(branches.margin[row])[joint], 4),
             display.number(joints.distance(branches.distance[row]), 4),
         ]
         if branches.touching is not None:
@@ -112,7 +112,7 @@ def show_branches(solver: IKSolver, branches: Branches, units: Units, *, reject_
         columns.append("touches")
     title = f"{robot.name}: {len(branches)} branches, {int(acceptable.sum())} usable; angles in {units.angle}"
     display.show_table(title, columns, rows, text=2)
-    worst = float(branches.position_error.max()), units.shown(float(branches.orientation_error.max()))
+    worst = float(branches.position_error.max()), units.from_si(float(branches.orientation_error.max()))
     lines = [
         ("margin", "distance of the joint nearest to its limit; negative outside"),
         ("distance", "to the seed"),
@@ -127,7 +127,7 @@ def show_branches(solver: IKSolver, branches: Branches, units: Units, *, reject_
 def show_family(solver: IKSolver, family: Family, units: Units, *, as_json: bool) -> bool:
     """Print every interval of the parameter; returns whether there is one."""
     robot = solver.robot
-    joints = units.of_joints(robot)
+    joints = units.for_joints(robot)
     if as_json:
         display.print_json(
             {
@@ -136,11 +136,11 @@ def show_family(solver: IKSolver, family: Family, units: Units, *, as_json: bool
                 "intervals": [
                     {
                         "branch": interval.branch,
-                        "start": units.shown(interval.start),
-                        "stop": units.shown(interval.stop),
+                        "start": units.from_si(interval.start),
+                        "stop": units.from_si(interval.stop),
                         "ends": [str(end) for end in interval.ends],
-                        "nearest": joints.shown(interval.nearest()),
-                        "widest": joints.shown(interval.widest()),
+                        "nearest": joints.from_si(interval.nearest()),
+                        "widest": joints.from_si(interval.widest()),
                     }
                     for interval in family
                 ],
@@ -154,10 +154,10 @@ def show_family(solver: IKSolver, family: Family, units: Units, *, as_json: bool
     rows = [
         [
             str(interval.branch),
-            display.number(units.shown(interval.start), 4),
-            display.number(units.shown(interval.stop), 4),
+            display.number(units.from_si(interval.start), 4),
+            display.number(units.from_si(interval.stop), 4),
             " / ".join(end.joint or end.kind for end in interval.ends),
-            *(display.number(value, 4) for value in joints.shown(interval.nearest())),
+            *(display.number(value, 4) for value in joints.from_si(interval.nearest())),
         ]
         for interval in family
     ]

@@ -1,4 +1,4 @@
-"""`jacokin info`: what a robot is: joints, limits with their source, frames."""
+"""`jacokin info`: joints, limits with their source, home and frames of a robot."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def info(robot: str, units: Units, json: bool, base: str | None, tip: str | None
       jacokin info urdf/j2n6s300.urdf --json
     """
     arm = RobotOptions(robot, base, tip, package_dirs).load()
-    joints = units.of_joints(arm)
+    joints = units.for_joints(arm)
     rows = list_joints(arm, joints)
     sources = list_sources(arm)
     model = arm.pin_model
@@ -55,7 +55,7 @@ def info(robot: str, units: Units, json: bool, base: str | None, tip: str | None
                 "angle_unit": units.angle,
                 "joints": [asdict(row) for row in rows],
                 "sources": sources,
-                "home": joints.shown(arm.home),
+                "home": joints.from_si(arm.home),
                 "home_source": arm.home_source,
                 "frames": [{"name": name, "moved_by": joint} for name, joint in frames],
             }
@@ -64,7 +64,7 @@ def info(robot: str, units: Units, json: bool, base: str | None, tip: str | None
     slides = bool(arm.sliding.any())
     home = [
         f"{display.number(value)} {row.unit}" if slides else display.number(value)
-        for value, row in zip(joints.shown(arm.home), rows, strict=True)
+        for value, row in zip(joints.from_si(arm.home), rows, strict=True)
     ]
     facts = [
         ("file", str(arm.source.path)),
@@ -124,7 +124,7 @@ def list_joints(arm: Robot, units: JointUnits) -> list[JointRow]:
     """A row for each joint."""
     from jacokin.model.descriptions import bundled
 
-    lower, upper, velocity = (units.shown(row) for row in (arm.lower, arm.upper, arm.velocity_limit))
+    lower, upper, velocity = (units.from_si(row) for row in (arm.lower, arm.upper, arm.velocity_limit))
     robot = arm.source.bundled
     rows = []
     for k, name in enumerate(arm.joint_names):

@@ -40,10 +40,10 @@ def fk(q: Sequence[float], frame: str | None, units: Units, json: bool, source: 
     from jacokin.model import poses
 
     arm = source.load()
-    configuration = arm.configuration(units.of_joints(arm).read(q))
+    configuration = arm.configuration(units.for_joints(arm).to_si(q))
     pose = arm.forward_kinematics(configuration, frame)
     quat = poses.quat_wxyz(pose.rotation)
-    rpy = [units.shown(angle) for angle in pin.rpy.matrixToRpy(pose.rotation)]
+    rpy = [units.from_si(angle) for angle in pin.rpy.matrixToRpy(pose.rotation)]
     within = arm.within_limits(configuration)
     name = frame or arm.default_frame
     if json:
@@ -89,14 +89,14 @@ def jacobian(
     """Show the Jacobian of a frame.
 
     Linear rows [m/rad] come first, then angular ones.
-    --degrees is for the joint angles given; the Jacobian stays per radian (per metre where a joint slides).
+    --degrees is for the joint angles given; the Jacobian stays per radian (per metre for a prismatic joint).
 
     Examples:
       jacokin jacobian 4.8 2.92 1.0 4.2 1.45 1.32
       jacokin jacobian 4.8 2.92 1.0 4.2 1.45 1.32 --reference local --frame gripsite --json
     """
     arm = source.load()
-    configuration = arm.configuration(units.of_joints(arm).read(q))
+    configuration = arm.configuration(units.for_joints(arm).to_si(q))
     matrix = arm.jacobian(configuration, frame, reference)
     singular_values = arm.singular_values(configuration, frame)
     manipulability = arm.manipulability(configuration, frame)

@@ -64,7 +64,7 @@ class RobotOptions:
 def read_limits(
     context: click.Context, option: click.Parameter, texts: Sequence[str]
 ) -> dict[str, tuple[float, float]] | None:
-    """Lower and upper limits of joints from what --limit says.
+    """Read lower and upper limits of joints from --limit.
 
     Raises:
         InvalidInputError: it is not JOINT=LOW,HIGH.
@@ -80,7 +80,7 @@ def read_limits(
 
 
 def read_placement(context: click.Context, option: click.Parameter, text: str | None) -> pin.SE3 | list[float] | None:
-    """The position (3,) or the pose that an option with three or seven numbers names.
+    """Read a position (3,) from three numbers, or a pose from seven.
 
     Raises:
         InvalidInputError: another count of numbers, or not a quaternion.
@@ -98,7 +98,7 @@ def read_placement(context: click.Context, option: click.Parameter, text: str | 
 
 
 def read_tool(context: click.Context, option: click.Parameter, text: str | None) -> pin.SE3 | None:
-    """T_frame_tool from what --tool says."""
+    """Read T_frame_tool from --tool."""
     place = read_placement(context, option, text)
     if not isinstance(place, list):
         return place
@@ -108,7 +108,7 @@ def read_tool(context: click.Context, option: click.Parameter, text: str | None)
 
 
 def read_axis(context: click.Context, option: click.Parameter, text: str | None) -> list[float] | None:
-    """An axis (3,): x, y, z, or three numbers.
+    """Read an axis (3,): x, y, z, or three numbers.
 
     Raises:
         InvalidInputError: anything else.
@@ -218,4 +218,4 @@ def free_about(
     """
     from jacokin.model.poses import FreeAxis
 
-    return FreeAxis(pose, axis=axis) if turns is None else FreeAxis(pose, axis=axis, range=units.read(turns))
+    return FreeAxis(pose, axis=axis) if turns is None else FreeAxis(pose, axis=axis, range=units.to_si(turns))

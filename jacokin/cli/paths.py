@@ -55,7 +55,7 @@ class PathOptions:
         """The angular speed [rad/s]."""
         from jacokin.motion.track import ANGULAR_SPEED
 
-        return ANGULAR_SPEED if self.angular_speed is None else self.units.read([self.angular_speed])[0]
+        return ANGULAR_SPEED if self.angular_speed is None else self.units.to_si([self.angular_speed])[0]
 
 
 path_options = option_group(
@@ -146,7 +146,7 @@ def plan(
     units = given.units
     targets = [pose if free_axis is None else options.free_about(pose, free_axis, free_range, units) for pose in poses]
     arm = source.load()
-    joints = units.of_joints(arm)
+    joints = units.for_joints(arm)
     solver = IKSolver(
         arm,
         given.frame,
@@ -164,10 +164,10 @@ def plan(
             speed=given.speed,
             angular_speed=given.turning_speed(),
             timing=timing,
-            seed=joints.read_option(given.seed),
-            start=joints.read_option(given.start),
-            velocity_limit=joints.read_option(given.velocity_limit, one_for_all=True),
-            acceleration_limit=joints.read_option(given.acceleration_limit, one_for_all=True),
+            seed=joints.option_to_si(given.seed),
+            start=joints.option_to_si(given.start),
+            velocity_limit=joints.option_to_si(given.velocity_limit, one_for_all=True),
+            acceleration_limit=joints.option_to_si(given.acceleration_limit, one_for_all=True),
         )
 
     deliver(compute, arm, given)
@@ -201,7 +201,7 @@ def track(given: PathOptions, source: options.RobotOptions) -> None:
         else Clearance(CLEARANCE if given.clearance is None else given.clearance, list(scene or ()))
     )
     arm = source.load()
-    joints = given.units.of_joints(arm)
+    joints = given.units.for_joints(arm)
 
     def compute() -> PathResult:
         with progress_bar("tracking") as progress:
@@ -213,10 +213,10 @@ def track(given: PathOptions, source: options.RobotOptions) -> None:
                 angular_speed=given.turning_speed(),
                 frame=given.frame,
                 tool=given.tool,
-                seed=joints.read_option(given.seed),
-                start=joints.read_option(given.start),
-                velocity_limit=joints.read_option(given.velocity_limit, one_for_all=True),
-                acceleration_limit=joints.read_option(given.acceleration_limit, one_for_all=True),
+                seed=joints.option_to_si(given.seed),
+                start=joints.option_to_si(given.start),
+                velocity_limit=joints.option_to_si(given.velocity_limit, one_for_all=True),
+                acceleration_limit=joints.option_to_si(given.acceleration_limit, one_for_all=True),
                 collision=kept,
                 progress=progress,
             )
@@ -225,7 +225,7 @@ def track(given: PathOptions, source: options.RobotOptions) -> None:
 
 
 def check_files(given: PathOptions, source: options.RobotOptions) -> None:
-    """Find out before the work what would fail after it.
+    """Check the files that are written before anything is computed.
 
     Raises:
         InvalidInputError: an output of another kind, or one that is read.
@@ -287,7 +287,7 @@ def deliver(compute: Callable[[], PathResult], arm: Robot, given: PathOptions) -
 def print_json(arm: Robot, result: PathResult, given: PathOptions) -> None:
     """Print the errors, the margins and every start that was tried as one JSON document."""
     units = given.units
-    joints = units.of_joints(arm)
+    joints = units.for_joints(arm)
     display.print_json(
         {
             **display.head(arm, units),
@@ -296,18 +296,18 @@ def print_json(arm: Robot, result: PathResult, given: PathOptions) -> None:
             "duration": result.t[-1],
             "rows": len(result),
             "max_position_error": result.position_error.max(),
-            "max_orientation_error": units.shown(result.orientation_error.max()),
+            "max_orientation_error": units.from_si(result.orientation_error.max()),
             "time_off_the_path": result.time_limited,
             "failed_segments": result.failed_segments,
-            "limit_margin": joints.shown(result.limit_margin.min(axis=0)),
+            "limit_margin": joints.from_si(result.limit_margin.min(axis=0)),
             "least_clearance": result.clearance.min(),
-            "parameter": [units.shown(value) for value in result.parameter],
+            "parameter": [units.from_si(value) for value in result.parameter],
             "branches": [
                 {
-                    "q_start": joints.shown(branch.q_start),
+                    "q_start": joints.from_si(branch.q_start),
                     "failed_segments": branch.failed_segments,
                     "position_error": branch.position_error,
-                    "orientation_error": units.shown(branch.orientation_error),
+                    "orientation_error": units.from_si(branch.orientation_error),
                 }
                 for branch in result.branches
             ],
@@ -325,14 +325,14 @@ def show(arm: Robot, result: PathResult, given: PathOptions) -> None:
     margin = result.limit_margin
     nearest = int(margin.min(axis=0).argmin())
     at = int(margin[:, nearest].argmin())
-    joints = units.of_joints(arm)
-    away = joints.shown(margin[at])[nearest]
+    joints = units.for_joints(arm)
+    away = joints.from_si(margin[at])[nearest]
     lines = [
         ("result", "on the path throughout" if result.success else "NOT on the path throughout"),
         ("note", result.message),
         ("duration", f"{result.t[-1]:.3f} s, {len(result)} rows"),
         ("largest position error", small(float(result.position_error.max()), "m")),
-        ("largest orientation error", small(units.shown(result.orientation_error.max()), units.angle)),
+        ("largest orientation error", small(units.from_si(result.orientation_error.max()), units.angle)),
         ("time off the path", f"{result.time_limited:.3f} s"),
         (
             "nearest to a limit",
@@ -343,7 +343,7 @@ def show(arm: Robot, result: PathResult, given: PathOptions) -> None:
         lines.append(("least clearance", f"{number(result.clearance.min())} m"))
     if not np.isnan(result.parameter).all():
         name = result.joint_names[2] if arm.dof == 7 else "free angle"  # joint 3 is the parameter of seven joints
-        shown = [number(units.shown(value), 3).replace("nan", "none") for value in result.parameter[:SHOWN]]
+        shown = [number(units.from_si(value), 3).replace("nan", "none") for value in result.parameter[:SHOWN]]
         more = "" if len(result.parameter) <= SHOWN else f" and {len(result.parameter) - SHOWN} more"
         lines.append((f"{name} at the poses", f"{', '.join(shown)}{more} {units.angle}"))
     written = (("written to", given.output), ("drawn in", given.plot))
@@ -357,7 +357,7 @@ def show(arm: Robot, result: PathResult, given: PathOptions) -> None:
                 str(index),
                 in_words(branch.failed_segments) or "none",
                 small(branch.position_error, "m"),
-                small(units.shown(branch.orientation_error), units.angle),
+                small(units.from_si(branch.orientation_error), units.angle),
             )
             for index, branch in enumerate(result.branches, start=1)
         ]

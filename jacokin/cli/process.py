@@ -41,7 +41,7 @@ def around_command() -> Iterator[None]:
 
 
 def _open_streams() -> None:
-    """Open what is closed to nothing; characters that the terminal lacks become escapes.
+    """Connect closed streams to the null device; characters that the terminal lacks become escapes.
 
     A closed descriptor would be given to the next file that is opened, and what is printed would end up there.
     """
@@ -90,7 +90,7 @@ def flush() -> None:
 
 
 def drop_output() -> None:
-    """Send whatever is still printed to nothing."""
+    """Discard whatever is still printed."""
     with contextlib.suppress(OSError, ValueError):  # stdout is not a file, as in tests
         nothing = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nothing, sys.stdout.fileno())

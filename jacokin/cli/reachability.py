@@ -33,7 +33,7 @@ MAP_ROBOT = "The robot of the map, where it is not a bundled one as it is."
 
 @click.group()
 def map() -> None:  # noqa: A001 - the command's name
-    """Maps of where the arm reaches: build one, draw it, ask it."""
+    """Maps of where the arm reaches: build, draw and query them."""
 
 
 @map.command(cls=Command, no_args_is_help=True)
@@ -115,7 +115,7 @@ def build(
             arm,
             folder=folder,
             grid=grid,
-            orientations=_orientations(orientations, free_axis, down=down),
+            orientations=_read_orientations(orientations, free_axis, down=down),
             executor=executor,
             shard=shard,
             progress=lambda so_far: show(so_far.done, so_far.total),
@@ -130,8 +130,8 @@ def build(
         display.say(f"{folder}: {found.counts.size} poses, {float((found.counts > 0).mean()):.1%} of them reached")
 
 
-def _orientations(count: int, axis: list[float] | None, *, down: bool) -> Orientations | int:
-    """What was asked for."""
+def _read_orientations(count: int, axis: list[float] | None, *, down: bool) -> Orientations | int:
+    """The orientations that the options ask for."""
     from jacokin.reachability import Orientations
 
     if axis is None:

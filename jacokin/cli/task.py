@@ -1,4 +1,4 @@
-"""`jacokin task`: run episodes of a task, by chance or by its expert, and record them as arrays or as a video."""
+"""`jacokin task`: run episodes of a task, with random actions or its expert, and record them."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def _run(
     episode: int,
     recorder: ArrayRecorder | VideoRecorder | None,
 ) -> tuple[float, bool]:
-    """Run one episode; returns its return and whether the task is solved at its end."""
+    """Run one episode; returns the sum of its rewards and whether the task is solved at the end."""
     observation, info = environment.reset(seed=seed)
     if policy is not None:
         policy.reset()
@@ -119,16 +119,16 @@ def has_display() -> bool:
 
 
 def choose_renderer() -> None:
-    """Draw with EGL where there is no display and nothing else was chosen; MuJoCo looks once, when it is loaded."""
+    """Choose EGL where there is no display and MUJOCO_GL is not set; MuJoCo reads that once, when it is loaded."""
     if not has_display() and "mujoco" not in sys.modules:
         os.environ.setdefault("MUJOCO_GL", "egl")
 
 
 class ArrayRecorder:
-    """Keeps everything until it is written."""
+    """Keeps all rows in memory until they are written."""
 
     def __init__(self) -> None:
-        """Begin with nothing."""
+        """Start without rows."""
         self._columns: dict[str, list[ArrayLike]] = {}
 
     def add(self, **values: ArrayLike) -> None:
@@ -191,7 +191,7 @@ class VideoRecorder:
             self._fail()
 
     def close(self) -> None:
-        """End what still runs."""
+        """Stop ffmpeg if it still runs."""
         if self._process is not None:
             self._process.kill()
             self._process.wait()
