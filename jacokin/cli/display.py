@@ -59,7 +59,7 @@ def _widths(lines: Sequence[Sequence[str]], text: int) -> list[int]:
     """Width of each column; the widest text gives way where all do not fit."""
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
     space = shutil.get_terminal_size().columns if sys.stdout.isatty() else PIPE_WIDTH
-    excess = 2 + sum(widths) + GAP * (len(widths) - 1) - space
+    excess = 3 + sum(widths) + GAP * (len(widths) - 1) - space
     while excess > 0:
         widest = max(range(text), key=widths.__getitem__)
         cut = min(excess, widths[widest] - NARROWEST)
@@ -147,7 +147,7 @@ def progress_bar(title: str) -> Iterator[Callable[[int, int], None]]:
         if now - shown > PERIOD:
             shown = now
             rate = (done - first[1]) / max(now - first[0], PERIOD)
-            left = f", {rate:.0f}/s, {_duration((total - done) / rate)} left" if rate > 0.0 else ""
+            left = f", {rate:.0f}/s, {format_duration((total - done) / rate)} left" if rate > 0.0 else ""
             sys.stderr.write(f"{CLEAR}{title} {done} of {total} ({100.0 * done / max(total, 1):.0f} %){left}")
             sys.stderr.flush()
 
@@ -158,7 +158,8 @@ def progress_bar(title: str) -> Iterator[Callable[[int, int], None]]:
         sys.stderr.flush()
 
 
-def _duration(seconds: float) -> str:
+def format_duration(seconds: float) -> str:
+    """A duration [s] in the unit that suits it."""
     if seconds < 100.0:
         return f"{seconds:.0f} s"
     return f"{seconds / 60.0:.0f} min" if seconds < 6000.0 else f"{seconds / 3600.0:.1f} h"

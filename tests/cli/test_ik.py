@@ -128,24 +128,6 @@ def test_all_intervals(run: Run, robot: str) -> None:
     )
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        (("--free-axis", "x"), "need an orientation"),
-        (("--down", "--free-axis", "q"), "--free-axis must be x, y, z or three numbers"),
-        (("--down", "--free-axis", "0,0,0"), "must have a direction"),
-        (("--down", "--free-range", "0", "1"), "--free-range goes with --free-axis"),
-        (("--down", "--free-axis", "x", "--free-range", "1", "0"), "least < largest"),
-        (("--down", "--approach", "1", "0", "0"), "--approach is an orientation"),
-        (("--down", "--prefer", "widest"), "Valid: nearest, margin, manipulability"),
-    ],
-)
-def test_mistakes(run: Run, options: tuple[str, ...], message: str) -> None:
-    answer = run(*PLACE, *options)
-    assert answer.code == 2
-    assert message in " ".join(answer.err.split())
-
-
 TARGET = ("--position", "0.3", "-0.2", "0.4", "--down")
 
 

@@ -51,12 +51,6 @@ def test_a_port_in_use_is_one_sentence(capsys: pytest.CaptureFixture[str]) -> No
     assert f"jacokin: --port {port} of 127.0.0.1 cannot be used (Address already in use); choose another" in said
 
 
-@pytest.mark.parametrize("words", [("1", "2"), ("1", "2", "3", "0", "0", "0", "0"), ("left",), ("nan", "0", "0")])
-def test_a_target_that_is_none_is_refused(words: tuple[str, ...], capsys: pytest.CaptureFixture[str]) -> None:
-    assert leave("view", "--port", "0", "--target", *words) == 2
-    assert "target" in capsys.readouterr().err or words[-1] == "0"
-
-
 def test_its_options_are_those_of_the_page(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     """Tool, limits, free axis and its range, and meshes are taken."""
 
@@ -75,6 +69,10 @@ def test_its_options_are_those_of_the_page(monkeypatch: pytest.MonkeyPatch, caps
 @pytest.mark.parametrize(
     ("words", "message"),
     [
+        (["--target", "1", "2"], "--target must be 3 numbers, or 7 with a quaternion, got 2"),
+        (["--target", "1", "2", "3", "0", "0", "0", "0"], "norm 0"),
+        (["--target", "left"], "--target must be numbers, got 'left'"),
+        (["--target", "nan", "0", "0"], "finite"),
         (["--tool", "1", "2"], "--tool must be 3 numbers, or 7 with a quaternion, got 2"),
         (["--limit", "joint_2"], "--limit must be JOINT=LOW,HIGH"),
         (["--limit", "joint_9=1,2"], "joint_9"),
