@@ -88,23 +88,25 @@ def read_placement(context: click.Context, option: click.Parameter, text: str | 
     if text is None:
         return None
     values = parse_numbers(option.opts[0], text)
-    if len(values) == 3:
-        return values
-    if len(values) != 7:
+    if len(values) not in (3, 7):
         raise InvalidInputError(f"{option.opts[0]} must be 3 numbers, or 7 with a quaternion, got {len(values)}")
-    from jacokin.model.poses import pose
-
-    return pose(values[:3], values[3:])
+    return values if len(values) == 3 else _parse_pose(option.opts[0], values)
 
 
 def read_tool(context: click.Context, option: click.Parameter, text: str | None) -> pin.SE3 | None:
     """Read T_frame_tool from --tool."""
     place = read_placement(context, option, text)
-    if not isinstance(place, list):
-        return place
+    return _parse_pose(option.opts[0], place) if isinstance(place, list) else place
+
+
+def _parse_pose(flag: str, values: list[float]) -> pin.SE3:
+    """The pose of a position and perhaps a quaternion in a row."""
     from jacokin.model.poses import pose
 
-    return pose(place)
+    try:
+        return pose(values[:3], values[3:] or None)
+    except InvalidInputError as error:
+        raise InvalidInputError(f"{flag}: {error}") from error
 
 
 def read_axis(context: click.Context, option: click.Parameter, text: str | None) -> list[float] | None:

@@ -70,7 +70,8 @@ def test_its_options_are_those_of_the_page(monkeypatch: pytest.MonkeyPatch, caps
     ("words", "message"),
     [
         (["--target", "1", "2"], "--target must be 3 numbers, or 7 with a quaternion, got 2"),
-        (["--target", "1", "2", "3", "0", "0", "0", "0"], "norm 0"),
+        (["--target", "1", "2", "3", "0", "0", "0", "0"], "--target: quat_wxyz must have norm 1"),
+        (["--tool", "nan", "0", "0"], "--tool: position must"),
         (["--target", "left"], "--target must be numbers, got 'left'"),
         (["--target", "nan", "0", "0"], "finite"),
         (["--tool", "1", "2"], "--tool must be 3 numbers, or 7 with a quaternion, got 2"),
