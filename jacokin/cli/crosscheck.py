@@ -4,18 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
+from jacokin import model
 from jacokin.cli import display, options
 from jacokin.cli.command import Argument, Command
 from jacokin.cli.options import RobotOptions
 from jacokin.cli.process import NOT_SOLVED
 from jacokin.errors import InvalidInputError
-
-if TYPE_CHECKING:
-    from jacokin.model.comparison import CrossCheckReport
 
 
 def read_pairs(context: click.Context, option: click.Parameter, words: Sequence[str]) -> dict[str, str] | None:
@@ -34,7 +31,7 @@ def read_pairs(context: click.Context, option: click.Parameter, words: Sequence[
 
 
 @click.command(cls=Command)
-@click.argument("first", cls=Argument, default=options.DEFAULT_ROBOT, metavar="[NAME|FILE]", text=options.NAME_OR_FILE)
+@click.argument("first", cls=Argument, default=model.DEFAULT_ROBOT, metavar="[NAME|FILE]", text=options.NAME_OR_FILE)
 @click.argument(
     "second", cls=Argument, required=False, metavar="[NAME|FILE]", text="What to compare it with; MuJoCo if not given."
 )
@@ -91,12 +88,12 @@ def crosscheck(
     """
     import numpy as np
 
-    from jacokin.model import comparison as checking
+    from jacokin.model import comparison
 
     if tolerance is not None and not 0.0 <= tolerance < np.inf:
         raise InvalidInputError(f"--tolerance must be a number >= 0, got {tolerance}")
-    limits = checking.TOLERANCES if tolerance is None else dict.fromkeys(checking.QUANTITIES, tolerance)
-    report = checking.crosscheck(
+    limits = comparison.TOLERANCES if tolerance is None else dict.fromkeys(comparison.QUANTITIES, tolerance)
+    report = model.crosscheck(
         RobotOptions(first, base, tip, package_dirs).load(),
         None if second is None else RobotOptions(second, second_base or base, second_tip, package_dirs).load(),
         samples=samples,
@@ -112,7 +109,7 @@ def crosscheck(
         raise SystemExit(NOT_SOLVED)
 
 
-def _document(report: CrossCheckReport, limits: dict[str, float]) -> dict[str, object]:
+def _document(report: model.CrossCheckReport, limits: dict[str, float]) -> dict[str, object]:
     return {
         "first": report.first,
         "second": report.second,
@@ -133,7 +130,7 @@ def _document(report: CrossCheckReport, limits: dict[str, float]) -> dict[str, o
     }
 
 
-def _show(report: CrossCheckReport, limits: dict[str, float]) -> None:
+def _show(report: model.CrossCheckReport, limits: dict[str, float]) -> None:
     kinematic = [
         name for name in ("position", "rotation", "jacobian") if any(row.quantity == name for row in report.deviations)
     ]

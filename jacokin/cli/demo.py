@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from jacokin import files
+from jacokin import files, ik, model
 from jacokin.cli import options
 from jacokin.cli.command import Command
 from jacokin.cli.display import say
@@ -22,8 +22,6 @@ from jacokin.errors import InvalidInputError
 
 if TYPE_CHECKING:
     from jacokin.arrays import Array
-    from jacokin.ik.files.targets import TargetFile
-    from jacokin.ik.results import BatchResult
 
 PICTURE = Path("jaco.png")
 BACKENDS = ("egl", "osmesa")  # of MuJoCo, that need no display
@@ -42,14 +40,10 @@ def demo(output: Path) -> None:
     """
     import numpy as np
 
-    from jacokin.ik.files.csv_files import read_targets
-    from jacokin.ik.solver import IKSolver
-    from jacokin.model.loading import load_robot
-
     if output.suffix != ".png":
         raise InvalidInputError(f"--output must end in .png, got {str(output)!r}")
-    targets = read_targets(targets_file())
-    solver = IKSolver(load_robot(), warm=None)
+    targets = ik.read_targets(targets_file())
+    solver = ik.IKSolver(model.load_robot(), warm=None)
     started = time.perf_counter()
     batch = solver.solve_batch(targets.targets)
     _report(targets, batch, time.perf_counter() - started)
@@ -74,7 +68,7 @@ def targets_file() -> Path:
     return packed if packed.is_file() else Path(__file__).resolve().parents[2] / "examples" / "targets.csv"
 
 
-def _report(targets: TargetFile, batch: BatchResult, seconds: float) -> None:
+def _report(targets: ik.TargetFile, batch: ik.BatchResult, seconds: float) -> None:
     import numpy as np
 
     solved = int(batch.success.sum())

@@ -11,13 +11,11 @@ import textwrap
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from enum import Enum
-from typing import TYPE_CHECKING
 
 import click
 
-if TYPE_CHECKING:
-    from jacokin.cli.units import Units
-    from jacokin.model.robot import Robot
+from jacokin import model
+from jacokin.cli.units import Units
 
 PIPE_WIDTH = 160  # columns of what is not shown in a terminal, so that little is broken
 GAP = 3  # columns between columns
@@ -105,7 +103,7 @@ def print_json(document: Mapping[str, object]) -> None:
     click.echo(json.dumps(plain(document), indent=2, allow_nan=False))
 
 
-def head(robot: Robot, units: Units, frame: str | None = None) -> dict[str, object]:
+def head(robot: model.Robot, units: Units, frame: str | None = None) -> dict[str, object]:
     """The first entries of a document about joint values."""
     return {
         "robot": robot.name,

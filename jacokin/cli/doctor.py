@@ -16,6 +16,7 @@ from pathlib import Path
 
 import click
 
+from jacokin import model
 from jacokin.cli import display, options
 from jacokin.cli.command import Command
 from jacokin.cli.process import NOT_SOLVED
@@ -170,16 +171,12 @@ def check_python() -> Finding:
 
 def check_robots() -> Finding:
     """Are the bundled robots there?"""
-    from jacokin.model.descriptions import bundled
-
     try:
-        from jacokin.model.loading import load_robot
-
-        for name in bundled.NAMES:
-            load_robot(name)
+        for name in model.NAMES:
+            model.load_robot(name)
     except (JacokinError, ImportError, OSError) as error:
         return Finding("robots", "bundled", FAILED, f"{error}")
-    return Finding("robots", "bundled", OK, f"{', '.join(bundled.NAMES)} in {bundled.urdf_folder()}")
+    return Finding("robots", "bundled", OK, f"{', '.join(model.NAMES)} in {model.urdf_folder()}")
 
 
 def check_packages() -> list[Finding]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+import jacokin.ik
 from jacokin.cli import options
 from jacokin.cli.command import Command, option_group
 from jacokin.cli.options import Vector3, Vector4
@@ -21,8 +22,6 @@ if TYPE_CHECKING:
     import numpy as np
     import pinocchio as pin
     from numpy.typing import NDArray
-
-    from jacokin.model.poses import FreeAxis
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +46,7 @@ class TargetOptions:
         """Whether the tool may turn about an axis, apart from --approach."""
         return self.free_axis is not None or self.free_range is not None
 
-    def build(self, units: Units) -> pin.SE3 | NDArray[np.float64] | FreeAxis:
+    def build(self, units: Units) -> pin.SE3 | NDArray[np.float64] | jacokin.FreeAxis:
         """The pose; the position alone when the orientation is free; or a pose that may turn about an axis.
 
         Raises:
@@ -55,22 +54,20 @@ class TargetOptions:
         """
         import numpy as np
 
-        from jacokin.model.poses import FreeAxis, pose
-
         assert self.position is not None  # check
         if self.approach is not None:
             if self.quat_wxyz is not None or self.rpy is not None or self.down or self.free_axis is not None:
                 raise InvalidInputError("--approach is an orientation with a free axis: give it alone")
-            target = pose(self.position, approach=self.approach)
+            target = jacokin.pose(self.position, approach=self.approach)
             if self.free_range is None:
                 return target
-            return FreeAxis(target.pose, axis=target.axis, range=units.to_si(self.free_range))
+            return jacokin.FreeAxis(target.pose, axis=target.axis, range=units.to_si(self.free_range))
         if not self.is_oriented:
             if self.is_free:
                 raise InvalidInputError("--free-axis and --free-range need an orientation to start from")
             return np.array(self.position)
         rpy = None if self.rpy is None else units.to_si(self.rpy)
-        at = pose(self.position, self.quat_wxyz, rpy=rpy, down=self.down)
+        at = jacokin.pose(self.position, self.quat_wxyz, rpy=rpy, down=self.down)
         if self.free_axis is None:
             if self.free_range is not None:
                 raise InvalidInputError("--free-range goes with --free-axis or --approach")
@@ -164,8 +161,6 @@ def ik(
       jacokin ik --targets poses.parquet --output joints.parquet --workers 8 --resume
     """
     from jacokin.cli.ik_answers import show_branches, show_family, show_result
-    from jacokin.ik.families.family import Family
-    from jacokin.ik.solver import IKSolver
 
     if targets is None:
         check_one_pose(wanted, every, prefer, output)
@@ -184,7 +179,7 @@ def ik(
     obstacles = options.load_scene(scene)
     if collision is None:
         collision = "ignore" if obstacles is None and not clearance else "reject"
-    solver = IKSolver(
+    solver = jacokin.IKSolver(
         arm,
         frame,
         tool=tool,
@@ -201,7 +196,7 @@ def ik(
         solved = ik_batch.run(solver, targets, output, start, resume=resume, workers=workers, dask=dask, as_json=json)
     elif every:
         found = solver.solve_all(wanted.build(units), start)
-        if isinstance(found, Family):
+        if isinstance(found, jacokin.ik.Family):
             solved = show_family(solver, found, units, as_json=json)
         else:
             solved = show_branches(solver, found, units, reject_contact=collision == "reject", as_json=json)

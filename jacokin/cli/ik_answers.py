@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from jacokin import ik
 from jacokin.cli import display
 from jacokin.cli.units import Units
 
-if TYPE_CHECKING:
-    from jacokin.ik.families.family import Family
-    from jacokin.ik.results import Branches, IKResult
-    from jacokin.ik.solver import IKSolver
 
-
-def show_result(solver: IKSolver, result: IKResult, units: Units, *, as_json: bool) -> bool:
+def show_result(solver: ik.IKSolver, result: ik.IKResult, units: Units, *, as_json: bool) -> bool:
     """Print one answer; returns whether the pose is reached."""
     robot = solver.robot
     joints = units.for_joints(robot)
@@ -65,7 +59,9 @@ def show_result(solver: IKSolver, result: IKResult, units: Units, *, as_json: bo
     return result.success
 
 
-def show_branches(solver: IKSolver, branches: Branches, units: Units, *, reject_contact: bool, as_json: bool) -> bool:
+def show_branches(
+    solver: ik.IKSolver, branches: ik.Branches, units: Units, *, reject_contact: bool, as_json: bool
+) -> bool:
     """Print every branch; returns whether one is inside the limits and, if asked for, free of self-contact."""
     robot = solver.robot
     joints = units.for_joints(robot)
@@ -124,7 +120,7 @@ def show_branches(solver: IKSolver, branches: Branches, units: Units, *, reject_
     return bool(acceptable.any())
 
 
-def show_family(solver: IKSolver, family: Family, units: Units, *, as_json: bool) -> bool:
+def show_family(solver: ik.IKSolver, family: ik.Family, units: Units, *, as_json: bool) -> bool:
     """Print every interval of the parameter; returns whether there is one."""
     robot = solver.robot
     joints = units.for_joints(robot)

@@ -6,31 +6,26 @@ import contextlib
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from jacokin import ik
 from jacokin.chunks.execution import dask_executor
 from jacokin.cli import display
 from jacokin.cli.display import progress_bar
 from jacokin.cli.units import Units, warn_of_degrees
 from jacokin.errors import InvalidInputError
-from jacokin.ik.batches.chunk import EMPTY, FileSummary, Tally, solve_rows
+from jacokin.ik.batches.chunk import EMPTY, Tally, solve_rows
 from jacokin.ik.batches.solve_file import solve_file, unfinished
 from jacokin.ik.files import formats
 from jacokin.ik.files.targets import RPY
-
-if TYPE_CHECKING:
-    from jacokin.ik.files.targets import TargetFile
-    from jacokin.ik.results import BatchResult
-    from jacokin.ik.solver import IKSolver
 
 FIRST_ROWS = 1000  # that are looked at for angles in degrees
 ROWS = 4096  # solved at a time where no file is written
 
 
 def run(
-    solver: IKSolver,
+    solver: ik.IKSolver,
     targets: Path,
     out: Path | None,
     seed: list[float] | None,
@@ -79,12 +74,12 @@ def run(
 
 
 def _solve_for_display(
-    solver: IKSolver,
+    solver: ik.IKSolver,
     targets: Path,
     seed: list[float] | None,
     workers: int,
     results: list[dict[str, object]] | None,
-) -> FileSummary:
+) -> ik.FileSummary:
     """Solve without a file of answers; keep the rows in `results` if they are wanted."""
     started = time.perf_counter()
     tally = EMPTY
@@ -95,10 +90,10 @@ def _solve_for_display(
         if results is not None:
             results += _documents(block, batch)
     seconds = time.perf_counter() - started
-    return FileSummary(tally.count, dict(tally.statuses), *tally.worst, tally.failures, 0, seconds, None)
+    return ik.FileSummary(tally.count, dict(tally.statuses), *tally.worst, tally.failures, 0, seconds, None)
 
 
-def _documents(targets: TargetFile, batch: BatchResult) -> Iterator[dict[str, object]]:
+def _documents(targets: ik.TargetFile, batch: ik.BatchResult) -> Iterator[dict[str, object]]:
     for row in range(len(targets)):
         yield {
             "line": int(targets.lines[row]),
@@ -111,7 +106,7 @@ def _documents(targets: TargetFile, batch: BatchResult) -> Iterator[dict[str, ob
         }
 
 
-def _document(solver: IKSolver, found: FileSummary, results: list[dict[str, object]]) -> dict[str, object]:
+def _document(solver: ik.IKSolver, found: ik.FileSummary, results: list[dict[str, object]]) -> dict[str, object]:
     """The summary; the answers too when no file holds them."""
     summary: dict[str, object] = {
         "robot": solver.robot.name,
@@ -132,7 +127,7 @@ def _document(solver: IKSolver, found: FileSummary, results: list[dict[str, obje
     return summary
 
 
-def _show(found: FileSummary) -> None:
+def _show(found: ik.FileSummary) -> None:
     lines = [
         ("solved", f"{found.solved} of {found.targets} ({100.0 * found.solved / found.targets:.1f} %)"),
         ("time", f"{found.seconds:.3f} s, {(found.targets - found.resumed) / found.seconds:.0f} poses/s"),

@@ -5,21 +5,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
+from jacokin import model
 from jacokin.cli import display, options
 from jacokin.cli.command import Argument, Command
 from jacokin.cli.options import RobotOptions
 from jacokin.cli.units import JointUnits, Units
-
-if TYPE_CHECKING:
-    from jacokin.model.robot import Robot
+from jacokin.model.descriptions import bundled
 
 
 @click.command(cls=Command)
-@click.argument("robot", cls=Argument, default=options.DEFAULT_ROBOT, metavar="[NAME|FILE]", text=options.NAME_OR_FILE)
+@click.argument("robot", cls=Argument, default=model.DEFAULT_ROBOT, metavar="[NAME|FILE]", text=options.NAME_OR_FILE)
 @options.degrees
 @options.json
 @options.base
@@ -120,10 +118,8 @@ class JointRow:
     datasheet_source: str | None
 
 
-def list_joints(arm: Robot, units: JointUnits) -> list[JointRow]:
+def list_joints(arm: model.Robot, units: JointUnits) -> list[JointRow]:
     """A row for each joint."""
-    from jacokin.model.descriptions import bundled
-
     lower, upper, velocity = (units.from_si(row) for row in (arm.lower, arm.upper, arm.velocity_limit))
     robot = arm.source.bundled
     rows = []
@@ -139,17 +135,13 @@ def list_joints(arm: Robot, units: JointUnits) -> list[JointRow]:
     return rows
 
 
-def list_sources(arm: Robot) -> dict[str, str]:
+def list_sources(arm: model.Robot) -> dict[str, str]:
     """What the letters in the joint table stand for."""
     if arm.source.bundled is None:
         return {"file": str(arm.source.path)}
-    from jacokin.model.descriptions import bundled
-
     return {key: bundled.source_text(key) for key in (_source_of_arm(arm.source.bundled), "S")}
 
 
 def _source_of_arm(name: str) -> str:
     """Letter of the source of an arm's chain."""
-    from jacokin.model.descriptions import bundled
-
     return str(bundled.arm(name)["source"])

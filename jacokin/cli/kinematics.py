@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 
 import click
 
+from jacokin import model
 from jacokin.cli import display, options
 from jacokin.cli.command import Argument, Command
 from jacokin.cli.units import Units
@@ -37,12 +38,10 @@ def fk(q: Sequence[float], frame: str | None, units: Units, json: bool, source: 
     """
     import pinocchio as pin
 
-    from jacokin.model import poses
-
     arm = source.load()
     configuration = arm.configuration(units.for_joints(arm).to_si(q))
     pose = arm.forward_kinematics(configuration, frame)
-    quat = poses.quat_wxyz(pose.rotation)
+    quat = model.quat_wxyz(pose.rotation)
     rpy = [units.from_si(angle) for angle in pin.rpy.matrixToRpy(pose.rotation)]
     within = arm.within_limits(configuration)
     name = frame or arm.default_frame

@@ -9,18 +9,15 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from jacokin import ik, model
 from jacokin.cli.command import NumberList, option_group, parse_numbers
 from jacokin.cli.units import Units
 from jacokin.errors import InvalidInputError
-from jacokin.model.descriptions.bundled import DEFAULT_ROBOT as DEFAULT_ROBOT
+from jacokin.model import DEFAULT_ROBOT
 
 if TYPE_CHECKING:
     import pinocchio as pin
     from numpy.typing import ArrayLike
-
-    from jacokin.model.poses import FreeAxis
-    from jacokin.model.robot import Robot
-    from jacokin.model.scene import Scene
 
 FILE = click.Path(path_type=Path)
 VECTOR = (float, float, float)
@@ -43,15 +40,13 @@ class RobotOptions:
     limits: dict[str, tuple[float, float]] | None = None
     finger_angle: float | None = None
 
-    def load(self) -> Robot:
+    def load(self) -> model.Robot:
         """The robot.
 
         Raises:
             InvalidInputError: as `load_robot`.
         """
-        from jacokin.model.loading import load_robot
-
-        return load_robot(
+        return model.load_robot(
             self.robot or DEFAULT_ROBOT,
             base=self.base,
             tip=self.tip,
@@ -101,10 +96,8 @@ def read_tool(context: click.Context, option: click.Parameter, text: str | None)
 
 def _parse_pose(flag: str, values: list[float]) -> pin.SE3:
     """The pose of a position and perhaps a quaternion in a row."""
-    from jacokin.model.poses import pose
-
     try:
-        return pose(values[:3], values[3:] or None)
+        return model.pose(values[:3], values[3:] or None)
     except InvalidInputError as error:
         raise InvalidInputError(f"{flag}: {error}") from error
 
@@ -201,23 +194,17 @@ def robot(default: str | None = DEFAULT_ROBOT, text: str = NAME_OR_FILE) -> Call
     return option_group("source", RobotOptions, name, base, tip, package_dir, limit, finger_angle)
 
 
-def load_scene(path: Path | None) -> Scene | None:
+def load_scene(path: Path | None) -> model.Scene | None:
     """The scene of a file; None without one."""
-    if path is None:
-        return None
-    from jacokin.model.scene import Scene
-
-    return Scene.load(path)
+    return None if path is None else model.Scene.load(path)
 
 
 def free_about(
     pose: pin.SE3 | ArrayLike, axis: Sequence[float], turns: tuple[float, float] | None, units: Units
-) -> FreeAxis:
+) -> ik.FreeAxis:
     """A pose whose tool may turn about an axis of its own.
 
     Raises:
         InvalidInputError: an axis without a direction, or an empty range.
     """
-    from jacokin.model.poses import FreeAxis
-
-    return FreeAxis(pose, axis=axis) if turns is None else FreeAxis(pose, axis=axis, range=units.to_si(turns))
+    return ik.FreeAxis(pose, axis=axis) if turns is None else ik.FreeAxis(pose, axis=axis, range=units.to_si(turns))

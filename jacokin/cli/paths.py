@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from jacokin import files
+from jacokin import files, ik, model, motion
 from jacokin.cli import display, options
 from jacokin.cli.command import Command, NumberList, option_group
 from jacokin.cli.display import number, progress_bar, show_facts, show_table, small
@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     import pinocchio as pin
 
     from jacokin.arrays import Array
-    from jacokin.model.robot import Robot
-    from jacokin.motion.path_result import PathResult
 
 SHOWN = 6  # values of the parameter in a line
 
@@ -136,9 +134,6 @@ def plan(
       jacokin plan --path path.csv --speed 0.2 --timing slow --acceleration-limit 2 --output arm.kinova.csv
       jacokin plan --path path.csv --degrees --free-axis z --free-range -30 30
     """
-    from jacokin.ik.solver import IKSolver
-    from jacokin.motion.planning.plan import plan_path
-
     check_files(given, source)
     poses = read_poses(given.waypoints)
     if free_axis is None and free_range is not None:
@@ -147,7 +142,7 @@ def plan(
     targets = [pose if free_axis is None else options.free_about(pose, free_axis, free_range, units) for pose in poses]
     arm = source.load()
     joints = units.for_joints(arm)
-    solver = IKSolver(
+    solver = ik.IKSolver(
         arm,
         given.frame,
         tool=given.tool,
@@ -156,8 +151,8 @@ def plan(
         clearance=given.clearance or 0.0,
     )
 
-    def compute() -> PathResult:
-        return plan_path(
+    def compute() -> motion.PathResult:
+        return motion.plan_path(
             solver,
             targets,
             dt=given.dt,
@@ -189,7 +184,6 @@ def track(given: PathOptions, source: options.RobotOptions) -> None:
       jacokin track --path path.csv --degrees --velocity-limit 20 --acceleration-limit 60
       jacokin track --path path.csv --scene scene.yaml --clearance 0.02
     """
-    from jacokin.motion.track import track_path
     from jacokin.motion.tracking.avoidance import CLEARANCE, Clearance
 
     check_files(given, source)
@@ -203,9 +197,9 @@ def track(given: PathOptions, source: options.RobotOptions) -> None:
     arm = source.load()
     joints = given.units.for_joints(arm)
 
-    def compute() -> PathResult:
+    def compute() -> motion.PathResult:
         with progress_bar("tracking") as progress:
-            return track_path(
+            return motion.track_path(
                 arm,
                 poses,
                 dt=given.dt,
@@ -249,10 +243,9 @@ def read_poses(path: Path) -> Array:
     Raises:
         InvalidInputError: as `read_targets`, or the file has no orientations.
     """
-    from jacokin.ik.files.csv_files import read_targets
     from jacokin.ik.files.targets import QUATERNION, RPY
 
-    targets = read_targets(path).targets
+    targets = ik.read_targets(path).targets
     if targets.ndim != 3:
         raise InvalidInputError(
             f"{path}: a path needs orientations, columns {', '.join(QUATERNION)} or {', '.join(RPY)}"
@@ -260,7 +253,7 @@ def read_poses(path: Path) -> Array:
     return targets
 
 
-def deliver(compute: Callable[[], PathResult], arm: Robot, given: PathOptions) -> None:
+def deliver(compute: Callable[[], motion.PathResult], arm: model.Robot, given: PathOptions) -> None:
     """Compute a trajectory, write and draw it where that is asked for, and show it.
 
     Raises:
@@ -273,9 +266,7 @@ def deliver(compute: Callable[[], PathResult], arm: Robot, given: PathOptions) -
         if writable is not None:
             result.save(writable)
         if drawable is not None:
-            from jacokin.motion.plot import plot_path
-
-            plot_path(result, drawable)
+            motion.plot_path(result, drawable)
     if given.json:
         print_json(arm, result, given)
     else:
@@ -284,7 +275,7 @@ def deliver(compute: Callable[[], PathResult], arm: Robot, given: PathOptions) -
         raise SystemExit(NOT_SOLVED)
 
 
-def print_json(arm: Robot, result: PathResult, given: PathOptions) -> None:
+def print_json(arm: model.Robot, result: motion.PathResult, given: PathOptions) -> None:
     """Print the errors, the margins and every start that was tried as one JSON document."""
     units = given.units
     joints = units.for_joints(arm)
@@ -317,7 +308,7 @@ def print_json(arm: Robot, result: PathResult, given: PathOptions) -> None:
     )
 
 
-def show(arm: Robot, result: PathResult, given: PathOptions) -> None:
+def show(arm: model.Robot, result: motion.PathResult, given: PathOptions) -> None:
     """Print a summary; when the tool left the path, where it did from every start."""
     import numpy as np
 

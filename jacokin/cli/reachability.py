@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING
 
 import click
 
+from jacokin import ik, model, reachability
 from jacokin.cli import display, options
 from jacokin.cli.command import Argument, Command
 from jacokin.cli.display import progress_bar
 from jacokin.cli.options import RobotOptions, Vector3, Vector4
 from jacokin.cli.process import NOT_SOLVED
 from jacokin.errors import InvalidInputError, UnknownNameError
-from jacokin.model.descriptions.bundled import NAMES
+from jacokin.model import NAMES
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -23,8 +24,6 @@ if TYPE_CHECKING:
 
     import pinocchio as pin
 
-    from jacokin.reachability import Orientations
-    from jacokin.reachability.map import ReachabilityMap
 
 SEVEN = 7  # joints of an arm whose poses have families
 MAP = "A map, or the bundled one of a robot."
@@ -95,13 +94,15 @@ def build(
     from concurrent.futures import ThreadPoolExecutor
 
     from jacokin.chunks.execution import dask_executor, worker_processes
-    from jacokin.reachability import Grid
-    from jacokin.reachability import build as build_map
 
     if (lower is None) != (upper is None):
         raise InvalidInputError("--lower and --upper go together")
     arm = source.load()
-    grid = Grid.around(arm, spacing) if lower is None or upper is None else Grid(lower, upper, spacing)
+    grid = (
+        reachability.Grid.around(arm, spacing)
+        if lower is None or upper is None
+        else reachability.Grid(lower, upper, spacing)
+    )
     obstacles = options.load_scene(scene)
     contact = avoid_contact or obstacles is not None
     is_slow = contact or free_axis is not None or arm.dof == SEVEN  # in Python, where threads wait for each other
@@ -111,7 +112,7 @@ def build(
     else:
         pool = worker_processes(workers) if is_slow and workers > 1 else ThreadPoolExecutor(workers)
     with progress_bar("positions") as show, pool as executor:
-        found = build_map(
+        found = reachability.build(
             arm,
             folder=folder,
             grid=grid,
@@ -130,15 +131,15 @@ def build(
         display.say(f"{folder}: {found.counts.size} poses, {float((found.counts > 0).mean()):.1%} of them reached")
 
 
-def _read_orientations(count: int, axis: list[float] | None, *, down: bool) -> Orientations | int:
+def _read_orientations(count: int, axis: list[float] | None, *, down: bool) -> reachability.Orientations | int:
     """The orientations that the options ask for."""
-    from jacokin.reachability import Orientations
-
     if axis is None:
-        return Orientations.down() if down else count
+        return reachability.Orientations.down() if down else count
     if down:
-        return Orientations(Orientations.down().quats_wxyz, "tool down, free about an axis", axes=[axis])
-    return Orientations.directions(count, axis, free_roll=True)
+        return reachability.Orientations(
+            reachability.Orientations.down().quats_wxyz, "tool down, free about an axis", axes=[axis]
+        )
+    return reachability.Orientations.directions(count, axis, free_roll=True)
 
 
 @map.command(cls=Command, no_args_is_help=True)
@@ -166,16 +167,13 @@ def query(
       jacokin map query j2n6s300 --position 0.4 0.2 0.3
       jacokin map query j2n6s300 --position 1.4 0.2 0.3 --down
     """
-    from jacokin.model import poses
-    from jacokin.model.poses import pose
-
     reach = load_map(folder, source, scene)
     dexterity = reach.dexterity(position)
     document: dict[str, object] = {"dexterity": dexterity}
     lines = [("orientations reached", f"{dexterity:.1%}")]
     if quat_wxyz is not None or down:
-        nearest = reach.nearest_reachable(pose(position, quat_wxyz, down=down))
-        quat = poses.quat_wxyz(nearest.rotation)
+        nearest = reach.nearest_reachable(model.pose(position, quat_wxyz, down=down))
+        quat = model.quat_wxyz(nearest.rotation)
         document |= {"nearest_position": nearest.translation, "nearest_quat_wxyz": quat}
         lines.append(("nearest position x y z [m]", display.numbers(nearest.translation)))
         lines.append(("its quaternion w x y z", display.numbers(quat)))
@@ -208,7 +206,7 @@ def show(folder: str, output: Path) -> None:
 
 @click.command(cls=Command, no_args_is_help=True)
 @click.option("--targets", type=options.FILE, required=True, metavar="FILE.csv", help="Poses of the tool in the world.")
-@click.option("--map", "folder", default=options.DEFAULT_ROBOT, metavar="FOLDER|NAME", help=MAP)
+@click.option("--map", "folder", default=model.DEFAULT_ROBOT, metavar="FOLDER|NAME", help=MAP)
 @click.option("--height", type=float, metavar="Z", help="Height that the base stands at [m]; any if not given.")
 @options.json
 @options.scene
@@ -226,11 +224,10 @@ def place(
       jacokin place --targets examples/targets.csv --map out/jaco --height 0.75
       jacokin place --targets examples/targets.csv --map out/mine --robot my_arm.urdf --scene table.yaml
     """
-    from jacokin.ik.files.csv_files import read_targets
-    from jacokin.reachability import place_base
-
-    wanted = read_targets(targets).targets
-    found = place_base(load_map(folder, source, scene), wanted, heights=None if height is None else [height])
+    wanted = ik.read_targets(targets).targets
+    found = reachability.place_base(
+        load_map(folder, source, scene), wanted, heights=None if height is None else [height]
+    )
     if json:
         places = [
             {
@@ -262,7 +259,9 @@ def _yaw(T_world_base: pin.SE3) -> float:
     return math.atan2(T_world_base.rotation[1, 0], T_world_base.rotation[0, 0])
 
 
-def load_map(folder: str, source: RobotOptions | None = None, scene: Path | None = None) -> ReachabilityMap:
+def load_map(
+    folder: str, source: RobotOptions | None = None, scene: Path | None = None
+) -> reachability.ReachabilityMap:
     """A map in a folder, or the bundled one of a robot.
 
     Args:
@@ -274,12 +273,10 @@ def load_map(folder: str, source: RobotOptions | None = None, scene: Path | None
         UnknownNameError: it is neither.
         InvalidInputError: a folder without a map, a damaged one, or a map of another robot or scene.
     """
-    from jacokin.reachability import loading
-
     if Path(folder).exists():
-        found = loading.load(folder)
+        found = reachability.load(folder)
     elif folder in NAMES:
-        found = loading.bundled(folder)
+        found = reachability.bundled(folder)
     else:
         raise UnknownNameError("map", folder, [*NAMES, "or the folder of a map"])
     arm = None
@@ -288,4 +285,4 @@ def load_map(folder: str, source: RobotOptions | None = None, scene: Path | None
     obstacles = options.load_scene(scene)
     if arm is None and obstacles is None:
         return found
-    return loading.load(found.folder, robot=arm, scene=obstacles)
+    return reachability.load(found.folder, robot=arm, scene=obstacles)

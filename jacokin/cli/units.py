@@ -5,12 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import click
 
-if TYPE_CHECKING:
-    from jacokin.model.robot import Robot
+from jacokin import model
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +34,7 @@ class Units:
         """An angle [rad] in the user's unit."""
         return math.degrees(value) if self.degrees else float(value)
 
-    def for_joints(self, robot: Robot) -> JointUnits:
+    def for_joints(self, robot: model.Robot) -> JointUnits:
         """The units of a robot's joints."""
         return JointUnits(self, tuple(bool(is_prismatic) for is_prismatic in robot.sliding))
 

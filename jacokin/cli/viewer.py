@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from jacokin import viewer
 from jacokin.cli import options
 from jacokin.cli.command import Command, NumberList
 from jacokin.cli.reachability import load_map
@@ -92,10 +93,8 @@ def view(
       jacokin view --target 0.3 -0.2 0.5 0 1 0 0 --free-axis z --tool 0 0 0.05
       jacokin view --scene table.yaml --collision report --trajectory trajectory.csv
     """
-    from jacokin.viewer import serve
-
     arm = source.load()
-    viewer = serve(
+    shown = viewer.serve(
         arm,
         frame=frame,
         tool=tool,
@@ -113,9 +112,9 @@ def view(
         host=host,
         port=port,
     )
-    with viewer:
+    with shown:
         try:
-            click.echo(f"{viewer.url} shows {arm.name}; Ctrl-C ends it")
-            viewer.wait()
+            click.echo(f"{shown.url} shows {arm.name}; Ctrl-C ends it")
+            shown.wait()
         except KeyboardInterrupt:
             click.echo("closed", err=True)
