@@ -129,7 +129,7 @@ def list_joints(arm: model.Robot, units: JointUnits) -> list[JointRow]:
             numbers = bundled.arm_joints(robot)[name]
             actuator = bundled.actuator(numbers["group"])
             torque, letter = max(actuator["force_range"]), actuator["source"]
-            source = numbers.get("source", _source_of_arm(robot))
+            source = numbers.get("source", bundled.arm(robot)["source"])
         limits = (lower[k], upper[k], velocity[k], float(arm.effort_limit[k]))
         rows.append(JointRow(name, bool(arm.unlimited[k]), units.names[k], *limits, torque, source, letter))
     return rows
@@ -139,9 +139,4 @@ def list_sources(arm: model.Robot) -> dict[str, str]:
     """What the letters in the joint table stand for."""
     if arm.source.bundled is None:
         return {"file": str(arm.source.path)}
-    return {key: bundled.source_text(key) for key in (_source_of_arm(arm.source.bundled), "S")}
-
-
-def _source_of_arm(name: str) -> str:
-    """Letter of the source of an arm's chain."""
-    return str(bundled.arm(name)["source"])
+    return {key: bundled.source_text(key) for key in (bundled.arm(arm.source.bundled)["source"], "S")}
