@@ -90,10 +90,7 @@ def test_random_actions_are_those_of_the_seed(run: Run, tmp_path: Path) -> None:
 def test_a_video_has_a_picture_for_each_step_of_all_episodes(tmp_path: Path) -> None:
     file = tmp_path / "video.mp4"
     words = ["task", "reach_site", "--expert", "--episodes", "2", "--record", str(file)]
-    program = (
-        f"import os; os.environ['MUJOCO_GL'] = 'egl'; import jacokin.tasks.gym.environment as e; e.STEPS = {STEPS}"
-    )
-    process = start(*words, before=program)
+    process = start(*words, before=f"import os; os.environ['MUJOCO_GL'] = 'egl'\n{SHORT}")
     _, errors = process.communicate(timeout=DEADLINE)
     assert process.returncode == 1, errors  # a few steps do not solve the task
     pictures = decoded(file, 480, 480)
