@@ -5,10 +5,9 @@ from __future__ import annotations
 import functools
 
 from jacokin.cli import doctor
-from jacokin.cli.doctor_packages import OK
 
 
 @functools.cache
 def backends() -> tuple[str, ...]:
     """Values of MUJOCO_GL that draw a picture here."""
-    return tuple(finding.name for finding in doctor.renderers() if finding.state == OK)
+    return tuple(finding.name for finding in doctor.check_renderers() if finding.state == doctor.OK)

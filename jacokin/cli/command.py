@@ -1,121 +1,160 @@
-"""A subcommand: how its arguments are parsed and its errors worded."""
+"""A command of click that takes lists of numbers, also negative ones, and names its options in messages."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Container, Iterable, Mapping
+from dataclasses import fields
+from functools import wraps
+from inspect import cleandoc
+from typing import Any
 
 import click
 
-from jacokin.cli.declared import Positional
-from jacokin.cli.exit_codes import INTERRUPTED
-from jacokin.errors import JacokinError, UnknownNameError
+from jacokin.errors import InvalidInputError, JacokinError, UnknownNameError
 
-# Options followed by any number of numbers, such as one for each joint.
-NUMBER_LISTS = frozenset({"--seed", "--start", "--velocity-limit", "--acceleration-limit", "--target", "--tool"})
+# Names of the library's arguments where those of the parameters differ.
+OTHER_NAMES = {"axis": "--free-axis", "range": "--free-range", "q": "ANGLE..."}
 
 _NUMBER = re.compile(r"[-+]?((\d+\.?\d*|\.\d+)(e[-+]?\d+)?|inf(inity)?|nan)", re.IGNORECASE | re.ASCII)
 
 
-def separated(words: Iterable[str], values: Mapping[str, int]) -> list[str]:
-    """The arguments with options first and everything else after `--`, where nothing is taken for an option.
-
-    Args:
-        words: the arguments as typed.
-        values: how many values follow each option; the names in NUMBER_LISTS take all numbers that follow, which
-            become one value.
-    """
-    ahead = list(words)
-    options: list[str] = []
-    others: list[str] = []
-    while ahead:
-        word = ahead.pop(0)
-        if word == "--":
-            others += ahead
-            break
-        name, sign, value = word.partition("=")
-        if name in NUMBER_LISTS and name in values:
-            options += [name, " ".join(_numbers(ahead, [value] if sign else []))]
-        elif name in values and values[name] > 0:
-            given = [value] if sign else []
-            missing = values[name] - len(given)
-            if len(ahead) < missing:
-                return [*options, name, *given, *ahead]  # the parser says what is missing
-            options += [name, *given, *ahead[:missing]]
-            del ahead[:missing]
-        elif len(word) > 1 and word.startswith("-") and not _NUMBER.fullmatch(word):
-            options.append(word)
-        else:
-            others.append(word)
-    return [*options, "--", *others] if others else options
-
-
-def _numbers(ahead: list[str], taken: list[str]) -> list[str]:
-    """Take the numbers ahead; without any, the next word, such as "1 2 3" in quotes or something to refuse."""
-    while ahead and _NUMBER.fullmatch(ahead[0]):
-        taken.append(ahead.pop(0))
-    if not taken and ahead and not ahead[0].startswith("-"):
-        taken.append(ahead.pop(0))
-    return taken
-
-
-# Arguments of the library whose options have other names.
-_OTHER_NAMES = {
-    "joint_map": "--joint",
-    "frame_map": "--frame",
-    "waypoints": "--path",
-    "q": "ANGLE...",
-    "axis": "--free-axis",
-    "range": "--free-range",
-    "package_dirs": "--package-dir",
-}
-
-
-class Refusal(Exception):  # noqa: N818 - it is not an error of the program
-    """The sentence that says what is wrong with the input."""
-
-
 class Command(click.Command):
-    """A command that takes negative numbers, and whose messages name its options."""
+    """A command whose help is its docstring and whose messages name its options.
+
+    Options of the class NumberList take all numbers that follow, and a negative number is never taken for an option.
+    """
+
+    def __init__(self, name: str | None, help: str = "", **settings: Any) -> None:  # noqa: A002 - Any: click's own
+        """Keep the examples of the help line by line, and list the command with its first sentence."""
+        text = cleandoc(help)
+        marked = text.replace("\nExamples:\n", "\n\b\nExamples:\n")  # the mark is click's
+        super().__init__(name, help=marked, short_help=text.partition("\n")[0], **settings)
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Parse the arguments after `separated` has put them in order."""
-        values = {
-            name: 0 if getattr(parameter, "is_flag", False) else parameter.nargs
-            for parameter in self.params
-            for name in parameter.opts
-            if name.startswith("-")
-        }
-        return super().parse_args(ctx, separated(args, values))
+        """Parse the arguments after `join_numbers`."""
+        lists = {flag for each in self.params if isinstance(each, NumberList) for flag in each.opts}
+        takes_numbers = any(isinstance(each, Argument) and each.nargs == -1 for each in self.params)
+        return super().parse_args(ctx, join_numbers(args, lists, as_arguments=takes_numbers))
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the arguments and the options into the help."""
-        rows = [(str(each.metavar), each.text) for each in self.params if isinstance(each, Positional)]
+        rows = [(str(each.metavar), each.text) for each in self.params if isinstance(each, Argument)]
         if rows:
             with formatter.section("Arguments"):
                 formatter.write_dl(rows)
         super().format_options(ctx, formatter)
 
     def invoke(self, ctx: click.Context) -> object:
-        """Run the command; what it refuses is said with the names of the options.
+        """Run the command.
 
         Raises:
-            Refusal: the input is wrong.
-            SystemExit: Ctrl-C.
+            Refusal: the input is wrong; says so with the names of the options.
         """
         try:
             result: object = super().invoke(ctx)
         except JacokinError as error:
-            flags = {str(parameter.name): parameter.opts[0] for parameter in self.params if parameter.opts}
-            options = {name: flag for name, flag in flags.items() if flag.startswith("-")}
-            raise Refusal(with_flags(error, {**options, **_OTHER_NAMES}, ctx.params)) from error
-        except KeyboardInterrupt:
-            click.echo("jacokin: interrupted", err=True)
-            raise SystemExit(INTERRUPTED) from None
+            flags = {str(each.name): each.opts[0] for each in self.params if each.opts[0].startswith("-")}
+            raise Refusal(name_flags(error, {**flags, **OTHER_NAMES}, ctx.params)) from error
         return result
 
 
-def with_flags(error: JacokinError, flags: Mapping[str, str], values: Mapping[str, object]) -> str:
+class Argument(click.Argument):
+    """An argument with a text in the help, as click itself has it since 8.5."""
+
+    def __init__(self, declarations: list[str], text: str = "", **settings: Any) -> None:  # Any: click's own
+        """Keep the text; the settings are those of `click.Argument`."""
+        super().__init__(declarations, **settings)
+        self.text = text
+
+
+class NumberList(click.Option):
+    """An option followed by any number of numbers, such as one for each joint."""
+
+    def __init__(self, declarations: list[str], **settings: Any) -> None:  # Any: click's own
+        """Give the command a list of numbers, or what a callback makes of the text."""
+        super().__init__(declarations, **{"callback": read_numbers, **settings})
+
+
+class Refusal(Exception):  # noqa: N818 - it is not an error of the program
+    """The sentence that says what is wrong with the input."""
+
+
+def option_group(parameter: str, kind: type, *options: Callable[..., Any]) -> Callable[..., Any]:
+    """Give a command options whose values it gets as one parameter.
+
+    Args:
+        parameter: its name.
+        kind: its type, a dataclass with a field for each option.
+        options: what `click.option` makes.
+    """
+    names = [field.name for field in fields(kind)]
+
+    def decorate(command: Callable[..., object]) -> Callable[..., object]:
+        @wraps(command)
+        def call(**values: object) -> object:
+            made = kind(**{name: values.pop(name) for name in names})
+            return command(**values, **{parameter: made})
+
+        for option in reversed(options):
+            option(call)
+        return call
+
+    return decorate
+
+
+def join_numbers(words: Iterable[str], lists: Container[str], *, as_arguments: bool = False) -> list[str]:
+    """Prepare arguments for click, which gives an option a fixed number of words and takes -1 for an option.
+
+    Args:
+        words: the arguments as typed.
+        lists: options that take all numbers that follow, which become one word: `--seed=1 2 3`. Without any, they take
+            the next word, such as "1 2 3" in quotes or something to refuse.
+        as_arguments: whether other numbers are arguments; a space keeps a negative one from being taken for an option.
+    """
+    ahead = list(words)
+    joined: list[str] = []
+    while ahead:
+        word = ahead.pop(0)
+        name, _, first = word.partition("=")
+        if word == "--":
+            return [*joined, word, *ahead]
+        if name in lists:
+            numbers = [first] if first else []
+            while ahead and _NUMBER.fullmatch(ahead[0]):
+                numbers.append(ahead.pop(0))
+            if not numbers and ahead and not ahead[0].startswith("-"):
+                numbers.append(ahead.pop(0))
+            joined.append(f"{name}={' '.join(numbers)}")
+        else:
+            is_negative = word.startswith("-") and _NUMBER.fullmatch(word)
+            joined.append(f" {word}" if as_arguments and is_negative else word)
+    return joined
+
+
+def read_numbers(context: click.Context, option: click.Parameter, text: str | None) -> list[float] | None:
+    """The numbers of an option; None where it is not given."""
+    return None if text is None else parse_numbers(option.opts[0], text)
+
+
+def parse_numbers(flag: str, text: str, count: int | None = None) -> list[float]:
+    """The numbers in a text, between spaces or commas.
+
+    Raises:
+        InvalidInputError: names the flag: not numbers, or not as many as `count`.
+    """
+    try:
+        values = [float(word) for word in text.replace(",", " ").split()]
+    except ValueError:
+        raise InvalidInputError(f"{flag} must be numbers, got {text.strip()!r}") from None
+    if not values:
+        raise InvalidInputError(f"{flag} must be followed by numbers")
+    if count is not None and len(values) != count:
+        raise InvalidInputError(f"{flag} must be {count} numbers, got {len(values)}")
+    return values
+
+
+def name_flags(error: JacokinError, flags: Mapping[str, str], values: Mapping[str, object]) -> str:
     """The message of an error with `--tip` instead of `tip=`.
 
     Args:
@@ -123,11 +162,12 @@ def with_flags(error: JacokinError, flags: Mapping[str, str], values: Mapping[st
         flags: argument of the library and option of the command.
         values: what was given for each argument.
     """
-    text = str(error)
-    for name, flag in flags.items():
-        text = re.sub(rf"\b{name}=(?=[\w'\"(\[-])", f"{flag} ", text)
-        text = re.sub(rf"\b{name}=", flag, text)
-        text = re.sub(rf"^{name}(?=[ :\[])", flag, text)
+    names = "|".join(map(re.escape, flags))
+    text = re.sub(
+        rf"^({names})(?=[ :\[])|\b({names})=([\w'\"(\[-])?",
+        lambda match: flags[match[1] or match[2]] + (f" {match[3]}" if match[3] else ""),
+        str(error),
+    )
     if isinstance(error, UnknownNameError):
         given = [flag for name, flag in flags.items() if values.get(name) == error.given]
         if len(given) == 1:

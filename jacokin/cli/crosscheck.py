@@ -2,44 +2,78 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated
+from collections.abc import Sequence
+from pathlib import Path
 
+import click
+
+from jacokin import model
 from jacokin.cli import display, options
-from jacokin.cli.declared import Argument, Option
-from jacokin.cli.exit_codes import NOT_SOLVED
+from jacokin.cli.command import Argument, Command
+from jacokin.cli.options import RobotOptions
+from jacokin.cli.process import NOT_SOLVED
 from jacokin.errors import InvalidInputError
 
-if TYPE_CHECKING:
-    from jacokin.model.comparison import CrossCheckReport
+
+def read_pairs(context: click.Context, option: click.Parameter, words: Sequence[str]) -> dict[str, str] | None:
+    """Read A=B, A=B, ... as a mapping.
+
+    Raises:
+        InvalidInputError: a word is not A=B.
+    """
+    pairs = {}
+    for word in words:
+        name, _, other = word.partition("=")
+        if not (name and other):
+            raise InvalidInputError(f"{option.opts[0]} must be A=B, got {word!r}")
+        pairs[name] = other
+    return pairs or None
 
 
+@click.command(cls=Command)
+@click.argument("first", cls=Argument, default=model.DEFAULT_ROBOT, metavar="[NAME|FILE]", text=options.NAME_OR_FILE)
+@click.argument(
+    "second", cls=Argument, required=False, metavar="[NAME|FILE]", text="What to compare it with; MuJoCo if not given."
+)
+@click.option("--samples", type=click.IntRange(min=1), default=1000, metavar="N", help="Random configurations.")
+@click.option("--tolerance", type=float, metavar="T", help="Largest difference allowed in every quantity, in its unit.")
+@click.option(
+    "--joint",
+    "joint_map",
+    multiple=True,
+    callback=read_pairs,
+    metavar="A=B",
+    help="Joint A is called B in the second. Repeatable.",
+)
+@click.option(
+    "--frame",
+    "frame_map",
+    multiple=True,
+    callback=read_pairs,
+    metavar="A=B",
+    help="Compare frame A with frame B. Repeatable.",
+)
+@click.option("--base", metavar="FRAME", help="Base frame of the first arm.")
+@click.option("--tip", metavar="FRAME", help="End of the first arm.")
+@click.option("--second-base", metavar="FRAME", help="Base of the second arm; --base if not given.")
+@click.option("--second-tip", metavar="FRAME", help="End of the second arm.")
+@options.package_dir
+@options.random_seed
+@options.json
 def crosscheck(
-    first: Annotated[
-        str, Argument(metavar="[NAME|FILE]", help="A bundled robot, or the path of a .urdf or .xml (MJCF).")
-    ] = options.DEFAULT_ROBOT,
-    second: Annotated[
-        str | None, Argument(metavar="[NAME|FILE]", help="What to compare it with; MuJoCo if not given.")
-    ] = None,
-    samples: Annotated[int, Option("--samples", metavar="N", at_least=1, help="Random configurations.")] = 1000,
-    tolerance: Annotated[
-        float | None,
-        Option("--tolerance", metavar="T", help="Largest difference allowed in every quantity, in its unit."),
-    ] = None,
-    joint: Annotated[
-        list[str] | None, Option("--joint", metavar="A=B", help="Joint A is called B in the second. Repeatable.")
-    ] = None,
-    frame: Annotated[
-        list[str] | None, Option("--frame", metavar="A=B", help="Compare frame A with frame B. Repeatable.")
-    ] = None,
-    base: Annotated[str | None, Option("--base", metavar="FRAME", help="Base frame of the first arm.")] = None,
-    tip: Annotated[str | None, Option("--tip", metavar="FRAME", help="End of the first arm.")] = None,
-    second_base: Annotated[
-        str | None, Option("--second-base", metavar="FRAME", help="Base of the second arm; --base if not given.")
-    ] = None,
-    second_tip: Annotated[str | None, Option("--second-tip", metavar="FRAME", help="End of the second arm.")] = None,
-    package_dir: options.PackageDirOption = None,
-    random_seed: options.RandomSeedOption = None,
-    json: options.JsonOption = False,
+    first: str,
+    second: str | None,
+    samples: int,
+    tolerance: float | None,
+    joint_map: dict[str, str] | None,
+    frame_map: dict[str, str] | None,
+    base: str | None,
+    tip: str | None,
+    second_base: str | None,
+    second_tip: str | None,
+    package_dirs: Sequence[Path],
+    random_seed: int | None,
+    json: bool,
 ) -> None:
     """Compare two descriptions, or Pinocchio and MuJoCo.
 
@@ -54,18 +88,18 @@ def crosscheck(
     """
     import numpy as np
 
-    from jacokin.model import comparison as checking
+    from jacokin.model import comparison
 
     if tolerance is not None and not 0.0 <= tolerance < np.inf:
         raise InvalidInputError(f"--tolerance must be a number >= 0, got {tolerance}")
-    limits = checking.TOLERANCES if tolerance is None else dict.fromkeys(checking.QUANTITIES, tolerance)
-    report = checking.crosscheck(
-        options.load(first, base, tip, package_dir),
-        None if second is None else options.load(second, second_base or base, second_tip, package_dir),
+    limits = comparison.TOLERANCES if tolerance is None else dict.fromkeys(comparison.QUANTITIES, tolerance)
+    report = model.crosscheck(
+        RobotOptions(first, base, tip, package_dirs).load(),
+        None if second is None else RobotOptions(second, second_base or base, second_tip, package_dirs).load(),
         samples=samples,
         rng=None if random_seed is None else np.random.default_rng(random_seed),
-        joint_map=_pairs("--joint", joint),
-        frame_map=_pairs("--frame", frame),
+        joint_map=joint_map,
+        frame_map=frame_map,
     )
     if json:
         display.print_json(_document(report, limits))
@@ -75,24 +109,7 @@ def crosscheck(
         raise SystemExit(NOT_SOLVED)
 
 
-def _pairs(option: str, words: list[str] | None) -> dict[str, str] | None:
-    """A=B, A=B, ... as a mapping.
-
-    Raises:
-        InvalidInputError: a word is not A=B.
-    """
-    if not words:
-        return None
-    pairs = {}
-    for word in words:
-        name, sign, other = word.partition("=")
-        if not (name and sign and other):
-            raise InvalidInputError(f"{option} must be A=B, got {word!r}")
-        pairs[name] = other
-    return pairs
-
-
-def _document(report: CrossCheckReport, limits: dict[str, float]) -> dict[str, object]:
+def _document(report: model.CrossCheckReport, limits: dict[str, float]) -> dict[str, object]:
     return {
         "first": report.first,
         "second": report.second,
@@ -113,22 +130,20 @@ def _document(report: CrossCheckReport, limits: dict[str, float]) -> dict[str, o
     }
 
 
-def _show(report: CrossCheckReport, limits: dict[str, float]) -> None:
+def _show(report: model.CrossCheckReport, limits: dict[str, float]) -> None:
     kinematic = [
         name for name in ("position", "rotation", "jacobian") if any(row.quantity == name for row in report.deviations)
     ]
     frames = list(dict.fromkeys(row.frame for row in report.deviations if row.frame))
     value = {(row.quantity, row.frame): row.value for row in report.deviations}
     rows = [(frame, *(_verdict(value[name, frame], limits[name]) for name in kinematic)) for frame in frames]
-    columns = ("frame", *(f"{name} [{_unit(report, name)}]" for name in kinematic))
+    columns = ("frame", *(f"{name} [{report.worst(name).unit}]" for name in kinematic))
     title = f"{report.first} against {report.second}: largest difference in {report.samples} random configurations"
-    display.say(display.table(title, columns, rows))
-    display.say(
-        display.facts(
-            (row.quantity.replace("_", " "), f"{_verdict(row.value, limits[row.quantity])} {row.unit}")
-            for row in report.deviations
-            if not row.frame
-        )
+    display.show_table(title, columns, rows)
+    display.show_facts(
+        (row.quantity.replace("_", " "), f"{_verdict(row.value, limits[row.quantity])} {row.unit}")
+        for row in report.deviations
+        if not row.frame
     )
     allowed = ", ".join(f"{name.replace('_', ' ')} {limit:.0e}" for name, limit in limits.items())
     display.say(f"allowed: {allowed}")
@@ -144,7 +159,3 @@ def _show(report: CrossCheckReport, limits: dict[str, float]) -> None:
 def _verdict(value: float, limit: float) -> str:
     """A difference, marked when it is past the limit."""
     return f"{value:.1e}" if value <= limit else f"{value:.1e} DIFFERS"
-
-
-def _unit(report: CrossCheckReport, quantity: str) -> str:
-    return report.worst(quantity).unit

@@ -9,26 +9,27 @@ import sys
 import tempfile
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-from jacokin import files
-from jacokin.cli.declared import Option
+import click
+
+from jacokin import files, ik, model
+from jacokin.cli import options
+from jacokin.cli.command import Command
 from jacokin.cli.display import say
+from jacokin.cli.doctor import RENDERERS
 from jacokin.errors import InvalidInputError
 
 if TYPE_CHECKING:
     from jacokin.arrays import Array
-    from jacokin.ik.files.targets import TargetFile
-    from jacokin.ik.results import BatchResult
 
 PICTURE = Path("jaco.png")
-# Back ends of MuJoCo that need no display, and what installs them on Debian and Ubuntu.
-BACKENDS = {"egl": "libegl1 libgl1-mesa-dri", "osmesa": "libosmesa6"}
+BACKENDS = ("egl", "osmesa")  # of MuJoCo, that need no display
 
 
-def demo(
-    output: Annotated[Path, Option("--output", metavar="FILE.png", help="Where the picture goes.")] = PICTURE,
-) -> None:
+@click.command(cls=Command)
+@click.option("--output", type=options.FILE, default=PICTURE, metavar="FILE.png", help="Where the picture goes.")
+def demo(output: Path) -> None:
     """Solve 206 example poses and draw the arm.
 
     Says why six of the poses cannot be reached, and how near the arm comes to them. The picture needs EGL or OSMesa.
@@ -39,14 +40,10 @@ def demo(
     """
     import numpy as np
 
-    from jacokin.ik.files.csv_files import read_targets
-    from jacokin.ik.solver import IKSolver
-    from jacokin.model.loading import load_robot
-
     if output.suffix != ".png":
-        raise InvalidInputError(f"output must end in .png, got {str(output)!r}")
-    targets = read_targets(targets_file())
-    solver = IKSolver(load_robot(), warm=None)
+        raise InvalidInputError(f"--output must end in .png, got {str(output)!r}")
+    targets = ik.read_targets(targets_file())
+    solver = ik.IKSolver(model.load_robot(), warm=None)
     started = time.perf_counter()
     batch = solver.solve_batch(targets.targets)
     _report(targets, batch, time.perf_counter() - started)
@@ -59,8 +56,8 @@ def demo(
             with files.replacing(output) as replacement:
                 shutil.copyfile(picture, replacement)
     if drawn is None:
-        packages = ", or: ".join(BACKENDS.values())
-        say(f"no picture: MuJoCo found neither EGL nor OSMesa. On Debian and Ubuntu: apt install {packages}")
+        remedies = ", or: ".join(RENDERERS[backend] for backend in BACKENDS)
+        say(f"no picture: MuJoCo found neither EGL nor OSMesa. On Debian and Ubuntu: {remedies}")
     else:
         say(f"picture of the arm at an answer: {output} (drawn with {drawn})")
 
@@ -71,7 +68,7 @@ def targets_file() -> Path:
     return packed if packed.is_file() else Path(__file__).resolve().parents[2] / "examples" / "targets.csv"
 
 
-def _report(targets: TargetFile, batch: BatchResult, seconds: float) -> None:
+def _report(targets: ik.TargetFile, batch: ik.BatchResult, seconds: float) -> None:
     import numpy as np
 
     solved = int(batch.success.sum())

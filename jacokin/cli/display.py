@@ -1,4 +1,4 @@
-"""Results as tables, for people."""
+"""Results as tables for people or as JSON for programs, and a progress bar."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ import textwrap
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from enum import Enum
-from typing import TYPE_CHECKING
 
 import click
 
-if TYPE_CHECKING:
-    from jacokin.cli.units import Units
-    from jacokin.model.robot import Robot
+from jacokin import model
+from jacokin.cli.units import Units
 
 PIPE_WIDTH = 160  # columns of what is not shown in a terminal, so that little is broken
 GAP = 3  # columns between columns
 NARROWEST = 16  # columns that text is broken into at least
+PERIOD = 0.1  # [s] between two lines of a progress bar
+CLEAR = "\r\x1b[K"  # back to the start of the line, and erase it
 
 
 def say(text: str) -> None:
@@ -34,29 +34,30 @@ def printable(text: str) -> str:
     return "".join(char if char.isprintable() or char == "\n" else ascii(char)[1:-1] for char in text)
 
 
-def table(title: str | None, columns: Sequence[str], rows: Iterable[Sequence[str]], *, text: int = 1) -> str:
-    """A table whose first `text` columns are text, broken where it is too wide, and whose others are numbers."""
+def show_table(title: str | None, columns: Sequence[str], rows: Iterable[Sequence[str]], *, text: int = 1) -> None:
+    """Print a table whose first `text` columns are text, broken where it is too wide, and whose others are numbers."""
     lines = [list(columns), *(list(row) for row in rows)]
     widths = _widths(lines, text)
-    rule = " " + _dash() * (sum(widths) + GAP * (len(widths) - 1) + 2)
+    dash = "─" if (sys.stdout.encoding or "").lower().startswith("utf") else "-"
+    rule = " " + dash * (sum(widths) + GAP * (len(widths) - 1) + 2)
     head = _row(lines[0], widths, text)
     body = [line for row in lines[1:] for line in _row(row, widths, text)]
-    return "\n".join([*([] if title is None else [title]), "", *head, rule, *body, ""])
+    say("\n".join([*([] if title is None else [title]), "", *head, rule, *body, ""]))
 
 
-def facts(rows: Iterable[tuple[str, str]], title: str | None = None) -> str:
-    """Names and what they are."""
+def show_facts(rows: Iterable[tuple[str, str]], title: str | None = None) -> None:
+    """Print names and what they are."""
     lines = [list(row) for row in rows]
     widths = _widths(lines, 2)
     body = [line for row in lines for line in _row(row, widths, 2)]
-    return "\n".join([*([] if title is None else [title, ""]), *body, ""])
+    say("\n".join([*([] if title is None else [title, ""]), *body, ""]))
 
 
 def _widths(lines: Sequence[Sequence[str]], text: int) -> list[int]:
     """Width of each column; the widest text gives way where all do not fit."""
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
     space = shutil.get_terminal_size().columns if sys.stdout.isatty() else PIPE_WIDTH
-    excess = 2 + sum(widths) + GAP * (len(widths) - 1) - space
+    excess = 3 + sum(widths) + GAP * (len(widths) - 1) - space
     while excess > 0:
         widest = max(range(text), key=widths.__getitem__)
         cut = min(excess, widths[widest] - NARROWEST)
@@ -82,10 +83,6 @@ def _row(cells: Sequence[str], widths: Sequence[int], text: int) -> list[str]:
     return lines
 
 
-def _dash() -> str:
-    return "─" if (sys.stdout.encoding or "").lower().startswith("utf") else "-"
-
-
 def number(value: float, digits: int = 6, *, missing: str = "unlimited") -> str:
     """A number for a table; an infinite one is said in words."""
     return missing if math.isinf(value) else f"{value:.{digits}f}"
@@ -106,19 +103,19 @@ def print_json(document: Mapping[str, object]) -> None:
     click.echo(json.dumps(plain(document), indent=2, allow_nan=False))
 
 
-def head(robot: Robot, units: Units, frame: str | None = None) -> dict[str, object]:
-    """What a document about joint values begins with."""
+def head(robot: model.Robot, units: Units, frame: str | None = None) -> dict[str, object]:
+    """The first entries of a document about joint values."""
     return {
         "robot": robot.name,
         **({} if frame is None else {"frame": frame}),
         "joint_names": robot.joint_names,
         "angle_unit": units.angle,
-        "joint_units": units.of_joints(robot).names,
+        "joint_units": units.for_joints(robot).names,
     }
 
 
 def plain(value: object) -> object:
-    """A value made of what JSON has."""
+    """A value in the types of JSON."""
     if isinstance(value, Enum):
         return value.name
     if isinstance(value, Mapping):
@@ -132,13 +129,9 @@ def plain(value: object) -> object:
     return value
 
 
-PERIOD = 0.1  # [s] between two lines
-CLEAR = "\r\x1b[K"  # back to the start of the line, and erase it
-
-
 @contextlib.contextmanager
 def progress_bar(title: str) -> Iterator[Callable[[int, int], None]]:
-    """A function that takes what is done and how much there is in all."""
+    """Show progress on a terminal, through a function that takes the counts done and in all."""
     if not sys.stderr.isatty():
         yield lambda done, total: None
         return
@@ -152,7 +145,7 @@ def progress_bar(title: str) -> Iterator[Callable[[int, int], None]]:
         if now - shown > PERIOD:
             shown = now
             rate = (done - first[1]) / max(now - first[0], PERIOD)
-            left = f", {rate:.0f}/s, {_duration((total - done) / rate)} left" if rate > 0.0 else ""
+            left = f", {rate:.0f}/s, {format_duration((total - done) / rate)} left" if rate > 0.0 else ""
             sys.stderr.write(f"{CLEAR}{title} {done} of {total} ({100.0 * done / max(total, 1):.0f} %){left}")
             sys.stderr.flush()
 
@@ -163,7 +156,8 @@ def progress_bar(title: str) -> Iterator[Callable[[int, int], None]]:
         sys.stderr.flush()
 
 
-def _duration(seconds: float) -> str:
+def format_duration(seconds: float) -> str:
+    """A duration [s] in the unit that suits it."""
     if seconds < 100.0:
         return f"{seconds:.0f} s"
     return f"{seconds / 60.0:.0f} min" if seconds < 6000.0 else f"{seconds / 3600.0:.1f} h"

@@ -1,87 +1,79 @@
-"""`jacokin doctor`: is everything that is needed installed, and does it work?"""
+"""`jacokin doctor`: does everything needed work? `jacokin warmup`: compile the closed form."""
 
 from __future__ import annotations
 
+import importlib.metadata
+import json
 import os
 import platform
+import re
+import subprocess
 import sys
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
 
 import click
 
-from jacokin.cli import display, doctor_packages, options
-from jacokin.cli.doctor_packages import FAILED, MISSING, OK, WARNING, Finding
-from jacokin.cli.exit_codes import NOT_SOLVED
+from jacokin import model
+from jacokin.cli import display, options
+from jacokin.cli.command import Command
+from jacokin.cli.process import NOT_SOLVED
+from jacokin.errors import JacokinError
 
+OK = "ok"
+MISSING = "missing"  # optional, and not there
+WARNING = "warning"
+FAILED = "FAILED"  # needed, and does not work
 
-def doctor(json: options.JsonOption = False) -> None:
-    """Check the installation.
+OLDEST_PYTHON = (3, 11)
+PROBE_TIMEOUT = 120.0  # [s] for imports or one rendered picture on a slow machine
 
-    Versions and places of the packages, QP solvers, shadowed packages, rendering, cache of the kernels.
-
-    Exit code: 0 when everything needed works, 1 otherwise.
-
-    Examples:
-      jacokin doctor
-    """
-    findings = all_findings()
-    well = not any(finding.state == FAILED for finding in findings)
-    if json:
-        display.print_json(
-            {
-                "ok": well,
-                "findings": [
-                    {"area": finding.area, "name": finding.name, "state": finding.state, "detail": finding.detail}
-                    for finding in findings
-                ],
-            }
-        )
-    else:
-        rows = [(finding.area, finding.name, finding.state, finding.detail) for finding in findings]
-        display.say(display.table(None, ("area", "what", "state", "detail"), rows, text=4))
-        display.say("Everything needed works." if well else "Something that is needed does not work, see FAILED above.")
-    if not well:
-        raise SystemExit(NOT_SOLVED)
-
-
-def kernel_cache() -> Finding:
-    """Does the compiled closed form wait on disk, and does it load?"""
-    state, detail = _state()
-    return Finding("closed form", "cache", state, detail)
-
-
-def _state() -> tuple[str, str]:
-    from jacokin.kernels.compiled import cache, loading
-    from jacokin.kernels.compiled.library import KernelLibrary
-
-    if loading.is_disabled():
-        return WARNING, loading.DISABLED
-    file = cache.path()
-    if file is None:
-        return WARNING, "no home folder to cache in: set NUMBA_CACHE_DIR to a folder of your own"
-    found = cache.read()
-    if found.code is not None:
-        try:
-            KernelLibrary(found.code)
-        except RuntimeError as error:
-            return WARNING, f"{file} does not load: {error}; `jacokin warmup` compiles it anew"
-        return OK, f"compiled, in {file}"
-    if found.problem:
-        return WARNING, found.problem
-    existing = next(parent for parent in file.parents if parent.exists())
-    if not os.access(existing, os.W_OK):
-        return WARNING, (
-            f"{file.parent} cannot be written, so each process compiles anew: "
-            "set NUMBA_CACHE_DIR to a folder of your own"
-        )
-    return MISSING, f"not compiled yet: `jacokin warmup` compiles it into {file.parent}"
-
-
+# One line of JSON for each module, written as it goes: after a crash the first one missing is at fault.
+_IMPORT_PROBE = """
+import importlib, json, sys
+for name in sys.argv[1:]:
+    try:
+        module = importlib.import_module(name)
+        line = [name, getattr(module, "__file__", None), None]
+    except BaseException as error:
+        line = [name, None, f"{type(error).__name__}: {error}"]
+    print("\\n" + json.dumps(line), flush=True)
+"""
+# Import name -> distribution, and the extra of jacokin that brings it; None where it is needed.
+PACKAGES = {
+    "numpy": ("numpy", None),
+    "scipy": ("scipy", None),
+    "pinocchio": ("pin", None),
+    "mujoco": ("mujoco", None),
+    "mink": ("mink", None),
+    "numba": ("numba", None),
+    "llvmlite": ("llvmlite", None),
+    "qpsolvers": ("qpsolvers", None),
+    "daqp": ("daqp", None),
+    "orjson": ("orjson", None),
+    "osqp": ("osqp", None),
+    "yaml": ("PyYAML", None),
+    "yourdfpy": ("yourdfpy", None),
+    "click": ("click", None),
+    "proxsuite": ("proxsuite", "proxqp"),
+    "quadprog": ("quadprog", "quadprog"),
+    "ruckig": ("ruckig", "motion"),
+    "matplotlib": ("matplotlib", "plot"),
+    "dm_env": ("dm-env", "tasks"),
+    "gymnasium": ("gymnasium", "tasks"),
+    "pyarrow": ("pyarrow", "parquet"),
+    "distributed": ("distributed", "cluster"),
+    "imageio_ffmpeg": ("imageio-ffmpeg", "video"),
+    "viser": ("viser", "viewer"),
+}
+# Back end of MuJoCo's renderer -> what it needs, on Debian and Ubuntu.
 RENDERERS = {
     "egl": "apt install libegl1 libgl1-mesa-dri",
     "osmesa": "apt install libosmesa6",
     "glfw": "a display and libglfw3",
 }
-
 RENDER_PROBE = """
 import mujoco
 model = mujoco.MjModel.from_xml_string("<mujoco><worldbody><light pos='0 0 2'/><geom size='1'/></worldbody></mujoco>")
@@ -93,59 +85,36 @@ with mujoco.Renderer(model, 32, 32) as renderer:
 """
 
 
-def renderers() -> list[Finding]:
-    """Which back ends of MuJoCo can draw a picture here; none is needed for kinematics."""
-    findings = []
-    for backend, remedy in RENDERERS.items():
-        if backend == "glfw" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
-            findings.append(Finding("rendering", backend, MISSING, "no display"))
-            continue
-        _, error = doctor_packages.run(RENDER_PROBE, MUJOCO_GL=backend)
-        detail = f"works with MUJOCO_GL={backend}" if error is None else f"{remedy} ({error})"
-        findings.append(Finding("rendering", backend, OK if error is None else MISSING, detail))
-    return findings
+@click.command(cls=Command)
+@options.json
+def doctor(json: bool) -> None:
+    """Check the installation.
+
+    Versions and places of the packages, QP solvers, shadowed packages, rendering, cache of the kernels.
+
+    Exit code: 0 when everything needed works, 1 otherwise.
+
+    Examples:
+      jacokin doctor
+    """
+    findings = check_all()
+    well = not any(finding.state == FAILED for finding in findings)
+    if json:
+        display.print_json(
+            {
+                "ok": well,
+                "findings": [asdict(finding) for finding in findings],
+            }
+        )
+    else:
+        rows = [(finding.area, finding.name, finding.state, finding.detail) for finding in findings]
+        display.show_table(None, ("area", "what", "state", "detail"), rows, text=4)
+        display.say("Everything needed works." if well else "Something that is needed does not work, see FAILED above.")
+    if not well:
+        raise SystemExit(NOT_SOLVED)
 
 
-OLDEST_PYTHON = (3, 11)
-
-
-def all_findings() -> list[Finding]:
-    """Every check, in the order shown."""
-    return [
-        python_version(),
-        *doctor_packages.packages(),
-        doctor_packages.shadows(),
-        *doctor_packages.qp_solvers(),
-        *renderers(),
-        kernel_cache(),
-        robots(),
-    ]
-
-
-def python_version() -> Finding:
-    """Is this Python new enough?"""
-    state = OK if sys.version_info >= OLDEST_PYTHON else FAILED
-    return Finding("python", "python", state, f"{platform.python_version()}, {sys.executable}")
-
-
-def robots() -> Finding:
-    """Are the bundled robots there?"""
-    from jacokin.errors import JacokinError
-    from jacokin.model.descriptions import bundled
-
-    try:
-        from jacokin.model.loading import load_robot
-
-        for name in bundled.NAMES:
-            load_robot(name)
-    except (JacokinError, ImportError, OSError) as error:
-        return Finding("robots", "bundled", FAILED, f"{error}")
-    return Finding("robots", "bundled", OK, f"{', '.join(bundled.NAMES)} in {bundled.urdf_folder()}")
-
-
-NOT_COMPILED = 1  # exit code
-
-
+@click.command(cls=Command)
 def warmup() -> None:
     """Compile the closed form ahead of the first solve.
 
@@ -160,5 +129,238 @@ def warmup() -> None:
 
     seconds = loading.warmup()
     if loading.is_disabled():
-        raise SystemExit(NOT_COMPILED)
+        raise SystemExit(NOT_SOLVED)
     click.echo(f"the closed form is ready ({seconds:.1f} s)")
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One line of the report.
+
+    Attributes:
+        area: heading.
+        name: what was looked at.
+        state: one of the constants above.
+        detail: version and place, or what is wrong and what to do.
+    """
+
+    area: str
+    name: str
+    state: str
+    detail: str
+
+
+def check_all() -> list[Finding]:
+    """Every check, in the order shown."""
+    return [
+        check_python(),
+        *check_packages(),
+        check_shadowing(),
+        *check_qp_solvers(),
+        *check_renderers(),
+        check_kernel_cache(),
+        check_robots(),
+    ]
+
+
+def check_python() -> Finding:
+    """Is this Python new enough?"""
+    state = OK if sys.version_info >= OLDEST_PYTHON else FAILED
+    return Finding("python", "python", state, f"{platform.python_version()}, {sys.executable}")
+
+
+def check_robots() -> Finding:
+    """Are the bundled robots there?"""
+    try:
+        for name in model.NAMES:
+            model.load_robot(name)
+    except (JacokinError, ImportError, OSError) as error:
+        return Finding("robots", "bundled", FAILED, f"{error}")
+    return Finding("robots", "bundled", OK, f"{', '.join(model.NAMES)} in {model.urdf_folder()}")
+
+
+def check_packages() -> list[Finding]:
+    """Versions and places of the packages, as a fresh process imports them."""
+    found = import_modules(list(PACKAGES))
+    requirements = _requirements()
+    findings = []
+    for module, (distribution, extra) in PACKAGES.items():
+        place, error = found.get(module, (None, "the process crashed while importing it"))
+        oldest = oldest_version(distribution, requirements)
+        remedy = f"pip install '{distribution}>={oldest}'" if extra is None else f"pip install 'jacokin[{extra}]'"
+        version = _installed_version(distribution)
+        if error is not None and extra is None:
+            state, detail = FAILED, error + _advice(module, error)
+        elif error is not None:
+            state, detail = MISSING, remedy
+        elif oldest is not None and _numbers(version) < _numbers(oldest):
+            state = FAILED if extra is None else WARNING
+            detail = f"{version} is older than {oldest}, the oldest supported: {remedy}"
+        else:
+            state, detail = OK, f"{version}, {place}"
+        findings.append(Finding("package", distribution, state, detail))
+    return findings
+
+
+def oldest_version(distribution: str, requirements: Iterable[str]) -> str | None:
+    """The bound of a distribution in requirements such as "viser>=1.1; extra == 'viewer'"; None without one."""
+    for requirement in requirements:
+        match = re.match(rf"{re.escape(distribution)}\s*(?:\[[^\]]*\])?\s*>=\s*([0-9.]+)", requirement, re.IGNORECASE)
+        if match:
+            return match[1]
+    return None
+
+
+def _requirements() -> list[str]:
+    try:
+        return importlib.metadata.requires("jacokin") or []
+    except importlib.metadata.PackageNotFoundError:  # run from a folder, never installed
+        return []
+
+
+def _numbers(version: str) -> tuple[int, ...]:
+    """The leading numbers of a version, by which releases are ordered."""
+    match = re.match(r"[0-9]+(?:\.[0-9]+)*", version)
+    if match is None:
+        return (sys.maxsize,)  # unknown: not judged
+    numbers = [int(number) for number in match[0].split(".")]
+    while numbers and numbers[-1] == 0:
+        numbers.pop()
+    return tuple(numbers)
+
+
+def _advice(module: str, error: str) -> str:
+    """What helps where MuJoCo does not load; mink loads it."""
+    if module not in ("mujoco", "mink"):
+        return ""
+    backend = os.environ.get("MUJOCO_GL")
+    if error.startswith(("ImportError", "ModuleNotFoundError")):
+        # pip may remove mujoco-core, which shares its folder with mujoco, when it changes versions.
+        return "; pip install --force-reinstall mujoco mujoco-core"
+    return f"; MUJOCO_GL={backend} asks for a back end that is not there: unset it, or see below" if backend else ""
+
+
+def check_shadowing() -> Finding:
+    """Does Python find a Pinocchio other than the one pip installed, such as that of a ROS installation?"""
+    place = import_modules(["pinocchio"]).get("pinocchio", (None, None))[0]
+    return find_shadow(place, _installed_pinocchio(), os.environ.get("PYTHONPATH", ""))
+
+
+def find_shadow(place: str | None, installed: str | None, python_path: str) -> Finding:
+    """`check_shadowing` for a place it is imported from, the place where pip put it, and a PYTHONPATH."""
+    finding = partial(Finding, "environment", "ROS and PYTHONPATH")
+    if place is not None and installed is not None and Path(place).resolve() != Path(installed).resolve():
+        return finding(
+            FAILED, f"pinocchio is imported from {place}, not from {installed}: unset PYTHONPATH or leave the ROS shell"
+        )
+    suspects = [entry for entry in python_path.split(os.pathsep) if "/opt/ros" in entry or "/ros" in entry.lower()]
+    if suspects:
+        return finding(WARNING, f"PYTHONPATH holds {', '.join(suspects)}: its packages come first")
+    return finding(OK, "nothing shadows pinocchio")
+
+
+def check_qp_solvers() -> list[Finding]:
+    """What qpsolvers can use; daqp is needed."""
+    probe = "import json, qpsolvers; print('\\n' + json.dumps(qpsolvers.available_solvers))"
+    output, _ = run_python(probe)
+    try:
+        names = json.loads(output.strip().splitlines()[-1])
+    except (ValueError, IndexError):
+        return [Finding("qp", "solvers", FAILED, "qpsolvers does not work, see above")]
+    state = OK if "daqp" in names else FAILED
+    return [Finding("qp", "solvers", state, ", ".join(sorted(names)) + ("" if state == OK else "; daqp is needed"))]
+
+
+def _installed_version(distribution: str) -> str:
+    try:
+        return importlib.metadata.version(distribution)
+    except importlib.metadata.PackageNotFoundError:
+        return "version unknown"
+
+
+def _installed_pinocchio() -> str | None:
+    """Where pip put Pinocchio's `__init__.py`."""
+    try:
+        files = importlib.metadata.files("pin") or []
+    except importlib.metadata.PackageNotFoundError:
+        return None
+    for file in files:
+        if file.parts[-2:] == ("pinocchio", "__init__.py"):
+            return str(file.locate())
+    return None
+
+
+def check_renderers() -> list[Finding]:
+    """Which back ends of MuJoCo can draw a picture here; none is needed for kinematics."""
+    findings = []
+    for backend, remedy in RENDERERS.items():
+        if backend == "glfw" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+            findings.append(Finding("rendering", backend, MISSING, "no display"))
+            continue
+        _, error = run_python(RENDER_PROBE, MUJOCO_GL=backend)
+        detail = f"works with MUJOCO_GL={backend}" if error is None else f"{remedy} ({error})"
+        findings.append(Finding("rendering", backend, OK if error is None else MISSING, detail))
+    return findings
+
+
+def check_kernel_cache() -> Finding:
+    """Is the compiled closed form on disk, and does it load?"""
+    from jacokin.kernels.compiled import cache, loading
+    from jacokin.kernels.compiled.library import KernelLibrary
+
+    finding = partial(Finding, "closed form", "cache")
+    if loading.is_disabled():
+        return finding(WARNING, loading.DISABLED)
+    file = cache.path()
+    if file is None:
+        return finding(WARNING, "no home folder to cache in: set NUMBA_CACHE_DIR to a folder of your own")
+    found = cache.read()
+    if found.code is not None:
+        try:
+            KernelLibrary(found.code)
+        except RuntimeError as error:
+            return finding(WARNING, f"{file} does not load: {error}; `jacokin warmup` compiles it anew")
+        return finding(OK, f"compiled, in {file}")
+    if found.problem:
+        return finding(WARNING, found.problem)
+    existing = next(parent for parent in file.parents if parent.exists())
+    if not os.access(existing, os.W_OK):
+        return finding(
+            WARNING,
+            f"{file.parent} cannot be written, so each process compiles anew: "
+            "set NUMBA_CACHE_DIR to a folder of your own",
+        )
+    return finding(MISSING, f"not compiled yet: `jacokin warmup` compiles it into {file.parent}")
+
+
+def import_modules(modules: list[str]) -> dict[str, tuple[str | None, str | None]]:
+    """Import modules in a process of their own; returns place and error of each, as far as the process came."""
+    output, _ = run_python(_IMPORT_PROBE, *modules)
+    found = {}
+    for line in output.splitlines():
+        if line.startswith('["'):
+            name, place, error = json.loads(line)
+            found[name] = (place, error)
+    return found
+
+
+def run_python(program: str, *words: str, **environment: str) -> tuple[str, str | None]:
+    """Run a Python program in a process of its own; returns its output, and the last line on stderr if it failed.
+
+    The current folder is not searched for modules.
+    """
+    try:
+        done = subprocess.run(
+            [sys.executable, "-P", "-c", program, *words],
+            env={**os.environ, **environment},
+            capture_output=True,
+            text=True,
+            timeout=PROBE_TIMEOUT,
+            check=False,
+        )
+    except subprocess.TimeoutExpired:
+        return "", f"no answer within {PROBE_TIMEOUT:.0f} s"
+    if done.returncode == 0:
+        return done.stdout, None
+    lines = done.stderr.strip().splitlines()
+    return done.stdout, lines[-1] if lines else f"ended with code {done.returncode}"

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import signal
 
-from jacokin.cli.exit_codes import INTERRUPTED
-
 
 def main() -> None:
     """Run the command line.
@@ -24,4 +22,4 @@ def main() -> None:
         signal.signal(signal.SIGINT, interrupt)
         run()
     except KeyboardInterrupt:
-        raise SystemExit(INTERRUPTED) from None
+        raise SystemExit(128 + signal.SIGINT) from None

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
+import click
+
+import jacokin.ik
 from jacokin.cli import options
-from jacokin.cli.declared import Option
-from jacokin.cli.exit_codes import NOT_SOLVED
-from jacokin.cli.options import free_about
+from jacokin.cli.command import Command, option_group
+from jacokin.cli.options import Vector3, Vector4
 from jacokin.cli.outputs import keep_apart
-from jacokin.cli.units import Units, numbers, warn_of_degrees
+from jacokin.cli.process import NOT_SOLVED
+from jacokin.cli.units import Units, warn_of_degrees
 from jacokin.errors import InvalidInputError
 
 if TYPE_CHECKING:
@@ -18,67 +23,123 @@ if TYPE_CHECKING:
     import pinocchio as pin
     from numpy.typing import NDArray
 
-    from jacokin.model.poses import FreeAxis
 
-Vector3 = tuple[float, float, float]
-Vector4 = tuple[float, float, float, float]
+@dataclass(frozen=True, slots=True)
+class TargetOptions:
+    """The pose to reach; a command that has these options takes them as one parameter."""
+
+    position: Vector3 | None
+    quat_wxyz: Vector4 | None
+    rpy: Vector3 | None
+    down: bool
+    approach: Vector3 | None
+    free_axis: list[float] | None
+    free_range: tuple[float, float] | None
+
+    @property
+    def is_oriented(self) -> bool:
+        """Whether an orientation is given."""
+        return self.approach is not None or self.quat_wxyz is not None or self.rpy is not None or self.down
+
+    @property
+    def is_free(self) -> bool:
+        """Whether the tool may turn about an axis, apart from --approach."""
+        return self.free_axis is not None or self.free_range is not None
+
+    def build(self, units: Units) -> pin.SE3 | NDArray[np.float64] | jacokin.FreeAxis:
+        """The pose; the position alone when the orientation is free; or a pose that may turn about an axis.
+
+        Raises:
+            InvalidInputError: options that do not go together, or a malformed value.
+        """
+        import numpy as np
+
+        assert self.position is not None  # check
+        if self.approach is not None:
+            if self.quat_wxyz is not None or self.rpy is not None or self.down or self.free_axis is not None:
+                raise InvalidInputError("--approach is an orientation with a free axis: give it alone")
+            target = jacokin.pose(self.position, approach=self.approach)
+            if self.free_range is None:
+                return target
+            return jacokin.FreeAxis(target.pose, axis=target.axis, range=units.to_si(self.free_range))
+        if not self.is_oriented:
+            if self.is_free:
+                raise InvalidInputError("--free-axis and --free-range need an orientation to start from")
+            return np.array(self.position)
+        rpy = None if self.rpy is None else units.to_si(self.rpy)
+        at = jacokin.pose(self.position, self.quat_wxyz, rpy=rpy, down=self.down)
+        if self.free_axis is None:
+            if self.free_range is not None:
+                raise InvalidInputError("--free-range goes with --free-axis or --approach")
+            return at
+        return options.free_about(at, self.free_axis, self.free_range, units)
 
 
+target_options = option_group(
+    "wanted",
+    TargetOptions,
+    click.option("--position", type=options.VECTOR, metavar="X Y Z", help="Where the tool should be [m]."),
+    click.option("--quat-wxyz", type=options.QUATERNION, metavar="W X Y Z", help="Its orientation as a quaternion."),
+    click.option("--rpy", type=options.VECTOR, metavar="R P Y", help="Its orientation as R = Rz(Y) Ry(P) Rx(R)."),
+    click.option("--down", is_flag=True, help="Its orientation: pointing vertically down."),
+    click.option(
+        "--approach", type=options.VECTOR, metavar="X Y Z", help="The direction its z axis points in; the roll is free."
+    ),
+    options.free_axis,
+    options.free_range,
+)
+
+
+@click.command(cls=Command, no_args_is_help=True)
+@target_options
+@click.option("--prefer", metavar="NAME", help="Which configuration: nearest (if not given), margin, manipulability.")
+@click.option("--all", "every", is_flag=True, help="Show every branch, inside the limits or not.")
+@click.option(
+    "--targets",
+    type=options.FILE,
+    metavar="FILE",
+    help="Solve every row of a .csv, .npz or .parquet: columns x,y,z and qw,qx,qy,qz or none.",
+)
+@click.option(
+    "--output", type=options.FILE, metavar="FILE", help="Write the answers to --targets to this .csv, .npz or .parquet."
+)
+@click.option("--resume", is_flag=True, help="Continue a run with --targets that did not end.")
+@options.workers
+@options.dask
+@options.frame
+@options.tool
+@options.seed
+@options.random_seed
+@click.option("--method", default="auto", metavar="NAME", help="auto, closed_form or qp.")
+@click.option("--qp-solver", default="daqp", metavar="NAME", help="daqp, quadprog, osqp or proxqp.")
+@click.option(
+    "--collision", metavar="NAME", help="Contact: ignore, report or reject; reject with a scene, else ignore."
+)
+@options.scene
+@options.clearance
+@options.degrees
+@options.json
+@options.robot()
 def ik(
-    position: Annotated[
-        Vector3 | None, Option("--position", metavar="X Y Z", help="Where the tool should be [m].")
-    ] = None,
-    quat_wxyz: Annotated[
-        Vector4 | None, Option("--quat-wxyz", metavar="W X Y Z", help="Its orientation as a quaternion.")
-    ] = None,
-    rpy: Annotated[
-        Vector3 | None,
-        Option("--rpy", metavar="R P Y", help="Its orientation as R = Rz(Y) Ry(P) Rx(R)."),
-    ] = None,
-    down: Annotated[bool, Option("--down", help="Its orientation: pointing vertically down.")] = False,
-    approach: Annotated[
-        Vector3 | None,
-        Option("--approach", metavar="X Y Z", help="The direction its z axis points in; the roll is free."),
-    ] = None,
-    free_axis: options.FreeAxisOption = None,
-    free_range: options.FreeRangeOption = None,
-    prefer: Annotated[
-        str | None,
-        Option("--prefer", metavar="NAME", help="Which configuration: nearest (if not given), margin, manipulability."),
-    ] = None,
-    every: Annotated[bool, Option("--all", help="Show every branch, inside the limits or not.")] = False,
-    targets: Annotated[
-        Path | None,
-        Option(
-            "--targets",
-            metavar="FILE",
-            help="Solve every row of a .csv, .npz or .parquet: columns x,y,z and qw,qx,qy,qz or none.",
-        ),
-    ] = None,
-    output: Annotated[
-        Path | None,
-        Option("--output", metavar="FILE", help="Write the answers to --targets to this .csv, .npz or .parquet."),
-    ] = None,
-    resume: Annotated[bool, Option("--resume", help="Continue a run with --targets that did not end.")] = False,
-    workers: options.WorkersOption = 1,
-    dask: options.DaskOption = None,
-    frame: options.FrameOption = None,
-    tool: options.ToolOption = None,
-    seed: options.SeedOption = None,
-    random_seed: options.RandomSeedOption = None,
-    method: Annotated[str, Option("--method", metavar="NAME", help="auto, closed_form or qp.")] = "auto",
-    qp_solver: Annotated[str, Option("--qp-solver", metavar="NAME", help="daqp, quadprog, osqp or proxqp.")] = "daqp",
-    collision: Annotated[
-        str | None,
-        Option(
-            "--collision", metavar="NAME", help="Contact: ignore, report or reject; reject with a scene, else ignore."
-        ),
-    ] = None,
-    scene: options.SceneOption = None,
-    clearance: options.ClearanceOption = None,
-    degrees: options.DegreesOption = False,
-    json: options.JsonOption = False,
-    *,
+    wanted: TargetOptions,
+    prefer: str | None,
+    every: bool,
+    targets: Path | None,
+    output: Path | None,
+    resume: bool,
+    workers: int,
+    dask: str | None,
+    frame: str | None,
+    tool: pin.SE3 | None,
+    seed: list[float] | None,
+    random_seed: int | None,
+    method: str,
+    qp_solver: str,
+    collision: str | None,
+    scene: Path | None,
+    clearance: float,
+    units: Units,
+    json: bool,
     source: options.RobotOptions,
 ) -> None:
     """Find joint angles, inside the joint limits, for a pose.
@@ -100,37 +161,33 @@ def ik(
       jacokin ik --targets poses.parquet --output joints.parquet --workers 8 --resume
     """
     from jacokin.cli.ik_answers import show_branches, show_family, show_result
-    from jacokin.ik.families.family import Family
-    from jacokin.ik.solver import IKSolver
 
-    oriented = quat_wxyz is not None or rpy is not None or down or approach is not None
-    free = free_axis is not None or free_range is not None
-    check(position, oriented, every, targets, output, random_seed, degrees, free, prefer)
+    if targets is None:
+        check_one_pose(wanted, every, prefer, output)
+    else:
+        others = {"--all": every, "--random-seed": random_seed is not None, "--prefer": prefer is not None}
+        check_file(wanted, {**others, "--degrees": units.degrees})
     if output is None and (resume or dask is not None):
         raise InvalidInputError(f"{'--resume' if resume else '--dask'} goes with --targets and --output")
     keep_apart(
-        {"--output": output},
-        {"--targets": targets, "--robot": source.robot, "--scene": scene},
-        source.package_dir or (),
+        {"--output": output}, {"--targets": targets, "--robot": source.robot, "--scene": scene}, source.package_dirs
     )
-    units = Units(degrees)
     arm = source.load()
-    if rpy is not None:
-        warn_of_degrees("--rpy", rpy, units)
-    typed = numbers("--seed", seed)
-    start = None if typed is None else units.of_joints(arm).read(typed)
-    around, distance = options.surroundings(scene, clearance)
+    if wanted.rpy is not None:
+        warn_of_degrees("--rpy", wanted.rpy, units)
+    start = units.for_joints(arm).option_to_si(seed)
+    obstacles = options.load_scene(scene)
     if collision is None:
-        collision = "ignore" if around is None and not distance else "reject"
-    solver = IKSolver(
+        collision = "ignore" if obstacles is None and not clearance else "reject"
+    solver = jacokin.IKSolver(
         arm,
         frame,
-        tool=options.tool_pose(tool),
+        tool=tool,
         method=method,
         qp_solver=qp_solver,
         collision=collision,
-        scene=around,
-        clearance=distance,
+        scene=obstacles,
+        clearance=clearance,
         warm=None,
     )
     if targets is not None:
@@ -138,9 +195,8 @@ def ik(
 
         solved = ik_batch.run(solver, targets, output, start, resume=resume, workers=workers, dask=dask, as_json=json)
     elif every:
-        wanted = build(position, quat_wxyz, rpy, down, approach, free_axis, free_range, units)
-        found = solver.solve_all(wanted, start)
-        if isinstance(found, Family):
+        found = solver.solve_all(wanted.build(units), start)
+        if isinstance(found, jacokin.ik.Family):
             solved = show_family(solver, found, units, as_json=json)
         else:
             solved = show_branches(solver, found, units, reject_contact=collision == "reject", as_json=json)
@@ -148,85 +204,36 @@ def ik(
         import numpy as np
 
         rng = None if random_seed is None else np.random.default_rng(random_seed)
-        wanted = build(position, quat_wxyz, rpy, down, approach, free_axis, free_range, units)
-        result = solver.solve(wanted, start, rng, prefer=prefer or "nearest")
+        result = solver.solve(wanted.build(units), start, rng, prefer=prefer or "nearest")
         solved = show_result(solver, result, units, as_json=json)
     if not solved:
         raise SystemExit(NOT_SOLVED)
 
 
-def build(
-    position: Vector3 | None,
-    quat_wxyz: Vector4 | None,
-    rpy: Vector3 | None,
-    down: bool,
-    approach: Vector3 | None,
-    free_axis: str | None,
-    free_range: tuple[float, float] | None,
-    units: Units,
-) -> pin.SE3 | NDArray[np.float64] | FreeAxis:
-    """The pose; the position alone when the orientation is free; or a pose that may turn about an axis.
+def check_file(wanted: TargetOptions, others: Mapping[str, bool]) -> None:
+    """Refuse options that do not go with --targets.
 
     Raises:
-        InvalidInputError: options that do not go together, or a malformed value.
+        InvalidInputError: names the option.
     """
-    import numpy as np
-
-    from jacokin.model.poses import FreeAxis, pose
-
-    assert position is not None  # combinations.check
-    if approach is not None:
-        if quat_wxyz is not None or rpy is not None or down or free_axis is not None:
-            raise InvalidInputError("--approach is an orientation with a free axis: give it alone")
-        target = pose(position, approach=approach)
-        if free_range is None:
-            return target
-        return FreeAxis(target.pose, axis=target.axis, range=units.read(free_range))
-    if quat_wxyz is None and rpy is None and not down:
-        if free_axis is not None or free_range is not None:
-            raise InvalidInputError("--free-axis and --free-range need an orientation to start from")
-        return np.array(position)
-    at = pose(position, quat_wxyz, rpy=None if rpy is None else units.read(rpy), down=down)
-    if free_axis is None:
-        if free_range is not None:
-            raise InvalidInputError("--free-range goes with --free-axis or --approach")
-        return at
-    return free_about(at, free_axis, free_range, units)
+    position = {"--position": wanted.position is not None}
+    turned = {"an orientation": wanted.is_oriented, "a free axis": wanted.is_free}
+    for name, is_given in {**position, **turned, **others}.items():
+        if is_given:
+            raise InvalidInputError(f"{name} does not go with --targets: files hold poses, and angles in radians")
 
 
-def check(
-    position: tuple[float, float, float] | None,
-    oriented: bool,
-    every: bool,
-    targets: Path | None,
-    output: Path | None,
-    random_seed: int | None,
-    degrees: bool,
-    free: bool,
-    prefer: str | None,
-) -> None:
-    """Refuse options that do not go together.
+def check_one_pose(wanted: TargetOptions, every: bool, prefer: str | None, output: Path | None) -> None:
+    """Refuse options that do not go together without --targets.
 
     Raises:
         InvalidInputError: names the options.
     """
-    if targets is None and position is None:
+    if wanted.position is None:
         raise InvalidInputError("give --position X Y Z or --targets FILE.csv; `jacokin ik --help` has examples")
-    if targets is None and output is not None:
+    if output is not None:
         raise InvalidInputError("--output goes with --targets")
-    if targets is not None:
-        for name, given in (
-            ("--position", position is not None),
-            ("an orientation", oriented),
-            ("--all", every),
-            ("--random-seed", random_seed is not None),
-            ("--degrees", degrees),
-            ("a free axis", free),
-            ("--prefer", prefer is not None),
-        ):
-            if given:
-                raise InvalidInputError(f"{name} does not go with --targets: files hold poses, and angles in radians")
     if every and prefer is not None:
         raise InvalidInputError("--prefer does not go with --all, which shows every branch")
-    if every and not oriented:
+    if every and not wanted.is_oriented:
         raise InvalidInputError("--all needs an orientation: a position alone is reached by infinitely many")

@@ -2,23 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from jacokin import ik
 from jacokin.cli import display
 from jacokin.cli.units import Units
 
-if TYPE_CHECKING:
-    from jacokin.ik.families.family import Family
-    from jacokin.ik.results import Branches, IKResult
-    from jacokin.ik.solver import IKSolver
 
-
-def show_result(solver: IKSolver, result: IKResult, units: Units, *, as_json: bool) -> bool:
+def show_result(solver: ik.IKSolver, result: ik.IKResult, units: Units, *, as_json: bool) -> bool:
     """Print one answer; returns whether the pose is reached."""
     robot = solver.robot
-    joints = units.of_joints(robot)
+    joints = units.for_joints(robot)
     margin = np.minimum(result.q - robot.lower, robot.upper - result.q)
     if as_json:
         display.print_json(
@@ -28,21 +22,21 @@ def show_result(solver: IKSolver, result: IKResult, units: Units, *, as_json: bo
                 "status": result.status,
                 "message": result.message,
                 "advice": None if result.success else result.status.value,
-                "q": joints.shown(result.q),
-                "limit_margin": joints.shown(margin),
+                "q": joints.from_si(result.q),
+                "limit_margin": joints.from_si(margin),
                 "position_error": result.position_error,
-                "orientation_error": units.shown(result.orientation_error),
+                "orientation_error": units.from_si(result.orientation_error),
                 "method": result.method,
                 "qp_solver": result.qp_solver,
                 "iterations": result.iterations,
                 "restarts": result.restarts,
                 "touching": result.touching,
-                "parameter": None if result.parameter is None else units.shown(result.parameter),
+                "parameter": None if result.parameter is None else units.from_si(result.parameter),
             }
         )
         return result.success
     columns = ("joint", joints.heading("angle"), "lower", "upper", "to the limit")
-    values = [map(display.number, joints.shown(row)) for row in (result.q, robot.lower, robot.upper, margin)]
+    values = [map(display.number, joints.from_si(row)) for row in (result.q, robot.lower, robot.upper, margin)]
     rows = list(zip(joints.labels(robot.joint_names), *values, strict=True))
     ran = result.method
     if result.qp_solver is not None:
@@ -51,24 +45,26 @@ def show_result(solver: IKSolver, result: IKResult, units: Units, *, as_json: bo
     if not result.success:
         title = "the closest configuration within the limits"
         display.say(f"{result.status.name}: {result.message}.\n{result.status.value}.")
-    display.say(display.table(title, columns, rows))
+    display.show_table(title, columns, rows)
     lines = [
         ("position error", display.small(result.position_error, "m")),
-        ("orientation error", display.small(units.shown(result.orientation_error), units.angle)),
+        ("orientation error", display.small(units.from_si(result.orientation_error), units.angle)),
         ("method", ran),
     ]
     if result.success and result.message:
         lines.append(("note", result.message))
     if result.touching:
         lines.append(("touching", ", ".join(f"{a} and {b}" for a, b in result.touching)))
-    display.say(display.facts(lines))
+    display.show_facts(lines)
     return result.success
 
 
-def show_branches(solver: IKSolver, branches: Branches, units: Units, *, reject_contact: bool, as_json: bool) -> bool:
+def show_branches(
+    solver: ik.IKSolver, branches: ik.Branches, units: Units, *, reject_contact: bool, as_json: bool
+) -> bool:
     """Print every branch; returns whether one is inside the limits and, if asked for, free of self-contact."""
     robot = solver.robot
-    joints = units.of_joints(robot)
+    joints = units.for_joints(robot)
     acceptable = branches.within_limits.copy()
     if branches.touching is not None and reject_contact:
         acceptable &= np.array([not pairs for pairs in branches.touching], dtype=bool)
@@ -79,12 +75,12 @@ def show_branches(solver: IKSolver, branches: Branches, units: Units, *, reject_
                 "complete": branches.complete,
                 "branches": [
                     {
-                        "q": joints.shown(branches.q[row]),
+                        "q": joints.from_si(branches.q[row]),
                         "within_limits": bool(branches.within_limits[row]),
-                        "limit_margin": joints.shown(branches.margin[row]),
+                        "limit_margin": joints.from_si(branches.margin[row]),
                         "distance": joints.distance(branches.distance[row]),
                         "position_error": branches.position_error[row],
-                        "orientation_error": units.shown(branches.orientation_error[row]),
+                        "orientation_error": units.from_si(branches.orientation_error[row]),
                         "touching": None if branches.touching is None else branches.touching[row],
                     }
                     for row in range(len(branches))
@@ -100,9 +96,9 @@ def show_branches(solver: IKSolver, branches: Branches, units: Units, *, reject_
     for row in range(len(branches)):
         joint = int(np.argmin(branches.margin[row]))
         cells = [str(row + 1), "kept" if branches.within_limits[row] else f"broken: {robot.joint_names[joint]}"]
-        cells += [display.number(value, 4) for value in joints.shown(branches.q[row])]
+        cells += [display.number(value, 4) for value in joints.from_si(branches.q[row])]
         cells += [
-            display.number(joints.shown(branches.margin[row])[joint], 4),
+            display.number(joints.from_si(branches.margin[row])[joint], 4),
             display.number(joints.distance(branches.distance[row]), 4),
         ]
         if branches.touching is not None:
@@ -111,8 +107,8 @@ def show_branches(solver: IKSolver, branches: Branches, units: Units, *, reject_
     if branches.touching is not None:
         columns.append("touches")
     title = f"{robot.name}: {len(branches)} branches, {int(acceptable.sum())} usable; angles in {units.angle}"
-    display.say(display.table(title, columns, rows, text=2))
-    worst = float(branches.position_error.max()), units.shown(float(branches.orientation_error.max()))
+    display.show_table(title, columns, rows, text=2)
+    worst = float(branches.position_error.max()), units.from_si(float(branches.orientation_error.max()))
     lines = [
         ("margin", "distance of the joint nearest to its limit; negative outside"),
         ("distance", "to the seed"),
@@ -120,14 +116,14 @@ def show_branches(solver: IKSolver, branches: Branches, units: Units, *, reject_
     ]
     if not branches.complete:
         lines.append(("note", "this pose has a one-parameter family of solutions; the rows are members of it"))
-    display.say(display.facts(lines))
+    display.show_facts(lines)
     return bool(acceptable.any())
 
 
-def show_family(solver: IKSolver, family: Family, units: Units, *, as_json: bool) -> bool:
+def show_family(solver: ik.IKSolver, family: ik.Family, units: Units, *, as_json: bool) -> bool:
     """Print every interval of the parameter; returns whether there is one."""
     robot = solver.robot
-    joints = units.of_joints(robot)
+    joints = units.for_joints(robot)
     if as_json:
         display.print_json(
             {
@@ -136,11 +132,11 @@ def show_family(solver: IKSolver, family: Family, units: Units, *, as_json: bool
                 "intervals": [
                     {
                         "branch": interval.branch,
-                        "start": units.shown(interval.start),
-                        "stop": units.shown(interval.stop),
+                        "start": units.from_si(interval.start),
+                        "stop": units.from_si(interval.stop),
                         "ends": [str(end) for end in interval.ends],
-                        "nearest": joints.shown(interval.nearest()),
-                        "widest": joints.shown(interval.widest()),
+                        "nearest": joints.from_si(interval.nearest()),
+                        "widest": joints.from_si(interval.widest()),
                     }
                     for interval in family
                 ],
@@ -154,18 +150,18 @@ def show_family(solver: IKSolver, family: Family, units: Units, *, as_json: bool
     rows = [
         [
             str(interval.branch),
-            display.number(units.shown(interval.start), 4),
-            display.number(units.shown(interval.stop), 4),
+            display.number(units.from_si(interval.start), 4),
+            display.number(units.from_si(interval.stop), 4),
             " / ".join(end.joint or end.kind for end in interval.ends),
-            *(display.number(value, 4) for value in joints.shown(interval.nearest())),
+            *(display.number(value, 4) for value in joints.from_si(interval.nearest())),
         ]
         for interval in family
     ]
     title = f"{robot.name}: {len(family)} intervals of the free parameter; angles in {units.angle}"
-    display.say(display.table(title, columns, rows, text=4))
+    display.show_table(title, columns, rows, text=4)
     what = robot.joint_names[2] if robot.dof == 7 else "the angle about the free axis"
     lines = [("from, to", f"ends of the interval of {what}"), ("joints", "of the member nearest to the seed")]
     if not family.complete:
         lines.append(("note", "some curves were lost: there may be more"))
-    display.say(display.facts(lines))
+    display.show_facts(lines)
     return True

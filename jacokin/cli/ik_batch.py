@@ -5,33 +5,27 @@ from __future__ import annotations
 import contextlib
 import time
 from collections.abc import Iterator
-from concurrent.futures import Executor
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from jacokin.chunks.execution import Progress
+from jacokin import ik
+from jacokin.chunks.execution import dask_executor
 from jacokin.cli import display
 from jacokin.cli.display import progress_bar
 from jacokin.cli.units import Units, warn_of_degrees
 from jacokin.errors import InvalidInputError
-from jacokin.ik.batches.chunk import EMPTY, FileSummary, Tally, solve_rows
+from jacokin.ik.batches.chunk import EMPTY, Tally, solve_rows
 from jacokin.ik.batches.solve_file import solve_file, unfinished
 from jacokin.ik.files import formats
 from jacokin.ik.files.targets import RPY
-
-if TYPE_CHECKING:
-    from jacokin.ik.files.targets import TargetFile
-    from jacokin.ik.results import BatchResult
-    from jacokin.ik.solver import IKSolver
 
 FIRST_ROWS = 1000  # that are looked at for angles in degrees
 ROWS = 4096  # solved at a time where no file is written
 
 
 def run(
-    solver: IKSolver,
+    solver: ik.IKSolver,
     targets: Path,
     out: Path | None,
     seed: list[float] | None,
@@ -52,23 +46,26 @@ def run(
         if first.columns[3:] == RPY:
             widest = float(np.nanmax(np.abs(first.values[:, 3:]), initial=0.0))
             warn_of_degrees(f"{targets}: roll, pitch, yaw", [widest], Units(degrees=False))
-    with progress_bar("solving") as show:
-
-        def advance(so_far: Progress) -> None:
-            show(so_far.done, so_far.total)
-
-        if out is None:
-            summary = _to_nowhere(solver, targets, seed, workers, results if as_json else None)
-        else:
-            left = unfinished(out)
-            if left is not None and not resume:
-                raise InvalidInputError(
-                    f"{left} holds an unfinished run that was to write {out}: --resume continues it, "
-                    f"or remove that folder to start again"
-                )
-            with _executor(dask) as executor:
-                own = None if executor is not None else workers
-                summary = solve_file(solver, targets, out, executor, seed=seed, workers=own, progress=advance)
+    if out is None:
+        summary = _solve_for_display(solver, targets, seed, workers, results if as_json else None)
+    else:
+        left = unfinished(out)
+        if left is not None and not resume:
+            raise InvalidInputError(
+                f"{left} holds an unfinished run that was to write {out}: --resume continues it, "
+                f"or remove that folder to start again"
+            )
+        cluster = contextlib.nullcontext() if dask is None else dask_executor(dask)
+        with progress_bar("solving") as show, cluster as executor:
+            summary = solve_file(
+                solver,
+                targets,
+                out,
+                executor,
+                seed=seed,
+                workers=workers if executor is None else None,
+                progress=lambda so_far: show(so_far.done, so_far.total),
+            )
     if as_json:
         display.print_json(_document(solver, summary, results))
     else:
@@ -76,24 +73,13 @@ def run(
     return summary.solved == summary.targets
 
 
-@contextlib.contextmanager
-def _executor(dask: str | None) -> Iterator[Executor | None]:
-    if dask is None:
-        yield None
-        return
-    from jacokin.chunks.execution import dask_executor
-
-    with dask_executor(dask) as executor:
-        yield executor
-
-
-def _to_nowhere(
-    solver: IKSolver,
+def _solve_for_display(
+    solver: ik.IKSolver,
     targets: Path,
     seed: list[float] | None,
     workers: int,
     results: list[dict[str, object]] | None,
-) -> FileSummary:
+) -> ik.FileSummary:
     """Solve without a file of answers; keep the rows in `results` if they are wanted."""
     started = time.perf_counter()
     tally = EMPTY
@@ -104,10 +90,10 @@ def _to_nowhere(
         if results is not None:
             results += _documents(block, batch)
     seconds = time.perf_counter() - started
-    return FileSummary(tally.count, dict(tally.statuses), *tally.worst, tally.failures, 0, seconds, None)
+    return ik.FileSummary(tally.count, dict(tally.statuses), *tally.worst, tally.failures, 0, seconds, None)
 
 
-def _documents(targets: TargetFile, batch: BatchResult) -> Iterator[dict[str, object]]:
+def _documents(targets: ik.TargetFile, batch: ik.BatchResult) -> Iterator[dict[str, object]]:
     for row in range(len(targets)):
         yield {
             "line": int(targets.lines[row]),
@@ -120,7 +106,7 @@ def _documents(targets: TargetFile, batch: BatchResult) -> Iterator[dict[str, ob
         }
 
 
-def _document(solver: IKSolver, found: FileSummary, results: list[dict[str, object]]) -> dict[str, object]:
+def _document(solver: ik.IKSolver, found: ik.FileSummary, results: list[dict[str, object]]) -> dict[str, object]:
     """The summary; the answers too when no file holds them."""
     summary: dict[str, object] = {
         "robot": solver.robot.name,
@@ -141,7 +127,7 @@ def _document(solver: IKSolver, found: FileSummary, results: list[dict[str, obje
     return summary
 
 
-def _show(found: FileSummary) -> None:
+def _show(found: ik.FileSummary) -> None:
     lines = [
         ("solved", f"{found.solved} of {found.targets} ({100.0 * found.solved / found.targets:.1f} %)"),
         ("time", f"{found.seconds:.3f} s, {(found.targets - found.resumed) / found.seconds:.0f} poses/s"),
@@ -159,9 +145,9 @@ def _show(found: FileSummary) -> None:
         lines.append(("solved before", f"{found.resumed}, in a run that did not end"))
     if found.output is not None:
         lines.append(("written to", str(found.output)))
-    display.say(display.facts(lines))
+    display.show_facts(lines)
     if found.failures:
         failed = found.targets - found.solved
         rows = [(str(line), status.name, message) for line, status, message in found.failures]
         more = f", the first {len(rows)} of {failed}" if failed > len(rows) else ""
-        display.say(display.table(f"Not solved{more}", ("line", "status", "why"), rows, text=3))
+        display.show_table(f"Not solved{more}", ("line", "status", "why"), rows, text=3)

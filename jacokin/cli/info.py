@@ -1,27 +1,29 @@
-"""`jacokin info`: what a robot is: joints, limits with their source, frames."""
+"""`jacokin info`: joints, limits with their source, home and frames of a robot."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
 
+import click
+
+from jacokin import model
 from jacokin.cli import display, options
-from jacokin.cli.declared import Argument
+from jacokin.cli.command import Argument, Command
+from jacokin.cli.options import RobotOptions
 from jacokin.cli.units import JointUnits, Units
-
-if TYPE_CHECKING:
-    from jacokin.model.robot import Robot
+from jacokin.model.descriptions import bundled
 
 
-def info(
-    robot: Annotated[
-        str, Argument(metavar="[NAME|FILE]", help="A bundled robot, or the path of a .urdf or .xml (MJCF).")
-    ] = options.DEFAULT_ROBOT,
-    degrees: options.DegreesOption = False,
-    json: options.JsonOption = False,
-    base: options.BaseOption = None,
-    tip: options.TipOption = None,
-    package_dir: options.PackageDirOption = None,
-) -> None:
+@click.command(cls=Command)
+@click.argument("robot", cls=Argument, default=model.DEFAULT_ROBOT, metavar="[NAME|FILE]", text=options.NAME_OR_FILE)
+@options.degrees
+@options.json
+@options.base
+@options.tip
+@options.package_dir
+def info(robot: str, units: Units, json: bool, base: str | None, tip: str | None, package_dirs: Sequence[Path]) -> None:
     """Show joints, limits with their source, home and frames.
 
     Bundled robots: j2n6s300 (the default), j2n6s200, j2s6s300, j2s6s200, m1n6s300, m1n6s200;
@@ -32,12 +34,15 @@ def info(
       jacokin info j2s6s200 --degrees
       jacokin info urdf/j2n6s300.urdf --json
     """
-    arm = options.load(robot, base, tip, package_dir)
-    units = Units(degrees)
-    in_units = units.of_joints(arm)
-    joints = [_joint(arm, index, in_units) for index in range(arm.dof)]
-    sources = _sources(arm)
-    frames = _frames(arm)
+    arm = RobotOptions(robot, base, tip, package_dirs).load()
+    joints = units.for_joints(arm)
+    rows = list_joints(arm, joints)
+    sources = list_sources(arm)
+    model = arm.pin_model
+    parents = [model.frames[arm.frame_id(name)].parentJoint for name in arm.frames]
+    frames = [
+        (name, str(model.names[joint]) if joint else "nothing") for name, joint in zip(arm.frames, parents, strict=True)
+    ]
     if json:
         display.print_json(
             {
@@ -46,120 +51,92 @@ def info(
                 "base": arm.base,
                 "default_frame": arm.default_frame,
                 "angle_unit": units.angle,
-                "joints": joints,
+                "joints": [asdict(row) for row in rows],
                 "sources": sources,
-                "home": in_units.shown(arm.home),
+                "home": joints.from_si(arm.home),
                 "home_source": arm.home_source,
                 "frames": [{"name": name, "moved_by": joint} for name, joint in frames],
             }
         )
         return
-    _show(arm, in_units, joints, sources, frames)
-
-
-def _joint(arm: Robot, index: int, units: JointUnits) -> dict[str, object]:
-    """Limits of a joint; the datasheet's torque where the robot is a bundled one."""
-    row: dict[str, object] = {
-        "name": arm.joint_names[index],
-        "unlimited": bool(arm.unlimited[index]),
-        "unit": units.names[index],
-        "lower": units.shown(arm.lower)[index],
-        "upper": units.shown(arm.upper)[index],
-        "velocity": units.shown(arm.velocity_limit)[index],
-        "effort": float(arm.effort_limit[index]),
-        "datasheet_torque": None,
-        "source": "file",
-        "datasheet_source": None,
-    }
-    if arm.source.bundled is not None:
-        from jacokin.model.descriptions import bundled
-
-        numbers = bundled.arm_joints(arm.source.bundled)[arm.joint_names[index]]
-        actuator = bundled.actuator(numbers["group"])
-        row["datasheet_torque"] = max(actuator["force_range"])
-        row["source"] = numbers.get("source", _arm_source(arm.source.bundled))
-        row["datasheet_source"] = actuator["source"]
-    return row
-
-
-def _arm_source(name: str) -> str:
-    """Letter of the source of an arm's chain."""
-    from jacokin.model.descriptions import bundled
-
-    return str(bundled.arm(name)["source"])
-
-
-def _sources(arm: Robot) -> dict[str, str]:
-    """What the letters in the joint table stand for."""
-    if arm.source.bundled is None:
-        return {"file": str(arm.source.path)}
-    from jacokin.model.descriptions import bundled
-
-    return {key: bundled.source_text(key) for key in (_arm_source(arm.source.bundled), "S")}
-
-
-def _frames(arm: Robot) -> list[tuple[str, str]]:
-    """Every frame with the joint that moves it."""
-    model = arm.pin_model
-    return [
-        (name, str(model.names[joint]) if (joint := model.frames[arm.frame_id(name)].parentJoint) else "nothing")
-        for name in arm.frames
+    slides = bool(arm.sliding.any())
+    home = [
+        f"{display.number(value)} {row.unit}" if slides else display.number(value)
+        for value, row in zip(joints.from_si(arm.home), rows, strict=True)
     ]
-
-
-def _home(arm: Robot, units: JointUnits) -> str:
-    shown = [display.number(value) for value in units.shown(arm.home)]
-    if arm.sliding.any():
-        shown = [f"{value} {unit}" for value, unit in zip(shown, units.names, strict=True)]
-    return "  ".join(shown)
-
-
-def _show(
-    arm: Robot,
-    units: JointUnits,
-    joints: list[dict[str, object]],
-    sources: dict[str, str],
-    frames: list[tuple[str, str]],
-) -> None:
-    display.say(
-        display.facts(
-            [
-                ("file", str(arm.source.path)),
-                ("base", arm.base),
-                ("default frame", arm.default_frame),
-                (units.heading("home"), _home(arm, units)),
-                ("home from", arm.home_source),
-            ],
-            arm.name,
-        )
-    )
+    facts = [
+        ("file", str(arm.source.path)),
+        ("base", arm.base),
+        ("default frame", arm.default_frame),
+        (joints.heading("home"), "  ".join(home)),
+        ("home from", arm.home_source),
+    ]
+    display.show_facts(facts, arm.name)
     columns = (
         "joint",
-        units.heading("lower"),
-        units.heading("upper"),
-        "speed [unit/s]" if arm.sliding.any() else f"speed [{units.units.angle}/s]",
+        joints.heading("lower"),
+        joints.heading("upper"),
+        "speed [unit/s]" if slides else f"speed [{units.angle}/s]",
         "source",
-        "effort [N or N m]" if arm.sliding.any() else "effort [N m]",
+        "effort [N or N m]" if slides else "effort [N m]",
         "datasheet",
     )
-    rows = []
-    for index, joint in enumerate(joints):
-        torque, letter = joint["datasheet_torque"], joint["datasheet_source"]
-        rows.append(
-            (
-                units.labels(arm.joint_names)[index],
-                display.number(units.shown(arm.lower)[index]),
-                display.number(units.shown(arm.upper)[index]),
-                display.number(units.shown(arm.velocity_limit)[index], missing="not given"),
-                str(joint["source"]),
-                display.number(arm.effort_limit[index], 1, missing="not given"),
-                "unknown" if torque is None else f"{torque} ({letter})",
-            )
+    lines = [
+        (
+            label,
+            display.number(row.lower),
+            display.number(row.upper),
+            display.number(row.velocity, missing="not given"),
+            row.source,
+            display.number(row.effort, 1, missing="not given"),
+            "unknown" if row.datasheet_torque is None else f"{row.datasheet_torque} ({row.datasheet_source})",
         )
-    display.say(display.table("Joints", columns, rows))
+        for label, row in zip(joints.labels(arm.joint_names), rows, strict=True)
+    ]
+    display.show_table("Joints", columns, lines)
     notes = [(f"source {key}", text) for key, text in sources.items()]
     notes.append(("effort", "the limit the file states, same source as the angles"))
     if arm.source.bundled is not None:
         notes.append(("datasheet", "peak torque [N m]; it differs from the file's effort"))
-    display.say(display.facts(notes))
-    display.say(display.table("Frames", ("frame", "moved by"), frames, text=2))
+    display.show_facts(notes)
+    display.show_table("Frames", ("frame", "moved by"), frames, text=2)
+
+
+@dataclass(frozen=True, slots=True)
+class JointRow:
+    """Limits of a joint in the units of the user, and the datasheet's torque where the robot is a bundled one."""
+
+    name: str
+    unlimited: bool
+    unit: str
+    lower: float
+    upper: float
+    velocity: float
+    effort: float
+    datasheet_torque: float | None
+    source: str
+    datasheet_source: str | None
+
+
+def list_joints(arm: model.Robot, units: JointUnits) -> list[JointRow]:
+    """A row for each joint."""
+    lower, upper, velocity = (units.from_si(row) for row in (arm.lower, arm.upper, arm.velocity_limit))
+    robot = arm.source.bundled
+    rows = []
+    for k, name in enumerate(arm.joint_names):
+        torque, source, letter = None, "file", None
+        if robot is not None:
+            numbers = bundled.arm_joints(robot)[name]
+            actuator = bundled.actuator(numbers["group"])
+            torque, letter = max(actuator["force_range"]), actuator["source"]
+            source = numbers.get("source", bundled.arm(robot)["source"])
+        limits = (lower[k], upper[k], velocity[k], float(arm.effort_limit[k]))
+        rows.append(JointRow(name, bool(arm.unlimited[k]), units.names[k], *limits, torque, source, letter))
+    return rows
+
+
+def list_sources(arm: model.Robot) -> dict[str, str]:
+    """What the letters in the joint table stand for."""
+    if arm.source.bundled is None:
+        return {"file": str(arm.source.path)}
+    return {key: bundled.source_text(key) for key in (bundled.arm(arm.source.bundled)["source"], "S")}

@@ -1,23 +1,34 @@
-"""`jacokin fk`: the pose of a frame for given joint angles."""
+"""`jacokin fk` and `jacokin jacobian`: the pose and the Jacobian of a frame for given joint angles."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import Annotated
+from collections.abc import Iterable, Sequence
 
+import click
+
+from jacokin import model
 from jacokin.cli import display, options
-from jacokin.cli.declared import Option
+from jacokin.cli.command import Argument, Command
 from jacokin.cli.units import Units
 
+angles = click.argument(
+    "q",
+    cls=Argument,
+    nargs=-1,
+    type=float,
+    required=True,
+    metavar="ANGLE...",
+    text="Joint angles, base to tip, one for each joint.",
+)
 
-def fk(
-    q: options.QArgument,
-    frame: options.FrameOption = None,
-    degrees: options.DegreesOption = False,
-    json: options.JsonOption = False,
-    *,
-    source: options.RobotOptions,
-) -> None:
+
+@click.command(cls=Command, no_args_is_help=True)
+@angles
+@options.frame
+@options.degrees
+@options.json
+@options.robot()
+def fk(q: Sequence[float], frame: str | None, units: Units, json: bool, source: options.RobotOptions) -> None:
     """Show the pose of a frame for given joint angles.
 
     Examples:
@@ -27,14 +38,11 @@ def fk(
     """
     import pinocchio as pin
 
-    from jacokin.model import poses
-
     arm = source.load()
-    units = Units(degrees)
-    configuration = arm.configuration(units.of_joints(arm).read(q))
+    configuration = arm.configuration(units.for_joints(arm).to_si(q))
     pose = arm.forward_kinematics(configuration, frame)
-    quat = poses.quat_wxyz(pose.rotation)
-    rpy = [units.shown(angle) for angle in pin.rpy.matrixToRpy(pose.rotation)]
+    quat = model.quat_wxyz(pose.rotation)
+    rpy = [units.from_si(angle) for angle in pin.rpy.matrixToRpy(pose.rotation)]
     within = arm.within_limits(configuration)
     name = frame or arm.default_frame
     if json:
@@ -58,7 +66,7 @@ def fk(
         (f"roll pitch yaw [{units.angle}]", display.numbers(rpy)),
         ("joint limits", "all kept" if within else _broken(arm.joint_names, arm.lower, arm.upper, configuration)),
     ]
-    display.say(display.facts(rows, f"{arm.name}: {name} in {arm.base}"))
+    display.show_facts(rows, f"{arm.name}: {name} in {arm.base}")
 
 
 def _broken(names: Iterable[str], lower: Iterable[float], upper: Iterable[float], q: Iterable[float]) -> str:
@@ -67,28 +75,27 @@ def _broken(names: Iterable[str], lower: Iterable[float], upper: Iterable[float]
     return f"broken by {', '.join(outside)}"
 
 
+@click.command(cls=Command, no_args_is_help=True)
+@angles
+@options.frame
+@click.option("--reference", default="local_world_aligned", metavar="NAME", help="local_world_aligned, local or world.")
+@options.degrees
+@options.json
+@options.robot()
 def jacobian(
-    q: options.QArgument,
-    frame: options.FrameOption = None,
-    reference: Annotated[
-        str, Option("--reference", metavar="NAME", help="local_world_aligned, local or world.")
-    ] = "local_world_aligned",
-    degrees: options.DegreesOption = False,
-    json: options.JsonOption = False,
-    *,
-    source: options.RobotOptions,
+    q: Sequence[float], frame: str | None, reference: str, units: Units, json: bool, source: options.RobotOptions
 ) -> None:
     """Show the Jacobian of a frame.
 
     Linear rows [m/rad] come first, then angular ones.
-    --degrees is for the joint angles given; the Jacobian stays per radian (per metre where a joint slides).
+    --degrees is for the joint angles given; the Jacobian stays per radian (per metre for a prismatic joint).
 
     Examples:
       jacokin jacobian 4.8 2.92 1.0 4.2 1.45 1.32
       jacokin jacobian 4.8 2.92 1.0 4.2 1.45 1.32 --reference local --frame gripsite --json
     """
     arm = source.load()
-    configuration = arm.configuration(Units(degrees).of_joints(arm).read(q))
+    configuration = arm.configuration(units.for_joints(arm).to_si(q))
     matrix = arm.jacobian(configuration, frame, reference)
     singular_values = arm.singular_values(configuration, frame)
     manipulability = arm.manipulability(configuration, frame)
@@ -108,9 +115,7 @@ def jacobian(
         return
     names = ("vx", "vy", "vz", "wx", "wy", "wz")
     rows = [(label, *(display.number(value) for value in row)) for label, row in zip(names, matrix, strict=True)]
-    display.say(display.table(f"Jacobian of {name}, {reference}", ("", *arm.joint_names), rows))
-    display.say(
-        display.facts(
-            [("singular values", display.numbers(singular_values)), ("manipulability", f"{manipulability:.6g}")],
-        )
+    display.show_table(f"Jacobian of {name}, {reference}", ("", *arm.joint_names), rows)
+    display.show_facts(
+        [("singular values", display.numbers(singular_values)), ("manipulability", f"{manipulability:.6g}")],
     )

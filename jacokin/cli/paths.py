@@ -1,50 +1,125 @@
-"""`jacokin plan`: a joint trajectory along a path of poses, planned over all branches."""
+"""`jacokin plan` and `jacokin track`: a joint trajectory along a path of poses."""
 
 from __future__ import annotations
 
+import contextlib
+import importlib.util
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-from jacokin.cli import options
-from jacokin.cli.declared import Option
-from jacokin.cli.display import progress_bar
-from jacokin.cli.options import free_about
-from jacokin.cli.units import JointUnits, Units, numbers
-from jacokin.errors import InvalidInputError
+import click
+
+from jacokin import files, ik, model, motion
+from jacokin.cli import display, options
+from jacokin.cli.command import Command, NumberList, option_group
+from jacokin.cli.display import number, progress_bar, show_facts, show_table, small
+from jacokin.cli.outputs import keep_apart
+from jacokin.cli.process import NOT_SOLVED
+from jacokin.cli.units import Units
+from jacokin.errors import InvalidInputError, MissingExtraError
 
 if TYPE_CHECKING:
+    import pinocchio as pin
+
     from jacokin.arrays import Array
-    from jacokin.motion.trajectory import PathResult
+
+SHOWN = 6  # values of the parameter in a line
 
 
+@dataclass(frozen=True, slots=True)
+class PathOptions:
+    """What `plan` and `track` have in common; they take these options as one parameter."""
+
+    waypoints: Path
+    dt: float
+    output: Path | None
+    plot: Path | None
+    speed: float
+    angular_speed: float | None
+    velocity_limit: list[float] | None
+    acceleration_limit: list[float] | None
+    scene: Path | None
+    clearance: float | None
+    frame: str | None
+    tool: pin.SE3 | None
+    seed: list[float] | None
+    start: list[float] | None
+    units: Units
+    json: bool
+
+    def turning_speed(self) -> float:
+        """The angular speed [rad/s]."""
+        from jacokin.motion.track import ANGULAR_SPEED
+
+        return ANGULAR_SPEED if self.angular_speed is None else self.units.to_si([self.angular_speed])[0]
+
+
+path_options = option_group(
+    "given",
+    PathOptions,
+    click.option(
+        "--path",
+        "waypoints",
+        type=options.FILE,
+        required=True,
+        metavar="FILE.csv",
+        help="Poses to pass through: columns x,y,z,qw,qx,qy,qz.",
+    ),
+    click.option("--dt", default=0.01, metavar="T", help="Control step [s]."),
+    click.option(
+        "--output",
+        type=options.FILE,
+        metavar="FILE",
+        help="Write the trajectory here, .csv, .npz, .json (ROS) or .kinova.csv.",
+    ),
+    click.option("--plot", type=options.FILE, metavar="FILE.png", help="Draw joints, limits and errors over time."),
+    click.option("--speed", default=0.05, metavar="V", help="Speed along the path [m/s]."),
+    click.option("--angular-speed", type=float, metavar="W", help="Speed of turning [rad/s]; 0.5 if not given."),
+    click.option(
+        "--velocity-limit", cls=NumberList, metavar="V ..", help="Of the joints [rad/s], one for all or one for each."
+    ),
+    click.option(
+        "--acceleration-limit",
+        cls=NumberList,
+        metavar="A ..",
+        help="Of the joints [rad/s^2]; none if not given. `plan` needs --timing slow with it.",
+    ),
+    options.scene,
+    click.option(
+        "--clearance",
+        type=float,
+        metavar="D",
+        help="Distance to keep between shapes [m]; if not given, 0 for `plan`, and 0.01 for `track` with a scene.",
+    ),
+    options.frame,
+    options.tool,
+    options.seed,
+    click.option(
+        "--start",
+        cls=NumberList,
+        metavar="Q1 .. Q6",
+        help="Joint angles the arm is at, instead of --seed: no other start is tried.",
+    ),
+    options.degrees,
+    options.json,
+)
+
+
+@click.command(cls=Command, no_args_is_help=True)
+@path_options
+@click.option(
+    "--timing", default="keep", metavar="NAME", help="keep the speed, or slow down where joints cannot follow."
+)
+@options.free_axis
+@options.free_range
+@options.robot()
 def plan(
-    path: options.PathOption,
-    dt: options.TimeStepOption = 0.01,
-    output: options.TrajectoryOption = None,
-    plot: options.PlotOption = None,
-    speed: options.SpeedOption = 0.05,
-    angular_speed: options.AngularSpeedOption = None,
-    timing: Annotated[
-        str, Option("--timing", metavar="NAME", help="keep the speed, or slow down where joints cannot follow.")
-    ] = "keep",
-    free_axis: options.FreeAxisOption = None,
-    free_range: options.FreeRangeOption = None,
-    velocity_limit: options.VelocityLimitOption = None,
-    acceleration_limit: Annotated[
-        str | None,
-        Option("--acceleration-limit", metavar="A ..", help="Of the joints [rad/s^2]; needs --timing slow."),
-    ] = None,
-    scene: options.SceneOption = None,
-    clearance: options.ClearanceOption = None,
-    frame: options.FrameOption = None,
-    tool: options.ToolOption = None,
-    seed: options.SeedOption = None,
-    start: Annotated[
-        str | None, Option("--start", metavar="Q1 .. Q6", help="Joint angles the arm is at, instead of --seed.")
-    ] = None,
-    degrees: options.DegreesOption = False,
-    json: options.JsonOption = False,
-    *,
+    given: PathOptions,
+    timing: str,
+    free_axis: list[float] | None,
+    free_range: tuple[float, float] | None,
     source: options.RobotOptions,
 ) -> None:
     """Plan a path of poses over all branches, before anything moves.
@@ -59,70 +134,44 @@ def plan(
       jacokin plan --path path.csv --speed 0.2 --timing slow --acceleration-limit 2 --output arm.kinova.csv
       jacokin plan --path path.csv --degrees --free-axis z --free-range -30 30
     """
-    from jacokin.cli import trajectory_report
-    from jacokin.ik.solver import IKSolver
-    from jacokin.motion.planning.plan import plan_path
-    from jacokin.motion.track import ANGULAR_SPEED
-
-    trajectory_report.check_files(
-        output, plot, {"--path": path, "--robot": source.robot, "--scene": scene}, source.package_dir
-    )
-    units = Units(degrees)
-    poses = read_poses(path)
+    check_files(given, source)
+    poses = read_poses(given.waypoints)
     if free_axis is None and free_range is not None:
         raise InvalidInputError("--free-range needs --free-axis")
-    targets = poses if free_axis is None else [free_about(pose, free_axis, free_range, units) for pose in poses]
-    around, distance = options.surroundings(scene, clearance)
+    units = given.units
+    targets = [pose if free_axis is None else options.free_about(pose, free_axis, free_range, units) for pose in poses]
     arm = source.load()
-    joints = units.of_joints(arm)
-    solver = IKSolver(arm, frame, tool=options.tool_pose(tool), collision="reject", scene=around, clearance=distance)
+    joints = units.for_joints(arm)
+    solver = ik.IKSolver(
+        arm,
+        given.frame,
+        tool=given.tool,
+        collision="reject",
+        scene=options.load_scene(given.scene),
+        clearance=given.clearance or 0.0,
+    )
 
-    def planned() -> PathResult:
-        return plan_path(
+    def compute() -> motion.PathResult:
+        return motion.plan_path(
             solver,
             targets,
-            dt=dt,
-            speed=speed,
-            angular_speed=ANGULAR_SPEED if angular_speed is None else units.read([angular_speed])[0],
+            dt=given.dt,
+            speed=given.speed,
+            angular_speed=given.turning_speed(),
             timing=timing,
-            seed=of_joints("--seed", seed, joints),
-            start=of_joints("--start", start, joints),
-            velocity_limit=of_joints("--velocity-limit", velocity_limit, joints),
-            acceleration_limit=of_joints("--acceleration-limit", acceleration_limit, joints),
+            seed=joints.option_to_si(given.seed),
+            start=joints.option_to_si(given.start),
+            velocity_limit=joints.option_to_si(given.velocity_limit, one_for_all=True),
+            acceleration_limit=joints.option_to_si(given.acceleration_limit, one_for_all=True),
         )
 
-    trajectory_report.deliver(planned, arm, units, output, plot, as_json=json)
+    deliver(compute, arm, given)
 
 
-def track(
-    path: options.PathOption,
-    dt: options.TimeStepOption = 0.01,
-    output: options.TrajectoryOption = None,
-    plot: options.PlotOption = None,
-    speed: options.SpeedOption = 0.05,
-    angular_speed: options.AngularSpeedOption = None,
-    velocity_limit: options.VelocityLimitOption = None,
-    acceleration_limit: Annotated[
-        str | None,
-        Option("--acceleration-limit", metavar="A ..", help="Of the joints [rad/s^2]; none if not given."),
-    ] = None,
-    scene: options.SceneOption = None,
-    clearance: Annotated[
-        float | None,
-        Option("--clearance", metavar="D", help="Distance kept between shapes [m]; 0.01 with a scene."),
-    ] = None,
-    frame: options.FrameOption = None,
-    tool: options.ToolOption = None,
-    seed: options.SeedOption = None,
-    start: Annotated[
-        str | None,
-        Option("--start", metavar="Q1 .. Q6", help="Joint angles the arm is at: no other branch is tried."),
-    ] = None,
-    degrees: options.DegreesOption = False,
-    json: options.JsonOption = False,
-    *,
-    source: options.RobotOptions,
-) -> None:
+@click.command(cls=Command, no_args_is_help=True)
+@path_options
+@options.robot()
+def track(given: PathOptions, source: options.RobotOptions) -> None:
     """Follow a path of poses at control rate.
 
     The tool moves on straight lines from pose to pose, inside position and velocity limits. Every branch of the first
@@ -135,50 +184,51 @@ def track(
       jacokin track --path path.csv --degrees --velocity-limit 20 --acceleration-limit 60
       jacokin track --path path.csv --scene scene.yaml --clearance 0.02
     """
-    from jacokin.cli import trajectory_report
-    from jacokin.motion.track import ANGULAR_SPEED, track_path
-
-    poses = read_poses(path)
-    trajectory_report.check_files(
-        output, plot, {"--path": path, "--robot": source.robot, "--scene": scene}, source.package_dir
-    )
-    around = options.surroundings(scene, clearance)[0]
+    check_files(given, source)
+    poses = read_poses(given.waypoints)
+    scene = options.load_scene(given.scene)
     arm = source.load()
-    units = Units(degrees)
-    joints = units.of_joints(arm)
+    joints = given.units.for_joints(arm)
 
-    def follow() -> PathResult:
+    def compute() -> motion.PathResult:
         with progress_bar("tracking") as progress:
-            return track_path(
+            return motion.track_path(
                 arm,
                 poses,
-                dt=dt,
-                speed=speed,
-                angular_speed=ANGULAR_SPEED if angular_speed is None else units.read([angular_speed])[0],
-                frame=frame,
-                tool=options.tool_pose(tool),
-                seed=of_joints("--seed", seed, joints),
-                start=of_joints("--start", start, joints),
-                velocity_limit=of_joints("--velocity-limit", velocity_limit, joints),
-                acceleration_limit=of_joints("--acceleration-limit", acceleration_limit, joints),
-                scene=around,
-                clearance=clearance,
+                dt=given.dt,
+                speed=given.speed,
+                angular_speed=given.turning_speed(),
+                frame=given.frame,
+                tool=given.tool,
+                seed=joints.option_to_si(given.seed),
+                start=joints.option_to_si(given.start),
+                velocity_limit=joints.option_to_si(given.velocity_limit, one_for_all=True),
+                acceleration_limit=joints.option_to_si(given.acceleration_limit, one_for_all=True),
+                scene=scene,
+                clearance=given.clearance,
                 progress=progress,
             )
 
-    trajectory_report.deliver(follow, arm, units, output, plot, as_json=json)
+    deliver(compute, arm, given)
 
 
-def of_joints(option: str, text: str | None, joints: JointUnits) -> list[float] | None:
-    """Numbers for the joints, in [rad] and [m]; one number stands for all.
+def check_files(given: PathOptions, source: options.RobotOptions) -> None:
+    """Check the files that are written before anything is computed.
 
     Raises:
-        InvalidInputError: not numbers.
+        InvalidInputError: an output of another kind, or one that is read.
+        MissingExtraError: matplotlib is needed and not installed.
     """
-    values = numbers(option, text)
-    if values is not None and len(values) == 1 and option.endswith("-limit"):
-        values *= len(joints.sliding)
-    return None if values is None else joints.read(values)
+    from jacokin.motion.plot import FORMATS as PICTURES
+    from jacokin.motion.trajectory import FORMATS
+
+    for option, file, endings in (("--output", given.output, FORMATS), ("--plot", given.plot, PICTURES)):
+        if file is not None and file.suffix not in endings:
+            raise InvalidInputError(f"{option} must end in {' or '.join(endings)}, got {str(file)!r}")
+    if given.plot is not None and importlib.util.find_spec("matplotlib") is None:
+        raise MissingExtraError("matplotlib", "plot")
+    inputs = {"--path": given.waypoints, "--robot": source.robot, "--scene": given.scene}
+    keep_apart({"--output": given.output, "--plot": given.plot}, inputs, source.package_dirs)
 
 
 def read_poses(path: Path) -> Array:
@@ -187,12 +237,114 @@ def read_poses(path: Path) -> Array:
     Raises:
         InvalidInputError: as `read_targets`, or the file has no orientations.
     """
-    from jacokin.ik.files.csv_files import read_targets
     from jacokin.ik.files.targets import QUATERNION, RPY
 
-    targets = read_targets(path).targets
+    targets = ik.read_targets(path).targets
     if targets.ndim != 3:
         raise InvalidInputError(
             f"{path}: a path needs orientations, columns {', '.join(QUATERNION)} or {', '.join(RPY)}"
         )
     return targets
+
+
+def deliver(compute: Callable[[], motion.PathResult], arm: model.Robot, given: PathOptions) -> None:
+    """Compute a trajectory, write and draw it where that is asked for, and show it.
+
+    Raises:
+        SystemExit: it is not on the path throughout.
+    """
+    with contextlib.ExitStack() as stack:
+        writable = None if given.output is None else stack.enter_context(files.replacing(given.output))
+        drawable = None if given.plot is None else stack.enter_context(files.replacing(given.plot))
+        result = compute()
+        if writable is not None:
+            result.save(writable)
+        if drawable is not None:
+            motion.plot_path(result, drawable)
+    if given.json:
+        print_json(arm, result, given)
+    else:
+        show(arm, result, given)
+    if not result.success:
+        raise SystemExit(NOT_SOLVED)
+
+
+def print_json(arm: model.Robot, result: motion.PathResult, given: PathOptions) -> None:
+    """Print the errors, the margins and every start that was tried as one JSON document."""
+    units = given.units
+    joints = units.for_joints(arm)
+    display.print_json(
+        {
+            **display.head(arm, units),
+            "success": result.success,
+            "message": result.message,
+            "duration": result.t[-1],
+            "rows": len(result),
+            "max_position_error": result.position_error.max(),
+            "max_orientation_error": units.from_si(result.orientation_error.max()),
+            "time_off_the_path": result.time_limited,
+            "failed_segments": result.failed_segments,
+            "limit_margin": joints.from_si(result.limit_margin.min(axis=0)),
+            "least_clearance": result.clearance.min(),
+            "parameter": [units.from_si(value) for value in result.parameter],
+            "branches": [
+                {
+                    "q_start": joints.from_si(branch.q_start),
+                    "failed_segments": branch.failed_segments,
+                    "position_error": branch.position_error,
+                    "orientation_error": units.from_si(branch.orientation_error),
+                }
+                for branch in result.branches
+            ],
+            "output": None if given.output is None else str(given.output),
+            "plot": None if given.plot is None else str(given.plot),
+        }
+    )
+
+
+def show(arm: model.Robot, result: motion.PathResult, given: PathOptions) -> None:
+    """Print a summary; when the tool left the path, where it did from every start."""
+    import numpy as np
+
+    units = given.units
+    margin = result.limit_margin
+    nearest = int(margin.min(axis=0).argmin())
+    at = int(margin[:, nearest].argmin())
+    joints = units.for_joints(arm)
+    away = joints.from_si(margin[at])[nearest]
+    lines = [
+        ("result", "on the path throughout" if result.success else "NOT on the path throughout"),
+        ("note", result.message),
+        ("duration", f"{result.t[-1]:.3f} s, {len(result)} rows"),
+        ("largest position error", small(float(result.position_error.max()), "m")),
+        ("largest orientation error", small(units.from_si(result.orientation_error.max()), units.angle)),
+        ("time off the path", f"{result.time_limited:.3f} s"),
+        (
+            "nearest to a limit",
+            f"{result.joint_names[nearest]}, {number(away)} {joints.names[nearest]} away at {result.t[at]:.3f} s",
+        ),
+    ]
+    if not np.isnan(result.clearance).all():
+        lines.append(("least clearance", f"{number(result.clearance.min())} m"))
+    if not np.isnan(result.parameter).all():
+        name = result.joint_names[2] if arm.dof == 7 else "free angle"  # joint 3 is the parameter of seven joints
+        shown = [number(units.from_si(value), 3).replace("nan", "none") for value in result.parameter[:SHOWN]]
+        more = "" if len(result.parameter) <= SHOWN else f" and {len(result.parameter) - SHOWN} more"
+        lines.append((f"{name} at the poses", f"{', '.join(shown)}{more} {units.angle}"))
+    written = (("written to", given.output), ("drawn in", given.plot))
+    lines += [(name, str(file)) for name, file in written if file is not None]
+    show_facts(lines)
+    if not result.success and result.branches:
+        from jacokin.motion.trajectory import list_segments
+
+        rows = [
+            (
+                str(index),
+                list_segments(branch.failed_segments) or "none",
+                small(branch.position_error, "m"),
+                small(units.from_si(branch.orientation_error), units.angle),
+            )
+            for index, branch in enumerate(result.branches, start=1)
+        ]
+        columns = ("start branch", "off the path on segments", "position error", "orientation error")
+        show_table("Every start that was tried", columns, rows, text=2)

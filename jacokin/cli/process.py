@@ -1,4 +1,4 @@
-"""The process around a command: standard streams, signals, log messages."""
+"""The process around a command: exit codes, standard streams, signals, log messages."""
 
 from __future__ import annotations
 
@@ -12,6 +12,10 @@ import threading
 from collections.abc import Iterator
 from types import FrameType
 from typing import TextIO
+
+# Exit codes; 0 means solved, or that the check passed.
+NOT_SOLVED = 1  # not (all) solved, or a check failed
+WRONG_INPUT = 2  # wrong usage or input
 
 # Ends the process after `finally` blocks have removed unfinished files. Missing on Windows: SIGHUP.
 ENDING = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
@@ -37,7 +41,7 @@ def around_command() -> Iterator[None]:
 
 
 def _open_streams() -> None:
-    """Open what is closed to nothing; characters that the terminal lacks become escapes.
+    """Connect closed streams to the null device; characters that the terminal lacks become escapes.
 
     A closed descriptor would be given to the next file that is opened, and what is printed would end up there.
     """
@@ -86,7 +90,7 @@ def flush() -> None:
 
 
 def drop_output() -> None:
-    """Send whatever is still printed to nothing."""
+    """Discard whatever is still printed."""
     with contextlib.suppress(OSError, ValueError):  # stdout is not a file, as in tests
         nothing = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nothing, sys.stdout.fileno())

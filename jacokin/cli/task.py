@@ -1,38 +1,52 @@
-"""`jacokin task`: run episodes of a task, by chance or by its expert."""
+"""`jacokin task`: run episodes of a task, with random actions or its expert, and record them."""
 
 from __future__ import annotations
 
 import contextlib
 import os
+import shutil
+import subprocess
 import sys
+import tempfile
+from collections.abc import Iterator
+from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import click
 
-from jacokin.cli.declared import Argument, Option
-from jacokin.cli.exit_codes import NOT_SOLVED
-from jacokin.errors import InvalidInputError
+from jacokin import files
+from jacokin.cli import options
+from jacokin.cli.command import Argument, Command
+from jacokin.cli.process import NOT_SOLVED
+from jacokin.errors import InvalidInputError, MissingExtraError
 
 if TYPE_CHECKING:
-    from jacokin.cli.recording import Recorder
+    import numpy as np
+    from numpy.typing import ArrayLike, NDArray
+
     from jacokin.tasks import TaskEnv
     from jacokin.tasks.experts.expert import Expert
 
+ARRAYS, VIDEO = ".npz", ".mp4"
+RATE = 25  # pictures a second, one for each control step
 
-def task(
-    name: Annotated[str, Argument(metavar="NAME", help="Such as reach_site or lift_brick; an unknown name lists all.")],
-    expert: Annotated[
-        bool, Option("--expert", help="Let the scripted expert act; otherwise actions are random.")
-    ] = False,
-    episodes: Annotated[int, Option("--episodes", metavar="N", at_least=1, help="How many episodes to run.")] = 1,
-    seed: Annotated[int, Option("--seed", metavar="N", at_least=0, help="Start of the random numbers.")] = 0,
-    record: Annotated[
-        Path | None,
-        Option("--record", metavar="FILE", help="Write pictures (.mp4) or observations, actions and rewards (.npz)."),
-    ] = None,
-    render: Annotated[bool, Option("--render", help="Show a window, which needs a display.")] = False,
-) -> None:
+
+@click.command(cls=Command, no_args_is_help=True)
+@click.argument(
+    "name", cls=Argument, metavar="NAME", text="Such as reach_site or lift_brick; an unknown name lists all."
+)
+@click.option("--expert", is_flag=True, help="Let the scripted expert act; otherwise actions are random.")
+@click.option("--episodes", type=click.IntRange(min=1), default=1, metavar="N", help="How many episodes to run.")
+@click.option("--seed", type=click.IntRange(min=0), default=0, metavar="N", help="Start of the random numbers.")
+@click.option(
+    "--record",
+    type=options.FILE,
+    metavar="FILE",
+    help="Write pictures (.mp4) or observations, actions and rewards (.npz).",
+)
+@click.option("--render", is_flag=True, help="Show a window, which needs a display.")
+def task(name: str, expert: bool, episodes: int, seed: int, record: Path | None, render: bool) -> None:
     """Run episodes of a task, and show how they end.
 
     Needs the extra `tasks`, and for videos ffmpeg or the extra `video`. Episodes take 10 s of simulated time.
@@ -43,9 +57,7 @@ def task(
       jacokin task lift_brick --expert --episodes 10 --record episodes.npz
       jacokin task place_brick --expert --record video.mp4
     """
-    from jacokin.cli import recording
-
-    has_pictures = recording.is_video(record)
+    has_pictures = is_video(record)
     if render and has_pictures:
         raise InvalidInputError("give one of --render and --record with a video, not both: each draws in its own way")
     if render and not has_display():
@@ -53,7 +65,7 @@ def task(
     if has_pictures:
         choose_renderer()
     with contextlib.ExitStack() as stack:
-        recorder = None if record is None else stack.enter_context(recording.recorder(record))
+        recorder = None if record is None else stack.enter_context(record_to(record))
         from jacokin import tasks
 
         policy = tasks.expert(name) if expert else None
@@ -75,9 +87,13 @@ def task(
 
 
 def _run(
-    environment: TaskEnv, policy: Expert | None, seed: int | None, episode: int, recorder: Recorder | None
+    environment: TaskEnv,
+    policy: Expert | None,
+    seed: int | None,
+    episode: int,
+    recorder: ArrayRecorder | VideoRecorder | None,
 ) -> tuple[float, bool]:
-    """Run one episode; returns its return and whether the task is solved at its end."""
+    """Run one episode; returns the sum of its rewards and whether the task is solved at the end."""
     observation, info = environment.reset(seed=seed)
     if policy is not None:
         policy.reset()
@@ -85,8 +101,10 @@ def _run(
     while not is_over:
         action = environment.action_space.sample() if policy is None else policy(observation)
         following, reward, _, is_over, info = environment.step(action)
-        if recorder is not None and environment.render_mode == "rgb_array":
-            recorder.add(picture=environment.render())
+        if isinstance(recorder, VideoRecorder):
+            picture = environment.render()
+            assert picture is not None  # render_mode
+            recorder.add(picture)
         elif recorder is not None:
             assert isinstance(observation, dict)
             recorder.add(episode=episode, action=action, reward=reward, success=info["is_success"], **observation)
@@ -101,6 +119,138 @@ def has_display() -> bool:
 
 
 def choose_renderer() -> None:
-    """Draw with EGL where there is no display and nothing else was chosen; MuJoCo looks once, when it is loaded."""
+    """Choose EGL where there is no display and MUJOCO_GL is not set; MuJoCo reads that once, when it is loaded."""
     if not has_display() and "mujoco" not in sys.modules:
         os.environ.setdefault("MUJOCO_GL", "egl")
+
+
+class ArrayRecorder:
+    """Keeps all rows in memory until they are written."""
+
+    def __init__(self) -> None:
+        """Start without rows."""
+        self._columns: dict[str, list[ArrayLike]] = {}
+
+    def add(self, **values: ArrayLike) -> None:
+        """Add a row: one value for each name."""
+        for name, value in values.items():
+            self._columns.setdefault(name, []).append(value)
+
+    def write(self, path: Path) -> None:
+        """Write one array for each name, with the rows along its first axis."""
+        import numpy as np
+
+        columns = {name: np.stack(rows) for name, rows in self._columns.items()}
+        with path.open("wb") as file:
+            np.savez_compressed(file, **columns)  # type: ignore[arg-type]  # numpy's type of keywords is a flag
+
+
+class VideoRecorder:
+    """Hands pictures to ffmpeg."""
+
+    def __init__(self, path: Path, ffmpeg: str) -> None:
+        """Encode to a file, as soon as the first picture tells the size."""
+        self._path, self._ffmpeg = path, ffmpeg
+        self._complaints = tempfile.TemporaryFile()  # noqa: SIM115 - closed by `close`
+        self._process: subprocess.Popen[bytes] | None = None
+
+    def add(self, picture: NDArray[np.uint8]) -> None:
+        """Add a picture (height, width, 3).
+
+        Raises:
+            InvalidInputError: ffmpeg does not go on.
+        """
+        if self._process is None:
+            height, width = picture.shape[:2]
+            raw = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", str(RATE), "-i", "-"]
+            encoded = ["-c:v", "libx264", "-pix_fmt", "yuv420p", "-f", "mp4", str(self._path)]
+            self._process = subprocess.Popen(
+                [self._ffmpeg, "-y", "-loglevel", "error", *raw, *encoded],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.DEVNULL,
+                stderr=self._complaints,
+                start_new_session=True,  # Ctrl-C is for this process, which then ends the other
+            )
+        assert self._process.stdin is not None
+        try:
+            self._process.stdin.write(picture.tobytes())
+        except OSError:
+            self._fail()
+
+    def finish(self) -> None:
+        """Wait until the file is complete.
+
+        Raises:
+            InvalidInputError: ffmpeg has failed.
+        """
+        if self._process is None:
+            return
+        with contextlib.suppress(OSError):  # told by the exit code
+            self._process.communicate()
+        if self._process.returncode:
+            self._fail()
+
+    def close(self) -> None:
+        """Stop ffmpeg if it still runs."""
+        if self._process is not None:
+            self._process.kill()
+            self._process.wait()
+            assert self._process.stdin is not None
+            with contextlib.suppress(OSError):  # what was not handed over is lost
+                self._process.stdin.close()
+        self._complaints.close()
+
+    def _fail(self) -> None:
+        assert self._process is not None
+        self._process.wait()
+        self._complaints.seek(0)
+        said = self._complaints.read().decode(errors="replace").strip() or f"exit code {self._process.returncode}"
+        raise InvalidInputError(f"--record: ffmpeg: {said}")
+
+
+def is_video(path: Path | None) -> bool:
+    """Whether pictures are to be recorded."""
+    return path is not None and path.suffix == VIDEO
+
+
+@contextlib.contextmanager
+def record_to(path: Path) -> Iterator[ArrayRecorder | VideoRecorder]:
+    """Record to a file, which is there when the block has ended well and untouched otherwise.
+
+    Raises:
+        InvalidInputError: another ending, or a file that cannot be written; before the block runs.
+        MissingExtraError: a video, and no ffmpeg.
+    """
+    if path.suffix not in (ARRAYS, VIDEO):
+        raise InvalidInputError(f"--record must end in {ARRAYS} or {VIDEO}, got {path}")
+    if not path.absolute().parent.is_dir():
+        raise InvalidInputError(f"--record: there is no folder {path.absolute().parent}")
+    ffmpeg = find_ffmpeg() if is_video(path) else ""
+    with files.replacing(path) as unfinished:
+        if not is_video(path):
+            arrays = ArrayRecorder()
+            yield arrays
+            arrays.write(unfinished)
+            return
+        video = VideoRecorder(unfinished, ffmpeg)
+        try:
+            yield video
+            video.finish()
+        finally:
+            video.close()
+
+
+def find_ffmpeg() -> str:
+    """The program that encodes videos: that of the machine, or the one in the package imageio-ffmpeg.
+
+    Raises:
+        MissingExtraError: there is neither.
+    """
+    found = os.environ.get("IMAGEIO_FFMPEG_EXE") or shutil.which("ffmpeg")
+    if found:
+        return found
+    if find_spec("imageio_ffmpeg") is None:
+        raise MissingExtraError("ffmpeg", "video")
+    import imageio_ffmpeg
+
+    return str(imageio_ffmpeg.get_ffmpeg_exe())

@@ -1,18 +1,14 @@
-"""Units of what is typed and shown: angles in radians or degrees, sliding joints always in metres."""
+"""Units of what is typed and shown: angles in radians or degrees, prismatic joints always in metres."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import click
 
-from jacokin.errors import InvalidInputError
-
-if TYPE_CHECKING:
-    from jacokin.model.robot import Robot
+from jacokin import model
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,17 +26,17 @@ class Units:
         """Name of the unit of angles."""
         return "deg" if self.degrees else "rad"
 
-    def read(self, values: Iterable[float]) -> list[float]:
+    def to_si(self, values: Iterable[float]) -> list[float]:
         """Angles the user typed, in [rad]."""
         return [math.radians(value) for value in values] if self.degrees else [float(value) for value in values]
 
-    def shown(self, value: float) -> float:
+    def from_si(self, value: float) -> float:
         """An angle [rad] in the user's unit."""
         return math.degrees(value) if self.degrees else float(value)
 
-    def of_joints(self, robot: Robot) -> JointUnits:
+    def for_joints(self, robot: model.Robot) -> JointUnits:
         """The units of a robot's joints."""
-        return JointUnits(self, tuple(bool(slides) for slides in robot.sliding))
+        return JointUnits(self, tuple(bool(is_prismatic) for is_prismatic in robot.sliding))
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,61 +45,48 @@ class JointUnits:
 
     Attributes:
         units: the unit of angles.
-        sliding: True for each joint that slides.
+        prismatic: True for each prismatic joint.
     """
 
     units: Units
-    sliding: tuple[bool, ...]
+    prismatic: tuple[bool, ...]
 
     @property
     def names(self) -> list[str]:
         """The unit of each joint."""
-        return ["m" if slides else self.units.angle for slides in self.sliding]
+        return ["m" if is_prismatic else self.units.angle for is_prismatic in self.prismatic]
 
-    def read(self, values: Sequence[float]) -> list[float]:
+    def to_si(self, values: Sequence[float]) -> list[float]:
         """What the user typed for each joint, in [rad] or [m]; a wrong number of values is passed on."""
-        if len(values) != len(self.sliding):
+        if len(values) != len(self.prismatic):
             return list(values)
-        turned = self.units.read(values)
-        return [float(values[k]) if slides else turned[k] for k, slides in enumerate(self.sliding)]
+        turned = self.units.to_si(values)
+        return [float(values[k]) if is_prismatic else turned[k] for k, is_prismatic in enumerate(self.prismatic)]
 
-    def shown(self, values: Iterable[float]) -> list[float]:
+    def option_to_si(self, values: Sequence[float] | None, *, one_for_all: bool = False) -> list[float] | None:
+        """As `to_si`; None where an option is not given, and one number may stand for all joints."""
+        if values is None:
+            return None
+        return self.to_si([*values] * len(self.prismatic) if one_for_all and len(values) == 1 else values)
+
+    def from_si(self, values: Iterable[float]) -> list[float]:
         """Joint values in the user's unit."""
-        pairs = zip(values, self.sliding, strict=True)
-        return [float(value) if slides else self.units.shown(value) for value, slides in pairs]
+        pairs = zip(values, self.prismatic, strict=True)
+        return [float(value) if is_prismatic else self.units.from_si(value) for value, is_prismatic in pairs]
 
     def heading(self, text: str) -> str:
         """A column's heading: with the unit where all joints have the same."""
-        return text if any(self.sliding) else f"{text} [{self.units.angle}]"
+        return text if any(self.prismatic) else f"{text} [{self.units.angle}]"
 
     def labels(self, names: Iterable[str]) -> list[str]:
         """Names of joints: with the unit of each where they differ."""
-        if not any(self.sliding):
+        if not any(self.prismatic):
             return list(names)
         return [f"{name} [{unit}]" for name, unit in zip(names, self.names, strict=True)]
 
     def distance(self, value: float) -> float:
-        """A distance between configurations: in the unit of angles if every joint turns, else as it is."""
-        return float(value) if any(self.sliding) else self.units.shown(value)
-
-
-def numbers(option: str, text: str | None, count: int | None = None) -> list[float] | None:
-    """The value of an option that takes a list of numbers.
-
-    Raises:
-        InvalidInputError: not numbers, or not as many as `count`.
-    """
-    if text is None:
-        return None
-    try:
-        values = [float(word) for word in text.replace(",", " ").split()]
-    except ValueError:
-        raise InvalidInputError(f"{option} must be numbers, got {text.strip()!r}") from None
-    if not values:
-        raise InvalidInputError(f"{option} must be followed by numbers")
-    if count is not None and len(values) != count:
-        raise InvalidInputError(f"{option} must be {count} numbers, got {len(values)}")
-    return values
+        """A distance between configurations: in the unit of angles if every joint is revolute, else unchanged."""
+        return float(value) if any(self.prismatic) else self.units.from_si(value)
 
 
 def warn_of_degrees(option: str, values: Iterable[float], units: Units) -> None:

@@ -4,62 +4,80 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING
 
 import click
 
+from jacokin import viewer
 from jacokin.cli import options
-from jacokin.cli.declared import Option
-from jacokin.cli.units import Units, numbers
+from jacokin.cli.command import Command, NumberList
+from jacokin.cli.reachability import load_map
+from jacokin.cli.units import Units
+
+if TYPE_CHECKING:
+    import pinocchio as pin
+    from numpy.typing import ArrayLike
 
 FULL_TURN = (-math.pi, math.pi)  # [rad]
 
 
+@click.command(cls=Command)
+@click.option(
+    "--target",
+    cls=NumberList,
+    callback=options.read_placement,
+    metavar="X Y Z [W X Y Z]",
+    help="Where the tool should be at first [m], and its orientation as a quaternion.",
+)
+@click.option(
+    "--port", type=click.IntRange(min=0), default=8080, metavar="N", help="Port to serve at; 0 for any free one."
+)
+@click.option(
+    "--host", default="127.0.0.1", metavar="ADDRESS", help="Address to serve at; any other opens it to other computers."
+)
+@click.option("--collision", default="ignore", metavar="NAME", help="Self-contact: ignore, report or reject.")
+@options.scene
+@options.clearance
+@click.option(
+    "--prefer", default="nearest", metavar="NAME", help="The branch to go to: nearest, margin or manipulability."
+)
+@click.option("--free-axis", metavar="AXIS", help="The tool may turn about this axis: x, y or z.")
+@options.free_range
+@click.option(
+    "--trajectory",
+    type=options.FILE,
+    metavar="FILE",
+    help="A trajectory to play: .csv, .npz, .json (ROS) or .kinova.csv.",
+)
+@click.option(
+    "--map",
+    "reachability",
+    metavar="FOLDER|NAME",
+    help="A reachability map to show slices of: its folder, or a bundled robot.",
+)
+@click.option("--visuals", is_flag=True, help="Draw the visual meshes of the file, not the shapes that collide.")
+@options.frame
+@options.tool
+@options.seed
+@options.degrees
+@options.robot()
 def view(
-    target: Annotated[
-        str | None,
-        Option(
-            "--target",
-            metavar="X Y Z [W X Y Z]",
-            help="Where the tool should be at first [m], and its orientation as a quaternion.",
-        ),
-    ] = None,
-    port: Annotated[
-        int, Option("--port", metavar="N", at_least=0, help="Port to serve at; 0 for any free one.")
-    ] = 8080,
-    host: Annotated[
-        str, Option("--host", metavar="ADDRESS", help="Address to serve at; any other opens it to other computers.")
-    ] = "127.0.0.1",
-    collision: Annotated[
-        str, Option("--collision", metavar="NAME", help="Self-contact: ignore, report or reject.")
-    ] = "ignore",
-    scene: options.SceneOption = None,
-    clearance: options.ClearanceOption = None,
-    prefer: Annotated[
-        str, Option("--prefer", metavar="NAME", help="The branch to go to: nearest, margin or manipulability.")
-    ] = "nearest",
-    free_axis: Annotated[
-        str | None, Option("--free-axis", metavar="AXIS", help="The tool may turn about this axis: x, y or z.")
-    ] = None,
-    free_range: options.FreeRangeOption = None,
-    trajectory: Annotated[
-        Path | None,
-        Option("--trajectory", metavar="FILE", help="A trajectory to play: .csv, .npz, .json (ROS) or .kinova.csv."),
-    ] = None,
-    reachability: Annotated[
-        str | None,
-        Option(
-            "--map", metavar="FOLDER|NAME", help="A reachability map to show slices of: its folder, or a bundled robot."
-        ),
-    ] = None,
-    visuals: Annotated[
-        bool, Option("--visuals", help="Draw the visual meshes of the file, not the shapes that collide.")
-    ] = False,
-    frame: options.FrameOption = None,
-    tool: options.ToolOption = None,
-    seed: options.SeedOption = None,
-    degrees: options.DegreesOption = False,
-    *,
+    target: pin.SE3 | ArrayLike | None,
+    port: int,
+    host: str,
+    collision: str,
+    scene: Path | None,
+    clearance: float,
+    prefer: str,
+    free_axis: str | None,
+    free_range: tuple[float, float] | None,
+    trajectory: Path | None,
+    reachability: str | None,
+    visuals: bool,
+    frame: str | None,
+    tool: pin.SE3 | None,
+    seed: list[float] | None,
+    units: Units,
     source: options.RobotOptions,
 ) -> None:
     """Show the arm and every branch in the browser, with a gizmo to move the target.
@@ -75,36 +93,28 @@ def view(
       jacokin view --target 0.3 -0.2 0.5 0 1 0 0 --free-axis z --tool 0 0 0.05
       jacokin view --scene table.yaml --collision report --trajectory trajectory.csv
     """
-    from jacokin.cli.reachability import load_map as load_map
-    from jacokin.viewer import serve
-
-    wanted = options.placement("--target", target)
     arm = source.load()
-    typed = numbers("--seed", seed)
-    start = None if typed is None else Units(degrees).of_joints(arm).read(typed)
-    obstacles, kept = options.surroundings(scene, clearance)
-    chosen_map = None if reachability is None else load_map(reachability)
-    viewer = serve(
+    shown = viewer.serve(
         arm,
         frame=frame,
-        tool=options.tool_pose(tool),
+        tool=tool,
         collision=collision,
-        scene=obstacles,
-        clearance=kept,
+        scene=options.load_scene(scene),
+        clearance=clearance,
         prefer=prefer,
         free_axis=free_axis,
-        free_range=FULL_TURN if free_range is None else Units(degrees).read(free_range),
+        free_range=FULL_TURN if free_range is None else units.to_si(free_range),
         visuals=visuals,
-        reachability=chosen_map,
+        reachability=None if reachability is None else load_map(reachability),
         trajectory=trajectory,
-        target=wanted,
-        seed=start,
+        target=target,
+        seed=units.for_joints(arm).option_to_si(seed),
         host=host,
         port=port,
     )
-    with viewer:
+    with shown:
         try:
-            click.echo(f"{viewer.url} shows {arm.name}; Ctrl-C ends it")
-            viewer.wait()
+            click.echo(f"{shown.url} shows {arm.name}; Ctrl-C ends it")
+            shown.wait()
         except KeyboardInterrupt:
             click.echo("closed", err=True)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import json
-import os
+import runpy
 import subprocess
 import sys
 from pathlib import Path
@@ -11,25 +10,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import jacokin
 from jacokin.cli.demo import targets_file
 from jacokin.ik import read_targets
+from tests.cli.run import ENVIRONMENT
 from tests.rendering import backends
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
-# The package under test, which may be an installed one.
-ENVIRONMENT = {**os.environ, "PYTHONPATH": str(Path(jacokin.__file__).parent.parent)}
 
 
 def test_the_targets_are_those_the_script_writes() -> None:
-    program = (
-        f"import json, sys; sys.path.insert(0, {str(EXAMPLES)!r})\n"
-        "import make_targets; print(json.dumps(make_targets.make_targets()))"
-    )
-    done = subprocess.run(
-        [sys.executable, "-P", "-c", program], capture_output=True, text=True, check=True, env=ENVIRONMENT
-    )
-    rows = json.loads(done.stdout)
+    rows = runpy.run_path(str(EXAMPLES / "make_targets.py"))["make_targets"]()
     file = read_targets(targets_file())
     assert len(file) == len(rows) == 206
     made = np.array([[float(cell) for cell in row[:7]] for row in rows])
@@ -63,7 +53,7 @@ def test_the_arm_is_in_the_picture(tmp_path: Path) -> None:
     """The pixels MuJoCo attributes to the arm are dark as its links are, light as its rings are, and many."""
     program = (
         "import numpy as np, jacokin\n"
-        "from jacokin.cli.demo import render\n"
+        "from jacokin.cli.picture import render\n"
         "picture, arm = render(jacokin.load_robot().home)\n"
         f"np.savez({str(tmp_path / 'seen.npz')!r}, picture=picture, arm=arm)\n"
     )

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import re
 import signal
 import subprocess
 import sys
@@ -13,11 +11,10 @@ from pathlib import Path
 
 import pytest
 
-import jacokin
-from tests.cli.run import HOME, POSE
+from jacokin.cli import process
+from tests.cli.run import ENVIRONMENT, HOME, POSE, Run, start
 
 COMMAND = [sys.executable, "-P", "-m", "jacokin"]
-ENVIRONMENT = {**os.environ, "PYTHONPATH": str(Path(jacokin.__file__).parent.parent)}
 DEADLINE = 60.0  # [s]
 
 # What a process does before the first line of the command: close its streams.
@@ -31,10 +28,12 @@ def shell(words: str) -> subprocess.CompletedProcess[str]:
     )
 
 
-@pytest.mark.parametrize("stream", CLOSED)
+@pytest.mark.parametrize(
+    "stream", ["stdout", *(pytest.param(name, marks=pytest.mark.slow) for name in ("stdin", "stderr"))]
+)
 def test_a_closed_stream_changes_neither_code_nor_files(tmp_path: Path, stream: str) -> None:
     targets, out = tmp_path / "targets.csv", tmp_path / "out.csv"
-    targets.write_text("x,y,z\n0.3,-0.2,0.5\n", encoding="utf-8")
+    targets.write_text("x,y,z,qw,qx,qy,qz\n0.3,-0.2,0.5,0,1,0,0\n", encoding="utf-8")
     done = shell(f"jacokin ik --targets '{targets}' --output '{out}' {CLOSED[stream]}")
     assert (done.returncode, done.stderr) == (0, "")
     assert ("solved" in done.stdout) == (stream != "stdout")
@@ -55,56 +54,80 @@ def test_output_that_cannot_be_written_is_one_sentence_and_code_2(words: str) ->
     assert done.stderr == "jacokin: the output: No space left on device\n"
 
 
-def started(*words: str) -> subprocess.Popen[str]:
-    return subprocess.Popen(
-        [*COMMAND, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=ENVIRONMENT
-    )
+SMALL_CHUNKS = "import jacokin.ik.batches.solve_file as batch; batch.SINGLE_ROWS = 4"
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGINT], ids=lambda number: number.name)
-def test_a_signal_leaves_the_old_output_and_beside_it_at_most_finished_chunks(
-    tmp_path: Path, number: signal.Signals
-) -> None:
-    targets, out = tmp_path / "targets.csv", tmp_path / "out.csv"
-    targets.write_text("x,y,z\n" + "9,9,9\n" * 3000, encoding="utf-8")  # each takes a while
+@pytest.mark.parametrize(
+    "number",
+    [signal.SIGINT, *(pytest.param(number, marks=pytest.mark.slow) for number in process.ENDING)],
+    ids=lambda number: number.name,
+)
+def test_a_signal_leaves_the_old_output_and_beside_it_finished_chunks(tmp_path: Path, number: signal.Signals) -> None:
+    targets, out, chunks = tmp_path / "targets.csv", tmp_path / "out.csv", tmp_path / "out.csv.chunks"
+    targets.write_text("x,y,z\n" + "9,9,9\n" * 3000, encoding="utf-8")  # out of reach: each takes a while
     out.write_text("old", encoding="utf-8")
-    process = started("ik", "--targets", str(targets), "--output", str(out))
+    running = start("ik", "--targets", str(targets), "--output", str(out), before=SMALL_CHUNKS)
     deadline = time.monotonic() + DEADLINE
-    while len(list(tmp_path.iterdir())) < 3:  # until the temporary file is there
-        assert process.poll() is None, process.communicate()
+    while not list(chunks.glob("*.chunk")):  # until a chunk is solved, and so everything is imported
+        assert running.poll() is None, running.communicate()
         assert time.monotonic() < deadline
         time.sleep(0.01)
-    time.sleep(1.0)  # until everything is imported: callbacks of the import lock ignore interrupts, with a traceback
-    process.send_signal(number)
-    _, errors = process.communicate(timeout=DEADLINE)
-    assert process.returncode == 128 + number
+    running.send_signal(number)
+    _, errors = running.communicate(timeout=DEADLINE)
+    assert running.returncode == 128 + number
     assert "Traceback" not in errors
     assert out.read_text(encoding="utf-8") == "old"
-    beside = {path.name for path in tmp_path.iterdir()} - {"out.csv", "targets.csv"}
-    assert beside <= {"out.csv.chunks"}
-    if beside:  # what had begun was finished, and `--resume` goes on from it
-        endings = {path.suffix for path in (tmp_path / "out.csv.chunks").iterdir()}
-        assert endings == {".json", ".chunk"}
+    assert {path.name for path in tmp_path.iterdir()} == {"out.csv", "out.csv.chunks", "targets.csv"}
+    assert {path.suffix for path in chunks.iterdir()} == {".json", ".chunk"}  # `--resume` goes on from them
 
 
-@pytest.mark.slow
-def test_ctrl_c_at_any_moment_is_no_traceback_of_ours() -> None:
-    """Python shows one of its own while it starts, before `main` of the entry point."""
-    for delay in (0.01, 0.02, 0.03, 0.05, 0.08, 0.13, 0.2, 0.3):
-        process = started("ik", *POSE)
-        time.sleep(delay)
-        process.send_signal(signal.SIGINT)
-        _, errors = process.communicate(timeout=DEADLINE)
-        assert not re.search(r'entry\.py", line [0-9]+, in main', errors), (delay, errors)
+@pytest.mark.parametrize("number", process.ENDING, ids=lambda number: number.name)
+def test_signals_are_handled_while_a_command_runs_unless_they_are_ignored(number: signal.Signals) -> None:
+    before = signal.getsignal(number)
+    try:
+        for usual in (signal.SIG_DFL, signal.SIG_IGN):  # nohup ignores SIGHUP
+            signal.signal(number, usual)
+            with process.around_command():
+                assert (signal.getsignal(number) is usual) == (usual is signal.SIG_IGN)
+            assert signal.getsignal(number) is usual
+    finally:
+        signal.signal(number, before)
 
 
-def test_control_characters_do_not_reach_the_terminal(tmp_path: Path) -> None:
+# Press Ctrl-C when a module is about to be imported.
+INTERRUPT = """
+import os, sys
+class Interrupt:
+    def find_spec(name, path, target=None):
+        if name == {module!r}:
+            os.kill(os.getpid(), signal.SIGINT)
+sys.meta_path.insert(0, Interrupt)
+"""
+
+
+@pytest.mark.parametrize(
+    ("module", "code", "said"),
+    [
+        ("click", -signal.SIGINT, ""),
+        ("jacokin.cli.main", -signal.SIGINT, ""),
+        ("jacokin.cli.ik", 130, "interrupted"),  # the command is loaded
+        ("jacokin.model.loading", 130, "interrupted"),  # it runs
+    ],
+)
+def test_ctrl_c_at_any_moment_is_no_traceback(module: str, code: int, said: str) -> None:
+    running = start("ik", *POSE, before=INTERRUPT.format(module=module))
+    out, errors = running.communicate(timeout=DEADLINE)
+    assert (running.returncode, out) == (code, "")
+    assert errors.strip() == (said and f"jacokin: {said}")
+
+
+def test_control_characters_do_not_reach_the_terminal(run: Run, tmp_path: Path) -> None:
     file = tmp_path / "targets.csv"
     file.write_text("x,y,z,\x1b[31mred\x07\n1,2,3,4\n", encoding="utf-8")
-    done = subprocess.run([*COMMAND, "ik", "--targets", str(file)], capture_output=True, check=False, env=ENVIRONMENT)
-    assert done.returncode == 2
-    assert rb"\x1b[31mred\x07" in done.stderr
-    assert not set(done.stderr) & {0x1B, 0x07}
+    answer = run("ik", "--targets", str(file))
+    assert answer.code == 2
+    assert r"\x1b[31mred\x07" in answer.err
+    assert not set(answer.err) & {"\x1b", "\x07"}
 
 
 def test_a_terminal_without_the_characters_gets_escapes() -> None:

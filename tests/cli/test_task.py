@@ -7,7 +7,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -16,18 +15,14 @@ from numpy.typing import NDArray
 
 import jacokin.tasks.gym.environment
 from jacokin.arrays import Array
-from jacokin.cli import recording, task
+from jacokin.cli import task
 from jacokin.errors import InvalidInputError
 from tests import rendering
-from tests.cli.run import Run
+from tests.cli.run import Run, start
 
 STEPS = 3  # of the episodes that are only recorded
-SOURCE = str(Path(jacokin.__file__).parent.parent)
-# As the command, with episodes of a few steps.
-SHORT = (
-    "import sys, jacokin.tasks.gym.environment as e; e.STEPS = int(sys.argv[1]);"
-    "from jacokin.cli.main import main; main(sys.argv[2:])"
-)
+SHORT = f"import jacokin.tasks.gym.environment as short; short.STEPS = {STEPS}"
+DEADLINE = 60.0  # [s]
 
 
 @pytest.fixture
@@ -43,7 +38,7 @@ def no_display(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def record_black(file: Path, pictures: int) -> None:
-    with recording.recorder(file) as recorder:
+    with task.record_to(file) as recorder:
         for _ in range(pictures):
             recorder.add(picture=np.zeros((480, 480, 3), dtype=np.uint8))
 
@@ -51,7 +46,7 @@ def record_black(file: Path, pictures: int) -> None:
 def decoded(file: Path, height: int, width: int) -> NDArray[np.uint8]:
     """The pictures of a video (n, height, width, 3), by ffmpeg."""
     command = [
-        recording.find_ffmpeg(),
+        task.find_ffmpeg(),
         "-loglevel",
         "error",
         "-i",
@@ -94,16 +89,10 @@ def test_random_actions_are_those_of_the_seed(run: Run, tmp_path: Path) -> None:
 @pytest.mark.skipif("egl" not in rendering.backends(), reason="needs EGL")
 def test_a_video_has_a_picture_for_each_step_of_all_episodes(tmp_path: Path) -> None:
     file = tmp_path / "video.mp4"
-    environment = {**os.environ, "PYTHONPATH": SOURCE, "MUJOCO_GL": "egl"}
     words = ["task", "reach_site", "--expert", "--episodes", "2", "--record", str(file)]
-    done = subprocess.run(
-        [sys.executable, "-P", "-c", SHORT, str(STEPS), *words],
-        capture_output=True,
-        text=True,
-        check=False,
-        env=environment,
-    )
-    assert done.returncode == 1, done.stderr  # a few steps do not solve the task
+    process = start(*words, before=f"import os; os.environ['MUJOCO_GL'] = 'egl'\n{SHORT}")
+    _, errors = process.communicate(timeout=DEADLINE)
+    assert process.returncode == 1, errors  # a few steps do not solve the task
     pictures = decoded(file, 480, 480)
     assert len(pictures) == 2 * STEPS
     assert pictures[0].std() > 10.0  # something is to be seen
@@ -113,7 +102,7 @@ def test_a_video_has_a_picture_for_each_step_of_all_episodes(tmp_path: Path) -> 
 def test_pictures_arrive_in_the_video_unchanged_but_for_the_encoding(tmp_path: Path) -> None:
     file = tmp_path / "video.mp4"
     colors = np.array([[200, 30, 30], [30, 200, 30], [30, 30, 200]], dtype=np.uint8)
-    with recording.recorder(file) as recorder:
+    with task.record_to(file) as recorder:
         for color in colors:
             recorder.add(picture=np.broadcast_to(color, (64, 96, 3)))
         assert not file.exists()
@@ -139,7 +128,7 @@ def test_without_an_encoder_the_command_that_installs_one_is_told(
 ) -> None:
     monkeypatch.delenv("IMAGEIO_FFMPEG_EXE", raising=False)
     monkeypatch.setattr(shutil, "which", lambda name: None)
-    monkeypatch.setattr(recording, "find_spec", lambda name: None)
+    monkeypatch.setattr(task, "find_spec", lambda name: None)
     answer = run("task", "reach_site", "--record", str(tmp_path / "video.mp4"))
     assert answer.code == 2
     assert "pip install 'jacokin[video]'" in answer.err
@@ -170,25 +159,30 @@ def test_a_window_without_a_display_is_a_sentence(run: Run) -> None:
     assert "--render needs a display; without one, --record video.mp4" in answer.err
 
 
-def test_mistakes_are_sentences_and_leave_no_file(run: Run, tmp_path: Path) -> None:
-    (tmp_path / "folder.npz").mkdir()
-    video = str(tmp_path / "a.mp4")
-    for words, message in (
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
         (("reach_sit",), "unknown task 'reach_sit'. Did you mean 'reach_site'"),
         (("reach_sit", "--expert"), "unknown expert 'reach_sit'. Did you mean 'reach_site'"),
-        (("reach_sit", "--record", str(tmp_path / "a.npz")), "unknown task 'reach_sit'"),
+        (("reach_sit", "--record", "a.npz"), "unknown task 'reach_sit'"),
         (("reassemble_3_bricks_fixed_order", "--expert"), "unknown expert 'reassemble_3_bricks_fixed_order'"),
         (("reach_site", "--record", "episodes.csv"), "must end in .npz or .mp4"),
-        (("reach_site", "--record", str(tmp_path / "none" / "a.npz")), "there is no folder"),
-        (("reach_site", "--record", str(tmp_path / "folder.npz")), "folder.npz"),
-        (("reach_site", "--render", "--record", video), "give one of --render and --record with a video"),
+        (("reach_site", "--record", "none/a.npz"), "there is no folder"),
+        (("reach_site", "--record", "folder.npz"), "folder.npz"),
+        (("reach_site", "--render", "--record", "a.mp4"), "give one of --render and --record with a video"),
         (("reach_site", "--episodes", "0"), "--episodes"),
         (("reach_site", "--seed", "-1"), "--seed"),
-    ):
-        answer = run("task", *words)
-        assert answer.code == 2, words
-        assert message in answer.err
-        assert "Traceback" not in answer.err
+    ],
+)
+def test_mistakes_are_sentences_and_leave_no_file(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...], message: str
+) -> None:
+    (tmp_path / "folder.npz").mkdir()
+    monkeypatch.chdir(tmp_path)
+    answer = run("task", *words)
+    assert answer.code == 2
+    assert message in answer.err
+    assert "Traceback" not in answer.err
     assert [path.name for path in tmp_path.iterdir()] == ["folder.npz"]
 
 
@@ -219,23 +213,12 @@ def test_an_interrupt_leaves_the_old_recording_and_nothing_beside_it(tmp_path: P
     file = tmp_path / "episodes.npz"
     file.write_text("old", encoding="utf-8")
     words = ["task", "reach_site", "--episodes", "1000000", "--record", str(file)]
-    process = subprocess.Popen(
-        [sys.executable, "-P", "-m", "jacokin", *words],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        env={**os.environ, "PYTHONPATH": SOURCE},
-    )
-    deadline = time.monotonic() + 60.0
-    while len(list(tmp_path.iterdir())) < 2:  # until the temporary file is there
-        assert process.poll() is None, process.communicate()
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
+    process = start(*words, before=SHORT)
     # While modules are imported, Python may ignore an interrupt: it falls into a callback of the import lock.
     assert process.stdout is not None
     assert process.stdout.readline().startswith("episode 1 of")
     process.send_signal(signal.SIGINT)
-    _, errors = process.communicate(timeout=60.0)
+    _, errors = process.communicate(timeout=DEADLINE)
     assert process.returncode == 130
     assert "Traceback" not in errors
     assert list(tmp_path.iterdir()) == [file]

@@ -1,15 +1,63 @@
-"""What the command line says to wrong input: one sentence and exit code 2."""
+"""Help, version, what starting the command line loads, and what it says to wrong input."""
 
 from __future__ import annotations
 
+import json
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
+import jacokin
 from jacokin.cli import options
+from jacokin.cli.main import COMMANDS
 from jacokin.model import urdf_folder
 from tests.cli.run import HOME, POSE, Run
+
+MAP_COMMANDS = ("build", "show", "query")
+
+
+@pytest.mark.parametrize(
+    "command", ["", *(name for name in COMMANDS if name != "map"), *(f"map {name}" for name in MAP_COMMANDS)]
+)
+def test_help_teaches_by_example(run: Run, command: str) -> None:
+    answer = run(*command.split(), "--help")
+    assert answer.code == 0
+    assert f"  jacokin {command}".rstrip() in answer.out
+    assert "Examples:" in answer.out
+
+
+@pytest.mark.parametrize(("words", "names"), [((), tuple(COMMANDS)), (("map",), MAP_COMMANDS)])
+def test_every_command_is_listed_with_its_whole_sentence(
+    run: Run, words: tuple[str, ...], names: tuple[str, ...]
+) -> None:
+    text = run(*words, "--help").out.partition("\nCommands:\n")[2]
+    for name in names:
+        assert f"  {name} " in text
+    assert "..." not in text
+
+
+def test_the_version_is_that_of_the_package(run: Run) -> None:
+    assert run("--version").out == f"jacokin {jacokin.__version__}\n"
+
+
+def test_help_loads_nothing_heavy() -> None:
+    program = (
+        "import sys\n"
+        "from jacokin.cli.main import main\n"
+        "try:\n    main(['--help'])\nexcept SystemExit:\n    pass\n"
+        "print([m for m in ('numpy', 'pinocchio', 'mujoco', 'mink', 'numba', 'orjson') if m in sys.modules])\n"
+    )
+    done = subprocess.run([sys.executable, "-P", "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "[]"
+
+
+def test_the_package_runs_as_a_module() -> None:
+    words = [sys.executable, "-P", "-m", "jacokin", "fk", *HOME, "--json"]
+    done = subprocess.run(words, capture_output=True, text=True, check=True)
+    assert json.loads(done.stdout)["frame"] == "end_effector"
 
 
 @pytest.mark.parametrize(
@@ -43,6 +91,13 @@ from tests.cli.run import HOME, POSE, Run
         (("ik", *POSE, "--all", "--prefer", "margin"), "--prefer does not go with --all"),
         (("ik", *POSE, "--free-axis", "0,0,0"), "--free-axis must have a direction"),
         (("ik", *POSE, "--free-axis", "x", "--free-range", "2", "1"), "--free-range must be (least, largest)"),
+        (("ik", *POSE[:4], "--free-axis", "x"), "need an orientation"),
+        (("ik", *POSE[:4], "--down", "--free-axis", "q"), "--free-axis must be x, y, z or three numbers"),
+        (("ik", *POSE[:4], "--down", "--free-axis", "0,0,0"), "must have a direction"),
+        (("ik", *POSE[:4], "--down", "--free-range", "0", "1"), "--free-range goes with --free-axis"),
+        (("ik", *POSE[:4], "--down", "--free-axis", "x", "--free-range", "1", "0"), "least < largest"),
+        (("ik", *POSE[:4], "--down", "--approach", "1", "0", "0"), "--approach is an orientation"),
+        (("ik", *POSE[:4], "--down", "--prefer", "widest"), "Valid: nearest, margin, manipulability"),
         (("place", "--json"), "Missing option '--targets'"),
         (("plan", "--json"), "Missing option '--path'"),
         (("map", "query", "j2n6s300", "--down"), "Missing option '--position'"),
@@ -69,7 +124,7 @@ from tests.cli.run import HOME, POSE, Run
 def test_wrong_input_is_one_sentence_and_exit_code_2(run: Run, words: tuple[str, ...], message: str) -> None:
     answer = run(*words)
     assert answer.code == 2
-    assert message in answer.err
+    assert message in " ".join(answer.err.split())
     assert "Traceback" not in answer.err
     assert answer.out == ""
 
@@ -87,7 +142,7 @@ def test_a_mistake_of_our_own_is_no_traceback(run: Run, monkeypatch: pytest.Monk
     def fail(*_: object) -> None:
         raise KeyError("inner")
 
-    monkeypatch.setattr(options, "load", fail)
+    monkeypatch.setattr(options.RobotOptions, "load", fail)
     answer = run("info")
     assert answer.code == 2
     assert "internal error" in answer.err

@@ -1,11 +1,16 @@
-"""`jacokin ik` for one pose: the answer, every branch, and what happens out of reach."""
+"""`jacokin ik` for one pose: the answer, every branch, free axes, tools and limits, and what happens out of reach."""
 
 from __future__ import annotations
 
+import json
+import math
+
 import numpy as np
+import pinocchio as pin
+import pytest
 
 import jacokin
-from tests.cli.run import POSE, Run
+from tests.cli.run import POSE, Run, leave
 
 FAR = ("--position", "9", "9", "9", "--down")
 
@@ -92,3 +97,67 @@ def test_ik_with_the_qp_and_a_random_seed_repeats(run: Run) -> None:
     first, second = run(*words).document, run(*words).document
     assert first["qp_solver"] == "osqp"
     assert first["q"] == second["q"]
+
+
+PLACE = ("ik", "--position", "0.3", "-0.2", "0.3")
+
+
+def test_an_approach_leaves_the_roll_free(run: Run) -> None:
+    answer = run(*PLACE, "--approach", "1", "0", "0", "--json")
+    assert answer.code == 0
+    assert isinstance(answer.document["parameter"], float)
+
+
+def test_the_angle_about_a_free_axis_is_in_the_unit_of_the_user(run: Run) -> None:
+    answer = run(*PLACE, "--down", "--free-axis", "0,1,0", "--free-range", "-20", "20", "--degrees", "--json")
+    assert answer.code == 0
+    assert -20.0 <= answer.document["parameter"] <= 20.0
+
+
+@pytest.mark.parametrize("robot", ["j2n6s300", "j2s7s300"])
+def test_all_intervals(run: Run, robot: str) -> None:
+    free = ("--free-axis", "x") if robot == "j2n6s300" else ()
+    answer = run("ik", "--position", "0.4", "-0.2", "0.3", "--down", *free, "--all", "--robot", robot, "--json")
+    assert answer.code == 0
+    found = answer.document
+    assert found["complete"]
+    assert all(row["start"] <= row["stop"] for row in found["intervals"])
+    assert (
+        "intervals of the free parameter"
+        in run("ik", "--position", "0.4", "-0.2", "0.3", "--down", *free, "--all", "--robot", robot).out
+    )
+
+
+TARGET = ("--position", "0.3", "-0.2", "0.4", "--down")
+
+
+def solved(capsys: pytest.CaptureFixture[str], *words: str) -> list[float]:
+    assert leave("ik", *TARGET, *words, "--json") == 0
+    q: list[float] = json.loads(capsys.readouterr().out)["q"]
+    return q
+
+
+def test_the_tool_reaches_the_target(capsys: pytest.CaptureFixture[str]) -> None:
+    robot = jacokin.load_robot()
+    half = math.sqrt(0.5)
+    for words, turn in (
+        (("0.01", "0.02", "0.05"), 0.0),
+        (("0.01", "0.02", "0.05", f"{half}", f"{half}", "0", "0"), 90.0),
+    ):
+        q = solved(capsys, "--tool", *words)
+        tool = pin.SE3(pin.rpy.rpyToMatrix(math.radians(turn), 0.0, 0.0), np.array([0.01, 0.02, 0.05]))
+        reached = robot.forward_kinematics(q) * tool
+        assert reached.isApprox(jacokin.pose([0.3, -0.2, 0.4], down=True), 1e-6)
+
+
+def test_own_limits_hold(capsys: pytest.CaptureFixture[str]) -> None:
+    free = solved(capsys)
+    high = math.floor(free[1] * 10.0) / 10.0
+    held = solved(capsys, "--limit", f"joint_2=1.0,{high}", "--limit", "joint_6=-inf,3", "--degrees")
+    assert math.radians(held[1]) <= high < free[1]
+
+
+def test_fingers_stand_where_they_are_told(capsys: pytest.CaptureFixture[str]) -> None:
+    assert len(solved(capsys, "--finger-angle", "1.2", "--collision", "reject")) == 6
+    assert leave("ik", *TARGET, "--finger-angle", "9") == 2
+    assert "the fingers move from" in capsys.readouterr().err

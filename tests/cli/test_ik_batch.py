@@ -1,4 +1,4 @@
-"""`jacokin ik --targets` and `jacokin track`: files in, files out, and what happens when one of them is wrong."""
+"""`jacokin ik --targets`: files in, files out, and what happens when one of them is wrong."""
 
 from __future__ import annotations
 

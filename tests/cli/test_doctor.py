@@ -1,4 +1,4 @@
-"""`jacokin doctor`: what it finds here, and what it would say elsewhere."""
+"""`jacokin doctor`: what it finds here, and what it would say elsewhere; `jacokin warmup`."""
 
 from __future__ import annotations
 
@@ -12,11 +12,12 @@ from pathlib import Path
 import pytest
 
 import jacokin
-from jacokin.cli import doctor, doctor_packages
-from jacokin.cli.doctor_packages import FAILED, MISSING, OK, WARNING, Finding
-from jacokin.kernels.compiled import cache
-from jacokin.kernels.compiled.loading import KERNELS
-from tests.cli.run import leave
+from jacokin.cli import doctor
+from jacokin.cli.doctor import FAILED, MISSING, OK, WARNING, Finding
+from jacokin.errors import JacokinError
+from jacokin.kernels.compiled import cache, loading
+from jacokin.kernels.compiled.loading import KERNELS, Kernels
+from tests.cli.run import Run, leave
 
 
 @pytest.mark.slow
@@ -36,10 +37,10 @@ def test_a_failure_is_shown_and_the_code_is_1(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     findings = [Finding("package", "pin", FAILED, "ImportError: libboost"), Finding("rendering", "egl", MISSING, "no")]
-    monkeypatch.setattr(doctor, "all_findings", lambda: findings)
+    monkeypatch.setattr(doctor, "check_all", lambda: findings)
     assert leave("doctor") == 1
     assert "libboost" in capsys.readouterr().out
-    monkeypatch.setattr(doctor, "all_findings", lambda: findings[1:])
+    monkeypatch.setattr(doctor, "check_all", lambda: findings[1:])
     assert leave("doctor") == 0
 
 
@@ -47,9 +48,8 @@ def test_a_package_that_does_not_import_is_a_failure(monkeypatch: pytest.MonkeyP
     (tmp_path / "mink.py").write_text("raise OSError('no such library')", encoding="utf-8")
     (tmp_path / "daqp.py").write_text("import os; os.abort()", encoding="utf-8")  # takes the process down
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    monkeypatch.setattr(doctor_packages, "NEEDED", {"json": "json", "mink": "mink", "daqp": "daqp"})
-    monkeypatch.setattr(doctor_packages, "OPTIONAL", {})
-    states = {finding.name: (finding.state, finding.detail) for finding in doctor_packages.packages()}
+    monkeypatch.setattr(doctor, "PACKAGES", {name: (name, None) for name in ("json", "mink", "daqp")})
+    states = {finding.name: (finding.state, finding.detail) for finding in doctor.check_packages()}
     assert states["json"][0] == OK
     assert states["mink"] == (FAILED, "OSError: no such library")
     assert states["daqp"] == (FAILED, "the process crashed while importing it")
@@ -57,13 +57,13 @@ def test_a_package_that_does_not_import_is_a_failure(monkeypatch: pytest.MonkeyP
 
 def test_a_package_that_is_too_old_is_named_with_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     bounds = ["jso>=9", "json>=1.10", "csv>=2.0; extra == 'viewer'", "io>=1.2"]
-    monkeypatch.setattr(doctor_packages, "_requirements", lambda: bounds)
-    monkeypatch.setattr(doctor_packages, "NEEDED", {"json": "json", "io": "io", "os": "os"})
-    monkeypatch.setattr(doctor_packages, "OPTIONAL", {"csv": ("csv", "viewer")})
+    monkeypatch.setattr(doctor, "_requirements", lambda: bounds)
+    needed = {name: (name, None) for name in ("json", "io", "os")}
+    monkeypatch.setattr(doctor, "PACKAGES", {**needed, "csv": ("csv", "viewer")})
     monkeypatch.setattr(
-        doctor_packages, "_version", {"json": "1.9.3", "io": "1.2.0", "os": "0.1", "csv": "0.2"}.__getitem__
+        doctor, "_installed_version", {"json": "1.9.3", "io": "1.2.0", "os": "0.1", "csv": "0.2"}.__getitem__
     )
-    found = {finding.name: (finding.state, finding.detail) for finding in doctor_packages.packages()}
+    found = {finding.name: (finding.state, finding.detail) for finding in doctor.check_packages()}
     assert found["json"] == (FAILED, "1.9.3 is older than 1.10, the oldest supported: pip install 'json>=1.10'")
     assert found["io"][0] == OK
     assert found["os"][0] == OK  # no bound
@@ -71,27 +71,27 @@ def test_a_package_that_is_too_old_is_named_with_what_to_install(monkeypatch: py
 
 
 def test_every_package_that_is_judged_has_a_bound() -> None:
-    names = [*doctor_packages.NEEDED.values(), *(distribution for distribution, _ in doctor_packages.OPTIONAL.values())]
+    names = [distribution for distribution, _ in doctor.PACKAGES.values()]
     requirements = importlib.metadata.requires("jacokin") or []
-    assert [name for name in names if doctor_packages.oldest_version(name, requirements) is None] == []
+    assert [name for name in names if doctor.oldest_version(name, requirements) is None] == []
 
 
 def test_a_ros_copy_of_pinocchio_is_found(tmp_path: Path) -> None:
     ros = "/opt/ros/jazzy/lib/python3/site-packages"
     own = str(tmp_path / "pinocchio" / "__init__.py")
-    finding = doctor_packages.shadow_of_pinocchio(f"{ros}/pinocchio/__init__.py", own, ros)
+    finding = doctor.find_shadow(f"{ros}/pinocchio/__init__.py", own, ros)
     assert finding.state == FAILED
     assert "unset PYTHONPATH" in finding.detail
     assert ros in finding.detail
-    assert doctor_packages.shadow_of_pinocchio(own, own, ros).state == WARNING
-    assert doctor_packages.shadow_of_pinocchio(own, own, "").state == OK
+    assert doctor.find_shadow(own, own, ros).state == WARNING
+    assert doctor.find_shadow(own, own, "").state == OK
 
 
 def test_a_shadowing_package_is_noticed_in_a_real_process(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     (tmp_path / "pinocchio").mkdir()
     (tmp_path / "pinocchio" / "__init__.py").touch()
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    finding = doctor_packages.shadows()
+    finding = doctor.check_shadowing()
     assert finding.state == FAILED
     assert str(tmp_path) in finding.detail
 
@@ -101,20 +101,20 @@ def test_the_cache_of_the_kernels(monkeypatch: pytest.MonkeyPatch, tmp_path: Pat
     code = cache.read().code
     assert code is not None
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    finding = doctor.kernel_cache()
+    finding = doctor.check_kernel_cache()
     assert finding.state == MISSING
     assert "jacokin warmup" in finding.detail
     assert cache.write(code) == ""
     file = cache.path()
     assert file is not None
-    assert doctor.kernel_cache() == Finding("closed form", "cache", OK, f"compiled, in {file}")
+    assert doctor.check_kernel_cache() == Finding("closed form", "cache", OK, f"compiled, in {file}")
     file.parent.chmod(0o777)
-    finding = doctor.kernel_cache()
+    finding = doctor.check_kernel_cache()
     assert finding.state == WARNING
     assert "a folder of your own" in finding.detail
     file.parent.chmod(0o700)
     file.write_bytes(bytes(file.stat().st_size))
-    finding = doctor.kernel_cache()
+    finding = doctor.check_kernel_cache()
     assert finding.state == WARNING
     assert "damaged or incomplete" in finding.detail
 
@@ -122,13 +122,13 @@ def test_the_cache_of_the_kernels(monkeypatch: pytest.MonkeyPatch, tmp_path: Pat
 def test_what_keeps_the_closed_form_from_being_cached(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     monkeypatch.setattr(os, "access", lambda *_: False)  # root may write everywhere
-    finding = doctor.kernel_cache()
+    finding = doctor.check_kernel_cache()
     assert finding.state == WARNING
     assert f"{cache.folder()} cannot be written" in finding.detail
     monkeypatch.setattr(cache, "path", lambda: None)
-    assert "no home folder" in doctor.kernel_cache().detail
+    assert "no home folder" in doctor.check_kernel_cache().detail
     monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
-    finding = doctor.kernel_cache()
+    finding = doctor.check_kernel_cache()
     assert finding.state == WARNING
     assert "NUMBA_DISABLE_JIT is set" in finding.detail
 
@@ -136,7 +136,7 @@ def test_what_keeps_the_closed_form_from_being_cached(monkeypatch: pytest.Monkey
 def test_a_renderer_that_is_missing_names_its_package(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(doctor, "RENDERERS", {"egl": "apt install libegl1"})
     monkeypatch.setattr(doctor, "RENDER_PROBE", "raise ImportError('no EGL')")
-    (finding,) = doctor.renderers()
+    (finding,) = doctor.check_renderers()
     assert finding.state == MISSING
     assert "no EGL" in finding.detail
     assert "apt install libegl1" in finding.detail
@@ -146,7 +146,7 @@ def test_modules_of_the_current_folder_are_not_run(monkeypatch: pytest.MonkeyPat
     planted = tmp_path / "numpy.py"
     planted.write_text("open('was_run', 'w')", encoding="utf-8")
     monkeypatch.chdir(tmp_path)
-    place, error = doctor_packages.imported(["numpy"])["numpy"]
+    place, error = doctor.import_modules(["numpy"])["numpy"]
     assert error is None
     assert place != str(planted)
     assert not (tmp_path / "was_run").exists()
@@ -154,9 +154,8 @@ def test_modules_of_the_current_folder_are_not_run(monkeypatch: pytest.MonkeyPat
 
 def test_a_back_end_that_is_not_there_is_named_with_what_helps(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MUJOCO_GL", "magic")
-    monkeypatch.setattr(doctor_packages, "NEEDED", {"mujoco": "mujoco"})
-    monkeypatch.setattr(doctor_packages, "OPTIONAL", {})
-    (finding,) = doctor_packages.packages()
+    monkeypatch.setattr(doctor, "PACKAGES", {"mujoco": ("mujoco", None)})
+    (finding,) = doctor.check_packages()
     assert finding.state == FAILED
     assert "MUJOCO_GL=magic" in finding.detail
     assert "unset it" in finding.detail
@@ -167,9 +166,8 @@ def test_half_an_installation_of_mujoco_is_named_with_what_helps(
 ) -> None:
     (tmp_path / "mujoco.py").write_text("import mujoco_core_that_is_gone", encoding="utf-8")
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    monkeypatch.setattr(doctor_packages, "NEEDED", {"mujoco": "mujoco"})
-    monkeypatch.setattr(doctor_packages, "OPTIONAL", {})
-    (finding,) = doctor_packages.packages()
+    monkeypatch.setattr(doctor, "PACKAGES", {"mujoco": ("mujoco", None)})
+    (finding,) = doctor.check_packages()
     assert finding.state == FAILED
     assert "--force-reinstall mujoco mujoco-core" in finding.detail
 
@@ -181,3 +179,30 @@ def test_commands_that_need_mujoco_point_to_the_doctor() -> None:
     assert done.returncode == 2
     assert "jacokin doctor" in done.stderr
     assert "MUJOCO_GL" in done.stderr
+
+
+def test_it_says_that_the_closed_form_is_ready(run: Run) -> None:
+    answer = run("warmup")
+    assert answer.code == 0
+    assert answer.out.startswith("the closed form is ready (")
+    assert run("warmup").err == ""
+
+
+def test_it_does_not_claim_to_have_compiled_when_numba_is_disabled(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(loading, "KERNELS", Kernels())
+    monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
+    answer = run("warmup")
+    assert answer.code == 1
+    assert answer.out == ""
+    assert "jacokin: NUMBA_DISABLE_JIT is set" in answer.err
+
+
+def test_a_compiler_that_fails_is_one_sentence(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Broken:
+        def warmup(self) -> None:
+            raise JacokinError("the closed form could not be compiled: no numba")
+
+    monkeypatch.setattr(loading, "KERNELS", Broken())
+    answer = run("warmup")
+    assert answer.code == 2
+    assert answer.err == "jacokin: the closed form could not be compiled: no numba\n"

@@ -1,0 +1,116 @@
+"""Negative numbers are values, never options; messages name the options as they are typed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from jacokin.cli.command import OTHER_NAMES, Argument, Command, NumberList, join_numbers, name_flags
+from jacokin.errors import InvalidInputError, UnknownNameError
+from tests.cli.run import Run, leave
+
+LISTS = {"--seed"}
+
+numbers = st.floats().map(repr)
+words = st.text(min_size=1).filter(lambda word: not word.startswith("-"))
+
+
+@pytest.mark.parametrize(
+    ("typed", "parsed"),
+    [
+        (["-1.2", "3"], [" -1.2", "3"]),
+        (["--seed", "-1", "2e-3", "--json"], ["--seed=-1 2e-3", "--json"]),
+        (["--seed=-1", "2", "--json"], ["--seed=-1 2", "--json"]),
+        (["--seed", "1 2 3", "4"], ["--seed=1 2 3", "4"]),
+        (["--seed"], ["--seed="]),
+        (["--seed", "--json"], ["--seed=", "--json"]),
+        (["-h", "--frame", "-x"], ["-h", "--frame", "-x"]),
+        (["--seed", "1", "--position", "-.5", "-inf", "0"], ["--seed=1", "--position", " -.5", " -inf", "0"]),
+        (["-", "--", "--json", "-5"], ["-", "--", "--json", "-5"]),
+    ],
+)
+def test_lists_of_numbers_become_one_word(typed: list[str], parsed: list[str]) -> None:
+    assert join_numbers(typed, LISTS, as_arguments=True) == parsed
+    assert join_numbers(typed, LISTS) == [word if word.startswith("--seed=") else word.strip() for word in parsed]
+
+
+@given(position=st.tuples(numbers, numbers, numbers), frame=words, q=st.lists(numbers, min_size=1), data=st.data())
+@settings(max_examples=50, deadline=None)
+def test_words_are_parsed_as_typed_in_any_order(
+    position: tuple[str, str, str], frame: str, q: list[str], data: st.DataObject
+) -> None:
+    """Options between the arguments, and negative numbers everywhere."""
+    parts = [["--position", *position], ["--frame", frame], ["--json"], *([word] for word in q)]
+    order = data.draw(st.permutations(range(3)))
+    at = data.draw(st.lists(st.integers(0, len(q)), min_size=3, max_size=3).map(sorted))
+    typed: list[str] = []
+    for index in range(len(q) + 1):
+        for place, option in zip(at, order, strict=True):
+            typed += parts[option] if place == index else []
+        typed += parts[3 + index] if index < len(q) else []
+    options = [
+        click.Option(["--position"], type=(float, float, float)),
+        click.Option(["--frame"]),
+        click.Option(["--json"], is_flag=True),
+    ]
+    command = Command("fk", params=[*options, Argument(["q"], nargs=-1, type=float)])
+    found = command.make_context("fk", typed).params
+    assert [*map(repr, found["position"])] == [*position]
+    assert [*map(repr, found["q"])] == q
+    assert (found["frame"], found["json"]) == (frame, True)
+
+
+@given(seed=st.lists(numbers, min_size=1), joined=st.booleans())
+@settings(max_examples=50, deadline=None)
+def test_a_seed_is_one_value_with_every_number(seed: list[str], joined: bool) -> None:
+    typed = [f"--seed={seed[0]}", *seed[1:]] if joined else ["--seed", *seed]
+    command = Command("ik", params=[NumberList(["--seed"]), click.Option(["--json"], is_flag=True)])
+    found = command.make_context("ik", [*typed, "--json"]).params
+    assert [*map(repr, found["seed"])] == seed
+    assert found["json"]
+
+
+@given(typed=st.lists(words))
+@settings(max_examples=50, deadline=None)
+def test_other_words_keep_their_order_and_their_characters(typed: list[str]) -> None:
+    assert join_numbers(typed, LISTS) == typed
+
+
+@pytest.mark.parametrize(
+    ("message", "said"),
+    [
+        ("tip='x' is not a frame", "--tip 'x' is not a frame"),
+        ("give base= or tip=, not both", "give --base or --tip, not both"),
+        ("package_dirs=[...] or ROS_PACKAGE_PATH", "--package-dir [...] or ROS_PACKAGE_PATH"),
+        ("q must have shape (6,), got (2,)", "ANGLE... must have shape (6,), got (2,)"),
+        ("range must be (least, largest)", "--free-range must be (least, largest)"),
+        ("the axis of tip is not base", "the axis of tip is not base"),
+    ],
+)
+def test_messages_name_the_options(message: str, said: str) -> None:
+    flags = {"tip": "--tip", "base": "--base", "package_dirs": "--package-dir", **OTHER_NAMES}
+    assert name_flags(InvalidInputError(message), flags, {}) == said
+
+
+def test_an_unknown_name_is_told_with_the_option_that_gave_it() -> None:
+    flags = {"tip": "--tip", "base": "--base"}
+    error = UnknownNameError("frame", "nowhere", ["somewhere"])
+    assert name_flags(error, flags, {"tip": "nowhere"}).startswith("--tip: unknown frame 'nowhere'")
+    assert name_flags(error, flags, {"tip": "nowhere", "base": "nowhere"}).startswith("unknown frame 'nowhere'")
+
+
+def test_a_file_whose_name_is_a_number_keeps_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "1").write_text("x,y,z\n0.3,-0.2,0.5\n", encoding="utf-8")
+    assert leave("ik", "--targets", "1", "--output", "5") == 0
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["1", "5"]
+
+
+def test_an_unknown_option_is_named_not_its_value(run: Run) -> None:
+    answer = run("fk", "1", "2", "--fraem", "-3")
+    assert answer.code == 2
+    assert "--fraem" in answer.err

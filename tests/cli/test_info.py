@@ -1,0 +1,40 @@
+"""`jacokin info`: what a robot is."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import jacokin
+from jacokin.model.descriptions import bundled
+from tests.cli.run import Run
+
+
+@pytest.mark.parametrize("name", bundled.NAMES)
+def test_info_of_each_bundled_robot(run: Run, name: str) -> None:
+    document = run("info", name, "--json").document
+    robot = jacokin.load_robot(name)
+    assert [joint["name"] for joint in document["joints"]] == list(robot.joint_names)
+    assert [frame["name"] for frame in document["frames"]] == list(robot.frames)
+    assert document["home"] == robot.home.tolist()
+    assert document["home_source"] == robot.home_source
+    lower = [-np.inf if joint["lower"] is None else joint["lower"] for joint in document["joints"]]
+    assert lower == robot.lower.tolist()
+    assert all(joint["source"] in document["sources"] for joint in document["joints"])
+
+
+def test_info_shows_datasheet_torques_beside_the_efforts(run: Run) -> None:
+    joints = run("info", "--json").document["joints"]
+    assert [joint["effort"] for joint in joints] == [40.0, 80.0, 40.0, 20.0, 20.0, 20.0]
+    assert [joint["datasheet_torque"] for joint in joints] == [30.5, 30.5, 30.5, 6.8, 6.8, 6.8]
+    table = run("info", "--degrees").out
+    assert "47.000000" in table
+    assert "313.000000" in table
+    assert "datasheet" in table
+
+
+def test_info_of_a_file_names_the_file_as_source(run: Run) -> None:
+    path = bundled.urdf_folder() / "j2n6s300.urdf"
+    document = run("info", str(path), "--json").document
+    assert document["sources"] == {"file": str(path)}
+    assert document["joints"][0]["datasheet_torque"] is None
