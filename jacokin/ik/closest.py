@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple, Self
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.ik import seeds
-from jacokin.ik.diagnosis import Outcome, Reach
+from jacokin.ik.diagnosis import Outcome
 from jacokin.ik.many import Chain, angle_and_axis, cross
 from jacokin.ik.request import Request
 from jacokin.ik.results import IKResult, Status
@@ -282,6 +283,38 @@ STAGES = (
     Stage(False, FINE, steps=80, kept=1),
 )
 SAME = 1e-2  # [rad] descents nearer than this to each other have met
+
+REACH_SLACK = 1e-3  # [m] more than any tolerance: a bound that can be trusted
+FARTHEST = 10.0  # arm lengths: from there on only the direction to the target matters
+
+
+class Reach:
+    """A ball around the origin of joint 1 that the tool cannot leave: the links laid end to end."""
+
+    def __init__(self, verifier: Verifier) -> None:
+        """Add up the links; the radius is infinite when a sliding joint has no limits."""
+        model, robot = verifier.robot.pin_model, verifier.robot
+        lengths = [float(np.linalg.norm(model.jointPlacements[joint].translation)) for joint in range(2, model.njoints)]
+        placed = model.frames[verifier.frame_id].placement
+        tip = placed if verifier.tool is None else placed * verifier.tool
+        lengths.append(float(np.linalg.norm(tip.translation)))
+        lengths.extend(np.maximum(np.abs(robot.lower), np.abs(robot.upper))[robot.sliding].tolist())
+        self._shoulder: Array = np.array(model.jointPlacements[1].translation)
+        self._radius = sum(lengths)
+
+    def exceeded(self, target: TargetPose) -> Outcome | None:
+        """When the target is provably out of reach, whatever the joint angles."""
+        if math.hypot(*(target.position - self._shoulder).tolist()) <= self._radius + REACH_SLACK:
+            return None
+        return Outcome(Status.UNREACHABLE, "the target is farther away than the arm is long")
+
+    def pulled_in(self, target: TargetPose) -> TargetPose:
+        """A target very far away, moved along the line of sight to where its errors are still exact to a micrometre."""
+        away = target.position - self._shoulder
+        distance = math.hypot(*away.tolist())
+        if not distance > FARTHEST * self._radius:
+            return target
+        return target.moved_to(self._shoulder + away / distance * (FARTHEST * self._radius))
 
 
 class Closest(NamedTuple):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -13,13 +12,8 @@ from jacokin.ik.results import Status
 
 if TYPE_CHECKING:
     from jacokin.ik.closed_form import BranchTable
-    from jacokin.ik.qp import Attempt
-    from jacokin.ik.targets import TargetPose
-    from jacokin.ik.verification import Verifier
 
 NAMED_PAIRS = 3  # in a message; the result's `touching` has all
-REACH_SLACK = 1e-3  # [m] more than any tolerance: a bound that can be trusted
-FARTHEST = 10.0  # arm lengths: from there on only the direction to the target matters
 
 
 class Outcome(NamedTuple):
@@ -93,11 +87,11 @@ def _broken(joint_names: Sequence[str], excess: Array) -> str:
     )
 
 
-def of_descents(attempt: Attempt) -> Outcome:
+def of_descents(starts: int, *, failed: bool) -> Outcome:
     """When no descent of the QP reaches the target: that proves nothing, unless the solver itself failed."""
-    if attempt.failed:
+    if failed:
         return Outcome(Status.SOLVER_ERROR, "no QP solver solved the step")
-    return Outcome(Status.NO_CONVERGENCE, f"{attempt.starts} starts ended in local minima")
+    return Outcome(Status.NO_CONVERGENCE, f"{starts} starts ended in local minima")
 
 
 def of_contact(what: str, nearest: Sequence[tuple[str, str]]) -> Outcome:
@@ -119,32 +113,3 @@ def diagnose_posture(within_limits: bool, touching: Sequence[tuple[str, str]]) -
     if not within_limits:
         return Status.OUTSIDE_LIMITS
     return Status.IN_COLLISION if touching else Status.OK
-
-
-class Reach:
-    """A ball around the origin of joint 1 that the tool cannot leave: the links laid end to end."""
-
-    def __init__(self, verifier: Verifier) -> None:
-        """Add up the links; the radius is infinite when a sliding joint has no limits."""
-        model, robot = verifier.robot.pin_model, verifier.robot
-        lengths = [float(np.linalg.norm(model.jointPlacements[joint].translation)) for joint in range(2, model.njoints)]
-        placed = model.frames[verifier.frame_id].placement
-        tip = placed if verifier.tool is None else placed * verifier.tool
-        lengths.append(float(np.linalg.norm(tip.translation)))
-        lengths.extend(np.maximum(np.abs(robot.lower), np.abs(robot.upper))[robot.sliding].tolist())
-        self._shoulder: Array = np.array(model.jointPlacements[1].translation)
-        self._radius = sum(lengths)
-
-    def exceeded(self, target: TargetPose) -> Outcome | None:
-        """When the target is provably out of reach, whatever the joint angles."""
-        if math.hypot(*(target.position - self._shoulder).tolist()) <= self._radius + REACH_SLACK:
-            return None
-        return Outcome(Status.UNREACHABLE, "the target is farther away than the arm is long")
-
-    def pulled_in(self, target: TargetPose) -> TargetPose:
-        """A target very far away, moved along the line of sight to where its errors are still exact to a micrometre."""
-        away = target.position - self._shoulder
-        distance = math.hypot(*away.tolist())
-        if not distance > FARTHEST * self._radius:
-            return target
-        return target.moved_to(self._shoulder + away / distance * (FARTHEST * self._radius))

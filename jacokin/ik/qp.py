@@ -226,7 +226,7 @@ class QPSearch:
         if attempt.reached:
             solved = Outcome(Status.OK, f"start {attempt.starts}, {attempt.iterations} iterations")
             return self._result(request, solved, attempt)
-        failure = diagnosis.of_descents(attempt)
+        failure = diagnosis.of_descents(attempt.starts, failed=attempt.failed)
         if failure.status is Status.SOLVER_ERROR or not request.closest:
             return self._result(request, failure, attempt)
         return self._closest.result(request, failure, [attempt.q], attempt)

@@ -19,7 +19,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.ik.diagnosis import Reach
+from jacokin.ik.closest import Reach
 from jacokin.ik.families.curves import JOINT_3, Curves, Problem
 from jacokin.ik.families.family import MEMBER_CLOSURE
 from jacokin.ik.many import Chain, angle_and_axis, cross
