@@ -1,6 +1,7 @@
 from jacokin.chunks.execution import Progress as Progress
 from jacokin.ik.batches.chunk import FileSummary as FileSummary
 from jacokin.ik.batches.solve_file import solve_file as solve_file
+from jacokin.ik.closed_form import Branches as Branches
 from jacokin.ik.families.family import Family as Family
 from jacokin.ik.families.family import Interval as Interval
 from jacokin.ik.families.family import IntervalEnd as IntervalEnd
@@ -8,7 +9,6 @@ from jacokin.ik.files.csv_files import read_targets as read_targets
 from jacokin.ik.files.targets import TargetFile as TargetFile
 from jacokin.ik.one_pose import solve_ik as solve_ik
 from jacokin.ik.results import BatchResult as BatchResult
-from jacokin.ik.results import Branches as Branches
 from jacokin.ik.results import IKResult as IKResult
 from jacokin.ik.results import Status as Status
 from jacokin.ik.solver import IKSolver as IKSolver

@@ -11,7 +11,7 @@ from jacokin.arrays import Array
 from jacokin.ik.results import Status
 
 if TYPE_CHECKING:
-    from jacokin.ik.closed_form import BranchTable
+    from jacokin.ik.closed_form import Branches
 
 NAMED_PAIRS = 3  # in a message; the result's `touching` has all
 
@@ -34,7 +34,7 @@ class Mildest(NamedTuple):
     """Value of the free parameter [rad]."""
 
 
-def of_branches(rows: BranchTable, joint_names: Sequence[str]) -> Outcome:
+def of_branches(rows: Branches, joint_names: Sequence[str]) -> Outcome:
     """When no branch of the closed form is a success: there is none, or each breaks a limit, or some may be missing."""
     if rows.dropped:
         return Outcome(

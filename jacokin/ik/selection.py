@@ -20,13 +20,13 @@ from jacokin.model.angles import TURN
 from jacokin.model.poses import FreeAxis
 
 if TYPE_CHECKING:
-    from jacokin.ik.closed_form import BranchTable
+    from jacokin.ik.closed_form import Branches
     from jacokin.ik.closest import ClosestSearch
     from jacokin.ik.families.search import Findings
 
 
 def of_branches(
-    rows: BranchTable,
+    rows: Branches,
     verifier: Verifier,
     request: Request,
     cost: Cost | None,
@@ -44,7 +44,7 @@ def of_branches(
     target = request.target
     touched: IKResult | None = None
     for index in _order(rows, cost):
-        q = rows.configuration(index)
+        q = rows.q[index]
         errors = verifier.measure(q, target)
         if not verifier.reached(q, errors):
             continue
@@ -65,7 +65,7 @@ def of_branches(
     return verifier.result(request.seed.copy(), outcome.status, errors, request.message(outcome.message))
 
 
-def _order(rows: BranchTable, cost: Cost | None) -> Iterable[int]:
+def _order(rows: Branches, cost: Cost | None) -> Iterable[int]:
     """Indices of the branches within the limits, best first; equal ones nearest to the seed first."""
     if cost is None:
         return rows.each_within_limits()

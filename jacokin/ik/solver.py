@@ -21,6 +21,7 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, StructureError
 from jacokin.ik import preferences
 from jacokin.ik.batches import batch
+from jacokin.ik.closed_form import BestBranches, Branches, ClosedForm
 from jacokin.ik.families.finder import Finder
 from jacokin.ik.options import (
     DEFAULT_QP_SOLVER,
@@ -32,7 +33,7 @@ from jacokin.ik.options import (
 )
 from jacokin.ik.preferences import Prefer
 from jacokin.ik.request import Request
-from jacokin.ik.results import BatchResult, Branches, IKResult
+from jacokin.ik.results import BatchResult, IKResult
 from jacokin.ik.seeds import seed_within_limits
 from jacokin.ik.selection import nearest_member, of_branches, of_findings
 from jacokin.ik.targets import PartialTarget, Target, TargetPose, understood
@@ -42,7 +43,6 @@ from jacokin.model.poses import FreeAxis
 from jacokin.model.robot import Robot, checked_robot
 
 if TYPE_CHECKING:
-    from jacokin.ik.closed_form import BranchTable, ClosedForm
     from jacokin.ik.closest import ClosestSearch
     from jacokin.ik.families.family import Family
     from jacokin.ik.qp import QPSearch
@@ -165,8 +165,6 @@ class IKSolver:
                 raise StructureError("closed form for six joints; on seven joints a pose has a family: use solve_all")
             if self._misfit is not None:
                 raise self._misfit.with_traceback(None)  # one object, raised again and again
-            from jacokin.ik.closed_form import ClosedForm
-
             try:
                 self._form = ClosedForm(
                     self.robot.pin_model,
@@ -292,10 +290,11 @@ class IKSolver:
             return self._finder.find(wanted, start).family
         if wanted.position_only:
             raise InvalidInputError("solve_all needs an orientation: a position alone is reached by infinitely many")
-        raw = self.closed_form().solve_all(wanted.matrix, start)
+        branches = self.closed_form().solve_all(wanted.matrix, start)
         if not self._verifier.looks_for_contact:
-            return Branches(raw)
-        return Branches(raw, tuple(tuple(self._verifier.touching(q)) for q in raw.q))
+            return branches
+        touching = tuple(tuple(self._verifier.touching(q)) for q in branches.q)
+        return Branches(branches.rows, branches.dropped, touching)
 
     def family(self, target: Target, seed: ArrayLike | None = None) -> Family:
         """As `solve_all` for a target that has a family: a `FreeAxis`, or a pose of a seven-joint arm.
@@ -387,7 +386,7 @@ class IKSolver:
             self._closest = ClosestSearch(self._verifier)
         return self._closest
 
-    def _compiled(self, matrices: Array, seeds: Array, workers: int) -> tuple[BranchTable, NDArray[np.bool_]]:
+    def _compiled(self, matrices: Array, seeds: Array, workers: int) -> tuple[BestBranches, NDArray[np.bool_]]:
         """The best branch of each of many poses, and which of them are successes."""
         rows = self.closed_form().solve_batch(matrices, seeds, workers)
         return rows, self._verifier.reached_rows(rows) & rows.within_limits

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, JacokinError
@@ -272,6 +272,7 @@ class Family:
     """
 
     __slots__ = ("_members", "branches", "complete", "intervals")
+    has_parameter = True
 
     def __init__(
         self,
@@ -296,6 +297,25 @@ class Family:
     def __repr__(self) -> str:
         """How many intervals on how many branches."""
         return f"Family({len(self)} intervals within the limits, {self.branches} branches)"
+
+    @property
+    def q(self) -> Array:
+        """(k, dof) the member of each interval nearest to the seed [rad]."""
+        rows = [interval.nearest() for interval in self.intervals]
+        return checks.read_only(np.array(rows).reshape(len(rows), self._members.robot.dof))
+
+    @property
+    def within_limits(self) -> NDArray[np.bool_]:
+        """(k,) True: every member is within the limits."""
+        within = np.ones(len(self.intervals), dtype=np.bool_)
+        within.setflags(write=False)
+        return within
+
+    @property
+    def margin(self) -> Array:
+        """(k, dof) distance of those members to the nearer limit [rad]; inf on unlimited joints."""
+        q, robot = self.q, self._members.robot
+        return checks.read_only(np.minimum(q - robot.lower, robot.upper - q))
 
     def nearest(self, seed: ArrayLike | None = None) -> Array | None:
         """The member (dof,) [rad] nearest to a seed, None for the seed of the family; None when there is no member.

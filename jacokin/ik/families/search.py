@@ -83,7 +83,7 @@ class SixJointFamilies:
         """As `nearest`: joint 6 goes to the seed's, or as near to it as the range and the limits let it."""
         robot = self._verifier.robot
         table = self._form.solve_all(target.matrix, seed)
-        if table.dropped or table.family.any():
+        if table.dropped or table.singular.any():
             return None
         rows, parameters = [], []
         lower, upper = float(robot.lower[5]), float(robot.upper[5])
@@ -121,7 +121,7 @@ class SixJointFamilies:
             for start, stop, ends in _turns_of_joint_6(q[5], sign, target, robot.lower[5], robot.upper[5]):
                 reasons = (_end(ends[0], robot), _end(ends[1], robot))
                 intervals.append(Interval(members, CircleTrack(q, sign, start, stop), branch, reasons))
-        complete = not (table.dropped or table.family.any())
+        complete = not (table.dropped or table.singular.any())
         family = Family(tuple(intervals), members, branches=len(table), complete=complete)
         return Findings(family, members, lambda: _mildest(tracks, robot, exact=True))
 

@@ -28,12 +28,12 @@ def test_the_best_branch_of_a_pose(solver: IKSolver, rng: np.random.Generator) -
     robot = solver.robot
     for q in robot.sample(rng, 20):
         target = robot.forward_kinematics(q)
-        legal = solver.solve_all(target).legal
-        assert margin(solver, solver.solve(target, prefer="margin").q) == max(margin(solver, row) for row in legal)
+        within = solver.solve_all(target).q_within_limits
+        assert margin(solver, solver.solve(target, prefer="margin").q) == max(margin(solver, row) for row in within)
         best = solver.solve(target, prefer="manipulability").q
-        assert robot.manipulability(best) >= max(robot.manipulability(row) for row in legal) - 1e-12
+        assert robot.manipulability(best) >= max(robot.manipulability(row) for row in within) - 1e-12
         own = solver.solve(target, prefer=lambda row: float(row[1])).q
-        assert own[1] == min(row[1] for row in legal)
+        assert own[1] == min(row[1] for row in within)
 
 
 def test_equal_branches_are_taken_by_distance(solver: IKSolver, rng: np.random.Generator) -> None:
