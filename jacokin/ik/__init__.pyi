@@ -7,11 +7,11 @@ from jacokin.ik.families.family import Interval as Interval
 from jacokin.ik.families.family import IntervalEnd as IntervalEnd
 from jacokin.ik.files.csv_files import read_targets as read_targets
 from jacokin.ik.files.targets import TargetFile as TargetFile
-from jacokin.ik.one_pose import solve_ik as solve_ik
 from jacokin.ik.results import BatchResult as BatchResult
 from jacokin.ik.results import IKResult as IKResult
 from jacokin.ik.results import Status as Status
 from jacokin.ik.solver import IKSolver as IKSolver
+from jacokin.ik.solver import solve_ik as solve_ik
 from jacokin.kernels.compiled.loading import warmup as warmup
 from jacokin.model.obstacles import Box as Box
 from jacokin.model.obstacles import Capsule as Capsule

@@ -106,8 +106,8 @@ class Branches(BranchTable):
         touching: tuple[tuple[tuple[str, str], ...], ...] | None = None,
     ) -> None:
         """Make the rows of one target, an array of one's own, read-only."""
-        super().__init__(rows)
-        self.dropped, self.touching = dropped, touching
+        rows.flags.writeable = False
+        self.rows, self.dropped, self.touching = rows, dropped, touching
 
     def __reduce__(self) -> tuple[object, tuple[object, ...]]:
         """Rebuild from the array, which stays read-only."""
@@ -116,6 +116,10 @@ class Branches(BranchTable):
     def __repr__(self) -> str:
         """How many there are, and how many of them are within the limits."""
         return f"Branches({len(self)}, {int(self.within_limits.sum())} within the limits)"
+
+    def configuration(self, index: int) -> NDArray[np.float64]:
+        """(6,) `q` of one branch."""
+        return self.rows[index, :6]
 
     def each_within_limits(self) -> Iterator[int]:
         """The indices of the branches within the limits, in order."""
@@ -140,12 +144,12 @@ class Branches(BranchTable):
 
     def nearest(self) -> NDArray[np.float64] | None:
         """The branch (6,) within the limits [rad] nearest to the seed; None when there is none."""
-        return next((self.rows[index, :6] for index in self.each_within_limits()), None)
+        return next((self.configuration(index) for index in self.each_within_limits()), None)
 
     def widest(self) -> NDArray[np.float64] | None:
         """The branch (6,) within the limits [rad] with the largest limit margin; None when there is none."""
         indices = list(self.each_within_limits())
-        return self.rows[indices[int(self.margin[indices].min(axis=1).argmax())], :6] if indices else None
+        return self.configuration(indices[int(self.margin[indices].min(axis=1).argmax())]) if indices else None
 
 
 class BestBranches(BranchTable):

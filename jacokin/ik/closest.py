@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -14,10 +14,9 @@ from jacokin.arrays import Array
 from jacokin.ik import seeds
 from jacokin.ik.diagnosis import Outcome
 from jacokin.ik.many import Chain, angle_and_axis, cross
-from jacokin.ik.request import Request
 from jacokin.ik.results import IKResult, Status
-from jacokin.ik.targets import RADIAN_IN_METRES, TargetPose
-from jacokin.ik.verification import Effort, Verifier
+from jacokin.ik.targets import RADIAN_IN_METRES, Request, TargetPose
+from jacokin.ik.verification import Candidate, Effort, Verifier
 from jacokin.model import angles
 
 SMALL_ANGLE = 1e-4  # [rad] below it the series of x cot(x) is exact in double precision
@@ -317,62 +316,51 @@ class Reach:
         return target.moved_to(self._shoulder + away / distance * (FARTHEST * self._radius))
 
 
-class Closest(NamedTuple):
-    """Where a search ended, and what it took."""
-
-    q: Array
-    """(dof,) within the limits [rad]."""
-    iterations: int
-    """Steps of all descents."""
-    starts: int
-    """Descents."""
-    qp_solver: str | None = None
-    """The solver that was tried before."""
-
-
 class ClosestSearch:
-    """The search for one robot, frame and tool; immutable, and may be shared between threads.
-
-    Attributes:
-        reach: what the tool cannot leave.
-    """
+    """The search for one robot, frame and tool; immutable, and may be shared between threads."""
 
     def __init__(self, verifier: Verifier) -> None:
-        """Read the joints of the robot."""
-        self.reach = Reach(verifier)
+        """Take the arm; its joints are read when first needed."""
         self._verifier = verifier
         self._robot = verifier.robot
         self._circular = verifier.robot.unlimited & ~verifier.robot.sliding
-        self._chain = Chain(verifier.robot, verifier.frame_id, verifier.tool)
 
-    def result(
+    @functools.cached_property
+    def reach(self) -> Reach:
+        """What the tool cannot leave."""
+        return Reach(self._verifier)
+
+    @functools.cached_property
+    def _chain(self) -> Chain:
+        return Chain(self._robot, self._verifier.frame_id, self._verifier.tool)
+
+    def solve(
         self, request: Request, outcome: Outcome, nearby: Sequence[Array], before: Effort | None = None
     ) -> IKResult:
-        """The closest configuration; a success after all if it meets the tolerances.
+        """The closest configuration, or the seed where none is asked for; a success after all if it is one.
 
         Args:
-            request: what was asked for.
+            request: what was asked for, with a pose or a position as its target.
             outcome: why it is not reached.
             nearby: configurations (dof,) within the limits to descend from, besides the seed and random ones.
             before: what was tried already; its counts go on.
         """
-        verifier, target = self._verifier, request.target
-        found = self.find(self.reach.pulled_in(target), [*nearby, request.seed], request.generator())
+        verifier, target, seed = self._verifier, request.target, request.seed
+        message = request.message(outcome.message)
+        if not request.closest:
+            return verifier.result(Candidate(seed, target, ""), outcome.status, message)
+        found, effort = self.find(self.reach.pulled_in(target), [*nearby, seed], request.generator())
         if before is not None:
-            counts = found.iterations + before.iterations, found.starts + before.starts
-            found = Closest(found.q, *counts, before.qp_solver)
-        q = angles.nearest_copy(found.q, request.seed, self._circular)
-        errors, touching = verifier.measure(q, target), verifier.touching(q)
-        result = verifier.result(
-            q, outcome.status, errors, request.message(outcome.message), effort=found, touching=touching
-        )
-        if verifier.reached(q, errors) and not (touching and verifier.rejects_contact):
-            message = request.message("found while looking for the closest configuration")
-            return replace(result, status=Status.OK, message=message)
-        return result
+            effort = Effort(effort.iterations + before.iterations, effort.starts + before.starts, before.qp_solver)
+        q = angles.nearest_copy(found, seed, self._circular)
+        closest = Candidate(q, target, "found while looking for the closest configuration", effort=effort)
+        result = verifier.select([closest], request, "")
+        if result is not None and result.success:
+            return result
+        return verifier.result(closest, outcome.status, message, touching=verifier.touching(q))
 
-    def find(self, target: TargetPose, first: Sequence[Array], rng: np.random.Generator) -> Closest:
-        """The least measure that the descents end in.
+    def find(self, target: TargetPose, first: Sequence[Array], rng: np.random.Generator) -> tuple[Array, Effort]:
+        """The configuration (dof,) within the limits of the least measure that descents end in, and what they took.
 
         Args:
             target: what to come close to.
@@ -387,7 +375,7 @@ class ClosestSearch:
             taken, state = descend(measure, state, stage, self._robot.lower, self._robot.upper)
             steps += taken * len(state.q)
             state = state.at(self._nearest(state.q, measure.exact(state.q), stage.kept))
-        return Closest(state.q[0], steps, starts)
+        return state.q[0], Effort(steps, starts)
 
     def _nearest(self, q: Array, value: Array, most: int) -> NDArray[np.intp]:
         """The configurations with the least measure that differ from each other, the least one first."""

@@ -34,7 +34,7 @@ class Mildest(NamedTuple):
     """Value of the free parameter [rad]."""
 
 
-def of_branches(rows: Branches, joint_names: Sequence[str]) -> Outcome:
+def explain_branches(rows: Branches, joint_names: Sequence[str]) -> Outcome:
     """When no branch of the closed form is a success: there is none, or each breaks a limit, or some may be missing."""
     if rows.dropped:
         return Outcome(
@@ -57,7 +57,7 @@ def of_branches(rows: Branches, joint_names: Sequence[str]) -> Outcome:
     )
 
 
-def of_family(complete: bool, branches: int, mildest: Mildest | None, joint_names: Sequence[str]) -> Outcome:
+def explain_family(complete: bool, branches: int, mildest: Mildest | None, joint_names: Sequence[str]) -> Outcome:
     """When no member of a family is a success: nothing reaches the target, or every branch breaks a limit throughout.
 
     Args:
@@ -87,15 +87,15 @@ def _broken(joint_names: Sequence[str], excess: Array) -> str:
     )
 
 
-def of_descents(starts: int, *, failed: bool) -> Outcome:
+def explain_descents(starts: int, *, failed: bool) -> Outcome:
     """When no descent of the QP reaches the target: that proves nothing, unless the solver itself failed."""
     if failed:
         return Outcome(Status.SOLVER_ERROR, "no QP solver solved the step")
     return Outcome(Status.NO_CONVERGENCE, f"{starts} starts ended in local minima")
 
 
-def of_contact(what: str, nearest: Sequence[tuple[str, str]]) -> Outcome:
-    """When every configuration that reaches the target is in self-contact.
+def explain_contact(what: str, nearest: Sequence[tuple[str, str]]) -> str:
+    """When every configuration that reaches the target is in contact: the message that goes with IN_COLLISION.
 
     Args:
         what: which configurations those are, and which one is named.
@@ -103,9 +103,7 @@ def of_contact(what: str, nearest: Sequence[tuple[str, str]]) -> Outcome:
     """
     named = ", ".join(f"{a} and {b}" for a, b in nearest[:NAMED_PAIRS])
     more = len(nearest) - NAMED_PAIRS
-    return Outcome(
-        Status.IN_COLLISION, f"{what} at {named} and {more} more pairs" if more > 0 else f"{what} at {named}"
-    )
+    return f"{what} at {named} and {more} more pairs" if more > 0 else f"{what} at {named}"
 
 
 def diagnose_posture(within_limits: bool, touching: Sequence[tuple[str, str]]) -> Status:

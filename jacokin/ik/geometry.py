@@ -65,11 +65,14 @@ def _align_z(joint: pin.JointModel, name: str) -> NDArray[np.float64]:
         axis = np.asarray(joint.extract().axis, dtype=np.float64).reshape(3)
     else:
         raise StructureError(f"the closed form needs revolute joints; joint {name!r} is a {kind}", (name, name))
-    if axis[2] == 1.0:
-        return np.eye(3)
-    x = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
+    return np.eye(3) if axis[2] == 1.0 else frame_with_z(axis)
+
+
+def frame_with_z(z: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A rotation (3, 3) whose third column is a unit vector (3,)."""
+    x = np.cross(z, np.eye(3)[int(np.argmin(np.abs(z)))])
     x /= np.linalg.norm(x)
-    return np.column_stack([x, np.cross(axis, x), axis])
+    return np.column_stack([x, np.cross(z, x), z])
 
 
 def axes_at_zero(

@@ -35,31 +35,23 @@ TIE = 1e-9
 Prefer: TypeAlias = str | Callable[[Array], float]
 
 
-def checked(prefer: object) -> Prefer:
-    """A preference.
+def cost_of(prefer: Prefer, robot: Robot, frame: str) -> Cost | None:
+    """The cost that a preference stands for; None for the distance to the seed.
+
+    Args:
+        prefer: a name, or a function of q (dof,).
+        robot: the arm.
+        frame: whose manipulability counts.
 
     Raises:
         UnknownNameError: an unknown name; lists the valid ones.
         InvalidInputError: neither a name nor callable.
     """
-    if isinstance(prefer, str):
-        return checks.choice("prefer", prefer, PREFERENCES)
-    if not callable(prefer):
-        raise InvalidInputError(f"prefer must be one of {', '.join(PREFERENCES)}, or callable, got {shown(prefer)}")
-    return prefer
-
-
-def cost_of(prefer: Prefer, robot: Robot, frame: str) -> Cost | None:
-    """The cost that a preference stands for; None for the distance to the seed.
-
-    Args:
-        prefer: what `checked` returned.
-        robot: the arm.
-        frame: whose manipulability counts.
-    """
     if callable(prefer):
         return _by_function(prefer)
-    if prefer == "margin":
+    if not isinstance(prefer, str):
+        raise InvalidInputError(f"prefer must be one of {', '.join(PREFERENCES)}, or callable, got {shown(prefer)}")
+    if checks.choice("prefer", prefer, PREFERENCES) == "margin":
         return by_margin(robot)
     if prefer == "manipulability":
         return lambda rows: np.array([-robot.manipulability(q, frame) for q in rows])

@@ -19,7 +19,6 @@ from numpy.typing import ArrayLike, NDArray
 from jacokin.arrays import Array
 from jacokin.chunks.execution import follow_parent
 from jacokin.errors import InvalidInputError, JacokinError, shown
-from jacokin.ik.request import joined
 from jacokin.ik.results import BatchResult, IKResult, Status
 from jacokin.ik.seeds import FARTHEST_SEED, seed_within_limits
 from jacokin.ik.targets import checked_batch
@@ -133,7 +132,7 @@ class _Columns:
         self.errors[index] = result.position_error, result.orientation_error
         self.status[index], self.method[index] = result.status, result.method
         self.success[index] = result.success
-        self.message[index] = joined(result.message, self._notes[index])
+        self.message[index] = f"{result.message}; {self._notes[index]}" if self._notes[index] else result.message
         if result.parameter is not None:
             self.parameter[index] = result.parameter
 

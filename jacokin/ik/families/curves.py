@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
+from jacokin.ik.geometry import frame_with_z
+from jacokin.ik.targets import TargetPose
 from jacokin.kernels.compiled.library import CurveCall
 from jacokin.kernels.compiled.loading import KERNELS
 from jacokin.kernels.self_motion.arcs import ARCS, FOLD_END, LOST_END, NODES, RANGE_END, SEAM_END
@@ -48,7 +50,7 @@ class Piece(NamedTuple):
         return self._replace(nodes=nodes, ends=self.ends + turns)
 
 
-class Found(NamedTuple):
+class FoundCurves(NamedTuple):
     """Everything about one target."""
 
     pieces: list[Piece]
@@ -56,7 +58,7 @@ class Found(NamedTuple):
     complete: bool
 
 
-def read(work: CurveWork, count: int) -> Found:
+def read(work: CurveWork, count: int) -> FoundCurves:
     """Copy the pieces out of the arrays of a call that found so many intervals."""
     parameter = int(work.options[1])
     size, number = work.arcs.size.tolist()
@@ -77,7 +79,7 @@ def read(work: CurveWork, count: int) -> Found:
             of_closed_curve(group, parameter) if closed else [part for p in group for part in of_one_turn(p, parameter)]
         )
     full = size == NODES or number == ARCS or count == INTERVALS
-    return Found(pieces, arcs, not (full or work.counts[1] or work.counts[2]))
+    return FoundCurves(pieces, arcs, not (full or work.counts[1] or work.counts[2]))
 
 
 def whole_piece(nodes: Array, branch: int) -> Piece:
@@ -125,7 +127,7 @@ FIRST_SLICE = -math.pi + 1.2345
 SAME_SLICE, MOST_SLICES = 1e-3, SLICES - 16
 
 
-class Arm(NamedTuple):
+class CurveArm(NamedTuple):
     """What the kernels know about an arm, as arrays that are not changed."""
 
     parameter: int
@@ -135,13 +137,18 @@ class Arm(NamedTuple):
     circular: bool  # every joint has either no limits, or one copy of an angle at most within them
 
 
-class Problem(NamedTuple):
+class CurveProblem(NamedTuple):
     """One target for one arm."""
 
-    arm: Arm
+    arm: CurveArm
     chain: Array  # (8, 3, 4)
     T: Array  # (4, 4)
-    axis: Array  # (3,) the free axis in the tool frame
+    free_axis: FreeAxis | None  # of six joints
+
+    @property
+    def closed(self) -> bool:
+        """Whether the parameter goes round a circle."""
+        return self.free_axis is None or self.free_axis.full_turn
 
 
 class Curves:
@@ -149,7 +156,7 @@ class Curves:
 
     __slots__ = ("_arm", "_idle")
 
-    def __init__(self, arm: Arm) -> None:
+    def __init__(self, arm: CurveArm) -> None:
         """Keep the arm, and load compiled kernels if there are any."""
         self._arm = arm
         self._idle: list[CurveCall] = []  # each thread takes one, or makes one, and puts it back
@@ -159,27 +166,33 @@ class Curves:
         """Working memory is made anew."""
         return Curves, (self._arm,)
 
-    def problem(self, T: Array, axis: Array | None = None) -> Problem:
-        """A target T_base_tool (4, 4), for six joints with a free axis (3,) in the tool frame."""
-        if axis is None:
-            return Problem(self._arm, self._arm.chain, T, np.zeros(3))
+    @property
+    def parameter(self) -> int:
+        """Index of the parameter among the seven joints."""
+        return self._arm.parameter
+
+    def problem(self, target: TargetPose) -> CurveProblem:
+        """A target for the kernels: a pose of seven joints, or a free axis of six."""
+        free = target.free_axis
+        if free is None:
+            return CurveProblem(self._arm, self._arm.chain, target.matrix, None)
         # Turning the tool about the axis by p is turning it back by a seventh joint of angle p about minus the axis.
-        align = _frame_with_z(-axis)
+        align = frame_with_z(-free.axis)
         chain = np.zeros((8, 3, 4))
         chain[:7] = self._arm.chain
         chain[6, :, :3] = chain[6, :, :3] @ align
         chain[7, :, :3] = align.T
-        return Problem(self._arm, chain, T, axis)
+        return CurveProblem(self._arm, chain, target.matrix, free)
 
-    def find(self, problem: Problem, target: FreeAxis | None = None, also: Sequence[float] = ()) -> Found:
-        """All pieces of the curves of a problem, in the range of a target; `also` are parameters to solve at too."""
-        call = self._prepared(problem, target, also)
+    def find(self, problem: CurveProblem, also: Sequence[float] = ()) -> FoundCurves:
+        """All pieces of the curves of a problem, in the range of its target; `also` are parameters to solve at too."""
+        call = self._prepared(problem, also)
         call.work.options[0] = FIND_INTERVALS
         found = read(call.work, call())
         self._idle.append(call)
         return found
 
-    def nearest(self, problem: Problem, target: FreeAxis | None, seed: Array) -> Array | None:
+    def nearest(self, problem: CurveProblem, seed: Array) -> Array | None:
         """The point (7,) within the limits nearest to a seed (dof,), joints in the copies nearest to it.
 
         None where nothing is within the limits, where a curve was lost, or where limits of more than a turn leave a
@@ -187,10 +200,9 @@ class Curves:
         """
         if not problem.arm.circular:
             return None
-        call = self._prepared(problem, target)
-        return self._nearest(call, FIND_NEAREST, seed)
+        return self._nearest(self._prepared(problem), FIND_NEAREST, seed)
 
-    def nearest_on(self, problem: Problem, nodes: Array, seed: Array) -> Array | None:
+    def nearest_on(self, problem: CurveProblem, nodes: Array, seed: Array) -> Array | None:
         """As `nearest`, on a run of nodes (m, 14) alone."""
         if not problem.arm.circular:
             return None
@@ -212,35 +224,34 @@ class Curves:
         self._idle.append(call)
         return x
 
-    def _prepared(self, problem: Problem, target: FreeAxis | None, also: Sequence[float] = ()) -> CurveCall:
+    def _prepared(self, problem: CurveProblem, also: Sequence[float] = ()) -> CurveCall:
         """A call with everything about a problem filled in."""
-        call = self._take(SLICES_SIX if problem.arm.parameter == FREE_AXIS else SLICES_SEVEN)
-        work, arm = call.work, problem.arm
-        values, closed = _slices(arm.parameter, target)
-        values = _with(values, also)
+        arm, free = problem.arm, problem.free_axis
+        call = self._take(SLICES_SEVEN if free is None else SLICES_SIX)
+        work, values = call.work, _add(_slices(free), also)
         self._fill(call, problem)
-        if arm.parameter == FREE_AXIS:
+        if free is not None:
             work.six.chain[:] = arm.chain
             work.six.arm[:] = arm.constants
             work.six.limits[0], work.six.limits[1], work.six.limits[2] = -np.inf, np.inf, 0.0
-            work.six.axis[:] = problem.axis
+            work.six.axis[:] = free.axis
             work.six.seed[:] = 0.0
         else:
             work.seven.arm[:] = arm.constants
         work.cuts.limits[:] = arm.limits
         work.slices.p[: len(values)] = values
-        work.options[:] = FIND_INTERVALS, arm.parameter, len(values), int(closed)
+        work.options[:] = FIND_INTERVALS, arm.parameter, len(values), int(problem.closed)
         return call
 
-    def at_share(self, problem: Problem, chord: Array, share: float) -> Array | None:
+    def at_share(self, problem: CurveProblem, chord: Array, share: float) -> Array | None:
         """The point (7,) of a curve across the chord between two nodes (2, 14), at a share of it."""
         return self._point(problem, chord, share, FIND_AT_SHARE)
 
-    def at_parameter(self, problem: Problem, chord: Array, parameter: float) -> Array | None:
+    def at_parameter(self, problem: CurveProblem, chord: Array, parameter: float) -> Array | None:
         """The point (7,) of a curve between two nodes (2, 14) where the parameter has a value between theirs [rad]."""
         return self._point(problem, chord, parameter, FIND_AT_PARAMETER)
 
-    def _point(self, problem: Problem, chord: Array, at: float, task: int) -> Array | None:
+    def _point(self, problem: CurveProblem, chord: Array, at: float, task: int) -> Array | None:
         call = self._take(1)
         self._fill(call, problem)
         call.work.chord[:] = chord
@@ -261,15 +272,15 @@ class Curves:
                 return call
         return CurveCall(library)
 
-    def _fill(self, call: CurveCall, problem: Problem) -> None:
+    def _fill(self, call: CurveCall, problem: CurveProblem) -> None:
         call.work.chain[:] = problem.chain
         call.work.T[:] = problem.T
 
 
-def arm_of(parameter: int, chain: Array, constants: Array, lower: Array, upper: Array) -> Arm:
+def arm_of(parameter: int, chain: Array, constants: Array, lower: Array, upper: Array) -> CurveArm:
     """What the kernels need of an arm, with limits (dof,) [rad]."""
     one_copy = np.isinf(upper - lower) | (upper - lower < TURN)
-    return Arm(parameter, chain, constants, limits_of(lower, upper), bool(one_copy.all()))
+    return CurveArm(parameter, chain, constants, limits_of(lower, upper), bool(one_copy.all()))
 
 
 def limits_of(lower: Array, upper: Array) -> Array:
@@ -284,26 +295,19 @@ def limits_of(lower: Array, upper: Array) -> Array:
     return limits
 
 
-def _slices(parameter: int, target: FreeAxis | None) -> tuple[Array, bool]:
-    """Values of the parameter to solve at, and whether they close the circle."""
-    slices = SLICES_SIX if parameter == FREE_AXIS else SLICES_SEVEN
-    if target is None or target.full_turn:
-        return np.asarray(FIRST_SLICE + TURN / slices * np.arange(slices)), True
-    low, high = target.range
-    return np.linspace(low, high, 2 + math.ceil(slices * (high - low) / TURN)), False
+def _slices(free: FreeAxis | None) -> Array:
+    """Values of the parameter to solve at: an angle about a free axis, or joint 3 where there is none."""
+    slices = SLICES_SEVEN if free is None else SLICES_SIX
+    if free is None or free.full_turn:
+        return np.asarray(FIRST_SLICE + TURN / slices * np.arange(slices))
+    low, high = free.range
+    return np.linspace(low, high, 2 + math.ceil(slices * (high - low) / TURN))
 
 
-def _with(values: Array, also: Sequence[float]) -> Array:
+def _add(values: Array, also: Sequence[float]) -> Array:
     """Rising values with some more between them, in their copies there, as many as there is room for."""
     for p in also:
         moved = p - TURN * math.floor((p - values[0]) / TURN)
         if moved < values[-1] and np.abs(values - moved).min() > SAME_SLICE and len(values) < MOST_SLICES:
             values = np.sort(np.append(values, moved))
     return values
-
-
-def _frame_with_z(z: Array) -> Array:
-    """A rotation (3, 3) whose third column is a unit vector (3,)."""
-    x = np.cross(z, np.eye(3)[int(np.argmin(np.abs(z)))])
-    x /= np.linalg.norm(x)
-    return np.column_stack([x, np.cross(z, x), z])

@@ -21,10 +21,9 @@ from jacokin.errors import InvalidInputError, JacokinError
 from jacokin.ik.families.tracks import Track
 from jacokin.ik.preferences import Cost, by_distance, by_margin, minima, refined
 from jacokin.ik.targets import TargetPose
-from jacokin.ik.verification import Verifier
+from jacokin.ik.verification import Candidate, Verifier
 from jacokin.model import angles, checks
 from jacokin.model.angles import TURN
-from jacokin.model.poses import FreeAxis
 from jacokin.model.robot import Robot
 
 #: [m] and [rad]; members of a family close this well.
@@ -38,7 +37,7 @@ class Members:
     """One target of one arm."""
 
     verifier: Verifier
-    target: FreeAxis | TargetPose
+    target: TargetPose
     seed: Array
     """(dof,) unlimited joints take the 2 pi copy nearest to this [rad]."""
 
@@ -47,17 +46,19 @@ class Members:
         """The arm."""
         return self.verifier.robot
 
-    def pose_at(self, parameter: float) -> TargetPose:
-        """What the tool is brought to where the parameter has a value [rad]."""
-        if isinstance(self.target, TargetPose):
-            return self.target
-        return TargetPose(self.target.matrix_at(parameter), position_only=False)
-
     def parameter(self, q: Array) -> float:
         """The parameter [rad] of a configuration (dof,)."""
-        if isinstance(self.target, TargetPose):
-            return float(q[2])
-        return self.target.parameter_of(self.verifier.tool_pose(q).rotation)
+        free = self.target.free_axis
+        return float(q[2]) if free is None else free.parameter_of(self.verifier.tool_pose(q).rotation)
+
+    def candidate(self, q: Array, parameter: float) -> Candidate:
+        """A member (dof,) in the copies that are wanted, with its parameter [rad] in the range of the target."""
+        free = self.target.free_axis
+        if free is None:
+            p = float(q[2])  # joint 3 itself, in its copy
+        else:
+            p = float(angles.wrap_to_pi(parameter)) if free.full_turn else self.target.nearest_angle(parameter)
+        return Candidate(q, self.target.at(p), f"parameter {p:.6g} rad", p)
 
     def copies(self, q: Array, seed: Array) -> Array:
         """(..., dof) the copies within the limits nearest to a seed (dof,)."""
@@ -69,10 +70,10 @@ class Members:
         Raises:
             JacokinError: it does not, which cannot happen.
         """
-        errors = self.verifier.measure(q, self.pose_at(parameter))
+        errors = self.verifier.measure(q, self.target.at(parameter))
         if max(errors) > MEMBER_CLOSURE:  # a joint that is near its limit all along, moved onto it
             q = self._settled(q, parameter)
-            errors = self.verifier.measure(q, self.pose_at(parameter))
+            errors = self.verifier.measure(q, self.target.at(parameter))
         if max(errors) > MEMBER_CLOSURE or not self.robot.within_limits(q):
             raise JacokinError(
                 f"internal error: a member of a family misses its target by {errors[0]:.3g} m and "
@@ -82,7 +83,7 @@ class Members:
 
     def _settled(self, q: Array, parameter: float) -> Array:
         """A configuration (dof,) brought nearer to the target by the joints that are not on a limit."""
-        robot, pose = self.robot, self.pose_at(parameter)
+        robot, pose = self.robot, self.target.at(parameter)
         held = (q == robot.lower) | (q == robot.upper)
         goal = pin.SE3(pose.rotation, pose.position)
         for _ in range(SETTLING_STEPS):

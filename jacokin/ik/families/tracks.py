@@ -11,7 +11,7 @@ import numpy as np
 
 from jacokin.arrays import Array
 from jacokin.errors import JacokinError
-from jacokin.ik.families.curves import SAME_PARAMETER, Curves, Piece, Problem
+from jacokin.ik.families.curves import SAME_PARAMETER, CurveProblem, Curves, Piece
 from jacokin.model.angles import TURN
 
 #: [rad] distance in joint space between guesses along a track.
@@ -49,12 +49,12 @@ class CurveTrack(Track):
 
     __slots__ = ("_curves", "_parameter", "_piece", "_problem", "_turns", "start", "stop")
 
-    def __init__(self, curves: Curves, problem: Problem, piece: Piece, closed: bool) -> None:
+    def __init__(self, curves: Curves, problem: CurveProblem, piece: Piece) -> None:
         """Take a piece; on a closed circle of parameters the start is moved into [-pi, pi)."""
         self._curves, self._problem, self._piece = curves, problem, piece
         self._parameter = problem.arm.parameter
         start, stop = piece.ends[:, self._parameter].tolist()
-        turns = -TURN * np.floor((start + np.pi) / TURN) if closed else 0.0
+        turns = -TURN * np.floor((start + np.pi) / TURN) if problem.closed else 0.0
         self._turns = turns
         self.start, self.stop = start + turns, max(start, stop) + turns
 
