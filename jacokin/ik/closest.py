@@ -177,7 +177,7 @@ SETTLED = 1e-8  # [m] less progress of the nearest descent in `PATIENCE` steps e
 PATIENCE = 8
 
 
-class Stage(NamedTuple):
+class DescentStage(NamedTuple):
     """How the descents go on for a while."""
 
     convex: bool
@@ -190,7 +190,7 @@ class Stage(NamedTuple):
     """How many descents go on to the next stage."""
 
 
-class State(NamedTuple):
+class DescentState(NamedTuple):
     """What k descents go on with."""
 
     q: Array
@@ -200,18 +200,20 @@ class State(NamedTuple):
     damping: Array
     """(k,)."""
 
-    def at(self, rows: NDArray[np.intp]) -> State:
+    def at(self, rows: NDArray[np.intp]) -> DescentState:
         """Some of the descents."""
         duals = None if self.duals is None else Duals(*(column[rows] for column in self.duals))
-        return State(self.q[rows], duals, self.damping[rows])
+        return DescentState(self.q[rows], duals, self.damping[rows])
 
 
-def begin(q: Array) -> State:
+def begin(q: Array) -> DescentState:
     """Descents from configurations (k, dof)."""
-    return State(q, None, np.full(len(q), DAMPING))
+    return DescentState(q, None, np.full(len(q), DAMPING))
 
 
-def descend(measure: Measure, state: State, stage: Stage, lower: Array, upper: Array) -> tuple[int, State]:
+def descend(
+    measure: Measure, state: DescentState, stage: DescentStage, lower: Array, upper: Array
+) -> tuple[int, DescentState]:
     """The descents after the steps of a stage, and how many steps those were."""
     points = measure.points(state.q, stage.smoothing, state.duals, convex=stage.convex)
     duals = state.duals or Duals(points.position, points.rotation)
@@ -221,7 +223,7 @@ def descend(measure: Measure, state: State, stage: Stage, lower: Array, upper: A
     for taken in range(stage.steps):
         best.append(float(points.value.min()))
         if best[-1 - PATIENCE] - best[-1] < SETTLED:
-            return taken, State(points.q, duals, damping)
+            return taken, DescentState(points.q, duals, damping)
         step = _bounded_step(points, curvature, damping, lower, upper)
         moved = np.clip(points.q + step, lower, upper)
         step = moved - points.q
@@ -237,10 +239,10 @@ def descend(measure: Measure, state: State, stage: Stage, lower: Array, upper: A
         damping = np.where(ratio < BAD_MODEL, np.minimum(MORE_DAMPING * damping, MOST_DAMPING), damping)
     if stage.convex:  # its damping and vectors mean little to the measure itself
         return stage.steps, begin(points.q)
-    return stage.steps, State(points.q, duals, damping)
+    return stage.steps, DescentState(points.q, duals, damping)
 
 
-def _positive(hessian: Array, stage: Stage) -> Array:
+def _positive(hessian: Array, stage: DescentStage) -> Array:
     """Hessians with their eigenvalues made positive: saddle points repel."""
     if stage.convex:
         return hessian
@@ -276,10 +278,10 @@ STARTS = 112  # nearest ones that descend
 COARSE = 1e-2  # [m] smoothing of the first stage, which only gets near
 FINE = 1e-6  # [m] smoothing of the others: as much may be missing in the end
 STAGES = (
-    Stage(True, COARSE, steps=6, kept=36),
-    Stage(False, FINE, steps=10, kept=12),
-    Stage(False, FINE, steps=25, kept=3),
-    Stage(False, FINE, steps=80, kept=1),
+    DescentStage(True, COARSE, steps=6, kept=36),
+    DescentStage(False, FINE, steps=10, kept=12),
+    DescentStage(False, FINE, steps=25, kept=3),
+    DescentStage(False, FINE, steps=80, kept=1),
 )
 SAME = 1e-2  # [rad] descents nearer than this to each other have met
 

@@ -33,7 +33,7 @@ MAX_RESTARTS = 100
 
 
 @dataclass(frozen=True, slots=True)
-class Options:
+class SolverOptions:
     """The options of a solver, checked; see `IKSolver`.
 
     Raises:

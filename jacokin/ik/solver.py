@@ -32,7 +32,7 @@ from jacokin.ik.options import (
     MAX_RESTARTS,
     ORIENTATION_TOLERANCE,
     POSITION_TOLERANCE,
-    Options,
+    SolverOptions,
 )
 from jacokin.ik.preferences import Cost, Prefer
 from jacokin.ik.results import BatchResult, IKResult
@@ -101,7 +101,7 @@ class IKSolver:
             ModelError: contact is asked for and the description has no shapes to check.
         """
         checked_robot("robot", robot)
-        options = Options(
+        options = SolverOptions(
             method=method,
             qp_solver=qp_solver,
             collision=collision,
@@ -435,7 +435,7 @@ class IKSolver:
         return rows, self._verifier.reached_rows(rows) & rows.within_limits
 
 
-def _rebuild(robot: Robot, frame: str, tool: pin.SE3 | None, options: Options) -> IKSolver:
+def _rebuild(robot: Robot, frame: str, tool: pin.SE3 | None, options: SolverOptions) -> IKSolver:
     given = {field.name: getattr(options, field.name) for field in dataclasses.fields(options)}
     return IKSolver(robot, frame, tool=tool, **given)
 

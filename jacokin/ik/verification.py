@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from jacokin.arrays import Array
 from jacokin.ik import diagnosis, targets
 from jacokin.ik.closed_form import BranchTable
-from jacokin.ik.options import Options
+from jacokin.ik.options import SolverOptions
 from jacokin.ik.results import IKResult, IKResultDraft, Status
 from jacokin.ik.seeds import inside_exactly
 from jacokin.ik.targets import Request, TargetPose
@@ -61,7 +61,7 @@ class Verifier:
         options: the solver's options.
     """
 
-    def __init__(self, robot: Robot, frame: str, tool: pin.SE3 | None, options: Options) -> None:
+    def __init__(self, robot: Robot, frame: str, tool: pin.SE3 | None, options: SolverOptions) -> None:
         """Prepare measuring; the shapes for contact are loaded when asked for.
 
         Raises:
@@ -169,7 +169,7 @@ class Verifier:
         return cast(IKResult, made)
 
 
-def _contact(robot: Robot, options: Options) -> Contact:
+def _contact(robot: Robot, options: SolverOptions) -> Contact:
     from jacokin.model.contact import Contact  # loads MuJoCo
 
     scene = options.scene

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from jacokin.arrays import Array
 from jacokin.errors import ModelError, PhysicsError
 from jacokin.ik import targets
-from jacokin.ik.options import ORIENTATION_TOLERANCE, POSITION_TOLERANCE, Options
+from jacokin.ik.options import ORIENTATION_TOLERANCE, POSITION_TOLERANCE, SolverOptions
 from jacokin.ik.solver import IKSolver
 from jacokin.ik.verification import Verifier
 from jacokin.model.descriptions import mjcf
@@ -94,7 +94,7 @@ class SiteSolver:
         if not self.has_closed_form:
             from jacokin.ik.qp import QPSearch  # imports mink, which arms with a closed form do not need
 
-            self._qp = QPSearch(Verifier(robot, SITE, None, Options()))
+            self._qp = QPSearch(Verifier(robot, SITE, None, SolverOptions()))
         with_branches = self.has_closed_form and not self._has_families
         self._nearest = self._solver.closed_form().nearest_branch() if with_branches else None
         self._T = np.eye(4) if self._nearest is None else self._nearest.T
