@@ -1,15 +1,15 @@
-"""Every inverse-kinematics branch of a six-joint Jaco, in closed form.
+"""`ClosedForm`: every branch of a six-joint Jaco at a pose, and `Branches`, which holds them.
 
 The arm has no spherical wrist, yet its joint axes are so placed that the whole problem is one trigonometric polynomial
-of degree 8 in joint 6. ``docs/closed_form.md`` derives it; the modules to read are, in this order:
+of degree 8 in joint 6. ``docs/closed_form.md`` derives it; what computes is, in the order to read it:
 
-    geometry            what is measured on the model, and when it is refused
-    kernels/resultant   F(q6), the polynomial
-    kernels/roots       all its real roots
-    kernels/wrist       from a root to candidates (q1, q5, q6), refined on three smooth equations, then q2, q3, q4
-    kernels/spherical   the same for the spherical variants
-    kernels/pose        verification on the model itself, polishing, limits, duplicates
-    compilation         the kernels as machine code, and when it is made
+    ik.geometry                     what is measured on the model, and when it is refused
+    kernels.closed_form.resultant   F(q6), the polynomial
+    kernels.closed_form.roots       all its real roots
+    kernels.closed_form.wrist       from a root to (q1, q5, q6), refined on three smooth equations, then q2, q3, q4
+    kernels.closed_form.spherical   the same for the spherical variants
+    kernels.closed_form.pose        verification on the model itself, polishing, limits, duplicates
+    kernels.compiled                the kernels as machine code, and when it is made
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from itertools import compress, count
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -209,11 +210,7 @@ class ClosedForm:
         Raises:
             StructureError: The axes of the model are not placed as the closed form needs them.
         """
-        geometry = measure(model, frame_id, tool)
-        self._chain = geometry.chain
-        self._arm = geometry.arm
-        self.spherical = geometry.spherical
-        self.misfit = geometry.misfit
+        self._chain, self._arm, self.misfit, self.spherical = measure(model, frame_id, tool)
         self._limits = np.ascontiguousarray([lower, upper, np.full(6, limit_snap)], dtype=np.float64)
         self._limits.flags.writeable = False
         self._calls: list[Call] = []  # idle ones; each thread takes one, or makes one, and puts it back
@@ -258,15 +255,23 @@ class ClosedForm:
             if library is None:
                 rows = np.empty((MAX_BRANCHES, COLUMNS))
                 some = self._chain, self._arm, self._limits, T[np.newaxis], seed[np.newaxis]
-                return None, rows, plainly(*some, rows, NO_BATCH)
+                return None, rows, run_python(*some, rows, NO_BATCH)
             call = Call(library, self._chain, self._arm, self._limits, np.empty((1, 4, 4)), np.empty((1, 6)))
         call.T[0] = T
         call.seed[0] = seed
         return call, call.rows, call()
 
-    def __reduce__(self) -> tuple[object, tuple[object, ...]]:
+    def __getstate__(self) -> tuple[object, ...]:
         """Pickle the constants; calls are made anew."""
-        return _rebuild, (self._chain, self._arm, self._limits, self.spherical, self.misfit)
+        return self._chain, self._arm, self._limits, self.spherical, self.misfit
+
+    def __setstate__(self, state: Any) -> None:
+        """Take the constants again, read-only."""
+        self._chain, self._arm, self._limits, self.spherical, self.misfit = state
+        for array in self.constants:
+            array.flags.writeable = False
+        self._calls = []
+        KERNELS.prepare()
 
     def solve_batch(self, T: NDArray[np.float64], seed: NDArray[np.float64], threads: int = 1) -> BestBranches:
         """The best branch of each of n targets.
@@ -284,7 +289,7 @@ class ClosedForm:
         def run(start: int, stop: int) -> None:
             some = self._chain, self._arm, self._limits, T[start:stop], seed[start:stop]
             if library is None:
-                plainly(*some, np.empty((MAX_BRANCHES, COLUMNS)), best[start:stop])
+                run_python(*some, np.empty((MAX_BRANCHES, COLUMNS)), best[start:stop])
             else:
                 Call(library, *some, best[start:stop])()
 
@@ -316,36 +321,17 @@ class NearestBranch:
 
     def __call__(self) -> NDArray[np.float64] | None:
         """The branch, (6,) [rad], an array of the caller's own; None without one."""
-        if self._call is None:
-            self._first_calls()
-        else:
+        if self._call is None and (library := KERNELS.for_poses(1)) is not None:
+            self._call = Call(library, *self._arrays)
+        if self._call is not None:
             self._call()
+        else:
+            *given, best = self._arrays
+            run_python(*given, np.empty((MAX_BRANCHES, COLUMNS)), best)
         return self._best[:6].copy() if self._best[WITHIN_LIMITS] == 1.0 else None
 
-    def _first_calls(self) -> None:
-        """Run the plain form until there is machine code."""
-        library = KERNELS.for_poses(1)
-        *given, best = self._arrays
-        if library is None:
-            plainly(*given, np.empty((MAX_BRANCHES, COLUMNS)), best)
-        else:
-            self._call = Call(library, *self._arrays)
-            self._call()
 
-
-def plainly(*arguments: NDArray[np.float64]) -> int:
-    """`kernels.batch.solve` without machine code, and as silent: squares of large distances are infinite."""
+def run_python(*arguments: NDArray[np.float64]) -> int:
+    """`closed_form.batch.solve` without machine code, and as silent: squares of large distances are infinite."""
     with np.errstate(all="ignore"):
         return solve(*arguments)
-
-
-def _rebuild(
-    chain: NDArray[np.float64], arm: NDArray[np.float64], limits: NDArray[np.float64], spherical: bool, misfit: float
-) -> ClosedForm:
-    form = ClosedForm.__new__(ClosedForm)
-    for array in (chain, arm, limits):
-        array.flags.writeable = False
-    form._chain, form._arm, form._limits = chain, arm, limits
-    form.spherical, form.misfit, form._calls = spherical, misfit, []
-    KERNELS.prepare()
-    return form

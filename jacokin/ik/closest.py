@@ -1,4 +1,12 @@
-"""`ClosestSearch`: the configuration within the limits that comes closest to a target that is not reached."""
+"""`ClosestSearch`: the configuration within the limits that comes closest to a target that is not reached.
+
+Random configurations are drawn, and the nearest of them descend, together with those that the caller has. After each
+stage the worse ones are dropped, and those that have met. Most minima are reached from many starts, so that the least
+one is seldom missed; `python -m benchmarks.closest` counts how often.
+
+A descent is Newton's method within the limits on a measure of the distance (`Measure`). A step solves a quadratic model
+inside the limits. It is taken when the measure shrinks; otherwise it is damped more, as Levenberg and Marquardt do.
+"""
 
 from __future__ import annotations
 
@@ -20,6 +28,146 @@ from jacokin.ik.verification import Candidate, Effort, Verifier
 from jacokin.model import angles
 
 SMALL_ANGLE = 1e-4  # [rad] below it the series of x cot(x) is exact in double precision
+DAMPING = 3e-3  # of the first step, in the unit of the Hessian [m / rad^2]
+LEAST_DAMPING, MOST_DAMPING = 1e-7, 1e4
+LESS_DAMPING, MORE_DAMPING = 0.2, 4.0  # factors after a step that the model foretold well, and badly
+GOOD_MODEL, BAD_MODEL = 0.7, 0.25  # parts of the foretold progress that were made
+LONGEST_STEP = 1.0  # [rad] a quadratic model says nothing beyond
+BOUND_PASSES = 2  # times that joints which pass a limit are held there and the others solved again
+SETTLED = 1e-8  # [m] less progress of the nearest descent in `PATIENCE` steps ends a stage
+PATIENCE = 8
+
+DRAWN = 1000  # random configurations that are measured
+STARTS = 112  # nearest ones that descend
+COARSE = 1e-2  # [m] smoothing of the first stage, which only gets near
+FINE = 1e-6  # [m] smoothing of the others: as much may be missing in the end
+SAME = 1e-2  # [rad] descents nearer than this to each other have met
+
+REACH_SLACK = 1e-3  # [m] more than any tolerance: a bound that can be trusted
+FARTHEST = 10.0  # arm lengths: from there on only the direction to the target matters
+
+
+class DescentStage(NamedTuple):
+    """How the descents go on for a while."""
+
+    convex: bool
+    """On the bound of the measure that is quadratic in the errors: robust, and slow near the end."""
+    smoothing: float
+    """Of the measure [m]."""
+    steps: int
+    """At most."""
+    kept: int
+    """How many descents go on to the next stage."""
+
+
+STAGES = (
+    DescentStage(True, COARSE, steps=6, kept=36),
+    DescentStage(False, FINE, steps=10, kept=12),
+    DescentStage(False, FINE, steps=25, kept=3),
+    DescentStage(False, FINE, steps=80, kept=1),
+)
+
+
+class ClosestSearch:
+    """The search for one robot, frame and tool; immutable, and may be shared between threads."""
+
+    def __init__(self, verifier: Verifier) -> None:
+        """Take the arm; its joints are read when first needed."""
+        self._verifier = verifier
+        self._robot = verifier.robot
+        self._circular = verifier.robot.unlimited & ~verifier.robot.sliding
+
+    @functools.cached_property
+    def reach(self) -> Reach:
+        """What the tool cannot leave."""
+        return Reach(self._verifier)
+
+    @functools.cached_property
+    def _chain(self) -> Chain:
+        return Chain(self._robot, self._verifier.frame_id, self._verifier.tool)
+
+    def solve(
+        self, request: Request, outcome: Outcome, nearby: Sequence[Array], before: Effort | None = None
+    ) -> IKResult:
+        """The closest configuration, or the seed where none is asked for; a success after all if it is one.
+
+        Args:
+            request: what was asked for, with a pose or a position as its target.
+            outcome: why it is not reached.
+            nearby: configurations (dof,) within the limits to descend from, besides the seed and random ones.
+            before: what was tried already; its counts go on.
+        """
+        verifier, target, seed = self._verifier, request.target, request.seed
+        message = request.message(outcome.message)
+        if not request.closest:
+            return verifier.result(Candidate(seed, target, ""), outcome.status, message)
+        found, effort = self.find(self.reach.pulled_in(target), [*nearby, seed], request.generator())
+        if before is not None:
+            effort = Effort(effort.iterations + before.iterations, effort.starts + before.starts, before.qp_solver)
+        q = angles.nearest_copy(found, seed, self._circular)
+        closest = Candidate(q, target, "found while looking for the closest configuration", effort=effort)
+        result = verifier.select([closest], request, "")
+        if result is not None and result.success:
+            return result
+        return verifier.result(closest, outcome.status, message, touching=verifier.touching(q))
+
+    def find(self, target: TargetPose, first: Sequence[Array], rng: np.random.Generator) -> tuple[Array, Effort]:
+        """The configuration (dof,) within the limits of the least measure that descents end in, and what they took.
+
+        Args:
+            target: what to come close to.
+            first: configurations (dof,) within the limits to descend from in any case.
+            rng: draws the others.
+        """
+        measure = Measure(self._chain, target)
+        drawn = seeds.random_configurations(self._robot, DRAWN, rng)
+        state = begin(np.vstack([*first, drawn[np.argsort(measure.exact(drawn))[:STARTS]]]))
+        starts, steps = len(state.q), 0
+        for stage in STAGES:
+            taken, state = descend(measure, state, stage, self._robot.lower, self._robot.upper)
+            steps += taken * len(state.q)
+            state = state.at(self._nearest(state.q, measure.exact(state.q), stage.kept))
+        return state.q[0], Effort(steps, starts)
+
+    def _nearest(self, q: Array, value: Array, most: int) -> NDArray[np.intp]:
+        """The configurations with the least measure that differ from each other, the least one first."""
+        chosen: list[int] = []
+        for index in np.argsort(value).tolist():
+            apart = angles.nearest_copy(q[chosen], q[index], self._circular) - q[index]
+            if (np.abs(apart).max(axis=1) > SAME).all():
+                chosen.append(index)
+                if len(chosen) == most:
+                    break
+        return np.array(chosen)
+
+
+class Reach:
+    """A ball around the origin of joint 1 that the tool cannot leave: the links laid end to end."""
+
+    def __init__(self, verifier: Verifier) -> None:
+        """Add up the links; the radius is infinite when a sliding joint has no limits."""
+        model, robot = verifier.robot.pin_model, verifier.robot
+        lengths = [float(np.linalg.norm(model.jointPlacements[joint].translation)) for joint in range(2, model.njoints)]
+        placed = model.frames[verifier.frame_id].placement
+        tip = placed if verifier.tool is None else placed * verifier.tool
+        lengths.append(float(np.linalg.norm(tip.translation)))
+        lengths.extend(np.maximum(np.abs(robot.lower), np.abs(robot.upper))[robot.sliding].tolist())
+        self._shoulder: Array = np.array(model.jointPlacements[1].translation)
+        self._radius = sum(lengths)
+
+    def exceeded(self, target: TargetPose) -> Outcome | None:
+        """When the target is provably out of reach, whatever the joint angles."""
+        if math.hypot(*(target.position - self._shoulder).tolist()) <= self._radius + REACH_SLACK:
+            return None
+        return Outcome(Status.UNREACHABLE, "the target is farther away than the arm is long")
+
+    def pulled_in(self, target: TargetPose) -> TargetPose:
+        """A target very far away, moved along the line of sight to where its errors are still exact to a micrometre."""
+        away = target.position - self._shoulder
+        distance = math.hypot(*away.tolist())
+        if not distance > FARTHEST * self._radius:
+            return target
+        return target.moved_to(self._shoulder + away / distance * (FARTHEST * self._radius))
 
 
 class Points(NamedTuple):
@@ -66,10 +214,25 @@ class Duals(NamedTuple):
 
 
 class Measure:
-    """The measure of one chain and target."""
+    """The distance of a configuration to a target, with its first and second derivatives, for many at once.
+
+    The measure is |p| + w |a|: position error p [m], weight w [m/rad], rotation vector a of the orientation error
+    [rad]. It has a kink where either vanishes, and its minima often lie there: the position exactly met, the
+    orientation not, or the other way round. With |x| = sqrt(x x + e e) the kinks are smooth but sharp, and Newton's
+    method overshoots.
+    So the unit vectors u = p / |p| and v = a / |a| are kept as unknowns of their own, in which the equations u |p| = p
+    are nearly linear: the primal-dual Newton method of Chan, Golub and Mulet (A nonlinear primal-dual method for total
+    variation-based image restoration, SIAM J. Sci. Comput. 20(6), 1999). At a kink u and v are the multipliers.
+
+    Second derivatives, for joint i at or before joint j (axes z, linear velocities l of the tool, both at unit rate):
+
+        of the position                 z_i x l_j
+        of the rotation, composed       (z_i x z_j) / 2, from the product of exponentials
+        of the angle, by a rotation     (1 - n n^T) cot(angle / 2) / 2
+    """
 
     def __init__(self, chain: Chain, target: TargetPose) -> None:
-        """Take over the target; a free orientation weighs nothing."""
+        """Take the target; a free orientation weighs nothing."""
         self._chain = chain
         self._target = target
         self._weight = 0.0 if target.position_only else RADIAN_IN_METRES
@@ -167,29 +330,6 @@ def _symmetric(a: Array, b: Array) -> Array:
     return np.asarray(0.5 * (product + product.transpose(0, 2, 1)))
 
 
-DAMPING = 3e-3  # of the first step, in the unit of the Hessian [m / rad^2]
-LEAST_DAMPING, MOST_DAMPING = 1e-7, 1e4
-LESS_DAMPING, MORE_DAMPING = 0.2, 4.0  # factors after a step that the model foretold well, and badly
-GOOD_MODEL, BAD_MODEL = 0.7, 0.25  # parts of the foretold progress that were made
-LONGEST_STEP = 1.0  # [rad] a quadratic model says nothing beyond
-BOUND_PASSES = 2  # times that joints which pass a limit are held there and the others solved again
-SETTLED = 1e-8  # [m] less progress of the nearest descent in `PATIENCE` steps ends a stage
-PATIENCE = 8
-
-
-class DescentStage(NamedTuple):
-    """How the descents go on for a while."""
-
-    convex: bool
-    """On the bound of the measure that is quadratic in the errors: robust, and slow near the end."""
-    smoothing: float
-    """Of the measure [m]."""
-    steps: int
-    """At most."""
-    kept: int
-    """How many descents go on to the next stage."""
-
-
 class DescentState(NamedTuple):
     """What k descents go on with."""
 
@@ -271,121 +411,3 @@ def _bounded_step(points: Points, curvature: Array, damping: Array, lower: Array
         held = held | past
     longest = np.abs(step).max(axis=1, keepdims=True)
     return np.asarray(step * np.minimum(1.0, LONGEST_STEP / np.maximum(longest, 1e-300)))
-
-
-DRAWN = 1000  # random configurations that are measured
-STARTS = 112  # nearest ones that descend
-COARSE = 1e-2  # [m] smoothing of the first stage, which only gets near
-FINE = 1e-6  # [m] smoothing of the others: as much may be missing in the end
-STAGES = (
-    DescentStage(True, COARSE, steps=6, kept=36),
-    DescentStage(False, FINE, steps=10, kept=12),
-    DescentStage(False, FINE, steps=25, kept=3),
-    DescentStage(False, FINE, steps=80, kept=1),
-)
-SAME = 1e-2  # [rad] descents nearer than this to each other have met
-
-REACH_SLACK = 1e-3  # [m] more than any tolerance: a bound that can be trusted
-FARTHEST = 10.0  # arm lengths: from there on only the direction to the target matters
-
-
-class Reach:
-    """A ball around the origin of joint 1 that the tool cannot leave: the links laid end to end."""
-
-    def __init__(self, verifier: Verifier) -> None:
-        """Add up the links; the radius is infinite when a sliding joint has no limits."""
-        model, robot = verifier.robot.pin_model, verifier.robot
-        lengths = [float(np.linalg.norm(model.jointPlacements[joint].translation)) for joint in range(2, model.njoints)]
-        placed = model.frames[verifier.frame_id].placement
-        tip = placed if verifier.tool is None else placed * verifier.tool
-        lengths.append(float(np.linalg.norm(tip.translation)))
-        lengths.extend(np.maximum(np.abs(robot.lower), np.abs(robot.upper))[robot.sliding].tolist())
-        self._shoulder: Array = np.array(model.jointPlacements[1].translation)
-        self._radius = sum(lengths)
-
-    def exceeded(self, target: TargetPose) -> Outcome | None:
-        """When the target is provably out of reach, whatever the joint angles."""
-        if math.hypot(*(target.position - self._shoulder).tolist()) <= self._radius + REACH_SLACK:
-            return None
-        return Outcome(Status.UNREACHABLE, "the target is farther away than the arm is long")
-
-    def pulled_in(self, target: TargetPose) -> TargetPose:
-        """A target very far away, moved along the line of sight to where its errors are still exact to a micrometre."""
-        away = target.position - self._shoulder
-        distance = math.hypot(*away.tolist())
-        if not distance > FARTHEST * self._radius:
-            return target
-        return target.moved_to(self._shoulder + away / distance * (FARTHEST * self._radius))
-
-
-class ClosestSearch:
-    """The search for one robot, frame and tool; immutable, and may be shared between threads."""
-
-    def __init__(self, verifier: Verifier) -> None:
-        """Take the arm; its joints are read when first needed."""
-        self._verifier = verifier
-        self._robot = verifier.robot
-        self._circular = verifier.robot.unlimited & ~verifier.robot.sliding
-
-    @functools.cached_property
-    def reach(self) -> Reach:
-        """What the tool cannot leave."""
-        return Reach(self._verifier)
-
-    @functools.cached_property
-    def _chain(self) -> Chain:
-        return Chain(self._robot, self._verifier.frame_id, self._verifier.tool)
-
-    def solve(
-        self, request: Request, outcome: Outcome, nearby: Sequence[Array], before: Effort | None = None
-    ) -> IKResult:
-        """The closest configuration, or the seed where none is asked for; a success after all if it is one.
-
-        Args:
-            request: what was asked for, with a pose or a position as its target.
-            outcome: why it is not reached.
-            nearby: configurations (dof,) within the limits to descend from, besides the seed and random ones.
-            before: what was tried already; its counts go on.
-        """
-        verifier, target, seed = self._verifier, request.target, request.seed
-        message = request.message(outcome.message)
-        if not request.closest:
-            return verifier.result(Candidate(seed, target, ""), outcome.status, message)
-        found, effort = self.find(self.reach.pulled_in(target), [*nearby, seed], request.generator())
-        if before is not None:
-            effort = Effort(effort.iterations + before.iterations, effort.starts + before.starts, before.qp_solver)
-        q = angles.nearest_copy(found, seed, self._circular)
-        closest = Candidate(q, target, "found while looking for the closest configuration", effort=effort)
-        result = verifier.select([closest], request, "")
-        if result is not None and result.success:
-            return result
-        return verifier.result(closest, outcome.status, message, touching=verifier.touching(q))
-
-    def find(self, target: TargetPose, first: Sequence[Array], rng: np.random.Generator) -> tuple[Array, Effort]:
-        """The configuration (dof,) within the limits of the least measure that descents end in, and what they took.
-
-        Args:
-            target: what to come close to.
-            first: configurations (dof,) within the limits to descend from in any case.
-            rng: draws the others.
-        """
-        measure = Measure(self._chain, target)
-        drawn = seeds.random_configurations(self._robot, DRAWN, rng)
-        state = begin(np.vstack([*first, drawn[np.argsort(measure.exact(drawn))[:STARTS]]]))
-        starts, steps = len(state.q), 0
-        for stage in STAGES:
-            taken, state = descend(measure, state, stage, self._robot.lower, self._robot.upper)
-            steps += taken * len(state.q)
-            state = state.at(self._nearest(state.q, measure.exact(state.q), stage.kept))
-        return state.q[0], Effort(steps, starts)
-
-    def _nearest(self, q: Array, value: Array, most: int) -> NDArray[np.intp]:
-        """The configurations with the least measure that differ from each other, the least one first."""
-        chosen: list[int] = []
-        for index in np.argsort(value).tolist():
-            apart = angles.nearest_copy(q[chosen], q[index], self._circular) - q[index]
-            if (np.abs(apart).max(axis=1) > SAME).all():
-                chosen.append(index)
-                if len(chosen) == most:
-                    break
-        return np.array(chosen)

@@ -23,8 +23,8 @@ class Outcome(NamedTuple):
     message: str
 
 
-class Mildest(NamedTuple):
-    """Of everything that reaches a target, what breaks limits least."""
+class LimitExcess(NamedTuple):
+    """A configuration that reaches a target, and by how much it is beyond the limits."""
 
     q: Array
     """(dof,) moved onto the limits it breaks [rad]."""
@@ -51,38 +51,40 @@ def explain_branches(rows: Branches, joint_names: Sequence[str]) -> Outcome:
             f"{rows.orientation_error[within].min():.3g} rad, which is rounding and more than the tolerances allow",
         )
     excess = np.maximum(-rows.margin, 0.0)
-    broken = _broken(joint_names, excess[np.argmin(excess.max(axis=1))])
+    exceeded = _exceeded(joint_names, excess[np.argmin(excess.max(axis=1))])
     return Outcome(
-        Status.OUTSIDE_LIMITS, f"each of the {len(rows)} branches breaks a limit; the mildest breaks {broken}"
+        Status.OUTSIDE_LIMITS,
+        f"each of the {len(rows)} branches is outside the limits; the closest one exceeds {exceeded}",
     )
 
 
-def explain_family(complete: bool, branches: int, mildest: Mildest | None, joint_names: Sequence[str]) -> Outcome:
+def explain_family(complete: bool, branches: int, least: LimitExcess | None, joint_names: Sequence[str]) -> Outcome:
     """When no member of a family is a success: nothing reaches the target, or every branch breaks a limit throughout.
 
     Args:
         complete: whether nothing is missing in the family.
         branches: how many there are.
-        mildest: where they come nearest to the limits; None without branches.
+        least: where they come nearest to the limits; None without branches.
         joint_names: (dof,).
     """
     if not complete:
         return Outcome(
-            Status.NO_CONVERGENCE, f"none of the {branches} branches found is within the limits, and some are lost"
+            Status.NO_CONVERGENCE,
+            f"none of the {branches} branches found is within the limits, and some curves were lost",
         )
-    if mildest is None:
+    if least is None:
         return Outcome(Status.UNREACHABLE, "no configuration reaches the target, whatever the parameter and the limits")
-    broken = _broken(joint_names, mildest.excess)
+    exceeded = _exceeded(joint_names, least.excess)
     return Outcome(
         Status.OUTSIDE_LIMITS,
-        f"each of the {branches} branches breaks a limit wherever the parameter is; the mildest breaks {broken}, "
-        f"at parameter {mildest.parameter:.6g} rad",
+        f"each of the {branches} branches is outside the limits for every value of the parameter; the closest one "
+        f"exceeds {exceeded}, at parameter {least.parameter:.6g} rad",
     )
 
 
-def _broken(joint_names: Sequence[str], excess: Array) -> str:
+def _exceeded(joint_names: Sequence[str], excess: Array) -> str:
     """Which joints are beyond their limits, and by how much."""
-    return ", ".join(
+    return "the limits of " + ", ".join(
         f"{name} by {by:.6g} rad" for name, by in zip(joint_names, excess.tolist(), strict=True) if by > 0.0
     )
 
@@ -103,7 +105,7 @@ def explain_contact(what: str, nearest: Sequence[tuple[str, str]]) -> str:
     """
     named = ", ".join(f"{a} and {b}" for a, b in nearest[:NAMED_PAIRS])
     more = len(nearest) - NAMED_PAIRS
-    return f"{what} at {named} and {more} more pairs" if more > 0 else f"{what} at {named}"
+    return f"{what} at {named} and {more} more pair{'s' if more > 1 else ''}" if more > 0 else f"{what} at {named}"
 
 
 def diagnose_posture(within_limits: bool, touching: Sequence[tuple[str, str]]) -> Status:

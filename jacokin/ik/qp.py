@@ -1,6 +1,8 @@
-"""`QPSearch`: inverse kinematics by mink's QP, made global by many starts; for what the closed form does not cover.
+"""`QPSearch`: inverse kinematics by mink's QP, made global by many starts, for what the closed form does not cover.
 
-Limits are held at every step of a descent, and its end is measured anew.
+One start is a sequence of QPs: each moves the joints towards the target as far as linearised kinematics and the joint
+limits allow, and the end is measured anew. That is a local minimum about once in four random starts, so starts go on
+until one succeeds: from the seed, from home, from configurations that reach a position in closed form, at random.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ import functools
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, overload
+from typing import TYPE_CHECKING, cast, overload
 
 import numpy as np
 import pinocchio as pin
@@ -275,11 +275,9 @@ class IKSolver:
             InvalidInputError: target or seed malformed, or a target that has no family.
             StructureError: the robot has no closed form.
         """
-        wanted = interpret(target, self.frame)
-        families = self._families(wanted)
-        if families is not None:
-            return families.find(wanted, seed_within_limits(self.robot, seed)[0]).family
-        raise InvalidInputError("only a FreeAxis, or a pose of a seven-joint arm, has a family; use solve_all")
+        if self._families(interpret(target, self.frame)) is None:
+            raise InvalidInputError("only a FreeAxis, or a pose of a seven-joint arm, has a family; use solve_all")
+        return cast(Family, self.solve_all(target, seed))
 
     def solve_batch(
         self,

@@ -1,4 +1,4 @@
-"""Solution curves of one arm: intervals of the parameter for a target, and points on them, by the compiled kernels."""
+"""`CurveProblem`: self-motions of an arm at a target, by the kernels: pieces within the limits, and points on them."""
 
 from __future__ import annotations
 
@@ -32,6 +32,164 @@ from jacokin.model.poses import FreeAxis
 FOLD, RANGE, SEAM, LOST = -1 - FOLD_END, -1 - RANGE_END, -1 - SEAM_END, -1 - LOST_END
 #: [rad] values of the parameter that differ by rounding.
 SAME_PARAMETER = 1e-9
+#: Index of the parameter among the seven joints of a chain: the free axis comes last, and joint 3 is in the middle.
+FREE_AXIS, JOINT_3 = 6, 2
+#: Values of the parameter that are solved at, for a full turn.
+SLICES_SIX, SLICES_SEVEN = 96, 48
+#: [rad] where they begin: no structured pose has a fold or a limit just there, nor a window in the gap before it.
+FIRST_SLICE = -math.pi + 1.2345
+#: [rad] values nearer to each other are solved at once, and how many there may be: room is left for those of `gaps`.
+SAME_SLICE, MOST_SLICES = 1e-3, SLICES - 16
+
+
+class CurveArm:
+    """What the kernels know about an arm with self-motions; may be shared between threads.
+
+    Attributes:
+        parameter: index of the parameter among the seven joints, `FREE_AXIS` or `JOINT_3`.
+        chain: (7, 3, 4) of six joints, or (8, 3, 4) of seven.
+        constants: (39,) or (12,), see `ik.geometry`.
+        limits: (2, 7) [rad], infinite where some copy of every angle is within them.
+        circular: whether every joint has either no limits, or one copy of an angle at most within them.
+    """
+
+    __slots__ = ("_given", "_idle", "chain", "circular", "constants", "limits", "parameter")
+
+    def __init__(self, parameter: int, chain: Array, constants: Array, lower: Array, upper: Array) -> None:
+        """Take the constants of an arm and its limits (dof,) [rad], and load compiled kernels if there are any."""
+        self._given = parameter, chain, constants, lower, upper
+        self.parameter, self.chain, self.constants = parameter, chain, constants
+        bounded = upper - lower < TURN  # others have a copy of every angle within their limits: no interval ends there
+        self.limits = np.array([np.full(7, -np.inf), np.full(7, np.inf)])
+        self.limits[0, : len(lower)][bounded] = lower[bounded]
+        self.limits[1, : len(upper)][bounded] = upper[bounded]
+        self.circular = bool((bounded | np.isinf(upper - lower)).all())
+        self._idle: list[CurveCall] = []  # each thread takes one, or makes one, and puts it back
+        KERNELS.prepare()
+
+    def __reduce__(self) -> tuple[object, tuple[object, ...]]:
+        """Working memory is made anew."""
+        return CurveArm, self._given
+
+    def problem(self, target: TargetPose) -> CurveProblem:
+        """A target for the kernels: a pose of seven joints, or a free axis of six."""
+        free = target.free_axis
+        if free is None:
+            return CurveProblem(self, self.chain, target.matrix, None)
+        # Turning the tool about the axis by p is turning it back by a seventh joint of angle p about minus the axis.
+        align = frame_with_z(-free.axis)
+        chain = np.zeros((8, 3, 4))
+        chain[:7] = self.chain
+        chain[6, :, :3] = chain[6, :, :3] @ align
+        chain[7, :, :3] = align.T
+        return CurveProblem(self, chain, target.matrix, free)
+
+    def take_call(self, poses: int) -> CurveCall:
+        """A call of the kernels of one's own, for so many poses."""
+        library = KERNELS.for_poses(poses)
+        while self._idle:
+            try:
+                call = self._idle.pop()
+            except IndexError:  # another thread was quicker
+                break
+            if call.library is library:
+                return call
+        return CurveCall(library)
+
+    def put_back(self, call: CurveCall) -> None:
+        """Let others use a call, once its arrays are read."""
+        self._idle.append(call)
+
+
+class CurveProblem(NamedTuple):
+    """The self-motions of one arm at one target: curves in the space of seven angles."""
+
+    arm: CurveArm
+    chain: Array  # (8, 3, 4)
+    T: Array  # (4, 4)
+    free_axis: FreeAxis | None  # of six joints
+
+    @property
+    def closed(self) -> bool:
+        """Whether the parameter goes round a circle."""
+        return self.free_axis is None or self.free_axis.full_turn
+
+    def find(self, also: Sequence[float] = ()) -> FoundCurves:
+        """All pieces of the curves, in the range of the target; `also` are parameters to solve at too."""
+        call = self._prepare(also)
+        found = read_curves(call.work, call())
+        self.arm.put_back(call)
+        return found
+
+    def nearest(self, seed: Array) -> Array | None:
+        """The point (7,) within the limits nearest to a seed (dof,), joints in the copies nearest to it.
+
+        None where nothing is within the limits, where a curve was lost, or where limits of more than a turn leave a
+        choice of copies.
+        """
+        return self._nearest(self._prepare(), FIND_NEAREST, seed) if self.arm.circular else None
+
+    def nearest_on(self, nodes: Array, seed: Array) -> Array | None:
+        """As `nearest`, on a run of nodes (m, 14) alone."""
+        if not self.arm.circular:
+            return None
+        call = self._take(1)
+        call.work.arcs.nodes[: len(nodes)] = nodes
+        call.work.options[:] = 0, self.arm.parameter, len(nodes), 0
+        return self._nearest(call, FIND_NEAREST_ON_RUN, seed)
+
+    def at_share(self, chord: Array, share: float) -> Array | None:
+        """The point (7,) of a curve across the chord between two nodes (2, 14), at a share of it."""
+        return self._point(chord, share, FIND_AT_SHARE)
+
+    def at_parameter(self, chord: Array, parameter: float) -> Array | None:
+        """The point (7,) of a curve between two nodes (2, 14) where the parameter has a value between theirs [rad]."""
+        return self._point(chord, parameter, FIND_AT_PARAMETER)
+
+    def _point(self, chord: Array, at: float, task: int) -> Array | None:
+        call = self._take(1)
+        call.work.chord[:] = chord
+        call.work.at[0] = at
+        call.work.options[:] = task, self.arm.parameter, 0, 0
+        x = call.work.x.copy() if call() else None
+        self.arm.put_back(call)
+        return x
+
+    def _nearest(self, call: CurveCall, task: int, seed: Array) -> Array | None:
+        nearest = call.work.nearest
+        nearest.limits[:] = self.arm.limits
+        nearest.weights[:] = 1.0
+        nearest.weights[len(seed) :] = 0.0
+        nearest.seed[: len(seed)] = seed
+        nearest.seed[len(seed) :] = 0.0
+        call.work.options[0] = task
+        x = nearest.x.copy() if call() and nearest.best[0] < np.inf else None
+        self.arm.put_back(call)
+        return x
+
+    def _take(self, poses: int) -> CurveCall:
+        """A call with the chain and the target filled in."""
+        call = self.arm.take_call(poses)
+        call.work.chain[:], call.work.T[:] = self.chain, self.T
+        return call
+
+    def _prepare(self, also: Sequence[float] = ()) -> CurveCall:
+        """A call with everything filled in that finding intervals takes."""
+        arm, free = self.arm, self.free_axis
+        call = self._take(SLICES_SEVEN if free is None else SLICES_SIX)
+        work, values = call.work, _add(_slices(free), also)
+        if free is not None:
+            work.six.chain[:] = arm.chain
+            work.six.arm[:] = arm.constants
+            work.six.limits[0], work.six.limits[1], work.six.limits[2] = -np.inf, np.inf, 0.0
+            work.six.axis[:] = free.axis
+            work.six.seed[:] = 0.0
+        else:
+            work.seven.arm[:] = arm.constants
+        work.cuts.limits[:] = arm.limits
+        work.slices.p[: len(values)] = values
+        work.options[:] = FIND_INTERVALS, arm.parameter, len(values), int(self.closed)
+        return call
 
 
 class Piece(NamedTuple):
@@ -58,7 +216,7 @@ class FoundCurves(NamedTuple):
     complete: bool
 
 
-def read(work: CurveWork, count: int) -> FoundCurves:
+def read_curves(work: CurveWork, count: int) -> FoundCurves:
     """Copy the pieces out of the arrays of a call that found so many intervals."""
     parameter = int(work.options[1])
     size, number = work.arcs.size.tolist()
@@ -76,7 +234,7 @@ def read(work: CurveWork, count: int) -> FoundCurves:
     for group in by_arc.values():
         closed = SEAM in (group[0].codes[0], group[-1].codes[1])
         pieces.extend(
-            of_closed_curve(group, parameter) if closed else [part for p in group for part in of_one_turn(p, parameter)]
+            join_closed_curve(group, parameter) if closed else [part for p in group for part in cut_turns(p, parameter)]
         )
     full = size == NODES or number == ARCS or count == INTERVALS
     return FoundCurves(pieces, arcs, not (full or work.counts[1] or work.counts[2]))
@@ -87,7 +245,7 @@ def whole_piece(nodes: Array, branch: int) -> Piece:
     return Piece(branch, nodes, nodes[[0, -1], :7].copy(), (FOLD, FOLD), (0.0, 1.0))
 
 
-def of_closed_curve(pieces: list[Piece], parameter: int) -> list[Piece]:
+def join_closed_curve(pieces: list[Piece], parameter: int) -> list[Piece]:
     """The pieces of a curve that closes on itself: joined where it does, and none longer than a turn."""
     first, last = pieces[0], pieces[-1]
     if len(pieces) > 1 and first.codes[0] == SEAM and last.codes[1] == SEAM:
@@ -99,10 +257,10 @@ def of_closed_curve(pieces: list[Piece], parameter: int) -> list[Piece]:
             *pieces[1:-1],
             Piece(first.branch, nodes, ends, (last.codes[0], first.codes[1]), (last.shares[0], first.shares[1])),
         ]
-    return [part for piece in pieces for part in of_one_turn(piece, parameter)]
+    return [part for piece in pieces for part in cut_turns(piece, parameter)]
 
 
-def of_one_turn(piece: Piece, parameter: int) -> list[Piece]:
+def cut_turns(piece: Piece, parameter: int) -> list[Piece]:
     """A piece of a curve that goes round several times, cut at nodes into pieces of a turn at most."""
     parts = []
     while piece.ends[1, parameter] - piece.ends[0, parameter] > TURN + SAME_PARAMETER:
@@ -115,184 +273,6 @@ def of_one_turn(piece: Piece, parameter: int) -> list[Piece]:
         )
         piece = Piece(piece.branch, piece.nodes[cut:], after, (SEAM, piece.codes[1]), (0.0, piece.shares[1]))
     return [*parts, piece]
-
-
-#: Index of the parameter among the seven joints of a chain: the free axis comes last, and joint 3 is in the middle.
-FREE_AXIS, JOINT_3 = 6, 2
-#: Values of the parameter that are solved at, for a full turn.
-SLICES_SIX, SLICES_SEVEN = 96, 48
-#: [rad] where they begin: no structured pose has a fold or a limit just there, nor a window in the gap before it.
-FIRST_SLICE = -math.pi + 1.2345
-#: [rad] values nearer to each other are solved at once, and how many there may be: room is left for those of `gaps`.
-SAME_SLICE, MOST_SLICES = 1e-3, SLICES - 16
-
-
-class CurveArm(NamedTuple):
-    """What the kernels know about an arm, as arrays that are not changed."""
-
-    parameter: int
-    chain: Array  # (7, 3, 4) of six joints, or (8, 3, 4) of seven
-    constants: Array  # (39,) of `closed_form.geometry`, or (12,) of `closed_form.curves.seven`
-    limits: Array  # (2, 7) [rad], infinite where some copy of every angle is within them
-    circular: bool  # every joint has either no limits, or one copy of an angle at most within them
-
-
-class CurveProblem(NamedTuple):
-    """One target for one arm."""
-
-    arm: CurveArm
-    chain: Array  # (8, 3, 4)
-    T: Array  # (4, 4)
-    free_axis: FreeAxis | None  # of six joints
-
-    @property
-    def closed(self) -> bool:
-        """Whether the parameter goes round a circle."""
-        return self.free_axis is None or self.free_axis.full_turn
-
-
-class Curves:
-    """Intervals and points of solution curves of one arm; may be shared between threads."""
-
-    __slots__ = ("_arm", "_idle")
-
-    def __init__(self, arm: CurveArm) -> None:
-        """Keep the arm, and load compiled kernels if there are any."""
-        self._arm = arm
-        self._idle: list[CurveCall] = []  # each thread takes one, or makes one, and puts it back
-        KERNELS.prepare()
-
-    def __reduce__(self) -> tuple[object, tuple[object, ...]]:
-        """Working memory is made anew."""
-        return Curves, (self._arm,)
-
-    @property
-    def parameter(self) -> int:
-        """Index of the parameter among the seven joints."""
-        return self._arm.parameter
-
-    def problem(self, target: TargetPose) -> CurveProblem:
-        """A target for the kernels: a pose of seven joints, or a free axis of six."""
-        free = target.free_axis
-        if free is None:
-            return CurveProblem(self._arm, self._arm.chain, target.matrix, None)
-        # Turning the tool about the axis by p is turning it back by a seventh joint of angle p about minus the axis.
-        align = frame_with_z(-free.axis)
-        chain = np.zeros((8, 3, 4))
-        chain[:7] = self._arm.chain
-        chain[6, :, :3] = chain[6, :, :3] @ align
-        chain[7, :, :3] = align.T
-        return CurveProblem(self._arm, chain, target.matrix, free)
-
-    def find(self, problem: CurveProblem, also: Sequence[float] = ()) -> FoundCurves:
-        """All pieces of the curves of a problem, in the range of its target; `also` are parameters to solve at too."""
-        call = self._prepared(problem, also)
-        call.work.options[0] = FIND_INTERVALS
-        found = read(call.work, call())
-        self._idle.append(call)
-        return found
-
-    def nearest(self, problem: CurveProblem, seed: Array) -> Array | None:
-        """The point (7,) within the limits nearest to a seed (dof,), joints in the copies nearest to it.
-
-        None where nothing is within the limits, where a curve was lost, or where limits of more than a turn leave a
-        choice of copies.
-        """
-        if not problem.arm.circular:
-            return None
-        return self._nearest(self._prepared(problem), FIND_NEAREST, seed)
-
-    def nearest_on(self, problem: CurveProblem, nodes: Array, seed: Array) -> Array | None:
-        """As `nearest`, on a run of nodes (m, 14) alone."""
-        if not problem.arm.circular:
-            return None
-        call = self._take(1)
-        self._fill(call, problem)
-        call.work.arcs.nodes[: len(nodes)] = nodes
-        call.work.options[:] = 0, problem.arm.parameter, len(nodes), 0
-        return self._nearest(call, FIND_NEAREST_ON_RUN, seed)
-
-    def _nearest(self, call: CurveCall, task: int, seed: Array) -> Array | None:
-        nearest = call.work.nearest
-        nearest.limits[:] = self._arm.limits
-        nearest.weights[:] = 1.0
-        nearest.weights[len(seed) :] = 0.0
-        nearest.seed[: len(seed)] = seed
-        nearest.seed[len(seed) :] = 0.0
-        call.work.options[0] = task
-        x = nearest.x.copy() if call() and nearest.best[0] < np.inf else None
-        self._idle.append(call)
-        return x
-
-    def _prepared(self, problem: CurveProblem, also: Sequence[float] = ()) -> CurveCall:
-        """A call with everything about a problem filled in."""
-        arm, free = problem.arm, problem.free_axis
-        call = self._take(SLICES_SEVEN if free is None else SLICES_SIX)
-        work, values = call.work, _add(_slices(free), also)
-        self._fill(call, problem)
-        if free is not None:
-            work.six.chain[:] = arm.chain
-            work.six.arm[:] = arm.constants
-            work.six.limits[0], work.six.limits[1], work.six.limits[2] = -np.inf, np.inf, 0.0
-            work.six.axis[:] = free.axis
-            work.six.seed[:] = 0.0
-        else:
-            work.seven.arm[:] = arm.constants
-        work.cuts.limits[:] = arm.limits
-        work.slices.p[: len(values)] = values
-        work.options[:] = FIND_INTERVALS, arm.parameter, len(values), int(problem.closed)
-        return call
-
-    def at_share(self, problem: CurveProblem, chord: Array, share: float) -> Array | None:
-        """The point (7,) of a curve across the chord between two nodes (2, 14), at a share of it."""
-        return self._point(problem, chord, share, FIND_AT_SHARE)
-
-    def at_parameter(self, problem: CurveProblem, chord: Array, parameter: float) -> Array | None:
-        """The point (7,) of a curve between two nodes (2, 14) where the parameter has a value between theirs [rad]."""
-        return self._point(problem, chord, parameter, FIND_AT_PARAMETER)
-
-    def _point(self, problem: CurveProblem, chord: Array, at: float, task: int) -> Array | None:
-        call = self._take(1)
-        self._fill(call, problem)
-        call.work.chord[:] = chord
-        call.work.at[0] = at
-        call.work.options[:] = task, problem.arm.parameter, 0, 0
-        x = call.work.x.copy() if call() else None
-        self._idle.append(call)
-        return x
-
-    def _take(self, poses: int) -> CurveCall:
-        library = KERNELS.for_poses(poses)
-        while self._idle:
-            try:
-                call = self._idle.pop()
-            except IndexError:  # another thread was quicker
-                break
-            if call.library is library:
-                return call
-        return CurveCall(library)
-
-    def _fill(self, call: CurveCall, problem: CurveProblem) -> None:
-        call.work.chain[:] = problem.chain
-        call.work.T[:] = problem.T
-
-
-def arm_of(parameter: int, chain: Array, constants: Array, lower: Array, upper: Array) -> CurveArm:
-    """What the kernels need of an arm, with limits (dof,) [rad]."""
-    one_copy = np.isinf(upper - lower) | (upper - lower < TURN)
-    return CurveArm(parameter, chain, constants, limits_of(lower, upper), bool(one_copy.all()))
-
-
-def limits_of(lower: Array, upper: Array) -> Array:
-    """(2, 7) limits [rad] for the kernels from those of six or seven joints.
-
-    A joint that has a copy of every angle within its limits does not end an interval.
-    """
-    limits = np.array([np.full(7, -np.inf), np.full(7, np.inf)])
-    bounded = upper - lower < TURN
-    limits[0, : len(lower)][bounded] = lower[bounded]
-    limits[1, : len(upper)][bounded] = upper[bounded]
-    return limits
 
 
 def _slices(free: FreeAxis | None) -> Array:

@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.ik.closest import Reach
-from jacokin.ik.families.curves import CurveProblem, Curves
+from jacokin.ik.diagnosis import LimitExcess
+from jacokin.ik.families.curves import CurveProblem
 from jacokin.ik.families.family import MEMBER_CLOSURE
 from jacokin.ik.many import Chain, angle_and_axis, cross
 from jacokin.ik.options import ORIENTATION_TOLERANCE, POSITION_TOLERANCE
@@ -55,22 +56,11 @@ NEAR_LIMIT = 1e-3
 SAME_POINT = 1e-2
 
 
-class Point(NamedTuple):
-    """A configuration that reaches the target all alone."""
-
-    q: Array
-    """(dof,) moved onto the limits it breaks [rad]."""
-    parameter: float
-    """[rad]."""
-    excess: Array
-    """(dof,) beyond the limits [rad]."""
-
-
 class Sight(NamedTuple):
     """What was found beside the curves."""
 
-    points: list[Point]
-    """Those that break limits least first."""
+    points: list[LimitExcess]
+    """Configurations that reach the target all alone, those that exceed limits least first."""
     parameters: list[float]
     """Where there are curves that were missed: to be solved at too [rad]."""
 
@@ -90,13 +80,8 @@ class Edge:
         pin.forwardKinematics(robot.pin_model, data, np.zeros(robot.dof))
         self._shoulder = data.oMi[2].translation.copy()  # joint 2 stays where it is, on axis 1
 
-    def look(self, curves: Curves, problem: CurveProblem) -> Sight:
-        """What reaches a target for which no curves were found.
-
-        Args:
-            curves: of the arm.
-            problem: what is to be reached.
-        """
+    def look(self, problem: CurveProblem) -> Sight:
+        """What reaches a target for which no curves were found."""
         if self._reach.exceeded(TargetPose(problem.T)) is not None:
             return Sight([], [])
         axis = _axis_in_base(problem)
@@ -108,7 +93,7 @@ class Edge:
             for move in (size * (outward + direction), -size * (outward + direction)):
                 T = problem.T.copy()
                 T[:3, :3], T[:3, 3] = pin.exp3(move[3:]) @ T[:3, :3], T[:3, 3] + move[:3]
-                nodes = [_spread(arc, number) for arc in curves.find(problem._replace(T=T)).arcs]
+                nodes = [_spread(arc, number) for arc in problem._replace(T=T).find().arcs]
                 if nodes:
                     found.append(np.vstack(nodes)[:STARTS])
                     missed = self._missed(found[-1], problem.T, axis)
@@ -138,7 +123,7 @@ class Edge:
         missed: list[float] = x[(closure < MEMBER_CLOSURE) & regular, 6].tolist()
         return missed
 
-    def _fitted(self, x: Array, problem: CurveProblem, axis: Array | None) -> list[Point]:
+    def _fitted(self, x: Array, problem: CurveProblem, axis: Array | None) -> list[LimitExcess]:
         """Those of the rows (k, 7) that reach the target, joints near to their limits moved onto them."""
         dof, lower, upper, free, T = self._chain.dof, self._lower, self._upper, problem.free_axis, problem.T
         if free is not None:
@@ -151,14 +136,14 @@ class Edge:
         rows, closure = self._settled(rows, np.vstack([np.zeros_like(held), held]), T, axis)
         inside = angles.into_limits(rows, lower, upper)
         over = np.abs(angles.wrap_to_pi(rows - inside))
-        points: list[Point] = []
+        points: list[LimitExcess] = []
         for i in np.lexsort([closure, over.max(axis=1)]).tolist():
             q = inside[i, :dof]
             known = any(np.abs(angles.wrap_to_pi(point.q - q)).max() <= SAME_POINT for point in points)
             if closure[i] <= ON_EDGE and not over[i, dof:].any() and not known:
                 p = float(inside[i, problem.arm.parameter])
                 p = float(angles.wrap_to_pi(p)) if problem.closed else p
-                points.append(Point(q, p, over[i, :dof]))
+                points.append(LimitExcess(q, over[i, :dof], p))
         return points
 
     def _settled(self, x: Array, held: NDArray[np.bool_], T: Array, axis: Array | None) -> tuple[Array, Array]:

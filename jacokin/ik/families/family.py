@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -18,8 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, JacokinError
-from jacokin.ik.families.tracks import Track
-from jacokin.ik.preferences import Cost, by_distance, by_margin, minima, refined
+from jacokin.ik.families.tracks import Track, minima, refine
+from jacokin.ik.preferences import Cost, by_distance, by_margin
 from jacokin.ik.targets import TargetPose
 from jacokin.ik.verification import Candidate, Verifier
 from jacokin.model import angles, checks
@@ -30,6 +29,8 @@ from jacokin.model.robot import Robot
 MEMBER_CLOSURE = 1e-9
 #: Gauss-Newton steps for what closes worse, and the relative size of motions that they leave out.
 SETTLING_STEPS, NO_MOTION = 4, 1e-4
+#: [rad] a value of the parameter this far outside an interval is at its end.
+PARAMETER_SLACK = 1e-9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -93,10 +94,6 @@ class Members:
                 moving = self.verifier.tool.toActionMatrixInverse() @ moving
             q = q + np.linalg.pinv(moving, rcond=NO_MOTION) @ error
         return self.copies(q, q)
-
-
-#: [rad] a value of the parameter this far outside an interval is at its end.
-PARAMETER_SLACK = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,20 +177,6 @@ class Interval:
         cost = by_margin(self._members.robot)
         return -float(cost(choose([self], cost, self._members.seed)[0][np.newaxis])[0])
 
-    def guesses(self, cost: Cost, seed: Array) -> Guesses:
-        """Members all along, roughly, and their costs; unlimited joints in the copies nearest to a seed (dof,)."""
-        coordinates, rows = self._track.guesses()
-        return Guesses(self, coordinates, cost(self._members.copies(rows, seed)))
-
-    def near(self, guesses: Guesses, index: int, cost: Cost, seed: Array) -> tuple[float, float]:
-        """The least cost between the neighbours of a guess, and its coordinate."""
-        return refined(cost, guesses.coordinates, index, lambda c: self._members.copies(self._track.joints(c), seed))
-
-    def at_coordinate(self, coordinate: float, seed: Array) -> tuple[Array, float]:
-        """The member (dof,) at a coordinate of the track, and its parameter [rad]."""
-        p, q = self._track.point(coordinate)
-        return self.member(p, q, seed), p
-
     def sample(self, n: int) -> tuple[Array, Array]:
         """Values of the parameter (n,) and members (n, dof) [rad], spread over the interval; the middle for n = 1."""
         if n == 1:
@@ -232,35 +215,35 @@ class Interval:
         return min(max(moved, self.start), self.stop)
 
 
-class Guesses(NamedTuple):
-    """Costs along an interval."""
-
-    interval: Interval
-    coordinates: Array
-    values: Array
-
-
 def choose(intervals: Sequence[Interval], cost: Cost, seed: Array) -> tuple[Array, float]:
     """The member (dof,) of the least cost on one or more intervals, and its parameter [rad].
 
     Guesses all along tell where minima may be; a minimum is looked at unless the change from guess to guess leaves no
     doubt that it is worse than the best one found.
     """
-    doubts: list[tuple[float, int, int, Guesses]] = []
+    members = intervals[0]._members
+    doubts: list[tuple[float, int, int, Array]] = []
     for number, interval in enumerate(intervals):
-        guesses = interval.guesses(cost, seed)
-        change = np.abs(np.diff(guesses.values, prepend=guesses.values[0], append=guesses.values[-1]))
-        for index in minima(guesses.values).tolist():
-            bound = float(guesses.values[index] - max(change[index], change[index + 1]))
-            doubts.append((bound, number, index, guesses))
+        coordinates, rows = interval._track.guesses()
+        values = cost(members.copies(rows, seed))
+        change = np.abs(np.diff(values, prepend=values[0], append=values[-1]))
+        for index in minima(values).tolist():
+            bound = float(values[index] - max(change[index], change[index + 1]))
+            doubts.append((bound, number, index, coordinates))
+
+    def look(number: int, index: int, coordinates: Array) -> tuple[float, float]:
+        track = intervals[number]._track
+        return refine(cost, coordinates, index, lambda coordinate: members.copies(track.joints(coordinate), seed))
+
     best = (math.inf, 0.0, intervals[0])
-    for bound, _, index, guesses in sorted(doubts, key=lambda doubt: doubt[:3]):
+    for bound, number, index, coordinates in sorted(doubts, key=lambda doubt: doubt[:3]):
         if bound >= best[0]:
             break
-        value, coordinate = guesses.interval.near(guesses, index, cost, seed)
+        value, coordinate = look(number, index, coordinates)
         if value < best[0]:
-            best = (value, coordinate, guesses.interval)
-    return best[2].at_coordinate(best[1], seed)
+            best = (value, coordinate, intervals[number])
+    p, q = best[2]._track.point(best[1])
+    return best[2].member(p, q, seed), p
 
 
 class Family:

@@ -13,7 +13,7 @@ from jacokin.arrays import Array
 from jacokin.ik import diagnosis
 from jacokin.ik.closed_form import ClosedForm
 from jacokin.ik.closest import ClosestSearch
-from jacokin.ik.diagnosis import Mildest
+from jacokin.ik.diagnosis import LimitExcess
 from jacokin.ik.families.curves import (
     FOLD,
     FREE_AXIS,
@@ -22,16 +22,14 @@ from jacokin.ik.families.curves import (
     RANGE,
     SEAM,
     CurveArm,
-    Curves,
     Piece,
-    arm_of,
     whole_piece,
 )
-from jacokin.ik.families.edge import Edge, Point
+from jacokin.ik.families.edge import Edge
 from jacokin.ik.families.family import MEMBER_CLOSURE, Family, Interval, IntervalEnd, Members
-from jacokin.ik.families.tracks import CircleTrack, CurveTrack, PointTrack, Track
+from jacokin.ik.families.tracks import CircleTrack, CurveTrack, Track, least
 from jacokin.ik.geometry import measure_seven
-from jacokin.ik.preferences import Cost, least, with_ties
+from jacokin.ik.preferences import Cost, with_ties
 from jacokin.ik.results import IKResult
 from jacokin.ik.targets import Request, TargetPose, combined_error
 from jacokin.ik.verification import Candidate, Verifier
@@ -57,7 +55,7 @@ class Findings(NamedTuple):
 
     family: Family
     members: Members
-    mildest: Callable[[], Mildest | None]  # of branches that break limits; None when nothing reaches the target
+    least_excess: Callable[[], LimitExcess | None]  # where branches come nearest to the limits; None without any
 
     def candidates(self, cost: Cost | None, *, several: bool) -> Iterator[Candidate]:
         """Members, the best one first; that one alone, or several of each interval after it."""
@@ -66,8 +64,8 @@ class Findings(NamedTuple):
         best = self.family.choose(wish, seed)
         if best is not None:
             yield members.candidate(*best)
-        elif (mildest := self.mildest()) is not None and not mildest.excess.any():
-            yield members.candidate(members.copies(mildest.q, seed), mildest.parameter)
+        elif (least := self.least_excess()) is not None and not least.excess.any():
+            yield members.candidate(members.copies(least.q, seed), least.parameter)
         if best is None or not several:
             return
         rows: list[Array] = []
@@ -83,11 +81,11 @@ class Findings(NamedTuple):
 class FamilySearch:
     """Families of one arm: the curves on which a target is reached, and what of them is within the limits."""
 
-    __slots__ = ("_closest", "_curves", "_edge", "_verifier")
+    __slots__ = ("_arm", "_closest", "_edge", "_verifier")
 
     def __init__(self, verifier: Verifier, arm: CurveArm) -> None:
         """Take the constants of an arm."""
-        self._verifier, self._curves = verifier, Curves(arm)
+        self._verifier, self._arm = verifier, arm
         self._edge, self._closest = Edge(verifier), ClosestSearch(verifier)
 
     def solve(self, request: Request) -> IKResult:
@@ -107,45 +105,45 @@ class FamilySearch:
 
     def find(self, target: TargetPose, seed: Array) -> Findings:
         """Everything that reaches a target; unlimited joints in the copies nearest to a seed (dof,)."""
-        curves, edge, robot = self._curves, self._edge, self._verifier.robot
-        members, problem = Members(self._verifier, target, seed), curves.problem(target)
-        found = curves.find(problem)
-        small = _is_small(found.arcs, curves.parameter, SMALL if found.complete else SMALL_LOST)
+        members, problem = Members(self._verifier, target, seed), self._arm.problem(target)
+        edge, robot, parameter = self._edge, self._verifier.robot, self._arm.parameter
+        found = problem.find()
+        small = _is_small(found.arcs, parameter, SMALL if found.complete else SMALL_LOST)
         if small or not found.complete:
             stuck = edge.holds(found.arcs, problem)
-            kept = [piece for piece in found.pieces if _closes(piece, members, curves.parameter)]
+            kept = [piece for piece in found.pieces if _closes(piece, members, parameter)]
             found = found._replace(pieces=kept, complete=found.complete and len(kept) == len(found.pieces))
             if not kept or (small and stuck):
-                sight = edge.look(curves, problem)
+                sight = edge.look(problem)
                 if sight.parameters:
-                    found = curves.find(problem, sight.parameters)
+                    found = problem.find(sight.parameters)
                 points = _on_edge(sight.points, members, complete=stuck)
                 if len(points.family) or (points.family.branches and stuck):
                     return points
         intervals = []
-        for piece in sorted(found.pieces, key=lambda piece: (piece.branch, piece.ends[0, curves.parameter])):
+        for piece in sorted(found.pieces, key=lambda piece: (piece.branch, piece.ends[0, parameter])):
             ends = (_end(piece.codes[0], robot), _end(piece.codes[1], robot))
-            intervals.append(Interval(members, CurveTrack(curves, problem, piece), piece.branch, ends))
+            intervals.append(Interval(members, CurveTrack(problem, piece), piece.branch, ends))
         family = Family(tuple(intervals), members, branches=len(found.arcs), complete=found.complete)
 
-        def mildest() -> Mildest | None:
-            whole = [CurveTrack(curves, problem, whole_piece(arc, branch)) for branch, arc in enumerate(found.arcs)]
-            return _find_mildest(whole, robot, exact=found.complete)
+        def least() -> LimitExcess | None:
+            whole = [CurveTrack(problem, whole_piece(arc, branch)) for branch, arc in enumerate(found.arcs)]
+            return _find_least_excess(whole, robot, exact=found.complete)
 
-        return Findings(family, members, mildest)
+        return Findings(family, members, least)
 
     def nearest(self, target: TargetPose, seed: Array) -> tuple[Array, float] | None:
         """The member (dof,) nearest to a seed and its parameter [rad]; None where only `find` can tell."""
-        x = self._curves.nearest(self._curves.problem(target), seed)
-        return None if x is None else (x[: len(seed)], float(x[self._curves.parameter]))
+        x = self._arm.problem(target).nearest(seed)
+        return None if x is None else (x[: len(seed)], float(x[self._arm.parameter]))
 
     def _closest_to(self, request: Request, found: Findings) -> IKResult:
         """Why there is no member, with the closest configuration; the angle of a free axis follows where that comes."""
-        mildest, target, members = found.mildest(), request.target, found.members
+        least, target, members = found.least_excess(), request.target, found.members
         names = self._verifier.robot.joint_names
-        outcome = diagnosis.explain_family(found.family.complete, found.family.branches, mildest, names)
-        p = target.nearest_angle(0.0 if mildest is None else mildest.parameter)
-        nearby = [] if mildest is None else [mildest.q]
+        outcome = diagnosis.explain_family(found.family.complete, found.family.branches, least, names)
+        p = target.nearest_angle(0.0 if least is None else least.parameter)
+        nearby = [] if least is None else [least.q]
         results: list[IKResult] = []
         for _ in range(AIMS if target.free_axis is not None and request.closest else 1):
             result = self._closest.solve(request._replace(target=target.at(p)), outcome, nearby)
@@ -165,7 +163,7 @@ class SixJointFamilies(FamilySearch):
     def __init__(self, form: ClosedForm, verifier: Verifier) -> None:
         """Take the closed form of the arm."""
         chain, constants, _ = form.constants
-        super().__init__(verifier, arm_of(FREE_AXIS, chain, constants, verifier.robot.lower, verifier.robot.upper))
+        super().__init__(verifier, CurveArm(FREE_AXIS, chain, constants, verifier.robot.lower, verifier.robot.upper))
         self._form, self._tool_in_joint_6 = form, chain[6]
 
     def find(self, target: TargetPose, seed: Array) -> Findings:
@@ -222,7 +220,7 @@ class SixJointFamilies(FamilySearch):
                 reasons = (_end(ends[0], robot), _end(ends[1], robot))
                 intervals.append(Interval(members, CircleTrack(q, sign, start, stop), number, reasons))
         family = Family(tuple(intervals), members, branches=len(branches), complete=branches.complete)
-        return Findings(family, members, lambda: _find_mildest(tracks, robot, exact=True))
+        return Findings(family, members, lambda: _find_least_excess(tracks, robot, exact=True))
 
 
 def seven_joint_families(verifier: Verifier) -> FamilySearch:
@@ -233,7 +231,7 @@ def seven_joint_families(verifier: Verifier) -> FamilySearch:
     """
     robot = verifier.robot
     geometry = measure_seven(robot.pin_model, verifier.frame_id, verifier.tool)
-    return FamilySearch(verifier, arm_of(JOINT_3, geometry.chain, geometry.arm, robot.lower, robot.upper))
+    return FamilySearch(verifier, CurveArm(JOINT_3, geometry.chain, geometry.arm, robot.lower, robot.upper))
 
 
 def _error(result: IKResult) -> float:
@@ -275,20 +273,19 @@ def _closes(piece: Piece, members: Members, parameter: int) -> bool:
     return max(map(max, errors)) <= MEMBER_CLOSURE
 
 
-def _on_edge(points: Sequence[Point], members: Members, *, complete: bool) -> Findings:
+def _on_edge(points: Sequence[LimitExcess], members: Members, *, complete: bool) -> Findings:
     """What reaches a target at single points."""
     intervals = []
     for branch, point in enumerate(points):
         closure = max(members.verifier.measure(point.q, members.target.at(point.parameter)))
         if closure <= MEMBER_CLOSURE and not point.excess.any():
-            track = PointTrack(point.q, point.parameter)
+            track = CircleTrack(point.q, 0.0, point.parameter, point.parameter)
             intervals.append(Interval(members, track, branch, (IntervalEnd("fold"), IntervalEnd("fold"))))
     family = Family(tuple(intervals), members, branches=len(points), complete=complete)
-    mildest = Mildest(points[0].q, points[0].excess, points[0].parameter) if points else None
-    return Findings(family, members, lambda: mildest)
+    return Findings(family, members, lambda: points[0] if points else None)
 
 
-def _find_mildest(tracks: Sequence[Track], robot: Robot, *, exact: bool) -> Mildest | None:
+def _find_least_excess(tracks: Sequence[Track], robot: Robot, *, exact: bool) -> LimitExcess | None:
     """Where tracks come nearest to the limits; not `exact` to about 1e-3 rad, where points of a curve may be lost."""
     bounded = robot.upper - robot.lower < TURN
     lower, upper = np.where(bounded, robot.lower, -np.inf), np.where(bounded, robot.upper, np.inf)
@@ -312,7 +309,7 @@ def _find_mildest(tracks: Sequence[Track], robot: Robot, *, exact: bool) -> Mild
     if best is None:
         return None
     _, parameter, q = best
-    return Mildest(angles.into_limits(q, robot.lower, robot.upper), excess(q), parameter)
+    return LimitExcess(angles.into_limits(q, robot.lower, robot.upper), excess(q), parameter)
 
 
 def _end(code: int, robot: Robot) -> IntervalEnd:

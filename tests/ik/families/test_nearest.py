@@ -13,7 +13,7 @@ from benchmarks import scan_seven
 from jacokin import FreeAxis, IKSolver, Robot
 from jacokin.arrays import Array
 from jacokin.ik import Family
-from jacokin.ik.families.curves import Curves
+from jacokin.ik.families.curves import CurveProblem
 from jacokin.model.angles import TURN
 
 SCANNED = 4000
@@ -107,7 +107,7 @@ def test_the_nearest_member_about_a_free_axis_needs_no_family(
     def refused(*given: object) -> None:
         raise AssertionError(f"the whole family was looked for: {given}")
 
-    monkeypatch.setattr(Curves, "find", refused)
+    monkeypatch.setattr(CurveProblem, "find", refused)
     for number in range(60):
         axis = rng.normal(size=3) if number % 2 else (1.0, 0.0, 0.0)
         target = FreeAxis(robot.forward_kinematics(robot.sample(rng)), axis=axis)
@@ -133,8 +133,8 @@ def test_where_the_search_gives_up_the_family_answers(
     expected = [seven.solve(target, seed=seed) for target, seed in zip(targets, seeds, strict=True)]
     refused: list[object] = []
     lost: Callable[..., None] = lambda *given: refused.append(given)  # noqa: E731  # typed, unlike a def would be
-    monkeypatch.setattr(Curves, "nearest", lost)
-    monkeypatch.setattr(Curves, "nearest_on", lost)
+    monkeypatch.setattr(CurveProblem, "nearest", lost)
+    monkeypatch.setattr(CurveProblem, "nearest_on", lost)
     for target, seed, result in zip(targets, seeds, expected, strict=True):
         again = seven.solve(target, seed=seed).raise_for_status()
         np.testing.assert_allclose(again.q, result.q, atol=1e-6)
