@@ -16,7 +16,7 @@ import qpsolvers
 import jacokin
 from jacokin import IKSolver, Robot, Status
 from jacokin.arrays import Array
-from jacokin.errors import InvalidInputError, MissingExtraError, SolveError, UnknownNameError
+from jacokin.errors import MissingExtraError, SolveError, UnknownNameError
 from jacokin.ik import qp, qp_backend
 from jacokin.model import poses
 
@@ -241,41 +241,6 @@ def test_a_pickled_solver_solves(robot: Robot, rng: np.random.Generator) -> None
     copy = pickle.loads(pickle.dumps(solver))
     target = robot.forward_kinematics(robot.sample(rng), "pinchsite")
     np.testing.assert_array_equal(copy.solve(target).q, solver.solve(target).q)
-
-
-def test_wrong_arguments_are_named(robot: Robot) -> None:
-    with pytest.raises(UnknownNameError, match="method 'newton'.*closed_form"):
-        IKSolver(robot, method="newton")
-    with pytest.raises(UnknownNameError, match="qp_solver 'gurobi_x'.*daqp"):
-        IKSolver(robot, qp_solver="gurobi_x")
-    with pytest.raises(UnknownNameError, match="qp_solver"):
-        IKSolver(robot, qp_solver=np.array(["daqp", "osqp"]))  # type: ignore[arg-type]  # what is tested
-    with pytest.raises(UnknownNameError, match="collision"):
-        IKSolver(robot, collision="avoid")
-    with pytest.raises(UnknownNameError, match="frame"):
-        IKSolver(robot, "tool0")
-    for options in ({"position_tolerance": 0.0}, {"orientation_tolerance": math.nan}, {"limit_snap": -1.0}):
-        with pytest.raises(InvalidInputError, match=next(iter(options))):
-            IKSolver(robot, **options)  # type: ignore[arg-type]  # one wrong option at a time
-    with pytest.raises(InvalidInputError, match="max_restarts"):
-        IKSolver(robot, max_restarts=-1)
-    solver = IKSolver(robot, method="qp")
-    with pytest.raises(InvalidInputError, match=r"seed must have shape \(6,\)"):
-        solver.solve([0.3, 0.2, 0.4], seed=[0.0] * 5)
-    with pytest.raises(InvalidInputError, match="target must have shape"):
-        solver.solve([0.3, 0.2])
-    with pytest.raises(InvalidInputError, match="target must be finite"):
-        solver.solve([0.3, math.nan, 0.2])
-    with pytest.raises(InvalidInputError, match="rng"):
-        solver.solve([0.3, 0.2, 0.4], rng=np.random.RandomState(0))  # type: ignore[arg-type]  # wrong on purpose
-    with pytest.raises(InvalidInputError, match="targets is empty"):
-        solver.solve_batch([])
-    with pytest.raises(InvalidInputError, match=r"targets\[1\]"):
-        solver.solve_batch([[0.3, 0.2, 0.4], [0.3, math.nan, 0.4]])
-    with pytest.raises(InvalidInputError, match="seeds must have one row"):
-        solver.solve_batch([[0.3, 0.2, 0.4]], seeds=np.zeros((2, 6)))
-    with pytest.raises(InvalidInputError, match="workers"):
-        solver.solve_batch([[0.3, 0.2, 0.4]], workers=0)
 
 
 def test_published_home_is_near_the_documented_angles(robot: Robot) -> None:
