@@ -118,10 +118,6 @@ class Branches(BranchTable):
         """How many there are, and how many of them are within the limits."""
         return f"Branches({len(self)}, {int(self.within_limits.sum())} within the limits)"
 
-    def configuration(self, index: int) -> NDArray[np.float64]:
-        """(6,) `q` of one branch."""
-        return self.rows[index, :6]
-
     def each_within_limits(self) -> Iterator[int]:
         """The indices of the branches within the limits, in order."""
         return compress(count(), self.rows[:, WITHIN_LIMITS].tolist())
@@ -145,12 +141,12 @@ class Branches(BranchTable):
 
     def nearest(self) -> NDArray[np.float64] | None:
         """The branch (6,) within the limits [rad] nearest to the seed; None when there is none."""
-        return next((self.configuration(index) for index in self.each_within_limits()), None)
+        return next((self.rows[index, :6] for index in self.each_within_limits()), None)
 
     def widest(self) -> NDArray[np.float64] | None:
         """The branch (6,) within the limits [rad] with the largest limit margin; None when there is none."""
         indices = list(self.each_within_limits())
-        return self.configuration(indices[int(self.margin[indices].min(axis=1).argmax())]) if indices else None
+        return self.rows[indices[int(self.margin[indices].min(axis=1).argmax())], :6] if indices else None
 
 
 class BestBranches(BranchTable):

@@ -213,8 +213,9 @@ class IKSolver:
         Raises:
             InvalidInputError: target or seed malformed; method="closed_form" with a position-only target.
         """
-        wanted = interpret(target, self.frame)
-        start, note = seed_within_limits(self.robot, seed)
+        robot, frame = self._verifier.robot, self._verifier.frame
+        wanted = interpret(target, frame)
+        start, note = seed_within_limits(robot, seed)
         if rng is not None:
             checks.generator("rng", rng)
         restarts = self._options.max_restarts
@@ -222,7 +223,7 @@ class IKSolver:
             restarts = checks.whole_number("max_restarts", max_restarts)
         checks.flag("closest", closest)
         is_nearest = isinstance(prefer, str) and prefer == "nearest"
-        cost = None if is_nearest else preferences.cost_of(prefer, self.robot, self.frame)
+        cost = None if is_nearest else preferences.cost_of(prefer, robot, frame)
         request = Request(wanted, start, note, rng, restarts, closest, cost)
         families = self._families(wanted)
         if families is not None:
@@ -371,8 +372,9 @@ class IKSolver:
         """The branch within the limits of the least cost, or why there is none."""
         target, robot = request.target, self.robot
         branches = form.solve_all(target.matrix, request.seed)
+        rows = branches.rows
         candidates = (
-            Candidate(branches.configuration(index), target, f"branch {index + 1} of {len(branches)}")
+            Candidate(rows[index, :6], target, f"branch {index + 1} of {len(rows)}")
             for index in _order(branches, request.cost)
         )
         in_contact = "every branch within the limits is in contact; the best"

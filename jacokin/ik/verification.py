@@ -157,13 +157,22 @@ class Verifier:
         """A candidate as a result; measured if its errors are not given, and copied if its `q` is writable."""
         q, _, _, parameter, effort = found
         kept = checks.read_only(q) if q.flags.writeable else q
-        how = (
-            ("closed_form", None, 0, 0)
-            if effort is None
-            else ("qp", effort.qp_solver, effort.iterations, effort.starts - 1)
-        )
+        position, orientation = errors or self.measure(q, found.target)
+        method, solver, iterations, starts = "closed_form", None, 0, 1
+        if effort is not None:
+            method, (iterations, starts, solver) = "qp", effort
         made = IKResultDraft(
-            kept, status, *(errors or self.measure(q, found.target)), *how, message, tuple(touching), parameter
+            kept,
+            status,
+            position,
+            orientation,
+            method,
+            solver,
+            iterations,
+            starts - 1,
+            message,
+            tuple(touching),
+            parameter,
         )
         made.__class__ = IKResult
         return cast(IKResult, made)
