@@ -30,8 +30,8 @@ from jacokin.model import angles
 SMALL_ANGLE = 1e-4  # [rad] below it the series of x cot(x) is exact in double precision
 DAMPING = 3e-3  # of the first step, in the unit of the Hessian [m / rad^2]
 LEAST_DAMPING, MOST_DAMPING = 1e-7, 1e4
-LESS_DAMPING, MORE_DAMPING = 0.2, 4.0  # factors after a step that the model foretold well, and badly
-GOOD_MODEL, BAD_MODEL = 0.7, 0.25  # parts of the foretold progress that were made
+LESS_DAMPING, MORE_DAMPING = 0.2, 4.0  # factors after a step that the model predicted well, and badly
+GOOD_MODEL, BAD_MODEL = 0.7, 0.25  # parts of the predicted progress that were made
 LONGEST_STEP = 1.0  # [rad] a quadratic model says nothing beyond
 BOUND_PASSES = 2  # times that joints which pass a limit are held there and the others solved again
 SETTLED = 1e-8  # [m] less progress of the nearest descent in `PATIENCE` steps ends a stage
@@ -369,8 +369,8 @@ def descend(
         step = moved - points.q
         new_duals = duals_after(points, duals, step)
         new = measure.points(moved, stage.smoothing, new_duals, convex=stage.convex)
-        foretold = -(points.gradient * step).sum(1) - 0.5 * ((step[:, None] @ curvature)[:, 0] * step).sum(1)
-        ratio = (points.value - new.value) / np.maximum(foretold, 1e-300)
+        predicted = -(points.gradient * step).sum(1) - 0.5 * ((step[:, None] @ curvature)[:, 0] * step).sum(1)
+        ratio = (points.value - new.value) / np.maximum(predicted, 1e-300)
         better = new.value < points.value
         points = points.updated(better, new)
         duals = Duals(*(np.where(better[:, None], new, old) for old, new in zip(duals, new_duals, strict=True)))

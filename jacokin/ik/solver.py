@@ -3,6 +3,14 @@
 The closed form gives every branch of a six-joint Jaco, so a pose is reached, or known to be out of reach, or known to
 need a joint beyond its limit. What it does not cover (other structures, positions without orientation) goes to mink's
 QP from many starts. For a pose that cannot be reached, descents look for the closest configuration.
+
+A solve goes through these modules:
+
+    targets        what is asked for, checked once: a pose, a position, or a pose that may turn about an axis
+    closed_form    candidates: the branches of a pose;  families, where a parameter is free;  qp, for everything else
+    verification   the check behind every success, and the selection of the first candidate that passes it
+    diagnosis      the status and the sentence when none does
+    closest        the configuration that comes closest then
 """
 
 from __future__ import annotations

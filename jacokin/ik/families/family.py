@@ -320,7 +320,7 @@ class Family:
         """The member (dof,) of the least cost and its parameter [rad]; of equal ones the first in order.
 
         Args:
-            cost: of rows (m, dof), see `choosing`.
+            cost: of rows (m, dof), see `preferences`.
             seed: (dof,) unlimited joints take the copies nearest to it.
         """
         return choose(self.intervals, cost, seed) if self.intervals else None

@@ -1,4 +1,4 @@
-"""From a target to its `Family`: which kind of free parameter it has, and what its intervals are."""
+"""`FamilySearch`: from a target to its `Family`, and to the member that is wanted, or why there is none."""
 
 from __future__ import annotations
 
@@ -313,7 +313,7 @@ def _find_least_excess(tracks: Sequence[Track], robot: Robot, *, exact: bool) ->
 
 
 def _end(code: int, robot: Robot) -> IntervalEnd:
-    """An end in words from its code, see `pieces`."""
+    """An end in words from its code, see `curves`."""
     if code >= 0:
         limit = (robot.lower, robot.upper)[code % 2][code // 2]
         return IntervalEnd("limit", robot.joint_names[code // 2], float(limit))
