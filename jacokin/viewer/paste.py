@@ -13,7 +13,6 @@ import pinocchio as pin
 
 from jacokin.arrays import Array
 from jacokin.errors import JacokinError
-from jacokin.ik.closed_form import Branches
 from jacokin.ik.options import SolverOptions
 from jacokin.ik.results import Status
 from jacokin.model import poses
