@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from jacokin.arrays import Array
 from jacokin.kernels.closed_form.arm import unpack_arm
 from jacokin.kernels.closed_form.pose import (
     COLUMNS,
     DISTANCE,
     WITHIN_LIMITS,
     BranchWork,
-    Task,
+    PoseQuery,
     Work,
     make_work,
     solve_pose,
@@ -22,15 +22,7 @@ from jacokin.kernels.closed_form.pose import (
 BRANCHES, BRANCHES_WITHIN_LIMITS, LARGEST_MARGIN, BATCH_COLUMNS = 17, 18, 19, 20
 
 
-def solve(
-    chain: NDArray[np.float64],
-    arm: NDArray[np.float64],
-    limits: NDArray[np.float64],
-    T: NDArray[np.float64],
-    seed: NDArray[np.float64],
-    rows: NDArray[np.float64],
-    best: NDArray[np.float64],
-) -> int:
+def solve(chain: Array, arm: Array, limits: Array, T: Array, seed: Array, rows: Array, best: Array) -> int:
     """Solve n targets with n references.
 
     Args:
@@ -51,19 +43,11 @@ def solve(
     return solve_targets(chain, arm, limits, T, seed, make_work(rows), best)
 
 
-def solve_targets(
-    chain: NDArray[np.float64],
-    arm: NDArray[np.float64],
-    limits: NDArray[np.float64],
-    T: NDArray[np.float64],
-    seed: NDArray[np.float64],
-    work: Work,
-    best: NDArray[np.float64],
-) -> int:
+def solve_targets(chain: Array, arm: Array, limits: Array, T: Array, seed: Array, work: Work, best: Array) -> int:
     """As `solve`, in work arrays that the caller made; this is what gets compiled: it allocates nothing."""
     k = unpack_arm(arm)
     for i in range(T.shape[0]):
-        solve_pose(arm, k, Task(chain, limits, T[i], seed[i]), work)
+        solve_pose(arm, k, PoseQuery(chain, limits, T[i], seed[i]), work)
         if i < best.shape[0]:
             choose_branch(work.branches, best[i])
     if best.shape[0] == 0:
@@ -72,7 +56,7 @@ def solve_targets(
     return ~count if work.branches.filled[1] > 0 else count
 
 
-def choose_branch(work: BranchWork, best: NDArray[np.float64]) -> None:
+def choose_branch(work: BranchWork, best: Array) -> None:
     """Copy the nearest branch within the limits, or else the one least outside them, to a row of the batch."""
     rows, count = work.rows, work.filled[0]
     chosen, within, largest = -1, 0, np.nan
@@ -91,7 +75,7 @@ def choose_branch(work: BranchWork, best: NDArray[np.float64]) -> None:
     best[LARGEST_MARGIN] = largest
 
 
-def is_better(a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
+def is_better(a: Array, b: Array) -> bool:
     """Within the limits before outside, then the nearer to the seed, or the one that breaks a limit least."""
     if a[WITHIN_LIMITS] != b[WITHIN_LIMITS]:
         return bool(a[WITHIN_LIMITS] > b[WITHIN_LIMITS])
@@ -100,7 +84,7 @@ def is_better(a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
     return smallest_margin(a) > smallest_margin(b)
 
 
-def smallest_margin(row: NDArray[np.float64]) -> float:
+def smallest_margin(row: Array) -> float:
     """The distance to the nearest limit, negative outside [rad]."""
     smallest = row[6]
     for j in range(7, 12):

@@ -1,1 +1,1 @@
-"""Solution curves: all configurations of a chain with one joint more than a pose needs. Read `curve_family` first."""
+"""Solution curves: all configurations of a chain with one joint more than a pose needs. Read `intervals` first."""

@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from jacokin.arrays import Array
+from jacokin.kernels.chain import tangent7
 from jacokin.kernels.limits import TURN
 from jacokin.kernels.self_motion.arcs import Arcs
-from jacokin.kernels.self_motion.chain7 import tangent7
 from jacokin.kernels.self_motion.follow import Walk, between, chord_length, share_of, where_joint_is
 from jacokin.kernels.self_motion.slices import wrapped
 

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
+from jacokin.kernels.chain import tangent7
 from jacokin.kernels.limits import TURN
 from jacokin.kernels.self_motion.arcs import Arcs
-from jacokin.kernels.self_motion.chain7 import tangent7
 from jacokin.kernels.self_motion.follow import Walk, between, chord_length, where_joint_is
 from jacokin.kernels.self_motion.limit_cuts import CORNER, DOUBT, HALVINGS, SHORTEST_CHORD, doubtful
 from jacokin.kernels.self_motion.slices import POINTS, SLICES, wrapped

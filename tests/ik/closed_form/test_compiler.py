@@ -14,7 +14,7 @@ from jacokin.kernels.closed_form.batch import BATCH_COLUMNS, solve
 from jacokin.kernels.closed_form.pose import COLUMNS, MAX_BRANCHES
 from jacokin.kernels.compiled import compiler
 from jacokin.kernels.compiled.compiler import linked, translating_only
-from jacokin.kernels.compiled.library import NO_BATCH, Call, KernelLibrary
+from jacokin.kernels.compiled.library import NO_BATCH, KernelCall, KernelLibrary
 from jacokin.kernels.compiled.loading import KERNELS
 from tests.ik.closed_form.tools import closed_form, target
 
@@ -67,7 +67,7 @@ def test_arrays_that_machine_code_would_misread_are_refused(library: KernelLibra
     ]
     for targets, seeds in wrong:
         with pytest.raises(ValueError, match="the kernels need"):
-            Call(library, *constants, targets, seeds)
+            KernelCall(library, *constants, targets, seeds)
 
 
 def test_a_closed_form_can_be_pickled_after_use(library: KernelLibrary, robot: Robot) -> None:

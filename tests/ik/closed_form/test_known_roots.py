@@ -78,5 +78,5 @@ def test_no_pose_takes_many_times_the_work_of_others(
     for q in targets.structured(robot, rng, 15).generating:
         counts = 0
         T = target(robot, q + tilt * rng.normal(size=6))
-        pose.solve_pose(arm, unpack_arm(arm), pose.Task(chain, limits, T, robot.home), work)
+        pose.solve_pose(arm, unpack_arm(arm), pose.PoseQuery(chain, limits, T, robot.home), work)
         assert counts < 80
