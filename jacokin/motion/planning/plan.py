@@ -18,10 +18,10 @@ from jacokin.ik import diagnosis, seeds
 from jacokin.ik.solver import IKSolver
 from jacokin.ik.targets import Target
 from jacokin.model import checks
+from jacokin.model.many_configurations import Chain
 from jacokin.motion import lines
 from jacokin.motion.path_result import PathResult
 from jacokin.motion.planning.cartesian import MOST_FAMILIES, MOST_PLACES, CartesianPath
-from jacokin.motion.planning.chain import Chain
 from jacokin.motion.planning.climbing import Begin, Climb
 from jacokin.motion.planning.ladder import Ladder, Pace, Rung, Rungs
 from jacokin.motion.planning.manifold import Manifold
@@ -146,7 +146,8 @@ def plan_path(
         raise InvalidInputError("give at most one of seed and start")
     robot = solver.robot
     near, note = seeds.seed_within_limits(robot, seed) if start is None else (checked_start(robot, start, "start"), "")
-    manifold = Manifold(robot, _chain(solver), path, solver.verifier.options.limit_snap)
+    chain = Chain(robot, solver.verifier.frame_id, solver.verifier.tool)
+    manifold = Manifold(robot, chain, path, solver.verifier.options.limit_snap)
     pace = Pace(times, settings.velocity)
     ladder = Ladder(Rungs(solver, manifold, free_step), manifold, pace, free_step, keep=timing == "keep")
     begin = Begin(manifold, near, pace, exactly=start is not None)
@@ -166,16 +167,6 @@ def plan_path(
     return planned.result(found.curve, found.reached, near, reason, note)
 
 
-def _chain(solver: IKSolver) -> Chain:
-    """The kinematics up to the tool."""
-    if not solver.has_families:
-        return Chain(solver.closed_form().chain)
-    from jacokin.ik.geometry import measure_seven
-
-    verifier = solver.verifier
-    return Chain(measure_seven(solver.robot.pin_model, verifier.frame_id, verifier.tool).chain)
-
-
 def _settings(
     solver: IKSolver,
     dt: float,
@@ -186,7 +177,8 @@ def _settings(
     if not isinstance(solver, IKSolver):
         raise InvalidInputError(f"solver must be an IKSolver, got {shown(solver)}")
     try:
-        _chain(solver)
+        if not solver.has_families:
+            solver.closed_form()
     except StructureError as error:
         raise StructureError(f"plan_path needs a closed form: {error}") from error
     checks.choice("timing", timing, TIMINGS)
