@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from jacokin.ik import BatchResult, Status, TargetFile
-from jacokin.ik.files.csv_files import CSV
+from jacokin.ik.files import csv_files
 
 
 @given(
@@ -34,8 +34,8 @@ def test_answers_read_back_to_the_same_bits(values: np.ndarray, q: np.ndarray, m
     )
     with tempfile.TemporaryDirectory() as folder:
         piece, whole = Path(folder) / "piece", Path(folder) / "whole"
-        piece.write_bytes(b"before" + CSV.encoded(targets, batch))
-        CSV.write_joined(whole, [(piece, len("before"))], [*targets.columns, "q1", "q2"])
+        piece.write_bytes(b"before" + csv_files.encoded(targets, batch))
+        csv_files.write_joined(whole, [(piece, len("before"))], [*targets.columns, "q1", "q2"])
         with whole.open(newline="", encoding="utf-8") as file:
             rows = list(csv.DictReader(file))
     assert [row["message"] for row in rows] == list(batch.message)

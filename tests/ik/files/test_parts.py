@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from jacokin.arrays import Array
-from jacokin.ik.files import formats
+from jacokin.ik.files.formats import targets_format
 
 SIZE = 16
 
@@ -22,12 +22,13 @@ def values(rng: np.random.Generator) -> Array:
 
 
 def _compare(path: Path) -> None:
-    whole, parts = list(formats.blocks(path, SIZE)), formats.parts(path, SIZE)
+    form = targets_format(path)
+    whole, parts = list(form.blocks(path, SIZE)), form.parts(path, SIZE)
     assert [part.rows for part in parts] == [len(block) for block in whole]
     assert all(part.can_be_read for part in parts)
     for first in range(len(parts)):
         for stop in range(first + 1, len(parts) + 1):
-            read = list(formats.blocks_of(path, SIZE, parts[first:stop]))
+            read = list(form.blocks(path, SIZE, parts[first:stop]))
             assert len(read) == stop - first
             for block, wanted in zip(read, whole[first:stop], strict=True):
                 np.testing.assert_array_equal(block.values, wanted.values)
@@ -57,8 +58,8 @@ def test_csv_files_whose_lines_are_not_plain_have_no_parts(
 ) -> None:
     path = tmp_path / "in.csv"
     path.write_bytes(_text(values, "\n").replace(before, after).encode())
-    assert not any(part.can_be_read for part in formats.parts(path, SIZE))
-    assert sum(part.rows for part in formats.parts(path, SIZE)) == len(values)
+    assert not any(part.can_be_read for part in targets_format(path).parts(path, SIZE))
+    assert sum(part.rows for part in targets_format(path).parts(path, SIZE)) == len(values)
 
 
 @pytest.mark.parametrize("targets", [False, True])
@@ -70,7 +71,7 @@ def test_parts_of_npz_files(tmp_path: Path, values: Array, targets: bool) -> Non
     np.savez(path, **arrays, allow_pickle=False)
     _compare(path)
     np.savez_compressed(path, **arrays, allow_pickle=False)
-    assert not any(part.can_be_read for part in formats.parts(path, SIZE))
+    assert not any(part.can_be_read for part in targets_format(path).parts(path, SIZE))
 
 
 @pytest.mark.parametrize("group", [1, 7, SIZE, 50, 100])

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 import jacokin
 from jacokin.errors import InvalidInputError
 from jacokin.ik import read_targets
-from jacokin.ik.files.csv_files import target_blocks
+from jacokin.ik.files.csv_files import read_blocks
 
 
 def written(path: Path, text: str) -> Path:
@@ -138,7 +138,7 @@ def test_numbers_are_those_of_python_whatever_the_blocks(
         writer = csv.writer(stream, quoting=csv.QUOTE_ALL if quoted else csv.QUOTE_MINIMAL)
         writer.writerows([["x", "y", "z"], *rows])
     expected = [[float(number) for number in row] for row in rows]
-    parts = list(target_blocks(file, size))
+    parts = list(read_blocks(file, size, strict=True))
     assert np.concatenate([part.values for part in parts]).tolist() == expected
     assert np.concatenate([part.lines for part in parts]).tolist() == list(range(2, len(rows) + 2))
     assert read_targets(file).targets.tolist() == expected
