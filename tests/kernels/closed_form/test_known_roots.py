@@ -14,7 +14,7 @@ from jacokin.arrays import Array
 from jacokin.kernels.closed_form import pose, roots
 from jacokin.kernels.closed_form.arm import pose_of, unpack_arm
 from jacokin.kernels.closed_form.resultant import fourier_of_divided_F, fourier_of_F, value_and_slope
-from tests.ik.closed_form.tools import closed_form, target
+from tests.kernels.closed_form.tools import closed_form, target
 
 
 def divided(robot: Robot, T: Array, known: Array) -> tuple[Array, Array, float]:

@@ -15,7 +15,7 @@ import pytest
 from jacokin import IKSolver, Robot
 from jacokin.arrays import Array
 from jacokin.kernels.compiled.loading import warmup
-from tests.ik.closed_form.tools import (
+from tests.kernels.closed_form.tools import (
     brute_force,
     circular,
     closed_form,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import pickle
 import types
 from collections.abc import Callable
 
@@ -16,7 +15,7 @@ from jacokin.kernels.compiled import compiler
 from jacokin.kernels.compiled.compiler import linked, translating_only
 from jacokin.kernels.compiled.library import NO_BATCH, KernelCall, KernelLibrary
 from jacokin.kernels.compiled.loading import KERNELS
-from tests.ik.closed_form.tools import closed_form, target
+from tests.kernels.closed_form.tools import closed_form, target
 
 
 @pytest.fixture(scope="module")
@@ -44,16 +43,6 @@ def test_plain_and_compiled_kernels_give_the_same_bits(
         np.testing.assert_array_equal(form.solve_all(one, seed).rows, rows[:count])
 
 
-def test_results_do_not_change_when_the_next_pose_is_solved(
-    library: KernelLibrary, robot: Robot, rng: np.random.Generator
-) -> None:
-    form = closed_form(robot)
-    first = form.solve_all(target(robot, robot.home), robot.home)
-    before = first.rows.copy()
-    form.solve_all(target(robot, robot.sample(rng)), robot.home)
-    np.testing.assert_array_equal(first.rows, before)
-
-
 def test_arrays_that_machine_code_would_misread_are_refused(library: KernelLibrary, robot: Robot) -> None:
     form = closed_form(robot)
     constants = form._chain, form._arm, form._limits
@@ -68,15 +57,6 @@ def test_arrays_that_machine_code_would_misread_are_refused(library: KernelLibra
     for targets, seeds in wrong:
         with pytest.raises(ValueError, match="the kernels need"):
             KernelCall(library, *constants, targets, seeds)
-
-
-def test_a_closed_form_can_be_pickled_after_use(library: KernelLibrary, robot: Robot) -> None:
-    form = closed_form(robot)
-    T = target(robot, robot.home)
-    rows = form.solve_all(T, robot.home).rows
-    copy = pickle.loads(pickle.dumps(form))
-    np.testing.assert_array_equal(copy.solve_all(T, robot.home).rows, rows)
-    assert (copy.spherical, copy.misfit) == (form.spherical, form.misfit)
 
 
 def test_a_name_with_two_meanings_is_refused() -> None:

@@ -17,7 +17,7 @@ from jacokin.kernels.closed_form import pose as kernels_pose
 from jacokin.kernels.closed_form import roots as kernels_roots
 from jacokin.kernels.closed_form import wrist as kernels_wrist
 from jacokin.kernels.compiled.loading import KERNELS, warmup
-from tests.ik.closed_form.tools import circular, closed_form, target
+from tests.kernels.closed_form.tools import circular, closed_form, target
 
 TOOLS = [
     None,
