@@ -23,7 +23,6 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from jacokin.arrays import Array
 from jacokin.ik.geometry import measure
 from jacokin.kernels.closed_form.batch import BATCH_COLUMNS, BRANCHES, BRANCHES_WITHIN_LIMITS, LARGEST_MARGIN, solve
 from jacokin.kernels.closed_form.pose import (
@@ -49,7 +48,7 @@ class BranchTable:
 
     __slots__ = ("dropped", "rows")
 
-    def __init__(self, rows: Array, dropped: bool = False) -> None:
+    def __init__(self, rows: NDArray[np.float64], dropped: bool = False) -> None:
         """Take over an array and make it read-only."""
         rows.flags.writeable = False
         self.rows = rows
@@ -64,31 +63,31 @@ class BranchTable:
         return len(self.rows)
 
     @property
-    def q(self) -> Array:
+    def q(self) -> NDArray[np.float64]:
         """(k, 6) joint angles [rad]: unlimited joints nearest to the seed, others within their limits if possible."""
         return self.rows[:, :6]
 
-    def configuration(self, index: int) -> Array:
+    def configuration(self, index: int) -> NDArray[np.float64]:
         """(6,) `q` of one row, read-only."""
         return self.rows[index, :6]
 
     @property
-    def margin(self) -> Array:
+    def margin(self) -> NDArray[np.float64]:
         """(k, 6) distance to the nearer limit [rad]: negative outside, inf for an unlimited joint."""
         return self.rows[:, 6:12]
 
     @property
-    def position_error(self) -> Array:
+    def position_error(self) -> NDArray[np.float64]:
         """(k,) [m], measured on the model's own joint placements."""
         return self.rows[:, POSITION_ERROR]
 
     @property
-    def orientation_error(self) -> Array:
+    def orientation_error(self) -> NDArray[np.float64]:
         """(k,) [rad], measured on the model's own joint placements."""
         return self.rows[:, ORIENTATION_ERROR]
 
     @property
-    def distance(self) -> Array:
+    def distance(self) -> NDArray[np.float64]:
         """(k,) Euclidean distance to the seed [rad]."""
         return self.rows[:, DISTANCE]
 
@@ -126,7 +125,7 @@ class BestBranches(BranchTable):
         return self.rows[:, BRANCHES_WITHIN_LIMITS].astype(np.int64)
 
     @property
-    def largest_margin(self) -> Array:
+    def largest_margin(self) -> NDArray[np.float64]:
         """(n,) distance to the nearest limit [rad] of the branch that keeps farthest from them; negative outside."""
         return self.rows[:, LARGEST_MARGIN]
 
@@ -146,8 +145,8 @@ class ClosedForm:
         model: pin.Model,
         frame_id: int,
         tool: pin.SE3 | None,
-        lower: Array,
-        upper: Array,
+        lower: NDArray[np.float64],
+        upper: NDArray[np.float64],
         *,
         limit_snap: float = 1e-9,
     ) -> None:
@@ -175,16 +174,16 @@ class ClosedForm:
         KERNELS.prepare()
 
     @property
-    def constants(self) -> tuple[Array, Array, Array]:
+    def constants(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """What the kernels know about the arm: chain (7, 3, 4), arm (39,), limits (3, 6); read-only."""
         return self._chain, self._arm, self._limits
 
     @property
-    def chain(self) -> Array:
+    def chain(self) -> NDArray[np.float64]:
         """(7, 3, 4) placements, read-only: pose = C0 Rz(q1) C1 Rz(q2) ... Rz(q6) C6."""
         return self._chain
 
-    def solve_all(self, T: Array, seed: Array) -> BranchTable:
+    def solve_all(self, T: NDArray[np.float64], seed: NDArray[np.float64]) -> BranchTable:
         """Every branch, nearest to the seed first.
 
         Args:
@@ -202,7 +201,9 @@ class ClosedForm:
         """What gives the first of `solve_all`'s branches that is within the limits."""
         return NearestBranch(*self.constants)
 
-    def _solved(self, T: Array, seed: Array) -> tuple[KernelCall | None, Array, int]:
+    def _solved(
+        self, T: NDArray[np.float64], seed: NDArray[np.float64]
+    ) -> tuple[KernelCall | None, NDArray[np.float64], int]:
         """The rows of every branch, and what the kernels return; and the call, to be put back once they are read."""
         try:
             call = self._calls.pop()
@@ -221,7 +222,7 @@ class ClosedForm:
         """Pickle the constants; calls are made anew."""
         return _rebuild, (self._chain, self._arm, self._limits, self.spherical, self.misfit)
 
-    def solve_batch(self, T: Array, seed: Array, threads: int = 1) -> BestBranches:
+    def solve_batch(self, T: NDArray[np.float64], seed: NDArray[np.float64], threads: int = 1) -> BestBranches:
         """The best branch of each of n targets.
 
         Args:
@@ -260,14 +261,14 @@ class NearestBranch:
 
     __slots__ = ("T", "_arrays", "_best", "_call", "seed")
 
-    def __init__(self, chain: Array, arm: Array, limits: Array) -> None:
+    def __init__(self, chain: NDArray[np.float64], arm: NDArray[np.float64], limits: NDArray[np.float64]) -> None:
         """Take the constants of a closed form."""
         T, seed, best = np.eye(4)[np.newaxis], np.zeros((1, 6)), np.empty((1, BATCH_COLUMNS))
         self.T, self.seed, self._best = T[0], seed[0], best[0]
         self._arrays = chain, arm, limits, T, seed, best
         self._call: KernelCall | None = None
 
-    def __call__(self) -> Array | None:
+    def __call__(self) -> NDArray[np.float64] | None:
         """The branch, (6,) [rad], an array of the caller's own; None without one."""
         if self._call is None:
             self._first_calls()
@@ -286,13 +287,15 @@ class NearestBranch:
             self._call()
 
 
-def plainly(*arguments: Array) -> int:
+def plainly(*arguments: NDArray[np.float64]) -> int:
     """`kernels.batch.solve` without machine code, and as silent: squares of large distances are infinite."""
     with np.errstate(all="ignore"):
         return solve(*arguments)
 
 
-def _rebuild(chain: Array, arm: Array, limits: Array, spherical: bool, misfit: float) -> ClosedForm:
+def _rebuild(
+    chain: NDArray[np.float64], arm: NDArray[np.float64], limits: NDArray[np.float64], spherical: bool, misfit: float
+) -> ClosedForm:
     form = ClosedForm.__new__(ClosedForm)
     for array in (chain, arm, limits):
         array.flags.writeable = False
