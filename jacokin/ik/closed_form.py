@@ -24,7 +24,13 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from jacokin.ik.geometry import measure
-from jacokin.kernels.closed_form.batch import BATCH_COLUMNS, BRANCHES, BRANCHES_WITHIN_LIMITS, LARGEST_MARGIN, solve
+from jacokin.kernels.closed_form.batch import (
+    BATCH_COLUMNS,
+    BRANCHES,
+    BRANCHES_WITHIN_LIMITS,
+    LARGEST_MARGIN,
+    solve_targets,
+)
 from jacokin.kernels.closed_form.pose import (
     COLUMNS,
     DISTANCE,
@@ -33,6 +39,7 @@ from jacokin.kernels.closed_form.pose import (
     ORIENTATION_ERROR,
     POSITION_ERROR,
     WITHIN_LIMITS,
+    make_work,
 )
 from jacokin.kernels.compiled.library import NO_BATCH, KernelCall
 from jacokin.kernels.compiled.loading import KERNELS
@@ -288,9 +295,10 @@ class NearestBranch:
 
 
 def plainly(*arguments: NDArray[np.float64]) -> int:
-    """`kernels.batch.solve` without machine code, and as silent: squares of large distances are infinite."""
+    """The kernels without machine code, and as silent: squares of large distances are infinite."""
+    chain, arm, limits, T, seed, rows, best = arguments
     with np.errstate(all="ignore"):
-        return solve(*arguments)
+        return solve_targets(chain, arm, limits, T, seed, make_work(rows), best)
 
 
 def _rebuild(

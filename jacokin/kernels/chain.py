@@ -274,7 +274,7 @@ def bordered_newton(
 
 
 def tangent7(chain: Array, T: Array, x: Array, border: Array, t: Array, system: Array) -> float:
-    """Fill t with the unit tangent of the solution curve for which border . t > 0.
+    """Fill t with the unit vector of the null space for which border . t > 0: the tangent of the self-motion.
 
     Returns:
         The sign of the determinant of the Jacobian with t as its seventh row, 0 where there is no tangent. Along a

@@ -1,4 +1,4 @@
-"""The limits: the 2 pi copy of each joint angle within them, margins, and joints held on a limit at a tangency."""
+"""Joint limits: copies (2-pi-equivalents) of angles within them, margins, joints held on a limit at a tangency."""
 
 from __future__ import annotations
 

@@ -13,7 +13,6 @@ from jacokin.kernels.closed_form.pose import (
     BranchWork,
     PoseQuery,
     Work,
-    make_work,
     solve_pose,
     sort_rows,
 )
@@ -22,8 +21,8 @@ from jacokin.kernels.closed_form.pose import (
 BRANCHES, BRANCHES_WITHIN_LIMITS, LARGEST_MARGIN, BATCH_COLUMNS = 17, 18, 19, 20
 
 
-def solve(chain: Array, arm: Array, limits: Array, T: Array, seed: Array, rows: Array, best: Array) -> int:
-    """Solve n targets with n references.
+def solve_targets(chain: Array, arm: Array, limits: Array, T: Array, seed: Array, work: Work, best: Array) -> int:
+    """Solve n targets with n seeds. This is what gets compiled: it allocates nothing.
 
     Args:
         chain: (7, 3, 4) the model's placements, see ``geometry``.
@@ -31,7 +30,8 @@ def solve(chain: Array, arm: Array, limits: Array, T: Array, seed: Array, rows: 
         limits: (3, 6) lower and upper limits, and the snap distance [rad].
         T: (n, 4, 4) targets, T_base_frame.
         seed: (n, 6) seeds [rad].
-        rows: (24, 17) filled with the branches of the last target, nearest to its seed first.
+        work: arrays to work in; its rows (24, 17) are filled with the branches of the last target, nearest to its seed
+            first.
         best: (n, 20) filled with one row for each target, or (0, 20) for the branches of one target only. The row is
             the branch within the limits nearest to the seed; without one, the branch that breaks a limit least; NaN
             without any branch.
@@ -40,11 +40,6 @@ def solve(chain: Array, arm: Array, limits: Array, T: Array, seed: Array, rows: 
         How many rows were filled for the last target; its complement, ~count, if a table was full and entries may have
         been dropped.
     """
-    return solve_targets(chain, arm, limits, T, seed, make_work(rows), best)
-
-
-def solve_targets(chain: Array, arm: Array, limits: Array, T: Array, seed: Array, work: Work, best: Array) -> int:
-    """As `solve`, in work arrays that the caller made; this is what gets compiled: it allocates nothing."""
     k = unpack_arm(arm)
     for i in range(T.shape[0]):
         solve_pose(arm, k, PoseQuery(chain, limits, T[i], seed[i]), work)

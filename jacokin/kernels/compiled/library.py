@@ -107,7 +107,7 @@ class KernelCall:
         seed: Array,
         best: Array = NO_BATCH,
     ) -> None:
-        """Take arrays as `kernels.batch.solve_targets` needs them.
+        """Take arrays as `closed_form.batch.solve_targets` needs them.
 
         Raises:
             ValueError: a shape, type or memory layout that the machine code would misread.
@@ -132,7 +132,7 @@ class KernelCall:
 
 
 class CurveCall:
-    """Everything one call of `curves.intervals.run_curves` at a time needs.
+    """Everything one call of `self_motion.intervals.run_curves` at a time needs.
 
     Attributes:
         work: the arrays, to be filled in and read.

@@ -1,4 +1,4 @@
-"""Following a solution curve step by step: predictor along the tangent, corrector on the plane across it."""
+"""Following a self-motion step by step: predictor along the null space, corrector on the plane across it."""
 
 from __future__ import annotations
 

@@ -54,14 +54,20 @@ def make_graph() -> Graph:
     )
 
 
-def explained(x: Array, t: Array, y: Array, u: Array, h: float, parameter: int) -> bool:
-    """Whether the tangents t and u explain the way from point x to point y, h apart in the parameter."""
+def misfit(x: Array, t: Array, y: Array, u: Array, h: float, parameter: int) -> tuple[float, float]:
+    """The way from point x to point y, h apart in the parameter, and what of it the tangents t and u do not explain."""
     way, defect = 0.0, 0.0
     for m in range(7):
         if m != parameter:
             d = wrapped(y[m] - x[m])
             way = max(way, abs(d))
             defect = max(defect, abs(d - 0.5 * h * (t[m] / t[parameter] + u[m] / u[parameter])))
+    return way, defect
+
+
+def explained(x: Array, t: Array, y: Array, u: Array, h: float, parameter: int) -> bool:
+    """Whether the tangents leave no doubt that one curve leads from point x to point y."""
+    way, defect = misfit(x, t, y, u, h, parameter)
     return defect <= DIRECT_REST + DIRECT_DEFECT * way and way <= DIRECT_WAY
 
 
@@ -139,15 +145,8 @@ def match(slices: Slices, i: int, j: int, shift: float, parameter: int, graph: G
         for b in range(slices.filled[j]):
             if slices.sign[i, a] != slices.sign[j, b]:
                 continue
-            way, defect = 0.0, 0.0
-            for m in range(7):
-                if m != parameter:
-                    d = wrapped(slices.x[j, b, m] - slices.x[i, a, m])
-                    slope = (
-                        slices.t[i, a, m] / slices.t[i, a, parameter] + slices.t[j, b, m] / slices.t[j, b, parameter]
-                    )
-                    way = max(way, abs(d))
-                    defect = max(defect, abs(d - 0.5 * h * slope))
+            x, u = slices.x[j, b], slices.t[j, b]
+            way, defect = misfit(slices.x[i, a], slices.t[i, a], x, u, h, parameter)
             if defect < best:
                 best, second, found, way_found = defect, best, b, way
             elif defect < second:

@@ -1,4 +1,4 @@
-"""The entry point: all intervals of the parameter for one target, or a point of a curve. Read this file first.
+"""The entry point: the self-motions of a target as intervals of the parameter, or one point. Read this file first.
 
 gaps         where configurations exist between two slices only: one more slice
 slices       all configurations at some values of the parameter, in closed form
@@ -31,7 +31,7 @@ from jacokin.kernels.self_motion.slices import (
     make_six_joints,
     make_slices,
 )
-from jacokin.kernels.self_motion.sweep import sweep
+from jacokin.kernels.self_motion.sweep import SweepWork, sweep
 
 #: What to do: find the intervals; find a point at a share of a chord; find a point where the parameter has a value;
 #: find the member nearest to the seed; find the nearest one on the first nodes of the arcs.
@@ -94,7 +94,8 @@ def run_curves(work: CurveWork) -> int:
     if task == FIND_NEAREST_ON_RUN:
         return 1 if search_run(chain, T, work.arcs.nodes, n, work.nearest, walk) else 0
     if task == FIND_NEAREST and parameter != 6:
-        return 1 if sweep(chain, work.seven, T, work.slices, work.graph.traced, work.nearest, walk) else 0
+        sweeping = SweepWork(chain, T, work.seven, work.slices, work.graph.traced, work.nearest, walk)
+        return 1 if sweep(sweeping) else 0
     if parameter != 6:
         n = add_windows(chain, work.seven.arm, T, n, closed, work.slices)
     else:

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from jacokin import Robot
-from jacokin.kernels.closed_form.batch import BATCH_COLUMNS, solve
+from jacokin.ik.closed_form import plainly
+from jacokin.kernels.closed_form.batch import BATCH_COLUMNS
 from jacokin.kernels.closed_form.pose import COLUMNS, MAX_BRANCHES
 from jacokin.kernels.compiled import compiler
 from jacokin.kernels.compiled.compiler import linked, translating_only
@@ -35,11 +36,11 @@ def test_plain_and_compiled_kernels_give_the_same_bits(
     T = np.array([target(robot, q) for q in robot.sample(rng, 60)])
     seeds = robot.sample(rng, 60)
     best = np.zeros((60, BATCH_COLUMNS))
-    solve(*constants, T, seeds, np.zeros((MAX_BRANCHES, COLUMNS)), best)
+    plainly(*constants, T, seeds, np.zeros((MAX_BRANCHES, COLUMNS)), best)
     np.testing.assert_array_equal(form.solve_batch(T, seeds).rows, best)
     for one, seed in zip(T, seeds, strict=True):
         rows = np.zeros((MAX_BRANCHES, COLUMNS))
-        count = solve(*constants, one[np.newaxis], seed[np.newaxis], rows, NO_BATCH)
+        count = plainly(*constants, one[np.newaxis], seed[np.newaxis], rows, NO_BATCH)
         np.testing.assert_array_equal(form.solve_all(one, seed).rows, rows[:count])
 
 
