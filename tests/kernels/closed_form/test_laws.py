@@ -21,6 +21,7 @@ from tests.kernels.closed_form.tools import (
     closed_form,
     closest_pair,
     contains,
+    sizes,
     target,
     worst_error,
 )
@@ -34,14 +35,15 @@ def compiled() -> None:
 
 
 @pytest.mark.parametrize("name", FAMILY)
+@pytest.mark.parametrize("number", sizes(200, 1500))
 def test_every_branch_closes_and_the_generating_one_is_among_them(
-    name: str, bundled: Callable[[str], Robot], rng: np.random.Generator
+    number: int, name: str, bundled: Callable[[str], Robot], rng: np.random.Generator
 ) -> None:
     robot = bundled(name)
     form = closed_form(robot)
     assert form.spherical == name.startswith("j2s")
     assert form.misfit < 1e-12
-    for q in robot.sample(rng, 1500):
+    for q in robot.sample(rng, number):
         rows = form.solve_all(target(robot, q), robot.home)
         assert contains(rows, q)
         assert worst_error(rows) < 1e-12
@@ -131,8 +133,9 @@ def test_far_targets_have_no_branches(distance: float, robot: Robot) -> None:
 
 
 @pytest.mark.parametrize("name", ["j2n6s300", "m1n6s300", "j2s6s300"])
+@pytest.mark.parametrize("number", sizes(100, 500))
 def test_a_model_with_rounded_numbers_is_polished(
-    name: str, bundled: Callable[[str], Robot], rng: np.random.Generator
+    number: int, name: str, bundled: Callable[[str], Robot], rng: np.random.Generator
 ) -> None:
     robot = bundled(name)
     model = robot.pin_model.copy()
@@ -143,7 +146,7 @@ def test_a_model_with_rounded_numbers_is_polished(
     assert 1e-8 < form.misfit < 1e-5
     data = model.createData()
     checked = 0
-    for q in robot.sample(rng, 500):
+    for q in robot.sample(rng, number):
         pin.framesForwardKinematics(model, data, q)
         if np.linalg.svd(pin.computeFrameJacobian(model, data, q, robot.frame_id()))[1][-1] < 1e-3:
             continue
