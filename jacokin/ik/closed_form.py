@@ -219,7 +219,7 @@ class ClosedForm:
             if library is None:
                 rows = np.empty((MAX_BRANCHES, COLUMNS))
                 some = self._chain, self._arm, self._limits, T[np.newaxis], seed[np.newaxis]
-                return None, rows, plainly(*some, rows, NO_BATCH)
+                return None, rows, run_python(*some, rows, NO_BATCH)
             call = KernelCall(library, self._chain, self._arm, self._limits, np.empty((1, 4, 4)), np.empty((1, 6)))
         call.T[0] = T
         call.seed[0] = seed
@@ -245,7 +245,7 @@ class ClosedForm:
         def run(start: int, stop: int) -> None:
             some = self._chain, self._arm, self._limits, T[start:stop], seed[start:stop]
             if library is None:
-                plainly(*some, np.empty((MAX_BRANCHES, COLUMNS)), best[start:stop])
+                run_python(*some, np.empty((MAX_BRANCHES, COLUMNS)), best[start:stop])
             else:
                 KernelCall(library, *some, best[start:stop])()
 
@@ -288,13 +288,13 @@ class NearestBranch:
         library = KERNELS.for_poses(1)
         *given, best = self._arrays
         if library is None:
-            plainly(*given, np.empty((MAX_BRANCHES, COLUMNS)), best)
+            run_python(*given, np.empty((MAX_BRANCHES, COLUMNS)), best)
         else:
             self._call = KernelCall(library, *self._arrays)
             self._call()
 
 
-def plainly(*arguments: NDArray[np.float64]) -> int:
+def run_python(*arguments: NDArray[np.float64]) -> int:
     """The kernels without machine code, and as silent: squares of large distances are infinite."""
     chain, arm, limits, T, seed, rows, best = arguments
     with np.errstate(all="ignore"):

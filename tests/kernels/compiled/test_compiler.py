@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from jacokin import Robot
-from jacokin.ik.closed_form import plainly
+from jacokin.ik.closed_form import run_python
 from jacokin.kernels.closed_form.batch import BATCH_COLUMNS
 from jacokin.kernels.closed_form.pose import COLUMNS, MAX_BRANCHES
 from jacokin.kernels.compiled import compiler
@@ -36,11 +36,11 @@ def test_plain_and_compiled_kernels_give_the_same_bits(
     T = np.array([target(robot, q) for q in robot.sample(rng, 60)])
     seeds = robot.sample(rng, 60)
     best = np.zeros((60, BATCH_COLUMNS))
-    plainly(*constants, T, seeds, np.zeros((MAX_BRANCHES, COLUMNS)), best)
+    run_python(*constants, T, seeds, np.zeros((MAX_BRANCHES, COLUMNS)), best)
     np.testing.assert_array_equal(form.solve_batch(T, seeds).rows, best)
     for one, seed in zip(T, seeds, strict=True):
         rows = np.zeros((MAX_BRANCHES, COLUMNS))
-        count = plainly(*constants, one[np.newaxis], seed[np.newaxis], rows, NO_BATCH)
+        count = run_python(*constants, one[np.newaxis], seed[np.newaxis], rows, NO_BATCH)
         np.testing.assert_array_equal(form.solve_all(one, seed).rows, rows[:count])
 
 
