@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
 from jacokin.chunks.execution import worker_processes
-from jacokin.errors import InvalidInputError, JacokinError, shown
+from jacokin.errors import InvalidInputError, JacokinError
 from jacokin.ik.results import BatchResult, IKResult, Status
 from jacokin.ik.seeds import FARTHEST_SEED, seed_within_limits
 from jacokin.ik.targets import checked_batch
@@ -56,8 +56,8 @@ def solve(
     workers = checks.whole_number("workers", workers, lowest=1)
     closest = checks.flag("closest", closest)
     matrices, position_only, free = checked_batch(targets)
-    if progress is not None and not callable(progress):
-        raise InvalidInputError(f"progress must be callable, got {shown(progress)}")
+    if progress is not None:
+        checks.function("progress", progress)
     starts, notes = _seeds_within_limits(robot, seeds, len(matrices))
     out = _Columns(len(matrices), robot.dof, notes)
     rest = list(range(len(matrices)))

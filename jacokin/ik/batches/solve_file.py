@@ -105,13 +105,12 @@ def solve_file(
         MissingExtraError: Parquet needs pyarrow.
         JacokinError: a worker failed or the disk is full; what is finished is kept.
     """
-    if not isinstance(solver, IKSolver):
-        raise InvalidInputError(f"solver must be an IKSolver, got {checks.shown(solver)}")
+    checks.instance("solver", solver, IKSolver, "an IKSolver")
     start = None if seed is None else seed_within_limits(solver.robot, seed)[0]
     checks.flag("closest", closest)
     checks.flag("resume", resume)
-    if progress is not None and not callable(progress):
-        raise InvalidInputError(f"progress must be callable, got {checks.shown(progress)}")
+    if progress is not None:
+        checks.function("progress", progress)
     if workers is not None:
         workers = checks.whole_number("workers", workers, lowest=1)
         if executor is not None:
@@ -120,8 +119,8 @@ def solve_file(
     own: Executor | None = None
     began = time.perf_counter()
     with contextlib.ExitStack() as stack:
-        source = _source(stack, _path("targets", targets))
-        out = _path("output", output)
+        source = _source(stack, checks.path("targets", targets))
+        out = checks.path("output", output)
         answers = answers_format(out)
         if source.is_file() and out.is_file() and out.samefile(source):
             raise InvalidInputError(f"output {out} is the file of targets: they would be lost")
@@ -315,12 +314,6 @@ def unfinished(output: Path) -> Path | None:
     """The folder of a run that was to write `output` and did not end; None without one."""
     folder = _folder_of(files.writable(output))
     return folder if folder.is_dir() else None
-
-
-def _path(name: str, value: str | Path) -> Path:
-    if not isinstance(value, str | Path) or not str(value):
-        raise InvalidInputError(f"{name} must be a str or a Path, got {checks.shown(value)}")
-    return Path(value)
 
 
 def _source(stack: contextlib.ExitStack, targets: Path) -> Path:

@@ -20,6 +20,7 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.ik.files.targets import ANSWERS, Columns, FilePart, TargetFile, choose_columns, target_rows
 from jacokin.ik.results import STATUS_NAMES, BatchResult
+from jacokin.model import checks
 
 BLOCK = 8192  # lines read at a time
 FIRST_LINE = 2  # after the header
@@ -42,9 +43,7 @@ def read_targets(path: str | Path) -> TargetFile:
         InvalidInputError: no such file, an unknown, missing or repeated column, a row that is longer than the header, a
             bad number, a quaternion whose norm is not 1, or no rows; names line and column.
     """
-    if not isinstance(path, str | Path):
-        raise InvalidInputError(f"path must be a str or a Path, got {type(path).__name__}")
-    blocks = list(read_blocks(Path(path), BLOCK, strict=True))
+    blocks = list(read_blocks(checks.path("path", path), BLOCK, strict=True))
     return TargetFile(
         blocks[0].columns,
         np.concatenate([block.values for block in blocks]),
