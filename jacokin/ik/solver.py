@@ -42,7 +42,7 @@ from jacokin.model.poses import FreeAxis
 from jacokin.model.robot import Robot, checked_robot
 
 if TYPE_CHECKING:
-    from jacokin.ik.closed_form import BranchTable, ClosedForm
+    from jacokin.ik.closed_form import BestBranches, ClosedForm
     from jacokin.ik.closest import ClosestSearch
     from jacokin.ik.families.family import Family
     from jacokin.ik.qp import QPSearch
@@ -339,8 +339,10 @@ class IKSolver:
         if callable(prefer) and workers != 1:
             batch.check_picklable("prefer", prefer)
         compiled = self._compiled if nearest and self.has_closed_form and not self._verifier.looks_for_contact else None
-        solvers = batch.Solvers(self.robot, functools.partial(self.solve, prefer=prefer), compiled)
-        return batch.solve(solvers, targets, seeds, workers=workers, progress=progress, closest=closest)
+        single = functools.partial(self.solve, prefer=prefer)
+        return batch.solve(
+            self.robot, single, compiled, targets, seeds, workers=workers, progress=progress, closest=closest
+        )
 
     def __reduce__(self) -> tuple[object, tuple[object, ...]]:
         """Pickle the options; working memory is made anew."""
@@ -387,7 +389,7 @@ class IKSolver:
             self._closest = ClosestSearch(self._verifier)
         return self._closest
 
-    def _compiled(self, matrices: Array, seeds: Array, workers: int) -> tuple[BranchTable, NDArray[np.bool_]]:
+    def _compiled(self, matrices: Array, seeds: Array, workers: int) -> tuple[BestBranches, NDArray[np.bool_]]:
         """The best branch of each of many poses, and which of them are successes."""
         rows = self.closed_form().solve_batch(matrices, seeds, workers)
         return rows, self._verifier.reached_rows(rows) & rows.within_limits

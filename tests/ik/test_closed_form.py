@@ -1,57 +1,25 @@
-"""Laws of the closed form: every branch closes, none is missing, none twice, limits are exact."""
+"""`ClosedForm` on a model: frames, tools and bases, limits, batches, threads, and models that are refused."""
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Callable
+import pickle
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pinocchio as pin
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
-import jacokin
 from jacokin import Robot
 from jacokin.arrays import Array
 from jacokin.errors import StructureError
 from jacokin.ik.closed_form import ClosedForm
-from jacokin.ik.geometry import measure
-from jacokin.kernels import chain as kernels_chain
 from jacokin.kernels.compiled.loading import warmup
-from tests.ik.closed_form.tools import (
-    brute_force,
-    circular,
-    closed_form,
-    closest_pair,
-    contains,
-    target,
-    worst_error,
-)
-
-FAMILY = ("j2n6s300", "j2n6s200", "j2s6s300", "j2s6s200", "m1n6s300", "m1n6s200")
+from tests.kernels.closed_form.tools import closed_form, contains, target, worst_error
 
 
 @pytest.fixture(scope="module", autouse=True)
 def compiled() -> None:
     warmup()
-
-
-@pytest.mark.parametrize("name", FAMILY)
-def test_every_branch_closes_and_the_generating_one_is_among_them(
-    name: str, bundled: Callable[[str], Robot], rng: np.random.Generator
-) -> None:
-    robot = bundled(name)
-    form = closed_form(robot)
-    assert form.spherical == name.startswith("j2s")
-    assert form.misfit < 1e-12
-    for q in robot.sample(rng, 1500):
-        rows = form.solve_all(target(robot, q), robot.home)
-        assert contains(rows, q)
-        assert worst_error(rows) < 1e-12
-        assert closest_pair(rows) > 1e-6
-        assert len(rows) <= 16
-        assert not rows.family.any()
 
 
 def test_reported_errors_are_those_of_pinocchio(robot: Robot, rng: np.random.Generator) -> None:
@@ -61,33 +29,6 @@ def test_reported_errors_are_those_of_pinocchio(robot: Robot, rng: np.random.Gen
         for branch in form.solve_all(T, robot.home).q:
             error = robot.forward_kinematics(branch).homogeneous - T
             assert np.abs(error).max() < 1e-12
-
-
-@pytest.mark.slow
-def test_the_chain_is_pinocchio_s(bundled: Callable[[str], Robot], rng: np.random.Generator) -> None:
-    for name in FAMILY[::2]:
-        robot = bundled(name)
-        tool = pin.exp6(rng.normal(size=6))
-        geometry = measure(robot.pin_model, robot.frame_id(), tool)
-        for q in robot.sample(rng, 34_000):
-            x, y, z, p = kernels_chain.forward(geometry.chain, q)
-            reached = robot.forward_kinematics(q) * tool
-            assert np.abs(np.column_stack([x, y, z]) - reached.rotation).max() < 1e-13
-            assert np.abs(p - reached.translation).max() < 1e-13
-
-
-def test_the_branches_are_those_of_a_brute_force_search(
-    bundled: Callable[[str], Robot], rng: np.random.Generator
-) -> None:
-    for name in ("j2n6s300", "j2s6s300"):
-        robot = bundled(name)
-        form = closed_form(robot)
-        down = jacokin.pose([0.25, -0.3, 0.15], down=True).homogeneous
-        for T in [*(target(robot, q) for q in robot.sample(rng, 3)), np.ascontiguousarray(down)]:
-            rows = form.solve_all(T, robot.home)
-            found = brute_force(robot, T, rng, 150)
-            assert len(found) == len(rows)
-            assert all(contains(rows, q, 1e-5) for q in found)
 
 
 @pytest.mark.parametrize("frame", ["link_6", "wristsite", "gripsite", "pinchsite", "hand", "link_finger_tip_2"])
@@ -148,81 +89,6 @@ def test_branches_are_ordered_and_unlimited_joints_are_near_the_seed(robot: Robo
         assert np.abs(rows.q - seed)[:, free].max() <= np.pi + 1e-9
 
 
-@settings(max_examples=60, deadline=None)
-@given(turns=st.lists(st.integers(-3, 3), min_size=4, max_size=4), number=st.integers(0, 10_000))
-def test_full_turns_of_the_seed_change_only_the_copies(turns: list[int], number: int) -> None:
-    robot = jacokin.load_robot()
-    form = closed_form(robot)
-    rng = np.random.default_rng(number)
-    q, seed = robot.sample(rng, 2)
-    shift = np.zeros(6)
-    shift[np.isinf(robot.upper)] = 2.0 * np.pi * np.array(turns)
-    here, there = form.solve_all(target(robot, q), seed), form.solve_all(target(robot, q), seed + shift)
-    np.testing.assert_allclose(there.q - here.q, np.broadcast_to(shift, here.q.shape), atol=1e-12)
-
-
-def test_the_seed_s_own_pose_returns_the_seed(robot: Robot, rng: np.random.Generator) -> None:
-    form = closed_form(robot)
-    for q in robot.sample(rng, 500):
-        if robot.singular_values(q)[-1] > 1e-3:
-            assert np.abs(form.solve_all(target(robot, q), q).q[0] - q).max() < 1e-9
-
-
-def test_limits_are_exact_and_margins_say_by_how_much(robot: Robot, rng: np.random.Generator) -> None:
-    form = closed_form(robot)
-    for q in robot.sample(rng, 300):
-        rows = form.solve_all(target(robot, q), q)
-        inside = np.all((rows.q >= robot.lower) & (rows.q <= robot.upper), axis=1)
-        np.testing.assert_array_equal(rows.within_limits, inside)
-        np.testing.assert_array_equal(rows.margin, np.minimum(rows.q - robot.lower, robot.upper - rows.q))
-        assert inside.any()
-
-
-@pytest.mark.parametrize("joint", [1, 2])
-@pytest.mark.parametrize("side", ["lower", "upper"])
-def test_a_joint_on_its_limit_counts_as_within_and_one_past_it_does_not(
-    joint: int, side: str, robot: Robot, rng: np.random.Generator
-) -> None:
-    form = closed_form(robot)
-    limit = getattr(robot, side)[joint]
-    outward = -1.0 if side == "lower" else 1.0
-    for q in robot.sample(rng, 100):
-        for past, within in ((0.0, True), (5e-10, True), (3e-9, False), (1e-3, False)):
-            q[joint] = limit + outward * past
-            nearest = form.solve_all(target(robot, q), q)
-            index = int(np.argmin(circular(nearest.q, q)))
-            assert circular(nearest.q[index], q) < 1e-6
-            if robot.singular_values(q)[-1] < 1e-2:
-                continue  # rounding of the target moves such a branch by more than the snap
-            assert nearest.within_limits[index] == within
-            if within:
-                assert nearest.q[index, joint] == pytest.approx(limit, abs=1e-12)
-            else:
-                assert nearest.margin[index, joint] == pytest.approx(-past, abs=1e-11)
-
-
-def test_wide_limits_take_the_copy_nearest_to_the_seed(robot: Robot, rng: np.random.Generator) -> None:
-    lower, upper = np.full(6, -np.inf), np.full(6, np.inf)
-    lower[3], upper[3] = -10.0, 10.0  # three turns
-    lower[4] = 4.0  # one-sided
-    form = ClosedForm(robot.pin_model, robot.frame_id(), None, lower, upper)
-    for q in robot.sample(rng, 100):
-        seed = np.array([0.0, 0.0, 0.0, 9.9, 0.0, 0.0])
-        rows = form.solve_all(target(robot, q), seed)
-        assert rows.within_limits.all()
-        assert np.all(rows.q[:, 3] > 10.0 - 2.0 * np.pi)
-        assert np.all((rows.q[:, 4] >= 4.0) & (rows.q[:, 4] < 4.0 + 2.0 * np.pi))
-
-
-@pytest.mark.parametrize("distance", [2.0, 1e3, 1e9, 1e200])
-def test_far_targets_have_no_branches(distance: float, robot: Robot) -> None:
-    T = np.eye(4)
-    T[0, 3] = distance  # [m]
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        assert len(closed_form(robot).solve_all(T, robot.home)) == 0
-
-
 def test_a_batch_is_the_nearest_branch_within_the_limits(robot: Robot, rng: np.random.Generator) -> None:
     form = closed_form(robot)
     targets = np.array([target(robot, q) for q in robot.sample(rng, 300)])
@@ -281,27 +147,6 @@ def test_a_frame_off_the_last_link_is_refused(robot: Robot) -> None:
         closed_form(robot, "link_5")
 
 
-@pytest.mark.parametrize("name", ["j2n6s300", "m1n6s300", "j2s6s300"])
-def test_a_model_with_rounded_numbers_is_polished(
-    name: str, bundled: Callable[[str], Robot], rng: np.random.Generator
-) -> None:
-    robot = bundled(name)
-    model = robot.pin_model.copy()
-    for i in range(1, 7):
-        turn = pin.exp3(3e-7 * rng.normal(size=3))
-        model.jointPlacements[i] = model.jointPlacements[i] * pin.SE3(turn, 1e-8 * rng.normal(size=3))
-    form = ClosedForm(model, robot.frame_id(), None, robot.lower, robot.upper)
-    assert 1e-8 < form.misfit < 1e-5
-    data = model.createData()
-    for q in robot.sample(rng, 500):
-        pin.framesForwardKinematics(model, data, q)
-        if np.linalg.svd(pin.computeFrameJacobian(model, data, q, robot.frame_id()))[1][-1] < 1e-3:
-            continue
-        rows = form.solve_all(np.ascontiguousarray(data.oMf[robot.frame_id()].homogeneous), q)
-        assert contains(rows, q)
-        assert worst_error(rows) < 1e-10
-
-
 def test_results_are_read_only(robot: Robot) -> None:
     rows = closed_form(robot).solve_all(target(robot, robot.home), robot.home)
     for array in (rows.q, rows.margin, rows.distance, rows.position_error):
@@ -310,11 +155,39 @@ def test_results_are_read_only(robot: Robot) -> None:
 
 
 def test_two_threads_share_a_form(robot: Robot, rng: np.random.Generator) -> None:
-    from concurrent.futures import ThreadPoolExecutor
-
     form = closed_form(robot)
     targets: list[Array] = [target(robot, q) for q in robot.sample(rng, 400)]
     alone = [form.solve_all(T, robot.home).rows for T in targets]
     with ThreadPoolExecutor(4) as pool:
         together = list(pool.map(lambda T: form.solve_all(T, robot.home).rows, targets))
     assert all(np.array_equal(a, b) for a, b in zip(alone, together, strict=True))
+
+
+def test_wide_limits_take_the_copy_nearest_to_the_seed(robot: Robot, rng: np.random.Generator) -> None:
+    lower, upper = np.full(6, -np.inf), np.full(6, np.inf)
+    lower[3], upper[3] = -10.0, 10.0  # three turns
+    lower[4] = 4.0  # one-sided
+    form = ClosedForm(robot.pin_model, robot.frame_id(), None, lower, upper)
+    for q in robot.sample(rng, 100):
+        seed = np.array([0.0, 0.0, 0.0, 9.9, 0.0, 0.0])
+        rows = form.solve_all(target(robot, q), seed)
+        assert rows.within_limits.all()
+        assert np.all(rows.q[:, 3] > 10.0 - 2.0 * np.pi)
+        assert np.all((rows.q[:, 4] >= 4.0) & (rows.q[:, 4] < 4.0 + 2.0 * np.pi))
+
+
+def test_results_do_not_change_when_the_next_pose_is_solved(robot: Robot, rng: np.random.Generator) -> None:
+    form = closed_form(robot)
+    first = form.solve_all(target(robot, robot.home), robot.home)
+    before = first.rows.copy()
+    form.solve_all(target(robot, robot.sample(rng)), robot.home)
+    np.testing.assert_array_equal(first.rows, before)
+
+
+def test_a_closed_form_can_be_pickled_after_use(robot: Robot) -> None:
+    form = closed_form(robot)
+    T = target(robot, robot.home)
+    rows = form.solve_all(T, robot.home).rows
+    copy = pickle.loads(pickle.dumps(form))
+    np.testing.assert_array_equal(copy.solve_all(T, robot.home).rows, rows)
+    assert (copy.spherical, copy.misfit) == (form.spherical, form.misfit)
