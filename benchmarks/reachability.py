@@ -12,6 +12,7 @@ from __future__ import annotations
 import argparse
 import filecmp
 import importlib.util
+import pickle
 import signal
 import subprocess
 import sys
@@ -28,13 +29,13 @@ import numpy as np
 import jacokin
 from benchmarks import report
 from jacokin import IKSolver
-from jacokin.chunks.execution import made
+from jacokin.chunks.execution import run_jobs
 from jacokin.chunks.folder import Keeper
 from jacokin.ik import solve_file
 from jacokin.ik.batches import solve_file as files
-from jacokin.ik.batches.chunk import ChunkJob, FileStamp, RowsInFile, read_tally
+from jacokin.ik.batches.chunk import ChunkJob, RowsInFile, read_stamp, read_tally
 from jacokin.ik.batches.solve_file import ROWS
-from jacokin.ik.files import formats
+from jacokin.ik.files.formats import answers_format, targets_format
 from jacokin.ik.files.targets import equal_parts
 from jacokin.reachability import Grid, ReachabilityMap, build
 
@@ -124,10 +125,10 @@ def coordinator(rows: int = 4 * ROWS) -> list[str]:
         solve_file(solver, source, folder / "out.parquet", workers=1)
         worker = (time.process_time() - begin) * ROWS / rows
         pieces = _chunks(folder, solver, source)
-        layout, names = formats.answers(Path("out.parquet")), [*NAMES, *(f"q{joint}" for joint in range(1, 7))]
+        answers, names = answers_format(Path("out.parquet")), [*NAMES, *(f"q{joint}" for joint in range(1, 7))]
         begin = time.process_time()
         many = [pieces[number % len(pieces)] for number in range(20 * len(pieces))]
-        layout.write_joined(folder / "joined.parquet", [(path, _offset(path)) for path in many], names)
+        answers.write_joined(folder / "joined.parquet", [(path, _offset(path)) for path in many], names)
         join = (time.process_time() - begin) / len(many)
         cells = []
         executors: list[tuple[str, Callable[[], Executor]]] = [
@@ -159,15 +160,20 @@ def coordinator(rows: int = 4 * ROWS) -> list[str]:
 
 def _chunks(folder: Path, solver: IKSolver, source: Path) -> list[Path]:
     """Finished chunks of a file."""
-    keeper, parts = Keeper(folder, "", ".chunk"), formats.parts(source, ROWS)
-    every = files.Batch(solver, source, parts, ROWS, None, True, ".parquet")
+    parts = targets_format(source).parts(source, ROWS)
     paths = []
     with ThreadPoolExecutor(1) as pool:
-        for index, content in every.solved(range(len(parts)), keeper, pool, several=True):
+        job, missing = _jobs(folder, solver), range(len(parts))
+        for index, content in files.solve_chunks(job, source, parts, ROWS, missing, pool, several=True):
             assert isinstance(content, bytes)  # no recipe is in the folder
             paths.append(folder / f"{index}.chunk")
             paths[-1].write_bytes(content)
     return sorted(paths)
+
+
+def _jobs(folder: Path, solver: IKSolver) -> Callable[..., ChunkJob]:
+    keeper = Keeper(folder, "", ".chunk")
+    return partial(ChunkJob, jacokin.__version__, pickle.dumps(solver), None, True, ".parquet", keeper)
 
 
 def _offset(path: Path) -> int:
@@ -177,14 +183,17 @@ def _offset(path: Path) -> int:
 def _handed_out(folder: Path, solver: IKSolver, source: Path, executor: Executor) -> float:
     """Processor seconds of this process for a job whose work takes no time."""
     parts = equal_parts(HANDED_OUT * files.TOGETHER * ROWS, ROWS)
-    every = files.Batch(solver, source, parts, ROWS, None, True, ".parquet")
-    stamp = FileStamp.of(source)
+    stamp = read_stamp(source)
     assert stamp is not None
     runs = [list(range(first, first + files.TOGETHER)) for first in range(0, len(parts), files.TOGETHER)]
     work = partial(nothing, [f"{index:06d}-{'0' * 16}.chunk" for index in range(files.TOGETHER)])
-    recipes = list(every._recipes(runs, Keeper(folder, "", ".chunk"), stamp))
+    job = _jobs(folder, solver)
+    jobs = [
+        (number, job(run[0], RowsInFile(stamp, ROWS, tuple(parts[index] for index in run))))
+        for number, run in enumerate(runs)
+    ]
     begin = time.process_time()
-    for _ in made(work, recipes, executor):
+    for _ in run_jobs(work, jobs, executor):
         pass
     return (time.process_time() - begin) / len(runs)
 

@@ -1,10 +1,7 @@
-"""Long work in chunks: a folder of finished ones, and executors that make them.
+"""Long work in chunks: a folder that keeps the finished ones, and executors that make the others.
 
-A chunk is a pure function of a recipe and its number, so that it can be made anywhere and by anybody, and once only.
+A chunk depends on a recipe and its number only, so that any worker can make it, and none has to be made twice.
 
 folder      the recipe and the finished chunks on disk
-keeping     who writes finished chunks into it
-execution   chunks through any `concurrent.futures.Executor`
-processes   worker processes on this machine
-cluster     the executor of a dask cluster
+execution   chunks through any `concurrent.futures.Executor`: processes of this machine, a dask cluster
 """

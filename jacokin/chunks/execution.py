@@ -1,9 +1,11 @@
-"""Chunks through any `concurrent.futures.Executor`, with a bounded number of them under way."""
+"""Run jobs on any `concurrent.futures.Executor`, with a bounded number of them under way; executors, and progress."""
 
 from __future__ import annotations
 
 import contextlib
+import functools
 import logging
+import multiprocessing
 import os
 import signal
 import threading
@@ -20,27 +22,11 @@ Made = TypeVar("Made")
 
 AHEAD = 2  # chunks under way for each worker: none waits for its next one
 FEWEST_AHEAD = 4
+ANSWER_WITHIN = 10.0  # [s] that a scheduler has to answer
 KEPT = "the chunks that are finished are kept: do the same again to continue"
 
 
-def checked_executor(executor: Executor | None) -> Executor | None:
-    """An executor, or None.
-
-    Raises:
-        InvalidInputError: anything else.
-    """
-    if executor is not None and not isinstance(executor, Executor):
-        hint = "; of a dask client, give client.get_executor()" if hasattr(executor, "get_executor") else ""
-        raise InvalidInputError(f"executor must be a concurrent.futures.Executor, got {shown(executor)}{hint}")
-    return executor
-
-
-def usable_cores() -> int:
-    """Cores that this process may run on."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-def made(
+def run_jobs(
     make: Callable[[Job], Made], jobs: Iterable[tuple[int, Job]], executor: Executor
 ) -> Iterator[tuple[int, Made]]:
     """The number and the result of every job, in the order in which they finish.
@@ -50,7 +36,7 @@ def made(
     Raises:
         JacokinError: a job failed, or the executor did.
     """
-    ahead = max(FEWEST_AHEAD, AHEAD * workers_of(executor))
+    ahead = max(FEWEST_AHEAD, AHEAD * count_workers(executor))
     under_way: dict[Future[Made], int] = {}
     jobs = iter(jobs)
     try:
@@ -85,7 +71,24 @@ def _result(future: Future[Made], index: int) -> Made:
         raise JacokinError(f"chunk {index} failed: {type(error).__name__}: {error}; {KEPT}") from error
 
 
-def workers_of(executor: Executor) -> int:
+def checked_executor(executor: Executor | None) -> Executor | None:
+    """An executor, or None.
+
+    Raises:
+        InvalidInputError: anything else.
+    """
+    if executor is not None and not isinstance(executor, Executor):
+        hint = "; of a dask client, give client.get_executor()" if hasattr(executor, "get_executor") else ""
+        raise InvalidInputError(f"executor must be a concurrent.futures.Executor, got {shown(executor)}{hint}")
+    return executor
+
+
+def usable_cores() -> int:
+    """Cores that this process may run on."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def count_workers(executor: Executor) -> int:
     """How many workers an executor has; the interface does not tell, so this looks into those that are known."""
     known = getattr(executor, "_max_workers", None)
     if isinstance(known, int):
@@ -94,37 +97,35 @@ def workers_of(executor: Executor) -> int:
     return 2 * usable_cores() if client is None else max(1, sum(client.nthreads().values()))
 
 
-def worker_processes(count: int) -> ProcessPoolExecutor:
+def worker_processes(
+    count: int, prepare: Callable[..., object] | None = None, *arguments: object
+) -> ProcessPoolExecutor:
     """Processes of their own, started anew: threads of numba and BLAS do not survive a fork.
 
     Scripts that use them must do so under ``if __name__ == "__main__":``, because each process imports the script.
+
+    Args:
+        count: how many.
+        prepare: called in each of them before it works; None for nothing.
+        arguments: what it is called with.
     """
-    import multiprocessing
-
     context = multiprocessing.get_context("spawn")
-    return ProcessPoolExecutor(count, mp_context=context, initializer=_begin)
+    return ProcessPoolExecutor(count, mp_context=context, initializer=functools.partial(_begin, prepare, *arguments))
 
 
-def follow_parent() -> None:
-    """End this process when its parent has ended: killed ones cannot tell, and it would wait for work for ever."""
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-
-
-def _begin() -> None:
+def _begin(prepare: Callable[..., object] | None, *arguments: object) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the parent, which then stops them
-    follow_parent()
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    if prepare is not None:
+        prepare(*arguments)
 
 
 def _end_with_parent() -> None:
-    import multiprocessing
-
+    """End this process when its parent has ended: a killed one cannot tell, and this would wait for work for ever."""
     parent = multiprocessing.parent_process()
     if parent is not None:
         parent.join()
         os._exit(1)
-
-
-ANSWER_WITHIN = 10.0  # [s] that a scheduler has to answer
 
 
 @contextlib.contextmanager

@@ -1,4 +1,4 @@
-"""A folder with a recipe and the chunks that are finished, each under a name that holds its number and its hash."""
+"""`ChunkFolder`: a recipe and the chunks that are finished, each under a name that holds its number and its hash."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import os
 import re
 import secrets
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,95 +19,6 @@ from jacokin.errors import InvalidInputError, JacokinError
 RECIPE = "recipe.json"
 HASH_DIGITS = 16  # of SHA-256, in names of chunks
 TEMPORARY = ".unfinished"
-
-
-@dataclass(frozen=True, slots=True)
-class Keeper:
-    """Keeps chunks in a folder; can be sent to other machines.
-
-    Attributes:
-        folder: the folder.
-        recipe: SHA-256 of its recipe.
-        suffix: ending of the names of chunks, with its dot.
-    """
-
-    folder: Path
-    recipe: str
-    suffix: str
-
-    def keep(self, index: int, content: bytes) -> str | bytes:
-        """Write a finished chunk.
-
-        Returns:
-            Its name, when it is on disk; the content, where this machine does not see the folder or may not write.
-
-        Raises:
-            JacokinError: the disk is full, or fails.
-        """
-        if not _sees(self.folder, self.recipe):
-            return content
-        path = self.folder / f"{index:06d}-{digest(content)[:HASH_DIGITS]}{self.suffix}"
-        try:
-            write(path, content)
-        except PermissionError:
-            return content
-        except OSError as error:
-            raise unwritten(path, error) from error
-        return path.name
-
-
-def unwritten(path: Path, error: OSError) -> JacokinError:
-    """What to raise when a chunk cannot be written."""
-    return JacokinError(
-        f"{path}: cannot be written: {error.strerror}; the chunks that are finished are kept, "
-        f"do the same again when this is mended"
-    )
-
-
-def write(path: Path, content: bytes) -> None:
-    """Write a file that appears as a whole, and is on disk when this returns.
-
-    Raises:
-        OSError: it cannot be written.
-    """
-    with temporary(path.parent) as unfinished:
-        with unfinished.open("wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        unfinished.replace(path)
-
-
-def settle(path: Path) -> None:
-    """Wait until a file that was written is on disk."""
-    with path.open("rb") as file:
-        os.fsync(file.fileno())
-
-
-@contextlib.contextmanager
-def temporary(folder: Path) -> Iterator[Path]:
-    """A path to write to and to move to its place; removed if it is still there in the end."""
-    path = folder / f".{secrets.token_hex(8)}{TEMPORARY}"
-    try:
-        yield path
-    finally:
-        path.unlink(missing_ok=True)
-
-
-def digest(content: bytes) -> str:
-    """SHA-256 in hexadecimal digits."""
-    return hashlib.sha256(content).hexdigest()
-
-
-@functools.lru_cache(maxsize=4)
-def _sees(folder: Path, recipe: str) -> bool:
-    """Whether the folder of this recipe is on this machine."""
-    try:
-        return digest((folder / RECIPE).read_bytes()) == recipe
-    except OSError:
-        return False
-
-
 REMOVALS = 5  # times that a folder is emptied while somebody still writes into it
 
 Recipe = Mapping[str, object]
@@ -138,7 +48,6 @@ class ChunkFolder:
         """
         self.path = path
         self.count = count
-        self._suffix = suffix
         self._name = re.compile(rf"([0-9]{{6,}})-([0-9a-f]{{{HASH_DIGITS}}}){re.escape(suffix)}")
         text = orjson.dumps(recipe, option=orjson.OPT_INDENT_2 | orjson.OPT_SERIALIZE_NUMPY)
         try:
@@ -172,20 +81,13 @@ class ChunkFolder:
         """Whether it holds no chunk, complete or not."""
         return not any(self._name.fullmatch(path.name) for path in self.path.iterdir())
 
-    def put(self, index: int, made: str | bytes) -> Path:
-        """Keep what `keeper` returned for a chunk, in whatever process: its name, or what is still to be written.
+    def put(self, index: int, kept: str | bytes) -> Path:
+        """The file of a chunk, from what `keeper` returned for it in whatever process; written if it still has to be.
 
         Raises:
             JacokinError: the disk is full, or fails.
         """
-        if isinstance(made, str):
-            return self.path / made
-        path = self.path / f"{index:06d}-{digest(made)[:HASH_DIGITS]}{self._suffix}"
-        try:
-            write(path, made)
-        except OSError as error:
-            raise unwritten(path, error) from error
-        return path
+        return self.path / (kept if isinstance(kept, str) else self.keeper.write(index, kept))
 
     def remove(self) -> None:
         """Remove the chunks, the recipe and the folder."""
@@ -193,7 +95,7 @@ class ChunkFolder:
             for path in self.path.iterdir():
                 if self._name.fullmatch(path.name) or path.name.endswith(TEMPORARY):
                     path.unlink(missing_ok=True)
-            (self.path / RECIPE).unlink(missing_ok=True)  # last: without it, chunks would be somebody else's
+            (self.path / RECIPE).unlink(missing_ok=True)  # last: chunks without a recipe could be anybody's
             try:
                 self.path.rmdir()
                 return
@@ -206,9 +108,98 @@ class ChunkFolder:
         for path in self.path.glob(f"*{TEMPORARY}"):
             path.unlink(missing_ok=True)
 
-    def temporary(self) -> AbstractContextManager[Path]:
-        """A path to write to and to move to its place; removed if it is still there in the end."""
-        return temporary(self.path)
+
+@dataclass(frozen=True, slots=True)
+class Keeper:
+    """Writes chunks into a folder; can be sent to other machines.
+
+    Attributes:
+        folder: the folder.
+        recipe: SHA-256 of its recipe.
+        suffix: ending of the names of chunks, with its dot.
+    """
+
+    folder: Path
+    recipe: str
+    suffix: str
+
+    def keep(self, index: int, content: bytes) -> str | bytes:
+        """Write a finished chunk, if this machine sees the folder and may write there.
+
+        Returns:
+            Its name, when it is on disk; otherwise the content, for `ChunkFolder.put`.
+
+        Raises:
+            JacokinError: the disk is full, or fails.
+        """
+        if not _sees(self.folder, self.recipe):
+            return content
+        try:
+            return self.write(index, content)
+        except JacokinError as error:
+            if isinstance(error.__cause__, PermissionError):
+                return content
+            raise
+
+    def write(self, index: int, content: bytes) -> str:
+        """Write a finished chunk; returns its name.
+
+        Raises:
+            JacokinError: it cannot be written.
+        """
+        path = self.folder / f"{index:06d}-{digest(content)[:HASH_DIGITS]}{self.suffix}"
+        try:
+            write(path, content)
+        except OSError as error:
+            raise JacokinError(
+                f"{path}: cannot be written: {error.strerror}; the chunks that are finished are kept, "
+                f"do the same again when this is mended"
+            ) from error
+        return path.name
+
+
+@functools.lru_cache(maxsize=4)
+def _sees(folder: Path, recipe: str) -> bool:
+    """Whether the folder of this recipe is on this machine."""
+    try:
+        return digest((folder / RECIPE).read_bytes()) == recipe
+    except OSError:
+        return False
+
+
+def write(path: Path, content: bytes) -> None:
+    """Write a file that appears as a whole, and is on disk when this returns.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    with temporary(path.parent) as unfinished:
+        with unfinished.open("wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        unfinished.replace(path)
+
+
+def sync(path: Path) -> None:
+    """Wait until a file that was written is on disk."""
+    with path.open("rb") as file:
+        os.fsync(file.fileno())
+
+
+@contextlib.contextmanager
+def temporary(folder: Path) -> Iterator[Path]:
+    """A path to write to and to move to its place; removed if it is still there in the end."""
+    path = folder / f".{secrets.token_hex(8)}{TEMPORARY}"
+    try:
+        yield path
+    finally:
+        path.unlink(missing_ok=True)
+
+
+def digest(content: bytes) -> str:
+    """SHA-256 in hexadecimal digits."""
+    return hashlib.sha256(content).hexdigest()
 
 
 def file_digest(path: Path) -> str:

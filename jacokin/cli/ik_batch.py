@@ -15,9 +15,9 @@ from jacokin.cli import display
 from jacokin.cli.display import progress_bar
 from jacokin.cli.units import Units, warn_of_degrees
 from jacokin.errors import InvalidInputError
-from jacokin.ik.batches.chunk import EMPTY, Tally, solve_rows
+from jacokin.ik.batches.chunk import EMPTY, count_rows, solve_rows
 from jacokin.ik.batches.solve_file import solve_file, unfinished
-from jacokin.ik.files import formats
+from jacokin.ik.files.formats import targets_format
 from jacokin.ik.files.targets import RPY
 
 FIRST_ROWS = 1000  # that are looked at for angles in degrees
@@ -42,7 +42,7 @@ def run(
     """
     results: list[dict[str, object]] = []
     if targets.is_file():
-        first = next(formats.blocks(targets, FIRST_ROWS))
+        first = next(targets_format(targets).blocks(targets, FIRST_ROWS))
         if first.columns[3:] == RPY:
             widest = float(np.nanmax(np.abs(first.values[:, 3:]), initial=0.0))
             warn_of_degrees(f"{targets}: roll, pitch, yaw", [widest], Units(degrees=False))
@@ -84,9 +84,9 @@ def _solve_for_display(
     started = time.perf_counter()
     tally = EMPTY
     start = None if seed is None else np.array(seed)
-    for block in formats.blocks(targets, ROWS):
+    for block in targets_format(targets).blocks(targets, ROWS):
         batch = solve_rows(solver, block, start, workers=workers)
-        tally += Tally.of_rows(block, batch)
+        tally += count_rows(block, batch)
         if results is not None:
             results += _documents(block, batch)
     seconds = time.perf_counter() - started

@@ -24,7 +24,13 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from jacokin.ik.geometry import measure
-from jacokin.kernels.closed_form.batch import BATCH_COLUMNS, BRANCHES, BRANCHES_WITHIN_LIMITS, LARGEST_MARGIN, solve
+from jacokin.kernels.closed_form.batch import (
+    BATCH_COLUMNS,
+    BRANCHES,
+    BRANCHES_WITHIN_LIMITS,
+    LARGEST_MARGIN,
+    solve_targets,
+)
 from jacokin.kernels.closed_form.pose import (
     COLUMNS,
     DISTANCE,
@@ -33,8 +39,9 @@ from jacokin.kernels.closed_form.pose import (
     ORIENTATION_ERROR,
     POSITION_ERROR,
     WITHIN_LIMITS,
+    make_work,
 )
-from jacokin.kernels.compiled.library import NO_BATCH, Call
+from jacokin.kernels.compiled.library import NO_BATCH, KernelCall
 from jacokin.kernels.compiled.loading import KERNELS
 
 
@@ -209,7 +216,7 @@ class ClosedForm:
         self._chain, self._arm, self.misfit, self.spherical = measure(model, frame_id, tool)
         self._limits = np.ascontiguousarray([lower, upper, np.full(6, limit_snap)], dtype=np.float64)
         self._limits.flags.writeable = False
-        self._calls: list[Call] = []  # idle ones; each thread takes one, or makes one, and puts it back
+        self._calls: list[KernelCall] = []  # idle ones; each thread takes one, or makes one, and puts it back
         KERNELS.prepare()
 
     @property
@@ -242,7 +249,7 @@ class ClosedForm:
 
     def _solved(
         self, T: NDArray[np.float64], seed: NDArray[np.float64]
-    ) -> tuple[Call | None, NDArray[np.float64], int]:
+    ) -> tuple[KernelCall | None, NDArray[np.float64], int]:
         """The rows of every branch, and what the kernels return; and the call, to be put back once they are read."""
         try:
             call = self._calls.pop()
@@ -252,7 +259,7 @@ class ClosedForm:
                 rows = np.empty((MAX_BRANCHES, COLUMNS))
                 some = self._chain, self._arm, self._limits, T[np.newaxis], seed[np.newaxis]
                 return None, rows, run_python(*some, rows, NO_BATCH)
-            call = Call(library, self._chain, self._arm, self._limits, np.empty((1, 4, 4)), np.empty((1, 6)))
+            call = KernelCall(library, self._chain, self._arm, self._limits, np.empty((1, 4, 4)), np.empty((1, 6)))
         call.T[0] = T
         call.seed[0] = seed
         return call, call.rows, call()
@@ -287,7 +294,7 @@ class ClosedForm:
             if library is None:
                 run_python(*some, np.empty((MAX_BRANCHES, COLUMNS)), best[start:stop])
             else:
-                Call(library, *some, best[start:stop])()
+                KernelCall(library, *some, best[start:stop])()
 
         if threads == 1:
             run(0, len(T))
@@ -313,12 +320,12 @@ class NearestBranch:
         T, seed, best = np.eye(4)[np.newaxis], np.zeros((1, 6)), np.empty((1, BATCH_COLUMNS))
         self.T, self.seed, self._best = T[0], seed[0], best[0]
         self._arrays = chain, arm, limits, T, seed, best
-        self._call: Call | None = None
+        self._call: KernelCall | None = None
 
     def __call__(self) -> NDArray[np.float64] | None:
         """The branch, (6,) [rad], an array of the caller's own; None without one."""
         if self._call is None and (library := KERNELS.for_poses(1)) is not None:
-            self._call = Call(library, *self._arrays)
+            self._call = KernelCall(library, *self._arrays)
         if self._call is not None:
             self._call()
         else:
@@ -328,6 +335,7 @@ class NearestBranch:
 
 
 def run_python(*arguments: NDArray[np.float64]) -> int:
-    """`closed_form.batch.solve` without machine code, and as silent: squares of large distances are infinite."""
+    """The kernels without machine code, and as silent: squares of large distances are infinite."""
+    chain, arm, limits, T, seed, rows, best = arguments
     with np.errstate(all="ignore"):
-        return solve(*arguments)
+        return solve_targets(chain, arm, limits, T, seed, make_work(rows), best)

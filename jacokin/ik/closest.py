@@ -21,11 +21,11 @@ from numpy.typing import NDArray
 from jacokin.arrays import Array
 from jacokin.ik import seeds
 from jacokin.ik.diagnosis import Outcome
-from jacokin.ik.many import Chain, angle_and_axis, cross
 from jacokin.ik.results import IKResult, Status
 from jacokin.ik.targets import RADIAN_IN_METRES, Request, TargetPose
 from jacokin.ik.verification import Candidate, Effort, Verifier
 from jacokin.model import angles
+from jacokin.model.many_configurations import Chain, angle_and_axis, cross
 
 SMALL_ANGLE = 1e-4  # [rad] below it the series of x cot(x) is exact in double precision
 DAMPING = 3e-3  # of the first step, in the unit of the Hessian [m / rad^2]

@@ -318,8 +318,10 @@ class IKSolver:
         if callable(prefer) and workers != 1:
             batch.check_picklable("prefer", prefer)
         compiled = self._compiled if nearest and self.has_closed_form and not self._verifier.looks_for_contact else None
-        solvers = batch.Solvers(self.robot, functools.partial(self.solve, prefer=prefer), compiled)
-        return batch.solve(solvers, targets, seeds, workers=workers, progress=progress, closest=closest)
+        single = functools.partial(self.solve, prefer=prefer)
+        return batch.solve(
+            self.robot, single, compiled, targets, seeds, workers=workers, progress=progress, closest=closest
+        )
 
     def __reduce__(self) -> tuple[object, tuple[object, ...]]:
         """Pickle the options; working memory is made anew."""

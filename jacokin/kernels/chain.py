@@ -1,4 +1,4 @@
-"""Forward kinematics on the model's own joint placements, errors against a target, and Newton on the joints."""
+"""Kinematics of six or seven joints that turn: poses, errors against a target, Jacobians, and Newton's method."""
 
 from __future__ import annotations
 
@@ -6,13 +6,18 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from jacokin.arrays import Array
 from jacokin.kernels.tolerances import DAMPING, SMALLEST_PIVOT
 from jacokin.kernels.vector import Vec, cross, dot, minus, mix, norm
 
+#: Smaller pivots mean a singular system of seven joints.
+SMALLEST_PIVOT_7 = 1e-13
+#: [m] and [rad]; a residual above this is a step that went astray.
+ASTRAY = 1.0
 
-def forward(chain: NDArray[np.float64], q: NDArray[np.float64]) -> tuple[Vec, Vec, Vec, Vec]:
+
+def forward(chain: Array, q: Array) -> tuple[Vec, Vec, Vec, Vec]:
     """Columns x, y, z of the solved frame's rotation, and its position [m].
 
     Args:
@@ -28,7 +33,7 @@ def forward(chain: NDArray[np.float64], q: NDArray[np.float64]) -> tuple[Vec, Ve
     return place(chain, 6, x, y, z, p)
 
 
-def place(chain: NDArray[np.float64], i: int, x: Vec, y: Vec, z: Vec, p: Vec) -> tuple[Vec, Vec, Vec, Vec]:
+def place(chain: Array, i: int, x: Vec, y: Vec, z: Vec, p: Vec) -> tuple[Vec, Vec, Vec, Vec]:
     """The frame x, y, z, p followed by the constant placement i."""
     d = mix(x, chain[i, 0, 3], y, chain[i, 1, 3], z, chain[i, 2, 3])
     return (
@@ -39,7 +44,7 @@ def place(chain: NDArray[np.float64], i: int, x: Vec, y: Vec, z: Vec, p: Vec) ->
     )
 
 
-def deviation(T: NDArray[np.float64], x: Vec, y: Vec, z: Vec, p: Vec) -> tuple[Vec, Vec, float]:
+def deviation(T: Array, x: Vec, y: Vec, z: Vec, p: Vec) -> tuple[Vec, Vec, float]:
     """Position difference target - reached [m], rotation difference as sin(angle) axis, and cos(angle)."""
     tx = (T[0, 0], T[1, 0], T[2, 0])
     ty = (T[0, 1], T[1, 1], T[2, 1])
@@ -48,45 +53,56 @@ def deviation(T: NDArray[np.float64], x: Vec, y: Vec, z: Vec, p: Vec) -> tuple[V
     return minus((T[0, 3], T[1, 3], T[2, 3]), p), turn, 0.5 * (dot(x, tx) + dot(y, ty) + dot(z, tz) - 1.0)
 
 
-def errors(chain: NDArray[np.float64], T: NDArray[np.float64], q: NDArray[np.float64]) -> tuple[float, float]:
+def errors(chain: Array, T: Array, q: Array) -> tuple[float, float]:
     """Position error [m] and orientation error [rad] of q against the (4, 4) target."""
     x, y, z, p = forward(chain, q)
     d, turn, cosine = deviation(T, x, y, z, p)
     return norm(d), math.atan2(norm(turn), cosine)
 
 
-def linearise(
-    chain: NDArray[np.float64], T: NDArray[np.float64], q: NDArray[np.float64], system: NDArray[np.float64]
-) -> None:
-    """Fill system (6, 7) with the Jacobian and, in column 6, the deviation from the target."""
+def fill_system(joints: int, chain: Array, T: Array, q: Array, system: Array) -> tuple[Vec, Vec, float]:
+    """Fill the first six rows of system with the Jacobian of so many joints and, in the next column, the deviation.
+
+    Returns:
+        The deviation from the target, as `deviation` gives it.
+    """
     x, y, z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
     p = (0.0, 0.0, 0.0)
-    for j in range(6):
+    for j in range(joints):
         x, y, z, p = place(chain, j, x, y, z, p)
         c, s = math.cos(q[j]), math.sin(q[j])
         x, y = mix(x, c, y, s, y, 0.0), mix(y, c, x, -s, x, 0.0)
         for i in range(3):
             system[i, j] = p[i]
             system[i + 3, j] = z[i]
-    x, y, z, end = place(chain, 6, x, y, z, p)
-    d, turn, _ = deviation(T, x, y, z, end)
-    for j in range(6):
+    x, y, z, end = place(chain, joints, x, y, z, p)
+    position, turn, cosine = deviation(T, x, y, z, end)
+    for j in range(joints):
         axis = (system[3, j], system[4, j], system[5, j])
         v = cross(axis, minus(end, (system[0, j], system[1, j], system[2, j])))
         for i in range(3):
             system[i, j] = v[i]
     for i in range(3):
-        system[i, 6] = d[i]
-        system[i + 3, 6] = turn[i]
+        system[i, joints] = position[i]
+        system[i + 3, joints] = turn[i]
+    return position, turn, cosine
+
+
+# Six joints: the pose determines them.
+
+
+def linearise(chain: Array, T: Array, q: Array, system: Array) -> None:
+    """Fill system (6, 7) with the Jacobian and, in column 6, the deviation from the target."""
+    fill_system(6, chain, T, q, system)
 
 
 class Newton(NamedTuple):
     """A configuration and what Newton's method on it needs."""
 
-    q: NDArray[np.float64]  # (6,) [rad], changed in place
-    held: NDArray[np.float64]  # (6,) 1 for joints that a least-squares step leaves alone
-    system: NDArray[np.float64]  # (6, 7)
-    normal: NDArray[np.float64]  # (6, 7)
+    q: Array  # (6,) [rad], changed in place
+    held: Array  # (6,) 1 for joints that a least-squares step leaves alone
+    system: Array  # (6, 7)
+    normal: Array  # (6, 7)
 
 
 def make_newton() -> Newton:
@@ -94,7 +110,7 @@ def make_newton() -> Newton:
     return Newton(np.empty(6), np.empty(6), np.empty((6, 7)), np.empty((6, 7)))
 
 
-def newton_step(chain: NDArray[np.float64], T: NDArray[np.float64], work: Newton) -> bool:
+def newton_step(chain: Array, T: Array, work: Newton) -> bool:
     """One Newton step on all joints, in place; False (q untouched) where the Jacobian is singular."""
     linearise(chain, T, work.q, work.system)
     if not eliminate(work.system):
@@ -104,7 +120,7 @@ def newton_step(chain: NDArray[np.float64], T: NDArray[np.float64], work: Newton
     return True
 
 
-def least_squares(chain: NDArray[np.float64], T: NDArray[np.float64], work: Newton, steps: int) -> bool:
+def least_squares(chain: Array, T: Array, work: Newton, steps: int) -> bool:
     """Gauss-Newton steps on the joints that are not held, in place; False where the equations are singular."""
     q, held, system, normal = work.q, work.held, work.system, work.normal
     for _ in range(steps):
@@ -117,7 +133,7 @@ def least_squares(chain: NDArray[np.float64], T: NDArray[np.float64], work: Newt
     return True
 
 
-def normal_equations(system: NDArray[np.float64], held: NDArray[np.float64], normal: NDArray[np.float64]) -> None:
+def normal_equations(system: Array, held: Array, normal: Array) -> None:
     """Fill normal (6, 7), on and above its diagonal, with the damped normal equations of system (6, 7).
 
     Held joints get a step of zero.
@@ -135,7 +151,7 @@ def normal_equations(system: NDArray[np.float64], held: NDArray[np.float64], nor
         normal[i, i] += 1.0 if held[i] > 0.0 else DAMPING * trace
 
 
-def solve_normal(normal: NDArray[np.float64]) -> bool:
+def solve_normal(normal: Array) -> bool:
     """Solve the (6, 7) equations that `normal_equations` fills, in place, by elimination; the solution is column 6.
 
     They are symmetric and positive, so that no pivoting is needed.
@@ -155,7 +171,7 @@ def solve_normal(normal: NDArray[np.float64]) -> bool:
     return True
 
 
-def eliminate(system: NDArray[np.float64]) -> bool:
+def eliminate(system: Array) -> bool:
     """Solve the (6, 7) system in place by Gauss-Jordan with row pivoting; the solution is column 6."""
     for column in range(6):
         pivot = column
@@ -177,3 +193,111 @@ def eliminate(system: NDArray[np.float64]) -> bool:
                 for j in range(column, 7):
                     system[row, j] -= factor * system[column, j]
     return True
+
+
+# Seven joints: one condition more goes with the pose. They have their own elimination, which gives the sign of the
+# determinant as well: one routine for both would change roundings, and be slower for six joints.
+
+
+def linearise7(chain: Array, T: Array, x: Array, system: Array) -> float:
+    """As `linearise`, with seven joints: rows 0 to 5 of system (7, 8), the deviation in column 7.
+
+    Returns:
+        The larger of position error [m] and orientation error [rad].
+    """
+    position, turn, cosine = fill_system(7, chain, T, x, system)
+    return max(norm(position), math.atan2(norm(turn), cosine))
+
+
+def eliminate7(system: Array) -> float:
+    """Solve the (7, 8) system in place by Gauss elimination with row pivoting; the solution is column 7.
+
+    Returns:
+        The sign of the determinant, 0 where it is singular.
+    """
+    sign = 1.0
+    for column in range(7):
+        pivot = column
+        for row in range(column + 1, 7):
+            if abs(system[row, column]) > abs(system[pivot, column]):
+                pivot = row
+        if abs(system[pivot, column]) < SMALLEST_PIVOT_7:
+            return 0.0
+        if pivot != column:
+            sign = -sign
+            for j in range(column, 8):
+                swap = system[column, j]
+                system[column, j] = system[pivot, j]
+                system[pivot, j] = swap
+        if system[column, column] < 0.0:
+            sign = -sign
+        scale = 1.0 / system[column, column]
+        for j in range(column + 1, 8):
+            system[column, j] *= scale
+        for row in range(column + 1, 7):
+            factor = system[row, column]
+            if factor != 0.0:
+                for j in range(column + 1, 8):
+                    system[row, j] -= factor * system[column, j]
+    for column in range(6, -1, -1):
+        value = system[column, 7]
+        for j in range(column + 1, 7):
+            value -= system[column, j] * system[j, 7]
+        system[column, 7] = value
+    return sign
+
+
+def bordered_newton(
+    chain: Array, T: Array, x: Array, border: Array, offset: float, system: Array, steps: int, tolerance: float
+) -> float:
+    """Newton on the pose and border . x = offset, in place.
+
+    Returns:
+        The larger of the last closure [m or rad] and the last deviation from the condition; inf where singular.
+    """
+    size = math.inf
+    for _ in range(steps):
+        closure = linearise7(chain, T, x, system)
+        rest = offset
+        for j in range(7):
+            system[6, j] = border[j]
+            rest -= border[j] * x[j]
+        system[6, 7] = rest
+        size = max(closure, abs(rest))
+        if size <= tolerance or size > ASTRAY:
+            return size
+        if eliminate7(system) == 0.0:
+            return math.inf
+        for j in range(7):
+            x[j] += system[j, 7]
+    return size
+
+
+def tangent7(chain: Array, T: Array, x: Array, border: Array, t: Array, system: Array) -> float:
+    """Fill t with the unit vector of the null space for which border . t > 0: the tangent of the self-motion.
+
+    Returns:
+        The sign of the determinant of the Jacobian with t as its seventh row, 0 where there is no tangent. Along a
+        curve the sign does not change, and a step that leaps to another curve beside it changes it.
+    """
+    linearise7(chain, T, x, system)
+    return null_tangent(border, t, system)
+
+
+def null_tangent(border: Array, t: Array, system: Array) -> float:
+    """As `tangent7`, of the Jacobian that `linearise7` left in system."""
+    for j in range(7):
+        system[6, j] = border[j]
+    for i in range(6):
+        system[i, 7] = 0.0
+    system[6, 7] = 1.0
+    sign = eliminate7(system)
+    if sign == 0.0:
+        return 0.0
+    square = 0.0
+    for j in range(7):
+        square += system[j, 7] * system[j, 7]
+    length = math.sqrt(square)
+    for j in range(7):
+        t[j] = system[j, 7] / length
+    return sign

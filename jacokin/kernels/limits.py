@@ -1,12 +1,10 @@
-"""The limits: the 2 pi copy of each joint angle within them, margins, and joints held on a limit at a tangency."""
+"""Joint limits: copies (2-pi-equivalents) of angles within them, margins, joints held on a limit at a tangency."""
 
 from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
+from jacokin.arrays import Array
 from jacokin.kernels.chain import Newton, errors, least_squares
 from jacokin.kernels.tolerances import TANGENCY_CLOSURE, TANGENCY_EXCESS
 
@@ -42,9 +40,7 @@ def copy_within_limits(angle: float, seed: float, lower: float, upper: float, sn
     return q
 
 
-def fit_to_limits(
-    q: NDArray[np.float64], seed: NDArray[np.float64], limits: NDArray[np.float64], row: NDArray[np.float64]
-) -> tuple[float, bool]:
+def fit_to_limits(q: Array, seed: Array, limits: Array, row: Array) -> tuple[float, bool]:
     """Fill row[0:6] with the copies of q and row[6:12] with their distance to the nearer limit.
 
     Args:
@@ -74,7 +70,7 @@ def circular_distance(difference: float) -> float:
     return abs(difference - TURN * math.floor(difference / TURN + 0.5))
 
 
-def same_configuration(a: NDArray[np.float64], b: NDArray[np.float64], tolerance: float) -> bool:
+def same_configuration(a: Array, b: Array, tolerance: float) -> bool:
     """Whether two configurations agree in every joint up to full turns [rad]."""
     for j in range(6):
         difference = a[j] - b[j]
@@ -83,13 +79,7 @@ def same_configuration(a: NDArray[np.float64], b: NDArray[np.float64], tolerance
     return True
 
 
-def hold_on_limits(
-    chain: NDArray[np.float64],
-    T: NDArray[np.float64],
-    limits: NDArray[np.float64],
-    row: NDArray[np.float64],
-    work: Newton,
-) -> bool:
+def hold_on_limits(chain: Array, T: Array, limits: Array, row: Array, work: Newton) -> bool:
     """Whether a branch past its limits also reaches the pose within them, when joints are put on a limit.
 
     Near a fold, where two branches merge, joints are known only to the square root of rounding errors, and a branch
@@ -127,7 +117,7 @@ def hold_on_limits(
     return False
 
 
-def snap_to_limits(q: NDArray[np.float64], limits: NDArray[np.float64]) -> bool:
+def snap_to_limits(q: Array, limits: Array) -> bool:
     """Put joints past a limit by no more than the snap distance on it, in place; False if one is farther out."""
     for j in range(6):
         if not limits[0, j] - limits[2, j] <= q[j] <= limits[1, j] + limits[2, j]:

@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 
 import jacokin
 from jacokin import files
-from jacokin.chunks.execution import Progress, checked_executor, made, reporter, usable_cores
+from jacokin.chunks.execution import Progress, checked_executor, reporter, run_jobs, usable_cores
 from jacokin.chunks.folder import RECIPE, ChunkFolder, Keeper, file_digest
 from jacokin.errors import InvalidInputError
 from jacokin.ik.solver import IKSolver
@@ -117,7 +117,7 @@ def build(
             executor = stack.enter_context(ThreadPoolExecutor(usable_cores()))
         total = min(samples.positions, (len(missing) + len(finished)) * size)
         advance = reporter(progress, total, min(total, len(finished) * size))
-        for index, content in made(make, _jobs(solver, samples, size, missing, chunks.keeper), executor):
+        for index, content in run_jobs(make, _jobs(solver, samples, size, missing, chunks.keeper), executor):
             finished[index] = chunks.put(index, content)
             advance(min(size, samples.positions - index * size))
     finished = chunks.finished()

@@ -14,9 +14,9 @@ import jacokin
 from jacokin import IKSolver, Robot, Status
 from jacokin.ik import targets
 from jacokin.ik.closest import ClosestSearch, Duals, Measure, duals_after
-from jacokin.ik.many import Chain
 from jacokin.ik.options import SolverOptions
 from jacokin.ik.verification import Verifier
+from jacokin.model.many_configurations import Chain
 
 sys.path.append(str(Path(__file__).resolve().parents[2]))  # last: the installed package is what gets tested
 

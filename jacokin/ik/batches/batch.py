@@ -1,6 +1,6 @@
-"""Many targets at once: a compiled loop for poses, single solves for the rest, arrays out.
+"""`solve`: many targets at once, by a compiled loop for poses and single solves for the rest; arrays out.
 
-A solver hands over what it can do (`Solvers`); nothing here knows which method that is.
+The solver hands over both ways to solve; nothing here knows which method they use.
 """
 
 from __future__ import annotations
@@ -9,16 +9,16 @@ import os
 import pickle
 import signal
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from typing import Protocol
+from concurrent.futures.process import BrokenProcessPool
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
-from jacokin.chunks.execution import follow_parent
-from jacokin.errors import InvalidInputError, JacokinError, shown
+from jacokin.chunks.execution import worker_processes
+from jacokin.errors import InvalidInputError, JacokinError
 from jacokin.ik.results import BatchResult, IKResult, Status
 from jacokin.ik.seeds import FARTHEST_SEED, seed_within_limits
 from jacokin.ik.targets import checked_batch
@@ -26,48 +26,25 @@ from jacokin.model import checks
 from jacokin.model.poses import FreeAxis
 from jacokin.model.robot import Robot
 
+if TYPE_CHECKING:
+    from jacokin.ik.closed_form import BestBranches
+
 CHUNK = 32768  # targets in one compiled call: a quarter of a second, after which workers wait for each other
 MAX_CHUNK = 4  # targets that a worker process takes at once: an interrupted batch waits for no more
 
 
-class Rows(Protocol):
-    """Solutions as columns, one row a target."""
-
-    @property
-    def q(self) -> Array:
-        """(n, dof) [rad]."""
-
-    @property
-    def position_error(self) -> Array:
-        """(n,) [m]."""
-
-    @property
-    def orientation_error(self) -> Array:
-        """(n,) [rad]."""
-
-
-class Single(Protocol):
-    """Solves one target; can be pickled, and runs in other processes."""
-
-    def __call__(self, target: Array | FreeAxis, seed: Array, *, closest: bool) -> IKResult:
-        """As `IKSolver.solve`."""
-
-
-@dataclass(frozen=True, slots=True)
-class Solvers:
-    """How one robot's targets are solved."""
-
-    robot: Robot
-    """The arm."""
-    single: Single
-    """Solves one target."""
-    compiled: Callable[[Array, Array, int], tuple[Rows, NDArray[np.bool_]]] | None
-    """Solves poses (n, 4, 4) from seeds (n, dof) on so many threads: the solutions, and which of them are successes.
-    None when every target goes through `single`."""
+#: Solves one target as `IKSolver.solve` does; can be pickled, and runs in other processes.
+Single = Callable[..., IKResult]
+#: Solves poses (n, 4, 4) from seeds (n, dof) on so many threads: the solutions, and which of them are successes.
+Compiled = Callable[[Array, Array, int], tuple["BestBranches", NDArray[np.bool_]]]
+_Job = tuple[int, Array | FreeAxis, Array, bool]
+_single_in_process: list[Single] = []
 
 
 def solve(
-    solvers: Solvers,
+    robot: Robot,
+    single: Single,
+    compiled: Compiled | None,
     targets: Sequence[pin.SE3] | ArrayLike,
     seeds: ArrayLike | None,
     *,
@@ -75,25 +52,25 @@ def solve(
     progress: Callable[[int], None] | None,
     closest: bool,
 ) -> BatchResult:
-    """See `IKSolver.solve_batch`."""
+    """See `IKSolver.solve_batch`; without `compiled`, every target goes through `single`."""
     workers = checks.whole_number("workers", workers, lowest=1)
     closest = checks.flag("closest", closest)
     matrices, position_only, free = checked_batch(targets)
-    if progress is not None and not callable(progress):
-        raise InvalidInputError(f"progress must be callable, got {shown(progress)}")
-    starts, notes = _seeds_within_limits(solvers.robot, seeds, len(matrices))
-    out = _Columns(len(matrices), solvers.robot.dof, notes)
+    if progress is not None:
+        checks.function("progress", progress)
+    starts, notes = _seeds_within_limits(robot, seeds, len(matrices))
+    out = _Columns(len(matrices), robot.dof, notes)
     rest = list(range(len(matrices)))
-    if solvers.compiled is not None:
+    if compiled is not None:
         apart = position_only.copy()
         apart[list(free)] = True
-        rest = _compiled(solvers.compiled, matrices, apart, starts, out, workers, progress)
+        rest = _compiled(compiled, matrices, apart, starts, out, workers, progress)
 
     def target(index: int) -> Array | FreeAxis:
         return free[index] if index in free else matrices[index, :3, 3] if position_only[index] else matrices[index]
 
     jobs = [(index, target(index), starts[index], closest) for index in rest]
-    for index, result in _one_by_one(solvers.single, jobs, workers):
+    for index, result in _one_by_one(single, jobs, workers):
         out.put(index, result)
         if progress is not None:
             progress(1)
@@ -171,7 +148,7 @@ def _seeds_within_limits(robot: Robot, seeds: ArrayLike | None, size: int) -> tu
 
 
 def _compiled(
-    run: Callable[[Array, Array, int], tuple[Rows, NDArray[np.bool_]]],
+    run: Compiled,
     matrices: Array,
     apart: NDArray[np.bool_],
     starts: Array,
@@ -197,24 +174,13 @@ def _compiled(
     return left
 
 
-_Job = tuple[int, Array | FreeAxis, Array, bool]
-_single_in_process: list[Single] = []
-
-
 def _one_by_one(single: Single, jobs: list[_Job], workers: int) -> Iterator[tuple[int, IKResult]]:
     """What the compiled loop left, one at a time: in this process, or in several."""
     if workers == 1 or len(jobs) < 2 * workers:
         for job in jobs:
             yield _job(single, job)
         return
-    import multiprocessing
-    from concurrent.futures import ProcessPoolExecutor
-    from concurrent.futures.process import BrokenProcessPool
-
-    context = multiprocessing.get_context("spawn")  # threads of numba and BLAS do not survive a fork
-    pool = ProcessPoolExecutor(
-        min(workers, len(jobs)), mp_context=context, initializer=_prepare_process, initargs=(single,)
-    )
+    pool = worker_processes(min(workers, len(jobs)), _prepare_process, single)
     try:
         # The processes start here and inherit the mask: Ctrl-C is for this process, which then stops them.
         before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
@@ -233,7 +199,6 @@ def _one_by_one(single: Single, jobs: list[_Job], workers: int) -> Iterator[tupl
 
 
 def _prepare_process(single: Single) -> None:
-    follow_parent()
     _single_in_process[:] = [single]
 
 

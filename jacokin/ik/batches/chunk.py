@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import pickle
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,19 +13,213 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import orjson
-from numpy.typing import NDArray
 
 import jacokin
 from jacokin.arrays import Array
 from jacokin.chunks.folder import Keeper
 from jacokin.errors import JacokinError
-from jacokin.ik.files import formats
-from jacokin.ik.files.targets import Part, TargetFile, target_rows
+from jacokin.ik.files.formats import answers_format, targets_format
+from jacokin.ik.files.targets import FilePart, TargetFile
 from jacokin.ik.results import BatchResult, Status
 from jacokin.ik.solver import IKSolver
 from jacokin.model import checks
 
 KEPT_FAILURES = 20  # rows whose message is in the summary; the file of answers has them all
+
+
+class FileStamp(NamedTuple):
+    """What tells a file from another one, or from itself after a change."""
+
+    path: Path
+    size: int
+    """[bytes]"""
+    modified: int
+    """[s] since 1970; file systems of other machines may not know it any better."""
+
+
+def read_stamp(path: Path) -> FileStamp | None:
+    """The stamp of a file; None if it is not there."""
+    try:
+        stat = path.stat()
+    except OSError:
+        return None
+    return FileStamp(path, stat.st_size, int(stat.st_mtime))
+
+
+class RowsInFile(NamedTuple):
+    """Rows that the worker reads, where it sees the file."""
+
+    stamp: FileStamp
+    size: int
+    """Rows of a chunk."""
+    parts: tuple[FilePart, ...]
+    """One for each chunk, consecutive."""
+
+
+@dataclass(frozen=True, slots=True)
+class ChunkJob:
+    """All that some consecutive chunks depend on; can be sent to other machines.
+
+    Attributes:
+        version: of jacokin, which has to be that of the worker.
+        solver: an `IKSolver`, pickled.
+        seed: (dof,) [rad], or None for home.
+        closest: see `IKSolver.solve`.
+        suffix: format of the answers.
+        keeper: where the chunks are kept.
+        first: number of the first chunk.
+        rows: the targets; those of one chunk themselves where the worker does not see the file, or cannot read it from
+            the middle.
+    """
+
+    version: str
+    solver: bytes
+    seed: Array | None
+    closest: bool
+    suffix: str
+    keeper: Keeper
+    first: int
+    rows: RowsInFile | TargetFile
+
+
+def make(job: ChunkJob) -> list[str | bytes] | None:
+    """Solve and keep the chunks: counts of the rows on one line of JSON, and then their answers in the format.
+
+    Returns:
+        What `Keeper.keep` returned for each; None where this machine does not see the file of targets.
+
+    Raises:
+        JacokinError: this process has another version of jacokin, or the disk is full.
+        InvalidInputError: the file cannot be read.
+    """
+    if job.version != jacokin.__version__:
+        raise JacokinError(f"the worker has jacokin {jacokin.__version__}, and the batch needs {job.version}")
+    rows = job.rows
+    if not _is_there(rows):
+        return None
+    blocks: Iterable[TargetFile] = (rows,) if isinstance(rows, TargetFile) else _blocks_of(rows)
+    solver, answers = unpickled_solver(job.solver), answers_format(Path(f"_{job.suffix}"))
+    kept: list[Future[str | bytes]] = []
+    with ThreadPoolExecutor(1) as writer:  # the disk is waited for while the next chunk is solved
+        for index, targets in enumerate(blocks, job.first):
+            batch = solve_rows(solver, targets, job.seed, closest=job.closest)
+            content = orjson.dumps(count_rows(targets, batch).document()) + b"\n" + answers.encoded(targets, batch)
+            if kept:
+                kept[-1].result()
+            if not _is_there(rows):  # changed while it was read
+                return None
+            kept.append(writer.submit(job.keeper.keep, index, content))
+        return [each.result() for each in kept]
+
+
+def _blocks_of(rows: RowsInFile) -> Iterator[TargetFile]:
+    path = rows.stamp.path
+    return targets_format(path).blocks(path, rows.size, rows.parts)
+
+
+def _is_there(rows: RowsInFile | TargetFile) -> bool:
+    return isinstance(rows, TargetFile) or read_stamp(rows.stamp.path) == rows.stamp
+
+
+def solve_rows(
+    solver: IKSolver, targets: TargetFile, seed: Array | None, *, closest: bool = True, workers: int = 1
+) -> BatchResult:
+    """Answers to the rows that are targets; the status of the others says that they are not."""
+    problems = dict(sorted(targets.problems.items()))
+    if not problems:
+        return solver.solve_batch(targets.targets, seed, workers=workers, closest=closest)
+    good = np.delete(targets.targets, list(problems), axis=0)
+    q, errors = np.empty((0, solver.robot.dof)), np.empty((0, 2))
+    status, method, message = list[Status](), list[str](), list[str]()
+    if len(good):
+        found = solver.solve_batch(good, seed, workers=workers, closest=closest)
+        q, errors = found.q, np.column_stack([found.position_error, found.orientation_error])
+        status, method, message = list(found.status), list(found.method), list(found.message)
+    for row, problem in problems.items():
+        status.insert(row, Status.INVALID_TARGET)
+        method.insert(row, "")
+        message.insert(row, problem)
+    before = np.array(list(problems)) - np.arange(len(problems))  # how many good rows come before each
+    q, errors = np.insert(q, before, np.nan, axis=0), np.insert(errors, before, np.nan, axis=0)
+    success = np.array([each is Status.OK for each in status])
+    success.setflags(write=False)
+    return BatchResult(
+        q=checks.read_only(q),
+        status=tuple(status),
+        success=success,
+        position_error=checks.read_only(errors[:, 0]),
+        orientation_error=checks.read_only(errors[:, 1]),
+        method=tuple(method),
+        message=tuple(message),
+    )
+
+
+@functools.lru_cache(maxsize=4)
+def unpickled_solver(pickled: bytes) -> IKSolver:
+    """The solver of a job, built once in each process."""
+    solver = pickle.loads(pickled)
+    assert isinstance(solver, IKSolver)
+    return solver
+
+
+@dataclass(frozen=True, slots=True)
+class Tally:
+    """Counts of some rows."""
+
+    statuses: Counter[Status]
+    worst: tuple[float | None, float | None]
+    """Largest position [m] and orientation error [rad] among the solved rows; None without any."""
+    failures: tuple[tuple[int, Status, str], ...]
+
+    @property
+    def count(self) -> int:
+        """Rows in all."""
+        return sum(self.statuses.values())
+
+    def __add__(self, other: Tally) -> Tally:
+        """These rows, and then the others."""
+        return Tally(
+            self.statuses + other.statuses,
+            (_larger(self.worst[0], other.worst[0]), _larger(self.worst[1], other.worst[1])),
+            (*self.failures, *other.failures)[:KEPT_FAILURES],
+        )
+
+    def document(self) -> dict[str, object]:
+        """As JSON, for `read_tally`."""
+        return {
+            "statuses": {status.name: count for status, count in self.statuses.items()},
+            "worst": self.worst,
+            "failures": [(line, status.name, message) for line, status, message in self.failures],
+        }
+
+
+EMPTY = Tally(Counter(), (None, None), ())
+
+
+def count_rows(targets: TargetFile, batch: BatchResult) -> Tally:
+    """The counts of some targets and their answers."""
+    position, orientation = batch.position_error[batch.success], batch.orientation_error[batch.success]
+    worst = (float(position.max()), float(orientation.max())) if len(position) else (None, None)
+    failed = np.flatnonzero(~batch.success)[:KEPT_FAILURES]
+    failures = tuple((int(targets.lines[row]), batch.status[row], batch.message[row]) for row in failed)
+    return Tally(Counter(batch.status), worst, failures)
+
+
+def _larger(*errors: float | None) -> float | None:
+    return max((error for error in errors if error is not None), default=None)
+
+
+def read_tally(path: Path) -> tuple[Tally, int]:
+    """The counts at the beginning of a finished chunk, and where its answers begin."""
+    with path.open("rb") as file:
+        line = file.readline()
+    document: dict[str, Any] = orjson.loads(line)  # Any: JSON
+    tally = Tally(
+        Counter({Status[name]: count for name, count in document["statuses"].items()}),
+        (document["worst"][0], document["worst"][1]),
+        tuple((line, Status[name], message) for line, name, message in document["failures"]),
+    )
+    return tally, len(line)
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,214 +247,3 @@ class FileSummary:
     def solved(self) -> int:
         """How many reach their target."""
         return self.statuses.get(Status.OK, 0)
-
-
-@dataclass(frozen=True, slots=True)
-class Tally:
-    """Counts of some rows."""
-
-    statuses: Counter[Status]
-    worst: tuple[float | None, float | None]
-    """Largest position [m] and orientation error [rad] among the solved rows; None without any."""
-    failures: tuple[tuple[int, Status, str], ...]
-
-    @property
-    def count(self) -> int:
-        """Rows in all."""
-        return sum(self.statuses.values())
-
-    def __add__(self, other: Tally) -> Tally:
-        """These rows, and then the others."""
-        return Tally(
-            self.statuses + other.statuses,
-            (_worse(self.worst[0], other.worst[0]), _worse(self.worst[1], other.worst[1])),
-            (*self.failures, *other.failures)[:KEPT_FAILURES],
-        )
-
-    def document(self) -> dict[str, object]:
-        """As JSON."""
-        return {
-            "statuses": {status.name: count for status, count in self.statuses.items()},
-            "worst": self.worst,
-            "failures": [(line, status.name, message) for line, status, message in self.failures],
-        }
-
-    @classmethod
-    def of_document(cls, document: dict[str, Any]) -> Tally:  # Any: JSON
-        """From JSON."""
-        return cls(
-            Counter({Status[name]: count for name, count in document["statuses"].items()}),
-            (document["worst"][0], document["worst"][1]),
-            tuple((line, Status[name], message) for line, name, message in document["failures"]),
-        )
-
-    @classmethod
-    def of_rows(cls, targets: TargetFile, batch: BatchResult) -> Tally:
-        """The counts of a block."""
-        return cls(
-            Counter(batch.status),
-            (_largest(batch.position_error[batch.success]), _largest(batch.orientation_error[batch.success])),
-            tuple(
-                (int(targets.lines[row]), batch.status[row], batch.message[row])
-                for row in np.flatnonzero(~batch.success)[:KEPT_FAILURES]
-            ),
-        )
-
-
-EMPTY = Tally(Counter(), (None, None), ())
-
-
-def _largest(errors: Array) -> float | None:
-    return float(errors.max()) if len(errors) else None
-
-
-def _worse(one: float | None, other: float | None) -> float | None:
-    known = [value for value in (one, other) if value is not None]
-    return max(known, default=None)
-
-
-class FileStamp(NamedTuple):
-    """What tells a file from another one, or from itself after a change."""
-
-    path: Path
-    size: int
-    """[bytes]"""
-    modified: int
-    """[s] since 1970; file systems of other machines may not know it any better."""
-
-    @classmethod
-    def of(cls, path: Path) -> FileStamp | None:
-        """The stamp of a file; None if it is not there."""
-        try:
-            stat = path.stat()
-        except OSError:
-            return None
-        return cls(path, stat.st_size, int(stat.st_mtime))
-
-
-class RowsInFile(NamedTuple):
-    """Rows that the worker reads, where it sees the file."""
-
-    stamp: FileStamp
-    size: int
-    """Rows of a chunk."""
-    parts: tuple[Part, ...]
-    """One for each chunk, consecutive."""
-
-
-class GivenRows(NamedTuple):
-    """Rows of one chunk, for a worker that does not see the file, or of a file that cannot be read from the middle."""
-
-    columns: tuple[str, ...]
-    values: Array
-    lines: NDArray[np.int_]
-
-
-@dataclass(frozen=True, slots=True)
-class ChunkJob:
-    """All that some consecutive chunks depend on; can be sent to other machines.
-
-    Attributes:
-        version: of jacokin, which has to be that of the worker.
-        solver: an `IKSolver`, pickled.
-        seed: (dof,) [rad], or None for home.
-        closest: see `IKSolver.solve`.
-        suffix: format of the answers.
-        keeper: where the chunks are kept.
-        first: number of the first chunk.
-        rows: the targets.
-    """
-
-    version: str
-    solver: bytes
-    seed: Array | None
-    closest: bool
-    suffix: str
-    keeper: Keeper
-    first: int
-    rows: RowsInFile | GivenRows
-
-
-def make(job: ChunkJob) -> list[str | bytes] | None:
-    """Solve and keep the chunks: counts of the rows on one line of JSON, and then their answers in the format.
-
-    Returns:
-        What `Keeper.keep` returned for each; None where this machine does not see the file of targets.
-
-    Raises:
-        JacokinError: this process has another version of jacokin, or the disk is full.
-        InvalidInputError: the file cannot be read.
-    """
-    if job.version != jacokin.__version__:
-        raise JacokinError(f"the worker has jacokin {jacokin.__version__}, and the batch needs {job.version}")
-    if not _is_there(job.rows):
-        return None
-    solver, layout = unpickled_solver(job.solver), formats.answers(Path(f"_{job.suffix}"))
-    kept: list[Future[str | bytes]] = []
-    with ThreadPoolExecutor(1) as writer:  # the disk is waited for while the next chunk is solved
-        for index, targets in enumerate(_targets(job.rows), job.first):
-            batch = solve_rows(solver, targets, job.seed, closest=job.closest)
-            content = orjson.dumps(Tally.of_rows(targets, batch).document()) + b"\n" + layout.encoded(targets, batch)
-            if kept:
-                kept[-1].result()
-            if not _is_there(job.rows):  # changed while it was read
-                return None
-            kept.append(writer.submit(job.keeper.keep, index, content))
-        return [each.result() for each in kept]
-
-
-def _is_there(rows: RowsInFile | GivenRows) -> bool:
-    return isinstance(rows, GivenRows) or FileStamp.of(rows.stamp.path) == rows.stamp
-
-
-def _targets(rows: RowsInFile | GivenRows) -> Iterator[TargetFile]:
-    if isinstance(rows, GivenRows):
-        return iter((target_rows(*rows),))
-    return formats.blocks_of(rows.stamp.path, rows.size, rows.parts)
-
-
-def read_tally(path: Path) -> tuple[Tally, int]:
-    """The counts at the beginning of a finished chunk, and where its answers begin."""
-    with path.open("rb") as file:
-        line = file.readline()
-    return Tally.of_document(orjson.loads(line)), len(line)
-
-
-def solve_rows(
-    solver: IKSolver, targets: TargetFile, seed: Array | None, *, closest: bool = True, workers: int = 1
-) -> BatchResult:
-    """Answers to the rows that are targets; the status of the others says that they are not."""
-    if not targets.problems:
-        return solver.solve_batch(targets.targets, seed, workers=workers, closest=closest)
-    size, dof = len(targets), solver.robot.dof
-    good = np.ones(size, dtype=np.bool_)
-    good[list(targets.problems)] = False
-    q, errors = np.full((size, dof), np.nan), np.full((size, 2), np.nan)
-    status, method, message = [Status.INVALID_TARGET] * size, [""] * size, [""] * size
-    for row, problem in targets.problems.items():
-        message[row] = problem
-    if good.any():
-        found = solver.solve_batch(targets.targets[good], seed, workers=workers, closest=closest)
-        q[good] = found.q
-        errors[good] = np.column_stack([found.position_error, found.orientation_error])
-        for index, row in enumerate(np.flatnonzero(good).tolist()):
-            status[row], method[row], message[row] = found.status[index], found.method[index], found.message[index]
-    success = np.array([each is Status.OK for each in status])
-    success.setflags(write=False)
-    return BatchResult(
-        q=checks.read_only(q),
-        status=tuple(status),
-        success=success,
-        position_error=checks.read_only(errors[:, 0]),
-        orientation_error=checks.read_only(errors[:, 1]),
-        method=tuple(method),
-        message=tuple(message),
-    )
-
-
-@functools.lru_cache(maxsize=4)
-def unpickled_solver(pickled: bytes) -> IKSolver:
-    """The solver of a job, built once in each process."""
-    solver = pickle.loads(pickled)
-    assert isinstance(solver, IKSolver)
-    return solver

@@ -1,9 +1,9 @@
 """`solve_file`: a file of targets of any length in, a file of answers out. Read this file first.
 
 The targets are solved in chunks (`chunk`) by workers that read the rows of the file themselves and keep the answers in
-a folder beside the output; all that is handed out are recipes (`jobs`). Meanwhile the finished chunks are put together
-in their order (`joining`), and the whole takes the name of the output in one step. Whoever is killed goes on from the
-folder.
+a folder beside the output; all that is handed out are small jobs. Meanwhile the finished chunks are put together in
+their order (`Joining`), and the whole takes the name of the output in one step. A run that was killed is continued from
+the folder.
 """
 
 from __future__ import annotations
@@ -16,10 +16,8 @@ import pickle
 import shutil
 import tempfile
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
-from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from queue import SimpleQueue
 from types import TracebackType
@@ -33,213 +31,36 @@ from jacokin.arrays import Array
 from jacokin.chunks.execution import (
     Progress,
     checked_executor,
-    made,
+    count_workers,
     reporter,
+    run_jobs,
     usable_cores,
     worker_processes,
-    workers_of,
 )
-from jacokin.chunks.folder import RECIPE, ChunkFolder, Keeper, digest, file_digest, settle
+from jacokin.chunks.folder import RECIPE, ChunkFolder, digest, file_digest, sync, temporary
 from jacokin.errors import InvalidInputError, JacokinError
 from jacokin.ik.batches.chunk import (
     EMPTY,
     ChunkJob,
-    FileStamp,
     FileSummary,
-    GivenRows,
     RowsInFile,
     Tally,
     make,
+    read_stamp,
     read_tally,
 )
-from jacokin.ik.files import formats
-from jacokin.ik.files.formats import AnswerFormat, Piece
-from jacokin.ik.files.targets import POSITION, Part
+from jacokin.ik.files.formats import Format, Piece, answers_format, targets_format
+from jacokin.ik.files.targets import POSITION, FilePart
 from jacokin.ik.seeds import seed_within_limits
 from jacokin.ik.solver import IKSolver
 from jacokin.model import checks
 from jacokin.model.robot import fingerprint
 
-TOGETHER = 16  # consecutive chunks in one job, at most: some seconds of work that is handed out at once
-SHARE = 4  # a job has at most this part of what is left for each worker: towards the end, none waits long for another
-
-
-@dataclass(frozen=True, slots=True)
-class Batch:
-    """What all jobs of a file have in common.
-
-    Attributes:
-        solver: solves each target.
-        targets: the file.
-        parts: its rows, chunk by chunk.
-        rows: rows of a chunk.
-        seed: (dof,) [rad], or None for home.
-        closest: see `IKSolver.solve`.
-        suffix: format of the answers.
-    """
-
-    solver: IKSolver
-    targets: Path
-    parts: Sequence[Part]
-    rows: int
-    seed: Array | None
-    closest: bool
-    suffix: str
-
-    def solved(
-        self, missing: Sequence[int], keeper: Keeper, executor: Executor, *, several: bool
-    ) -> Iterator[tuple[int, str | bytes]]:
-        """Number and what was kept of every missing chunk, in the order in which they finish.
-
-        Args:
-            missing: numbers of chunks, rising.
-            keeper: where they are kept.
-            executor: makes them.
-            several: whether a job may have several chunks.
-
-        Raises:
-            InvalidInputError: the file has changed, or cannot be read.
-            JacokinError: a job failed, or the executor did.
-        """
-        stamp = FileStamp.of(self.targets.absolute())
-        if stamp is not None and self.parts[0].can_be_read:
-            runs = list(_runs(missing, SHARE * workers_of(executor) if several else len(missing)))
-            unseen = []
-            for number, kept in made(make, self._recipes(runs, keeper, stamp), executor):
-                if kept is None:
-                    unseen += runs[number]
-                else:
-                    yield from zip(runs[number], kept, strict=True)
-            missing = sorted(unseen)
-        if missing:
-            if FileStamp.of(self.targets.absolute()) != stamp:
-                raise InvalidInputError(f"{self.targets}: has changed since the batch began")
-            for number, kept in made(make, self._given(frozenset(missing), keeper), executor):
-                assert kept is not None  # the rows come with the job
-                yield number, kept[0]
-
-    def _recipes(
-        self, runs: Sequence[Sequence[int]], keeper: Keeper, stamp: FileStamp
-    ) -> Iterator[tuple[int, ChunkJob]]:
-        pickled = pickle.dumps(self.solver)
-        for number, run in enumerate(runs):
-            parts = tuple(self.parts[index] for index in run)
-            yield number, self._job(pickled, keeper, run[0], RowsInFile(stamp, self.rows, parts))
-
-    def _given(self, missing: frozenset[int], keeper: Keeper) -> Iterator[tuple[int, ChunkJob]]:
-        pickled = pickle.dumps(self.solver)
-        for index, block in enumerate(formats.blocks(self.targets, self.rows)):
-            if index in missing:
-                yield index, self._job(pickled, keeper, index, GivenRows(block.columns, block.values, block.lines))
-
-    def _job(self, pickled: bytes, keeper: Keeper, first: int, rows: RowsInFile | GivenRows) -> ChunkJob:
-        return ChunkJob(jacokin.__version__, pickled, self.seed, self.closest, self.suffix, keeper, first, rows)
-
-
-def _runs(numbers: Sequence[int], shares: int) -> Iterator[list[int]]:
-    """Consecutive numbers, in each run at most one of so many shares of those that are left."""
-    first = 0
-    while first < len(numbers):
-        most = min(TOGETHER, max(1, (len(numbers) - first) // shares))
-        stop = first + 1
-        while stop < min(first + most, len(numbers)) and numbers[stop] == numbers[stop - 1] + 1:
-            stop += 1
-        yield list(numbers[first:stop])
-        first = stop
-
-
-SETTLED = 32  # chunks
-
-
-class Joining:
-    """A thread of its own that writes the file of answers; used in a `with`, which ends it in any case."""
-
-    def __init__(self, write: Callable[[Iterable[Piece]], None], count: int, *, at_once: bool = False) -> None:
-        """Begin.
-
-        Args:
-            write: writes the file from pieces.
-            count: how many chunks there are.
-            at_once: write nothing before all chunks are there.
-        """
-        self._count, self._at_once = count, at_once
-        self._tally, self._next = EMPTY, 0
-        self._waiting: dict[int, Path] = {}
-        self._ready: SimpleQueue[Path | None] = SimpleQueue()
-        self._thread = ThreadPoolExecutor(1)
-        self._end = self._thread.submit(write, self._pieces())
-
-    def __enter__(self) -> Self:
-        """Itself."""
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, value: BaseException | None, at: TracebackType | None) -> None:
-        """End the thread, finished or not."""
-        self._ready.put(None)
-        self._thread.shutdown()
-
-    def add(self, index: int, chunk: Path) -> None:
-        """Take a finished chunk; they may come in any order."""
-        self._waiting[index] = chunk
-        if self._at_once and len(self._waiting) < self._count:
-            return
-        while (path := self._waiting.pop(self._next, None)) is not None:
-            self._ready.put(path)
-            self._next += 1
-
-    def finish(self) -> Tally:
-        """Wait until the file is there; all chunks must have been added.
-
-        Raises:
-            JacokinError: it cannot be written.
-        """
-        self._end.result()
-        return self._tally
-
-    def _pieces(self) -> Iterator[Piece]:
-        for _ in range(self._count):
-            path = self._ready.get()
-            if path is None:
-                raise JacokinError("the batch was stopped")
-            counts, offset = read_tally(path)
-            self._tally += counts
-            yield path, offset
-
-
-def _settling(pieces: Iterable[Piece], whole: Path) -> Iterator[Piece]:
-    """The same, with what is written brought to disk from time to time: in the end that would take long."""
-    for number, piece in enumerate(pieces):
-        if number % SETTLED == SETTLED - 1 and whole.exists():
-            settle(whole)
-        yield piece
-
-
-def write_joined(
-    layout: AnswerFormat, folder: ChunkFolder, final: Path, names: Sequence[str], pieces: Iterable[Piece]
-) -> None:
-    """Put the pieces together, beside them, and give the whole the name of the output in one step.
-
-    Raises:
-        JacokinError: it cannot be written.
-    """
-    try:
-        if files.is_device(final):
-            layout.write_joined(final, pieces, names)
-            return
-        with folder.temporary() as whole:
-            layout.write_joined(whole, _settling(pieces, whole), names)
-            settle(whole)
-            if final.exists():
-                shutil.copymode(final, whole)
-            whole.replace(final)
-    except OSError as error:
-        raise JacokinError(
-            f"{final}: cannot be written: {error.strerror or error}; every target is solved, do the same again"
-        ) from error
-
-
 ROWS = 8192  # rows of a chunk that the compiled loop solves: about a tenth of a second
 SINGLE_ROWS = 256  # rows of a chunk that is solved row by row: a few seconds
+TOGETHER = 16  # consecutive chunks in one job, at most: some seconds of work that is handed out at once
+SHARE = 4  # a job has at most this part of what is left for each worker: towards the end, none waits long for another
+SYNCED = 32  # chunks that are joined between two times that the file is brought to disk
 FOLDER_SUFFIX = ".chunks"
 
 
@@ -284,13 +105,12 @@ def solve_file(
         MissingExtraError: Parquet needs pyarrow.
         JacokinError: a worker failed or the disk is full; what is finished is kept.
     """
-    if not isinstance(solver, IKSolver):
-        raise InvalidInputError(f"solver must be an IKSolver, got {checks.shown(solver)}")
+    checks.instance("solver", solver, IKSolver, "an IKSolver")
     start = None if seed is None else seed_within_limits(solver.robot, seed)[0]
     checks.flag("closest", closest)
     checks.flag("resume", resume)
-    if progress is not None and not callable(progress):
-        raise InvalidInputError(f"progress must be callable, got {checks.shown(progress)}")
+    if progress is not None:
+        checks.function("progress", progress)
     if workers is not None:
         workers = checks.whole_number("workers", workers, lowest=1)
         if executor is not None:
@@ -299,15 +119,15 @@ def solve_file(
     own: Executor | None = None
     began = time.perf_counter()
     with contextlib.ExitStack() as stack:
-        source = _source(stack, _path("targets", targets))
-        out = _path("output", output)
-        layout = formats.answers(out)
+        source = _source(stack, checks.path("targets", targets))
+        out = checks.path("output", output)
+        answers = answers_format(out)
         if source.is_file() and out.is_file() and out.samefile(source):
             raise InvalidInputError(f"output {out} is the file of targets: they would be lost")
-        columns = next(formats.blocks(source, 1)).columns
+        columns = next(targets_format(source).blocks(source, 1)).columns
         compiled = solver.has_closed_form and solver.verifier.options.collision == "ignore" and columns != POSITION
         rows = ROWS if compiled else SINGLE_ROWS
-        parts = formats.parts(source, rows)
+        parts = targets_format(source).parts(source, rows)
         total = sum(part.rows for part in parts)
         recipe = _recipe(solver, source, total, rows, start, closest, out.suffix)
         final, folder = _folder(stack, out, recipe, len(parts), resume=resume)
@@ -317,15 +137,22 @@ def solve_file(
         if executor is None and missing:
             executor = own = _executor(workers, compiled)
         names = [*columns, *(f"q{joint + 1}" for joint in range(solver.robot.dof))]
-        write = functools.partial(write_joined, layout, folder, final, names)
         try:
-            with Joining(write, len(parts), at_once=files.is_device(final)) as joined:
+            with Joining(answers, folder, final, names) as joined:
                 for index, path in finished.items():
                     joined.add(index, path)
                 if executor is not None:
-                    batch = Batch(solver, source, parts, rows, start, closest, out.suffix)
                     show = reporter(progress, total, resumed)
-                    for index, kept in batch.solved(missing, folder.keeper, executor, several=compiled):
+                    job = functools.partial(
+                        ChunkJob,
+                        version=jacokin.__version__,
+                        solver=pickle.dumps(solver),
+                        seed=start,
+                        closest=closest,
+                        suffix=out.suffix,
+                        keeper=folder.keeper,
+                    )
+                    for index, kept in solve_chunks(job, source, parts, rows, missing, executor, several=compiled):
                         joined.add(index, folder.put(index, kept))
                         show(parts[index].rows)
                 tally = joined.finish()
@@ -343,16 +170,150 @@ def solve_file(
     return FileSummary(tally.count, dict(tally.statuses), *tally.worst, tally.failures, resumed, seconds, out)
 
 
+def solve_chunks(
+    job: Callable[..., ChunkJob],
+    source: Path,
+    parts: Sequence[FilePart],
+    size: int,
+    missing: Sequence[int],
+    executor: Executor,
+    *,
+    several: bool,
+) -> Iterator[tuple[int, str | bytes]]:
+    """Number and what was kept of every missing chunk, in the order in which they finish.
+
+    Args:
+        job: makes a job of the number of its `first` chunk and its `rows`.
+        source: the file of targets.
+        parts: its rows, chunk by chunk.
+        size: rows of a chunk.
+        missing: numbers of chunks, rising.
+        executor: makes them.
+        several: whether a job may have several chunks.
+
+    Raises:
+        InvalidInputError: the file has changed, or cannot be read.
+        JacokinError: a job failed, or the executor did.
+    """
+    stamp = read_stamp(source.absolute())
+    if stamp is not None and parts[0].can_be_read:
+        runs = list(_runs(missing, SHARE * count_workers(executor) if several else len(missing)))
+        jobs = (
+            (number, job(first=run[0], rows=RowsInFile(stamp, size, tuple(parts[i] for i in run))))
+            for number, run in enumerate(runs)
+        )
+        unseen = []
+        for number, kept in run_jobs(make, jobs, executor):
+            if kept is None:
+                unseen += runs[number]
+            else:
+                yield from zip(runs[number], kept, strict=True)
+        missing = sorted(unseen)
+    if missing:
+        if read_stamp(source.absolute()) != stamp:
+            raise InvalidInputError(f"{source}: has changed since the batch began")
+        wanted = frozenset(missing)
+        blocks = enumerate(targets_format(source).blocks(source, size))
+        jobs = ((index, job(first=index, rows=block)) for index, block in blocks if index in wanted)
+        for number, kept in run_jobs(make, jobs, executor):
+            assert kept is not None  # the rows come with the job
+            yield number, kept[0]
+
+
+def _runs(numbers: Sequence[int], shares: int) -> Iterator[list[int]]:
+    """Consecutive numbers, in each run at most one of so many shares of those that are left."""
+    first = 0
+    while first < len(numbers):
+        most = min(TOGETHER, max(1, (len(numbers) - first) // shares))
+        stop = first + 1
+        while stop < min(first + most, len(numbers)) and numbers[stop] == numbers[stop - 1] + 1:
+            stop += 1
+        yield list(numbers[first:stop])
+        first = stop
+
+
+class Joining:
+    """A thread of its own that writes the file of answers; used in a `with`, which ends it in any case."""
+
+    def __init__(self, answers: Format, folder: ChunkFolder, final: Path, names: Sequence[str]) -> None:
+        """Begin.
+
+        Args:
+            answers: the format of the file.
+            folder: of the chunks.
+            final: the file of answers; where it is a device, nothing is written before all chunks are there.
+            names: of the columns of the targets and q1, q2, ...
+        """
+        self._answers, self._folder, self._final, self._names = answers, folder, final, names
+        self._to_device = files.is_device(final)
+        self._tally, self._next = EMPTY, 0
+        self._waiting: dict[int, Path] = {}
+        self._ready: SimpleQueue[Path | None] = SimpleQueue()
+        self._thread = ThreadPoolExecutor(1)
+        self._end = self._thread.submit(self._write)
+
+    def __enter__(self) -> Self:
+        """Itself."""
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, value: BaseException | None, at: TracebackType | None) -> None:
+        """End the thread, finished or not."""
+        self._ready.put(None)
+        self._thread.shutdown()
+
+    def add(self, index: int, chunk: Path) -> None:
+        """Take a finished chunk; they may come in any order."""
+        self._waiting[index] = chunk
+        if self._to_device and len(self._waiting) < self._folder.count:
+            return
+        while (path := self._waiting.pop(self._next, None)) is not None:
+            self._ready.put(path)
+            self._next += 1
+
+    def finish(self) -> Tally:
+        """Wait until the file is there; all chunks must have been added.
+
+        Raises:
+            JacokinError: it cannot be written.
+        """
+        self._end.result()
+        return self._tally
+
+    def _write(self) -> None:
+        """Put the pieces together, beside them, and give the whole the name of the output in one step."""
+        final = self._final
+        try:
+            if self._to_device:
+                self._answers.write_joined(final, self._pieces(None), self._names)
+                return
+            with temporary(self._folder.path) as whole:
+                self._answers.write_joined(whole, self._pieces(whole), self._names)
+                sync(whole)
+                if final.exists():
+                    shutil.copymode(final, whole)
+                whole.replace(final)
+        except OSError as error:
+            raise JacokinError(
+                f"{final}: cannot be written: {error.strerror or error}; every target is solved, do the same again"
+            ) from error
+
+    def _pieces(self, whole: Path | None) -> Iterator[Piece]:
+        """The chunks in their order; what is written is brought to disk from time to time: at the end it takes long."""
+        for number in range(self._folder.count):
+            path = self._ready.get()
+            if path is None:
+                raise JacokinError("the batch was stopped")
+            counts, offset = read_tally(path)
+            self._tally += counts
+            if whole is not None and number % SYNCED == SYNCED - 1 and whole.exists():
+                sync(whole)
+            yield path, offset
+
+
 def unfinished(output: Path) -> Path | None:
     """The folder of a run that was to write `output` and did not end; None without one."""
     folder = _folder_of(files.writable(output))
     return folder if folder.is_dir() else None
-
-
-def _path(name: str, value: str | Path) -> Path:
-    if not isinstance(value, str | Path) or not str(value):
-        raise InvalidInputError(f"{name} must be a str or a Path, got {checks.shown(value)}")
-    return Path(value)
 
 
 def _source(stack: contextlib.ExitStack, targets: Path) -> Path:
@@ -409,7 +370,7 @@ def _folder(
     if not resume and (path / RECIPE).exists():
         shutil.rmtree(path)
     if not path.exists():
-        stack.push(partial(_remove_new, path))
+        stack.push(functools.partial(_remove_new, path))
     folder = ChunkFolder(path, recipe, count, ".chunk")
     lock = stack.enter_context((path / RECIPE).open("rb"))
     try:

@@ -15,7 +15,7 @@ from jacokin.ik.targets import TargetPose
 from jacokin.kernels.compiled.library import CurveCall
 from jacokin.kernels.compiled.loading import KERNELS
 from jacokin.kernels.self_motion.arcs import ARCS, FOLD_END, LOST_END, NODES, RANGE_END, SEAM_END
-from jacokin.kernels.self_motion.curve_family import (
+from jacokin.kernels.self_motion.intervals import (
     FIND_AT_PARAMETER,
     FIND_AT_SHARE,
     FIND_INTERVALS,

@@ -23,11 +23,11 @@ from jacokin.ik.closest import Reach
 from jacokin.ik.diagnosis import LimitExcess
 from jacokin.ik.families.curves import CurveProblem
 from jacokin.ik.families.family import MEMBER_CLOSURE
-from jacokin.ik.many import Chain, angle_and_axis, cross
 from jacokin.ik.options import ORIENTATION_TOLERANCE, POSITION_TOLERANCE
 from jacokin.ik.targets import TargetPose
 from jacokin.ik.verification import Verifier
 from jacokin.model import angles
+from jacokin.model.many_configurations import Chain, angle_and_axis, cross
 
 #: [m] and [rad] by which a target is moved: the curves of seven joints shrink slowly along joint 3 and lead to the
 #: edge from near it only; those about a free axis must be long enough to be found between two slices.

@@ -1,4 +1,4 @@
-"""CSV files: targets, with errors that name file, line and column, and answers."""
+"""CSV files: `read_targets`, with errors that name file, line and column, and answers."""
 
 from __future__ import annotations
 
@@ -18,17 +18,129 @@ from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
-from jacokin.ik.files.targets import Columns, Part, TargetFile, chosen, target_rows
+from jacokin.ik.files.targets import ANSWERS, Columns, FilePart, TargetFile, choose_columns, target_rows
 from jacokin.ik.results import STATUS_NAMES, BatchResult
+from jacokin.model import checks
 
+BLOCK = 8192  # lines read at a time
+FIRST_LINE = 2  # after the header
 # Python's float also takes 1_0 and digits of other scripts, which in a file are mistakes.
 _NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
 _NOT_FINITE = re.compile(r"[-+]?(nan|inf|infinity)", re.IGNORECASE)
 
-Block = tuple[Array, NDArray[np.int_]]
+Rows = tuple[Array, NDArray[np.int_]]
 
 
-def blocks(path: Path, file: TextIO, columns: Columns, size: int, *, finite: bool, first: int = 2) -> Iterator[Block]:
+def read_targets(path: str | Path) -> TargetFile:
+    """Read a CSV file of targets.
+
+    Args:
+        path: a file with the columns x, y, z [m] and, unless the orientation is free, qw, qx, qy, qz, or roll, pitch,
+            yaw [rad], or a rotation matrix r11, r12, ..., r33. Columns named note, comment, name, label, id, index, t
+            or time are ignored, as are those that `jacokin ik --output` adds.
+
+    Raises:
+        InvalidInputError: no such file, an unknown, missing or repeated column, a row that is longer than the header, a
+            bad number, a quaternion whose norm is not 1, or no rows; names line and column.
+    """
+    blocks = list(read_blocks(checks.path("path", path), BLOCK, strict=True))
+    return TargetFile(
+        blocks[0].columns,
+        np.concatenate([block.values for block in blocks]),
+        np.concatenate([block.targets for block in blocks]),
+        np.concatenate([block.lines for block in blocks]),
+    )
+
+
+def read_blocks(path: Path, size: int, *, strict: bool) -> Iterator[TargetFile]:
+    """As `read_targets`, in blocks of at most `size` rows, so that a file of any length fits into memory.
+
+    Unless `strict`, numbers that are not finite and wrong norms are problems of their rows, and not errors.
+    """
+    empty = True
+    try:
+        with _opened(path) as file:
+            columns = _header(path, file)
+            for values, lines in _rows(path, file, columns, size, finite=strict):
+                if len(values):
+                    empty = False
+                    block = target_rows(columns.names, values, lines)
+                    if strict and block.problems:
+                        row = min(block.problems)
+                        place = f"{path}, line {lines[row]}, columns {', '.join(block.columns[3:])}"
+                        raise InvalidInputError(f"{place}: {block.problems[row]}")
+                    yield block
+    except OSError as error:
+        raise InvalidInputError(f"{path}: cannot be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise InvalidInputError(f"{path}: is not a text file in UTF-8") from error
+    except csv.Error as error:
+        raise InvalidInputError(f"{path}: is not a CSV file: {error}") from error
+    if empty:
+        raise InvalidInputError(f"{path}: has no rows of targets")
+
+
+def blocks(path: Path, size: int, consecutive: Sequence[FilePart] | None = None) -> Iterator[TargetFile]:
+    """The targets, `size` lines at a time; of some consecutive `parts` that can be read alone, or all.
+
+    Rows that are not finite are problems of their own. Errors as `read_targets`.
+    """
+    if consecutive is None:
+        yield from read_blocks(path, size, strict=False)
+        return
+    with _opened(path) as file:
+        columns = _header(path, file)
+    with path.open("rb") as binary:
+        for part in consecutive:
+            binary.seek(part.offset or 0)
+            text = io.StringIO(b"".join(itertools.islice(binary, size)).decode("utf-8"), newline=None)
+            for values, lines in _rows(path, text, columns, size, finite=False, first=part.first):
+                yield target_rows(columns.names, values, lines)
+
+
+def parts(path: Path, size: int) -> list[FilePart]:
+    """Where the rows of each block of `size` lines are; rows may be not finite. Errors as `read_targets`."""
+    offsets = _offsets(path, size)
+    found = []
+    for number, block in enumerate(blocks(path, size)):
+        index = number if offsets is None else (int(block.lines[0]) - FIRST_LINE) // size  # blank blocks are left out
+        found.append(FilePart(FIRST_LINE + index * size, len(block), None if offsets is None else offsets[index]))
+    return found
+
+
+def _offsets(path: Path, size: int) -> list[int] | None:
+    """Byte offset of every `size`-th line after the header; None where lines cannot be told from bytes."""
+    try:
+        with path.open("rb") as file:
+            header = file.readline()
+            at, offsets = len(header), []
+            if header.count(b"\r") != header.count(b"\r\n"):
+                return None
+            while lines := list(itertools.islice(file, size)):
+                content = b"".join(lines)
+                if b'"' in content or content.count(b"\r") != content.count(b"\r\n"):
+                    return None
+                offsets.append(at)
+                at += len(content)
+    except (OSError, ValueError):
+        return None  # `read_blocks` says what is wrong
+    return offsets
+
+
+def _opened(path: Path) -> TextIO:
+    try:
+        return path.open(encoding="utf-8-sig")
+    except ValueError as error:  # a null byte
+        raise InvalidInputError(f"{str(path)!r}: cannot be read: {error}") from error
+
+
+def _header(path: Path, file: TextIO) -> Columns:
+    return choose_columns(path, next(csv.reader([file.readline()], strict=True), []))
+
+
+def _rows(
+    path: Path, file: TextIO, columns: Columns, size: int, *, finite: bool, first: int = FIRST_LINE
+) -> Iterator[Rows]:
     """Values (n, columns) and line numbers (n,) of the rows from line `first` on, at most `size` lines at a time.
 
     NaN and infinities are refused if `finite` is wanted.
@@ -71,7 +183,7 @@ def _plain(lines: Sequence[str], columns: Columns, finite: bool) -> Array | None
     return values if len(values) == len(lines) and (not finite or np.isfinite(values).all()) else None
 
 
-def _checked(path: Path, rows: Sequence[tuple[int, list[str]]], columns: Columns, finite: bool) -> Block:
+def _checked(path: Path, rows: Sequence[tuple[int, list[str]]], columns: Columns, finite: bool) -> Rows:
     """The values of rows, one by one.
 
     Raises:
@@ -99,160 +211,29 @@ def _number(path: Path, line: int, column: str, text: str, finite: bool) -> floa
     return value
 
 
-BLOCK = 8192  # lines read at a time
-HEADED = 2  # the first line after the header
-
-
-def read_targets(path: str | Path) -> TargetFile:
-    """Read a CSV file of targets.
-
-    Args:
-        path: a file with the columns x, y, z [m] and, unless the orientation is free, qw, qx, qy, qz, or roll, pitch,
-            yaw [rad], or a rotation matrix r11, r12, ..., r33. Columns named note, comment, name, label, id, index, t
-            or time are ignored, as are those that `jacokin ik --output` adds.
-
-    Raises:
-        InvalidInputError: no such file, an unknown, missing or repeated column, a row that is longer than the header, a
-            bad number, a quaternion whose norm is not 1, or no rows; names line and column.
-    """
-    parts = list(target_blocks(path))
-    return TargetFile(
-        parts[0].columns,
-        np.concatenate([part.values for part in parts]),
-        np.concatenate([part.targets for part in parts]),
-        np.concatenate([part.lines for part in parts]),
-    )
-
-
-def target_blocks(path: str | Path, size: int = BLOCK, *, strict: bool = True) -> Iterator[TargetFile]:
-    """As `read_targets`, in blocks of at most `size` rows, so that a file of any length fits into memory.
-
-    Unless `strict`, numbers that are not finite and wrong norms are problems of their rows, and not errors.
-    """
-    if not isinstance(path, str | Path):
-        raise InvalidInputError(f"path must be a str or a Path, got {type(path).__name__}")
-    path = Path(path)
-    empty = True
-    try:
-        with _opened(path) as file:
-            columns = chosen(path, next(csv.reader([file.readline()], strict=True), []))
-            for values, lines in blocks(path, file, columns, size, finite=strict):
-                if len(values):
-                    empty = False
-                    block = target_rows(columns.names, values, lines)
-                    if strict and block.problems:
-                        _refuse(path, block)
-                    yield block
-    except OSError as error:
-        raise InvalidInputError(f"{path}: cannot be read: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise InvalidInputError(f"{path}: is not a text file in UTF-8") from error
-    except csv.Error as error:
-        raise InvalidInputError(f"{path}: is not a CSV file: {error}") from error
-    if empty:
-        raise InvalidInputError(f"{path}: has no rows of targets")
-
-
-def parts(path: Path, size: int) -> list[Part]:
-    """Where the rows of each block of `size` lines are; rows may be not finite. Errors as `read_targets`."""
-    offsets = _offsets(path, size)
-    found = []
-    for number, block in enumerate(target_blocks(path, size, strict=False)):
-        index = number if offsets is None else (int(block.lines[0]) - HEADED) // size  # blank blocks are left out
-        found.append(Part(HEADED + index * size, len(block), None if offsets is None else offsets[index]))
-    return found
-
-
-def blocks_of(path: Path, size: int, consecutive: Sequence[Part]) -> Iterator[TargetFile]:
-    """The rows of some consecutive `parts` that can be read alone."""
-    with _opened(path) as file:
-        columns = chosen(path, next(csv.reader([file.readline()], strict=True), []))
-    with path.open("rb") as binary:
-        for part in consecutive:
-            binary.seek(part.offset or 0)
-            text = io.StringIO(b"".join(itertools.islice(binary, size)).decode("utf-8"), newline=None)
-            for values, lines in blocks(path, text, columns, size, finite=False, first=part.first):
-                yield target_rows(columns.names, values, lines)
-
-
-def _offsets(path: Path, size: int) -> list[int] | None:
-    """Byte offset of every `size`-th line after the header; None where lines cannot be told from bytes."""
-    try:
-        with path.open("rb") as file:
-            header = file.readline()
-            at, offsets = len(header), []
-            if header.count(b"\r") != header.count(b"\r\n"):
-                return None
-            while lines := list(itertools.islice(file, size)):
-                content = b"".join(lines)
-                if b'"' in content or content.count(b"\r") != content.count(b"\r\n"):
-                    return None
-                offsets.append(at)
-                at += len(content)
-    except (OSError, ValueError):
-        return None  # `target_blocks` says what is wrong
-    return offsets
-
-
-def _opened(path: Path) -> TextIO:
-    try:
-        return path.open(encoding="utf-8-sig")
-    except ValueError as error:  # a null byte
-        raise InvalidInputError(f"{str(path)!r}: cannot be read: {error}") from error
-
-
-def _refuse(path: Path, block: TargetFile) -> None:
-    """Refuse the first row that is not a target.
-
-    Raises:
-        InvalidInputError: names the line and the columns.
-    """
-    row = min(block.problems)
-    raise InvalidInputError(
-        f"{path}, line {block.lines[row]}, columns {', '.join(block.columns[3:])}: {block.problems[row]}"
-    )
-
-
-#: Columns after those of the targets and q1, q2, ...
-MEASURED = ("status", "position_error", "orientation_error", "method", "message")
-
-
-class _CSV:
-    """Answers as text; see `formats.AnswerFormat`."""
-
-    def encoded(self, targets: TargetFile, batch: BatchResult) -> bytes:
-        """The rows."""
-        stream = io.StringIO(newline="")
-        write_answers(stream, targets, batch)
-        return stream.getvalue().encode()
-
-    def write_joined(self, path: Path, pieces: Iterable[tuple[Path, int]], columns: Sequence[str]) -> None:
-        """The header, and all rows."""
-        with path.open("wb") as out:
-            out.write((",".join([*columns, *MEASURED]) + "\n").encode())
-            for piece, offset in pieces:
-                with piece.open("rb") as file:
-                    file.seek(offset)
-                    shutil.copyfileobj(file, out)
-
-
-CSV = _CSV()
-
-
-def write_answers(stream: TextIO, targets: TargetFile, batch: BatchResult) -> None:
-    """Write one row for each target, numbers with the digits that read back to the same bits (17 at most)."""
-    configurations = _rows(np.hstack([targets.values, batch.q]))
-    errors = _rows(np.stack([batch.position_error, batch.orientation_error], axis=1))
+def encoded(targets: TargetFile, batch: BatchResult) -> bytes:
+    """One row for each target, numbers with the digits that read back to the same bits (17 at most)."""
+    configurations = _lines(np.hstack([targets.values, batch.q]))
+    errors = _lines(np.stack([batch.position_error, batch.orientation_error], axis=1))
     cells = {text: _cell(text) for text in {*batch.method, *batch.message}}
-    stream.writelines(
+    rows = zip(configurations, batch.status, errors, batch.method, batch.message, strict=True)
+    return "".join(
         f"{numbers},{STATUS_NAMES[status]},{measured},{cells[method]},{cells[message]}\n"
-        for numbers, status, measured, method, message in zip(
-            configurations, batch.status, errors, batch.method, batch.message, strict=True
-        )
-    )
+        for numbers, status, measured, method, message in rows
+    ).encode()
 
 
-def _rows(values: Array) -> list[str]:
+def write_joined(path: Path, pieces: Iterable[tuple[Path, int]], columns: Sequence[str]) -> None:
+    """The header, and all rows."""
+    with path.open("wb") as out:
+        out.write((",".join([*columns, *ANSWERS]) + "\n").encode())
+        for piece, offset in pieces:
+            with piece.open("rb") as file:
+                file.seek(offset)
+                shutil.copyfileobj(file, out)
+
+
+def _lines(values: Array) -> list[str]:
     """Each row of (n, k) numbers as text, with commas between them."""
     if not np.isfinite(values).all():  # JSON has no infinity
         return [",".join(map(repr, row)) for row in values.tolist()]

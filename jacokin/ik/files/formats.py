@@ -1,24 +1,36 @@
-"""The formats of files of targets and answers, told by the ending of the name."""
+"""The formats of files of targets and of answers, told by the ending of the name."""
 
 from __future__ import annotations
 
+import importlib.util
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Protocol
 
-from jacokin.errors import InvalidInputError
+from jacokin.errors import InvalidInputError, MissingExtraError
 from jacokin.ik.files import csv_files, npz_files, parquet_files
-from jacokin.ik.files.targets import Part, TargetFile, equal_parts
+from jacokin.ik.files.targets import FilePart, TargetFile
 from jacokin.ik.results import BatchResult
-
-OUTPUTS = (".csv", ".npz", ".parquet")
-_AS_CSV = ("", ".csv", ".txt")
 
 Piece = tuple[Path, int]
 
 
-class AnswerFormat(Protocol):
-    """How answers are written: piece by piece, and then together."""
+class Format(Protocol):
+    """What the module of each format does."""
+
+    def blocks(self, path: Path, size: int, consecutive: Sequence[FilePart] | None = None) -> Iterator[TargetFile]:
+        """The targets of a file, `size` at a time or less; rows that are not finite are problems of their own.
+
+        With some consecutive `parts` that were made with the same size, these only, one block for each; what comes
+        before them is not read, or little of it.
+
+        Raises:
+            InvalidInputError: the file cannot be read, or lacks columns; of a CSV file also rows that are not numbers.
+            MissingExtraError: the format needs a package that is not installed.
+        """
+
+    def parts(self, path: Path, size: int) -> list[FilePart]:
+        """Where the rows of each of `blocks` are. Errors as there, all of them: a CSV file is read to its end."""
 
     def encoded(self, targets: TargetFile, batch: BatchResult) -> bytes:
         """The answers to some targets, for `write_joined`."""
@@ -34,53 +46,25 @@ class AnswerFormat(Protocol):
         """
 
 
-def blocks(path: Path, size: int) -> Iterator[TargetFile]:
-    """The targets of a file, `size` at a time or less; rows that are not finite are problems of their own.
-
-    Raises:
-        InvalidInputError: the file cannot be read, or lacks columns; of a CSV file also rows that are not numbers.
-        MissingExtraError: the format needs a package that is not installed.
-    """
-    if path.suffix == ".npz":
-        return npz_files.blocks(path, size)
-    if path.suffix == ".parquet":
-        return parquet_files.blocks(path, size)
-    return csv_files.target_blocks(path, size, strict=False)
+FORMATS: dict[str, Format] = {".csv": csv_files, ".npz": npz_files, ".parquet": parquet_files}
+AS_CSV = ("", ".txt")  # other endings of answers that are written as CSV
 
 
-def parts(path: Path, size: int) -> list[Part]:
-    """Where the rows of each of `blocks` are. Errors as there, all of them: a CSV file is read to its end."""
-    if path.suffix == ".npz":
-        total, alone = npz_files.count_rows(path)
-        return equal_parts(total, size, alone=alone)
-    if path.suffix == ".parquet":
-        return equal_parts(parquet_files.count_rows(path), size)
-    return csv_files.parts(path, size)
+def targets_format(path: Path) -> Format:
+    """The format of a file of targets: CSV, unless its ending says otherwise."""
+    return FORMATS.get(path.suffix, csv_files)
 
 
-def blocks_of(path: Path, size: int, consecutive: Sequence[Part]) -> Iterator[TargetFile]:
-    """The rows of some consecutive `parts` that were made with the same size, one block for each; errors as `blocks`.
-
-    What comes before them is not read, or little of it.
-    """
-    if path.suffix == ".npz":
-        return npz_files.blocks(path, size, consecutive)
-    if path.suffix == ".parquet":
-        return parquet_files.blocks(path, size, consecutive)
-    return csv_files.blocks_of(path, size, consecutive)
-
-
-def answers(path: Path) -> AnswerFormat:
+def answers_format(path: Path) -> Format:
     """The format of a file of answers.
 
     Raises:
         InvalidInputError: no format has this ending.
         MissingExtraError: the format needs a package that is not installed.
     """
-    if path.suffix in _AS_CSV:
-        return csv_files.CSV
-    if path.suffix == ".npz":
-        return npz_files.NPZ
-    if path.suffix == ".parquet":
-        return parquet_files.prepared()
-    raise InvalidInputError(f"{path}: answers are written as {', '.join(OUTPUTS)}, told by the ending of the name")
+    suffix = ".csv" if path.suffix in AS_CSV else path.suffix
+    if suffix not in FORMATS:
+        raise InvalidInputError(f"{path}: answers are written as {', '.join(FORMATS)}, told by the ending of the name")
+    if suffix == ".parquet" and importlib.util.find_spec("pyarrow") is None:
+        raise MissingExtraError("pyarrow", "parquet")
+    return FORMATS[suffix]

@@ -14,7 +14,17 @@ from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
-from jacokin.ik.files.targets import MATRIX, POSITION, QUATERNION, RPY, Part, TargetFile, chosen, target_rows
+from jacokin.ik.files.targets import (
+    MATRIX,
+    POSITION,
+    QUATERNION,
+    RPY,
+    FilePart,
+    TargetFile,
+    choose_columns,
+    equal_parts,
+    target_rows,
+)
 from jacokin.ik.results import BatchResult, Status
 from jacokin.model.checks import NUMBER_KINDS
 
@@ -27,6 +37,59 @@ _NEEDED = (
     "needed: targets (n, 4, 4) or (n, 3); or position (n, 3) with quat_wxyz (n, 4), rpy (n, 3) or nothing; "
     "or an array (n,) for each column of a CSV file"
 )
+STATUSES = tuple(status.name for status in Status)
+NUMBERS = {status: number for number, status in enumerate(Status)}
+METHODS = ("closed_form", "qp", "")
+
+
+def blocks(path: Path, size: int, consecutive: Sequence[FilePart] | None = None) -> Iterator[TargetFile]:
+    """The targets, at most `size` at a time; of some consecutive parts, or all.
+
+    Raises:
+        InvalidInputError: no such file, not an NPZ, other arrays than are needed, of different lengths, or no rows.
+    """
+    with _reading(path) as (columns, members):
+        start, stop = 0, int(members[0].shape[0])
+        if consecutive:
+            start, stop = consecutive[0].first, consecutive[-1].first + consecutive[-1].rows
+            for member in members:
+                member.skip(start)
+        for first in range(start, stop, size):
+            count = min(size, stop - first)
+            values = [_columns_of(member.rows(count)) for member in members]
+            yield target_rows(columns, np.hstack(values), np.arange(first + 1, first + count + 1))
+
+
+def parts(path: Path, size: int) -> list[FilePart]:
+    """Where the rows of each of `blocks` are. Errors as there."""
+    with _reading(path) as (_, members):
+        # Compressed rows can only be reached through those before.
+        return equal_parts(int(members[0].shape[0]), size, alone=all(member.stored for member in members))
+
+
+@contextlib.contextmanager
+def _reading(path: Path) -> Iterator[tuple[tuple[str, ...], list[_Member]]]:
+    """The columns, and the arrays that hold them, in their order."""
+    try:
+        with contextlib.ExitStack() as stack:
+            archive = stack.enter_context(zipfile.ZipFile(path))
+            names = [name.removesuffix(".npy") for name in archive.namelist() if name.endswith(".npy")]
+            found = {name: _opened(stack, archive, path, name) for name in names}
+            columns, chosen_names = _chosen(path, found)
+            members = [found[name] for name in chosen_names]
+            lengths = {member.shape[0] for member in members}
+            if len(lengths) > 1:
+                text = ", ".join(f"{name} {found[name].shape}" for name in chosen_names)
+                raise InvalidInputError(f"{path}: the arrays have different lengths: {text}")
+            if lengths == {0}:
+                raise InvalidInputError(f"{path}: has no rows of targets")
+            yield columns, members
+    except OSError as error:
+        raise InvalidInputError(f"{path}: cannot be read: {error.strerror or error}") from error
+    except (zipfile.BadZipFile, EOFError, ValueError) as error:
+        if isinstance(error, InvalidInputError):
+            raise
+        raise InvalidInputError(f"{path}: is not an NPZ file: {error}") from error
 
 
 class _Member:
@@ -61,55 +124,6 @@ class _Member:
         return np.frombuffer(data, self._dtype).astype(np.float64).reshape(count, *self.shape[1:])
 
 
-def count_rows(path: Path) -> tuple[int, bool]:
-    """How many targets there are, and whether some can be read without those before. Errors as `blocks`."""
-    with _reading(path) as (_, members):
-        return int(members[0].shape[0]), all(member.stored for member in members)
-
-
-def blocks(path: Path, size: int, consecutive: Sequence[Part] | None = None) -> Iterator[TargetFile]:
-    """The targets, at most `size` at a time; of some consecutive parts, or all.
-
-    Raises:
-        InvalidInputError: no such file, not an NPZ, other arrays than are needed, of different lengths, or no rows.
-    """
-    with _reading(path) as (columns, members):
-        start, stop = 0, int(members[0].shape[0])
-        if consecutive:
-            start, stop = consecutive[0].first, consecutive[-1].first + consecutive[-1].rows
-            for member in members:
-                member.skip(start)
-        for first in range(start, stop, size):
-            count = min(size, stop - first)
-            values = [_columns_of(member.rows(count)) for member in members]
-            yield target_rows(columns, np.hstack(values), np.arange(first + 1, first + count + 1))
-
-
-@contextlib.contextmanager
-def _reading(path: Path) -> Iterator[tuple[tuple[str, ...], list[_Member]]]:
-    """The columns, and the arrays that hold them, in their order."""
-    try:
-        with contextlib.ExitStack() as stack:
-            archive = stack.enter_context(zipfile.ZipFile(path))
-            names = [name.removesuffix(".npy") for name in archive.namelist() if name.endswith(".npy")]
-            found = {name: _opened(stack, archive, path, name) for name in names}
-            columns, chosen_names = _chosen(path, found)
-            members = [found[name] for name in chosen_names]
-            lengths = {member.shape[0] for member in members}
-            if len(lengths) > 1:
-                text = ", ".join(f"{name} {found[name].shape}" for name in chosen_names)
-                raise InvalidInputError(f"{path}: the arrays have different lengths: {text}")
-            if lengths == {0}:
-                raise InvalidInputError(f"{path}: has no rows of targets")
-            yield columns, members
-    except OSError as error:
-        raise InvalidInputError(f"{path}: cannot be read: {error.strerror or error}") from error
-    except (zipfile.BadZipFile, EOFError, ValueError) as error:
-        if isinstance(error, InvalidInputError):
-            raise
-        raise InvalidInputError(f"{path}: is not an NPZ file: {error}") from error
-
-
 def _opened(stack: contextlib.ExitStack, archive: zipfile.ZipFile, path: Path, name: str) -> _Member:
     """An array of the archive; one that is not compressed is read from the file itself, where it can be skipped in."""
     info = archive.getinfo(f"{name}.npy")
@@ -134,7 +148,7 @@ def _chosen(path: Path, found: dict[str, _Member]) -> tuple[tuple[str, ...], lis
         return (POSITION + MATRIX if shape == _MATRICES else POSITION), ["targets"]
     flat = {name: place for place, name in enumerate(found) if len(found[name].shape) == 1}
     if set(POSITION) <= set(flat):
-        columns = chosen(path, list(flat), "")
+        columns = choose_columns(path, list(flat), "")
         return columns.names, list(columns.names)
     names = [name for name, shape in _GROUPS if name in found and found[name].shape[1:] == shape]
     if names[:1] != ["position"] or len(names) > 2:
@@ -153,53 +167,43 @@ def _columns_of(rows: Array) -> Array:
     return np.hstack([rows[:, :3, 3], rows[:, :3, :3].reshape(-1, 9)])
 
 
-STATUSES = tuple(status.name for status in Status)
-NUMBERS = {status: number for number, status in enumerate(Status)}
-METHODS = ("closed_form", "qp", "")
+def encoded(targets: TargetFile, batch: BatchResult) -> bytes:
+    """The arrays of these rows."""
+    stream = io.BytesIO()
+    columns = dict(zip(targets.columns, targets.values.T, strict=True))
+    np.savez(
+        stream,
+        allow_pickle=False,
+        **columns,
+        q=batch.q,
+        status=np.array([NUMBERS[status] for status in batch.status], dtype=np.uint8),
+        position_error=batch.position_error,
+        orientation_error=batch.orientation_error,
+        method=np.array([METHODS.index(method) for method in batch.method], dtype=np.uint8),
+    )
+    return stream.getvalue()
 
 
-class _NPZ:
-    """Answers as arrays; see `formats.AnswerFormat`."""
-
-    def encoded(self, targets: TargetFile, batch: BatchResult) -> bytes:
-        """The arrays of these rows."""
-        stream = io.BytesIO()
-        columns = dict(zip(targets.columns, targets.values.T, strict=True))
-        np.savez(
-            stream,
-            allow_pickle=False,
-            **columns,
-            q=batch.q,
-            status=np.array([NUMBERS[status] for status in batch.status], dtype=np.uint8),
-            position_error=batch.position_error,
-            orientation_error=batch.orientation_error,
-            method=np.array([METHODS.index(method) for method in batch.method], dtype=np.uint8),
-        )
-        return stream.getvalue()
-
-    def write_joined(self, path: Path, pieces: Iterable[tuple[Path, int]], columns: Sequence[str]) -> None:
-        """Every array as a whole, one after the other, so that none has to fit into memory."""
-        paths = [piece for piece, _ in pieces]
-        with zipfile.ZipFile(paths[0]) as first:  # finds the archive after what is skipped
-            names = first.namelist()
-        with zipfile.ZipFile(path, "w", zipfile.ZIP_STORED, allowZip64=True) as out:
-            for name in names:
-                rows = sum(len(_array(piece, name, header_only=True)) for piece in paths)
-                example = _array(paths[0], name)
-                with _member(out, name) as stream:
-                    header = np.lib.format.header_data_from_array_1_0(example)
-                    np.lib.format.write_array_header_1_0(stream, {**header, "shape": (rows, *example.shape[1:])})
-                    for piece in paths:
-                        stream.write(np.ascontiguousarray(_array(piece, name)).tobytes())
-            for name, texts in (("status_names", STATUSES), ("method_names", METHODS)):
-                with _member(out, f"{name}.npy") as stream:
-                    np.lib.format.write_array(stream, np.array(texts), allow_pickle=False)
+def write_joined(path: Path, pieces: Iterable[tuple[Path, int]], columns: Sequence[str]) -> None:
+    """Every array as a whole, one after the other, so that none has to fit into memory."""
+    paths = [piece for piece, _ in pieces]
+    with zipfile.ZipFile(paths[0]) as first:  # finds the archive after what is skipped
+        names = first.namelist()
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_STORED, allowZip64=True) as out:
+        for name in names:
+            rows = sum(len(_array(piece, name, header_only=True)) for piece in paths)
+            example = _array(paths[0], name)
+            with _entry(out, name) as stream:
+                header = np.lib.format.header_data_from_array_1_0(example)
+                np.lib.format.write_array_header_1_0(stream, {**header, "shape": (rows, *example.shape[1:])})
+                for piece in paths:
+                    stream.write(np.ascontiguousarray(_array(piece, name)).tobytes())
+        for name, texts in (("status_names", STATUSES), ("method_names", METHODS)):
+            with _entry(out, f"{name}.npy") as stream:
+                np.lib.format.write_array(stream, np.array(texts), allow_pickle=False)
 
 
-NPZ = _NPZ()
-
-
-def _member(archive: zipfile.ZipFile, name: str) -> IO[bytes]:
+def _entry(archive: zipfile.ZipFile, name: str) -> IO[bytes]:
     return archive.open(zipfile.ZipInfo(name), "w", force_zip64=True)  # with the date of all of them, 1980
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, MissingExtraError
-from jacokin.ik.files.targets import Part, TargetFile, chosen, target_rows
+from jacokin.ik.files.targets import FilePart, TargetFile, choose_columns, equal_parts, target_rows
 from jacokin.ik.results import STATUS_NAMES, BatchResult
 
 if TYPE_CHECKING:
@@ -19,13 +19,11 @@ if TYPE_CHECKING:
     import pyarrow.parquet as pq
 
 
-def count_rows(path: Path) -> int:
-    """How many targets there are. Errors as `blocks`."""
-    with _reading(path) as (file, _):
-        return int(file.metadata.num_rows)
+TEXTS = ("status", "method", "message")
+WRITTEN_AT_ONCE = 1 << 14  # rows
 
 
-def blocks(path: Path, size: int, consecutive: Sequence[Part] | None = None) -> Iterator[TargetFile]:
+def blocks(path: Path, size: int, consecutive: Sequence[FilePart] | None = None) -> Iterator[TargetFile]:
     """The targets, `size` at a time, whatever the row groups of the file are; of some consecutive parts, or all.
 
     Raises:
@@ -57,6 +55,12 @@ def blocks(path: Path, size: int, consecutive: Sequence[Part] | None = None) -> 
             yield target_rows(columns, np.concatenate(waiting), np.arange(first, first + held))
 
 
+def parts(path: Path, size: int) -> list[FilePart]:
+    """Where the rows of each of `blocks` are. Errors as there."""
+    with _reading(path) as (file, _):
+        return equal_parts(int(file.metadata.num_rows), size)
+
+
 def _groups_from(metadata: pq.FileMetaData, start: int) -> tuple[list[int], int]:
     """The row groups from the one that holds row `start`, and how many rows of it come before."""
     for group in range(metadata.num_row_groups):
@@ -76,7 +80,7 @@ def _reading(path: Path) -> Iterator[tuple[pq.ParquetFile, tuple[str, ...]]]:
     try:
         # Without buffering ahead: that would hold a row group, which may be the whole file.
         with pq.ParquetFile(path, pre_buffer=False, buffer_size=1 << 20) as file:
-            columns = chosen(path, file.schema_arrow.names, "").names
+            columns = choose_columns(path, file.schema_arrow.names, "").names
             if not file.metadata.num_rows:
                 raise InvalidInputError(f"{path}: has no rows of targets")
             yield file, columns
@@ -95,70 +99,51 @@ def _numbers(path: Path, name: str, column: pa.Array) -> Array:
     return np.asarray(column.cast(pa.float64()).to_numpy(zero_copy_only=False), dtype=np.float64)
 
 
-TEXTS = ("status", "method", "message")
-WRITTEN_AT_ONCE = 1 << 14  # rows
+def encoded(targets: TargetFile, batch: BatchResult) -> bytes:
+    """The columns of these rows, as an Arrow stream."""
+    import pyarrow as pa
+
+    columns = dict(zip(targets.columns, targets.values.T, strict=True))
+    columns |= {f"q{joint + 1}": angles for joint, angles in enumerate(batch.q.T)}
+    table = pa.table(
+        {
+            **columns,
+            "status": pa.array([STATUS_NAMES[status] for status in batch.status], pa.string()),
+            "position_error": batch.position_error,
+            "orientation_error": batch.orientation_error,
+            "method": pa.array(batch.method, pa.string()),
+            "message": pa.array(batch.message, pa.string()),
+        }
+    )
+    sink = pa.BufferOutputStream()
+    with pa.ipc.new_stream(sink, table.schema) as writer:
+        writer.write_table(table)
+    return bytes(sink.getvalue())
 
 
-class _Parquet:
-    """Answers as columns; see `formats.AnswerFormat`."""
+def write_joined(path: Path, pieces: Iterable[tuple[Path, int]], columns: Sequence[str]) -> None:
+    """One row group for each piece."""
+    import pyarrow.parquet as pq
 
-    def encoded(self, targets: TargetFile, batch: BatchResult) -> bytes:
-        """The columns of these rows, as an Arrow stream."""
-        import pyarrow as pa
-
-        columns = dict(zip(targets.columns, targets.values.T, strict=True))
-        columns |= {f"q{joint + 1}": angles for joint, angles in enumerate(batch.q.T)}
-        table = pa.table(
-            {
-                **columns,
-                "status": pa.array([STATUS_NAMES[status] for status in batch.status], pa.string()),
-                "position_error": batch.position_error,
-                "orientation_error": batch.orientation_error,
-                "method": pa.array(batch.method, pa.string()),
-                "message": pa.array(batch.message, pa.string()),
-            }
-        )
-        sink = pa.BufferOutputStream()
-        with pa.ipc.new_stream(sink, table.schema) as writer:
-            writer.write_table(table)
-        return bytes(sink.getvalue())
-
-    def write_joined(self, path: Path, pieces: Iterable[tuple[Path, int]], columns: Sequence[str]) -> None:
-        """One row group for each piece."""
-        import pyarrow.parquet as pq
-
-        writer = None
-        try:
-            for piece, offset in pieces:
-                table = _table(piece, offset)
-                if writer is None:
-                    # Joint angles do not get smaller, and writing is all that a batch on many machines waits for.
-                    texts = list(TEXTS)
-                    writer = pq.ParquetWriter(
-                        path,
-                        table.schema,
-                        use_dictionary=texts,
-                        compression=dict.fromkeys(texts, "snappy"),
-                        write_statistics=texts,
-                        write_batch_size=WRITTEN_AT_ONCE,
-                    )
-                writer.write_table(table, row_group_size=max(1, table.num_rows))
-        finally:
-            if writer is not None:
-                writer.close()
-
-
-def prepared() -> _Parquet:
-    """The format.
-
-    Raises:
-        MissingExtraError: pyarrow is not installed.
-    """
+    writer = None
     try:
-        import pyarrow.parquet  # noqa: F401 - only whether it is there
-    except ImportError as error:
-        raise MissingExtraError("pyarrow", "parquet") from error
-    return _Parquet()
+        for piece, offset in pieces:
+            table = _table(piece, offset)
+            if writer is None:
+                # Joint angles do not get smaller, and writing is all that a batch on many machines waits for.
+                texts = list(TEXTS)
+                writer = pq.ParquetWriter(
+                    path,
+                    table.schema,
+                    use_dictionary=texts,
+                    compression=dict.fromkeys(texts, "snappy"),
+                    write_statistics=texts,
+                    write_batch_size=WRITTEN_AT_ONCE,
+                )
+            writer.write_table(table, row_group_size=max(1, table.num_rows))
+    finally:
+        if writer is not None:
+            writer.close()
 
 
 def _table(piece: Path, offset: int) -> pa.Table:

@@ -1,4 +1,4 @@
-"""Rows of numbers as targets: which columns mean what, and which rows cannot be solved."""
+"""`TargetFile`: rows of numbers as targets; which columns mean what, and which rows cannot be solved."""
 
 from __future__ import annotations
 
@@ -29,6 +29,73 @@ ANSWERS = ("status", "position_error", "orientation_error", "method", "message")
 _JOINT = re.compile(r"q[1-9][0-9]*", re.ASCII)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class TargetFile:
+    """Targets as a file gives them."""
+
+    columns: tuple[str, ...]
+    """x, y, z [m], followed by qw, qx, qy, qz, by roll, pitch, yaw [rad], by the rotation matrix r11, r12, ..., r33, or
+    by nothing where orientations are free."""
+    values: Array
+    """(n, len(columns)) as written."""
+    targets: Array
+    """(n, 4, 4) poses, or (n, 3) positions where orientations are free."""
+    lines: NDArray[np.int_]
+    """(n,) line of each row in a text file, the first line is 1; in other files the row, the first is 1."""
+    problems: Mapping[int, str] = field(default_factory=dict)
+    """Rows that are not targets, and why; their targets stand for nothing."""
+
+    def __len__(self) -> int:
+        """Number of targets."""
+        return len(self.values)
+
+    def __reduce__(self) -> tuple[object, tuple[object, ...]]:
+        """Pickle what the file says; the targets are made anew."""
+        return target_rows, (self.columns, self.values, self.lines)
+
+
+def target_rows(columns: tuple[str, ...], values: Array, lines: NDArray[np.int_]) -> TargetFile:
+    """Targets of rows (n, len(columns)) of numbers, which need not be finite."""
+    problems = {
+        int(row): f"{columns[int(np.argmin(np.isfinite(values[row])))]} is not finite"
+        for row in np.flatnonzero(~np.isfinite(values).all(axis=1))
+    }
+    usable = values
+    if problems:
+        usable = values.copy()
+        usable[list(problems)] = _placeholder(columns)
+    orientation = columns[3:]
+    if not orientation:
+        return TargetFile(columns, values, usable, lines, problems)
+    matrices = np.zeros((len(values), 4, 4))
+    matrices[:, 3, 3] = 1.0
+    matrices[:, :3, 3] = usable[:, :3]
+    wrong: NDArray[np.int_] = np.empty(0, dtype=np.int_)
+    if orientation == RPY:
+        rotations = rotations_from_rpys(usable[:, 3:])
+    elif orientation == QUATERNION:
+        rotations, wrong = rotations_from_quats(usable[:, 3:])
+        for row in wrong:
+            norm = math.hypot(*values[row, 3:])
+            problems[int(row)] = f"quat_wxyz must have norm 1 (within 1 %), got norm {norm:.6g}"
+    else:
+        rotations = usable[:, 3:].reshape(-1, 3, 3).copy()
+        wrong = _not_rigid(rotations)
+        problems |= {int(row): f"{MATRIX[0]} ... {MATRIX[-1]} is not a rotation matrix" for row in wrong}
+    rotations[wrong] = np.eye(3)
+    matrices[:, :3, :3] = rotations
+    return TargetFile(columns, values, matrices, lines, problems)
+
+
+def _placeholder(columns: tuple[str, ...]) -> Array:
+    """A row that is a target, in place of one that is not."""
+    if columns[3:] == QUATERNION:
+        return np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
+    if columns[3:] == MATRIX:
+        return np.concatenate([np.zeros(3), np.eye(3).ravel()])
+    return np.zeros(len(columns))
+
+
 @dataclass(frozen=True, slots=True)
 class Columns:
     """The columns of a file that make a target.
@@ -45,7 +112,7 @@ class Columns:
     header: tuple[str, ...]
 
 
-def chosen(path: Path, header: Sequence[str], place: str = ", line 1") -> Columns:
+def choose_columns(path: Path, header: Sequence[str], place: str = ", line 1") -> Columns:
     """The columns to read; `place` is where in the file they are named.
 
     Raises:
@@ -59,7 +126,7 @@ def chosen(path: Path, header: Sequence[str], place: str = ", line 1") -> Column
     oriented = [group for group in (QUATERNION, RPY, MATRIX) if any(name in names for name in group)]
     if len(oriented) > 1:
         raise InvalidInputError(
-            f"{place}: orientations are given twice, as {' and as '.join(_words(group) for group in oriented)}"
+            f"{place}: orientations are given twice, as {' and as '.join(_name_of(group) for group in oriented)}"
         )
     wanted = POSITION + (oriented[0] if oriented else ())
     missing = [name for name in wanted if name not in names]
@@ -77,7 +144,7 @@ def chosen(path: Path, header: Sequence[str], place: str = ", line 1") -> Column
     return Columns(wanted, tuple(names.index(name) for name in wanted), names)
 
 
-def _words(group: tuple[str, ...]) -> str:
+def _name_of(group: tuple[str, ...]) -> str:
     return {QUATERNION: "quaternions", RPY: "roll, pitch, yaw", MATRIX: "matrices"}[group]
 
 
@@ -109,69 +176,6 @@ def rotations_from_rpys(rpys: Array) -> Array:
     return rotation
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class TargetFile:
-    """Targets as a file gives them."""
-
-    columns: tuple[str, ...]
-    """x, y, z [m], followed by qw, qx, qy, qz, by roll, pitch, yaw [rad], by the rotation matrix r11, r12, ..., r33, or
-    by nothing where orientations are free."""
-    values: Array
-    """(n, len(columns)) as written."""
-    targets: Array
-    """(n, 4, 4) poses, or (n, 3) positions where orientations are free."""
-    lines: NDArray[np.int_]
-    """(n,) line of each row in a text file, the first line is 1; in other files the row, the first is 1."""
-    problems: Mapping[int, str] = field(default_factory=dict)
-    """Rows that are not targets, and why; their targets stand for nothing."""
-
-    def __len__(self) -> int:
-        """Number of targets."""
-        return len(self.values)
-
-
-def target_rows(columns: tuple[str, ...], values: Array, lines: NDArray[np.int_]) -> TargetFile:
-    """Targets of rows (n, len(columns)) of numbers, which need not be finite."""
-    problems = {
-        int(row): f"{columns[int(np.argmin(np.isfinite(values[row])))]} is not finite"
-        for row in np.flatnonzero(~np.isfinite(values).all(axis=1))
-    }
-    usable = values
-    if problems:
-        usable = values.copy()
-        usable[list(problems)] = _anywhere(columns)
-    orientation = columns[3:]
-    if not orientation:
-        return TargetFile(columns, values, usable, lines, problems)
-    matrices = np.zeros((len(values), 4, 4))
-    matrices[:, 3, 3] = 1.0
-    matrices[:, :3, 3] = usable[:, :3]
-    wrong: NDArray[np.int_] = np.empty(0, dtype=np.int_)
-    if orientation == RPY:
-        rotations = rotations_from_rpys(usable[:, 3:])
-    elif orientation == QUATERNION:
-        rotations, wrong = rotations_from_quats(usable[:, 3:])
-        for row in wrong:
-            norm = math.hypot(*values[row, 3:])
-            problems[int(row)] = f"quat_wxyz must have norm 1 (within 1 %), got norm {norm:.6g}"
-    else:
-        rotations = usable[:, 3:].reshape(-1, 3, 3).copy()
-        wrong = _not_rigid(rotations)
-        problems |= {int(row): f"{MATRIX[0]} ... {MATRIX[-1]} is not a rotation matrix" for row in wrong}
-    rotations[wrong] = np.eye(3)
-    matrices[:, :3, :3] = rotations
-    return TargetFile(columns, values, matrices, lines, problems)
-
-
-def _anywhere(columns: tuple[str, ...]) -> Array:
-    """A row that is a target."""
-    if columns[3:] == QUATERNION:
-        return np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
-    if columns[3:] == MATRIX:
-        return np.concatenate([np.zeros(3), np.eye(3).ravel()])
-    return np.zeros(len(columns))
-
-
 def _not_rigid(rotations: Array) -> NDArray[np.int_]:
     """Rows of (n, 3, 3) that are not rotations within the tolerance of single targets."""
     with np.errstate(over="ignore", invalid="ignore"):
@@ -180,7 +184,7 @@ def _not_rigid(rotations: Array) -> NDArray[np.int_]:
     return np.flatnonzero(~good)
 
 
-class Part(NamedTuple):
+class FilePart(NamedTuple):
     """Some consecutive rows of a file; can be sent to other machines that see it."""
 
     first: int
@@ -196,7 +200,7 @@ class Part(NamedTuple):
         return self.offset is not None
 
 
-def equal_parts(total: int, size: int, *, alone: bool = True) -> list[Part]:
+def equal_parts(total: int, size: int, *, alone: bool = True) -> list[FilePart]:
     """Parts of `size` rows, the last one of what is left."""
     offset = 0 if alone else None
-    return [Part(first, min(size, total - first), offset) for first in range(0, total, size)]
+    return [FilePart(first, min(size, total - first), offset) for first in range(0, total, size)]

@@ -8,13 +8,11 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
+from jacokin.arrays import Array
 from jacokin.kernels.vector import Vec, cross, dot, mix, norm
 
 
-class Arm(NamedTuple):
+class ArmConstants(NamedTuple):
     """Constants of the mechanism [m], [rad]; the letters of docs/closed_form.md."""
 
     w6: Vec  # axis 6 in the wrist frame at q = 0
@@ -47,9 +45,9 @@ class Pose(NamedTuple):
     distance: float  # |A - O|
 
 
-def unpack_arm(arm: NDArray[np.float64]) -> Arm:
+def unpack_arm(arm: Array) -> ArmConstants:
     """Read the constants that ``geometry.measure`` packed."""
-    return Arm(
+    return ArmConstants(
         (arm[24], arm[25], arm[26]),
         arm[27],
         arm[28],
@@ -66,7 +64,7 @@ def unpack_arm(arm: NDArray[np.float64]) -> Arm:
     )
 
 
-def to_wrist_frame(arm: NDArray[np.float64], T: NDArray[np.float64], v: Vec) -> Vec:
+def to_wrist_frame(arm: Array, T: Array, v: Vec) -> Vec:
     """N R_T^T v: a base-frame vector in the wrist frame, turned with the target."""
     x = T[0, 0] * v[0] + T[1, 0] * v[1] + T[2, 0] * v[2]
     y = T[0, 1] * v[0] + T[1, 1] * v[1] + T[2, 1] * v[2]
@@ -78,7 +76,7 @@ def to_wrist_frame(arm: NDArray[np.float64], T: NDArray[np.float64], v: Vec) -> 
     )
 
 
-def pose_of(arm: NDArray[np.float64], k: Arm, T: NDArray[np.float64]) -> Pose:
+def pose_of(arm: Array, k: ArmConstants, T: Array) -> Pose:
     """Everything the equations need to know about a (4, 4) target."""
     x = to_wrist_frame(arm, T, (arm[9], arm[10], arm[11]))
     y = to_wrist_frame(arm, T, (arm[12], arm[13], arm[14]))

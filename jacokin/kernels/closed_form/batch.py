@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from jacokin.arrays import Array
 from jacokin.kernels.closed_form.arm import unpack_arm
 from jacokin.kernels.closed_form.pose import (
     COLUMNS,
     DISTANCE,
     WITHIN_LIMITS,
     BranchWork,
-    Task,
+    PoseQuery,
     Work,
-    make_work,
     solve_pose,
     sort_rows,
 )
@@ -22,16 +21,8 @@ from jacokin.kernels.closed_form.pose import (
 BRANCHES, BRANCHES_WITHIN_LIMITS, LARGEST_MARGIN, BATCH_COLUMNS = 17, 18, 19, 20
 
 
-def solve(
-    chain: NDArray[np.float64],
-    arm: NDArray[np.float64],
-    limits: NDArray[np.float64],
-    T: NDArray[np.float64],
-    seed: NDArray[np.float64],
-    rows: NDArray[np.float64],
-    best: NDArray[np.float64],
-) -> int:
-    """Solve n targets with n references.
+def solve_targets(chain: Array, arm: Array, limits: Array, T: Array, seed: Array, work: Work, best: Array) -> int:
+    """Solve n targets with n seeds. This is what gets compiled: it allocates nothing.
 
     Args:
         chain: (7, 3, 4) the model's placements, see ``geometry``.
@@ -39,7 +30,8 @@ def solve(
         limits: (3, 6) lower and upper limits, and the snap distance [rad].
         T: (n, 4, 4) targets, T_base_frame.
         seed: (n, 6) seeds [rad].
-        rows: (24, 17) filled with the branches of the last target, nearest to its seed first.
+        work: arrays to work in; its rows (24, 17) are filled with the branches of the last target, nearest to its seed
+            first.
         best: (n, 20) filled with one row for each target, or (0, 20) for the branches of one target only. The row is
             the branch within the limits nearest to the seed; without one, the branch that breaks a limit least; NaN
             without any branch.
@@ -48,22 +40,9 @@ def solve(
         How many rows were filled for the last target; its complement, ~count, if a table was full and entries may have
         been dropped.
     """
-    return solve_targets(chain, arm, limits, T, seed, make_work(rows), best)
-
-
-def solve_targets(
-    chain: NDArray[np.float64],
-    arm: NDArray[np.float64],
-    limits: NDArray[np.float64],
-    T: NDArray[np.float64],
-    seed: NDArray[np.float64],
-    work: Work,
-    best: NDArray[np.float64],
-) -> int:
-    """As `solve`, in work arrays that the caller made; this is what gets compiled: it allocates nothing."""
     k = unpack_arm(arm)
     for i in range(T.shape[0]):
-        solve_pose(arm, k, Task(chain, limits, T[i], seed[i]), work)
+        solve_pose(arm, k, PoseQuery(chain, limits, T[i], seed[i]), work)
         if i < best.shape[0]:
             choose_branch(work.branches, best[i])
     if best.shape[0] == 0:
@@ -72,7 +51,7 @@ def solve_targets(
     return ~count if work.branches.filled[1] > 0 else count
 
 
-def choose_branch(work: BranchWork, best: NDArray[np.float64]) -> None:
+def choose_branch(work: BranchWork, best: Array) -> None:
     """Copy the nearest branch within the limits, or else the one least outside them, to a row of the batch."""
     rows, count = work.rows, work.filled[0]
     chosen, within, largest = -1, 0, np.nan
@@ -91,7 +70,7 @@ def choose_branch(work: BranchWork, best: NDArray[np.float64]) -> None:
     best[LARGEST_MARGIN] = largest
 
 
-def is_better(a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
+def is_better(a: Array, b: Array) -> bool:
     """Within the limits before outside, then the nearer to the seed, or the one that breaks a limit least."""
     if a[WITHIN_LIMITS] != b[WITHIN_LIMITS]:
         return bool(a[WITHIN_LIMITS] > b[WITHIN_LIMITS])
@@ -100,7 +79,7 @@ def is_better(a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
     return smallest_margin(a) > smallest_margin(b)
 
 
-def smallest_margin(row: NDArray[np.float64]) -> float:
+def smallest_margin(row: Array) -> float:
     """The distance to the nearest limit, negative outside [rad]."""
     smallest = row[6]
     for j in range(7, 12):

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from jacokin.arrays import Array
 from jacokin.kernels.chain import Newton, deviation, forward, least_squares, linearise, normal_equations, solve_normal
 from jacokin.kernels.limits import same_configuration
 from jacokin.kernels.tolerances import (
@@ -36,12 +37,12 @@ ROUNDS = 3
 class FoldWork(NamedTuple):
     """The folds of one target, and the one at hand."""
 
-    known: NDArray[np.float64]  # (16, 6) the configuration at each fold [rad]
-    pairs: NDArray[np.float64]  # (16, 2) mean of q6 over its two branches [rad], half their difference squared [rad^2]
+    known: Array  # (16, 6) the configuration at each fold [rad]
+    pairs: Array  # (16, 2) mean of q6 over its two branches [rad], half their difference squared [rad^2]
     filled: NDArray[np.int64]  # (1,)
-    branches: NDArray[np.float64]  # (2, 6) of the fold at hand
-    direction: NDArray[np.float64]  # (6,) of the remaining deviation
-    samples: NDArray[np.float64]  # (3, 7) deviations, and q6 [rad]
+    branches: Array  # (2, 6) of the fold at hand
+    direction: Array  # (6,) of the remaining deviation
+    samples: Array  # (3, 7) deviations, and q6 [rad]
 
 
 def make_folds() -> FoldWork:
@@ -56,7 +57,7 @@ def make_folds() -> FoldWork:
     )
 
 
-def solve_fold(chain: NDArray[np.float64], T: NDArray[np.float64], work: Newton, fold: FoldWork) -> int:
+def solve_fold(chain: Array, T: Array, work: Newton, fold: FoldWork) -> int:
     """Fill fold.branches with the two branches near work.q, and append the fold to the known ones, if it is new."""
     q = work.q
     joint = most_singular_joint(chain, T, work)
@@ -124,7 +125,7 @@ def q6_of_both(fold: FoldWork, step: float, shift: float, square: float) -> tupl
     return here + slope * shift + bend * (shift * shift + square), at_fold * at_fold * square
 
 
-def note_fold(fold: FoldWork, q: NDArray[np.float64], mean: float, half_square: float) -> None:
+def note_fold(fold: FoldWork, q: Array, mean: float, half_square: float) -> None:
     """Append a fold to the known ones."""
     count = fold.filled[0]
     if count < MAX_FOLDS:
@@ -134,7 +135,7 @@ def note_fold(fold: FoldWork, q: NDArray[np.float64], mean: float, half_square: 
         fold.filled[0] = count + 1
 
 
-def is_known_fold(fold: FoldWork, q: NDArray[np.float64]) -> bool:
+def is_known_fold(fold: FoldWork, q: Array) -> bool:
     """Whether a configuration leads to a fold that is known."""
     for i in range(fold.filled[0]):  # noqa: SIM110  # numba compiles no generator expressions
         if same_configuration(fold.known[i], q, SAME_FOLD):
@@ -142,7 +143,7 @@ def is_known_fold(fold: FoldWork, q: NDArray[np.float64]) -> bool:
     return False
 
 
-def most_singular_joint(chain: NDArray[np.float64], T: NDArray[np.float64], work: Newton) -> int:
+def most_singular_joint(chain: Array, T: Array, work: Newton) -> int:
     """The joint that moves most along the singular direction, by inverse iteration; -1 if that fails."""
     direction = work.held
     best = -1
@@ -168,7 +169,7 @@ def most_singular_joint(chain: NDArray[np.float64], T: NDArray[np.float64], work
     return best
 
 
-def sample(chain: NDArray[np.float64], T: NDArray[np.float64], work: Newton, remaining: NDArray[np.float64]) -> bool:
+def sample(chain: Array, T: Array, work: Newton, remaining: Array) -> bool:
     """Solve for the joints that are not held, and fill remaining (6,) with the deviation that is left."""
     if not least_squares(chain, T, work, STEPS):
         return False

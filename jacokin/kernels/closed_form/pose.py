@@ -8,8 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from jacokin.arrays import Array
 from jacokin.kernels.chain import Newton, errors, make_newton, newton_step
-from jacokin.kernels.closed_form.arm import Arm, Pose, pose_of
+from jacokin.kernels.closed_form.arm import ArmConstants, Pose, pose_of
 from jacokin.kernels.closed_form.folds import KNOWN_FOLD, NEW_FOLD, FoldWork, is_known_fold, make_folds, solve_fold
 from jacokin.kernels.closed_form.resultant import DEGREE, fourier_of_divided_F, fourier_of_F
 from jacokin.kernels.closed_form.roots import MAX_ROOTS, RootWork, add_known, add_known_pair, find_roots, make_roots
@@ -57,8 +58,8 @@ class BranchWork(NamedTuple):
 
     newton: Newton  # with q, the candidate
     fold: FoldWork
-    row: NDArray[np.float64]  # (17,) the branch at hand
-    rows: NDArray[np.float64]  # (24, 17)
+    row: Array  # (17,) the branch at hand
+    rows: Array  # (24, 17)
     filled: NDArray[np.int64]  # (2,) how many rows, and 1 if a table was full: entries may have been dropped
 
 
@@ -71,7 +72,7 @@ class Work(NamedTuple):
     branches: BranchWork
 
 
-def make_work(rows: NDArray[np.float64]) -> Work:
+def make_work(rows: Array) -> Work:
     """Fresh work arrays, writing the branches to rows."""
     return Work(
         make_roots(),
@@ -87,45 +88,45 @@ def make_work(rows: NDArray[np.float64]) -> Work:
     )
 
 
-class Task(NamedTuple):
+class PoseQuery(NamedTuple):
     """One target for one arm."""
 
-    chain: NDArray[np.float64]  # (7, 3, 4)
-    limits: NDArray[np.float64]  # (3, 6)
-    T: NDArray[np.float64]  # (4, 4)
-    seed: NDArray[np.float64]  # (6,)
+    chain: Array  # (7, 3, 4)
+    limits: Array  # (3, 6)
+    T: Array  # (4, 4)
+    seed: Array  # (6,)
 
 
-def solve_pose(arm: NDArray[np.float64], k: Arm, task: Task, work: Work) -> None:
+def solve_pose(arm: Array, k: ArmConstants, query: PoseQuery, work: Work) -> None:
     """Fill work.branches.rows with every branch of one target, in no particular order."""
     work.branches.filled[0], work.branches.filled[1] = 0, 0
     work.branches.fold.filled[0] = 0
-    pose = pose_of(arm, k, task.T)
+    pose = pose_of(arm, k, query.T)
     if not pose.distance <= math.sqrt(k.R2) + abs(k.c4) + abs(k.b5) + REACH_SLACK:
         return
     if k.spherical:
-        branches_of_spherical_wrist(k, pose, task, work)
+        branches_of_spherical_wrist(k, pose, query, work)
         return
-    branches_at_double_roots(k, pose, task, work)
+    branches_at_double_roots(k, pose, query, work)
     for turn in range(2 if k.misfit > EXACT_MISFIT else 1):
-        branches_at_roots(k, pose, task, work, turn * MISFIT_FACTOR * k.misfit)
+        branches_at_roots(k, pose, query, work, turn * MISFIT_FACTOR * k.misfit)
 
 
-def branches_of_spherical_wrist(k: Arm, pose: Pose, task: Task, work: Work) -> None:
+def branches_of_spherical_wrist(k: ArmConstants, pose: Pose, query: PoseQuery, work: Work) -> None:
     """Every branch of an arm with axes 4, 5 and 6 in one point."""
     starts, branches = work.starts, work.branches
-    spherical_starts(k, pose, task.seed, starts, branches.newton.q)
+    spherical_starts(k, pose, query.seed, starts, branches.newton.q)
     for i in range(starts.filled[0]):
         q1, q5, q6, family = starts.rows[i, 0], starts.rows[i, 1], starts.rows[i, 2], starts.rows[i, 3]
         singular = family == 0.0 and refine(k, pose, q1, q5, q6, FOLD_DETERMINANT)[3]
         complete(k, pose, q1, q5, q6, branches.newton.q)
-        if singular and add_fold(task, branches):
+        if singular and add_fold(query, branches):
             continue
         complete(k, pose, q1, q5, q6, branches.newton.q)
-        add_branch(task, branches, family)
+        add_branch(query, branches, family)
 
 
-def branches_at_double_roots(k: Arm, pose: Pose, task: Task, work: Work) -> None:
+def branches_at_double_roots(k: ArmConstants, pose: Pose, query: PoseQuery, work: Work) -> None:
     """The branches where F has multiple roots that are known beforehand, or nearly; their q6 become known roots."""
     starts, roots = work.starts, work.roots
     roots.known_count[0], roots.known_count[1], starts.filled[0] = 0, 0, 0
@@ -135,7 +136,7 @@ def branches_at_double_roots(k: Arm, pose: Pose, task: Task, work: Work) -> None
     starts_on_axis_5(k, pose, starts, work.inner)
     note_full(work.branches, starts.filled[0], MAX_STARTS)
     for n in range(starts.filled[0]):
-        branch_from_start(k, pose, task, work, n, True, FOLD_DETERMINANT)
+        branch_from_start(k, pose, query, work, n, True, FOLD_DETERMINANT)
     note_known(work)
 
 
@@ -170,7 +171,7 @@ def branches_of_fold(work: BranchWork, n: int) -> int:
     return count
 
 
-def branches_at_roots(k: Arm, pose: Pose, task: Task, work: Work, tolerance: float) -> None:
+def branches_at_roots(k: ArmConstants, pose: Pose, query: PoseQuery, work: Work, tolerance: float) -> None:
     """Every branch at every root of F; with a tolerance, only those near a double root.
 
     Where F touches zero, and then in undecided intervals, the widest first, there may be any number of branches. As
@@ -184,10 +185,10 @@ def branches_at_roots(k: Arm, pose: Pose, task: Task, work: Work, tolerance: flo
         before = work.branches.filled[0]
         for i in range(found):
             if roots[i, 1] == 0.0 and tolerance == 0.0:
-                branch_at_root(k, pose, task, work, roots[i, 0])
+                branch_at_root(k, pose, query, work, roots[i, 0])
         for i in range(found):
             if roots[i, 2] > 0.0:
-                branches_in_interval(k, pose, task, work, roots[i, 0], roots[i, 1])
+                branches_in_interval(k, pose, query, work, roots[i, 0], roots[i, 1])
                 roots[i, 1] = 0.0
         while not (exact and work.branches.filled[0] > before):
             widest = -1
@@ -196,7 +197,7 @@ def branches_at_roots(k: Arm, pose: Pose, task: Task, work: Work, tolerance: flo
                     widest = i
             if widest < 0:
                 return
-            branches_in_interval(k, pose, task, work, roots[widest, 0], roots[widest, 1])
+            branches_in_interval(k, pose, query, work, roots[widest, 0], roots[widest, 1])
             roots[widest, 1] = 0.0
         undecided = 0
         for i in range(found):
@@ -206,7 +207,7 @@ def branches_at_roots(k: Arm, pose: Pose, task: Task, work: Work, tolerance: flo
         note_known(work)
 
 
-def divide_by_known(k: Arm, pose: Pose, roots: RootWork) -> float:
+def divide_by_known(k: ArmConstants, pose: Pose, roots: RootWork) -> float:
     """Fill roots with the coefficients of F, divided by its known roots if they are exact; returns the noise of F."""
     singles, pairs = roots.known_count[0], roots.known_count[1]
     while 0 < singles + 2 * pairs <= 2 * DEGREE:
@@ -217,7 +218,7 @@ def divide_by_known(k: Arm, pose: Pose, roots: RootWork) -> float:
     return fourier_of_F(k, pose, roots.cosine, roots.sine)
 
 
-def branch_at_root(k: Arm, pose: Pose, task: Task, work: Work, q6: float) -> None:
+def branch_at_root(k: ArmConstants, pose: Pose, query: PoseQuery, work: Work, q6: float) -> None:
     """The branch of a single root: from its best start, or else from any."""
     starts, branches = work.starts, work.branches
     before = branches.filled[0]
@@ -228,7 +229,7 @@ def branch_at_root(k: Arm, pose: Pose, task: Task, work: Work, q6: float) -> Non
         starts_at_q6(k, pose, q6, attempt * MIN_WIDTH, starts, work.inner)
         note_full(branches, starts.filled[0], MAX_STARTS)
         for n in range(starts.filled[0]):
-            branch_from_start(k, pose, task, work, n, False, smallest_det)
+            branch_from_start(k, pose, query, work, n, False, smallest_det)
             if has_branch_at(branches, q6):
                 return
         if k.misfit > EXACT_MISFIT and branches.filled[0] > before:
@@ -243,7 +244,7 @@ def has_branch_at(work: BranchWork, q6: float) -> bool:
     return False
 
 
-def branches_in_interval(k: Arm, pose: Pose, task: Task, work: Work, q6: float, half: float) -> None:
+def branches_in_interval(k: ArmConstants, pose: Pose, query: PoseQuery, work: Work, q6: float, half: float) -> None:
     """The branches of an undecided interval, from its middle and its ends: several roots may share it.
 
     Most starts are wrong or repeat each other; those that end on a known branch are dropped early. How far off a start
@@ -255,11 +256,11 @@ def branches_in_interval(k: Arm, pose: Pose, task: Task, work: Work, q6: float, 
         starts_at_q6(k, pose, q6 + (i - 1) * half, half, work.starts, work.inner)
     note_full(work.branches, work.starts.filled[0], MAX_STARTS)
     for n in range(work.starts.filled[0]):
-        branch_from_start(k, pose, task, work, n, skip_known, FOLD_DETERMINANT)
+        branch_from_start(k, pose, query, work, n, skip_known, FOLD_DETERMINANT)
 
 
 def branch_from_start(
-    k: Arm, pose: Pose, task: Task, work: Work, n: int, skip_known: bool, smallest_det: float
+    k: ArmConstants, pose: Pose, query: PoseQuery, work: Work, n: int, skip_known: bool, smallest_det: float
 ) -> None:
     """Refine start n and append its branch; with a determinant below ``smallest_det``, both branches of a fold."""
     branches = work.branches
@@ -270,9 +271,9 @@ def branch_from_start(
             return
         complete(k, pose, q1, q5, q6, branches.newton.q)
         if not singular:
-            add_branch(task, branches, 0.0)
+            add_branch(query, branches, 0.0)
             return
-        if add_fold(task, branches):
+        if add_fold(query, branches):
             return
         first, smallest_det = (q1, q5, q6), 0.0
 
@@ -291,37 +292,37 @@ def is_known(work: BranchWork, q1: float, q5: float, q6: float) -> bool:
     return False
 
 
-def add_fold(task: Task, work: BranchWork) -> bool:
+def add_fold(query: PoseQuery, work: BranchWork) -> bool:
     """Append both branches of the fold near work.newton.q; False if there is none."""
     q, fold = work.newton.q, work.fold
     if is_known_fold(fold, q):
         return True
-    result = solve_fold(task.chain, task.T, work.newton, fold)
+    result = solve_fold(query.chain, query.T, work.newton, fold)
     if result != NEW_FOLD:
         return result == KNOWN_FOLD
     found = False
     for i in range(2):
         for j in range(6):
             q[j] = fold.branches[i, j]
-        found = add_branch(task, work, 0.0) or found
+        found = add_branch(query, work, 0.0) or found
     return found
 
 
-def add_branch(task: Task, work: BranchWork, family: float) -> bool:
+def add_branch(query: PoseQuery, work: BranchWork, family: float) -> bool:
     """Polish work.newton.q, check it on the model, and append it unless it is there; False if it misses the target."""
     q, row = work.newton.q, work.row
-    distance, within = fit_to_limits(q, task.seed, task.limits, row)
-    position, orientation = errors(task.chain, task.T, row)
+    distance, within = fit_to_limits(q, query.seed, query.limits, row)
+    position, orientation = errors(query.chain, query.T, row)
     # Members of a family stay at the seed's angle: Newton would slide them along.
     if max(position, orientation) > (CLOSURE if family > 0.0 else POLISHED_CLOSURE):
-        if not polish(task, work):
+        if not polish(query, work):
             return False
-        distance, within = fit_to_limits(q, task.seed, task.limits, row)
-        position, orientation = errors(task.chain, task.T, row)
+        distance, within = fit_to_limits(q, query.seed, query.limits, row)
+        position, orientation = errors(query.chain, query.T, row)
     settled = within and max(position, orientation) <= TANGENCY_CLOSURE
-    if not settled and hold_on_limits(task.chain, task.T, task.limits, row, work.newton):
-        distance, within = fit_to_limits(q, task.seed, task.limits, row)
-        position, orientation = errors(task.chain, task.T, row)
+    if not settled and hold_on_limits(query.chain, query.T, query.limits, row, work.newton):
+        distance, within = fit_to_limits(q, query.seed, query.limits, row)
+        position, orientation = errors(query.chain, query.T, row)
     row[POSITION_ERROR], row[ORIENTATION_ERROR] = position, orientation
     row[DISTANCE] = distance
     row[WITHIN_LIMITS] = 1.0 if within else 0.0
@@ -330,10 +331,10 @@ def add_branch(task: Task, work: BranchWork, family: float) -> bool:
     return True
 
 
-def polish(task: Task, work: BranchWork) -> bool:
+def polish(query: PoseQuery, work: BranchWork) -> bool:
     """Newton on all six joints of work.newton.q, while it helps; whether it then closes the pose."""
     q, row = work.newton.q, work.row
-    position, orientation = errors(task.chain, task.T, q)
+    position, orientation = errors(query.chain, query.T, q)
     worst = max(position, orientation)
     for _ in range(POLISH_STEPS):
         if not POLISHED_CLOSURE < worst < MAX_POLISH_ERROR:
@@ -341,8 +342,8 @@ def polish(task: Task, work: BranchWork) -> bool:
         for j in range(6):
             row[j] = q[j]
         position, orientation = MAX_POLISH_ERROR, MAX_POLISH_ERROR
-        if newton_step(task.chain, task.T, work.newton):
-            position, orientation = errors(task.chain, task.T, q)
+        if newton_step(query.chain, query.T, work.newton):
+            position, orientation = errors(query.chain, query.T, q)
         if max(position, orientation) >= worst:
             for j in range(6):
                 q[j] = row[j]
@@ -373,7 +374,7 @@ def insert(work: BranchWork) -> None:
         work.filled[0] = count + 1
 
 
-def copy_row(source: NDArray[np.float64], target: NDArray[np.float64]) -> None:
+def copy_row(source: Array, target: Array) -> None:
     """One by one: compiled, an assignment of arrays brings the code of its error message, which allocates memory."""
     for column in range(COLUMNS):
         target[column] = source[column]

@@ -9,9 +9,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-from jacokin.kernels.closed_form.arm import Arm, Pose
+from jacokin.arrays import Array
+from jacokin.kernels.closed_form.arm import ArmConstants, Pose
 from jacokin.kernels.tolerances import DIVIDED_NOISE, MAX_REST, NOISE, SAME_PLACE
 from jacokin.kernels.vector import Vec, cross, mix
 
@@ -27,7 +27,7 @@ TO_COSINE = _weight * np.cos(np.outer(_angles, np.arange(DEGREE + 1)))
 TO_SINE = _weight * np.sin(np.outer(_angles, np.arange(DEGREE + 1)))
 
 
-def sphere_terms(k: Arm, D: Vec) -> tuple[complex, float]:
+def sphere_terms(k: ArmConstants, D: Vec) -> tuple[complex, float]:
     """W and k of the sphere condition Re(conj(W) zeta) = k: C is at its distance from O."""
     W = complex(D[0], -D[1])
     square = D[0] * D[0] + D[1] * D[1] + D[2] * D[2]
@@ -35,7 +35,7 @@ def sphere_terms(k: Arm, D: Vec) -> tuple[complex, float]:
     return W, right
 
 
-def axis_terms(k: Arm, D: Vec, m: Vec) -> tuple[complex, complex, float]:
+def axis_terms(k: ArmConstants, D: Vec, m: Vec) -> tuple[complex, complex, float]:
     """G2, G1, G0 of g = (n.D)^2 - e3^2 |n|^2 = 2 Re(G2 zeta^2 + G1 zeta) + G0, with n = m x z4.
 
     n.D = z4.(D x m) and |n|^2 = 1 - (m.z4)^2, both linear in zeta.
@@ -52,7 +52,7 @@ def axis_terms(k: Arm, D: Vec, m: Vec) -> tuple[complex, complex, float]:
     return G2, G1, G0
 
 
-def resultant(k: Arm, D: Vec, m: Vec) -> tuple[float, float]:
+def resultant(k: ArmConstants, D: Vec, m: Vec) -> tuple[float, float]:
     """r^4 g(zeta1) g(zeta2) over the two zeta of the sphere condition, a polynomial in W, k and G; and its noise scale.
 
     The second value is the sum of the sizes of its terms: rounding errors are in proportion to it.
@@ -81,7 +81,7 @@ def resultant(k: Arm, D: Vec, m: Vec) -> tuple[float, float]:
     return a + b + c + d + e + f + g + h + i, size
 
 
-def fourier_of_F(k: Arm, pose: Pose, cosine: NDArray[np.float64], sine: NDArray[np.float64]) -> float:
+def fourier_of_F(k: ArmConstants, pose: Pose, cosine: Array, sine: Array) -> float:
     """Fill cosine and sine, (9,) each, with the Fourier coefficients of F(q6); returns a bound on their noise."""
     largest = 0.0
     for n in range(DEGREE + 1):
@@ -100,13 +100,7 @@ def fourier_of_F(k: Arm, pose: Pose, cosine: NDArray[np.float64], sine: NDArray[
 
 
 def fourier_of_divided_F(
-    k: Arm,
-    pose: Pose,
-    known: NDArray[np.float64],
-    singles: int,
-    pairs: int,
-    cosine: NDArray[np.float64],
-    sine: NDArray[np.float64],
+    k: ArmConstants, pose: Pose, known: Array, singles: int, pairs: int, cosine: Array, sine: Array
 ) -> float:
     """As `fourier_of_F`, for F divided by sin((q6 - root) / 2) for each of an even number of its roots.
 
@@ -158,7 +152,7 @@ def fourier_of_divided_F(
     return DIVIDED_NOISE * max(NOISE * largest, rest) if rest < MAX_REST * total else math.inf
 
 
-def away_from(known: NDArray[np.float64], count: int) -> float:
+def away_from(known: Array, count: int) -> float:
     """How far to shift evenly spaced samples so that they keep away from known roots [rad]."""
     largest, shift = -1.0, 0.0
     for i in range(count):
@@ -173,7 +167,7 @@ def away_from(known: NDArray[np.float64], count: int) -> float:
     return shift
 
 
-def value_and_slope(cosine: NDArray[np.float64], sine: NDArray[np.float64], q: float) -> tuple[float, float]:
+def value_and_slope(cosine: Array, sine: Array, q: float) -> tuple[float, float]:
     """F and dF/dq at q, by Horner's rule in z = exp(i q)."""
     z = complex(math.cos(q), math.sin(q))
     value = complex(cosine[DEGREE], -sine[DEGREE])
@@ -186,7 +180,7 @@ def value_and_slope(cosine: NDArray[np.float64], sine: NDArray[np.float64], q: f
     return cosine[0] + (value * z).real, -(slope * z).imag
 
 
-def slope_and_curvature(cosine: NDArray[np.float64], sine: NDArray[np.float64], q: float) -> tuple[float, float]:
+def slope_and_curvature(cosine: Array, sine: Array, q: float) -> tuple[float, float]:
     """dF/dq and its derivative at q, by Horner's rule in z = exp(i q)."""
     z = complex(math.cos(q), math.sin(q))
     slope = DEGREE * complex(cosine[DEGREE], -sine[DEGREE])

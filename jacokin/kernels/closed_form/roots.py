@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from jacokin.arrays import Array
 from jacokin.kernels.closed_form.resultant import DEGREE, slope_and_curvature, value_and_slope
 from jacokin.kernels.tolerances import (
     EXTREMUM_STEP,
@@ -42,14 +43,12 @@ EXTREMUM_ITERATIONS = 8
 class RootWork(NamedTuple):
     """Coefficients in, roots out, and what is needed in between."""
 
-    cosine: NDArray[np.float64]  # (9,) coefficients of cos(k q)
-    sine: NDArray[np.float64]  # (9,) coefficients of sin(k q)
-    roots: NDArray[
-        np.float64
-    ]  # (256, 3) root [rad], half-width of its interval or 0 where it is single, 1 if F touches 0
-    stack: NDArray[np.float64]  # (64, 17)
-    place: NDArray[np.float64]  # (64, 2)
-    known: NDArray[np.float64]  # (48, 2) what F is divided by, see `resultant.fourier_of_divided_F`
+    cosine: Array  # (9,) coefficients of cos(k q)
+    sine: Array  # (9,) coefficients of sin(k q)
+    roots: Array  # (256, 3) root [rad], half-width of its interval or 0 where it is single, 1 if F touches 0
+    stack: Array  # (64, 17)
+    place: Array  # (64, 2)
+    known: Array  # (48, 2) what F is divided by, see `resultant.fourier_of_divided_F`
     known_count: NDArray[np.int64]  # (2,) single roots, and pairs after them
 
 
@@ -66,7 +65,7 @@ def make_roots() -> RootWork:
     )
 
 
-def _sector_tables() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _sector_tables() -> tuple[Array, Array]:
     """(9, 17) Bernstein coefficients of cos(k theta) and sin(k theta) on one sector, scaled by cos(HALF / 2)^16.
 
     exp(i k theta) is ((1 + i tau t) / (1 - i tau t))^k; both factors are convex mixtures of mu = exp(i HALF / 2) and
@@ -89,13 +88,7 @@ SECTOR_COS = np.cos(np.outer(_centres, np.arange(DEGREE + 1)))
 SECTOR_SIN = np.sin(np.outer(_centres, np.arange(DEGREE + 1)))
 
 
-def sector_coefficients(
-    cosine: NDArray[np.float64],
-    sine: NDArray[np.float64],
-    sector: int,
-    b: NDArray[np.float64],
-    odd: NDArray[np.float64],
-) -> None:
+def sector_coefficients(cosine: Array, sine: Array, sector: int, b: Array, odd: Array) -> None:
     """Fill b (17,) with the Bernstein coefficients on a sector; ``odd`` is a (17,) workspace.
 
     About the sector's centre cosines are even and sines odd, so one half gives the other.
@@ -114,7 +107,7 @@ def sector_coefficients(
         b[j] += odd[j]
 
 
-def count_roots(b: NDArray[np.float64], noise: float) -> int:
+def count_roots(b: Array, noise: float) -> int:
     """The largest number of roots in an interval, each as often as it is multiple; 1 means exactly one.
 
     Coefficients within the noise may have either sign. ``SIZE`` means that all are within it.
@@ -148,7 +141,7 @@ def count_roots(b: NDArray[np.float64], noise: float) -> int:
     return changes if ends == 0 else max(changes + ends, 2)
 
 
-def split(b: NDArray[np.float64], left: NDArray[np.float64], part: float) -> None:
+def split(b: Array, left: Array, part: float) -> None:
     """De Casteljau: left gets the coefficients of the left part, b becomes those of the rest."""
     for level in range(SIZE):
         left[level] = b[0]
@@ -161,14 +154,7 @@ def angle_at(sector: int, x: float) -> float:
     return OFFSET + 2.0 * HALF * sector + 2.0 * math.atan(TAU * (2.0 * x - 1.0))
 
 
-def single_root(
-    cosine: NDArray[np.float64],
-    sine: NDArray[np.float64],
-    b: NDArray[np.float64],
-    sector: int,
-    x: float,
-    width: float,
-) -> float:
+def single_root(cosine: Array, sine: Array, b: Array, sector: int, x: float, width: float) -> float:
     """The one root in an interval: bracketed Newton, from where the control polygon crosses zero."""
     low, high = angle_at(sector, x), angle_at(sector, x + width)
     rising = b[SIZE - 1] > b[0]
@@ -196,14 +182,7 @@ def single_root(
     return q
 
 
-def extremum(
-    cosine: NDArray[np.float64],
-    sine: NDArray[np.float64],
-    b: NDArray[np.float64],
-    sector: int,
-    x: float,
-    width: float,
-) -> float:
+def extremum(cosine: Array, sine: Array, b: Array, sector: int, x: float, width: float) -> float:
     """Where F comes closest to zero, or farthest past it, between ends of the same sign; NaN if it is not found."""
     side = 1.0 if b[0] > 0.0 else -1.0
     if side * b[SIZE - 1] <= 0.0:

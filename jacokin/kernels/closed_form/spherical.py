@@ -8,16 +8,14 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
-from jacokin.kernels.closed_form.arm import Arm, Pose
+from jacokin.arrays import Array
+from jacokin.kernels.closed_form.arm import ArmConstants, Pose
 from jacokin.kernels.closed_form.wrist import Starts, axis_4, complete
 from jacokin.kernels.tolerances import ALIGNED_SINE, EDGE_SLACK, FOLDED_SQUARE
 from jacokin.kernels.vector import Vec, cross, dot, mix, norm
 
 
-def spherical_starts(k: Arm, pose: Pose, seed: NDArray[np.float64], starts: Starts, q: NDArray[np.float64]) -> None:
+def spherical_starts(k: ArmConstants, pose: Pose, seed: Array, starts: Starts, q: Array) -> None:
     """Fill starts (n, 4) with q1, q5, q6 and a family mark: 1 where axes 4 and 6 are aligned.
 
     Args:
@@ -60,9 +58,7 @@ def spherical_starts(k: Arm, pose: Pose, seed: NDArray[np.float64], starts: Star
             wrist_starts(k, pose, q1, axis, seed, starts, q)
 
 
-def wrist_starts(
-    k: Arm, pose: Pose, q1: float, axis: Vec, seed: NDArray[np.float64], starts: Starts, q: NDArray[np.float64]
-) -> None:
+def wrist_starts(k: ArmConstants, pose: Pose, q1: float, axis: Vec, seed: Array, starts: Starts, q: Array) -> None:
     """The two q5 with axis 4 at the right angle to axis 6, and the q6 that turns it into place."""
     level, across = dot(k.w6, axis), cross(k.w6, axis)
     sine = norm(across)

@@ -13,7 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from jacokin.kernels.closed_form.arm import Arm, Pose
+from jacokin.arrays import Array
+from jacokin.kernels.closed_form.arm import ArmConstants, Pose
 from jacokin.kernels.closed_form.resultant import DEGREE, axis_terms, sphere_terms
 from jacokin.kernels.closed_form.roots import RootWork, find_roots
 from jacokin.kernels.tolerances import (
@@ -38,7 +39,7 @@ MAX_STARTS = 128
 class Starts(NamedTuple):
     """Candidates (q1, q5, q6) and a mark for members of a family, and how many there are."""
 
-    rows: NDArray[np.float64]  # (128, 4)
+    rows: Array  # (128, 4)
     filled: NDArray[np.int64]  # (1,)
 
 
@@ -52,7 +53,7 @@ class AfterJoint6(NamedTuple):
     y: Vec
 
 
-def seen_after_joint_6(k: Arm, pose: Pose, q6: float) -> AfterJoint6:
+def seen_after_joint_6(k: ArmConstants, pose: Pose, q6: float) -> AfterJoint6:
     """Turn the pose by joint 6."""
     c, s = math.cos(q6), math.sin(q6)
     m = mix(pose.m0, 1.0, pose.mc, c, pose.ms, s)
@@ -60,12 +61,12 @@ def seen_after_joint_6(k: Arm, pose: Pose, q6: float) -> AfterJoint6:
     return AfterJoint6(q6, mix(pose.D0, 1.0, pose.Dc, c, pose.Ds, s), m, x, cross(m, x))
 
 
-def axis_4(k: Arm, q5: float) -> Vec:
+def axis_4(k: ArmConstants, q5: float) -> Vec:
     """z4(q5) = R5^T w4."""
     return (k.sin_a * math.cos(q5), -k.sin_a * math.sin(q5), k.cos_a)
 
 
-def starts_at_q6(k: Arm, pose: Pose, q6: float, half_width: float, starts: Starts, work: RootWork) -> None:
+def starts_at_q6(k: ArmConstants, pose: Pose, q6: float, half_width: float, starts: Starts, work: RootWork) -> None:
     """Add all candidates for one q6: the two q5 of the sphere condition, and those of g where r is small.
 
     Args:
@@ -97,7 +98,7 @@ def starts_at_q6(k: Arm, pose: Pose, q6: float, half_width: float, starts: Start
         starts_of_g(k, pose, view, starts, work)
 
 
-def starts_of_g(k: Arm, pose: Pose, view: AfterJoint6, starts: Starts, work: RootWork) -> None:
+def starts_of_g(k: ArmConstants, pose: Pose, view: AfterJoint6, starts: Starts, work: RootWork) -> None:
     """Add candidates for one q6 that are roots q5 of g alone."""
     G2, G1, G0 = axis_terms(k, view.D, view.m)
     for n in range(3, DEGREE + 1):
@@ -111,7 +112,7 @@ def starts_of_g(k: Arm, pose: Pose, view: AfterJoint6, starts: Starts, work: Roo
         starts_at_q5(k, pose, view, zeta, MIN_WIDTH, starts)
 
 
-def starts_on_axis_5(k: Arm, pose: Pose, starts: Starts, work: RootWork) -> None:
+def starts_on_axis_5(k: ArmConstants, pose: Pose, starts: Starts, work: RootWork) -> None:
     """Add the candidates where axis 5 passes O, or nearly: at one q6, up to four roots of g.
 
     W is linear in (cos q6, sin q6): it vanishes where two linear equations have a solution of length 1.
@@ -129,7 +130,7 @@ def starts_on_axis_5(k: Arm, pose: Pose, starts: Starts, work: RootWork) -> None
         starts_of_g(k, pose, view, starts, work)
 
 
-def starts_along_axis_1(k: Arm, pose: Pose, starts: Starts) -> None:
+def starts_along_axis_1(k: ArmConstants, pose: Pose, starts: Starts) -> None:
     """Add the candidates where axis 4 is along axis 1, or nearly: two for each of up to four q6.
 
     With z4 = m or z4 = -m the sphere condition is linear in (cos q6, sin q6).
@@ -160,7 +161,9 @@ def g_at(G2: complex, G1: complex, G0: float, zeta: complex) -> float:
     return abs(2.0 * ((G2 * zeta + G1) * zeta).real + G0)
 
 
-def starts_at_q5(k: Arm, pose: Pose, view: AfterJoint6, zeta: complex, half_width: float, starts: Starts) -> None:
+def starts_at_q5(
+    k: ArmConstants, pose: Pose, view: AfterJoint6, zeta: complex, half_width: float, starts: Starts
+) -> None:
     """Directions of axis 3 for one (q5, q6): n / |n| with the sign of e3, and both ways round where |n| is small."""
     D, m = view.D, view.m
     z4 = (k.sin_a * zeta.real, -k.sin_a * zeta.imag, k.cos_a)
@@ -175,7 +178,7 @@ def starts_at_q5(k: Arm, pose: Pose, view: AfterJoint6, zeta: complex, half_widt
         starts_across_axis_1(k, pose, view, zeta, starts)
 
 
-def starts_across_axis_1(k: Arm, pose: Pose, view: AfterJoint6, zeta: complex, starts: Starts) -> None:
+def starts_across_axis_1(k: ArmConstants, pose: Pose, view: AfterJoint6, zeta: complex, starts: Starts) -> None:
     """The two directions of axis 3 across axis 1 and at its distance from O: right where axis 4 is along axis 1."""
     z4 = (k.sin_a * zeta.real, -k.sin_a * zeta.imag, k.cos_a)
     arm = mix(view.D, 1.0, z4, k.c4, z4, 0.0)  # C - O
@@ -198,7 +201,7 @@ def add_start(starts: Starts, pose: Pose, view: AfterJoint6, zeta: complex, z3: 
 
 
 def refine(
-    k: Arm, pose: Pose, q1: float, q5: float, q6: float, smallest_det: float
+    k: ArmConstants, pose: Pose, q1: float, q5: float, q6: float, smallest_det: float
 ) -> tuple[float, float, float, bool]:
     """Newton on the three equations, to the last digit or to the iteration limit.
 
@@ -242,7 +245,7 @@ def refine(
     return q1, q5, q6, False
 
 
-def complete(arm: Arm, pose: Pose, q1: float, q5: float, q6: float, q: NDArray[np.float64]) -> None:
+def complete(arm: ArmConstants, pose: Pose, q1: float, q5: float, q6: float, q: Array) -> None:
     """Fill q (6,) from q1, q5 and q6: the remaining three angles are each an angle in a plane."""
     view = seen_after_joint_6(arm, pose, q6)
     c1, s1, c5, s5 = math.cos(q1), math.sin(q1), math.cos(q5), math.sin(q5)

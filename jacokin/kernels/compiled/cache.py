@@ -37,7 +37,7 @@ _LOCK_INTERVAL = 0.2  # [s]
 _OLD_FOLDER = re.compile("[0-9a-f]{16}")  # version 0.1.0 kept numba's own cache files in such folders
 
 
-class Found(NamedTuple):
+class CachedKernels(NamedTuple):
     """What the cache holds.
 
     Attributes:
@@ -97,33 +97,33 @@ def unpacked(contents: bytes) -> bytes:
     return code
 
 
-def read() -> Found:
+def read() -> CachedKernels:
     """The machine code for this machine, if it is there and can be trusted."""
     file = path()
     if file is None:
-        return Found(None)
+        return CachedKernels(None)
     try:
         problem = distrust(file.parent.stat(), file.parent)
         if problem:
-            return Found(None, problem)
+            return CachedKernels(None, problem)
         with open(os.open(file, os.O_RDONLY | os.O_NONBLOCK), "rb") as stream:  # noqa: PTH123  # never waits for a FIFO
             status = os.fstat(stream.fileno())
             if not stat.S_ISREG(status.st_mode):
-                return Found(None, f"{file} is not a file")
+                return CachedKernels(None, f"{file} is not a file")
             problem = distrust(status, file)
             if problem:
-                return Found(None, problem)
+                return CachedKernels(None, problem)
             code = unpacked(stream.read())
     except (FileNotFoundError, NotADirectoryError):
-        return Found(None)
+        return CachedKernels(None)
     except OSError as error:
-        return Found(None, f"{file} cannot be read: {error.strerror}")
+        return CachedKernels(None, f"{file} cannot be read: {error.strerror}")
     except ValueError as error:
-        return Found(None, f"{file} is not used: {error}")
+        return CachedKernels(None, f"{file} is not used: {error}")
     if time.time() - status.st_mtime > _TOUCH_AFTER:
         with contextlib.suppress(OSError):
             os.utime(file)
-    return Found(code)
+    return CachedKernels(code)
 
 
 def distrust(status: os.stat_result, place: Path) -> str:

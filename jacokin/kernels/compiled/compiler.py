@@ -1,7 +1,7 @@
 """From the kernels' Python to machine code, by numba. Run as a program, it writes the machine code to stdout.
 
 There is one implementation, the functions of the modules in ``kernels``; here they are compiled for one signature. The
-result is an object file that refers to the C library and nothing else, so that `kernel_library` loads it without numba.
+result is an object file that refers to the C library and nothing else, so that `library` loads it without numba.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from jacokin.kernels.compiled.library import (
     HEADER,
     SOLVE_TARGETS,
     SYMBOL,
-    Call,
     CurveCall,
+    KernelCall,
     KernelLibrary,
     target_machine,
 )
-from jacokin.kernels.self_motion.curve_family import make_curve_work
+from jacokin.kernels.self_motion.intervals import make_curve_work
 
 if TYPE_CHECKING:
     from llvmlite.binding import ModuleRef, TargetMachine
@@ -118,9 +118,8 @@ KERNEL_MODULES = (
     "closed_form.folds",
     "closed_form.pose",
     "closed_form.batch",
-    "self_motion.chain7",
     "self_motion.follow",
-    "self_motion.seven",
+    "self_motion.seven_joints",
     "self_motion.slices",
     "self_motion.gaps",
     "self_motion.graph",
@@ -128,10 +127,10 @@ KERNEL_MODULES = (
     "self_motion.limit_cuts",
     "self_motion.nearest",
     "self_motion.sweep",
-    "self_motion.curve_family",
+    "self_motion.intervals",
 )
 _PACKAGE = "jacokin.kernels"
-#: Shapes of the arguments of `kernels.batch.solve_targets`, apart from its work arrays; n targets, m rows to keep.
+#: Shapes of the arguments of `closed_form.batch.solve_targets`, apart from its work arrays; n targets, m rows to keep.
 _SHAPES = {"chain": "(7, 3, 4)", "arm": "(39,)", "limits": "(3, 6)", "T": "(n, 4, 4)", "seed": "(n, 6)"}
 # The compiled form does the plain form's operations in the same order, without fastmath: both give the same bits.
 _OPTIONS: dict[str, Any] = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
@@ -142,18 +141,23 @@ _KERNEL_OPTIONS: dict[str, Any] = {**_OPTIONS, "_nrt": False}
 _CALLED = frozenset(
     (
         "add_fold",
+        "bordered_newton",
         "branches_in_interval",
         "branches_of_spherical_wrist",
         "eliminate",
+        "eliminate7",
         "fourier_of_divided_F",
         "hold_on_limits",
         "least_squares",
         "linearise",
+        "linearise7",
+        "null_tangent",
         "polish",
         "solve_fold",
         "sort_rows",
         "spherical_starts",
         "starts_of_g",
+        "tangent7",
     )
 )
 # What frees an array that nobody needs any more. All arrays here belong to the caller: there is nothing to free.
@@ -161,7 +165,7 @@ _NOTHING_TO_FREE = "define void @NRT_MemInfo_call_dtor(ptr %memory) { ret void }
 
 
 def compile_kernels() -> bytes:
-    """The object file with the one function `kernel_library.SYMBOL`."""
+    """The object file with the one function `library.SYMBOL`."""
     import numba
     from numba import types as nb
 
@@ -196,7 +200,7 @@ def one_namespace(modules: Sequence[types.ModuleType]) -> dict[str, Any]:
 
 
 def _entry_source(namespace: dict[str, Any]) -> str:
-    """A function that finds the arrays of a `kernel_library.Call` or `CurveCall` through its table of addresses."""
+    """A function that finds the arrays of a `KernelCall` or `CurveCall` through its table of addresses."""
     targets = _Arrays(namespace)
     arguments = [targets.array("float64", shape) for shape in _SHAPES.values()]
     arguments.append(targets.nested(make_work(np.empty((MAX_BRANCHES, COLUMNS)))))
@@ -289,7 +293,7 @@ def main() -> None:
     code = compile_kernels()
     empty = np.zeros((7, 3, 4)), np.zeros(39), np.zeros((3, 6)), np.zeros((0, 4, 4)), np.zeros((0, 6))
     library = KernelLibrary(code)
-    Call(library, *empty)()
+    KernelCall(library, *empty)()
     CurveCall(library)()
     sys.stdout.buffer.write(cache.packed(code, name))
     sys.stdout.buffer.flush()

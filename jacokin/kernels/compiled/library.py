@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from jacokin.arrays import Array
 from jacokin.errors import JacokinError
 from jacokin.kernels.closed_form.batch import BATCH_COLUMNS
 from jacokin.kernels.closed_form.pose import COLUMNS, MAX_BRANCHES, make_work
-from jacokin.kernels.self_motion.curve_family import make_curve_work, run_curves
+from jacokin.kernels.self_motion.intervals import make_curve_work, run_curves
 
 if TYPE_CHECKING:
     from llvmlite.binding import TargetMachine
@@ -85,7 +86,7 @@ def cpu() -> tuple[str, str]:
     return name, features
 
 
-class Call:
+class KernelCall:
     """Everything one call at a time needs: its arrays, and a table of their addresses for the machine code.
 
     Attributes:
@@ -99,14 +100,14 @@ class Call:
     def __init__(
         self,
         library: KernelLibrary,
-        chain: NDArray[np.float64],
-        arm: NDArray[np.float64],
-        limits: NDArray[np.float64],
-        T: NDArray[np.float64],
-        seed: NDArray[np.float64],
-        best: NDArray[np.float64] = NO_BATCH,
+        chain: Array,
+        arm: Array,
+        limits: Array,
+        T: Array,
+        seed: Array,
+        best: Array = NO_BATCH,
     ) -> None:
-        """Take arrays as `kernels.batch.solve_targets` needs them.
+        """Take arrays as `closed_form.batch.solve_targets` needs them.
 
         Raises:
             ValueError: a shape, type or memory layout that the machine code would misread.
@@ -131,7 +132,7 @@ class Call:
 
 
 class CurveCall:
-    """Everything one call of `curves.curve_family.run_curves` at a time needs.
+    """Everything one call of `self_motion.intervals.run_curves` at a time needs.
 
     Attributes:
         work: the arrays, to be filled in and read.

@@ -1,12 +1,14 @@
-"""Following a solution curve step by step: predictor along the tangent, corrector on the plane across it."""
+"""Following a self-motion step by step: predictor along the null space, corrector on the plane across it."""
 
 from __future__ import annotations
 
 import math
 from typing import NamedTuple
 
+import numpy as np
+
 from jacokin.arrays import Array
-from jacokin.kernels.self_motion.chain7 import bordered_newton, tangent7
+from jacokin.kernels.chain import bordered_newton, tangent7
 
 #: [rad] longest step along a curve.
 LONGEST_STEP = 0.1
@@ -26,6 +28,11 @@ CORRECTION = 0.04
 FOLD_SLOPE = 1e-9
 FOLD_STEPS = 60
 MOST_STEPS = 2000
+#: [m] and [rad]; points between nodes are what users get: as exact as rounding allows.
+POINT_CLOSURE = 1e-14
+#: [rad] how far p may be off.
+PARAMETER_ACCURACY = 1e-14
+BISECTIONS = 60
 
 
 class Walk(NamedTuple):
@@ -39,6 +46,12 @@ class Walk(NamedTuple):
     tz: Array  # (7,)
     border: Array  # (7,)
     system: Array  # (7, 8)
+
+
+def make_walk() -> Walk:
+    """Fresh arrays."""
+    a, b, c, d, e, f, g = (np.empty(7) for _ in range(7))
+    return Walk(a, b, c, d, e, f, g, np.empty((7, 8)))
 
 
 def advance(chain: Array, T: Array, walk: Walk, h: float, y: Array, ty: Array, sign: float) -> bool:
@@ -190,13 +203,6 @@ def follow(
             x[j], t[j] = y[j], ty[j]
         h = min(1.6 * h, LONGEST_STEP)
     return n - first, -1
-
-
-#: [m] and [rad]; points between nodes are what users get: as exact as rounding allows.
-POINT_CLOSURE = 1e-14
-#: [rad] how far p may be off.
-PARAMETER_ACCURACY = 1e-14
-BISECTIONS = 60
 
 
 def chord_length(a: Array, b: Array) -> float:

@@ -12,7 +12,7 @@ from jacokin.arrays import Array
 from jacokin.kernels.closed_form.arm import pose_of, unpack_arm
 from jacokin.kernels.closed_form.resultant import DEGREE, fourier_of_F
 from jacokin.kernels.limits import TURN
-from jacokin.kernels.self_motion.seven import discriminant, wrist_from_shoulder
+from jacokin.kernels.self_motion.seven_joints import discriminant, wrist_from_shoulder
 from jacokin.kernels.self_motion.slices import SLICES, SixJoints, Slices, turn_target, wrapped
 from jacokin.kernels.vector import Vec
 

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
+from jacokin.kernels.chain import tangent7
 from jacokin.kernels.limits import TURN
-from jacokin.kernels.self_motion.chain7 import tangent7
-from jacokin.kernels.self_motion.follow import Walk, follow, record
-from jacokin.kernels.self_motion.seven import solve_at_q3
+from jacokin.kernels.self_motion.follow import Walk, follow, make_walk, record
+from jacokin.kernels.self_motion.seven_joints import solve_at_q3
 from jacokin.kernels.self_motion.slices import POINTS, SLICES, SevenJoints, Slices, add_point, wrapped
 
 #: [rad] longest way in one joint between two slices that is joined without following the curve.
@@ -21,16 +21,53 @@ DIRECT_WAY = 0.6
 DIRECT_DEFECT, DIRECT_REST = 0.01, 1e-5
 #: Parts of the way between two slices at most.
 MOST_PARTS = 8
+#: The next best point must fit this much worse.
+SECOND_BEST = 10.0
+#: [rad] points nearer to each other are one.
+SAME_POINT = 1e-6
+#: Links and followed points at most.
+LINKS, TRACED = SLICES * POINTS, 8192
+#: Values of `Graph.side` besides the index of a link.
+OPEN, LOST = -1, -2
 
 
-def explained(x: Array, t: Array, y: Array, u: Array, h: float, parameter: int) -> bool:
-    """Whether the tangents t and u explain the way from point x to point y, h apart in the parameter."""
+class Graph(NamedTuple):
+    """How the points hang together. Sides: 0 towards lower, 1 towards higher values of the parameter."""
+
+    side: NDArray[np.int64]  # (SLICES, POINTS, 2, 2) link at each side of a point, and which end of it
+    links: NDArray[np.int64]  # (LINKS, 8) slice, point, side of both ends; first traced row, number of rows
+    traced: Array  # (TRACED, 15) points between the ends, see `follow.follow`
+    mate: NDArray[np.int64]  # (POINTS,)
+    claimed: NDArray[np.int64]  # (POINTS,)
+    walk: Walk
+
+
+def make_graph() -> Graph:
+    """Fresh arrays."""
+    return Graph(
+        np.zeros((SLICES, POINTS, 2, 2), np.int64),
+        np.zeros((LINKS, 8), np.int64),
+        np.empty((TRACED, 15)),
+        np.zeros(POINTS, np.int64),
+        np.zeros(POINTS, np.int64),
+        make_walk(),
+    )
+
+
+def misfit(x: Array, t: Array, y: Array, u: Array, h: float, parameter: int) -> tuple[float, float]:
+    """The way from point x to point y, h apart in the parameter, and what of it the tangents t and u do not explain."""
     way, defect = 0.0, 0.0
     for m in range(7):
         if m != parameter:
             d = wrapped(y[m] - x[m])
             way = max(way, abs(d))
             defect = max(defect, abs(d - 0.5 * h * (t[m] / t[parameter] + u[m] / u[parameter])))
+    return way, defect
+
+
+def explained(x: Array, t: Array, y: Array, u: Array, h: float, parameter: int) -> bool:
+    """Whether the tangents leave no doubt that one curve leads from point x to point y."""
+    way, defect = misfit(x, t, y, u, h, parameter)
     return defect <= DIRECT_REST + DIRECT_DEFECT * way and way <= DIRECT_WAY
 
 
@@ -97,27 +134,6 @@ def bridge(
     return 0
 
 
-#: The next best point must fit this much worse.
-SECOND_BEST = 10.0
-#: [rad] points nearer to each other are one.
-SAME_POINT = 1e-6
-#: Links and followed points at most.
-LINKS, TRACED = SLICES * POINTS, 8192
-#: Values of `Graph.side` besides the index of a link.
-OPEN, LOST = -1, -2
-
-
-class Graph(NamedTuple):
-    """How the points hang together. Sides: 0 towards lower, 1 towards higher values of the parameter."""
-
-    side: NDArray[np.int64]  # (SLICES, POINTS, 2, 2) link at each side of a point, and which end of it
-    links: NDArray[np.int64]  # (LINKS, 8) slice, point, side of both ends; first traced row, number of rows
-    traced: Array  # (TRACED, 15) points between the ends, see `follow.follow`
-    mate: NDArray[np.int64]  # (POINTS,)
-    claimed: NDArray[np.int64]  # (POINTS,)
-    walk: Walk
-
-
 def match(slices: Slices, i: int, j: int, shift: float, parameter: int, graph: Graph) -> None:
     """Fill graph.mate: for each point of slice i the point of slice j that certainly continues it, or -1."""
     h = slices.p[j] + shift - slices.p[i]
@@ -129,15 +145,8 @@ def match(slices: Slices, i: int, j: int, shift: float, parameter: int, graph: G
         for b in range(slices.filled[j]):
             if slices.sign[i, a] != slices.sign[j, b]:
                 continue
-            way, defect = 0.0, 0.0
-            for m in range(7):
-                if m != parameter:
-                    d = wrapped(slices.x[j, b, m] - slices.x[i, a, m])
-                    slope = (
-                        slices.t[i, a, m] / slices.t[i, a, parameter] + slices.t[j, b, m] / slices.t[j, b, parameter]
-                    )
-                    way = max(way, abs(d))
-                    defect = max(defect, abs(d - 0.5 * h * slope))
+            x, u = slices.x[j, b], slices.t[j, b]
+            way, defect = misfit(slices.x[i, a], slices.t[i, a], x, u, h, parameter)
             if defect < best:
                 best, second, found, way_found = defect, best, b, way
             elif defect < second:

@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from jacokin.arrays import Array
+from jacokin.kernels.chain import tangent7
 from jacokin.kernels.limits import TURN
 from jacokin.kernels.self_motion.arcs import Arcs
-from jacokin.kernels.self_motion.chain7 import tangent7
 from jacokin.kernels.self_motion.follow import Walk, between, chord_length, share_of, where_joint_is
 from jacokin.kernels.self_motion.slices import wrapped
 
@@ -75,6 +75,17 @@ def doubtful(v0: float, v1: float, d0: float, d1: float, slack: float) -> bool:
     return False
 
 
+def divide(stack: Array, top: int, x: Array, t: Array) -> None:
+    """Replace the part on top of the stack by the two that a point divides it into."""
+    half, later = stack[top], stack[top + 1]
+    half[28] += 1.0
+    later[28] = half[28]
+    for m in range(7):
+        later[14 + m], later[21 + m] = half[14 + m], half[21 + m]
+        later[m], later[7 + m] = x[m], t[m]
+        half[14 + m], half[21 + m] = x[m], t[m]
+
+
 def add_crossings(
     chain: Array, T: Array, arcs: Arcs, node: int, j: int, level: float, code: int, n: int, cuts: Cuts, walk: Walk
 ) -> int:
@@ -88,23 +99,17 @@ def add_crossings(
     while top >= 0:
         half = stack[top]
         a, b = half[0:14], half[14:28]
-        depth = half[28]
         length = chord_length(a, b)
         v0, v1 = a[j] - level, b[j] - level
         slack = DOUBT * length * length
         if (
             length > SHORTEST_CHORD
-            and depth < HALVINGS
+            and half[28] < HALVINGS
             and doubtful(v0, v1, a[7 + j] * length, b[7 + j] * length, slack)
             and between(chain, T, a, b, 0.5, walk.x, walk)
             and tangent7(chain, T, walk.x, walk.border, walk.t, walk.system) != 0.0
         ):
-            later = stack[top + 1]
-            for m in range(7):
-                later[m], later[7 + m], later[14 + m], later[21 + m] = walk.x[m], walk.t[m], b[m], b[7 + m]
-                half[14 + m], half[21 + m] = walk.x[m], walk.t[m]
-            later[28] = depth + 1.0
-            half[28] = depth + 1.0
+            divide(stack, top, walk.x, walk.t)
             top += 1
             continue
         crosses = (v0 < 0.0) != (v1 < 0.0) and n < EVENTS

@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
+from jacokin.kernels.chain import tangent7
 from jacokin.kernels.limits import TURN
 from jacokin.kernels.self_motion.arcs import Arcs
-from jacokin.kernels.self_motion.chain7 import tangent7
 from jacokin.kernels.self_motion.follow import Walk, between, chord_length, where_joint_is
-from jacokin.kernels.self_motion.limit_cuts import CORNER, DOUBT, HALVINGS, SHORTEST_CHORD, doubtful
+from jacokin.kernels.self_motion.limit_cuts import CORNER, DOUBT, HALVINGS, SHORTEST_CHORD, divide, doubtful
 from jacokin.kernels.self_motion.slices import POINTS, SLICES, wrapped
 
 #: [rad] a joint this near to a limit is on it.
@@ -156,17 +156,6 @@ def where_outside(nearest: Nearest, a: Array, b: Array, length: float) -> tuple[
     if doubt:
         return -1, 2
     return (crossed, side_crossed) if crossed >= 0 else (-1, 0)
-
-
-def divide(stack: Array, top: int, x: Array, t: Array) -> None:
-    """Replace the part on top of the stack by the two that a point divides it into."""
-    half, later = stack[top], stack[top + 1]
-    half[28] += 1.0
-    later[28] = half[28]
-    for m in range(7):
-        later[14 + m], later[21 + m] = half[14 + m], half[21 + m]
-        later[m], later[7 + m] = x[m], t[m]
-        half[14 + m], half[21 + m] = x[m], t[m]
 
 
 def search_chord(chain: Array, T: Array, nearest: Nearest, walk: Walk) -> bool:

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
+from jacokin.kernels.chain import bordered_newton, linearise7, null_tangent, tangent7
 from jacokin.kernels.closed_form.arm import unpack_arm
-from jacokin.kernels.closed_form.pose import Task, Work, solve_pose
+from jacokin.kernels.closed_form.pose import COLUMNS, MAX_BRANCHES, PoseQuery, Work, make_work, solve_pose
 from jacokin.kernels.limits import TURN
-from jacokin.kernels.self_motion.chain7 import bordered_newton, linearise7, null_tangent, tangent7
 from jacokin.kernels.self_motion.follow import CURVE_CLOSURE, WORST_CLOSURE, Walk
-from jacokin.kernels.self_motion.seven import MOST_AT_Q3, solve_at_q3
+from jacokin.kernels.self_motion.seven_joints import MOST_AT_Q3, solve_at_q3
 
 #: Values of the parameter at most, and points at each.
 SLICES, POINTS = 128, 24
@@ -35,7 +35,7 @@ class SixJoints(NamedTuple):
 class SevenJoints(NamedTuple):
     """A seven-joint arm."""
 
-    arm: Array  # (12,) as `seven.solve_at_q3` needs it
+    arm: Array  # (12,) as `seven_joints.solve_at_q3` needs it
     rows: Array  # (8, 7)
 
 
@@ -46,8 +46,32 @@ class Slices(NamedTuple):
     filled: NDArray[np.int64]  # (SLICES,) points at each
     x: Array  # (SLICES, POINTS, 7) [rad]
     t: Array  # (SLICES, POINTS, 7) unit tangents, dp/ds >= 0
-    sign: Array  # (SLICES, POINTS) of the determinant, see `chain7.tangent7`
-    label: NDArray[np.int64]  # (SLICES, POINTS) row of `seven.solve_at_q3`; -1 for none
+    sign: Array  # (SLICES, POINTS) of the determinant, see `chain.tangent7`
+    label: NDArray[np.int64]  # (SLICES, POINTS) row of `seven_joints.solve_at_q3`; -1 for none
+
+
+def make_six_joints() -> SixJoints:
+    """Fresh arrays."""
+    work = make_work(np.empty((MAX_BRANCHES, COLUMNS)))
+    return SixJoints(np.zeros((7, 3, 4)), np.zeros(39), np.zeros((3, 6)), np.zeros(3), np.eye(4), np.zeros(6), work)
+
+
+def make_seven_joints() -> SevenJoints:
+    """Fresh arrays."""
+    return SevenJoints(np.zeros(12), np.empty((MOST_AT_Q3, 7)))
+
+
+def make_slices() -> Slices:
+    """Fresh arrays."""
+    points = (SLICES, POINTS)
+    return Slices(
+        np.zeros(SLICES),
+        np.zeros(SLICES, np.int64),
+        np.empty((*points, 7)),
+        np.empty((*points, 7)),
+        np.empty(points),
+        np.zeros(points, np.int64),
+    )
 
 
 def wrapped(angle: float) -> float:
@@ -72,7 +96,7 @@ def turn_target(T: Array, axis: Array, angle: float, turned: Array) -> None:
 def solve_six(T: Array, p: float, six: SixJoints) -> int:
     """All branches of the six-joint arm with its tool turned by p [rad], in six.work.branches.rows; how many."""
     turn_target(T, six.axis, p, six.T)
-    solve_pose(six.arm, unpack_arm(six.arm), Task(six.chain, six.limits, six.T, six.seed), six.work)
+    solve_pose(six.arm, unpack_arm(six.arm), PoseQuery(six.chain, six.limits, six.T, six.seed), six.work)
     return int(six.work.branches.filled[0])
 
 

@@ -8,15 +8,16 @@ there; only where that leaves a chance the curve is looked at closely.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from jacokin.arrays import Array
+from jacokin.kernels.chain import tangent7
 from jacokin.kernels.limits import TURN
-from jacokin.kernels.self_motion.chain7 import tangent7
 from jacokin.kernels.self_motion.follow import Walk, follow
 from jacokin.kernels.self_motion.gaps import WINDOW_SAMPLES, find_maximum, lower_discriminant
 from jacokin.kernels.self_motion.graph import bridge
 from jacokin.kernels.self_motion.nearest import Nearest, least_distance, offer, search_chord
-from jacokin.kernels.self_motion.seven import MOST_AT_Q3, solve_at_q3, wrist_from_shoulder
+from jacokin.kernels.self_motion.seven_joints import MOST_AT_Q3, solve_at_q3, wrist_from_shoulder
 from jacokin.kernels.self_motion.slices import SevenJoints, Slices, wrapped
 
 #: Slices to a full turn; the one at the seed comes first.
@@ -33,23 +34,33 @@ FOLD_BISECTIONS, NEXT_TO_FOLD = 12, 0.2
 CHORD_DEFECT, CHORD_REST = 0.05, 1e-4
 
 
-def sweep(
-    chain: Array, seven: SevenJoints, T: Array, slices: Slices, traced: Array, nearest: Nearest, walk: Walk
-) -> bool:
+class SweepWork(NamedTuple):
+    """What a sweep reads and writes."""
+
+    chain: Array  # (8, 3, 4)
+    T: Array  # (4, 4) target
+    seven: SevenJoints
+    slices: Slices
+    traced: Array  # see `follow`
+    nearest: Nearest
+    walk: Walk
+
+
+def sweep(work: SweepWork) -> bool:
     """Fill nearest.best and nearest.x; False where a curve was lost, so that something nearer may exist."""
+    nearest = work.nearest
     middle = SWEEP // 2
     low, high = middle, middle
     nearest.best[0] = math.inf
-    arm7 = seven.arm
-    solve_slice(chain, arm7, T, middle, slices, nearest, walk)
+    solve_slice(work, middle)
     for k in range(1, middle + 1):
         if (k - 1) * STEP >= nearest.best[0]:
             break
         low, high = middle - k, middle + k
-        solve_slice(chain, arm7, T, low, slices, nearest, walk)
-        solve_slice(chain, arm7, T, high, slices, nearest, walk)
+        solve_slice(work, low)
+        solve_slice(work, high)
     for i in range(low, high):
-        bound_links(i, slices, nearest)
+        bound_links(i, work.slices, nearest)
     found = True
     while True:
         least, i, k = nearest.best[0], -1, -1
@@ -60,17 +71,18 @@ def sweep(
         if i < 0:
             break
         nearest.bounds[i, k] = math.inf
-        found = search_link(chain, seven, T, i, k, slices, traced, nearest, walk) and found
+        found = search_link(work, i, k) and found
     for sign in (1.0, -1.0):
-        found = search_windows(chain, arm7, T, low, high, sign, slices, traced, nearest, walk) and found
+        found = search_windows(work, low, high, sign) and found
     return found
 
 
-def solve_slice(chain: Array, arm7: Array, T: Array, i: int, slices: Slices, nearest: Nearest, walk: Walk) -> None:
+def solve_slice(work: SweepWork, i: int) -> None:
     """Solve at slice i, and offer what is within the limits."""
+    slices, nearest = work.slices, work.nearest
     slices.p[i] = nearest.seed[JOINT_3] + (i - SWEEP // 2) * STEP
     rows = slices.x[i]
-    solve_at_q3(chain, arm7, T, slices.p[i], rows)
+    solve_at_q3(work.chain, work.seven.arm, work.T, slices.p[i], rows)
     for k in range(MOST_AT_Q3):
         nearest.done[i, k, 0], nearest.done[i, k, 1] = 0, 0
         slices.sign[i, k] = 0.0
@@ -119,7 +131,7 @@ def bound_links(i: int, slices: Slices, nearest: Nearest) -> None:
             # It turns back, to a configuration with the other sign of joint 2 or of joint 4.
             e = i if here < math.inf else i + 1
             for flip in (2, 4):
-                other = k + flip if (k // flip) % 2 == 0 else k - flip
+                other = k ^ flip
                 if nearest.distances[e, other] < math.inf:
                     way = WAY * way_between(slices.x[e, k], slices.x[e, other]) + FOLD_REST
                     bound = bound_way(
@@ -133,59 +145,51 @@ def bound_links(i: int, slices: Slices, nearest: Nearest) -> None:
                     nearest.bounds[i, k] = min(nearest.bounds[i, k], bound)
 
 
-def fill_tangent(chain: Array, T: Array, i: int, k: int, slices: Slices, walk: Walk) -> bool:
+def fill_tangent(work: SweepWork, i: int, k: int) -> bool:
     """Make sure that point k of slice i has a tangent."""
+    slices, walk = work.slices, work.walk
     if slices.sign[i, k] == 0.0:
         for j in range(7):
             walk.border[j] = 1.0 if j == JOINT_3 else 0.0
-        slices.sign[i, k] = tangent7(chain, T, slices.x[i, k], walk.border, slices.t[i, k], walk.system)
+        slices.sign[i, k] = tangent7(work.chain, work.T, slices.x[i, k], walk.border, slices.t[i, k], walk.system)
     return bool(slices.sign[i, k] != 0.0)
 
 
-def search_link(
-    chain: Array,
-    seven: SevenJoints,
-    T: Array,
-    i: int,
-    k: int,
-    slices: Slices,
-    traced: Array,
-    nearest: Nearest,
-    walk: Walk,
-) -> bool:
+def search_link(work: SweepWork, i: int, k: int) -> bool:
     """Look for a nearer point between slice i and the next on the curve through point k."""
+    slices, nearest = work.slices, work.nearest
     here, there = nearest.distances[i, k] < math.inf, nearest.distances[i + 1, k] < math.inf
     if here and there:
-        if is_chord(chain, T, i, k, slices, nearest.stack[0], walk):
+        if is_chord(work, i, k, nearest.stack[0]):
             nearest.done[i, k, 1], nearest.done[i + 1, k, 0] = 1, 1
-            return search_chord(chain, T, nearest, walk)
+            return search_chord(work.chain, work.T, nearest, work.walk)
         if slices.sign[i, k] != 0.0 and slices.sign[i, k] == slices.sign[i + 1, k]:
             ends = (slices.x[i, k], slices.t[i, k], slices.x[i + 1, k], slices.t[i + 1, k])
             rows = bridge(
-                chain, T, seven, k, ends, slices.sign[i, k], slices.p[i], slices.p[i + 1], traced, 0, walk
+                work.chain, work.T, work.seven, k, ends, slices.sign[i, k], slices.p[i], slices.p[i + 1],
+                work.traced, 0, work.walk,
             )  # fmt: skip
             if rows > 0:
                 nearest.done[i, k, 1], nearest.done[i + 1, k, 0] = 1, 1
-                return search_traced(chain, T, i, k, 1.0, rows, slices, traced, nearest, walk)
+                return search_traced(work, i, k, 1.0, rows)
     if here != there:
         e = i if here else i + 1
-        if bound_to_fold(chain, seven, T, e, 2 * i + 1 - e, k, slices, nearest) >= nearest.best[0]:
+        if bound_to_fold(work, e, 2 * i + 1 - e, k) >= nearest.best[0]:
             return True
     found = True
     if here and nearest.done[i, k, 1] == 0:
-        found = follow_from(chain, T, i, k, 1, i + 1, slices, traced, nearest, walk)
+        found = follow_from(work, i, k, 1, i + 1)
     if there and nearest.done[i + 1, k, 0] == 0:
-        found = follow_from(chain, T, i + 1, k, 0, i, slices, traced, nearest, walk) and found
+        found = follow_from(work, i + 1, k, 0, i) and found
     return found
 
 
-def bound_to_fold(
-    chain: Array, seven: SevenJoints, T: Array, e: int, beyond_fold: int, k: int, slices: Slices, nearest: Nearest
-) -> float:
+def bound_to_fold(work: SweepWork, e: int, beyond_fold: int, k: int) -> float:
     """A lower bound of the distance on the curve from point k of slice e to a fold, and on to where it comes back.
 
     As `bound_links` gives it, but by way of the points next to the fold, so that it is not farther away than need be.
     """
+    chain, T, seven, slices, nearest = work.chain, work.T, work.seven, work.slices, work.nearest
     D0 = wrist_from_shoulder(chain, seven.arm, T)
     sign = 1.0 if k < MOST_AT_Q3 // 2 else -1.0
     inside, outside = slices.p[e], slices.p[beyond_fold]
@@ -198,7 +202,7 @@ def bound_to_fold(
     solve_at_q3(chain, seven.arm, T, inside, seven.rows)
     other, across = -1, math.inf
     for flip in (2, 4):
-        partner = k + flip if (k // flip) % 2 == 0 else k - flip
+        partner = k ^ flip
         if nearest.distances[e, partner] < math.inf and not math.isnan(seven.rows[partner, 0]):
             way = way_between(seven.rows[k], seven.rows[partner])
             if way < across:
@@ -213,19 +217,9 @@ def bound_to_fold(
     return min(there, turn, back)
 
 
-def search_traced(
-    chain: Array,
-    T: Array,
-    i: int,
-    k: int,
-    flip: float,
-    rows: int,
-    slices: Slices,
-    traced: Array,
-    nearest: Nearest,
-    walk: Walk,
-) -> bool:
+def search_traced(work: SweepWork, i: int, k: int, flip: float, rows: int) -> bool:
     """Look for a nearer point on a curve from point k of slice i, with flip times its tangent."""
+    slices, traced, nearest = work.slices, work.traced, work.nearest
     found = True
     for n in range(rows):
         for m in range(7):
@@ -234,13 +228,14 @@ def search_traced(
             nearest.stack[0, 7 + m] = flip * slices.t[i, k, m] if n == 0 else traced[n - 1, 7 + m]
             nearest.stack[0, 14 + m] = x + wrapped(traced[n, m] - x)
             nearest.stack[0, 21 + m] = traced[n, 7 + m]
-        found = search_chord(chain, T, nearest, walk) and found
+        found = search_chord(work.chain, work.T, nearest, work.walk) and found
     return found
 
 
-def is_chord(chain: Array, T: Array, i: int, k: int, slices: Slices, chord: Array, walk: Walk) -> bool:
+def is_chord(work: SweepWork, i: int, k: int, chord: Array) -> bool:
     """Fill chord (28,) with both nodes; False where the slopes at both ends do not explain the way between them."""
-    if not (fill_tangent(chain, T, i, k, slices, walk) and fill_tangent(chain, T, i + 1, k, slices, walk)):
+    slices = work.slices
+    if not (fill_tangent(work, i, k) and fill_tangent(work, i + 1, k)):
         return False
     if slices.sign[i, k] != slices.sign[i + 1, k]:
         return False
@@ -255,27 +250,18 @@ def is_chord(chain: Array, T: Array, i: int, k: int, slices: Slices, chord: Arra
     return True
 
 
-def follow_from(
-    chain: Array,
-    T: Array,
-    i: int,
-    k: int,
-    side: int,
-    j: int,
-    slices: Slices,
-    traced: Array,
-    nearest: Nearest,
-    walk: Walk,
-) -> bool:
+def follow_from(work: SweepWork, i: int, k: int, side: int, j: int) -> bool:
     """Follow the curve from point k of slice i towards slice j at one side, and look at each step.
 
     It may come back through a fold.
     """
+    slices, nearest, traced = work.slices, work.nearest, work.traced
     nearest.done[i, k, side] = 1
-    if not fill_tangent(chain, T, i, k, slices, walk):
+    if not fill_tangent(work, i, k):
         return False
-    rows, wall = follow(chain, T, slices.x[i, k], slices.t[i, k], JOINT_3, slices.p[i], slices.p[j], traced, 0, walk)
-    found = search_traced(chain, T, i, k, 1.0 if side == 1 else -1.0, rows, slices, traced, nearest, walk)
+    x, t, here, there = slices.x[i, k], slices.t[i, k], slices.p[i], slices.p[j]
+    rows, wall = follow(work.chain, work.T, x, t, JOINT_3, here, there, traced, 0, work.walk)
+    found = search_traced(work, i, k, 1.0 if side == 1 else -1.0, rows)
     if wall >= 0:
         e, r = (i, side) if wall == 0 else (j, 1 - side)
         for n in range(MOST_AT_Q3):
@@ -284,19 +270,9 @@ def follow_from(
     return found and wall >= 0
 
 
-def search_windows(
-    chain: Array,
-    arm7: Array,
-    T: Array,
-    low: int,
-    high: int,
-    sign: float,
-    slices: Slices,
-    traced: Array,
-    nearest: Nearest,
-    walk: Walk,
-) -> bool:
+def search_windows(work: SweepWork, low: int, high: int, sign: float) -> bool:
     """Look at curves that lie between two slices entirely, with one of the two signs of joint 4."""
+    chain, arm7, T, slices, nearest = work.chain, work.seven.arm, work.T, work.slices, work.nearest
     D0 = wrist_from_shoulder(chain, arm7, T)
     first = 0 if sign > 0.0 else 4
     step = STEP / WINDOW_SAMPLES
@@ -324,35 +300,25 @@ def search_windows(
             elif here >= before and here >= after:
                 at, value = find_maximum(chain, arm7, D0, p - step, p + step, sign)
             if value > 0.0:
-                found = search_window(chain, arm7, T, at, i, first, slices, traced, nearest, walk) and found
+                found = search_window(work, at, i, first) and found
             before, here = here, after
     return found
 
 
-def search_window(
-    chain: Array,
-    arm7: Array,
-    T: Array,
-    at: float,
-    i: int,
-    first: int,
-    slices: Slices,
-    traced: Array,
-    nearest: Nearest,
-    walk: Walk,
-) -> bool:
+def search_window(work: SweepWork, at: float, i: int, first: int) -> bool:
     """Look at the curves through four configurations with joint 3 near slices i and i + 1."""
+    slices = work.slices
     spare = slices.x.shape[0] - 1
-    solve_at_q3(chain, arm7, T, at, slices.x[spare])
+    solve_at_q3(work.chain, work.seven.arm, work.T, at, slices.x[spare])
     slices.p[spare] = at
     found = True
     for k in range(first, first + 4):
         slices.sign[spare, k] = 0.0
         if math.isnan(slices.x[spare, k, 0]):
             continue
-        offer(nearest, slices.x[spare, k])
+        offer(work.nearest, slices.x[spare, k])
         for side in range(2):
             j = i + side
             if (slices.p[j] > at) == (side == 1):
-                found = follow_from(chain, T, spare, k, side, j, slices, traced, nearest, walk) and found
+                found = follow_from(work, spare, k, side, j) and found
     return found

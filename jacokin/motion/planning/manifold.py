@@ -14,10 +14,10 @@ from scipy.interpolate import PchipInterpolator
 
 from jacokin.arrays import Array
 from jacokin.model.angles import TURN
+from jacokin.model.many_configurations import Chain, Goal
 from jacokin.model.poses import FreeAxis
 from jacokin.model.robot import Robot
 from jacokin.motion.path import CartesianPath
-from jacokin.motion.planning.chain import Chain, Goal
 
 CLOSURE = 1e-9  # [m] and [rad] an exact configuration misses its pose by less
 JOINT_3 = 2  # the parameter of a seven-joint arm
@@ -64,7 +64,7 @@ class Manifold:
             return q
         angles = np.full(len(q), parameter)
         if isinstance(target, FreeAxis):
-            angles = np.array([target.parameter_of(rotation) for rotation in self.chain.poses(q)[0]])
+            angles = np.array([target.parameter_of(rotation) for rotation in self.chain.placements(q).rotation])
         return np.column_stack([q, angles])
 
     def goal(self, u: Array) -> Goal:

@@ -16,12 +16,11 @@ from numpy.typing import ArrayLike, NDArray
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, StructureError, shown
 from jacokin.ik import diagnosis
-from jacokin.ik.geometry import measure_seven
 from jacokin.ik.solver import IKSolver
 from jacokin.ik.targets import Target, TargetPose
 from jacokin.model import checks
+from jacokin.model.many_configurations import Chain
 from jacokin.motion.path import MOST_FAMILIES, MOST_PLACES, CartesianPath
-from jacokin.motion.planning.chain import Chain
 from jacokin.motion.planning.ladder import Ladder, Pace, Rung
 from jacokin.motion.planning.manifold import Curve, Manifold
 from jacokin.motion.planning.search import Climb, Search
@@ -91,7 +90,12 @@ def plan_path(
     """
     if not isinstance(solver, IKSolver):
         raise InvalidInputError(f"solver must be an IKSolver, got {shown(solver)}")
-    robot, chain = solver.robot, _chain(solver)
+    robot, verifier = solver.robot, solver.verifier
+    try:
+        if not solver.has_families:
+            solver.closed_form()
+    except StructureError as error:
+        raise StructureError(f"plan_path needs a closed form: {error}") from error
     checks.choice("timing", timing, TIMINGS)
     acceleration = None
     if acceleration_limit is not None:
@@ -114,7 +118,8 @@ def plan_path(
     check_ticks(times, dt)
     near, note = choose_start(robot, seed, start)
 
-    manifold = Manifold(robot, chain, path, solver.verifier.options.limit_snap)
+    chain = Chain(robot, verifier.frame_id, verifier.tool)
+    manifold = Manifold(robot, chain, path, verifier.options.limit_snap)
     pace = Pace(times, velocity)
     ladder = Ladder(solver, manifold, pace, free_step, keep=timing == "keep")
     places = path.places(SPACING, TURNING, MOST_FAMILIES if manifold.has_families else MOST_PLACES)
@@ -134,28 +139,13 @@ def plan_path(
     )
     if found is None:
         stay = near if start is not None else solver.solve(path.target(0.0), seed=near).q
-        if solver.verifier.rejects_contact and solver.verifier.touching(stay):
+        if verifier.rejects_contact and verifier.touching(stay):
             stay = near
         return writer.stay(stay, _explain_no_start(search.rungs[0], solver, manifold, start is not None))
     reason = ""
     if found.reached < path.lines:
         reason = _explain_end(search, found.reached, found.curve.q[-1], found.blocked, solver)
     return writer.follow(found.curve, found.reached, reason)
-
-
-def _chain(solver: IKSolver) -> Chain:
-    """The kinematics up to the tool.
-
-    Raises:
-        StructureError: the robot has no closed form.
-    """
-    try:
-        if not solver.has_families:
-            return Chain(solver.closed_form().chain)
-        verifier = solver.verifier
-        return Chain(measure_seven(solver.robot.pin_model, verifier.frame_id, verifier.tool).chain)
-    except StructureError as error:
-        raise StructureError(f"plan_path needs a closed form: {error}") from error
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

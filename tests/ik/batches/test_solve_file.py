@@ -10,9 +10,9 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -268,43 +268,69 @@ def test_a_signal_while_the_folder_is_made_leaves_nothing(
     assert [path.name for path in tmp_path.iterdir()] == ["targets.csv"]
 
 
-def test_wrong_files_and_arguments_are_refused_before_anything_is_solved(
-    solver: IKSolver, targets: Array, tmp_path: Path
+REFUSED_FILES = [
+    ("a.parquet", "column y, z is missing; needed: x, y, z; found: x, height"),
+    ("b.parquet", "column x: must hold numbers, got string"),
+    ("c.parquet", "not a Parquet file"),
+    ("d.npz", "not an NPZ file"),
+    ("e.npz", r"needed: targets \(n, 4, 4\).*found: q \(3, 6\)"),
+    ("f.npz", "different lengths"),
+    ("none.npz", "cannot be read"),
+    ("none.parquet", "cannot be read"),
+]
+
+
+@pytest.mark.parametrize(("name", "message"), REFUSED_FILES)
+def test_wrong_files_are_refused_before_anything_is_solved(
+    solver: IKSolver, tmp_path: Path, name: str, message: str
 ) -> None:
     pa = importlib.import_module("pyarrow")
     parquet = importlib.import_module("pyarrow.parquet")
-    source, out = write(tmp_path / "in.csv", targets), tmp_path / "out.csv"
     parquet.write_table(pa.table({"x": [0.1], "height": [0.2]}), tmp_path / "a.parquet")
     parquet.write_table(pa.table({"x": ["a"], "y": [0.2], "z": [0.3]}), tmp_path / "b.parquet")
     (tmp_path / "c.parquet").write_bytes(b"PAR1 no")
     (tmp_path / "d.npz").write_bytes(b"no")
     np.savez(tmp_path / "e.npz", q=np.zeros((3, 6)))
     np.savez(tmp_path / "f.npz", position=np.zeros((3, 3)), rpy=np.zeros((2, 3)))
-    for name, message in (
-        ("a.parquet", "column y, z is missing; needed: x, y, z; found: x, height"),
-        ("b.parquet", "column x: must hold numbers, got string"),
-        ("c.parquet", "not a Parquet file"),
-        ("d.npz", "not an NPZ file"),
-        ("e.npz", r"needed: targets \(n, 4, 4\).*found: q \(3, 6\)"),
-        ("f.npz", "different lengths"),
-        ("none.npz", "cannot be read"),
-        ("none.parquet", "cannot be read"),
-    ):
-        with pytest.raises(InvalidInputError, match=message):
-            solve_file(solver, tmp_path / name, out)
-    with pytest.raises(InvalidInputError, match=r"\.csv, \.npz, \.parquet"):
-        solve_file(solver, source, tmp_path / "out.xlsx")
-    before = source.read_bytes()
-    with pytest.raises(InvalidInputError, match="is the file of targets: they would be lost"):
-        solve_file(solver, source, tmp_path / ".." / tmp_path.name / "in.csv")
-    assert source.read_bytes() == before
-    with pytest.raises(InvalidInputError, match=r"client\.get_executor"):
-        solve_file(solver, source, out, type("Client", (), {"get_executor": None})())
-    with pytest.raises(InvalidInputError, match="workers does not go with executor"), ThreadPoolExecutor(1) as pool:
-        solve_file(solver, source, out, pool, workers=2)
-    with pytest.raises(InvalidInputError, match="there is no folder"):
-        solve_file(solver, source, tmp_path / "nowhere" / "out.csv")
-    assert not out.exists()
+    with pytest.raises(InvalidInputError, match=message):
+        solve_file(solver, tmp_path / name, tmp_path / "out.csv")
+    assert not list(tmp_path.glob("out*"))
+
+
+REFUSED_ARGUMENTS: list[tuple[dict[str, object], str]] = [
+    ({"solver": "j2n6s300"}, "solver must be an IKSolver, got 'j2n6s300'"),
+    ({"targets": 3}, "targets must be a str or a Path, got 3"),
+    ({"output": ""}, "output must be a str or a Path, got ''"),
+    ({"output": "out.xlsx"}, r"\.csv, \.npz, \.parquet"),
+    ({"output": "../folder/in.csv"}, "is the file of targets: they would be lost"),
+    ({"output": "nowhere/out.csv"}, "there is no folder"),
+    ({"executor": type("Client", (), {"get_executor": None})()}, r"client\.get_executor"),
+    ({"executor": ThreadPoolExecutor(1), "workers": 2}, "workers does not go with executor"),
+    ({"workers": 0}, "workers must be"),
+    ({"resume": "no"}, "resume must be True or False"),
+    ({"closest": 1}, "closest must be True or False"),
+    ({"seed": [0.0] * 5}, "seed"),
+    ({"progress": 3}, "progress must be callable, got 3"),
+]
+
+
+@pytest.mark.parametrize(("arguments", "message"), REFUSED_ARGUMENTS)
+def test_wrong_arguments_are_refused_before_anything_is_solved(
+    solver: IKSolver,
+    targets: Array,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    arguments: dict[str, object],
+    message: str,
+) -> None:
+    (tmp_path / "folder").mkdir()
+    monkeypatch.chdir(tmp_path / "folder")
+    before = write(Path("in.csv"), targets[:3]).read_bytes()
+    given: dict[str, Any] = {"solver": solver, "targets": "in.csv", "output": "out.csv", **arguments}
+    with pytest.raises(InvalidInputError, match=message):
+        solve_file(**given)
+    assert Path("in.csv").read_bytes() == before
+    assert [path.name for path in Path().iterdir()] == ["in.csv"]
 
 
 def test_one_process_at_a_time_works_on_a_file(solver: IKSolver, targets: Array, tmp_path: Path) -> None:
@@ -321,35 +347,48 @@ def test_one_process_at_a_time_works_on_a_file(solver: IKSolver, targets: Array,
 
 
 RUN = """
-import sys, jacokin
+import os, signal, sys, jacokin
 from jacokin.ik import solve_file
 from jacokin.ik.batches import solve_file as module
 module.ROWS = 64
-print("ready", flush=True)
-solve_file(jacokin.IKSolver(jacokin.load_robot(), warm=None), sys.argv[1], sys.argv[2])
+syncs, fsync = int(sys.argv[3]), os.fsync
+def counted(file):
+    global syncs
+    syncs -= 1
+    if syncs == 0:
+        os.kill(os.getpid(), signal.SIGKILL)
+    fsync(file)
+os.fsync = counted
+solve_file(jacokin.IKSolver(jacokin.load_robot(), warm=None), sys.argv[1], sys.argv[2], workers=1)
 """
+
+
+def run_until(sync: int, source: Path, out: Path) -> int:
+    """Solve a file in a process that is killed before this file is on disk, the first is 1; returns how it ended."""
+    words = [sys.executable, "-P", "-c", RUN, str(source), str(out), str(sync)]
+    return subprocess.run(words, check=False, capture_output=True).returncode
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".csv", ".parquet"])
 def test_killed_runs_end_in_the_same_bytes(robot: Robot, tmp_path: Path, rng: np.random.Generator, suffix: str) -> None:
-    poses = np.array([robot.forward_kinematics(q).homogeneous for q in robot.sample(rng, 30_000)])
-    np.savez(tmp_path / "in.npz", targets=poses)
-    words = [sys.executable, "-P", "-c", RUN, str(tmp_path / "in.npz")]
-    whole, out = tmp_path / f"whole{suffix}", tmp_path / f"out{suffix}"
-    subprocess.run([*words, str(whole)], check=True, capture_output=True)
-    kills = 0
-    for _ in range(4):
-        with subprocess.Popen([*words, str(out)], stdout=subprocess.PIPE) as process:
-            assert process.stdout is not None
-            process.stdout.readline()
-            time.sleep(rng.uniform(0.2, 0.6))
-            kills += process.poll() is None
-            process.send_signal(signal.SIGKILL)
-    assert kills
-    subprocess.run([*words, str(out)], check=True, capture_output=True)
+    poses = np.array([robot.forward_kinematics(q).homogeneous for q in robot.sample(rng, 3_000)])
+    source, whole, out = tmp_path / "in.npz", tmp_path / f"whole{suffix}", tmp_path / f"out{suffix}"
+    np.savez(source, targets=poses)
+    assert run_until(-1, source, whole) == 0
+    chunks = -(-len(poses) // 64)
+    # At the recipe, at the first chunk, on the way, and when all chunks are there and the whole is written.
+    folder = tmp_path / f"{out.name}.chunks"
+    for sync, most in ((1, 0), (2, 1), (20, 20), (5, 25), (chunks, chunks)):
+        found = len(list(folder.glob("*.chunk")))
+        # The file that is joined is brought to disk once on the way, and when it is complete.
+        assert run_until(sync if most < chunks else chunks - found + 2, source, out) == -signal.SIGKILL
+        assert not out.exists()
+        assert found <= len(list(folder.glob("*.chunk"))) <= most
+    assert len(list(folder.glob("*.chunk"))) == chunks
+    assert run_until(-1, source, out) == 0
     assert out.read_bytes() == whole.read_bytes()
-    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(["in.npz", whole.name, out.name])
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted([source.name, whole.name, out.name])
 
 
 @pytest.mark.slow

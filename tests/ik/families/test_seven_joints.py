@@ -19,7 +19,7 @@ from jacokin.errors import InvalidInputError, StructureError
 from jacokin.ik import Family
 from jacokin.ik.geometry import measure_seven
 from jacokin.kernels.self_motion import gaps
-from jacokin.kernels.self_motion.curve_family import make_curve_work
+from jacokin.kernels.self_motion.intervals import make_curve_work
 from jacokin.model.angles import TURN, wrap_to_pi
 
 

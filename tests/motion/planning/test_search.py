@@ -9,8 +9,8 @@ import pinocchio as pin
 import pytest
 
 from jacokin import FreeAxis, IKSolver, Robot
+from jacokin.model.many_configurations import Chain
 from jacokin.motion.path import CartesianPath
-from jacokin.motion.planning.chain import Chain
 from jacokin.motion.planning.ladder import Ladder, Pace
 from jacokin.motion.planning.manifold import Manifold
 from jacokin.motion.planning.search import Search
@@ -18,7 +18,7 @@ from jacokin.motion.planning.search import Search
 
 def make_ladder(robot: Robot, path: CartesianPath, *, keep: bool = True) -> Ladder:
     solver = IKSolver(robot)
-    manifold = Manifold(robot, Chain(solver.closed_form().chain), path, 1e-9)
+    manifold = Manifold(robot, Chain(robot, robot.frame_id(), None), path, 1e-9)
     return Ladder(solver, manifold, Pace(path.durations(0.1, 1.0), robot.velocity_limit), 0.5, keep=keep)
 
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from jacokin import FreeAxis, IKSolver, Robot
+from jacokin import FreeAxis, Robot
 from jacokin.arrays import Array
+from jacokin.model.many_configurations import Chain
 from jacokin.motion.path import CartesianPath
-from jacokin.motion.planning.chain import Chain
 from jacokin.motion.planning.ladder import Pace
 from jacokin.motion.planning.manifold import Manifold
 from jacokin.motion.planning.smoothing import Smoothing
@@ -25,7 +25,7 @@ def path(robot: Robot) -> CartesianPath:
 
 @pytest.fixture(scope="module")
 def manifold(robot: Robot, path: CartesianPath) -> Manifold:
-    return Manifold(robot, Chain(IKSolver(robot).closed_form().chain), path, 1e-9)
+    return Manifold(robot, Chain(robot, robot.frame_id(), None), path, 1e-9)
 
 
 @pytest.fixture(scope="module")

@@ -1,22 +1,25 @@
-"""CSV files of target poses: what is read, and what is refused by line and column."""
+"""CSV files: what is read, what is refused by line and column, and answers whose numbers read back to the same bits."""
 
 from __future__ import annotations
 
 import csv
 import math
 import os
+import tempfile
 import threading
 from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 
 import jacokin
 from jacokin.errors import InvalidInputError
-from jacokin.ik import read_targets
-from jacokin.ik.files.csv_files import target_blocks
+from jacokin.ik import BatchResult, Status, TargetFile, read_targets
+from jacokin.ik.files import csv_files
+from jacokin.ik.files.csv_files import read_blocks
 
 
 def written(path: Path, text: str) -> Path:
@@ -127,6 +130,7 @@ numbers = (
 )
 
 
+@settings(max_examples=50)
 @given(
     rows=st.lists(st.lists(numbers, min_size=3, max_size=3), min_size=1), size=st.integers(1, 4), quoted=st.booleans()
 )
@@ -138,7 +142,7 @@ def test_numbers_are_those_of_python_whatever_the_blocks(
         writer = csv.writer(stream, quoting=csv.QUOTE_ALL if quoted else csv.QUOTE_MINIMAL)
         writer.writerows([["x", "y", "z"], *rows])
     expected = [[float(number) for number in row] for row in rows]
-    parts = list(target_blocks(file, size))
+    parts = list(read_blocks(file, size, strict=True))
     assert np.concatenate([part.values for part in parts]).tolist() == expected
     assert np.concatenate([part.lines for part in parts]).tolist() == list(range(2, len(rows) + 2))
     assert read_targets(file).targets.tolist() == expected
@@ -156,3 +160,34 @@ def test_any_text_is_numbers_or_one_clear_error(text: str, tmp_path_factory: pyt
         assert values.shape[1] == 3
         assert all(math.isfinite(value) for value in values.ravel())
     assert "targets.csv" in message
+
+
+@settings(max_examples=40)
+@given(
+    values=arrays(np.float64, (3, 3), elements=st.floats(allow_nan=False)),
+    q=arrays(np.float64, (3, 2), elements=st.floats(allow_nan=False)),
+    message=st.text(st.characters(codec="utf-8", exclude_characters="\0\r\n")),
+)
+def test_answers_read_back_to_the_same_bits(values: np.ndarray, q: np.ndarray, message: str) -> None:
+    targets = TargetFile(("x", "y", "z"), values, values, np.arange(2, 5))
+    errors = np.array([0.0, 1e-300, 0.1])
+    batch = BatchResult(
+        q=q,
+        status=(Status.OK, Status.UNREACHABLE, Status.OK),
+        success=np.array([True, False, True]),
+        position_error=errors,
+        orientation_error=errors[::-1],
+        method=("closed_form", "qp", "closed_form"),
+        message=(message, "out, far out", ""),
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        piece, whole = Path(folder) / "piece", Path(folder) / "whole"
+        piece.write_bytes(b"before" + csv_files.encoded(targets, batch))
+        csv_files.write_joined(whole, [(piece, len("before"))], [*targets.columns, "q1", "q2"])
+        with whole.open(newline="", encoding="utf-8") as file:
+            rows = list(csv.DictReader(file))
+    assert [row["message"] for row in rows] == list(batch.message)
+    assert [row["status"] for row in rows] == ["OK", "UNREACHABLE", "OK"]
+    names = ("x", "y", "z", "q1", "q2", "position_error", "orientation_error")
+    read = np.array([[float(row[name]) for name in names] for row in rows])
+    assert read.tobytes() == np.column_stack([values, q, errors, errors[::-1]]).tobytes()

@@ -14,7 +14,7 @@ from jacokin.arrays import Array
 from jacokin.kernels.closed_form import pose, roots
 from jacokin.kernels.closed_form.arm import pose_of, unpack_arm
 from jacokin.kernels.closed_form.resultant import fourier_of_divided_F, fourier_of_F, value_and_slope
-from tests.ik.closed_form.tools import closed_form, target
+from tests.kernels.closed_form.tools import closed_form, target
 
 
 def divided(robot: Robot, T: Array, known: Array) -> tuple[Array, Array, float]:
@@ -78,5 +78,5 @@ def test_no_pose_takes_many_times_the_work_of_others(
     for q in targets.structured(robot, rng, 15).generating:
         counts = 0
         T = target(robot, q + tilt * rng.normal(size=6))
-        pose.solve_pose(arm, unpack_arm(arm), pose.Task(chain, limits, T, robot.home), work)
+        pose.solve_pose(arm, unpack_arm(arm), pose.PoseQuery(chain, limits, T, robot.home), work)
         assert counts < 80

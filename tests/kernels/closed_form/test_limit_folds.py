@@ -17,7 +17,7 @@ from jacokin.kernels.closed_form import pose as kernels_pose
 from jacokin.kernels.closed_form import roots as kernels_roots
 from jacokin.kernels.closed_form import wrist as kernels_wrist
 from jacokin.kernels.compiled.loading import KERNELS, warmup
-from tests.ik.closed_form.tools import circular, closed_form, target
+from tests.kernels.closed_form.tools import circular, closed_form, sizes, target
 
 TOOLS = [
     None,
@@ -79,20 +79,22 @@ def unsolved(robot: Robot, rows: Array, tool: pin.SE3 | None) -> Array:
 
 @pytest.mark.parametrize("tool", TOOLS)
 @pytest.mark.parametrize("name", ["j2s6s300", "j2s6s200"])
+@pytest.mark.parametrize("number", sizes(500, 3000))
 def test_a_stretched_spherical_arm_with_a_joint_on_its_limit(
-    name: str, tool: pin.SE3 | None, bundled: Callable[[str], Robot], rng: np.random.Generator
+    number: int, name: str, tool: pin.SE3 | None, bundled: Callable[[str], Robot], rng: np.random.Generator
 ) -> None:
     robot = bundled(name)
-    assert not len(unsolved(robot, stretched(robot, rng, 3000), tool))
+    assert not len(unsolved(robot, stretched(robot, rng, number), tool))
 
 
 @pytest.mark.parametrize("tool", TOOLS)
 @pytest.mark.parametrize("name", ["j2n6s300", "m1n6s300"])
+@pytest.mark.parametrize("number", sizes(60, 300))
 def test_a_fold_with_a_joint_on_its_limit(
-    name: str, tool: pin.SE3 | None, bundled: Callable[[str], Robot], rng: np.random.Generator
+    number: int, name: str, tool: pin.SE3 | None, bundled: Callable[[str], Robot], rng: np.random.Generator
 ) -> None:
     robot = bundled(name)
-    assert not len(unsolved(robot, folds_on_limits(robot, rng, 300), tool))
+    assert not len(unsolved(robot, folds_on_limits(robot, rng, number), tool))
 
 
 def test_both_branches_of_a_narrow_fold_are_returned(bundled: Callable[[str], Robot], rng: np.random.Generator) -> None:

@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pinocchio as pin
+import pytest
 
 from jacokin import Robot
 from jacokin.arrays import Array
 from jacokin.ik.closed_form import BranchTable, ClosedForm
+
+
+def sizes(quick: int, thorough: int) -> list[Any]:  # Any: what pytest.param returns
+    """How many samples a test takes: some in every run, more where the slow tests run too."""
+    return [pytest.param(quick, id=f"{quick}"), pytest.param(thorough, id=f"{thorough}", marks=pytest.mark.slow)]
 
 
 def closed_form(robot: Robot, frame: str | None = None, tool: pin.SE3 | None = None) -> ClosedForm:

@@ -35,9 +35,9 @@ def written() -> Path:
 
 
 def test_what_was_written_is_read() -> None:
-    assert cache.read() == cache.Found(None)
+    assert cache.read() == cache.CachedKernels(None)
     written()
-    assert cache.read() == cache.Found(CODE)
+    assert cache.read() == cache.CachedKernels(CODE)
 
 
 def test_folders_are_private_whatever_the_umask(place: Path) -> None:
@@ -75,7 +75,7 @@ def test_a_damaged_file_is_not_used(damage: object) -> None:
     assert str(file) in found.problem
     assert cache.read() == found  # and again
     written()
-    assert cache.read() == cache.Found(CODE)
+    assert cache.read() == cache.CachedKernels(CODE)
 
 
 @pytest.mark.parametrize("mode", [0o775, 0o757, 0o1777])
@@ -90,7 +90,7 @@ def test_a_folder_that_others_may_write_to_is_not_used(mode: int) -> None:
     with cache.lock():
         assert [entry.name for entry in file.parent.iterdir()] == [file.name]
     file.parent.chmod(0o700)
-    assert cache.read() == cache.Found(CODE)
+    assert cache.read() == cache.CachedKernels(CODE)
 
 
 @pytest.mark.parametrize("mode", [0o664, 0o646])
@@ -133,11 +133,11 @@ def test_a_cache_that_cannot_be_written_is_used(monkeypatch: pytest.MonkeyPatch)
         monkeypatch.setattr(module, name, refuse)
     file = cache.path()
     assert file is not None
-    assert cache.read() == cache.Found(CODE)
+    assert cache.read() == cache.CachedKernels(CODE)
     with cache.lock():
         pass
     assert "cannot be kept" in cache.write(CODE)
-    assert cache.read() == cache.Found(CODE)
+    assert cache.read() == cache.CachedKernels(CODE)
 
 
 def test_a_full_disk_leaves_nothing_behind(monkeypatch: pytest.MonkeyPatch, place: Path) -> None:
@@ -159,7 +159,7 @@ def test_without_a_home_folder_the_message_says_so(monkeypatch: pytest.MonkeyPat
     monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
     monkeypatch.setattr(Path, "home", no_home)
     assert cache.path() is None
-    assert cache.read() == cache.Found(None)
+    assert cache.read() == cache.CachedKernels(None)
     problem = cache.write(CODE)
     assert "no home folder" in problem
     assert "None" not in problem

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import pickle
 import types
 from collections.abc import Callable
 
@@ -10,13 +9,14 @@ import numpy as np
 import pytest
 
 from jacokin import Robot
-from jacokin.kernels.closed_form.batch import BATCH_COLUMNS, solve
+from jacokin.ik.closed_form import run_python
+from jacokin.kernels.closed_form.batch import BATCH_COLUMNS
 from jacokin.kernels.closed_form.pose import COLUMNS, MAX_BRANCHES
 from jacokin.kernels.compiled import compiler
 from jacokin.kernels.compiled.compiler import linked, translating_only
-from jacokin.kernels.compiled.library import NO_BATCH, Call, KernelLibrary
+from jacokin.kernels.compiled.library import NO_BATCH, KernelCall, KernelLibrary
 from jacokin.kernels.compiled.loading import KERNELS
-from tests.ik.closed_form.tools import closed_form, target
+from tests.kernels.closed_form.tools import closed_form, target
 
 
 @pytest.fixture(scope="module")
@@ -36,22 +36,12 @@ def test_plain_and_compiled_kernels_give_the_same_bits(
     T = np.array([target(robot, q) for q in robot.sample(rng, 60)])
     seeds = robot.sample(rng, 60)
     best = np.zeros((60, BATCH_COLUMNS))
-    solve(*constants, T, seeds, np.zeros((MAX_BRANCHES, COLUMNS)), best)
+    run_python(*constants, T, seeds, np.zeros((MAX_BRANCHES, COLUMNS)), best)
     np.testing.assert_array_equal(form.solve_batch(T, seeds).rows, best)
     for one, seed in zip(T, seeds, strict=True):
         rows = np.zeros((MAX_BRANCHES, COLUMNS))
-        count = solve(*constants, one[np.newaxis], seed[np.newaxis], rows, NO_BATCH)
+        count = run_python(*constants, one[np.newaxis], seed[np.newaxis], rows, NO_BATCH)
         np.testing.assert_array_equal(form.solve_all(one, seed).rows, rows[:count])
-
-
-def test_results_do_not_change_when_the_next_pose_is_solved(
-    library: KernelLibrary, robot: Robot, rng: np.random.Generator
-) -> None:
-    form = closed_form(robot)
-    first = form.solve_all(target(robot, robot.home), robot.home)
-    before = first.rows.copy()
-    form.solve_all(target(robot, robot.sample(rng)), robot.home)
-    np.testing.assert_array_equal(first.rows, before)
 
 
 def test_arrays_that_machine_code_would_misread_are_refused(library: KernelLibrary, robot: Robot) -> None:
@@ -67,16 +57,7 @@ def test_arrays_that_machine_code_would_misread_are_refused(library: KernelLibra
     ]
     for targets, seeds in wrong:
         with pytest.raises(ValueError, match="the kernels need"):
-            Call(library, *constants, targets, seeds)
-
-
-def test_a_closed_form_can_be_pickled_after_use(library: KernelLibrary, robot: Robot) -> None:
-    form = closed_form(robot)
-    T = target(robot, robot.home)
-    rows = form.solve_all(T, robot.home).rows
-    copy = pickle.loads(pickle.dumps(form))
-    np.testing.assert_array_equal(copy.solve_all(T, robot.home).rows, rows)
-    assert (copy.spherical, copy.misfit) == (form.spherical, form.misfit)
+            KernelCall(library, *constants, targets, seeds)
 
 
 def test_a_name_with_two_meanings_is_refused() -> None:

@@ -1,8 +1,7 @@
-"""The entry point: all intervals of the parameter for one target, or a point of a curve. Read this file first.
+"""The entry point: the self-motions of a target as intervals of the parameter, or one point. Read this file first.
 
 gaps         where configurations exist between two slices only: one more slice
 slices       all configurations at some values of the parameter, in closed form
-bridge       points between slices of a seven-joint arm
 graph        which points of neighbouring slices belong together; in doubt `follow` walks along the curve
 arcs         pieces of the curves along which the parameter rises, from fold to fold
 limit_cuts   what is left of them within the joint limits
@@ -17,15 +16,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.kernels.closed_form.pose import COLUMNS, MAX_BRANCHES, make_work
 from jacokin.kernels.self_motion.arcs import Arcs, assemble, make_arcs
-from jacokin.kernels.self_motion.follow import Walk, between, where_joint_is
+from jacokin.kernels.self_motion.follow import between, where_joint_is
 from jacokin.kernels.self_motion.gaps import Loops, add_loops, add_windows, make_loops
-from jacokin.kernels.self_motion.graph import LINKS, TRACED, Graph, join
+from jacokin.kernels.self_motion.graph import Graph, join, make_graph
 from jacokin.kernels.self_motion.limit_cuts import Cuts, cut, make_cuts
 from jacokin.kernels.self_motion.nearest import Nearest, make_nearest, search_arcs, search_run
-from jacokin.kernels.self_motion.slices import POINTS, SLICES, SevenJoints, SixJoints, Slices, fill_slices
-from jacokin.kernels.self_motion.sweep import sweep
+from jacokin.kernels.self_motion.slices import (
+    SevenJoints,
+    SixJoints,
+    Slices,
+    fill_slices,
+    make_seven_joints,
+    make_six_joints,
+    make_slices,
+)
+from jacokin.kernels.self_motion.sweep import SweepWork, sweep
 
 #: What to do: find the intervals; find a point at a share of a chord; find a point where the parameter has a value;
 #: find the member nearest to the seed; find the nearest one on the first nodes of the arcs.
@@ -52,46 +58,17 @@ class CurveWork(NamedTuple):
     loops: Loops
 
 
-def make_walk() -> Walk:
-    """Fresh arrays."""
-    a, b, c, d, e, f, g = (np.empty(7) for _ in range(7))
-    return Walk(a, b, c, d, e, f, g, np.empty((7, 8)))
-
-
 def make_curve_work() -> CurveWork:
     """Fresh arrays."""
-    points = (SLICES, POINTS)
     return CurveWork(
         np.zeros(4, np.int64),
         np.zeros(3, np.int64),
         np.zeros((8, 3, 4)),
         np.eye(4),
-        SixJoints(
-            np.zeros((7, 3, 4)),
-            np.zeros(39),
-            np.zeros((3, 6)),
-            np.zeros(3),
-            np.eye(4),
-            np.zeros(6),
-            make_work(np.empty((MAX_BRANCHES, COLUMNS))),
-        ),
-        SevenJoints(np.zeros(12), np.empty((8, 7))),
-        Slices(
-            np.zeros(SLICES),
-            np.zeros(SLICES, np.int64),
-            np.empty((*points, 7)),
-            np.empty((*points, 7)),
-            np.empty(points),
-            np.zeros(points, np.int64),
-        ),
-        Graph(
-            np.zeros((*points, 2, 2), np.int64),
-            np.zeros((LINKS, 8), np.int64),
-            np.empty((TRACED, 15)),
-            np.zeros(POINTS, np.int64),
-            np.zeros(POINTS, np.int64),
-            make_walk(),
-        ),
+        make_six_joints(),
+        make_seven_joints(),
+        make_slices(),
+        make_graph(),
         make_arcs(),
         make_cuts(),
         np.zeros((2, 14)),
@@ -117,7 +94,8 @@ def run_curves(work: CurveWork) -> int:
     if task == FIND_NEAREST_ON_RUN:
         return 1 if search_run(chain, T, work.arcs.nodes, n, work.nearest, walk) else 0
     if task == FIND_NEAREST and parameter != 6:
-        return 1 if sweep(chain, work.seven, T, work.slices, work.graph.traced, work.nearest, walk) else 0
+        sweeping = SweepWork(chain, T, work.seven, work.slices, work.graph.traced, work.nearest, walk)
+        return 1 if sweep(sweeping) else 0
     if parameter != 6:
         n = add_windows(chain, work.seven.arm, T, n, closed, work.slices)
     else:

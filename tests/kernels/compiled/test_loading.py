@@ -235,14 +235,14 @@ def test_no_compiler_outlives_the_process_that_started_it(tmp_path: Path) -> Non
     note = tmp_path / "pid"
     sleeping = f"open({str(note)!r}, 'w').write(str(os.getpid())); import time; time.sleep(600)"
     program = (
-        "from jacokin.ik.closed_form import compile_job\n"
-        f"compile_job._COMPILE = {sleeping!r}\n"
-        "compile_job.CompileJob(lambda job: None, background=True).run()\n"
+        "from jacokin.kernels.compiled import loading\n"
+        f"loading._COMPILE = {sleeping!r}\n"
+        "loading.CompileJob(lambda job: None, background=True).run()\n"
     )
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
     with subprocess.Popen([sys.executable, "-P", "-c", program], env=environment) as parent:
         try:
-            until(lambda: note.is_file() and note.read_text() != "")
+            until(lambda: parent.poll() is not None or (note.is_file() and note.read_text() != ""))
             compiler = Path("/proc", note.read_text())
             assert compiler.exists()
         finally:

@@ -1,0 +1,193 @@
+"""`ClosedForm` on a model: frames, tools and bases, limits, batches, threads, and models that are refused."""
+
+from __future__ import annotations
+
+import pickle
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from jacokin import Robot
+from jacokin.arrays import Array
+from jacokin.errors import StructureError
+from jacokin.ik.closed_form import ClosedForm
+from jacokin.kernels.compiled.loading import warmup
+from tests.kernels.closed_form.tools import closed_form, contains, target, worst_error
+
+
+@pytest.fixture(scope="module", autouse=True)
+def compiled() -> None:
+    warmup()
+
+
+def test_reported_errors_are_those_of_pinocchio(robot: Robot, rng: np.random.Generator) -> None:
+    form = closed_form(robot)
+    for q in robot.sample(rng, 50):
+        T = target(robot, q)
+        for branch in form.solve_all(T, robot.home).q:
+            error = robot.forward_kinematics(branch).homogeneous - T
+            assert np.abs(error).max() < 1e-12
+
+
+@pytest.mark.parametrize("frame", ["link_6", "wristsite", "gripsite", "pinchsite", "hand", "link_finger_tip_2"])
+def test_any_frame_on_the_last_link_and_a_tool(frame: str, robot: Robot, rng: np.random.Generator) -> None:
+    tool = pin.SE3(pin.exp3(np.array([0.3, -0.8, 1.1])), np.array([0.03, -0.02, 0.15]))
+    form = closed_form(robot, frame, tool)
+    for q in robot.sample(rng, 50):
+        T = np.ascontiguousarray((robot.forward_kinematics(q, frame) * tool).homogeneous)
+        rows = form.solve_all(T, robot.home)
+        assert contains(rows, q)
+        assert worst_error(rows) < 1e-12
+
+
+def test_a_posed_base_has_the_same_joints(robot: Robot, rng: np.random.Generator) -> None:
+    base = pin.SE3(pin.exp3(np.array([0.4, 1.2, -0.7])), np.array([1.5, -0.4, 0.8]))
+    model = robot.pin_model.copy()
+    model.jointPlacements[1] = base * model.jointPlacements[1]
+    moved = ClosedForm(model, robot.frame_id(), None, robot.lower, robot.upper)
+    still = closed_form(robot)
+    for q in robot.sample(rng, 100):
+        T = target(robot, q)
+        there = moved.solve_all(np.ascontiguousarray(base.homogeneous @ T), robot.home)
+        here = still.solve_all(T, robot.home)
+        assert len(there) == len(here)
+        assert all(contains(there, branch, 1e-5) for branch in here.q)
+
+
+def test_joints_about_any_axis(robot: Robot, rng: np.random.Generator) -> None:
+    """The same arm with every joint's own axes turned: the axes are read from the joints, not taken to be z."""
+    turns = [pin.SE3.Identity(), *(pin.SE3(pin.exp3(rng.normal(size=3)), np.zeros(3)) for _ in range(6))]
+    source, model = robot.pin_model, pin.Model()
+    for i in range(1, 7):
+        axis = turns[i].rotation.T @ np.array([0.0, 0.0, 1.0])
+        model.addJoint(
+            i - 1,
+            pin.JointModelRevoluteUnaligned(*axis),
+            turns[i - 1].inverse() * source.jointPlacements[i] * turns[i],
+            source.names[i],
+        )
+    frame = source.frames[robot.frame_id()]
+    frame_id = model.addFrame(
+        pin.Frame(frame.name, 6, 0, turns[6].inverse() * frame.placement, pin.FrameType.OP_FRAME), False
+    )
+    form = ClosedForm(model, frame_id, None, robot.lower, robot.upper)
+    for q in robot.sample(rng, 50):
+        rows = form.solve_all(target(robot, q), robot.home)
+        assert contains(rows, q)
+        assert worst_error(rows) < 1e-12
+
+
+def test_branches_are_ordered_and_unlimited_joints_are_near_the_seed(robot: Robot, rng: np.random.Generator) -> None:
+    form = closed_form(robot)
+    free = np.isinf(robot.upper)
+    for q, seed in zip(robot.sample(rng, 200), robot.sample(rng, 200) + 20.0 * free, strict=True):
+        rows = form.solve_all(target(robot, q), seed)
+        assert np.all(np.diff(rows.distance) >= 0.0)
+        np.testing.assert_allclose(rows.distance, np.linalg.norm(rows.q - seed, axis=1), rtol=1e-12)
+        assert np.abs(rows.q - seed)[:, free].max() <= np.pi + 1e-9
+
+
+def test_a_batch_is_the_nearest_branch_within_the_limits(robot: Robot, rng: np.random.Generator) -> None:
+    form = closed_form(robot)
+    targets = np.array([target(robot, q) for q in robot.sample(rng, 300)])
+    targets[7, :3, 3] += 5.0  # [m], out of reach
+    seeds = robot.sample(rng, 300)
+    batch = form.solve_batch(targets, seeds)
+    for i in range(300):
+        rows = form.solve_all(targets[i], seeds[i])
+        assert batch.branches[i] == len(rows)
+        assert batch.branches_within_limits[i] == rows.within_limits.sum()
+        if rows.within_limits.any():
+            best = int(np.argmax(rows.within_limits))
+        elif len(rows):
+            best = int(np.argmax(rows.margin.min(axis=1)))
+        else:
+            assert np.isnan(batch.q[i]).all()
+            assert not batch.within_limits[i]
+            continue
+        np.testing.assert_array_equal(batch.q[i], rows.q[best])
+        assert batch.within_limits[i] == rows.within_limits[best]
+        assert batch.largest_margin[i] == rows.margin.min(axis=1).max()
+    assert np.isnan(batch.largest_margin[7])
+    np.testing.assert_array_equal(form.solve_batch(targets, seeds, threads=2).rows, batch.rows)
+    assert len(form.solve_batch(np.empty((0, 4, 4)), np.empty((0, 6)))) == 0
+
+
+def _bent(robot: Robot, joint: int, move: pin.SE3) -> ClosedForm:
+    model = robot.pin_model.copy()
+    model.jointPlacements[joint] = model.jointPlacements[joint] * move
+    return ClosedForm(model, robot.frame_id(), None, robot.lower, robot.upper)
+
+
+@pytest.mark.parametrize(
+    ("joint", "axis", "pair"),
+    [(2, 0, ("joint_1", "joint_2")), (4, 0, ("joint_3", "joint_4")), (5, 0, ("joint_4", "joint_5"))],
+)
+def test_a_shifted_axis_is_refused_by_name(joint: int, axis: int, pair: tuple[str, str], robot: Robot) -> None:
+    shift = pin.SE3(np.eye(3), 1e-3 * np.eye(3)[axis])
+    with pytest.raises(StructureError, match="must meet") as caught:
+        _bent(robot, joint, shift)
+    assert caught.value.axes == pair
+    assert caught.value.misfit == pytest.approx(1e-3, rel=1e-3)
+    assert "method='qp'" in str(caught.value)
+
+
+def test_a_tilted_axis_is_refused(robot: Robot) -> None:
+    with pytest.raises(StructureError, match="parallel") as caught:
+        _bent(robot, 3, pin.SE3(pin.exp3(np.array([0.01, 0.0, 0.0])), np.zeros(3)))
+    assert caught.value.axes == ("joint_2", "joint_3")
+    assert caught.value.misfit == pytest.approx(0.01, rel=1e-3)
+    assert caught.value.unit == "rad"
+
+
+def test_a_frame_off_the_last_link_is_refused(robot: Robot) -> None:
+    with pytest.raises(StructureError, match="link_5"):
+        closed_form(robot, "link_5")
+
+
+def test_results_are_read_only(robot: Robot) -> None:
+    rows = closed_form(robot).solve_all(target(robot, robot.home), robot.home)
+    for array in (rows.q, rows.margin, rows.distance, rows.position_error):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 0.0
+
+
+def test_two_threads_share_a_form(robot: Robot, rng: np.random.Generator) -> None:
+    form = closed_form(robot)
+    targets: list[Array] = [target(robot, q) for q in robot.sample(rng, 400)]
+    alone = [form.solve_all(T, robot.home).rows for T in targets]
+    with ThreadPoolExecutor(4) as pool:
+        together = list(pool.map(lambda T: form.solve_all(T, robot.home).rows, targets))
+    assert all(np.array_equal(a, b) for a, b in zip(alone, together, strict=True))
+
+
+def test_wide_limits_take_the_copy_nearest_to_the_seed(robot: Robot, rng: np.random.Generator) -> None:
+    lower, upper = np.full(6, -np.inf), np.full(6, np.inf)
+    lower[3], upper[3] = -10.0, 10.0  # three turns
+    lower[4] = 4.0  # one-sided
+    form = ClosedForm(robot.pin_model, robot.frame_id(), None, lower, upper)
+    for q in robot.sample(rng, 100):
+        seed = np.array([0.0, 0.0, 0.0, 9.9, 0.0, 0.0])
+        rows = form.solve_all(target(robot, q), seed)
+        assert rows.within_limits.all()
+        assert np.all(rows.q[:, 3] > 10.0 - 2.0 * np.pi)
+        assert np.all((rows.q[:, 4] >= 4.0) & (rows.q[:, 4] < 4.0 + 2.0 * np.pi))
+
+
+def test_results_do_not_change_when_the_next_pose_is_solved(robot: Robot, rng: np.random.Generator) -> None:
+    form = closed_form(robot)
+    first = form.solve_all(target(robot, robot.home), robot.home)
+    before = first.rows.copy()
+    form.solve_all(target(robot, robot.sample(rng)), robot.home)
+    np.testing.assert_array_equal(first.rows, before)
+
+
+def test_a_closed_form_can_be_pickled_after_use(robot: Robot) -> None:
+    form = closed_form(robot)
+    T = target(robot, robot.home)
+    rows = form.solve_all(T, robot.home).rows
+    copy = pickle.loads(pickle.dumps(form))
+    np.testing.assert_array_equal(copy.solve_all(T, robot.home).rows, rows)
+    assert (copy.spherical, copy.misfit) == (form.spherical, form.misfit)

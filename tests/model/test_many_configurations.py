@@ -1,0 +1,143 @@
+"""Kinematics of many configurations at once: that of Pinocchio, its derivatives, and Newton's method on it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import jacokin
+from jacokin import Robot
+from jacokin.arrays import Array
+from jacokin.model.many_configurations import Chain, Goal, angle_and_axis, cross
+
+SLIDING = """<robot name="crane">
+<link name="base"/><link name="mast"/><link name="slide"/><link name="hook"/>
+<joint name="turn" type="continuous"><parent link="base"/><child link="mast"/><axis xyz="0 0 1"/>
+  <limit effort="1" velocity="1"/></joint>
+<joint name="slide" type="prismatic"><parent link="mast"/><child link="slide"/><origin xyz="0.1 0 0" rpy="0 0.3 0"/>
+  <axis xyz="0.6 0 0.8"/><limit lower="0" upper="1.5" effort="1" velocity="1"/></joint>
+<joint name="tilt" type="revolute"><parent link="slide"/><child link="hook"/><origin xyz="0.1 0 0"/>
+  <axis xyz="0 0.6 0.8"/><limit lower="-3" upper="3" effort="1" velocity="1"/></joint>
+</robot>"""
+TOOL = jacokin.pose([0.1, -0.2, 0.05], rpy=[0.3, 0.2, -1.0])
+NAMES = ("j2n6s300", "j2s7s300", "crane")
+
+
+@pytest.fixture
+def robot_of(bundled: Callable[[str], Robot], tmp_path: Path) -> Callable[[str], Robot]:
+    def load(name: str) -> Robot:
+        if name != "crane":
+            return bundled(name)
+        (tmp_path / "crane.urdf").write_text(SLIDING)
+        return jacokin.load_robot(tmp_path / "crane.urdf")
+
+    return load
+
+
+def some_axes(rng: np.random.Generator, number: int) -> Array:
+    axes = rng.normal(size=(number, 3))
+    return np.asarray(axes / np.linalg.norm(axes, axis=1)[:, None])
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_placements_are_those_of_pinocchio(
+    name: str, robot_of: Callable[[str], Robot], rng: np.random.Generator
+) -> None:
+    robot = robot_of(name)
+    q = robot.sample(rng, 20)
+    placed = Chain(robot, robot.frame_id(), TOOL).placements(q)
+    for index, row in enumerate(q):
+        T, jacobian = robot.forward_kinematics(row), robot.jacobian(row)
+        lever = T.rotation @ TOOL.translation
+        np.testing.assert_allclose(placed.position[index], (T * TOOL).translation, atol=1e-14)
+        np.testing.assert_allclose(placed.rotation[index], (T * TOOL).rotation, atol=1e-14)
+        np.testing.assert_allclose(placed.angular[index].T, jacobian[3:], atol=1e-14)
+        np.testing.assert_allclose(placed.linear[index].T, jacobian[:3] - pin.skew(lever) @ jacobian[3:], atol=1e-14)
+
+
+@pytest.mark.parametrize("free", [False, True])
+@pytest.mark.parametrize("name", NAMES)
+def test_errors_shrink_as_the_jacobian_says(
+    name: str, free: bool, robot_of: Callable[[str], Robot], rng: np.random.Generator
+) -> None:
+    robot = robot_of(name)
+    chain = Chain(robot, robot.frame_id(), TOOL)
+    x, h = robot.sample(rng, 8), 1e-6
+    poses = np.array([(robot.forward_kinematics(q) * TOOL).homogeneous for q in x])
+    goal = Goal(poses, some_axes(rng, 8) if free else None)
+    if free:
+        x = np.column_stack([x, np.zeros(8)])
+    error, jacobian = chain.linearised(x, goal)
+    assert np.abs(error).max() < 1e-14
+    for column in range(x.shape[1]):
+        step = h * np.eye(x.shape[1])[column]
+        ahead, behind = chain.linearised(x + step, goal)[0], chain.linearised(x - step, goal)[0]
+        np.testing.assert_allclose(jacobian[:, :, column], (behind - ahead) / (2.0 * h), atol=1e-9)
+
+
+def test_errors_against_a_turned_goal(robot: Robot, rng: np.random.Generator) -> None:
+    chain = Chain(robot, robot.frame_id(), None)
+    q, axes, angle = robot.sample(rng, 10), some_axes(rng, 10), rng.uniform(-3.0, 3.0, (10, 1))
+    poses = [robot.forward_kinematics(row) for row in q]
+    turned = [
+        T * pin.SE3(pin.exp3(-float(a[0]) * axis), np.zeros(3)) for T, axis, a in zip(poses, axes, angle, strict=True)
+    ]
+    goal = Goal(np.array([T.homogeneous for T in turned]), axes)
+    position, orientation = chain.errors(np.hstack([q, angle]), goal)
+    assert max(position.max(), orientation.max()) < 1e-14
+    position, orientation = chain.errors(np.hstack([q, angle + 1e-3]), goal)
+    assert position.max() < 1e-14
+    np.testing.assert_allclose(orientation, 1e-3, rtol=1e-6)
+    some = goal.some(np.array([2, 5]))
+    assert chain.errors(np.hstack([q, angle])[[2, 5]], some)[1].max() < 1e-14
+
+
+@pytest.mark.parametrize("held", [None, 2])
+@pytest.mark.parametrize("name", ["j2n6s300", "j2s7s300"])
+def test_newton_comes_to_the_goal(
+    name: str, held: int | None, bundled: Callable[[str], Robot], rng: np.random.Generator
+) -> None:
+    robot = bundled(name)
+    chain = Chain(robot, robot.frame_id(), TOOL)
+    regular = [q for q in robot.sample(rng, 100) if robot.singular_values(q)[-1] > 0.1]
+    assert len(regular) > 20
+    q = np.array(regular)
+    goal = Goal(np.array([(robot.forward_kinematics(row) * TOOL).homogeneous for row in q]))
+    start = q + 1e-2 * rng.normal(size=q.shape)
+    fixed = None
+    if held is not None:
+        start[:, held] = q[:, held]
+        fixed = np.zeros(q.shape, dtype=np.bool_)
+        fixed[:, held] = True
+    found, worst = chain.closed(start, goal, fixed)
+    assert worst.max() < 1e-11
+    assert max(error.max() for error in chain.errors(found, goal)) < 1e-11
+    if held is not None:
+        np.testing.assert_array_equal(found[:, held], q[:, held])
+    if robot.dof == 6:
+        assert np.abs(found - q).max() < 1e-9
+
+
+def test_a_goal_out_of_reach_is_missed(robot: Robot) -> None:
+    chain = Chain(robot, robot.frame_id(), None)
+    far = robot.forward_kinematics(robot.home).homogeneous
+    far[:3, 3] += 5.0  # [m]
+    worst = chain.closed(robot.home[np.newaxis], Goal(far[np.newaxis]))[1]
+    assert worst[0] > 1.0
+
+
+def test_cross_products_are_those_of_numpy(rng: np.random.Generator) -> None:
+    a, b = rng.normal(size=(4, 1, 3)), rng.normal(size=(5, 3))
+    np.testing.assert_array_equal(cross(a, b), np.cross(a, b))
+
+
+def test_angles_and_axes_are_those_of_pinocchio(rng: np.random.Generator) -> None:
+    turns = some_axes(rng, 50) * rng.uniform(0.01, 3.13, (50, 1))
+    angle, axis = angle_and_axis(np.array([pin.exp3(turn) for turn in turns]))
+    np.testing.assert_allclose(angle[:, None] * axis, turns, atol=1e-12)
+    angle, axis = angle_and_axis(np.eye(3)[np.newaxis])
+    assert (angle.max(), np.abs(axis).max()) == (0.0, 0.0)
