@@ -1,16 +1,15 @@
-"""Every inverse-kinematics branch of a six-joint Jaco, in closed form.
+"""`ClosedForm`: every branch of a six-joint Jaco at a pose, and `Branches`, which holds them.
 
 The arm has no spherical wrist, yet its joint axes are so placed that the whole problem is one trigonometric polynomial
-of degree 8 in joint 6. ``docs/closed_form.md`` derives it; the modules to read are, in this order:
+of degree 8 in joint 6. ``docs/closed_form.md`` derives it; what computes is, in the order to read it:
 
-    geometry            what is measured on the model, and when it is refused
-    kernels/resultant   F(q6), the polynomial
-    kernels/roots       all its real roots
-    kernels/wrist       from a root to candidates (q1, q5, q6), refined on three smooth equations, then q2, q3, q4
-    kernels/spherical   the same for the spherical variants
-    kernels/pose        verification on the model itself, polishing, limits, duplicates
-    branch_table        the branches, as columns of the array that the kernels fill
-    compilation         the kernels as machine code, and when it is made
+    ik.geometry                     what is measured on the model, and when it is refused
+    kernels.closed_form.resultant   F(q6), the polynomial
+    kernels.closed_form.roots       all its real roots
+    kernels.closed_form.wrist       from a root to (q1, q5, q6), refined on three smooth equations, then q2, q3, q4
+    kernels.closed_form.spherical   the same for the spherical variants
+    kernels.closed_form.pose        verification on the model itself, polishing, limits, duplicates
+    kernels.compiled                the kernels as machine code, and when it is made
 """
 
 from __future__ import annotations
@@ -18,6 +17,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from itertools import compress, count
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -46,24 +46,18 @@ from jacokin.kernels.compiled.loading import KERNELS
 
 
 class BranchTable:
-    """The branches of one target, one row each, as the kernels computed them.
+    """Branches, one row each, as the kernels computed them. Arrays are read-only.
 
     Attributes:
-        rows: (k, 17) or (k, 20), the columns that ``kernels.pose`` and ``kernels.batch`` name; read-only.
-        dropped: whether a table of the kernels was full, so that branches may be missing.
+        rows: (k, 17) or (k, 20), the columns that ``kernels.closed_form.pose`` and ``batch`` name.
     """
 
-    __slots__ = ("dropped", "rows")
+    __slots__ = ("rows",)
 
-    def __init__(self, rows: NDArray[np.float64], dropped: bool = False) -> None:
-        """Take over an array and make it read-only."""
+    def __init__(self, rows: NDArray[np.float64]) -> None:
+        """Make an array of one's own read-only."""
         rows.flags.writeable = False
         self.rows = rows
-        self.dropped = dropped
-
-    def __reduce__(self) -> tuple[object, tuple[object, ...]]:
-        """Rebuild from the array, which stays read-only."""
-        return type(self), (self.rows, self.dropped)
 
     def __len__(self) -> int:
         """How many rows."""
@@ -74,14 +68,22 @@ class BranchTable:
         """(k, 6) joint angles [rad]: unlimited joints nearest to the seed, others within their limits if possible."""
         return self.rows[:, :6]
 
-    def configuration(self, index: int) -> NDArray[np.float64]:
-        """(6,) `q` of one row, read-only."""
-        return self.rows[index, :6]
+    @property
+    def within_limits(self) -> NDArray[np.bool_]:
+        """(k,) True where every joint is within its limits, exactly."""
+        within = np.equal(self.rows[:, WITHIN_LIMITS], 1.0)
+        within.flags.writeable = False
+        return within
 
     @property
     def margin(self) -> NDArray[np.float64]:
         """(k, 6) distance to the nearer limit [rad]: negative outside, inf for an unlimited joint."""
         return self.rows[:, 6:12]
+
+    @property
+    def distance(self) -> NDArray[np.float64]:
+        """(k,) distance to the seed [rad], Euclidean, circular on unlimited joints."""
+        return self.rows[:, DISTANCE]
 
     @property
     def position_error(self) -> NDArray[np.float64]:
@@ -93,24 +95,65 @@ class BranchTable:
         """(k,) [rad], measured on the model's own joint placements."""
         return self.rows[:, ORIENTATION_ERROR]
 
-    @property
-    def distance(self) -> NDArray[np.float64]:
-        """(k,) Euclidean distance to the seed [rad]."""
-        return self.rows[:, DISTANCE]
 
-    @property
-    def within_limits(self) -> NDArray[np.bool_]:
-        """(k,) whether every joint is within its limits, exactly."""
-        return np.equal(self.rows[:, WITHIN_LIMITS], 1.0)
+class Branches(BranchTable):
+    """Every configuration that reaches a pose, within the limits or not, nearest to the seed first.
+
+    Attributes:
+        dropped: whether a table of the kernels was full, so that branches may be missing.
+        touching: pairs of shapes that touch at each branch; None when the solver does not look.
+    """
+
+    __slots__ = ("dropped", "touching")
+    has_parameter = False
+
+    def __init__(
+        self,
+        rows: NDArray[np.float64],
+        dropped: bool = False,
+        touching: tuple[tuple[tuple[str, str], ...], ...] | None = None,
+    ) -> None:
+        """Make the rows of one target, an array of one's own, read-only."""
+        rows.flags.writeable = False
+        self.rows, self.dropped, self.touching = rows, dropped, touching
+
+    def __reduce__(self) -> tuple[object, tuple[object, ...]]:
+        """Rebuild from the array, which stays read-only."""
+        return type(self), (self.rows, self.dropped, self.touching)
+
+    def __repr__(self) -> str:
+        """How many there are, and how many of them are within the limits."""
+        return f"Branches({len(self)}, {int(self.within_limits.sum())} within the limits)"
 
     def each_within_limits(self) -> Iterator[int]:
-        """The indices of the rows with every joint within its limits, in order."""
+        """The indices of the branches within the limits, in order."""
         return compress(count(), self.rows[:, WITHIN_LIMITS].tolist())
 
     @property
-    def family(self) -> NDArray[np.bool_]:
-        """(k,) whether the branch is a member of a one-parameter family (axes 4 and 6 of a spherical wrist aligned)."""
+    def singular(self) -> NDArray[np.bool_]:
+        """(k,) where a branch stands for a whole self-motion: axes 4 and 6 of a spherical wrist are aligned."""
         return np.equal(self.rows[:, FAMILY], 1.0)
+
+    @property
+    def complete(self) -> bool:
+        """False when a branch stands for a whole self-motion, or when a table of the closed form was full."""
+        return not (self.dropped or self.singular.any())
+
+    @property
+    def q_within_limits(self) -> NDArray[np.float64]:
+        """(m, 6) joint angles [rad] of the branches within the limits."""
+        within = self.q[self.within_limits]
+        within.flags.writeable = False
+        return within
+
+    def nearest(self) -> NDArray[np.float64] | None:
+        """The branch (6,) within the limits [rad] nearest to the seed; None when there is none."""
+        return next((self.rows[index, :6] for index in self.each_within_limits()), None)
+
+    def widest(self) -> NDArray[np.float64] | None:
+        """The branch (6,) within the limits [rad] with the largest limit margin; None when there is none."""
+        indices = list(self.each_within_limits())
+        return self.rows[indices[int(self.margin[indices].min(axis=1).argmax())], :6] if indices else None
 
 
 class BestBranches(BranchTable):
@@ -170,11 +213,7 @@ class ClosedForm:
         Raises:
             StructureError: The axes of the model are not placed as the closed form needs them.
         """
-        geometry = measure(model, frame_id, tool)
-        self._chain = geometry.chain
-        self._arm = geometry.arm
-        self.spherical = geometry.spherical
-        self.misfit = geometry.misfit
+        self._chain, self._arm, self.misfit, self.spherical = measure(model, frame_id, tool)
         self._limits = np.ascontiguousarray([lower, upper, np.full(6, limit_snap)], dtype=np.float64)
         self._limits.flags.writeable = False
         self._calls: list[KernelCall] = []  # idle ones; each thread takes one, or makes one, and puts it back
@@ -190,7 +229,7 @@ class ClosedForm:
         """(7, 3, 4) placements, read-only: pose = C0 Rz(q1) C1 Rz(q2) ... Rz(q6) C6."""
         return self._chain
 
-    def solve_all(self, T: NDArray[np.float64], seed: NDArray[np.float64]) -> BranchTable:
+    def solve_all(self, T: NDArray[np.float64], seed: NDArray[np.float64]) -> Branches:
         """Every branch, nearest to the seed first.
 
         Args:
@@ -199,10 +238,10 @@ class ClosedForm:
         """
         call, rows, count = self._solved(T, seed)
         # A copy: the call's own rows are overwritten by its next run.
-        table = BranchTable(rows[:count].copy()) if count >= 0 else BranchTable(rows[:~count].copy(), dropped=True)
+        found = Branches(rows[:count].copy()) if count >= 0 else Branches(rows[:~count].copy(), dropped=True)
         if call is not None:
             self._calls.append(call)
-        return table
+        return found
 
     def nearest_branch(self) -> NearestBranch:
         """What gives the first of `solve_all`'s branches that is within the limits."""
@@ -225,9 +264,17 @@ class ClosedForm:
         call.seed[0] = seed
         return call, call.rows, call()
 
-    def __reduce__(self) -> tuple[object, tuple[object, ...]]:
+    def __getstate__(self) -> tuple[object, ...]:
         """Pickle the constants; calls are made anew."""
-        return _rebuild, (self._chain, self._arm, self._limits, self.spherical, self.misfit)
+        return self._chain, self._arm, self._limits, self.spherical, self.misfit
+
+    def __setstate__(self, state: Any) -> None:
+        """Take the constants again, read-only."""
+        self._chain, self._arm, self._limits, self.spherical, self.misfit = state
+        for array in self.constants:
+            array.flags.writeable = False
+        self._calls = []
+        KERNELS.prepare()
 
     def solve_batch(self, T: NDArray[np.float64], seed: NDArray[np.float64], threads: int = 1) -> BestBranches:
         """The best branch of each of n targets.
@@ -277,21 +324,14 @@ class NearestBranch:
 
     def __call__(self) -> NDArray[np.float64] | None:
         """The branch, (6,) [rad], an array of the caller's own; None without one."""
-        if self._call is None:
-            self._first_calls()
-        else:
-            self._call()
-        return self._best[:6].copy() if self._best[WITHIN_LIMITS] == 1.0 else None
-
-    def _first_calls(self) -> None:
-        """Run the plain form until there is machine code."""
-        library = KERNELS.for_poses(1)
-        *given, best = self._arrays
-        if library is None:
-            run_python(*given, np.empty((MAX_BRANCHES, COLUMNS)), best)
-        else:
+        if self._call is None and (library := KERNELS.for_poses(1)) is not None:
             self._call = KernelCall(library, *self._arrays)
+        if self._call is not None:
             self._call()
+        else:
+            *given, best = self._arrays
+            run_python(*given, np.empty((MAX_BRANCHES, COLUMNS)), best)
+        return self._best[:6].copy() if self._best[WITHIN_LIMITS] == 1.0 else None
 
 
 def run_python(*arguments: NDArray[np.float64]) -> int:
@@ -299,15 +339,3 @@ def run_python(*arguments: NDArray[np.float64]) -> int:
     chain, arm, limits, T, seed, rows, best = arguments
     with np.errstate(all="ignore"):
         return solve_targets(chain, arm, limits, T, seed, make_work(rows), best)
-
-
-def _rebuild(
-    chain: NDArray[np.float64], arm: NDArray[np.float64], limits: NDArray[np.float64], spherical: bool, misfit: float
-) -> ClosedForm:
-    form = ClosedForm.__new__(ClosedForm)
-    for array in (chain, arm, limits):
-        array.flags.writeable = False
-    form._chain, form._arm, form._limits = chain, arm, limits
-    form.spherical, form.misfit, form._calls = spherical, misfit, []
-    KERNELS.prepare()
-    return form

@@ -1,9 +1,18 @@
-"""`ClosestSearch`: the configuration within the limits that comes closest to a target that is not reached."""
+"""`ClosestSearch`: the configuration within the limits that comes closest to a target that is not reached.
+
+Random configurations are drawn, and the nearest of them descend, together with those that the caller has. After each
+stage the worse ones are dropped, and those that have met. Most minima are reached from many starts, so that the least
+one is seldom missed; `python -m benchmarks.closest` counts how often.
+
+A descent is Newton's method within the limits on a measure of the distance (`Measure`). A step solves a quadratic model
+inside the limits. It is taken when the measure shrinks; otherwise it is damped more, as Levenberg and Marquardt do.
+"""
 
 from __future__ import annotations
 
+import functools
+import math
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -11,15 +20,154 @@ from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.ik import seeds
-from jacokin.ik.diagnosis import Outcome, Reach
-from jacokin.ik.request import Request
+from jacokin.ik.diagnosis import Outcome
 from jacokin.ik.results import IKResult, Status
-from jacokin.ik.targets import RADIAN_IN_METRES, TargetPose
-from jacokin.ik.verification import Effort, Verifier
+from jacokin.ik.targets import RADIAN_IN_METRES, Request, TargetPose
+from jacokin.ik.verification import Candidate, Effort, Verifier
 from jacokin.model import angles
 from jacokin.model.many_configurations import Chain, angle_and_axis, cross
 
 SMALL_ANGLE = 1e-4  # [rad] below it the series of x cot(x) is exact in double precision
+DAMPING = 3e-3  # of the first step, in the unit of the Hessian [m / rad^2]
+LEAST_DAMPING, MOST_DAMPING = 1e-7, 1e4
+LESS_DAMPING, MORE_DAMPING = 0.2, 4.0  # factors after a step that the model predicted well, and badly
+GOOD_MODEL, BAD_MODEL = 0.7, 0.25  # parts of the predicted progress that were made
+LONGEST_STEP = 1.0  # [rad] a quadratic model says nothing beyond
+BOUND_PASSES = 2  # times that joints which pass a limit are held there and the others solved again
+SETTLED = 1e-8  # [m] less progress of the nearest descent in `PATIENCE` steps ends a stage
+PATIENCE = 8
+
+DRAWN = 1000  # random configurations that are measured
+STARTS = 112  # nearest ones that descend
+COARSE = 1e-2  # [m] smoothing of the first stage, which only gets near
+FINE = 1e-6  # [m] smoothing of the others: as much may be missing in the end
+SAME = 1e-2  # [rad] descents nearer than this to each other have met
+
+REACH_SLACK = 1e-3  # [m] more than any tolerance: a bound that can be trusted
+FARTHEST = 10.0  # arm lengths: from there on only the direction to the target matters
+
+
+class DescentStage(NamedTuple):
+    """How the descents go on for a while."""
+
+    convex: bool
+    """On the bound of the measure that is quadratic in the errors: robust, and slow near the end."""
+    smoothing: float
+    """Of the measure [m]."""
+    steps: int
+    """At most."""
+    kept: int
+    """How many descents go on to the next stage."""
+
+
+STAGES = (
+    DescentStage(True, COARSE, steps=6, kept=36),
+    DescentStage(False, FINE, steps=10, kept=12),
+    DescentStage(False, FINE, steps=25, kept=3),
+    DescentStage(False, FINE, steps=80, kept=1),
+)
+
+
+class ClosestSearch:
+    """The search for one robot, frame and tool; immutable, and may be shared between threads."""
+
+    def __init__(self, verifier: Verifier) -> None:
+        """Take the arm; its joints are read when first needed."""
+        self._verifier = verifier
+        self._robot = verifier.robot
+        self._circular = verifier.robot.unlimited & ~verifier.robot.sliding
+
+    @functools.cached_property
+    def reach(self) -> Reach:
+        """What the tool cannot leave."""
+        return Reach(self._verifier)
+
+    @functools.cached_property
+    def _chain(self) -> Chain:
+        return Chain(self._robot, self._verifier.frame_id, self._verifier.tool)
+
+    def solve(
+        self, request: Request, outcome: Outcome, nearby: Sequence[Array], before: Effort | None = None
+    ) -> IKResult:
+        """The closest configuration, or the seed where none is asked for; a success after all if it is one.
+
+        Args:
+            request: what was asked for, with a pose or a position as its target.
+            outcome: why it is not reached.
+            nearby: configurations (dof,) within the limits to descend from, besides the seed and random ones.
+            before: what was tried already; its counts go on.
+        """
+        verifier, target, seed = self._verifier, request.target, request.seed
+        message = request.message(outcome.message)
+        if not request.closest:
+            return verifier.result(Candidate(seed, target, ""), outcome.status, message)
+        found, effort = self.find(self.reach.pulled_in(target), [*nearby, seed], request.generator())
+        if before is not None:
+            effort = Effort(effort.iterations + before.iterations, effort.starts + before.starts, before.qp_solver)
+        q = angles.nearest_copy(found, seed, self._circular)
+        closest = Candidate(q, target, "found while looking for the closest configuration", effort=effort)
+        result = verifier.select([closest], request, "")
+        if result is not None and result.success:
+            return result
+        return verifier.result(closest, outcome.status, message, touching=verifier.touching(q))
+
+    def find(self, target: TargetPose, first: Sequence[Array], rng: np.random.Generator) -> tuple[Array, Effort]:
+        """The configuration (dof,) within the limits of the least measure that descents end in, and what they took.
+
+        Args:
+            target: what to come close to.
+            first: configurations (dof,) within the limits to descend from in any case.
+            rng: draws the others.
+        """
+        measure = Measure(self._chain, target)
+        drawn = seeds.random_configurations(self._robot, DRAWN, rng)
+        state = begin(np.vstack([*first, drawn[np.argsort(measure.exact(drawn))[:STARTS]]]))
+        starts, steps = len(state.q), 0
+        for stage in STAGES:
+            taken, state = descend(measure, state, stage, self._robot.lower, self._robot.upper)
+            steps += taken * len(state.q)
+            state = state.at(self._nearest(state.q, measure.exact(state.q), stage.kept))
+        return state.q[0], Effort(steps, starts)
+
+    def _nearest(self, q: Array, value: Array, most: int) -> NDArray[np.intp]:
+        """The configurations with the least measure that differ from each other, the least one first."""
+        chosen: list[int] = []
+        for index in np.argsort(value).tolist():
+            apart = angles.nearest_copy(q[chosen], q[index], self._circular) - q[index]
+            if (np.abs(apart).max(axis=1) > SAME).all():
+                chosen.append(index)
+                if len(chosen) == most:
+                    break
+        return np.array(chosen)
+
+
+class Reach:
+    """A ball around the origin of joint 1 that the tool cannot leave: the links laid end to end."""
+
+    def __init__(self, verifier: Verifier) -> None:
+        """Add up the links; the radius is infinite when a sliding joint has no limits."""
+        model, robot = verifier.robot.pin_model, verifier.robot
+        lengths = [float(np.linalg.norm(model.jointPlacements[joint].translation)) for joint in range(2, model.njoints)]
+        placed = model.frames[verifier.frame_id].placement
+        tip = placed if verifier.tool is None else placed * verifier.tool
+        lengths.append(float(np.linalg.norm(tip.translation)))
+        lengths.extend(np.maximum(np.abs(robot.lower), np.abs(robot.upper))[robot.sliding].tolist())
+        self._shoulder: Array = np.array(model.jointPlacements[1].translation)
+        self._radius = sum(lengths)
+
+    def exceeded(self, target: TargetPose) -> Outcome | None:
+        """When the target is provably out of reach, whatever the joint angles."""
+        if math.hypot(*(target.position - self._shoulder).tolist()) <= self._radius + REACH_SLACK:
+            return None
+        return Outcome(Status.UNREACHABLE, "the target is farther away than the arm is long")
+
+    def pulled_in(self, target: TargetPose) -> TargetPose:
+        """A target very far away, moved along the line of sight to where its errors are still exact to a micrometre."""
+        away = target.position - self._shoulder
+        distance = math.hypot(*away.tolist())
+        if not distance > FARTHEST * self._radius:
+            return target
+        return target.moved_to(self._shoulder + away / distance * (FARTHEST * self._radius))
 
 
 class Points(NamedTuple):
@@ -66,10 +214,25 @@ class Duals(NamedTuple):
 
 
 class Measure:
-    """The measure of one chain and target."""
+    """The distance of a configuration to a target, with its first and second derivatives, for many at once.
+
+    The measure is |p| + w |a|: position error p [m], weight w [m/rad], rotation vector a of the orientation error
+    [rad]. It has a kink where either vanishes, and its minima often lie there: the position exactly met, the
+    orientation not, or the other way round. With |x| = sqrt(x x + e e) the kinks are smooth but sharp, and Newton's
+    method overshoots.
+    So the unit vectors u = p / |p| and v = a / |a| are kept as unknowns of their own, in which the equations u |p| = p
+    are nearly linear: the primal-dual Newton method of Chan, Golub and Mulet (A nonlinear primal-dual method for total
+    variation-based image restoration, SIAM J. Sci. Comput. 20(6), 1999). At a kink u and v are the multipliers.
+
+    Second derivatives, for joint i at or before joint j (axes z, linear velocities l of the tool, both at unit rate):
+
+        of the position                 z_i x l_j
+        of the rotation, composed       (z_i x z_j) / 2, from the product of exponentials
+        of the angle, by a rotation     (1 - n n^T) cot(angle / 2) / 2
+    """
 
     def __init__(self, chain: Chain, target: TargetPose) -> None:
-        """Take over the target; a free orientation weighs nothing."""
+        """Take the target; a free orientation weighs nothing."""
         self._chain = chain
         self._target = target
         self._weight = 0.0 if target.position_only else RADIAN_IN_METRES
@@ -167,30 +330,7 @@ def _symmetric(a: Array, b: Array) -> Array:
     return np.asarray(0.5 * (product + product.transpose(0, 2, 1)))
 
 
-DAMPING = 3e-3  # of the first step, in the unit of the Hessian [m / rad^2]
-LEAST_DAMPING, MOST_DAMPING = 1e-7, 1e4
-LESS_DAMPING, MORE_DAMPING = 0.2, 4.0  # factors after a step that the model foretold well, and badly
-GOOD_MODEL, BAD_MODEL = 0.7, 0.25  # parts of the foretold progress that were made
-LONGEST_STEP = 1.0  # [rad] a quadratic model says nothing beyond
-BOUND_PASSES = 2  # times that joints which pass a limit are held there and the others solved again
-SETTLED = 1e-8  # [m] less progress of the nearest descent in `PATIENCE` steps ends a stage
-PATIENCE = 8
-
-
-class Stage(NamedTuple):
-    """How the descents go on for a while."""
-
-    convex: bool
-    """On the bound of the measure that is quadratic in the errors: robust, and slow near the end."""
-    smoothing: float
-    """Of the measure [m]."""
-    steps: int
-    """At most."""
-    kept: int
-    """How many descents go on to the next stage."""
-
-
-class State(NamedTuple):
+class DescentState(NamedTuple):
     """What k descents go on with."""
 
     q: Array
@@ -200,18 +340,20 @@ class State(NamedTuple):
     damping: Array
     """(k,)."""
 
-    def at(self, rows: NDArray[np.intp]) -> State:
+    def at(self, rows: NDArray[np.intp]) -> DescentState:
         """Some of the descents."""
         duals = None if self.duals is None else Duals(*(column[rows] for column in self.duals))
-        return State(self.q[rows], duals, self.damping[rows])
+        return DescentState(self.q[rows], duals, self.damping[rows])
 
 
-def begin(q: Array) -> State:
+def begin(q: Array) -> DescentState:
     """Descents from configurations (k, dof)."""
-    return State(q, None, np.full(len(q), DAMPING))
+    return DescentState(q, None, np.full(len(q), DAMPING))
 
 
-def descend(measure: Measure, state: State, stage: Stage, lower: Array, upper: Array) -> tuple[int, State]:
+def descend(
+    measure: Measure, state: DescentState, stage: DescentStage, lower: Array, upper: Array
+) -> tuple[int, DescentState]:
     """The descents after the steps of a stage, and how many steps those were."""
     points = measure.points(state.q, stage.smoothing, state.duals, convex=stage.convex)
     duals = state.duals or Duals(points.position, points.rotation)
@@ -221,14 +363,14 @@ def descend(measure: Measure, state: State, stage: Stage, lower: Array, upper: A
     for taken in range(stage.steps):
         best.append(float(points.value.min()))
         if best[-1 - PATIENCE] - best[-1] < SETTLED:
-            return taken, State(points.q, duals, damping)
+            return taken, DescentState(points.q, duals, damping)
         step = _bounded_step(points, curvature, damping, lower, upper)
         moved = np.clip(points.q + step, lower, upper)
         step = moved - points.q
         new_duals = duals_after(points, duals, step)
         new = measure.points(moved, stage.smoothing, new_duals, convex=stage.convex)
-        foretold = -(points.gradient * step).sum(1) - 0.5 * ((step[:, None] @ curvature)[:, 0] * step).sum(1)
-        ratio = (points.value - new.value) / np.maximum(foretold, 1e-300)
+        predicted = -(points.gradient * step).sum(1) - 0.5 * ((step[:, None] @ curvature)[:, 0] * step).sum(1)
+        ratio = (points.value - new.value) / np.maximum(predicted, 1e-300)
         better = new.value < points.value
         points = points.updated(better, new)
         duals = Duals(*(np.where(better[:, None], new, old) for old, new in zip(duals, new_duals, strict=True)))
@@ -237,10 +379,10 @@ def descend(measure: Measure, state: State, stage: Stage, lower: Array, upper: A
         damping = np.where(ratio < BAD_MODEL, np.minimum(MORE_DAMPING * damping, MOST_DAMPING), damping)
     if stage.convex:  # its damping and vectors mean little to the measure itself
         return stage.steps, begin(points.q)
-    return stage.steps, State(points.q, duals, damping)
+    return stage.steps, DescentState(points.q, duals, damping)
 
 
-def _positive(hessian: Array, stage: Stage) -> Array:
+def _positive(hessian: Array, stage: DescentStage) -> Array:
     """Hessians with their eigenvalues made positive: saddle points repel."""
     if stage.convex:
         return hessian
@@ -269,100 +411,3 @@ def _bounded_step(points: Points, curvature: Array, damping: Array, lower: Array
         held = held | past
     longest = np.abs(step).max(axis=1, keepdims=True)
     return np.asarray(step * np.minimum(1.0, LONGEST_STEP / np.maximum(longest, 1e-300)))
-
-
-DRAWN = 1000  # random configurations that are measured
-STARTS = 112  # nearest ones that descend
-COARSE = 1e-2  # [m] smoothing of the first stage, which only gets near
-FINE = 1e-6  # [m] smoothing of the others: as much may be missing in the end
-STAGES = (
-    Stage(True, COARSE, steps=6, kept=36),
-    Stage(False, FINE, steps=10, kept=12),
-    Stage(False, FINE, steps=25, kept=3),
-    Stage(False, FINE, steps=80, kept=1),
-)
-SAME = 1e-2  # [rad] descents nearer than this to each other have met
-
-
-class Closest(NamedTuple):
-    """Where a search ended, and what it took."""
-
-    q: Array
-    """(dof,) within the limits [rad]."""
-    iterations: int
-    """Steps of all descents."""
-    starts: int
-    """Descents."""
-    qp_solver: str | None = None
-    """The solver that was tried before."""
-
-
-class ClosestSearch:
-    """The search for one robot, frame and tool; immutable, and may be shared between threads.
-
-    Attributes:
-        reach: what the tool cannot leave.
-    """
-
-    def __init__(self, verifier: Verifier) -> None:
-        """Read the joints of the robot."""
-        self.reach = Reach(verifier)
-        self._verifier = verifier
-        self._robot = verifier.robot
-        self._circular = verifier.robot.unlimited & ~verifier.robot.sliding
-        self._chain = Chain(verifier.robot, verifier.frame_id, verifier.tool)
-
-    def result(
-        self, request: Request, outcome: Outcome, nearby: Sequence[Array], before: Effort | None = None
-    ) -> IKResult:
-        """The closest configuration; a success after all if it meets the tolerances.
-
-        Args:
-            request: what was asked for.
-            outcome: why it is not reached.
-            nearby: configurations (dof,) within the limits to descend from, besides the seed and random ones.
-            before: what was tried already; its counts go on.
-        """
-        verifier, target = self._verifier, request.target
-        found = self.find(self.reach.pulled_in(target), [*nearby, request.seed], request.generator())
-        if before is not None:
-            counts = found.iterations + before.iterations, found.starts + before.starts
-            found = Closest(found.q, *counts, before.qp_solver)
-        q = angles.nearest_copy(found.q, request.seed, self._circular)
-        errors, touching = verifier.measure(q, target), verifier.touching(q)
-        result = verifier.result(
-            q, outcome.status, errors, request.message(outcome.message), effort=found, touching=touching
-        )
-        if verifier.reached(q, errors) and not (touching and verifier.rejects_contact):
-            message = request.message("found while looking for the closest configuration")
-            return replace(result, status=Status.OK, message=message)
-        return result
-
-    def find(self, target: TargetPose, first: Sequence[Array], rng: np.random.Generator) -> Closest:
-        """The least measure that the descents end in.
-
-        Args:
-            target: what to come close to.
-            first: configurations (dof,) within the limits to descend from in any case.
-            rng: draws the others.
-        """
-        measure = Measure(self._chain, target)
-        drawn = seeds.random_configurations(self._robot, DRAWN, rng)
-        state = begin(np.vstack([*first, drawn[np.argsort(measure.exact(drawn))[:STARTS]]]))
-        starts, steps = len(state.q), 0
-        for stage in STAGES:
-            taken, state = descend(measure, state, stage, self._robot.lower, self._robot.upper)
-            steps += taken * len(state.q)
-            state = state.at(self._nearest(state.q, measure.exact(state.q), stage.kept))
-        return Closest(state.q[0], steps, starts)
-
-    def _nearest(self, q: Array, value: Array, most: int) -> NDArray[np.intp]:
-        """The configurations with the least measure that differ from each other, the least one first."""
-        chosen: list[int] = []
-        for index in np.argsort(value).tolist():
-            apart = angles.nearest_copy(q[chosen], q[index], self._circular) - q[index]
-            if (np.abs(apart).max(axis=1) > SAME).all():
-                chosen.append(index)
-                if len(chosen) == most:
-                    break
-        return np.array(chosen)

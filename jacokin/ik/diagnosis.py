@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -12,14 +11,9 @@ from jacokin.arrays import Array
 from jacokin.ik.results import Status
 
 if TYPE_CHECKING:
-    from jacokin.ik.closed_form import BranchTable
-    from jacokin.ik.qp import Attempt
-    from jacokin.ik.targets import TargetPose
-    from jacokin.ik.verification import Verifier
+    from jacokin.ik.closed_form import Branches
 
 NAMED_PAIRS = 3  # in a message; the result's `touching` has all
-REACH_SLACK = 1e-3  # [m] more than any tolerance: a bound that can be trusted
-FARTHEST = 10.0  # arm lengths: from there on only the direction to the target matters
 
 
 class Outcome(NamedTuple):
@@ -29,8 +23,8 @@ class Outcome(NamedTuple):
     message: str
 
 
-class Mildest(NamedTuple):
-    """Of everything that reaches a target, what breaks limits least."""
+class LimitExcess(NamedTuple):
+    """A configuration that reaches a target, and by how much it is beyond the limits."""
 
     q: Array
     """(dof,) moved onto the limits it breaks [rad]."""
@@ -40,7 +34,7 @@ class Mildest(NamedTuple):
     """Value of the free parameter [rad]."""
 
 
-def of_branches(rows: BranchTable, joint_names: Sequence[str]) -> Outcome:
+def explain_branches(rows: Branches, joint_names: Sequence[str]) -> Outcome:
     """When no branch of the closed form is a success: there is none, or each breaks a limit, or some may be missing."""
     if rows.dropped:
         return Outcome(
@@ -57,51 +51,53 @@ def of_branches(rows: BranchTable, joint_names: Sequence[str]) -> Outcome:
             f"{rows.orientation_error[within].min():.3g} rad, which is rounding and more than the tolerances allow",
         )
     excess = np.maximum(-rows.margin, 0.0)
-    broken = _broken(joint_names, excess[np.argmin(excess.max(axis=1))])
+    exceeded = _exceeded(joint_names, excess[np.argmin(excess.max(axis=1))])
     return Outcome(
-        Status.OUTSIDE_LIMITS, f"each of the {len(rows)} branches breaks a limit; the mildest breaks {broken}"
+        Status.OUTSIDE_LIMITS,
+        f"each of the {len(rows)} branches is outside the limits; the closest one exceeds {exceeded}",
     )
 
 
-def of_family(complete: bool, branches: int, mildest: Mildest | None, joint_names: Sequence[str]) -> Outcome:
+def explain_family(complete: bool, branches: int, least: LimitExcess | None, joint_names: Sequence[str]) -> Outcome:
     """When no member of a family is a success: nothing reaches the target, or every branch breaks a limit throughout.
 
     Args:
         complete: whether nothing is missing in the family.
         branches: how many there are.
-        mildest: where they come nearest to the limits; None without branches.
+        least: where they come nearest to the limits; None without branches.
         joint_names: (dof,).
     """
     if not complete:
         return Outcome(
-            Status.NO_CONVERGENCE, f"none of the {branches} branches found is within the limits, and some are lost"
+            Status.NO_CONVERGENCE,
+            f"none of the {branches} branches found is within the limits, and some curves were lost",
         )
-    if mildest is None:
+    if least is None:
         return Outcome(Status.UNREACHABLE, "no configuration reaches the target, whatever the parameter and the limits")
-    broken = _broken(joint_names, mildest.excess)
+    exceeded = _exceeded(joint_names, least.excess)
     return Outcome(
         Status.OUTSIDE_LIMITS,
-        f"each of the {branches} branches breaks a limit wherever the parameter is; the mildest breaks {broken}, "
-        f"at parameter {mildest.parameter:.6g} rad",
+        f"each of the {branches} branches is outside the limits for every value of the parameter; the closest one "
+        f"exceeds {exceeded}, at parameter {least.parameter:.6g} rad",
     )
 
 
-def _broken(joint_names: Sequence[str], excess: Array) -> str:
+def _exceeded(joint_names: Sequence[str], excess: Array) -> str:
     """Which joints are beyond their limits, and by how much."""
-    return ", ".join(
+    return "the limits of " + ", ".join(
         f"{name} by {by:.6g} rad" for name, by in zip(joint_names, excess.tolist(), strict=True) if by > 0.0
     )
 
 
-def of_descents(attempt: Attempt) -> Outcome:
+def explain_descents(starts: int, *, failed: bool) -> Outcome:
     """When no descent of the QP reaches the target: that proves nothing, unless the solver itself failed."""
-    if attempt.failed:
+    if failed:
         return Outcome(Status.SOLVER_ERROR, "no QP solver solved the step")
-    return Outcome(Status.NO_CONVERGENCE, f"{attempt.starts} starts ended in local minima")
+    return Outcome(Status.NO_CONVERGENCE, f"{starts} starts ended in local minima")
 
 
-def of_contact(what: str, nearest: Sequence[tuple[str, str]]) -> Outcome:
-    """When every configuration that reaches the target is in self-contact.
+def explain_contact(what: str, nearest: Sequence[tuple[str, str]]) -> str:
+    """When every configuration that reaches the target is in contact: the message that goes with IN_COLLISION.
 
     Args:
         what: which configurations those are, and which one is named.
@@ -109,9 +105,7 @@ def of_contact(what: str, nearest: Sequence[tuple[str, str]]) -> Outcome:
     """
     named = ", ".join(f"{a} and {b}" for a, b in nearest[:NAMED_PAIRS])
     more = len(nearest) - NAMED_PAIRS
-    return Outcome(
-        Status.IN_COLLISION, f"{what} at {named} and {more} more pairs" if more > 0 else f"{what} at {named}"
-    )
+    return f"{what} at {named} and {more} more pair{'s' if more > 1 else ''}" if more > 0 else f"{what} at {named}"
 
 
 def diagnose_posture(within_limits: bool, touching: Sequence[tuple[str, str]]) -> Status:
@@ -119,32 +113,3 @@ def diagnose_posture(within_limits: bool, touching: Sequence[tuple[str, str]]) -
     if not within_limits:
         return Status.OUTSIDE_LIMITS
     return Status.IN_COLLISION if touching else Status.OK
-
-
-class Reach:
-    """A ball around the origin of joint 1 that the tool cannot leave: the links laid end to end."""
-
-    def __init__(self, verifier: Verifier) -> None:
-        """Add up the links; the radius is infinite when a sliding joint has no limits."""
-        model, robot = verifier.robot.pin_model, verifier.robot
-        lengths = [float(np.linalg.norm(model.jointPlacements[joint].translation)) for joint in range(2, model.njoints)]
-        placed = model.frames[verifier.frame_id].placement
-        tip = placed if verifier.tool is None else placed * verifier.tool
-        lengths.append(float(np.linalg.norm(tip.translation)))
-        lengths.extend(np.maximum(np.abs(robot.lower), np.abs(robot.upper))[robot.sliding].tolist())
-        self._shoulder: Array = np.array(model.jointPlacements[1].translation)
-        self._radius = sum(lengths)
-
-    def exceeded(self, target: TargetPose) -> Outcome | None:
-        """When the target is provably out of reach, whatever the joint angles."""
-        if math.hypot(*(target.position - self._shoulder).tolist()) <= self._radius + REACH_SLACK:
-            return None
-        return Outcome(Status.UNREACHABLE, "the target is farther away than the arm is long")
-
-    def pulled_in(self, target: TargetPose) -> TargetPose:
-        """A target very far away, moved along the line of sight to where its errors are still exact to a micrometre."""
-        away = target.position - self._shoulder
-        distance = math.hypot(*away.tolist())
-        if not distance > FARTHEST * self._radius:
-            return target
-        return target.moved_to(self._shoulder + away / distance * (FARTHEST * self._radius))

@@ -1,9 +1,12 @@
-"""Chains of revolute joints out of a Pinocchio model, and checks of how their axes stand to each other."""
+"""Measure, on a Pinocchio model, whether the closed form applies, and the few numbers it needs.
+
+The letters are those of ``docs/closed_form.md``: axes ``w1 .. w6``, the points ``O`` (axes 1 and 2), ``C``
+(axes 3 and 4), ``B`` (axes 4 and 5), ``A`` (axes 5 and 6), all at q = 0 in the base frame.
+"""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -65,34 +68,43 @@ def _align_z(joint: pin.JointModel, name: str) -> NDArray[np.float64]:
         axis = np.asarray(joint.extract().axis, dtype=np.float64).reshape(3)
     else:
         raise StructureError(f"the closed form needs revolute joints; joint {name!r} is a {kind}", (name, name))
-    if axis[2] == 1.0:
-        return np.eye(3)
-    x = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
+    return np.eye(3) if axis[2] == 1.0 else frame_with_z(axis)
+
+
+def frame_with_z(z: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A rotation (3, 3) whose third column is a unit vector (3,)."""
+    x = np.cross(z, np.eye(3)[int(np.argmin(np.abs(z)))])
     x /= np.linalg.norm(x)
-    return np.column_stack([x, np.cross(axis, x), axis])
+    return np.column_stack([x, np.cross(z, x), z])
 
 
-def axes_at_zero(
-    chain: NDArray[np.float64],
-) -> tuple[list[NDArray[np.float64]], list[NDArray[np.float64]], NDArray[np.float64]]:
-    """Axes and joint origins at q = 0 in the base frame, and the (3, 4) home pose of the solved frame."""
+def frames_at_zero(chain: NDArray[np.float64]) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    """Rotation (3, 3) and origin (3,) of every joint at q = 0 in the base, z along its axis; last the solved frame."""
     rotation, position = np.eye(3), np.zeros(3)
-    axes, points = [], []
-    for i in range(len(chain)):
-        position = position + rotation @ chain[i, :, 3]
-        rotation = rotation @ chain[i, :, :3]
-        if i < len(chain) - 1:
-            axes.append(rotation[:, 2].copy())
-            points.append(position.copy())
-    return axes, points, np.column_stack([rotation, position])
+    frames = []
+    for placement in chain:
+        position = position + rotation @ placement[:, 3]
+        rotation = rotation @ placement[:, :3]
+        frames.append((rotation, position))
+    return frames
 
 
 class StructureCheck:
-    """Measures pairs of axes, keeps the worst misfit, and raises with the names of the pair."""
+    """Measures pairs of axes at q = 0, keeps the worst misfit, and raises with the names of the pair.
 
-    def __init__(self, names: list[str], w: list[NDArray[np.float64]], points: list[NDArray[np.float64]]) -> None:
-        """Take the names of the joints, their axes and their origins at q = 0."""
-        self._names, self._w, self._points = names, w, points
+    Attributes:
+        frames: rotation (3, 3) and origin (3,) of each joint in the base.
+        axes: (3,) unit vectors in the base, one for each joint.
+        home: rotation and position of the solved frame.
+        worst: the largest misfit so far [m or rad].
+    """
+
+    def __init__(self, model: pin.Model, chain: NDArray[np.float64]) -> None:
+        """Place the joints of a chain, which have the names of a model's."""
+        self._names = [str(name) for name in list(model.names)[1:]]
+        *self.frames, self.home = frames_at_zero(chain)
+        self.axes = [rotation[:, 2].copy() for rotation, _ in self.frames]
+        self._points = [position for _, position in self.frames]
         self.worst = 0.0
 
     def _check(self, i: int, j: int, misfit: float, unit: str, wanted: str) -> None:
@@ -112,31 +124,31 @@ class StructureCheck:
 
     def angle(self, i: int, j: int, degrees: float) -> None:
         """Axes i and j must enclose this angle."""
-        sine = np.linalg.norm(np.cross(self._w[i], self._w[j]))
-        angle = np.arctan2(sine, self._w[i] @ self._w[j])
+        sine = np.linalg.norm(np.cross(self.axes[i], self.axes[j]))
+        angle = np.arctan2(sine, self.axes[i] @ self.axes[j])
         self._check(i, j, abs(float(angle) - np.radians(degrees)), "rad", f"the axes must enclose {degrees:g} deg")
 
     def parallel(self, i: int, j: int) -> float:
         """Axes i and j must be parallel (1.0) or antiparallel (-1.0)."""
-        sine = float(np.linalg.norm(np.cross(self._w[i], self._w[j])))
+        sine = float(np.linalg.norm(np.cross(self.axes[i], self.axes[j])))
         self._check(i, j, sine, "rad", "the axes must be parallel")
-        return 1.0 if self._w[i] @ self._w[j] > 0.0 else -1.0
+        return 1.0 if self.axes[i] @ self.axes[j] > 0.0 else -1.0
 
     def twist(self, i: int, j: int) -> None:
         """Axes i and j must be clearly not parallel."""
-        sine = float(np.linalg.norm(np.cross(self._w[i], self._w[j])))
+        sine = float(np.linalg.norm(np.cross(self.axes[i], self.axes[j])))
         if sine < np.sin(SMALLEST_TWIST):
             self._refuse(i, j, sine, "rad", f"the axes must not be parallel; they enclose {np.arcsin(sine):.3g} rad")
 
     def meet(self, i: int, j: int) -> NDArray[np.float64]:
         """The point where axes i and j meet: the middle of their common perpendicular."""
-        normal = np.cross(self._w[i], self._w[j])
+        normal = np.cross(self.axes[i], self.axes[j])
         normal /= np.linalg.norm(normal)
         between = self._points[j] - self._points[i]
         self._check(i, j, abs(float(between @ normal)), "m", "the axes must meet")
-        along = np.linalg.solve(np.column_stack([self._w[i], -self._w[j], normal]), between)
-        first = self._points[i] + along[0] * self._w[i]
-        second = self._points[j] + along[1] * self._w[j]
+        along = np.linalg.solve(np.column_stack([self.axes[i], -self.axes[j], normal]), between)
+        first = self._points[i] + along[0] * self.axes[i]
+        second = self._points[j] + along[1] * self.axes[j]
         return np.asarray(0.5 * (first + second), dtype=np.float64)
 
     def same_point(self, i: int, j: int, first: NDArray[np.float64], second: NDArray[np.float64]) -> None:
@@ -150,21 +162,18 @@ class StructureCheck:
             self._refuse(i, j, length, "m", f"{what} is {length:.3g} m; it must be at least {SMALLEST_LENGTH:g} m")
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Geometry:
-    """What the kernels know about an arm, as flat read-only arrays.
-
-    Attributes:
-        chain: (7, 3, 4) [-, m]; pose = chain[0] Rz(q1) chain[1] Rz(q2) ... Rz(q6) chain[6], exactly the model's.
-        arm: (39,) the constants of the closed form, in the order of ``kernels.arm.unpack_arm``.
-        spherical: axes 4, 5 and 6 meet in one point.
-        misfit: the largest deviation from the structure found [m or rad].
-    """
+class Geometry(NamedTuple):
+    """What the kernels know about an arm, as flat read-only arrays."""
 
     chain: NDArray[np.float64]
+    """(dof + 1, 3, 4) [-, m]; pose = chain[0] Rz(q1) chain[1] Rz(q2) ... chain[dof], exactly the model's."""
     arm: NDArray[np.float64]
-    spherical: bool
+    """Six joints: (39,) the constants of the closed form, in the order of ``kernels.closed_form.arm.unpack_arm``.
+    Seven: (12,) W in the tool frame, O in the base, O after joint 2, W after joint 4, see ``self_motion.seven`` [m]."""
     misfit: float
+    """The largest deviation from the structure found [m or rad]."""
+    spherical: bool
+    """Whether the axes of the last three joints meet in one point."""
 
 
 def measure(model: pin.Model, frame_id: int, tool: pin.SE3 | None = None) -> Geometry:
@@ -180,9 +189,8 @@ def measure(model: pin.Model, frame_id: int, tool: pin.SE3 | None = None) -> Geo
             perpendicular where the closed form needs it; names the joints and the misfit.
     """
     chain = chain_of(model, frame_id, tool, 6)
-    names = [str(name) for name in list(model.names)[1:]]
-    w, points, home = axes_at_zero(chain)
-    check = StructureCheck(names, w, points)
+    check = StructureCheck(model, chain)
+    w, (R_home, p_home) = check.axes, check.home
 
     check.angle(0, 1, 90.0)
     origin = check.meet(0, 1)
@@ -203,7 +211,6 @@ def measure(model: pin.Model, frame_id: int, tool: pin.SE3 | None = None) -> Geo
     # Shoulder frame: x = w3 x w1, y = w3, z = w1. Wrist frame: x = e, y = f, z = w5 with w4 in the x, z plane.
     S = _orthonormal(w[0], w[2])
     E = _orthonormal(w[4], np.cross(w[4], w[3]))
-    R_home, p_home = home[:, :3], home[:, 3]
     cos_a = float(np.clip(w[3] @ w[4], -1.0, 1.0))
     C_s, w4_s, w3_w = S @ (C - origin), S @ w[3], E @ w[2]
     w4_w = E @ w[3]
@@ -229,7 +236,7 @@ def measure(model: pin.Model, frame_id: int, tool: pin.SE3 | None = None) -> Geo
     ).astype(np.float64)
     chain.flags.writeable = False
     arm.flags.writeable = False
-    return Geometry(chain=chain, arm=arm, spherical=spherical, misfit=check.worst)
+    return Geometry(chain, arm, check.worst, spherical)
 
 
 def _orthonormal(z: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -239,18 +246,7 @@ def _orthonormal(z: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.f
     return np.vstack([np.cross(y, z), y, z])
 
 
-class SevenJointGeometry(NamedTuple):
-    """What the kernels know about an arm, as flat read-only arrays."""
-
-    chain: NDArray[np.float64]
-    """(8, 3, 4) [-, m]; pose = chain[0] Rz(q1) chain[1] Rz(q2) ... Rz(q7) chain[7], exactly the model's."""
-    arm: NDArray[np.float64]
-    """(12,) W in the tool frame, O in the base, O after joint 2, W after joint 4, see `curves.seven` [m]."""
-    misfit: float
-    """The largest deviation from the structure found [m or rad]."""
-
-
-def measure_seven(model: pin.Model, frame_id: int, tool: pin.SE3 | None = None) -> SevenJointGeometry:
+def measure_seven(model: pin.Model, frame_id: int, tool: pin.SE3 | None = None) -> Geometry:
     """Measure the structure of a seven-joint arm: axes 1 and 2 meet in O, axes 5, 6 and 7 in W.
 
     Args:
@@ -262,28 +258,16 @@ def measure_seven(model: pin.Model, frame_id: int, tool: pin.SE3 | None = None) 
         StructureError: The model is no such chain, or a pair of axes does not meet; names the joints and the misfit.
     """
     chain = chain_of(model, frame_id, tool, 7)
-    names = [str(name) for name in list(model.names)[1:]]
-    axes, points, home = axes_at_zero(chain)
-    check = StructureCheck(names, axes, points)
+    check = StructureCheck(model, chain)
     for i in range(6):
         check.twist(i, i + 1)
     S = check.meet(0, 1)
     W = check.meet(4, 5)
     check.same_point(5, 6, W, check.meet(5, 6))
-    R2, p2 = _after(chain, 2)
-    R4, p4 = _after(chain, 4)
-    lever = float(np.linalg.norm(np.cross(axes[3], W - points[3])))
+    (R2, p2), (R4, p4), (R_home, p_home) = check.frames[1], check.frames[3], check.home
+    lever = float(np.linalg.norm(np.cross(check.axes[3], W - p4)))
     check.long_enough(3, 4, lever, "the distance from axis 4 to the wrist")
-    arm = np.concatenate([home[:, :3].T @ (W - home[:, 3]), S, R2.T @ (S - p2), R4.T @ (W - p4)])
+    arm = np.concatenate([R_home.T @ (W - p_home), S, R2.T @ (S - p2), R4.T @ (W - p4)])
     chain.flags.writeable = False
     arm.flags.writeable = False
-    return SevenJointGeometry(chain, arm, check.worst)
-
-
-def _after(chain: NDArray[np.float64], joints: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Rotation and origin of the frame after so many joints at q = 0."""
-    rotation, position = np.eye(3), np.zeros(3)
-    for i in range(joints):
-        position = position + rotation @ chain[i, :, 3]
-        rotation = rotation @ chain[i, :, :3]
-    return rotation, position
+    return Geometry(chain, arm, check.worst, spherical=True)

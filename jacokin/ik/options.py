@@ -24,7 +24,7 @@ POSITION_TOLERANCE = 1e-6
 ORIENTATION_TOLERANCE = 1e-6
 #: [m] The tracker is on its target this near: well below what is visible, well above what one tick of rounding adds.
 TRACKING_POSITION_TOLERANCE = 1e-4
-#: [rad] The same for the orientation, by the weight of a radian (`pose_error`).
+#: [rad] The same for the orientation, by the weight of a radian (`targets.RADIAN_IN_METRES`).
 TRACKING_ORIENTATION_TOLERANCE = 1e-3
 #: [rad] A branch on a limit comes out of rounding up to this far past it, and is put on the limit.
 LIMIT_SNAP = 1e-9
@@ -33,7 +33,7 @@ MAX_RESTARTS = 100
 
 
 @dataclass(frozen=True, slots=True)
-class Options:
+class SolverOptions:
     """The options of a solver, checked; see `IKSolver`.
 
     Raises:

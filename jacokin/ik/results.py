@@ -2,23 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field, fields, make_dataclass
+from dataclasses import dataclass, fields, make_dataclass
 from enum import Enum
-from typing import TYPE_CHECKING, ParamSpec, Self, TypeVar
+from typing import Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import SolveError
-from jacokin.model import checks
-
-if TYPE_CHECKING:
-    from jacokin.ik.closed_form import BranchTable
-
-Values = ParamSpec("Values")
-Made = TypeVar("Made")
 
 
 class Frozen:
@@ -29,24 +21,6 @@ class Frozen:
     def __reduce__(self) -> tuple[object, tuple[object, ...]]:
         """Rebuild from the fields."""
         return _rebuilt, (type(self), *(getattr(self, field.name) for field in fields(self)))  # type: ignore[arg-type]  # every subclass is a dataclass
-
-
-def quick(kind: Callable[Values, Made]) -> Callable[Values, Made]:
-    """What makes instances of a frozen dataclass with slots in a fifth of the time that calling it takes.
-
-    Calling it sets one field after the other through `object.__setattr__`. This fills an instance of a twin that is not
-    frozen and then makes it one of the class itself, which Python allows where both have the same slots.
-    """
-    assert isinstance(kind, type)
-    columns = [(each.name, each.type, field(default=each.default)) for each in fields(kind)]
-    twin = make_dataclass(kind.__name__, columns, bases=kind.__bases__, slots=True, eq=False)
-
-    def make(*values: Values.args, **named: Values.kwargs) -> Made:
-        made: Made = twin(*values, **named)
-        made.__class__ = kind
-        return made
-
-    return make
 
 
 def _rebuilt(kind: type, *values: object) -> object:
@@ -139,81 +113,48 @@ class IKResult(Frozen):
         )
 
 
-ik_result = quick(IKResult)
+#: `IKResult` while it is filled, not frozen yet: it takes a third of the time, and changes its class when it is done.
+IKResultDraft = make_dataclass(
+    "IKResult", [(each.name, each.type) for each in fields(IKResult)], bases=(Frozen,), slots=True, eq=False
+)
 
 
-class Branches:
-    """Every configuration that reaches a pose, nearest to the seed first. Arrays are read-only.
+class Solutions(Protocol):
+    """Everything that reaches a target, as `IKSolver.solve_all` gives it: `Branches`, or a `Family`.
 
-    Solving takes tens of microseconds, so the columns are cut out of one table when they are asked for.
+    A pose of six joints has branches. Where a parameter is free (the angle about an axis of the tool, joint 3 of a
+    seven-joint arm) each branch is a curve, of which intervals of the parameter are within the limits: a family. Both
+    can be read in one way: as k configurations, each a branch, or the member of an interval nearest to the seed.
     """
 
-    __slots__ = ("_rows", "_touching")
+    @property
+    def has_parameter(self) -> bool:
+        """Whether this is a `Family`, with intervals of a free parameter."""
 
-    def __init__(self, rows: BranchTable, touching: tuple[tuple[tuple[str, str], ...], ...] | None = None) -> None:
-        """Take over the rows of the closed form."""
-        self._rows = rows
-        self._touching = touching
+    @property
+    def complete(self) -> bool:
+        """False when something that reaches the target may be missing."""
 
     def __len__(self) -> int:
-        """Number of branches."""
-        return len(self._rows)
-
-    def __repr__(self) -> str:
-        """How many there are, and how many of them are within the limits."""
-        return f"Branches({len(self)}, {int(self.within_limits.sum())} within the limits)"
+        """How many branches, or intervals."""
 
     @property
     def q(self) -> Array:
         """(k, dof) joint angles [rad]; unlimited joints in the copy nearest to the seed."""
-        return self._rows.q
 
     @property
     def within_limits(self) -> NDArray[np.bool_]:
-        """(k,) True where every joint is inside its limits, exactly."""
-        within = self._rows.within_limits
-        within.setflags(write=False)
-        return within
+        """(k,) True where every joint is within its limits, exactly; everywhere in a family."""
 
     @property
     def margin(self) -> Array:
         """(k, dof) distance to the nearer limit [rad]; negative outside, inf on unlimited joints."""
-        return self._rows.margin
 
-    @property
-    def distance(self) -> Array:
-        """(k,) distance to the seed [rad], Euclidean, circular on unlimited joints."""
-        return self._rows.distance
+    def nearest(self) -> Array | None:
+        """The configuration (dof,) within the limits [rad] nearest to the seed; None when there is none."""
 
-    @property
-    def position_error(self) -> Array:
-        """(k,) measured by forward kinematics [m]."""
-        return self._rows.position_error
-
-    @property
-    def orientation_error(self) -> Array:
-        """(k,) measured by forward kinematics [rad]."""
-        return self._rows.orientation_error
-
-    @property
-    def complete(self) -> bool:
-        """False when members stand for a family of solutions, or when a table of the closed form was full."""
-        return not (self._rows.dropped or self._rows.family.any())
-
-    @property
-    def touching(self) -> tuple[tuple[tuple[str, str], ...], ...] | None:
-        """Pairs of shapes that touch at each branch; None when the solver does not look."""
-        return self._touching
-
-    @property
-    def q_within_limits(self) -> Array:
-        """(m, dof) joint angles [rad] of the branches within the limits."""
-        return checks.read_only(self.q[self.within_limits])
-
-    @property
-    def legal(self) -> Array:
-        """The former name of `q_within_limits`."""
-        return self.q_within_limits
+    def widest(self) -> Array | None:
+        """The configuration (dof,) within the limits [rad] with the largest limit margin; None when there is none."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,8 +1,6 @@
-"""Where solves start: the caller's seed moved inside the limits, then random configurations."""
+"""Where solves start: the caller's seed, moved inside the limits, and random configurations."""
 
 from __future__ import annotations
-
-from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -60,14 +58,6 @@ def near_configuration(robot: Robot, q: ArrayLike, name: str) -> Array:
             "use a copy within 1e6 rad"
         )
     return checked
-
-
-def starts(robot: Robot, first: list[Array], restarts: int, rng: np.random.Generator) -> Iterator[Array]:
-    """The given configurations, then random ones within the limits; `1 + restarts` in all at most."""
-    total = 1 + restarts
-    yield from first[:total]
-    for _ in range(total - len(first)):
-        yield random_configurations(robot, 1, rng)[0]
 
 
 def random_configurations(robot: Robot, size: int, rng: np.random.Generator) -> Array:

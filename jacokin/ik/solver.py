@@ -3,6 +3,14 @@
 The closed form gives every branch of a six-joint Jaco, so a pose is reached, or known to be out of reach, or known to
 need a joint beyond its limit. What it does not cover (other structures, positions without orientation) goes to mink's
 QP from many starts. For a pose that cannot be reached, descents look for the closest configuration.
+
+A solve goes through these modules:
+
+    targets        what is asked for, checked once: a pose, a position, or a pose that may turn about an axis
+    closed_form    candidates: the branches of a pose;  families, where a parameter is free;  qp, for everything else
+    verification   the check behind every success, and the selection of the first candidate that passes it
+    diagnosis      the status and the sentence when none does
+    closest        the configuration that comes closest then
 """
 
 from __future__ import annotations
@@ -10,8 +18,9 @@ from __future__ import annotations
 import dataclasses
 import functools
 import threading
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, overload
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, cast, overload
 
 import numpy as np
 import pinocchio as pin
@@ -19,34 +28,36 @@ from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, StructureError
-from jacokin.ik import preferences
+from jacokin.ik import diagnosis, preferences
 from jacokin.ik.batches import batch
-from jacokin.ik.families.finder import Finder
+from jacokin.ik.closed_form import BestBranches, Branches, ClosedForm
+from jacokin.ik.closest import ClosestSearch
+from jacokin.ik.families.family import Family
+from jacokin.ik.families.search import FamilySearch, SixJointFamilies, seven_joint_families
 from jacokin.ik.options import (
     DEFAULT_QP_SOLVER,
     LIMIT_SNAP,
     MAX_RESTARTS,
     ORIENTATION_TOLERANCE,
     POSITION_TOLERANCE,
-    Options,
+    SolverOptions,
 )
-from jacokin.ik.preferences import Prefer
-from jacokin.ik.request import Request
-from jacokin.ik.results import BatchResult, Branches, IKResult
+from jacokin.ik.preferences import Cost, Prefer
+from jacokin.ik.results import BatchResult, IKResult
 from jacokin.ik.seeds import seed_within_limits
-from jacokin.ik.selection import nearest_member, of_branches, of_findings
-from jacokin.ik.targets import PartialTarget, Target, TargetPose, understood
-from jacokin.ik.verification import Verifier
+from jacokin.ik.targets import PartialTarget, Request, Target, TargetPose, interpret
+from jacokin.ik.verification import Candidate, Verifier
+from jacokin.kernels.compiled.loading import warmup
 from jacokin.model import checks, poses
+from jacokin.model.loading import load_robot
 from jacokin.model.poses import FreeAxis
 from jacokin.model.robot import Robot, checked_robot
 
 if TYPE_CHECKING:
-    from jacokin.ik.closed_form import BestBranches, ClosedForm
-    from jacokin.ik.closest import ClosestSearch
-    from jacokin.ik.families.family import Family
     from jacokin.ik.qp import QPSearch
     from jacokin.model.scene import Scene
+
+SEVEN = 7  # joints of an arm whose poses have families
 
 
 class IKSolver:
@@ -98,7 +109,7 @@ class IKSolver:
             ModelError: contact is asked for and the description has no shapes to check.
         """
         checked_robot("robot", robot)
-        options = Options(
+        options = SolverOptions(
             method=method,
             qp_solver=qp_solver,
             collision=collision,
@@ -115,10 +126,7 @@ class IKSolver:
             raise InvalidInputError(f"frame {name!r} is moved by no joint of {robot.name}; choose a frame on the arm")
         self._options = options
         self._verifier = Verifier(robot, name, None if tool is None else poses.checked_pose(tool, "tool"), options)
-        self._form: ClosedForm | None = None
-        self._misfit: StructureError | None = None
-        self._closest: ClosestSearch | None = None
-        self._finder = Finder(self._verifier, method, self.closed_form)
+        self._closest = ClosestSearch(self._verifier)
         self._local = threading.local()
         if not isinstance(qp_solver, str) or qp_solver != DEFAULT_QP_SOLVER:
             from jacokin.ik import qp_backend
@@ -160,36 +168,21 @@ class IKSolver:
         Raises:
             StructureError: the robot has another structure; names the pair of axes and the misfit.
         """
-        if self._form is None:
-            if self.robot.dof == 7 and self.has_families:
-                raise StructureError("closed form for six joints; on seven joints a pose has a family: use solve_all")
-            if self._misfit is not None:
-                raise self._misfit.with_traceback(None)  # one object, raised again and again
-            from jacokin.ik.closed_form import ClosedForm
-
-            try:
-                self._form = ClosedForm(
-                    self.robot.pin_model,
-                    self._frame_id,
-                    self._verifier.tool,
-                    self.robot.lower,
-                    self.robot.upper,
-                    limit_snap=self._options.limit_snap,
-                )
-            except StructureError as error:
-                self._misfit = error
-                raise
+        if self.has_families:
+            raise StructureError("closed form for six joints; on seven joints a pose has a family: use solve_all")
+        if isinstance(self._form, StructureError):
+            raise self._form.with_traceback(None)  # one object, raised again and again
         return self._form
 
     @property
     def has_closed_form(self) -> bool:
         """Whether the closed form fits this robot and frame, and the method allows it."""
-        return self._usable_form() is not None
+        return self._usable_form is not None
 
     @property
     def has_families(self) -> bool:
         """Whether a pose has a family: an arm of seven joints that its closed form fits, and the method allows it."""
-        return self._finder.applies_to_poses
+        return self._seven is not None
 
     @property
     def tolerances(self) -> tuple[float, float]:
@@ -228,38 +221,23 @@ class IKSolver:
         Raises:
             InvalidInputError: target or seed malformed; method="closed_form" with a position-only target.
         """
-        wanted = understood(target, self.frame)
-        start, note = seed_within_limits(self.robot, seed)
+        robot, frame = self._verifier.robot, self._verifier.frame
+        wanted = interpret(target, frame)
+        start, note = seed_within_limits(robot, seed)
         if rng is not None:
             checks.generator("rng", rng)
         restarts = self._options.max_restarts
         if max_restarts is not None:
             restarts = checks.whole_number("max_restarts", max_restarts)
         checks.flag("closest", closest)
-        preferred = preferences.checked(prefer)
-        cost = None if preferred == "nearest" else preferences.cost_of(preferred, self.robot, self.frame)
-        at = TargetPose(wanted.matrix, position_only=False) if isinstance(wanted, FreeAxis) else wanted
-        request = Request(at, start, note, rng, restarts, closest)
-        if isinstance(wanted, FreeAxis) or self._finder.applies_to(wanted):
-            if cost is None and not self._verifier.rejects_contact:
-                result = nearest_member(self._finder.nearest(wanted, start), wanted, self._verifier, request)
-                if result is not None:
-                    return result
-            found, wish = self._finder.find(wanted, start), preferences.with_ties(cost, start)
-            return of_findings(found, self._verifier, request, wish, self._closest_search)
-        if wanted.position_only:
-            if self.method == "closed_form":
-                raise InvalidInputError("the closed form needs an orientation; use method='auto' or 'qp' for positions")
-            if cost is not None:
-                raise InvalidInputError("prefer needs an orientation: a position is solved for one configuration only")
-        elif (form := self._usable_form()) is not None:
-            rows = form.solve_all(wanted.matrix, start)
-            return of_branches(rows, self._verifier, request, cost, self._closest_search)
-        if cost is not None:
-            raise InvalidInputError("prefer needs the closed form, which gives all configurations to choose from")
-        if self._misfit is not None:
-            request = request._replace(note=request.message(f"no closed form: {self._misfit}"))
-        return self._qp_search().solve(request)
+        is_nearest = isinstance(prefer, str) and prefer == "nearest"
+        cost = None if is_nearest else preferences.cost_of(prefer, robot, frame)
+        request = Request(wanted, start, note, rng, restarts, closest, cost)
+        families = self._families(wanted)
+        if families is not None:
+            return families.solve(request)
+        form = None if wanted.position_only else self._usable_form
+        return self._solve_by_qp(request) if form is None else self._solve_by_branches(form, request)
 
     @overload
     def solve_all(
@@ -286,16 +264,18 @@ class IKSolver:
             InvalidInputError: target or seed malformed, or a target without orientation.
             StructureError: the robot has no closed form.
         """
-        wanted = understood(target, self.frame)
+        wanted = interpret(target, self.frame)
         start, _ = seed_within_limits(self.robot, seed)
-        if isinstance(wanted, FreeAxis) or self._finder.applies_to(wanted):
-            return self._finder.find(wanted, start).family
+        families = self._families(wanted)
+        if families is not None:
+            return families.find(wanted, start).family
         if wanted.position_only:
             raise InvalidInputError("solve_all needs an orientation: a position alone is reached by infinitely many")
-        raw = self.closed_form().solve_all(wanted.matrix, start)
+        branches = self.closed_form().solve_all(wanted.matrix, start)
         if not self._verifier.looks_for_contact:
-            return Branches(raw)
-        return Branches(raw, tuple(tuple(self._verifier.touching(q)) for q in raw.q))
+            return branches
+        touching = tuple(tuple(self._verifier.touching(q)) for q in branches.q)
+        return Branches(branches.rows, branches.dropped, touching)
 
     def family(self, target: Target, seed: ArrayLike | None = None) -> Family:
         """As `solve_all` for a target that has a family: a `FreeAxis`, or a pose of a seven-joint arm.
@@ -304,10 +284,9 @@ class IKSolver:
             InvalidInputError: target or seed malformed, or a target that has no family.
             StructureError: the robot has no closed form.
         """
-        wanted = understood(target, self.frame)
-        if isinstance(wanted, FreeAxis) or self._finder.applies_to(wanted):
-            return self._finder.find(wanted, seed_within_limits(self.robot, seed)[0]).family
-        raise InvalidInputError("only a FreeAxis, or a pose of a seven-joint arm, has a family; use solve_all")
+        if self._families(interpret(target, self.frame)) is None:
+            raise InvalidInputError("only a FreeAxis, or a pose of a seven-joint arm, has a family; use solve_all")
+        return cast(Family, self.solve_all(target, seed))
 
     def solve_batch(
         self,
@@ -335,7 +314,7 @@ class IKSolver:
             JacokinError: the worker processes did not start.
         """
         # A batch looks for contact branch by branch, which the compiled loop does not.
-        nearest = preferences.checked(prefer) == "nearest"
+        nearest = preferences.cost_of(prefer, self.robot, self.frame) is None
         if callable(prefer) and workers != 1:
             batch.check_picklable("prefer", prefer)
         compiled = self._compiled if nearest and self.has_closed_form and not self._verifier.looks_for_contact else None
@@ -348,23 +327,94 @@ class IKSolver:
         """Pickle the options; working memory is made anew."""
         return _rebuild, (self.robot, self.frame, self.tool, self._options)
 
+    @property
+    def _uses_qp(self) -> bool:
+        return self._options.method == "qp"
+
+    @functools.cached_property
+    def _form(self) -> ClosedForm | StructureError:
+        """The closed form of six joints, or why it does not fit."""
+        robot, snap = self.robot, self._options.limit_snap
+        try:
+            return ClosedForm(
+                robot.pin_model, self._frame_id, self._verifier.tool, robot.lower, robot.upper, limit_snap=snap
+            )
+        except StructureError as error:
+            return error
+
+    @functools.cached_property
     def _usable_form(self) -> ClosedForm | None:
-        """The closed form if it fits this robot and frame and the method allows it."""
-        if self._options.method == "qp":
+        """The closed form of six joints if it fits, and the method allows it."""
+        return self._form if not self._uses_qp and isinstance(self._form, ClosedForm) else None
+
+    @functools.cached_property
+    def _six(self) -> SixJointFamilies:
+        return SixJointFamilies(self.closed_form(), self._verifier)
+
+    @functools.cached_property
+    def _seven(self) -> FamilySearch | None:
+        if self._uses_qp or self.robot.dof != SEVEN:
             return None
         try:
-            return self._form or self.closed_form()
+            return seven_joint_families(self._verifier)
         except StructureError:
             return None
 
+    def _families(self, target: TargetPose) -> FamilySearch | None:
+        """What finds the family of a target; None where no parameter is free.
+
+        Raises:
+            InvalidInputError: a free axis on seven joints, or with the QP.
+            StructureError: a free axis, and the robot has no closed form.
+        """
+        if target.free_axis is None:
+            return None if target.position_only else self._seven
+        if self.robot.dof == SEVEN:
+            raise InvalidInputError(
+                "a FreeAxis on seven joints leaves two free parameters: give the pose at one angle, target.at(angle), "
+                "or try several"
+            )
+        if self._uses_qp:
+            raise InvalidInputError("a FreeAxis needs the closed form; use method='auto'")
+        return self._six
+
+    def _solve_by_branches(self, form: ClosedForm, request: Request) -> IKResult:
+        """The branch within the limits of the least cost, or why there is none."""
+        target, robot = request.target, self.robot
+        branches = form.solve_all(target.matrix, request.seed)
+        rows = branches.rows
+        candidates = (
+            Candidate(rows[index, :6], target, f"branch {index + 1} of {len(rows)}")
+            for index in _order(branches, request.cost)
+        )
+        in_contact = "every branch within the limits is in contact; the best"
+        result = self._verifier.select(candidates, request, in_contact)
+        if result is not None:
+            return result
+        outcome = diagnosis.explain_branches(branches, robot.joint_names)
+        return self._closest.solve(request, outcome, [np.clip(q, robot.lower, robot.upper) for q in branches.q])
+
+    def _solve_by_qp(self, request: Request) -> IKResult:
+        """One configuration by descents from many starts, or why there is none.
+
+        Raises:
+            InvalidInputError: the closed form is asked for, or a preference among all configurations.
+        """
+        if request.target.position_only:
+            if self.method == "closed_form":
+                raise InvalidInputError("the closed form needs an orientation; use method='auto' or 'qp' for positions")
+            if request.cost is not None:
+                raise InvalidInputError("prefer needs an orientation: a position is solved for one configuration only")
+        elif request.cost is not None:
+            raise InvalidInputError("prefer needs the closed form, which gives all configurations to choose from")
+        if not self._uses_qp and not self.has_families and isinstance(self._form, StructureError):
+            request = request._replace(note=request.message(f"no closed form: {self._form}"))
+        return self._qp_search().solve(request)
+
     def _load(self, warm: bool) -> None:
         """Load now what the first solve would wait for."""
-        if self.has_families or self.has_closed_form:
-            self._finder.load()
-            if warm:
-                from jacokin.kernels.compiled.loading import warmup
-
-                warmup()
+        if (self.has_families or self.has_closed_form) and warm:
+            warmup()
         self._qp_search()
 
     def _qp_search(self) -> QPSearch:
@@ -376,18 +426,18 @@ class IKSolver:
         try:
             search: QPSearch = self._local.search
         except AttributeError:
-            from jacokin.ik.qp import QPSearch
+            from jacokin.ik.qp import QPSearch  # loads mink and MuJoCo
 
-            search = self._local.search = QPSearch(self._verifier, self._closest_search(), self._finder.exact)
+            exact = self._nearest_at if self.has_families or self.has_closed_form else None
+            search = self._local.search = QPSearch(self._verifier, exact)
         return search
 
-    def _closest_search(self) -> ClosestSearch:
-        """The search for the closest configuration, built once."""
-        if self._closest is None:
-            from jacokin.ik.closest import ClosestSearch
-
-            self._closest = ClosestSearch(self._verifier)
-        return self._closest
+    def _nearest_at(self, pose: TargetPose, seed: Array) -> Array | None:
+        """The configuration within the limits nearest to a seed (dof,) that reaches a pose; None for none."""
+        if self._seven is None:
+            return self.closed_form().solve_all(pose.matrix, seed).nearest()
+        member = self._seven.nearest(pose, seed)
+        return None if member is None else member[0]
 
     def _compiled(self, matrices: Array, seeds: Array, workers: int) -> tuple[BestBranches, NDArray[np.bool_]]:
         """The best branch of each of many poses, and which of them are successes."""
@@ -395,6 +445,41 @@ class IKSolver:
         return rows, self._verifier.reached_rows(rows) & rows.within_limits
 
 
-def _rebuild(robot: Robot, frame: str, tool: pin.SE3 | None, options: Options) -> IKSolver:
+def _rebuild(robot: Robot, frame: str, tool: pin.SE3 | None, options: SolverOptions) -> IKSolver:
     given = {field.name: getattr(options, field.name) for field in dataclasses.fields(options)}
     return IKSolver(robot, frame, tool=tool, **given)
+
+
+def _order(branches: Branches, cost: Cost | None) -> Iterator[int]:
+    """Indices of the branches within the limits, best first; equal ones nearest to the seed first."""
+    indices = branches.each_within_limits()
+    if cost is None:
+        return indices
+    some = list(indices)
+    return iter(some) if not some else (some[row] for row in np.argsort(cost(branches.q[some]), kind="stable"))
+
+
+def solve_ik(
+    target: Target,
+    robot: Robot | str | Path | None = None,
+    *,
+    seed: ArrayLike | None = None,
+    frame: str | None = None,
+    tool: pin.SE3 | ArrayLike | None = None,
+) -> IKResult:
+    """Solve one pose: `IKSolver(robot, frame, tool=tool, warm=None).solve(target, seed)`.
+
+    Args:
+        target: what `IKSolver.solve` takes: T_base_tool as `pin.SE3` or (4, 4), a position (3,) [m] with free
+            orientation, a `FreeAxis`.
+        robot: a robot, or what `load_robot` takes; None for the j2n6s300.
+        seed: (dof,) configuration [rad] to stay near to.
+        frame: frame to bring to the target; None for the robot's default frame.
+        tool: constant pose after the frame.
+
+    Raises:
+        JacokinError: as `load_robot` and `IKSolver.solve`.
+    """
+    if not isinstance(robot, Robot):
+        robot = load_robot() if robot is None else load_robot(robot)
+    return IKSolver(robot, frame, tool=tool, warm=None).solve(target, seed)

@@ -1,4 +1,4 @@
-"""Targets, checked once: a pose, or a position whose orientation is free."""
+"""What a solver is asked for, checked once: a pose, a position whose orientation is free, or a free axis."""
 
 from __future__ import annotations
 
@@ -12,17 +12,27 @@ from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, shown
+from jacokin.ik.preferences import Cost
+from jacokin.ik.seeds import DEFAULT_RANDOM_SEED
 from jacokin.model import checks, poses
+from jacokin.model.angles import TURN
 from jacokin.model.poses import FreeAxis
+
+#: [m/rad] An orientation error of one radian counts as much as this position error. It is the order of the distance
+#: from the arm's tool frame to its fingertips; there is no source for the figure.
+RADIAN_IN_METRES = 0.1
+SQRT_8 = math.sqrt(8.0)
 
 
 class TargetPose(NamedTuple):
-    """A checked target in the base frame."""
+    """A checked target in the base frame: a pose, a position, or a pose that may turn about an axis of the tool."""
 
     matrix: Array
-    """(4, 4) T_base_tool; its rotation means nothing when `position_only`."""
-    position_only: bool
+    """(4, 4) T_base_tool, at angle 0 about a free axis; its rotation means nothing when `position_only`."""
+    position_only: bool = False
     """True when the orientation is free."""
+    free_axis: FreeAxis | None = None
+    """The axis that the tool may turn about, and the range of the angle; None for none."""
 
     @property
     def position(self) -> Array:
@@ -38,7 +48,46 @@ class TargetPose(NamedTuple):
         """The same target at another position (3,) [m]."""
         matrix = self.matrix.copy()
         matrix[:3, 3] = position
-        return TargetPose(matrix, self.position_only)
+        return self._replace(matrix=matrix)
+
+    def at(self, angle: float) -> TargetPose:
+        """The pose at an angle about the free axis [rad]; the target itself where there is none."""
+        return self if self.free_axis is None else TargetPose(self.free_axis.matrix_at(angle))
+
+    def nearest_angle(self, angle: float) -> float:
+        """The angle in the range of the free axis that is nearest to a value [rad], up to whole turns."""
+        if self.free_axis is None:
+            return angle
+        low, high = self.free_axis.range
+        moved = angle + TURN * round((0.5 * (low + high) - angle) / TURN)
+        return min(max(moved, low), high)
+
+
+class Request(NamedTuple):
+    """One solve as it was asked for, after every argument was checked: what to reach, from where, how hard to try."""
+
+    target: TargetPose
+    """What to reach."""
+    seed: Array
+    """(dof,) where the solve starts [rad], inside the limits."""
+    note: str
+    """What had to be done to the seed; empty for nothing."""
+    rng: np.random.Generator | None
+    """Randomness of the restarts; None for a fixed seed."""
+    restarts: int
+    """Random starts of the QP at most."""
+    closest: bool
+    """Whether a failure looks for the closest configuration."""
+    cost: Cost | None = None
+    """What makes one configuration better than another; None for the distance to the seed."""
+
+    def generator(self) -> np.random.Generator:
+        """The caller's generator, or a fresh one with a fixed seed."""
+        return np.random.default_rng(DEFAULT_RANDOM_SEED) if self.rng is None else self.rng
+
+    def message(self, sentence: str) -> str:
+        """A sentence and the note in one."""
+        return f"{sentence}; {self.note}" if self.note else sentence
 
 
 class Constraint(NamedTuple):
@@ -74,7 +123,7 @@ class PartialTarget:
 Target: TypeAlias = pin.SE3 | ArrayLike | FreeAxis | PartialTarget | Sequence[PartialTarget]
 
 
-def combined(parts: Sequence[PartialTarget], frame: str) -> TargetPose | FreeAxis:
+def combine(parts: Sequence[PartialTarget], frame: str) -> TargetPose:
     """One target from its parts: a pose; a position; or a position and an axis, about which the tool may turn.
 
     Args:
@@ -97,7 +146,7 @@ def combined(parts: Sequence[PartialTarget], frame: str) -> TargetPose | FreeAxi
         raise InvalidInputError("both an orientation and an axis are given; the orientation says it all")
     if "axis" in fixed:
         rotation = rotation_between(fixed["axis"], fixed["direction"])
-        return FreeAxis(pin.SE3(rotation, fixed["position"]), axis=fixed["axis"])
+        return _turning(FreeAxis(pin.SE3(rotation, fixed["position"]), axis=fixed["axis"]))
     matrix = _at(fixed["position"])
     if "rotation" in fixed:
         matrix[:3, :3] = fixed["rotation"]
@@ -110,22 +159,22 @@ def rotation_between(axis: Array, direction: Array) -> Array:
     return np.asarray(quaternion.toRotationMatrix(), dtype=np.float64)
 
 
-def understood(target: Target, frame: str) -> TargetPose | FreeAxis:
+def interpret(target: Target, frame: str) -> TargetPose:
     """What a solver for a frame is asked for.
 
     Raises:
         InvalidInputError: not a target, or its parts do not make one.
     """
     if isinstance(target, pin.SE3):
-        return TargetPose(poses.checked_matrix("target", target.homogeneous), position_only=False)
+        return TargetPose(poses.checked_matrix("target", target.homogeneous))
     if isinstance(target, FreeAxis):
-        return target
+        return _turning(target)
     if isinstance(target, PartialTarget):
-        return combined([target], frame)
+        return combine([target], frame)
     if isinstance(target, list | tuple) and target and isinstance(target[0], PartialTarget):
         if not all(isinstance(part, PartialTarget) for part in target):
             raise InvalidInputError("a sequence of targets must hold targets of the tracker only")
-        return combined(target, frame)
+        return combine(target, frame)
     return checked(target)
 
 
@@ -144,7 +193,7 @@ def checked(target: pin.SE3 | ArrayLike, name: str = "target") -> TargetPose:
             ) from error
         if target.ndim == 1:
             return TargetPose(_at(checks.vector(name, target, 3, "m")), position_only=True)
-    return TargetPose(poses.matrix_of(target, name), position_only=False)
+    return TargetPose(poses.matrix_of(target, name))
 
 
 def checked_batch(
@@ -173,22 +222,19 @@ def checked_batch(
         raise InvalidInputError("targets is empty")
     free = {index: row for index, row in enumerate(rows) if isinstance(row, FreeAxis)}
     each = [
-        TargetPose(free[index].matrix, position_only=False) if index in free else checked(row, f"targets[{index}]")
-        for index, row in enumerate(rows)
+        _turning(free[index]) if index in free else checked(row, f"targets[{index}]") for index, row in enumerate(rows)
     ]
     return np.array([target.matrix for target in each]), np.array([target.position_only for target in each]), free
+
+
+def _turning(target: FreeAxis) -> TargetPose:
+    return TargetPose(target.matrix, free_axis=target)
 
 
 def _at(position: Array) -> Array:
     matrix = np.eye(4)
     matrix[:3, 3] = position
     return matrix
-
-
-#: [m/rad] An orientation error of one radian counts as much as this position error. It is the order of the distance
-#: from the arm's tool frame to its fingertips; there is no source for the figure.
-RADIAN_IN_METRES = 0.1
-SQRT_8 = math.sqrt(8.0)
 
 
 def pose_errors(T_base_tool: pin.SE3, target: TargetPose) -> tuple[float, float]:

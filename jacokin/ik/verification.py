@@ -2,42 +2,52 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Protocol
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.ik import targets
-from jacokin.ik.options import Options
-from jacokin.ik.results import IKResult, Status, ik_result
+from jacokin.ik import diagnosis, targets
+from jacokin.ik.closed_form import BranchTable
+from jacokin.ik.options import SolverOptions
+from jacokin.ik.results import IKResult, IKResultDraft, Status
 from jacokin.ik.seeds import inside_exactly
-from jacokin.ik.targets import TargetPose
+from jacokin.ik.targets import Request, TargetPose
 from jacokin.model import checks
 from jacokin.model.robot import Robot
 
 if TYPE_CHECKING:
-    from jacokin.ik.closed_form import BranchTable
     from jacokin.model.contact import Contact
     from jacokin.model.scene import Scene
 
 
-class Effort(Protocol):
+class Effort(NamedTuple):
     """What it took to find a configuration by descents."""
 
-    @property
-    def iterations(self) -> int:
-        """Over all starts."""
+    iterations: int
+    """Over all starts."""
+    starts: int
+    """How many there were."""
+    qp_solver: str | None = None
+    """The QP solver that ran; None for none."""
 
-    @property
-    def starts(self) -> int:
-        """How many there were."""
 
-    @property
-    def qp_solver(self) -> str | None:
-        """The QP solver that ran; None for none."""
+class Candidate(NamedTuple):
+    """A configuration that may be the answer to a request."""
+
+    q: Array
+    """(dof,) [rad]."""
+    target: TargetPose
+    """What it is measured against: for a family, the pose where the parameter has its value."""
+    message: str
+    """Which one it is."""
+    parameter: float | None = None
+    """Value of the free parameter [rad]."""
+    effort: Effort | None = None
+    """What it took, for a descent."""
 
 
 class Verifier:
@@ -51,7 +61,7 @@ class Verifier:
         options: the solver's options.
     """
 
-    def __init__(self, robot: Robot, frame: str, tool: pin.SE3 | None, options: Options) -> None:
+    def __init__(self, robot: Robot, frame: str, tool: pin.SE3 | None, options: SolverOptions) -> None:
         """Prepare measuring; the shapes for contact are loaded when asked for.
 
         Raises:
@@ -114,27 +124,61 @@ class Verifier:
         near = rows.position_error <= self.options.position_tolerance
         return np.asarray(within & near & (rows.orientation_error <= self.options.orientation_tolerance))
 
+    def select(self, candidates: Iterable[Candidate], request: Request, in_contact: str) -> IKResult | None:
+        """The result of the first candidate that is a success; None where none reaches its target.
+
+        Args:
+            candidates: the best one first.
+            request: what was asked for.
+            in_contact: what all have in common, and which one is named, where every candidate that reaches its target
+                is in contact and that is rejected.
+        """
+        first: IKResult | None = None
+        for each in candidates:
+            errors = self.measure(each.q, each.target)
+            if not self.reached(each.q, errors):
+                continue
+            pairs = self.touching(each.q)
+            if not (pairs and self.rejects_contact):
+                return self.result(each, Status.OK, request.message(each.message), errors, pairs)
+            if first is None:
+                message = diagnosis.explain_contact(in_contact, pairs)
+                first = self.result(each, Status.IN_COLLISION, request.message(message), errors, pairs)
+        return first
+
     def result(
         self,
-        q: Array,
+        found: Candidate,
         status: Status,
-        errors: tuple[float, float],
         message: str,
-        *,
-        effort: Effort | None = None,
+        errors: tuple[float, float] | None = None,
         touching: Sequence[tuple[str, str]] = (),
-        parameter: float | None = None,
     ) -> IKResult:
-        """A result by the closed form, or by descents when their effort is given; `q` is copied if it is writable."""
+        """A candidate as a result; measured if its errors are not given, and copied if its `q` is writable."""
+        q, _, _, parameter, effort = found
         kept = checks.read_only(q) if q.flags.writeable else q
-        pairs = tuple(touching)
-        if effort is None:
-            return ik_result(kept, status, *errors, "closed_form", None, 0, 0, message, pairs, parameter)
-        counts = effort.iterations, effort.starts - 1
-        return ik_result(kept, status, *errors, "qp", effort.qp_solver, *counts, message, pairs, parameter)
+        position, orientation = errors or self.measure(q, found.target)
+        method, solver, iterations, starts = "closed_form", None, 0, 1
+        if effort is not None:
+            method, (iterations, starts, solver) = "qp", effort
+        made = IKResultDraft(
+            kept,
+            status,
+            position,
+            orientation,
+            method,
+            solver,
+            iterations,
+            starts - 1,
+            message,
+            tuple(touching),
+            parameter,
+        )
+        made.__class__ = IKResult
+        return cast(IKResult, made)
 
 
-def _contact(robot: Robot, options: Options) -> Contact:
+def _contact(robot: Robot, options: SolverOptions) -> Contact:
     from jacokin.model.contact import Contact  # loads MuJoCo
 
     scene = options.scene

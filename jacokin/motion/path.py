@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
-from jacokin.ik.targets import PartialTarget, Target, understood
+from jacokin.ik.targets import PartialTarget, Target, interpret
 from jacokin.model import angles, checks, poses
 from jacokin.model.poses import FreeAxis
 
@@ -191,11 +191,11 @@ def _checked(row: Target, name: str, frame: str) -> pin.SE3 | FreeAxis:
     if not any(isinstance(part, PartialTarget) for part in parts):
         return poses.checked_pose(row, name)
     try:
-        found = understood(row, frame)
+        found = interpret(row, frame)
     except InvalidInputError as error:
         raise InvalidInputError(f"{name}: {error}") from error
-    if isinstance(found, FreeAxis):
-        return found
+    if found.free_axis is not None:
+        return found.free_axis
     if found.position_only:
         raise InvalidInputError(f"{name} leaves the orientation free: a path needs poses, or one free axis")
     return pin.SE3(found.rotation, found.position)

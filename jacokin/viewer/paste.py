@@ -13,7 +13,7 @@ import pinocchio as pin
 
 from jacokin.arrays import Array
 from jacokin.errors import JacokinError
-from jacokin.ik.options import Options
+from jacokin.ik.options import SolverOptions
 from jacokin.ik.results import Status
 from jacokin.model import poses
 from jacokin.model.loading import FINGER_ANGLE, TIP_OF_BUNDLED
@@ -30,7 +30,7 @@ OF_SOLVER = ("method", "qp_solver")  # options that the command line has too
 ONLY_PYTHON = ("position_tolerance", "orientation_tolerance", "limit_snap", "max_restarts")
 Shape = type[Box] | type[Sphere] | type[Capsule] | type[Cylinder] | type[Floor]
 SHAPES: tuple[Shape, ...] = (Box, Sphere, Capsule, Cylinder, Floor)  # that a scene's file can hold
-DEFAULTS = {field.name: field.default for field in fields(Options)}
+DEFAULTS = {field.name: field.default for field in fields(SolverOptions)}
 
 
 def python_text(inspector: Inspector, view: View) -> str:

@@ -19,6 +19,7 @@ import jacokin
 from jacokin import IKSolver, Robot, Status
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, StructureError
+from jacokin.ik.results import Solutions
 from jacokin.kernels.compiled import loading
 from jacokin.model import NAMES, SelfContact, urdf_folder
 
@@ -146,9 +147,34 @@ def test_branches_come_nearest_first_with_margins(robot: Robot, rng: np.random.G
     np.testing.assert_allclose(branches.margin, expected, atol=1e-12)
     np.testing.assert_array_equal(branches.within_limits, (branches.margin >= 0.0).all(axis=1))
     assert len(branches.q_within_limits) == branches.within_limits.sum()
-    np.testing.assert_array_equal(branches.legal, branches.q_within_limits)  # the former name
     assert branches.complete
     assert not branches.q.flags.writeable
+
+
+def test_branches_and_families_are_read_in_one_way(bundled: Callable[[str], Robot], rng: np.random.Generator) -> None:
+    six, seven = bundled("j2n6s300"), bundled("j2s7s300")
+    poses = [six.forward_kinematics(six.sample(rng)), seven.forward_kinematics(seven.sample(rng))]
+    about_x = jacokin.FreeAxis(poses[0], axis=(1.0, 0.0, 0.0))
+    far = jacokin.pose([3.0, 0.0, 0.0])
+    for robot, target, expected in ((six, poses[0], False), (six, about_x, True), (seven, poses[1], True)):
+        seed = robot.sample(rng)
+        found: Solutions = IKSolver(robot).solve_all(target, seed)
+        assert found.has_parameter == expected
+        assert found.complete
+        assert found.q.shape == found.margin.shape == (len(found), robot.dof)
+        assert found.within_limits.shape == (len(found),)
+        for row, margin, within in zip(found.q, found.margin, found.within_limits, strict=True):
+            assert robot.within_limits(row) == within == (margin >= 0.0).all()
+        for column in (found.q, found.within_limits, found.margin):
+            assert not column.flags.writeable
+        rows = found.q[found.within_limits]
+        nearest, widest = found.nearest(), found.widest()
+        assert nearest is not None
+        assert widest is not None
+        np.testing.assert_array_equal(nearest, rows[np.argmin(np.linalg.norm(rows - seed, axis=1))])
+        assert np.minimum(widest - robot.lower, robot.upper - widest).min() >= found.margin.min(axis=1).max() - 1e-9
+        none: Solutions = IKSolver(robot).solve_all(far, seed)
+        assert (len(none), none.q.shape, none.nearest(), none.widest()) == (0, (0, robot.dof), None, None)
 
 
 def test_limits_that_exclude_every_branch_are_named(rng: np.random.Generator) -> None:
@@ -270,10 +296,6 @@ def test_other_structures_go_to_the_qp_or_are_refused_by_name(
     assert result.success
     assert result.method == "qp"
     assert "no closed form" in result.message
-    with pytest.raises(InvalidInputError, match="orientation"):
-        IKSolver(robot, method="closed_form").solve([0.3, 0.2, 0.4])
-    with pytest.raises(InvalidInputError, match="orientation"):
-        IKSolver(robot).solve_all([0.3, 0.2, 0.4])
     inner = IKSolver(robot, "link_4")
     assert inner.solve(robot.forward_kinematics(robot.home, "link_4")).method == "qp"
 
@@ -319,17 +341,15 @@ def test_a_warm_solver_is_compiled_before_its_first_solve(robot: Robot, monkeypa
     assert calls == []
     IKSolver(robot, warm=True)
     assert calls == ["warm"]
-    with pytest.raises(InvalidInputError, match="warm"):
-        IKSolver(robot, warm="yes")  # type: ignore[arg-type]  # on purpose
 
 
 def test_missing_branches_are_no_proof(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
-    from jacokin.ik.closed_form import BranchTable, ClosedForm
+    from jacokin.ik.closed_form import Branches, ClosedForm
 
     solve_all = ClosedForm.solve_all
 
-    def full(self: ClosedForm, T: Array, seed: Array) -> BranchTable:
-        return BranchTable(solve_all(self, T, seed).rows, dropped=True)
+    def full(self: ClosedForm, T: Array, seed: Array) -> Branches:
+        return Branches(solve_all(self, T, seed).rows, dropped=True)
 
     monkeypatch.setattr(ClosedForm, "solve_all", full)
     solver = IKSolver(robot)

@@ -13,7 +13,7 @@ import jacokin
 from jacokin import IKSolver, Robot, Status
 from jacokin.arrays import Array
 from jacokin.errors import UnknownNameError
-from jacokin.ik.closed_form import BranchTable, ClosedForm
+from jacokin.ik.closed_form import Branches, ClosedForm
 from jacokin.viewer import Inspector, View, texts
 from tests.robot_files import urdf_text
 
@@ -138,10 +138,10 @@ def test_the_status_is_the_solvers_also_where_branches_are_missing(
     """A table of the closed form that was full proves nothing, whatever the branches in it are."""
     solve_all = ClosedForm.solve_all
 
-    def cut(form: ClosedForm, T: Array, seed: Array) -> BranchTable:
+    def cut(form: ClosedForm, T: Array, seed: Array) -> Branches:
         table = solve_all(form, T, seed)
         kept = ~table.within_limits if branches == "outside" else np.zeros(len(table), dtype=bool)
-        return BranchTable(table.rows[kept].copy(), dropped)
+        return Branches(table.rows[kept].copy(), dropped)
 
     target = outside(inspector, rng).target
     monkeypatch.setattr(ClosedForm, "solve_all", cut)

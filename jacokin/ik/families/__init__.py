@@ -1,7 +1,8 @@
-"""Families of configurations with one free parameter: a tool that may turn about an axis, or a seven-joint arm.
+"""Self-motions: configurations with one free parameter, of a tool that may turn about an axis or of a seven-joint arm.
 
-family         the answer: intervals of the parameter on each branch. Read this file first
-interval       one interval, and its members
-curves         the intervals of a target, by the compiled kernels of `closed_form.curves`
-pieces         what the kernels return, cut out and joined across the seam of the circle
+family     the answer: intervals of the parameter on each branch. Read this file first
+search     from a target to its family, and to the member that is wanted
+curves     the curves of a target, by the kernels of `kernels.self_motion`
+tracks     what an interval runs along, and the least of a cost there
+edge       targets that are reached at single points, on the edge of reach
 """

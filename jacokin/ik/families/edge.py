@@ -19,15 +19,15 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.ik.diagnosis import Reach
-from jacokin.ik.families.curves import JOINT_3, Curves, Problem
+from jacokin.ik.closest import Reach
+from jacokin.ik.diagnosis import LimitExcess
+from jacokin.ik.families.curves import CurveProblem
 from jacokin.ik.families.family import MEMBER_CLOSURE
 from jacokin.ik.options import ORIENTATION_TOLERANCE, POSITION_TOLERANCE
 from jacokin.ik.targets import TargetPose
 from jacokin.ik.verification import Verifier
 from jacokin.model import angles
 from jacokin.model.many_configurations import Chain, angle_and_axis, cross
-from jacokin.model.poses import FreeAxis
 
 #: [m] and [rad] by which a target is moved: the curves of seven joints shrink slowly along joint 3 and lead to the
 #: edge from near it only; those about a free axis must be long enough to be found between two slices.
@@ -56,22 +56,11 @@ NEAR_LIMIT = 1e-3
 SAME_POINT = 1e-2
 
 
-class Point(NamedTuple):
-    """A configuration that reaches the target all alone."""
-
-    q: Array
-    """(dof,) moved onto the limits it breaks [rad]."""
-    parameter: float
-    """[rad]."""
-    excess: Array
-    """(dof,) beyond the limits [rad]."""
-
-
 class Sight(NamedTuple):
     """What was found beside the curves."""
 
-    points: list[Point]
-    """Those that break limits least first."""
+    points: list[LimitExcess]
+    """Configurations that reach the target all alone, those that exceed limits least first."""
     parameters: list[float]
     """Where there are curves that were missed: to be solved at too [rad]."""
 
@@ -91,42 +80,35 @@ class Edge:
         pin.forwardKinematics(robot.pin_model, data, np.zeros(robot.dof))
         self._shoulder = data.oMi[2].translation.copy()  # joint 2 stays where it is, on axis 1
 
-    def look(self, curves: Curves, problem: Problem, target: FreeAxis | None) -> Sight:
-        """What reaches a target for which no curves were found.
-
-        Args:
-            curves: of the arm.
-            problem: what is to be reached.
-            target: its free axis; None on seven joints.
-        """
-        if self._reach.exceeded(TargetPose(problem.T, position_only=False)) is not None:
+    def look(self, problem: CurveProblem) -> Sight:
+        """What reaches a target for which no curves were found."""
+        if self._reach.exceeded(TargetPose(problem.T)) is not None:
             return Sight([], [])
-        axis = None if target is None else problem.T[:3, :3] @ target.axis
+        axis = _axis_in_base(problem)
         away = problem.T[:3, 3] - self._shoulder
         outward = np.append(away / max(float(np.linalg.norm(away)), SHORTEST), np.zeros(3))
-        size = MOVE_SEVEN if target is None else MOVE_FREE_AXIS
+        size = MOVE_SEVEN if axis is None else MOVE_FREE_AXIS
         for direction, number in MOVES:
             found: list[Array] = []
             for move in (size * (outward + direction), -size * (outward + direction)):
                 T = problem.T.copy()
                 T[:3, :3], T[:3, 3] = pin.exp3(move[3:]) @ T[:3, :3], T[:3, 3] + move[:3]
-                nodes = [_spread(arc, number) for arc in curves.find(problem._replace(T=T), target).arcs]
+                nodes = [_spread(arc, number) for arc in problem._replace(T=T).find().arcs]
                 if nodes:
                     found.append(np.vstack(nodes)[:STARTS])
                     missed = self._missed(found[-1], problem.T, axis)
                     if missed:
                         return Sight([], missed)
                     found[-1] = self._shrunk(found[-1], move, problem.T, axis)
-            points = self._fitted(np.vstack(found), problem.T, axis, target) if found else []
+            points = self._fitted(np.vstack(found), problem, axis) if found else []
             if points or not found:
                 break
         return Sight(points, [])
 
-    def holds(self, arcs: list[Array], problem: Problem, target: FreeAxis | None) -> bool:
+    def holds(self, arcs: list[Array], problem: CurveProblem) -> bool:
         """Whether curves (m, 14) are as good as points: the tool can hardly move in some direction all along."""
-        axis = None if target is None else problem.T[:3, :3] @ target.axis
         rows = [_spread(arc, ALONG_ARC) for arc in arcs]
-        return not rows or bool((self._mobility(np.vstack(rows), problem.T, axis) < STUCK).all())
+        return not rows or bool((self._mobility(np.vstack(rows), problem.T, _axis_in_base(problem)) < STUCK).all())
 
     def _mobility(self, x: Array, T: Array, axis: Array | None) -> Array:
         """Smallest singular values (k,) at rows (k, 7)."""
@@ -141,11 +123,11 @@ class Edge:
         missed: list[float] = x[(closure < MEMBER_CLOSURE) & regular, 6].tolist()
         return missed
 
-    def _fitted(self, x: Array, T: Array, axis: Array | None, target: FreeAxis | None) -> list[Point]:
+    def _fitted(self, x: Array, problem: CurveProblem, axis: Array | None) -> list[LimitExcess]:
         """Those of the rows (k, 7) that reach the target, joints near to their limits moved onto them."""
-        dof, lower, upper = self._chain.dof, self._lower, self._upper
-        if target is not None:
-            low, high = (-np.inf, np.inf) if target.full_turn else target.range
+        dof, lower, upper, free, T = self._chain.dof, self._lower, self._upper, problem.free_axis, problem.T
+        if free is not None:
+            low, high = (-np.inf, np.inf) if free.full_turn else free.range
             lower, upper = np.append(lower, low), np.append(upper, high)
         inside = angles.into_limits(x, lower, upper)
         over = np.abs(angles.wrap_to_pi(x - inside))
@@ -154,14 +136,14 @@ class Edge:
         rows, closure = self._settled(rows, np.vstack([np.zeros_like(held), held]), T, axis)
         inside = angles.into_limits(rows, lower, upper)
         over = np.abs(angles.wrap_to_pi(rows - inside))
-        points: list[Point] = []
+        points: list[LimitExcess] = []
         for i in np.lexsort([closure, over.max(axis=1)]).tolist():
             q = inside[i, :dof]
             known = any(np.abs(angles.wrap_to_pi(point.q - q)).max() <= SAME_POINT for point in points)
             if closure[i] <= ON_EDGE and not over[i, dof:].any() and not known:
-                p = float(inside[i, JOINT_3 if target is None else dof])
-                p = float(angles.wrap_to_pi(p)) if target is None or target.full_turn else p
-                points.append(Point(q, p, over[i, :dof]))
+                p = float(inside[i, problem.arm.parameter])
+                p = float(angles.wrap_to_pi(p)) if problem.closed else p
+                points.append(LimitExcess(q, over[i, :dof], p))
         return points
 
     def _settled(self, x: Array, held: NDArray[np.bool_], T: Array, axis: Array | None) -> tuple[Array, Array]:
@@ -231,6 +213,11 @@ class Edge:
         slopes += np.where(joints[:, None] > joints, turned, 0.0)
         slopes[:, self._chain.dof :, :] = slopes[:, :, self._chain.dof :] = 0.0
         return np.asarray(slopes)
+
+
+def _axis_in_base(problem: CurveProblem) -> Array | None:
+    """The free axis (3,) in the base; None without one."""
+    return None if problem.free_axis is None else problem.T[:3, :3] @ problem.free_axis.axis
 
 
 def _spread(nodes: Array, number: int) -> Array:

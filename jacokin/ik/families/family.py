@@ -10,27 +10,27 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, JacokinError
-from jacokin.ik.families.tracks import Track
-from jacokin.ik.preferences import Cost, by_distance, by_margin, minima, refined
+from jacokin.ik.families.tracks import Track, minima, refine
+from jacokin.ik.preferences import Cost, by_distance, by_margin
 from jacokin.ik.targets import TargetPose
-from jacokin.ik.verification import Verifier
+from jacokin.ik.verification import Candidate, Verifier
 from jacokin.model import angles, checks
 from jacokin.model.angles import TURN
-from jacokin.model.poses import FreeAxis
 from jacokin.model.robot import Robot
 
 #: [m] and [rad]; members of a family close this well.
 MEMBER_CLOSURE = 1e-9
 #: Gauss-Newton steps for what closes worse, and the relative size of motions that they leave out.
 SETTLING_STEPS, NO_MOTION = 4, 1e-4
+#: [rad] a value of the parameter this far outside an interval is at its end.
+PARAMETER_SLACK = 1e-9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,7 +38,7 @@ class Members:
     """One target of one arm."""
 
     verifier: Verifier
-    target: FreeAxis | TargetPose
+    target: TargetPose
     seed: Array
     """(dof,) unlimited joints take the 2 pi copy nearest to this [rad]."""
 
@@ -47,17 +47,19 @@ class Members:
         """The arm."""
         return self.verifier.robot
 
-    def pose_at(self, parameter: float) -> TargetPose:
-        """What the tool is brought to where the parameter has a value [rad]."""
-        if isinstance(self.target, TargetPose):
-            return self.target
-        return TargetPose(self.target.matrix_at(parameter), position_only=False)
-
     def parameter(self, q: Array) -> float:
         """The parameter [rad] of a configuration (dof,)."""
-        if isinstance(self.target, TargetPose):
-            return float(q[2])
-        return self.target.parameter_of(self.verifier.tool_pose(q).rotation)
+        free = self.target.free_axis
+        return float(q[2]) if free is None else free.parameter_of(self.verifier.tool_pose(q).rotation)
+
+    def candidate(self, q: Array, parameter: float) -> Candidate:
+        """A member (dof,) in the copies that are wanted, with its parameter [rad] in the range of the target."""
+        free = self.target.free_axis
+        if free is None:
+            p = float(q[2])  # joint 3 itself, in its copy
+        else:
+            p = float(angles.wrap_to_pi(parameter)) if free.full_turn else self.target.nearest_angle(parameter)
+        return Candidate(q, self.target.at(p), f"parameter {p:.6g} rad", p)
 
     def copies(self, q: Array, seed: Array) -> Array:
         """(..., dof) the copies within the limits nearest to a seed (dof,)."""
@@ -69,10 +71,10 @@ class Members:
         Raises:
             JacokinError: it does not, which cannot happen.
         """
-        errors = self.verifier.measure(q, self.pose_at(parameter))
+        errors = self.verifier.measure(q, self.target.at(parameter))
         if max(errors) > MEMBER_CLOSURE:  # a joint that is near its limit all along, moved onto it
             q = self._settled(q, parameter)
-            errors = self.verifier.measure(q, self.pose_at(parameter))
+            errors = self.verifier.measure(q, self.target.at(parameter))
         if max(errors) > MEMBER_CLOSURE or not self.robot.within_limits(q):
             raise JacokinError(
                 f"internal error: a member of a family misses its target by {errors[0]:.3g} m and "
@@ -82,7 +84,7 @@ class Members:
 
     def _settled(self, q: Array, parameter: float) -> Array:
         """A configuration (dof,) brought nearer to the target by the joints that are not on a limit."""
-        robot, pose = self.robot, self.pose_at(parameter)
+        robot, pose = self.robot, self.target.at(parameter)
         held = (q == robot.lower) | (q == robot.upper)
         goal = pin.SE3(pose.rotation, pose.position)
         for _ in range(SETTLING_STEPS):
@@ -92,10 +94,6 @@ class Members:
                 moving = self.verifier.tool.toActionMatrixInverse() @ moving
             q = q + np.linalg.pinv(moving, rcond=NO_MOTION) @ error
         return self.copies(q, q)
-
-
-#: [rad] a value of the parameter this far outside an interval is at its end.
-PARAMETER_SLACK = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,20 +177,6 @@ class Interval:
         cost = by_margin(self._members.robot)
         return -float(cost(choose([self], cost, self._members.seed)[0][np.newaxis])[0])
 
-    def guesses(self, cost: Cost, seed: Array) -> Guesses:
-        """Members all along, roughly, and their costs; unlimited joints in the copies nearest to a seed (dof,)."""
-        coordinates, rows = self._track.guesses()
-        return Guesses(self, coordinates, cost(self._members.copies(rows, seed)))
-
-    def near(self, guesses: Guesses, index: int, cost: Cost, seed: Array) -> tuple[float, float]:
-        """The least cost between the neighbours of a guess, and its coordinate."""
-        return refined(cost, guesses.coordinates, index, lambda c: self._members.copies(self._track.joints(c), seed))
-
-    def at_coordinate(self, coordinate: float, seed: Array) -> tuple[Array, float]:
-        """The member (dof,) at a coordinate of the track, and its parameter [rad]."""
-        p, q = self._track.point(coordinate)
-        return self.member(p, q, seed), p
-
     def sample(self, n: int) -> tuple[Array, Array]:
         """Values of the parameter (n,) and members (n, dof) [rad], spread over the interval; the middle for n = 1."""
         if n == 1:
@@ -231,35 +215,35 @@ class Interval:
         return min(max(moved, self.start), self.stop)
 
 
-class Guesses(NamedTuple):
-    """Costs along an interval."""
-
-    interval: Interval
-    coordinates: Array
-    values: Array
-
-
 def choose(intervals: Sequence[Interval], cost: Cost, seed: Array) -> tuple[Array, float]:
     """The member (dof,) of the least cost on one or more intervals, and its parameter [rad].
 
     Guesses all along tell where minima may be; a minimum is looked at unless the change from guess to guess leaves no
     doubt that it is worse than the best one found.
     """
-    doubts: list[tuple[float, int, int, Guesses]] = []
+    members = intervals[0]._members
+    doubts: list[tuple[float, int, int, Array]] = []
     for number, interval in enumerate(intervals):
-        guesses = interval.guesses(cost, seed)
-        change = np.abs(np.diff(guesses.values, prepend=guesses.values[0], append=guesses.values[-1]))
-        for index in minima(guesses.values).tolist():
-            bound = float(guesses.values[index] - max(change[index], change[index + 1]))
-            doubts.append((bound, number, index, guesses))
+        coordinates, rows = interval._track.guesses()
+        values = cost(members.copies(rows, seed))
+        change = np.abs(np.diff(values, prepend=values[0], append=values[-1]))
+        for index in minima(values).tolist():
+            bound = float(values[index] - max(change[index], change[index + 1]))
+            doubts.append((bound, number, index, coordinates))
+
+    def look(number: int, index: int, coordinates: Array) -> tuple[float, float]:
+        track = intervals[number]._track
+        return refine(cost, coordinates, index, lambda coordinate: members.copies(track.joints(coordinate), seed))
+
     best = (math.inf, 0.0, intervals[0])
-    for bound, _, index, guesses in sorted(doubts, key=lambda doubt: doubt[:3]):
+    for bound, number, index, coordinates in sorted(doubts, key=lambda doubt: doubt[:3]):
         if bound >= best[0]:
             break
-        value, coordinate = guesses.interval.near(guesses, index, cost, seed)
+        value, coordinate = look(number, index, coordinates)
         if value < best[0]:
-            best = (value, coordinate, guesses.interval)
-    return best[2].at_coordinate(best[1], seed)
+            best = (value, coordinate, intervals[number])
+    p, q = best[2]._track.point(best[1])
+    return best[2].member(p, q, seed), p
 
 
 class Family:
@@ -272,6 +256,7 @@ class Family:
     """
 
     __slots__ = ("_members", "branches", "complete", "intervals")
+    has_parameter = True
 
     def __init__(
         self,
@@ -297,6 +282,25 @@ class Family:
         """How many intervals on how many branches."""
         return f"Family({len(self)} intervals within the limits, {self.branches} branches)"
 
+    @property
+    def q(self) -> Array:
+        """(k, dof) the member of each interval nearest to the seed [rad]."""
+        rows = [interval.nearest() for interval in self.intervals]
+        return checks.read_only(np.array(rows).reshape(len(rows), self._members.robot.dof))
+
+    @property
+    def within_limits(self) -> NDArray[np.bool_]:
+        """(k,) True: every member is within the limits."""
+        within = np.ones(len(self.intervals), dtype=np.bool_)
+        within.setflags(write=False)
+        return within
+
+    @property
+    def margin(self) -> Array:
+        """(k, dof) distance of those members to the nearer limit [rad]; inf on unlimited joints."""
+        q, robot = self.q, self._members.robot
+        return checks.read_only(np.minimum(q - robot.lower, robot.upper - q))
+
     def nearest(self, seed: ArrayLike | None = None) -> Array | None:
         """The member (dof,) [rad] nearest to a seed, None for the seed of the family; None when there is no member.
 
@@ -316,7 +320,7 @@ class Family:
         """The member (dof,) of the least cost and its parameter [rad]; of equal ones the first in order.
 
         Args:
-            cost: of rows (m, dof), see `choosing`.
+            cost: of rows (m, dof), see `preferences`.
             seed: (dof,) unlimited joints take the copies nearest to it.
         """
         return choose(self.intervals, cost, seed) if self.intervals else None

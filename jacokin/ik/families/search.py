@@ -1,16 +1,19 @@
-"""From a target to its `Family`: which kind of free parameter it has, and what its intervals are."""
+"""`FamilySearch`: from a target to its `Family`, and to the member that is wanted, or why there is none."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from jacokin.arrays import Array
+from jacokin.ik import diagnosis
 from jacokin.ik.closed_form import ClosedForm
-from jacokin.ik.diagnosis import Mildest
+from jacokin.ik.closest import ClosestSearch
+from jacokin.ik.diagnosis import LimitExcess
 from jacokin.ik.families.curves import (
     FOLD,
     FREE_AXIS,
@@ -18,19 +21,18 @@ from jacokin.ik.families.curves import (
     LOST,
     RANGE,
     SEAM,
-    Curves,
+    CurveArm,
     Piece,
-    Problem,
-    arm_of,
     whole_piece,
 )
-from jacokin.ik.families.edge import Edge, Point
+from jacokin.ik.families.edge import Edge
 from jacokin.ik.families.family import MEMBER_CLOSURE, Family, Interval, IntervalEnd, Members
-from jacokin.ik.families.tracks import CircleTrack, CurveTrack, PointTrack, Track
+from jacokin.ik.families.tracks import CircleTrack, CurveTrack, Track, least
 from jacokin.ik.geometry import measure_seven
-from jacokin.ik.preferences import least
-from jacokin.ik.targets import TargetPose
-from jacokin.ik.verification import Verifier
+from jacokin.ik.preferences import Cost, with_ties
+from jacokin.ik.results import IKResult
+from jacokin.ik.targets import Request, TargetPose, combined_error
+from jacokin.ik.verification import Candidate, Verifier
 from jacokin.model import angles
 from jacokin.model.angles import TURN
 from jacokin.model.poses import FreeAxis
@@ -40,6 +42,12 @@ from jacokin.model.robot import Robot
 SAME_AXIS = 1e-10
 #: [rad] of the parameter: curves that are all shorter are looked at as points; the second one where some were lost.
 SMALL, SMALL_LOST = 1e-5, 1e-3
+#: Members of each interval that are looked at where the best one is in contact.
+TRIED = 16
+#: Times that a search for the closest configuration turns the target to where it has come.
+AIMS = 4
+#: [rad] a target turned by less than this is the same.
+SAME_AIM = 1e-3
 
 
 class Findings(NamedTuple):
@@ -47,47 +55,136 @@ class Findings(NamedTuple):
 
     family: Family
     members: Members
-    mildest: Callable[[], Mildest | None]  # of branches that break limits; None when nothing reaches the target
+    least_excess: Callable[[], LimitExcess | None]  # where branches come nearest to the limits; None without any
+
+    def candidates(self, cost: Cost | None, *, several: bool) -> Iterator[Candidate]:
+        """Members, the best one first; that one alone, or several of each interval after it."""
+        members, seed = self.members, self.members.seed
+        wish = with_ties(cost, seed)
+        best = self.family.choose(wish, seed)
+        if best is not None:
+            yield members.candidate(*best)
+        elif (least := self.least_excess()) is not None and not least.excess.any():
+            yield members.candidate(members.copies(least.q, seed), least.parameter)
+        if best is None or not several:
+            return
+        rows: list[Array] = []
+        parameters: list[float] = []
+        for interval in self.family:
+            for p, q in zip(*interval.sample(TRIED), strict=True):
+                rows.append(members.copies(q, seed))
+                parameters.append(float(p))
+        for index in np.argsort(wish(np.array(rows)), kind="stable").tolist():
+            yield members.candidate(rows[index], parameters[index])
 
 
-class SixJointFamilies:
+class FamilySearch:
+    """Families of one arm: the curves on which a target is reached, and what of them is within the limits."""
+
+    __slots__ = ("_arm", "_closest", "_edge", "_verifier")
+
+    def __init__(self, verifier: Verifier, arm: CurveArm) -> None:
+        """Take the constants of an arm."""
+        self._verifier, self._arm = verifier, arm
+        self._edge, self._closest = Edge(verifier), ClosestSearch(verifier)
+
+    def solve(self, request: Request) -> IKResult:
+        """The member of the least cost, or why there is none."""
+        verifier = self._verifier
+        if request.cost is None and not verifier.rejects_contact:  # the kernels find the nearest member at once
+            member = self.nearest(request.target, request.seed)
+            if member is not None:
+                candidate = Members(verifier, request.target, request.seed).candidate(*member)
+                result = verifier.select([candidate], request, "")
+                if result is not None:
+                    return result
+        found = self.find(request.target, request.seed)
+        candidates = found.candidates(request.cost, several=verifier.rejects_contact)
+        result = verifier.select(candidates, request, "every member that was tried is in contact; the best one")
+        return self._closest_to(request, found) if result is None else result
+
+    def find(self, target: TargetPose, seed: Array) -> Findings:
+        """Everything that reaches a target; unlimited joints in the copies nearest to a seed (dof,)."""
+        members, problem = Members(self._verifier, target, seed), self._arm.problem(target)
+        edge, robot, parameter = self._edge, self._verifier.robot, self._arm.parameter
+        found = problem.find()
+        small = _is_small(found.arcs, parameter, SMALL if found.complete else SMALL_LOST)
+        if small or not found.complete:
+            stuck = edge.holds(found.arcs, problem)
+            kept = [piece for piece in found.pieces if _closes(piece, members, parameter)]
+            found = found._replace(pieces=kept, complete=found.complete and len(kept) == len(found.pieces))
+            if not kept or (small and stuck):
+                sight = edge.look(problem)
+                if sight.parameters:
+                    found = problem.find(sight.parameters)
+                points = _on_edge(sight.points, members, complete=stuck)
+                if len(points.family) or (points.family.branches and stuck):
+                    return points
+        intervals = []
+        for piece in sorted(found.pieces, key=lambda piece: (piece.branch, piece.ends[0, parameter])):
+            ends = (_end(piece.codes[0], robot), _end(piece.codes[1], robot))
+            intervals.append(Interval(members, CurveTrack(problem, piece), piece.branch, ends))
+        family = Family(tuple(intervals), members, branches=len(found.arcs), complete=found.complete)
+
+        def least() -> LimitExcess | None:
+            whole = [CurveTrack(problem, whole_piece(arc, branch)) for branch, arc in enumerate(found.arcs)]
+            return _find_least_excess(whole, robot, exact=found.complete)
+
+        return Findings(family, members, least)
+
+    def nearest(self, target: TargetPose, seed: Array) -> tuple[Array, float] | None:
+        """The member (dof,) nearest to a seed and its parameter [rad]; None where only `find` can tell."""
+        x = self._arm.problem(target).nearest(seed)
+        return None if x is None else (x[: len(seed)], float(x[self._arm.parameter]))
+
+    def _closest_to(self, request: Request, found: Findings) -> IKResult:
+        """Why there is no member, with the closest configuration; the angle of a free axis follows where that comes."""
+        least, target, members = found.least_excess(), request.target, found.members
+        names = self._verifier.robot.joint_names
+        outcome = diagnosis.explain_family(found.family.complete, found.family.branches, least, names)
+        p = target.nearest_angle(0.0 if least is None else least.parameter)
+        nearby = [] if least is None else [least.q]
+        results: list[IKResult] = []
+        for _ in range(AIMS if target.free_axis is not None and request.closest else 1):
+            result = self._closest.solve(request._replace(target=target.at(p)), outcome, nearby)
+            parameter = p if target.free_axis is not None or not request.closest else float(result.q[JOINT_3])
+            results.append(replace(result, parameter=parameter))
+            last, p, nearby = p, target.nearest_angle(members.parameter(result.q)), [result.q]
+            if result.success or abs(p - last) < SAME_AIM:
+                break
+        return min(results, key=lambda each: (not each.success, _error(each)))
+
+
+class SixJointFamilies(FamilySearch):
     """Families of a six-joint arm whose tool may turn about an axis."""
 
-    __slots__ = ("_curves", "_edge", "_form", "_tool_in_joint_6", "_verifier")
+    __slots__ = ("_form", "_tool_in_joint_6")
 
     def __init__(self, form: ClosedForm, verifier: Verifier) -> None:
         """Take the closed form of the arm."""
         chain, constants, _ = form.constants
-        robot = verifier.robot
-        self._form, self._verifier, self._edge = form, verifier, Edge(verifier)
-        self._tool_in_joint_6 = chain[6]
-        self._curves = Curves(arm_of(FREE_AXIS, chain, constants, robot.lower, robot.upper))
+        super().__init__(verifier, CurveArm(FREE_AXIS, chain, constants, verifier.robot.lower, verifier.robot.upper))
+        self._form, self._tool_in_joint_6 = form, chain[6]
 
-    def find(self, target: FreeAxis, seed: Array) -> Findings:
-        """Everything that reaches a target; unlimited joints in the copies nearest to a seed (6,)."""
-        members = Members(self._verifier, target, seed)
-        sign = self._sign_of_last_axis(target.axis)
-        if sign != 0.0:
-            return self._about_last_axis(target, members, sign)
-        return on_curves(self._curves, self._curves.problem(target.matrix, target.axis), members, self._edge)
+    def find(self, target: TargetPose, seed: Array) -> Findings:
+        """See `FamilySearch`."""
+        axis, sign = self._last_axis(target)
+        return super().find(target, seed) if sign == 0.0 else self._about_last_axis(target, axis, seed, sign)
 
-    def nearest(self, target: FreeAxis, seed: Array) -> tuple[Array, float] | None:
-        """The member (6,) nearest to a seed and its parameter [rad]; None where only `find` can tell."""
-        sign = self._sign_of_last_axis(target.axis)
-        if sign != 0.0:
-            return self._nearest_about_last_axis(target, seed, sign)
-        x = self._curves.nearest(self._curves.problem(target.matrix, target.axis), target, seed)
-        return None if x is None else (x[:6], float(x[6]))
+    def nearest(self, target: TargetPose, seed: Array) -> tuple[Array, float] | None:
+        """See `FamilySearch`."""
+        axis, sign = self._last_axis(target)
+        return super().nearest(target, seed) if sign == 0.0 else self._nearest_about_last_axis(axis, seed, sign)
 
     def _nearest_about_last_axis(self, target: FreeAxis, seed: Array, sign: float) -> tuple[Array, float] | None:
         """As `nearest`: joint 6 goes to the seed's, or as near to it as the range and the limits let it."""
         robot = self._verifier.robot
-        table = self._form.solve_all(target.matrix, seed)
-        if table.dropped or table.family.any():
+        branches = self._form.solve_all(target.matrix, seed)
+        if not branches.complete:
             return None
         rows, parameters = [], []
         lower, upper = float(robot.lower[5]), float(robot.upper[5])
-        for q in table.q[(table.margin[:, :5] >= 0.0).all(axis=1)].tolist():
+        for q in branches.q[(branches.margin[:, :5] >= 0.0).all(axis=1)].tolist():
             wanted = sign * (float(seed[5]) - q[5])
             for start, stop, _ in _turns_of_joint_6(q[5], sign, target, lower, upper):
                 p = wanted + TURN * round((0.5 * (start + stop) - wanted) / TURN)
@@ -100,58 +197,45 @@ class SixJointFamilies:
         best = int(np.argmin(((copies - seed) ** 2).sum(axis=1)))
         return copies[best], parameters[best]
 
-    def _sign_of_last_axis(self, axis: Array) -> float:
-        """1 or -1 where the axis (3,) in the tool frame is that of the last joint, else 0."""
-        x, y, z = axis.tolist()
+    def _last_axis(self, target: TargetPose) -> tuple[FreeAxis, float]:
+        """The free axis, and 1 or -1 where it is the axis of the last joint, one way or the other; else 0."""
+        free = target.free_axis
+        assert free is not None  # what a six-joint arm is asked for here
+        x, y, z = free.axis.tolist()
         (*_, dx), (*_, dy), (u, v, w, _) = self._tool_in_joint_6.tolist()  # u, v, w: z of joint 6 in the tool frame
         if math.hypot(dx, dy) > SAME_AXIS or math.hypot(y * w - z * v, z * u - x * w, x * v - y * u) > SAME_AXIS:
-            return 0.0
-        return math.copysign(1.0, x * u + y * v + z * w)
+            return free, 0.0
+        return free, math.copysign(1.0, x * u + y * v + z * w)
 
-    def _about_last_axis(self, target: FreeAxis, members: Members, sign: float) -> Findings:
+    def _about_last_axis(self, target: TargetPose, free: FreeAxis, seed: Array, sign: float) -> Findings:
         """Joint 6 takes up every turn, the others stay: the branches of one pose, and a range of joint 6 for each."""
-        robot = self._verifier.robot
-        table = self._form.solve_all(target.matrix, members.seed)
+        robot, members = self._verifier.robot, Members(self._verifier, target, seed)
+        branches = self._form.solve_all(target.matrix, seed)
         intervals, tracks = [], []
-        low, high = target.range
-        for branch, (q, margin) in enumerate(zip(table.q, table.margin, strict=True)):
-            tracks.append(CircleTrack(q, sign, low, high))
+        for number, (q, margin) in enumerate(zip(branches.q, branches.margin, strict=True)):
+            tracks.append(CircleTrack(q, sign, *free.range))
             if (margin[:5] < 0.0).any():
                 continue
-            for start, stop, ends in _turns_of_joint_6(q[5], sign, target, robot.lower[5], robot.upper[5]):
+            for start, stop, ends in _turns_of_joint_6(q[5], sign, free, robot.lower[5], robot.upper[5]):
                 reasons = (_end(ends[0], robot), _end(ends[1], robot))
-                intervals.append(Interval(members, CircleTrack(q, sign, start, stop), branch, reasons))
-        complete = not (table.dropped or table.family.any())
-        family = Family(tuple(intervals), members, branches=len(table), complete=complete)
-        return Findings(family, members, lambda: _mildest(tracks, robot, exact=True))
+                intervals.append(Interval(members, CircleTrack(q, sign, start, stop), number, reasons))
+        family = Family(tuple(intervals), members, branches=len(branches), complete=branches.complete)
+        return Findings(family, members, lambda: _find_least_excess(tracks, robot, exact=True))
 
 
-class SevenJointFamilies:
-    """Families of a seven-joint arm at full poses; the parameter is joint 3."""
+def seven_joint_families(verifier: Verifier) -> FamilySearch:
+    """Families of a seven-joint arm at full poses; the parameter is joint 3.
 
-    __slots__ = ("_curves", "_edge", "_verifier", "misfit")
+    Raises:
+        StructureError: axes 1 and 2, or 5, 6 and 7, do not meet.
+    """
+    robot = verifier.robot
+    geometry = measure_seven(robot.pin_model, verifier.frame_id, verifier.tool)
+    return FamilySearch(verifier, CurveArm(JOINT_3, geometry.chain, geometry.arm, robot.lower, robot.upper))
 
-    def __init__(self, verifier: Verifier) -> None:
-        """Measure the structure of the arm.
 
-        Raises:
-            StructureError: axes 1 and 2, or 5, 6 and 7, do not meet.
-        """
-        robot = verifier.robot
-        geometry = measure_seven(robot.pin_model, verifier.frame_id, verifier.tool)
-        self._verifier, self._edge = verifier, Edge(verifier)
-        self.misfit = geometry.misfit
-        self._curves = Curves(arm_of(JOINT_3, geometry.chain, geometry.arm, robot.lower, robot.upper))
-
-    def find(self, target: TargetPose, seed: Array) -> Findings:
-        """Everything that reaches a pose; unlimited joints in the copies nearest to a seed (7,)."""
-        members = Members(self._verifier, target, seed)
-        return on_curves(self._curves, self._curves.problem(target.matrix), members, self._edge)
-
-    def nearest(self, target: TargetPose, seed: Array) -> tuple[Array, float] | None:
-        """The member (7,) nearest to a seed and its joint 3 [rad]; None where only `find` can tell."""
-        x = self._curves.nearest(self._curves.problem(target.matrix), None, seed)
-        return None if x is None else (x, float(x[JOINT_3]))
+def _error(result: IKResult) -> float:
+    return combined_error(result.position_error, result.orientation_error)
 
 
 def _turns_of_joint_6(
@@ -177,39 +261,6 @@ def _turns_of_joint_6(
     return found
 
 
-def on_curves(curves: Curves, problem: Problem, members: Members, edge: Edge) -> Findings:
-    """Everything on the solution curves of a problem."""
-    robot, target = members.robot, members.target
-    axis = target if isinstance(target, FreeAxis) else None
-    found = curves.find(problem, axis)
-    closed = axis is None or axis.full_turn
-    small = _is_small(found.arcs, problem.arm.parameter, SMALL if found.complete else SMALL_LOST)
-    if small or not found.complete:
-        stuck = edge.holds(found.arcs, problem, axis)
-        pieces_kept = [piece for piece in found.pieces if _closes(piece, members, problem.arm.parameter)]
-        found = found._replace(pieces=pieces_kept, complete=found.complete and len(pieces_kept) == len(found.pieces))
-        if not pieces_kept or (small and stuck):
-            sight = edge.look(curves, problem, axis)
-            if sight.parameters:
-                found = curves.find(problem, axis, sight.parameters)
-            points = _on_edge(sight.points, members, complete=stuck)
-            if len(points.family) or (points.family.branches and stuck):
-                return points
-    intervals = []
-    for piece in sorted(found.pieces, key=lambda piece: (piece.branch, piece.ends[0, problem.arm.parameter])):
-        ends = (_end(piece.codes[0], robot), _end(piece.codes[1], robot))
-        intervals.append(Interval(members, CurveTrack(curves, problem, piece, closed), piece.branch, ends))
-    family = Family(tuple(intervals), members, branches=len(found.arcs), complete=found.complete)
-
-    def mildest() -> Mildest | None:
-        whole_arcs = [whole_piece(arc, branch) for branch, arc in enumerate(found.arcs)]
-        return _mildest(
-            [CurveTrack(curves, problem, piece, closed) for piece in whole_arcs], robot, exact=found.complete
-        )
-
-    return Findings(family, members, mildest)
-
-
 def _is_small(arcs: Sequence[Array], parameter: int, length: float) -> bool:
     """Whether all curves are shorter than a length [rad] of the parameter."""
     return all(abs(nodes[-1, parameter] - nodes[0, parameter]) < length for nodes in arcs)
@@ -218,24 +269,23 @@ def _is_small(arcs: Sequence[Array], parameter: int, length: float) -> bool:
 def _closes(piece: Piece, members: Members, parameter: int) -> bool:
     """Whether both ends of a piece reach the target."""
     dof = members.robot.dof
-    errors = [members.verifier.measure(x[:dof], members.pose_at(float(x[parameter]))) for x in piece.ends]
+    errors = [members.verifier.measure(x[:dof], members.target.at(float(x[parameter]))) for x in piece.ends]
     return max(map(max, errors)) <= MEMBER_CLOSURE
 
 
-def _on_edge(points: Sequence[Point], members: Members, *, complete: bool) -> Findings:
+def _on_edge(points: Sequence[LimitExcess], members: Members, *, complete: bool) -> Findings:
     """What reaches a target at single points."""
     intervals = []
     for branch, point in enumerate(points):
-        closure = max(members.verifier.measure(point.q, members.pose_at(point.parameter)))
+        closure = max(members.verifier.measure(point.q, members.target.at(point.parameter)))
         if closure <= MEMBER_CLOSURE and not point.excess.any():
-            track = PointTrack(point.q, point.parameter)
+            track = CircleTrack(point.q, 0.0, point.parameter, point.parameter)
             intervals.append(Interval(members, track, branch, (IntervalEnd("fold"), IntervalEnd("fold"))))
     family = Family(tuple(intervals), members, branches=len(points), complete=complete)
-    mildest = Mildest(points[0].q, points[0].excess, points[0].parameter) if points else None
-    return Findings(family, members, lambda: mildest)
+    return Findings(family, members, lambda: points[0] if points else None)
 
 
-def _mildest(tracks: Sequence[Track], robot: Robot, *, exact: bool) -> Mildest | None:
+def _find_least_excess(tracks: Sequence[Track], robot: Robot, *, exact: bool) -> LimitExcess | None:
     """Where tracks come nearest to the limits; not `exact` to about 1e-3 rad, where points of a curve may be lost."""
     bounded = robot.upper - robot.lower < TURN
     lower, upper = np.where(bounded, robot.lower, -np.inf), np.where(bounded, robot.upper, np.inf)
@@ -259,11 +309,11 @@ def _mildest(tracks: Sequence[Track], robot: Robot, *, exact: bool) -> Mildest |
     if best is None:
         return None
     _, parameter, q = best
-    return Mildest(angles.into_limits(q, robot.lower, robot.upper), excess(q), parameter)
+    return LimitExcess(angles.into_limits(q, robot.lower, robot.upper), excess(q), parameter)
 
 
 def _end(code: int, robot: Robot) -> IntervalEnd:
-    """An end in words from its code, see `pieces`."""
+    """An end in words from its code, see `curves`."""
     if code >= 0:
         limit = (robot.lower, robot.upper)[code % 2][code // 2]
         return IntervalEnd("limit", robot.joint_names[code // 2], float(limit))

@@ -5,15 +5,26 @@ A track is walked by a coordinate of its own, in which it is smooth also where t
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import JacokinError
-from jacokin.ik.families.curves import SAME_PARAMETER, Curves, Piece, Problem
+from jacokin.ik.families.curves import SAME_PARAMETER, CurveProblem, Piece
+from jacokin.ik.preferences import Cost
 from jacokin.model.angles import TURN
 
+#: Local minima among the guesses that are looked at exactly.
+MINIMA = 3
+#: Steps towards a minimum at most.
+STEPS = 60
+#: Share of a chord at which a minimum is found: rounding allows no more.
+ACCURACY = 1e-9
+GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 #: [rad] distance in joint space between guesses along a track.
 GUESS_SPACING = 0.05
 
@@ -47,14 +58,14 @@ class Track(Protocol):
 class CurveTrack(Track):
     """A piece of a solution curve; the coordinate counts chords between nodes."""
 
-    __slots__ = ("_curves", "_parameter", "_piece", "_problem", "_turns", "start", "stop")
+    __slots__ = ("_parameter", "_piece", "_problem", "_turns", "start", "stop")
 
-    def __init__(self, curves: Curves, problem: Problem, piece: Piece, closed: bool) -> None:
+    def __init__(self, problem: CurveProblem, piece: Piece) -> None:
         """Take a piece; on a closed circle of parameters the start is moved into [-pi, pi)."""
-        self._curves, self._problem, self._piece = curves, problem, piece
+        self._problem, self._piece = problem, piece
         self._parameter = problem.arm.parameter
         start, stop = piece.ends[:, self._parameter].tolist()
-        turns = -TURN * np.floor((start + np.pi) / TURN) if closed else 0.0
+        turns = -TURN * np.floor((start + np.pi) / TURN) if problem.closed else 0.0
         self._turns = turns
         self.start, self.stop = start + turns, max(start, stop) + turns
 
@@ -67,7 +78,7 @@ class CurveTrack(Track):
         nodes = self._piece.nodes
         chord = int(np.searchsorted(nodes[:, self._parameter], p)) - 1
         chord = min(max(chord, 0), len(nodes) - 2)
-        x = self._curves.at_parameter(self._problem, nodes[chord : chord + 2], p)
+        x = self._problem.at_parameter(nodes[chord : chord + 2], p)
         if x is None:  # where the parameter stays the same along the curve, any point will do
             near = int(np.abs(nodes[:, self._parameter] - p).argmin())
             x = nodes[near, :7] if abs(nodes[near, self._parameter] - p) <= SAME_PARAMETER else None
@@ -82,7 +93,7 @@ class CurveTrack(Track):
         else:
             chord = min(int(coordinate), len(piece.nodes) - 2)
             nodes = piece.nodes[chord : chord + 2]
-            x = self._found(self._curves.at_share(self._problem, nodes, coordinate - chord))
+            x = self._found(self._problem.at_share(nodes, coordinate - chord))
         p = float(x[self._parameter]) + self._turns
         return min(max(p, self.start), self.stop), self._joints(x)
 
@@ -124,7 +135,7 @@ class CurveTrack(Track):
         """See `Track`."""
         nodes = self._piece.nodes.copy()
         nodes[0, :7], nodes[-1, :7] = self._piece.ends
-        x = self._curves.nearest_on(self._problem, nodes, seed)
+        x = self._problem.nearest_on(nodes, seed)
         if x is None:
             return None
         p = self.start + float(np.mod(x[self._parameter] - self.start, TURN))
@@ -146,12 +157,15 @@ class CurveTrack(Track):
 
 
 class CircleTrack(Track):
-    """A branch of a six-joint arm whose free axis is the axis of its last joint; the coordinate is the parameter."""
+    """A branch of a six-joint arm whose free axis is the axis of its last joint; the coordinate is the parameter.
+
+    Also a single configuration of any arm: the sign is 0, and the track ends where it starts.
+    """
 
     __slots__ = ("_q", "_sign", "start", "stop")
 
     def __init__(self, q: Array, sign: float, start: float, stop: float) -> None:
-        """Take the branch (6,) at parameter 0, and the sign of the last joint's turn."""
+        """Take the branch (dof,) at parameter 0, and the sign of joint 6's turn."""
         self._q, self._sign, self.start, self.stop = q, sign, start, stop
 
     def at(self, parameter: float) -> Array:
@@ -180,31 +194,75 @@ class CircleTrack(Track):
         return self.guesses()
 
 
-class PointTrack(Track):
-    """A single configuration; the coordinate is the parameter."""
+def least(cost: Cost, coordinates: Array, rows: Array, exact: Callable[[float], Array]) -> float:
+    """The coordinate of the least cost along a track.
 
-    __slots__ = ("_q", "start", "stop")
+    Args:
+        cost: of rows.
+        coordinates: (m,) in order.
+        rows: (m, dof) configurations there, roughly.
+        exact: the configuration (dof,) at a coordinate.
+    """
+    ends = [refine(cost, coordinates, end, exact) for end in minima(cost(rows))[:MINIMA]]
+    return min(ends, key=lambda end: end[0])[1]
 
-    def __init__(self, q: Array, parameter: float) -> None:
-        """Take the configuration (dof,)."""
-        self._q, self.start, self.stop = q, parameter, parameter
 
-    def at(self, parameter: float) -> Array:
-        """See `Track`."""
-        return self._q
+def minima(values: Array) -> NDArray[np.int64]:
+    """Indices of the local minima, best first, ends included."""
+    padded = np.concatenate([[np.inf], values, [np.inf]])
+    local = np.flatnonzero((values <= padded[:-2]) & (values <= padded[2:]))
+    return local[np.argsort(values[local], kind="stable")]
 
-    def point(self, coordinate: float) -> tuple[float, Array]:
-        """See `Track`."""
-        return self.start, self._q
 
-    def nearest(self, seed: Array) -> tuple[float, Array] | None:
-        """See `Track`."""
-        return self.start, self._q
+def refine(cost: Cost, coordinates: Array, index: int, exact: Callable[[float], Array]) -> tuple[float, float]:
+    """The least cost between the neighbours of a guess, and its coordinate."""
 
-    def guesses(self) -> tuple[Array, Array]:
-        """See `Track`."""
-        return np.array([self.start]), self._q[np.newaxis]
+    def at(coordinate: float) -> float:
+        return float(cost(exact(coordinate)[np.newaxis])[0])
 
-    def polyline(self) -> tuple[Array, Array]:
-        """See `Track`."""
-        return self.guesses()
+    low, high = coordinates[[max(index - 1, 0), min(index + 1, len(coordinates) - 1)]].tolist()
+    middle = float(coordinates[index])
+    known = (at(middle), middle)
+    found = (
+        brent(at, low, known[1], high, known[0]) if low < middle < high else brent(at, low, 0.5 * (low + high), high)
+    )
+    return min(known, found)
+
+
+def brent(
+    at: Callable[[float], float], low: float, x: float, high: float, fx: float | None = None
+) -> tuple[float, float]:
+    """The minimum of a function between low and high, and where it is.
+
+    Parabolas through the three best points, golden section where they fail (Brent, 1973, chapter 5). SciPy has the
+    method too, in `scipy.optimize`: the first solve with a preference would wait a second for that import.
+    """
+    w = v = x
+    fx = at(x) if fx is None else fx
+    fw = fv = fx
+    step = before = high - low
+    for _ in range(STEPS):
+        middle, tolerance = 0.5 * (low + high), ACCURACY * (1.0 + abs(x))
+        if abs(x - middle) <= 2.0 * tolerance - 0.5 * (high - low):
+            break
+        r, q = (x - w) * (fx - fv), (x - v) * (fx - fw)
+        p = (x - v) * q - (x - w) * r
+        q = 2.0 * (q - r)
+        p, q = (-p, q) if q > 0.0 else (p, -q)
+        if abs(p) < abs(0.5 * q * before) and q * (low - x) < p < q * (high - x):
+            before, step = step, p / q
+        else:
+            before = (high if x < middle else low) - x
+            step = (1.0 - GOLDEN) * before
+        u = x + (step if abs(step) >= tolerance else math.copysign(tolerance, step))
+        fu = at(u)
+        if fu <= fx:
+            low, high = (x, high) if u >= x else (low, x)
+            v, fv, w, fw, x, fx = w, fw, x, fx, u, fu
+        else:
+            low, high = (u, high) if u < x else (low, u)
+            if fu <= fw or w == x:
+                v, fv, w, fw = w, fw, u, fu
+            elif fu <= fv or v in (x, w):
+                v, fv = u, fu
+    return fx, x

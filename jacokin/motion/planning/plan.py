@@ -299,7 +299,7 @@ def _explain_rung(rung: Rung, solver: IKSolver, manifold: Manifold) -> str:
     if manifold.has_families:
         return solver.solve(manifold.path.target(rung.u), closest=False).message
     rows = solver.closed_form().solve_all(manifold.path.at(np.array([rung.u]))[0], solver.robot.home)
-    return diagnosis.of_branches(rows, solver.robot.joint_names).message
+    return diagnosis.explain_branches(rows, solver.robot.joint_names).message
 
 
 def _explain_end(search: Search, reached: float, q: Array, blocked: str, solver: IKSolver) -> str:

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from jacokin.arrays import Array
 from jacokin.errors import ModelError, PhysicsError
 from jacokin.ik import targets
-from jacokin.ik.options import ORIENTATION_TOLERANCE, POSITION_TOLERANCE, Options
+from jacokin.ik.options import ORIENTATION_TOLERANCE, POSITION_TOLERANCE, SolverOptions
 from jacokin.ik.solver import IKSolver
 from jacokin.ik.verification import Verifier
 from jacokin.model.descriptions import mjcf
@@ -92,9 +92,9 @@ class SiteSolver:
         self._has_families = self._solver.has_families
         self.has_closed_form = self._has_families or self._solver.has_closed_form
         if not self.has_closed_form:
-            from jacokin.ik.qp import MultiStartQP  # imports mink, which arms with a closed form do not need
+            from jacokin.ik.qp import QPSearch  # imports mink, which arms with a closed form do not need
 
-            self._qp = MultiStartQP(Verifier(robot, SITE, None, Options()))
+            self._qp = QPSearch(Verifier(robot, SITE, None, SolverOptions()))
         with_branches = self.has_closed_form and not self._has_families
         self._nearest = self._solver.closed_form().nearest_branch() if with_branches else None
         self._T = np.eye(4) if self._nearest is None else self._nearest.T
@@ -260,9 +260,9 @@ class SiteSolver:
     def _by_qp(self, starts: Iterator[Array]) -> Iterator[Array]:
         target = targets.checked(self._T)
         for start in starts:
-            attempt = self._qp.solve(target, [start])
-            if attempt.reached:
-                yield attempt.q
+            q = self._qp.reach(target, start)
+            if q is not None:
+                yield q
 
     def _starts(
         self, present: Array | None, bounds: Bounds, random_state: RandomState, attempts: int

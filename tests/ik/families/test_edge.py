@@ -50,9 +50,10 @@ def target_at(robot: Robot, q: Array, outward: float = 0.0) -> pin.SE3 | FreeAxi
     return FreeAxis(moved, axis=T.rotation.T @ axis / np.linalg.norm(axis))
 
 
-def test_a_stretched_arm_is_a_member_all_alone(solver: IKSolver, rng: np.random.Generator) -> None:
+@pytest.mark.parametrize("count", [6, pytest.param(25, marks=pytest.mark.slow)])
+def test_a_stretched_arm_is_a_member_all_alone(solver: IKSolver, rng: np.random.Generator, count: int) -> None:
     robot = solver.robot
-    for _ in range(25):
+    for _ in range(count):
         q = stretched(robot, rng)
         target = target_at(robot, q)
         family = solver.family(target)
@@ -74,9 +75,12 @@ def test_a_stretched_arm_is_a_member_all_alone(solver: IKSolver, rng: np.random.
         np.testing.assert_allclose(wrap_to_pi(result.q - q), np.zeros(robot.dof), atol=1e-3)
 
 
-def test_a_stretched_arm_beyond_its_limits_is_outside_them(solver: IKSolver, rng: np.random.Generator) -> None:
+@pytest.mark.parametrize("count", [6, pytest.param(25, marks=pytest.mark.slow)])
+def test_a_stretched_arm_beyond_its_limits_is_outside_them(
+    solver: IKSolver, rng: np.random.Generator, count: int
+) -> None:
     robot = solver.robot
-    for _ in range(25):
+    for _ in range(count):
         q = stretched(robot, rng)
         q[1] = rng.uniform(-0.5, 0.5)  # so is its mirror image, the shoulder turned by half a turn
         for target in (target_at(robot, q), target_at(robot, q, -1e-5), target_at(robot, q, 3e-7)):
@@ -85,9 +89,10 @@ def test_a_stretched_arm_beyond_its_limits_is_outside_them(solver: IKSolver, rng
             assert "joint_2" in result.message
 
 
-def test_what_counts_as_reached_is_as_near_as_a_success(solver: IKSolver, rng: np.random.Generator) -> None:
+@pytest.mark.parametrize("count", [3, pytest.param(10, marks=pytest.mark.slow)])
+def test_what_counts_as_reached_is_as_near_as_a_success(solver: IKSolver, rng: np.random.Generator, count: int) -> None:
     robot = solver.robot
-    for _ in range(10):
+    for _ in range(count):
         q = stretched(robot, rng)
         near = solver.solve(target_at(robot, q, 5e-7), closest=False).raise_for_status()
         assert near.position_error <= TOLERANCE

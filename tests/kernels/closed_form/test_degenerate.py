@@ -192,13 +192,13 @@ def test_an_aligned_spherical_wrist_is_a_family(bundled: Callable[[str], Robot],
         q[4] = np.pi
         T = target(robot, q)
         own = form.solve_all(T, q)
-        assert own.family.any()
+        assert own.singular.any()
         assert contains(own, q, 1e-6)
-        assert own.family[np.argmin(circular(own.q, q))]
-        assert (~own.family).sum() >= 2  # the isolated branches of the other arm postures
+        assert own.singular[np.argmin(circular(own.q, q))]
+        assert (~own.singular).sum() >= 2  # the isolated branches of the other arm postures
         seed = robot.sample(rng)
         other = form.solve_all(T, seed)
-        members = other.q[other.family]
+        members = other.q[other.singular]
         assert np.isclose(members[:, 5], seed[5], atol=1e-9).any()
         assert np.isclose(members[:, 3], seed[3], atol=1e-6).any()
         assert worst_error(other) < 1e-10
@@ -213,7 +213,7 @@ def test_a_nearly_aligned_spherical_wrist_is_not(
     for q in robot.sample(rng, 100):
         q[4] = np.pi + away
         rows = form.solve_all(target(robot, q), q)
-        assert not rows.family.any()
+        assert not rows.singular.any()
         assert contains(rows, q, 1e-4)
 
 

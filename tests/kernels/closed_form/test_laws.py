@@ -49,7 +49,7 @@ def test_every_branch_closes_and_the_generating_one_is_among_them(
         assert worst_error(rows) < 1e-12
         assert closest_pair(rows) > 1e-6
         assert len(rows) <= 16
-        assert not rows.family.any()
+        assert not rows.singular.any()
 
 
 def test_the_branches_are_those_of_a_brute_force_search(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import pickle
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +16,8 @@ import qpsolvers
 import jacokin
 from jacokin import IKSolver, Robot, Status
 from jacokin.arrays import Array
-from jacokin.errors import InvalidInputError, MissingExtraError, SolveError, UnknownNameError
-from jacokin.ik import qp_backend
+from jacokin.errors import MissingExtraError, SolveError, UnknownNameError
+from jacokin.ik import qp, qp_backend
 from jacokin.model import poses
 
 CRANE = """<robot name="crane">
@@ -242,41 +243,6 @@ def test_a_pickled_solver_solves(robot: Robot, rng: np.random.Generator) -> None
     np.testing.assert_array_equal(copy.solve(target).q, solver.solve(target).q)
 
 
-def test_wrong_arguments_are_named(robot: Robot) -> None:
-    with pytest.raises(UnknownNameError, match="method 'newton'.*closed_form"):
-        IKSolver(robot, method="newton")
-    with pytest.raises(UnknownNameError, match="qp_solver 'gurobi_x'.*daqp"):
-        IKSolver(robot, qp_solver="gurobi_x")
-    with pytest.raises(UnknownNameError, match="qp_solver"):
-        IKSolver(robot, qp_solver=np.array(["daqp", "osqp"]))  # type: ignore[arg-type]  # what is tested
-    with pytest.raises(UnknownNameError, match="collision"):
-        IKSolver(robot, collision="avoid")
-    with pytest.raises(UnknownNameError, match="frame"):
-        IKSolver(robot, "tool0")
-    for options in ({"position_tolerance": 0.0}, {"orientation_tolerance": math.nan}, {"limit_snap": -1.0}):
-        with pytest.raises(InvalidInputError, match=next(iter(options))):
-            IKSolver(robot, **options)  # type: ignore[arg-type]  # one wrong option at a time
-    with pytest.raises(InvalidInputError, match="max_restarts"):
-        IKSolver(robot, max_restarts=-1)
-    solver = IKSolver(robot, method="qp")
-    with pytest.raises(InvalidInputError, match=r"seed must have shape \(6,\)"):
-        solver.solve([0.3, 0.2, 0.4], seed=[0.0] * 5)
-    with pytest.raises(InvalidInputError, match="target must have shape"):
-        solver.solve([0.3, 0.2])
-    with pytest.raises(InvalidInputError, match="target must be finite"):
-        solver.solve([0.3, math.nan, 0.2])
-    with pytest.raises(InvalidInputError, match="rng"):
-        solver.solve([0.3, 0.2, 0.4], rng=np.random.RandomState(0))  # type: ignore[arg-type]  # wrong on purpose
-    with pytest.raises(InvalidInputError, match="targets is empty"):
-        solver.solve_batch([])
-    with pytest.raises(InvalidInputError, match=r"targets\[1\]"):
-        solver.solve_batch([[0.3, 0.2, 0.4], [0.3, math.nan, 0.4]])
-    with pytest.raises(InvalidInputError, match="seeds must have one row"):
-        solver.solve_batch([[0.3, 0.2, 0.4]], seeds=np.zeros((2, 6)))
-    with pytest.raises(InvalidInputError, match="workers"):
-        solver.solve_batch([[0.3, 0.2, 0.4]], workers=0)
-
-
 def test_published_home_is_near_the_documented_angles(robot: Robot) -> None:
     # The pose the driver states for the real arm's home, and the home angles Kinova documents, rounded to 0.1 deg.
     published = pin.SE3(
@@ -311,3 +277,34 @@ def test_sliding_joints_reach_as_far_as_they_slide(tmp_path: Path, rng: np.rando
     stretched = np.array([0.3, 1.5, 0.2])
     seed = np.array([0.3, 7.0, 0.2])
     np.testing.assert_allclose(solver.solve(crane.forward_kinematics(stretched), seed).q, stretched, atol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["j2n6s300", "j2s7s300"])
+def test_members_reach_the_position(bundled: Callable[[str], Robot], rng: np.random.Generator, name: str) -> None:
+    jacokin.warmup()
+    robot = bundled(name)
+    for q in robot.sample(rng, 10):
+        position = robot.forward_kinematics(q).translation
+        rows = qp.members(
+            IKSolver(robot)._nearest_at, position, robot.forward_kinematics(robot.home).rotation, robot.home
+        )
+        assert 1 <= len(rows) <= qp.ENOUGH
+        for row in rows:
+            np.testing.assert_allclose(robot.forward_kinematics(row).translation, position, atol=1e-9)
+            assert robot.within_limits(row)
+        apart = [float(np.linalg.norm(row - robot.home)) for row in rows]
+        assert apart == sorted(apart)
+
+
+@pytest.mark.parametrize("name", ["j2n6s300", "j2s7s300"])
+def test_a_position_is_solved_from_a_member(
+    bundled: Callable[[str], Robot], rng: np.random.Generator, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where descents go nowhere, the first start that is a member is the answer."""
+    robot, stuck = bundled(name), lambda _self, _target, start: qp.Descent(start, 0, False)
+    monkeypatch.setattr(qp.QPSearch, "descend", stuck)
+    for q in robot.sample(rng, 5):
+        target = robot.forward_kinematics(q).translation
+        result = IKSolver(robot).solve(target).raise_for_status()
+        np.testing.assert_allclose(robot.forward_kinematics(result.q).translation, target, atol=1e-9)
+        assert not IKSolver(robot, method="qp").solve(target, max_restarts=5, closest=False).success

@@ -1,0 +1,127 @@
+"""Which status a failure gets, and the sentence that goes with it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import jacokin
+from jacokin import IKSolver, Robot, Status
+from jacokin.arrays import Array
+from jacokin.ik import diagnosis
+from jacokin.ik.closed_form import Branches
+from jacokin.ik.diagnosis import LimitExcess
+from jacokin.ik.seeds import seed_within_limits
+from jacokin.ik.targets import Request, interpret
+from jacokin.ik.verification import Candidate
+from jacokin.kernels.closed_form.pose import COLUMNS, ORIENTATION_ERROR, POSITION_ERROR, WITHIN_LIMITS
+
+NAMES = tuple(f"joint_{number}" for number in range(1, 7))
+FREE = [1.0] * 6  # [rad] from every limit
+
+
+def branches(*margins: list[float], dropped: bool = False) -> Branches:
+    """Branches with these distances (6,) to their limits [rad], a little off their target."""
+    rows = np.zeros((len(margins), COLUMNS))
+    for row, margin in zip(rows, margins, strict=True):
+        row[6:12], row[WITHIN_LIMITS] = margin, min(margin) >= 0.0
+        row[POSITION_ERROR], row[ORIENTATION_ERROR] = 2e-5, 3e-5
+    return Branches(rows, dropped)
+
+
+@pytest.mark.parametrize(
+    ("found", "status", "message"),
+    [
+        (branches(), Status.UNREACHABLE, "no configuration reaches this pose, whatever the limits"),
+        (
+            branches([1.0, -0.5, 1.0, 1.0, -0.1, 1.0], [1.0, 1.0, -0.25, 1.0, 1.0, -0.125]),
+            Status.OUTSIDE_LIMITS,
+            "each of the 2 branches is outside the limits; the closest one exceeds the limits of joint_3 by 0.25 rad, "
+            "joint_6 by 0.125 rad",
+        ),
+        (
+            branches(FREE, [-1.0] * 6),
+            Status.NO_CONVERGENCE,
+            "a branch within the limits misses the target by 2e-05 m and 3e-05 rad, which is rounding and more than "
+            "the tolerances allow",
+        ),
+        (
+            branches([-1.0] * 6, dropped=True),
+            Status.NO_CONVERGENCE,
+            "none of the 1 branches found is within the limits, and there were more than could be followed",
+        ),
+    ],
+)
+def test_branches(found: Branches, status: Status, message: str) -> None:
+    assert diagnosis.explain_branches(found, NAMES) == (status, message)
+
+
+@pytest.mark.parametrize(
+    ("complete", "least", "status", "message"),
+    [
+        (
+            True,
+            None,
+            Status.UNREACHABLE,
+            "no configuration reaches the target, whatever the parameter and the limits",
+        ),
+        (
+            True,
+            LimitExcess(np.zeros(6), np.array([0.0, 0.5, 0.0, 0.0, 0.0, 0.0]), 1.25),
+            Status.OUTSIDE_LIMITS,
+            "each of the 3 branches is outside the limits for every value of the parameter; the closest one exceeds "
+            "the limits of joint_2 by 0.5 rad, at parameter 1.25 rad",
+        ),
+        (
+            False,
+            None,
+            Status.NO_CONVERGENCE,
+            "none of the 3 branches found is within the limits, and some curves were lost",
+        ),
+    ],
+)
+def test_families(complete: bool, least: LimitExcess | None, status: Status, message: str) -> None:
+    assert diagnosis.explain_family(complete, 3, least, NAMES) == (status, message)
+
+
+def test_descents() -> None:
+    assert diagnosis.explain_descents(7, failed=True) == (Status.SOLVER_ERROR, "no QP solver solved the step")
+    assert diagnosis.explain_descents(7, failed=False) == (Status.NO_CONVERGENCE, "7 starts ended in local minima")
+
+
+def test_contact_names_three_pairs() -> None:
+    pairs = [("a", "b"), ("c", "d"), ("e", "f"), ("g", "h"), ("i", "j")]
+    named = "all touch at a and b, c and d, e and f"
+    assert diagnosis.explain_contact("all touch", pairs[:3]) == named
+    assert diagnosis.explain_contact("all touch", pairs[:4]) == f"{named} and 1 more pair"
+    assert diagnosis.explain_contact("all touch", pairs) == f"{named} and 2 more pairs"
+
+
+def test_the_first_candidate_that_is_a_success_is_selected(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    verifier = IKSolver(robot, collision="reject").verifier
+    target = interpret(robot.forward_kinematics(robot.home), "end_effector")
+    seed, note = seed_within_limits(robot, None)
+    request = Request(target, seed, note, None, 0, False)
+    turned = [robot.home + 2.0 * np.pi * turns * robot.unlimited for turns in range(3)]
+    off = robot.home + 1e-3
+    clear: list[Array] = []
+    monkeypatch.setattr(
+        verifier, "touching", lambda q: [] if any(np.array_equal(q, row) for row in clear) else [("hand", "link_2")]
+    )
+
+    def select(*rows: Array) -> jacokin.IKResult | None:
+        candidates = [Candidate(q, target, f"number {number}") for number, q in enumerate(rows)]
+        return verifier.select(candidates, request, "all are in contact; the first")
+
+    assert select() is None
+    assert select(off) is None
+    touched = select(off, *turned)
+    assert touched is not None
+    assert (touched.status, touched.touching) == (Status.IN_COLLISION, (("hand", "link_2"),))
+    assert touched.message == "all are in contact; the first at hand and link_2"
+    np.testing.assert_array_equal(touched.q, turned[0])
+    clear.append(turned[1])
+    found = select(off, *turned)
+    assert found is not None
+    assert (found.status, found.message, found.touching) == (Status.OK, "number 2", ())
+    np.testing.assert_array_equal(found.q, turned[1])

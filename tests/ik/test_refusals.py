@@ -1,0 +1,166 @@
+"""What `IKSolver` refuses, one table for each entry point: the argument is named, with what is valid."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+import jacokin
+from jacokin import FreeAxis, IKSolver, JacokinError, Robot
+from jacokin.errors import InvalidInputError, StructureError, UnknownNameError
+from jacokin.ik import Box, Scene
+from jacokin.motion import AxisTarget, OrientationTarget, PositionTarget, RegionTarget
+
+POSITION = [0.3, 0.2, 0.4]
+POSE = np.array([[1.0, 0, 0, 0.3], [0, -1.0, 0, -0.2], [0, 0, -1.0, 0.4], [0, 0, 0, 1.0]])
+PART, AXIS = PositionTarget(POSITION), AxisTarget((0.0, 0.0, -1.0))
+FREE = FreeAxis(jacokin.pose(POSITION), axis=(1.0, 0.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "message"),
+    [
+        ({"method": "newton"}, UnknownNameError, "method 'newton'.*closed_form"),
+        ({"method": ["qp"]}, UnknownNameError, "method"),
+        ({"qp_solver": "gurobi_x"}, UnknownNameError, "qp_solver 'gurobi_x'.*daqp"),
+        ({"qp_solver": np.array(["daqp", "osqp"])}, UnknownNameError, "qp_solver"),
+        ({"collision": "avoid"}, UnknownNameError, "collision 'avoid'.*ignore, report, reject"),
+        ({"frame": "tool0"}, UnknownNameError, "frame 'tool0'"),
+        ({"frame": "link_base"}, InvalidInputError, "'link_base' is moved by no joint"),
+        ({"tool": np.zeros((4, 4))}, InvalidInputError, "tool"),
+        ({"position_tolerance": 0.0}, InvalidInputError, "position_tolerance"),
+        ({"position_tolerance": "a"}, InvalidInputError, "position_tolerance"),
+        ({"position_tolerance": None}, InvalidInputError, "position_tolerance"),
+        ({"position_tolerance": True}, InvalidInputError, "position_tolerance"),
+        ({"orientation_tolerance": math.nan}, InvalidInputError, "orientation_tolerance"),
+        ({"orientation_tolerance": np.ones(2)}, InvalidInputError, "orientation_tolerance"),
+        ({"limit_snap": -1.0}, InvalidInputError, "limit_snap"),
+        ({"limit_snap": "x"}, InvalidInputError, "limit_snap"),
+        ({"max_restarts": -1}, InvalidInputError, "max_restarts"),
+        ({"max_restarts": 1.5}, InvalidInputError, "max_restarts"),
+        ({"clearance": -0.1, "collision": "reject"}, InvalidInputError, "clearance"),
+        ({"clearance": 0.1}, InvalidInputError, "clearance has no effect with collision='ignore'"),
+        ({"scene": Scene([Box("b", (0.1, 0.1, 0.1), (1, 0, 0))])}, InvalidInputError, "scene has no effect"),
+        ({"warm": "yes"}, InvalidInputError, "warm"),
+        ({"frame": "link_4", "method": "closed_form"}, StructureError, "link_4"),
+    ],
+)
+def test_a_solver_is_not_made_of(
+    robot: Robot, options: dict[str, Any], error: type[JacokinError], message: str
+) -> None:
+    with pytest.raises(error, match=message):
+        IKSolver(robot, **options)
+
+
+def test_a_solver_is_made_of_a_robot() -> None:
+    with pytest.raises(InvalidInputError, match="robot must be"):
+        IKSolver("j2n6s300")  # type: ignore[arg-type]  # wrong on purpose
+
+
+@pytest.mark.parametrize(
+    ("target", "arguments", "error", "message"),
+    [
+        ([0.3, 0.2], {}, InvalidInputError, "target must have shape"),
+        ([0.3, math.nan, 0.2], {}, InvalidInputError, "target must be finite"),
+        ("pose", {}, InvalidInputError, r"target must be a pin.SE3, a \(4, 4\) matrix or a \(3,\) position"),
+        (POSE + 0j, {}, InvalidInputError, "target"),
+        (POSE.astype(object), {}, InvalidInputError, "target"),
+        (np.ones((4, 4), dtype=bool), {}, InvalidInputError, "target"),
+        (["0.3", "0.2", "0.4"], {}, InvalidInputError, "target"),
+        ([True] * 3, {}, InvalidInputError, "target"),
+        ([AXIS], {}, InvalidInputError, "the position is free: give a PositionTarget"),
+        ([PART, PositionTarget((0.0, 0.0, 1.0))], {}, InvalidInputError, "two targets fix the position"),
+        ([PART, AXIS, OrientationTarget(np.eye(3))], {}, InvalidInputError, "both an orientation and an axis"),
+        ([RegionTarget((0, 0, 0), (1, 1, 1))], {}, InvalidInputError, "RegionTarget is for the tracker only"),
+        ([PositionTarget(POSITION, frame="link_4")], {}, InvalidInputError, "is for frame 'link_4'"),
+        ([PART, POSE], {}, InvalidInputError, "must hold targets of the tracker only"),
+        (POSE, {"seed": [0.0] * 5}, InvalidInputError, r"seed must have shape \(6,\)"),
+        (POSE, {"seed": [math.nan] * 6}, InvalidInputError, "seed must be finite"),
+        (POSE, {"seed": [1e15, 3, 3, 0, 1, 1]}, InvalidInputError, r"seed: joint_1 = 1e\+15 rad is too far from zero"),
+        (POSE, {"rng": np.random.RandomState(0)}, InvalidInputError, "rng"),
+        (POSE, {"max_restarts": -1}, InvalidInputError, "max_restarts"),
+        (POSE, {"closest": 1}, InvalidInputError, "closest must be True or False"),
+        (POSE, {"prefer": "widest"}, UnknownNameError, "'widest'.*nearest, margin, manipulability"),
+        (POSE, {"prefer": 3}, InvalidInputError, "prefer must be one of nearest"),
+        (POSE, {"prefer": lambda q: math.nan}, InvalidInputError, "the cost that prefer returns must be a finite"),
+        (POSITION, {"prefer": "margin"}, InvalidInputError, "prefer needs an orientation"),
+    ],
+)
+def test_solve_refuses(
+    robot: Robot, target: Any, arguments: dict[str, Any], error: type[Exception], message: str
+) -> None:
+    with pytest.raises(error, match=message):
+        IKSolver(robot).solve(target, **arguments)
+
+
+@pytest.mark.parametrize(
+    ("options", "target", "arguments", "error", "message"),
+    [
+        ({"method": "qp"}, FREE, {}, InvalidInputError, "a FreeAxis needs the closed form"),
+        ({"method": "qp"}, POSE, {"prefer": "margin"}, InvalidInputError, "prefer needs the closed form"),
+        ({"method": "closed_form"}, POSITION, {}, InvalidInputError, "the closed form needs an orientation"),
+        ({"frame": "link_4"}, FREE, {}, StructureError, "link_4"),
+        ({"frame": "link_4"}, POSE, {"prefer": "margin"}, InvalidInputError, "prefer needs the closed form"),
+    ],
+)
+def test_what_a_method_cannot_do_is_refused(
+    robot: Robot,
+    options: dict[str, Any],
+    target: Any,
+    arguments: dict[str, Any],
+    error: type[Exception],
+    message: str,
+) -> None:
+    with pytest.raises(error, match=message):
+        IKSolver(robot, **options).solve(target, **arguments)
+
+
+@pytest.mark.parametrize(
+    ("options", "target", "error", "message"),
+    [
+        ({}, POSITION, InvalidInputError, "solve_all needs an orientation"),
+        ({"method": "qp"}, FREE, InvalidInputError, "a FreeAxis needs the closed form"),
+        ({"frame": "link_4"}, POSE, StructureError, "link_4"),
+    ],
+)
+def test_solve_all_refuses(
+    robot: Robot, options: dict[str, Any], target: Any, error: type[Exception], message: str
+) -> None:
+    with pytest.raises(error, match=message):
+        IKSolver(robot, **options).solve_all(target)
+
+
+def test_only_targets_with_a_free_parameter_have_a_family(robot: Robot) -> None:
+    for target in (POSE, POSITION):
+        with pytest.raises(InvalidInputError, match="only a FreeAxis, or a pose of a seven-joint arm, has a family"):
+            IKSolver(robot).family(target)
+    with pytest.raises(InvalidInputError, match="leaves two free parameters"):
+        IKSolver(jacokin.load_robot("j2s7s300")).solve(FREE)
+
+
+@pytest.mark.parametrize(
+    ("targets", "arguments", "error", "message"),
+    [
+        ([], {}, InvalidInputError, "targets is empty"),
+        (5, {}, InvalidInputError, "targets must be a sequence of poses"),
+        ([POSITION, [0.3, math.nan, 0.4]], {}, InvalidInputError, r"targets\[1\]"),
+        (np.array([POSE + 0j]), {}, InvalidInputError, "targets must be real numbers"),
+        (np.ones((2, 4, 4), dtype=bool), {}, InvalidInputError, "targets must be real numbers"),
+        (np.array([POSE, 1.1 * POSE]), {}, InvalidInputError, r"targets\[1\]"),
+        ([POSITION], {"seeds": np.zeros((2, 6))}, InvalidInputError, "seeds must have one row"),
+        ([POSE], {"seeds": [[1e15, 3, 3, 0, 1, 1]]}, InvalidInputError, "too far from zero"),
+        ([POSITION], {"workers": 0}, InvalidInputError, "workers"),
+        ([POSE], {"progress": 5}, InvalidInputError, "progress must be callable"),
+        ([POSE], {"closest": "no"}, InvalidInputError, "closest must be True or False"),
+        ([POSE], {"prefer": "widest"}, UnknownNameError, "nearest, margin, manipulability"),
+        ([POSE], {"prefer": lambda q: 0.0, "workers": 2}, InvalidInputError, "prefer must be picklable"),
+    ],
+)
+def test_solve_batch_refuses(
+    robot: Robot, targets: Any, arguments: dict[str, Any], error: type[Exception], message: str
+) -> None:
+    with pytest.raises(error, match=message):
+        IKSolver(robot).solve_batch(targets, **arguments)
