@@ -1,4 +1,4 @@
-"""`python -m fuzz`: random targets, arguments and files for a bounded time; exit code 1 when anything was found.
+"""`python -m fuzz`: random targets, own answers, arguments and files for a bounded time; exit code 1 for any finding.
 
 The seed is printed. The same seed, from the same first case on, runs the same cases.
 """
@@ -17,8 +17,8 @@ from collections.abc import Iterator
 
 from fuzz.findings import Finding
 
-GOALS = {"targets": 1_000_000, "arguments": 100_000, "files": 10_000}
-IN_ONE_PROCESS = {"targets": 400, "arguments": 4000, "files": 500}  # cases; a fresh process bounds memory
+GOALS = {"targets": 1_000_000, "own": 200_000, "arguments": 100_000, "files": 10_000}
+IN_ONE_PROCESS = {"targets": 400, "own": 200, "arguments": 4000, "files": 500}  # cases; a fresh process bounds memory
 SHOWN = 3  # examples of each finding
 
 

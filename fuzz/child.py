@@ -7,9 +7,9 @@ import json
 import resource
 import sys
 
-from fuzz import arguments, files, targets
+from fuzz import arguments, files, own_answers, targets
 
-KINDS = {"targets": targets.run, "arguments": arguments.run, "files": files.run}
+KINDS = {"targets": targets.run, "own": own_answers.run, "arguments": arguments.run, "files": files.run}
 HANG = 60.0  # [s] for one case; then the process prints where it is and ends
 MEMORY = 12 * 2**30  # [bytes] of address space; libraries reserve far more than they use
 

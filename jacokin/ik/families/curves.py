@@ -12,9 +12,11 @@ from numpy.typing import NDArray
 from jacokin.arrays import Array
 from jacokin.ik.geometry import frame_with_z
 from jacokin.ik.targets import TargetPose
+from jacokin.kernels.chain import linearise7
 from jacokin.kernels.compiled.library import CurveCall
 from jacokin.kernels.compiled.loading import KERNELS
 from jacokin.kernels.self_motion.arcs import ARCS, FOLD_END, LOST_END, NODES, RANGE_END, SEAM_END
+from jacokin.kernels.self_motion.follow import POINT_CLOSURE, WORST_CLOSURE
 from jacokin.kernels.self_motion.intervals import (
     FIND_AT_PARAMETER,
     FIND_AT_SHARE,
@@ -24,12 +26,18 @@ from jacokin.kernels.self_motion.intervals import (
     CurveWork,
 )
 from jacokin.kernels.self_motion.limit_cuts import INTERVALS
-from jacokin.kernels.self_motion.slices import SLICES
+from jacokin.kernels.self_motion.slices import SINGULAR, SLICES
 from jacokin.model.angles import TURN
 from jacokin.model.poses import FreeAxis
 
 #: Codes of ends, see `limit_cuts`: 2 j and 2 j + 1 are the limits of joint j.
 FOLD, RANGE, SEAM, LOST = -1 - FOLD_END, -1 - RANGE_END, -1 - SEAM_END, -1 - LOST_END
+#: [rad] angles about a free axis that are solved at too: what is singular in a structured target is so there.
+QUARTER_TURNS = (-0.5 * math.pi, 0.0, 0.5 * math.pi, math.pi)
+#: [rad] a curve that was lost this near to where curves meet ends there.
+FARTHEST_END = 0.6
+#: Gauss-Newton steps where curves meet, and the relative size of motions that they leave out.
+SETTLING_STEPS, NO_MOTION = 20, 1e-6
 #: [rad] values of the parameter that differ by rounding.
 SAME_PARAMETER = 1e-9
 #: Index of the parameter among the seven joints of a chain: the free axis comes last, and joint 3 is in the middle.
@@ -114,9 +122,23 @@ class CurveProblem(NamedTuple):
         """Whether the parameter goes round a circle."""
         return self.free_axis is None or self.free_axis.full_turn
 
-    def find(self, also: Sequence[float] = ()) -> FoundCurves:
-        """All pieces of the curves, in the range of the target; `also` are parameters to solve at too."""
-        call = self._prepare(also)
+    def find(
+        self,
+        also: Sequence[float] = (),
+        crossings: Sequence[float] = (),
+        room: float = 0.0,
+        *,
+        quarters: bool = True,
+    ) -> FoundCurves:
+        """All pieces of the curves, in the range of the target.
+
+        Args:
+            also: parameters to solve at too [rad].
+            crossings: parameters at which curves meet [rad].
+            room: how far from there they are solved for, at both sides [rad].
+            quarters: about a free axis, solve at QUARTER_TURNS too.
+        """
+        call = self._prepare([*QUARTER_TURNS, *also] if quarters and self.free_axis else also, crossings, room)
         found = read_curves(call.work, call())
         self.arm.put_back(call)
         return found
@@ -127,7 +149,11 @@ class CurveProblem(NamedTuple):
         None where nothing is within the limits, where a curve was lost, or where limits of more than a turn leave a
         choice of copies.
         """
-        return self._nearest(self._prepare(), FIND_NEAREST, seed) if self.arm.circular else None
+        return (
+            self._nearest(self._prepare(QUARTER_TURNS if self.free_axis else ()), FIND_NEAREST, seed)
+            if self.arm.circular
+            else None
+        )
 
     def nearest_on(self, nodes: Array, seed: Array) -> Array | None:
         """As `nearest`, on a run of nodes (m, 14) alone."""
@@ -153,7 +179,28 @@ class CurveProblem(NamedTuple):
         call.work.options[:] = task, self.arm.parameter, 0, 0
         x = call.work.x.copy() if call() else None
         self.arm.put_back(call)
-        return x
+        return self._least_squares(chord, at, held=task == FIND_AT_PARAMETER) if x is None else x
+
+    def _least_squares(self, chord: Array, at: float, *, held: bool) -> Array | None:
+        """A point (7,) that closes, near a share of a chord or with the parameter held; None where there is none.
+
+        Where two curves meet, no condition tells them apart: Gauss-Newton steps leave out what does not move the tool.
+        """
+        parameter = self.arm.parameter
+        first, last = chord[:, parameter].tolist()
+        share = at
+        if held:
+            share = (at - first) / (last - first) if last != first else 0.5
+        x: Array = chord[0, :7] + share * (chord[1, :7] - chord[0, :7])
+        system = np.empty((7, 8))
+        for _ in range(SETTLING_STEPS):
+            if linearise7(self.chain, self.T, x, system) <= POINT_CLOSURE:
+                break
+            if held:
+                x[parameter] = at
+                system[:6, parameter] = 0.0
+            x += np.linalg.pinv(system[:6, :7], rcond=NO_MOTION) @ system[:6, 7]
+        return x if linearise7(self.chain, self.T, x, system) <= WORST_CLOSURE else None
 
     def _nearest(self, call: CurveCall, task: int, seed: Array) -> Array | None:
         nearest = call.work.nearest
@@ -163,7 +210,9 @@ class CurveProblem(NamedTuple):
         nearest.seed[: len(seed)] = seed
         nearest.seed[len(seed) :] = 0.0
         call.work.options[0] = task
-        x = nearest.x.copy() if call() and nearest.best[0] < np.inf else None
+        call.work.counts[:] = 0
+        whole = call() and not call.work.counts[1:].any()
+        x = nearest.x.copy() if whole and nearest.best[0] < np.inf else None
         self.arm.put_back(call)
         return x
 
@@ -173,11 +222,13 @@ class CurveProblem(NamedTuple):
         call.work.chain[:], call.work.T[:] = self.chain, self.T
         return call
 
-    def _prepare(self, also: Sequence[float] = ()) -> CurveCall:
+    def _prepare(self, also: Sequence[float] = (), crossings: Sequence[float] = (), room: float = 0.0) -> CurveCall:
         """A call with everything filled in that finding intervals takes."""
         arm, free = self.arm, self.free_axis
         call = self._take(SLICES_SEVEN if free is None else SLICES_SIX)
-        work, values = call.work, _add(_slices(free), also)
+        work = call.work
+        values = _add(_slices(free), also)
+        values, crossed = _make_room(values, self.closed, crossings, room)
         if free is not None:
             work.six.chain[:] = arm.chain
             work.six.arm[:] = arm.constants
@@ -188,6 +239,7 @@ class CurveProblem(NamedTuple):
             work.seven.arm[:] = arm.constants
         work.cuts.limits[:] = arm.limits
         work.slices.p[: len(values)] = values
+        work.slices.crossed[: len(values)] = crossed
         work.options[:] = FIND_INTERVALS, arm.parameter, len(values), int(self.closed)
         return call
 
@@ -207,13 +259,57 @@ class Piece(NamedTuple):
         nodes[:, :7] += turns
         return self._replace(nodes=nodes, ends=self.ends + turns)
 
+    def ended_at(self, last: Array, side: int) -> Piece:
+        """The same piece with a node (14,) more, before its first one or after its last one, that is its end."""
+        nodes = np.vstack([self.nodes, last] if side else [last, self.nodes])
+        ends = np.array([self.ends[0], last[:7]] if side else [last[:7], self.ends[1]])
+        codes = (self.codes[0], FOLD) if side else (FOLD, self.codes[1])
+        shares = (self.shares[0], 1.0) if side else (0.0, self.shares[1])
+        return self._replace(nodes=nodes, ends=ends, codes=codes, shares=shares)
+
 
 class FoundCurves(NamedTuple):
     """Everything about one target."""
 
     pieces: list[Piece]
     arcs: list[Array]  # nodes of whole arcs, within the limits or not
+    ends: list[tuple[int, int]]  # what each of them ends at, see `arcs`
+    singular: Array  # (k, 7) points without a tangent: where curves meet, or all alone
+    at_quarters: Array  # (k, 7) points at QUARTER_TURNS
+    full: bool  # whether a table was, so that something is missing
     complete: bool
+
+    @property
+    def lost_ends(self) -> Array:
+        """Nodes (k, 7) at which curves were lost."""
+        rows = [np.empty((0, 7))]
+        for nodes, ends in zip(self.arcs, self.ends, strict=True):
+            rows.extend(nodes[[place], :7] for place, end in zip((0, -1), ends, strict=True) if end == LOST_END)
+        return np.vstack(rows)
+
+    def ended_at(self, points: Array, parameter: int) -> FoundCurves:
+        """The same, but that curves which were lost near points (k, 7) end there: where curves meet, each ends."""
+        arcs, ends, pieces = list(self.arcs), list(self.ends), list(self.pieces)
+        for i, both in enumerate(self.ends if len(points) else ()):
+            for side, end in enumerate(both):
+                if end != LOST_END:
+                    continue
+                node = arcs[i][-side, :7]
+                ways = np.mod(points - node + math.pi, TURN) - math.pi
+                way = ways[np.abs(ways).max(axis=1).argmin()]
+                length = float(np.linalg.norm(way))
+                ahead = way[parameter] if side else -way[parameter]
+                if not 0.0 < length < FARTHEST_END or ahead <= 0.0:
+                    continue
+                last = np.concatenate([node + way, way / length if side else -way / length])
+                arcs[i] = np.vstack([arcs[i], last] if side else [last, arcs[i]])
+                ends[i] = (ends[i][0], FOLD_END) if side else (FOLD_END, ends[i][1])
+                pieces = [
+                    piece.ended_at(last, side) if piece.branch == i and piece.codes[side] == LOST else piece
+                    for piece in pieces
+                ]
+        complete = not self.full and not any(LOST_END in both for both in ends)
+        return self._replace(arcs=arcs, ends=ends, pieces=pieces, complete=complete)
 
 
 def read_curves(work: CurveWork, count: int) -> FoundCurves:
@@ -223,6 +319,7 @@ def read_curves(work: CurveWork, count: int) -> FoundCurves:
     nodes = work.arcs.nodes[:size].copy()
     table: NDArray[np.int64] = work.arcs.arcs[:number]
     arcs = [nodes[first:end] for first, end, _, _ in table.tolist()]
+    ends = [(left, right) for _, _, left, right in table.tolist()]
     pieces: list[Piece] = []
     by_arc: dict[int, list[Piece]] = {}
     for row in work.cuts.intervals[:count]:
@@ -237,7 +334,13 @@ def read_curves(work: CurveWork, count: int) -> FoundCurves:
             join_closed_curve(group, parameter) if closed else [part for p in group for part in cut_turns(p, parameter)]
         )
     full = size == NODES or number == ARCS or count == INTERVALS
-    return FoundCurves(pieces, arcs, not (full or work.counts[1] or work.counts[2]))
+    singular = work.slices.singular[: min(int(work.counts[2]), SINGULAR)].copy()
+    values = work.slices.p[: int(work.options[2]), np.newaxis]
+    away = np.abs(np.mod(values - np.array(QUARTER_TURNS) + math.pi, TURN) - math.pi).min(axis=1)
+    rows = [work.slices.x[i, : work.slices.filled[i]] for i in np.flatnonzero(away < SAME_PARAMETER)]
+    at_quarters = np.vstack([np.empty((0, 7)), *rows])
+    complete = not (full or work.counts[1] or work.counts[2])
+    return FoundCurves(pieces, arcs, ends, singular, at_quarters, full, complete)
 
 
 def whole_piece(nodes: Array, branch: int) -> Piece:
@@ -291,3 +394,22 @@ def _add(values: Array, also: Sequence[float]) -> Array:
         if moved < values[-1] and np.abs(values - moved).min() > SAME_SLICE and len(values) < MOST_SLICES:
             values = np.sort(np.append(values, moved))
     return values
+
+
+def _make_room(values: Array, closed: bool, crossings: Sequence[float], room: float) -> tuple[Array, NDArray[np.int64]]:
+    """Rising values with one at either side of each crossing, and 1 for each that a crossing follows."""
+    crossed = np.zeros(len(values), np.int64)
+    for p in crossings:
+        moved = p - TURN * math.floor((p - values[0]) / TURN)
+        if not closed and not values[0] < moved < values[-1]:
+            continue
+        near = np.abs(values - moved) < 2.0 * room
+        near |= closed & (np.abs(values + TURN - moved) < 2.0 * room)
+        values, crossed = values[~near], crossed[~near]
+        pair = np.array([moved - room, moved + room])
+        if closed:
+            pair = np.where(pair >= values[0] + TURN, pair - TURN, np.where(pair < values[0], pair + TURN, pair))
+        values, crossed = np.concatenate([values, pair]), np.concatenate([crossed, [1, 0]])
+        order = np.argsort(values)
+        values, crossed = values[order], crossed[order]
+    return values, crossed

@@ -35,6 +35,7 @@ MOVE_SEVEN, MOVE_FREE_AXIS = 1e-4, 1e-3
 #: Directions that no structured target has, so that each crosses the edge, besides the way from the shoulder; and how
 #: many nodes of each curve to start from. The second one is for where the first one leads to no point.
 MOVES = (((0.42, -0.28, 0.52, 0.35, 0.54, -0.25), 5), ((-0.17, 0.62, 0.23, 0.49, -0.33, 0.43), 8))
+TINY_MOVE = 1e-9  # [m] and [rad]: for points on curves of the target itself
 SHORTEST = 1e-9  # [m] away from the shoulder, to have a direction
 #: [m] and [rad]; a target that is missed by no more is on the edge.
 ON_EDGE = min(POSITION_TOLERANCE, ORIENTATION_TOLERANCE)
@@ -66,13 +67,17 @@ class Sight(NamedTuple):
 
 
 class Edge:
-    """What looks for such points, for one arm; immutable, and may be shared between threads."""
+    """What looks for such points, for one arm; immutable, and may be shared between threads.
 
-    __slots__ = ("_chain", "_lower", "_reach", "_shoulder", "_upper")
+    Attributes:
+        chain: of the arm, for many configurations at once.
+    """
+
+    __slots__ = ("_lower", "_reach", "_shoulder", "_upper", "chain")
 
     def __init__(self, verifier: Verifier) -> None:
         """Take the arm."""
-        self._chain = Chain(verifier.robot, verifier.frame_id, verifier.tool)
+        self.chain = Chain(verifier.robot, verifier.frame_id, verifier.tool)
         self._reach = Reach(verifier)
         robot = verifier.robot
         self._lower, self._upper = robot.lower, robot.upper
@@ -84,7 +89,7 @@ class Edge:
         """What reaches a target for which no curves were found."""
         if self._reach.exceeded(TargetPose(problem.T)) is not None:
             return Sight([], [])
-        axis = _axis_in_base(problem)
+        axis = axis_in_base(problem)
         away = problem.T[:3, 3] - self._shoulder
         outward = np.append(away / max(float(np.linalg.norm(away)), SHORTEST), np.zeros(3))
         size = MOVE_SEVEN if axis is None else MOVE_FREE_AXIS
@@ -100,7 +105,7 @@ class Edge:
                     if missed:
                         return Sight([], missed)
                     found[-1] = self._shrunk(found[-1], move, problem.T, axis)
-            points = self._fitted(np.vstack(found), problem, axis) if found else []
+            points = self.fitted(np.vstack(found), problem) if found else []
             if points or not found:
                 break
         return Sight(points, [])
@@ -108,11 +113,31 @@ class Edge:
     def holds(self, arcs: list[Array], problem: CurveProblem) -> bool:
         """Whether curves (m, 14) are as good as points: the tool can hardly move in some direction all along."""
         rows = [_spread(arc, ALONG_ARC) for arc in arcs]
-        return not rows or bool((self._mobility(np.vstack(rows), problem.T, _axis_in_base(problem)) < STUCK).all())
+        return not rows or bool((self._mobility(np.vstack(rows), problem.T, axis_in_base(problem)) < STUCK).all())
+
+    def meeting_points(self, x: Array, problem: CurveProblem) -> Array:
+        """Points near rows (k, 7) of curves in which two curves of a target meet."""
+        points, axis = x[:0], axis_in_base(problem)
+        for direction, _ in MOVES if len(x) else ():
+            points = self._shrunk(x, TINY_MOVE * np.array(direction), problem.T, axis)
+            points = points[np.abs(self.linearised(points, problem.T, axis)[0]).max(axis=1) < MEMBER_CLOSURE]
+            if len(points):
+                break
+        return points
+
+    def singular(self, x: Array, problem: CurveProblem) -> Array:
+        """Those of the rows (k, 7) at which no curve has a tangent, made exact."""
+        stuck = self._mobility(x, problem.T, axis_in_base(problem)) < STUCK if len(x) else np.zeros(0, np.bool_)
+        return self.meeting_points(x[stuck], problem)
+
+    def inside(self, x: Array) -> Array:
+        """Rows (k, 7) with the joints moved within their limits."""
+        dof = self.chain.dof
+        return np.hstack([angles.into_limits(x[:, :dof], self._lower, self._upper), x[:, dof:]])
 
     def _mobility(self, x: Array, T: Array, axis: Array | None) -> Array:
         """Smallest singular values (k,) at rows (k, 7)."""
-        return np.asarray(np.linalg.svd(self._linearised(x, T, axis)[1], compute_uv=False)[:, 5])
+        return np.asarray(np.linalg.svd(self.linearised(x, T, axis)[1], compute_uv=False)[:, 5])
 
     def _missed(self, x: Array, T: Array, axis: Array | None) -> list[float]:
         """Parameters on curves about a free axis that were missed between two slices; from rows (k, 7) near by."""
@@ -123,9 +148,10 @@ class Edge:
         missed: list[float] = x[(closure < MEMBER_CLOSURE) & regular, 6].tolist()
         return missed
 
-    def _fitted(self, x: Array, problem: CurveProblem, axis: Array | None) -> list[LimitExcess]:
+    def fitted(self, x: Array, problem: CurveProblem) -> list[LimitExcess]:
         """Those of the rows (k, 7) that reach the target, joints near to their limits moved onto them."""
-        dof, lower, upper, free, T = self._chain.dof, self._lower, self._upper, problem.free_axis, problem.T
+        dof, lower, upper, free, T = self.chain.dof, self._lower, self._upper, problem.free_axis, problem.T
+        axis = axis_in_base(problem)
         if free is not None:
             low, high = (-np.inf, np.inf) if free.full_turn else free.range
             lower, upper = np.append(lower, low), np.append(upper, high)
@@ -149,10 +175,10 @@ class Edge:
     def _settled(self, x: Array, held: NDArray[np.bool_], T: Array, axis: Array | None) -> tuple[Array, Array]:
         """Rows (k, 7) brought to the target as far as the tool moves, but for what is held; and their closures (k,)."""
         for _ in range(LAST_STEPS):
-            error, jacobian = self._linearised(x, T, axis)
+            error, jacobian = self.linearised(x, T, axis)
             inverse = np.linalg.pinv(np.where(held[:, None], 0.0, jacobian), rcond=NO_MOTION)
             x = x + (inverse @ error[:, :, None])[:, :, 0]
-        error, _ = self._linearised(x, T, axis)
+        error, _ = self.linearised(x, T, axis)
         return x, np.maximum(np.linalg.norm(error[:, :3], axis=1), np.linalg.norm(error[:, 3:], axis=1))
 
     def _shrunk(self, x: Array, move: Array, T: Array, axis: Array | None) -> Array:
@@ -164,7 +190,7 @@ class Edge:
             T: (4, 4) target.
             axis: (3,) the free axis in the base.
         """
-        error, jacobian = self._linearised(x, T, axis)
+        error, jacobian = self.linearised(x, T, axis)
         size = float(np.linalg.norm(move))
         d = move / size
         u = np.linalg.svd(jacobian)[0][:, :, 5]
@@ -184,12 +210,12 @@ class Edge:
             moving = moving[longest > SETTLED]
             if len(moving) == 0:
                 break
-            error, jacobian = self._linearised(z[moving, :7], T, axis)
+            error, jacobian = self.linearised(z[moving, :7], T, axis)
         return z[:, :7]
 
-    def _linearised(self, x: Array, T: Array, axis: Array | None) -> tuple[Array, Array]:
+    def linearised(self, x: Array, T: Array, axis: Array | None) -> tuple[Array, Array]:
         """Errors (k, 6) of rows (k, 7), position and orientation, and how they shrink with each angle (k, 6, 7)."""
-        placed = self._chain.placements(x[:, : self._chain.dof])
+        placed = self.chain.placements(x[:, : self.chain.dof])
         goal, linear, angular = T[:3, :3], placed.linear, placed.angular
         if axis is not None:
             goal = np.array([pin.exp3(p * axis) for p in x[:, 6].tolist()]) @ goal
@@ -211,11 +237,11 @@ class Edge:
         slopes = (cross(normal[:, None, :3], angular) @ linear.transpose(0, 2, 1))[:, first, last]
         turned = (cross(normal[:, None, 3:], angular) @ angular.transpose(0, 2, 1)).transpose(0, 2, 1)
         slopes += np.where(joints[:, None] > joints, turned, 0.0)
-        slopes[:, self._chain.dof :, :] = slopes[:, :, self._chain.dof :] = 0.0
+        slopes[:, self.chain.dof :, :] = slopes[:, :, self.chain.dof :] = 0.0
         return np.asarray(slopes)
 
 
-def _axis_in_base(problem: CurveProblem) -> Array | None:
+def axis_in_base(problem: CurveProblem) -> Array | None:
     """The free axis (3,) in the base; None without one."""
     return None if problem.free_axis is None else problem.T[:3, :3] @ problem.free_axis.axis
 

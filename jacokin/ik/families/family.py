@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, JacokinError
-from jacokin.ik.families.tracks import Track, minima, refine
+from jacokin.ik.families.tracks import GUESS_SPACING, Track, minima, refine
 from jacokin.ik.preferences import Cost, by_distance, by_margin
 from jacokin.ik.targets import TargetPose
 from jacokin.ik.verification import Candidate, Verifier
@@ -31,6 +31,10 @@ MEMBER_CLOSURE = 1e-9
 SETTLING_STEPS, NO_MOTION = 4, 1e-4
 #: [rad] a value of the parameter this far outside an interval is at its end.
 PARAMETER_SLACK = 1e-9
+
+
+class LostMemberError(JacokinError):
+    """A point of a curve that does not reach the target within the limits, though both ends of its piece do."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,14 +73,14 @@ class Members:
         """A configuration (dof,) that reaches the target and is within the limits, exactly.
 
         Raises:
-            JacokinError: it does not, which cannot happen.
+            LostMemberError: it does not, which is not known to happen but where curves meet on a limit.
         """
         errors = self.verifier.measure(q, self.target.at(parameter))
         if max(errors) > MEMBER_CLOSURE:  # a joint that is near its limit all along, moved onto it
             q = self._settled(q, parameter)
             errors = self.verifier.measure(q, self.target.at(parameter))
         if max(errors) > MEMBER_CLOSURE or not self.robot.within_limits(q):
-            raise JacokinError(
+            raise LostMemberError(
                 f"internal error: a member of a family misses its target by {errors[0]:.3g} m and "
                 f"{errors[1]:.3g} rad, please report it"
             )
@@ -179,6 +183,10 @@ class Interval:
 
     def sample(self, n: int) -> tuple[Array, Array]:
         """Values of the parameter (n,) and members (n, dof) [rad], spread over the interval; the middle for n = 1."""
+        if self.start == self.stop:
+            p, rows = self._track.polyline()
+            chosen = np.linspace(0, len(p) - 1, n + 2)[1:-1].round().astype(np.intp)
+            return p[chosen], np.array([self.member(self.start, q, self._members.seed) for q in rows[chosen]])
         if n == 1:
             p = np.array([0.5 * (self.start + self.stop)])
         else:
@@ -192,6 +200,9 @@ class Interval:
         least one. Angles are in any 2 pi copy, and not looked at.
         """
         p, rows = self._track.polyline()
+        if self.start == self.stop:  # a point, or members among which the parameter stands still
+            stride = max(1, int(step / GUESS_SPACING))
+            return p[::stride], rows[::stride]
         inner = step * np.arange(np.floor(self.start / step) + 1.0, np.ceil(self.stop / step))
         inner = inner if inner.size else np.array([0.5 * (self.start + self.stop)])
         between = np.column_stack([np.interp(inner, p, column) for column in rows.T])
@@ -235,15 +246,22 @@ def choose(intervals: Sequence[Interval], cost: Cost, seed: Array) -> tuple[Arra
         track = intervals[number]._track
         return refine(cost, coordinates, index, lambda coordinate: members.copies(track.joints(coordinate), seed))
 
-    best = (math.inf, 0.0, intervals[0])
+    lowest, minimums = math.inf, []
     for bound, number, index, coordinates in sorted(doubts, key=lambda doubt: doubt[:3]):
-        if bound >= best[0]:
+        if bound >= lowest:
             break
         value, coordinate = look(number, index, coordinates)
-        if value < best[0]:
-            best = (value, coordinate, intervals[number])
-    p, q = best[2]._track.point(best[1])
-    return best[2].member(p, q, seed), p
+        minimums.append((value, number, coordinate))
+        lowest = min(lowest, value)
+    lost: LostMemberError | None = None
+    for _, number, coordinate in sorted(minimums):
+        p, q = intervals[number]._track.point(coordinate)
+        try:
+            return intervals[number].member(p, q, seed), p
+        except LostMemberError as error:  # the next best one
+            lost = error
+    assert lost is not None  # an interval has a minimum
+    raise lost
 
 
 class Family:

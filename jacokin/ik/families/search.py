@@ -27,6 +27,8 @@ from jacokin.ik.families.curves import (
 )
 from jacokin.ik.families.edge import Edge
 from jacokin.ik.families.family import MEMBER_CLOSURE, Family, Interval, IntervalEnd, Members
+from jacokin.ik.families.meeting import follow_curves
+from jacokin.ik.families.straight_wrist import StraightWrist, WristTrack
 from jacokin.ik.families.tracks import CircleTrack, CurveTrack, Track, least
 from jacokin.ik.geometry import measure_seven
 from jacokin.ik.preferences import Cost, with_ties
@@ -81,12 +83,13 @@ class Findings(NamedTuple):
 class FamilySearch:
     """Families of one arm: the curves on which a target is reached, and what of them is within the limits."""
 
-    __slots__ = ("_arm", "_closest", "_edge", "_verifier")
+    __slots__ = ("_arm", "_closest", "_edge", "_verifier", "_wrist")
 
     def __init__(self, verifier: Verifier, arm: CurveArm) -> None:
         """Take the constants of an arm."""
         self._verifier, self._arm = verifier, arm
         self._edge, self._closest = Edge(verifier), ClosestSearch(verifier)
+        self._wrist = StraightWrist(self._edge)
 
     def solve(self, request: Request) -> IKResult:
         """The member of the least cost, or why there is none."""
@@ -107,7 +110,7 @@ class FamilySearch:
         """Everything that reaches a target; unlimited joints in the copies nearest to a seed (dof,)."""
         members, problem = Members(self._verifier, target, seed), self._arm.problem(target)
         edge, robot, parameter = self._edge, self._verifier.robot, self._arm.parameter
-        found = problem.find()
+        found, circles, alone = follow_curves(problem, edge, self._wrist)
         small = _is_small(found.arcs, parameter, SMALL if found.complete else SMALL_LOST)
         if small or not found.complete:
             stuck = edge.holds(found.arcs, problem)
@@ -116,19 +119,25 @@ class FamilySearch:
             if not kept or (small and stuck):
                 sight = edge.look(problem)
                 if sight.parameters:
-                    found = problem.find(sight.parameters)
-                points = _on_edge(sight.points, members, complete=stuck)
+                    found, circles, alone = follow_curves(problem, edge, self._wrist, sight.parameters)
+                rows = np.array([[*point.q, point.parameter][:7] for point in sight.points]).reshape(-1, 7)
+                points = _on_edge(sight.points, self._wrist.circles(rows, problem), members, complete=stuck)
                 if len(points.family) or (points.family.branches and stuck):
                     return points
         intervals = []
         for piece in sorted(found.pieces, key=lambda piece: (piece.branch, piece.ends[0, parameter])):
             ends = (_end(piece.codes[0], robot), _end(piece.codes[1], robot))
             intervals.append(Interval(members, CurveTrack(problem, piece), piece.branch, ends))
-        family = Family(tuple(intervals), members, branches=len(found.arcs), complete=found.complete)
+        beside = edge.fitted(alone, problem) if len(alone) else []
+        branches = len(found.arcs)
+        intervals += [*_on_circles(circles, members, branches), *_at_points(beside, members, branches + len(circles))]
+        branches += len(circles) + len(beside)
+        family = Family(tuple(intervals), members, branches=branches, complete=found.complete)
 
         def least() -> LimitExcess | None:
             whole = [CurveTrack(problem, whole_piece(arc, branch)) for branch, arc in enumerate(found.arcs)]
-            return _find_least_excess(whole, robot, exact=found.complete)
+            points = [CircleTrack(point.q, 0.0, point.parameter, point.parameter) for point in beside]
+            return _find_least_excess([*circles, *whole, *points], robot, exact=found.complete)
 
         return Findings(family, members, least)
 
@@ -273,15 +282,34 @@ def _closes(piece: Piece, members: Members, parameter: int) -> bool:
     return max(map(max, errors)) <= MEMBER_CLOSURE
 
 
-def _on_edge(points: Sequence[LimitExcess], members: Members, *, complete: bool) -> Findings:
-    """What reaches a target at single points."""
+def _on_circles(circles: Sequence[WristTrack], members: Members, first: int) -> list[Interval]:
+    """What is within the limits of circles; their branches are numbered from the first on."""
+    robot, intervals = members.robot, []
+    for branch, circle in enumerate(circles, first):
+        for track, codes in circle.within(robot.lower, robot.upper):
+            low, high = (SEAM if code < 0 else code for code in codes)
+            intervals.append(Interval(members, track, branch, (_end(low, robot), _end(high, robot))))
+    return intervals
+
+
+def _at_points(points: Sequence[LimitExcess], members: Members, first: int) -> list[Interval]:
+    """What is within the limits of single points; their branches are numbered from the first on."""
     intervals = []
-    for branch, point in enumerate(points):
+    for branch, point in enumerate(points, first):
         closure = max(members.verifier.measure(point.q, members.target.at(point.parameter)))
         if closure <= MEMBER_CLOSURE and not point.excess.any():
             track = CircleTrack(point.q, 0.0, point.parameter, point.parameter)
             intervals.append(Interval(members, track, branch, (IntervalEnd("fold"), IntervalEnd("fold"))))
-    family = Family(tuple(intervals), members, branches=len(points), complete=complete)
+    return intervals
+
+
+def _on_edge(
+    points: Sequence[LimitExcess], circles: Sequence[WristTrack], members: Members, *, complete: bool
+) -> Findings:
+    """What reaches a target at single points, and on circles through some of them."""
+    alone = [point for point in points if not any(circle.passes(point.q) for circle in circles)]
+    intervals = [*_at_points(alone, members, 0), *_on_circles(circles, members, len(alone))]
+    family = Family(tuple(intervals), members, branches=len(alone) + len(circles), complete=complete)
     return Findings(family, members, lambda: points[0] if points else None)
 
 

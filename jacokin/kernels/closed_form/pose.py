@@ -115,7 +115,7 @@ def solve_pose(arm: Array, k: ArmConstants, query: PoseQuery, work: Work) -> Non
 def branches_of_spherical_wrist(k: ArmConstants, pose: Pose, query: PoseQuery, work: Work) -> None:
     """Every branch of an arm with axes 4, 5 and 6 in one point."""
     starts, branches = work.starts, work.branches
-    spherical_starts(k, pose, query.seed, starts, branches.newton.q)
+    spherical_starts(k, pose, query.seed, query.limits, starts, branches.newton.q)
     for i in range(starts.filled[0]):
         q1, q5, q6, family = starts.rows[i, 0], starts.rows[i, 1], starts.rows[i, 2], starts.rows[i, 3]
         singular = family == 0.0 and refine(k, pose, q1, q5, q6, FOLD_DETERMINANT)[3]

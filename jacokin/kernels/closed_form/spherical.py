@@ -11,17 +11,26 @@ import math
 from jacokin.arrays import Array
 from jacokin.kernels.closed_form.arm import ArmConstants, Pose
 from jacokin.kernels.closed_form.wrist import Starts, axis_4, complete
+from jacokin.kernels.limits import TURN
 from jacokin.kernels.tolerances import ALIGNED_SINE, EDGE_SLACK, FOLDED_SQUARE
 from jacokin.kernels.vector import Vec, cross, dot, mix, norm
 
 
-def spherical_starts(k: ArmConstants, pose: Pose, seed: Array, starts: Starts, q: Array) -> None:
+def spherical_starts(
+    k: ArmConstants,
+    pose: Pose,
+    seed: Array,
+    limits: Array,
+    starts: Starts,
+    q: Array,
+) -> None:
     """Fill starts (n, 4) with q1, q5, q6 and a family mark: 1 where axes 4 and 6 are aligned.
 
     Args:
         k: the arm.
         pose: the target.
-        seed: (6,) the seed; a family is represented by the members with its q6 and with its q4.
+        seed: (6,) the seed; a family is represented by the members with its q6, with its q4, and the nearest ones.
+        limits: (3, 6) of the joints; members with q4 or q6 on a limit are among those that may be nearest.
         starts: filled from the beginning.
         q: (6,) workspace.
     """
@@ -55,10 +64,19 @@ def spherical_starts(k: ArmConstants, pose: Pose, seed: Array, starts: Starts, q
             z = (along * Z + elbow * bx) / size2
             axis = mix(forward, x, pose.z, z, forward, 0.0)  # axis 4 before joint 6
             axis = mix(axis, 1.0 / norm(axis), axis, 0.0, axis, 0.0)
-            wrist_starts(k, pose, q1, axis, seed, starts, q)
+            wrist_starts(k, pose, q1, axis, seed, limits, starts, q)
 
 
-def wrist_starts(k: ArmConstants, pose: Pose, q1: float, axis: Vec, seed: Array, starts: Starts, q: Array) -> None:
+def wrist_starts(
+    k: ArmConstants,
+    pose: Pose,
+    q1: float,
+    axis: Vec,
+    seed: Array,
+    limits: Array,
+    starts: Starts,
+    q: Array,
+) -> None:
     """The two q5 with axis 4 at the right angle to axis 6, and the q6 that turns it into place."""
     level, across = dot(k.w6, axis), cross(k.w6, axis)
     sine = norm(across)
@@ -72,9 +90,17 @@ def wrist_starts(k: ArmConstants, pose: Pose, q1: float, axis: Vec, seed: Array,
     middle = math.atan2(-k.w6[1], k.w6[0])
     if sine < ALIGNED_SINE:
         complete(k, pose, q1, middle + half, seed[5], q)
-        turn = math.copysign(1.0, level) * (seed[3] - q[3])  # what q4 takes over from q6
+        # Along the family q4 takes over from q6: q4 = q[3] - sign (q6 - seed[5]).
+        sign, rest = math.copysign(1.0, level), seed[3] - q[3]
+        rest -= TURN * math.floor(rest / TURN + 0.5)
         append(starts, q1, middle + half, seed[5], 1.0)
-        append(starts, q1, middle + half, seed[5] - turn, 1.0)
+        append(starts, q1, middle + half, seed[5] - sign * rest, 1.0)
+        append(starts, q1, middle + half, seed[5] - 0.5 * sign * rest, 1.0)
+        for i in range(2):
+            if abs(limits[i, 5]) < math.inf:
+                append(starts, q1, middle + half, limits[i, 5], 1.0)
+            if abs(limits[i, 3]) < math.inf:
+                append(starts, q1, middle + half, seed[5] - sign * (limits[i, 3] - q[3]), 1.0)
     elif min(top, bottom) > -EDGE_SLACK:
         for q5 in (middle + half, middle - half):
             turned = cross(k.w6, axis_4(k, q5))

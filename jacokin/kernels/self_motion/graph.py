@@ -205,7 +205,7 @@ def link_labelled(
         for b in range(slices.filled[j]):
             if slices.label[i, a] != slices.label[j, b] or slices.label[i, a] < 0:
                 continue
-            if slices.sign[i, a] != slices.sign[j, b]:
+            if slices.sign[i, a] != slices.sign[j, b] or graph.side[i, a, 1, 0] >= 0 or graph.side[j, b, 0, 0] >= 0:
                 continue
             x, t, y, u = slices.x[i, a], slices.t[i, a], slices.x[j, b], slices.t[j, b]
             rows = 0
@@ -219,6 +219,21 @@ def link_labelled(
             made = add_link(graph, made, i, a, 1, j, b, 0, used, rows)
             used += rows
     return made, used
+
+
+def link_crossing(i: int, j: int, shift: float, made: int, parameter: int, slices: Slices, graph: Graph) -> int:
+    """Link points of slices i and j between which curves pass a straight wrist; returns the number of links.
+
+    There the determinant changes its sign along a curve, and the rows of `solve_at_q3` change places.
+    """
+    h = slices.p[j] + shift - slices.p[i]
+    for a in range(slices.filled[i]):
+        for b in range(slices.filled[j]):
+            if slices.sign[i, a] == slices.sign[j, b] or graph.side[i, a, 1, 0] >= 0 or graph.side[j, b, 0, 0] >= 0:
+                continue
+            if explained(slices.x[i, a], slices.t[i, a], slices.x[j, b], slices.t[j, b], h, parameter):
+                made = add_link(graph, made, i, a, 1, j, b, 0, 0, 0)
+    return made
 
 
 def join(
@@ -246,12 +261,15 @@ def join(
     made, used, faults = 0, 0, 0
     for i in range(n if closed else n - 1):
         j = i + 1 if i + 1 < n else 0
+        if slices.crossed[i] > 0:
+            made = link_crossing(i, j, TURN if j == 0 else 0.0, made, parameter, slices, graph)
         if parameter != 6:
             made, used = link_labelled(chain, T, i, j, TURN if j == 0 else 0.0, made, used, seven, slices, graph)
             continue
         match(slices, i, j, TURN if j == 0 else 0.0, parameter, graph)
         for a in range(slices.filled[i]):
-            if graph.mate[a] >= 0:
+            b = graph.mate[a]
+            if b >= 0 and graph.side[i, a, 1, 0] == OPEN and graph.side[j, b, 0, 0] == OPEN:
                 made = add_link(graph, made, i, a, 1, j, graph.mate[a], 0, 0, 0)
     added = True
     while added:

@@ -22,6 +22,7 @@ from jacokin.kernels.self_motion.gaps import Loops, add_loops, add_windows, make
 from jacokin.kernels.self_motion.graph import Graph, join, make_graph
 from jacokin.kernels.self_motion.limit_cuts import Cuts, cut, make_cuts
 from jacokin.kernels.self_motion.nearest import Nearest, make_nearest, search_arcs, search_run
+from jacokin.kernels.self_motion.seven_joints import may_be_straight
 from jacokin.kernels.self_motion.slices import (
     SevenJoints,
     SixJoints,
@@ -94,6 +95,8 @@ def run_curves(work: CurveWork) -> int:
     if task == FIND_NEAREST_ON_RUN:
         return 1 if search_run(chain, T, work.arcs.nodes, n, work.nearest, walk) else 0
     if task == FIND_NEAREST and parameter != 6:
+        if may_be_straight(chain, work.seven.arm, T):
+            return 0
         sweeping = SweepWork(chain, T, work.seven, work.slices, work.graph.traced, work.nearest, walk)
         return 1 if sweep(sweeping) else 0
     if parameter != 6:

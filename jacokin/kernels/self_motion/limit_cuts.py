@@ -21,6 +21,8 @@ DOUBT = 2e-3
 #: [rad] shorter chords are not halved.
 SHORTEST_CHORD = 1e-7
 HALVINGS = 14
+#: Shares of a chord at which a joint touches its limit once.
+SAME_SHARE = 1e-3
 EVENTS, INTERVALS = 512, 256
 #: Columns of an event: first node of its chord, share of the chord, code, point. A code is 2 j for the lower and
 #: 2 j + 1 for the upper limit of joint j; -1 - n for an arc's end of kind n.
@@ -101,11 +103,11 @@ def add_crossings(
         a, b = half[0:14], half[14:28]
         length = chord_length(a, b)
         v0, v1 = a[j] - level, b[j] - level
-        slack = DOUBT * length * length
+        open_ = doubtful(v0, v1, a[7 + j] * length, b[7 + j] * length, DOUBT * length * length)
         if (
-            length > SHORTEST_CHORD
+            open_
+            and length > SHORTEST_CHORD
             and half[28] < HALVINGS
-            and doubtful(v0, v1, a[7 + j] * length, b[7 + j] * length, slack)
             and between(chain, T, a, b, 0.5, walk.x, walk)
             and tangent7(chain, T, walk.x, walk.border, walk.t, walk.system) != 0.0
         ):
@@ -121,8 +123,29 @@ def add_crossings(
                 event[POINT + m] = walk.x[m]
             event[POINT + j] = level
             n += 1
+        elif open_ and abs(v0) < CORNER and abs(v1) < CORNER:
+            n = add_touch(arcs, node, j, level, code, a if abs(v0) < abs(v1) else b, n, cuts)
         top -= 1
     return n
+
+
+def add_touch(arcs: Arcs, node: int, j: int, level: float, code: int, x: Array, n: int, cuts: Cuts) -> int:
+    """Append two events where joint j comes to a level and leaves it on the same side; returns the new count."""
+    share = share_of(arcs.nodes[node], arcs.nodes[node + 1], x)
+    if n + 2 > EVENTS or (
+        n > 0
+        and cuts.events[n - 1, NODE] == node
+        and cuts.events[n - 1, CODE] == code
+        and abs(cuts.events[n - 1, SHARE] - share) < SAME_SHARE
+    ):
+        return n
+    for k in range(n, n + 2):
+        event = cuts.events[k]
+        event[NODE], event[SHARE], event[CODE] = node, share, code
+        for m in range(7):
+            event[POINT + m] = x[m]
+        event[POINT + j] = level
+    return n + 2
 
 
 def events_of_arc(chain: Array, T: Array, arcs: Arcs, arc: int, cuts: Cuts, walk: Walk) -> int:

@@ -197,6 +197,9 @@ def search_chord(chain: Array, T: Array, nearest: Nearest, walk: Walk) -> bool:
         if part[28] >= HALVINGS:
             found = found and not halve
             halve = False
+            if side == 2:  # a joint that only touches its limit
+                offer(nearest, a[0:7])
+                offer(nearest, b[0:7])
         elif j < 0:
             halve = halve or side == 2 or wavy(nearest, a, b, length, f_a, f_b)
         if halve and top + 1 < PARTS:

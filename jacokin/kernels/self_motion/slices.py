@@ -18,6 +18,8 @@ from jacokin.kernels.self_motion.seven_joints import MOST_AT_Q3, solve_at_q3
 
 #: Values of the parameter at most, and points at each.
 SLICES, POINTS = 128, 24
+#: Points without a tangent that are kept.
+SINGULAR = 32
 
 
 class SixJoints(NamedTuple):
@@ -48,6 +50,8 @@ class Slices(NamedTuple):
     t: Array  # (SLICES, POINTS, 7) unit tangents, dp/ds >= 0
     sign: Array  # (SLICES, POINTS) of the determinant, see `chain.tangent7`
     label: NDArray[np.int64]  # (SLICES, POINTS) row of `seven_joints.solve_at_q3`; -1 for none
+    crossed: NDArray[np.int64]  # (SLICES,) 1 where curves meet on the way to the next slice
+    singular: Array  # (SINGULAR, 7) points without a tangent, as far as there is room
 
 
 def make_six_joints() -> SixJoints:
@@ -71,6 +75,8 @@ def make_slices() -> Slices:
         np.empty((*points, 7)),
         np.empty(points),
         np.zeros(points, np.int64),
+        np.zeros(SLICES, np.int64),
+        np.empty((SINGULAR, 7)),
     )
 
 
@@ -134,6 +140,14 @@ def add_row(chain: Array, T: Array, i: int, label: int, seven: SevenJoints, slic
     return True
 
 
+def keep_singular(slices: Slices, i: int, lost: int) -> int:
+    """Keep the point that could not be counted in at slice i; returns how many there are."""
+    if lost < SINGULAR:
+        for j in range(7):
+            slices.singular[lost, j] = slices.x[i, slices.filled[i], j]
+    return lost + 1
+
+
 def fill_slices(
     chain: Array, T: Array, parameter: int, n: int, slices: Slices, six: SixJoints, seven: SevenJoints, walk: Walk
 ) -> int:
@@ -149,12 +163,12 @@ def fill_slices(
                     slices.x[i, slices.filled[i], j] = six.work.branches.rows[k, j]
                 slices.x[i, slices.filled[i], 6] = p
                 if not add_point(chain, T, parameter, i, slices, walk):
-                    lost += 1
+                    lost = keep_singular(slices, i, lost)
             continue
         solve_at_q3(chain, seven.arm, T, p, seven.rows)
         for k in range(MOST_AT_Q3):
             if math.isnan(seven.rows[k, 0]):
                 continue
             if not add_row(chain, T, i, k, seven, slices, walk):
-                lost += 1
+                lost = keep_singular(slices, i, lost)
     return lost

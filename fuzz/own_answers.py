@@ -1,0 +1,134 @@
+"""The law of own answers: a configuration within the limits is the answer to its own pose, with itself as the seed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from functools import cache
+
+import numpy as np
+
+from fuzz.findings import Finding
+from jacokin import FreeAxis, IKSolver, load_robot, pose
+from jacokin.arrays import Array
+from jacokin.errors import JacokinError
+from jacokin.ik import Family
+from jacokin.model import NAMES, Robot
+from jacokin.model.angles import wrap_to_pi
+
+BATCH = 50  # configurations in one case
+REGULAR, SINGULAR = 1e-6, 1e-4  # [rad] distance of the answer from the configuration
+SMALLEST = 1e-4  # smallest singular value of a regular configuration
+MOVED = 1e-3  # [rad] distance of a seed from the configuration
+ROUNDING = 1e-9  # [rad]
+
+Maker = Callable[[Robot, np.random.Generator], Array]
+
+
+def anywhere(robot: Robot, rng: np.random.Generator) -> Array:
+    """Any configuration."""
+    return robot.sample(rng)
+
+
+def multiples(degrees: float) -> Maker:
+    """Every joint at a multiple of an angle [deg]."""
+
+    def make(robot: Robot, rng: np.random.Generator) -> Array:
+        step = math.radians(degrees)
+        return np.asarray(np.round(robot.sample(rng) / step) * step)
+
+    return make
+
+
+def on_a_limit(robot: Robot, rng: np.random.Generator) -> Array:
+    """One joint on a limit."""
+    q = robot.sample(rng)
+    joint = rng.choice(np.flatnonzero(~robot.unlimited))
+    q[joint] = rng.choice([robot.lower[joint], robot.upper[joint]])
+    return q
+
+
+def straight_wrist(robot: Robot, rng: np.random.Generator) -> Array:
+    """The joint in the middle of the wrist at 180 degrees."""
+    q = robot.sample(rng)
+    q[-2] = math.pi
+    return q
+
+
+def stretched(robot: Robot, rng: np.random.Generator) -> Array:
+    """The elbow at 180 degrees."""
+    q = robot.sample(rng)
+    q[-4] = math.pi
+    return q
+
+
+CLASSES: dict[str, Maker] = {
+    "random": anywhere,
+    "multiples of 30 degrees": multiples(30.0),
+    "multiples of 90 degrees": multiples(90.0),
+    "on a limit": on_a_limit,
+    "straight wrist": straight_wrist,
+    "stretched": stretched,
+}
+
+
+def run(seed: int, first: int, cases: int) -> Iterator[tuple[int, int, list[Finding]]]:
+    """Cases of one robot and class each: the number of a case, its configurations, and what it revealed."""
+    for case in range(first, first + cases):
+        rng = np.random.default_rng([seed, case])
+        name = NAMES[int(rng.integers(len(NAMES)))]
+        solver = _solver(name, bool(rng.random() < 0.5))
+        kind = list(CLASSES)[int(rng.integers(len(CLASSES)))]
+        found: list[Finding] = []
+        for _ in range(BATCH):
+            robot = solver.robot
+            q = np.clip(CLASSES[kind](robot, rng), robot.lower, robot.upper)
+            found.extend(check(solver, kind, q, rng))
+        yield case, BATCH, found
+
+
+@cache
+def _solver(name: str, with_tool: bool) -> IKSolver:
+    return IKSolver(load_robot(name), tool=pose([0.5, 0.0, 0.0]) if with_tool else None)
+
+
+def check(solver: IKSolver, kind: str, q: Array, rng: np.random.Generator) -> Iterator[Finding]:
+    """What breaks the law at one configuration (dof,) within the limits."""
+    robot, T = solver.robot, solver.verifier.tool_pose(q)
+    singular_value = float(np.linalg.svd(robot.jacobian(q), compute_uv=False)[-1])
+    near = REGULAR if singular_value > SMALLEST else SINGULAR
+    targets: list[object] = [T]
+    if robot.dof == 6:
+        targets.append(FreeAxis(T, axis=np.eye(3)[int(rng.integers(3))] if rng.random() < 0.7 else rng.normal(size=3)))
+    away = rng.normal(size=robot.dof)
+    seed = np.clip(q + MOVED * away / np.linalg.norm(away), robot.lower, robot.upper)
+    for target in targets:
+        where = f"{robot.name}, {kind}, {'FreeAxis' if isinstance(target, FreeAxis) else 'pose'}"
+        given = f"q = {q.tolist()}, {target if isinstance(target, FreeAxis) else 'its own pose'}"
+        try:
+            own, moved = solver.solve(target, seed=q), solver.solve(target, seed=seed)
+            everything = solver.solve_all(target, seed=q)
+            held = _is_held(everything, q, near) if isinstance(everything, Family) else True
+        except JacokinError as error:
+            yield Finding("raw", where, f"{error}; {given}")
+            continue
+        if not own.success:
+            yield Finding("lost", where, f"{own.status.name}: {own.message}; {given}")
+        elif _apart(own.q, q) > near:
+            yield Finding("wrong", where, f"the answer is {_apart(own.q, q):.3g} rad away; {given}")
+        limit = _apart(seed, q) + max(near, ROUNDING)
+        if moved.success and _apart(moved.q, seed) > limit:
+            yield Finding(
+                "wrong", where, f"{_apart(moved.q, seed):.3g} rad from a seed near by; {given}, {seed.tolist()}"
+            )
+        if not held:
+            yield Finding("lost", where, f"in no interval, complete {everything.complete}; {given}")
+
+
+def _is_held(family: Family, q: Array, near: float) -> bool:
+    """Whether a configuration is a member."""
+    return any(_apart(interval.nearest(q), q) <= max(near, 1e-5) for interval in family)
+
+
+def _apart(a: Array, b: Array) -> float:
+    return float(np.linalg.norm(wrap_to_pi(a - b)))
