@@ -36,6 +36,8 @@ MOVE_SEVEN, MOVE_FREE_AXIS = 1e-4, 1e-3
 #: many nodes of each curve to start from. The second one is for where the first one leads to no point.
 MOVES = (((0.42, -0.28, 0.52, 0.35, 0.54, -0.25), 5), ((-0.17, 0.62, 0.23, 0.49, -0.33, 0.43), 8))
 TINY_MOVE = 1e-9  # [m] and [rad]: for points on curves of the target itself
+#: [m] and [rad]: curves that pass each other at a distance d nearly meet with an error of its square.
+MEETING_CLOSURE = 1e-14
 SHORTEST = 1e-9  # [m] away from the shoulder, to have a direction
 #: [m] and [rad]; a target that is missed by no more is on the edge.
 ON_EDGE = min(POSITION_TOLERANCE, ORIENTATION_TOLERANCE)
@@ -120,7 +122,7 @@ class Edge:
         points, axis = x[:0], axis_in_base(problem)
         for direction, _ in MOVES if len(x) else ():
             points = self._shrunk(x, TINY_MOVE * np.array(direction), problem.T, axis)
-            points = points[np.abs(self.linearised(points, problem.T, axis)[0]).max(axis=1) < MEMBER_CLOSURE]
+            points = points[np.abs(self.linearised(points, problem.T, axis)[0]).max(axis=1) < MEETING_CLOSURE]
             if len(points):
                 break
         return points

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from jacokin.arrays import Array
 from jacokin.ik.families.curves import CurveProblem
 from jacokin.ik.families.edge import Edge, axis_in_base
-from jacokin.ik.families.family import MEMBER_CLOSURE
 from jacokin.ik.families.tracks import GUESS_SPACING, Track
 from jacokin.model import angles
 from jacokin.model.angles import TURN
@@ -30,6 +29,8 @@ TOUCHING = 0.05
 STARTS, STEPS, LONGEST_STEP = 24, 40, 0.3
 #: [m] and [rad]: what is FAR is given up at once, and what is not NEAR after the first steps.
 FIRST_STEPS, FAR, NEAR = 6, 1.0, 1e-4
+#: [m] and [rad]: rounding. A wrist that is straight but for 1e-9 rad has no circle, but curves that turn quickly there.
+CIRCLE_CLOSURE = 1e-12
 #: Relative size of motions that do not move the tool, and [m] and [rad] where steps end.
 NO_MOTION, CLOSED = 1e-9, 1e-14
 #: [rad] circles that differ by less are one, and a joint past its limit by no more may be on it.
@@ -90,7 +91,7 @@ class StraightWrist:
         held = np.zeros(x.shape, dtype=np.bool_)
         held[:, middle] = True
         x, closure = self._close(x, held, problem)
-        x, held = x[closure <= MEMBER_CLOSURE], held[closure <= MEMBER_CLOSURE]
+        x, held = x[closure <= CIRCLE_CLOSURE], held[closure <= CIRCLE_CLOSURE]
         # Joints that are on a limit all along are so but for rounding, or for what a double root leaves.
         inside = self._edge.inside(x)
         over = np.abs(angles.wrap_to_pi(x - inside))
@@ -99,7 +100,7 @@ class StraightWrist:
         near = np.flatnonzero(on_limit.any(axis=1))
         if len(near):
             moved, closure = self._close(np.where(on_limit, inside, x)[near], (held | on_limit)[near], problem)
-            x[near[closure <= MEMBER_CLOSURE]] = moved[closure <= MEMBER_CLOSURE]
+            x[near[closure <= CIRCLE_CLOSURE]] = moved[closure <= CIRCLE_CLOSURE]
         found: list[WristTrack] = []
         for row in x:
             q, p = row[: middle + 2], float(angles.wrap_to_pi(row[problem.arm.parameter]))
