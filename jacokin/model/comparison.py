@@ -64,13 +64,10 @@ def crosscheck(
     """
     samples = checks.whole_number("samples", samples, 1)
     checked_robot("robot_a", robot_a)
-    if robot_b is not None:
-        checked_robot("robot_b", robot_b)
-    for name, mapping in (("joint_map", joint_map), ("frame_map", frame_map)):
-        if mapping is not None:
-            checks.mapping(name, mapping, "a dict of names")
-    if rng is not None:
-        checks.generator("rng", rng)
+    checks.optional(checked_robot, "robot_b", robot_b)
+    checks.optional(checks.mapping, "joint_map", joint_map, "a dict of names")
+    checks.optional(checks.mapping, "frame_map", frame_map, "a dict of names")
+    checks.optional(checks.generator, "rng", rng)
     first = PinocchioEngine(robot_a)
     second = MujocoEngine(robot_a) if robot_b is None else PinocchioEngine(robot_b)
     order = _joint_order(first, second, joint_map or {})
