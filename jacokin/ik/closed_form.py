@@ -43,6 +43,7 @@ from jacokin.kernels.closed_form.pose import (
 )
 from jacokin.kernels.compiled.library import NO_BATCH, KernelCall
 from jacokin.kernels.compiled.loading import KERNELS
+from jacokin.model import checks
 
 
 class BranchTable:
@@ -56,8 +57,7 @@ class BranchTable:
 
     def __init__(self, rows: NDArray[np.float64]) -> None:
         """Make an array of one's own read-only."""
-        rows.flags.writeable = False
-        self.rows = rows
+        self.rows = checks.sealed(rows)
 
     def __len__(self) -> int:
         """How many rows."""
@@ -71,9 +71,7 @@ class BranchTable:
     @property
     def within_limits(self) -> NDArray[np.bool_]:
         """(k,) True where every joint is within its limits, exactly."""
-        within = np.equal(self.rows[:, WITHIN_LIMITS], 1.0)
-        within.flags.writeable = False
-        return within
+        return checks.sealed(np.equal(self.rows[:, WITHIN_LIMITS], 1.0))
 
     @property
     def margin(self) -> NDArray[np.float64]:
@@ -114,7 +112,7 @@ class Branches(BranchTable):
         touching: tuple[tuple[tuple[str, str], ...], ...] | None = None,
     ) -> None:
         """Make the rows of one target, an array of one's own, read-only."""
-        rows.flags.writeable = False
+        rows.flags.writeable = False  # one per solve: without a call
         self.rows, self.dropped, self.touching = rows, dropped, touching
 
     def __reduce__(self) -> tuple[object, tuple[object, ...]]:
@@ -142,9 +140,7 @@ class Branches(BranchTable):
     @property
     def q_within_limits(self) -> NDArray[np.float64]:
         """(m, 6) joint angles [rad] of the branches within the limits."""
-        within = self.q[self.within_limits]
-        within.flags.writeable = False
-        return within
+        return checks.sealed(self.q[self.within_limits])
 
     def nearest(self) -> NDArray[np.float64] | None:
         """The branch (6,) within the limits [rad] nearest to the seed; None when there is none."""
@@ -214,8 +210,7 @@ class ClosedForm:
             StructureError: The axes of the model are not placed as the closed form needs them.
         """
         self._chain, self._arm, self.misfit, self.spherical = measure(model, frame_id, tool)
-        self._limits = np.ascontiguousarray([lower, upper, np.full(6, limit_snap)], dtype=np.float64)
-        self._limits.flags.writeable = False
+        self._limits = checks.sealed(np.ascontiguousarray([lower, upper, np.full(6, limit_snap)], dtype=np.float64))
         self._calls: list[KernelCall] = []  # idle ones; each thread takes one, or makes one, and puts it back
         KERNELS.prepare()
 
@@ -272,7 +267,7 @@ class ClosedForm:
         """Take the constants again, read-only."""
         self._chain, self._arm, self._limits, self.spherical, self.misfit = state
         for array in self.constants:
-            array.flags.writeable = False
+            checks.sealed(array)
         self._calls = []
         KERNELS.prepare()
 

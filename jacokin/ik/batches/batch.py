@@ -56,8 +56,7 @@ def solve(
     workers = checks.whole_number("workers", workers, lowest=1)
     closest = checks.flag("closest", closest)
     matrices, position_only, free = checked_batch(targets)
-    if progress is not None:
-        checks.function("progress", progress)
+    checks.optional(checks.function, "progress", progress)
     starts, notes = _seeds_within_limits(robot, seeds, len(matrices))
     out = _Columns(len(matrices), robot.dof, notes)
     rest = list(range(len(matrices)))
@@ -114,11 +113,10 @@ class _Columns:
             self.parameter[index] = result.parameter
 
     def result(self) -> BatchResult:
-        self.success.setflags(write=False)
         return BatchResult(
             q=checks.read_only(self.q),
             status=tuple(self.status),
-            success=self.success,
+            success=checks.sealed(self.success),
             position_error=checks.read_only(self.errors[:, 0]),
             orientation_error=checks.read_only(self.errors[:, 1]),
             method=tuple(self.method),
@@ -129,10 +127,9 @@ class _Columns:
 
 def _seeds_within_limits(robot: Robot, seeds: ArrayLike | None, size: int) -> tuple[Array, list[str]]:
     """One seed within the limits for each target, and what had to be done to it."""
-    try:
-        given = None if seeds is None else checks.numbers(seeds)
-    except (TypeError, ValueError) as error:
-        raise InvalidInputError(f"seeds must be ({robot.dof},) or (n, {robot.dof}) numbers [rad]: {error}") from error
+    given = (
+        None if seeds is None else checks.array("seeds", seeds, f"({robot.dof},) or (n, {robot.dof}) numbers", "rad")
+    )
     if given is None or given.ndim == 1:
         seed, note = seed_within_limits(robot, given, "seeds")
         return np.tile(seed, (size, 1)), [note] * size

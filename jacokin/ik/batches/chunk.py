@@ -125,28 +125,22 @@ def solve_rows(
     solver: IKSolver, targets: TargetFile, seed: Array | None, *, closest: bool = True, workers: int = 1
 ) -> BatchResult:
     """Answers to the rows that are targets; the status of the others says that they are not."""
-    problems = dict(sorted(targets.problems.items()))
+    problems = targets.problems
     if not problems:
         return solver.solve_batch(targets.targets, seed, workers=workers, closest=closest)
-    good = np.delete(targets.targets, list(problems), axis=0)
-    q, errors = np.empty((0, solver.robot.dof)), np.empty((0, 2))
-    status, method, message = list[Status](), list[str](), list[str]()
+    size, good = len(targets), np.setdiff1d(np.arange(len(targets)), list(problems))
+    q, errors = np.full((size, solver.robot.dof), np.nan), np.full((size, 2), np.nan)
+    status, method = [Status.INVALID_TARGET] * size, [""] * size
+    message = [problems.get(row, "") for row in range(size)]
     if len(good):
-        found = solver.solve_batch(good, seed, workers=workers, closest=closest)
-        q, errors = found.q, np.column_stack([found.position_error, found.orientation_error])
-        status, method, message = list(found.status), list(found.method), list(found.message)
-    for row, problem in problems.items():
-        status.insert(row, Status.INVALID_TARGET)
-        method.insert(row, "")
-        message.insert(row, problem)
-    before = np.array(list(problems)) - np.arange(len(problems))  # how many good rows come before each
-    q, errors = np.insert(q, before, np.nan, axis=0), np.insert(errors, before, np.nan, axis=0)
-    success = np.array([each is Status.OK for each in status])
-    success.setflags(write=False)
+        found = solver.solve_batch(targets.targets[good], seed, workers=workers, closest=closest)
+        q[good], errors[good] = found.q, np.column_stack([found.position_error, found.orientation_error])
+        for index, row in enumerate(good.tolist()):
+            status[row], method[row], message[row] = found.status[index], found.method[index], found.message[index]
     return BatchResult(
         q=checks.read_only(q),
         status=tuple(status),
-        success=success,
+        success=checks.sealed(np.array([each is Status.OK for each in status])),
         position_error=checks.read_only(errors[:, 0]),
         orientation_error=checks.read_only(errors[:, 1]),
         method=tuple(method),
