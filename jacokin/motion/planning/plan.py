@@ -1,8 +1,8 @@
 """`plan_path`: a path planned over all branches, before anything moves. Read this file first.
 
 `track_path` follows the path from one start after another, tick by tick, and never changes its mind. `plan_path` first
-computes all solutions at steps along the path and links those that follow each other (`ladder`), and takes the cheapest
-way from the first to the last (`search`); then it computes every tick exactly on the path (`manifold`) and measures it.
+computes all solutions at steps along the path and links those that follow each other, and takes the cheapest way
+from the first to the last (`search`); then it computes every tick exactly on the path (`manifold`) and measures it.
 """
 
 from __future__ import annotations
@@ -14,20 +14,19 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
-from jacokin.errors import InvalidInputError, StructureError, shown
-from jacokin.ik import diagnosis
+from jacokin.errors import InvalidInputError, StructureError
+from jacokin.ik import diagnosis, seeds
 from jacokin.ik.solver import IKSolver
 from jacokin.ik.targets import Target, TargetPose
 from jacokin.model import checks
 from jacokin.model.many_configurations import Chain
+from jacokin.model.robot import velocity_limits
 from jacokin.motion.path import MOST_FAMILIES, MOST_PLACES, CartesianPath
-from jacokin.motion.planning.ladder import Ladder, Pace, Rung
-from jacokin.motion.planning.manifold import Curve, Manifold
-from jacokin.motion.planning.search import Climb, Search
+from jacokin.motion.planning.manifold import Curve, Manifold, Pace
+from jacokin.motion.planning.search import Climb, Ladder, Rung, Search
 from jacokin.motion.timing import check_ticks, fit_ticks, sample_lines
 from jacokin.motion.track import ANGULAR_SPEED, SPEED
-from jacokin.motion.tracking.joint_limits import choose_start, velocity_limits
-from jacokin.motion.trajectory import PathResult, describe_jump
+from jacokin.motion.trajectory import PathResult
 
 TIMINGS = ("keep", "slow")
 FINEST = 0.01  # [rad] between members of a family: more of them take minutes
@@ -88,8 +87,7 @@ def plan_path(
         UnknownNameError: unknown timing.
         StructureError: the robot has no closed form.
     """
-    if not isinstance(solver, IKSolver):
-        raise InvalidInputError(f"solver must be an IKSolver, got {shown(solver)}")
+    checks.instance("solver", solver, IKSolver, "an IKSolver")
     robot, verifier = solver.robot, solver.verifier
     try:
         if not solver.has_families:
@@ -116,7 +114,7 @@ def plan_path(
         raise InvalidInputError(f"free_step must be at least {FINEST:g} rad, got {free_step!r}")
     times = path.durations(speed, angular_speed)
     check_ticks(times, dt)
-    near, note = choose_start(robot, seed, start)
+    near, note = seeds.choose_start(robot, seed, start)
 
     chain = Chain(robot, verifier.frame_id, verifier.tool)
     manifold = Manifold(robot, chain, path, verifier.options.limit_snap)
@@ -245,7 +243,7 @@ class _Writer:
             limiting.append("; ".join(names) if names else reason if held else "")
         clearance = verifier.distances(q) if verifier.looks_for_contact else np.full(len(q), np.nan)
         away = np.abs(q[0] - self.near)
-        jump = describe_jump(robot.joint_names, away, self.origin)
+        jump = seeds.describe_jump(robot.joint_names, away, self.origin)
         words = [reason or self._sentence(v, fast, status), jump, self.note]
         return PathResult(
             joint_names=robot.joint_names,
