@@ -231,7 +231,19 @@ class ClosedForm:
             T: (4, 4) target T_base_tool: a rigid transformation, C-contiguous.
             seed: (6,) [rad].
         """
-        call, rows, count = self._solved(T, seed)
+        call: KernelCall | None = None
+        try:
+            call = self._calls.pop()
+        except IndexError:
+            library = KERNELS.for_poses(1)
+            if library is not None:
+                call = KernelCall(library, *self.constants, np.empty((1, 4, 4)), np.empty((1, 6)))
+        if call is None:
+            rows = np.empty((MAX_BRANCHES, COLUMNS))
+            count = run_python(*self.constants, T[np.newaxis], seed[np.newaxis], rows, NO_BATCH)
+        else:
+            call.T[0], call.seed[0] = T, seed
+            rows, count = call.rows, call()
         # A copy: the call's own rows are overwritten by its next run.
         found = Branches(rows[:count].copy()) if count >= 0 else Branches(rows[:~count].copy(), dropped=True)
         if call is not None:
@@ -241,23 +253,6 @@ class ClosedForm:
     def nearest_branch(self) -> NearestBranch:
         """What gives the first of `solve_all`'s branches that is within the limits."""
         return NearestBranch(*self.constants)
-
-    def _solved(
-        self, T: NDArray[np.float64], seed: NDArray[np.float64]
-    ) -> tuple[KernelCall | None, NDArray[np.float64], int]:
-        """The rows of every branch, and what the kernels return; and the call, to be put back once they are read."""
-        try:
-            call = self._calls.pop()
-        except IndexError:
-            library = KERNELS.for_poses(1)
-            if library is None:
-                rows = np.empty((MAX_BRANCHES, COLUMNS))
-                some = self._chain, self._arm, self._limits, T[np.newaxis], seed[np.newaxis]
-                return None, rows, run_python(*some, rows, NO_BATCH)
-            call = KernelCall(library, self._chain, self._arm, self._limits, np.empty((1, 4, 4)), np.empty((1, 6)))
-        call.T[0] = T
-        call.seed[0] = seed
-        return call, call.rows, call()
 
     def __getstate__(self) -> tuple[object, ...]:
         """Pickle the constants; calls are made anew."""

@@ -58,7 +58,7 @@ def solve(
     matrices, position_only, free = checked_batch(targets)
     checks.optional(checks.function, "progress", progress)
     starts, notes = _seeds_within_limits(robot, seeds, len(matrices))
-    out = _Columns(len(matrices), robot.dof, notes)
+    out = Columns(len(matrices), robot.dof, notes)
     rest = list(range(len(matrices)))
     if compiled is not None:
         apart = position_only.copy()
@@ -90,10 +90,11 @@ def check_picklable(name: str, value: object) -> None:
         ) from error
 
 
-class _Columns:
-    """The columns of a batch result while they fill."""
+class Columns:
+    """The columns of a batch result while they fill: of `size` targets, with a note on each."""
 
     def __init__(self, size: int, dof: int, notes: list[str]) -> None:
+        """Begin with successes of the closed form at q = 0."""
         self.q = np.zeros((size, dof))
         self.errors = np.zeros((size, 2))
         self.parameter = np.full(size, np.nan)
@@ -104,6 +105,7 @@ class _Columns:
         self._notes = notes
 
     def put(self, index: int, result: IKResult) -> None:
+        """Take the answer to one target."""
         self.q[index] = result.q
         self.errors[index] = result.position_error, result.orientation_error
         self.status[index], self.method[index] = result.status, result.method
@@ -113,6 +115,7 @@ class _Columns:
             self.parameter[index] = result.parameter
 
     def result(self) -> BatchResult:
+        """All of them, read-only."""
         return BatchResult(
             q=checks.read_only(self.q),
             status=tuple(self.status),
@@ -149,7 +152,7 @@ def _compiled(
     matrices: Array,
     apart: NDArray[np.bool_],
     starts: Array,
-    out: _Columns,
+    out: Columns,
     workers: int,
     progress: Callable[[int], None] | None,
 ) -> list[int]:

@@ -18,11 +18,11 @@ import jacokin
 from jacokin.arrays import Array
 from jacokin.chunks.folder import Keeper
 from jacokin.errors import JacokinError
+from jacokin.ik.batches.batch import Columns
 from jacokin.ik.files.formats import answers_format, targets_format
 from jacokin.ik.files.targets import FilePart, TargetFile
 from jacokin.ik.results import BatchResult, Status
 from jacokin.ik.solver import IKSolver
-from jacokin.model import checks
 
 KEPT_FAILURES = 20  # rows whose message is in the summary; the file of answers has them all
 
@@ -128,24 +128,19 @@ def solve_rows(
     problems = targets.problems
     if not problems:
         return solver.solve_batch(targets.targets, seed, workers=workers, closest=closest)
-    size, good = len(targets), np.setdiff1d(np.arange(len(targets)), list(problems))
-    q, errors = np.full((size, solver.robot.dof), np.nan), np.full((size, 2), np.nan)
-    status, method = [Status.INVALID_TARGET] * size, [""] * size
-    message = [problems.get(row, "") for row in range(size)]
+    out = Columns(len(targets), solver.robot.dof, [problems.get(row, "") for row in range(len(targets))])
+    for row in problems:
+        out.q[row] = out.errors[row] = np.nan
+        out.status[row], out.method[row], out.success[row] = Status.INVALID_TARGET, "", False
+    good = np.setdiff1d(np.arange(len(targets)), list(problems))
     if len(good):
         found = solver.solve_batch(targets.targets[good], seed, workers=workers, closest=closest)
-        q[good], errors[good] = found.q, np.column_stack([found.position_error, found.orientation_error])
+        out.q[good], out.success[good] = found.q, found.success
+        out.errors[good] = np.column_stack([found.position_error, found.orientation_error])
         for index, row in enumerate(good.tolist()):
-            status[row], method[row], message[row] = found.status[index], found.method[index], found.message[index]
-    return BatchResult(
-        q=checks.read_only(q),
-        status=tuple(status),
-        success=checks.sealed(np.array([each is Status.OK for each in status])),
-        position_error=checks.read_only(errors[:, 0]),
-        orientation_error=checks.read_only(errors[:, 1]),
-        method=tuple(method),
-        message=tuple(message),
-    )
+            out.status[row], out.method[row] = found.status[index], found.method[index]
+            out.message[row] = found.message[index]
+    return out.result()
 
 
 @functools.lru_cache(maxsize=4)

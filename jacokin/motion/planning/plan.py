@@ -126,10 +126,9 @@ def plan_path(
     writer = _Writer(
         solver=solver,
         manifold=manifold,
-        times=times,
+        pace=pace,
         dt=dt,
         slow=timing == "slow",
-        velocity=velocity,
         acceleration=acceleration,
         near=near,
         origin="home" if seed is None and start is None else "the seed",
@@ -153,10 +152,9 @@ class _Writer:
     Attributes:
         solver: what measures.
         manifold: the configurations on the path.
-        times: (lines,) at the speed asked for [s].
+        pace: times of the lines at the speed asked for, and velocity limits.
         dt: control step [s].
         slow: True to slow down where joints cannot follow.
-        velocity: (dof,) limits [rad/s].
         acceleration: (dof,) limits [rad/s^2], or None.
         near: (dof,) where the path should begin [rad].
         origin: what messages call that place.
@@ -165,10 +163,9 @@ class _Writer:
 
     solver: IKSolver
     manifold: Manifold
-    times: Array
+    pace: Pace
     dt: float
     slow: bool
-    velocity: Array
     acceleration: Array | None
     near: Array
     origin: str
@@ -177,23 +174,23 @@ class _Writer:
     def stay(self, q: Array, reason: str) -> PathResult:
         """A path that does not begin: the arm stays at the configuration (dof,) nearest to the first pose."""
         path = self.manifold.path
-        u = sample_lines(self.times, self.dt)
+        u = sample_lines(self.pace.times, self.dt)
         parameter = np.full(path.lines + 1, np.nan)
         x = self.manifold.points(q[None], path.target(0.0))
         return self._measure(u, np.tile(x, (len(u), 1)), parameter, -1.0, reason)
 
     def follow(self, curve: Curve, reached: float, reason: str) -> PathResult:
         """The ticks along a joint path; beyond its end the arm stays there."""
-        ticks = kept = sample_lines(self.times, self.dt)
+        ticks = kept = sample_lines(self.pace.times, self.dt)
         if self.slow and len(curve.u) > 1:
             dof = self.manifold.dof
             ticks = fit_ticks(
                 curve.u,
                 curve.q,
                 lambda u: curve.at(u)[0][:, :dof],
-                self.times,
+                self.pace.times,
                 self.dt,
-                self.velocity,
+                self.pace.velocity,
                 self.acceleration,
             )
         parameter = self._at_waypoints(curve, reached)
@@ -230,7 +227,7 @@ class _Writer:
         off = (errors[:, 0] > verifier.options.position_tolerance) | (
             errors[:, 1] > verifier.options.orientation_tolerance
         )
-        fast = np.abs(v) > self.velocity + SPEED_ROUNDING
+        fast = np.abs(v) > self.pace.velocity + SPEED_ROUNDING
         hard = np.zeros_like(fast)
         if self.acceleration is not None:
             hard[1:] = np.abs(np.diff(v, axis=0)) > self.acceleration * self.dt * (1.0 + ACCELERATION_ROUNDING)
@@ -258,7 +255,7 @@ class _Writer:
             clearance=checks.read_only(clearance),
             lower=robot.lower,
             upper=robot.upper,
-            velocity_limit=checks.read_only(self.velocity),
+            velocity_limit=checks.read_only(self.pace.velocity),
             parameter=checks.read_only(parameter),
             message="; ".join(word for word in words if word),
             start_distance=float(away.max()),
@@ -270,7 +267,7 @@ class _Writer:
         ticks = np.flatnonzero(fast.any(axis=1))
         if ticks.size:
             names = ", ".join(self.solver.robot.joint_names[j] for j in np.flatnonzero(fast.any(axis=0)))
-            excess = float((np.abs(v) / self.velocity).max()) - 1.0
+            excess = float((np.abs(v) / self.pace.velocity).max()) - 1.0
             return (
                 f"{names} cannot follow at this speed on {ticks.size} of {len(fast)} ticks, first at "
                 f"{ticks[0] * self.dt:.6g} s, too fast by up to {100.0 * excess:.3g} %; timing='slow' slows "

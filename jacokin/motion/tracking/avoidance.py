@@ -274,24 +274,14 @@ def make_guard(
         if asked:
             raise InvalidInputError(f"{asked[0]} has no effect with collision='ignore'; use 'reject'")
         return None
-    model, numbers = _compile(robot, around, self_collision, pairs)
-    return ClearanceGuard(model, numbers, distance, velocity, dt)
-
-
-def _compile(
-    robot: Robot, scene: Scene, self_collision: bool, pairs: Sequence[tuple[str, str]] | None
-) -> tuple[mujoco.MjModel, list[tuple[int, int]]]:
-    """The robot's twin with its shapes and the obstacles, and numbers of the pairs to keep apart.
-
-    Of a pair the shape nearer to the base comes first.
-    """
-    obstacles, angle = scene.obstacles, scene.finger_angle
-    model, found = compiled_pairs(robot, obstacles, self_collision=self_collision, finger_angle=angle)
+    obstacles, angle = around.obstacles, around.finger_angle
+    model, numbers = compiled_pairs(robot, obstacles, self_collision=self_collision, finger_angle=angle)
     if pairs is not None:
         names = [model.geom(index).name for index in range(model.ngeom)]
-        found = [_named_pair(model, names, pair) for pair in checks.listed("pairs", pairs)]
-    # The chain is serial and bodies are numbered along it.
-    return model, [(a, b) if model.geom_bodyid[a] <= model.geom_bodyid[b] else (b, a) for a, b in found]
+        numbers = [_named_pair(model, names, pair) for pair in checks.listed("pairs", pairs)]
+    # The shape nearer to the base comes first; the chain is serial and bodies are numbered along it.
+    body = model.geom_bodyid
+    return ClearanceGuard(model, [(a, b) if body[a] <= body[b] else (b, a) for a, b in numbers], distance, velocity, dt)
 
 
 def _named_pair(model: mujoco.MjModel, names: list[str], pair: tuple[str, str]) -> tuple[int, int]:
