@@ -17,7 +17,8 @@ Not reaching a pose is a status of the result, never an exception.
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 
 LONGEST_REPR = 200  # characters of a value in a message
 
@@ -141,3 +142,16 @@ class MissingExtraError(JacokinError, ImportError):
         self.package = package
         self.extra = extra
         super().__init__(f"{package} is needed for this. Install it with: pip install 'jacokin[{extra}]'")
+
+
+@contextmanager
+def needed(package: str, extra: str) -> Iterator[None]:
+    """Around the import of an optional package.
+
+    Raises:
+        MissingExtraError: it is not installed.
+    """
+    try:
+        yield
+    except ImportError as error:
+        raise MissingExtraError(package, extra) from error

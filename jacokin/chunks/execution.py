@@ -15,7 +15,7 @@ from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future
 from dataclasses import dataclass
 from typing import TypeVar
 
-from jacokin.errors import InvalidInputError, JacokinError, MissingExtraError, shown
+from jacokin.errors import InvalidInputError, JacokinError, needed, shown
 
 Job = TypeVar("Job")
 Made = TypeVar("Made")
@@ -137,10 +137,8 @@ def dask_executor(address: str) -> Iterator[Executor]:
         InvalidInputError: no scheduler answers at the address.
         JacokinError: the cluster has no workers.
     """
-    try:
+    with needed("distributed", "cluster"):
         from distributed import Client
-    except ImportError as error:
-        raise MissingExtraError("distributed", "cluster") from error
     if not isinstance(address, str) or not address:
         raise InvalidInputError(f"the address of a scheduler must be like tcp://10.0.0.1:8786, got {address!r}")
     logger = logging.getLogger("distributed")

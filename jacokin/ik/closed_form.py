@@ -43,6 +43,7 @@ from jacokin.kernels.closed_form.pose import (
 )
 from jacokin.kernels.compiled.library import NO_BATCH, KernelCall
 from jacokin.kernels.compiled.loading import KERNELS
+from jacokin.model import checks
 
 
 class BranchTable:
@@ -56,8 +57,7 @@ class BranchTable:
 
     def __init__(self, rows: NDArray[np.float64]) -> None:
         """Make an array of one's own read-only."""
-        rows.flags.writeable = False
-        self.rows = rows
+        self.rows = checks.sealed(rows)
 
     def __len__(self) -> int:
         """How many rows."""
@@ -71,9 +71,7 @@ class BranchTable:
     @property
     def within_limits(self) -> NDArray[np.bool_]:
         """(k,) True where every joint is within its limits, exactly."""
-        within = np.equal(self.rows[:, WITHIN_LIMITS], 1.0)
-        within.flags.writeable = False
-        return within
+        return checks.sealed(np.equal(self.rows[:, WITHIN_LIMITS], 1.0))
 
     @property
     def margin(self) -> NDArray[np.float64]:
@@ -114,7 +112,7 @@ class Branches(BranchTable):
         touching: tuple[tuple[tuple[str, str], ...], ...] | None = None,
     ) -> None:
         """Make the rows of one target, an array of one's own, read-only."""
-        rows.flags.writeable = False
+        rows.flags.writeable = False  # one per solve: without a call
         self.rows, self.dropped, self.touching = rows, dropped, touching
 
     def __reduce__(self) -> tuple[object, tuple[object, ...]]:
@@ -142,9 +140,7 @@ class Branches(BranchTable):
     @property
     def q_within_limits(self) -> NDArray[np.float64]:
         """(m, 6) joint angles [rad] of the branches within the limits."""
-        within = self.q[self.within_limits]
-        within.flags.writeable = False
-        return within
+        return checks.sealed(self.q[self.within_limits])
 
     def nearest(self) -> NDArray[np.float64] | None:
         """The branch (6,) within the limits [rad] nearest to the seed; None when there is none."""
@@ -214,8 +210,7 @@ class ClosedForm:
             StructureError: The axes of the model are not placed as the closed form needs them.
         """
         self._chain, self._arm, self.misfit, self.spherical = measure(model, frame_id, tool)
-        self._limits = np.ascontiguousarray([lower, upper, np.full(6, limit_snap)], dtype=np.float64)
-        self._limits.flags.writeable = False
+        self._limits = checks.sealed(np.ascontiguousarray([lower, upper, np.full(6, limit_snap)], dtype=np.float64))
         self._calls: list[KernelCall] = []  # idle ones; each thread takes one, or makes one, and puts it back
         KERNELS.prepare()
 
@@ -236,7 +231,19 @@ class ClosedForm:
             T: (4, 4) target T_base_tool: a rigid transformation, C-contiguous.
             seed: (6,) [rad].
         """
-        call, rows, count = self._solved(T, seed)
+        call: KernelCall | None = None
+        try:
+            call = self._calls.pop()
+        except IndexError:
+            library = KERNELS.for_poses(1)
+            if library is not None:
+                call = KernelCall(library, *self.constants, np.empty((1, 4, 4)), np.empty((1, 6)))
+        if call is None:
+            rows = np.empty((MAX_BRANCHES, COLUMNS))
+            count = run_python(*self.constants, T[np.newaxis], seed[np.newaxis], rows, NO_BATCH)
+        else:
+            call.T[0], call.seed[0] = T, seed
+            rows, count = call.rows, call()
         # A copy: the call's own rows are overwritten by its next run.
         found = Branches(rows[:count].copy()) if count >= 0 else Branches(rows[:~count].copy(), dropped=True)
         if call is not None:
@@ -247,23 +254,6 @@ class ClosedForm:
         """What gives the first of `solve_all`'s branches that is within the limits."""
         return NearestBranch(*self.constants)
 
-    def _solved(
-        self, T: NDArray[np.float64], seed: NDArray[np.float64]
-    ) -> tuple[KernelCall | None, NDArray[np.float64], int]:
-        """The rows of every branch, and what the kernels return; and the call, to be put back once they are read."""
-        try:
-            call = self._calls.pop()
-        except IndexError:
-            library = KERNELS.for_poses(1)
-            if library is None:
-                rows = np.empty((MAX_BRANCHES, COLUMNS))
-                some = self._chain, self._arm, self._limits, T[np.newaxis], seed[np.newaxis]
-                return None, rows, run_python(*some, rows, NO_BATCH)
-            call = KernelCall(library, self._chain, self._arm, self._limits, np.empty((1, 4, 4)), np.empty((1, 6)))
-        call.T[0] = T
-        call.seed[0] = seed
-        return call, call.rows, call()
-
     def __getstate__(self) -> tuple[object, ...]:
         """Pickle the constants; calls are made anew."""
         return self._chain, self._arm, self._limits, self.spherical, self.misfit
@@ -272,7 +262,7 @@ class ClosedForm:
         """Take the constants again, read-only."""
         self._chain, self._arm, self._limits, self.spherical, self.misfit = state
         for array in self.constants:
-            array.flags.writeable = False
+            checks.sealed(array)
         self._calls = []
         KERNELS.prepare()
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from jacokin.errors import StructureError
 from jacokin.kernels.tolerances import SMALLEST_LENGTH, SMALLEST_TWIST, SPHERICAL_TOLERANCE, STRUCTURE_TOLERANCE
+from jacokin.model import checks
 
 WORDS = {6: "six", 7: "seven"}
 _AXES = {
@@ -234,9 +235,7 @@ def measure(model: pin.Model, frame_id: int, tool: pin.SE3 | None = None) -> Geo
             [float(spherical), check.worst],  # 37:39
         ]
     ).astype(np.float64)
-    chain.flags.writeable = False
-    arm.flags.writeable = False
-    return Geometry(chain, arm, check.worst, spherical)
+    return Geometry(checks.sealed(chain), checks.sealed(arm), check.worst, spherical)
 
 
 def _orthonormal(z: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -268,6 +267,4 @@ def measure_seven(model: pin.Model, frame_id: int, tool: pin.SE3 | None = None) 
     lever = float(np.linalg.norm(np.cross(check.axes[3], W - p4)))
     check.long_enough(3, 4, lever, "the distance from axis 4 to the wrist")
     arm = np.concatenate([R_home.T @ (W - p_home), S, R2.T @ (S - p2), R4.T @ (W - p4)])
-    chain.flags.writeable = False
-    arm.flags.writeable = False
-    return Geometry(chain, arm, check.worst, spherical=True)
+    return Geometry(checks.sealed(chain), checks.sealed(arm), check.worst, spherical=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields, make_dataclass
 from enum import Enum
-from typing import Protocol, Self
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -117,44 +117,6 @@ class IKResult(Frozen):
 IKResultDraft = make_dataclass(
     "IKResult", [(each.name, each.type) for each in fields(IKResult)], bases=(Frozen,), slots=True, eq=False
 )
-
-
-class Solutions(Protocol):
-    """Everything that reaches a target, as `IKSolver.solve_all` gives it: `Branches`, or a `Family`.
-
-    A pose of six joints has branches. Where a parameter is free (the angle about an axis of the tool, joint 3 of a
-    seven-joint arm) each branch is a curve, of which intervals of the parameter are within the limits: a family. Both
-    can be read in one way: as k configurations, each a branch, or the member of an interval nearest to the seed.
-    """
-
-    @property
-    def has_parameter(self) -> bool:
-        """Whether this is a `Family`, with intervals of a free parameter."""
-
-    @property
-    def complete(self) -> bool:
-        """False when something that reaches the target may be missing."""
-
-    def __len__(self) -> int:
-        """How many branches, or intervals."""
-
-    @property
-    def q(self) -> Array:
-        """(k, dof) joint angles [rad]; unlimited joints in the copy nearest to the seed."""
-
-    @property
-    def within_limits(self) -> NDArray[np.bool_]:
-        """(k,) True where every joint is within its limits, exactly; everywhere in a family."""
-
-    @property
-    def margin(self) -> Array:
-        """(k, dof) distance to the nearer limit [rad]; negative outside, inf on unlimited joints."""
-
-    def nearest(self) -> Array | None:
-        """The configuration (dof,) within the limits [rad] nearest to the seed; None when there is none."""
-
-    def widest(self) -> Array | None:
-        """The configuration (dof,) within the limits [rad] with the largest limit margin; None when there is none."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

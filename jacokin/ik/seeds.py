@@ -1,16 +1,20 @@
-"""Where solves start: the caller's seed, moved inside the limits, and random configurations."""
+"""Where solves and motions start: the caller's seed, moved inside the limits, where the arm is, and at random."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
-from jacokin.model import angles
+from jacokin.model import angles, checks
 from jacokin.model.robot import Robot
 
 FARTHEST_SEED = 1e6  # [rad] beyond this a double no longer resolves an angle to 1e-10 rad
+LIMIT_NOISE = 0.01  # [rad] an encoder may report a joint this far past its limit
+AT_SEED = 1e-3  # [rad] a start this near to the seed is not worth a word
 DEFAULT_RANDOM_SEED = 0  # of the generator used when the caller brings none: results repeat
 
 
@@ -65,3 +69,45 @@ def random_configurations(robot: Robot, size: int, rng: np.random.Generator) -> 
     lower = np.where(robot.unlimited, -np.pi, np.maximum(robot.lower, -1e3))
     upper = np.where(robot.unlimited, np.pi, np.minimum(robot.upper, 1e3))
     return rng.uniform(lower, upper, (size, robot.dof))
+
+
+def checked_start(robot: Robot, q: ArrayLike | None, name: str = "q", noise: float = LIMIT_NOISE) -> Array:
+    """A configuration (dof,) [rad] within the limits, read-only; None is home.
+
+    A joint past its limit by at most `noise` [rad] is put on the limit.
+
+    Raises:
+        InvalidInputError: malformed, outside the limits, or more than 1e6 rad from zero.
+    """
+    if q is None:
+        return robot.home
+    found = near_configuration(robot, q, name)
+    inside = np.clip(found, robot.lower, robot.upper)
+    joint = int(np.argmax(np.abs(found - inside)))
+    if abs(found[joint] - inside[joint]) > noise:
+        raise InvalidInputError(
+            f"{name} puts {robot.joint_names[joint]} at {found[joint]:.17g} rad, outside "
+            f"[{robot.lower[joint]:.17g}, {robot.upper[joint]:.17g}]"
+        )
+    return checks.read_only(inside)
+
+
+def choose_start(robot: Robot, seed: ArrayLike | None, start: ArrayLike | None) -> tuple[Array, str]:
+    """Where a path should begin, near `seed`, or begins, at `start`; and a sentence when a seed was moved.
+
+    Raises:
+        InvalidInputError: both are given, one is malformed, or `start` is outside the limits.
+    """
+    if start is None:
+        return seed_within_limits(robot, seed)
+    if seed is not None:
+        raise InvalidInputError("give at most one of seed and start")
+    return checked_start(robot, start, "start"), ""
+
+
+def describe_jump(joint_names: Sequence[str], away: Array, name: str) -> str:
+    """Where a path starts, for (dof,) distances [rad] from a place with a name; "" when it starts there."""
+    joint = int(np.argmax(away))
+    if away[joint] <= AT_SEED:
+        return ""
+    return f"it starts {away[joint]:.3g} rad ({joint_names[joint]}) from {name}: bring the arm to q[0] first"

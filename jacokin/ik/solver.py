@@ -135,7 +135,9 @@ class IKSolver:
         if method == "closed_form" and not self.has_families:
             self.closed_form()
         if warm is not None:
-            self._load(checks.flag("warm", warm))
+            if checks.flag("warm", warm) and (self.has_families or self.has_closed_form):
+                warmup()
+            self._qp_search()
 
     @property
     def robot(self) -> Robot:
@@ -184,11 +186,6 @@ class IKSolver:
         """Whether a pose has a family: an arm of seven joints that its closed form fits, and the method allows it."""
         return self._seven is not None
 
-    @property
-    def tolerances(self) -> tuple[float, float]:
-        """Position [m] and orientation [rad] tolerance of a success."""
-        return self._options.position_tolerance, self._options.orientation_tolerance
-
     def solve(
         self,
         target: Target,
@@ -226,9 +223,9 @@ class IKSolver:
         start, note = seed_within_limits(robot, seed)
         if rng is not None:
             checks.generator("rng", rng)
-        restarts = self._options.max_restarts
-        if max_restarts is not None:
-            restarts = checks.whole_number("max_restarts", max_restarts)
+        restarts = (
+            self._options.max_restarts if max_restarts is None else checks.whole_number("max_restarts", max_restarts)
+        )
         checks.flag("closest", closest)
         is_nearest = isinstance(prefer, str) and prefer == "nearest"
         cost = None if is_nearest else preferences.cost_of(prefer, robot, frame)
@@ -410,12 +407,6 @@ class IKSolver:
         if not self._uses_qp and not self.has_families and isinstance(self._form, StructureError):
             request = request._replace(note=request.message(f"no closed form: {self._form}"))
         return self._qp_search().solve(request)
-
-    def _load(self, warm: bool) -> None:
-        """Load now what the first solve would wait for."""
-        if (self.has_families or self.has_closed_form) and warm:
-            warmup()
-        self._qp_search()
 
     def _qp_search(self) -> QPSearch:
         """Mink's QP on this robot, built once in each thread.

@@ -11,7 +11,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
-from jacokin.errors import InvalidInputError, shown
+from jacokin.errors import InvalidInputError
 from jacokin.ik.preferences import Cost
 from jacokin.ik.seeds import DEFAULT_RANDOM_SEED
 from jacokin.model import checks, poses
@@ -185,12 +185,7 @@ def checked(target: pin.SE3 | ArrayLike, name: str = "target") -> TargetPose:
         InvalidInputError: anything else, not finite, or not rigid.
     """
     if not isinstance(target, pin.SE3):
-        try:
-            target = checks.numbers(target)
-        except (TypeError, ValueError) as error:
-            raise InvalidInputError(
-                f"{name} must be a pin.SE3, a (4, 4) matrix or a (3,) position, got {shown(target)}"
-            ) from error
+        target = checks.array(name, target, "a pin.SE3, a (4, 4) matrix or a (3,) position")
         if target.ndim == 1:
             return TargetPose(_at(checks.vector(name, target, 3, "m")), position_only=True)
     return TargetPose(poses.matrix_of(target, name))
@@ -208,16 +203,10 @@ def checked_batch(
         InvalidInputError: empty, or a target is malformed; names its row.
     """
     if isinstance(targets, np.ndarray) and targets.ndim == 3 and targets.shape[1:] == (4, 4) and len(targets):
-        try:
-            numbers = checks.numbers(targets)
-        except TypeError as error:
-            raise InvalidInputError(f"targets must be real numbers, got dtype {targets.dtype}") from error
+        numbers = checks.array("targets", targets, "real numbers")
         matrices = poses.checked_matrices("targets", np.array(numbers, order="C"))
         return matrices, np.zeros(len(matrices), dtype=np.bool_), {}
-    try:
-        rows = list(targets)  # type: ignore[arg-type]  # whatever cannot be listed is refused below
-    except TypeError as error:
-        raise InvalidInputError(f"targets must be a sequence of poses, got {shown(targets)}") from error
+    rows = checks.listed("targets", targets, "a sequence of poses")  # type: ignore[arg-type]  # is checked
     if not rows:
         raise InvalidInputError("targets is empty")
     free = {index: row for index, row in enumerate(rows) if isinstance(row, FreeAxis)}

@@ -6,18 +6,19 @@ A number is a real Python or NumPy number: not a boolean, not digits in a string
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, UnknownNameError
 from jacokin.errors import shown as shown
 
 Item = TypeVar("Item")
+AnyArray = TypeVar("AnyArray", bound=NDArray[Any])
 
 FLOAT64 = np.dtype(np.float64)
 NUMBER_KINDS = "iuf"  # of NumPy's dtypes: no booleans, complex numbers, strings, dates or objects
@@ -44,6 +45,11 @@ def instance(name: str, value: object, kind: type[Item], what: str) -> Item:
     if not isinstance(value, kind):
         raise refusal(name, what, value)
     return value
+
+
+def optional(check: Callable[..., Item], name: str, value: object, *more: object) -> Item | None:
+    """None, or what a check makes of the value. Errors as the check."""
+    return None if value is None else check(name, value, *more)
 
 
 def function(name: str, value: Item, what: str = "callable") -> Item:
@@ -178,18 +184,18 @@ def text(name: str, value: object) -> str:
     return string
 
 
-def listed(name: str, items: Iterable[Item]) -> tuple[Item, ...]:
+def listed(name: str, items: Iterable[Item], what: str = "a list") -> tuple[Item, ...]:
     """The items of a list.
 
     Raises:
-        InvalidInputError: not something that can be listed, or a string.
+        InvalidInputError: not something that can be listed, or a string; says that `what` is needed.
     """
     try:
         if not isinstance(items, str | bytes):
             return tuple(items)
     except TypeError:
         pass
-    raise InvalidInputError(f"{name} must be a list, got {type(items).__name__}")
+    raise refusal(name, what, items)
 
 
 def generator(name: str, value: object) -> np.random.Generator:
@@ -302,8 +308,12 @@ def matrix(name: str, value: ArrayLike, columns: int, unit: str) -> Array:
     return rows
 
 
+def sealed(array: AnyArray) -> AnyArray:
+    """The array itself, which cannot be written to any more."""
+    array.setflags(write=False)
+    return array
+
+
 def read_only(array: ArrayLike) -> Array:
     """A private float64 copy that cannot be written to."""
-    copy = np.array(array, np.float64)
-    copy.setflags(write=False)
-    return copy
+    return sealed(np.array(array, np.float64))

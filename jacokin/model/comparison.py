@@ -64,18 +64,15 @@ def crosscheck(
     """
     samples = checks.whole_number("samples", samples, 1)
     checked_robot("robot_a", robot_a)
-    if robot_b is not None:
-        checked_robot("robot_b", robot_b)
-    for name, mapping in (("joint_map", joint_map), ("frame_map", frame_map)):
-        if mapping is not None:
-            checks.mapping(name, mapping, "a dict of names")
-    if rng is not None:
-        checks.generator("rng", rng)
+    checks.optional(checked_robot, "robot_b", robot_b)
+    checks.optional(checks.mapping, "joint_map", joint_map, "a dict of names")
+    checks.optional(checks.mapping, "frame_map", frame_map, "a dict of names")
+    checks.optional(checks.generator, "rng", rng)
     first = PinocchioEngine(robot_a)
     second = MujocoEngine(robot_a) if robot_b is None else PinocchioEngine(robot_b)
     order = _joint_order(first, second, joint_map or {})
     frames = _frames(first, second, frame_map)
-    with_armature = first.has_armature == second.has_armature
+    with_armature = first.armature.any() == second.armature.any()
     notes = () if with_armature else ("mass matrices are compared without armature: only one side has it",)
 
     rng = np.random.default_rng(0) if rng is None else rng
@@ -160,7 +157,7 @@ class PinocchioEngine:
         self.label = f"{robot.name} ({robot.source.kind}) in Pinocchio"
         self.joint_names = robot.joint_names
         self.frames = robot.frames
-        self.has_armature = bool(np.any(robot.pin_model.armature))
+        self.armature = robot.pin_model.armature
         self._robot = robot
         self._model = robot.pin_model
         self._data = self._model.createData()
@@ -184,11 +181,9 @@ class PinocchioEngine:
         )
         return np.asarray(jacobian).reshape(6, -1)  # Pinocchio drops the second dimension of a single joint
 
-    def mass_matrix(self, with_armature: bool) -> Array:
-        """(dof, dof), with or without armature."""
-        upper = np.triu(self._data.M)
-        full: Array = upper + np.triu(self._data.M, 1).T
-        return full if with_armature else np.asarray(full - np.diag(self._model.armature))
+    def mass_matrix(self) -> Array:
+        """(dof, dof), with armature."""
+        return np.asarray(np.triu(self._data.M) + np.triu(self._data.M, 1).T)
 
     def gravity_torque(self) -> Array:
         """(dof,) torque that holds the arm still [N m]."""
@@ -209,7 +204,7 @@ class MujocoEngine:
         self.joint_names = robot.joint_names
         joints = mjcf.joint_ids(model, robot.joint_names)
         self._qpos, self._dofs = model.jnt_qposadr[joints], model.jnt_dofadr[joints]
-        self.has_armature = bool(np.any(model.dof_armature[self._dofs]))
+        self.armature = model.dof_armature[self._dofs]
         self._frames = _live_frames(model, self._data)
         self.frames = tuple(name for name in robot.frames if name in self._frames)
         self._base = self._frames.get(robot.base, self._frames[mjcf.body_name(model, 0)])
@@ -252,10 +247,9 @@ class MujocoEngine:
         to_base = self._base.rotation.T
         return np.vstack((to_base @ linear, to_base @ angular))[:, self._dofs]
 
-    def mass_matrix(self, with_armature: bool) -> Array:
-        """(dof, dof), with or without armature."""
-        block = self._mass[np.ix_(self._dofs, self._dofs)]
-        return block if with_armature else block - np.diag(self._model.dof_armature[self._dofs])
+    def mass_matrix(self) -> Array:
+        """(dof, dof), with armature."""
+        return self._mass[np.ix_(self._dofs, self._dofs)]
 
     def gravity_torque(self) -> Array:
         """(dof,) torque that holds the arm still [N m]."""
@@ -326,7 +320,7 @@ def _differences(
         values["position", a] = float(np.linalg.norm(position_a - position_b))
         values["rotation", a] = poses.rotation_angle(rotation_a.T @ rotation_b)
         values["jacobian", a] = float(np.abs(first.jacobian(a) - second.jacobian(b)[:, order]).max())
-    mass = second.mass_matrix(with_armature)[np.ix_(order, order)]
-    values["mass_matrix", ""] = float(np.abs(first.mass_matrix(with_armature) - mass).max())
+    masses = [engine.mass_matrix() - (0.0 if with_armature else np.diag(engine.armature)) for engine in (first, second)]
+    values["mass_matrix", ""] = float(np.abs(masses[0] - masses[1][np.ix_(order, order)]).max())
     values["gravity_torque", ""] = float(np.abs(first.gravity_torque() - second.gravity_torque()[order]).max())
     return values

@@ -21,9 +21,9 @@ FARTHEST = 1e3  # [m] distances beyond are not looked for
 class _Shapes:
     """A compiled model of the arm and obstacles; each thread gets working memory of its own."""
 
-    def __init__(self, spec: mujoco.MjSpec) -> None:
-        """Compile the twin of a robot with its obstacles."""
-        self.model: mujoco.MjModel = spec.compile()
+    def __init__(self, model: mujoco.MjModel) -> None:
+        """Take the compiled twin of a robot with its obstacles."""
+        self.model = model
         self._local = threading.local()
 
     def at(self, q: Array) -> mujoco.MjData:
@@ -72,7 +72,7 @@ class Contact:
         add_pairs(spec, obstacles)
         for pair in spec.pairs:
             pair.margin = clearance
-        self._shapes = _Shapes(spec)
+        self._shapes = _Shapes(spec.compile())
         self.pairs = int(self._shapes.model.npair)
 
     def touching(self, q: ArrayLike) -> list[tuple[str, str]]:
@@ -114,6 +114,23 @@ class SelfContact(Contact):
         return checker if checker.pairs else None
 
 
+def compiled_pairs(
+    robot: Robot, obstacles: Sequence[Obstacle], *, self_collision: bool, finger_angle: float | None
+) -> tuple[mujoco.MjModel, list[tuple[int, int]]]:
+    """The robot's twin with its shapes and the obstacles, and the pairs of shapes that may collide, by number.
+
+    Raises:
+        InvalidInputError: an obstacle has the name of a shape of the arm, or no finger can take the angle.
+        ModelError: the description has no shapes, or they cannot be loaded.
+    """
+    spec = to_spec(robot, geometry=True, finger_angle=finger_angle)
+    if not spec.geoms:
+        raise ModelError(f"{robot.name}: the description has no collision shapes, so no distance can be measured")
+    add_to_spec(spec, obstacles)
+    model = spec.compile()
+    return model, collision_pairs(model, obstacles, self_collision=self_collision)
+
+
 class ShapeDistances:
     """Smallest distance between shapes of one robot in one scene; may be shared between threads."""
 
@@ -137,13 +154,8 @@ class ShapeDistances:
             InvalidInputError: an obstacle has the name of a shape of the arm, or no finger can take the angle.
             ModelError: the description has no shapes, or they cannot be loaded.
         """
-        spec = to_spec(robot, geometry=True, finger_angle=finger_angle)
-        if not spec.geoms:
-            raise ModelError(f"{robot.name}: the description has no collision shapes, so no distance can be measured")
-        add_to_spec(spec, obstacles)
-        self._shapes = _Shapes(spec)
-        model = self._shapes.model
-        pairs = collision_pairs(model, obstacles, self_collision=self_collision)
+        model, pairs = compiled_pairs(robot, obstacles, self_collision=self_collision, finger_angle=finger_angle)
+        self._shapes = _Shapes(model)
         self._first, self._second = np.array(pairs, dtype=np.intp).reshape(-1, 2).T
         radius = model.geom_rbound
         self._radii = radius[self._first] + radius[self._second]

@@ -17,7 +17,7 @@ import numpy as np
 import pinocchio as pin
 
 from jacokin.arrays import Array
-from jacokin.errors import RepresentationSingularity, UnknownNameError
+from jacokin.errors import RepresentationSingularity
 from jacokin.model import checks, poses
 
 REFERENCES = {
@@ -38,10 +38,7 @@ def reference_frame(name: str) -> pin.ReferenceFrame:
     Raises:
         UnknownNameError: not one of the three.
     """
-    try:
-        return REFERENCES[name]
-    except (KeyError, TypeError):
-        raise UnknownNameError("reference", name, REFERENCES) from None
+    return REFERENCES[checks.choice("reference", name, REFERENCES)]
 
 
 def analytical(rotation: Array, jacobian: Array, representation: str) -> Array:

@@ -55,15 +55,13 @@ def load_robot(
         ModelError: the file is missing, malformed, or holds no such arm.
     """
     path, name = _resolve(robot)
-    for argument, frame in (("base", base), ("tip", tip)):
-        if frame is not None:
-            checks.instance(argument, frame, str, "the name of a frame")
+    checks.optional(checks.instance, "base", base, str, "the name of a frame")
+    checks.optional(checks.instance, "tip", tip, str, "the name of a frame")
     folders = [
         checks.path(f"package_dirs[{index}]", folder, "a folder")
         for index, folder in enumerate(checks.listed("package_dirs", package_dirs))
     ]
-    if finger_angle is not None:
-        finger_angle = checks.number("finger_angle", finger_angle, "rad")
+    finger_angle = checks.optional(checks.number, "finger_angle", finger_angle, "rad")
     described = _read(path, name)
     if name:
         tip = tip or TIP_OF_BUNDLED

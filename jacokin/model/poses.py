@@ -134,8 +134,7 @@ class FreeAxis:
             InvalidInputError: a malformed pose, an axis of length zero, a range that is empty, not finite or longer
                 than a turn.
         """
-        matrix = matrix_of(pose, "pose")
-        matrix.setflags(write=False)
+        matrix = checks.sealed(matrix_of(pose, "pose"))
         direction = unit_vector("axis", axis)
         low, high = checks.vector("range", range, 2, "rad").tolist()
         if not low < high:
@@ -342,24 +341,24 @@ def unit_quaternion(name: str, quat_wxyz: ArrayLike) -> Array:
     return unit
 
 
-def rotation_from_quat_wxyz(quat_wxyz: ArrayLike, name: str = "quat_wxyz") -> Array:
+def rotation_from_quat_wxyz(quat_wxyz: ArrayLike) -> Array:
     """Rotation matrix (3, 3) of a quaternion (w, x, y, z) whose norm is within 1 % of one.
 
     Raises:
         InvalidInputError: wrong shape, not finite, or a norm off by more than 1 %.
     """
-    w, x, y, z = unit_quaternion(name, quat_wxyz).tolist()
+    w, x, y, z = unit_quaternion("quat_wxyz", quat_wxyz).tolist()
     rotation: Array = pin.Quaternion(w, x, y, z).toRotationMatrix()
     return rotation
 
 
-def rotation_from_rpy(rpy: ArrayLike, name: str = "rpy") -> Array:
+def rotation_from_rpy(rpy: ArrayLike) -> Array:
     """Rotation matrix (3, 3) of R = Rz(yaw) Ry(pitch) Rx(roll), angles (roll, pitch, yaw) in [rad].
 
     Raises:
         InvalidInputError: wrong shape or not finite.
     """
-    rotation: Array = pin.rpy.rpyToMatrix(checks.vector(name, rpy, 3, "rad"))
+    rotation: Array = pin.rpy.rpyToMatrix(checks.vector("rpy", rpy, 3, "rad"))
     return rotation
 
 

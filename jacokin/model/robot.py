@@ -79,10 +79,10 @@ class Robot:
         self.joint_names: tuple[str, ...] = tuple(model.names)[1:]
         self.lower = checks.read_only(model.lowerPositionLimit)
         self.upper = checks.read_only(model.upperPositionLimit)
-        self.unlimited: NDArray[np.bool_] = np.isinf(self.lower) & np.isinf(self.upper)
-        self.unlimited.setflags(write=False)
-        self.sliding: NDArray[np.bool_] = np.array(["JointModelP" in joint.shortname() for joint in model.joints[1:]])
-        self.sliding.setflags(write=False)
+        self.unlimited: NDArray[np.bool_] = checks.sealed(np.isinf(self.lower) & np.isinf(self.upper))
+        self.sliding = checks.sealed(
+            np.array(["JointModelP" in joint.shortname() for joint in model.joints[1:]], dtype=np.bool_)
+        )
         self.velocity_limit = checks.read_only(model.velocityLimit)
         self.effort_limit = checks.read_only(model.effortLimit)
         self._frame_ids = chain.frame_names(model)
@@ -285,8 +285,7 @@ class Robot:
             InvalidInputError: `rng` is not a Generator, `size` is negative, or a joint is limited on one side only.
         """
         checks.generator("rng", rng)
-        if size is not None:
-            size = checks.whole_number("size", size)
+        size = checks.optional(checks.whole_number, "size", size)
         lower = np.where(self.unlimited, UNLIMITED_RANGE[0], self.lower)
         upper = np.where(self.unlimited, UNLIMITED_RANGE[1], self.upper)
         if not np.isfinite(upper - lower).all():
@@ -387,6 +386,25 @@ def checked_robot(name: str, value: object) -> Robot:
         InvalidInputError: not a `Robot`.
     """
     return checks.instance(name, value, Robot, "a Robot, from load_robot")
+
+
+def velocity_limits(robot: Robot, value: ArrayLike | None) -> Array:
+    """The given limits (dof,) or one for all [rad/s], or the robot's own.
+
+    Raises:
+        InvalidInputError: malformed or not positive, or the robot's file (MJCF has no such field) gives none.
+    """
+    if value is not None:
+        return checks.positive_vector("velocity_limit", value, robot.dof, "rad/s")
+    missing = [
+        name for name, limit in zip(robot.joint_names, robot.velocity_limit, strict=True) if not np.isfinite(limit)
+    ]
+    if missing:
+        raise InvalidInputError(
+            f"the description of {robot.name} gives no velocity limits for {', '.join(missing)}; "
+            "pass velocity_limit= [rad/s]"
+        )
+    return checks.positive_vector("velocity_limit", robot.velocity_limit, robot.dof, "rad/s")
 
 
 def fingerprint(robot: Robot, *, shapes: bool = False) -> str:

@@ -69,9 +69,8 @@ class Scene:
         Raises:
             InvalidInputError: not shapes, two of the same name, or an angle that is not a number.
         """
-        angle = None if finger_angle is None else checks.number("finger_angle", finger_angle, "rad")
+        object.__setattr__(self, "finger_angle", checks.optional(checks.number, "finger_angle", finger_angle, "rad"))
         object.__setattr__(self, "obstacles", checked_obstacles(obstacles))
-        object.__setattr__(self, "finger_angle", angle)
         object.__setattr__(self, "_measured", weakref.WeakKeyDictionary())
 
     def __setattr__(self, name: str, value: object) -> None:
@@ -168,8 +167,7 @@ def _read_file(file: Path) -> tuple[list[Obstacle], float | None]:
     finger_angle = None
     if isinstance(content, Mapping):
         _check_keys(str(file), content, ("obstacles", "finger_angle"))
-        if content.get("finger_angle") is not None:
-            finger_angle = checks.number(f"{file}: finger_angle", content["finger_angle"], "rad")
+        finger_angle = checks.optional(checks.number, f"{file}: finger_angle", content.get("finger_angle"), "rad")
         content = content.get("obstacles", [])
     if not isinstance(content, list):
         raise checks.refusal(f"{file}: obstacles", "a list of shapes", content)
@@ -252,8 +250,7 @@ def _obstacle(where: str, entry: object, index: int) -> Obstacle:
 
 def _check_keys(where: str, entry: Mapping[object, object], known: tuple[str, ...]) -> None:
     for key in entry:
-        if key not in known:
-            raise UnknownNameError(f"key in {where}:", key, known)
+        checks.choice(f"key in {where}:", key, known)
 
 
 def _collect_geoms(model: mujoco.MjModel, base: str | pin.SE3 | None, exclude: Iterable[str]) -> list[Obstacle]:

@@ -69,11 +69,10 @@ def by_ending(path: str | Path, endings: Iterable[str]) -> tuple[Path, str]:
     Raises:
         InvalidInputError: not a file name, or another ending.
     """
-    if not isinstance(path, str | Path):
-        raise InvalidInputError(f"path must be a file name, got {checks.shown(path)}")
+    file = checks.path("path", path, "a file name")
     for ending in sorted(endings, key=len, reverse=True):
         if str(path).endswith(ending):
-            return Path(path), ending
+            return file, ending
     raise InvalidInputError(f"the file name must end in {' or '.join(endings)}, got {str(path)!r}")
 
 

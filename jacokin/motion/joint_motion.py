@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
-from jacokin.errors import InvalidInputError, MissingExtraError
+from jacokin.errors import InvalidInputError, needed
+from jacokin.ik.seeds import checked_start
 from jacokin.model import angles, checks
-from jacokin.model.robot import Robot, checked_robot
+from jacokin.model.robot import Robot, checked_robot, velocity_limits
 from jacokin.motion.timing import MAX_TICKS
-from jacokin.motion.tracking.joint_limits import checked_start, velocity_limits
 from jacokin.motion.trajectory import JointMotion
 
 if TYPE_CHECKING:
@@ -85,11 +85,8 @@ def _time(start: Array, end: Array, velocity: Array, acceleration: Array, jerk: 
         InvalidInputError: Ruckig finds none; limits of very different or extreme sizes defeat its polynomials.
         MissingExtraError: Ruckig is not installed.
     """
-    try:
+    with needed("ruckig", "motion"):
         import ruckig
-    except ImportError:
-        raise MissingExtraError("ruckig", "motion") from None
-
     given = ruckig.InputParameter(len(start))
     given.current_position, given.target_position = start.tolist(), end.tolist()
     given.max_velocity, given.max_acceleration = velocity.tolist(), acceleration.tolist()

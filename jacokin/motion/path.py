@@ -155,9 +155,7 @@ class CartesianPath:
 
     def segments(self, u: Array) -> NDArray[np.intp]:
         """Number of the line that ends at or leads on from each place (n,); read-only."""
-        segments = np.clip(np.ceil(u).astype(np.intp) - 1, 0, self.lines - 1)
-        segments.setflags(write=False)
-        return segments
+        return checks.sealed(np.clip(np.ceil(u).astype(np.intp) - 1, 0, self.lines - 1))
 
     def places(self, spacing: float, angle: float, most: int) -> Array:
         """Places from start to end, every waypoint among them, at most so far apart [m] and [rad].
@@ -201,11 +199,8 @@ def _checked(row: Target, name: str, frame: str) -> pin.SE3 | FreeAxis:
     return pin.SE3(found.rotation, found.position)
 
 
-def _list_rows(waypoints: Sequence[Target] | ArrayLike, name: str) -> list[Any]:
-    try:
-        rows = list(waypoints)  # type: ignore[arg-type]  # whatever cannot be listed is refused below
-    except TypeError as error:
-        raise InvalidInputError(f"{name} must be a sequence of poses, got {checks.shown(waypoints)}") from error
+def _list_rows(waypoints: Sequence[Target] | ArrayLike, name: str) -> tuple[Any, ...]:
+    rows: tuple[Any, ...] = checks.listed(name, waypoints, "a sequence of poses")  # type: ignore[arg-type]  # is checked
     if len(rows) < 2:
         raise InvalidInputError(f"a path needs at least two {name}, got {len(rows)}")
     return rows

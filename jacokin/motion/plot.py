@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from jacokin.errors import InvalidInputError, MissingExtraError
+from jacokin.errors import needed
+from jacokin.model import checks
 from jacokin.motion import files
 from jacokin.motion.trajectory import PathResult
 
@@ -23,15 +24,11 @@ def plot_path(result: PathResult, path: str | Path) -> None:
         InvalidInputError: not a path, another ending, or the file cannot be written.
         MissingExtraError: matplotlib is not installed.
     """
-    if not isinstance(result, PathResult):
-        raise InvalidInputError(f"result must be a PathResult (see track_path), got {type(result).__name__}")
+    checks.instance("result", result, PathResult, "a PathResult (see track_path)")
     files.by_ending(path, FORMATS)
-    try:
+    with needed("matplotlib", "plot"):
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
-    except ImportError:
-        raise MissingExtraError("matplotlib", "plot") from None
-
     figure = Figure(figsize=SIZE, layout="constrained")
     FigureCanvasAgg(figure)
     angles, speeds, errors = figure.subplots(3, 1, sharex=True)

@@ -23,9 +23,8 @@ from jacokin.model.robot import Robot, checked_robot
 from jacokin.model.scene import Scene
 from jacokin.motion.path import CartesianPath
 from jacokin.motion.timing import Schedule, check_ticks, fit_line, sample_lines
-from jacokin.motion.tracking.joint_limits import choose_start
 from jacokin.motion.tracking.tracker import Tracker, TrackerStatus, TrackerStep
-from jacokin.motion.trajectory import BranchReport, PathResult, describe_jump, list_segments
+from jacokin.motion.trajectory import BranchReport, PathResult, list_segments
 
 SPEED = 0.05  # [m/s]
 ANGULAR_SPEED = 0.5  # [rad/s]
@@ -95,13 +94,12 @@ def track_path(
         UnknownNameError: unknown frame, QP solver, collision mode or shape.
     """
     checked_robot("robot", robot)
-    if progress is not None and not callable(progress):
-        raise InvalidInputError(f"progress must be callable with two counts, or None, got {checks.shown(progress)}")
+    checks.optional(checks.function, "progress", progress, "callable with two counts, or None")
     path = CartesianPath(waypoints, "", "waypoints")
     if path.free:
         raise InvalidInputError("track_path follows full poses; plan_path takes waypoints with a free axis")
     times = path.durations(speed, angular_speed)
-    near, note = choose_start(robot, seed, start)
+    near, note = seeds.choose_start(robot, seed, start)
 
     tracker = Tracker(
         robot,
@@ -152,7 +150,7 @@ def track_path(
     else:
         words = [
             _sentence(best, len(reports), reaching, "start" if solver.has_families else "branch"),
-            describe_jump(robot.joint_names, away, "home" if seed is None else "the seed"),
+            seeds.describe_jump(robot.joint_names, away, "home" if seed is None else "the seed"),
             note,
         ]
     return replace(

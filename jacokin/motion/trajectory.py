@@ -36,7 +36,6 @@ from jacokin.motion.files import (
 
 FORMATS = (".csv", ".npz", ".json", ".kinova.csv")
 LIMITS = ("lower", "upper", "velocity_limit")
-AT_SEED = 1e-3  # [rad] a start this near to the seed is not worth a word
 NAMED = 8  # segments in a sentence
 KINOVA_STEP = 0.01  # [s] the control loop of the Jaco's base runs at 100 Hz (kinova-ros, README, velocity control)
 SPEED_ROUNDING = 1e-9  # [rad/s] of positions subtracted and divided by a step
@@ -172,8 +171,7 @@ class Trajectory(Frozen):
             if name in ("joint_names", *layout.words):
                 found[name] = tuple(array.tolist())
             else:
-                found[name] = array.item() if name in layout.texts + layout.values else array
-                array.setflags(write=False)
+                found[name] = array.item() if name in layout.texts + layout.values else checks.sealed(array)
         return cls(**found)
 
     def _arrays(self) -> dict[str, NDArray[Any]]:
@@ -340,14 +338,6 @@ def list_segments(segments: Sequence[int]) -> str:
     """Numbers of segments for a sentence; of many, the first ones."""
     more = len(segments) - NAMED
     return ", ".join(map(str, segments[:NAMED])) + (f" and {more} more" if more > 0 else "")
-
-
-def describe_jump(joint_names: Sequence[str], away: Array, name: str) -> str:
-    """Where a path starts, for (dof,) distances [rad] from a place with a name; "" when it starts there."""
-    joint = int(np.argmax(away))
-    if away[joint] <= AT_SEED:
-        return ""
-    return f"it starts {away[joint]:.3g} rad ({joint_names[joint]}) from {name}: bring the arm to q[0] first"
 
 
 def write_ros_json(file: Path, trajectory: Trajectory) -> None:

@@ -19,6 +19,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from jacokin.arrays import Array
 from jacokin.ik.solver import IKSolver
+from jacokin.model.many_configurations import Chain
 from jacokin.reachability.orientations import Orientations
 from jacokin.reachability.samples import Samples
 
@@ -62,14 +63,13 @@ def covering_angle(orientations: Orientations, tool_axis: Array | None) -> float
 
 def lever(solver: IKSolver) -> float:
     """Distance [m] from the tool to where the last two axes meet, or come nearest to each other."""
-    robot, q = solver.robot, solver.robot.home
-    tool = solver.verifier.tool_pose(q)
-    jacobian = robot.jacobian(q, solver.frame)
-    frame = robot.forward_kinematics(q, solver.frame).translation
-    axes = jacobian[3:, -2:].T
-    points = frame + np.cross(axes, jacobian[:3, -2:].T)  # nearest to the frame on each axis
+    robot = solver.robot
+    chain = Chain(robot, robot.frame_id(solver.frame), solver.tool)
+    tool, _, linear, angular = (column[0] for column in chain.placements(robot.home[None]))
+    axes = angular[-2:]
+    points = tool + np.cross(axes, linear[-2:])  # nearest to the tool on each axis
     across = np.cross(axes[0], axes[1])
     if np.linalg.norm(across) < PARALLEL:
-        return float(np.linalg.norm(np.cross(axes[1], tool.translation - points[1])))
+        return float(np.linalg.norm(np.cross(axes[1], tool - points[1])))
     along = float(np.cross(points[0] - points[1], axes[0]) @ np.cross(axes[1], axes[0])) / float(across @ across)
-    return float(np.linalg.norm(tool.translation - (points[1] + along * axes[1])))
+    return float(np.linalg.norm(tool - (points[1] + along * axes[1])))

@@ -89,10 +89,8 @@ def build(
     use_symmetry = checks.flag("use_symmetry", use_symmetry)
     checked_executor(executor)
     path = Path(checks.text("folder", str(checks.path("folder", folder))))
-    if grid is not None:
-        checks.instance("grid", grid, Grid, "a Grid")
-    if progress is not None:
-        checks.function("progress", progress)
+    checks.optional(checks.instance, "grid", grid, Grid, "a Grid")
+    checks.optional(checks.function, "progress", progress)
     if isinstance(collision, str) and collision == "report":
         raise InvalidInputError("collision must be 'ignore' or 'reject' for a map, got 'report'")
     solver = IKSolver(robot, frame, tool=tool, method="closed_form", collision=collision, scene=scene, warm=None)

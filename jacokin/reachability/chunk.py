@@ -68,9 +68,7 @@ def count_reaching(solver: IKSolver, targets: Array, orientations: Orientations 
 def _count_compiled(solver: IKSolver, targets: Array) -> Answers:
     seeds = np.tile(solver.robot.home, (len(targets), 1))
     rows = solver.closed_form().solve_batch(targets, seeds)
-    position_tolerance, orientation_tolerance = solver.tolerances
-    good = rows.within_limits & (rows.position_error <= position_tolerance)
-    good &= rows.orientation_error <= orientation_tolerance
+    good = solver.verifier.reached_rows(rows) & rows.within_limits
     counts = np.where(good, np.minimum(rows.branches_within_limits, MOST_BRANCHES), 0).astype(np.uint8)
     return counts, np.where(good, rows.largest_margin, np.nan)
 

@@ -54,12 +54,10 @@ class ReachabilityMap:
         self.folder = folder
         self.recipe = recipe
         self.samples = samples
-        self.counts = counts
-        self.margins = margins
+        self.counts = checks.sealed(counts)
+        self.margins = checks.sealed(margins)
         self.bound = bound
         self._robot, self._scene = robot, scene
-        for array in (counts, margins):
-            array.setflags(write=False)
 
     def __repr__(self) -> str:
         """Robot, grid and orientations."""

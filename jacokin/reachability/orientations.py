@@ -20,7 +20,8 @@ from jacokin.errors import InvalidInputError
 from jacokin.ik.files.targets import rotations_from_quats
 from jacokin.ik.solver import IKSolver
 from jacokin.model import checks
-from jacokin.model.poses import DOWN_QUAT_WXYZ, FreeAxis, quat_wxyz
+from jacokin.model.many_configurations import Chain
+from jacokin.model.poses import DOWN_QUAT_WXYZ, FreeAxis, quat_wxyz, unit_vector
 
 GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))  # [rad]
 PHI = math.sqrt(2.0)  # the constants of Alexa, section 3: psi solves psi^4 = psi + 4
@@ -135,9 +136,11 @@ class Orientations:
         z = 1.0 - (2.0 * number + 1.0) / count
         radius, angle = np.sqrt(1.0 - z * z), number * GOLDEN_ANGLE
         return cls(
-            shortest_turns(_unit(axis), np.stack([radius * np.cos(angle), radius * np.sin(angle), z], axis=1)),
+            shortest_turns(
+                unit_vector("axis", axis), np.stack([radius * np.cos(angle), radius * np.sin(angle), z], axis=1)
+            ),
             f"{count} directions, spherical Fibonacci{', any roll' if free_roll else ''}",
-            axes=np.tile(_unit(axis), (len(number), 1)) if free_roll else None,
+            axes=np.tile(unit_vector("axis", axis), (len(number), 1)) if free_roll else None,
         )
 
     @classmethod
@@ -158,7 +161,7 @@ class Orientations:
 
     def without_roll(self, axis: ArrayLike) -> Orientations:
         """One of those that turn `axis` of the tool into the same direction."""
-        directions = self.rotations @ _unit(axis)
+        directions = self.rotations @ unit_vector("axis", axis)
         _, first = np.unique(np.round(directions, 9), axis=0, return_index=True)
         return Orientations(self.quats_wxyz[np.sort(first)], self.name)
 
@@ -182,25 +185,18 @@ NO_SYMMETRIES = Symmetries(turns=False, tool_axis=None)
 def find_symmetries(solver: IKSolver) -> Symmetries:
     """The symmetries of an arm, frame and tool, without obstacles and self-contact."""
     robot = solver.robot
-    pose = robot.forward_kinematics(robot.home, solver.frame)
-    jacobian = robot.jacobian(robot.home, solver.frame)
-    position, rotation = pose.translation, pose.rotation
-    velocity, angular = jacobian[:3].copy(), jacobian[3:]
-    if solver.tool is not None:
-        arm = rotation @ solver.tool.translation
-        position = position + arm
-        velocity += np.cross(angular.T, arm).T
-        rotation = rotation @ solver.tool.rotation
+    chain = Chain(robot, robot.frame_id(solver.frame), solver.tool)
+    position, rotation, velocity, angular = (column[0] for column in chain.placements(robot.home[None]))
     # A joint whose axis passes through a point moves it by the cross product of the axis with the way to the tool.
-    about_z = np.cross(angular[:, 0], position)[:2]
+    about_z = np.cross(angular[0], position)[:2]
     turns = bool(
         robot.unlimited[0]
-        and np.abs(angular[:2, 0]).max() < TOLERANCE
-        and np.abs(velocity[:2, 0] - about_z).max() < TOLERANCE
-        and np.abs(velocity[2, 0]) < TOLERANCE
+        and np.abs(angular[0, :2]).max() < TOLERANCE
+        and np.abs(velocity[0, :2] - about_z).max() < TOLERANCE
+        and np.abs(velocity[0, 2]) < TOLERANCE
     )
-    rolls = bool(robot.unlimited[-1] and not robot.sliding[-1] and np.abs(velocity[:, -1]).max() < TOLERANCE)
-    return Symmetries(turns, np.asarray(rotation.T @ angular[:, -1]) if rolls else None)
+    rolls = bool(robot.unlimited[-1] and not robot.sliding[-1] and np.abs(velocity[-1]).max() < TOLERANCE)
+    return Symmetries(turns, np.asarray(rotation.T @ angular[-1]) if rolls else None)
 
 
 def shortest_turns(axis: Array, directions: Array) -> Array:
@@ -249,12 +245,3 @@ def _rows(name: str, values: ArrayLike, width: int, count: int) -> Array:
     if len(rows) not in (1, count):
         raise InvalidInputError(f"{name} must have one row for each of the {count} orientations, got {len(rows)}")
     return np.asarray(np.broadcast_to(rows, (count, width)))
-
-
-def _unit(axis: ArrayLike) -> Array:
-    vector = checks.vector("axis", axis, 3, "")
-    largest = float(np.abs(vector).max())  # by which squares neither overflow nor vanish
-    if largest == 0.0:
-        raise InvalidInputError("axis must not be zero")
-    vector = vector / largest
-    return np.asarray(vector / np.linalg.norm(vector))

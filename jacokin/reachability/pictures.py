@@ -12,7 +12,7 @@ import orjson
 
 from jacokin import files
 from jacokin.arrays import Array
-from jacokin.errors import InvalidInputError, MissingExtraError
+from jacokin.errors import InvalidInputError, needed
 from jacokin.model import checks
 from jacokin.reachability.samples import Grid
 
@@ -59,10 +59,8 @@ def _draw_figure(grid: Grid, fraction: Array, robot: str) -> Figure:
     Raises:
         MissingExtraError: matplotlib is not installed.
     """
-    try:
+    with needed("matplotlib", "plot"):
         from matplotlib.figure import Figure
-    except ImportError as error:
-        raise MissingExtraError("matplotlib", "plot") from error
     figure = Figure(figsize=(13.0, 4.4), layout="constrained")
     middle = int(np.argmin(np.abs(grid.axis(1))))
     height = int(np.argmax(fraction.sum(axis=(0, 1))))
@@ -89,12 +87,10 @@ def _draw_turning(grid: Grid, fraction: Array, robot: str) -> Iterator[Image]:
     Raises:
         MissingExtraError: matplotlib is not installed.
     """
-    try:
+    with needed("matplotlib", "plot"):
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
         from PIL.Image import fromarray
-    except ImportError as error:
-        raise MissingExtraError("matplotlib", "plot") from error
     figure = Figure(figsize=(5.0, 4.6))
     canvas: Any = FigureCanvasAgg(figure)  # Any: its methods have no types
     space = figure.add_subplot(projection="3d")

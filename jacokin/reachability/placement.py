@@ -200,9 +200,8 @@ class _Search:
                 step /= 2.0
             else:
                 break
-        success = success.copy()
-        success.setflags(write=False)
-        return BasePlacement(pin.SE3(turn, place), score[0], score[1] if score[0] else np.nan, success)
+        margin = score[1] if score[0] else np.nan
+        return BasePlacement(pin.SE3(turn, place), score[0], margin, checks.sealed(success.copy()))
 
     def scan(self, near: BasePlacement) -> BasePlacement:
         """The best place that steps lead to from the best one of a close grid around a place that misses some targets.

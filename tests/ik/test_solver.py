@@ -19,7 +19,7 @@ import jacokin
 from jacokin import IKSolver, Robot, Status
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, StructureError
-from jacokin.ik.results import Solutions
+from jacokin.ik import Branches, Family
 from jacokin.kernels.compiled import loading
 from jacokin.model import NAMES, SelfContact, urdf_folder
 
@@ -158,7 +158,7 @@ def test_branches_and_families_are_read_in_one_way(bundled: Callable[[str], Robo
     far = jacokin.pose([3.0, 0.0, 0.0])
     for robot, target, expected in ((six, poses[0], False), (six, about_x, True), (seven, poses[1], True)):
         seed = robot.sample(rng)
-        found: Solutions = IKSolver(robot).solve_all(target, seed)
+        found: Branches | Family = IKSolver(robot).solve_all(target, seed)
         assert found.has_parameter == expected
         assert found.complete
         assert found.q.shape == found.margin.shape == (len(found), robot.dof)
@@ -173,7 +173,7 @@ def test_branches_and_families_are_read_in_one_way(bundled: Callable[[str], Robo
         assert widest is not None
         np.testing.assert_array_equal(nearest, rows[np.argmin(np.linalg.norm(rows - seed, axis=1))])
         assert np.minimum(widest - robot.lower, robot.upper - widest).min() >= found.margin.min(axis=1).max() - 1e-9
-        none: Solutions = IKSolver(robot).solve_all(far, seed)
+        none: Branches | Family = IKSolver(robot).solve_all(far, seed)
         assert (len(none), none.q.shape, none.nearest(), none.widest()) == (0, (0, robot.dof), None, None)
 
 

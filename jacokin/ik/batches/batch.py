@@ -56,10 +56,9 @@ def solve(
     workers = checks.whole_number("workers", workers, lowest=1)
     closest = checks.flag("closest", closest)
     matrices, position_only, free = checked_batch(targets)
-    if progress is not None:
-        checks.function("progress", progress)
+    checks.optional(checks.function, "progress", progress)
     starts, notes = _seeds_within_limits(robot, seeds, len(matrices))
-    out = _Columns(len(matrices), robot.dof, notes)
+    out = Columns(len(matrices), robot.dof, notes)
     rest = list(range(len(matrices)))
     if compiled is not None:
         apart = position_only.copy()
@@ -91,10 +90,11 @@ def check_picklable(name: str, value: object) -> None:
         ) from error
 
 
-class _Columns:
-    """The columns of a batch result while they fill."""
+class Columns:
+    """The columns of a batch result while they fill: of `size` targets, with a note on each."""
 
     def __init__(self, size: int, dof: int, notes: list[str]) -> None:
+        """Begin with successes of the closed form at q = 0."""
         self.q = np.zeros((size, dof))
         self.errors = np.zeros((size, 2))
         self.parameter = np.full(size, np.nan)
@@ -105,6 +105,7 @@ class _Columns:
         self._notes = notes
 
     def put(self, index: int, result: IKResult) -> None:
+        """Take the answer to one target."""
         self.q[index] = result.q
         self.errors[index] = result.position_error, result.orientation_error
         self.status[index], self.method[index] = result.status, result.method
@@ -114,11 +115,11 @@ class _Columns:
             self.parameter[index] = result.parameter
 
     def result(self) -> BatchResult:
-        self.success.setflags(write=False)
+        """All of them, read-only."""
         return BatchResult(
             q=checks.read_only(self.q),
             status=tuple(self.status),
-            success=self.success,
+            success=checks.sealed(self.success),
             position_error=checks.read_only(self.errors[:, 0]),
             orientation_error=checks.read_only(self.errors[:, 1]),
             method=tuple(self.method),
@@ -129,10 +130,9 @@ class _Columns:
 
 def _seeds_within_limits(robot: Robot, seeds: ArrayLike | None, size: int) -> tuple[Array, list[str]]:
     """One seed within the limits for each target, and what had to be done to it."""
-    try:
-        given = None if seeds is None else checks.numbers(seeds)
-    except (TypeError, ValueError) as error:
-        raise InvalidInputError(f"seeds must be ({robot.dof},) or (n, {robot.dof}) numbers [rad]: {error}") from error
+    given = (
+        None if seeds is None else checks.array("seeds", seeds, f"({robot.dof},) or (n, {robot.dof}) numbers", "rad")
+    )
     if given is None or given.ndim == 1:
         seed, note = seed_within_limits(robot, given, "seeds")
         return np.tile(seed, (size, 1)), [note] * size
@@ -152,7 +152,7 @@ def _compiled(
     matrices: Array,
     apart: NDArray[np.bool_],
     starts: Array,
-    out: _Columns,
+    out: Columns,
     workers: int,
     progress: Callable[[int], None] | None,
 ) -> list[int]:

@@ -18,11 +18,11 @@ import jacokin
 from jacokin.arrays import Array
 from jacokin.chunks.folder import Keeper
 from jacokin.errors import JacokinError
+from jacokin.ik.batches.batch import Columns
 from jacokin.ik.files.formats import answers_format, targets_format
 from jacokin.ik.files.targets import FilePart, TargetFile
 from jacokin.ik.results import BatchResult, Status
 from jacokin.ik.solver import IKSolver
-from jacokin.model import checks
 
 KEPT_FAILURES = 20  # rows whose message is in the summary; the file of answers has them all
 
@@ -125,33 +125,22 @@ def solve_rows(
     solver: IKSolver, targets: TargetFile, seed: Array | None, *, closest: bool = True, workers: int = 1
 ) -> BatchResult:
     """Answers to the rows that are targets; the status of the others says that they are not."""
-    problems = dict(sorted(targets.problems.items()))
+    problems = targets.problems
     if not problems:
         return solver.solve_batch(targets.targets, seed, workers=workers, closest=closest)
-    good = np.delete(targets.targets, list(problems), axis=0)
-    q, errors = np.empty((0, solver.robot.dof)), np.empty((0, 2))
-    status, method, message = list[Status](), list[str](), list[str]()
+    out = Columns(len(targets), solver.robot.dof, [problems.get(row, "") for row in range(len(targets))])
+    for row in problems:
+        out.q[row] = out.errors[row] = np.nan
+        out.status[row], out.method[row], out.success[row] = Status.INVALID_TARGET, "", False
+    good = np.setdiff1d(np.arange(len(targets)), list(problems))
     if len(good):
-        found = solver.solve_batch(good, seed, workers=workers, closest=closest)
-        q, errors = found.q, np.column_stack([found.position_error, found.orientation_error])
-        status, method, message = list(found.status), list(found.method), list(found.message)
-    for row, problem in problems.items():
-        status.insert(row, Status.INVALID_TARGET)
-        method.insert(row, "")
-        message.insert(row, problem)
-    before = np.array(list(problems)) - np.arange(len(problems))  # how many good rows come before each
-    q, errors = np.insert(q, before, np.nan, axis=0), np.insert(errors, before, np.nan, axis=0)
-    success = np.array([each is Status.OK for each in status])
-    success.setflags(write=False)
-    return BatchResult(
-        q=checks.read_only(q),
-        status=tuple(status),
-        success=success,
-        position_error=checks.read_only(errors[:, 0]),
-        orientation_error=checks.read_only(errors[:, 1]),
-        method=tuple(method),
-        message=tuple(message),
-    )
+        found = solver.solve_batch(targets.targets[good], seed, workers=workers, closest=closest)
+        out.q[good], out.success[good] = found.q, found.success
+        out.errors[good] = np.column_stack([found.position_error, found.orientation_error])
+        for index, row in enumerate(good.tolist()):
+            out.status[row], out.method[row] = found.status[index], found.method[index]
+            out.message[row] = found.message[index]
+    return out.result()
 
 
 @functools.lru_cache(maxsize=4)

@@ -109,12 +109,10 @@ def solve_file(
     start = None if seed is None else seed_within_limits(solver.robot, seed)[0]
     checks.flag("closest", closest)
     checks.flag("resume", resume)
-    if progress is not None:
-        checks.function("progress", progress)
-    if workers is not None:
-        workers = checks.whole_number("workers", workers, lowest=1)
-        if executor is not None:
-            raise InvalidInputError("workers does not go with executor, which has its own")
+    checks.optional(checks.function, "progress", progress)
+    workers = checks.optional(checks.whole_number, "workers", workers, 1)
+    if workers is not None and executor is not None:
+        raise InvalidInputError("workers does not go with executor, which has its own")
     checked_executor(executor)
     own: Executor | None = None
     began = time.perf_counter()

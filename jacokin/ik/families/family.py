@@ -309,9 +309,7 @@ class Family:
     @property
     def within_limits(self) -> NDArray[np.bool_]:
         """(k,) True: every member is within the limits."""
-        within = np.ones(len(self.intervals), dtype=np.bool_)
-        within.setflags(write=False)
-        return within
+        return checks.sealed(np.ones(len(self.intervals), dtype=np.bool_))
 
     @property
     def margin(self) -> Array:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from jacokin.arrays import Array
-from jacokin.errors import InvalidInputError, MissingExtraError
+from jacokin.errors import InvalidInputError, needed
 from jacokin.ik.files.targets import FilePart, TargetFile, choose_columns, equal_parts, target_rows
 from jacokin.ik.results import STATUS_NAMES, BatchResult
 
@@ -72,11 +72,9 @@ def _groups_from(metadata: pq.FileMetaData, start: int) -> tuple[list[int], int]
 
 @contextlib.contextmanager
 def _reading(path: Path) -> Iterator[tuple[pq.ParquetFile, tuple[str, ...]]]:
-    try:
+    with needed("pyarrow", "parquet"):
         import pyarrow as pa
         import pyarrow.parquet as pq
-    except ImportError as error:
-        raise MissingExtraError("pyarrow", "parquet") from error
     try:
         # Without buffering ahead: that would hold a row group, which may be the whole file.
         with pq.ParquetFile(path, pre_buffer=False, buffer_size=1 << 20) as file:

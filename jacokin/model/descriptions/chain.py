@@ -15,7 +15,8 @@ import numpy as np
 import pinocchio as pin
 
 from jacokin.arrays import Array
-from jacokin.errors import ModelError, UnknownNameError
+from jacokin.errors import ModelError
+from jacokin.model import checks
 
 if TYPE_CHECKING:
     import mujoco
@@ -250,9 +251,7 @@ def frame_id(model: pin.Model, name: str) -> int:
         UnknownNameError: there is no such frame; lists the ones there are.
     """
     names = frame_names(model)
-    if name not in names:
-        raise UnknownNameError("frame", name, names)
-    return names[name]
+    return names[checks.choice("frame", name, names)]
 
 
 def default_frame(model: pin.Model, tip: str | None) -> str:

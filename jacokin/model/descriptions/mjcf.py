@@ -294,12 +294,13 @@ def _of_tendon(model: mujoco.MjModel, tendon: int) -> set[int]:
 
 def _between(model: mujoco.MjModel, bodies: Iterable[int]) -> set[int]:
     """Joints that move some of the bodies and not all of them."""
-    moved_by = [_above(model, body) for body in bodies]
+    moved_by = [joints_above(model, body) for body in bodies]
     some: set[int] = set().union(*moved_by)
     return {joint for joint in some if not all(joint in joints for joints in moved_by)}
 
 
-def _above(model: mujoco.MjModel, body: int) -> set[int]:
+def joints_above(model: mujoco.MjModel, body: int) -> set[int]:
+    """Joints that move a body."""
     joints: set[int] = set()
     while body > 0:
         joints.update(body_joints(model, body))

@@ -1,1 +1,1 @@
-"""What `plan_path` is made of; read `plan` first, then `ladder` and `search`."""
+"""What `plan_path` is made of; read `plan` first, then `search`."""

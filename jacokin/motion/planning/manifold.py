@@ -7,6 +7,8 @@ self-motions of the arm.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
@@ -23,6 +25,7 @@ CLOSURE = 1e-9  # [m] and [rad] an exact configuration misses its pose by less
 JOINT_3 = 2  # the parameter of a seven-joint arm
 STRAY = 0.25  # [rad] from the straight joint motion between two knots; farther away is another branch
 MOST_KNOTS = 400_000
+TOO_FAST = 1e3  # cost of a second beyond a velocity limit: avoided wherever another way leads on
 SHORTEST = 1e-9  # of a line: two knots this near that are still far apart in a joint are a jump
 
 
@@ -200,3 +203,39 @@ class Curve:
     def intervals(self, u: Array) -> NDArray[np.intp]:
         """Number (n,) of the interval between knots that each place (n,) lies in; 0 ends at the second knot."""
         return np.asarray(np.clip(np.searchsorted(self.u, u, side="left") - 1, 0, len(self.u) - 2))
+
+
+@dataclass(frozen=True, slots=True)
+class Pace:
+    """What motion costs.
+
+    Attributes:
+        times: (lines,) how long each line takes [s].
+        velocity: (dof,) limits [rad/s].
+    """
+
+    times: Array
+    velocity: Array
+
+    @property
+    def scale(self) -> Array:
+        """(dof,) the velocity limits, 1 where there is none [rad/s]."""
+        return np.where(np.isfinite(self.velocity), self.velocity, 1.0)
+
+    def between(self, u: Array) -> Array:
+        """Times (n - 1,) from each of the places (n,) to the next [s]."""
+        line = np.clip(u[:-1].astype(np.intp), 0, len(self.times) - 1)
+        return np.asarray(np.maximum(np.diff(u) * self.times[line], 1e-9))
+
+    def cost(self, away: Array, start: float, end: float, keep: bool) -> Array:
+        """Of motions (m, dof) [rad] between two places: squared joint speeds as parts of their limits, times the time.
+
+        More where the time does not suffice, if the speed is to be kept.
+        """
+        time = float(self.between(np.array([start, end]))[0])
+        speed = np.abs(away) / self.scale / time
+        cost = time * (speed**2).sum(axis=1)
+        if keep:
+            fastest = speed.max(axis=1, initial=0.0)
+            cost += np.where(fastest > 1.0, TOO_FAST * time * fastest, 0.0)
+        return np.asarray(cost)

@@ -1,8 +1,8 @@
 """`plan_path`: a path planned over all branches, before anything moves. Read this file first.
 
 `track_path` follows the path from one start after another, tick by tick, and never changes its mind. `plan_path` first
-computes all solutions at steps along the path and links those that follow each other (`ladder`), and takes the cheapest
-way from the first to the last (`search`); then it computes every tick exactly on the path (`manifold`) and measures it.
+computes all solutions at steps along the path and links those that follow each other, and takes the cheapest way
+from the first to the last (`search`); then it computes every tick exactly on the path (`manifold`) and measures it.
 """
 
 from __future__ import annotations
@@ -14,20 +14,19 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
-from jacokin.errors import InvalidInputError, StructureError, shown
-from jacokin.ik import diagnosis
+from jacokin.errors import InvalidInputError, StructureError
+from jacokin.ik import diagnosis, seeds
 from jacokin.ik.solver import IKSolver
 from jacokin.ik.targets import Target, TargetPose
 from jacokin.model import checks
 from jacokin.model.many_configurations import Chain
+from jacokin.model.robot import velocity_limits
 from jacokin.motion.path import MOST_FAMILIES, MOST_PLACES, CartesianPath
-from jacokin.motion.planning.ladder import Ladder, Pace, Rung
-from jacokin.motion.planning.manifold import Curve, Manifold
-from jacokin.motion.planning.search import Climb, Search
+from jacokin.motion.planning.manifold import Curve, Manifold, Pace
+from jacokin.motion.planning.search import Climb, Ladder, Rung, Search
 from jacokin.motion.timing import check_ticks, fit_ticks, sample_lines
 from jacokin.motion.track import ANGULAR_SPEED, SPEED
-from jacokin.motion.tracking.joint_limits import choose_start, velocity_limits
-from jacokin.motion.trajectory import PathResult, describe_jump
+from jacokin.motion.trajectory import PathResult
 
 TIMINGS = ("keep", "slow")
 FINEST = 0.01  # [rad] between members of a family: more of them take minutes
@@ -88,8 +87,7 @@ def plan_path(
         UnknownNameError: unknown timing.
         StructureError: the robot has no closed form.
     """
-    if not isinstance(solver, IKSolver):
-        raise InvalidInputError(f"solver must be an IKSolver, got {shown(solver)}")
+    checks.instance("solver", solver, IKSolver, "an IKSolver")
     robot, verifier = solver.robot, solver.verifier
     try:
         if not solver.has_families:
@@ -116,7 +114,7 @@ def plan_path(
         raise InvalidInputError(f"free_step must be at least {FINEST:g} rad, got {free_step!r}")
     times = path.durations(speed, angular_speed)
     check_ticks(times, dt)
-    near, note = choose_start(robot, seed, start)
+    near, note = seeds.choose_start(robot, seed, start)
 
     chain = Chain(robot, verifier.frame_id, verifier.tool)
     manifold = Manifold(robot, chain, path, verifier.options.limit_snap)
@@ -128,10 +126,9 @@ def plan_path(
     writer = _Writer(
         solver=solver,
         manifold=manifold,
-        times=times,
+        pace=pace,
         dt=dt,
         slow=timing == "slow",
-        velocity=velocity,
         acceleration=acceleration,
         near=near,
         origin="home" if seed is None and start is None else "the seed",
@@ -155,10 +152,9 @@ class _Writer:
     Attributes:
         solver: what measures.
         manifold: the configurations on the path.
-        times: (lines,) at the speed asked for [s].
+        pace: times of the lines at the speed asked for, and velocity limits.
         dt: control step [s].
         slow: True to slow down where joints cannot follow.
-        velocity: (dof,) limits [rad/s].
         acceleration: (dof,) limits [rad/s^2], or None.
         near: (dof,) where the path should begin [rad].
         origin: what messages call that place.
@@ -167,10 +163,9 @@ class _Writer:
 
     solver: IKSolver
     manifold: Manifold
-    times: Array
+    pace: Pace
     dt: float
     slow: bool
-    velocity: Array
     acceleration: Array | None
     near: Array
     origin: str
@@ -179,23 +174,23 @@ class _Writer:
     def stay(self, q: Array, reason: str) -> PathResult:
         """A path that does not begin: the arm stays at the configuration (dof,) nearest to the first pose."""
         path = self.manifold.path
-        u = sample_lines(self.times, self.dt)
+        u = sample_lines(self.pace.times, self.dt)
         parameter = np.full(path.lines + 1, np.nan)
         x = self.manifold.points(q[None], path.target(0.0))
         return self._measure(u, np.tile(x, (len(u), 1)), parameter, -1.0, reason)
 
     def follow(self, curve: Curve, reached: float, reason: str) -> PathResult:
         """The ticks along a joint path; beyond its end the arm stays there."""
-        ticks = kept = sample_lines(self.times, self.dt)
+        ticks = kept = sample_lines(self.pace.times, self.dt)
         if self.slow and len(curve.u) > 1:
             dof = self.manifold.dof
             ticks = fit_ticks(
                 curve.u,
                 curve.q,
                 lambda u: curve.at(u)[0][:, :dof],
-                self.times,
+                self.pace.times,
                 self.dt,
-                self.velocity,
+                self.pace.velocity,
                 self.acceleration,
             )
         parameter = self._at_waypoints(curve, reached)
@@ -232,7 +227,7 @@ class _Writer:
         off = (errors[:, 0] > verifier.options.position_tolerance) | (
             errors[:, 1] > verifier.options.orientation_tolerance
         )
-        fast = np.abs(v) > self.velocity + SPEED_ROUNDING
+        fast = np.abs(v) > self.pace.velocity + SPEED_ROUNDING
         hard = np.zeros_like(fast)
         if self.acceleration is not None:
             hard[1:] = np.abs(np.diff(v, axis=0)) > self.acceleration * self.dt * (1.0 + ACCELERATION_ROUNDING)
@@ -245,7 +240,7 @@ class _Writer:
             limiting.append("; ".join(names) if names else reason if held else "")
         clearance = verifier.distances(q) if verifier.looks_for_contact else np.full(len(q), np.nan)
         away = np.abs(q[0] - self.near)
-        jump = describe_jump(robot.joint_names, away, self.origin)
+        jump = seeds.describe_jump(robot.joint_names, away, self.origin)
         words = [reason or self._sentence(v, fast, status), jump, self.note]
         return PathResult(
             joint_names=robot.joint_names,
@@ -260,7 +255,7 @@ class _Writer:
             clearance=checks.read_only(clearance),
             lower=robot.lower,
             upper=robot.upper,
-            velocity_limit=checks.read_only(self.velocity),
+            velocity_limit=checks.read_only(self.pace.velocity),
             parameter=checks.read_only(parameter),
             message="; ".join(word for word in words if word),
             start_distance=float(away.max()),
@@ -272,7 +267,7 @@ class _Writer:
         ticks = np.flatnonzero(fast.any(axis=1))
         if ticks.size:
             names = ", ".join(self.solver.robot.joint_names[j] for j in np.flatnonzero(fast.any(axis=0)))
-            excess = float((np.abs(v) / self.velocity).max()) - 1.0
+            excess = float((np.abs(v) / self.pace.velocity).max()) - 1.0
             return (
                 f"{names} cannot follow at this speed on {ticks.size} of {len(fast)} ticks, first at "
                 f"{ticks[0] * self.dt:.6g} s, too fast by up to {100.0 * excess:.3g} %; timing='slow' slows "

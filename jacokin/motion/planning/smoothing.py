@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
 
 from jacokin.arrays import Array
-from jacokin.motion.planning.ladder import Pace
-from jacokin.motion.planning.manifold import Manifold
+from jacokin.motion.planning.manifold import Manifold, Pace
 
 ROUNDS = 20
 LONGEST = 0.2  # [rad] along a curve in one round

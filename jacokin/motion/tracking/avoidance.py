@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.errors import InvalidInputError, ModelError, UnknownNameError
+from jacokin.errors import InvalidInputError
 from jacokin.model import checks
+from jacokin.model.contact import compiled_pairs
+from jacokin.model.descriptions.mjcf import body_joints, joints_above
 from jacokin.model.many_configurations import cross
-from jacokin.model.mujoco_twin import to_spec
-from jacokin.model.obstacles import add_to_spec, collision_pairs
 from jacokin.model.robot import Robot
 from jacokin.model.scene import Scene, checked_scene
 
@@ -228,22 +228,12 @@ class ClearanceGuard:
 
 def _joints_between(model: mujoco.MjModel, first: NDArray[np.intp], second: NDArray[np.intp]) -> Array:
     """(pairs, dof) one where a joint moves the second shape but not the first."""
-    bodies = [_joints_of(model, body) for body in range(model.nbody)]
+    bodies = [joints_above(model, body) for body in range(model.nbody)]
     rows = [
         [float(j in bodies[model.geom_bodyid[b]] and j not in bodies[model.geom_bodyid[a]]) for j in range(model.njnt)]
         for a, b in zip(first, second, strict=True)
     ]
     return np.array(rows).reshape(-1, model.njnt)
-
-
-def _joints_of(model: mujoco.MjModel, body: int) -> set[int]:
-    """Joints that move a body."""
-    joints: set[int] = set()
-    while body > 0:
-        start = int(model.body_jntadr[body])
-        joints.update(range(start, start + int(model.body_jntnum[body])))
-        body = int(model.body_parentid[body])
-    return joints
 
 
 def _levers(model: mujoco.MjModel, geoms: NDArray[np.intp]) -> Array:
@@ -253,8 +243,7 @@ def _levers(model: mujoco.MjModel, geoms: NDArray[np.intp]) -> Array:
         reach = float(np.linalg.norm(model.geom_pos[geom]) + model.geom_rbound[geom])
         body = int(model.geom_bodyid[geom])
         while body > 0:
-            start, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
-            for joint in range(start, start + count):
+            for joint in body_joints(model, body):
                 slide = model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE
                 levers[row, joint] = 1.0 if slide else reach + float(np.linalg.norm(model.jnt_pos[joint]))
                 reach += float(np.abs(model.jnt_range[joint]).max()) if slide else 0.0
@@ -285,38 +274,20 @@ def make_guard(
         if asked:
             raise InvalidInputError(f"{asked[0]} has no effect with collision='ignore'; use 'reject'")
         return None
-    model, numbers = _compile(robot, around, self_collision, pairs)
-    return ClearanceGuard(model, numbers, distance, velocity, dt)
-
-
-def _compile(
-    robot: Robot, scene: Scene, self_collision: bool, pairs: Sequence[tuple[str, str]] | None
-) -> tuple[mujoco.MjModel, list[tuple[int, int]]]:
-    """The robot's twin with its shapes and the obstacles, and numbers of the pairs to keep apart.
-
-    Of a pair the shape nearer to the base comes first.
-    """
-    spec = to_spec(robot, geometry=True, finger_angle=scene.finger_angle)
-    if not spec.geoms:
-        raise ModelError(f"{robot.name}: the description has no collision shapes, so nothing can be kept apart")
-    add_to_spec(spec, scene.obstacles)
-    model = spec.compile()
-    if pairs is None:
-        found = collision_pairs(model, scene.obstacles, self_collision=self_collision)
-    else:
+    obstacles, angle = around.obstacles, around.finger_angle
+    model, numbers = compiled_pairs(robot, obstacles, self_collision=self_collision, finger_angle=angle)
+    if pairs is not None:
         names = [model.geom(index).name for index in range(model.ngeom)]
-        found = [_named_pair(model, names, pair) for pair in checks.listed("pairs", pairs)]
-    # The chain is serial and bodies are numbered along it.
-    return model, [(a, b) if model.geom_bodyid[a] <= model.geom_bodyid[b] else (b, a) for a, b in found]
+        numbers = [_named_pair(model, names, pair) for pair in checks.listed("pairs", pairs)]
+    # The shape nearer to the base comes first; the chain is serial and bodies are numbered along it.
+    body = model.geom_bodyid
+    return ClearanceGuard(model, [(a, b) if body[a] <= body[b] else (b, a) for a, b in numbers], distance, velocity, dt)
 
 
 def _named_pair(model: mujoco.MjModel, names: list[str], pair: tuple[str, str]) -> tuple[int, int]:
     if not isinstance(pair, tuple | list) or len(pair) != 2 or not all(isinstance(name, str) for name in pair):
         raise InvalidInputError(f"pairs must hold pairs of shape names, got {checks.shown(pair)}")
-    for name in pair:
-        if name not in names:
-            raise UnknownNameError("shape", name, names)
-    first, second = (names.index(name) for name in pair)
+    first, second = (names.index(checks.choice("shape", name, names)) for name in pair)
     if model.body_weldid[model.geom_bodyid[first]] == model.body_weldid[model.geom_bodyid[second]]:
         raise InvalidInputError(f"the shapes {pair[0]!r} and {pair[1]!r} are on the same link and cannot move apart")
     return first, second

@@ -12,15 +12,10 @@ oscillates.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
-from jacokin.errors import InvalidInputError
-from jacokin.ik import seeds
-from jacokin.model import checks
 from jacokin.model.robot import Robot
 
-LIMIT_NOISE = 0.01  # [rad] an encoder may report a joint this far past its limit
 AT_BOUND = 1e-6  # of the velocity limit's step: a displacement this near to a bound lies on it
 
 
@@ -126,56 +121,3 @@ class Follower:
             for name, change, limit in zip(self._names, np.abs(v - v_before), most, strict=True)
             if change >= limit
         ]
-
-
-def velocity_limits(robot: Robot, value: ArrayLike | None) -> Array:
-    """The given limits (dof,) or one for all [rad/s], or the robot's own.
-
-    Raises:
-        InvalidInputError: malformed or not positive, or the robot's file (MJCF has no such field) gives none.
-    """
-    if value is not None:
-        return checks.positive_vector("velocity_limit", value, robot.dof, "rad/s")
-    missing = [
-        name for name, limit in zip(robot.joint_names, robot.velocity_limit, strict=True) if not np.isfinite(limit)
-    ]
-    if missing:
-        raise InvalidInputError(
-            f"the description of {robot.name} gives no velocity limits for {', '.join(missing)}; "
-            "pass velocity_limit= [rad/s]"
-        )
-    return checks.positive_vector("velocity_limit", robot.velocity_limit, robot.dof, "rad/s")
-
-
-def checked_start(robot: Robot, q: ArrayLike | None, name: str = "q", noise: float = LIMIT_NOISE) -> Array:
-    """A configuration (dof,) [rad] within the limits, read-only; None is home.
-
-    A joint past its limit by at most `noise` [rad] is put on the limit.
-
-    Raises:
-        InvalidInputError: malformed, outside the limits, or more than 1e6 rad from zero.
-    """
-    if q is None:
-        return robot.home
-    angles = seeds.near_configuration(robot, q, name)
-    inside = np.clip(angles, robot.lower, robot.upper)
-    joint = int(np.argmax(np.abs(angles - inside)))
-    if abs(angles[joint] - inside[joint]) > noise:
-        raise InvalidInputError(
-            f"{name} puts {robot.joint_names[joint]} at {angles[joint]:.17g} rad, outside "
-            f"[{robot.lower[joint]:.17g}, {robot.upper[joint]:.17g}]"
-        )
-    return checks.read_only(inside)
-
-
-def choose_start(robot: Robot, seed: ArrayLike | None, start: ArrayLike | None) -> tuple[Array, str]:
-    """Where a path should begin, near `seed`, or begins, at `start`; and a sentence when a seed was moved.
-
-    Raises:
-        InvalidInputError: both are given, one is malformed, or `start` is outside the limits.
-    """
-    if start is None:
-        return seeds.seed_within_limits(robot, seed)
-    if seed is not None:
-        raise InvalidInputError("give at most one of seed and start")
-    return checked_start(robot, start, "start"), ""

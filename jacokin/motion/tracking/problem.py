@@ -31,8 +31,20 @@ class Objective(Protocol):
         """Joint velocity (dof,) [rad/s] wanted at `q` (dof,) [rad]."""
 
 
+class _Rated:
+    """What the objectives share."""
+
+    __slots__ = ()
+
+    rate: float
+
+    def __post_init__(self) -> None:
+        """Check the rate; the tracker checks the configuration of a posture, as it knows the robot."""
+        object.__setattr__(self, "rate", checks.positive("rate", self.rate, "1/s"))
+
+
 @dataclass(frozen=True, slots=True, eq=False)
-class Posture:
+class Posture(_Rated):
     """Stay near a configuration.
 
     Attributes:
@@ -43,10 +55,6 @@ class Posture:
     q: ArrayLike
     rate: float = 2.0
 
-    def __post_init__(self) -> None:
-        """Check the rate; the tracker checks the configuration, as it knows the robot."""
-        object.__setattr__(self, "rate", checks.positive("rate", self.rate, "1/s"))
-
     def velocity(self, robot: Robot, frame: str, q: Array) -> Array:
         """Towards the posture."""
         away = np.asarray(self.q, dtype=np.float64) - q
@@ -54,7 +62,7 @@ class Posture:
 
 
 @dataclass(frozen=True, slots=True)
-class Manipulability:
+class Manipulability(_Rated):
     """Keep away from singular poses: climb Yoshikawa's measure of the tracker's frame.
 
     Attributes:
@@ -62,10 +70,6 @@ class Manipulability:
     """
 
     rate: float = 0.2
-
-    def __post_init__(self) -> None:
-        """Check the rate."""
-        object.__setattr__(self, "rate", checks.positive("rate", self.rate, "1/s"))
 
     def velocity(self, robot: Robot, frame: str, q: Array) -> Array:
         """Gradient of log sqrt(det(J J^T)): trace(J^+ dJ/dq_k), damped where J is singular."""
@@ -76,7 +80,7 @@ class Manipulability:
 
 
 @dataclass(frozen=True, slots=True)
-class LimitDistance:
+class LimitDistance(_Rated):
     """Keep joints away from their limits, towards the middle of the range; unlimited joints have none.
 
     Attributes:
@@ -84,10 +88,6 @@ class LimitDistance:
     """
 
     rate: float = 1.0
-
-    def __post_init__(self) -> None:
-        """Check the rate."""
-        object.__setattr__(self, "rate", checks.positive("rate", self.rate, "1/s"))
 
     def velocity(self, robot: Robot, frame: str, q: Array) -> Array:
         """Towards the middle, growing with the cube of the relative distance from it."""

@@ -132,8 +132,8 @@ class AxisTarget(TrackingTarget):
     def __post_init__(self) -> None:
         """Check and normalise both vectors."""
         TrackingTarget.__post_init__(self)
-        object.__setattr__(self, "direction", _unit("direction", self.direction))
-        object.__setattr__(self, "axis", _unit("axis", self.axis))
+        object.__setattr__(self, "direction", checks.read_only(poses.unit_vector("direction", self.direction)))
+        object.__setattr__(self, "axis", checks.read_only(poses.unit_vector("axis", self.axis)))
 
     def constraint(self) -> targets.Constraint:
         """The direction of the axis."""
@@ -162,12 +162,9 @@ class RegionTarget(TrackingTarget):
         corners = []
         for name in ("lower", "upper"):
             value = getattr(self, name)
-            try:
-                corner = checks.read_only(checks.numbers(value))
-            except (TypeError, ValueError) as error:
-                raise InvalidInputError(f"{name} must be 3 numbers [m], got {checks.shown(value)}") from error
+            corner = checks.read_only(checks.array(name, value, "3 numbers", "m"))
             if corner.shape != (3,) or np.isnan(corner).any():
-                raise InvalidInputError(f"{name} must be 3 numbers [m], got {checks.shown(value)}")
+                raise checks.refusal(name, "3 numbers", value, "m")
             object.__setattr__(self, name, corner)
             corners.append(corner)
         if not (corners[0] <= corners[1]).all():
@@ -222,15 +219,6 @@ def _rigid(pose: pin.SE3) -> bool:
         + abs(a * e - b * d - i)
     )
     return bool(misfit < RIGID and abs(x) + abs(y) + abs(z) < 1e9)
-
-
-def _unit(name: str, value: ArrayLike) -> Array:
-    """A vector (3,) scaled to length one."""
-    vector = checks.vector(name, value, 3, "any unit")
-    length = float(np.linalg.norm(vector))
-    if not length > 0.0:
-        raise InvalidInputError(f"{name} must not be zero")
-    return checks.read_only(vector / length)
 
 
 class Kinematics:

@@ -23,11 +23,13 @@ from jacokin.errors import InvalidInputError
 from jacokin.ik import targets
 from jacokin.ik.options import TRACKING_ORIENTATION_TOLERANCE, TRACKING_POSITION_TOLERANCE
 from jacokin.ik.qp_backend import Backend, QPFailed
+from jacokin.ik.seeds import checked_start
 from jacokin.model import checks, poses
-from jacokin.model.robot import Robot, checked_robot
+from jacokin.model.jacobians import REFERENCES
+from jacokin.model.robot import Robot, checked_robot, velocity_limits
 from jacokin.model.scene import Scene
 from jacokin.motion.tracking.avoidance import Distances, make_guard
-from jacokin.motion.tracking.joint_limits import Follower, JointBox, checked_start, velocity_limits
+from jacokin.motion.tracking.joint_limits import Follower, JointBox
 from jacokin.motion.tracking.problem import (
     Objective,
     Quadratic,
@@ -46,7 +48,6 @@ SHORTENINGS = 6  # halvings of a step that comes too near, before the arm stays
 STILL = 1e-5  # [rad/s] a slower arm stands still
 GROWTH_TIME = 0.25  # [s] of growing error until the target counts as lost
 GROWTH = 1e-7  # [m] an error must grow by this in a tick to count as growing
-TWIST_REFERENCES = ("local_world_aligned", "local", "world")
 
 
 class TrackerStatus(Enum):
@@ -430,7 +431,7 @@ def move_by_twist(pose: pin.SE3, twist: ArrayLike, reference: str, dt: float) ->
         InvalidInputError: the twist is malformed.
         UnknownNameError: the reference is unknown.
     """
-    checks.choice("reference", reference, TWIST_REFERENCES)
+    checks.choice("reference", reference, REFERENCES)
     motion = checks.vector("twist", twist, 6, "m/s, rad/s") * dt
     if reference == "local":
         return pose * pin.exp6(motion)

@@ -11,9 +11,8 @@ import pytest
 from jacokin import FreeAxis, IKSolver, Robot
 from jacokin.model.many_configurations import Chain
 from jacokin.motion.path import CartesianPath
-from jacokin.motion.planning.ladder import Ladder, Pace
-from jacokin.motion.planning.manifold import Manifold
-from jacokin.motion.planning.search import Search
+from jacokin.motion.planning.manifold import Manifold, Pace
+from jacokin.motion.planning.search import Ladder, Search
 
 
 def make_ladder(robot: Robot, path: CartesianPath, *, keep: bool = True) -> Ladder:

@@ -9,8 +9,7 @@ from jacokin import FreeAxis, Robot
 from jacokin.arrays import Array
 from jacokin.model.many_configurations import Chain
 from jacokin.motion.path import CartesianPath
-from jacokin.motion.planning.ladder import Pace
-from jacokin.motion.planning.manifold import Manifold
+from jacokin.motion.planning.manifold import Manifold, Pace
 from jacokin.motion.planning.smoothing import Smoothing
 
 KNOTS = 13

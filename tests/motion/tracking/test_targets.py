@@ -165,7 +165,7 @@ def test_a_posture_takes_the_short_way_on_free_joints(robot: Robot) -> None:
     [
         (lambda: PositionTarget([0.0, np.nan, 0.0]), "position must be finite"),
         (lambda: PositionTarget([0.0, 0.0]), "position"),
-        (lambda: AxisTarget([0.0, 0.0, 0.0]), "direction must not be zero"),
+        (lambda: AxisTarget([0.0, 0.0, 0.0]), "direction must have a direction"),
         (lambda: OrientationTarget(np.zeros((3, 3))), "rotation"),
         (lambda: PoseTarget([1.0, 2.0, 3.0]), "pose"),
         (lambda: RegionTarget([0.0] * 3, [1.0, -1.0, 1.0]), "must not exceed"),
