@@ -62,7 +62,7 @@ class Viewer:
 
     @property
     def url(self) -> str:
-        """Address of the page."""
+        """Address of the page, with the token that lets it in."""
         return self._url
 
     @property
