@@ -238,7 +238,8 @@ def test_no_number_is_cut_and_on_a_narrow_window_the_arm_is_in_sight(tmp_path: P
         tab.ask("Emulation.setDeviceMetricsOverride", **NARROW | {"width": width})
         tab.click("Degrees")
         assert until(lambda: tab.value("document.body.innerText.includes('Joints [deg]')"))
-        assert until(lambda: tab.value("document.querySelectorAll('.mantine-NumberInput-input').length") > 12)
+        boxes = "document.querySelectorAll('.mantine-NumberInput-input').length > 12"
+        assert until(lambda: tab.value(boxes))
         assert tab.value(CUT) == []
         label = "getComputedStyle([...document.querySelectorAll('label')].find(e => e.textContent == 'Prefer')).color"
         assert tab.value(label) == "rgb(73, 80, 87)"
@@ -246,7 +247,8 @@ def test_no_number_is_cut_and_on_a_narrow_window_the_arm_is_in_sight(tmp_path: P
         def apart() -> bool:
             heights = tab.value(HEIGHTS)
             assert isinstance(heights, list)
-            return bool(heights[0] <= heights[1] and heights[0] > 400)
+            canvas, panel = map(float, heights)
+            return 400.0 < canvas <= panel
 
         assert width > 420 or until(apart)
 
