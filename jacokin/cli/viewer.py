@@ -33,7 +33,10 @@ FULL_TURN = (-math.pi, math.pi)  # [rad]
     "--port", type=click.IntRange(min=0), default=8080, metavar="N", help="Port to serve at; 0 for any free one."
 )
 @click.option(
-    "--host", default="127.0.0.1", metavar="ADDRESS", help="Address to serve at; any other opens it to other computers."
+    "--host",
+    default="127.0.0.1",
+    metavar="ADDRESS",
+    help="Address to serve at; any other opens it to other computers, unencrypted.",
 )
 @click.option("--collision", default="ignore", metavar="NAME", help="Self-contact: ignore, report or reject.")
 @options.scene
@@ -82,7 +85,8 @@ def view(
 ) -> None:
     """Show the arm and every branch in the browser, with a gizmo to move the target.
 
-    Prints the address to open, and serves it to this computer only until Ctrl-C. --degrees is for --seed and
+    Prints the address to open, and serves it to this computer only until Ctrl-C; its token keeps other users of the
+    computer out. --degrees is for --seed and
     --free-range.
 
     Examples:

@@ -77,7 +77,8 @@ def serve(
         target: T_base_tool to begin with, as `pin.SE3` or (4, 4); a position (3,) [m] keeps the orientation that the
             tool has at `seed`; None for where the tool is there.
         seed: (dof,) where the arm is at first [rad]; None for the robot's home.
-        host: address to serve at. Any other than this machine's own lets every computer that reaches it move the gizmo.
+        host: address to serve at. Any other than this machine's own lets every computer that reaches it and knows the
+            token move the gizmo; nothing is encrypted.
         port: 0 for any free one.
 
     Returns:

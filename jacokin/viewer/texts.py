@@ -1,4 +1,4 @@
-"""What a view says in words: the status, why a branch is out, and the margins as bars."""
+"""What a view says in words: the status, why a branch is out, and the joints with their margins."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ from jacokin.ik.results import Status
 from jacokin.viewer.inspector import Inspector
 from jacokin.viewer.view import Free, View
 
-GREEN, RED, ORANGE, GREY = "#2f9e44", "#e03131", "#e8890c", "#868e96"
+GREEN, RED, ORANGE, GREY = "#237032", "#c92a2a", "#a34700", "#495057"  # each readable on white
 REACHED = 1e-5  # [m] and [rad] an error below this cannot be seen
+RIGHT = "text-align:right;white-space:nowrap"
 COLOUR = {Status.OK: GREEN, Status.IN_COLLISION: ORANGE}
 
 
@@ -66,8 +67,8 @@ def reason(inspector: Inspector, view: View, branch: int) -> str:
     return f"margin {_amount(inspector, joint, float(margins[joint]))} at {inspector.robot.joint_names[joint]}"
 
 
-def status_html(inspector: Inspector, view: View) -> str:
-    """Headline, advice, the list of branches, and a bar for each joint."""
+def status_html(inspector: Inspector, view: View, *, degrees: bool = False) -> str:
+    """Headline, advice, the list of branches, and a bar for each joint, in degrees or radians."""
     colour = COLOUR.get(view.status, RED)
     lines = [f'<div style="color:{colour};font-weight:600">{html.escape(headline(inspector, view))}</div>']
     if words := advice(view):
@@ -83,28 +84,38 @@ def status_html(inspector: Inspector, view: View) -> str:
         lines.append("</table>")
     if view.free is not None:
         lines.append(intervals_html(view.free))
-    return f'<div style="font-size:0.8em;padding:0 0.75em">{"".join(lines)}{bars_html(inspector, view.q)}</div>'
+    lines.append(bars_html(inspector, view.q, degrees=degrees))
+    return f'<div style="font-size:0.8em;padding:0 0.75em">{"".join(lines)}</div>'
 
 
-def bars_html(inspector: Inspector, q: Array) -> str:
-    """A bar from limit to limit for each joint, with a mark where it is; a full circle for a joint without limits."""
+def bars_html(inspector: Inspector, q: Array, *, degrees: bool = False) -> str:
+    """The value of each joint, a bar from limit to limit with a mark there, and the margin to the nearer limit.
+
+    A joint without limits has its angle within half a turn, and a bar of a full turn.
+    """
     robot = inspector.robot
-    rows = []
+    unit = "deg" if degrees else "rad"
+    rows = [
+        f'<tr style="color:{GREY}"><td>joint</td><td style="{RIGHT}">[{unit}]</td><td></td>'
+        f'<td style="{RIGHT}">margin to limit</td></tr>'
+    ]
     for joint, margin in enumerate(inspector.margin(q).tolist()):
-        low, high = float(robot.lower[joint]), float(robot.upper[joint])
+        low, high, value = float(robot.lower[joint]), float(robot.upper[joint]), float(q[joint])
         if math.isinf(margin):
-            low, high, text, shade = -math.pi, math.pi, "no limits", GREY
-            share = (wrap(float(q[joint])) - low) / (high - low)
+            low, high, said, shade = -math.pi, math.pi, "no limits", GREY
+            value = value if robot.sliding[joint] else wrap(value)
+            share = (value - low) / (high - low)
         else:
-            share = (float(q[joint]) - low) / (high - low) if math.isfinite(high - low) and high > low else 0.5
-            text = _amount(inspector, joint, margin)
+            share = (value - low) / (high - low) if math.isfinite(high - low) and high > low else 0.5
+            said = amount(inspector, joint, margin, degrees=degrees)
             shade = RED if margin < 0.0 else (ORANGE if margin < 0.1 * (high - low) else GREEN)
         left = 100.0 * min(max(share, 0.0), 1.0)
         rows.append(
             f"<tr><td>{html.escape(robot.joint_names[joint])}</td>"
-            '<td style="width:50%"><div style="background:#dee2e6;height:8px;position:relative">'
+            f'<td style="{RIGHT}">{amount(inspector, joint, value, degrees=degrees)}</td>'
+            '<td style="width:45%"><div style="background:#dee2e6;height:8px;position:relative">'
             f'<div style="position:absolute;left:calc({left:.1f}% - 3px);width:6px;height:8px;background:{shade}">'
-            f'</div></div></td><td style="color:{shade};text-align:right">{text}</td></tr>'
+            f'</div></div></td><td style="color:{shade};{RIGHT}">{said}</td></tr>'
         )
     return f'<table style="width:100%;margin-top:4px">{"".join(rows)}</table>'
 
@@ -138,6 +149,13 @@ def intervals_html(free: Free) -> str:
 def wrap(angle: float) -> float:
     """An angle [rad] by full turns into [-pi, pi]."""
     return math.remainder(angle, 2.0 * math.pi)
+
+
+def amount(inspector: Inspector, joint: int, value: float, *, degrees: bool) -> str:
+    """A value of a joint in the unit of the panel, which stands above it; that of a sliding joint with its own."""
+    if inspector.robot.sliding[joint]:
+        return f"{value:.4f} m"
+    return f"{math.degrees(value):.1f}" if degrees else f"{value:.3f}"
 
 
 def _name(status: Status) -> str:

@@ -26,7 +26,7 @@ from jacokin.viewer.view import View
 if TYPE_CHECKING:
     import viser
 
-AIMED = {"target", "shown", "axis", "range", "prefer"}  # what changes the target
+AIMED = {"target", "shown", "typed", "axis", "range", "prefer"}  # what changes the target
 PERIOD = 0.02  # [s] from one picture to the next of what moves by itself
 TICK = 0.01  # [s] of the tracker: 100 Hz, as the real arm takes joint angles
 LONGEST_LAG = 0.1  # [s] of ticks that are caught up with; after a longer pause the tracker goes on from where it is
@@ -62,7 +62,7 @@ class Viewer:
 
     @property
     def url(self) -> str:
-        """Address of the page."""
+        """Address of the page, with the token that lets it in."""
         return self._url
 
     @property
@@ -142,7 +142,7 @@ class Viewer:
         for kinds, answer in (
             ({"python", "command"}, self._copy),
             ({"slice"}, self._slice),
-            ({"ghosts", "ellipsoid", "visuals"}, self._draw),
+            ({"ghosts", "ellipsoid", "visuals", "degrees"}, self._draw),
             ({"setup"}, self._change_setup),
             ({"track"}, self._track),
             ({"play", "time", "speed"}, self._play),
@@ -170,12 +170,14 @@ class Viewer:
         """Draw more or less of the same view."""
         if "visuals" in names:
             self._stage.arm.dress(self._parts(self._panel.visuals))
+        if "degrees" in names:
+            self._panel.change_unit()
         self._show(self._view, move_gizmo=False)
 
     def _pose_joints(self, names: dict[str, int]) -> None:
         """Bring the joints to where their sliders are; the target follows."""
         self._stop()
-        self._show(self._inspector.posture(self._panel.joints(self._view.q)))
+        self._show(self._inspector.posture(self._panel.joints.wanted(self._view.q)))
 
     def _choose(self, names: dict[str, int]) -> None:
         """Go to another branch."""
@@ -198,6 +200,8 @@ class Viewer:
             return
         if "shown" in names:
             self._stage.place_gizmo(self._asked)
+        if "typed" in names:
+            self._stage.place_gizmo(self._panel.target.wanted(view.gizmo))
         target, free = self._stage.target(), self._panel.free
         if self._following is not None and free.axis is None:
             self._goal = target

@@ -13,6 +13,7 @@ import pytest
 from jacokin.viewer import serve
 from jacokin.viewer.viewer import Viewer
 from tests.cli.run import leave, start
+from tests.viewer.page import port_of
 
 
 @contextmanager
@@ -45,7 +46,7 @@ def test_it_prints_its_address_and_ends_cleanly_without_any_browser(number: sign
 
 def test_a_port_in_use_is_one_sentence(capsys: pytest.CaptureFixture[str]) -> None:
     with serve(port=0) as viewer:
-        port = viewer.url.rsplit(":", 1)[1]
+        port = str(port_of(viewer))
         assert leave("view", "--port", port) == 2
     said = capsys.readouterr().err
     assert f"jacokin: --port {port} of 127.0.0.1 cannot be used (Address already in use); choose another" in said

@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
+from urllib.parse import urlsplit
 
 import msgspec
 import numpy as np
@@ -200,13 +201,17 @@ def decode(data: bytes) -> list[Json]:
     return [filled(message) for message in window["messages"]]
 
 
+def port_of(viewer: Viewer) -> int:
+    """The port in a viewer's address."""
+    return urlsplit(viewer.url).port or 0
+
+
 @contextlib.contextmanager
 def opened(viewer: Viewer, origin: str | None = None) -> Iterator[Page]:
     """A tab whose page the viewer itself served."""
-    address = viewer.url.removeprefix("http://")
     with connect(
-        f"ws://{address}",
-        origin=origin or viewer.url,  # type: ignore[arg-type]  # a NewType of str
+        viewer.url.replace("http", "ws"),
+        origin=origin or viewer.url.split("/?")[0],  # type: ignore[arg-type]  # a NewType of str
         subprotocols=[f"viser-v{viser.__version__}"],  # type: ignore[list-item]  # as above
         max_size=None,
         open_timeout=PATIENCE,

@@ -19,7 +19,7 @@ from jacokin import IKSolver, Robot, Status
 from jacokin.errors import InvalidInputError
 from jacokin.ik import Box, Floor, Scene
 from jacokin.viewer import Inspector, Viewer, serve
-from tests.viewer.page import Page, opened, repeat, until
+from tests.viewer.page import Page, opened, port_of, repeat, until
 from tests.viewer.trajectories import recorded
 
 TABS = 12  # that are open at once
@@ -302,7 +302,7 @@ def test_messages_do_not_pile_up_and_tabs_leave_nothing_behind(viewer: Viewer) -
 def test_closing_ends_threads_and_frees_the_port(robot: Robot) -> None:
     before = set(threading.enumerate())
     viewer = serve(robot, port=0)
-    port = int(viewer.url.rsplit(":", 1)[1])
+    port = port_of(viewer)
     with opened(viewer) as page:
         page.move_gizmo(NEAR)
         assert at(viewer, NEAR)

@@ -1,4 +1,4 @@
-"""Groups of controls of the panel: the free axis or joint, the solver, a trajectory, and slices of a map."""
+"""Groups of controls of the panel: target, joints, free axis or joint, the solver, a trajectory, slices of a map."""
 
 from __future__ import annotations
 
@@ -15,17 +15,22 @@ from jacokin.arrays import Array
 from jacokin.ik.options import COLLISION
 from jacokin.model import checks, poses
 from jacokin.model.robot import Robot
+from jacokin.viewer import texts
 from jacokin.viewer.contents import Setup
 from jacokin.viewer.inspector import FULL_TURN, Inspector
 from jacokin.viewer.map_slices import COLOURS, MapSlices
 from jacokin.viewer.playback import SPEEDS, Playback
-from jacokin.viewer.texts import wrap
 from jacokin.viewer.view import Free
 
 AXES: tuple[str, ...] = ("none", "x", "y", "z")
 NARROWEST = 1.0  # [deg] of a range
 STEP = 0.5  # [deg]
 MOST_POINTS = 1000  # of a plot
+JOINT_DIGITS = {"rad": 3, "deg": 1}  # of a slider; a box has room for six characters
+SLIDING_DIGITS = 3  # [m]
+ONE_SIDED = 2.0 * math.pi  # how far a slider goes where a joint has no limit
+TARGET_DIGITS = 4, 2  # [m] and [deg]
+ALIKE = 2e-4  # entries of two rotations whose angles agree to those digits
 PLOT_HEIGHT = 110  # [pixel]
 OPACITY = 0.55  # of the cells of a map
 
@@ -48,6 +53,108 @@ def watch(post: Post, name: str, *controls: viser.GuiInputHandle[Any]) -> None: 
 def set_value(control: viser.GuiInputHandle[Value], value: Value) -> None:
     """Bring a control to a value on every page."""
     control.value = value  # type: ignore[misc]  # viser's setter stands behind another method, where mypy misses it
+
+
+class TargetControls:
+    """The folder "Target" of the panel: where the gizmo is, in numbers."""
+
+    def __init__(self, gui: viser.GuiApi, post: Post) -> None:
+        """Add the controls, which post "typed"."""
+        with gui.add_folder("Target"):
+            self._position = gui.add_vector3("Target [m]", (0.0, 0.0, 0.0), step=0.001, hint="x, y, z in the base")
+            self._rpy = gui.add_vector3("Target [deg]", (0.0, 0.0, 0.0), step=0.1, hint="Roll, pitch, yaw")
+        self._position.precision, self._rpy.precision = TARGET_DIGITS
+        self._shown = self._position.value
+        watch(post, "typed", self._position, self._rpy)
+
+    def show(self, target: pin.SE3) -> None:
+        """Bring the numbers to a pose; angles that say the same rotation in another way stay as they were typed."""
+        digits, digits_deg = TARGET_DIGITS
+        self._shown = _three(np.round(target.translation, digits) + 0.0)  # without -0
+        set_value(self._position, self._shown)
+        if not self._says(target):
+            set_value(self._rpy, _three(np.round(np.degrees(pin.rpy.matrixToRpy(target.rotation)), digits_deg) + 0.0))
+
+    def wanted(self, target: pin.SE3) -> pin.SE3:
+        """What the numbers say, as a client sent them; a number that was not changed leaves `target` exactly as it is.
+
+        Raises:
+            InvalidInputError: they are not finite.
+        """
+        position = checks.vector("target", self._position.value, 3, "m")
+        rpy = checks.vector("target", self._rpy.value, 3, "deg")
+        kept = position == np.array(self._shown)
+        rotation = target.rotation if self._says(target) else poses.rotation_from_rpy(np.radians(rpy))
+        return pin.SE3(rotation, np.where(kept, target.translation, position))
+
+    def _says(self, target: pin.SE3) -> bool:
+        """Whether the angles are those of a pose, to their digits."""
+        rotation = pin.rpy.rpyToMatrix(np.radians(self._rpy.value))
+        return bool(np.abs(rotation - target.rotation).max() < ALIKE)
+
+
+class JointControls:
+    """The folder "Joints" of the panel, in radians or degrees."""
+
+    def __init__(self, gui: viser.GuiApi, robot: Robot, post: Post) -> None:
+        """Add the sliders, which post "joints"."""
+        self._gui, self._robot, self._post = gui, robot, post
+        self._folder = gui.add_folder("Joints")
+        self._sliders: list[viser.GuiSliderHandle[float]] = []
+        self.change_unit("rad")
+
+    def change_unit(self, unit: str) -> None:
+        """Have sliders in "rad" or "deg", new ones: what a page sends of the old ones is then of no effect."""
+        for slider in self._sliders:
+            slider.remove()
+        sliding = self._robot.sliding
+        self._digits = np.where(sliding, SLIDING_DIGITS, JOINT_DIGITS[unit]).tolist()
+        self._scale = np.where(sliding, 1.0, math.degrees(1.0) if unit == "deg" else 1.0)
+        self._shown = np.zeros(self._robot.dof)  # values the sliders were last set to
+        self._folder.label = f"Joints [{unit}]"
+        with self._folder:
+            self._sliders = [self._add(joint) for joint in range(self._robot.dof)]
+
+    def show(self, q: Array) -> None:
+        """Bring the sliders to joint values (dof,)."""
+        for joint, slider in enumerate(self._sliders):
+            value = texts.wrap(float(q[joint])) if self._turns(joint) else float(q[joint])
+            value = round(value * float(self._scale[joint]), self._digits[joint])
+            self._shown[joint] = min(max(value, slider.min), slider.max)
+            set_value(slider, float(self._shown[joint]))
+
+    def wanted(self, q: Array) -> Array:
+        """(dof,) what the sliders say; a joint whose slider was not moved stays exactly where `q` has it."""
+        wanted = np.array(q)
+        for joint, slider in enumerate(self._sliders):
+            if slider.value == self._shown[joint]:
+                continue
+            value = float(slider.value) / float(self._scale[joint])
+            turns = self._turns(joint) and math.isfinite(value)
+            wanted[joint] = q[joint] + texts.wrap(value - q[joint]) if turns else value
+        return wanted
+
+    def _turns(self, joint: int) -> bool:
+        """Whether a joint turns without end."""
+        return bool(self._robot.unlimited[joint] and not self._robot.sliding[joint])
+
+    def _add(self, joint: int) -> viser.GuiSliderHandle[float]:
+        robot, digits = self._robot, self._digits[joint]
+        low, high = float(robot.lower[joint]), float(robot.upper[joint])
+        if robot.unlimited[joint]:
+            low, high = (-1.0, 1.0) if robot.sliding[joint] else (-math.pi, math.pi)
+        low = high - ONE_SIDED if math.isinf(low) else low
+        high = low + ONE_SIDED if math.isinf(high) else high
+        fixed, steps = not low < high, float(self._scale[joint]) * 10**digits
+        # The ends are outside the limits by less than a step, and a joint that is sent there goes to its limit.
+        low, high = (
+            round(math.floor(low * steps) / 10**digits, digits),
+            round(math.ceil(high * steps) / 10**digits, digits),
+        )
+        slider = self._gui.add_slider(robot.joint_names[joint], low, high, 10.0**-digits, low, disabled=fixed)
+        watch(self._post, "joints", slider)
+        self._shown[joint] = low
+        return slider
 
 
 class FreeControls:
@@ -112,7 +219,7 @@ class FreeControls:
         self._value.disabled = free is None
         self._range.disabled = free is None or free.axis is None
         if free is not None:
-            set_value(self._value, min(max(math.degrees(wrap(free.value)), -180.0), 180.0))
+            set_value(self._value, min(max(math.degrees(texts.wrap(free.value)), -180.0), 180.0))
 
 
 class SolverControls:
@@ -181,8 +288,8 @@ class PlayerControls:
         with gui.add_folder("Trajectory"):
             self._play = gui.add_button("Play")
             self._play.on_click(lambda _: post("play"))
-            end = max(playback.duration, 1e-3)
-            self._time = gui.add_slider("Time [s]", 0.0, end, min(0.001, end), 0.0)
+            end = max(math.ceil(1e3 * playback.duration), 1) / 1e3  # in whole steps, so that the box shows no more
+            self._time = gui.add_slider("Time [s]", 0.0, end, 0.001, 0.0)
             watch(post, "time", self._time)
             self._speed = gui.add_slider("Speed", SPEEDS[0], SPEEDS[1], 0.1, 1.0)
             watch(post, "speed", self._speed)
@@ -234,9 +341,9 @@ class SliceControls:
         gui, heights = server.gui, slices.heights
         with gui.add_folder("Reachability map", expand_by_default=False):
             self._show = gui.add_checkbox("Slice", False, hint="Where the tool gets to, at one height")
-            low, high = float(heights[0]), float(heights[-1])
-            step = float(heights[1] - heights[0]) if len(heights) > 1 else 1.0
-            middle = float(heights[slices.layer(0.5 * (low + high))])
+            low, high = round(float(heights[0]), 3), round(float(heights[-1]), 3)
+            step = round(float(heights[1] - heights[0]), 3) if len(heights) > 1 else 1.0
+            middle = round(float(heights[slices.layer(0.5 * (low + high))]), 3)
             self._height = gui.add_slider("Height [m]", low, max(high, low + step), step, middle)
             watch(post, "slice", self._show, self._height)
             stops = ",".join(f"rgb({red},{green},{blue})" for red, green, blue in COLOURS.tolist())

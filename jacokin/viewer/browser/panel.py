@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import html
-import math
 
-import numpy as np
 import viser
 
-from jacokin.arrays import Array
 from jacokin.ik.preferences import PREFERENCES
 from jacokin.viewer import texts
 from jacokin.viewer.browser.controls import (
     FreeControls,
+    JointControls,
     PlayerControls,
     Post,
     SliceControls,
     SolverControls,
+    TargetControls,
     set_value,
     watch,
 )
@@ -24,8 +23,20 @@ from jacokin.viewer.contents import Contents
 from jacokin.viewer.inspector import Inspector
 from jacokin.viewer.view import View
 
-STEP = 0.001  # [rad] or [m] of a joint's slider
-ONE_SIDED = 2.0 * math.pi  # how far a slider goes where a joint has no limit
+# Labels that can be read, numbers that are not cut, and on narrow windows the panel below the scene and not over it.
+STYLE = """<style>
+:root[data-mantine-color-scheme="light"] { --mantine-color-dimmed: #495057; }
+[data-mantine-color-scheme="light"] .mantine-Slider-markLabel { color: #495057; }
+.mantine-Flex-root > .mantine-NumberInput-root .mantine-NumberInput-input { padding: 0 1.1em 0 0.2em !important; }
+.mantine-Slider-root + .mantine-NumberInput-root .mantine-NumberInput-input { padding: 0 0.3em !important; }
+@media (max-width: 36em) {
+  #root div:has(> .mantine-Paper-root > * > .mantine-ScrollArea-root) { flex-direction: column; }
+  .mantine-Paper-root:has(> * > .mantine-ScrollArea-root) {
+    position: static !important; flex: none; width: 100% !important; max-height: 45% !important;
+  }
+  .mantine-ScrollArea-content > div { width: 100% !important; }
+}
+</style>"""
 
 
 class Panel:
@@ -38,13 +49,14 @@ class Panel:
             server: viser's.
             inspector: of the robot.
             post: called from any thread with the name of what was moved: "branch", "next", "previous", "ghosts",
-                "ellipsoid", "visuals", "track", "prefer", "axis", "range", "angle", "setup", "slice", "joints",
-                "python", "command", or a name of the player.
+                "ellipsoid", "visuals", "degrees", "track", "prefer", "typed", "axis", "range", "angle", "setup",
+                "slice", "joints", "python", "command", or a name of the player.
             contents: what there is to show beside the arm.
         """
         self._inspector = inspector
         gui = server.gui
         gui.configure_theme(show_logo=False, show_share_button=False, control_width="large")
+        gui.add_html(STYLE)
         self._status = gui.add_html("")
         self._branch = gui.add_slider("Branch", 1, 2, 1, 1, hint="N and P: the next and the previous one")
         watch(post, "branch", self._branch)
@@ -61,20 +73,21 @@ class Panel:
             hint="Draw what the file shows instead of the shapes that collide",
         )
         watch(post, "visuals", self._visuals)
+        self._degrees = gui.add_checkbox("Degrees", False, hint="Joints and their margins in degrees, not radians")
+        watch(post, "degrees", self._degrees)
         if contents.note:
             gui.add_html(f'<div style="font-size:0.8em;padding:0 0.75em">{html.escape(contents.note)}</div>')
         self._track = gui.add_checkbox("Track", False, hint="Follow the gizmo at 100 Hz within the velocity limits")
         watch(post, "track", self._track)
         self._prefer = gui.add_dropdown("Prefer", PREFERENCES, initial_value=inspector.prefer, hint="Which branch")
         watch(post, "prefer", self._prefer)
+        self.target = TargetControls(gui, post)
         self.free = FreeControls(gui, inspector, post, contents.axis, contents.span)
         self.solving = SolverControls(gui, inspector.robot, contents.setup, post)
         self.slicing = None if contents.slices is None else SliceControls(server, contents.slices, post)
         playback = contents.playback
         self.player = None if playback is None else PlayerControls(gui, inspector.robot, playback, post)
-        self._shown = np.zeros(inspector.robot.dof)  # values the sliders were last set to
-        with gui.add_folder("Joints"):
-            self._joints = [self._add_joint(gui, joint, post) for joint in range(inspector.robot.dof)]
+        self.joints = JointControls(gui, inspector.robot, post)
         with gui.add_folder("Copy", expand_by_default=False):
             gui.add_button("As Python").on_click(lambda _: post("python"))
             gui.add_button("As command line").on_click(lambda _: post("command"))
@@ -82,20 +95,15 @@ class Panel:
 
     def show(self, view: View) -> None:
         """Bring every control to a view."""
-        self._status.content = texts.status_html(self._inspector, view)
+        self._status.content = texts.status_html(self._inspector, view, degrees=bool(self._degrees.value))
         count = len(view.branches)
-        self._branch.disabled = count < 2
+        self._branch.visible = count > 1
         self._branch.max = max(count, 2)
         if view.selected is not None:
             set_value(self._branch, view.selected + 1)
+        self.target.show(view.gizmo)
         self.free.show(view.free)
-        for joint, slider in enumerate(self._joints):
-            value = float(view.q[joint])
-            if self._inspector.robot.unlimited[joint] and not self._inspector.robot.sliding[joint]:
-                value = texts.wrap(value)
-            value = min(max(value, slider.min), slider.max)
-            set_value(slider, value)
-            self._shown[joint] = value
+        self.joints.show(view.q)
 
     def say(self, text: str) -> None:
         """Show a text to paste."""
@@ -131,30 +139,10 @@ class Panel:
         """Whether the visual meshes are to be drawn."""
         return bool(self._visuals.value)
 
+    def change_unit(self) -> None:
+        """Have the sliders of the joints in the unit that is asked for; `show` sets them."""
+        self.joints.change_unit("deg" if self._degrees.value else "rad")
+
     def stop_tracking(self) -> None:
         """Untick "Track"."""
         set_value(self._track, False)
-
-    def joints(self, q: Array) -> Array:
-        """(dof,) what the sliders say; a joint whose slider was not moved stays exactly where `q` has it."""
-        wanted = np.array(q)
-        robot = self._inspector.robot
-        for joint, slider in enumerate(self._joints):
-            value = float(slider.value)
-            if value == self._shown[joint]:
-                continue
-            turns = robot.unlimited[joint] and not robot.sliding[joint]
-            wanted[joint] = q[joint] + texts.wrap(value - q[joint]) if turns and math.isfinite(value) else value
-        return wanted
-
-    def _add_joint(self, gui: viser.GuiApi, joint: int, post: Post) -> viser.GuiSliderHandle[float]:
-        robot = self._inspector.robot
-        low, high = float(robot.lower[joint]), float(robot.upper[joint])
-        if robot.unlimited[joint]:
-            low, high = (-1.0, 1.0) if robot.sliding[joint] else (-math.pi, math.pi)
-        low = high - ONE_SIDED if math.isinf(low) else low
-        high = low + ONE_SIDED if math.isinf(high) else high
-        slider = gui.add_slider(robot.joint_names[joint], low, high, STEP, low, disabled=not low < high)
-        watch(post, "joints", slider)
-        self._shown[joint] = low
-        return slider

@@ -1,23 +1,29 @@
 """The web server: viser's, on a socket of our own, for pages that it served itself and no others.
 
-Viser binds all interfaces, takes the next port when one is in use, accepts websocket connections from any page, and
-opens a tunnel to a public address when a client asks for it. Here the socket is bound before viser starts, each request
-is checked by its Host and Origin before viser sees it, and there is no tunnel.
+Viser binds all interfaces, takes the next port when one is in use, accepts websocket connections from any page and any
+user, and opens a tunnel to a public address when a client asks for it. Here the socket is bound before viser starts,
+each request is checked by its Host, Origin and token before viser sees it, and there is no tunnel.
 """
 
 from __future__ import annotations
 
+import asyncio
+import contextlib
 import http
+import inspect
 import ipaddress
 import logging
 import os
+import secrets
 import socket
 import threading
+import weakref
 from collections.abc import Awaitable, Callable, Iterator
 from contextlib import contextmanager
-from typing import Protocol
-from urllib.parse import urlsplit
+from typing import Any, Literal, Protocol
+from urllib.parse import parse_qs, urlsplit
 
+import msgspec
 import rich
 import viser
 import websockets.asyncio.server
@@ -30,6 +36,13 @@ from jacokin.model import checks
 
 LOOPBACK = "127.0.0.1"
 LAST_PORT = 65535
+PATIENCE = 0.5  # [s] that pages are given to close their connection, once the viewer ends
+TOKEN_BYTES = 16
+HEADERS = {  # of every answer: no other page may hold this one in a frame, or learn the token from Referer
+    "Content-Security-Policy": "frame-ancestors 'none'",
+    "X-Frame-Options": "DENY",
+    "Referrer-Policy": "no-referrer",
+}
 
 logger = logging.getLogger(__name__)
 unheard = logging.getLogger(f"{__name__}.websockets")  # it logs each connection that a browser opens and does not use
@@ -45,7 +58,9 @@ class _Serve(Protocol):
 
 
 class Server(viser.ViserServer):
-    """Viser's server, which gives no public address."""
+    """Viser's server, which gives no public address and does not wait for pages when it ends."""
+
+    guard: _Guard
 
     def request_share_url(self, verbose: bool = True) -> str | None:
         """Refuse: a client may ask for this, and the viewer is for this machine."""
@@ -55,6 +70,7 @@ class Server(viser.ViserServer):
     def stop(self) -> None:
         """Stop serving and disconnect every page, without a message."""
         with quiet():
+            self.guard.abandon()
             super().stop()
 
 
@@ -67,7 +83,7 @@ def start(host: str, port: int, label: str) -> tuple[Server, str]:
         label: of the panel.
 
     Returns:
-        The server, and the address of its page.
+        The server, and the address of its page, with the token that lets it in.
 
     Raises:
         InvalidInputError: the host does not exist here, or the port is in use or not one.
@@ -75,13 +91,14 @@ def start(host: str, port: int, label: str) -> tuple[Server, str]:
     """
     listening = bind(host, port)
     address, bound = listening.getsockname()[:2]
-    guard = _Guard(listening, OwnPages(host))
+    guard = _Guard(listening, OwnPages(host), Token(bound))
     try:
         with _starting, quiet():
             genuine = websockets.asyncio.server.serve
             websockets.asyncio.server.serve = guard.over(genuine)  # type: ignore[assignment,misc]  # viser has no hook for it
             try:
                 server = Server(host=LOOPBACK, port=bound, label=label, verbose=False)
+                server.guard = guard
             finally:
                 websockets.asyncio.server.serve = genuine  # type: ignore[misc]  # as above
     except BaseException:
@@ -92,9 +109,14 @@ def start(host: str, port: int, label: str) -> tuple[Server, str]:
         listening.close()
         raise JacokinError(f"viser {viser.__version__} cannot be guarded against other pages; install another version")
     if not ipaddress.ip_address(address).is_loopback:
-        logger.warning("the viewer is open to every computer that reaches %s:%d, without a password", address, bound)
+        logger.warning(
+            "every computer that reaches %s:%d and knows the token can use the viewer, and nothing is encrypted",
+            address,
+            bound,
+        )
     name = LOOPBACK if ipaddress.ip_address(address).is_unspecified else address
-    return server, f"http://[{name}]:{bound}" if ":" in name else f"http://{name}:{bound}"
+    place = f"[{name}]:{bound}" if ":" in name else f"{name}:{bound}"
+    return server, f"http://{place}/?token={guard.token.text}"
 
 
 def bind(host: str, port: int) -> socket.socket:
@@ -157,13 +179,89 @@ class OwnPages:
         return True
 
 
-class _Guard:
-    """Makes the server that viser starts use our socket and our check."""
+class Token:
+    """What the address of the page has and no other user of the machine knows.
 
-    def __init__(self, listening: socket.socket, pages: OwnPages) -> None:
+    A page brings it in its address and gets it back as a cookie, which its websocket then brings.
+    """
+
+    def __init__(self, port: int) -> None:
+        """Make one up; cookies are shared by all ports of a host, so the port is in its name."""
+        self.text = secrets.token_urlsafe(TOKEN_BYTES)
+        self._name = f"jacokin_viewer_{port}"
+
+    @property
+    def cookie(self) -> str:
+        """For a page that brought the token: pages of other sites cannot use it, and no script can read it."""
+        return f"{self._name}={self.text}; Path=/; HttpOnly; SameSite=Strict"
+
+    def brought_by(self, request: Request) -> bool:
+        """Whether a request has the token, in its address or in its cookie."""
+        given = parse_qs(urlsplit(request.path).query).get("token", [])
+        for cookie in "; ".join(request.headers.get_all("Cookie")).split("; "):
+            name, _, value = cookie.partition("=")
+            given += [value] if name == self._name else []
+        return any(secrets.compare_digest(each.encode(), self.text.encode()) for each in given)
+
+
+class _Kind(msgspec.Struct):
+    """Any message."""
+
+    type: str
+
+
+class _GizmoMoved(msgspec.Struct):
+    position: tuple[float, float, float]
+    wxyz: tuple[float, float, float, float]
+
+
+class _ControlMoved(msgspec.Struct):
+    uuid: str
+    updates: dict[Literal["value"], Any]  # Any: what the control holds
+
+
+FORMS: dict[str, type[msgspec.Struct]] = {
+    "TransformControlsUpdateMessage": _GizmoMoved,
+    "GuiUpdateMessage": _ControlMoved,
+}
+
+
+class _Connection(ServerConnection):
+    """A connection that passes on nothing but messages of the right form: viser keeps what it gets."""
+
+    async def recv(self, decode: bool | None = None) -> Any:  # Any: bytes or str, as the overloads of the original say
+        while True:
+            data = await super().recv(decode)
+            packed = data.encode() if isinstance(data, str) else data
+            try:
+                kind = msgspec.msgpack.decode(packed, type=_Kind).type
+                msgspec.msgpack.decode(packed, type=FORMS.get(kind, _Kind))
+            except (msgspec.MsgspecError, UnicodeError) as error:
+                logger.warning("ignored a message of a page: %s", error)
+            else:
+                return data
+
+
+class _Guard:
+    """Makes the server that viser starts use our socket and our checks."""
+
+    def __init__(self, listening: socket.socket, pages: OwnPages, token: Token) -> None:
         self._listening = listening
         self._pages = pages
+        self.token = token
         self.used = False
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._connections: weakref.WeakSet[_Connection] = weakref.WeakSet()
+
+    def abandon(self) -> None:
+        """Drop, after a while, the connections that are still open: a page that does not read never closes its own."""
+        with contextlib.suppress(RuntimeError):  # the server has ended
+            if self._loop is not None:
+                self._loop.call_soon_threadsafe(self._loop.call_later, PATIENCE, self._drop)
+
+    def _drop(self) -> None:
+        for connection in list(self._connections):
+            connection.transport.abort()
 
     def over(self, genuine: type[websockets.asyncio.server.serve]) -> _Serve:
         """What stands in for `websockets.asyncio.server.serve` while viser starts."""
@@ -172,20 +270,46 @@ class _Guard:
             if not (getattr(handler, "__module__", None) or "").startswith("viser."):
                 return genuine(handler, *args, **options)  # type: ignore[arg-type]  # of another server: passed on
             self.used = True
+            self._loop = asyncio.get_running_loop()
+            self._loop.set_exception_handler(_report)
+            options["create_connection"] = self._connect
             options["process_request"] = self._checked(options.get("process_request"))  # type: ignore[arg-type]  # viser's
             options["logger"] = unheard
             return genuine(handler, sock=self._listening, **options)  # type: ignore[arg-type]  # viser's options
 
         return serve
 
+    def _connect(self, *args: Any, **options: Any) -> _Connection:  # Any: as websockets makes its own
+        connection = _Connection(*args, **options)
+        self._connections.add(connection)
+        return connection
+
     def _checked(self, inner: Check | None) -> Check:
-        def check(connection: ServerConnection, request: Request) -> Answer | Awaitable[Answer]:
-            refusal = self._pages.refusal(request.headers)
-            if refusal is not None:
-                return connection.respond(http.HTTPStatus.FORBIDDEN, f"{refusal}\n")
-            return None if inner is None else inner(connection, request)
+        async def check(connection: ServerConnection, request: Request) -> Answer:
+            answer = self._refused(connection, request)
+            if answer is None and inner is not None:
+                found = inner(connection, request)
+                answer = await found if inspect.isawaitable(found) else found
+                if answer is not None:
+                    answer.headers["Set-Cookie"] = self.token.cookie
+            if answer is not None:
+                answer.headers.update(HEADERS)
+            return answer
 
         return check
+
+    def _refused(self, connection: ServerConnection, request: Request) -> Answer:
+        refusal = self._pages.refusal(request.headers)
+        if refusal is None and not self.token.brought_by(request):
+            refusal = "open the address that the viewer printed, which ends with a token"
+        return None if refusal is None else connection.respond(http.HTTPStatus.FORBIDDEN, f"{refusal}\n")
+
+
+def _report(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:  # Any: as asyncio has it
+    """Log in one line what viser could not do with a message."""
+    error = context.get("exception")
+    logger.warning("ignored a message of a page: %s", context["message"] if error is None else repr(error))
+    logger.debug("%s", context["message"], exc_info=error)
 
 
 @contextmanager

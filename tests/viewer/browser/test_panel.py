@@ -19,6 +19,7 @@ from jacokin.ik import Box, Floor, Scene
 from jacokin.motion import track_path
 from jacokin.viewer import Inspector, Viewer, serve
 from jacokin.viewer.drawing import load_parts
+from tests.model.test_home import ur5_text
 from tests.viewer.page import Page, opened, repeat, until
 from tests.viewer.test_viewer import NEAR, comes_to
 
@@ -45,6 +46,73 @@ def test_another_frame_is_where_the_arm_has_it(viewer: Viewer, page: Page, robot
     assert until(lambda: viewer.view.selected is not None)
     assert np.allclose(viewer.view.q, before, atol=1e-9)
     assert until(lambda: np.allclose(page.node("/target").position, viewer.view.target.translation))
+
+
+def test_a_target_is_typed_in_numbers(viewer: Viewer, page: Page) -> None:
+    before = viewer.view.target
+    x, _, z = page.value("Target [m]")
+    assert np.allclose(page.value("Target [m]"), before.translation, atol=5.1e-5)
+    page.change("Target [m]", (x, -0.25, z))
+    assert until(lambda: viewer.view.target.translation[1] == -0.25)
+    # What was not touched stays exactly as it is.
+    assert np.array_equal(viewer.view.target.translation[[0, 2]], before.translation[[0, 2]])
+    assert np.allclose(viewer.view.target.rotation, before.rotation, atol=1e-15)
+    page.change("Target [deg]", (10.0, 90.0, 0.0))  # which other angles say, too
+    wanted = pin.rpy.rpyToMatrix(*np.radians([10.0, 90.0, 0.0]))
+    assert until(lambda: np.allclose(viewer.view.target.rotation, wanted, atol=1e-12))
+    assert until(lambda: np.allclose(page.node("/target").position, viewer.view.target.translation))
+    viewer.show(jacokin.pose(NEAR, rpy=(0.0, 0.0, 0.5)))
+    assert until(lambda: np.allclose(page.value("Target [deg]"), (0.0, 0.0, 28.65)))
+    page.change("Target [m]", (float("nan"), 0.0, 0.0))
+    assert until(lambda: viewer.view.note.startswith("Ignored: target"))
+    with opened(viewer) as other:
+        assert until(lambda: np.allclose(other.value("Target [m]"), NEAR))
+
+
+def test_joints_are_in_degrees_on_demand(viewer: Viewer, page: Page, robot: Robot) -> None:
+    q = viewer.view.q
+    assert page.has("Joints [rad]")
+    page.change("Degrees", True)
+    assert until(lambda: page.has("Joints [deg]") and page.has("joint_6") and "[deg]" in page.text)
+    slider = page.control("joint_2").props
+    assert (slider["min"], slider["max"]) == (47.0, 313.0)
+    assert until(lambda: page.value("joint_2") == round(float(np.degrees(q[1])), 1))
+    assert np.array_equal(viewer.view.q, q)  # not rounded by being shown
+    page.change("joint_2", 100.0)
+    assert until(lambda: viewer.view.q[1] == np.radians(100.0))
+    assert np.array_equal(np.delete(viewer.view.q, 1), np.delete(q, 1))
+    page.change("joint_2", 313.0)
+    assert until(lambda: abs(viewer.view.q[1] - robot.upper[1]) < 1e-12)
+    page.change("Degrees", False)
+    assert until(lambda: page.has("Joints [rad]") and page.value("joint_2") == round(float(robot.upper[1]), 3))
+
+
+def test_boxes_hold_numbers_of_six_characters(viewer: Viewer, page: Page, robot: Robot) -> None:
+    for degrees in (False, True):
+        page.change("Degrees", degrees)
+        assert until(lambda degrees=degrees: page.has(f"Joints [{'deg' if degrees else 'rad'}]"))  # type: ignore[misc]  # bound here
+        for name in robot.joint_names:
+            assert until(lambda name=name: page.has(name))  # type: ignore[misc]  # bound here
+            props = page.control(name).props
+            assert props["precision"] == (1 if degrees else 3)
+            scale = np.degrees(1.0) if degrees else 1.0
+            joint = robot.joint_index(name)
+            if not robot.unlimited[joint]:  # the ends are just outside the limits
+                assert -props["step"] < props["min"] - scale * robot.lower[joint] < 1e-9
+                assert -1e-9 < props["max"] - scale * robot.upper[joint] < props["step"]
+            assert all(len(str(props[end])) <= 6 for end in ("min", "max"))
+    assert page.control("Height [m]").props["precision"] <= 3
+
+
+def test_without_branches_there_is_no_slider_for_them(tmp_path: Path) -> None:
+    path = tmp_path / "ur5.urdf"
+    path.write_text(ur5_text(), encoding="utf-8")
+    with serve(str(path), port=0) as viewer, opened(viewer) as page:
+        assert len(viewer.view.branches) == 0
+        assert not page.control("Branch").props["visible"]
+    with serve(port=0) as viewer, opened(viewer) as page:
+        assert page.control("Branch").props["visible"]
+        assert page.control("Branch").props["max"] == len(viewer.view.branches)
 
 
 def test_a_tool_is_taken_from_its_controls(viewer: Viewer, page: Page, robot: Robot) -> None:

@@ -224,6 +224,35 @@ def test_visual_meshes_are_drawn_where_forward_kinematics_has_them(tmp_path: Pat
         assert until(lambda: agreement(picture(viewer), drawn) > ALIKE)
 
 
+NARROW = {"width": 420, "height": 800, "deviceScaleFactor": 1, "mobile": False}
+CUT = """[...document.querySelectorAll('.mantine-NumberInput-input')]
+  .filter(e => e.clientWidth && e.scrollWidth > e.clientWidth).map(e => e.value)"""
+HEIGHTS = """[document.querySelector('canvas').getBoundingClientRect().bottom,
+  document.querySelector('.mantine-ScrollArea-viewport').getBoundingClientRect().top]"""
+
+
+@pytest.mark.parametrize("width", [420, 1000])
+def test_no_number_is_cut_and_on_a_narrow_window_the_arm_is_in_sight(tmp_path: Path, robot: Robot, width: int) -> None:
+    target = jacokin.pose([-0.2345, -0.3456, 0.4567], rpy=np.radians([-123.45, -34.56, -123.45]))
+    with serve(robot, target=target, port=0) as viewer, showing(viewer, tmp_path) as tab:
+        tab.ask("Emulation.setDeviceMetricsOverride", **NARROW | {"width": width})
+        tab.click("Degrees")
+        assert until(lambda: tab.value("document.body.innerText.includes('Joints [deg]')"))
+        boxes = "document.querySelectorAll('.mantine-NumberInput-input').length > 12"
+        assert until(lambda: tab.value(boxes))
+        assert tab.value(CUT) == []
+        label = "getComputedStyle([...document.querySelectorAll('label')].find(e => e.textContent == 'Prefer')).color"
+        assert tab.value(label) == "rgb(73, 80, 87)"
+
+        def apart() -> bool:
+            heights = tab.value(HEIGHTS)
+            assert isinstance(heights, list)
+            canvas, panel = map(float, heights)
+            return 400.0 < canvas <= panel
+
+        assert width > 420 or until(apart)
+
+
 def test_two_browsers_show_the_same(tmp_path: Path, robot: Robot, inspector: Inspector) -> None:
     with (
         serve(robot, port=0) as viewer,

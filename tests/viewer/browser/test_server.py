@@ -5,8 +5,12 @@ from __future__ import annotations
 import http.client
 import logging
 import socket
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
+from email.message import Message
+from urllib.parse import quote, urlsplit
 
+import numpy as np
 import pytest
 import viser
 from websockets.exceptions import InvalidStatus
@@ -16,7 +20,7 @@ from jacokin import Robot
 from jacokin.errors import InvalidInputError
 from jacokin.viewer import Viewer, serve
 from jacokin.viewer.browser import server
-from tests.viewer.page import opened, until
+from tests.viewer.page import Page, opened, port_of, until
 
 
 @pytest.fixture(scope="module")
@@ -26,15 +30,17 @@ def viewer() -> Iterator[Viewer]:
 
 
 def address(viewer: Viewer) -> tuple[str, int]:
-    host, port = viewer.url.removeprefix("http://").split(":")
-    return host, int(port)
+    return "127.0.0.1", port_of(viewer)
 
 
-def status(viewer: Viewer, origin: str | None, host: str | None = None, path: str = "/") -> int:
-    """The answer to a request for a websocket, or for the page where there is no Origin."""
+def ask(
+    viewer: Viewer, origin: str | None, host: str | None = None, path: str = "/", cookie: str | None = None
+) -> tuple[int, Message]:
+    """Status and headers of the answer to a request for a websocket, or for the page where there is no Origin."""
     name, port = address(viewer)
     connection = http.client.HTTPConnection(name, port, timeout=20)
     headers = {"Host": f"{name}:{port}" if host is None else host}
+    headers |= {} if cookie is None else {"Cookie": cookie}
     if origin is not None:
         headers |= {
             "Origin": origin,
@@ -45,9 +51,19 @@ def status(viewer: Viewer, origin: str | None, host: str | None = None, path: st
         }
     try:
         connection.request("GET", path, headers=headers)
-        return connection.getresponse().status
+        answer = connection.getresponse()
+        return answer.status, answer.headers
     finally:
         connection.close()
+
+
+def query(viewer: Viewer) -> str:
+    return f"?{urlsplit(viewer.url).query}"
+
+
+def status(viewer: Viewer, origin: str | None, host: str | None = None, path: str = "/") -> int:
+    """The status of the answer to who knows the token."""
+    return ask(viewer, origin, host, path + query(viewer))[0]
 
 
 def test_the_page_is_served_to_this_machine_only(viewer: Viewer) -> None:
@@ -99,6 +115,40 @@ def test_a_websocket_of_another_page_does_not_open(viewer: Viewer) -> None:
     assert viewer.view is before
 
 
+@pytest.mark.parametrize("token", ["", "?token=", "?token=wrong", "?token=\xe9"])
+def test_without_the_token_there_is_neither_a_page_nor_a_websocket(viewer: Viewer, token: str) -> None:
+    own = viewer.url.split("/?")[0]
+    path = "/" + quote(token, safe="?=")
+    for cookie in (None, "jacokin_viewer=x", f"jacokin_viewer_{port_of(viewer)}=wrong"):
+        assert ask(viewer, None, path=path, cookie=cookie)[0] == 403
+        assert ask(viewer, own, path=path, cookie=cookie)[0] == 403
+
+
+def test_the_page_brings_the_token_back_as_a_cookie(viewer: Viewer) -> None:
+    found, headers = ask(viewer, None, path=f"/{query(viewer)}")
+    assert found == 200
+    cookie, *attributes = headers["Set-Cookie"].split("; ")
+    assert {"HttpOnly", "SameSite=Strict"} <= set(attributes)
+    own = viewer.url.split("/?")[0]
+    assert ask(viewer, own, cookie=f"theme=dark; {cookie}")[0] == 101
+    assert ask(viewer, None, cookie=cookie)[0] == 200
+    assert ask(viewer, "http://evil.example", cookie=cookie)[0] == 403
+
+
+def test_every_viewer_has_a_token_of_its_own(viewer: Viewer, robot: Robot) -> None:
+    with serve(robot, port=0) as other:
+        assert query(other) != query(viewer)
+        assert ask(other, None, path=f"/{query(viewer)}")[0] == 403
+
+
+def test_no_page_may_show_the_viewer_in_a_frame(viewer: Viewer) -> None:
+    for path in (f"/{query(viewer)}", "/"):
+        _, headers = ask(viewer, None, path=path)
+        assert headers["Content-Security-Policy"] == "frame-ancestors 'none'"
+        assert headers["X-Frame-Options"] == "DENY"
+        assert headers["Referrer-Policy"] == "no-referrer"
+
+
 def test_a_program_without_a_page_may_connect(viewer: Viewer) -> None:
     kind = f"viser-v{viser.__version__}"
     with connect(viewer.url.replace("http", "ws"), subprotocols=[kind]) as connection:  # type: ignore[list-item]  # a NewType of str
@@ -126,11 +176,65 @@ def test_a_client_cannot_ask_for_a_public_address(
     assert viewer.server.request_share_url() is None
 
 
+@pytest.mark.parametrize("kind", ["silent", "unread"])
+def test_closing_does_not_wait_for_who_does_not_answer(robot: Robot, kind: str) -> None:
+    """Neither for a connection that asks for nothing, nor for a page that does not read what it is sent."""
+    with serve(robot, port=0) as viewer, socket.create_connection(address(viewer)) as caller:
+        if kind == "unread":
+            name = f"127.0.0.1:{port_of(viewer)}"
+            lines = [
+                f"GET /{query(viewer)} HTTP/1.1",
+                f"Host: {name}",
+                f"Origin: http://{name}",
+                "Upgrade: websocket",
+                "Connection: Upgrade",
+                "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==",
+                "Sec-WebSocket-Version: 13",
+                f"Sec-WebSocket-Protocol: viser-v{viser.__version__}",
+            ]
+            points = np.zeros((2_000_000, 3), dtype=np.float32)  # more than the system keeps for a slow reader
+            viewer.server.scene.add_point_cloud("/points", points, colors=(0, 0, 0))
+            caller.sendall("\r\n".join([*lines, "", ""]).encode())
+            assert caller.recv(1_000_000, socket.MSG_WAITALL).startswith(b"HTTP/1.1 101")
+        began = time.monotonic()
+        viewer.close()
+        assert time.monotonic() - began < 2.0
+
+
+def test_a_message_of_wrong_types_is_one_line(robot: Robot, caplog: pytest.LogCaptureFixture) -> None:
+    def changed(page: Page, **updates: object) -> None:
+        page.send("GuiUpdateMessage", uuid=page.control("joint_1").uuid, updates=updates)
+
+    with caplog.at_level(logging.WARNING), serve(robot, port=0) as viewer, opened(viewer) as page:
+        asked: list[Callable[[], object]] = [
+            lambda: page.move_gizmo("left", "right"),
+            lambda: page.move_gizmo(None, None),
+            lambda: page.move_gizmo((0.3, 0.0)),
+            lambda: page.change("Branch", "first"),
+            lambda: page.change("Tool [m]", ("a", "b", "c")),
+            lambda: changed(page, value="left"),
+            lambda: changed(page, removed=True),
+            lambda: page.send("GuiUpdateMessage", uuid=[1], updates=5),
+            lambda: page._socket.send("words"),
+            lambda: page._socket.send(b"\xff\xff"),
+        ]
+        for number, send in enumerate(asked):
+            send()
+            assert until(lambda number=number: len(caplog.records) > number)  # type: ignore[misc]  # bound here
+        page.move_gizmo((0.3, -0.2, 0.5))  # the page still has its connection
+        assert until(lambda: viewer.view.target.translation[1] == -0.2)
+    assert len(caplog.records) == len(asked)
+    for record in caplog.records:
+        assert "ignored a message of a page: " in record.getMessage()
+        assert not record.exc_info
+        assert "\n" not in record.getMessage()
+
+
 def test_another_host_warns(caplog: pytest.LogCaptureFixture, robot: Robot) -> None:
     with caplog.at_level(logging.WARNING), serve(robot, host="0.0.0.0", port=0) as viewer:
         assert "every computer" in caplog.text
         assert viewer.url.startswith("http://127.0.0.1:")
-        assert status(viewer, viewer.url) == 101
+        assert status(viewer, viewer.url.split("/?")[0]) == 101
         assert status(viewer, "http://evil.example") == 403
 
 
