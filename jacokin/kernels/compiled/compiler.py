@@ -49,7 +49,7 @@ def translating_only() -> Iterator[None]:
     """
 
     class Library(JITCodeLibrary):  # type: ignore[misc]  # numba has no types
-        """One function: not linked with those it calls."""
+        """One function: not link with those it calls."""
 
         def finalize(self) -> None:
             self._raise_if_finalized()
@@ -78,7 +78,7 @@ def translating_only() -> Iterator[None]:
         context._internal_codegen = usual
 
 
-def linked(entry: Dispatcher) -> tuple[ModuleRef, str]:
+def link(entry: Dispatcher) -> tuple[ModuleRef, str]:
     """The module of a function's one compiled form with all that it calls, and the function's name there."""
     (compiled,) = entry.overloads.values()
     libraries: list[Any] = []
@@ -263,7 +263,7 @@ def _object_file(entry: Dispatcher) -> bytes:
     """
     process = ctypes.CDLL(None)  # what a process without numba finds; llvmlite would find numba's functions as well
     machine = target_machine()
-    module, name = linked(entry)
+    module, name = link(entry)
     module.link_in(llvm.parse_assembly(_NOTHING_TO_FREE))
     for function in module.functions:
         if function.name == name:
@@ -287,7 +287,7 @@ def main() -> None:
     library = KernelLibrary(code)
     KernelCall(library, *empty)()
     CurveCall(library)()
-    sys.stdout.buffer.write(cache.packed(code, name))
+    sys.stdout.buffer.write(cache.pack(code, name))
     sys.stdout.buffer.flush()
 
 

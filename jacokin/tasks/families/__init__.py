@@ -1,1 +1,1 @@
-"""One module a family of tasks. Read `reach` first."""
+"""Tasks that share a scene and a goal, a module for each family. Read `reach` first."""
