@@ -153,7 +153,7 @@ class Keeper:
         except OSError as error:
             raise JacokinError(
                 f"{path}: cannot be written: {error.strerror}; finished chunks are kept: "
-                f"make room or mend access, and run it again to continue"
+                f"when that is fixed, run it again to continue"
             ) from error
         return path.name
 

@@ -64,7 +64,7 @@ def test_no_jobs_are_no_work() -> None:
 @pytest.mark.parametrize(
     ("error", "message"),
     [
-        (ZeroDivisionError("by zero"), "chunk 2 failed: ZeroDivisionError: by zero; the chunks that are finished are"),
+        (ZeroDivisionError("by zero"), "chunk 2 failed: ZeroDivisionError: by zero; finished chunks are"),
         (JacokinError("the disk is full"), "^the disk is full$"),
     ],
 )
