@@ -10,7 +10,7 @@ LIST := build/sources.txt
 $(shell mkdir -p build; echo $(SOURCES) | cmp -s - $(LIST) || echo $(SOURCES) > $(LIST))
 JOBS ?= 2
 
-.PHONY: demo test test-all lint format type docs build test-oldest bench fuzz release-check clean
+.PHONY: demo test test-all lint format type docs build test-oldest bench fuzz release-check address clean
 
 demo: $(VENV)/demo.stamp  ## solve the example targets and draw the arm at a solution
 	$(BIN)/jacokin demo --output out/jaco.png
@@ -46,7 +46,7 @@ bench: $(VENV)/test.stamp  ## jacokin beside its peers; writes docs/performance.
 fuzz: $(VENV)/test.stamp  ## random targets, arguments and files for at most half an hour; OPTIONS="--seed 1 files"
 	$(BIN)/python -m fuzz $(OPTIONS)
 
-release-check: $(VENV)/release.stamp  ## build what would be uploaded, and check it; uploads nothing
+release-check: address $(VENV)/release.stamp  ## build what would be uploaded, and check it; uploads nothing
 	rm -rf build/release
 	$(BIN)/python -m build --outdir build/release .
 	$(BIN)/python -m twine check --strict build/release/*
@@ -54,7 +54,9 @@ release-check: $(VENV)/release.stamp  ## build what would be uploaded, and check
 	$(BIN)/python -m pip install --quiet --force-reinstall --no-deps build/release/*.whl
 	tar -xzf build/release/*.tar.gz -C build/release
 	cd build/release/jacokin-*/ && $(abspath $(BIN))/pytest -n $(JOBS) -m "not slow"
-	@! grep -q '^REPOSITORY.*\.invalid/' package_page.py || echo "The repository's address in package_page.py is still a placeholder."
+
+address:
+	@! grep '^REPOSITORY.*\.invalid/' package_page.py || { echo "package_page.py: fill in the address of the repository first."; exit 1; }
 
 clean:
 	rm -rf build dist site out $(VENV) .venv-oldest .venv-bench

@@ -11,9 +11,23 @@ from typing import Any
 
 from hatchling.metadata.plugin.interface import MetadataHookInterface
 
-#: PLACEHOLDER: where the repository is. Set it before a release; `make release-check` reminds of it.
+#: PLACEHOLDER: where the repository is. Set it before a release; `make release-check` refuses until then.
 REPOSITORY = "https://repository-address.invalid/jacokin"
 BRANCH = "main"
+#: README begins in a clone; who reads the page in an index has to make one first.
+IN_A_CLONE = "pip install .  # in a clone, with "
+CLONING = f"git clone {REPOSITORY} jacokin && cd jacokin\npip install .  # with "
+
+
+def with_clone(text: str) -> str:
+    """README with the command that makes the clone it begins in.
+
+    Raises:
+        ValueError: README does not say how to install from a clone.
+    """
+    if IN_A_CLONE not in text:
+        raise ValueError(f"README.md: {IN_A_CLONE!r} is missing")
+    return text.replace(IN_A_CLONE, CLONING)
 
 
 def with_absolute_links(text: str) -> str:
@@ -28,7 +42,7 @@ class CustomMetadataHook(MetadataHookInterface):
     def update(self, metadata: dict[str, Any]) -> None:
         """Add the page and the addresses."""
         text = (Path(self.root) / "README.md").read_text(encoding="utf-8")
-        metadata["readme"] = {"content-type": "text/markdown", "text": with_absolute_links(text)}
+        metadata["readme"] = {"content-type": "text/markdown", "text": with_absolute_links(with_clone(text))}
         metadata["urls"] = {
             "Source": REPOSITORY,
             "Documentation": f"{REPOSITORY}/tree/{BRANCH}/docs",

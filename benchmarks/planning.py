@@ -165,7 +165,7 @@ def _at(x: float, y: float) -> Array:
 
 
 def report(robot: Robot, paths: int) -> None:
-    """Print what became of random lines."""
+    """Print how many random lines are planned and tracked, and how well."""
     tally = compared(robot, paths)
     failed = paths - tally.tracked
     more = tally.slow - (tally.tracked - tally.lost)

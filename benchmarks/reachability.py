@@ -116,7 +116,7 @@ def nothing(names: list[str], job: ChunkJob) -> list[str]:
 
 
 def coordinator(rows: int = 4 * ROWS) -> list[str]:
-    """What each chunk costs the process that hands out and joins, and how many workers wait for nobody then."""
+    """What each chunk costs the process that hands out and joins, and how many workers that keeps busy."""
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         source, solver = folder / "in.parquet", IKSolver(jacokin.load_robot())

@@ -40,7 +40,7 @@ class Chain:
     """
 
     def __init__(self, joints: list[tuple[Array, Array, bool]], lower: Array, upper: Array, tip: Array) -> None:
-        """Take over T_parent_joint, axis and whether it slides of each joint, and T_joint_tip of the last one."""
+        """Keep T_parent_joint, axis and whether it slides of each joint, and T_joint_tip of the last one."""
         self._joints = joints
         self.lower = lower
         self.upper = upper

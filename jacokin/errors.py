@@ -134,6 +134,11 @@ class EpisodeInitializationError(PhysicsError):
     """No initial state was found in the allowed number of attempts; the simulation is as before."""
 
 
+def install_command(extra: str) -> str:
+    """The command that installs what an extra brings."""
+    return f"pip install '.[{extra}]' (in the clone of jacokin)"
+
+
 class MissingExtraError(JacokinError, ImportError):
     """An optional package is not installed; the message is the command that installs it."""
 
@@ -141,7 +146,7 @@ class MissingExtraError(JacokinError, ImportError):
         """Name the package and the extra of jacokin that brings it."""
         self.package = package
         self.extra = extra
-        super().__init__(f"{package} is needed for this. Install it with: pip install 'jacokin[{extra}]'")
+        super().__init__(f"{package} is needed for this. Install it with: {install_command(extra)}")
 
 
 @contextmanager

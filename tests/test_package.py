@@ -125,6 +125,21 @@ def test_a_door_loads_what_it_names(package: str) -> None:
     assert dir(module) == sorted(module.__all__)
 
 
+@pytest.mark.parametrize(
+    "package", sorted(name for name, path in MODULES.items() if path.stem == "__init__" and "." in name)
+)
+def test_a_door_says_what_is_where(package: str) -> None:
+    """Each module and folder of a package is named in its docstring, and the one to read first."""
+    text = ast.get_docstring(ast.parse(MODULES[package].read_text(encoding="utf-8"))) or ""
+    inside = {name.removeprefix(f"{package}.") for name in MODULES if name.startswith(f"{package}.")}
+    here = {name for name in inside if "." not in name}
+    assert here <= set(re.findall(r"\w+", text)), "is named nowhere"
+    listed = {name for line in re.findall(r"^(\w+(?:, \w+)*)  +", text, re.M) for name in line.split(", ")}
+    assert listed <= here, "is listed and not there"
+    (first,) = re.findall(r"[Rr]ead `([\w/]+)` first", text)
+    assert first.replace("/", ".") in inside
+
+
 def test_public_names_are_exactly_these() -> None:
     assert jacokin.__all__ == [
         "FreeAxis",
@@ -194,7 +209,7 @@ def test_errors_carry_what_they_say() -> None:
     assert (unknown.kind, unknown.given, unknown.valid) == ("frame", "gripste", ("gripsite", "link_6"))
     assert str(unknown) == "unknown frame 'gripste'. Did you mean 'gripsite'? Valid: gripsite, link_6"
     missing = errors.MissingExtraError("ruckig", "motion")
-    assert "pip install 'jacokin[motion]'" in str(missing)
+    assert "pip install '.[motion]'" in str(missing)
 
 
 def test_the_descriptions_come_with_the_package() -> None:

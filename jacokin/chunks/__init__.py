@@ -1,4 +1,4 @@
-"""Long work in chunks: a folder that keeps the finished ones, and executors that make the others.
+"""Long work in chunks: a folder that keeps the finished ones, and executors that make the others. Read `folder` first.
 
 A chunk depends on a recipe and its number only, so that any worker can make it, and none has to be made twice.
 

@@ -23,7 +23,7 @@ Made = TypeVar("Made")
 AHEAD = 2  # chunks under way for each worker: none waits for its next one
 FEWEST_AHEAD = 4
 ANSWER_WITHIN = 10.0  # [s] that a scheduler has to answer
-KEPT = "the chunks that are finished are kept: do the same again to continue"
+KEPT = "finished chunks are kept: run it again to continue"
 
 
 def run_jobs(

@@ -152,8 +152,8 @@ class Keeper:
             write(path, content)
         except OSError as error:
             raise JacokinError(
-                f"{path}: cannot be written: {error.strerror}; the chunks that are finished are kept, "
-                f"do the same again when this is mended"
+                f"{path}: cannot be written: {error.strerror}; finished chunks are kept: "
+                f"when that is fixed, run it again to continue"
             ) from error
         return path.name
 

@@ -1,1 +1,13 @@
-"""The command line: it parses and prints, and leaves every computation to the packages below it."""
+"""The command line: it parses and prints, and leaves every computation to the packages below it. Read `main` first.
+
+entry, main, process       where `jacokin` starts, its subcommands, its exit codes, streams and signals
+command, options           commands of click that take lists of numbers; options that commands have in common
+units, display, outputs    radians and degrees, tables and JSON, files that must not be overwritten
+ik, ik_answers, ik_batch   `jacokin ik`: the command, the answer to one pose, a file of poses
+kinematics, info           `fk`, `jacobian`; `info`
+paths                      `plan`, `track`
+reachability               `map`, `place`
+task, viewer               `task`; `view`
+crosscheck, doctor         `crosscheck`; `doctor` and `warmup`
+demo, picture              `demo`, and the picture that it draws
+"""

@@ -20,7 +20,7 @@ from jacokin import model
 from jacokin.cli import display, options
 from jacokin.cli.command import Command
 from jacokin.cli.process import NOT_SOLVED
-from jacokin.errors import JacokinError
+from jacokin.errors import JacokinError, install_command
 
 OK = "ok"
 MISSING = "missing"  # optional, and not there
@@ -187,7 +187,7 @@ def check_packages() -> list[Finding]:
     for module, (distribution, extra) in PACKAGES.items():
         place, error = found.get(module, (None, "the process crashed while importing it"))
         oldest = oldest_version(distribution, requirements)
-        remedy = f"pip install '{distribution}>={oldest}'" if extra is None else f"pip install 'jacokin[{extra}]'"
+        remedy = f"pip install '{distribution}>={oldest}'" if extra is None else install_command(extra)
         version = _installed_version(distribution)
         if error is not None and extra is None:
             state, detail = FAILED, error + _advice(module, error)

@@ -1,4 +1,4 @@
-"""Output files are never files that the command reads, whatever links lead to them."""
+"""`keep_apart`: refuse output files that the command reads, also through links."""
 
 from __future__ import annotations
 

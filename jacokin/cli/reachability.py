@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from concurrent.futures import Executor, ThreadPoolExecutor
+from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,6 +12,7 @@ from typing import TYPE_CHECKING
 import click
 
 from jacokin import ik, model, reachability
+from jacokin.chunks.execution import dask_executor, worker_processes
 from jacokin.cli import display, options
 from jacokin.cli.command import Argument, Command
 from jacokin.cli.display import progress_bar
@@ -19,9 +22,6 @@ from jacokin.errors import InvalidInputError, UnknownNameError
 from jacokin.model import NAMES
 
 if TYPE_CHECKING:
-    from concurrent.futures import Executor
-    from contextlib import AbstractContextManager
-
     import pinocchio as pin
 
 
@@ -91,10 +91,6 @@ def build(
       jacokin map build out/jaco --shard 3/16
       jacokin map build out/level --down --free-axis x --scene table.yaml --workers 2
     """
-    from concurrent.futures import ThreadPoolExecutor
-
-    from jacokin.chunks.execution import dask_executor, worker_processes
-
     if (lower is None) != (upper is None):
         raise InvalidInputError("--lower and --upper go together")
     arm = source.load()

@@ -1,12 +1,16 @@
 """Inverse kinematics: how the arm reaches a pose. Everything public is imported from here; read `solver` first.
 
-solver              poses to joint angles
-closed_form         every branch of a six-joint Jaco
-families            self-motions: all configurations where one parameter is free
-qp                  quadratic programs, for what the closed form does not cover
-closest             the closest configuration to a pose that cannot be reached
-files               files of target poses and of answers
-batches             many targets, and files of any length, through any executor
+solver, options          poses to joint angles; the solver's options, and every tolerance with its reason
+targets, seeds           what is asked for, and where solving starts
+closed_form, geometry    every branch of a six-joint Jaco; whether an arm is built like one
+families                 self-motions: all configurations where one parameter is free
+qp, qp_backend           quadratic programs, for what the closed form does not cover, and their solvers
+closest                  the closest configuration to a pose that cannot be reached
+preferences              `prefer=`: which of several configurations is the best
+verification, diagnosis  the check behind every success; the status of everything else
+results                  statuses and results
+files                    files of target poses and of answers
+batches                  many targets, and files of any length, through any executor
 """
 
 from jacokin import lazy

@@ -90,7 +90,7 @@ def _exceeded(joint_names: Sequence[str], excess: Array) -> str:
 
 
 def explain_descents(starts: int, *, failed: bool) -> Outcome:
-    """When no descent of the QP reaches the target: that proves nothing, unless the solver itself failed."""
+    """When no descent of the QP reaches the target: it may be reachable all the same, or the solver itself failed."""
     if failed:
         return Outcome(Status.SOLVER_ERROR, "no QP solver solved the step")
     return Outcome(Status.NO_CONVERGENCE, f"{starts} starts ended in local minima")

@@ -46,7 +46,7 @@ class QPFailed(Exception):  # noqa: N818 - internal signal, never seen by users
     """No solver solved the QP."""
 
 
-def checked(name: str) -> str:
+def checked_solver(name: str) -> str:
     """`name` when that solver is installed.
 
     Raises:
@@ -72,7 +72,7 @@ class Backend:
         Raises:
             UnknownNameError: it is not installed.
         """
-        self.name = checked(name)
+        self.name = checked_solver(name)
         self.used = name
         others = [fallback for fallback in FALLBACKS if fallback in qpsolvers.available_solvers and fallback != name]
         self._order = (name, *others)

@@ -47,8 +47,8 @@ class Status(Enum):
         "or use collision='report' to get the configuration anyway"
     )
     NO_CONVERGENCE = (
-        "no start of the local search reached the pose, which proves nothing: allow more restarts, "
-        "give a seed near the answer, or loosen the tolerances"
+        "no start of the local search reached the pose, which may be reachable all the same: "
+        "allow more restarts, give a seed near the answer, or loosen the tolerances"
     )
     SOLVER_ERROR = "the QP solver failed: try another qp_solver"
     INVALID_TARGET = "this row of a file is not a target and was left out: see its message"

@@ -131,7 +131,7 @@ class IKSolver:
         if not isinstance(qp_solver, str) or qp_solver != DEFAULT_QP_SOLVER:
             from jacokin.ik import qp_backend
 
-            qp_backend.checked(qp_solver)
+            qp_backend.checked_solver(qp_solver)
         if method == "closed_form" and not self.has_families:
             self.closed_form()
         if warm is not None:

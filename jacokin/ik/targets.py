@@ -143,7 +143,7 @@ def combine(parts: Sequence[PartialTarget], frame: str) -> TargetPose:
     if "position" not in fixed:
         raise InvalidInputError("the position is free: give a PositionTarget besides")
     if "rotation" in fixed and "axis" in fixed:
-        raise InvalidInputError("both an orientation and an axis are given; the orientation says it all")
+        raise InvalidInputError("both an orientation and an axis are given; the orientation fixes the axis, too")
     if "axis" in fixed:
         rotation = rotation_between(fixed["axis"], fixed["direction"])
         return _turning(FreeAxis(pin.SE3(rotation, fixed["position"]), axis=fixed["axis"]))
@@ -175,10 +175,10 @@ def interpret(target: Target, frame: str) -> TargetPose:
         if not all(isinstance(part, PartialTarget) for part in target):
             raise InvalidInputError("a sequence of targets must hold targets of the tracker only")
         return combine(target, frame)
-    return checked(target)
+    return checked_target(target)
 
 
-def checked(target: pin.SE3 | ArrayLike, name: str = "target") -> TargetPose:
+def checked_target(target: pin.SE3 | ArrayLike, name: str = "target") -> TargetPose:
     """A target from a `pin.SE3`, a homogeneous matrix (4, 4), or a position (3,) [m].
 
     Raises:
@@ -211,7 +211,8 @@ def checked_batch(
         raise InvalidInputError("targets is empty")
     free = {index: row for index, row in enumerate(rows) if isinstance(row, FreeAxis)}
     each = [
-        _turning(free[index]) if index in free else checked(row, f"targets[{index}]") for index, row in enumerate(rows)
+        _turning(free[index]) if index in free else checked_target(row, f"targets[{index}]")
+        for index, row in enumerate(rows)
     ]
     return np.array([target.matrix for target in each]), np.array([target.position_only for target in each]), free
 

@@ -23,29 +23,29 @@ def wrap_to_pi(angles: Array | float) -> Array:
     return wrap_to_turn(np.asarray(angles) + math.pi) - math.pi
 
 
-def nearest_copy(q: Array, reference: Array, unlimited: NDArray[np.bool_] | bool = True) -> Array:
-    """`q` with every angle in the copy nearest to the reference; angles that are not `unlimited` stay.
+def nearest_copy(q: Array, near: Array, unlimited: NDArray[np.bool_] | bool = True) -> Array:
+    """`q` with every angle in the copy nearest to another angle; angles that are not `unlimited` stay.
 
     Args:
         q: (..., n) angles.
-        reference: (..., n) angles.
+        near: (..., n) the other angles.
         unlimited: (n,) which angles may take another copy.
     """
-    return np.where(unlimited, q + TURN * np.round((reference - q) / TURN), q)
+    return np.where(unlimited, q + TURN * np.round((near - q) / TURN), q)
 
 
-def circular_distance(q: Array, reference: Array, unlimited: NDArray[np.bool_] | bool = True) -> Array:
+def circular_distance(q: Array, near: Array, unlimited: NDArray[np.bool_] | bool = True) -> Array:
     """Euclidean distance over the last axis, the short way round for angles that are `unlimited`.
 
     Args:
         q: (..., n) angles.
-        reference: (..., n) angles.
+        near: (..., n) the other angles.
         unlimited: (n,) which angles are equal after full turns.
 
     Returns:
         (...) distances.
     """
-    distance: Array = np.linalg.norm(nearest_copy(q, reference, unlimited) - reference, axis=-1)
+    distance: Array = np.linalg.norm(nearest_copy(q, near, unlimited) - near, axis=-1)
     return distance
 
 

@@ -17,7 +17,7 @@ SINGULAR = 0.02  # least to largest singular value; 0.03 to 0.08 at the document
 SAME_PLACE = 1e-3  # [m, or of a matrix] between the joints of a file and those of a bundled arm
 
 
-def documented(name: str) -> Home:
+def documented_home(name: str) -> Home:
     """The home of a bundled robot in the table of numbers, free of contact as tests check."""
     q = np.array(bundled.variant(name)["home"], dtype=np.float64)
     return Home(q, f"documented for the {name}")
@@ -67,7 +67,7 @@ def _candidates(robot: Robot) -> Iterator[Home]:
         yield Home(keyframe, f"keyframe {KEYFRAME!r} of the file")
     for name in bundled.NAMES:
         if _has_the_joints_of(robot, name):
-            yield documented(name)
+            yield documented_home(name)
             break
     yield Home(middle(robot), "the middle of the limits")
     rng = np.random.default_rng(0)

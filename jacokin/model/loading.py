@@ -152,7 +152,7 @@ def _is_urdf(path: Path) -> bool:
 
 def _documented_home(name: str, model: pin.Model) -> Home | HomeFinder:
     """The home of a bundled robot, free of contact by its tests; to be found where the chain or its limits differ."""
-    known = home.documented(name)
+    known = home.documented_home(name)
     if (
         len(known.q) != model.nv
         or (known.q < model.lowerPositionLimit).any()

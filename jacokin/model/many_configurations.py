@@ -103,7 +103,7 @@ class Chain:
         error = _error(self.placements(x[:, : self.dof]), _turned(goal, x[:, self.dof :]))
         return np.linalg.norm(error[:, :3], axis=1), np.linalg.norm(error[:, 3:], axis=1)
 
-    def linearised(self, x: Array, goal: Goal) -> tuple[Array, Array]:
+    def linearise(self, x: Array, goal: Goal) -> tuple[Array, Array]:
         """Errors (n, 6), linear first, and how they shrink with each coordinate (n, 6, width)."""
         placed = self.placements(x[:, : self.dof])
         T = _turned(goal, x[:, self.dof :])
@@ -114,7 +114,7 @@ class Chain:
             jacobian = np.concatenate([jacobian, away], axis=2)
         return _error(placed, T), jacobian
 
-    def closed(self, x: Array, goal: Goal, held: NDArray[np.bool_] | None = None) -> tuple[Array, Array]:
+    def close(self, x: Array, goal: Goal, held: NDArray[np.bool_] | None = None) -> tuple[Array, Array]:
         """Newton's method from configurations (n, width) towards a goal, in steps of least length.
 
         Args:
@@ -129,7 +129,7 @@ class Chain:
         worst = np.full(len(x), np.inf)
         active = np.arange(len(x))
         for _ in range(ITERATIONS):
-            error, jacobian = self.linearised(x[active], goal.some(active))
+            error, jacobian = self.linearise(x[active], goal.some(active))
             worst[active] = np.maximum(np.linalg.norm(error[:, :3], axis=1), np.linalg.norm(error[:, 3:], axis=1))
             going = worst[active] > CLOSED
             if not going.any():

@@ -244,7 +244,7 @@ def with_shapes(robot: Robot) -> mujoco.MjModel:
         _replace_inertial(link)
         for visual in link.findall("visual"):
             link.remove(visual)
-    return _compile(tree, meshes.embedded(tree, source.path, source.package_dirs), source)
+    return _compile(tree, meshes.embed(tree, source.path, source.package_dirs), source)
 
 
 def with_masses(robot: Robot) -> mujoco.MjModel:

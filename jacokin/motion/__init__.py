@@ -1,11 +1,12 @@
 """Motion: how the arm gets there. Everything public is imported from here; read `tracking/tracker` first.
 
-tracking      following targets at a fixed rate, one QP a tick
-track         `track_path`: following a path of poses with the tracker, from the start that makes it possible
-planning      `plan_path`: the best branch at every place of a path, before anything moves
-joint_motion  `move_joints`: from one configuration to another in the least time
-path, timing  lines between poses, and when each place of them is passed
-trajectory    joint angles over time, and their files; `clearance` measures them, `plot` draws them
+tracking           following targets at a fixed rate, one QP a tick
+track              `track_path`: following a path of poses with the tracker, from the start that makes it possible
+planning           `plan_path`: the best branch at every place of a path, before anything moves
+joint_motion       `move_joints`: from one configuration to another in the least time
+path, timing       lines between poses, and when each place of them is passed
+trajectory, files  joint angles over time, and their files
+clearance, plot    how far a trajectory stays from a scene; its picture
 """
 
 from jacokin import lazy

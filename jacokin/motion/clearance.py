@@ -1,4 +1,4 @@
-"""Is a joint trajectory clear of a scene? Looked for on its rows and between them."""
+"""`path_clearance`: how far a joint trajectory stays from a scene, on its rows and between them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tables and archives: CSV and NPZ files whose numbers come back to the same bits."""
+"""CSV tables and NPZ archives whose numbers come back to the same bits."""
 
 from __future__ import annotations
 

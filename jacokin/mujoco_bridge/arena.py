@@ -1,4 +1,4 @@
-"""The floor things stand on, with light, a camera and the options of the simulation."""
+"""`Arena`: the root of a scene, with floor, light, a camera and the options of the simulation."""
 
 from __future__ import annotations
 

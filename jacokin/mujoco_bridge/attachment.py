@@ -1,4 +1,4 @@
-"""Joining two specs so that it can be undone.
+"""Attaching one `mujoco.MjSpec` to another so that it can be detached again.
 
 MuJoCo moves a child's elements into the parent's spec for good. To undo that, a copy of the child is taken first; it
 replaces the child afterwards, and every element an entity holds is replaced by its counterpart in the copy.

@@ -1,6 +1,8 @@
-"""Where an arm can reach: maps of its workspace, and where to put its base. Everything public is imported from here.
+"""Where an arm can reach: maps of its workspace, and where to put its base. Read `building` first.
 
-building               `build`: a grid of positions times a set of orientations; read this file first
+Everything public is imported from here.
+
+building               `build`: a grid of positions times a set of orientations
 samples, orientations  which poses a map is made of, and what makes most of them superfluous
 chunk                  what is kept of each pose
 folder, map            what is read from a map

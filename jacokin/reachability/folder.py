@@ -55,11 +55,9 @@ def load(folder: str | Path, *, robot: Robot | None = None, scene: Scene | None 
     recipe = _document(path, RECIPE, f"is not a map: it has no {RECIPE}")
     manifest = _document(path, MANIFEST, f"is not a complete map: it has no {MANIFEST}; build the rest of it")
     if manifest.get("recipe") != file_digest(path / RECIPE):
-        raise InvalidInputError(
-            f"{path}: {MANIFEST} is of another {RECIPE} than this one; build the map again to mend it"
-        )
+        raise InvalidInputError(f"{path}: {MANIFEST} is of another {RECIPE} than this one; build the map again")
     if not isinstance(manifest.get("sha256"), dict):
-        raise InvalidInputError(f"{path / MANIFEST}: does not list the chunks; build again to mend it")
+        raise InvalidInputError(f"{path / MANIFEST}: does not list the chunks; build the map again")
     if robot is not None:
         check_same_robot(path, recipe, checked_robot("robot", robot))
     samples = _samples_of(recipe, str(path))
@@ -117,9 +115,9 @@ def _chunk(path: Path, wanted: str) -> dict[str, NDArray[np.generic]]:
     try:
         content = path.read_bytes()
     except OSError as error:
-        raise JacokinError(f"{path}: cannot be read: {error.strerror}; build the map again to mend it") from error
+        raise JacokinError(f"{path}: cannot be read: {error.strerror}; build the map again") from error
     if digest(content) != wanted or wanted[:HASH_DIGITS] not in path.name:
-        raise InvalidInputError(f"{path}: is damaged: its hash is not that of the manifest; build again to mend it")
+        raise InvalidInputError(f"{path}: is damaged: its hash is not that of the manifest; build the map again")
     with np.load(path) as file:
         return {name: file[name] for name in ("branches", "margin")}
 

@@ -1,4 +1,4 @@
-"""Tasks for the arm and the hand: reach, lift, place, stack.
+"""Tasks for the arm and the hand: reach, lift, place, stack. Read `families/reach` first, then `task`.
 
     env = jacokin.tasks.load("reach_site_features", seed=0)  # dm_env
     timestep = env.reset()
@@ -7,8 +7,15 @@
     env = gymnasium.make("jacokin/ReachSite-v0")
 
 Importing this package registers the ids, if Gymnasium is installed: `register_envs` does nothing but keep the import.
+Everything public is imported from here.
 
-Everything public is imported from here. Read `families/reach` first, then `task`, `episode` and `environment`.
+task, families     `Task`, a scene with initial states and a reward; the tasks themselves
+registry           the tasks by name
+episode            one simulation of a task, from reset to reset
+environment, gym   the interfaces of dm_env and of Gymnasium to it
+features           what agents observe
+randomization      what differs between episodes
+experts            scripted policies
 """
 
 import importlib

@@ -8,7 +8,7 @@ drawing, map_slices   meshes of the arm and of obstacles; slices of a reachabili
 playback              trajectories that are played
 serving, contents     `serve`, and what a page offers and solves for
 viewer                the running viewer, between pages and inspector
-browser               the only part that knows viser: scene, panel and the guarded web server
+browser               the only part that imports viser: scene, panel and the guarded web server
 """
 
 from jacokin import lazy

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from jacokin.errors import InvalidInputError, MissingExtraError, ModelError
 from jacokin.ik.seeds import seed_within_limits
 from jacokin.ik.solver import IKSolver
-from jacokin.ik.targets import checked as checked_target
+from jacokin.ik.targets import checked_target
 from jacokin.model import checks
 from jacokin.model.loading import load_robot
 from jacokin.model.poses import FreeAxis

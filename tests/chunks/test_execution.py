@@ -64,7 +64,7 @@ def test_no_jobs_are_no_work() -> None:
 @pytest.mark.parametrize(
     ("error", "message"),
     [
-        (ZeroDivisionError("by zero"), "chunk 2 failed: ZeroDivisionError: by zero; the chunks that are finished are"),
+        (ZeroDivisionError("by zero"), "chunk 2 failed: ZeroDivisionError: by zero; finished chunks are"),
         (JacokinError("the disk is full"), "^the disk is full$"),
     ],
 )
@@ -93,7 +93,7 @@ def test_jobs_that_have_not_begun_are_cancelled_when_the_caller_stops() -> None:
 def test_an_executor_that_was_shut_down_takes_no_more_work() -> None:
     executor = ThreadPoolExecutor(1)
     executor.shutdown()
-    with pytest.raises(JacokinError, match="takes no more work: .*; the chunks that are finished are kept"):
+    with pytest.raises(JacokinError, match="takes no more work: .*; finished chunks are kept"):
         list(run_jobs(double, [(0, 0)], executor))
 
 

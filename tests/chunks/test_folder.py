@@ -88,7 +88,7 @@ def test_a_disk_that_fails_is_an_error_that_says_what_is_kept(
         raise OSError(error, os.strerror(error))
 
     monkeypatch.setattr(folder, "write", fail)
-    with pytest.raises(JacokinError, match=f"cannot be written: {os.strerror(error)}; the chunks that are finished"):
+    with pytest.raises(JacokinError, match=f"cannot be written: {os.strerror(error)}; finished chunks"):
         chunks.put(0, b"content")
 
 

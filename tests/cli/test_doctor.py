@@ -14,7 +14,7 @@ import pytest
 import jacokin
 from jacokin.cli import doctor
 from jacokin.cli.doctor import FAILED, MISSING, OK, WARNING, Finding
-from jacokin.errors import JacokinError
+from jacokin.errors import JacokinError, install_command
 from jacokin.kernels.compiled import cache, loading
 from jacokin.kernels.compiled.loading import KERNELS, Kernels
 from tests.cli.run import Run, leave
@@ -67,7 +67,7 @@ def test_a_package_that_is_too_old_is_named_with_what_to_install(monkeypatch: py
     assert found["json"] == (FAILED, "1.9.3 is older than 1.10, the oldest supported: pip install 'json>=1.10'")
     assert found["io"][0] == OK
     assert found["os"][0] == OK  # no bound
-    assert found["csv"] == (WARNING, "0.2 is older than 2.0, the oldest supported: pip install 'jacokin[viewer]'")
+    assert found["csv"] == (WARNING, f"0.2 is older than 2.0, the oldest supported: {install_command('viewer')}")
 
 
 def test_every_package_that_is_judged_has_a_bound() -> None:

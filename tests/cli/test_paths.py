@@ -210,4 +210,4 @@ def test_plotting_without_matplotlib_names_the_extra(
     monkeypatch.setattr("importlib.util.find_spec", lambda _: None)
     refused = run("track", "--path", str(path_file), "--plot", "a.png")
     assert refused.code == 2
-    assert "jacokin[plot]" in refused.err
+    assert ".[plot]" in refused.err

@@ -131,7 +131,7 @@ def test_without_an_encoder_the_command_that_installs_one_is_told(
     monkeypatch.setattr(task, "find_spec", lambda name: None)
     answer = run("task", "reach_site", "--record", str(tmp_path / "video.mp4"))
     assert answer.code == 2
-    assert "pip install 'jacokin[video]'" in answer.err
+    assert "pip install '.[video]'" in answer.err
     assert list(tmp_path.iterdir()) == []
 
 

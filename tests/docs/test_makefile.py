@@ -80,6 +80,17 @@ def test_both_environments_get_the_wheel_of_the_same_version_again(clone: Path) 
         assert f"--force-reinstall --no-deps {WHEEL}" in make(clone, "-n", target)
 
 
+def test_a_release_needs_the_address_of_the_repository(clone: Path) -> None:
+    page = clone / "package_page.py"
+    page.write_text('REPOSITORY = "https://repository-address.invalid/jacokin"\n', encoding="utf-8")
+    done = subprocess.run(["make", "release-check"], cwd=clone, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert "fill in the address of the repository" in done.stdout
+    assert not (clone / ".venv/release.stamp").exists()
+    page.write_text('REPOSITORY = "https://example.org/jacokin"\n', encoding="utf-8")
+    make(clone, "address")
+
+
 def test_the_site_is_built_with_its_warnings_heard(clone: Path) -> None:
     """mkdocs counts only warnings that it would show."""
     words = make(clone, "-n", "docs")

@@ -19,7 +19,7 @@ import jacokin
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.append(str(ROOT))  # last: the installed package is what gets tested
 
-from package_page import REPOSITORY, with_absolute_links  # noqa: E402 - found by the line above
+from package_page import REPOSITORY, with_absolute_links, with_clone  # noqa: E402 - found by the line above
 
 
 @pytest.fixture(scope="module")
@@ -44,6 +44,13 @@ def test_links_of_the_page_work_away_from_the_repository(metadata: ProjectMetada
         if link.startswith(REPOSITORY):
             path = re.sub(rf"{re.escape(REPOSITORY)}/\w+/main/", "", link).partition("#")[0]
             assert (ROOT / path).exists(), link
+
+
+def test_the_page_says_where_the_clone_comes_from(metadata: ProjectMetadata[PluginManager]) -> None:
+    clone = f"```bash\ngit clone {REPOSITORY} jacokin && cd jacokin\npip install .  # with Python"
+    assert clone in metadata.core.readme
+    with pytest.raises(ValueError, match="in a clone"):
+        with_clone("pip install jacokin")
 
 
 def test_only_relative_links_change() -> None:

@@ -41,7 +41,7 @@ def crane(tmp_path_factory: pytest.TempPathFactory) -> Robot:
 
 
 def a_target(rng: np.random.Generator) -> targets.TargetPose:
-    return targets.checked(jacokin.pose(rng.uniform(-0.6, 0.6, 3), rpy=rng.uniform(-3.0, 3.0, 3)))
+    return targets.checked_target(jacokin.pose(rng.uniform(-0.6, 0.6, 3), rpy=rng.uniform(-3.0, 3.0, 3)))
 
 
 @pytest.mark.parametrize("frame", ["end_effector", "link_4", "pinchsite"])
@@ -66,7 +66,7 @@ def test_derivatives_are_those_of_the_measure(
 ) -> None:
     robot = crane if name == "crane" else bundled(name)
     chain = Chain(robot, robot.frame_id(), None)
-    target = targets.checked([0.2, 0.1, 0.3]) if position_only else a_target(rng)
+    target = targets.checked_target([0.2, 0.1, 0.3]) if position_only else a_target(rng)
     measure = Measure(chain, target)
     q, h = robot.sample(rng, 8), 1e-6
     points = measure.points(q, 1e-2)
@@ -114,7 +114,7 @@ def test_positions_are_met_exactly_where_only_the_orientation_cannot_be(robot: R
 
 def test_the_search_repeats_and_takes_the_callers_randomness(robot: Robot, rng: np.random.Generator) -> None:
     search = ClosestSearch(Verifier(robot, "end_effector", None, SolverOptions()))
-    target = targets.checked(jacokin.pose([0.5, 0.5, 0.9], down=True))
+    target = targets.checked_target(jacokin.pose([0.5, 0.5, 0.9], down=True))
     first, second = (search.find(target, [robot.home], np.random.default_rng(3)) for _ in range(2))
     np.testing.assert_array_equal(first[0], second[0])
     assert first[1] == second[1]

@@ -179,7 +179,7 @@ def test_a_solver_that_is_not_installed_names_its_extra(robot: Robot, monkeypatc
     installed = ["daqp", "osqp"]
     monkeypatch.setattr(qpsolvers, "available_solvers", installed)
     for name, extra in (("quadprog", "quadprog"), ("proxqp", "proxqp")):
-        with pytest.raises(MissingExtraError, match=rf"{name}.*pip install 'jacokin\[{extra}\]'"):
+        with pytest.raises(MissingExtraError, match=rf"{name}.*pip install '\.\[{extra}\]'"):
             IKSolver(robot, method="qp", qp_solver=name)
     with pytest.raises(UnknownNameError, match="Valid: daqp, osqp"):
         IKSolver(robot, method="qp", qp_solver="gurobi_x")

@@ -71,11 +71,11 @@ def test_errors_shrink_as_the_jacobian_says(
     goal = Goal(poses, some_axes(rng, 8) if free else None)
     if free:
         x = np.column_stack([x, np.zeros(8)])
-    error, jacobian = chain.linearised(x, goal)
+    error, jacobian = chain.linearise(x, goal)
     assert np.abs(error).max() < 1e-14
     for column in range(x.shape[1]):
         step = h * np.eye(x.shape[1])[column]
-        ahead, behind = chain.linearised(x + step, goal)[0], chain.linearised(x - step, goal)[0]
+        ahead, behind = chain.linearise(x + step, goal)[0], chain.linearise(x - step, goal)[0]
         np.testing.assert_allclose(jacobian[:, :, column], (behind - ahead) / (2.0 * h), atol=1e-9)
 
 
@@ -113,7 +113,7 @@ def test_newton_comes_to_the_goal(
         start[:, held] = q[:, held]
         fixed = np.zeros(q.shape, dtype=np.bool_)
         fixed[:, held] = True
-    found, worst = chain.closed(start, goal, fixed)
+    found, worst = chain.close(start, goal, fixed)
     assert worst.max() < 1e-11
     assert max(error.max() for error in chain.errors(found, goal)) < 1e-11
     if held is not None:
@@ -126,7 +126,7 @@ def test_a_goal_out_of_reach_is_missed(robot: Robot) -> None:
     chain = Chain(robot, robot.frame_id(), None)
     far = robot.forward_kinematics(robot.home).homogeneous
     far[:3, 3] += 5.0  # [m]
-    worst = chain.closed(robot.home[np.newaxis], Goal(far[np.newaxis]))[1]
+    worst = chain.close(robot.home[np.newaxis], Goal(far[np.newaxis]))[1]
     assert worst[0] > 1.0
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import jacokin.tasks
-from jacokin.errors import InvalidInputError, PhysicsError, UnknownNameError
+from jacokin.errors import InvalidInputError, PhysicsError, UnknownNameError, install_command
 from jacokin.tasks.gym.registration import IDS
 
 gymnasium.register_envs(jacokin.tasks)
@@ -189,4 +189,4 @@ try: {use}
 except ImportError as error: print(error)
 """
     done = subprocess.run([sys.executable, "-P", "-c", program], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == f"{package} is needed for this. Install it with: pip install 'jacokin[tasks]'"
+    assert done.stdout.strip() == f"{package} is needed for this. Install it with: {install_command('tasks')}"

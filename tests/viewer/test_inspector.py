@@ -135,7 +135,7 @@ def test_the_status_is_the_solvers_also_where_branches_are_missing(
     dropped: bool,
     status: Status,
 ) -> None:
-    """A table of the closed form that was full proves nothing, whatever the branches in it are."""
+    """A table of the closed form that was full does not prove that no branch is missing."""
     solve_all = ClosedForm.solve_all
 
     def cut(form: ClosedForm, T: Array, seed: Array) -> Branches:

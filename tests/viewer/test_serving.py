@@ -24,7 +24,7 @@ def test_a_position_keeps_the_orientation_of_the_tool(robot: Robot) -> None:
 
 def test_without_viser_the_extra_is_named(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    with pytest.raises(MissingExtraError, match=r"pip install 'jacokin\[viewer\]'"):
+    with pytest.raises(MissingExtraError, match=r"pip install '\.\[viewer\]'"):
         serve(robot)
 
 

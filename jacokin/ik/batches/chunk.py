@@ -103,7 +103,7 @@ def make(job: ChunkJob) -> list[str | bytes] | None:
     with ThreadPoolExecutor(1) as writer:  # the disk is waited for while the next chunk is solved
         for index, targets in enumerate(blocks, job.first):
             batch = solve_rows(solver, targets, job.seed, closest=job.closest)
-            content = orjson.dumps(count_rows(targets, batch).document()) + b"\n" + answers.encoded(targets, batch)
+            content = orjson.dumps(count_rows(targets, batch).document()) + b"\n" + answers.encode(targets, batch)
             if kept:
                 kept[-1].result()
             if not _is_there(rows):  # changed while it was read

@@ -292,7 +292,7 @@ class Joining:
                 whole.replace(final)
         except OSError as error:
             raise JacokinError(
-                f"{final}: cannot be written: {error.strerror or error}; every target is solved, do the same again"
+                f"{final}: cannot be written: {error.strerror or error}; all targets are solved, run it again"
             ) from error
 
     def _pieces(self, whole: Path | None) -> Iterator[Piece]:

@@ -1,8 +1,11 @@
 """Self-motions: configurations with one free parameter, of a tool that may turn about an axis or of a seven-joint arm.
 
-family     the answer: intervals of the parameter on each branch. Read this file first
-search     from a target to its family, and to the member that is wanted
-curves     the curves of a target, by the kernels of `kernels.self_motion`
-tracks     what an interval runs along, and the least of a cost there
-edge       targets that are reached at single points, on the edge of reach
+Read `family` first.
+
+family           the answer: intervals of the parameter on each branch
+search           from a target to its family, and to the member that is wanted
+curves           the curves of a target, by the kernels of `kernels.self_motion`
+tracks           what an interval runs along, and the least of a cost there
+edge, meeting    where curves have shrunk to points, and where they meet
+straight_wrist   where the wrist is straight and two of its joints turn against each other
 """

@@ -1,1 +1,6 @@
-"""Files of target poses and of answers."""
+"""Files of target poses and of answers. Read `formats` first.
+
+formats                               which format a file has
+targets                               rows of numbers as targets
+csv_files, npz_files, parquet_files   the formats
+"""

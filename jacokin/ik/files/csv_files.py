@@ -211,7 +211,7 @@ def _number(path: Path, line: int, column: str, text: str, finite: bool) -> floa
     return value
 
 
-def encoded(targets: TargetFile, batch: BatchResult) -> bytes:
+def encode(targets: TargetFile, batch: BatchResult) -> bytes:
     """One row for each target, numbers with the digits that read back to the same bits (17 at most)."""
     configurations = _lines(np.hstack([targets.values, batch.q]))
     errors = _lines(np.stack([batch.position_error, batch.orientation_error], axis=1))

@@ -32,7 +32,7 @@ class Format(Protocol):
     def parts(self, path: Path, size: int) -> list[FilePart]:
         """Where the rows of each of `blocks` are. Errors as there, all of them: a CSV file is read to its end."""
 
-    def encoded(self, targets: TargetFile, batch: BatchResult) -> bytes:
+    def encode(self, targets: TargetFile, batch: BatchResult) -> bytes:
         """The answers to some targets, for `write_joined`."""
 
     def write_joined(self, path: Path, pieces: Iterable[Piece], columns: Sequence[str]) -> None:
@@ -40,7 +40,7 @@ class Format(Protocol):
 
         Args:
             path: the file.
-            pieces: files with what `encoded` returned, and how many bytes of each come before it; may be a generator
+            pieces: files with what `encode` returned, and how many bytes of each come before it; may be a generator
                 that waits for them.
             columns: names of the columns of the targets and q1, q2, ...
         """

@@ -167,7 +167,7 @@ def _columns_of(rows: Array) -> Array:
     return np.hstack([rows[:, :3, 3], rows[:, :3, :3].reshape(-1, 9)])
 
 
-def encoded(targets: TargetFile, batch: BatchResult) -> bytes:
+def encode(targets: TargetFile, batch: BatchResult) -> bytes:
     """The arrays of these rows."""
     stream = io.BytesIO()
     columns = dict(zip(targets.columns, targets.values.T, strict=True))

@@ -97,7 +97,7 @@ def _numbers(path: Path, name: str, column: pa.Array) -> Array:
     return np.asarray(column.cast(pa.float64()).to_numpy(zero_copy_only=False), dtype=np.float64)
 
 
-def encoded(targets: TargetFile, batch: BatchResult) -> bytes:
+def encode(targets: TargetFile, batch: BatchResult) -> bytes:
     """The columns of these rows, as an Arrow stream."""
     import pyarrow as pa
 

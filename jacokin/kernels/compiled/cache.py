@@ -80,12 +80,12 @@ def key() -> str:
     return digest.hexdigest()[:16]
 
 
-def packed(code: bytes, name: str) -> bytes:
+def pack(code: bytes, name: str) -> bytes:
     """The contents of a file: machine code under the name that `key` gave before it was compiled."""
     return FORMAT + f"{name}\n{hashlib.sha256(code).hexdigest()}\n".encode() + code
 
 
-def unpacked(contents: bytes) -> bytes:
+def unpack(contents: bytes) -> bytes:
     """The machine code in the contents of a file, its hash checked.
 
     Raises:
@@ -113,7 +113,7 @@ def read() -> CachedKernels:
             problem = distrust(status, file)
             if problem:
                 return CachedKernels(None, problem)
-            code = unpacked(stream.read())
+            code = unpack(stream.read())
     except (FileNotFoundError, NotADirectoryError):
         return CachedKernels(None)
     except OSError as error:
@@ -150,7 +150,7 @@ def write(code: bytes) -> str:
             return problem
         handle, temporary = tempfile.mkstemp(prefix=_TEMPORARY, dir=file.parent)
         with open(handle, "wb") as stream:  # noqa: PTH123  # the handle is open already
-            stream.write(packed(code, file.stem))
+            stream.write(pack(code, file.stem))
         os.chmod(temporary, 0o644)  # noqa: PTH101  # who may enter the folder may read
         os.replace(temporary, file)  # noqa: PTH105
     except OSError as error:

@@ -1,5 +1,7 @@
 """From the kernels' Python to machine code, by numba. Run as a program, it writes the machine code to stdout.
 
+No other process imports it: numba loads with it.
+
 There is one implementation, the functions of the modules in ``kernels``; here they are compiled for one signature. The
 result is an object file that refers to the C library and nothing else, so that `library` loads it without numba.
 """
@@ -13,11 +15,20 @@ import importlib
 import sys
 import types
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import llvmlite.binding as llvm
+import numba
 import numpy as np
+from llvmlite.binding import ModuleRef, TargetMachine
+from numba import types as nb
+from numba.core.codegen import JITCodeLibrary, JITCPUCodegen
+from numba.core.dispatcher import Dispatcher
+from numba.core.registry import cpu_target
+from numba.extending import intrinsic
 
 from jacokin.kernels.closed_form.pose import COLUMNS, MAX_BRANCHES, make_work
+from jacokin.kernels.compiled import cache
 from jacokin.kernels.compiled.library import (
     HEADER,
     SOLVE_TARGETS,
@@ -29,10 +40,6 @@ from jacokin.kernels.compiled.library import (
 )
 from jacokin.kernels.self_motion.intervals import make_curve_work
 
-if TYPE_CHECKING:
-    from llvmlite.binding import ModuleRef, TargetMachine
-    from numba.core.dispatcher import Dispatcher
-
 
 @contextlib.contextmanager
 def translating_only() -> Iterator[None]:
@@ -40,11 +47,9 @@ def translating_only() -> Iterator[None]:
 
     For a process that compiles nothing else: what it compiles later may lack parts that were compiled meanwhile.
     """
-    from numba.core.codegen import JITCodeLibrary, JITCPUCodegen
-    from numba.core.registry import cpu_target
 
     class Library(JITCodeLibrary):  # type: ignore[misc]  # numba has no types
-        """One function: not linked with those it calls."""
+        """One function: not link with those it calls."""
 
         def finalize(self) -> None:
             self._raise_if_finalized()
@@ -73,10 +78,8 @@ def translating_only() -> Iterator[None]:
         context._internal_codegen = usual
 
 
-def linked(entry: Dispatcher) -> tuple[ModuleRef, str]:
+def link(entry: Dispatcher) -> tuple[ModuleRef, str]:
     """The module of a function's one compiled form with all that it calls, and the function's name there."""
-    import llvmlite.binding as llvm
-
     (compiled,) = entry.overloads.values()
     libraries: list[Any] = []
     _append_after_callees(compiled.library, libraries)
@@ -96,8 +99,6 @@ def _append_after_callees(library: Any, libraries: list[Any]) -> None:
 
 def optimise(module: ModuleRef, machine: TargetMachine) -> None:
     """Run LLVM's third level of optimisation: it keeps every rounding."""
-    import llvmlite.binding as llvm
-
     options = llvm.create_pipeline_tuning_options(speed_level=3)
     options.loop_vectorization = options.slp_vectorization = True
     builder = llvm.create_pass_builder(machine, options)
@@ -166,9 +167,6 @@ _NOTHING_TO_FREE = "define void @NRT_MemInfo_call_dtor(ptr %memory) { ret void }
 
 def compile_kernels() -> bytes:
     """The object file with the one function `library.SYMBOL`."""
-    import numba
-    from numba import types as nb
-
     namespace = one_namespace([importlib.import_module(f"{_PACKAGE}.{name}") for name in KERNEL_MODULES])
     namespace.update(__name__=_PACKAGE, __builtins__=__builtins__)
     # Copies that see each other's compiled forms; the modules themselves stay plain.
@@ -245,8 +243,6 @@ class _Arrays:
 
 def _pointer_intrinsic() -> Any:
     """A function of compiled code: pointer(dtype, address)."""
-    from numba import types as nb
-    from numba.extending import intrinsic
 
     def pointer(typing_context: Any, dtype: Any, address: Any) -> Any:
         signature = nb.CPointer(dtype.dtype)(dtype, nb.intp)
@@ -265,11 +261,9 @@ def _object_file(entry: Dispatcher) -> bytes:
     Raises:
         RuntimeError: it calls what is not there without numba.
     """
-    import llvmlite.binding as llvm
-
     process = ctypes.CDLL(None)  # what a process without numba finds; llvmlite would find numba's functions as well
     machine = target_machine()
-    module, name = linked(entry)
+    module, name = link(entry)
     module.link_in(llvm.parse_assembly(_NOTHING_TO_FREE))
     for function in module.functions:
         if function.name == name:
@@ -286,8 +280,6 @@ def _object_file(entry: Dispatcher) -> bytes:
 
 def main() -> None:
     """Compile, try the result, and write it to stdout as a cache file."""
-    from jacokin.kernels.compiled import cache
-
     name = cache.key()  # of what is imported, not of what may stand in the files when this ends
     gc.disable()  # most objects of a compiler live until it ends: looking for dead ones takes a third of the time
     code = compile_kernels()
@@ -295,7 +287,7 @@ def main() -> None:
     library = KernelLibrary(code)
     KernelCall(library, *empty)()
     CurveCall(library)()
-    sys.stdout.buffer.write(cache.packed(code, name))
+    sys.stdout.buffer.write(cache.pack(code, name))
     sys.stdout.buffer.flush()
 
 

@@ -113,7 +113,7 @@ class KernelCall:
             ValueError: a shape, type or memory layout that the machine code would misread.
         """
         self.T, self.seed, self.rows = T, seed, np.empty((MAX_BRANCHES, COLUMNS))
-        arrays = list(flattened((chain, arm, limits, T, seed, make_work(self.rows), best)))
+        arrays = list(flatten((chain, arm, limits, T, seed, make_work(self.rows), best)))
         if T.shape != (len(T), 4, 4) or seed.shape != (len(T), 6) or not all(map(_is_readable, arrays)):
             raise ValueError("the kernels need C-contiguous arrays of 64-bit numbers, a seed for each target")
         table = np.array([SOLVE_TARGETS, len(T), len(best), *(array.ctypes.data for array in arrays)], dtype=np.int64)
@@ -145,7 +145,7 @@ class CurveCall:
         """Make the arrays; without machine code the plain form runs."""
         self.work, self.library = make_curve_work(), library
         self._function = None if library is None else library.function
-        arrays = list(flattened(self.work))
+        arrays = list(flatten(self.work))
         table = np.array([RUN_CURVES, 0, 0, *(array.ctypes.data for array in arrays)], dtype=np.int64)
         self._returned = np.zeros(2, np.int64)
         self._alive = (library, arrays, table)
@@ -161,11 +161,11 @@ class CurveCall:
         return int(self._returned[0])
 
 
-def flattened(value: object) -> Iterator[NDArray[np.generic]]:
+def flatten(value: object) -> Iterator[NDArray[np.generic]]:
     """The arrays in nested tuples, in order."""
     if isinstance(value, tuple):
         for member in value:
-            yield from flattened(member)
+            yield from flatten(member)
     elif isinstance(value, np.ndarray):
         yield value
 

@@ -244,7 +244,7 @@ class CompileJob(threading.Thread):
         if done.returncode != 0:
             lines = done.stderr.decode(errors="replace").strip().splitlines()
             raise RuntimeError(lines[-1] if lines else f"the compiler ended with code {done.returncode}")
-        return cache.unpacked(done.stdout[done.stdout.find(cache.FORMAT) :])
+        return cache.unpack(done.stdout[done.stdout.find(cache.FORMAT) :])
 
 
 def _is_kept(variable: str) -> bool:

@@ -15,7 +15,7 @@ SEARCH_PATH = "ROS_PACKAGE_PATH"
 STL_HEADER, STL_FACE = 84, 50  # bytes of a binary file
 
 
-def embedded(robot: ET.Element, path: Path, package_dirs: Sequence[Path]) -> dict[str, bytes]:
+def embed(robot: ET.Element, path: Path, package_dirs: Sequence[Path]) -> dict[str, bytes]:
     """Replace the file names of all meshes by unique ones without folders, and return the contents by these names.
 
     Args:

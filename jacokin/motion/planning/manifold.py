@@ -95,7 +95,7 @@ class Manifold:
         Coordinates that would pass a limit stay on it.
         """
         goal = self.goal(u)
-        found, worst = self.chain.closed(x, goal)
+        found, worst = self.chain.close(x, goal)
         lower, upper = self.window_near(u, found)
         within = np.clip(found, lower, upper)
         beyond = np.abs(within - found)
@@ -103,7 +103,7 @@ class Manifold:
             rows = np.flatnonzero(((beyond > self._snap).any(axis=1)) & (beyond.max(axis=1) < 0.1))
             if rows.size:
                 held = beyond[rows] > 0.0
-                found[rows], worst[rows] = self.chain.closed(within[rows], goal.some(rows), held)
+                found[rows], worst[rows] = self.chain.close(within[rows], goal.some(rows), held)
                 within[rows] = np.clip(found[rows], lower[rows], upper[rows])
                 beyond = np.abs(within - found)
         good = (worst <= CLOSURE) & (beyond.max(axis=1) <= self._snap)
@@ -115,7 +115,7 @@ class Manifold:
 
     def tangents(self, u: Array, x: Array) -> Array:
         """Unit vectors (n, width) along the curves of configurations at points."""
-        _, jacobian = self.chain.linearised(x, self.goal(u))
+        _, jacobian = self.chain.linearise(x, self.goal(u))
         return np.asarray(np.linalg.svd(jacobian)[2][:, -1])
 
     def window_near(self, u: Array, x: Array) -> tuple[Array, Array]:

@@ -192,7 +192,7 @@ class TaskFactory:
             return [self._task(target)]
         if isinstance(target, list | tuple) and any(isinstance(one, TrackingTarget) for one in target):
             return [self._task(one) for one in target]
-        checked = targets.checked(target)  # refuses what is neither a pose nor a position
+        checked = targets.checked_target(target)  # refuses what is neither a pose nor a position
         if checked.position_only:
             return [self._task(PositionTarget(checked.position))]
         self._pose.set(pin.SE3(checked.rotation, checked.position))

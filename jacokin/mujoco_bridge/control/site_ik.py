@@ -258,7 +258,7 @@ class SiteSolver:
             yield q[index]
 
     def _by_qp(self, starts: Iterator[Array]) -> Iterator[Array]:
-        target = targets.checked(self._T)
+        target = targets.checked_target(self._T)
         for start in starts:
             q = self._qp.reach(target, start)
             if q is not None:

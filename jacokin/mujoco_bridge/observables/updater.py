@@ -1,4 +1,4 @@
-"""Observations at control rate.
+"""`Updater`: observations at control rate, each with its update interval, delay, buffer and aggregator.
 
 A control step is a fixed number of physics steps. Each enabled observable is read every ``update_interval`` physics
 steps; a reading passes through the corruptor, arrives ``delay`` physics steps later, and replaces the oldest of

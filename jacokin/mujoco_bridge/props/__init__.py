@@ -1,4 +1,9 @@
-"""Things to handle, and what to put them on. Read `primitive` first; all sizes are in `sizes.toml`."""
+"""Things to handle, and what to put them on. Read `primitive` first; all sizes are in `sizes.toml`.
+
+primitive   boxes, spheres, cylinders
+brick       bricks that click together
+pedestal    a pillar, and a cradle on its top
+"""
 
 from jacokin import lazy
 

@@ -1,1 +1,7 @@
-"""Scripted policies that solve tasks. Read `expert` first, then `driver`."""
+"""Scripted policies that solve tasks. Read `expert` first, then `driver`.
+
+expert         `expert(name)`, and the scripts that reach and lift
+place, stack   the scripts that place and stack
+driver         the arm as a script sees it, and its motions
+grasps         where the hand takes a brick
+"""

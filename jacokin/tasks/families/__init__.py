@@ -1,1 +1,7 @@
-"""One module a family of tasks. Read `reach` first."""
+"""The tasks, in modules by what is to be done. Read `reach` first.
+
+reach    the hand is to be at a place
+lift     a prop is to be lifted
+place    a brick is to be put on a pedestal
+bricks   bricks are to be stacked or taken apart and stacked anew
+"""

@@ -1,4 +1,11 @@
-"""The tasks as environments of Gymnasium. Read `environment` first, then `controls`."""
+"""The tasks as environments of Gymnasium. Read `environment` first, then `controls`.
+
+environment    one environment; `vector` has many in one process
+controls       what actions mean
+packing        options, and the observations that follow from them
+registration   the ids
+window         the window of `render_mode="human"`
+"""
 
 import importlib.util
 

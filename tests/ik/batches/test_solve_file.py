@@ -246,7 +246,7 @@ def test_a_full_disk_keeps_what_is_finished(
         write_chunk(path, content)
 
     monkeypatch.setattr(folder, "write", full)
-    with pytest.raises(JacokinError, match="No space left on device; the chunks that are finished are kept"):
+    with pytest.raises(JacokinError, match="No space left on device; finished chunks are kept"):
         solve_file(solver, source, out, workers=1)
     assert out.read_text() == "old"
     monkeypatch.undo()

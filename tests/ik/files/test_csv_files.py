@@ -182,7 +182,7 @@ def test_answers_read_back_to_the_same_bits(values: np.ndarray, q: np.ndarray, m
     )
     with tempfile.TemporaryDirectory() as folder:
         piece, whole = Path(folder) / "piece", Path(folder) / "whole"
-        piece.write_bytes(b"before" + csv_files.encoded(targets, batch))
+        piece.write_bytes(b"before" + csv_files.encode(targets, batch))
         csv_files.write_joined(whole, [(piece, len("before"))], [*targets.columns, "q1", "q2"])
         with whole.open(newline="", encoding="utf-8") as file:
             rows = list(csv.DictReader(file))

@@ -190,10 +190,10 @@ def test_the_name_depends_on_contents_only(monkeypatch: pytest.MonkeyPatch, tmp_
 
 
 def test_code_of_files_that_changed_while_it_was_compiled_is_not_kept_under_their_new_name() -> None:
-    before = cache.packed(b"code of what was imported", "0" * 16)
+    before = cache.pack(b"code of what was imported", "0" * 16)
     with pytest.raises(ValueError, match="damaged or incomplete"):
-        cache.unpacked(before)
-    assert cache.unpacked(cache.packed(b"code", cache.key())) == b"code"
+        cache.unpack(before)
+    assert cache.unpack(cache.pack(b"code", cache.key())) == b"code"
 
 
 def test_the_name_depends_on_the_processor(monkeypatch: pytest.MonkeyPatch) -> None:

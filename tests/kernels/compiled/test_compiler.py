@@ -13,7 +13,7 @@ from jacokin.ik.closed_form import run_python
 from jacokin.kernels.closed_form.batch import BATCH_COLUMNS
 from jacokin.kernels.closed_form.pose import COLUMNS, MAX_BRANCHES
 from jacokin.kernels.compiled import compiler
-from jacokin.kernels.compiled.compiler import linked, translating_only
+from jacokin.kernels.compiled.compiler import link, translating_only
 from jacokin.kernels.compiled.library import NO_BATCH, KernelCall, KernelLibrary
 from jacokin.kernels.compiled.loading import KERNELS
 from tests.kernels.closed_form.tools import closed_form, target
@@ -95,6 +95,6 @@ def test_numba_works_as_before_once_functions_were_only_translated() -> None:
         inner = numba.njit(lambda x: x + 1)
         outer = numba.njit(lambda x: 2 * inner(x))
         outer.compile((numba.types.intp,))
-        module, name = linked(outer)
+        module, name = link(outer)
     assert {function.name for function in module.functions if not function.is_declaration} > {name}
     assert numba.njit(lambda x: 3 * x)(2) == 6

@@ -28,7 +28,7 @@ def compiled(tmp_path_factory: pytest.TempPathFactory) -> Path:
     code = cache.read().code
     assert code is not None, "the cache of whoever runs the tests must be usable"
     file = tmp_path_factory.mktemp("compiled") / "kernels"
-    file.write_bytes(cache.packed(code, cache.key()))
+    file.write_bytes(cache.pack(code, cache.key()))
     return file
 
 
@@ -141,7 +141,7 @@ def test_what_cannot_be_kept_works_in_this_process(
 def test_what_another_process_compiled_meanwhile_is_used(runs: Path, compiled: Path) -> None:
     kernels = Kernels()
     kernels.prepare()
-    assert cache.write(cache.unpacked(compiled.read_bytes())) == ""
+    assert cache.write(cache.unpack(compiled.read_bytes())) == ""
     assert kernels.for_poses(WAIT_FOR) is not None
     assert how_often(runs) == 0
 

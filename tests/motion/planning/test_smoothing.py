@@ -38,7 +38,7 @@ def rough(robot: Robot, manifold: Manifold) -> tuple[Array, Array]:
         x.append(found[0])
     turned = np.array(x)
     turned[1:-1, -1] += 0.15 * (-1.0) ** np.arange(KNOTS - 2)
-    found, worst = manifold.chain.closed(turned, manifold.goal(u), np.tile([False] * 6 + [True], (KNOTS, 1)))
+    found, worst = manifold.chain.close(turned, manifold.goal(u), np.tile([False] * 6 + [True], (KNOTS, 1)))
     assert worst.max() < 1e-9
     return u, found
 

@@ -30,7 +30,7 @@ def policy(name: str, spec: Any) -> Callable[[Any], Array]:
 
 
 def compare(name: str, steps: int) -> list[float]:
-    """Step the reference, and take over each of its states; returns the rewards."""
+    """Step the reference, and put ours in each of its states; returns the rewards."""
     reference, ours = load_reference(name, seed=5), jacokin.tasks.load(name, seed=0)
     ours.reset()
     act = policy(name, reference.action_spec())
