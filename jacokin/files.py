@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import secrets
 import shutil
+import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -49,6 +50,18 @@ def replacing(path: Path) -> Iterator[Path]:
 def is_device(path: Path) -> bool:
     """Whether something is there that is neither a file nor a folder, such as /dev/stdout or a pipe."""
     return path.exists() and not path.is_file() and not path.is_dir()
+
+
+def check_end(path: Path) -> None:
+    """Check that what is read has an end: a file, a pipe, a terminal.
+
+    Raises:
+        InvalidInputError: it is another device, such as /dev/zero, which has no end.
+    """
+    if path.exists() and stat.S_ISCHR(path.stat().st_mode):
+        with path.open("rb") as device:
+            if not device.isatty():
+                raise InvalidInputError(f"{path}: is a device: give a file or a pipe")
 
 
 def writable(path: Path) -> Path:

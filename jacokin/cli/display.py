@@ -15,18 +15,28 @@ from enum import Enum
 import click
 
 from jacokin import model
+from jacokin.cli import process
 from jacokin.cli.units import Units
 
 PIPE_WIDTH = 160  # columns of what is not shown in a terminal, so that little is broken
 GAP = 3  # columns between columns
 NARROWEST = 16  # columns that text is broken into at least
-PERIOD = 0.1  # [s] between two lines of a progress bar
+PERIOD = 0.1  # [s] between two states of a progress bar
+LINE_PERIOD = 10.0  # [s] between two lines where there is no terminal
 CLEAR = "\r\x1b[K"  # back to the start of the line, and erase it
 
 
 def say(text: str) -> None:
     """Print a text, its control characters escaped."""
-    click.echo(printable(text))
+    echo(printable(text))
+
+
+def echo(text: str) -> None:
+    """Print a text. Who reads it may have closed the pipe, as `head` does: the command goes on without it."""
+    try:
+        click.echo(text)
+    except BrokenPipeError:
+        process.drop_output()
 
 
 def printable(text: str) -> str:
@@ -100,7 +110,7 @@ def small(value: float, unit: str) -> str:
 
 def print_json(document: Mapping[str, object]) -> None:
     """Print one JSON document; floats as the shortest text that reads back the same, infinite ones as null."""
-    click.echo(json.dumps(plain(document), indent=2, allow_nan=False))
+    echo(json.dumps(plain(document), indent=2, allow_nan=False))
 
 
 def head(robot: model.Robot, units: Units, frame: str | None = None) -> dict[str, object]:
@@ -130,30 +140,39 @@ def plain(value: object) -> object:
 
 
 @contextlib.contextmanager
-def progress_bar(title: str) -> Iterator[Callable[[int, int], None]]:
-    """Show progress on a terminal, through a function that takes the counts done and in all."""
-    if not sys.stderr.isatty():
-        yield lambda done, total: None
-        return
-    shown = 0.0
+def progress_bar(title: str) -> Iterator[Callable[[int, int | None], None]]:
+    """Show progress on stderr, through a function that takes the counts done and in all, None where that is unknown.
+
+    A terminal gets one line that changes; a file or a pipe gets a line now and then.
+    """
+    on_terminal = sys.stderr.isatty()
+    before, after, period = (CLEAR, "", PERIOD) if on_terminal else ("jacokin: ", "\n", LINE_PERIOD)
+    shown = 0.0 if on_terminal else time.monotonic()
     first: tuple[float, int] | None = None  # when, and what had been done
 
-    def show(done: int, total: int) -> None:
+    def show(done: int, total: int | None) -> None:
         nonlocal shown, first
         now = time.monotonic()
         first = first or (now, done)
-        if now - shown > PERIOD:
+        if now - shown > period:
             shown = now
+            text = f"{title} {done}"
+            if total is not None:
+                text += f" of {total} ({100.0 * done / max(total, 1):.0f} %)"
             rate = (done - first[1]) / max(now - first[0], PERIOD)
-            left = f", {rate:.0f}/s, {format_duration((total - done) / rate)} left" if rate > 0.0 else ""
-            sys.stderr.write(f"{CLEAR}{title} {done} of {total} ({100.0 * done / max(total, 1):.0f} %){left}")
+            if rate > 0.0:
+                text += f", {rate:.0f}/s"
+                if total is not None:
+                    text += f", {format_duration((total - done) / rate)} left"
+            sys.stderr.write(f"{before}{text}{after}")
             sys.stderr.flush()
 
     try:
         yield show
     finally:
-        sys.stderr.write(CLEAR)
-        sys.stderr.flush()
+        if on_terminal:
+            sys.stderr.write(CLEAR)
+            sys.stderr.flush()
 
 
 def format_duration(seconds: float) -> str:

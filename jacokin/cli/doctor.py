@@ -130,7 +130,7 @@ def warmup() -> None:
     seconds = loading.warmup()
     if loading.is_disabled():
         raise SystemExit(NOT_SOLVED)
-    click.echo(f"the closed form is ready ({seconds:.1f} s)")
+    display.echo(f"the closed form is ready ({seconds:.1f} s)")
 
 
 @dataclass(frozen=True, slots=True)

@@ -103,7 +103,17 @@ target_options = option_group(
 @click.option(
     "--output", type=options.FILE, metavar="FILE", help="Write the answers to --targets to this .csv, .npz or .parquet."
 )
-@click.option("--resume", is_flag=True, help="Continue a run with --targets that did not end.")
+@click.option(
+    "--resume/--no-resume",
+    default=None,
+    help="Continue a run with --targets and --output that did not end, as happens if not given; or start again.",
+)
+@click.option(
+    "--closest/--no-closest",
+    default=None,
+    help="Look for the closest configuration where a pose is not reached, which takes long; "
+    "if not given, for one pose and not for files.",
+)
 @options.workers
 @options.dask
 @options.frame
@@ -126,7 +136,8 @@ def ik(
     every: bool,
     targets: Path | None,
     output: Path | None,
-    resume: bool,
+    resume: bool | None,
+    closest: bool | None,
     workers: int,
     dask: str | None,
     frame: str | None,
@@ -158,17 +169,20 @@ def ik(
       jacokin ik --position 0.3 -0.2 0.3 --approach 1 0 0       from the side, roll free
       jacokin ik --position 0.3 -0.2 0.3 --down --free-axis y --free-range -0.5 0.5 --prefer margin
       jacokin ik --targets targets.csv --output joints.csv      a file of poses
-      jacokin ik --targets poses.parquet --output joints.parquet --workers 8 --resume
+      jacokin ik --targets poses.parquet --output joints.parquet --workers 8
     """
     from jacokin.cli.ik_answers import show_branches, show_family, show_result
 
     if targets is None:
         check_one_pose(wanted, every, prefer, output)
+        if every and closest is not None:
+            raise InvalidInputError("--closest and --no-closest do not go with --all, which shows every branch")
     else:
         others = {"--all": every, "--random-seed": random_seed is not None, "--prefer": prefer is not None}
         check_file(wanted, {**others, "--degrees": units.degrees})
-    if output is None and (resume or dask is not None):
-        raise InvalidInputError(f"{'--resume' if resume else '--dask'} goes with --targets and --output")
+    if output is None and (resume is not None or dask is not None):
+        option = "--dask" if resume is None else "--resume" if resume else "--no-resume"
+        raise InvalidInputError(f"{option} goes with --targets and --output")
     keep_apart(
         {"--output": output}, {"--targets": targets, "--robot": source.robot, "--scene": scene}, source.package_dirs
     )
@@ -193,7 +207,17 @@ def ik(
     if targets is not None:
         from jacokin.cli import ik_batch
 
-        solved = ik_batch.run(solver, targets, output, start, resume=resume, workers=workers, dask=dask, as_json=json)
+        solved = ik_batch.run(
+            solver,
+            targets,
+            output,
+            start,
+            resume=resume is not False,
+            closest=bool(closest),
+            workers=workers,
+            dask=dask,
+            as_json=json,
+        )
     elif every:
         found = solver.solve_all(wanted.build(units), start)
         if isinstance(found, jacokin.ik.Family):
@@ -204,8 +228,9 @@ def ik(
         import numpy as np
 
         rng = None if random_seed is None else np.random.default_rng(random_seed)
-        result = solver.solve(wanted.build(units), start, rng, prefer=prefer or "nearest")
-        solved = show_result(solver, result, units, as_json=json)
+        looks = closest is not False
+        result = solver.solve(wanted.build(units), start, rng, prefer=prefer or "nearest", closest=looks)
+        solved = show_result(solver, result, units, closest=looks, as_json=json)
     if not solved:
         raise SystemExit(NOT_SOLVED)
 

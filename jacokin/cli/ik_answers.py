@@ -9,7 +9,7 @@ from jacokin.cli import display
 from jacokin.cli.units import Units
 
 
-def show_result(solver: ik.IKSolver, result: ik.IKResult, units: Units, *, as_json: bool) -> bool:
+def show_result(solver: ik.IKSolver, result: ik.IKResult, units: Units, *, closest: bool, as_json: bool) -> bool:
     """Print one answer; returns whether the pose is reached."""
     robot = solver.robot
     joints = units.for_joints(robot)
@@ -43,7 +43,7 @@ def show_result(solver: ik.IKSolver, result: ik.IKResult, units: Units, *, as_js
         ran += f" ({result.qp_solver}, {result.iterations} iterations, {result.restarts} restarts)"
     title = f"{robot.name}: {solver.frame} reaches the target"
     if not result.success:
-        title = "the closest configuration within the limits"
+        title = "the closest configuration within the limits" if closest else "where the search began or ended"
         display.say(f"{result.status.name}: {result.message}.\n{result.status.value}.")
     display.show_table(title, columns, rows)
     lines = [

@@ -7,6 +7,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+import click
 import numpy as np
 
 from jacokin import ik
@@ -14,9 +15,8 @@ from jacokin.chunks.execution import dask_executor
 from jacokin.cli import display
 from jacokin.cli.display import progress_bar
 from jacokin.cli.units import Units, warn_of_degrees
-from jacokin.errors import InvalidInputError
 from jacokin.ik.batches.chunk import EMPTY, count_rows, solve_rows
-from jacokin.ik.batches.solve_file import solve_file, unfinished
+from jacokin.ik.batches.solve_file import solve_file
 from jacokin.ik.files.formats import targets_format
 from jacokin.ik.files.targets import RPY
 
@@ -31,6 +31,7 @@ def run(
     seed: list[float] | None,
     *,
     resume: bool,
+    closest: bool,
     workers: int,
     dask: str | None,
     as_json: bool,
@@ -47,14 +48,10 @@ def run(
             widest = float(np.nanmax(np.abs(first.values[:, 3:]), initial=0.0))
             warn_of_degrees(f"{targets}: roll, pitch, yaw", [widest], Units(degrees=False))
     if out is None:
-        summary = _solve_for_display(solver, targets, seed, workers, results if as_json else None)
+        if not as_json:
+            click.echo("jacokin: note: the answers are counted, not saved: --output FILE keeps them", err=True)
+        summary = _solve_for_display(solver, targets, seed, workers, results if as_json else None, closest=closest)
     else:
-        left = unfinished(out)
-        if left is not None and not resume:
-            raise InvalidInputError(
-                f"{left} holds an unfinished run that was to write {out}: --resume continues it, "
-                f"or remove that folder to start again"
-            )
         cluster = contextlib.nullcontext() if dask is None else dask_executor(dask)
         with progress_bar("solving") as show, cluster as executor:
             summary = solve_file(
@@ -62,14 +59,16 @@ def run(
                 targets,
                 out,
                 executor,
+                resume,
                 seed=seed,
+                closest=closest,
                 workers=workers if executor is None else None,
                 progress=lambda so_far: show(so_far.done, so_far.total),
             )
     if as_json:
         display.print_json(_document(solver, summary, results))
     else:
-        _show(summary)
+        _show(summary, closest=closest)
     return summary.solved == summary.targets
 
 
@@ -79,16 +78,20 @@ def _solve_for_display(
     seed: list[float] | None,
     workers: int,
     results: list[dict[str, object]] | None,
+    *,
+    closest: bool,
 ) -> ik.FileSummary:
     """Solve without a file of answers; keep the rows in `results` if they are wanted."""
     started = time.perf_counter()
     tally = EMPTY
     start = None if seed is None else np.array(seed)
-    for block in targets_format(targets).blocks(targets, ROWS):
-        batch = solve_rows(solver, block, start, workers=workers)
-        tally += count_rows(block, batch)
-        if results is not None:
-            results += _documents(block, batch)
+    with progress_bar("solving") as show:
+        for block in targets_format(targets).blocks(targets, ROWS):
+            batch = solve_rows(solver, block, start, closest=closest, workers=workers)
+            tally += count_rows(block, batch)
+            if results is not None:
+                results += _documents(block, batch)
+            show(tally.count, None)
     seconds = time.perf_counter() - started
     return ik.FileSummary(tally.count, dict(tally.statuses), *tally.worst, tally.failures, 0, seconds, None)
 
@@ -127,7 +130,7 @@ def _document(solver: ik.IKSolver, found: ik.FileSummary, results: list[dict[str
     return summary
 
 
-def _show(found: ik.FileSummary) -> None:
+def _show(found: ik.FileSummary, *, closest: bool) -> None:
     lines = [
         ("solved", f"{found.solved} of {found.targets} ({100.0 * found.solved / found.targets:.1f} %)"),
         ("time", f"{found.seconds:.3f} s, {(found.targets - found.resumed) / found.seconds:.0f} poses/s"),
@@ -141,6 +144,8 @@ def _show(found: ik.FileSummary) -> None:
     lines += [
         (status.name, f"{count}: {status.value}") for status, count in found.statuses.items() if status.name != "OK"
     ]
+    if found.solved < found.targets and not closest:
+        lines.append(("not reached", "no closest configuration was looked for: --closest does, and takes long"))
     if found.resumed:
         lines.append(("solved before", f"{found.resumed}, in a run that did not end"))
     if found.output is not None:

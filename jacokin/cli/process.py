@@ -77,13 +77,15 @@ def _leave(number: int, frame: FrameType | None) -> None:
 
 
 def flush() -> None:
-    """Write out what is still to be printed.
+    """Write out what is still to be printed, unless who reads it has closed the pipe.
 
     Raises:
         OSError: it cannot be written; what remains is dropped, so that Python does not try again when it ends.
     """
     try:
         sys.stdout.flush()
+    except BrokenPipeError:
+        drop_output()
     except OSError:
         drop_output()
         raise

@@ -17,6 +17,7 @@ from jacokin.cli import display, options
 from jacokin.cli.command import Argument, Command
 from jacokin.cli.display import progress_bar
 from jacokin.cli.options import RobotOptions, Vector3, Vector4
+from jacokin.cli.outputs import keep_apart
 from jacokin.cli.process import NOT_SOLVED
 from jacokin.errors import InvalidInputError, UnknownNameError
 from jacokin.model import NAMES
@@ -24,7 +25,10 @@ from jacokin.model import NAMES
 if TYPE_CHECKING:
     import pinocchio as pin
 
+    from jacokin.arrays import Array
 
+
+MISSED = 20  # targets of which is said why they are missed; --json has them all
 SEVEN = 7  # joints of an arm whose poses have families
 MAP = "A map, or the bundled one of a robot."
 MAP_ROBOT = "The robot of the map, where it is not a bundled one as it is."
@@ -155,7 +159,7 @@ def query(
     scene: Path | None,
     source: RobotOptions,
 ) -> None:
-    """Say how many orientations are reached at a position, and which pose near a given one is.
+    """Say how many orientations are reached at a position, whether a pose is, and which one near it.
 
     A map of tools that may turn needs the robot, limits and scene that it was built with, where they were your own.
 
@@ -168,7 +172,11 @@ def query(
     document: dict[str, object] = {"dexterity": dexterity}
     lines = [("orientations reached", f"{dexterity:.1%}")]
     if quat_wxyz is not None or down:
-        nearest = reach.nearest_reachable(model.pose(position, quat_wxyz, down=down))
+        wanted = model.pose(position, quat_wxyz, down=down)
+        nearest = reach.nearest_reachable(wanted)
+        is_reached, how = _is_reached(reach, wanted)
+        document |= {"reached": is_reached, "reached_by": how}
+        lines.append(("the pose asked for", f"{'is' if is_reached else 'is not'} reached, by the {how}"))
         quat = model.quat_wxyz(nearest.rotation)
         document |= {"nearest_position": nearest.translation, "nearest_quat_wxyz": quat}
         lines.append(("nearest position x y z [m]", display.numbers(nearest.translation)))
@@ -177,6 +185,15 @@ def query(
         display.print_json(document)
     else:
         display.show_facts(lines)
+
+
+def _is_reached(reach: reachability.ReachabilityMap, wanted: pin.SE3) -> tuple[bool, str]:
+    """Whether a pose is reached, and what says so: the map where it was loaded without its robot or scene."""
+    try:
+        solver = reach.solver
+    except InvalidInputError:
+        return bool(reach.reached(wanted.homogeneous[None])[0]), "nearest sample of the map"
+    return solver.solve(wanted, closest=False).success, "solver"
 
 
 @map.command(cls=Command, no_args_is_help=True)
@@ -188,42 +205,89 @@ def query(
     metavar="FILE",
     help="A picture (.png, .svg, .pdf), one that turns (.apng, .gif), or an .html page to turn it.",
 )
-def show(folder: str, output: Path) -> None:
-    """Draw a map: slices and a view in space.
+@options.scene
+@options.robot(None, MAP_ROBOT)
+def show(folder: str, output: Path, scene: Path | None, source: RobotOptions) -> None:
+    """Draw a map: slices and a view in space, with the arm and obstacles around it.
 
     Examples:
       jacokin map show j2n6s300
       jacokin map show out/jaco --output out/jaco.html
       jacokin map show out/jaco --output out/jaco.apng
+      jacokin map show out/level --scene table.yaml --output out/level.html
     """
-    load_map(folder).plot(output)
+    keep_apart({"--output": output}, {"--scene": scene, "--robot": source.robot}, source.package_dirs)
+    reach = load_map(folder, source)
+    if reach.recipe["scene"] is not None and scene is not None:
+        reach = load_map(folder, source, scene)  # checks that it is the same
+    reach.plot(output, scene=options.load_scene(scene))
     display.say(f"written to {output}")
 
 
 @click.command(cls=Command, no_args_is_help=True)
 @click.option("--targets", type=options.FILE, required=True, metavar="FILE.csv", help="Poses of the tool in the world.")
 @click.option("--map", "folder", default=model.DEFAULT_ROBOT, metavar="FOLDER|NAME", help=MAP)
+@click.option("--x", type=(float, float), metavar="LOW HIGH", help="From and to where the base may stand [m].")
+@click.option("--y", type=(float, float), metavar="LOW HIGH", help="As --x.")
 @click.option("--height", type=float, metavar="Z", help="Height that the base stands at [m]; any if not given.")
+@click.option(
+    "--scene",
+    type=options.FILE,
+    metavar="FILE.yaml",
+    help="Obstacles in the world, .yaml or .json, which neither the arm nor its base may touch.",
+)
+@click.option(
+    "--map-scene", type=options.FILE, metavar="FILE.yaml", help="The scene that the map was built with; on the base."
+)
+@click.option(
+    "--plot", type=options.FILE, metavar="FILE", help="Draw the best place from above and the side (.png, .svg, .pdf)."
+)
 @options.json
-@options.scene
 @options.robot(None, MAP_ROBOT)
 def place(
-    targets: Path, folder: str, height: float | None, json: bool, scene: Path | None, source: RobotOptions
+    targets: Path,
+    folder: str,
+    x: tuple[float, float] | None,
+    y: tuple[float, float] | None,
+    height: float | None,
+    scene: Path | None,
+    map_scene: Path | None,
+    plot: Path | None,
+    json: bool,
+    source: RobotOptions,
 ) -> None:
     """Find places for the base of the arm from which it reaches as many targets as possible.
 
-    A map that was built with a scene, a robot or limits of your own needs the same again.
-    Exit code: 0 if the best place reaches all of them, 1 if not.
+    Targets and obstacles stand in the world. A map that was built with a robot, limits or a scene of your own needs
+    the same again. Exit code: 0 if the best place reaches all of them, 1 if not.
 
     Examples:
       jacokin place --targets examples/targets.csv
-      jacokin place --targets examples/targets.csv --map out/jaco --height 0.75
-      jacokin place --targets examples/targets.csv --map out/mine --robot my_arm.urdf --scene table.yaml
+      jacokin place --targets examples/targets.csv --scene bench.yaml --x 0 0.4 --y -1 1 --height 0.75 --plot place.png
+      jacokin place --targets examples/targets.csv --map out/mine --robot my_arm.urdf --map-scene column.yaml
     """
-    wanted = ik.read_targets(targets).targets
-    found = reachability.place_base(
-        load_map(folder, source, scene), wanted, heights=None if height is None else [height]
+    keep_apart(
+        {"--plot": plot},
+        {"--targets": targets, "--scene": scene, "--map-scene": map_scene, "--robot": source.robot},
+        source.package_dirs,
     )
+    rows_of_file = ik.read_targets(targets)
+    wanted = rows_of_file.targets
+    reach, obstacles = load_map(folder, source, map_scene), options.load_scene(scene)
+    found = reachability.place_base(
+        reach, wanted, scene=obstacles, x=x, y=y, heights=None if height is None else [height]
+    )
+    if not found:
+        raise InvalidInputError("the base stands inside an obstacle wherever it may stand")
+    failed = [
+        (int(rows_of_file.lines[row]), _why_missed(reach, found[0], row, wanted[row]))
+        for row, is_reached in enumerate(found[0].success)
+        if not is_reached
+    ]
+    if plot is not None:
+        from jacokin.reachability.placement_picture import draw_placement
+
+        draw_placement(plot, found[0], wanted, reach.robot, obstacles)
     if json:
         places = [
             {
@@ -234,7 +298,8 @@ def place(
             }
             for each in found
         ]
-        display.print_json({"targets": len(wanted), "places": places})
+        missed = [{"line": line, "why": why} for line, why in failed]
+        display.print_json({"targets": len(wanted), "places": places, "missed": missed})
     else:
         rows = [
             (
@@ -246,8 +311,26 @@ def place(
         ]
         columns = ("x [m]", "y [m]", "z [m]", "yaw [rad]", "reached", "margin [rad]")
         display.show_table("Places for the base", columns, rows)
-    if not found or found[0].reached < len(wanted):
+        if failed:
+            shown = failed[:MISSED]
+            more = f", the first {len(shown)} of {len(failed)}" if len(failed) > len(shown) else ""
+            display.show_table(
+                f"Not reached from the first place{more}",
+                ("line", "why"),
+                [(str(line), why) for line, why in shown],
+                text=2,
+            )
+        if plot is not None:
+            display.say(f"written to {plot}")
+    if failed:
         raise SystemExit(NOT_SOLVED)
+
+
+def _why_missed(reach: reachability.ReachabilityMap, place: reachability.BasePlacement, row: int, target: Array) -> str:
+    """Why a place does not reach a target."""
+    if place.touching[row]:
+        return "only in contact with the scene or of the arm with itself"
+    return reach.solver.solve(place.pose.inverse().homogeneous @ target, closest=False).status.name
 
 
 def _yaw(T_world_base: pin.SE3) -> float:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import click
 
 from jacokin import files
-from jacokin.cli import options
+from jacokin.cli import display, options
 from jacokin.cli.command import Argument, Command
 from jacokin.cli.process import NOT_SOLVED
 from jacokin.errors import InvalidInputError, MissingExtraError
@@ -78,10 +78,10 @@ def task(name: str, expert: bool, episodes: int, seed: int, record: Path | None,
             solved += success
             returns.append(total)
             is_solved = "solved" if success else "not solved"
-            click.echo(f"episode {episode + 1} of {episodes}: return {total:.1f}, {is_solved}")
-        click.echo(f"{solved} of {episodes} solved, mean return {sum(returns) / episodes:.1f}")
+            display.echo(f"episode {episode + 1} of {episodes}: return {total:.1f}, {is_solved}")
+        display.echo(f"{solved} of {episodes} solved, mean return {sum(returns) / episodes:.1f}")
     if record is not None:
-        click.echo(f"wrote {record}")
+        display.echo(f"wrote {record}")
     if expert and solved < episodes:
         raise SystemExit(NOT_SOLVED)
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from jacokin import viewer
-from jacokin.cli import options
+from jacokin.cli import display, options
 from jacokin.cli.command import Command, NumberList
 from jacokin.cli.reachability import load_map
 from jacokin.cli.units import Units
@@ -118,7 +118,7 @@ def view(
     )
     with shown:
         try:
-            click.echo(f"{shown.url} shows {arm.name}; Ctrl-C ends it")
+            display.echo(f"{shown.url} shows {arm.name}; Ctrl-C ends it")
             shown.wait()
         except KeyboardInterrupt:
             click.echo("closed", err=True)

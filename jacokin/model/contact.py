@@ -7,15 +7,19 @@ from collections.abc import Sequence
 
 import mujoco
 import numpy as np
+import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
 from jacokin.errors import ModelError
 from jacokin.model.mujoco_twin import to_spec
 from jacokin.model.obstacles import Obstacle, add_pairs, add_to_spec, collision_pairs
+from jacokin.model.poses import quaternion
 from jacokin.model.robot import Robot, checked_robot
 
 FARTHEST = 1e3  # [m] distances beyond are not looked for
+STANDING = 0.005  # [m] a base may be this deep in what it stands on or is screwed to
+WORLD_BODY = "jacokin_world"
 
 
 class _Shapes:
@@ -26,13 +30,16 @@ class _Shapes:
         self.model = model
         self._local = threading.local()
 
-    def at(self, q: Array) -> mujoco.MjData:
-        """The shapes in the places that they have at `q` (dof,) [rad]."""
+    def at(self, q: Array, T_base_world: pin.SE3 | None = None) -> mujoco.MjData:
+        """The shapes in the places that they have at `q` (dof,) [rad], those in the world where it is."""
         try:
             data = self._local.data
         except AttributeError:
             data = self._local.data = mujoco.MjData(self.model)
         data.qpos[:] = q
+        if T_base_world is not None:
+            data.mocap_pos[0] = T_base_world.translation
+            data.mocap_quat[0] = quaternion(T_base_world.rotation)
         mujoco.mj_kinematics(self.model, data)
         return data
 
@@ -129,6 +136,47 @@ def compiled_pairs(
     add_to_spec(spec, obstacles)
     model = spec.compile()
     return model, collision_pairs(model, obstacles, self_collision=self_collision)
+
+
+class ContactInWorld:
+    """Contact of an arm, its base included, whose base may stand anywhere in a scene; may be shared between threads."""
+
+    def __init__(self, robot: Robot, obstacles: Sequence[Obstacle], *, finger_angle: float | None = None) -> None:
+        """Build the shapes in MuJoCo; arguments and errors as of `Contact`, the obstacles in the world."""
+        self._robot = checked_robot("robot", robot)
+        spec = to_spec(robot, geometry=True, finger_angle=finger_angle)
+        arm = [geom.name for geom in spec.geoms]
+        if not arm:
+            raise ModelError(f"{robot.name}: the description has no collision shapes, so no contact can be found")
+        # Only the pose of a mocap body can change after compiling.
+        add_to_spec(spec, obstacles, spec.worldbody.add_body(name=WORLD_BODY, mocap=True))
+        for obstacle in obstacles:
+            for name in arm:
+                spec.add_pair(name=f"{obstacle.name}~{name}", geomname1=obstacle.name, geomname2=name)
+        self._shapes = _Shapes(spec.compile())
+        model = self._shapes.model
+        base = {name for name in arm if model.body_weldid[model.geom(name).bodyid[0]] == 0}
+        self._base = frozenset(base)
+        self._obstacles = frozenset(obstacle.name for obstacle in obstacles)
+
+    def touching(self, q: Array, T_world_base: pin.SE3) -> list[tuple[str, str]]:
+        """Names of the shapes that touch at `q` (dof,) [rad]; a base that stands on an obstacle does not touch it."""
+        model = self._shapes.model
+        T_base_world = T_world_base.inverse()
+        data = self._shapes.at(q, T_base_world)
+        mujoco.mj_collision(model, data)
+        found = set()
+        for (a, b), distance in zip(data.contact.geom, data.contact.dist, strict=True):
+            pair = model.geom(int(a)).name, model.geom(int(b)).name
+            stands = not self._base.isdisjoint(pair) and not self._obstacles.isdisjoint(pair)
+            if distance <= (-STANDING if stands else 0.0):
+                found.add(pair)
+        return sorted(found)
+
+    def is_blocked(self, T_world_base: pin.SE3) -> bool:
+        """Whether the base is inside an obstacle, whatever the joints do."""
+        touching = self.touching(self._robot.home, T_world_base)
+        return any(not self._base.isdisjoint(pair) and not self._obstacles.isdisjoint(pair) for pair in touching)
 
 
 class ShapeDistances:

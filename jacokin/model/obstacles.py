@@ -172,8 +172,8 @@ def checked_obstacles(obstacles: Iterable[Obstacle]) -> tuple[Obstacle, ...]:
     return shapes
 
 
-def add_to_spec(spec: mujoco.MjSpec, obstacles: Iterable[Obstacle]) -> None:
-    """Add obstacles to the world of a robot's twin.
+def add_to_spec(spec: mujoco.MjSpec, obstacles: Iterable[Obstacle], body: mujoco.MjsBody | None = None) -> None:
+    """Add obstacles to a body of a robot's twin, the world if none is given.
 
     Raises:
         InvalidInputError: an obstacle has the name of a shape of the arm.
@@ -182,7 +182,7 @@ def add_to_spec(spec: mujoco.MjSpec, obstacles: Iterable[Obstacle]) -> None:
     for obstacle in obstacles:
         if obstacle.name in taken:
             raise InvalidInputError(f"the name {obstacle.name!r} is used by a shape of the arm; names must differ")
-        obstacle.add_to(spec.worldbody)
+        obstacle.add_to(spec.worldbody if body is None else body)
 
 
 def add_pairs(spec: mujoco.MjSpec, obstacles: Iterable[Obstacle]) -> None:

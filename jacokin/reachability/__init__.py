@@ -8,7 +8,8 @@ chunk                  what is kept of each pose
 folder, map            what is read from a map
 bound                  how far from a reached sample the tool can be
 placement              where to put the base for given targets
-pictures               maps as PNG and as a page that turns them
+placement_picture      such a place from above and from the side
+pictures, outlines     maps as PNG and as a page that turns them, with the arm and obstacles
 """
 
 from jacokin import lazy

@@ -13,6 +13,7 @@ from jacokin.arrays import Array
 from jacokin.chunks.folder import Keeper
 from jacokin.errors import JacokinError
 from jacokin.ik.batches.chunk import unpickled_solver
+from jacokin.ik.families.family import Interval
 from jacokin.ik.preferences import by_margin
 from jacokin.ik.solver import IKSolver
 from jacokin.model.poses import FreeAxis
@@ -87,13 +88,33 @@ def _count_intervals(solver: IKSolver, target: Array | FreeAxis) -> tuple[int, f
     if not solver.verifier.rejects_contact:
         widest = family.widest()
         return len(family), np.nan if widest is None else -float(cost(widest[None])[0])
-    found = []
-    for interval in family:
-        rows = np.vstack([interval.sample(SAMPLES)[1], interval.widest()])
-        free = [q for q in rows if not solver.verifier.touching(q)]
-        if free:
-            found.append(-float(cost(np.array(free)).min()))
+    found = [-float(cost(rows).min()) for interval in family if len(rows := _free_members(solver, interval))]
     return len(found), max(found, default=np.nan)
+
+
+def _free_members(solver: IKSolver, interval: Interval) -> Array:
+    """Of some members (k, dof) of an interval, those that touch nothing, where contact counts."""
+    rows = np.vstack([interval.sample(SAMPLES)[1], interval.widest()])
+    if not solver.verifier.rejects_contact:
+        return rows
+    return rows[[not solver.verifier.touching(q) for q in rows]]
+
+
+def usable_rows(solver: IKSolver, target: Array) -> tuple[Array, Array]:
+    """Configurations (k, dof) that reach a pose, of families some, and the limit margin (k,) of each, largest first."""
+    if solver.has_families:
+        rows = np.vstack(
+            [np.empty((0, solver.robot.dof)), *(_free_members(solver, each) for each in solver.family(target))]
+        )
+    else:
+        branches = solver.solve_all(target)
+        free = branches.within_limits.copy()
+        if solver.verifier.rejects_contact:
+            free &= np.array([not pairs for pairs in branches.touching or ()], dtype=np.bool_)
+        rows = branches.q[free]
+    margins = -by_margin(solver.robot)(rows)
+    order = np.argsort(-margins, kind="stable")
+    return rows[order], margins[order]
 
 
 @dataclass(frozen=True, slots=True)

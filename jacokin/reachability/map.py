@@ -17,8 +17,9 @@ from jacokin.ik.targets import checked_batch
 from jacokin.model import checks, poses
 from jacokin.model.loading import load_robot
 from jacokin.model.robot import Robot, fingerprint
-from jacokin.model.scene import Scene
+from jacokin.model.scene import Scene, checked_scene
 from jacokin.reachability.orientations import Orientations
+from jacokin.reachability.outlines import outline_arm, outline_scene
 from jacokin.reachability.pictures import draw
 from jacokin.reachability.samples import NOWHERE, Grid, Samples, turn_about_z
 
@@ -192,10 +193,14 @@ class ReachabilityMap:
         assert result.parameter is not None
         return target.at(result.parameter)
 
-    def plot(self, path: str | Path) -> None:
-        """Draw the map.
+    def plot(self, path: str | Path, *, scene: Scene | None = None) -> None:
+        """Draw the map, with the arm at home where the robot is there.
 
         Slices and a view in space as .png, .svg or .pdf, that view turning as .apng or .gif, and a page as .html.
+
+        Args:
+            path: where to, which also tells the format.
+            scene: obstacles to draw, in the base; None for those that the map was loaded with.
 
         Raises:
             MissingExtraError: matplotlib is not installed.
@@ -203,7 +208,12 @@ class ReachabilityMap:
         """
         robot = self.recipe["robot"]["name"]
         title = f"{robot}, frame {self.recipe['frame']}: {self.orientations.name}"
-        draw(path, self.grid, self.fraction, robot, title)
+        try:
+            arm = [outline_arm(self.robot, self.robot.home)]
+        except InvalidInputError:  # another robot than a bundled one, and not given
+            arm = []
+        shown = self._scene if scene is None else checked_scene("scene", scene)
+        draw(path, self.grid, self.fraction, robot, title, arm, [] if shown is None else outline_scene(shown))
 
     def _spread(self, values: Array) -> Array:
         """Numbers of positions as numbers of the cells of the grid."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,10 +25,19 @@ TURNING = {".apng": "PNG", ".gif": "GIF"}
 VIEWS = 36  # of a full turn
 VIEW_TIME = 100  # [ms] that each is shown
 COLOURS = "viridis"
+Lines = Sequence[tuple[Array, str]]  # (k, 3) points [m], and a colour
 POINTS = 12_000  # cells in a view of space, at most
 
 
-def draw(path: str | Path, grid: Grid, fraction: Array, robot: str, title: str) -> None:
+def draw(
+    path: str | Path,
+    grid: Grid,
+    fraction: Array,
+    robot: str,
+    title: str,
+    arm: Sequence[Array] = (),
+    obstacles: Sequence[Array] = (),
+) -> None:
     """Draw a map; see `ReachabilityMap.plot`.
 
     Args:
@@ -37,23 +46,26 @@ def draw(path: str | Path, grid: Grid, fraction: Array, robot: str, title: str) 
         fraction: (nx, ny, nz) of the orientations, reached in each cell.
         robot: name of the robot.
         title: what is shown.
+        arm: lines (k, 3) that stand for it [m].
+        obstacles: lines along their edges.
     """
+    lines = [(line, "black") for line in arm] + [(line, "tab:gray") for line in obstacles]
     out = Path(checks.text("path", str(checks.path("path", path))))
     if out.suffix not in ENDINGS:
         raise InvalidInputError(f"{out}: pictures of maps are written as {', '.join(ENDINGS)}, told by the ending")
     with files.replacing(out) as written:
         if out.suffix == ".html":
-            page = _write_page(title, *_shown_cells(grid, fraction), grid.spacing)
+            page = _write_page(title, *_shown_cells(grid, fraction), grid.spacing, arm, obstacles)
             written.write_text(page, encoding="utf-8")
         elif out.suffix in TURNING:
-            first, *others = _draw_turning(grid, fraction, robot)
+            first, *others = _draw_turning(grid, fraction, robot, lines)
             kind = TURNING[out.suffix]
             first.save(written, format=kind, save_all=True, append_images=others, duration=VIEW_TIME, loop=0)
         else:
-            _draw_figure(grid, fraction, robot).savefig(written, format=out.suffix[1:], dpi=120)
+            _draw_figure(grid, fraction, robot, lines).savefig(written, format=out.suffix[1:], dpi=120)
 
 
-def _draw_figure(grid: Grid, fraction: Array, robot: str) -> Figure:
+def _draw_figure(grid: Grid, fraction: Array, robot: str, lines: Lines) -> Figure:
     """A vertical slice, a horizontal one at the most dexterous height, and the cells in space.
 
     Raises:
@@ -75,13 +87,16 @@ def _draw_figure(grid: Grid, fraction: Array, robot: str) -> Figure:
         shown = np.ma.masked_equal(values.T, 0.0)
         extent = (*sides[across[0]], *sides[across[1]])
         image = axes.imshow(shown, origin="lower", extent=extent, cmap=COLOURS, vmin=0.0, vmax=1.0)
+        for line, colour in lines:
+            axes.plot(*line[:, across].T, color=colour, linewidth=1.0)
+        axes.set(xlim=extent[:2], ylim=extent[2:])
         axes.set(xlabel=f"{'xyz'[across[0]]} [m]", ylabel=f"{'xyz'[across[1]]} [m]", title=title)
     figure.colorbar(image, ax=axes, label="fraction of orientations reached")
-    _draw_space(grid, fraction, robot, figure.add_subplot(1, 3, 3, projection="3d"))
+    _draw_space(grid, fraction, robot, lines, figure.add_subplot(1, 3, 3, projection="3d"))
     return figure
 
 
-def _draw_turning(grid: Grid, fraction: Array, robot: str) -> Iterator[Image]:
+def _draw_turning(grid: Grid, fraction: Array, robot: str, lines: Lines) -> Iterator[Image]:
     """The cells in space, seen from all around.
 
     Raises:
@@ -94,18 +109,22 @@ def _draw_turning(grid: Grid, fraction: Array, robot: str) -> Iterator[Image]:
     figure = Figure(figsize=(5.0, 4.6))
     canvas: Any = FigureCanvasAgg(figure)  # Any: its methods have no types
     space = figure.add_subplot(projection="3d")
-    _draw_space(grid, fraction, robot, space)
+    _draw_space(grid, fraction, robot, lines, space)
     for view in range(VIEWS):
         space.view_init(elev=20.0, azim=-60.0 + 360.0 * view / VIEWS)
         canvas.draw()
         yield fromarray(np.asarray(canvas.buffer_rgba())[..., :3].copy())
 
 
-def _draw_space(grid: Grid, fraction: Array, robot: str, space: Any) -> None:  # Any: Axes3D, without types
+def _draw_space(
+    grid: Grid, fraction: Array, robot: str, lines: Lines, space: Any
+) -> None:  # Any: Axes3D, without types
     """The cells with y >= 0 in space: the other half is left out, so that the inside is seen."""
     points, values = _shown_cells(grid, fraction)
     behind = points[:, 1] >= 0.0
     space.scatter(*points[behind].T, c=values[behind], cmap=COLOURS, vmin=0.0, vmax=1.0, s=3.0, linewidths=0.0)
+    for line, colour in lines:
+        space.plot(*line.T, color=colour, linewidth=1.0)
     space.set(xlabel="x [m]", ylabel="y [m]", title=f"{robot}, y >= 0")
     space.locator_params(nbins=4)
     space.set_box_aspect([float(count) for count in grid.shape])
@@ -129,7 +148,8 @@ _PAGE = """<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8"><title>@TITLE@</title>
 <style>body{margin:0;background:#111;color:#ddd;font:14px sans-serif}canvas{display:block}
 p{position:absolute;margin:10px}</style></head>
-<body><p>@TITLE@<br>drag to turn, wheel to zoom; colour: fraction of orientations reached (dark 0, bright 1)</p>
+<body><p>@TITLE@<br>drag to turn, wheel to zoom; colour: fraction of orientations reached (dark 0, bright 1);
+axes of the base, the arm in white, obstacles in grey</p>
 <canvas id="view"></canvas><script>
 const data = @DATA@;
 const canvas = document.getElementById("view"), pen = canvas.getContext("2d");
@@ -143,20 +163,40 @@ const colours = data.values.map(colour);
 const low = [0, 1, 2].map(i => Math.min(...data.points.map(p => p[i])));
 const high = [0, 1, 2].map(i => Math.max(...data.points.map(p => p[i])));
 const centre = low.map((value, i) => (value + high[i]) / 2), size = Math.max(...low.map((value, i) => high[i] - value));
+const axes = [["x", "#f55", [0.5, 0, 0]], ["y", "#5d5", [0, 0.5, 0]], ["z", "#69f", [0, 0, 0.5]]];
 function draw() {
   canvas.width = innerWidth; canvas.height = innerHeight;
   const scale = zoom * Math.min(canvas.width, canvas.height) / (1.3 * size);
   const c = Math.cos(turn), s = Math.sin(turn), ct = Math.cos(tilt), st = Math.sin(tilt);
-  const seen = data.points.map((p, i) => {
+  const project = p => {
     const x = p[0] - centre[0], y = p[1] - centre[1], z = p[2] - centre[2];
     const across = c * x - s * y, away = s * x + c * y;
-    return [across, ct * z + st * away, ct * away - st * z, i];
-  }).sort((a, b) => b[2] - a[2]);
+    return [across, ct * z + st * away, ct * away - st * z];
+  };
+  const onScreen = p => {
+    const [x, y] = project(p);
+    return [canvas.width / 2 + scale * x, canvas.height / 2 - scale * y];
+  };
+  const line = (points, colour, width) => {
+    pen.strokeStyle = colour; pen.lineWidth = width; pen.beginPath();
+    for (const p of points) pen.lineTo(...onScreen(p));
+    pen.stroke();
+  };
+  const seen = data.points.map((p, i) => [...project(p), i]).sort((a, b) => b[2] - a[2]);
   const side = Math.max(1, 0.55 * data.spacing * scale);
   for (const [x, y, , i] of seen) {
     pen.fillStyle = colours[i];
     pen.fillRect(canvas.width / 2 + scale * x - side / 2, canvas.height / 2 - scale * y - side / 2, side, side);
   }
+  for (const points of data.obstacles) line(points, "#aaa", 1);
+  for (const points of data.arm) line(points, "#fff", 4);
+  pen.font = "14px sans-serif"; pen.lineCap = pen.lineJoin = "round";
+  for (const [name, colour, end] of axes) {
+    line([[0, 0, 0], end], colour, 2);
+    pen.fillStyle = colour; pen.fillText(name, ...onScreen(end.map(value => 1.1 * value)));
+  }
+  pen.fillStyle = "#ddd";  // the scale: as long as the axes are in space
+  pen.fillRect(20, canvas.height - 24, 0.5 * scale, 3); pen.fillText("0.5 m", 20, canvas.height - 32);
   if (moving) { turn += 0.004; requestAnimationFrame(draw); }
 }
 canvas.onpointerdown = event => { moving = false; held = [event.clientX, event.clientY]; };
@@ -173,7 +213,9 @@ draw();
 """
 
 
-def _write_page(title: str, points: Array, values: Array, spacing: float) -> str:
+def _write_page(
+    title: str, points: Array, values: Array, spacing: float, arm: Sequence[Array], obstacles: Sequence[Array]
+) -> str:
     """The page that turns a map in the browser.
 
     Args:
@@ -181,6 +223,14 @@ def _write_page(title: str, points: Array, values: Array, spacing: float) -> str
         points: (n, 3) centres of cells [m].
         values: (n,) fraction reached in each.
         spacing: length of an edge of a cell [m].
+        arm: lines (k, 3) that stand for it [m].
+        obstacles: lines along their edges.
     """
-    data = {"points": points.round(4).tolist(), "values": values.round(3).tolist(), "spacing": spacing}
+    data = {
+        "points": points.round(4).tolist(),
+        "values": values.round(3).tolist(),
+        "spacing": spacing,
+        "arm": [line.round(4).tolist() for line in arm],
+        "obstacles": [line.round(4).tolist() for line in obstacles],
+    }
     return _PAGE.replace("@TITLE@", html.escape(title)).replace("@DATA@", orjson.dumps(data).decode())

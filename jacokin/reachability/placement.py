@@ -6,7 +6,8 @@ form itself, and moved in smaller and smaller steps as long as that reaches more
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import functools
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,9 +15,12 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
+from jacokin.errors import InvalidInputError
 from jacokin.ik.results import Frozen
 from jacokin.model import checks
-from jacokin.reachability.chunk import count_reaching, one_by_one
+from jacokin.model.contact import ContactInWorld
+from jacokin.model.scene import Scene, checked_scene
+from jacokin.reachability.chunk import count_reaching, one_by_one, usable_rows
 from jacokin.reachability.map import ReachabilityMap, checked_poses
 from jacokin.reachability.samples import NOWHERE, Grid, turn_about_base, turn_about_z
 
@@ -43,12 +47,17 @@ class BasePlacement(Frozen):
     """Smallest limit margin among those [rad], each in its best configuration; NaN if there are none."""
     success: NDArray[np.bool_]
     """(n,) which targets it reaches."""
+    touching: NDArray[np.bool_]
+    """(n,) which targets it would reach if nothing stood in the way: it touches the scene, or itself."""
 
 
 def place_base(
     map: ReachabilityMap,  # noqa: A002 - the name of the contract; the builtin is not needed here
     targets: Sequence[pin.SE3] | ArrayLike,
     *,
+    scene: Scene | None = None,
+    x: tuple[float, float] | None = None,
+    y: tuple[float, float] | None = None,
     heights: ArrayLike | None = None,
     yaws: int = 8,
     count: int = 5,
@@ -56,8 +65,11 @@ def place_base(
     """Rank places for the base of the robot of a map, upright.
 
     Args:
-        map: of the robot, frame and tool. Obstacles of the map stand where they are in the base, wherever that is.
+        map: of the robot, frame and tool. Obstacles that it was built with are mounted on the base and move with it.
         targets: (n, 4, 4) poses of the tool, or a sequence of `pin.SE3`, in the world [m].
+        scene: obstacles in the world, which neither the arm nor its base may touch; the base may stand on them.
+        x: from and to where the base may stand in the world [m]; None for anywhere.
+        y: as x.
         heights: (k,) z at which the base may stand [m]; None for any.
         yaws: turns of the base that are tried, where joint 1 does not turn freely.
         count: how many places to return, at most.
@@ -66,7 +78,7 @@ def place_base(
         The best places, best first: most targets, then the largest margin.
 
     Raises:
-        InvalidInputError: malformed targets or numbers, or a map of a robot that was not given to `load`.
+        InvalidInputError: malformed targets, scene or numbers, or a map of a robot that was not given to `load`.
     """
     checks.instance("map", map, ReachabilityMap, "a ReachabilityMap")
     wanted = checked_poses(targets)
@@ -76,14 +88,20 @@ def place_base(
     turns = map.samples.symmetries.turns
     angles = [0.0] if turns else (2.0 * np.pi * np.arange(yaws) / yaws).tolist()
     starts: list[tuple[int, float, Array]] = []
+    world = None
+    if scene is not None:
+        obstacles = checked_scene("scene", scene)
+        world = ContactInWorld(map.robot, obstacles.obstacles, finger_angle=obstacles.finger_angle)
+    slow = world is not None or one_by_one(map.solver, False)
+    bounds = np.array([_bounds("x", x), _bounds("y", y), (-np.inf, np.inf)]).T
+    search = _Search(map, wanted, bounds, levels is not None, slow, world)
     for yaw in angles:
-        local = _targets_in_base(wanted, np.zeros(3), yaw)
-        places, counts = _count_places(map, local, levels)
-        best = _choose_apart(places, counts, 2.0 * map.grid.spacing)
+        places, counts = _count_places(map, wanted, yaw, bounds, levels)
+        best = _choose_apart(places, counts, 2.0 * map.grid.spacing, functools.partial(search.may_stand, yaw))
         starts += [(int(counts[index]), yaw, places[index]) for index in best]
     starts.sort(key=lambda start: -start[0])
-    slow = one_by_one(map.solver, False)
-    search = _Search(map, wanted, levels is not None, slow)
+    if world is not None:  # the map does not see obstacles
+        starts = sorted(starts[:STARTS], key=lambda start: search.score(start[1], start[2]), reverse=True)
     found = [search.settle(yaw, place) for _, yaw, place in starts[: SLOW_STARTS if slow else STARTS]]
     if not slow and found and max(placement.reached for placement in found) < len(wanted):
         found.append(search.scan(max(found, key=lambda placement: placement.reached)))
@@ -94,6 +112,15 @@ def place_base(
         if all(distance > APART * map.grid.spacing for distance in away):
             distinct.append(placement)
     return tuple(distinct[:count])
+
+
+def _bounds(name: str, given: tuple[float, float] | None) -> tuple[float, float]:
+    if given is None:
+        return -np.inf, np.inf
+    low, high = checks.vector(name, given, 2, "m")
+    if low > high:
+        raise InvalidInputError(f"{name} must be from where and to where [m], got {low} and {high}")
+    return float(low), float(high)
 
 
 def _levels(heights: ArrayLike) -> Array:
@@ -112,9 +139,16 @@ def _targets_in_base(targets: Array, place: Array, yaw: float) -> Array:
     return seen
 
 
-def _count_places(map: ReachabilityMap, local: Array, levels: Array | None) -> tuple[Array, NDArray[np.int_]]:  # noqa: A002 - as above
-    """Places in the base's own axes, and how many targets the map says each reaches."""
-    positions, grid = local[:, :3, 3], map.grid
+def _count_places(
+    map: ReachabilityMap,  # noqa: A002 - as above
+    targets: Array,
+    yaw: float,
+    bounds: Array,
+    levels: Array | None,
+) -> tuple[Array, NDArray[np.int_]]:
+    """Places (n, 3) in the world for a base turned by `yaw`, and how many targets the map says each reaches."""
+    local = _targets_in_base(targets, np.zeros(3), yaw)
+    positions, grid, turn = local[:, :3, 3], map.grid, turn_about_z(yaw)
     lower, upper = positions.max(axis=0) - grid.upper, positions.min(axis=0) - grid.lower
     # Places from which all targets are in the grid; if there are none, those from which any is.
     if (upper - lower < grid.spacing).any():
@@ -124,6 +158,8 @@ def _count_places(map: ReachabilityMap, local: Array, levels: Array | None) -> t
     if levels is not None:
         flat = np.unique(places[:, :2], axis=0)
         places = np.concatenate([np.column_stack([flat, np.full(len(flat), level)]) for level in levels])
+    if np.isfinite(bounds).any():
+        places = np.unique(np.clip(places @ turn.T, *bounds) @ turn, axis=0)
     table = _orientation_table(map, local[:, :3, :3])
     counts = np.empty(len(places), dtype=np.int_)
     for first in range(0, len(places), PLACES):
@@ -137,7 +173,7 @@ def _count_places(map: ReachabilityMap, local: Array, levels: Array | None) -> t
         orientation = table[np.arange(len(local)), steps]
         hit = (map.counts[np.maximum(cells, 0), orientation] > 0) & (cells != NOWHERE)
         counts[first : first + PLACES] = hit.sum(axis=1)
-    return places, counts
+    return places @ turn.T, counts
 
 
 def _orientation_table(map: ReachabilityMap, rotations: Array) -> NDArray[np.int_]:  # noqa: A002 - as above
@@ -149,11 +185,14 @@ def _orientation_table(map: ReachabilityMap, rotations: Array) -> NDArray[np.int
     return np.stack(columns, axis=1)
 
 
-def _choose_apart(places: Array, counts: NDArray[np.int_], distance: float) -> list[int]:
-    """The best places that are not next to a better one."""
+def _choose_apart(
+    places: Array, counts: NDArray[np.int_], distance: float, may_stand: Callable[[Array], bool]
+) -> list[int]:
+    """The best places that are not next to a better one, of those where the base may stand."""
     chosen: list[int] = []
     for index in np.argsort(-counts, kind="stable").tolist():
-        if all(np.linalg.norm(places[index] - places[other]) > distance for other in chosen):
+        apart = all(np.linalg.norm(places[index] - places[other]) > distance for other in chosen)
+        if apart and may_stand(places[index]):
             chosen.append(index)
             if len(chosen) == STARTS:
                 break
@@ -167,41 +206,54 @@ class _Search:
     Attributes:
         map: of the robot.
         targets: (n, 4, 4) in the world.
+        bounds: (2, 3) from and to where the base may stand [m].
         fixed_height: whether places move horizontally only.
         slow: whether each target takes milliseconds.
+        world: what stands in the world; None for nothing.
     """
 
     map: ReachabilityMap
     targets: Array
+    bounds: Array
     fixed_height: bool
     slow: bool
+    world: ContactInWorld | None
+
+    def may_stand(self, yaw: float, place: Array) -> bool:
+        """Whether the base does not stand inside an obstacle."""
+        return self.world is None or not self.world.is_blocked(pin.SE3(turn_about_z(yaw), place))
+
+    def score(self, yaw: float, place: Array) -> tuple[int, float]:
+        """Targets reached and smallest margin at a place."""
+        return self._measure(place[None], yaw)[0][0]
 
     def settle(self, yaw: float, place: Array) -> BasePlacement:
         """The best place that smaller and smaller steps lead to; if slow, one from which all are reached will do."""
         turn = turn_about_z(yaw)
-        place = turn @ place
         moves = np.stack(np.meshgrid(*([-1.0, 0.0, 1.0],) * 3, indexing="ij"), axis=-1).reshape(-1, 3)
         if self.fixed_height:
             moves = moves[moves[:, 2] == 0.0]
         steps = np.abs(moves).sum(axis=1)
         moves = moves[(steps == 1.0) if self.slow else (steps > 0.0)]
         step = self.map.grid.spacing
-        best, hits = self._measure(place[None], yaw)
-        score, success = best[0], hits[0]
+        best, hits, touches = self._measure(place[None], yaw)
+        score, success, touching = best[0], hits[0], touches[0]
         for _ in range(MOST_ROUNDS):
             if self.slow and score[0] == len(self.targets):
                 break
-            around = place + step * moves
-            scores, hits = self._measure(around, yaw)
+            around = np.clip(place + step * moves, *self.bounds)
+            scores, hits, touches = self._measure(around, yaw)
             index = max(range(len(scores)), key=scores.__getitem__)
             if scores[index] > score:
-                place, score, success = around[index], scores[index], hits[index]
+                place, score = around[index], scores[index]
+                success, touching = hits[index], touches[index]
             elif step > FINEST:
                 step /= 2.0
             else:
                 break
         margin = score[1] if score[0] else np.nan
-        return BasePlacement(pin.SE3(turn, place), score[0], margin, checks.sealed(success.copy()))
+        seal = checks.sealed
+        return BasePlacement(pin.SE3(turn, place), score[0], margin, seal(success.copy()), seal(touching.copy()))
 
     def scan(self, near: BasePlacement) -> BasePlacement:
         """The best place that steps lead to from the best one of a close grid around a place that misses some targets.
@@ -212,17 +264,38 @@ class _Search:
         steps = np.linspace(-AROUND, AROUND, FLAT_GRID if flat else SPACE_GRID) * self.map.grid.spacing
         moves = np.stack(np.meshgrid(steps, steps, [0.0] if flat else steps, indexing="ij"), axis=-1).reshape(-1, 3)
         yaw = float(np.arctan2(near.pose.rotation[1, 0], near.pose.rotation[0, 0]))
-        places = near.pose.translation + moves
+        places = np.clip(near.pose.translation + moves, *self.bounds)
         scores: list[tuple[int, float]] = []
         for first in range(0, len(places), PLACES):
             scores += self._measure(places[first : first + PLACES], yaw)[0]
         best = places[max(range(len(scores)), key=scores.__getitem__)]
-        return self.settle(yaw, turn_about_z(-yaw) @ best)
+        return self.settle(yaw, best)
 
-    def _measure(self, places: Array, yaw: float) -> tuple[list[tuple[int, float]], NDArray[np.bool_]]:
-        """Targets reached and smallest margin of each place; and which targets."""
+    def _measure(
+        self, places: Array, yaw: float
+    ) -> tuple[list[tuple[int, float]], NDArray[np.bool_], NDArray[np.bool_]]:
+        """Targets reached and smallest margin of each place; and which targets, and which only in contact."""
         seen = np.concatenate([_targets_in_base(self.targets, place, yaw) for place in places])
         counts, margins = count_reaching(self.map.solver, np.ascontiguousarray(seen))
         hits = (counts > 0).reshape(len(places), len(self.targets))
-        smallest = np.where(hits, margins.reshape(hits.shape), np.inf).min(axis=1)
-        return list(zip(hits.sum(axis=1).tolist(), smallest.tolist(), strict=True)), hits
+        margins = margins.reshape(hits.shape)
+        touching = np.zeros_like(hits)
+        if self.world is not None:
+            for index, place in enumerate(places):
+                base = pin.SE3(turn_about_z(yaw), place)
+                blocked = self.world.is_blocked(base)
+                for target in np.flatnonzero(hits[index]):
+                    margin = None if blocked else self._margin(seen[index * len(self.targets) + target], base)
+                    touching[index, target] = margin is None
+                    margins[index, target] = np.nan if margin is None else margin
+            hits &= ~touching
+        smallest = np.where(hits, margins, np.inf).min(axis=1)
+        return list(zip(hits.sum(axis=1).tolist(), smallest.tolist(), strict=True)), hits, touching
+
+    def _margin(self, target: Array, base: pin.SE3) -> float | None:
+        """The largest limit margin with which a base reaches a target clear of the world; None if it does not."""
+        assert self.world is not None  # the caller has asked
+        for q, margin in zip(*usable_rows(self.map.solver, target), strict=True):
+            if not self.world.touching(q, base):
+                return float(margin)
+        return None

@@ -69,3 +69,18 @@ def test_no_progress_goes_into_a_file(capsys: pytest.CaptureFixture[str]) -> Non
 @pytest.mark.parametrize(("seconds", "said"), [(12.0, "12 s"), (600.0, "10 min"), (7200.0, "2.0 h")])
 def test_durations_are_short(seconds: float, said: str) -> None:
     assert display.format_duration(seconds) == said
+
+
+def test_progress_without_a_terminal_is_a_line_now_and_then(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    now = [100.0]
+    monkeypatch.setattr("time.monotonic", lambda: now[0])
+    with display.progress_bar("solving") as show:
+        for done in range(0, 50, 10):
+            show(done, 200)
+            now[0] += 4.0
+        show(50, None)
+    assert capsys.readouterr().err == (
+        "jacokin: solving 30 of 200 (15 %), 2/s, 68 s left\n"  # twelve seconds after the first
+    )

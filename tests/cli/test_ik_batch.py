@@ -135,7 +135,7 @@ def test_rows_that_are_not_targets_get_a_status_and_the_others_an_answer(
     assert json.loads(capsys.readouterr().out)["statuses"] == {"OK": REACHED, "INVALID_TARGET": 2}
 
 
-def test_an_unfinished_run_is_continued_only_if_asked(targets: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_unfinished_run_is_continued_unless_told_not_to(targets: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = targets.with_name("joints.csv")
     whole = targets.with_name("whole.csv")
     leave("ik", "--targets", str(targets), "--output", str(whole))
@@ -143,13 +143,15 @@ def test_an_unfinished_run_is_continued_only_if_asked(targets: Path, capsys: pyt
     def stop(_: object) -> None:
         raise KeyboardInterrupt
 
-    with pytest.raises(KeyboardInterrupt):
-        solve_file(jacokin.IKSolver(jacokin.load_robot()), targets, out, progress=stop)
-    assert leave("ik", "--targets", str(targets), "--output", str(out)) == 2
-    assert "--resume" in capsys.readouterr().err
-    assert leave("ik", "--targets", str(targets), "--output", str(out), "--resume", "--json") == 0
-    assert json.loads(capsys.readouterr().out)["resumed"] == REACHED
-    assert out.read_bytes() == whole.read_bytes()
+    for words, resumed in (((), REACHED), (("--resume",), REACHED), (("--no-resume",), 0)):
+        with pytest.raises(KeyboardInterrupt):
+            solve_file(jacokin.IKSolver(jacokin.load_robot()), targets, out, closest=False, progress=stop)
+        capsys.readouterr()
+        assert leave("ik", "--targets", str(targets), "--output", str(out), "--json", *words) == 0
+        assert json.loads(capsys.readouterr().out)["resumed"] == resumed
+        assert out.read_bytes() == whole.read_bytes()
+        out.unlink()
+    out.touch()
     assert sorted(file.name for file in targets.parent.iterdir()) == ["joints.csv", "targets.csv", "whole.csv"]
 
 
@@ -190,3 +192,40 @@ def test_a_failure_leaves_the_old_output_as_it_was(targets: Path, monkeypatch: p
 
 def test_answers_can_go_to_a_device(targets: Path) -> None:
     assert leave("ik", "--targets", str(targets), "--output", "/dev/null") == 0
+
+
+def test_files_are_solved_without_closest_configurations_unless_asked(
+    targets: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with targets.open("a", encoding="utf-8") as file:
+        file.write(f"far,{FAR}\n")
+    out = targets.with_name("joints.csv")
+    home = jacokin.load_robot().home.tolist()
+    for words, is_home in (((), True), (("--no-closest",), True), (("--closest",), False)):
+        assert leave("ik", "--targets", str(targets), "--output", str(out), *words) == 1
+        assert ("--closest" in capsys.readouterr().out) == is_home
+        with out.open(newline="", encoding="utf-8") as file:
+            last = list(csv.DictReader(file))[-1]
+        assert ([float(last[f"q{joint}"]) for joint in range(1, 7)] == home) == is_home
+        document_code = leave("ik", "--targets", str(targets), "--json", *words)
+        assert document_code == 1
+        document = json.loads(capsys.readouterr().out)
+        assert (document["results"][-1]["q"] == home) == is_home
+
+
+def test_answers_that_are_not_saved_are_announced(targets: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert leave("ik", "--targets", str(targets)) == 0
+    assert capsys.readouterr().err == "jacokin: note: the answers are counted, not saved: --output FILE keeps them\n"
+    for words in (("--json",), ("--output", str(targets.with_name("joints.csv")))):
+        assert leave("ik", "--targets", str(targets), *words) == 0
+        assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize("output", [(), ("--output", "joints.csv")])
+def test_a_device_without_an_end_is_a_sentence(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], output: tuple[str, ...]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert leave("ik", "--targets", "/dev/zero", *output) == 2
+    assert capsys.readouterr().err.endswith("jacokin: /dev/zero: is a device: give a file or a pipe\n")
+    assert not list(tmp_path.iterdir())

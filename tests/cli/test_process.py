@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -44,6 +45,24 @@ def test_a_pipe_that_is_closed_early_is_no_traceback() -> None:
     done = shell("jacokin ik --position 0.3 -0.2 0.5 --down --all --json | true")
     assert "Traceback" not in done.stderr
     assert "ipe" not in done.stderr  # "Broken pipe"
+
+
+@pytest.mark.parametrize(("words", "code"), [("info", 0), ("ik --position 2 0 0.5 --down --no-closest", 1)])
+def test_a_reader_that_has_left_does_not_change_the_exit_code(words: str, code: int) -> None:
+    read, write = os.pipe()
+    os.close(read)
+    try:
+        done = subprocess.run(
+            [*COMMAND, *words.split()],
+            stdout=write,
+            stderr=subprocess.PIPE,
+            check=False,
+            env=ENVIRONMENT,
+            timeout=DEADLINE,
+        )
+    finally:
+        os.close(write)
+    assert (done.returncode, done.stderr) == (code, b"")
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")

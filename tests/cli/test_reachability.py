@@ -21,10 +21,17 @@ def test_a_map_is_built_in_shards_asked_and_drawn(run: Run, tmp_path: Path) -> N
     assert "poses" in run(*words).out
     answer = run("map", "query", str(tmp_path / "map"), "--position", "1.9", "0.2", "0.4", "--down", "--json")
     assert answer.document["dexterity"] == 0.0
+    assert (answer.document["reached"], answer.document["reached_by"]) == (False, "solver")
     pose = jacokin.pose(answer.document["nearest_position"], answer.document["nearest_quat_wxyz"])
     assert jacokin.solve_ik(pose).success
     assert run("map", "show", str(tmp_path / "map"), "--output", str(tmp_path / "map.html")).code == 0
-    assert (tmp_path / "map.html").is_file()
+    page = (tmp_path / "map.html").read_text(encoding="utf-8")
+    assert '"obstacles":[]' in page
+    scene = tmp_path / "scene.yaml"
+    scene.write_text("- {shape: sphere, radius: 0.1, position: [0.5, 0, 0.2]}\n", encoding="utf-8")
+    drawn = tmp_path / "obstacles.html"
+    assert run("map", "show", str(tmp_path / "map"), "--scene", str(scene), "--output", str(drawn)).code == 0
+    assert '"obstacles":[[[0.6' in drawn.read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize(
@@ -94,6 +101,16 @@ def test_a_base_is_placed(run: Run, tmp_path: Path) -> None:
     assert answer.document["places"][0]["yaw"] == 0.0  # any would do: joint 1 turns freely
 
 
+def test_a_pose_that_is_asked_for_is_reached_or_not(run: Run, tmp_path: Path) -> None:
+    words = ("--position", "0.4", "0.2", "0.3", "--down")
+    assert "is reached, by the solver" in run("map", "query", "j2n6s300", *words).out
+    folder, own = str(tmp_path / "map"), ("--robot", str(urdf_folder() / "jaco_arm.xml"), "--limit", "joint_1=0,5")
+    assert run("map", "build", folder, "--spacing", "0.3", "--orientations", "8", *own).code == 0
+    document = run("map", "query", folder, *words, "--json").document
+    assert document["reached_by"] == "nearest sample of the map"  # without --robot there is no solver
+    assert run("map", "query", folder, *words, *own, "--json").document["reached_by"] == "solver"
+
+
 def test_a_map_of_limits_and_an_axis_of_ones_own_is_asked(run: Run, tmp_path: Path) -> None:
     folder, own = str(tmp_path / "map"), ("--limit", "joint_1=0,5")
     box = ("--lower", "0.1", "0.1", "0.2", "--upper", "0.5", "0.5", "0.6", "--spacing", "0.2")
@@ -108,8 +125,10 @@ def test_a_map_of_limits_and_an_axis_of_ones_own_is_asked(run: Run, tmp_path: Pa
 def test_a_base_is_placed_with_a_robot_and_a_scene_of_ones_own(run: Run, tmp_path: Path) -> None:
     folder, scene = str(tmp_path / "map"), tmp_path / "scene.yaml"
     scene.write_text("- {shape: floor, height: -0.1}\n", encoding="utf-8")
-    own = ("--robot", str(urdf_folder() / "jaco_arm.xml"), "--limit", "joint_1=0,5", "--scene", str(scene))
-    assert run("map", "build", folder, "--spacing", "0.3", "--orientations", "8", *own).code == 0
+    arm = ("--robot", str(urdf_folder() / "jaco_arm.xml"), "--limit", "joint_1=0,5")
+    built = run("map", "build", folder, "--spacing", "0.3", "--orientations", "8", *arm, "--scene", str(scene))
+    assert built.code == 0
+    own = (*arm, "--map-scene", str(scene))
     targets = tmp_path / "targets.csv"
     targets.write_text("x,y,z,qw,qx,qy,qz\n0.3,0.2,0.3,0,1,0,0\n0.1,0.4,0.3,0,1,0,0\n", encoding="utf-8")
     words = ("place", "--targets", str(targets), "--map", folder)
@@ -123,3 +142,27 @@ def test_a_base_is_placed_with_a_robot_and_a_scene_of_ones_own(run: Run, tmp_pat
         refused = run(*words, *given)
         assert refused.code == 2
         assert message in refused.err
+
+
+def test_a_base_is_placed_in_a_scene_and_what_it_misses_is_reported(run: Run, tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    scene, targets, picture = tmp_path / "scene.yaml", tmp_path / "targets.csv", tmp_path / "place.png"
+    scene.write_text("- {shape: box, size: [0.8, 0.8, 0.4], position: [0.2, 0, 0.2]}\n", encoding="utf-8")
+    rows = [f"{x},{y},{z},0,1,0,0\n" for x, y, z in ((0.2, 0.15, 0.5), (0.4, 0.15, 0.2), (9.0, 0.0, 0.5))]
+    targets.write_text("x,y,z,qw,qx,qy,qz\n" + "".join(rows), encoding="utf-8")
+    words = ("place", "--targets", str(targets), "--scene", str(scene), "--height", "0")
+    bounds = ("--x", "-0.2", "0.6", "--y", "0.3", "0.8")
+    answer = run(*words, *bounds, "--plot", str(picture), "--json")
+    assert answer.code == 1
+    x, y, z = answer.document["places"][0]["position"]
+    assert -0.2 <= x <= 0.6
+    assert 0.44 <= y <= 0.8  # beside the box, not inside
+    assert z == 0.0
+    assert [each["line"] for each in answer.document["missed"]] == [3, 4]
+    assert "in contact" in answer.document["missed"][0]["why"]
+    assert answer.document["missed"][1]["why"] == "UNREACHABLE"
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    assert "Not reached from the first place" in run(*words, *bounds).out
+    inside = run(*words, "--x", "0", "0.4", "--y", "-0.2", "0.2")
+    assert inside.code == 2
+    assert "inside an obstacle" in inside.err

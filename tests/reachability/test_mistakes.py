@@ -154,4 +154,4 @@ def test_names_of_maps_and_heights_of_bases() -> None:
             place_base(bundled(), [np.eye(4)], heights=heights)  # type: ignore[arg-type]  # the mistakes
     for name in ("yaws", "count"):
         with pytest.raises(InvalidInputError, match=f"{name} must be a whole number"):
-            place_base(bundled(), [np.eye(4)], **{name: 0})
+            place_base(bundled(), [np.eye(4)], **{name: 0})  # type: ignore[arg-type]  # the mistakes

@@ -211,7 +211,7 @@ def read_tally(path: Path) -> tuple[Tally, int]:
     return tally, len(line)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class FileSummary:
     """The outcome of a file of targets."""
 
@@ -231,6 +231,11 @@ class FileSummary:
     """Time that the rest took [s]."""
     output: Path | None
     """The file of answers."""
+
+    def __repr__(self) -> str:
+        """How many targets have which status, and where the answers are."""
+        counts = ", ".join(f"{count} {status.name}" for status, count in self.statuses.items())
+        return f"FileSummary({self.targets} targets: {counts}; {self.seconds:.3g} s, output {str(self.output)!r})"
 
     @property
     def solved(self) -> int:

@@ -308,18 +308,13 @@ class Joining:
             yield path, offset
 
 
-def unfinished(output: Path) -> Path | None:
-    """The folder of a run that was to write `output` and did not end; None without one."""
-    folder = _folder_of(files.writable(output))
-    return folder if folder.is_dir() else None
-
-
 def _source(stack: contextlib.ExitStack, targets: Path) -> Path:
     """A file that can be read several times: a copy of what comes from a pipe."""
     if not files.is_device(targets):
         return targets
     copy = Path(stack.enter_context(tempfile.TemporaryDirectory())) / f"targets{targets.suffix}"
     try:
+        files.check_end(targets)
         with targets.open("rb") as source, copy.open("wb") as file:
             shutil.copyfileobj(source, file)
     except OSError as error:

@@ -16,6 +16,7 @@ import numpy as np
 import orjson
 from numpy.typing import NDArray
 
+from jacokin import files
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.ik.files.targets import ANSWERS, Columns, FilePart, TargetFile, choose_columns, target_rows
@@ -129,7 +130,10 @@ def _offsets(path: Path, size: int) -> list[int] | None:
 
 def _opened(path: Path) -> TextIO:
     try:
+        files.check_end(path)
         return path.open(encoding="utf-8-sig")
+    except InvalidInputError:
+        raise
     except ValueError as error:  # a null byte
         raise InvalidInputError(f"{str(path)!r}: cannot be read: {error}") from error
 

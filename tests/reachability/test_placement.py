@@ -1,0 +1,94 @@
+"""Places for the base: bounds, and scenes that stand in the world."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import jacokin
+from jacokin import IKSolver, Robot
+from jacokin.errors import InvalidInputError
+from jacokin.model import Box, Floor, Scene
+from jacokin.reachability import Grid, build, bundled, place_base
+
+BENCH = Box("bench", [0.8, 0.8, 0.4], [0.2, 0.0, 0.2])  # from -0.2 to 0.6 m in x, 0.4 m high
+ON_BENCH = [jacokin.pose([x, y, 0.5], down=True) for x in (0.2, 0.4) for y in (-0.15, 0.15)]
+
+
+def in_base(obstacle: Box, T_world_base: pin.SE3) -> Box:
+    assert isinstance(obstacle.pose, pin.SE3)
+    return Box(obstacle.name, obstacle.size, T_world_base.inverse() * obstacle.pose)
+
+
+def test_a_scene_stands_in_the_world_and_the_base_not_inside_it(robot: Robot) -> None:
+    scene = Scene([BENCH, Floor(0.0)])
+    inside = place_base(bundled(), ON_BENCH, heights=[0.0])[0]
+    assert inside.reached == 4
+    assert not inside.touching.any()
+    assert np.abs(inside.pose.translation[:2] - [0.2, 0.0]).max() < 0.4  # without the scene the best place is inside
+    for best in place_base(bundled(), ON_BENCH, scene=scene, heights=[0.0], count=3):
+        x, y, _ = best.pose.translation
+        assert abs(x - 0.2) > 0.4 + 0.04 or abs(y) > 0.4 + 0.04  # the base has a radius of 4 cm
+        # A solver with the same obstacles, where they stand in this base, says the same.
+        solver = IKSolver(robot, scene=Scene([in_base(BENCH, best.pose), Floor(0.0)]), collision="reject")
+        reached = [solver.solve(best.pose.inverse() * target, closest=False).success for target in ON_BENCH]
+        assert reached == best.success.tolist()
+        assert best.reached == sum(reached)
+        assert not (best.success & best.touching).any()
+        assert best.reached == 2  # the best of a grid of 10 cm around the bench, too
+    on_top = place_base(bundled(), ON_BENCH, scene=scene, heights=[0.4], x=(0.0, 0.6))
+    assert on_top[0].reached == 4  # the base may stand on it
+
+
+def test_targets_that_only_contact_hinders_are_told(robot: Robot) -> None:
+    target = jacokin.pose([0.5, 0.1, 0.3], down=True)
+    around = Box("around", [0.14, 0.14, 0.14], [0.5, 0.1, 0.3])
+    best = place_base(bundled(), [target], scene=Scene([around]), x=(0.0, 0.0), y=(0.0, 0.0), heights=[0.0])[0]
+    assert best.pose.translation.tolist() == [0.0, 0.0, 0.0]
+    assert (best.success.tolist(), best.touching.tolist()) == ([False], [True])
+    assert IKSolver(robot).solve(target).success
+
+
+def test_no_place_is_left_where_obstacles_fill_the_bounds() -> None:
+    block = Box("block", [1.0, 1.0, 1.0], [0.0, 0.0, 0.0])
+    area = (-0.2, 0.2)
+    assert place_base(bundled(), ON_BENCH, scene=Scene([block]), heights=[0.0], x=area, y=area) == ()
+
+
+@pytest.mark.parametrize("name", ["j2n6s300", "j2s7s300"])
+def test_bounds_hold(name: str) -> None:
+    targets = ON_BENCH[: 4 if name == "j2n6s300" else 1]
+    x, y = (0.05, 0.10), (-0.3, -0.2)
+    places = place_base(bundled(name), targets, x=x, y=y, heights=[0.1])
+    assert places[0].reached == len(targets)
+    for each in places:
+        assert x[0] <= each.pose.translation[0] <= x[1]
+        assert y[0] <= each.pose.translation[1] <= y[1]
+
+
+def test_bounds_hold_for_a_base_that_is_turned(tmp_path: Path) -> None:
+    robot = jacokin.load_robot(limits={"joint_1": (0.0, 5.0)})  # so the map has no symmetry, and yaws are tried
+    reach = build(robot, folder=tmp_path, grid=Grid.around(robot, 0.3), orientations=8)
+    assert reach is not None
+    for each in place_base(reach, ON_BENCH, x=(0.5, 0.6), y=(0.5, 0.6), heights=[0.0]):
+        assert (each.pose.translation[:2] >= 0.5).all()
+        assert (each.pose.translation[:2] <= 0.6).all()
+        seen = [each.pose.inverse() * target for target in ON_BENCH]
+        assert IKSolver(robot).solve_batch(seen, closest=False).success.tolist() == each.success.tolist()
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ({"x": (0.3, 0.1)}, "x must be from where and to where"),
+        ({"y": 3}, "y must have shape"),
+        ({"x": (0.0, np.nan)}, "x must be"),
+        ({"scene": "bench.yaml"}, "scene must be a Scene"),
+    ],
+)
+def test_mistakes_are_named(words: dict[str, object], message: str) -> None:
+    with pytest.raises(InvalidInputError, match=message):
+        place_base(bundled(), ON_BENCH, **words)  # type: ignore[arg-type]  # wrong on purpose
