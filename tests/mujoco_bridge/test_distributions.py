@@ -24,7 +24,8 @@ KINDS = [np.random.RandomState, np.random.default_rng]
 
 def test_equal_parameters_make_equal_samplers() -> None:
     assert Uniform(0, 1) == Uniform(0.0, 1.0) == Uniform(np.float64(0.0), np.array(1.0))
-    assert Uniform(0, 1) != Uniform(0, 2) != Normal(0, 2)
+    different: list[object] = [Uniform(0, 1), Uniform(0, 2), Uniform(0, 1, single_sample=True), Normal(0, 1)]
+    assert [different.index(each) for each in different] == [0, 1, 2, 3]
     assert uniform_box((0, 0, 0), (1, 2, 3)) == uniform_box(np.zeros(3), [1, 2, 3])
     yaw = QuaternionFromAxisAngle(np.array((0, 0, 1)), Uniform(-1, 1))
     assert yaw == QuaternionFromAxisAngle((0, 0, 1), Uniform(-1, 1)) != QuaternionFromAxisAngle((0, 1, 0), 0.5)

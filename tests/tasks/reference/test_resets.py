@@ -35,8 +35,8 @@ def test_episodes_start_from_the_same_distribution(name: str) -> None:
 def test_props_that_have_settled_move_as_slowly() -> None:
     """Settling ends at the same step: by one more they have lost a fifth of their velocity."""
     reference, ours = load_reference("lift_brick_features", seed=1), jacokin.tasks.load("lift_brick", seed=2)
-    velocities = [each.reset().observation["duplo2x4/linear_velocity"][0] for each in (reference, ours)]
-    np.testing.assert_allclose(*velocities, rtol=0.0, atol=1e-6)
+    found, wanted = (each.reset().observation["duplo2x4/linear_velocity"][0] for each in (ours, reference))
+    np.testing.assert_allclose(found, wanted, rtol=0.0, atol=1e-6)
 
 
 def test_other_distributions_are_told_apart() -> None:
