@@ -8,7 +8,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,6 +18,7 @@ import click
 from jacokin import files
 from jacokin.cli import display, options
 from jacokin.cli.command import Argument, Command
+from jacokin.cli.display import progress_bar
 from jacokin.cli.process import NOT_SOLVED
 from jacokin.errors import InvalidInputError, MissingExtraError
 
@@ -74,7 +75,8 @@ def task(name: str, expert: bool, episodes: int, seed: int, record: Path | None,
         environment.action_space.seed(seed)
         solved, returns = 0, []
         for episode in range(episodes):
-            total, success = _run(environment, policy, seed if episode == 0 else None, episode, recorder)
+            with progress_bar(f"episode {episode + 1} of {episodes}, step") as progress:
+                total, success = _run(environment, policy, seed if episode == 0 else None, episode, recorder, progress)
             solved += success
             returns.append(total)
             is_solved = "solved" if success else "not solved"
@@ -92,13 +94,17 @@ def _run(
     seed: int | None,
     episode: int,
     recorder: ArrayRecorder | VideoRecorder | None,
+    progress: Callable[[int, int], None],
 ) -> tuple[float, bool]:
     """Run one episode; returns the sum of its rewards and whether the task is solved at the end."""
+    from jacokin.tasks.episode import STEPS
+
     observation, info = environment.reset(seed=seed)
     if policy is not None:
         policy.reset()
-    total, is_over = 0.0, False
+    total, is_over, steps = 0.0, False, 0
     while not is_over:
+        progress(steps, STEPS)
         action = environment.action_space.sample() if policy is None else policy(observation)
         following, reward, _, is_over, info = environment.step(action)
         if isinstance(recorder, VideoRecorder):
@@ -110,6 +116,7 @@ def _run(
             recorder.add(episode=episode, action=action, reward=reward, success=info["is_success"], **observation)
         observation = following
         total += reward
+        steps += 1
     return total, bool(info["is_success"])
 
 

@@ -11,6 +11,7 @@ import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -127,7 +128,7 @@ class _Distribution:
         raise NotImplementedError
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Uniform(_Distribution):
     """Uniform between two bounds.
 
@@ -143,7 +144,7 @@ class Uniform(_Distribution):
 
     def __post_init__(self) -> None:
         """Check the bounds."""
-        low, high = _finite("low", self.low), _finite("high", self.high)
+        low, high = _finite(self, "low"), _finite(self, "high")
         _check_fit("low", low, "high", high)
         checks.flag("single_sample", self.single_sample)
         if (low > high).any():
@@ -153,7 +154,7 @@ class Uniform(_Distribution):
         return random_state.uniform(np.asarray(self.low, float), np.asarray(self.high, float), size)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Normal(_Distribution):
     """Normal with a mean and a standard deviation.
 
@@ -169,7 +170,7 @@ class Normal(_Distribution):
 
     def __post_init__(self) -> None:
         """Check the parameters."""
-        loc, scale = _finite("loc", self.loc), _finite("scale", self.scale)
+        loc, scale = _finite(self, "loc"), _finite(self, "scale")
         _check_fit("loc", loc, "scale", scale)
         checks.flag("single_sample", self.single_sample)
         if (scale < 0.0).any():
@@ -179,7 +180,7 @@ class Normal(_Distribution):
         return random_state.normal(np.asarray(self.loc, float), np.asarray(self.scale, float), size)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class QuaternionFromAxisAngle:
     """Rotation about an axis by an angle that may be drawn; a quaternion (4,) wxyz.
 
@@ -195,6 +196,7 @@ class QuaternionFromAxisAngle:
         """Check the axis."""
         if not np.linalg.norm(checks.vector("axis", self.axis, 3, "")) > 0.0:
             raise InvalidInputError(f"axis must not be zero, got {shown(self.axis)}")
+        _finite(self, "axis")
         if not callable(self.angle):
             checks.number("angle", self.angle, "rad")
         constant_or_sampler("angle", self.angle)
@@ -215,6 +217,7 @@ class QuaternionFromAxisAngle:
         return quat_wxyz
 
 
+@dataclass(frozen=True)
 class UniformQuaternion:
     """Any orientation, uniformly; a quaternion (4,) wxyz."""
 
@@ -236,7 +239,7 @@ def uniform_box(lower: ArrayLike, upper: ArrayLike) -> Uniform:
     low, high = checks.vector("lower", lower, 3, "m"), checks.vector("upper", upper, 3, "m")
     if (low > high).any():
         raise InvalidInputError(f"lower must not be above upper, got {low.tolist()} and {high.tolist()}")
-    return Uniform(checks.read_only(low), checks.read_only(high), single_sample=True)
+    return Uniform(low, high, single_sample=True)
 
 
 def check_random_state(random_state: object) -> RandomState:
@@ -250,11 +253,17 @@ def check_random_state(random_state: object) -> RandomState:
     return random_state
 
 
-def _finite(name: str, value: ArrayLike) -> Array:
-    array = checks.array(name, value, "numbers")
+def _finite(distribution: object, name: str) -> Array:
+    """A parameter as an array; the distribution keeps it as numbers, which compare, and which JSON can write."""
+    array = checks.array(name, getattr(distribution, name), "numbers")
     if not np.isfinite(array).all():
         raise InvalidInputError(f"{name} must be finite, got {array.tolist()}")
+    object.__setattr__(distribution, name, _as_tuples(array))
     return array
+
+
+def _as_tuples(array: Array) -> Any:  # Any: floats, or tuples of them nested as deep as the array
+    return array.item() if array.ndim == 0 else tuple(map(_as_tuples, array))
 
 
 def _check_fit(first_name: str, first: Array, second_name: str, second: Array) -> None:

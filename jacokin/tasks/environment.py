@@ -81,6 +81,8 @@ class Environment(dm_env.Environment):  # type: ignore[misc]  # dm_env has no ty
     def step(self, action: ArrayLike) -> dm_env.TimeStep:
         """Apply an action for 0.04 s; starts an episode instead, if there is none or the last has ended.
 
+        A step that is interrupted (Ctrl-C) ends the episode.
+
         Args:
             action: (9,) velocities of the joints and the fingers [rad/s]; beyond the limits, the limits are applied.
 
@@ -91,11 +93,15 @@ class Environment(dm_env.Environment):  # type: ignore[misc]  # dm_env has no ty
         episode = self._episode
         if episode.steps is None or episode.steps >= STEPS:
             return self.reset()
-        episode.advance(clip_action(action, episode.lower, episode.upper))
+        values = clip_action(action, episode.lower, episode.upper)
+        steps, episode.steps = episode.steps, None  # until the step is complete
+        episode.advance(values)
         task, view, goal = episode.task, episode.view, episode.goal
         reward = float(task.reward(task.achieved(view, goal), task.desired(view, goal)))
+        observation = self._observation()
+        episode.steps = steps + 1
         kind = dm_env.StepType.LAST if episode.steps >= STEPS else dm_env.StepType.MID
-        return dm_env.TimeStep(kind, reward, 1.0, self._observation())
+        return dm_env.TimeStep(kind, reward, 1.0, observation)
 
     def action_spec(self) -> specs.BoundedArray:
         """Velocities (9,) of the arm's joints and the fingers [rad/s]."""

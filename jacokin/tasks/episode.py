@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
-from jacokin.errors import InvalidInputError, PhysicsError
+from jacokin.errors import InvalidInputError
 from jacokin.model import checks
 from jacokin.mujoco_bridge.base import RandomState
 from jacokin.mujoco_bridge.control.queries import Asking
@@ -46,7 +46,8 @@ class Episode:
         task: the task.
         physics: the simulation, that of the task.
         goal: of the episode.
-        steps: control steps since the start; None before the first reset, and after an error.
+        steps: control steps since the start, counted by the environment; None before the first reset, during a step,
+            and after one that has failed or was interrupted.
     """
 
     def __init__(self, name: str) -> None:
@@ -89,13 +90,8 @@ class Episode:
         Raises:
             PhysicsError: the simulation diverged; a reset is due.
         """
-        steps = self.steps
-        if steps is None:
-            raise PhysicsError("call reset() before the first step")
-        self.steps = None  # until the step has succeeded
         self.physics.data.ctrl[:] = action
         self.physics.step(SUBSTEPS)
-        self.steps = steps + 1
 
     def picture(
         self,

@@ -15,15 +15,15 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.model import checks
 from jacokin.mujoco_bridge.base import RandomState
-from jacokin.mujoco_bridge.distributions import Sampler, constant_or_sampler
+from jacokin.mujoco_bridge.distributions import Normal, Sampler, Uniform, constant_or_sampler
 from jacokin.mujoco_bridge.entity import quaternion_product
 from jacokin.tasks.task import CAMERA, CONTROL_TIMESTEP
 
-Choice = float | Sampler | None
+Choice = float | Sampler | Mapping[str, Any] | None
 
 FACTORS = ("friction", "mass", "gains", "damping", "lights")
 MAX_LATENCY = 1.0  # [s]
-MAX_SHIFT = 0.5  # [m] of the base in each direction
+MAX_SHIFT = 0.5  # [m] of the base in each direction, and of the camera
 _LARGEST_FACTOR = 1e3
 _CAMERA = ("camera_x", "camera_y", "camera_z")
 _BASE = ("base_x", "base_y", "base_z", "base_yaw")
@@ -34,6 +34,8 @@ _VALUES = {"camera": ("camera", *_CAMERA), "base_pose": _BASE}  # of fields that
 class Randomization:
     """What is drawn at each reset: a number, a sampler such as ``Uniform(0.3, 1.2)``, or None to leave it.
 
+    The arguments of `Uniform` or `Normal` in a dictionary mean that sampler, as in JSON: ``{"low": 0.3, "high": 1.2}``.
+
     Attributes:
         friction: factor of the sliding friction of all geoms.
         mass: factor of the masses and inertias of what moves freely.
@@ -41,8 +43,9 @@ class Randomization:
         damping: factor of the damping of the joints of arm and hand.
         lights: factor of the brightness of lights.
         latency: delay of actions [s], rounded to control steps of 0.04 s; at most 1 s.
-        observation_noise: standard deviation of normal noise on all features, in their units.
-        camera: distance by which the camera is moved, in a direction that is drawn too [m].
+        observation_noise: standard deviation of normal noise on all features and on ``achieved_goal``, in their units;
+            rewards and ``desired_goal`` are exact.
+        camera: distance by which the camera is moved, in a direction that is drawn too [m]; at most 0.5 m.
         base_pose: displacement of the arm's base: x, y, z [m] and yaw about its vertical axis [rad]. One number, or a
             sampler of one, means each of the four: ``Uniform(-0.02, 0.02)`` draws four numbers.
     """
@@ -64,9 +67,27 @@ class Randomization:
             InvalidInputError: a number that is impossible, or something else than a number or a sampler.
         """
         for name, value in self._given().items():
+            if isinstance(value, Mapping):
+                object.__setattr__(self, name, _distribution(name, value))
+                continue
             constant_or_sampler(name, value)
             if not callable(value):
-                _values_by_name(name, value)
+                numbers = list(_values_by_name(name, value).values())
+                object.__setattr__(self, name, numbers[0] if len(numbers) == 1 else tuple(numbers))
+
+    @classmethod
+    def of(cls, value: Randomization | Mapping[str, Any]) -> Randomization:
+        """The randomization itself, or made of its fields by name.
+
+        Raises:
+            InvalidInputError: neither, or impossible values.
+            UnknownNameError: an unknown field.
+        """
+        if isinstance(value, cls):
+            return value
+        given = checks.mapping("randomization", value, "a Randomization, a dict of its fields or None")
+        names = [field.name for field in fields(cls)]
+        return cls(**{checks.choice("randomized quantity", name, names): each for name, each in given.items()})
 
     def _given(self) -> dict[str, Any]:  # Any: numbers and samplers
         """The fields that are not None."""
@@ -110,6 +131,21 @@ class Randomization:
         return found
 
 
+def _distribution(name: str, arguments: Mapping[str, Any]) -> Uniform | Normal:
+    """The distribution that takes these arguments.
+
+    Raises:
+        InvalidInputError: the arguments of none.
+    """
+    for kind in (Uniform, Normal):
+        if set(arguments) <= {field.name for field in fields(kind)}:
+            return kind(**arguments)
+    raise InvalidInputError(
+        f"{name} must be a number, a sampler, or its arguments (low, high or loc, scale, and single_sample), got "
+        f"{checks.shown(dict(arguments))}"
+    )
+
+
 def _values_by_name(name: str, value: ArrayLike) -> dict[str, float]:
     """The values that a number means, or four for the pose of the base, by name.
 
@@ -134,6 +170,8 @@ def check_value(name: str, value: object) -> float:
     number = checks.number(name, value)
     if name in FACTORS and not 0.0 < number <= _LARGEST_FACTOR:
         raise InvalidInputError(f"{name} must be a factor above 0 and at most {_LARGEST_FACTOR:g}, got {number:g}")
+    if name == "camera" and number > MAX_SHIFT:
+        raise InvalidInputError(f"camera must be at most {MAX_SHIFT:g} m, got {number:g}")
     if name in (*_BASE, *_CAMERA):
         largest = {"base_yaw": math.pi}.get(name, MAX_SHIFT if name in _BASE else 1.0)
         if abs(number) > largest:

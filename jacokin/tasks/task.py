@@ -95,11 +95,11 @@ class Task(abc.ABC):
 
     @abc.abstractmethod
     def desired(self, view: StateView, goal: Array) -> Array:
-        """What `achieved` should be, (..., d)."""
+        """What `achieved` should be, (..., a): the reward of this as achieved is the highest."""
 
     @abc.abstractmethod
     def reward(self, achieved: Array, desired: Array) -> Array:
-        """The reward (...) in 0..1 of what is achieved (..., a) and desired (..., d)."""
+        """The reward (...) in 0..1 of what is achieved and desired, both (..., a)."""
 
     @abc.abstractmethod
     def success(self, achieved: Array, desired: Array) -> Array:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 import jacokin.tasks.gym.environment
 from jacokin.arrays import Array
-from jacokin.cli import task
+from jacokin.cli import display, task
 from jacokin.errors import InvalidInputError
 from tests import rendering
 from tests.cli.run import Run, start
@@ -71,6 +71,15 @@ def test_the_expert_reaches_and_is_recorded(run: Run, tmp_path: Path) -> None:
         assert arrays["target_position"].shape == (500, 3)
         assert arrays["success"][[249, 499]].all()
         np.testing.assert_array_equal(arrays["episode"], np.repeat([0, 1], 250))
+
+
+@pytest.mark.usefixtures("short")
+def test_the_steps_of_an_episode_are_counted_on_a_terminal(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    answer = run("task", "reach_site", "--episodes", "2")
+    for number in (1, 2):
+        assert f"{display.CLEAR}episode {number} of 2, step 0 of 250 (0 %)" in answer.err
+    assert answer.err.endswith(display.CLEAR)
 
 
 def test_random_actions_are_those_of_the_seed(run: Run, tmp_path: Path) -> None:

@@ -22,6 +22,16 @@ from tests.optional import needs_dm_control
 KINDS = [np.random.RandomState, np.random.default_rng]
 
 
+def test_equal_parameters_make_equal_samplers() -> None:
+    assert Uniform(0, 1) == Uniform(0.0, 1.0) == Uniform(np.float64(0.0), np.array(1.0))
+    different: list[object] = [Uniform(0, 1), Uniform(0, 2), Uniform(0, 1, single_sample=True), Normal(0, 1)]
+    assert [different.index(each) for each in different] == [0, 1, 2, 3]
+    assert uniform_box((0, 0, 0), (1, 2, 3)) == uniform_box(np.zeros(3), [1, 2, 3])
+    yaw = QuaternionFromAxisAngle(np.array((0, 0, 1)), Uniform(-1, 1))
+    assert yaw == QuaternionFromAxisAngle((0, 0, 1), Uniform(-1, 1)) != QuaternionFromAxisAngle((0, 1, 0), 0.5)
+    assert len({Uniform(0, 1), Uniform(0.0, 1.0), UniformQuaternion(), UniformQuaternion()}) == 2
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_draws_are_those_of_the_random_state(kind: Any) -> None:
     rng, twin = kind(4), kind(4)

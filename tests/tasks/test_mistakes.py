@@ -115,7 +115,7 @@ def test_unknown_options_are_listed(option: str, value: Any, valid: tuple[str, .
         ({"flatten": "yes"}, "flatten"),
         ({"width": 0}, "width"),
         ({"height": 1.5}, "height"),
-        ({"randomization": {"mass": 1.0}}, "randomization"),
+        ({"randomization": "mass"}, "randomization"),
         ({"randomization": 10**5000}, "randomization"),
         ({"goal": True, "observations": "vision"}, "goal=True needs"),
         ({"goal": True, "flatten": False}, "goal=True needs"),

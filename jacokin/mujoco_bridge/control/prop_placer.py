@@ -187,11 +187,12 @@ class PropPlacer:
             while data.time - time < self._longest:
                 try:
                     physics.step()
+                    data.qpos[other_qpos], data.qvel[other_dofs] = qpos, qvel
+                    physics.forward()  # accelerations where the props are now, not a step ago
                 except PhysicsError:
                     return Settled(False, np.inf, np.inf)
                 velocity = float(np.abs(data.qvel[dofs]).max())
                 acceleration = float(np.abs(data.qacc[dofs]).max())
-                data.qpos[other_qpos], data.qvel[other_dofs] = qpos, qvel
                 is_slow = velocity < self._max_qvel and acceleration < self._max_qacc
                 if is_slow and data.time - time > self._shortest:
                     return Settled(True, velocity, acceleration)

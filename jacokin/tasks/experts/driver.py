@@ -76,9 +76,12 @@ class ArmDriver:
             InvalidInputError: not a dictionary of features by name.
         """
         if not isinstance(observation, Mapping) or f"{ARM}joints_pos" not in observation:
+            given = checks.shown(observation)
+            if isinstance(observation, np.ndarray):
+                given = f"an array of shape {observation.shape}"
             raise InvalidInputError(
                 "an expert needs the features by name, as jacokin.tasks.load gives them or gymnasium.make(..., "
-                f"flatten=False); got {checks.shown(observation)}"
+                f"flatten=False); got {given}"
             )
         self._observation = observation
         pairs = self.get(f"{ARM}joints_pos", 2 * self.robot.dof).reshape(-1, 2)

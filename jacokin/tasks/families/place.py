@@ -20,6 +20,7 @@ from jacokin.tasks.task import ANY_YAW, BRICK, Task, position_in_qpos
 RADIUS = 0.05  # [m] of the target
 AWAY = 4.0 * RADIUS  # [m] of the hand from the target
 _AWAY_MARGIN = 3.0 * RADIUS  # [m]
+_BESIDE = np.array((0.0, 0.0, AWAY + RADIUS))  # [m] from the target, a place of the hand that solves the task
 _IN_PLACE = 10.0  # weight
 _ATTEMPTS = 50
 _PEDESTAL_BOX = BoundingBox((-0.1, -0.1, 0.07), (0.1, 0.1, 0.17))
@@ -42,7 +43,7 @@ class _Place(Task):
 
     def _features(self, own: list[Feature]) -> list[Feature]:
         self._position = position_in_qpos(self.physics, self.brick)
-        position = Feature(f"{self.pedestal.prefix}position", (3,), self.desired)
+        position = Feature(f"{self.pedestal.prefix}position", (3,), lambda view, goal: self._target(view))
         return [*own, *features.prop_features(self.physics, self.brick), position]
 
     def _initialize(self, random_state: RandomState) -> Asking[Array]:
@@ -55,22 +56,29 @@ class _Place(Task):
         """Positions of the brick and of the tool centre point, (..., 6) [m]."""
         return np.concatenate((view.qpos[..., self._position], self.tool(view)), axis=-1)
 
-    def desired(self, view: StateView, goal: Array) -> Array:
-        """Where the brick is to be, (..., 3) [m]."""
+    def _target(self, view: StateView) -> Array:
         return view.mocap_pos[..., 0, :]
 
+    def desired(self, view: StateView, goal: Array) -> Array:
+        """Where the brick is to be, and a place for the tool centre point away from it, (..., 6) [m]."""
+        target = self._target(view)
+        return np.concatenate((target, target + _BESIDE), axis=-1)
+
     def reward(self, achieved: Array, desired: Array) -> Array:
-        """Ten parts for the brick in place; one for the hand at the brick or, once that is in place, away."""
-        prop, tool = achieved[..., :3], achieved[..., 3:]
+        """Ten parts for the brick in place; one for the hand at the brick or, once that is in place, away.
+
+        Where away from the target the hand is desired does not count.
+        """
+        prop, tool, target = achieved[..., :3], achieved[..., 3:], desired[..., :3]
         grasped = fall_beyond(length(prop - tool) - RADIUS, RADIUS, "long_tail")
-        in_place = fall_beyond(length(prop - desired) - RADIUS, RADIUS, "long_tail")
-        away = fall_beyond(AWAY - length(tool - desired), _AWAY_MARGIN, "long_tail")
+        in_place = fall_beyond(length(prop - target) - RADIUS, RADIUS, "long_tail")
+        away = fall_beyond(AWAY - length(tool - target), _AWAY_MARGIN, "long_tail")
         return (grasped * (1.0 - in_place) + away * in_place + _IN_PLACE * in_place) / (1.0 + _IN_PLACE)
 
     def success(self, achieved: Array, desired: Array) -> Array:
         """Whether the brick is within 0.05 m of the target, and the tool centre point at least 0.2 m away."""
-        prop, tool = achieved[..., :3], achieved[..., 3:]
-        return np.asarray((length(prop - desired) <= RADIUS) & (length(tool - desired) >= AWAY))
+        prop, tool, target = achieved[..., :3], achieved[..., 3:], desired[..., :3]
+        return np.asarray((length(prop - target) <= RADIUS) & (length(tool - target) >= AWAY))
 
 
 class PlaceBrick(_Place):

@@ -5,8 +5,8 @@ from __future__ import annotations
 import copy
 import inspect
 from collections import deque
-from collections.abc import Mapping
-from typing import Any, ClassVar
+from collections.abc import Callable, Mapping
+from typing import Any
 
 import gymnasium
 import mujoco
@@ -24,12 +24,14 @@ from jacokin.tasks.episode import STEPS, Episode, Snapshot, clip_action
 from jacokin.tasks.features import ids
 from jacokin.tasks.gym.controls import CONTROLS, Control
 from jacokin.tasks.gym.packing import EnvOptions, Observation, Packing, add_picture
-from jacokin.tasks.gym.window import Window, check_display
+from jacokin.tasks.gym.window import Window, check_display, is_usable
 from jacokin.tasks.randomization import Randomization, Variation, latency_steps
 from jacokin.tasks.task import CONTROL_TIMESTEP, Task
 
 RENDER_MODES = ("rgb_array", "human", "depth_array")
+NO_EPISODE = "there is no episode, or the last step was not completed: call reset() before step()"
 SIZE = 480  # rows and columns of rendered pictures [pixels]
+_METADATA = {"render_modes": list(RENDER_MODES), "render_fps": round(1.0 / CONTROL_TIMESTEP)}
 
 Info = dict[str, Any]
 
@@ -41,10 +43,7 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
     Pickles and copies, in the middle of an episode too.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {  # type: ignore[misc]  # an attribute of instances for Gymnasium
-        "render_modes": list(RENDER_MODES),
-        "render_fps": round(1.0 / CONTROL_TIMESTEP),
-    }
+    metadata: dict[str, Any] = _METADATA  # each environment has the render modes that work on this machine
 
     def __init__(
         self,
@@ -55,7 +54,7 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
         goal: bool = False,
         observations: str = registry.FEATURES,
         flatten: bool = True,
-        randomization: Randomization | None = None,
+        randomization: Randomization | Mapping[str, Any] | None = None,
         render_mode: str | None = None,
         width: int = SIZE,
         height: int = SIZE,
@@ -69,8 +68,9 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
             goal: give observations with ``achieved_goal`` and ``desired_goal``.
             observations: "features" or "vision".
             flatten: give the features as one array; False for a dictionary by name.
-            randomization: what is drawn at each reset beside the initial state; ``info["randomization"]`` has the
-                values, ``reset(options={"randomization": values})`` uses them again.
+            randomization: what is drawn at each reset beside the initial state, or the fields of a `Randomization` by
+                name, as a specification in JSON has them; ``info["randomization"]`` has the values,
+                ``reset(options={"randomization": values})`` uses them again.
             render_mode: what `render` gives: "rgb_array", "depth_array", "human" (a window), or None.
             width: columns of rendered pictures [pixels].
             height: rows of rendered pictures [pixels].
@@ -81,14 +81,14 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
             PhysicsError: "human" without a display.
         """
         self.options = EnvOptions(task, control, reward, goal, observations, flatten)
-        if randomization is not None:
-            checks.instance("randomization", randomization, Randomization, "a Randomization or None")
-        self.randomization = randomization
+        self.randomization = None if randomization is None else Randomization.of(randomization)
         if render_mode is not None:
             checks.choice("render_mode", render_mode, RENDER_MODES)
         if render_mode == "human":
             check_display()
         self.render_mode = render_mode
+        usable = [mode for mode in RENDER_MODES if mode == render_mode or is_usable(mode)]
+        self.metadata = {**_METADATA, "render_modes": usable}
         self._size = checks.whole_number("height", height, 1), checks.whole_number("width", width, 1)
         self._episode = Episode(task)
         self._packing = Packing(self._episode.task, self.options)
@@ -97,7 +97,9 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
         self.action_space = spaces.Box(*self._control.bounds, dtype=np.float64)
         self._window: Window | None = None
         base = int(ids(self._episode.physics, self.task.arm.root_body)[0])
-        self._variation = None if randomization is None else Variation(self.model, base)
+        self._variation = None if self.randomization is None else Variation(self.model, base)
+        # Apart from the numbers of initial states, which a seed then determines with and without randomization.
+        self._variation_random: np.random.Generator | None = None
         self._values: dict[str, float] = {}
         self._delayed: deque[Array] = deque()
 
@@ -156,7 +158,9 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
         """As `reset` with checked arguments; the caller answers the queries, see `Task.starting`."""
         super().reset(seed=None if seed is None else int(seed))  # Gymnasium refuses NumPy's whole numbers
         if self.randomization is not None:
-            drawn = self.randomization.draw(self.np_random)
+            if seed is not None or self._variation_random is None:
+                self._variation_random = self.np_random.spawn(1)[0]
+            drawn = self.randomization.draw(self._variation_random)
             self._apply(drawn if replayed is None else replayed)
         yield from self._episode.starting(self.np_random)
         self._control.start(self._episode.physics)
@@ -169,7 +173,7 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
         """Apply an action for 0.04 s.
 
         A simulation that diverges ends the episode: the step is truncated, with the last observation and reward 0, and
-        ``info["error"]`` says why.
+        ``info["error"]`` says why. A step that is interrupted (Ctrl-C) ends it too: call `reset`.
 
         Args:
             action: of the action space; values beyond its bounds are put on them.
@@ -179,10 +183,12 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
             PhysicsError: there is no episode: call `reset`.
         """
         episode = self._episode
-        if episode.steps is None:
-            raise PhysicsError("there is no episode: call reset() before step()")
+        steps = episode.steps
+        if steps is None:
+            raise PhysicsError(NO_EPISODE)
         values = clip_action(action, *self._control.bounds)
         self._control.check(values)
+        episode.steps = None  # until the step is complete
         try:
             velocities = self._control.velocities(episode.view, values)
             episode.advance(self._late(velocities) if self._values else velocities)
@@ -190,29 +196,28 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
             return copy.deepcopy(self._last), 0.0, False, True, {"is_success": False, "error": str(error)}
         observation, reward, success = self._outcome()
         self._show()
-        return observation, reward, False, episode.steps == STEPS, self._info(success)
+        episode.steps = steps + 1
+        return observation, reward, False, episode.steps >= STEPS, self._info(success)
 
-    def compute_reward(self, achieved_goal: ArrayLike, desired_goal: ArrayLike, info: object = None) -> float | Array:
-        """The reward of goals, as `step` gives it.
+    @property
+    def compute_reward(self) -> Callable[..., float | Array]:
+        """The reward of goals, as `step` gives it: ``compute_reward(achieved_goal, desired_goal, info=None)``.
 
-        Args:
-            achieved_goal: (..., a) what is achieved.
-            desired_goal: (..., d) what is desired.
-            info: unused; Gymnasium's interface has it.
-
-        Returns:
-            Rewards (...); a float for single goals.
+        Both goals are arrays (..., n), ``info`` is not used, rewards are (...), a float for single goals. Goals that
+        are not numbers, or of another size than in observations, raise `InvalidInputError`.
 
         Raises:
-            InvalidInputError: not numbers, or of other sizes than in observations.
+            AttributeError: with ``goal=False``, as other libraries tell environments with goals by this function.
         """
-        sizes = self._packing.goal_sizes
-        achieved, desired = (
-            _goals(name, value, size)
-            for name, value, size in zip(
-                ("achieved_goal", "desired_goal"), (achieved_goal, desired_goal), sizes, strict=True
-            )
-        )
+        if not self.options.goal:
+            raise AttributeError("compute_reward needs goal=True")
+        return self._rewards_of_goals
+
+    def _rewards_of_goals(
+        self, achieved_goal: ArrayLike, desired_goal: ArrayLike, info: object = None
+    ) -> float | Array:
+        size = self._packing.goal_size
+        achieved, desired = _goals("achieved_goal", achieved_goal, size), _goals("desired_goal", desired_goal, size)
         try:
             np.broadcast_shapes(achieved.shape[:-1], desired.shape[:-1])
         except ValueError as error:
@@ -264,7 +269,8 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
         if self.options.has_camera:
             observation = add_picture(observation, episode.picture())
         if "observation_noise" in self._values:
-            self._packing.add_noise(observation, self._values["observation_noise"], self.np_random)
+            assert self._variation_random is not None
+            self._packing.add_noise(observation, self._values["observation_noise"], self._variation_random)
         self._last = observation
         return observation, float(self._rewards(achieved, desired)), bool(task.success(achieved, desired))
 
@@ -298,7 +304,7 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
         return {
             "options": self.options,
             "render": {"render_mode": self.render_mode, "height": height, "width": width},
-            "random": (self._np_random, self._np_random_seed),
+            "random": (self._np_random, self._np_random_seed, self._variation_random),
             "spec": self.spec,
             "control": self._control,
             "snapshot": self._episode.snapshot(),
@@ -313,7 +319,7 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
         options: EnvOptions = state["options"]
         fields = {name: getattr(options, name) for name in options.__slots__}
         self.__init__(**fields, randomization=state["randomization"], **state["render"])  # type: ignore[misc]  # an object without state is made as usual
-        self._np_random, self._np_random_seed = state["random"]
+        self._np_random, self._np_random_seed, self._variation_random = state["random"]
         self.spec = state["spec"]
         self._control = state["control"]
         self._delayed = state["delayed"]

@@ -79,7 +79,7 @@ class Packing:
 
     Attributes:
         space: of the observations of one environment.
-        goal_sizes: numbers of what is achieved and of what is desired.
+        goal_size: how many numbers are achieved, and desired.
     """
 
     def __init__(self, task: Task, options: EnvOptions) -> None:
@@ -91,15 +91,16 @@ class Packing:
         self._slices = [slice(start, end) for start, end in zip([0, *ends[:-1]], ends, strict=True)]
         self._size = ends[-1]
         view, goal = StateView.of(task.physics.data), np.zeros(task.goal_size)
-        self.goal_sizes = task.achieved(view, goal).shape[-1], task.desired(view, goal).shape[-1]
+        self.goal_size = int(task.achieved(view, goal).shape[-1])
         self.space = self._space()
 
     def _space(self) -> spaces.Space[Any]:
         options = self._options
         flat = _box(self._size)
         if options.goal:
-            achieved, desired = map(_box, self.goal_sizes)
-            return spaces.Dict({"observation": flat, "achieved_goal": achieved, "desired_goal": desired})
+            return spaces.Dict(
+                {"observation": flat, "achieved_goal": _box(self.goal_size), "desired_goal": _box(self.goal_size)}
+            )
         if options.flatten and not options.has_camera:
             return flat
         found: dict[str, spaces.Space[Any]] = {}
@@ -133,11 +134,11 @@ class Packing:
         return {PROPRIOCEPTION: flat} if options.has_camera else flat
 
     def add_noise(self, observation: Observation, deviation: float, random_state: np.random.Generator) -> None:
-        """Add normal noise to the features of one environment, in place; goals and pictures are left as they are."""
+        """Add normal noise to the features of one environment and to what it achieves, in place."""
         if isinstance(observation, np.ndarray):
             observation += random_state.normal(0.0, deviation, observation.shape)
             return
-        names = ["observation"] if self._options.goal else [PROPRIOCEPTION]
+        names = ["observation", "achieved_goal"] if self._options.goal else [PROPRIOCEPTION]
         for name in names if self._options.flatten else [each.name for each in self._features]:
             observation[name] += random_state.normal(0.0, deviation, observation[name].shape)
 

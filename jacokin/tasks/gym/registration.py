@@ -30,6 +30,7 @@ _NAMES = {
 IDS = {task: f"jacokin/{name}-v0" for task, name in _NAMES.items()}
 """The id of each task."""
 
+EPISODE_STEPS = 250  # those of the time limit, which cannot be asked for without loading MuJoCo
 
 _OWN_VECTORS = VectorizeMode.VECTOR_ENTRY_POINT
 
@@ -62,5 +63,6 @@ def register() -> None:
                 name,
                 entry_point="jacokin.tasks.gym.environment:make_environment",
                 vector_entry_point="jacokin.tasks.gym.vector:VectorTaskEnv",
+                max_episode_steps=EPISODE_STEPS,
                 kwargs=_Kwargs(task=task),
             )

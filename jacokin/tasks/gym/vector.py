@@ -29,7 +29,7 @@ from jacokin.tasks.episode import PICTURE, STEPS, clip_action
 from jacokin.tasks.features import StateView
 from jacokin.tasks.gym import packing
 from jacokin.tasks.gym.controls import CONTROLS
-from jacokin.tasks.gym.environment import OPTIONS, Info, TaskEnv
+from jacokin.tasks.gym.environment import NO_EPISODE, OPTIONS, Info, TaskEnv
 from jacokin.tasks.gym.packing import Observation, add_picture
 from jacokin.tasks.randomization import MAX_LATENCY, SIMULATED, latency_steps
 from jacokin.tasks.task import CONTROL_TIMESTEP, SUBSTEPS
@@ -42,6 +42,7 @@ Steps = tuple[Observation, Array, Flags, Flags, Info]
 
 AUTORESET_MODES = tuple(mode.value for mode in AutoresetMode)
 _WITHOUT_WINDOW = [name for name in OPTIONS if name not in ("render_mode", "width", "height")]
+_OPTIONS = ("threads", "max_episode_steps", "autoreset_mode", *_WITHOUT_WINDOW)
 _VELOCITIES = int(mujoco.mjtStage.mjSTAGE_VEL)
 _HUGE = 1e10  # where MuJoCo takes a simulation for unstable
 _WARNINGS = {
@@ -65,6 +66,7 @@ class VectorTaskEnv(VectorEnv[Observation, Any, NDArray[Any]]):
         num_envs: int = 1,
         *,
         threads: int = 1,
+        max_episode_steps: int | None = None,
         autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
         **options: Any,
     ) -> None:
@@ -73,6 +75,8 @@ class VectorTaskEnv(VectorEnv[Observation, Any, NDArray[Any]]):
         Args:
             num_envs: how many.
             threads: how many threads simulate.
+            max_episode_steps: after which episodes are truncated, if that is before the time limit; None or -1 for the
+                time limit alone.
             autoreset_mode: when an environment whose episode has ended starts another: Gymnasium's "NextStep",
                 "SameStep" or "Disabled".
             options: as for `TaskEnv`, without rendering.
@@ -84,13 +88,16 @@ class VectorTaskEnv(VectorEnv[Observation, Any, NDArray[Any]]):
         if options.pop("render_mode", None) is not None:
             raise InvalidInputError("a vector of environments does not render; make a single one with the same seed")
         for name in options:
-            checks.choice("option of a vector", name, ("threads", "autoreset_mode", *_WITHOUT_WINDOW))
+            checks.choice("option of a vector", name, _OPTIONS)
         checks.whole_number("num_envs", num_envs, 1)
         checks.whole_number("threads", threads, 1)
         value = autoreset_mode.value if isinstance(autoreset_mode, AutoresetMode) else autoreset_mode
         self.autoreset_mode = AutoresetMode(checks.choice("autoreset_mode", value, AUTORESET_MODES))
         first = self._first = TaskEnv(**options)
-        self._simulations = Simulations(first, num_envs, threads)
+        steps = STEPS
+        if max_episode_steps not in (None, -1):
+            steps = min(STEPS, checks.whole_number("max_episode_steps", max_episode_steps, 1))
+        self._simulations = Simulations(first, num_envs, threads, steps)
         self.metadata = {**first.metadata, "autoreset_mode": self.autoreset_mode, "render_modes": []}
         self.num_envs = num_envs
         self.single_observation_space = first.observation_space
@@ -110,7 +117,7 @@ class VectorTaskEnv(VectorEnv[Observation, Any, NDArray[Any]]):
         seed: int | Sequence[int | None] | None = None,
         options: Mapping[str, Any] | None = None,
     ) -> tuple[Observation, Info]:
-        """Start an episode in every environment, or in some.
+        """Start an episode in every environment, or in some; those whose reset fails or is interrupted have none.
 
         Args:
             seed: of the first environment, the others get the following numbers; or one for each.
@@ -125,6 +132,7 @@ class VectorTaskEnv(VectorEnv[Observation, Any, NDArray[Any]]):
         all_seeds, each = self._seeds(seed), self._each(given)
         seeds = [all_seeds[index] for index in ids]
         replayed = [self._first._checked_reset(all_seeds[index], each[index]) for index in ids]
+        self._has_begun[ids] = False  # until the reset is complete
         infos = self._note_starts(ids, self._simulations.begin(ids, seeds, replayed), self._last, {})
         self._is_over[ids] = False
         self._has_begun[ids] = True
@@ -133,7 +141,8 @@ class VectorTaskEnv(VectorEnv[Observation, Any, NDArray[Any]]):
     def step(self, values: NDArray[Any]) -> Steps:
         """Apply an action in every environment.
 
-        By default those whose episode has ended start another one instead.
+        By default those whose episode has ended start another one instead. A step that is interrupted (Ctrl-C) ends all
+        episodes: call `reset`.
 
         Args:
             values: (num_envs, ...) actions.
@@ -143,7 +152,7 @@ class VectorTaskEnv(VectorEnv[Observation, Any, NDArray[Any]]):
             PhysicsError: an environment has no episode: call `reset`.
         """
         if not self._has_begun.all():
-            raise PhysicsError("there is no episode: call reset() before step()")
+            raise PhysicsError(NO_EPISODE)
         checked = clip_action(values, *self._bounds)
         self._first._control.check(checked)
         ended, goes_on = np.flatnonzero(self._is_over), np.flatnonzero(~self._is_over)
@@ -152,6 +161,7 @@ class VectorTaskEnv(VectorEnv[Observation, Any, NDArray[Any]]):
                 f"the episodes of environments {ended.tolist()} have ended: call reset(options={{'reset_mask': ...}})"
             )
         begun = self._begin_again(ended)
+        self._has_begun[:] = False  # until the step is complete
         outcome = self._simulations.advance(checked, goes_on)
         observations, truncated = outcome.observations, outcome.is_over
         for index in outcome.errors:
@@ -163,6 +173,7 @@ class VectorTaskEnv(VectorEnv[Observation, Any, NDArray[Any]]):
             infos = self._note_starts(ended, begun, observations, self._infos(outcome, goes_on))
             self._is_over = truncated.copy()
         self._last = copy.deepcopy(observations)
+        self._has_begun[:] = True
         return observations, outcome.rewards, np.zeros(self.num_envs, dtype=bool), truncated, infos
 
     def _begin_again(self, ids: Indices) -> Begun:
@@ -265,15 +276,16 @@ class StepOutcome:
 class Simulations:
     """Simulations of the task of an environment, each with its own random numbers and constants of the model."""
 
-    def __init__(self, first: TaskEnv, count: int, threads: int) -> None:
+    def __init__(self, first: TaskEnv, count: int, threads: int, steps: int) -> None:
         """Make the batch.
 
         Args:
             first: the environment in which episodes are started; it is of no other use then.
             count: how many simulations.
             threads: how many threads simulate.
+            steps: after which an episode is over.
         """
-        self._first, self._count = first, count
+        self._first, self._count, self._most_steps = first, count, steps
         model, control = first.model, first.options.control
         flags = model.opt.disableflags
         # MuJoCo would put a diverged simulation back to its reference state, and go on as if nothing had happened.
@@ -284,7 +296,8 @@ class Simulations:
         self._view = StateView.of(self._batch)
         self._goals = np.zeros((count, first.task.goal_size))
         self._steps = np.zeros(count, dtype=np.intp)
-        self._random: list[np.random.Generator | None] = [None] * count
+        # Of initial states, and of the randomization.
+        self._random: list[tuple[np.random.Generator | None, np.random.Generator | None]] = [(None, None)] * count
         self._values: list[Values] = [{}] * count
         self._states: Array = np.zeros_like(self._batch.state)  # of episodes that are being started
         self._controls = [CONTROLS[control](first._episode.lower, first._episode.upper) for _ in range(count)]
@@ -327,7 +340,7 @@ class Simulations:
     def _as_first(self, index: int, *, is_waiting: bool) -> Iterator[None]:
         """Let the first environment be another one; `is_waiting`: one whose episode is being started."""
         first, physics = self._first, self._first.task.physics
-        first._np_random, first._control = self._random[index], self._controls[index]
+        (first._np_random, first._variation_random), first._control = self._random[index], self._controls[index]
         if is_waiting:
             if self._constants:
                 first._apply(self._values[index])
@@ -335,7 +348,7 @@ class Simulations:
         try:
             yield
         finally:
-            self._random[index] = first.np_random
+            self._random[index] = first.np_random, first._variation_random
         self._states[index] = physics.get_state()
         self._values[index], self._delays[index] = first._values, latency_steps(first._values)
         for name, constants in self._constants.items():
@@ -359,7 +372,7 @@ class Simulations:
         if self._pictured is not None:
             observations = add_picture(observations, self._pictures(going))
         for index in going if self._is_noisy else ():
-            random_state = self._random[index]
+            _, random_state = self._random[index]
             assert random_state is not None
             deviation = self._values[index]["observation_noise"]
             first._packing.add_noise(packing.row(observations, index), deviation, random_state)
@@ -367,7 +380,7 @@ class Simulations:
             observations,
             np.array(first._rewards(achieved, desired)),
             np.array(first.task.success(achieved, desired)),
-            self._steps >= STEPS,
+            self._steps >= self._most_steps,
             errors,
         )
         for index in errors:

@@ -55,11 +55,18 @@ class Window:
             thread.join(CLOSING)
 
 
+def is_usable(render_mode: str) -> bool:
+    """Whether the system has what a render mode needs: a display, or for pictures a renderer without one."""
+    if sys.platform != "linux" or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
+        return True
+    return render_mode != "human" and os.environ.get("MUJOCO_GL", "").lower() in ("egl", "osmesa")
+
+
 def check_display() -> None:
     """Refuse a window where the system names no display.
 
     Raises:
         PhysicsError: it does not.
     """
-    if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+    if not is_usable("human"):
         raise PhysicsError("render_mode='human' needs a display; without one use 'rgb_array' and MUJOCO_GL=egl")

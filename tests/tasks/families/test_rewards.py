@@ -5,13 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import jacokin.tasks
 from jacokin.arrays import Array
 from jacokin.tasks.families.bricks import Stack
 from jacokin.tasks.families.lift import LiftBrick
 from jacokin.tasks.families.place import PlaceBrick
 from jacokin.tasks.families.reach import ReachBrick, ReachSite
 from jacokin.tasks.features import StateView
+from jacokin.tasks.registry import TASKS
 from jacokin.tasks.task import Task
+from tests.tasks.families_sample import slow_but
 
 ORIGIN = np.zeros(3)
 
@@ -72,8 +75,21 @@ def test_placing_has_ten_parts_for_the_brick_and_one_for_the_hand() -> None:
         (at_target + 10.0) / 11.0,  # in place, but the hand is there
         (1.0 * (1.0 - tail) + 1.0 * tail + 10.0 * tail) / 11.0,  # grasped elsewhere, where the hand is away
     ]
-    assert rewards(task, achieved, np.zeros((3, 3))) == pytest.approx(wanted)
-    assert task.success(achieved, np.zeros((3, 3))).tolist() == [True, False, False]
+    desired = np.array([[*ORIGIN, *elsewhere] for elsewhere in (ORIGIN, far, far)])  # of the hand, it does not count
+    assert rewards(task, achieved, desired) == pytest.approx(wanted)
+    assert task.success(achieved, desired).tolist() == [True, False, False]
+
+
+@pytest.mark.parametrize("name", slow_but(TASKS, ["reach_site", "place_brick"]))
+def test_what_is_desired_would_solve_the_task_if_it_were_achieved(name: str) -> None:
+    """So goals of both kinds are of one space, as hindsight replay needs them."""
+    env = jacokin.tasks.TaskEnv(name, goal=True)
+    observation, _ = env.reset(seed=0)
+    assert isinstance(observation, dict)
+    desired = observation["desired_goal"]
+    assert desired.shape == observation["achieved_goal"].shape
+    assert env.compute_reward(desired, desired) == pytest.approx(1.0, abs=1e-12)
+    assert env.task.success(desired, desired)
 
 
 def test_stacking_counts_pairs_that_are_close_and_that_click() -> None:

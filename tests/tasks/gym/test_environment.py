@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+import sys
+import warnings
 from typing import Any
 
 import gymnasium
 import numpy as np
 import pytest
+from gymnasium.utils.env_checker import check_env
 
 import jacokin.tasks
 from jacokin.errors import InvalidInputError, PhysicsError
 from jacokin.ik.closest import ClosestSearch
-from jacokin.tasks.gym.registration import IDS
+from jacokin.tasks import Environment, TaskEnv
+from jacokin.tasks.episode import STEPS, Episode
+from jacokin.tasks.gym.environment import RENDER_MODES
+from jacokin.tasks.gym.packing import Packing
+from jacokin.tasks.gym.registration import EPISODE_STEPS, IDS
 from jacokin.tasks.registry import TASKS
 from tests.tasks.gym.checking import make
 
@@ -76,8 +83,62 @@ def test_success_is_what_the_task_asks_for() -> None:
 def test_the_time_limit_truncates() -> None:
     environment = make("reach_site")
     environment.reset(seed=0)
-    ends = [environment.step(np.zeros(9))[2:4] for _ in range(250)]
-    assert ends == [(False, False)] * 249 + [(False, True)]
+    ends = [environment.step(np.zeros(9))[2:4] for _ in range(252)]
+    assert ends == [(False, False)] * 249 + [(False, True)] * 3
+    assert gymnasium.spec(IDS["reach_site"]).max_episode_steps == EPISODE_STEPS == STEPS
+
+
+def test_only_environments_with_goals_compute_rewards_of_goals() -> None:
+    """Stable-Baselines3 takes whatever has `compute_reward` for an environment with goals."""
+    assert not hasattr(TaskEnv("reach_site"), "compute_reward")
+    assert not make("reach_site").has_wrapper_attr("compute_reward")
+    assert make("reach_site", goal=True).has_wrapper_attr("compute_reward")
+
+
+@pytest.mark.parametrize("where", ["simulation", "observation"])
+def test_a_step_that_is_interrupted_ends_the_episode(where: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of vectors too, see `test_vector`."""
+    environment, other = TaskEnv("reach_site"), jacokin.tasks.load("reach_site", seed=0)
+    environment.reset(seed=0)
+    other.reset()
+    with monkeypatch.context() as patch:
+        if where == "simulation":
+            patch.setattr(Episode, "advance", interrupted)
+        else:
+            patch.setattr(Packing, "pack", interrupted)
+            patch.setattr(Environment, "_observation", interrupted)
+        for each in (environment, other):
+            with pytest.raises(KeyboardInterrupt):
+                each.step(np.zeros(9))
+    with pytest.raises(PhysicsError, match=r"not completed: call reset\(\) before step\(\)"):
+        environment.step(np.zeros(9))
+    assert other.step(np.zeros(9)).first()
+    environment.reset()
+    environment.step(np.zeros(9))
+
+
+def interrupted(*args: object, **kwargs: object) -> None:
+    raise KeyboardInterrupt
+
+
+def test_render_modes_are_those_that_work_here(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("DISPLAY", "WAYLAND_DISPLAY", "MUJOCO_GL"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(sys, "platform", "linux")
+    assert TaskEnv("reach_site").metadata["render_modes"] == []
+    monkeypatch.setenv("MUJOCO_GL", "egl")
+    assert TaskEnv("reach_site").metadata["render_modes"] == ["rgb_array", "depth_array"]
+    monkeypatch.setenv("DISPLAY", ":0")
+    assert TaskEnv("reach_site").metadata["render_modes"] == list(RENDER_MODES)
+
+
+def test_gymnasium_checks_without_a_display(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("DISPLAY", "WAYLAND_DISPLAY", "MUJOCO_GL"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(sys, "platform", "linux")
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", ".*infinity|.*symmetric and normalized")
+        check_env(make("reach_site").unwrapped)
 
 
 @pytest.mark.parametrize("control", ["tool_velocity", "tool_pose"])

@@ -6,13 +6,15 @@ import copy
 import pickle
 from typing import Any
 
+import gymnasium
 import numpy as np
 import pytest
 from gymnasium.envs.mujoco.utils import check_mujoco_reset_state
+from gymnasium.envs.registration import EnvSpec
 
 import jacokin
 from jacokin.errors import InvalidInputError, UnknownNameError
-from jacokin.mujoco_bridge.distributions import Uniform
+from jacokin.mujoco_bridge.distributions import Normal, Uniform
 from jacokin.tasks import Randomization, TaskEnv
 from tests.tasks.gym.randomizations import ALL
 
@@ -70,13 +72,44 @@ def test_actions_come_late() -> None:
         np.testing.assert_array_equal(late.step(np.zeros(9))[0], prompt.step(np.ones(9))[0])
 
 
-def test_noise_is_on_features_alone() -> None:
+def test_noise_is_on_all_that_is_observed() -> None:
     noisy = TaskEnv("reach_site", goal=True, randomization=Randomization(observation_noise=0.1))
     clean = TaskEnv("reach_site", goal=True)
     one: Any = noisy.reset(seed=0)[0]
     other: Any = clean.reset(seed=0)[0]
-    assert 0.01 < np.abs(one["observation"] - other["observation"]).mean() < 0.3
+    for key in ("observation", "achieved_goal"):
+        assert 0.01 < np.abs(one[key] - other[key]).mean() < 0.3
     np.testing.assert_array_equal(one["desired_goal"], other["desired_goal"])
+    assert noisy.step(np.ones(9))[1] == clean.step(np.ones(9))[1]
+
+
+@pytest.mark.parametrize(
+    "varied",
+    [
+        Randomization(mass=Uniform(0.5, 2.0), gains=Uniform(0.8, 1.2)),
+        Randomization(latency=0.04, observation_noise=0.1, camera=0.05, lights=Uniform(0.5, 1.5)),
+    ],
+)
+def test_initial_states_are_those_without_randomization(varied: Randomization) -> None:
+    with_it, without = TaskEnv("reach_site", randomization=varied), TaskEnv("reach_site")
+    for seed in (7, None):
+        with_it.reset(seed=seed)
+        without.reset(seed=seed)
+        np.testing.assert_array_equal(with_it.data.qpos, without.data.qpos)
+        np.testing.assert_array_equal(with_it.data.mocap_pos, without.data.mocap_pos)
+        with_it.step(np.ones(9))  # noise is drawn
+
+
+def test_specifications_with_randomization_survive_json() -> None:
+    noise = Normal(0.01, 0.001)
+    varied = Randomization(mass=Uniform(0.5, 2.0), observation_noise=noise, base_pose=np.full(4, 0.01), camera=0.1)
+    environment = gymnasium.make("jacokin/ReachSite-v0", randomization=varied, goal=True)
+    assert environment.spec is not None
+    again: Any = gymnasium.make(EnvSpec.from_json(environment.spec.to_json()))
+    assert again.unwrapped.randomization == varied
+    np.testing.assert_equal(again.reset(seed=3), environment.reset(seed=3))
+    environment.close()
+    again.close()
 
 
 def test_the_base_is_where_it_was_drawn() -> None:
@@ -121,6 +154,7 @@ def test_what_physics_does_not_allow_is_refused() -> None:
         *({"mass": 0.0}, {"friction": -1.0}, {"latency": 2.0}, {"observation_noise": np.nan}, {"gains": "big"}),
         *({"base_pose": 0.6}, {"base_pose": (0.0, 0.0, 0.0, 4.0)}, {"base_pose": (0.0, 0.0)}, {"base_pose": "left"}),
         *({"base_pose": np.full(4, np.inf)}, {"mass": ((1.0,), (1.0, 1.0))}, {"camera": -0.1}, {"lights": np.inf}),
+        {"camera": 5.0},
     ):
         with pytest.raises(InvalidInputError):
             Randomization(**wrong)
@@ -133,4 +167,8 @@ def test_what_physics_does_not_allow_is_refused() -> None:
     with pytest.raises(InvalidInputError, match="lacks mass"):
         environment.reset(options={"randomization": {}})
     with pytest.raises(InvalidInputError, match="must be a Randomization"):
-        TaskEnv("reach_site", randomization={"mass": 2.0})  # type: ignore[arg-type]  # the mistake
+        TaskEnv("reach_site", randomization=2.0)  # type: ignore[arg-type]  # the mistake
+    with pytest.raises(UnknownNameError, match="Valid: friction"):
+        TaskEnv("reach_site", randomization={"weight": 2.0})
+    with pytest.raises(InvalidInputError, match="mass must be a number, a sampler, or its arguments"):
+        Randomization(mass={"low": 1.0, "scale": 2.0})

@@ -20,7 +20,7 @@ from jacokin.mujoco_bridge.distributions import Uniform
 from jacokin.tasks import Randomization, TaskEnv
 from jacokin.tasks.gym import environment
 from jacokin.tasks.gym import vector as vectors
-from jacokin.tasks.gym.vector import VectorTaskEnv
+from jacokin.tasks.gym.vector import Simulations, VectorTaskEnv
 from jacokin.tasks.registry import TASKS
 from tests.rendering import backends
 from tests.tasks.gym.randomizations import ALL
@@ -172,6 +172,36 @@ def test_gymnasium_makes_vectors() -> None:
     assert gymnasium.make_vec("jacokin/ReachSite-v0", 2, mode, threads=2).num_envs == 2
     with pytest.raises(UnknownNameError, match="Did you mean 'threads'"):
         gymnasium.make_vec("jacokin/ReachSite-v0", 2, vector_kwargs={"thread": 2})
+
+
+def test_vectors_keep_a_number_of_steps() -> None:
+    for steps, wanted in ((2, [False, True]), (-1, [False, False]), (1000, [False, False])):
+        vector: Any = gymnasium.make_vec(
+            "jacokin/ReachSite-v0", 1, gymnasium.VectorizeMode.VECTOR_ENTRY_POINT, max_episode_steps=steps
+        )
+        vector.reset(seed=0)
+        assert [bool(vector.step(np.zeros((1, 9)))[3][0]) for _ in range(2)] == wanted
+    with pytest.raises(InvalidInputError, match="max_episode_steps must be a whole number >= 1"):
+        VectorTaskEnv(1, task="reach_site", max_episode_steps=0)
+
+
+@pytest.mark.parametrize("method", ["_simulate", "begin"])
+def test_what_is_interrupted_ends_the_episodes(method: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As of single environments, see `test_environment`."""
+
+    def interrupted(*args: object) -> None:
+        raise KeyboardInterrupt
+
+    vector: Any = VectorTaskEnv(2, task="reach_site")
+    vector.reset(seed=0)
+    with monkeypatch.context() as patch:
+        patch.setattr(Simulations, method, interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            vector.step(np.zeros((2, 9))) if method == "_simulate" else vector.reset()
+    with pytest.raises(PhysicsError, match=r"not completed: call reset\(\) before step\(\)"):
+        vector.step(np.zeros((2, 9)))
+    vector.reset()
+    vector.step(np.zeros((2, 9)))
 
 
 def test_arguments_of_other_vectors_reach_them() -> None:

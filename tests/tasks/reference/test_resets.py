@@ -32,6 +32,13 @@ def test_episodes_start_from_the_same_distribution(name: str) -> None:
     assert abs(np.diff(found.entropies)[0]) < BITS, found
 
 
+def test_props_that_have_settled_move_as_slowly() -> None:
+    """Settling ends at the same step: by one more they have lost a fifth of their velocity."""
+    reference, ours = load_reference("lift_brick_features", seed=1), jacokin.tasks.load("lift_brick", seed=2)
+    found, wanted = (each.reset().observation["duplo2x4/linear_velocity"][0] for each in (ours, reference))
+    np.testing.assert_allclose(found, wanted, rtol=0.0, atol=1e-6)
+
+
 def test_other_distributions_are_told_apart() -> None:
     """The comparison itself: two tasks that start alike but for the height of the tool."""
     one, other = (resets.starts(jacokin.tasks.load(name, seed=0), COUNT) for name in ("reach_duplo", "lift_brick"))
