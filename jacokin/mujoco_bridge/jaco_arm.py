@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import mujoco
+import numpy as np
+from numpy.typing import NDArray
 
 from jacokin.model import checks
 from jacokin.model.descriptions import bundled
 from jacokin.mujoco_bridge.base import RobotArm, RobotHand, add_velocity_actuator
 from jacokin.mujoco_bridge.entity import check_name
-from jacokin.mujoco_bridge.observables.jaco import JacoArmObservables
+from jacokin.mujoco_bridge.observables.observable import Bound, JointsObservables, Observable, observable
+from jacokin.mujoco_bridge.observations import sin_cos
 from jacokin.mujoco_bridge.simulation.physics import Physics, check_physics
 
 _WRIST_SITE = "wristsite"
@@ -97,3 +100,36 @@ def _add_torque_sensor(spec: mujoco.MjSpec, joint: mujoco.MjsJoint) -> mujoco.Mj
         objtype=mujoco.mjtObj.mjOBJ_SITE,
         objname=site.name,
     )
+
+
+class JacoArmObservables(JointsObservables):
+    """Joint positions as (sin, cos), joint velocities, joint torques."""
+
+    @observable
+    def joints_pos(self) -> Observable:
+        """Joint angles as pairs (sin, cos), (n, 2): bounded, though most joints have no limits.
+
+        ``angles_from_sin_cos`` converts them to angles.
+        """
+        joints = Bound(self._entity.joints)
+
+        def read(physics: Physics) -> NDArray[np.float64]:
+            return sin_cos(joints(physics).qpos)
+
+        return Observable(read)
+
+    @observable
+    def joints_torque(self) -> Observable:
+        """Torques about the joint axes, (n,) [N m].
+
+        Each 3-axis sensor projected on the axis of its joint. The sensor measures what the child body exerts on its
+        parent, so an external torque on the child has the opposite sign here.
+        """
+        sensors = Bound(self._entity.joint_torque_sensors)
+        joints = Bound(self._entity.joints)
+
+        def read(physics: Physics) -> NDArray[np.float64]:
+            torques: NDArray[np.float64] = np.vecdot(sensors(physics).sensordata, joints(physics).axis)
+            return torques
+
+        return Observable(read)

@@ -13,7 +13,7 @@ from jacokin.model import checks
 from jacokin.model.descriptions import bundled
 from jacokin.mujoco_bridge.base import RobotHand, add_velocity_actuator
 from jacokin.mujoco_bridge.entity import check_name
-from jacokin.mujoco_bridge.observables.jaco import JacoHandObservables, TwoFingerHandObservables
+from jacokin.mujoco_bridge.observables.observable import JointsObservables, MJCFFeature, Observable, observable
 from jacokin.mujoco_bridge.simulation.physics import Physics, check_physics
 
 _HANDS = {3: bundled.DEFAULT_ROBOT, 2: "j2n6s200"}  # whose hand is taken, by the number of fingers
@@ -169,3 +169,31 @@ def _checked_factors(close_factors: float | Sequence[float], fingers: int) -> ND
     if not ((factors >= 0.0) & (factors <= 1.0)).all():
         raise InvalidInputError(f"close_factors must lie in 0..1, got {factors.tolist()}")
     return factors
+
+
+class TwoFingerHandObservables(JointsObservables):
+    """Finger positions and velocities, pose of the grip site: the hand with two fingers has no pinch site."""
+
+    @observable
+    def grip_site_pos(self) -> Observable:
+        """Position of the grip site in the world, (3,) [m]."""
+        return MJCFFeature("xpos", self._entity.grip_site)
+
+    @observable
+    def grip_site_rmat(self) -> Observable:
+        """Rotation matrix R_world_gripsite in row-major order, (9,)."""
+        return MJCFFeature("xmat", self._entity.grip_site)
+
+
+class JacoHandObservables(JointsObservables):
+    """Finger positions and velocities, pose of the pinch site."""
+
+    @observable
+    def pinch_site_pos(self) -> Observable:
+        """Position of the pinch site in the world, (3,) [m]."""
+        return MJCFFeature("xpos", self._entity.pinch_site)
+
+    @observable
+    def pinch_site_rmat(self) -> Observable:
+        """Rotation matrix R_world_pinchsite in row-major order, (9,)."""
+        return MJCFFeature("xmat", self._entity.pinch_site)

@@ -11,7 +11,7 @@ import pytest
 from jacokin.arrays import Array
 from jacokin.errors import EpisodeInitializationError
 from jacokin.mujoco_bridge import Physics
-from jacokin.mujoco_bridge.control import queries
+from jacokin.mujoco_bridge.control import site_ik
 from jacokin.mujoco_bridge.control.initializers import ToolCenterPointInitializer
 from jacokin.mujoco_bridge.distributions import uniform_box
 from tests.mujoco_bridge.scenes import jaco_scene
@@ -42,17 +42,17 @@ def test_turns_in_one_simulation_end_as_single_calls_do() -> None:
         states[number] = physics.get_state()
 
     rngs = [np.random.default_rng(seed) for seed in range(COUNT)]
-    queries.run_all([initializer.placing(physics, rng) for rng in rngs], switch)
+    site_ik.run_all([initializer.placing(physics, rng) for rng in rngs], switch)
     np.testing.assert_array_equal(states, placed_alone(physics, initializer, home))
 
 
 def test_values_are_returned_in_order() -> None:
-    def asking(number: int) -> queries.Asking[int]:
+    def asking(number: int) -> site_ik.Asking[int]:
         yield from ()
         return number
 
-    assert queries.run_all([asking(number) for number in range(3)]) == [0, 1, 2]
-    assert queries.run_all([]) == []
+    assert site_ik.run_all([asking(number) for number in range(3)]) == [0, 1, 2]
+    assert site_ik.run_all([]) == []
 
 
 def test_a_pose_that_collides_from_every_start_is_given_up() -> None:
