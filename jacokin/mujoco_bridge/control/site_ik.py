@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from jacokin.arrays import Array
 from jacokin.errors import ModelError, PhysicsError
 from jacokin.ik import targets
+from jacokin.ik.closed_form import NearestBranch
 from jacokin.ik.options import ORIENTATION_TOLERANCE, POSITION_TOLERANCE, SolverOptions
 from jacokin.ik.solver import IKSolver
 from jacokin.ik.verification import Verifier
@@ -176,7 +177,7 @@ class SiteSolver:
         """
         start = next(self._starts(None, bounds, random_state, 1))
         chain = self._target(position, rotation)
-        return Query(self._solver, self._T.copy(), start, chain.qpos, tuple(self._wraps))
+        return Query(self._solver, self._nearest, self._T.copy(), start, chain.qpos, tuple(self._wraps))
 
     def is_reached(self, q: Array, position: Array, rotation: list[float]) -> bool:
         """Whether q is within the limits, and brings the site to a pose.
@@ -406,6 +407,7 @@ class Query:
 
     Attributes:
         solver: of the arm in its scene.
+        nearest: gives the branch nearest to a start; None without branches.
         target: (4, 4) T_base_site.
         start: (dof,) configuration [rad] to stay near to.
         qpos: (dof,) addresses in qpos of the joints.
@@ -413,6 +415,7 @@ class Query:
     """
 
     solver: IKSolver
+    nearest: NearestBranch | None
     target: Array
     start: Array
     qpos: NDArray[np.intp]
@@ -420,6 +423,12 @@ class Query:
 
     def answer(self) -> Array | None:
         """The configuration (dof,), or None if there is none within the limits."""
+        if self.nearest is not None:
+            self.nearest.T[...], self.nearest.seed[...] = self.target, self.start
+            q = self.nearest()
+            position_error, orientation_error = self.nearest.errors
+            if q is None or (position_error <= POSITION_TOLERANCE and orientation_error <= ORIENTATION_TOLERANCE):
+                return None if q is None else wrapped_in_place(q, self.wraps)
         result = self.solver.solve(self.target, self.start, closest=False)
         return canonical(result.q, self.wraps) if result.success else None
 
