@@ -41,27 +41,25 @@ IDENTITY_QUATERNION = checks.read_only((1.0, 0.0, 0.0, 0.0))
 _ARGUMENTS = ("initial_value", "current_value", "random_state")
 
 
-class Drawn:
-    """A user's function as a callable of (initial_value, current_value, random_state); pickles if the function does."""
-
-    __slots__ = ("_arguments", "_by_name", "_function")
-
-    def __init__(self, function: Sampler, arguments: tuple[str, ...], by_name: bool) -> None:
-        """Call a function with these arguments, by name or by position."""
-        self._function, self._arguments, self._by_name = function, arguments, by_name
-
-    def __call__(self, initial_value: object, current_value: object, random_state: RandomState | None) -> ArrayLike:
-        """What the function draws."""
-        given = dict(zip(_ARGUMENTS, (initial_value, current_value, random_state), strict=True))
-        values = {name: given[name] for name in self._arguments}
-        return self._function(**values) if self._by_name else self._function(*values.values())
+def _drawn(
+    function: Sampler,
+    arguments: tuple[str, ...],
+    by_name: bool,
+    initial_value: object,
+    current_value: object,
+    random_state: RandomState | None,
+) -> ArrayLike:
+    """What a user's function of some of these arguments draws."""
+    given = dict(zip(_ARGUMENTS, (initial_value, current_value, random_state), strict=True))
+    values = {name: given[name] for name in arguments}
+    return function(**values) if by_name else function(*values.values())
 
 
 def _constant(value: ArrayLike, initial_value: object, current_value: object, random_state: object) -> ArrayLike:
     return value
 
 
-def sampler(name: str, function: Sampler) -> Drawn:
+def sampler(name: str, function: Sampler) -> Sampler:
     """A callable of (initial_value, current_value, random_state) that calls a user's function.
 
     Args:
@@ -83,7 +81,7 @@ def sampler(name: str, function: Sampler) -> Drawn:
             signature.bind(**dict.fromkeys(arguments)) if by_name else signature.bind(*arguments)
         except TypeError:
             continue
-        return Drawn(function, arguments, by_name)
+        return partial(_drawn, function, arguments, by_name)
     raise InvalidInputError(
         f"{name} must take (initial_value, current_value, random_state), or (random_state), so that a seed determines "
         f"what it returns; got a callable of {signature}"

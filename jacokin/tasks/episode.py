@@ -123,9 +123,6 @@ class Episode:
                 width,
                 CAMERA,
                 depth=depth,
-                segmentation=False,
-                scene_option=None,
-                render_flag_overrides=None,
             )
 
     def snapshot(self) -> Snapshot:

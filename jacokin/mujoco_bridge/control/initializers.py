@@ -26,7 +26,7 @@ from jacokin.mujoco_bridge.distributions import (
     constant_or_sampler,
 )
 from jacokin.mujoco_bridge.entity import Entity, rotation_matrix
-from jacokin.mujoco_bridge.simulation.elements import QPOS_SIZE
+from jacokin.mujoco_bridge.simulation.elements import qpos_rows
 from jacokin.mujoco_bridge.simulation.physics import Physics, check_physics
 
 BRANCHES = ("random", "nearest", "nearest_to_random")
@@ -450,11 +450,8 @@ class Settled(NamedTuple):
 
 def _qpos_rows(model: mujoco.MjModel, bodies: NDArray[np.bool_]) -> NDArray[np.intp]:
     """Addresses in qpos of the joints of some bodies."""
-    rows = [
-        np.arange(model.jnt_qposadr[joint], model.jnt_qposadr[joint] + QPOS_SIZE[model.jnt_type[joint]])
-        for joint in np.flatnonzero(bodies[model.jnt_bodyid])
-    ]
-    return np.concatenate([np.empty(0, dtype=np.intp), *rows]).astype(np.intp)
+    rows = [qpos_rows(model, joint) for joint in np.flatnonzero(bodies[model.jnt_bodyid]).tolist()]
+    return np.concatenate([np.empty(0, dtype=np.intp), *rows])
 
 
 def _entities(name: str, value: Sequence[Entity]) -> tuple[Entity, ...]:
