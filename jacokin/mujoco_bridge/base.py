@@ -16,7 +16,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from jacokin.errors import InvalidInputError, PhysicsError, UnknownNameError, shown
+from jacokin.errors import InvalidInputError, PhysicsError, shown
 from jacokin.kernels.compiled.loading import warmup
 from jacokin.model import angles, checks
 from jacokin.model.descriptions import bundled
@@ -274,6 +274,4 @@ def _site_id(physics: Physics, site: mujoco.MjsSite | str) -> int:
         raise InvalidInputError(
             f"site must be a site element or the full name of a site, got {shown(site)}. Sites: {', '.join(names)}"
         )
-    if site not in names:
-        raise UnknownNameError("site", site, names)
-    return names.index(site)
+    return names.index(checks.choice("site", site, names))

@@ -124,6 +124,21 @@ class _Distribution:
     def _draw(self, random_state: RandomState, size: tuple[int, ...] | None) -> Array | float:
         raise NotImplementedError
 
+    def _checked(self, first: str, second: str) -> tuple[Array, Array]:
+        """The two parameters of these names."""
+        checks.flag("single_sample", self.single_sample)
+        a, b = (checks.array(name, getattr(self, name), "numbers") for name in (first, second))
+        for name, values in ((first, a), (second, b)):
+            if not np.isfinite(values).all():
+                raise InvalidInputError(f"{name} must be finite, got {values.tolist()}")
+        try:
+            np.broadcast_shapes(a.shape, b.shape)
+        except ValueError:
+            raise InvalidInputError(
+                f"{first} and {second} must fit together, got shapes {a.shape} and {b.shape}"
+            ) from None
+        return a, b
+
 
 @dataclass(frozen=True, eq=False)
 class Uniform(_Distribution):
@@ -141,9 +156,7 @@ class Uniform(_Distribution):
 
     def __post_init__(self) -> None:
         """Check the bounds."""
-        low, high = _finite("low", self.low), _finite("high", self.high)
-        _check_fit("low", low, "high", high)
-        checks.flag("single_sample", self.single_sample)
+        low, high = self._checked("low", "high")
         if (low > high).any():
             raise InvalidInputError(f"low must not be above high, got {low.tolist()} and {high.tolist()}")
 
@@ -167,9 +180,7 @@ class Normal(_Distribution):
 
     def __post_init__(self) -> None:
         """Check the parameters."""
-        loc, scale = _finite("loc", self.loc), _finite("scale", self.scale)
-        _check_fit("loc", loc, "scale", scale)
-        checks.flag("single_sample", self.single_sample)
+        _, scale = self._checked("loc", "scale")
         if (scale < 0.0).any():
             raise InvalidInputError(f"scale must not be negative, got {shown(self.scale)}")
 
@@ -231,10 +242,20 @@ def uniform_box(lower: ArrayLike, upper: ArrayLike) -> Uniform:
     Raises:
         InvalidInputError: malformed corners, or lower above upper.
     """
+    low, high = check_corners(lower, upper)
+    return Uniform(checks.read_only(low), checks.read_only(high), single_sample=True)
+
+
+def check_corners(lower: ArrayLike, upper: ArrayLike) -> tuple[Array, Array]:
+    """The lower and the upper corner (3,) of a box [m].
+
+    Raises:
+        InvalidInputError: malformed corners, or lower above upper.
+    """
     low, high = checks.vector("lower", lower, 3, "m"), checks.vector("upper", upper, 3, "m")
     if (low > high).any():
         raise InvalidInputError(f"lower must not be above upper, got {low.tolist()} and {high.tolist()}")
-    return Uniform(checks.read_only(low), checks.read_only(high), single_sample=True)
+    return low, high
 
 
 def check_random_state(random_state: object) -> RandomState:
@@ -246,19 +267,3 @@ def check_random_state(random_state: object) -> RandomState:
     if not isinstance(random_state, RandomState):
         raise checks.refusal("random_state", "a numpy.random.RandomState or numpy.random.Generator", random_state)
     return random_state
-
-
-def _finite(name: str, value: ArrayLike) -> Array:
-    array = checks.array(name, value, "numbers")
-    if not np.isfinite(array).all():
-        raise InvalidInputError(f"{name} must be finite, got {array.tolist()}")
-    return array
-
-
-def _check_fit(first_name: str, first: Array, second_name: str, second: Array) -> None:
-    try:
-        np.broadcast_shapes(first.shape, second.shape)
-    except ValueError:
-        raise InvalidInputError(
-            f"{first_name} and {second_name} must fit together, got shapes {first.shape} and {second.shape}"
-        ) from None

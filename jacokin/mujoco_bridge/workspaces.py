@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
-from jacokin.errors import InvalidInputError
 from jacokin.model import checks
+from jacokin.mujoco_bridge.distributions import check_corners
 
 SITE_GROUP = 3  # of sites of tasks, which MuJoCo does not draw unless told to
 VISIBLE_GROUP = 0
@@ -54,9 +54,7 @@ def add_bbox_site(
     Raises:
         InvalidInputError: not a body, malformed corners, lower above upper, or another argument is malformed.
     """
-    low, high = checks.vector("lower", lower, 3, "m"), checks.vector("upper", upper, 3, "m")
-    if (low > high).any():
-        raise InvalidInputError(f"lower must not be above upper, got {low.tolist()} and {high.tolist()}")
+    low, high = check_corners(lower, upper)
     size = np.maximum((high - low) / 2.0, _SMALLEST)
     return _add_site(body, mujoco.mjtGeom.mjGEOM_BOX, (low + high) / 2.0, size, visible, name, rgba)
 
