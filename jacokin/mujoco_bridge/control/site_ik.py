@@ -4,6 +4,9 @@ Where the arm has a closed form, it gives every branch (of seven joints, the fam
 one within the limits is taken. Otherwise the QP starts from the present configuration and then from random ones. The
 chain of joints is built from the compiled scene. The simulation is read only; nothing is written before there is
 a solution.
+
+Who draws initial states asks by a `Query`, which `run` answers at once and `run_all`, for many scenes of one arm, as
+one batch.
 """
 
 from __future__ import annotations
