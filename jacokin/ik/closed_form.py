@@ -323,6 +323,11 @@ class NearestBranch:
             run_python(*given, np.empty((MAX_BRANCHES, COLUMNS)), best)
         return self._best[:6].copy() if self._best[WITHIN_LIMITS] == 1.0 else None
 
+    @property
+    def errors(self) -> tuple[float, float]:
+        """Position [m] and orientation error [rad] of the last branch, measured on the model's own joint placements."""
+        return self._best[POSITION_ERROR], self._best[ORIENTATION_ERROR]
+
 
 def run_python(*arguments: NDArray[np.float64]) -> int:
     """The kernels without machine code, and as silent: squares of large distances are infinite."""

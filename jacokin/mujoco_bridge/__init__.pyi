@@ -14,15 +14,14 @@ from jacokin.mujoco_bridge.base import RobotArm as RobotArm
 from jacokin.mujoco_bridge.base import RobotHand as RobotHand
 from jacokin.mujoco_bridge.control.commands import command_joint_positions as command_joint_positions
 from jacokin.mujoco_bridge.control.commands import command_site_velocity as command_site_velocity
+from jacokin.mujoco_bridge.control.initializers import PropPlacer as PropPlacer
 from jacokin.mujoco_bridge.control.initializers import TcpInitializer as TcpInitializer
 from jacokin.mujoco_bridge.control.initializers import ToolCenterPointInitializer as ToolCenterPointInitializer
-from jacokin.mujoco_bridge.control.prop_placer import PropPlacer as PropPlacer
 from jacokin.mujoco_bridge.distributions import uniform_box as uniform_box
 from jacokin.mujoco_bridge.entity import Entity as Entity
 from jacokin.mujoco_bridge.entity import ModelWrapperEntity as ModelWrapperEntity
 from jacokin.mujoco_bridge.jaco_arm import JacoArm as JacoArm
 from jacokin.mujoco_bridge.jaco_hand import JacoHand as JacoHand
-from jacokin.mujoco_bridge.observables.jaco import angles_from_sin_cos as angles_from_sin_cos
 from jacokin.mujoco_bridge.observables.observable import ArraySpec as ArraySpec
 from jacokin.mujoco_bridge.observables.observable import JointsObservables as JointsObservables
 from jacokin.mujoco_bridge.observables.observable import MJCFFeature as MJCFFeature
@@ -31,6 +30,7 @@ from jacokin.mujoco_bridge.observables.observable import Observables as Observab
 from jacokin.mujoco_bridge.observables.observable import observable as observable
 from jacokin.mujoco_bridge.observables.updater import Updater as Updater
 from jacokin.mujoco_bridge.observables.updater import observables_of as observables_of
+from jacokin.mujoco_bridge.observations import angles_from_sin_cos as angles_from_sin_cos
 from jacokin.mujoco_bridge.props.brick import Brick as Brick
 from jacokin.mujoco_bridge.props.pedestal import Cradle as Cradle
 from jacokin.mujoco_bridge.props.pedestal import Pedestal as Pedestal

@@ -18,6 +18,10 @@ _FLOOR_SIZE = (1.0, 1.0, 0.1)  # half-lengths of the drawn plane, and grid spaci
 _CHECKER_REPEAT = (5.0, 5.0)
 _CHECKER_RGB = ((0.62, 0.68, 0.74), (0.44, 0.50, 0.56))
 _SKY_RGB = ((0.85, 0.90, 0.95), (0.45, 0.55, 0.65))
+_TEXTURES = (  # name, kind, pattern, colours, pixels
+    ("sky", mujoco.mjtTexture.mjTEXTURE_SKYBOX, mujoco.mjtBuiltin.mjBUILTIN_GRADIENT, _SKY_RGB, 100),
+    (_FLOOR, mujoco.mjtTexture.mjTEXTURE_2D, mujoco.mjtBuiltin.mjBUILTIN_CHECKER, _CHECKER_RGB, 300),
+)
 _LIGHT_HEIGHT = 1.5  # [m]
 # Intensities of light. What faces the lamp and the camera gets their sum, which stays below 1: no picture is
 # over-exposed, not even of pure colours. Geoms reflect half of the shine.
@@ -95,24 +99,8 @@ def _add_looks(spec: mujoco.MjSpec) -> None:
     spec.visual.headlight.diffuse = _grey(_HEADLIGHT)
     spec.visual.headlight.specular = _grey(0.0)
     spec.stat.center = (0.0, 0.0, 0.0)
-    spec.add_texture(
-        name="sky",
-        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
-        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
-        rgb1=_SKY_RGB[0],
-        rgb2=_SKY_RGB[1],
-        width=100,
-        height=100,
-    )
-    spec.add_texture(
-        name=_FLOOR,
-        type=mujoco.mjtTexture.mjTEXTURE_2D,
-        builtin=mujoco.mjtBuiltin.mjBUILTIN_CHECKER,
-        rgb1=_CHECKER_RGB[0],
-        rgb2=_CHECKER_RGB[1],
-        width=300,
-        height=300,
-    )
+    for name, kind, pattern, (rgb1, rgb2), size in _TEXTURES:
+        spec.add_texture(name=name, type=kind, builtin=pattern, rgb1=rgb1, rgb2=rgb2, width=size, height=size)
     material = spec.add_material(name=_FLOOR, texrepeat=_CHECKER_REPEAT, texuniform=True, reflectance=0.0, specular=0.0)
     material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = _FLOOR
     spec.worldbody.add_light(

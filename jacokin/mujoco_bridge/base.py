@@ -8,21 +8,22 @@ from __future__ import annotations
 
 import abc
 import weakref
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
+from itertools import repeat
 
 import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from jacokin.errors import InvalidInputError, PhysicsError, UnknownNameError, shown
+from jacokin.errors import InvalidInputError, PhysicsError, shown
 from jacokin.kernels.compiled.loading import warmup
 from jacokin.model import angles, checks
 from jacokin.model.descriptions import bundled
 from jacokin.model.poses import unit_quaternion
 from jacokin.mujoco_bridge.control.site_ik import SiteSolver, Solution
 from jacokin.mujoco_bridge.distributions import RandomState, check_random_state
-from jacokin.mujoco_bridge.entity import Entity, rotation_matrix
+from jacokin.mujoco_bridge.entity import Entity, check_name, rotation_matrix
 from jacokin.mujoco_bridge.observables.observable import JointsObservables, Observables
 from jacokin.mujoco_bridge.simulation.physics import Physics, check_physics
 
@@ -212,6 +213,42 @@ class RobotHand(Entity):
         return JointsObservables(self) if hasattr(self, "joints") else Observables(self)
 
 
+class BundledPart(Entity):
+    """The arm or the hand of a bundled robot, with a velocity actuator on each joint."""
+
+    def _read(self, part: str, robot: str, name: str | None, groups: Mapping[str, str]) -> mujoco.MjSpec:
+        """Make the spec.
+
+        Args:
+            part: "arm" or "hand".
+            robot: the bundled robot.
+            name: replaces the name in the file.
+            groups: joints in their order, and the group of each as in `add_velocity_actuator`.
+        """
+        spec = self._mjcf_root = mujoco.MjSpec.from_file(str(bundled.part_file(robot, part)))
+        if name is not None:
+            spec.modelname = check_name(name)
+        self._robot_name = robot
+        self._joints = [spec.joint(joint) for joint in groups]
+        self._actuators = list(map(add_velocity_actuator, repeat(spec), self._joints, groups.values()))
+        return spec
+
+    @property
+    def robot_name(self) -> str:
+        """The bundled robot whose part this is."""
+        return self._robot_name
+
+    @property
+    def joints(self) -> list[mujoco.MjsJoint]:
+        """The joint elements: of an arm from base to wrist, of a hand the fingers."""
+        return self._joints
+
+    @property
+    def actuators(self) -> list[mujoco.MjsActuator]:
+        """The velocity actuators, one per joint; ctrl is the desired velocity [rad/s], positive closes a finger."""
+        return self._actuators
+
+
 def add_velocity_actuator(spec: mujoco.MjSpec, joint: mujoco.MjsJoint, group: str) -> mujoco.MjsActuator:
     """Add a velocity actuator to a joint, under the name of the joint.
 
@@ -237,6 +274,4 @@ def _site_id(physics: Physics, site: mujoco.MjsSite | str) -> int:
         raise InvalidInputError(
             f"site must be a site element or the full name of a site, got {shown(site)}. Sites: {', '.join(names)}"
         )
-    if site not in names:
-        raise UnknownNameError("site", site, names)
-    return names.index(site)
+    return names.index(checks.choice("site", site, names))

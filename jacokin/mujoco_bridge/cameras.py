@@ -83,10 +83,12 @@ class MJCFCamera(Observable):
         if checks.flag("depth", depth) and checks.flag("segmentation", segmentation):
             raise InvalidInputError("at most one of depth and segmentation can be observed by one camera observable")
         self._camera = Bound(camera)
-        self._depth = depth
-        self._segmentation = segmentation
-        self._scene_option = scene_option
-        self._render_flag_overrides = render_flag_overrides
+        self._look: dict[str, Any] = {
+            "depth": depth,
+            "segmentation": segmentation,
+            "scene_option": scene_option,
+            "render_flag_overrides": render_flag_overrides,
+        }
         super().__init__(self._picture, **options)
         self.height = height
         self.width = width
@@ -94,24 +96,15 @@ class MJCFCamera(Observable):
     @property
     def array_spec(self) -> ArraySpec:
         """Shape, type and bounds of the picture."""
-        if self._depth:
+        if self._look["depth"]:
             return ArraySpec((self.height, self.width), np.float32, minimum=0.0)
-        if self._segmentation:
+        if self._look["segmentation"]:
             return ArraySpec((self.height, self.width, 2), np.int32, minimum=-1)
         return ArraySpec((self.height, self.width, 3), np.uint8, minimum=0, maximum=255)
 
     def _picture(self, physics: Physics) -> NDArray[Any]:
         """The picture of the present state; raises what `Physics.render` raises."""
-        camera = self._camera(physics)
-        return physics.render(
-            self.height,
-            self.width,
-            int(camera.element_ids[0]),
-            depth=self._depth,
-            segmentation=self._segmentation,
-            scene_option=self._scene_option,
-            render_flag_overrides=self._render_flag_overrides,
-        )
+        return physics.render(self.height, self.width, self._camera(physics).element_ids[0], **self._look)
 
 
 def add_camera_observables(

@@ -42,27 +42,25 @@ IDENTITY_QUATERNION = checks.read_only((1.0, 0.0, 0.0, 0.0))
 _ARGUMENTS = ("initial_value", "current_value", "random_state")
 
 
-class Drawn:
-    """A user's function as a callable of (initial_value, current_value, random_state); pickles if the function does."""
-
-    __slots__ = ("_arguments", "_by_name", "_function")
-
-    def __init__(self, function: Sampler, arguments: tuple[str, ...], by_name: bool) -> None:
-        """Call a function with these arguments, by name or by position."""
-        self._function, self._arguments, self._by_name = function, arguments, by_name
-
-    def __call__(self, initial_value: object, current_value: object, random_state: RandomState | None) -> ArrayLike:
-        """What the function draws."""
-        given = dict(zip(_ARGUMENTS, (initial_value, current_value, random_state), strict=True))
-        values = {name: given[name] for name in self._arguments}
-        return self._function(**values) if self._by_name else self._function(*values.values())
+def _drawn(
+    function: Sampler,
+    arguments: tuple[str, ...],
+    by_name: bool,
+    initial_value: object,
+    current_value: object,
+    random_state: RandomState | None,
+) -> ArrayLike:
+    """What a user's function of some of these arguments draws."""
+    given = dict(zip(_ARGUMENTS, (initial_value, current_value, random_state), strict=True))
+    values = {name: given[name] for name in arguments}
+    return function(**values) if by_name else function(*values.values())
 
 
 def _constant(value: ArrayLike, initial_value: object, current_value: object, random_state: object) -> ArrayLike:
     return value
 
 
-def sampler(name: str, function: Sampler) -> Drawn:
+def sampler(name: str, function: Sampler) -> Sampler:
     """A callable of (initial_value, current_value, random_state) that calls a user's function.
 
     Args:
@@ -84,7 +82,7 @@ def sampler(name: str, function: Sampler) -> Drawn:
             signature.bind(**dict.fromkeys(arguments)) if by_name else signature.bind(*arguments)
         except TypeError:
             continue
-        return Drawn(function, arguments, by_name)
+        return partial(_drawn, function, arguments, by_name)
     raise InvalidInputError(
         f"{name} must take (initial_value, current_value, random_state), or (random_state), so that a seed determines "
         f"what it returns; got a callable of {signature}"
@@ -127,6 +125,18 @@ class _Distribution:
     def _draw(self, random_state: RandomState, size: tuple[int, ...] | None) -> Array | float:
         raise NotImplementedError
 
+    def _checked(self, first: str, second: str) -> tuple[Array, Array]:
+        """The two parameters of these names."""
+        checks.flag("single_sample", self.single_sample)
+        a, b = _finite(self, first), _finite(self, second)
+        try:
+            np.broadcast_shapes(a.shape, b.shape)
+        except ValueError:
+            raise InvalidInputError(
+                f"{first} and {second} must fit together, got shapes {a.shape} and {b.shape}"
+            ) from None
+        return a, b
+
 
 @dataclass(frozen=True)
 class Uniform(_Distribution):
@@ -144,9 +154,7 @@ class Uniform(_Distribution):
 
     def __post_init__(self) -> None:
         """Check the bounds."""
-        low, high = _finite(self, "low"), _finite(self, "high")
-        _check_fit("low", low, "high", high)
-        checks.flag("single_sample", self.single_sample)
+        low, high = self._checked("low", "high")
         if (low > high).any():
             raise InvalidInputError(f"low must not be above high, got {low.tolist()} and {high.tolist()}")
 
@@ -170,9 +178,7 @@ class Normal(_Distribution):
 
     def __post_init__(self) -> None:
         """Check the parameters."""
-        loc, scale = _finite(self, "loc"), _finite(self, "scale")
-        _check_fit("loc", loc, "scale", scale)
-        checks.flag("single_sample", self.single_sample)
+        _, scale = self._checked("loc", "scale")
         if (scale < 0.0).any():
             raise InvalidInputError(f"scale must not be negative, got {shown(self.scale)}")
 
@@ -236,10 +242,20 @@ def uniform_box(lower: ArrayLike, upper: ArrayLike) -> Uniform:
     Raises:
         InvalidInputError: malformed corners, or lower above upper.
     """
+    low, high = check_corners(lower, upper)
+    return Uniform(checks.read_only(low), checks.read_only(high), single_sample=True)
+
+
+def check_corners(lower: ArrayLike, upper: ArrayLike) -> tuple[Array, Array]:
+    """The lower and the upper corner (3,) of a box [m].
+
+    Raises:
+        InvalidInputError: malformed corners, or lower above upper.
+    """
     low, high = checks.vector("lower", lower, 3, "m"), checks.vector("upper", upper, 3, "m")
     if (low > high).any():
         raise InvalidInputError(f"lower must not be above upper, got {low.tolist()} and {high.tolist()}")
-    return Uniform(low, high, single_sample=True)
+    return low, high
 
 
 def check_random_state(random_state: object) -> RandomState:
@@ -264,12 +280,3 @@ def _finite(distribution: object, name: str) -> Array:
 
 def _as_tuples(array: Array) -> Any:  # Any: floats, or tuples of them nested as deep as the array
     return array.item() if array.ndim == 0 else tuple(map(_as_tuples, array))
-
-
-def _check_fit(first_name: str, first: Array, second_name: str, second: Array) -> None:
-    try:
-        np.broadcast_shapes(first.shape, second.shape)
-    except ValueError:
-        raise InvalidInputError(
-            f"{first_name} and {second_name} must fit together, got shapes {first.shape} and {second.shape}"
-        ) from None

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import mujoco
+import numpy as np
+from numpy.typing import NDArray
 
 from jacokin.model import checks
 from jacokin.model.descriptions import bundled
-from jacokin.mujoco_bridge.base import RobotArm, RobotHand, add_velocity_actuator
-from jacokin.mujoco_bridge.entity import check_name
-from jacokin.mujoco_bridge.observables.jaco import JacoArmObservables
+from jacokin.mujoco_bridge.base import BundledPart, RobotArm, RobotHand
+from jacokin.mujoco_bridge.observables.observable import Bound, JointsObservables, Observable, observable
+from jacokin.mujoco_bridge.observations import sin_cos
 from jacokin.mujoco_bridge.simulation.physics import Physics, check_physics
 
 _WRIST_SITE = "wristsite"
@@ -16,7 +18,7 @@ _SENSOR_SITE_SIZE = 1e-3  # [m]
 _SENSOR_SITE_GROUP = 4  # not drawn
 
 
-class JacoArm(RobotArm):
+class JacoArm(BundledPart, RobotArm):
     """The arm: six joints, each with a velocity actuator and a 3-axis torque sensor."""
 
     def _build(self, name: str | None = None, robot: str = bundled.DEFAULT_ROBOT) -> None:
@@ -29,36 +31,13 @@ class JacoArm(RobotArm):
         Raises:
             UnknownNameError: no bundled robot has this name; lists the valid ones.
         """
-        self._robot_name = checks.choice("robot", robot, bundled.NAMES)
-        spec = self._mjcf_root = mujoco.MjSpec.from_file(str(bundled.part_file(robot, "arm")))
-        if name is not None:
-            spec.modelname = check_name(name)
-        rows = bundled.arm_joints(robot)
-        self._joints = [spec.joint(joint) for joint in rows]
+        rows = bundled.arm_joints(checks.choice("robot", robot, bundled.NAMES))
+        spec = self._read("arm", robot, name, {joint: row["group"] for joint, row in rows.items()})
         self._wrist_site = spec.site(_WRIST_SITE)
-        self._actuators = [
-            add_velocity_actuator(spec, joint, row["group"])
-            for joint, row in zip(self._joints, rows.values(), strict=True)
-        ]
         self._joint_torque_sensors = [_add_torque_sensor(spec, joint) for joint in self._joints]
 
     def _build_observables(self) -> JacoArmObservables:
         return JacoArmObservables(self)
-
-    @property
-    def robot_name(self) -> str:
-        """The bundled robot whose arm this is."""
-        return self._robot_name
-
-    @property
-    def joints(self) -> list[mujoco.MjsJoint]:
-        """The joint elements, from base to wrist."""
-        return self._joints
-
-    @property
-    def actuators(self) -> list[mujoco.MjsActuator]:
-        """The velocity actuators, one per joint; ctrl is the desired velocity [rad/s]."""
-        return self._actuators
 
     @property
     def joint_torque_sensors(self) -> list[mujoco.MjsSensor]:
@@ -97,3 +76,36 @@ def _add_torque_sensor(spec: mujoco.MjSpec, joint: mujoco.MjsJoint) -> mujoco.Mj
         objtype=mujoco.mjtObj.mjOBJ_SITE,
         objname=site.name,
     )
+
+
+class JacoArmObservables(JointsObservables):
+    """Joint positions as (sin, cos), joint velocities, joint torques."""
+
+    @observable
+    def joints_pos(self) -> Observable:
+        """Joint angles as pairs (sin, cos), (n, 2): bounded, though most joints have no limits.
+
+        ``angles_from_sin_cos`` converts them to angles.
+        """
+        joints = Bound(self._entity.joints)
+
+        def read(physics: Physics) -> NDArray[np.float64]:
+            return sin_cos(joints(physics).qpos)
+
+        return Observable(read)
+
+    @observable
+    def joints_torque(self) -> Observable:
+        """Torques about the joint axes, (n,) [N m].
+
+        Each 3-axis sensor projected on the axis of its joint. The sensor measures what the child body exerts on its
+        parent, so an external torque on the child has the opposite sign here.
+        """
+        sensors = Bound(self._entity.joint_torque_sensors)
+        joints = Bound(self._entity.joints)
+
+        def read(physics: Physics) -> NDArray[np.float64]:
+            torques: NDArray[np.float64] = np.vecdot(sensors(physics).sensordata, joints(physics).axis)
+            return torques
+
+        return Observable(read)

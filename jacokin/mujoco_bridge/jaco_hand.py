@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 from jacokin.errors import InvalidInputError, shown
 from jacokin.model import checks
 from jacokin.model.descriptions import bundled
-from jacokin.mujoco_bridge.base import RobotHand, add_velocity_actuator
-from jacokin.mujoco_bridge.entity import check_name
-from jacokin.mujoco_bridge.observables.jaco import JacoHandObservables, TwoFingerHandObservables
+from jacokin.mujoco_bridge.base import BundledPart, RobotHand
+from jacokin.mujoco_bridge.observables.observable import JointsObservables, MJCFFeature, Observable, observable
 from jacokin.mujoco_bridge.simulation.physics import Physics, check_physics
 
 _HANDS = {3: bundled.DEFAULT_ROBOT, 2: "j2n6s200"}  # whose hand is taken, by the number of fingers
@@ -23,7 +22,7 @@ _GRIP_SITE = "gripsite"
 _PINCH_SITE = "pinchsite"
 
 
-class JacoHand(RobotHand):
+class JacoHand(BundledPart, RobotHand):
     """The hand: three or two fingers with rigid tips, each with a velocity actuator."""
 
     def _build(
@@ -48,11 +47,9 @@ class JacoHand(RobotHand):
             UnknownNameError: no bundled robot has this name; lists the valid ones.
             InvalidInputError: another number of fingers, or no pinch site where it is asked for.
         """
-        self._robot_name = _robot_with(fingers, robot)
-        spec = self._mjcf_root = mujoco.MjSpec.from_file(str(bundled.part_file(self._robot_name, "hand")))
-        if name is not None:
-            spec.modelname = check_name(name)
-        self._joints = [spec.joint(finger) for finger in bundled.hand(self._robot_name)["fingers"]]
+        robot = _robot_with(fingers, robot)
+        group = bundled.robot_table()["finger"]["group"]
+        spec = self._read("hand", robot, name, dict.fromkeys(bundled.hand(robot)["fingers"], group))
         self._grip_site = spec.site(_GRIP_SITE)
         self._pinch_site = spec.site(_PINCH_SITE)
         self._tool_center_point = (
@@ -60,26 +57,9 @@ class JacoHand(RobotHand):
         )
         self._hand_geom = list(spec.body(_HAND_BODY).geoms)
         self._finger_geoms = [geom for geom in spec.geoms if geom.name.startswith(_FINGER_GEOMS)]
-        group = bundled.robot_table()["finger"]["group"]
-        self._actuators = [add_velocity_actuator(spec, joint, group) for joint in self._joints]
 
     def _build_observables(self) -> JacoHandObservables | TwoFingerHandObservables:
         return TwoFingerHandObservables(self) if self._pinch_site is None else JacoHandObservables(self)
-
-    @property
-    def robot_name(self) -> str:
-        """The bundled robot whose hand this is."""
-        return self._robot_name
-
-    @property
-    def joints(self) -> list[mujoco.MjsJoint]:
-        """The finger joints."""
-        return self._joints
-
-    @property
-    def actuators(self) -> list[mujoco.MjsActuator]:
-        """The velocity actuators, one per finger; ctrl is the desired velocity [rad/s], positive closes."""
-        return self._actuators
 
     @property
     def tool_center_point(self) -> mujoco.MjsSite:
@@ -169,3 +149,31 @@ def _checked_factors(close_factors: float | Sequence[float], fingers: int) -> ND
     if not ((factors >= 0.0) & (factors <= 1.0)).all():
         raise InvalidInputError(f"close_factors must lie in 0..1, got {factors.tolist()}")
     return factors
+
+
+class TwoFingerHandObservables(JointsObservables):
+    """Finger positions and velocities, pose of the grip site: the hand with two fingers has no pinch site."""
+
+    @observable
+    def grip_site_pos(self) -> Observable:
+        """Position of the grip site in the world, (3,) [m]."""
+        return MJCFFeature("xpos", self._entity.grip_site)
+
+    @observable
+    def grip_site_rmat(self) -> Observable:
+        """Rotation matrix R_world_gripsite in row-major order, (9,)."""
+        return MJCFFeature("xmat", self._entity.grip_site)
+
+
+class JacoHandObservables(JointsObservables):
+    """Finger positions and velocities, pose of the pinch site."""
+
+    @observable
+    def pinch_site_pos(self) -> Observable:
+        """Position of the pinch site in the world, (3,) [m]."""
+        return MJCFFeature("xpos", self._entity.pinch_site)
+
+    @observable
+    def pinch_site_rmat(self) -> Observable:
+        """Rotation matrix R_world_pinchsite in row-major order, (9,)."""
+        return MJCFFeature("xmat", self._entity.pinch_site)

@@ -17,48 +17,16 @@ from jacokin.model import checks
 VALUE_AT_MARGIN = 0.1
 
 
-def _gaussian(d: Array, value: float) -> Array:
-    return np.asarray(np.exp(d**2 * np.log(value)))
-
-
-def _hyperbolic(d: Array, value: float) -> Array:
-    return np.asarray(1.0 / np.cosh(d * np.arccosh(1.0 / value)))
-
-
-def _long_tail(d: Array, value: float) -> Array:
-    return 1.0 / (1.0 + d**2 * (1.0 / value - 1.0))
-
-
-def _reciprocal(d: Array, value: float) -> Array:
-    return 1.0 / (1.0 + d * (1.0 / value - 1.0))
-
-
-def _tanh_squared(d: Array, value: float) -> Array:
-    return np.asarray(1.0 - np.tanh(d * np.arctanh(np.sqrt(1.0 - value))) ** 2)
-
-
-def _cosine(d: Array, value: float) -> Array:
-    return np.asarray(0.5 * (1.0 + np.cos(np.minimum(d * np.arccos(2.0 * value - 1.0), np.pi))))
-
-
-def _linear(d: Array, value: float) -> Array:
-    return np.clip(1.0 - d * (1.0 - value), 0.0, 1.0)
-
-
-def _quadratic(d: Array, value: float) -> Array:
-    return np.clip(1.0 - d**2 * (1.0 - value), 0.0, 1.0)
-
-
 # Each is 1 at d = 0 and `value` at d = 1. The first five never reach 0.
 SHAPES: Mapping[str, Callable[[Array, float], Array]] = {
-    "gaussian": _gaussian,
-    "hyperbolic": _hyperbolic,
-    "long_tail": _long_tail,
-    "reciprocal": _reciprocal,
-    "tanh_squared": _tanh_squared,
-    "cosine": _cosine,
-    "linear": _linear,
-    "quadratic": _quadratic,
+    "gaussian": lambda d, value: np.exp(d**2 * np.log(value)),
+    "hyperbolic": lambda d, value: 1.0 / np.cosh(d * np.arccosh(1.0 / value)),
+    "long_tail": lambda d, value: 1.0 / (1.0 + d**2 * (1.0 / value - 1.0)),
+    "reciprocal": lambda d, value: 1.0 / (1.0 + d * (1.0 / value - 1.0)),
+    "tanh_squared": lambda d, value: 1.0 - np.tanh(d * np.arctanh(np.sqrt(1.0 - value))) ** 2,
+    "cosine": lambda d, value: 0.5 * (1.0 + np.cos(np.minimum(d * np.arccos(2.0 * value - 1.0), np.pi))),
+    "linear": lambda d, value: np.clip(1.0 - d * (1.0 - value), 0.0, 1.0),
+    "quadratic": lambda d, value: np.clip(1.0 - d**2 * (1.0 - value), 0.0, 1.0),
 }
 _REACH_ZERO = ("cosine", "linear", "quadratic")
 

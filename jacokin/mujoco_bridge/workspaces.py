@@ -8,8 +8,9 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
-from jacokin.errors import InvalidInputError
+from jacokin.arrays import Array
 from jacokin.model import checks
+from jacokin.mujoco_bridge.distributions import check_corners
 
 SITE_GROUP = 3  # of sites of tasks, which MuJoCo does not draw unless told to
 VISIBLE_GROUP = 0
@@ -53,18 +54,9 @@ def add_bbox_site(
     Raises:
         InvalidInputError: not a body, malformed corners, lower above upper, or another argument is malformed.
     """
-    _check_body(body)
-    low, high = checks.vector("lower", lower, 3, "m"), checks.vector("upper", upper, 3, "m")
-    if (low > high).any():
-        raise InvalidInputError(f"lower must not be above upper, got {low.tolist()} and {high.tolist()}")
-    return body.add_site(
-        name=checks.text("name", name),
-        type=mujoco.mjtGeom.mjGEOM_BOX,
-        pos=(low + high) / 2.0,
-        size=np.maximum((high - low) / 2.0, _SMALLEST),
-        rgba=checks.vector("rgba", rgba, 4, "0..1"),
-        group=VISIBLE_GROUP if checks.flag("visible", visible) else SITE_GROUP,
-    )
+    low, high = check_corners(lower, upper)
+    size = np.maximum((high - low) / 2.0, _SMALLEST)
+    return _add_site(body, mujoco.mjtGeom.mjGEOM_BOX, (low + high) / 2.0, size, visible, name, rgba)
 
 
 def add_target_site(
@@ -82,15 +74,19 @@ def add_target_site(
     Raises:
         InvalidInputError: not a body, the radius is not positive, or another argument is malformed.
     """
-    _check_body(body)
+    size = np.full(3, checks.positive("radius", radius, "m"))
+    return _add_site(body, mujoco.mjtGeom.mjGEOM_SPHERE, np.zeros(3), size, visible, name, rgba)
+
+
+def _add_site(
+    body: mujoco.MjsBody, kind: mujoco.mjtGeom, pos: Array, size: Array, visible: bool, name: str, rgba: ArrayLike
+) -> mujoco.MjsSite:
+    checks.instance("body", body, mujoco.MjsBody, "a body of an MjSpec, such as worldbody")
     return body.add_site(
         name=checks.text("name", name),
-        type=mujoco.mjtGeom.mjGEOM_SPHERE,
-        size=[checks.positive("radius", radius, "m")] * 3,
+        type=kind,
+        pos=pos,
+        size=size,
         rgba=checks.vector("rgba", rgba, 4, "0..1"),
         group=VISIBLE_GROUP if checks.flag("visible", visible) else SITE_GROUP,
     )
-
-
-def _check_body(body: mujoco.MjsBody) -> None:
-    checks.instance("body", body, mujoco.MjsBody, "a body of an MjSpec, such as worldbody")

@@ -13,7 +13,7 @@ from jacokin.errors import MissingExtraError
 from jacokin.model import checks
 from jacokin.mujoco_bridge import Physics
 from jacokin.mujoco_bridge.base import RandomState
-from jacokin.mujoco_bridge.control import queries
+from jacokin.mujoco_bridge.control import site_ik
 from jacokin.tasks import registry
 from jacokin.tasks.episode import PICTURE, STEPS, Episode, Snapshot, clip_action
 from jacokin.tasks.task import CAMERA, CONTROL_TIMESTEP, Task
@@ -75,7 +75,7 @@ class Environment(dm_env.Environment):  # type: ignore[misc]  # dm_env has no ty
         Raises:
             EpisodeInitializationError: no initial state was found.
         """
-        queries.run(self._episode.starting(self._random_state))
+        site_ik.run(self._episode.starting(self._random_state))
         return dm_env.restart(self._observation())
 
     def step(self, action: ArrayLike) -> dm_env.TimeStep:

@@ -12,7 +12,7 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.model import checks
 from jacokin.mujoco_bridge.base import RandomState
-from jacokin.mujoco_bridge.control.queries import Asking
+from jacokin.mujoco_bridge.control.site_ik import Asking
 from jacokin.mujoco_bridge.simulation.rendering import Renderers
 from jacokin.tasks import registry
 from jacokin.tasks.features import StateView
@@ -119,9 +119,6 @@ class Episode:
                 width,
                 CAMERA,
                 depth=depth,
-                segmentation=False,
-                scene_option=None,
-                render_flag_overrides=None,
             )
 
     def snapshot(self) -> Snapshot:

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.mujoco_bridge import JacoArm, JacoHand, Physics
-from jacokin.mujoco_bridge.observables.jaco import sin_cos
-from jacokin.mujoco_bridge.observations import symmetric_log
+from jacokin.mujoco_bridge.observations import sin_cos, symmetric_log
 from jacokin.mujoco_bridge.props import FreeProp
 
 Elements = Any  # an element of a spec or a list of them, whose classes mypy does not know

@@ -10,7 +10,7 @@ import numpy as np
 from jacokin.arrays import Array
 from jacokin.mujoco_bridge import Arena, Physics, ToolCenterPointInitializer, cameras, observations, robots
 from jacokin.mujoco_bridge.base import RandomState
-from jacokin.mujoco_bridge.control.queries import Asking
+from jacokin.mujoco_bridge.control.site_ik import Asking
 from jacokin.mujoco_bridge.distributions import QuaternionFromAxisAngle, Uniform, uniform_box
 from jacokin.mujoco_bridge.entity import Entity
 from jacokin.mujoco_bridge.workspaces import BoundingBox
@@ -108,7 +108,7 @@ class Task(abc.ABC):
     def starting(self, random_state: RandomState) -> Asking[Array]:
         """Start an episode in `physics`: at rest, at time 0, controls 0.
 
-        The caller answers the queries of inverse kinematics: one by one, as `queries.run` does, or for many episodes
+        The caller answers the queries of inverse kinematics: one by one, as `site_ik.run` does, or for many episodes
         that start at once from one batched solve. Between a query and its answer, the state of `physics` may
         be another one.
 

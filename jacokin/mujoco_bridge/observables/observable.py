@@ -66,10 +66,8 @@ def _check_aggregator(name: str, value: object) -> str | Aggregator | None:
     return value if isinstance(value, str) else _check_callable(name, value)
 
 
-def _check_callable(name: str, value: object) -> Callable[..., Any] | None:
-    if value is not None and not callable(value):
-        raise InvalidInputError(f"{name} must be None or callable, got {shown(value)}")
-    return value
+def _check_callable(name: str, value: Any) -> Callable[..., Any] | None:
+    return None if value is None else checks.function(name, value, "None or callable")
 
 
 # The check of each option, called when it is set: check(name, value) -> value.
@@ -198,11 +196,9 @@ class Observable:
         Raises:
             InvalidInputError: raw is not callable, or an option has a wrong value.
         """
-        if not callable(raw):
-            raise InvalidInputError(f"raw must be a callable of the physics, got {shown(raw)}")
         if not isinstance(array_spec, ArraySpec | None):
             raise InvalidInputError(f"array_spec must be an ArraySpec or None, got {shown(array_spec)}")
-        self._raw = raw
+        self._raw = checks.function("raw", raw, "a callable of the physics")
         self._array_spec = array_spec
         self.update_interval = update_interval
         self.buffer_size = buffer_size
@@ -239,8 +235,7 @@ class Observable:
     @classmethod
     def check_options(cls, options: Mapping[str, object]) -> dict[str, Any]:
         """Return the checked values, or raise what ``configure`` would, changing nothing."""
-        if not isinstance(options, Mapping):
-            raise InvalidInputError(f"options must be a dict, got {shown(options)}")
+        checks.mapping("options", options)
         for name in options:
             if name not in cls.checks:
                 raise UnknownObservableError("option", name, cls.checks)
@@ -344,8 +339,7 @@ class Observables:
         Raises:
             InvalidInputError: the name is in use or not an identifier, or this is not an ``Observable``.
         """
-        if not isinstance(observable, Observable):
-            raise InvalidInputError(f"observable must be an Observable, got {shown(observable)}")
+        checks.instance("observable", observable, Observable, "an Observable")
         if not isinstance(name, str) or not name.isidentifier() or hasattr(self, name):
             raise InvalidInputError(f"name must be an identifier that is not in use, got {shown(name)}")
         observable.enabled = enabled
@@ -391,17 +385,13 @@ class Observables:
                 ones.
             InvalidInputError: an option has a wrong value.
         """
-        options = {} if options is None else options
-        if not isinstance(options, Mapping):
-            raise InvalidInputError(f"options must be a dict, got {shown(options)}")
+        options = {} if options is None else checks.mapping("options", options)
         if options and all(name in CHECKS for name in options) and not set(options) & set(self._observables):
             options = dict.fromkeys(self._observables, options)
         checked: list[tuple[Observable, Mapping[str, object]]] = []
         for name, values in options.items():
             each = self.get_observable(name)
-            if not isinstance(values, Mapping):
-                raise InvalidInputError(f"options of {name!r} must be a dict, got {shown(values)}")
-            checked.append((each, each.check_options(values)))
+            checked.append((each, each.check_options(checks.mapping(f"options of {name!r}", values))))
         for each, values in checked:
             each.configure(**values)
 

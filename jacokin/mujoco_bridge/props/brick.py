@@ -149,13 +149,7 @@ class Brick(FreeProp):
                     group=workspaces.SITE_GROUP,
                 )
         self._vertices = add_vertex_sites(world, self._bounding_box)
-        self._add_sensors(self._bounding_box)
-        self._sensors["force"] = self._mjcf_root.add_sensor(
-            name="force",
-            type=mujoco.mjtSensor.mjSENS_FORCE,
-            objtype=mujoco.mjtObj.mjOBJ_SITE,
-            objname=self._bounding_box.name,
-        )
+        self._add_sensors(self._bounding_box, {**primitive.SENSORS, "force": mujoco.mjtSensor.mjSENS_FORCE})
 
     def _add(
         self,

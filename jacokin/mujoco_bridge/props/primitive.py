@@ -19,7 +19,7 @@ from jacokin.mujoco_bridge import workspaces
 from jacokin.mujoco_bridge.entity import Entity, new_spec
 from jacokin.mujoco_bridge.observables.observable import MJCFFeature, Observable, Observables, observable
 
-_SENSORS = {
+SENSORS: Mapping[str, mujoco.mjtSensor] = {
     "position": mujoco.mjtSensor.mjSENS_FRAMEPOS,
     "orientation": mujoco.mjtSensor.mjSENS_FRAMEQUAT,
     "linear_velocity": mujoco.mjtSensor.mjSENS_FRAMELINVEL,
@@ -43,13 +43,15 @@ class FreeProp(Entity):
 
     _sensors: dict[str, mujoco.MjsSensor]
 
-    def _add_sensors(self, part: mujoco.MjsGeom | mujoco.MjsSite) -> None:
+    def _add_sensors(
+        self, part: mujoco.MjsGeom | mujoco.MjsSite, sensors: Mapping[str, mujoco.mjtSensor] = SENSORS
+    ) -> None:
         """Measure a geom or site of the prop; `_build` calls this once."""
         is_geom = isinstance(part, mujoco.MjsGeom)
         kind = mujoco.mjtObj.mjOBJ_GEOM if is_geom else mujoco.mjtObj.mjOBJ_SITE
         self._sensors = {
             name: self._mjcf_root.add_sensor(name=name, type=sensor, objtype=kind, objname=part.name)
-            for name, sensor in _SENSORS.items()
+            for name, sensor in sensors.items()
         }
 
     def _build_observables(self) -> Observables:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import mujoco
 import numpy as np
@@ -17,7 +17,7 @@ from jacokin.model import checks
 RowFinder = Callable[[mujoco.MjModel, int], NDArray[np.intp]]
 
 # Numbers in qpos and qvel of a free, ball, slide and hinge joint, in the order of MuJoCo's mjtJoint.
-QPOS_SIZE = (7, 4, 1, 1)
+_QPOS_SIZE = (7, 4, 1, 1)
 _QVEL_SIZE = (6, 3, 1, 1)
 # The only arrays of the model without a prefix that have rows for the joints.
 _QPOS_FIELDS = ("qpos0", "qpos_spring")
@@ -50,8 +50,9 @@ def _by_id(model: mujoco.MjModel, index: int) -> NDArray[np.intp]:
     return _span(index, 1)
 
 
-def _by_qpos(model: mujoco.MjModel, joint: int) -> NDArray[np.intp]:
-    return _span(model.jnt_qposadr[joint], QPOS_SIZE[model.jnt_type[joint]])
+def qpos_rows(model: mujoco.MjModel, joint: int) -> NDArray[np.intp]:
+    """Where in qpos a joint is."""
+    return _span(model.jnt_qposadr[joint], _QPOS_SIZE[model.jnt_type[joint]])
 
 
 def _by_dof(model: mujoco.MjModel, joint: int) -> NDArray[np.intp]:
@@ -113,8 +114,8 @@ KINDS: dict[type, Kind] = {
         "joint",
         "joints",
         "njnt",
-        {"jnt_": _by_id, "dof_": _by_dof, "": _by_qpos},
-        {_by_qpos: "qpos", _by_dof: "qvel qfrc_applied qacc_warmstart"},
+        {"jnt_": _by_id, "dof_": _by_dof, "": qpos_rows},
+        {qpos_rows: "qpos", _by_dof: "qvel qfrc_applied qacc_warmstart"},
         {_by_dof: f"qacc qacc_smooth {_FORCES}", _by_id: "xanchor xaxis"},
     ),
     mujoco.MjsGeom: Kind("geom", "geoms", "ngeom", {"geom_": _by_id}, {}, {_by_id: "geom_xpos geom_xmat"}),
@@ -158,20 +159,8 @@ def fields_of(element_class: type) -> Mapping[str, Field]:
     return found
 
 
-Element: TypeAlias = (
-    mujoco.MjsBody
-    | mujoco.MjsJoint
-    | mujoco.MjsGeom
-    | mujoco.MjsSite
-    | mujoco.MjsCamera
-    | mujoco.MjsLight
-    | mujoco.MjsActuator
-    | mujoco.MjsSensor
-    | mujoco.MjsTendon
-    | mujoco.MjsEquality
-    | mujoco.MjsMaterial
-)
-"""An element of a `mujoco.MjSpec` that can be bound."""
+Element: TypeAlias = Any
+"""An element of a `mujoco.MjSpec` that can be bound: of one of the classes of `KINDS`, which mypy does not know."""
 
 
 class ElementIds:

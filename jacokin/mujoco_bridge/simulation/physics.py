@@ -20,9 +20,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from jacokin.errors import InvalidInputError, PhysicsError, UnknownNameError, shown
 from jacokin.model import checks
-from jacokin.mujoco_bridge.simulation.binding import Binding
+from jacokin.mujoco_bridge.simulation.binding import Binding, ForwardCache
 from jacokin.mujoco_bridge.simulation.elements import KINDS, Element, ElementIds
-from jacokin.mujoco_bridge.simulation.forward_cache import ForwardCache
 from jacokin.mujoco_bridge.simulation.rendering import FREE_CAMERA, Renderers, RenderFlags
 
 _STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)

@@ -17,7 +17,7 @@ from typing import Any
 import mujoco
 from numpy.typing import NDArray
 
-from jacokin.errors import InvalidInputError, PhysicsError, UnknownNameError, shown
+from jacokin.errors import InvalidInputError, PhysicsError, shown
 from jacokin.model import checks
 
 FREE_CAMERA = -1
@@ -105,9 +105,7 @@ class Renderers:
         count = self._model.ncam
         names = [self._model.camera(i).name for i in range(count)]
         if isinstance(camera, str):
-            if camera not in names:
-                raise UnknownNameError("camera", camera, names)
-            return names.index(camera)
+            return names.index(checks.choice("camera", camera, names))
         number = checks.whole_number("camera_id", camera, FREE_CAMERA)
         if number >= count:
             raise InvalidInputError(

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from jacokin.arrays import Array
 from jacokin.mujoco_bridge import Brick, PropPlacer
 from jacokin.mujoco_bridge.base import RandomState
-from jacokin.mujoco_bridge.control.queries import Asking
+from jacokin.mujoco_bridge.control.site_ik import Asking
 from jacokin.mujoco_bridge.distributions import uniform_box
 from jacokin.mujoco_bridge.entity import quaternion_product
 from jacokin.mujoco_bridge.rewards import fall_beyond

@@ -7,7 +7,7 @@ import numpy as np
 from jacokin.arrays import Array
 from jacokin.mujoco_bridge import Brick, PropPlacer, workspaces
 from jacokin.mujoco_bridge.base import RandomState
-from jacokin.mujoco_bridge.control.queries import Asking
+from jacokin.mujoco_bridge.control.site_ik import Asking
 from jacokin.mujoco_bridge.distributions import uniform_box
 from jacokin.mujoco_bridge.rewards import fall_beyond
 from jacokin.mujoco_bridge.workspaces import BoundingBox

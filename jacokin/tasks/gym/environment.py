@@ -17,8 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, PhysicsError
 from jacokin.model import checks
-from jacokin.mujoco_bridge.control import queries
-from jacokin.mujoco_bridge.control.queries import Asking
+from jacokin.mujoco_bridge.control import site_ik
+from jacokin.mujoco_bridge.control.site_ik import Asking
 from jacokin.tasks import registry
 from jacokin.tasks.episode import STEPS, Episode, Snapshot, clip_action
 from jacokin.tasks.features import ids
@@ -137,7 +137,7 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
             InvalidInputError: a seed that is not a whole number >= 0, or an unknown option.
             EpisodeInitializationError: no initial state was found.
         """
-        return queries.run(self._start(seed, self._checked_reset(seed, options)))
+        return site_ik.run(self._start(seed, self._checked_reset(seed, options)))
 
     def _checked_reset(self, seed: object, options: Mapping[str, Any] | None) -> dict[str, float] | None:
         """Check the arguments of `reset`; returns the values of an earlier episode, if they were given.

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, PhysicsError
 from jacokin.model import checks
-from jacokin.mujoco_bridge.control import queries
+from jacokin.mujoco_bridge.control import site_ik
 from jacokin.tasks.episode import PICTURE, STEPS, clip_action
 from jacokin.tasks.features import StateView
 from jacokin.tasks.gym import packing
@@ -325,7 +325,7 @@ class Simulations:
             waiting.add(place)
 
         runs = [self._first._start(seed, values) for seed, values in zip(seeds, replayed, strict=True)]
-        begun = queries.run_all(runs, switch)
+        begun = site_ik.run_all(runs, switch)
         batch = self._batch
         batch.reset(ids, stage=int(mujoco.mjtStage.mjSTAGE_NONE))
         batch.state[ids] = self._states[ids]

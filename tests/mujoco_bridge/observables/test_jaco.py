@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from jacokin.errors import InvalidInputError
 from jacokin.mujoco_bridge import Arena, JacoArm, JacoHand, Physics, observations
-from jacokin.mujoco_bridge.observables.jaco import JacoArmObservables, angles_from_sin_cos
+from jacokin.mujoco_bridge.jaco_arm import JacoArmObservables
 from jacokin.mujoco_bridge.observables.observable import MJCFFeature, Observable, observable
 from jacokin.mujoco_bridge.observables.updater import Updater, observables_of
+from jacokin.mujoco_bridge.observations import angles_from_sin_cos
 from jacokin.mujoco_bridge.props import Primitive
 from tests.mujoco_bridge.scenes import Scene, jaco_scene
 

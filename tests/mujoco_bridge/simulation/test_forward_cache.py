@@ -6,8 +6,8 @@ import mujoco
 import numpy as np
 import pytest
 
+from jacokin.mujoco_bridge.simulation.binding import ModelWatch
 from jacokin.mujoco_bridge.simulation.elements import KINDS, fields_of
-from jacokin.mujoco_bridge.simulation.forward_cache import ModelWatch
 from tests.mujoco_bridge.scenes import Scene
 
 MODEL_FIELDS = sorted({field.array for kind in KINDS for field in fields_of(kind).values() if field.in_model})

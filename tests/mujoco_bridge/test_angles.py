@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.typing import ArrayLike
 
 from jacokin.errors import InvalidInputError
-from jacokin.mujoco_bridge.observables.jaco import angles_from_sin_cos, sin_cos
+from jacokin.mujoco_bridge.observations import angles_from_sin_cos, sin_cos
 
 TURN = 2 * np.pi
 ROUNDING = 1e-14  # [rad], a few rounding errors of an angle of up to 10 pi
