@@ -33,7 +33,7 @@ EXTRAS = {"proxqp": ("proxsuite", "proxqp"), "quadprog": ("quadprog", "quadprog"
 
 # Active-set solvers are exact; first-order ones stop early unless told otherwise, and then step past limits.
 OPTIONS: dict[str, dict[str, Any]] = {  # keyword arguments of each solver
-    # A solve that converges takes 2,000 iterations at most; one that does not would hold up a control loop for a second.
+    # A solve that converges takes 2,000 iterations at most; one that does not would hold up a control loop.
     "osqp": {"eps_abs": 1e-9, "eps_rel": 1e-9, "max_iter": 4_000, "raise_error": True},
     "proxqp": {"eps_abs": 1e-10},
 }
