@@ -78,6 +78,14 @@ def rotation(row: Row) -> str:
     return f"wxyz {value(row['quat_wxyz'])}" if "quat_wxyz" in row else numbers_in(row, "rpy")
 
 
+#: An owner's report, which no document of Kinova's confirms.
+JOINT_5 = (
+    "An owner reports that joint 5 of a real `j2n6s300` stops at 65° and 295°, where the URDF lets it turn without "
+    "limit ([kinova-ros, issue 444](https://github.com/Kinovarobotics/kinova-ros/issues/444)). If yours does, say so: "
+    '`load_robot(limits={"joint_5": (math.radians(65), math.radians(295))})`, or `--limit joint_5=1.1345,5.1487` [rad].'
+)
+
+
 def _variants(numbers: Row) -> list[str]:
     def row(name: str) -> tuple[str, ...]:
         variant = bundled.variant(name)
@@ -137,7 +145,7 @@ def _limits() -> list[str]:
         shown[text] = f"{shown[text]}, `{name}`" if text in shown else f"`{name}`"
     for text, names in shown.items():
         parts += [f"### {names}", text]
-    return parts
+    return [*parts, JOINT_5]
 
 
 def _chains(numbers: Row) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,12 +11,13 @@ from typing import TYPE_CHECKING
 import click
 
 import jacokin.ik
+import jacokin.model
 from jacokin.cli import options
 from jacokin.cli.command import Command, option_group
-from jacokin.cli.options import Vector3, Vector4
+from jacokin.cli.options import Vector3, Vector4, Vector6
 from jacokin.cli.outputs import keep_apart
 from jacokin.cli.process import NOT_SOLVED
-from jacokin.cli.units import Units, warn_of_degrees
+from jacokin.cli.units import Units, warn_of_degrees, warn_of_joint_degrees, warn_of_millimetres
 from jacokin.errors import InvalidInputError
 
 if TYPE_CHECKING:
@@ -29,6 +31,7 @@ class TargetOptions:
     """The pose to reach; a command that has these options takes them as one parameter."""
 
     position: Vector3 | None
+    kinova: Vector6 | None
     quat_wxyz: Vector4 | None
     rpy: Vector3 | None
     down: bool
@@ -39,7 +42,13 @@ class TargetOptions:
     @property
     def is_oriented(self) -> bool:
         """Whether an orientation is given."""
-        return self.approach is not None or self.quat_wxyz is not None or self.rpy is not None or self.down
+        return (
+            self.kinova is not None
+            or self.approach is not None
+            or self.quat_wxyz is not None
+            or self.rpy is not None
+            or self.down
+        )
 
     @property
     def is_free(self) -> bool:
@@ -54,6 +63,9 @@ class TargetOptions:
         """
         import numpy as np
 
+        if self.kinova is not None:
+            at = jacokin.model.pose_from_kinova(self.kinova[:3], self.kinova[3:])
+            return self._about_axis(at, units)
         assert self.position is not None  # check
         if self.approach is not None:
             if self.quat_wxyz is not None or self.rpy is not None or self.down or self.free_axis is not None:
@@ -66,8 +78,12 @@ class TargetOptions:
             if self.is_free:
                 raise InvalidInputError("--free-axis and --free-range need an orientation to start from")
             return np.array(self.position)
-        rpy = None if self.rpy is None else units.to_si(self.rpy)
-        at = jacokin.pose(self.position, self.quat_wxyz, rpy=rpy, down=self.down)
+        # Within half a turn: of more, `warn_of_degrees` has told already.
+        rpy = None if self.rpy is None else [math.remainder(angle, 2.0 * math.pi) for angle in units.to_si(self.rpy)]
+        return self._about_axis(jacokin.pose(self.position, self.quat_wxyz, rpy=rpy, down=self.down), units)
+
+    def _about_axis(self, at: pin.SE3, units: Units) -> pin.SE3 | jacokin.FreeAxis:
+        """The pose, or one that may turn about an axis where that is asked for."""
         if self.free_axis is None:
             if self.free_range is not None:
                 raise InvalidInputError("--free-range goes with --free-axis or --approach")
@@ -79,6 +95,12 @@ target_options = option_group(
     "wanted",
     TargetOptions,
     click.option("--position", type=options.VECTOR, metavar="X Y Z", help="Where the tool should be [m]."),
+    click.option(
+        "--kinova",
+        type=(float,) * 6,
+        metavar="X Y Z A B C",
+        help="Its pose as Kinova says it: [mm], [deg], R = Rx(A) Ry(B) Rz(C).",
+    ),
     click.option("--quat-wxyz", type=options.QUATERNION, metavar="W X Y Z", help="Its orientation as a quaternion."),
     click.option("--rpy", type=options.VECTOR, metavar="R P Y", help="Its orientation as R = Rz(Y) Ry(P) Rx(R)."),
     click.option("--down", is_flag=True, help="Its orientation: pointing vertically down."),
@@ -189,7 +211,12 @@ def ik(
     arm = source.load()
     if wanted.rpy is not None:
         warn_of_degrees("--rpy", wanted.rpy, units)
-    start = units.for_joints(arm).option_to_si(seed)
+    if wanted.position is not None:
+        warn_of_millimetres("--position", wanted.position)
+    joints = units.for_joints(arm)
+    start = joints.option_to_si(seed)
+    if seed is not None:
+        warn_of_joint_degrees("--seed", seed, joints)
     obstacles = options.load_scene(scene)
     if collision is None:
         collision = "ignore" if obstacles is None and not clearance else "reject"
@@ -241,7 +268,7 @@ def check_file(wanted: TargetOptions, others: Mapping[str, bool]) -> None:
     Raises:
         InvalidInputError: names the option.
     """
-    position = {"--position": wanted.position is not None}
+    position = {"--position": wanted.position is not None, "--kinova": wanted.kinova is not None}
     turned = {"an orientation": wanted.is_oriented, "a free axis": wanted.is_free}
     for name, is_given in {**position, **turned, **others}.items():
         if is_given:
@@ -254,7 +281,10 @@ def check_one_pose(wanted: TargetOptions, every: bool, prefer: str | None, outpu
     Raises:
         InvalidInputError: names the options.
     """
-    if wanted.position is None:
+    turned = (wanted.quat_wxyz, wanted.rpy, wanted.approach, wanted.position)
+    if wanted.kinova is not None and (wanted.down or any(each is not None for each in turned)):
+        raise InvalidInputError("--kinova is a whole pose: give it without --position and an orientation")
+    if wanted.position is None and wanted.kinova is None:
         raise InvalidInputError("give --position X Y Z or --targets FILE.csv; `jacokin ik --help` has examples")
     if output is not None:
         raise InvalidInputError("--output goes with --targets")

@@ -44,7 +44,7 @@ def show_result(solver: ik.IKSolver, result: ik.IKResult, units: Units, *, close
     title = f"{robot.name}: {solver.frame} reaches the target"
     if not result.success:
         title = "the closest configuration within the limits" if closest else "where the search began or ended"
-        display.say(f"{result.status.name}: {result.message}.\n{result.status.value}.")
+        display.say(f"{result.status.name}: {units.in_words(result.message)}.\n{result.status.value}.")
     display.show_table(title, columns, rows)
     lines = [
         ("position error", display.small(result.position_error, "m")),
@@ -52,7 +52,7 @@ def show_result(solver: ik.IKSolver, result: ik.IKResult, units: Units, *, close
         ("method", ran),
     ]
     if result.success and result.message:
-        lines.append(("note", result.message))
+        lines.append(("note", units.in_words(result.message)))
     if result.touching:
         lines.append(("touching", ", ".join(f"{a} and {b}" for a, b in result.touching)))
     display.show_facts(lines)

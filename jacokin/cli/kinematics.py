@@ -9,7 +9,7 @@ import click
 from jacokin import model
 from jacokin.cli import display, options
 from jacokin.cli.command import Argument, Command
-from jacokin.cli.units import Units
+from jacokin.cli.units import Units, warn_of_joint_degrees
 
 angles = click.argument(
     "q",
@@ -36,13 +36,17 @@ def fk(q: Sequence[float], frame: str | None, units: Units, json: bool, source: 
       jacokin fk -85 167 57 -119 83 76 --degrees
       jacokin fk 4.8 2.92 1.0 4.2 1.45 1.32 --frame gripsite --json
     """
+    import numpy as np
     import pinocchio as pin
 
     arm = source.load()
-    configuration = arm.configuration(units.for_joints(arm).to_si(q))
+    joints = units.for_joints(arm)
+    configuration = arm.configuration(joints.to_si(q))
+    warn_of_joint_degrees("ANGLE", q, joints)
     pose = arm.forward_kinematics(configuration, frame)
     quat = model.quat_wxyz(pose.rotation)
     rpy = [units.from_si(angle) for angle in pin.rpy.matrixToRpy(pose.rotation)]
+    kinova = model.pose_to_kinova(pose)
     within = arm.within_limits(configuration)
     name = frame or arm.default_frame
     if json:
@@ -55,6 +59,7 @@ def fk(q: Sequence[float], frame: str | None, units: Units, json: bool, source: 
                 "position": pose.translation,
                 "quat_wxyz": quat,
                 "rpy": rpy,
+                "kinova": {"position_mm": kinova[0], "angles_deg": kinova[1]},
                 "matrix": pose.homogeneous,
                 "within_limits": within,
             }
@@ -64,6 +69,7 @@ def fk(q: Sequence[float], frame: str | None, units: Units, json: bool, source: 
         ("position x y z [m]", display.numbers(pose.translation)),
         ("quaternion w x y z", display.numbers(quat)),
         (f"roll pitch yaw [{units.angle}]", display.numbers(rpy)),
+        ("as Kinova says it [mm, deg]", display.numbers(np.concatenate(kinova))),
         ("joint limits", "all kept" if within else _broken(arm.joint_names, arm.lower, arm.upper, configuration)),
     ]
     display.show_facts(rows, f"{arm.name}: {name} in {arm.base}")
@@ -95,7 +101,9 @@ def jacobian(
       jacokin jacobian 4.8 2.92 1.0 4.2 1.45 1.32 --reference local --frame gripsite --json
     """
     arm = source.load()
-    configuration = arm.configuration(units.for_joints(arm).to_si(q))
+    joints = units.for_joints(arm)
+    configuration = arm.configuration(joints.to_si(q))
+    warn_of_joint_degrees("ANGLE", q, joints)
     matrix = arm.jacobian(configuration, frame, reference)
     singular_values = arm.singular_values(configuration, frame)
     manipulability = arm.manipulability(configuration, frame)

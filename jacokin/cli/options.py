@@ -27,6 +27,7 @@ NAME_OR_FILE = "A bundled robot, or the path of a .urdf or .xml (MJCF)."
 
 Vector3 = tuple[float, float, float]
 Vector4 = tuple[float, float, float, float]
+Vector6 = tuple[float, float, float, float, float, float]
 
 
 @dataclass(frozen=True, slots=True)

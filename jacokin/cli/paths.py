@@ -35,6 +35,8 @@ class PathOptions:
     waypoints: Path
     dt: float
     output: Path | None
+    ros: str
+    joint_prefix: str
     plot: Path | None
     speed: float
     angular_speed: float | None
@@ -73,6 +75,10 @@ path_options = option_group(
         type=options.FILE,
         metavar="FILE",
         help="Write the trajectory here, .csv, .npz, .json (ROS) or .kinova.csv.",
+    ),
+    click.option("--ros", type=click.Choice(["1", "2"]), default="2", help="The version of ROS a .json is for."),
+    click.option(
+        "--joint-prefix", default="", metavar="P", help="Before the names of joints in a .json, such as j2n6s300_."
     ),
     click.option("--plot", type=options.FILE, metavar="FILE.png", help="Draw joints, limits and errors over time."),
     click.option("--speed", default=0.05, metavar="V", help="Speed along the path [m/s]."),
@@ -225,6 +231,8 @@ def check_files(given: PathOptions, source: options.RobotOptions) -> None:
     for option, file, endings in (("--output", given.output, FORMATS), ("--plot", given.plot, PICTURES)):
         if file is not None and file.suffix not in endings:
             raise InvalidInputError(f"{option} must end in {' or '.join(endings)}, got {str(file)!r}")
+    if (given.ros != "2" or given.joint_prefix) and (given.output is None or given.output.suffix != ".json"):
+        raise InvalidInputError("--ros and --joint-prefix go with --output FILE.json")
     if given.plot is not None and importlib.util.find_spec("matplotlib") is None:
         raise MissingExtraError("matplotlib", "plot")
     inputs = {"--path": given.waypoints, "--robot": source.robot, "--scene": given.scene}
@@ -258,7 +266,7 @@ def deliver(compute: Callable[[], motion.PathResult], arm: model.Robot, given: P
         drawable = None if given.plot is None else stack.enter_context(files.replacing(given.plot))
         result = compute()
         if writable is not None:
-            result.save(writable)
+            result.save(writable, ros=int(given.ros), joint_prefix=given.joint_prefix)
         if drawable is not None:
             motion.plot_path(result, drawable)
     if given.json:

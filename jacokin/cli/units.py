@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import click
 
 from jacokin import model
+
+ANGLE = re.compile(r"(-?\d+(?:\.\d+)?(?:e[-+]?\d+)?) rad\b")  # in a message
+FARTHEST = 10.0  # [m] no arm of this kind reaches so far
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +37,12 @@ class Units:
     def from_si(self, value: float) -> float:
         """An angle [rad] in the user's unit."""
         return math.degrees(value) if self.degrees else float(value)
+
+    def in_words(self, message: str) -> str:
+        """A message of the library, whose angles are in radians, in the user's unit."""
+        if not self.degrees:
+            return message
+        return ANGLE.sub(lambda found: f"{math.degrees(float(found[1])):.6g} deg", message)
 
     def for_joints(self, robot: model.Robot) -> JointUnits:
         """The units of a robot's joints."""
@@ -92,4 +102,20 @@ class JointUnits:
 def warn_of_degrees(option: str, values: Iterable[float], units: Units) -> None:
     """A note on stderr where angles in radians look like degrees: they exceed a full turn."""
     if not units.degrees and any(abs(value) > 2.0 * math.pi for value in values):
-        click.echo(f"jacokin: note: {option} is in radians, and an angle exceeds a full turn", err=True)
+        _note(f"{option} is in radians, and an angle exceeds a full turn; --degrees is for degrees")
+
+
+def warn_of_joint_degrees(option: str, values: Sequence[float], joints: JointUnits) -> None:
+    """As `warn_of_degrees` for one value of each joint, of which those that slide are in metres anyway."""
+    turning = [value for value, slides in zip(values, joints.prismatic, strict=False) if not slides]
+    warn_of_degrees(option, turning, joints.units)
+
+
+def warn_of_millimetres(option: str, position: Iterable[float]) -> None:
+    """A note on stderr where a position in metres looks like one in millimetres."""
+    if any(abs(value) > FARTHEST for value in position):
+        _note(f"{option} is in metres, and a coordinate exceeds {FARTHEST:g} m; 350 mm are 0.35")
+
+
+def _note(text: str) -> None:
+    click.echo(f"jacokin: note: {text}", err=True)

@@ -117,7 +117,7 @@ class StructureCheck:
         pair = (self._names[i], self._names[j])
         raise StructureError(
             f"the closed form does not fit this robot: {pair[0]} and {pair[1]}: {text} "
-            f"(tolerance {STRUCTURE_TOLERANCE:g} {unit}). Use method='qp'.",
+            f"(tolerance {STRUCTURE_TOLERANCE:g} {unit}); use method='qp'",
             pair,
             misfit,
             unit,

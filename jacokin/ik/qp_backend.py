@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import daqp
 import numpy as np
+import osqp
 import qpsolvers
 import scipy.sparse
 
@@ -32,7 +33,8 @@ EXTRAS = {"proxqp": ("proxsuite", "proxqp"), "quadprog": ("quadprog", "quadprog"
 
 # Active-set solvers are exact; first-order ones stop early unless told otherwise, and then step past limits.
 OPTIONS: dict[str, dict[str, Any]] = {  # keyword arguments of each solver
-    "osqp": {"eps_abs": 1e-9, "eps_rel": 1e-9, "max_iter": 100_000, "raise_error": False},
+    # A solve that converges takes 2,000 iterations at most; one that does not would hold up a control loop.
+    "osqp": {"eps_abs": 1e-9, "eps_rel": 1e-9, "max_iter": 4_000, "raise_error": True},
     "proxqp": {"eps_abs": 1e-10},
 }
 
@@ -116,7 +118,7 @@ class Backend:
         for solver in self._order:
             try:
                 found = run(solver)
-            except (qpsolvers.QPError, ValueError):
+            except (qpsolvers.QPError, osqp.OSQPException, ValueError):
                 continue
             # An active-set solver given NaN reports success.
             if found is not None and math.isfinite(sum(found.tolist())):  # of six numbers faster than NumPy

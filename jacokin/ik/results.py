@@ -136,7 +136,7 @@ class BatchResult(Frozen):
     method: tuple[str, ...]
     """(n,) "closed_form" or "qp"."""
     message: tuple[str, ...]
-    """(n,) what happened."""
+    """(n,) what happened, as in `IKResult`; of a pose that is reached perhaps without the number of its branch."""
     parameter: Array | None = None
     """(n,) value of the free parameter [rad]; NaN where there is none."""
 

@@ -297,6 +297,8 @@ class IKSolver:
     ) -> BatchResult:
         """Answers to many targets; row i answers target i as `solve` would.
 
+        Only the message of a pose that is reached may differ: `solve` says which branch it is.
+
         Args:
             targets: (n, 4, 4) poses, (n, 3) positions [m], or a sequence of what `solve` takes.
             seeds: (dof,) for all or (n, dof), one for each [rad]; None for home.
@@ -404,7 +406,8 @@ class IKSolver:
                 raise InvalidInputError("prefer needs an orientation: a position is solved for one configuration only")
         elif request.cost is not None:
             raise InvalidInputError("prefer needs the closed form, which gives all configurations to choose from")
-        if not self._uses_qp and not self.has_families and isinstance(self._form, StructureError):
+        no_form = not self._uses_qp and not self.has_families and isinstance(self._form, StructureError)
+        if no_form and self._closest.reach.exceeded(request.target) is None:  # beyond reach it does not matter
             request = request._replace(note=request.message(f"no closed form: {self._form}"))
         return self._qp_search().solve(request)
 

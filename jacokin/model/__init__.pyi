@@ -14,6 +14,8 @@ from jacokin.model.obstacles import Floor as Floor
 from jacokin.model.obstacles import Obstacle as Obstacle
 from jacokin.model.obstacles import Sphere as Sphere
 from jacokin.model.poses import pose as pose
+from jacokin.model.poses import pose_from_kinova as pose_from_kinova
+from jacokin.model.poses import pose_to_kinova as pose_to_kinova
 from jacokin.model.poses import quat_wxyz as quat_wxyz
 from jacokin.model.robot import Robot as Robot
 from jacokin.model.robot import Source as Source

@@ -13,22 +13,24 @@ from jacokin.model.robot import Home, Robot
 
 RANDOM_TRIES = 200  # of a fixed seed: a real arm is free of self-contact in nine of ten
 KEYFRAME = "home"  # of an MJCF file
+NEAR_LIMIT = 0.1  # of a joint's range
 SINGULAR = 0.02  # least to largest singular value; 0.03 to 0.08 at the documented homes
 SAME_PLACE = 1e-3  # [m, or of a matrix] between the joints of a file and those of a bundled arm
 
 
 def documented_home(name: str) -> Home:
     """The home of a bundled robot in the table of numbers, free of contact as tests check."""
-    q = np.array(bundled.variant(name)["home"], dtype=np.float64)
-    return Home(q, f"documented for the {name}")
+    row = bundled.variant(name)
+    source = row["doubt"].removeprefix("the home is ") if "doubt" in row else f"documented for the {name}"
+    return Home(np.array(row["home"], dtype=np.float64), source)
 
 
 def find(robot: Robot) -> Home:
     """The first candidate within the limits, free of contact and not singular; if none is, the one that is closest.
 
     A keyframe called "home" in the file; the documented home of a bundled robot whose joints stand where this one's
-    do; the middle of the limits; random configurations of a fixed seed. Coarse shapes may always overlap; that is no
-    reason to have no home.
+    do; the middle of the limits; random configurations of a fixed seed, first those above the base and away from the
+    limits. Coarse shapes may always overlap; that is no reason to have no home.
     """
     from jacokin.model.contact import SelfContact  # loads MuJoCo
 
@@ -69,12 +71,24 @@ def _candidates(robot: Robot) -> Iterator[Home]:
         if _has_the_joints_of(robot, name):
             yield documented_home(name)
             break
-    yield Home(middle(robot), "the middle of the limits")
-    rng = np.random.default_rng(0)
-    lower = np.where(np.isfinite(robot.lower), robot.lower, np.minimum(-np.pi, robot.upper))
-    upper = np.where(np.isfinite(robot.upper), robot.upper, np.maximum(np.pi, robot.lower))
-    for q in rng.uniform(lower, upper, (RANDOM_TRIES, robot.dof)):
+    centre = middle(robot)
+    yield Home(centre, "the middle of the limits")
+    # At most half a turn from the middle: more leads to the same places.
+    lower, upper = np.maximum(robot.lower, centre - np.pi), np.minimum(robot.upper, centre + np.pi)
+    drawn = np.random.default_rng(0).uniform(lower, upper, (RANDOM_TRIES, robot.dof))
+    for q in sorted(drawn, key=lambda q: _is_awkward(robot, q)):
         yield Home(q, "a random search within the limits")
+
+
+def _is_awkward(robot: Robot, q: Array) -> tuple[bool, bool]:
+    """Whether a joint or the tool is below the base, where a table may be, and whether a joint is near its limit."""
+    model, data = robot.pin_model, robot.pin_model.createData()
+    pin.framesForwardKinematics(model, data, q)
+    heights = [placement.translation[2] for placement in list(data.oMi)[1:]]
+    heights.append(data.oMf[robot.frame_id()].translation[2])
+    below = min(heights) < min(0.0, heights[0])
+    margin = np.minimum(q - robot.lower, robot.upper - q)
+    return below, bool((margin < NEAR_LIMIT * (robot.upper - robot.lower))[~robot.unlimited].any())
 
 
 def _has_the_joints_of(robot: Robot, name: str) -> bool:

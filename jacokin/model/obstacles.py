@@ -166,6 +166,7 @@ def checked_obstacles(obstacles: Iterable[Obstacle]) -> tuple[Obstacle, ...]:
         name = getattr(shape, "name", None)
         if not callable(getattr(shape, "add_to", None)) or not isinstance(name, str) or not name:
             raise checks.refusal("obstacles", "shapes with a name (Box, Sphere, Capsule, Cylinder, Floor)", shape)
+        _check_name(name)
         if name in names:
             raise InvalidInputError(f"the name {name!r} is used by two shapes; names must differ")
         names.add(name)
@@ -213,7 +214,7 @@ def collision_pairs(
 
 
 def _check_name(name: str) -> None:
-    if not isinstance(name, str) or not name:
+    if not checks.text("the name of an obstacle", name):
         raise checks.refusal("the name of an obstacle", "a word", name)
 
 

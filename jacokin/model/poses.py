@@ -5,6 +5,7 @@ Quaternions are wxyz. Roll-pitch-yaw means R = Rz(yaw) Ry(pitch) Rx(roll).
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Sequence
 from functools import partial
@@ -18,6 +19,8 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.model import checks
 from jacokin.model.angles import TURN
+
+logger = logging.getLogger(__name__)
 
 QUATERNION_NORM_TOLERANCE = 0.01  # hand-typed quaternions have two or three digits; more than 1 % is a mistake
 RIGID_TOLERANCE = 1e-6  # |R^T R - I|: admits float32 matrices (1e-7), refuses scaled or sheared ones
@@ -91,12 +94,42 @@ def pose(
     if quat_wxyz is not None:
         return pin.SE3(rotation_from_quat_wxyz(quat_wxyz), at)
     if rpy is not None:
-        return pin.SE3(rotation_from_rpy(rpy), at)
+        rotation = rotation_from_rpy(rpy)
+        if np.abs(rpy).max() > TURN:
+            logger.warning("pose: rpy is in radians, and an angle of %s exceeds a full turn", checks.shown(rpy))
+        return pin.SE3(rotation, at)
     if rotation is not None:
         return pin.SE3(checked_rotation("rotation", rotation), at)
     if down:
         return pin.SE3(rotation_from_quat_wxyz(DOWN_QUAT_WXYZ), at)
     return pin.SE3(np.eye(3), at)
+
+
+def pose_from_kinova(position_mm: ArrayLike, angles_deg: ArrayLike) -> pin.SE3:
+    """A pose from the numbers of Kinova's software, R = Rx(a) Ry(b) Rz(c).
+
+    Args:
+        position_mm: (3,) position [mm].
+        angles_deg: (3,) Euler angles about x, y and z [deg].
+
+    Raises:
+        InvalidInputError: wrong shape or not finite.
+    """
+    position = checks.vector("position_mm", position_mm, 3, "mm")
+    angles = np.radians(checks.vector("angles_deg", angles_deg, 3, "deg"))
+    # The inverse of Rx(a) Ry(b) Rz(c) is Rz(-c) Ry(-b) Rx(-a).
+    return pin.SE3(pin.rpy.rpyToMatrix(-angles).T, 1e-3 * position)
+
+
+def pose_to_kinova(pose: pin.SE3 | ArrayLike) -> tuple[Array, Array]:
+    """Position (3,) [mm] and Euler angles (3,) [deg] of a pose, as `pose_from_kinova` takes them.
+
+    Raises:
+        InvalidInputError: malformed pose.
+    """
+    at = checked_pose(pose, "pose")
+    angles = -np.degrees(pin.rpy.matrixToRpy(np.ascontiguousarray(at.rotation.T)))
+    return 1e3 * at.translation, angles
 
 
 def _facing(z: Array) -> Array:

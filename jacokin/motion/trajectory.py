@@ -39,6 +39,7 @@ LIMITS = ("lower", "upper", "velocity_limit")
 NAMED = 8  # segments in a sentence
 KINOVA_STEP = 0.01  # [s] the control loop of the Jaco's base runs at 100 Hz (kinova-ros, README, velocity control)
 SPEED_ROUNDING = 1e-9  # [rad/s] of positions subtracted and divided by a step
+DURATION = {1: ("secs", "nsecs"), 2: ("sec", "nanosec")}  # parts of a duration in each version of ROS
 NANOSECONDS = 1_000_000_000  # [1/s]
 
 
@@ -136,21 +137,31 @@ class Trajectory(Frozen):
         """Number of rows."""
         return len(self.t)
 
-    def save(self, path: str | Path) -> None:
+    def save(self, path: str | Path, *, ros: int = 2, joint_prefix: str = "") -> None:
         """Write a file; an existing one is replaced only when the new one is complete.
 
         ".csv" and ".npz" hold everything and can be loaded. ".json" holds the fields of a ROS JointTrajectory.
         ".kinova.csv" holds angles [deg] and velocities [deg/s] at 100 Hz for Kinova's driver.
 
+        Args:
+            path: where the file goes.
+            ros: 1 or 2, whose names of the parts of a duration .json files have: secs and nsecs, or sec and nanosec.
+            joint_prefix: put before the names of joints in .json files; kinova-ros has "j2n6s300_".
+
         Raises:
-            InvalidInputError: another ending, the file cannot be written, or a limit is broken after resampling.
+            InvalidInputError: another ending, the file cannot be written, a limit is broken after resampling, or an
+                option of ROS with another kind of file.
         """
+        checks.whole_number("ros", ros, 1, 2)
+        checks.text("joint_prefix", joint_prefix)
+        if (ros != 2 or joint_prefix) and by_ending(path, FORMATS)[1] != ".json":
+            raise InvalidInputError(f"ros and joint_prefix are for .json files, got {str(path)!r}")
         save(
             path,
             {
                 ".csv": self._write_csv,
                 ".npz": lambda file: write_arrays(file, self._arrays()),
-                ".json": partial(write_ros_json, trajectory=self),
+                ".json": partial(write_ros_json, trajectory=self, ros=ros, joint_prefix=joint_prefix),
                 ".kinova.csv": partial(write_kinova_csv, trajectory=self),
             },
         )
@@ -340,8 +351,8 @@ def list_segments(segments: Sequence[int]) -> str:
     return ", ".join(map(str, segments[:NAMED])) + (f" and {more} more" if more > 0 else "")
 
 
-def write_ros_json(file: Path, trajectory: Trajectory) -> None:
-    """Write the fields of a ROS 2 trajectory_msgs/JointTrajectory: SI units and radians, times to the nanosecond.
+def write_ros_json(file: Path, trajectory: Trajectory, *, ros: int, joint_prefix: str) -> None:
+    """Write the fields of a ROS trajectory_msgs/JointTrajectory: SI units and radians, times to the nanosecond.
 
     Numbers keep all their digits: a rounded one may lie outside its limit.
     """
@@ -355,10 +366,10 @@ def write_ros_json(file: Path, trajectory: Trajectory) -> None:
                 "positions": q,
                 "velocities": v,
                 "accelerations": a,
-                "time_from_start": {"sec": seconds, "nanosec": nanoseconds},
+                "time_from_start": dict(zip(DURATION[ros], (seconds, nanoseconds), strict=True)),
             }
         )
-    message = {"joint_names": list(trajectory.joint_names), "points": points}
+    message = {"joint_names": [joint_prefix + name for name in trajectory.joint_names], "points": points}
     with file.open("w", encoding="utf-8") as stream:
         json.dump(message, stream, allow_nan=False)
         stream.write("\n")

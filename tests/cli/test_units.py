@@ -62,3 +62,28 @@ def test_angles_that_look_like_degrees_are_noticed(run: Run, tmp_path: Path) -> 
     assert "radians" not in run("ik", "--targets", str(file)).err
     file.write_text("x,y,z,roll,pitch,yaw\n0.3,-0.2,0.5,90,0,-30\n", encoding="utf-8")
     assert "radians" in run("ik", "--targets", str(file)).err
+
+
+def test_numbers_of_another_unit_are_noticed(run: Run, arm: tuple[str, ...]) -> None:
+    assert "--position is in metres" in run("ik", "--position", "350", "-300", "100", "--down").err
+    assert "ANGLE is in radians" in run("fk", "275", "167", "57", "241", "83", "76").err
+    assert "--seed is in radians" in run("ik", *POSE, "--seed", "275", "167", "57", "241", "83", "76").err
+    for words in (("fk", "275", "167", "57", "241", "83", "76", "--degrees"), ("fk", "1", "1", "9.0", "1", *arm)):
+        assert "note" not in run(*words).err  # degrees are asked for; the third joint slides
+
+
+def test_messages_are_in_degrees_too(run: Run) -> None:
+    words = ("ik", "--position", "0.35", "-0.3", "0.3", "--approach", "1", "0", "0", "--degrees")
+    parameter = run(*words, "--json").document["parameter"]
+    assert f"parameter {parameter:.6g} deg" in run(*words).out
+
+
+def test_a_pose_as_kinova_says_it(run: Run) -> None:
+    angles = ("275.0", "167.4", "57.4", "241.0", "82.7", "75.5")
+    kinova = run("fk", *angles, "--degrees", "--json").document["kinova"]
+    numbers = map(repr, [*kinova["position_mm"], *kinova["angles_deg"]])
+    document = run("ik", "--kinova", *numbers, "--seed", *angles, "--degrees", "--json").document
+    assert np.allclose(document["q"], [float(angle) for angle in angles], rtol=0.0, atol=1e-6)
+    refused = run("ik", "--kinova", "1", "2", "3", "4", "5", "6", "--down")
+    assert refused.code == 2
+    assert "--kinova is a whole pose" in refused.err

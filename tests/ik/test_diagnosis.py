@@ -125,3 +125,11 @@ def test_the_first_candidate_that_is_a_success_is_selected(robot: Robot, monkeyp
     assert found is not None
     assert (found.status, found.message, found.touching) == (Status.OK, "number 2", ())
     np.testing.assert_array_equal(found.q, turned[1])
+
+
+def test_a_target_beyond_reach_is_so_with_or_without_a_closed_form(robot: Robot) -> None:
+    solver = IKSolver(robot, "link_4")
+    result = solver.solve(jacokin.pose([5.0, 0.0, 0.0], down=True))
+    assert result.status is Status.UNREACHABLE
+    assert result.message == "the target is farther away than the arm is long"
+    assert "no closed form" in solver.solve(robot.forward_kinematics(robot.home, "link_4")).message

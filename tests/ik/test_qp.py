@@ -308,3 +308,17 @@ def test_a_position_is_solved_from_a_member(
         result = IKSolver(robot).solve(target).raise_for_status()
         np.testing.assert_allclose(robot.forward_kinematics(result.q).translation, target, atol=1e-9)
         assert not IKSolver(robot, method="qp").solve(target, max_restarts=5, closest=False).success
+
+
+def test_osqp_gives_up_in_time_and_another_solver_takes_over() -> None:
+    rng = np.random.default_rng(0)
+    backend, step, used = qp_backend.Backend("osqp"), np.full(6, 0.006), set()
+    for _ in range(6):
+        rows, steep = rng.normal(size=(8, 6)), 100.0 * rng.normal(size=(2, 6))
+        hessian, gradient = steep.T @ steep + 1e-10 * np.eye(6), -steep.sum(axis=0)
+        backend.reset()
+        found = backend.minimize(hessian, gradient, (rows, np.zeros(8)), -step, step)
+        assert (rows @ found <= 1e-8).all()
+        used.add(backend.used)
+    assert used == {"osqp", "osqp, then daqp"}
+    assert qp_backend.OPTIONS["osqp"]["max_iter"] <= 10_000

@@ -65,6 +65,9 @@ def test_another_arm_does_not_get_the_home_of_a_jaco(tmp_path: Path) -> None:
     assert robot.within_limits(robot.home)
     assert robot.singular_values(robot.home)[-1] > 0.01  # its middle, all joints at 0, is a straight arm
     assert not np.allclose(robot.home, jacokin.load_robot().home)
+    heights = [robot.forward_kinematics(robot.home, frame).translation[2] for frame in robot.frames]
+    assert min(heights) >= 0.0  # on a table, too
+    assert (np.minimum(robot.home - robot.lower, robot.upper - robot.home) > math.radians(30)).all()
 
 
 def test_a_jaco_from_a_file_has_the_documented_home(tmp_path: Path) -> None:

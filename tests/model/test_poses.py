@@ -10,7 +10,7 @@ import pytest
 
 import jacokin
 from jacokin.errors import InvalidInputError
-from jacokin.model import poses
+from jacokin.model import pose_from_kinova, pose_to_kinova, poses
 
 
 def test_orientations_mean_what_the_conventions_say() -> None:
@@ -116,3 +116,27 @@ def test_an_approach_is_the_only_orientation() -> None:
         jacokin.pose((0.4, 0.1, 0.3), down=True, approach=(1.0, 0.0, 0.0))  # type: ignore[call-overload]  # wrong on purpose
     with pytest.raises(InvalidInputError, match="approach must have a direction"):
         jacokin.pose((0.4, 0.1, 0.3), approach=(0.0, 0.0, 0.0))
+
+
+def test_poses_as_kinova_says_them(rng: np.random.Generator) -> None:
+    # Kinova's documentation: the driver's home, in radians there.
+    documented = pose_from_kinova(
+        [212.322831154, -257.197618484, 509.646713734], np.degrees([1.63771402836, 1.11316478252, 0.134094119072])
+    )
+    reached = jacokin.load_robot().forward_kinematics(np.radians([275.0, 167.4, 57.4, 241.0, 82.7, 75.5]))
+    assert np.linalg.norm(reached.translation - documented.translation) < 0.004
+    assert np.linalg.norm(pin.log3(reached.rotation.T @ documented.rotation)) < 0.012
+    for angles in rng.uniform(-89.0, 89.0, (20, 3)):
+        a, b, c = (jacokin.pose([0, 0, 0], rpy=row).rotation for row in np.diag(np.radians(angles)))
+        pose = pose_from_kinova([1.0, 2.0, 3.0], angles)
+        np.testing.assert_allclose(pose.rotation, a @ b @ c, atol=1e-14)
+        np.testing.assert_allclose(np.concatenate(pose_to_kinova(pose)), [1.0, 2.0, 3.0, *angles], atol=1e-9)
+    with pytest.raises(InvalidInputError, match=r"angles_deg must have shape \(3,\) \[deg\]"):
+        pose_from_kinova([1.0, 2.0, 3.0], [90.0])
+
+
+def test_degrees_given_for_radians_are_noticed(caplog: pytest.LogCaptureFixture) -> None:
+    jacokin.pose([0.3, 0.0, 0.3], rpy=[1.5, -6.2, 0.0])
+    assert not caplog.records
+    jacokin.pose([0.3, 0.0, 0.3], rpy=[90, 0, 0])
+    assert "rpy is in radians, and an angle of [90, 0, 0] exceeds a full turn" in caplog.text

@@ -236,6 +236,16 @@ def test_models_that_do_not_fit_are_refused() -> None:
         Scene.from_mujoco(model, base=pin.SE3(pin.utils.rotate("x", 0.1), np.zeros(3)))
 
 
+@pytest.mark.parametrize("name", ["half\ud800", "nul\0"], ids=["lone surrogate", "nul"])
+def test_names_that_no_model_can_hold_are_refused(tmp_path: Path, name: str) -> None:
+    with pytest.raises(InvalidInputError, match="the name of an obstacle must be a text that UTF-8 can write"):
+        Sphere(name, 0.1, [1.0, 1.0, 1.0])
+    path = tmp_path / "scene.json"
+    path.write_text(json.dumps([{"shape": "sphere", "name": name, "radius": 0.1, "position": [1, 1, 1]}]))
+    with pytest.raises(InvalidInputError, match="obstacle 0: the name of an obstacle"):
+        Scene.load(path)
+
+
 def test_wrong_arguments(robot: Robot, tmp_path: Path) -> None:
     scene = Scene([TABLE])
     for collision in ("report", "reject"):

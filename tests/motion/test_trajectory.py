@@ -226,6 +226,19 @@ def test_json_has_the_fields_of_a_ros_trajectory(trajectory: PathResult | JointM
     assert all(0 <= point["time_from_start"]["nanosec"] < 10**9 for point in points)
 
 
+def test_json_for_ros_1_and_with_the_names_of_a_driver(trajectory: PathResult | JointMotion, tmp_path: Path) -> None:
+    file = tmp_path / "trajectory.json"
+    trajectory.save(file, ros=1, joint_prefix="j2n6s300_")
+    message = json.loads(file.read_text(encoding="utf-8"))
+    assert message["joint_names"] == [f"j2n6s300_{name}" for name in trajectory.joint_names]
+    times = [point["time_from_start"]["secs"] + 1e-9 * point["time_from_start"]["nsecs"] for point in message["points"]]
+    assert np.allclose(times, trajectory.t, atol=1e-9)
+    with pytest.raises(InvalidInputError, match="ros must be a whole number <= 2"):
+        trajectory.save(file, ros=3)
+    with pytest.raises(InvalidInputError, match=r"ros and joint_prefix are for \.json files"):
+        trajectory.save(tmp_path / "trajectory.csv", joint_prefix="a")
+
+
 def test_accelerations_of_a_path_are_changes_of_its_velocity(result: PathResult) -> None:
     rebuilt = np.cumsum(result.a[1:] * np.diff(result.t)[:, None], axis=0)
     assert np.allclose(rebuilt, result.v[1:], atol=1e-12)

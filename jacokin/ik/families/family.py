@@ -19,6 +19,7 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, JacokinError
 from jacokin.ik.families.tracks import GUESS_SPACING, Track, minima, refine
 from jacokin.ik.preferences import Cost, by_distance, by_margin
+from jacokin.ik.seeds import seed_within_limits
 from jacokin.ik.targets import TargetPose
 from jacokin.ik.verification import Candidate, Verifier
 from jacokin.model import angles, checks
@@ -64,6 +65,14 @@ class Members:
         else:
             p = float(angles.wrap_to_pi(parameter)) if free.full_turn else self.target.nearest_angle(parameter)
         return Candidate(q, self.target.at(p), f"parameter {p:.6g} rad", p)
+
+    def near(self, seed: ArrayLike | None) -> Array:
+        """A seed (dof,) moved inside the limits [rad]; None for the seed of the family.
+
+        Raises:
+            InvalidInputError: malformed, or more than 1e6 rad from zero.
+        """
+        return self.seed if seed is None else seed_within_limits(self.robot, seed)[0]
 
     def copies(self, q: Array, seed: Array) -> Array:
         """(..., dof) the copies within the limits nearest to a seed (dof,)."""
@@ -163,11 +172,11 @@ class Interval:
             raise InvalidInputError(
                 f"parameter must be from {self.start:.17g} to {self.stop:.17g} rad, got {parameter!r}"
             )
-        return self.member(p, self._track.at(p), self._seed(seed))
+        return self.member(p, self._track.at(p), self._members.near(seed))
 
     def nearest(self, seed: ArrayLike | None = None) -> Array:
         """The member (dof,) [rad] nearest to a seed; None for the seed of the family."""
-        wanted = self._seed(seed)
+        wanted = self._members.near(seed)
         found = self._track.nearest(wanted)
         return choose([self], by_distance(wanted), wanted)[0] if found is None else self.member(*found, wanted)
 
@@ -213,9 +222,6 @@ class Interval:
     def member(self, parameter: float, q: Array, seed: Array) -> Array:
         """A configuration (dof,) of the track, in the copies nearest to a seed, verified."""
         return self._members.verified(self._members.copies(q, seed), parameter)
-
-    def _seed(self, seed: ArrayLike | None) -> Array:
-        return self._members.seed if seed is None else self._members.robot.configuration(seed, "seed")
 
     def _moved_inside(self, p: float) -> float | None:
         moved = p + TURN * round((0.5 * (self.start + self.stop) - p) / TURN)
@@ -321,9 +327,9 @@ class Family:
         """The member (dof,) [rad] nearest to a seed, None for the seed of the family; None when there is no member.
 
         Raises:
-            InvalidInputError: a malformed seed.
+            InvalidInputError: a malformed seed, or one more than 1e6 rad from zero.
         """
-        start = self._members.seed if seed is None else self._members.robot.configuration(seed, "seed")
+        start = self._members.near(seed)
         members = [interval.nearest(start) for interval in self.intervals]
         return min(members, key=lambda q: float(np.linalg.norm(q - start)), default=None)
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 MOST_JOINTS = 200  # of an arm; Pinocchio's memory grows with the cube of their number: 6 GiB at a thousand
 FRAME_TYPES = (pin.FrameType.BODY, pin.FrameType.OP_FRAME)
-END_EFFECTOR = "end_effector"
+TOOL_FRAMES = ("end_effector", "tool0")  # Kinova's name, and that of ROS-Industrial
 SHORTEST_ARM = 2  # joints of a branch that may be an arm; one joint is a finger, also on a single slide
 NAMED_CANDIDATES = 6  # in a message
 FARTHEST = 1e6  # [m] between a joint and the next one, or a frame; beyond, rounding is larger than any tolerance
@@ -255,11 +255,11 @@ def frame_id(model: pin.Model, name: str) -> int:
 
 
 def default_frame(model: pin.Model, tip: str | None) -> str:
-    """The frame solved when none is named: `tip`, else an end effector, else the last frame of the last link."""
+    """The frame solved when none is named: `tip`, else one called as tools are, else the first of the last link."""
     if tip is not None:
         return tip
     last = model.njoints - 1
     names = [name for name, index in frame_names(model).items() if model.frames[index].parentJoint == last]
     if not names:
         raise ModelError("the last link of the arm has no named frame; name it, or give tip=...")
-    return min(names, key=lambda name: (name != END_EFFECTOR, not name.endswith(END_EFFECTOR)))
+    return min(names, key=lambda name: [(name != tool, not name.endswith(tool)) for tool in TOOL_FRAMES])

@@ -94,7 +94,8 @@ class LimitDistance(_Rated):
         both = np.isfinite(robot.lower) & np.isfinite(robot.upper)
         half = np.where(both, 0.5 * (robot.upper - robot.lower), 1.0)
         middle = np.where(both, robot.lower + half, q)
-        return np.asarray(-self.rate * half * ((q - middle) / half) ** 3)
+        relative = (q - middle) / np.where(half > 0.0, half, 1.0)  # limits may coincide
+        return np.asarray(-self.rate * half * relative**3)
 
 
 def checked_objectives(

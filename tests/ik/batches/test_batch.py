@@ -127,3 +127,15 @@ def test_a_refused_structure_does_not_collect_tracebacks(robot: Robot) -> None:
             solver.closed_form()
         depths.append(len(caught.traceback))
     assert depths[1] == depths[2]
+
+
+def test_messages_are_those_of_single_solves_but_for_the_branch(robot: Robot, rng: np.random.Generator) -> None:
+    solver = IKSolver(robot)
+    targets = np.array([robot.forward_kinematics(q).homogeneous for q in robot.sample(rng, 12)])
+    targets[6:, :3, 3] *= 1.5
+    seeds = robot.sample(rng, 12) + 9.0 * (np.arange(12) % 2)[:, None]
+    batch = solver.solve_batch(targets, seeds)
+    for target, seed, success, message in zip(targets, seeds, batch.success, batch.message, strict=True):
+        single = solver.solve(target, seed).message
+        said = "; ".join(part for part in single.split("; ") if not (success and part.startswith("branch ")))
+        assert message == said

@@ -12,6 +12,7 @@ import jacokin
 from benchmarks import scan_seven
 from jacokin import FreeAxis, IKSolver, Robot
 from jacokin.arrays import Array
+from jacokin.errors import InvalidInputError
 from jacokin.ik import Family
 from jacokin.ik.families.curves import CurveProblem
 from jacokin.model.angles import TURN
@@ -174,3 +175,17 @@ def test_about_the_axis_of_the_last_joint_the_others_stay(
         best = min(float(np.linalg.norm(row - seed)) for row in reached)
         assert float(np.linalg.norm(result.q - seed)) <= best + 1e-9
     assert solved >= count // 2
+
+
+def test_seeds_far_outside_the_limits(rng: np.random.Generator) -> None:
+    robot = jacokin.load_robot()
+    target = FreeAxis(robot.forward_kinematics(robot.home), axis=(1.0, 0.0, 0.0))
+    family = IKSolver(robot).family(target)
+    far = rng.uniform(-1e6, 1e6, robot.dof)
+    nearest = family.nearest(far)
+    assert nearest is not None
+    assert robot.within_limits(nearest)
+    assert (np.abs(nearest - far)[[0, 3, 4, 5]] < math.pi + 0.1).any()  # the copies there
+    for call in (family.nearest, family.intervals[0].nearest):
+        with pytest.raises(InvalidInputError, match="joint_1 = 1e\\+07 rad is too far from zero"):
+            call([1e7] * 6)

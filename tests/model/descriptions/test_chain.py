@@ -179,3 +179,12 @@ def test_arms_on_a_torso_ask_for_the_tip(tmp_path: Path) -> None:
     assert jacokin.load_robot(path, tip="left_6", base="torso").dof == 7
     path.write_text(torso_text({"left": 1, "right": 1}))  # a gripper on a slide
     assert jacokin.load_robot(path).joint_names == ("lift",)
+
+
+@pytest.mark.parametrize("names", [("flange", "tool0"), ("tool0", "my_end_effector"), ("camera", "left_tool0")])
+def test_the_default_frame_is_the_one_called_as_tools_are(tmp_path: Path, names: tuple[str, str]) -> None:
+    joint = '<link name="{0}"/><joint name="to_{0}" type="fixed"><parent link="left_6"/><child link="{0}"/></joint>'
+    fixed = "".join(map(joint.format, names))
+    path = tmp_path / "arm.urdf"
+    path.write_text(torso_text({"left": 7}).replace("</robot>", f"{fixed}</robot>"))
+    assert jacokin.load_robot(path).default_frame == names[1]

@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+import jacokin
 from jacokin import Robot, Tracker
 from jacokin.errors import InvalidInputError, UnknownNameError
 from jacokin.motion import (
@@ -206,3 +207,11 @@ def test_an_objective_that_answers_wrongly_is_named_and_moves_nothing(robot: Rob
     with pytest.raises(InvalidInputError, match=r"Sway\.velocity\(\) must"):
         tracker.step(np.array([0.3, -0.2, 0.5]))
     assert np.array_equal(tracker.q, robot.home)
+
+
+def test_limits_that_coincide_have_no_middle_to_go_to() -> None:
+    robot = jacokin.load_robot(limits={"joint_2": (2.9, 2.9)})
+    q = robot.forward_kinematics(robot.home).translation
+    step = settle(Tracker(robot, objectives=[LimitDistance()]), q, 20)
+    assert step.q[1] == 2.9
+    assert LimitDistance().velocity(robot, "end_effector", robot.home)[1] == 0.0
