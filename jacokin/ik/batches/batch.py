@@ -58,7 +58,7 @@ def solve(
     matrices, position_only, free = checked_batch(targets)
     checks.optional(checks.function, "progress", progress)
     starts, notes = _seeds_within_limits(robot, seeds, len(matrices))
-    out = Columns(len(matrices), robot.dof, notes)
+    out = AnswerColumns(len(matrices), robot.dof, notes)
     rest = list(range(len(matrices)))
     if compiled is not None:
         apart = position_only.copy()
@@ -90,7 +90,7 @@ def check_picklable(name: str, value: object) -> None:
         ) from error
 
 
-class Columns:
+class AnswerColumns:
     """The columns of a batch result while they fill: of `size` targets, with a note on each."""
 
     def __init__(self, size: int, dof: int, notes: list[str]) -> None:
@@ -152,7 +152,7 @@ def _compiled(
     matrices: Array,
     apart: NDArray[np.bool_],
     starts: Array,
-    out: Columns,
+    out: AnswerColumns,
     workers: int,
     progress: Callable[[int], None] | None,
 ) -> list[int]:

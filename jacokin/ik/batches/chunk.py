@@ -18,7 +18,7 @@ import jacokin
 from jacokin.arrays import Array
 from jacokin.chunks.folder import Keeper
 from jacokin.errors import JacokinError
-from jacokin.ik.batches.batch import Columns
+from jacokin.ik.batches.batch import AnswerColumns
 from jacokin.ik.files.formats import answers_format, targets_format
 from jacokin.ik.files.targets import FilePart, TargetFile
 from jacokin.ik.results import BatchResult, Status
@@ -128,7 +128,7 @@ def solve_rows(
     problems = targets.problems
     if not problems:
         return solver.solve_batch(targets.targets, seed, workers=workers, closest=closest)
-    out = Columns(len(targets), solver.robot.dof, [problems.get(row, "") for row in range(len(targets))])
+    out = AnswerColumns(len(targets), solver.robot.dof, [problems.get(row, "") for row in range(len(targets))])
     for row in problems:
         out.q[row] = out.errors[row] = np.nan
         out.status[row], out.method[row], out.success[row] = Status.INVALID_TARGET, "", False
