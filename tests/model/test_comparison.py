@@ -13,28 +13,7 @@ import jacokin.model
 from jacokin import Robot
 from jacokin.errors import InvalidInputError
 from jacokin.model import NAMES, urdf_folder
-
-# A UR5's joints, from the parameters that its maker publishes [m].
-UR5 = """<robot name="ur5">{links}{joints}</robot>"""
-UR5_JOINTS = [
-    ("0 0 0.089159", "0 0 0", "0 0 1"),
-    ("0 0.13585 0", "0 1.5707963267948966 0", "0 1 0"),
-    ("0 -0.1197 0.425", "0 0 0", "0 1 0"),
-    ("0 0 0.39225", "0 1.5707963267948966 0", "0 1 0"),
-    ("0 0.093 0", "0 0 0", "0 0 1"),
-    ("0 0 0.09465", "0 0 0", "0 1 0"),
-]
-
-
-def ur5_text(shape: str = "") -> str:
-    links = "".join(f'<link name="l{i}">{shape}</link>' for i in range(7))
-    joints = "".join(
-        f'<joint name="q{i}" type="revolute"><parent link="l{i}"/><child link="l{i + 1}"/>'
-        f'<origin xyz="{xyz}" rpy="{rpy}"/><axis xyz="{axis}"/>'
-        '<limit lower="-6.283" upper="6.283" effort="1" velocity="1"/></joint>'
-        for i, (xyz, rpy, axis) in enumerate(UR5_JOINTS)
-    )
-    return UR5.format(links=links, joints=joints)
+from tests.robot_files import ur5_text
 
 
 def test_a_rotation_differs_by_an_angle(tmp_path: Path) -> None:

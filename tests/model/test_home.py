@@ -11,7 +11,7 @@ import numpy as np
 import jacokin
 import jacokin.model
 from jacokin.model import SelfContact, urdf_folder
-from tests.robot_files import SCENE, urdf_text
+from tests.robot_files import SCENE, ur5_text, urdf_text
 
 
 def test_a_pickled_robot_keeps_the_home_it_found(scene: Path) -> None:
@@ -32,29 +32,6 @@ def test_the_keyframe_called_home_is_the_home(scene: Path) -> None:
     robot = jacokin.load_robot(scene)
     np.testing.assert_allclose(robot.home, [0.5, 0.2, 0.05, 0.3])
     assert robot.home_source == "keyframe 'home' of the file"
-
-
-# A UR5's joints, from the parameters that its maker publishes [m].
-UR5 = """<robot name="ur5">{links}{joints}</robot>"""
-UR5_JOINTS = [
-    ("0 0 0.089159", "0 0 0", "0 0 1"),
-    ("0 0.13585 0", "0 1.5707963267948966 0", "0 1 0"),
-    ("0 -0.1197 0.425", "0 0 0", "0 1 0"),
-    ("0 0 0.39225", "0 1.5707963267948966 0", "0 1 0"),
-    ("0 0.093 0", "0 0 0", "0 0 1"),
-    ("0 0 0.09465", "0 0 0", "0 1 0"),
-]
-
-
-def ur5_text(shape: str = "") -> str:
-    links = "".join(f'<link name="l{i}">{shape}</link>' for i in range(7))
-    joints = "".join(
-        f'<joint name="q{i}" type="revolute"><parent link="l{i}"/><child link="l{i + 1}"/>'
-        f'<origin xyz="{xyz}" rpy="{rpy}"/><axis xyz="{axis}"/>'
-        '<limit lower="-6.283" upper="6.283" effort="1" velocity="1"/></joint>'
-        for i, (xyz, rpy, axis) in enumerate(UR5_JOINTS)
-    )
-    return UR5.format(links=links, joints=joints)
 
 
 def test_another_arm_does_not_get_the_home_of_a_jaco(tmp_path: Path) -> None:

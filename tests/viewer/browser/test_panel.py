@@ -19,7 +19,7 @@ from jacokin.ik import Box, Floor, Scene
 from jacokin.motion import track_path
 from jacokin.viewer import Inspector, Viewer, serve
 from jacokin.viewer.drawing import load_parts
-from tests.model.test_home import ur5_text
+from tests.robot_files import ur5_text
 from tests.viewer.page import Page, opened, repeat, until
 from tests.viewer.test_viewer import NEAR, comes_to
 
