@@ -3,8 +3,8 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 WHEEL = $(shell ls -t dist/jacokin-*.whl 2>/dev/null | head -n 1)
-SOURCES := $(sort pyproject.toml package_page.py examples/targets.csv constraints.txt README.md LICENSE NOTICE \
-	$(shell find jacokin urdf -type f -not -path '*/__pycache__/*'))
+SOURCES := $(sort pyproject.toml package_page.py $(wildcard build_kernels/*.py) examples/targets.csv constraints.txt README.md LICENSE NOTICE \
+	$(shell find jacokin urdf -type f -not -path '*/__pycache__/*' -not -name 'libjacokin.*'))
 # Rewritten where it differs, which is when a source was added, renamed or removed.
 LIST := build/sources.txt
 $(shell mkdir -p build; echo $(SOURCES) | cmp -s - $(LIST) || echo $(SOURCES) > $(LIST))

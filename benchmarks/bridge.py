@@ -16,7 +16,6 @@ import numpy as np
 
 import jacokin
 from jacokin.arrays import Array
-from jacokin.kernels.compiled.loading import warmup
 from jacokin.model import quat_wxyz
 from jacokin.mujoco_bridge import Arena, JacoArm, JacoHand, Physics, observations, robots
 from jacokin.mujoco_bridge.simulation.elements import KINDS
@@ -113,7 +112,6 @@ def observation_time() -> None:
 
 def own_ik() -> Solve:
     """Brings the pinch site to a position, tool down; or the wrist site to a pose."""
-    warmup()
     physics, arm, hand = scene()
     random_state = np.random.RandomState(0)
 

@@ -16,7 +16,7 @@ import numpy as np
 import jacokin
 from benchmarks import brute_force, environments, report, targets
 from benchmarks.referee import apart, rotation_angle
-from jacokin import Robot, warmup
+from jacokin import Robot
 from jacokin.arrays import Array
 from jacokin.model.descriptions import bundled
 
@@ -108,7 +108,6 @@ def dm_control_arm() -> Path | None:
 
 def section(share: int = 1) -> report.Section:
     """The part of the page on completeness, with one in `share` of the targets."""
-    warmup()
     robots: list[Robot] = [robot for robot in map(jacokin.load_robot, bundled.NAMES) if robot.dof == 6]
     notes = []
     path = dm_control_arm()

@@ -16,7 +16,7 @@ import pinocchio as pin
 
 import jacokin
 from benchmarks import report, targets
-from jacokin import Robot, warmup
+from jacokin import Robot
 from jacokin.model import to_mujoco
 
 QP_TARGETS = 150
@@ -112,7 +112,6 @@ def _in_turns(first: Callable[[], object], second: Callable[[], object]) -> tupl
 
 def batch(robot: Robot) -> list[tuple[int, float]]:
     """Workers and poses a second of `solve_batch`, the best of some runs."""
-    warmup()
     solver = jacokin.IKSolver(robot)
     poses = targets.random_configurations(robot, np.random.default_rng(4), BATCH).poses
     rates = {1: 0.0, 2: 0.0}

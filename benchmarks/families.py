@@ -216,7 +216,6 @@ def peer_row() -> tuple[str, ...]:
 
 def section(size: int) -> report.Section:
     """The part of the page on families."""
-    jacokin.warmup()
     tallies = [*free_axes(size), *seven_joints(size)]
     found = report.table(FOUND_HEADER, [_found_row(tally) for tally in tallies])
     times = [_time_row(tally, "solve_all") for tally in tallies] + [_time_row(tally, "solve") for tally in tallies]

@@ -1,4 +1,4 @@
-"""How long single solves take, the slowest included: warmed up, and while the closed form compiles in the background.
+"""How long single solves take, the slowest included.
 
 python -m benchmarks.latency [--picture docs/images/latency.png]
 """
@@ -6,7 +6,6 @@ python -m benchmarks.latency [--picture docs/images/latency.png]
 from __future__ import annotations
 
 import argparse
-import os
 import subprocess
 import sys
 import tempfile
@@ -19,13 +18,10 @@ import numpy as np
 import jacokin
 from benchmarks import bridge, report
 from jacokin.arrays import Array
-from jacokin.kernels.compiled.loading import KERNELS
 
 CALLS = 20_000
 POSES = 2_000
 LONG = 0.05  # [s] no call after warming up should take so long
-COLD_END = 90.0  # [s] after which a compiler in the background is given up
-COLD_CALLS = 2_000  # once it is done
 QUANTILES = (0.5, 0.99, 0.999)
 
 
@@ -59,29 +55,13 @@ def site_solves() -> Array:
     )
 
 
-def cold_solves() -> Array:
-    """`IKSolver.solve` without a cache, until the compiler in the background is done, and some more."""
-    robot = jacokin.load_robot()
-    poses = [robot.forward_kinematics(q) for q in robot.sample(np.random.default_rng(1), POSES)]
-    solver = jacokin.IKSolver(robot)
-    end = time.perf_counter() + COLD_END
-    left = COLD_CALLS
-
-    def more(done: int) -> bool:
-        nonlocal left
-        left -= KERNELS.library is not None
-        return left >= 0 and time.perf_counter() < end
-
-    return durations(lambda i: solver.solve(poses[i % POSES]), more)
-
-
-def in_a_new_process(name: str, folder: str) -> Array:
-    """The same in a process that finds the cache in a folder."""
-    output = Path(folder, f"{name}.npy")
-    program = f"import sys, numpy as np; from benchmarks import latency; np.save(sys.argv[1], latency.{name}())"
-    environment = {**os.environ, "NUMBA_CACHE_DIR": folder}
-    subprocess.run([sys.executable, "-c", program, output], env=environment, stderr=subprocess.DEVNULL, check=True)
-    times: Array = np.load(output)
+def in_a_new_process(name: str) -> Array:
+    """The same in a process of its own."""
+    with tempfile.TemporaryDirectory() as folder:
+        output = Path(folder, f"{name}.npy")
+        program = f"import sys, numpy as np; from benchmarks import latency; np.save(sys.argv[1], latency.{name}())"
+        subprocess.run([sys.executable, "-c", program, output], stderr=subprocess.DEVNULL, check=True)
+        times: Array = np.load(output)
     return times
 
 
@@ -109,12 +89,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--picture", type=Path, help="PNG of the histograms")
     options = parser.parse_args()
-    with tempfile.TemporaryDirectory() as folder:
-        measured = {
-            "without a cache, compiling in the background: solve": in_a_new_process("cold_solves", folder),
-            "with a cache: solve": in_a_new_process("solves", folder),
-            "with a cache: set_site_to_xpos": in_a_new_process("site_solves", folder),
-        }
+    measured = {
+        "a warm solver: solve": in_a_new_process("solves"),
+        "a prepared arm: set_site_to_xpos": in_a_new_process("site_solves"),
+    }
     rows = [
         (
             name,

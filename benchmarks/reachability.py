@@ -41,7 +41,7 @@ from jacokin.reachability import Grid, ReachabilityMap, build
 
 RUN = (
     "import sys, jacokin, time; from jacokin.ik import solve_file;"
-    "solver = jacokin.IKSolver(jacokin.load_robot()); jacokin.warmup();"
+    "solver = jacokin.IKSolver(jacokin.load_robot());"
     "print('ready', flush=True); cpu = time.process_time();"
     "done = solve_file(solver, *sys.argv[1:3], workers=2);"
     "status = dict(line.split(':') for line in open('/proc/self/status'));"  # the resource module counts the parent
@@ -299,7 +299,6 @@ def main() -> None:
     parser.add_argument("--rows", type=int, default=2_000_000)
     parser.add_argument("--samples", type=int, default=1_000_000)
     given = parser.parse_args()
-    jacokin.warmup()
     if given.what is None:
         print(section(1).body)
         return

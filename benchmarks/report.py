@@ -12,7 +12,7 @@ from pathlib import Path
 from benchmarks.environments import ROOT
 
 PAGE = ROOT / "docs" / "performance.md"
-STACK = ("numpy", "pin", "mujoco", "mink", "qpsolvers", "daqp", "numba")
+STACK = ("numpy", "pin", "mujoco", "mink", "qpsolvers", "daqp")
 # Load average of the minute before, a core: more than this and other work was running.
 BUSY = 0.25
 

@@ -73,7 +73,6 @@ def measured(viewer: Viewer, robot: Robot, moves: int) -> tuple[Array, Array]:
 
 def main(moves: int = MOVES) -> float:
     """Print a table; the largest median of a move [s]."""
-    jacokin.warmup()
     rows, worst = [], 0.0
     for name, shown, collision, axis in CASES:
         robot = jacokin.load_robot(name)

@@ -3,7 +3,7 @@ from jacokin.ik.results import IKResult as IKResult
 from jacokin.ik.results import Status as Status
 from jacokin.ik.solver import IKSolver as IKSolver
 from jacokin.ik.solver import solve_ik as solve_ik
-from jacokin.kernels.compiled.loading import warmup as warmup
+from jacokin.kernels.library import warmup as warmup
 from jacokin.model.comparison import crosscheck as crosscheck
 from jacokin.model.loading import load_robot as load_robot
 from jacokin.model.poses import FreeAxis as FreeAxis

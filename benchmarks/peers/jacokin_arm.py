@@ -8,18 +8,15 @@ from importlib.metadata import version
 import pinocchio as pin
 
 import jacokin
-from jacokin.ik import closed_form
 
 
 class Peer:
-    version = f"jacokin {jacokin.__version__}, pin {version('pin')}, numba {version('numba')}"
+    version = f"jacokin {jacokin.__version__}, pin {version('pin')}"
 
     def __init__(self, setup):
         self.robot = jacokin.load_robot(setup["robot"])
         self.variant = setup["variant"]
         self.solver = jacokin.IKSolver(self.robot, method="qp" if self.variant == "qp" else "auto")
-        if self.variant != "qp":
-            closed_form.warmup()  # compiles once; later runs read the cache
         self.call = self.solver.solve_all if self.variant == "solve_all" else self.solver.solve
 
     def forward(self, q):

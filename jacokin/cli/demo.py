@@ -43,7 +43,7 @@ def demo(output: Path) -> None:
     if output.suffix != ".png":
         raise InvalidInputError(f"--output must end in .png, got {str(output)!r}")
     targets = ik.read_targets(targets_file())
-    solver = ik.IKSolver(model.load_robot(), warm=None)
+    solver = ik.IKSolver(model.load_robot())
     started = time.perf_counter()
     batch = solver.solve_batch(targets.targets)
     _report(targets, batch, time.perf_counter() - started)

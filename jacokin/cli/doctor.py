@@ -1,4 +1,4 @@
-"""`jacokin doctor`: does everything needed work? `jacokin warmup`: compile the closed form."""
+"""`jacokin doctor`: does everything needed work? `jacokin warmup`: load the compiled kernels."""
 
 from __future__ import annotations
 
@@ -48,8 +48,6 @@ PACKAGES = {
     "pinocchio": ("pin", None),
     "mujoco": ("mujoco", None),
     "mink": ("mink", None),
-    "numba": ("numba", None),
-    "llvmlite": ("llvmlite", None),
     "qpsolvers": ("qpsolvers", None),
     "daqp": ("daqp", None),
     "orjson": ("orjson", None),
@@ -116,21 +114,19 @@ def doctor(json: bool) -> None:
 
 @click.command(cls=Command)
 def warmup() -> None:
-    """Compile the closed form ahead of the first solve.
+    """Load the compiled kernels, to see that they work here.
 
-    The machine code goes into a cache on disk, so that no later command waits for the compiler.
+    They come with the package: nothing needs to be compiled, and no command waits for it.
 
-    Exit code: 0 when the compiled closed form is ready, 1 when NUMBA_DISABLE_JIT keeps it in plain Python.
+    Exit code: 0 when they load, 2 when they do not.
 
     Examples:
       jacokin warmup
     """
-    from jacokin.kernels.compiled import loading
+    from jacokin.kernels import library  # not for --help: it loads NumPy
 
-    seconds = loading.warmup()
-    if loading.is_disabled():
-        raise SystemExit(NOT_SOLVED)
-    display.echo(f"the closed form is ready ({seconds:.1f} s)")
+    seconds = library.warmup()
+    display.echo(f"the compiled kernels are ready ({1e3 * seconds:.1f} ms)")
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,7 +154,7 @@ def check_all() -> list[Finding]:
         check_shadowing(),
         *check_qp_solvers(),
         *check_renderers(),
-        check_kernel_cache(),
+        check_kernels(),
         check_robots(),
     ]
 
@@ -303,34 +299,16 @@ def check_renderers() -> list[Finding]:
     return findings
 
 
-def check_kernel_cache() -> Finding:
-    """Is the compiled closed form on disk, and does it load?"""
-    from jacokin.kernels.compiled import cache, loading
-    from jacokin.kernels.compiled.library import KernelLibrary
+def check_kernels() -> Finding:
+    """Do the compiled kernels load?"""
+    finding = partial(Finding, "closed form", "kernels")
+    try:
+        from jacokin.kernels import library
 
-    finding = partial(Finding, "closed form", "cache")
-    if loading.is_disabled():
-        return finding(WARNING, loading.DISABLED)
-    file = cache.path()
-    if file is None:
-        return finding(WARNING, "no home folder to cache in: set NUMBA_CACHE_DIR to a folder of your own")
-    found = cache.read()
-    if found.code is not None:
-        try:
-            KernelLibrary(found.code)
-        except RuntimeError as error:
-            return finding(WARNING, f"{file} does not load: {error}; `jacokin warmup` compiles it anew")
-        return finding(OK, f"compiled, in {file}")
-    if found.problem:
-        return finding(WARNING, found.problem)
-    existing = next(parent for parent in file.parents if parent.exists())
-    if not os.access(existing, os.W_OK):
-        return finding(
-            WARNING,
-            f"{file.parent} cannot be written, so each process compiles anew: "
-            "set NUMBA_CACHE_DIR to a folder of your own",
-        )
-    return finding(MISSING, f"not compiled yet: `jacokin warmup` compiles it into {file.parent}")
+        library.Library(library.PATH)
+    except (JacokinError, ImportError) as error:
+        return finding(FAILED, f"{error}")
+    return finding(OK, f"loaded, {library.PATH}")
 
 
 def import_modules(modules: list[str]) -> dict[str, tuple[str | None, str | None]]:

@@ -229,7 +229,6 @@ def ik(
         collision=collision,
         scene=obstacles,
         clearance=clearance,
-        warm=None,
     )
     if targets is not None:
         from jacokin.cli import ik_batch

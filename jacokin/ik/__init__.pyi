@@ -12,7 +12,7 @@ from jacokin.ik.results import IKResult as IKResult
 from jacokin.ik.results import Status as Status
 from jacokin.ik.solver import IKSolver as IKSolver
 from jacokin.ik.solver import solve_ik as solve_ik
-from jacokin.kernels.compiled.loading import warmup as warmup
+from jacokin.kernels.library import warmup as warmup
 from jacokin.model.obstacles import Box as Box
 from jacokin.model.obstacles import Capsule as Capsule
 from jacokin.model.obstacles import Cylinder as Cylinder

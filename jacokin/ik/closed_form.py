@@ -9,7 +9,7 @@ of degree 8 in joint 6. ``docs/closed_form.md`` derives it; what computes is, in
     kernels.closed_form.wrist       from a root to (q1, q5, q6), refined on three smooth equations, then q2, q3, q4
     kernels.closed_form.spherical   the same for the spherical variants
     kernels.closed_form.pose        verification on the model itself, polishing, limits, duplicates
-    kernels.compiled                the kernels as machine code, and when it is made
+    kernels.library                 the kernels as machine code
 """
 
 from __future__ import annotations
@@ -29,20 +29,18 @@ from jacokin.kernels.closed_form.batch import (
     BRANCHES,
     BRANCHES_WITHIN_LIMITS,
     LARGEST_MARGIN,
+    TargetWork,
+    make_target_work,
     solve_targets,
 )
 from jacokin.kernels.closed_form.pose import (
-    COLUMNS,
     DISTANCE,
     FAMILY,
-    MAX_BRANCHES,
     ORIENTATION_ERROR,
     POSITION_ERROR,
     WITHIN_LIMITS,
-    make_work,
 )
-from jacokin.kernels.compiled.library import NO_BATCH, KernelCall
-from jacokin.kernels.compiled.loading import KERNELS
+from jacokin.kernels.library import Call
 from jacokin.model import checks
 
 
@@ -196,7 +194,7 @@ class ClosedForm:
         *,
         limit_snap: float = 1e-9,
     ) -> None:
-        """Measure the structure, keep its constants, and load compiled kernels if there are any.
+        """Measure the structure, keep its constants, and load the compiled kernels.
 
         Args:
             model: Pinocchio model with nq == nv == 6.
@@ -208,11 +206,11 @@ class ClosedForm:
 
         Raises:
             StructureError: The axes of the model are not placed as the closed form needs them.
+            JacokinError: the compiled kernels do not load.
         """
         self._chain, self._arm, self.misfit, self.spherical = measure(model, frame_id, tool)
         self._limits = checks.sealed(np.ascontiguousarray([lower, upper, np.full(6, limit_snap)], dtype=np.float64))
-        self._calls: list[KernelCall] = []  # idle ones; each thread takes one, or makes one, and puts it back
-        KERNELS.prepare()
+        self._make_calls()
 
     @property
     def constants(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
@@ -231,28 +229,36 @@ class ClosedForm:
             T: (4, 4) target T_base_tool: a rigid transformation, C-contiguous.
             seed: (6,) [rad].
         """
-        call: KernelCall | None = None
         try:
             call = self._calls.pop()
         except IndexError:
-            library = KERNELS.for_poses(1)
-            if library is not None:
-                call = KernelCall(library, *self.constants, np.empty((1, 4, 4)), np.empty((1, 6)))
-        if call is None:
-            rows = np.empty((MAX_BRANCHES, COLUMNS))
-            count = run_python(*self.constants, T[np.newaxis], seed[np.newaxis], rows, NO_BATCH)
-        else:
-            call.T[0], call.seed[0] = T, seed
-            rows, count = call.rows, call()
+            call = self._call(np.empty((1, 4, 4)), np.empty((1, 6)))
+        work = call.work
+        work.T[0], work.seed[0] = T, seed
+        count = call()
+        rows = work.pose.branches.rows
         # A copy: the call's own rows are overwritten by its next run.
         found = Branches(rows[:count].copy()) if count >= 0 else Branches(rows[:~count].copy(), dropped=True)
-        if call is not None:
-            self._calls.append(call)
+        self._calls.append(call)
         return found
 
     def nearest_branch(self) -> NearestBranch:
         """What gives the first of `solve_all`'s branches that is within the limits."""
-        return NearestBranch(*self.constants)
+        best = np.empty((1, BATCH_COLUMNS))
+        return NearestBranch(self._call(np.eye(4)[np.newaxis], np.zeros((1, 6)), best))
+
+    def _make_calls(self) -> None:
+        """One call of the kernels; each thread takes an idle one, or makes one, and puts it back."""
+        self._calls: list[Call[TargetWork]] = [self._call(np.empty((1, 4, 4)), np.empty((1, 6)))]
+
+    def _call(
+        self, T: NDArray[np.float64], seed: NDArray[np.float64], best: NDArray[np.float64] | None = None
+    ) -> Call[TargetWork]:
+        """A call of the kernels for n targets (n, 4, 4) and seeds (n, 6), with rows (n, 20) for the best branches."""
+        if len(T) != len(seed):
+            raise ValueError(f"the kernels need a seed for each target, not {len(seed)} for {len(T)}")
+        work = make_target_work()._replace(chain=self._chain, arm=self._arm, limits=self._limits, T=T, seed=seed)
+        return Call(solve_targets, work if best is None else work._replace(best=best))
 
     def __getstate__(self) -> tuple[object, ...]:
         """Pickle the constants; calls are made anew."""
@@ -263,8 +269,7 @@ class ClosedForm:
         self._chain, self._arm, self._limits, self.spherical, self.misfit = state
         for array in self.constants:
             checks.sealed(array)
-        self._calls = []
-        KERNELS.prepare()
+        self._make_calls()
 
     def solve_batch(self, T: NDArray[np.float64], seed: NDArray[np.float64], threads: int = 1) -> BestBranches:
         """The best branch of each of n targets.
@@ -277,14 +282,9 @@ class ClosedForm:
         best = np.empty((len(T), BATCH_COLUMNS))
         if len(T) == 0:
             return BestBranches(best)
-        library = KERNELS.for_poses(len(T))
 
         def run(start: int, stop: int) -> None:
-            some = self._chain, self._arm, self._limits, T[start:stop], seed[start:stop]
-            if library is None:
-                run_python(*some, np.empty((MAX_BRANCHES, COLUMNS)), best[start:stop])
-            else:
-                KernelCall(library, *some, best[start:stop])()
+            self._call(T[start:stop], seed[start:stop], best[start:stop])()
 
         if threads == 1:
             run(0, len(T))
@@ -303,34 +303,19 @@ class NearestBranch:
         seed: (6,) [rad], to be filled in.
     """
 
-    __slots__ = ("T", "_arrays", "_best", "_call", "seed")
+    __slots__ = ("T", "_best", "_call", "seed")
 
-    def __init__(self, chain: NDArray[np.float64], arm: NDArray[np.float64], limits: NDArray[np.float64]) -> None:
-        """Take the constants of a closed form."""
-        T, seed, best = np.eye(4)[np.newaxis], np.zeros((1, 6)), np.empty((1, BATCH_COLUMNS))
-        self.T, self.seed, self._best = T[0], seed[0], best[0]
-        self._arrays = chain, arm, limits, T, seed, best
-        self._call: KernelCall | None = None
+    def __init__(self, call: Call[TargetWork]) -> None:
+        """Take a call of the kernels for one target, with a row for its best branch."""
+        self._call = call
+        self.T, self.seed, self._best = call.work.T[0], call.work.seed[0], call.work.best[0]
 
     def __call__(self) -> NDArray[np.float64] | None:
         """The branch, (6,) [rad], an array of the caller's own; None without one."""
-        if self._call is None and (library := KERNELS.for_poses(1)) is not None:
-            self._call = KernelCall(library, *self._arrays)
-        if self._call is not None:
-            self._call()
-        else:
-            *given, best = self._arrays
-            run_python(*given, np.empty((MAX_BRANCHES, COLUMNS)), best)
+        self._call()
         return self._best[:6].copy() if self._best[WITHIN_LIMITS] == 1.0 else None
 
     @property
     def errors(self) -> tuple[float, float]:
         """Position [m] and orientation error [rad] of the last branch, measured on the model's own joint placements."""
         return self._best[POSITION_ERROR], self._best[ORIENTATION_ERROR]
-
-
-def run_python(*arguments: NDArray[np.float64]) -> int:
-    """The kernels without machine code, and as silent: squares of large distances are infinite."""
-    chain, arm, limits, T, seed, rows, best = arguments
-    with np.errstate(all="ignore"):
-        return solve_targets(chain, arm, limits, T, seed, make_work(rows), best)

@@ -47,7 +47,6 @@ from jacokin.ik.results import BatchResult, IKResult
 from jacokin.ik.seeds import seed_within_limits
 from jacokin.ik.targets import PartialTarget, Request, Target, TargetPose, interpret
 from jacokin.ik.verification import Candidate, Verifier
-from jacokin.kernels.compiled.loading import warmup
 from jacokin.model import checks, poses
 from jacokin.model.loading import load_robot
 from jacokin.model.poses import FreeAxis
@@ -78,7 +77,7 @@ class IKSolver:
         max_restarts: int = MAX_RESTARTS,
         scene: Scene | None = None,
         clearance: float = 0.0,
-        warm: bool | None = False,
+        warm: bool = False,
     ) -> None:
         """Prepare a solver, and load what solving needs: no later call waits for an import.
 
@@ -96,16 +95,16 @@ class IKSolver:
             max_restarts: random starts of the QP after the first ones.
             scene: obstacles around the arm; they count as self-contact does.
             clearance: shapes this near to each other count as touching [m].
-            warm: True compiles the closed form, if no cache holds it, before the first solve (20 s, once); False
-                leaves that to the background; None loads nothing before it is needed, for programs that solve once.
+            warm: load now what the QP needs (half a second), so that no later call waits for an import, as a control
+                loop needs it; without it, the first target that the closed form does not settle waits.
 
         Raises:
             UnknownNameError: unknown frame, method, collision mode or QP solver.
             MissingExtraError: the QP solver comes with an extra that is not installed.
             InvalidInputError: a tolerance that is not positive, a negative number of restarts, a malformed tool, or a
-                frame that no joint moves; warm is not a bool or None; a scene or clearance with collision="ignore".
+                frame that no joint moves; warm is not a bool; a scene or clearance with collision="ignore".
             StructureError: method="closed_form" and the robot has another structure.
-            JacokinError: warm=True and the closed form could not be compiled.
+            JacokinError: the compiled kernels do not load.
             ModelError: contact is asked for and the description has no shapes to check.
         """
         checked_robot("robot", robot)
@@ -134,9 +133,7 @@ class IKSolver:
             qp_backend.checked_solver(qp_solver)
         if method == "closed_form" and not self.has_families:
             self.closed_form()
-        if warm is not None:
-            if checks.flag("warm", warm) and (self.has_families or self.has_closed_form):
-                warmup()
+        if checks.flag("warm", warm):
             self._qp_search()
 
     @property
@@ -461,7 +458,7 @@ def solve_ik(
     frame: str | None = None,
     tool: pin.SE3 | ArrayLike | None = None,
 ) -> IKResult:
-    """Solve one pose: `IKSolver(robot, frame, tool=tool, warm=None).solve(target, seed)`.
+    """Solve one pose: `IKSolver(robot, frame, tool=tool).solve(target, seed)`.
 
     Args:
         target: what `IKSolver.solve` takes: T_base_tool as `pin.SE3` or (4, 4), a position (3,) [m] with free
@@ -476,4 +473,4 @@ def solve_ik(
     """
     if not isinstance(robot, Robot):
         robot = load_robot() if robot is None else load_robot(robot)
-    return IKSolver(robot, frame, tool=tool, warm=None).solve(target, seed)
+    return IKSolver(robot, frame, tool=tool).solve(target, seed)

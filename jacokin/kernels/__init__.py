@@ -1,9 +1,9 @@
-"""Kernels: plain functions on arrays, compiled to machine code. Read `closed_form/pose` first.
+"""Kernels: plain functions on arrays, compiled to one library when the package is built. Read `closed_form/pose` first.
 
 They take numbers and arrays, no robot and no file.
 
 closed_form                          every branch of a six-joint Jaco at a pose
 self_motion                          self-motions: all configurations with one free parameter
-compiled                             from Python to machine code, kept on disk
+entries, library                     what is compiled; the library loaded and called
 vector, chain, limits, tolerances    what both have in common
 """

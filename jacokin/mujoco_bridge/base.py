@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from jacokin.errors import InvalidInputError, PhysicsError, shown
-from jacokin.kernels.compiled.loading import warmup
+from jacokin.kernels.library import warmup
 from jacokin.model import angles, checks
 from jacokin.model.descriptions import bundled
 from jacokin.model.poses import unit_quaternion
@@ -150,16 +150,14 @@ class RobotArm(Entity):
             return False
 
     def prepare(self, physics: Physics, site: mujoco.MjsSite | str | None = None) -> None:
-        """Do now what `set_site_to_xpos` would do first: load the closed form, compiled if it is not yet (20 s).
-
-        Without this the first calls run in plain Python, about 10 ms each, while the compiler runs in the background.
+        """Do now what `set_site_to_xpos` would do first: load the closed form, and make the solver of a site.
 
         Args:
             physics: the simulation.
             site: as in `set_site_to_xpos`; its solver is made, too. None for the closed form alone.
 
         Raises:
-            JacokinError: as `site_solver`, or the closed form could not be compiled.
+            JacokinError: as `site_solver`, or the compiled kernels do not load.
         """
         check_physics(physics)
         if site is None or self.site_solver(physics, site).has_closed_form:

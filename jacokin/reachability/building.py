@@ -93,7 +93,7 @@ def build(
     checks.optional(checks.function, "progress", progress)
     if isinstance(collision, str) and collision == "report":
         raise InvalidInputError("collision must be 'ignore' or 'reject' for a map, got 'report'")
-    solver = IKSolver(robot, frame, tool=tool, method="closed_form", collision=collision, scene=scene, warm=None)
+    solver = IKSolver(robot, frame, tool=tool, method="closed_form", collision=collision, scene=scene)
     if not solver.has_families:
         solver.closed_form()
     found = find_symmetries(solver) if use_symmetry and collision == "ignore" else NO_SYMMETRIES

@@ -107,7 +107,6 @@ class ReachabilityMap:
             tool=self.recipe["tool"],
             collision=self.recipe["collision"],
             scene=self._scene,
-            warm=None,
         )
 
     @cached_property

@@ -14,9 +14,8 @@ import pytest
 import jacokin
 from jacokin.cli import doctor
 from jacokin.cli.doctor import FAILED, MISSING, OK, WARNING, Finding
-from jacokin.errors import JacokinError, install_command
-from jacokin.kernels.compiled import cache, loading
-from jacokin.kernels.compiled.loading import KERNELS, Kernels
+from jacokin.errors import install_command
+from jacokin.kernels import library
 from tests.cli.run import Run, leave
 
 
@@ -28,7 +27,7 @@ def test_this_installation_is_well(capsys: pytest.CaptureFixture[str]) -> None:
     assert failed == []
     assert code == 0
     names = {finding["name"] for finding in document["findings"]}
-    assert {"python", "pin", "mujoco", "mink", "solvers", "egl", "osmesa", "cache", "bundled"} <= names
+    assert {"python", "pin", "mujoco", "mink", "solvers", "egl", "osmesa", "kernels", "bundled"} <= names
     solvers = next(finding["detail"] for finding in document["findings"] if finding["name"] == "solvers")
     assert "daqp" in solvers
 
@@ -96,41 +95,13 @@ def test_a_shadowing_package_is_noticed_in_a_real_process(monkeypatch: pytest.Mo
     assert str(tmp_path) in finding.detail
 
 
-def test_the_cache_of_the_kernels(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    KERNELS.warmup()
-    code = cache.read().code
-    assert code is not None
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    finding = doctor.check_kernel_cache()
-    assert finding.state == MISSING
-    assert "jacokin warmup" in finding.detail
-    assert cache.write(code) == ""
-    file = cache.path()
-    assert file is not None
-    assert doctor.check_kernel_cache() == Finding("closed form", "cache", OK, f"compiled, in {file}")
-    file.parent.chmod(0o777)
-    finding = doctor.check_kernel_cache()
-    assert finding.state == WARNING
-    assert "a folder of your own" in finding.detail
-    file.parent.chmod(0o700)
-    file.write_bytes(bytes(file.stat().st_size))
-    finding = doctor.check_kernel_cache()
-    assert finding.state == WARNING
-    assert "damaged or incomplete" in finding.detail
-
-
-def test_what_keeps_the_closed_form_from_being_cached(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    monkeypatch.setattr(os, "access", lambda *_: False)  # root may write everywhere
-    finding = doctor.check_kernel_cache()
-    assert finding.state == WARNING
-    assert f"{cache.folder()} cannot be written" in finding.detail
-    monkeypatch.setattr(cache, "path", lambda: None)
-    assert "no home folder" in doctor.check_kernel_cache().detail
-    monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
-    finding = doctor.check_kernel_cache()
-    assert finding.state == WARNING
-    assert "NUMBA_DISABLE_JIT is set" in finding.detail
+def test_the_kernels(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    assert doctor.check_kernels() == Finding("closed form", "kernels", OK, f"loaded, {library.PATH}")
+    monkeypatch.setattr(library, "PATH", tmp_path / "libjacokin.so")
+    finding = doctor.check_kernels()
+    assert finding.state == FAILED
+    assert f"{tmp_path / 'libjacokin.so'} cannot be read" in finding.detail
+    assert "install jacokin again" in finding.detail
 
 
 def test_a_renderer_that_is_missing_names_its_package(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -181,28 +152,19 @@ def test_commands_that_need_mujoco_point_to_the_doctor() -> None:
     assert "MUJOCO_GL" in done.stderr
 
 
-def test_it_says_that_the_closed_form_is_ready(run: Run) -> None:
+def test_it_says_that_the_kernels_are_ready(run: Run) -> None:
     answer = run("warmup")
     assert answer.code == 0
-    assert answer.out.startswith("the closed form is ready (")
-    assert run("warmup").err == ""
+    assert answer.out.startswith("the compiled kernels are ready (")
+    assert answer.err == ""
 
 
-def test_it_does_not_claim_to_have_compiled_when_numba_is_disabled(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(loading, "KERNELS", Kernels())
-    monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
+def test_kernels_that_do_not_load_are_one_sentence(run: Run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(library, "PATH", tmp_path / "libjacokin.so")
+    library.load.cache_clear()
     answer = run("warmup")
-    assert answer.code == 1
-    assert answer.out == ""
-    assert "jacokin: NUMBA_DISABLE_JIT is set" in answer.err
-
-
-def test_a_compiler_that_fails_is_one_sentence(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    class Broken:
-        def warmup(self) -> None:
-            raise JacokinError("the closed form could not be compiled: no numba")
-
-    monkeypatch.setattr(loading, "KERNELS", Broken())
-    answer = run("warmup")
+    monkeypatch.undo()
+    library.load.cache_clear()
     assert answer.code == 2
-    assert answer.err == "jacokin: the closed form could not be compiled: no numba\n"
+    assert answer.err.startswith(f"jacokin: the compiled kernels {tmp_path / 'libjacokin.so'} cannot be read")
+    assert answer.err.count("\n") == 1

@@ -13,13 +13,7 @@ from jacokin import Robot
 from jacokin.arrays import Array
 from jacokin.errors import StructureError
 from jacokin.ik.closed_form import ClosedForm
-from jacokin.kernels.compiled.loading import warmup
 from tests.kernels.closed_form.tools import closed_form, contains, target, worst_error
-
-
-@pytest.fixture(scope="module", autouse=True)
-def compiled() -> None:
-    warmup()
 
 
 def test_reported_errors_are_those_of_pinocchio(robot: Robot, rng: np.random.Generator) -> None:

@@ -281,7 +281,6 @@ def test_sliding_joints_reach_as_far_as_they_slide(tmp_path: Path, rng: np.rando
 
 @pytest.mark.parametrize("name", ["j2n6s300", "j2s7s300"])
 def test_members_reach_the_position(bundled: Callable[[str], Robot], rng: np.random.Generator, name: str) -> None:
-    jacokin.warmup()
     robot = bundled(name)
     for q in robot.sample(rng, 10):
         position = robot.forward_kinematics(q).translation

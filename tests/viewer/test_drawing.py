@@ -46,7 +46,7 @@ def test_a_primitive_is_closed_and_has_its_volume(mesh: drawing.Mesh, wanted: fl
 
 def cloud(robot: Robot, parts: tuple[ArmPart, ...], q: Array) -> Array:
     """Every vertex of the drawn arm in the base frame."""
-    places = Inspector(IKSolver(robot, warm=None)).places([q])
+    places = Inspector(IKSolver(robot)).places([q])
     found = []
     for part, position, quat in zip(parts, places.positions[0], places.wxyzs[0], strict=True):
         if part.mesh is not None:

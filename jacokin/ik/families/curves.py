@@ -13,8 +13,7 @@ from jacokin.arrays import Array
 from jacokin.ik.geometry import frame_with_z
 from jacokin.ik.targets import TargetPose
 from jacokin.kernels.chain import linearise7
-from jacokin.kernels.compiled.library import CurveCall
-from jacokin.kernels.compiled.loading import KERNELS
+from jacokin.kernels.library import Call
 from jacokin.kernels.self_motion.arcs import ARCS, FOLD_END, LOST_END, NODES, RANGE_END, SEAM_END
 from jacokin.kernels.self_motion.follow import POINT_CLOSURE, WORST_CLOSURE
 from jacokin.kernels.self_motion.intervals import (
@@ -24,6 +23,8 @@ from jacokin.kernels.self_motion.intervals import (
     FIND_NEAREST,
     FIND_NEAREST_ON_RUN,
     CurveWork,
+    make_curve_work,
+    run_curves,
 )
 from jacokin.kernels.self_motion.limit_cuts import INTERVALS
 from jacokin.kernels.self_motion.slices import SINGULAR, SLICES
@@ -64,7 +65,7 @@ class CurveArm:
     __slots__ = ("_given", "_idle", "chain", "circular", "constants", "limits", "parameter")
 
     def __init__(self, parameter: int, chain: Array, constants: Array, lower: Array, upper: Array) -> None:
-        """Take the constants of an arm and its limits (dof,) [rad], and load compiled kernels if there are any."""
+        """Take the constants of an arm and its limits (dof,) [rad], and load the compiled kernels."""
         self._given = parameter, chain, constants, lower, upper
         self.parameter, self.chain, self.constants = parameter, chain, constants
         bounded = upper - lower < TURN  # others have a copy of every angle within their limits: no interval ends there
@@ -72,8 +73,7 @@ class CurveArm:
         self.limits[0, : len(lower)][bounded] = lower[bounded]
         self.limits[1, : len(upper)][bounded] = upper[bounded]
         self.circular = bool((bounded | np.isinf(upper - lower)).all())
-        self._idle: list[CurveCall] = []  # each thread takes one, or makes one, and puts it back
-        KERNELS.prepare()
+        self._idle: list[Call[CurveWork]] = [Call(run_curves, make_curve_work())]  # each thread takes one or makes one
 
     def __reduce__(self) -> tuple[object, tuple[object, ...]]:
         """Working memory is made anew."""
@@ -92,19 +92,14 @@ class CurveArm:
         chain[7, :, :3] = align.T
         return CurveProblem(self, chain, target.matrix, free)
 
-    def take_call(self, poses: int) -> CurveCall:
-        """A call of the kernels of one's own, for so many poses."""
-        library = KERNELS.for_poses(poses)
-        while self._idle:
-            try:
-                call = self._idle.pop()
-            except IndexError:  # another thread was quicker
-                break
-            if call.library is library:
-                return call
-        return CurveCall(library)
+    def take_call(self) -> Call[CurveWork]:
+        """A call of the kernels of one's own."""
+        try:
+            return self._idle.pop()
+        except IndexError:
+            return Call(run_curves, make_curve_work())
 
-    def put_back(self, call: CurveCall) -> None:
+    def put_back(self, call: Call[CurveWork]) -> None:
         """Let others use a call, once its arrays are read."""
         self._idle.append(call)
 
@@ -159,7 +154,7 @@ class CurveProblem(NamedTuple):
         """As `nearest`, on a run of nodes (m, 14) alone."""
         if not self.arm.circular:
             return None
-        call = self._take(1)
+        call = self._take()
         call.work.arcs.nodes[: len(nodes)] = nodes
         call.work.options[:] = 0, self.arm.parameter, len(nodes), 0
         return self._nearest(call, FIND_NEAREST_ON_RUN, seed)
@@ -173,7 +168,7 @@ class CurveProblem(NamedTuple):
         return self._point(chord, parameter, FIND_AT_PARAMETER)
 
     def _point(self, chord: Array, at: float, task: int) -> Array | None:
-        call = self._take(1)
+        call = self._take()
         call.work.chord[:] = chord
         call.work.at[0] = at
         call.work.options[:] = task, self.arm.parameter, 0, 0
@@ -202,7 +197,7 @@ class CurveProblem(NamedTuple):
             x += np.linalg.pinv(system[:6, :7], rcond=NO_MOTION) @ system[:6, 7]
         return x if linearise7(self.chain, self.T, x, system) <= WORST_CLOSURE else None
 
-    def _nearest(self, call: CurveCall, task: int, seed: Array) -> Array | None:
+    def _nearest(self, call: Call[CurveWork], task: int, seed: Array) -> Array | None:
         nearest = call.work.nearest
         nearest.limits[:] = self.arm.limits
         nearest.weights[:] = 1.0
@@ -216,16 +211,18 @@ class CurveProblem(NamedTuple):
         self.arm.put_back(call)
         return x
 
-    def _take(self, poses: int) -> CurveCall:
+    def _take(self) -> Call[CurveWork]:
         """A call with the chain and the target filled in."""
-        call = self.arm.take_call(poses)
+        call = self.arm.take_call()
         call.work.chain[:], call.work.T[:] = self.chain, self.T
         return call
 
-    def _prepare(self, also: Sequence[float] = (), crossings: Sequence[float] = (), room: float = 0.0) -> CurveCall:
+    def _prepare(
+        self, also: Sequence[float] = (), crossings: Sequence[float] = (), room: float = 0.0
+    ) -> Call[CurveWork]:
         """A call with everything filled in that finding intervals takes."""
         arm, free = self.arm, self.free_axis
-        call = self._take(SLICES_SEVEN if free is None else SLICES_SIX)
+        call = self._take()
         work = call.work
         values = _add(_slices(free), also)
         values, crossed = _make_room(values, self.closed, crossings, room)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from jacokin.arrays import Array
@@ -9,10 +11,12 @@ from jacokin.kernels.closed_form.arm import unpack_arm
 from jacokin.kernels.closed_form.pose import (
     COLUMNS,
     DISTANCE,
+    MAX_BRANCHES,
     WITHIN_LIMITS,
     BranchWork,
     PoseQuery,
     Work,
+    make_work,
     solve_pose,
     sort_rows,
 )
@@ -21,34 +25,50 @@ from jacokin.kernels.closed_form.pose import (
 BRANCHES, BRANCHES_WITHIN_LIMITS, LARGEST_MARGIN, BATCH_COLUMNS = 17, 18, 19, 20
 
 
-def solve_targets(chain: Array, arm: Array, limits: Array, T: Array, seed: Array, work: Work, best: Array) -> int:
-    """Solve n targets with n seeds. This is what gets compiled: it allocates nothing.
+class TargetWork(NamedTuple):
+    """What a call reads and writes; one set for each thread."""
 
-    Args:
-        chain: (7, 3, 4) the model's placements, see ``geometry``.
-        arm: (39,) the constants of the closed form.
-        limits: (3, 6) lower and upper limits, and the snap distance [rad].
-        T: (n, 4, 4) targets, T_base_frame.
-        seed: (n, 6) seeds [rad].
-        work: arrays to work in; its rows (24, 17) are filled with the branches of the last target, nearest to its seed
-            first.
-        best: (n, 20) filled with one row for each target, or (0, 20) for the branches of one target only. The row is
-            the branch within the limits nearest to the seed; without one, the branch that breaks a limit least; NaN
-            without any branch.
+    chain: Array  # (7, 3, 4) the model's placements, see ``geometry``
+    arm: Array  # (39,) the constants of the closed form
+    limits: Array  # (3, 6) lower and upper limits, and the snap distance [rad]
+    T: Array  # (n, 4, 4) targets, T_base_frame
+    seed: Array  # (n, 6) seeds [rad]
+    pose: Work  # its rows (24, 17) are filled with the branches of the last target, nearest to its seed first
+    best: Array  # (n, 20) filled with one row for each target, or (0, 20) for the branches of one target only
+
+
+def make_target_work() -> TargetWork:
+    """Fresh arrays, for no target."""
+    return TargetWork(
+        np.zeros((7, 3, 4)),
+        np.zeros(39),
+        np.zeros((3, 6)),
+        np.empty((0, 4, 4)),
+        np.empty((0, 6)),
+        make_work(np.empty((MAX_BRANCHES, COLUMNS))),
+        np.empty((0, BATCH_COLUMNS)),
+    )
+
+
+def solve_targets(work: TargetWork) -> int:
+    """Solve n targets with n seeds.
+
+    A row of ``work.best`` is the branch within the limits nearest to the seed; without one, the branch that breaks a
+    limit least; NaN without any branch.
 
     Returns:
         How many rows were filled for the last target; its complement, ~count, if a table was full and entries may have
         been dropped.
     """
-    k = unpack_arm(arm)
-    for i in range(T.shape[0]):
-        solve_pose(arm, k, PoseQuery(chain, limits, T[i], seed[i]), work)
+    k, branches, best = unpack_arm(work.arm), work.pose.branches, work.best
+    for i in range(work.T.shape[0]):
+        solve_pose(work.arm, k, PoseQuery(work.chain, work.limits, work.T[i], work.seed[i]), work.pose)
         if i < best.shape[0]:
-            choose_branch(work.branches, best[i])
+            choose_branch(branches, best[i])
     if best.shape[0] == 0:
-        sort_rows(work.branches)
-    count = int(work.branches.filled[0])
-    return ~count if work.branches.filled[1] > 0 else count
+        sort_rows(branches)
+    count = int(branches.filled[0])
+    return ~count if branches.filled[1] > 0 else count
 
 
 def choose_branch(work: BranchWork, best: Array) -> None:

@@ -94,7 +94,7 @@ class SiteSolver:
         self._check_finite()
         self._chain = scene_chain(self._model, self._data.qpos, self._joints, self._site)
         robot = self._chain.robot
-        self._solver = IKSolver(robot, SITE, warm=None)
+        self._solver = IKSolver(robot, SITE)
         self._has_families = self._solver.has_families
         self.has_closed_form = self._has_families or self._solver.has_closed_form
         if not self.has_closed_form:

@@ -361,7 +361,7 @@ def counted(file):
         os.kill(os.getpid(), signal.SIGKILL)
     fsync(file)
 os.fsync = counted
-solve_file(jacokin.IKSolver(jacokin.load_robot(), warm=None), sys.argv[1], sys.argv[2], workers=1)
+solve_file(jacokin.IKSolver(jacokin.load_robot()), sys.argv[1], sys.argv[2], workers=1)
 """
 
 

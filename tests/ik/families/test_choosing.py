@@ -16,7 +16,6 @@ from jacokin.motion import AxisTarget, OrientationTarget, PoseTarget, PositionTa
 
 @pytest.fixture(scope="module")
 def solver() -> IKSolver:
-    jacokin.warmup()
     return IKSolver(jacokin.load_robot())
 
 

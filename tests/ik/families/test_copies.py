@@ -9,7 +9,6 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-import jacokin
 from jacokin import FreeAxis, IKSolver, Robot
 from jacokin.ik import Family
 
@@ -25,7 +24,6 @@ COPIES: dict[str, Callable[[Family], Family]] = {
 def test_a_copy_of_a_family_has_the_same_members(
     bundled: Callable[[str], Robot], rng: np.random.Generator, axis: tuple[float, float, float] | None, kind: str
 ) -> None:
-    jacokin.warmup()
     robot = bundled("j2s7s300" if axis is None else "j2n6s300")
     q, seed = robot.sample(rng, 2)
     T = robot.forward_kinematics(q)

@@ -20,7 +20,6 @@ TOLERANCE = 1e-6  # [m] and [rad] of a success
 
 @pytest.fixture(scope="module", params=["j2s7s300", "j2s6s300"])
 def solver(request: pytest.FixtureRequest) -> IKSolver:
-    jacokin.warmup()
     return IKSolver(jacokin.load_robot(request.param))
 
 
@@ -110,7 +109,6 @@ def test_joints_on_their_limits_are_members_too(solver: IKSolver, rng: np.random
 
 
 def test_the_only_curve_may_lie_between_two_slices(rng: np.random.Generator) -> None:
-    jacokin.warmup()
     robot = jacokin.load_robot("j2s6s300")
     solver = IKSolver(robot)
     for _ in range(12):

@@ -22,7 +22,6 @@ RANGES = {"circle": (-math.pi, math.pi), "part": (-0.7, 1.1), "past pi": (2.5, 4
 
 @pytest.fixture(scope="module")
 def solver() -> IKSolver:
-    jacokin.warmup()
     return IKSolver(jacokin.load_robot())
 
 

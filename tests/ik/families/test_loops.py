@@ -8,7 +8,6 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-import jacokin
 from jacokin import FreeAxis, IKSolver, Robot
 from jacokin.arrays import Array
 from jacokin.ik.families.curves import SLICES_SIX
@@ -87,7 +86,6 @@ def is_near(robot: Robot, rows: Array, q: Array, width: float) -> bool:
 @pytest.mark.parametrize("width", [0.05, 0.01, 0.001])
 @pytest.mark.parametrize("name", ["j2n6s300", "j2s6s300", "m1n6s300"])
 def test_loops_between_slices_are_found(bundled: Callable[[str], Robot], name: str, width: float) -> None:
-    jacokin.warmup()
     robot, rng = bundled(name), np.random.default_rng(5)
     solver = IKSolver(robot)
     found = number = 0

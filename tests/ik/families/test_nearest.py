@@ -24,13 +24,11 @@ COARSE = 0.02
 
 @pytest.fixture(scope="module")
 def six() -> IKSolver:
-    jacokin.warmup()
     return IKSolver(jacokin.load_robot())
 
 
 @pytest.fixture(scope="module")
 def seven() -> IKSolver:
-    jacokin.warmup()
     return IKSolver(jacokin.load_robot("j2s7s300"))
 
 

@@ -17,15 +17,16 @@ from jacokin import FreeAxis, IKSolver, Robot, Status
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, StructureError
 from jacokin.ik import Family
+from jacokin.ik.families import curves
 from jacokin.ik.geometry import measure_seven
 from jacokin.kernels.self_motion import gaps
 from jacokin.kernels.self_motion.intervals import make_curve_work
 from jacokin.model.angles import TURN, wrap_to_pi
+from tests.kernels.plain import PlainCall
 
 
 @pytest.fixture(scope="module")
 def solver() -> IKSolver:
-    jacokin.warmup()
     return IKSolver(jacokin.load_robot("j2s7s300"))
 
 
@@ -245,12 +246,10 @@ def test_an_arm_of_another_structure_is_refused_with_its_misfit(bundled: Callabl
 
 
 def test_without_compiled_kernels_too(monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator) -> None:
-    from jacokin.kernels.compiled import loading
-
     compiled = IKSolver(jacokin.load_robot("j2s7s300"))
     q = compiled.robot.sample(rng)
     target = compiled.robot.forward_kinematics(q)
     expected = compiled.solve(target, seed=q).raise_for_status()
-    monkeypatch.setattr(loading.KERNELS, "for_poses", lambda poses: None)
-    plain = IKSolver(jacokin.load_robot("j2s7s300"), warm=None).solve(target, seed=q).raise_for_status()
+    monkeypatch.setattr(curves, "Call", PlainCall)
+    plain = IKSolver(jacokin.load_robot("j2s7s300")).solve(target, seed=q).raise_for_status()
     np.testing.assert_allclose(plain.q, expected.q, atol=1e-9)

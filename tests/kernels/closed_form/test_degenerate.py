@@ -14,7 +14,6 @@ import pytest
 
 from jacokin import IKSolver, Robot
 from jacokin.arrays import Array
-from jacokin.kernels.compiled.loading import warmup
 from tests.kernels.closed_form.tools import (
     brute_force,
     circular,
@@ -27,11 +26,6 @@ from tests.kernels.closed_form.tools import (
 )
 
 NAMES = ("j2n6s300", "m1n6s300", "j2s6s300")
-
-
-@pytest.fixture(scope="module", autouse=True)
-def compiled() -> None:
-    warmup()
 
 
 def vertical_targets(robot: Robot, rng: np.random.Generator, number: int, up: bool = False) -> Iterator[Array]:

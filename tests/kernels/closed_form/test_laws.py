@@ -14,7 +14,6 @@ from hypothesis import strategies as st
 import jacokin
 from jacokin import Robot
 from jacokin.ik.closed_form import ClosedForm
-from jacokin.kernels.compiled.loading import warmup
 from tests.kernels.closed_form.tools import (
     brute_force,
     circular,
@@ -27,11 +26,6 @@ from tests.kernels.closed_form.tools import (
 )
 
 FAMILY = ("j2n6s300", "j2n6s200", "j2s6s300", "j2s6s200", "m1n6s300", "m1n6s200")
-
-
-@pytest.fixture(scope="module", autouse=True)
-def compiled() -> None:
-    warmup()
 
 
 @pytest.mark.parametrize("name", FAMILY)

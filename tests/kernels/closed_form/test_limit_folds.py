@@ -12,23 +12,19 @@ import jacokin
 from jacokin import Robot
 from jacokin.arrays import Array
 from jacokin.ik import Status
+from jacokin.ik import closed_form as closed_form_module
 from jacokin.ik.closed_form import ClosedForm
 from jacokin.kernels.closed_form import pose as kernels_pose
 from jacokin.kernels.closed_form import roots as kernels_roots
 from jacokin.kernels.closed_form import wrist as kernels_wrist
-from jacokin.kernels.compiled.loading import KERNELS, warmup
 from tests.kernels.closed_form.tools import circular, closed_form, sizes, target
+from tests.kernels.plain import PlainCall
 
 TOOLS = [
     None,
     pin.SE3(pin.exp3(np.array([0.3, -0.8, 1.1])), np.array([0.5, -0.3, 1.5])),
     pin.SE3(pin.exp3(np.array([1.0, 0.2, 0.4])), np.array([0.0, 0.0, 5.0])),
 ]  # m
-
-
-@pytest.fixture(scope="module", autouse=True)
-def compiled() -> None:
-    warmup()
 
 
 def on_a_limit(robot: Robot, rng: np.random.Generator, joints: list[int]) -> tuple[Array, int]:
@@ -136,7 +132,7 @@ def test_a_regular_branch_past_its_limit_stays_outside(robot: Robot, rng: np.ran
 def test_a_full_table_is_not_complete(
     table: str, robot: Robot, rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(KERNELS, "for_poses", lambda poses: None)
+    monkeypatch.setattr(closed_form_module, "Call", PlainCall)
     solver = jacokin.IKSolver(robot)
     pose = robot.forward_kinematics(robot.home)
     assert solver.solve_all(pose).complete

@@ -1,0 +1,257 @@
+"""From the Python of one kernel to an object file, by numba. Run as a program, it writes one.
+
+There is one implementation, the functions of the modules in ``jacokin.kernels``; here they are compiled for the work
+arrays of one entry. The result exports a single C function and refers to the C library and nothing else.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import gc
+import sys
+import types
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import llvmlite.binding as llvm
+import numba
+import numpy as np
+from llvmlite.binding import ModuleRef, TargetMachine
+from numba import types as nb
+from numba.core.codegen import JITCodeLibrary, JITCPUCodegen
+from numba.core.dispatcher import Dispatcher
+from numba.core.registry import cpu_target
+from numba.extending import intrinsic
+
+from jacokin.kernels import entries
+from jacokin.kernels.entries import Entry
+from jacokin.kernels.library import FAILED, PREFIX
+
+
+@contextlib.contextmanager
+def translating_only() -> Iterator[None]:
+    """Meanwhile numba translates functions to LLVM's language, but neither optimises nor loads them.
+
+    For a process that compiles nothing else: what it compiles later may lack parts that were compiled meanwhile.
+    """
+
+    class Library(JITCodeLibrary):  # type: ignore[misc]  # numba has no types
+        """One function: not link with those it calls."""
+
+        def finalize(self) -> None:
+            self._raise_if_finalized()
+            self._finalized = True
+
+        def _optimize_functions(self, module: Any) -> None:
+            module.data_layout = self._codegen._data_layout
+
+        def get_pointer_to_function(self, name: str) -> int:
+            return 0
+
+    class Codegen(JITCPUCodegen):  # type: ignore[misc]  # numba has no types
+        """Makes such libraries."""
+
+        _library_class = Library
+
+        def set_env(self, env_name: str, env: object) -> None:
+            """Nothing is in memory."""
+
+    context = cpu_target.target_context
+    usual = context._internal_codegen
+    context._internal_codegen = Codegen("jacokin")
+    try:
+        yield
+    finally:
+        context._internal_codegen = usual
+
+
+def link(entry: Dispatcher) -> tuple[ModuleRef, str]:
+    """The module of a function's one compiled form with all that it calls, and the function's name there."""
+    (compiled,) = entry.overloads.values()
+    libraries: list[Any] = []
+    _append_after_callees(compiled.library, libraries)
+    module = llvm.parse_bitcode(compiled.library._final_module.as_bitcode())
+    # Linking takes over what is missing so far: callers come first.
+    for library in reversed(libraries[:-1]):
+        module.link_in(library._get_module_for_linking(), preserve=True)
+    return module, compiled.fndesc.llvm_func_name
+
+
+def _append_after_callees(library: Any, libraries: list[Any]) -> None:
+    for callee in library._linking_libraries:
+        if callee not in libraries:
+            _append_after_callees(callee, libraries)
+    libraries.append(library)
+
+
+def optimise(module: ModuleRef, machine: TargetMachine) -> None:
+    """Run LLVM's third level of optimisation: it keeps every rounding."""
+    options = llvm.create_pipeline_tuning_options(speed_level=3)
+    options.loop_vectorization = options.slp_vectorization = True
+    builder = llvm.create_pass_builder(machine, options)
+    builder.getModulePassManager().run(module, builder)
+
+
+# The compiled form does the plain form's operations in the same order, without fastmath: both give the same bits.
+_OPTIONS: dict[str, Any] = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+# Arrays belong to the caller of the kernels: the code that counts references to them would be half of all code.
+_KERNEL_OPTIONS: dict[str, Any] = {**_OPTIONS, "_nrt": False}
+_PACKAGE = "jacokin.kernels."
+# The closed form and what it stands on become part of their callers, because passing a tuple of arrays takes as long as
+# most of these functions do; other kernels take longer anyway and are left to the compiler.
+_INLINED = tuple(_PACKAGE + name for name in ("closed_form.", "chain", "limits", "vector", "tolerances"))
+# Functions among them that most poses need not: these stay calls.
+_CALLED = frozenset(
+    (
+        "add_fold",
+        "bordered_newton",
+        "branches_in_interval",
+        "branches_of_spherical_wrist",
+        "eliminate",
+        "eliminate7",
+        "fourier_of_divided_F",
+        "hold_on_limits",
+        "least_squares",
+        "linearise",
+        "linearise7",
+        "null_tangent",
+        "polish",
+        "solve_fold",
+        "sort_rows",
+        "spherical_starts",
+        "starts_of_g",
+        "tangent7",
+    )
+)
+# What frees an array that nobody needs any more. All arrays here belong to the caller: there is nothing to free.
+_NOTHING_TO_FREE = "define void @NRT_MemInfo_call_dtor(ptr %memory) { ret void }"
+# From C's convention to numba's: status = function(address of the result, address of what an exception leaves, table).
+_C_FUNCTION = """
+declare i32 @"{inner}"(ptr, ptr, i64)
+define i64 @"{name}"(ptr %table) {{
+  %result = alloca i64
+  %exception = alloca ptr
+  %address = ptrtoint ptr %table to i64
+  %status = call i32 @"{inner}"(ptr %result, ptr %exception, i64 %address)
+  %value = load i64, ptr %result
+  %fine = icmp eq i32 %status, 0
+  %returned = select i1 %fine, i64 %value, i64 {failed}
+  ret i64 %returned
+}}
+"""
+
+
+def compile_entry(entry: Entry) -> bytes:
+    """The object file of one kernel, with the one function ``jacokin_<name>``."""
+    namespace: dict[str, Any] = {"__name__": __name__, "__builtins__": __builtins__}
+    namespace.update(carray=numba.carray, pointer=_pointer_intrinsic(), float64=np.float64, int64=np.int64)
+    namespace["run"] = _Copies().compiled(entry.run)
+    exec(_entry_source(entry, namespace), namespace)
+    function = numba.njit(namespace["entry"], **_OPTIONS)
+    with translating_only():
+        function.compile((nb.intp,))
+        return object_file(function, PREFIX + entry.run.__name__)
+
+
+class _Copies:
+    """Copies of kernels and their modules that see each other's compiled forms; the modules themselves stay plain."""
+
+    def __init__(self) -> None:
+        self._made: dict[Callable[..., Any], Dispatcher] = {}
+        self._namespaces: dict[str, dict[str, Any]] = {}
+
+    def compiled(self, function: Callable[..., Any]) -> Dispatcher:
+        """A function to be compiled where it is called."""
+        if function not in self._made:
+            assert isinstance(function, types.FunctionType)
+            copy = types.FunctionType(function.__code__, self._namespace(function), function.__name__)
+            inlined = function.__module__.startswith(_INLINED) and function.__name__ not in _CALLED
+            self._made[function] = numba.njit(copy, forceinline=inlined, **_KERNEL_OPTIONS)
+        return self._made[function]
+
+    def _namespace(self, function: types.FunctionType) -> dict[str, Any]:
+        found = self._namespaces.get(function.__module__)
+        if found is None:
+            found = self._namespaces[function.__module__] = dict(function.__globals__)
+            for name, value in function.__globals__.items():
+                if isinstance(value, types.FunctionType) and value.__module__.startswith(_PACKAGE):
+                    found[name] = self.compiled(value)
+        return found
+
+
+def _entry_source(entry: Entry, namespace: dict[str, Any]) -> str:
+    """A function that finds the work arrays through a table: addresses, each followed by the length if that is free."""
+    place = 0
+
+    def source(value: object) -> str:
+        nonlocal place
+        if isinstance(value, np.ndarray):
+            address, shape = f"table[{place}]", repr(value.shape)
+            place += 1
+            if value.shape[0] == 0:
+                shape = f"(table[{place}], {', '.join(map(str, value.shape[1:]))})"
+                place += 1
+            return f"carray(pointer({value.dtype.name}, {address}), {shape})"
+        assert isinstance(value, tuple)
+        namespace[type(value).__name__] = type(value)
+        return f"{type(value).__name__}({', '.join(map(source, value))})"
+
+    work = source(entry.make_work())
+    return f"def entry(address):\n    table = carray(pointer(int64, address), {place})\n    return run({work})\n"
+
+
+def _pointer_intrinsic() -> Any:
+    """A function of compiled code: pointer(dtype, address)."""
+
+    def pointer(typing_context: Any, dtype: Any, address: Any) -> Any:
+        signature = nb.CPointer(dtype.dtype)(dtype, nb.intp)
+
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            return builder.inttoptr(arguments[1], context.get_value_type(signature.return_type))
+
+        return signature, generate
+
+    return intrinsic(pointer)
+
+
+def target_machine() -> TargetMachine:
+    """The oldest processor of this kind: the same code, and the same bits, run on all of them."""
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    return llvm.Target.from_default_triple().create_target_machine(
+        cpu="generic", features="", opt=3, reloc="pic", codemodel="small", jit=False
+    )
+
+
+def object_file(function: Dispatcher, name: str) -> bytes:
+    """Machine code of a compiled function of one address, as a C function of that name.
+
+    Raises:
+        RuntimeError: it calls what is not there without numba.
+    """
+    process = ctypes.CDLL(None)  # what a process without numba finds; llvmlite would find numba's functions as well
+    machine = target_machine()
+    module, inner = link(function)
+    module.link_in(llvm.parse_assembly(_NOTHING_TO_FREE))
+    module.link_in(llvm.parse_assembly(_C_FUNCTION.format(inner=inner, name=name, failed=FAILED)))
+    for known in (*module.functions, *module.global_variables):
+        if known.name != name and not known.is_declaration and not known.name.startswith("llvm."):
+            known.linkage = "internal"
+    optimise(module, machine)
+    for called in module.functions:
+        if called.is_declaration and not called.name.startswith("llvm.") and not hasattr(process, called.name):
+            raise RuntimeError(f"the compiled kernels call {called.name}, which exists within numba only")
+    return bytes(machine.emit_object(module))
+
+
+def main(name: str, file: str) -> None:
+    """Write the object file of the entry whose function has that name."""
+    gc.disable()  # most objects of a compiler live until it ends: looking for dead ones takes a third of the time
+    (entry,) = (entry for entry in entries.ENTRIES if entry.run.__name__ == name)
+    Path(file).write_bytes(compile_entry(entry))
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

@@ -1,0 +1,180 @@
+"""`build`: the library of kernels beside `jacokin.kernels.library`, which loads it.
+
+Each kernel of `jacokin.kernels.entries` becomes an object file, in a process of its own. Object files are kept in the
+clone's ``build`` folder under a name that changes with all they depend on, so that only what was changed is compiled
+again. A C compiler links them: $CC, the system's, or the one in the package ``ziglang``.
+"""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+import importlib.metadata
+import importlib.util
+import json
+import os
+import platform
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+import sysconfig
+import tempfile
+import time
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import jacokin
+from jacokin.kernels import library
+from jacokin.kernels.entries import ENTRIES, Entry
+from jacokin.kernels.library import PREFIX, About, ArrayLayout, flatten
+
+ROOT = Path(__file__).parents[1]
+PACKAGE = ROOT / "jacokin"
+KEPT = ROOT / "build" / "kernels"
+#: What the machine code depends on, apart from the sources.
+COMPILERS = ("numba", "llvmlite", "numpy")
+#: Kernels compiled at a time: each takes up to a gigabyte of memory.
+JOBS = min(2, os.cpu_count() or 1)
+#: Old systems that zig links for: those of manylinux_2_17.
+ZIG = [sys.executable, "-m", "ziglang", "cc", "-target", f"{platform.machine()}-linux-gnu.2.17"]
+ZIG_REQUIREMENT = "ziglang==0.17.1"
+OLDEST_GLIBC = 17  # as in manylinux_2_17
+_IMPORT = re.compile(r"^from (jacokin\.kernels\.[\w.]+) import", re.MULTILINE)
+_SYMBOL_VERSION = re.compile(rb"GLIBC_2\.(\d+)")
+
+
+class BuildError(Exception):
+    """The library cannot be built; says what is missing."""
+
+
+def build() -> Path:
+    """Make the library, and return where it is.
+
+    Raises:
+        BuildError: a kernel does not compile, or there is nothing to link with.
+    """
+    start = time.perf_counter()
+    KEPT.mkdir(parents=True, exist_ok=True)
+    objects = {entry: KEPT / f"{entry.run.__name__}-{object_key(entry)}.o" for entry in ENTRIES}
+    missing = [entry for entry, file in objects.items() if not file.exists()]
+    if missing:
+        names = ", ".join(entry.run.__name__ for entry in missing)
+        print(f"compiling {names}: about a minute on two cores, with up to 1.5 GB of memory", flush=True)
+    with ThreadPoolExecutor(JOBS) as pool:
+        list(pool.map(lambda entry: compile_object(entry, objects[entry]), missing))
+    target = PACKAGE / "kernels" / library.PATH.name
+    link(list(objects.values()), target)
+    for file in set(KEPT.glob("*.o")) - set(objects.values()):
+        file.unlink()
+    print(f"{target}: built in {time.perf_counter() - start:.0f} s")
+    return target
+
+
+def compile_object(entry: Entry, file: Path) -> None:
+    """Compile one kernel.
+
+    Raises:
+        BuildError: it does not compile.
+    """
+    unfinished = file.with_suffix(f".{os.getpid()}")
+    command = [sys.executable, "-m", "build_kernels.compiling", entry.run.__name__, str(unfinished)]
+    done = subprocess.run(command, cwd=ROOT, env=compiler_environment(), check=False)
+    if done.returncode != 0:
+        raise BuildError(f"{entry.run.__name__} does not compile, see above")
+    unfinished.replace(file)
+
+
+def compiler_environment() -> dict[str, str]:
+    """The environment without options of numba, which may change machine code; packages are found as here."""
+    kept = {name: value for name, value in os.environ.items() if not name.startswith("NUMBA_")}
+    return {**kept, "PYTHONPATH": os.pathsep.join(place for place in sys.path if place)}
+
+
+def object_key(entry: Entry) -> str:
+    """A name that changes with everything the object file of a kernel depends on; comments may change."""
+    digest = hashlib.sha256()
+    for file in (*sources_of(entry), Path(__file__).with_name("compiling.py")):
+        digest.update(ast.dump(ast.parse(file.read_text(encoding="utf-8"))).encode())
+    versions = [importlib.metadata.version(package) for package in COMPILERS]
+    digest.update(repr((versions, platform.python_version(), platform.system(), platform.machine())).encode())
+    return digest.hexdigest()[:16]
+
+
+def sources_of(entry: Entry) -> list[Path]:
+    """The module of an entry and those of kernels that it imports, and they in turn."""
+    found: set[Path] = set()
+    ahead = [entry.run.__module__]
+    while ahead:
+        file = PACKAGE.joinpath(*ahead.pop().split(".")[1:]).with_suffix(".py")
+        if file not in found:
+            found.add(file)
+            ahead += _IMPORT.findall(file.read_text(encoding="utf-8"))
+    return sorted(found)
+
+
+def sources_key() -> str:
+    """The hash of all kernels' Python: a library made of others is out of date."""
+    digest = hashlib.sha256()
+    for file in sorted({file for entry in ENTRIES for file in sources_of(entry)}):
+        digest.update(file.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def link(objects: list[Path], target: Path) -> None:
+    """Link object files to a library that says what it is.
+
+    Raises:
+        BuildError: there is no C compiler, or none that links.
+    """
+    failures = []
+    for command in linkers():
+        with tempfile.TemporaryDirectory(dir=target.parent) as folder:
+            made = Path(folder) / target.name
+            try:
+                size = _link(command, objects, 0, made)
+                if _link(command, objects, size, made) != size:  # now it knows its size: a part of it is noticed
+                    raise BuildError(f"{shlex.join(command)} links differently each time")
+            except (OSError, subprocess.CalledProcessError) as error:
+                failures.append(getattr(error, "stderr", None) or str(error))
+                continue
+            made.replace(target)
+            return
+    raise BuildError(
+        "the kernels need a C compiler to be linked: install one (`cc`), or the package "
+        f"`{ZIG_REQUIREMENT}`, or name one in $CC" + "".join(f"\n{failure.strip()}" for failure in failures)
+    )
+
+
+def linkers() -> list[list[str]]:
+    """The C compilers to try, in order; $CC alone where it is set."""
+    if os.environ.get("CC"):
+        return [shlex.split(os.environ["CC"])]
+    system = shutil.which("cc")
+    found = [[system]] if system else []
+    return [*found, ZIG] if importlib.util.find_spec("ziglang") else found
+
+
+def _link(command: list[str], objects: list[Path], size: int, made: Path) -> int:
+    layouts = {entry.run.__name__: _layout(entry) for entry in ENTRIES}
+    text = json.dumps(About(jacokin.__version__, sources_key(), size, layouts).text())
+    source = made.with_name("about.c")
+    source.write_text(f"extern const char {PREFIX}about[];\nconst char {PREFIX}about[] = {text};\n", encoding="ascii")
+    name = [f"-Wl,-install_name,@rpath/{made.name}"] if sys.platform == "darwin" else ["-s", f"-Wl,-soname,{made.name}"]
+    words = [*command, "-shared", "-fPIC", *name, "-o", str(made), str(source), *map(str, objects), "-lm"]
+    subprocess.run(words, check=True, capture_output=True, text=True)
+    return made.stat().st_size
+
+
+def _layout(entry: Entry) -> tuple[ArrayLayout, ...]:
+    return tuple(ArrayLayout(array.dtype.name, array.shape) for array in flatten(entry.make_work()))
+
+
+def wheel_tag(contents: bytes) -> str:
+    """The tag of a wheel with such a library: it has no Python in it, and what it needs of the C library shows."""
+    if sys.platform == "linux":
+        newest = max(map(int, _SYMBOL_VERSION.findall(contents)), default=0)
+        base = f"manylinux_2_{OLDEST_GLIBC}" if newest <= OLDEST_GLIBC else "linux"
+        return f"py3-none-{base}_{platform.machine()}"
+    return "py3-none-" + re.sub(r"[-.]", "_", sysconfig.get_platform())

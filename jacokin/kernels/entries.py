@@ -1,0 +1,25 @@
+"""The kernels that can be called as machine code: each a function of work arrays that returns an integer.
+
+`build_kernels` compiles them with all they call; `library.Call` runs them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from jacokin.kernels.closed_form.batch import make_target_work, solve_targets
+from jacokin.kernels.self_motion.intervals import make_curve_work, run_curves
+
+
+class Entry(NamedTuple):
+    """One kernel of the library; its name there is that of the function."""
+
+    run: Callable[[Any], int]
+    make_work: Callable[[], tuple[Any, ...]]  # an array of length 0 may have any length in a call
+
+
+ENTRIES = (
+    Entry(solve_targets, make_target_work),
+    Entry(run_curves, make_curve_work),
+)

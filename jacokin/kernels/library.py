@@ -1,0 +1,214 @@
+"""The kernels as machine code: one library beside this file, and calls of its functions on work arrays.
+
+``build_kernels`` makes the library when the package is built; here it is loaded, checked, and called through ctypes.
+The plain Python of the kernels remains the source, and what tests compare with; no solver runs it.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import re
+import sys
+import time
+from collections.abc import Callable, Iterator
+from functools import cache
+from pathlib import Path
+from typing import Generic, NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jacokin import __version__
+from jacokin.errors import JacokinError
+
+#: The library; nothing else is ever loaded.
+PATH = Path(__file__).with_name("libjacokin.dylib" if sys.platform == "darwin" else "libjacokin.so")
+#: Begins the names of its functions.
+PREFIX = "jacokin_"
+#: What a function returns where Python would have raised.
+FAILED = -(2**63)
+#: Begins what the library says about itself, see `about`.
+MARK = "jacokin kernels"
+_CURE = "install jacokin again, or in a clone run `python -m build_kernels`"
+_ABOUT = re.compile(MARK.encode() + rb" (\S+) (\S+) (\d+)\n([^\0]*)\0")
+
+Work = TypeVar("Work", bound=tuple[object, ...])
+
+
+class ArrayLayout(NamedTuple):
+    """One work array as the machine code reads it."""
+
+    dtype: str
+    shape: tuple[int, ...]  # a first dimension of 0 is free: the length of the array follows its address
+
+    def fits(self, array: NDArray[np.generic]) -> bool:
+        """Whether an array can be handed over."""
+        return (
+            array.dtype == self.dtype
+            and array.flags.c_contiguous
+            and array.ndim == len(self.shape)
+            and array.shape[self.is_free :] == self.shape[self.is_free :]
+        )
+
+    @property
+    def is_free(self) -> bool:
+        """Whether the array may have any length."""
+        return self.shape[0] == 0
+
+
+class About(NamedTuple):
+    """What a library says about itself.
+
+    Attributes:
+        version: of jacokin.
+        sources: the hash of the kernels' Python.
+        size: of the file [bytes].
+        layouts: by function, the arrays that it reads and writes.
+    """
+
+    version: str
+    sources: str
+    size: int
+    layouts: dict[str, tuple[ArrayLayout, ...]]
+
+    def text(self) -> str:
+        """As it stands in the library; the size in a fixed number of digits."""
+        lines = [f"{MARK} {self.version} {self.sources} {self.size:012d}"]
+        for name, layout in self.layouts.items():
+            arrays = (f"{array.dtype}:{','.join(map(str, array.shape))}" for array in layout)
+            lines.append(" ".join([name, *arrays]))
+        return "\n".join(lines) + "\n"
+
+
+def about(contents: bytes) -> About | None:
+    """What a file says about itself; None when it is not such a library."""
+    match = _ABOUT.search(contents)
+    if match is None:
+        return None
+    layouts = {}
+    for line in match[4].decode().splitlines():
+        name, *arrays = line.split()
+        layouts[name] = tuple(
+            ArrayLayout(dtype, tuple(map(int, shape.split(",")))) for dtype, shape in (a.split(":") for a in arrays)
+        )
+    return About(match[1].decode(), match[2].decode(), int(match[3]), layouts)
+
+
+class Library:
+    """The loaded library.
+
+    Attributes:
+        about: what it says about itself.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Check the file and load it.
+
+        Raises:
+            JacokinError: it is missing, incomplete, or of another version or platform.
+        """
+        try:
+            contents = path.read_bytes()
+        except OSError as error:
+            raise JacokinError(f"the compiled kernels {path} cannot be read ({error.strerror}): {_CURE}") from None
+        found = about(contents)
+        if found is None or len(contents) < found.size:
+            raise JacokinError(f"the compiled kernels {path} are damaged or incomplete: {_CURE}")
+        if found.version != __version__:
+            raise JacokinError(
+                f"the compiled kernels {path} are those of jacokin {found.version}, not {__version__}: {_CURE}"
+            )
+        try:
+            self._functions = ctypes.CDLL(str(path))
+        except OSError as error:
+            raise JacokinError(f"the compiled kernels {path} do not load here ({error}): {_CURE}") from None
+        self.about = found
+
+    def function(self, name: str) -> Callable[[ctypes.c_void_p], int]:
+        """A function that takes the address of a table of work arrays; the GIL is released while it runs."""
+        found = self._functions[PREFIX + name]
+        found.argtypes, found.restype = [ctypes.c_void_p], ctypes.c_int64
+        function: Callable[[ctypes.c_void_p], int] = found
+        return function
+
+
+@cache
+def load() -> Library:
+    """The library of this package, loaded once.
+
+    Raises:
+        JacokinError: it is missing, incomplete, or of another version or platform.
+    """
+    return Library(PATH)
+
+
+def warmup() -> float:
+    """Load the compiled kernels, which building a solver does too.
+
+    Returns:
+        Seconds it took.
+
+    Raises:
+        JacokinError: the library is missing, incomplete, or of another version or platform.
+    """
+    start = time.perf_counter()
+    load()
+    return time.perf_counter() - start
+
+
+class Call(Generic[Work]):
+    """One kernel with work arrays of its own, for one call at a time.
+
+    Attributes:
+        work: the arrays, to be filled in and read.
+    """
+
+    __slots__ = ("_alive", "_function", "_table", "work")
+
+    def __init__(self, kernel: Callable[[Work], int], work: Work) -> None:
+        """Take the work arrays of a kernel.
+
+        Args:
+            kernel: a function of `entries.ENTRIES`.
+            work: its arrays in nested tuples, as the entry makes them; those of length 0 there are of any length.
+
+        Raises:
+            ValueError: an array that the machine code would misread.
+            JacokinError: as `load`.
+        """
+        library, name = load(), kernel.__name__
+        arrays = list(flatten(work))
+        layout = library.about.layouts.get(name, ())
+        if len(arrays) != len(layout):
+            raise ValueError(f"{PATH} does not know {name} with {len(arrays)} arrays: {_CURE}")
+        table: list[int] = []
+        for array, expected in zip(arrays, layout, strict=True):
+            if not expected.fits(array):
+                raise ValueError(
+                    f"{name} needs a C-contiguous array of {expected.dtype} with shape {expected.shape}, "
+                    f"not of {array.dtype} with shape {array.shape}"
+                )
+            table.append(array.ctypes.data)
+            if expected.is_free:
+                table.append(len(array))
+        addresses = np.array(table, dtype=np.int64)
+        self.work = work
+        self._function = library.function(name)
+        self._table = ctypes.c_void_p(addresses.ctypes.data)  # converted once
+        self._alive = arrays, addresses
+
+    def __call__(self) -> int:
+        """Run the kernel; returns what its Python returns."""
+        result = self._function(self._table)
+        if result == FAILED:
+            raise JacokinError("internal error in the compiled kernels, please report it")
+        return result
+
+
+def flatten(value: object) -> Iterator[NDArray[np.generic]]:
+    """The arrays in nested tuples, in order."""
+    if isinstance(value, tuple):
+        for member in value:
+            yield from flatten(member)
+    elif isinstance(value, np.ndarray):
+        yield value

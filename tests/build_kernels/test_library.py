@@ -1,0 +1,108 @@
+"""Building the library: what is compiled again, how it is linked, what its wheel is called."""
+
+from __future__ import annotations
+
+import ast
+import importlib.util
+import platform
+import shutil
+import subprocess
+import sys
+import sysconfig
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from build_kernels import library as build
+from build_kernels.library import BuildError
+from jacokin.kernels import library
+from jacokin.kernels.entries import ENTRIES
+
+REPOSITORY = Path(__file__).parents[2]
+
+
+def test_the_library_is_made_of_these_sources() -> None:
+    assert library.load().about.sources == build.sources_key(), "run `python -m build_kernels`"
+
+
+def test_every_kernel_is_part_of_some_entry() -> None:
+    used = {file.resolve() for entry in ENTRIES for file in build.sources_of(entry)}
+    package = build.PACKAGE / "kernels"
+    apart = {"__init__.py", "entries.py", "library.py"}
+    assert used == {file.resolve() for file in package.rglob("*.py") if file.name not in apart}
+
+
+def test_an_object_file_is_kept_until_its_kernel_changes(monkeypatch: pytest.MonkeyPatch) -> None:
+    targets, curves = ENTRIES[:2]
+    before = build.object_key(targets), build.object_key(curves)
+    assert before[0] != before[1]
+    parse = ast.parse
+
+    def changed(source: str) -> ast.Module:
+        return parse(source.replace("FIND_INTERVALS", "FIND_ALL") if "def run_curves" in source else source)
+
+    monkeypatch.setattr(ast, "parse", changed)
+    assert build.object_key(targets) == before[0]
+    assert build.object_key(curves) != before[1]
+    monkeypatch.setattr(ast, "parse", lambda source: parse(f"# a comment\n{source}"))
+    assert build.object_key(targets) == before[0]
+    monkeypatch.setattr(platform, "machine", lambda: "other")
+    assert build.object_key(targets) != before[0]
+
+
+def test_a_c_compiler_is_looked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CC", "clang -m64")
+    assert build.linkers() == [["clang", "-m64"]]
+    monkeypatch.delenv("CC")
+    monkeypatch.setattr(shutil, "which", lambda name: f"/usr/bin/{name}")
+    assert build.linkers()[0] == ["/usr/bin/cc"]
+    monkeypatch.setattr(shutil, "which", lambda name: None)
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    assert build.linkers() == []
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: name)
+    assert build.linkers() == [build.ZIG]
+
+
+def test_without_a_linker_there_is_one_sentence(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(build, "linkers", list)
+    with pytest.raises(BuildError, match=r"^the kernels need a C compiler to be linked: install one .*ziglang.*\$CC$"):
+        build.link([], tmp_path / "libjacokin.so")
+    monkeypatch.setattr(
+        build, "linkers", lambda: [["no-such-compiler"], [sys.executable, "-P", "-c", "raise SystemExit('broken')"]]
+    )
+    with pytest.raises(BuildError, match=r"need a C compiler(.|\n)*no-such-compiler(.|\n)*broken"):
+        build.link([], tmp_path / "libjacokin.so")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler")
+def test_a_linked_library_knows_its_size(tmp_path: Path) -> None:
+    source, object_file, made = tmp_path / "kernel.c", tmp_path / "kernel.o", tmp_path / "libjacokin.so"
+    source.write_text("long long jacokin_solve_targets(const long long *table) { return table[0]; }\n")
+    subprocess.run(["cc", "-c", "-fPIC", "-o", object_file, source], check=True)
+    build.link([object_file], made)
+    said = library.about(made.read_bytes())
+    assert said is not None
+    assert said.size == made.stat().st_size
+    assert library.Library(made).function("solve_targets") is not None
+
+
+def test_the_wheel_is_named_for_what_it_needs(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "platform", "linux")
+    monkeypatch.setattr(platform, "machine", lambda: "x86_64")
+    assert build.wheel_tag(b"\0GLIBC_2.2.5\0GLIBC_2.17\0") == "py3-none-manylinux_2_17_x86_64"
+    assert build.wheel_tag(b"\0GLIBC_2.2.5\0GLIBC_2.35\0") == "py3-none-linux_x86_64"
+    monkeypatch.setattr(sys, "platform", "darwin")
+    monkeypatch.setattr(sysconfig, "get_platform", lambda: "macosx-14.0-arm64")
+    assert build.wheel_tag(b"") == "py3-none-macosx_14_0_arm64"
+
+
+def test_the_compilers_are_the_same_everywhere() -> None:
+    """Their versions stand in three places, and the bits of all answers depend on them."""
+    document = tomllib.loads((REPOSITORY / "pyproject.toml").read_text(encoding="utf-8"))
+    required = {line for line in document["build-system"]["requires"] if "==" in line}
+    assert {line.partition("==")[0] for line in required} == set(build.COMPILERS)
+    assert set(document["project"]["optional-dependencies"]["kernels"]) < required
+    constraints = (REPOSITORY / "constraints.txt").read_text(encoding="utf-8").splitlines()
+    assert required <= set(constraints)
