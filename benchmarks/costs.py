@@ -124,7 +124,7 @@ def batch(robot: Robot) -> list[tuple[int, float]]:
 
 
 def cold_starts() -> list[tuple[str, float]]:
-    """Command and wall seconds of a new process, the best of some; bytecode and compiled kernels are there."""
+    """Command and wall seconds of a new process, the best of some; bytecode is there."""
     commands = [
         ("jacokin --help", [COMMAND, "--help"]),
         ("jacokin fk ...", [COMMAND, "fk", "4.8", "2.92", "1.0", "4.2", "1.45", "1.32"]),
@@ -156,7 +156,7 @@ def section(robot: Robot) -> report.Section:
         report.table(("call", "jacokin", "bare", "difference", "ratio"), calls),
         f"`solve_batch` on {BATCH:,} random poses, one result for each:",
         report.table(("workers", "poses a second"), rates),
-        "A new process, wall time, with bytecode and compiled kernels on disk:",
+        "A new process, wall time, with bytecode on disk:",
         report.table(("command", "time"), starts),
     ]
     return report.Section("Costs", "\n\n".join(parts))

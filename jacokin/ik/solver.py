@@ -131,8 +131,9 @@ class IKSolver:
             from jacokin.ik import qp_backend
 
             qp_backend.checked_solver(qp_solver)
-        if method == "closed_form" and not self.has_families:
-            self.closed_form()
+        in_closed_form = self.has_families or self.has_closed_form  # builds it: no solve waits for that
+        if method == "closed_form" and not in_closed_form:
+            self.closed_form()  # says why
         if checks.flag("warm", warm):
             self._qp_search()
 
