@@ -27,6 +27,10 @@ BLOCKS = 15
 BATCH = 20_000  # poses
 BATCHES = 3
 STARTS = 5  # of each command
+FIRST_ANSWER = (
+    "import jacokin; robot = jacokin.load_robot(); solver = jacokin.IKSolver(robot);"
+    "solver.solve(robot.forward_kinematics(robot.home)).raise_for_status()"
+)
 COMMAND = "from jacokin.cli.main import main; main()"
 
 
@@ -130,6 +134,7 @@ def cold_starts() -> list[tuple[str, float]]:
         ("jacokin fk ...", [COMMAND, "fk", "4.8", "2.92", "1.0", "4.2", "1.45", "1.32"]),
         ("jacokin ik ... (one pose)", [COMMAND, "ik", "--position", "0.3", "-0.2", "0.5", "--down"]),
         ("jacokin ik ... --method qp", [COMMAND, "ik", "--position", "0.3", "-0.2", "0.5", "--down", "--method", "qp"]),
+        ("the first answer: load_robot, IKSolver, solve", [FIRST_ANSWER]),
         ("python -c 'import jacokin'", ["import jacokin"]),
         ("python -c 'pass'", ["pass"]),
     ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from pathlib import Path
 from typing import Any
@@ -18,11 +19,12 @@ class KernelHook(BuildHookInterface):  # type: ignore[type-arg]  # any configura
 
     def dependencies(self) -> list[str]:
         """What building needs beside `build-system.requires`: a linker, where the system has none."""
-        return [] if library.linkers() else [library.ZIG_REQUIREMENT]
+        asked_for = "ziglang" in os.environ.get("CC", "")
+        return [library.ZIG_REQUIREMENT] if asked_for or not library.linkers() else []
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         """Build the library, and add it to the wheel."""
-        path = library.build()
+        path = library.build_or_exit()
         build_data["artifacts"].append(path.relative_to(library.ROOT).as_posix())
         build_data["pure_python"] = False
         build_data["tag"] = library.wheel_tag(path.read_bytes())

@@ -40,6 +40,10 @@ JOBS = min(2, os.cpu_count() or 1)
 #: Old systems that zig links for: those of manylinux_2_17.
 ZIG = [sys.executable, "-m", "ziglang", "cc", "-target", f"{platform.machine()}-linux-gnu.2.17"]
 ZIG_REQUIREMENT = "ziglang==0.17.1"
+NO_LINKER = (
+    "the kernels need a C compiler to be linked: install one (`cc`), or the package "
+    f"`{ZIG_REQUIREMENT}`, or name one in $CC"
+)
 OLDEST_GLIBC = 17  # as in manylinux_2_17
 _IMPORT = re.compile(r"^from (jacokin\.kernels\.[\w.]+) import", re.MULTILINE)
 _SYMBOL_VERSION = re.compile(rb"GLIBC_2\.(\d+)")
@@ -56,6 +60,8 @@ def build() -> Path:
         BuildError: a kernel does not compile, or there is nothing to link with.
     """
     start = time.perf_counter()
+    if not linkers():
+        raise BuildError(NO_LINKER)
     KEPT.mkdir(parents=True, exist_ok=True)
     objects = {entry: KEPT / f"{entry.run.__name__}-{object_key(entry)}.o" for entry in ENTRIES}
     missing = [entry for entry, file in objects.items() if not file.exists()]
@@ -70,6 +76,14 @@ def build() -> Path:
         file.unlink()
     print(f"{target}: built in {time.perf_counter() - start:.0f} s")
     return target
+
+
+def build_or_exit() -> Path:
+    """Make the library, or end the program with one sentence."""
+    try:
+        return build()
+    except BuildError as error:
+        raise SystemExit(f"jacokin cannot be built: {error}") from None
 
 
 def compile_object(entry: Entry, file: Path) -> None:
@@ -141,10 +155,7 @@ def link(objects: list[Path], target: Path) -> None:
                 continue
             made.replace(target)
             return
-    raise BuildError(
-        "the kernels need a C compiler to be linked: install one (`cc`), or the package "
-        f"`{ZIG_REQUIREMENT}`, or name one in $CC" + "".join(f"\n{failure.strip()}" for failure in failures)
-    )
+    raise BuildError(NO_LINKER + "".join(f"\n{failure.strip()}" for failure in failures))
 
 
 def linkers() -> list[list[str]]:
