@@ -33,6 +33,7 @@ from jacokin.kernels.library import PREFIX, About, ArrayLayout, flatten
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "jacokin"
 KEPT = ROOT / "build" / "kernels"
+TARGET = PACKAGE / "kernels" / library.PATH.name
 #: What the machine code depends on, apart from the sources.
 COMPILERS = ("numba", "llvmlite", "numpy")
 #: Kernels compiled at a time: each takes up to a gigabyte of memory.
@@ -53,8 +54,12 @@ class BuildError(Exception):
     """The library cannot be built; says what is missing."""
 
 
-def build() -> Path:
+def build(target: Path = TARGET, kept: Path = KEPT) -> Path:
     """Make the library, and return where it is.
+
+    Args:
+        target: the file to write.
+        kept: folder of the object files of earlier builds.
 
     Raises:
         BuildError: a kernel does not compile, or there is nothing to link with.
@@ -62,17 +67,16 @@ def build() -> Path:
     start = time.perf_counter()
     if not linkers():
         raise BuildError(NO_LINKER)
-    KEPT.mkdir(parents=True, exist_ok=True)
-    objects = {entry: KEPT / f"{entry.run.__name__}-{object_key(entry)}.o" for entry in ENTRIES}
+    kept.mkdir(parents=True, exist_ok=True)
+    objects = {entry: kept / f"{entry.run.__name__}-{object_key(entry)}.o" for entry in ENTRIES}
     missing = [entry for entry, file in objects.items() if not file.exists()]
     if missing:
         names = ", ".join(entry.run.__name__ for entry in missing)
         print(f"compiling {names}: about a minute on two cores, with up to 1.5 GB of memory", flush=True)
     with ThreadPoolExecutor(JOBS) as pool:
         list(pool.map(lambda entry: compile_object(entry, objects[entry]), missing))
-    target = PACKAGE / "kernels" / library.PATH.name
     link(list(objects.values()), target)
-    for file in set(KEPT.glob("*.o")) - set(objects.values()):
+    for file in set(kept.glob("*.o")) - set(objects.values()):
         file.unlink()
     print(f"{target}: built in {time.perf_counter() - start:.0f} s")
     return target
