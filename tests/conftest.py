@@ -14,6 +14,7 @@ from hypothesis import HealthCheck, settings
 
 import jacokin
 from jacokin import Robot
+from jacokin.kernels import library
 from tests.robot_files import INCLUDED, SCENE
 
 # Tests compare with other code in the folders beside the package. Last: the installed package is what gets tested.
@@ -26,6 +27,14 @@ settings.load_profile("jacokin")
 # A shell's background commands ignore SIGINT, and so would the processes that tests start and interrupt.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_sessionstart() -> None:
+    """Kernels that were changed and not compiled would pass tests that they should not."""
+    from build_kernels.library import sources_key  # in the folder appended above
+
+    if library.load().about.sources != sources_key():
+        raise pytest.UsageError(f"{library.PATH} was built from other sources: run `python -m build_kernels`")
 
 
 @functools.cache

@@ -22,10 +22,6 @@ from jacokin.kernels.entries import ENTRIES
 REPOSITORY = Path(__file__).parents[2]
 
 
-def test_the_library_is_made_of_these_sources() -> None:
-    assert library.load().about.sources == build.sources_key(), "run `python -m build_kernels`"
-
-
 def test_every_kernel_is_part_of_some_entry() -> None:
     used = {file.resolve() for entry in ENTRIES for file in build.sources_of(entry)}
     package = build.PACKAGE / "kernels"
