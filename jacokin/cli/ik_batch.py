@@ -17,6 +17,7 @@ from jacokin.cli.display import progress_bar
 from jacokin.cli.units import Units, warn_of_degrees
 from jacokin.ik.batches.chunk import EMPTY, count_rows, solve_rows
 from jacokin.ik.batches.solve_file import solve_file
+from jacokin.ik.files.carried import as_objects
 from jacokin.ik.files.formats import targets_format
 from jacokin.ik.files.targets import RPY
 
@@ -93,10 +94,12 @@ def _solve_for_display(
                 results += _documents(block, batch)
             show(tally.count, None)
     seconds = time.perf_counter() - started
-    return ik.FileSummary(tally.count, dict(tally.statuses), *tally.worst, tally.failures, 0, seconds, None)
+    carried = tuple(block.carried)
+    return ik.FileSummary(tally.count, dict(tally.statuses), *tally.worst, tally.failures, 0, seconds, None, carried)
 
 
 def _documents(targets: ik.TargetFile, batch: ik.BatchResult) -> Iterator[dict[str, object]]:
+    others = {name: as_objects(column) for name, column in targets.carried.items()}
     for row in range(len(targets)):
         yield {
             "line": int(targets.lines[row]),
@@ -106,6 +109,7 @@ def _documents(targets: ik.TargetFile, batch: ik.BatchResult) -> Iterator[dict[s
             "orientation_error": batch.orientation_error[row],
             "method": batch.method[row],
             "message": batch.message[row],
+            "carried": {name: values[row] for name, values in others.items()},
         }
 
 
@@ -124,6 +128,7 @@ def _document(solver: ik.IKSolver, found: ik.FileSummary, results: list[dict[str
         "worst_position_error": found.worst_position_error,
         "worst_orientation_error": found.worst_orientation_error,
         "output": None if found.output is None else str(found.output),
+        "carried": found.carried,
     }
     if found.output is None:
         summary["results"] = results
@@ -150,6 +155,8 @@ def _show(found: ik.FileSummary, *, closest: bool) -> None:
         lines.append(("solved before", f"{found.resumed}, in a run that did not end"))
     if found.output is not None:
         lines.append(("written to", str(found.output)))
+        if found.carried:
+            lines.append(("carried through", ", ".join(found.carried)))
     display.show_facts(lines)
     if found.failures:
         failed = found.targets - found.solved

@@ -67,6 +67,20 @@ def test_an_answer_file_is_a_target_file(targets: Path) -> None:
     assert first.read_text(encoding="utf-8") == second.read_text(encoding="utf-8")
 
 
+def test_remarks_are_carried_through_and_named_in_one_line(targets: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = targets.with_name("joints.csv")
+    assert leave("ik", "--targets", str(targets), "--output", str(out)) == 0
+    assert [line.split() for line in capsys.readouterr().out.splitlines() if line.strip().startswith("carried")] == [
+        ["carried", "through", "note"]
+    ]
+    with out.open(newline="", encoding="utf-8") as file:
+        assert {row["note"] for row in csv.DictReader(file)} == {"mine"}
+    assert leave("ik", "--targets", str(targets), "--json") == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["carried"] == ["note"]
+    assert document["results"][0]["carried"] == {"note": "mine"}
+
+
 def test_targets_without_quaternions_are_positions(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "positions.csv"
     path.write_text("\ufeffx, y, z\n0.3,-0.2,0.5\n0.3,-0.2,0.4\n", encoding="utf-8")  # as a spreadsheet writes it

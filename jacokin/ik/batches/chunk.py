@@ -231,6 +231,8 @@ class FileSummary:
     """Time that the rest took [s]."""
     output: Path | None
     """The file of answers."""
+    carried: tuple[str, ...]
+    """Names of the columns that are carried through."""
 
     def __repr__(self) -> str:
         """How many targets have which status, and where the answers are."""

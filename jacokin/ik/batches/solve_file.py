@@ -78,9 +78,11 @@ def solve_file(
 ) -> FileSummary:
     """Solve every target of a file, in any number of runs.
 
-    Memory does not grow with the number of targets. Until all are solved, chunks are kept in a folder beside the
-    output, named as the output with ".chunks" at its end; a run that is killed continues from there when the same is
-    asked for again. Answers do not depend on the chunks, the workers, or the order in which they finish.
+    Columns that are not understood as a part of the target are carried through to the output unchanged, behind the
+    answers; orientations under other names are refused. Memory does not grow with the number of targets. Until all
+    are solved, chunks are kept in a folder beside the output, named as the output with ".chunks" at its end; a run
+    that is killed continues from there when the same is asked for again. Answers do not depend on the chunks, the
+    workers, or the order in which they finish.
 
     Args:
         solver: solves each target; sent to workers pickled.
@@ -100,8 +102,9 @@ def solve_file(
         How many targets have which status; a row that is not finite, or whose quaternion is wrong, is INVALID_TARGET.
 
     Raises:
-        InvalidInputError: a file cannot be read or written, both are the same, columns are missing, or the unfinished
-            run was about other targets, another robot, other options, or of another version (says which).
+        InvalidInputError: a file cannot be read or written, both are the same, columns are missing or cannot be
+            carried through (an .npz has names of its own, and takes no Python objects), or the unfinished run was
+            about other targets, another robot, other options, or of another version (says which).
         MissingExtraError: Parquet needs pyarrow.
         JacokinError: a worker failed or the disk is full; what is finished is kept.
     """
@@ -119,10 +122,11 @@ def solve_file(
     with contextlib.ExitStack() as stack:
         source = _source(stack, checks.path("targets", targets))
         out = checks.path("output", output)
-        answers = answers_format(out)
+        first = next(targets_format(source).blocks(source, 1))
+        columns, carried = first.columns, tuple(first.carried)
+        answers = answers_format(out, carried)
         if source.is_file() and out.is_file() and out.samefile(source):
             raise InvalidInputError(f"output {out} is the file of targets: they would be lost")
-        columns = next(targets_format(source).blocks(source, 1)).columns
         compiled = solver.has_closed_form and solver.verifier.options.collision == "ignore" and columns != POSITION
         rows = ROWS if compiled else SINGLE_ROWS
         parts = targets_format(source).parts(source, rows)
@@ -136,7 +140,7 @@ def solve_file(
             executor = own = _executor(workers, compiled)
         names = [*columns, *(f"q{joint + 1}" for joint in range(solver.robot.dof))]
         try:
-            with Joining(answers, folder, final, names) as joined:
+            with Joining(answers, folder, final, names, carried) as joined:
                 for index, path in finished.items():
                     joined.add(index, path)
                 if executor is not None:
@@ -165,7 +169,7 @@ def solve_file(
                 own.shutdown()
         folder.remove()
     seconds = time.perf_counter() - began
-    return FileSummary(tally.count, dict(tally.statuses), *tally.worst, tally.failures, resumed, seconds, out)
+    return FileSummary(tally.count, dict(tally.statuses), *tally.worst, tally.failures, resumed, seconds, out, carried)
 
 
 def solve_chunks(
@@ -233,7 +237,9 @@ def _runs(numbers: Sequence[int], shares: int) -> Iterator[list[int]]:
 class Joining:
     """A thread of its own that writes the file of answers; used in a `with`, which ends it in any case."""
 
-    def __init__(self, answers: Format, folder: ChunkFolder, final: Path, names: Sequence[str]) -> None:
+    def __init__(
+        self, answers: Format, folder: ChunkFolder, final: Path, names: Sequence[str], carried: Sequence[str]
+    ) -> None:
         """Begin.
 
         Args:
@@ -241,8 +247,10 @@ class Joining:
             folder: of the chunks.
             final: the file of answers; where it is a device, nothing is written before all chunks are there.
             names: of the columns of the targets and q1, q2, ...
+            carried: names of the columns that are carried through.
         """
-        self._answers, self._folder, self._final, self._names = answers, folder, final, names
+        self._answers, self._folder, self._final = answers, folder, final
+        self._names, self._carried = names, carried
         self._to_device = files.is_device(final)
         self._tally, self._next = EMPTY, 0
         self._waiting: dict[int, Path] = {}
@@ -282,10 +290,10 @@ class Joining:
         final = self._final
         try:
             if self._to_device:
-                self._answers.write_joined(final, self._pieces(None), self._names)
+                self._answers.write_joined(final, self._pieces(None), self._names, self._carried)
                 return
             with temporary(self._folder.path) as whole:
-                self._answers.write_joined(whole, self._pieces(whole), self._names)
+                self._answers.write_joined(whole, self._pieces(whole), self._names, self._carried)
                 sync(whole)
                 if final.exists():
                     shutil.copymode(final, whole)

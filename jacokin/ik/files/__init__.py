@@ -2,5 +2,6 @@
 
 formats                               which format a file has
 targets                               rows of numbers as targets
+carried                               the other columns, which are carried through
 csv_files, npz_files, parquet_files   the formats
 """

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from jacokin import files
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
+from jacokin.ik.files.carried import as_texts
 from jacokin.ik.files.targets import ANSWERS, Columns, FilePart, TargetFile, choose_columns, target_rows
 from jacokin.ik.results import STATUS_NAMES, BatchResult
 from jacokin.model import checks
@@ -27,9 +28,10 @@ BLOCK = 8192  # lines read at a time
 FIRST_LINE = 2  # after the header
 # Python's float also takes 1_0 and digits of other scripts, which in a file are mistakes.
 _NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
+_ENDING = re.compile(r'[,"\r\n]')
 _NOT_FINITE = re.compile(r"[-+]?(nan|inf|infinity)", re.IGNORECASE)
 
-Rows = tuple[Array, NDArray[np.int_]]
+Rows = tuple[Array, NDArray[np.int_], dict[str, list[str]]]
 
 
 def read_targets(path: str | Path) -> TargetFile:
@@ -37,12 +39,12 @@ def read_targets(path: str | Path) -> TargetFile:
 
     Args:
         path: a file with the columns x, y, z [m] and, unless the orientation is free, qw, qx, qy, qz, or roll, pitch,
-            yaw [rad], or a rotation matrix r11, r12, ..., r33. Columns named note, comment, name, label, id, index, t
-            or time are ignored, as are those that `jacokin ik --output` adds.
+            yaw [rad], or a rotation matrix r11, r12, ..., r33. Columns with other names are `carried`; those that
+            `jacokin ik --output` adds are ignored.
 
     Raises:
-        InvalidInputError: no such file, an unknown, missing or repeated column, a row that is longer than the header, a
-            bad number, a quaternion whose norm is not 1, or no rows; names line and column.
+        InvalidInputError: no such file, a missing or repeated column, orientations under other names, a row that is
+            longer than the header, a bad number, a quaternion whose norm is not 1, or no rows; names line and column.
     """
     blocks = list(read_blocks(checks.path("path", path), BLOCK, strict=True))
     return TargetFile(
@@ -50,6 +52,9 @@ def read_targets(path: str | Path) -> TargetFile:
         np.concatenate([block.values for block in blocks]),
         np.concatenate([block.targets for block in blocks]),
         np.concatenate([block.lines for block in blocks]),
+        carried={
+            name: [text for block in blocks for text in as_texts(block.carried[name])] for name in blocks[0].carried
+        },
     )
 
 
@@ -62,10 +67,10 @@ def read_blocks(path: Path, size: int, *, strict: bool) -> Iterator[TargetFile]:
     try:
         with _opened(path) as file:
             columns = _header(path, file)
-            for values, lines in _rows(path, file, columns, size, finite=strict):
+            for values, lines, texts in _rows(path, file, columns, size, finite=strict):
                 if len(values):
                     empty = False
-                    block = target_rows(columns.names, values, lines)
+                    block = target_rows(columns.names, values, lines, texts)
                     if strict and block.problems:
                         row = min(block.problems)
                         place = f"{path}, line {lines[row]}, columns {', '.join(block.columns[3:])}"
@@ -94,9 +99,9 @@ def blocks(path: Path, size: int, consecutive: Sequence[FilePart] | None = None)
     with path.open("rb") as binary:
         for part in consecutive:
             binary.seek(part.offset or 0)
-            text = io.StringIO(b"".join(itertools.islice(binary, size)).decode("utf-8"), newline=None)
-            for values, lines in _rows(path, text, columns, size, finite=False, first=part.first):
-                yield target_rows(columns.names, values, lines)
+            text = io.StringIO(b"".join(itertools.islice(binary, size)).decode("utf-8"), newline="")
+            for values, lines, texts in _rows(path, text, columns, size, finite=False, first=part.first):
+                yield target_rows(columns.names, values, lines, texts)
 
 
 def parts(path: Path, size: int) -> list[FilePart]:
@@ -131,7 +136,7 @@ def _offsets(path: Path, size: int) -> list[int] | None:
 def _opened(path: Path) -> TextIO:
     try:
         files.check_end(path)
-        return path.open(encoding="utf-8-sig")
+        return path.open(encoding="utf-8-sig", newline="")  # line ends within cells stay as they are
     except InvalidInputError:
         raise
     except ValueError as error:  # a null byte
@@ -145,7 +150,7 @@ def _header(path: Path, file: TextIO) -> Columns:
 def _rows(
     path: Path, file: TextIO, columns: Columns, size: int, *, finite: bool, first: int = FIRST_LINE
 ) -> Iterator[Rows]:
-    """Values (n, columns) and line numbers (n,) of the rows from line `first` on, at most `size` lines at a time.
+    """Values (n, columns), line numbers (n,) and texts of the rows from line `first` on, at most `size` lines at once.
 
     NaN and infinities are refused if `finite` is wanted.
 
@@ -162,7 +167,8 @@ def _rows(
         if values is None:
             yield _checked(path, list(_numbered(lines, first)), columns, finite)
         else:
-            yield values, np.arange(first, first + len(lines))
+            cells = [line.rstrip("\r\n").split(",") for line in lines] if columns.carried else []
+            yield values, np.arange(first, first + len(lines)), _texts(cells, columns)
         first += len(lines)
 
 
@@ -176,7 +182,7 @@ def _numbered(lines: Iterable[str], first: int) -> Iterator[tuple[int, list[str]
 
 def _plain(lines: Sequence[str], columns: Columns, finite: bool) -> Array | None:
     """The values if every row has a number wherever one is needed; None where a closer look is needed."""
-    commas = len(columns.header) - 1
+    commas = columns.count - 1
     if any(line.count(",") != commas for line in lines):
         return None
     try:
@@ -188,21 +194,26 @@ def _plain(lines: Sequence[str], columns: Columns, finite: bool) -> Array | None
 
 
 def _checked(path: Path, rows: Sequence[tuple[int, list[str]]], columns: Columns, finite: bool) -> Rows:
-    """The values of rows, one by one.
+    """The values and texts of rows, one by one.
 
     Raises:
         InvalidInputError: a number or a row is malformed.
     """
     values = np.empty((len(rows), len(columns.places)))
     for index, (line, row) in enumerate(rows):
-        if len(row) > len(columns.header):
+        if len(row) > columns.count:
             raise InvalidInputError(
-                f"{path}, line {line}: has {len(row)} cells, the header has {len(columns.header)} "
+                f"{path}, line {line}: has {len(row)} cells, the header has {columns.count} "
                 f"(decimals need a point, texts with commas quotation marks)"
             )
         for place, name, at in zip(range(values.shape[1]), columns.names, columns.places, strict=True):
             values[index, place] = _number(path, line, name, row[at].strip() if at < len(row) else "", finite)
-    return values, np.array([line for line, _ in rows], dtype=np.int_)
+    return values, np.array([line for line, _ in rows], dtype=np.int_), _texts([row for _, row in rows], columns)
+
+
+def _texts(rows: Sequence[Sequence[str]], columns: Columns) -> dict[str, list[str]]:
+    """The texts of the columns that are carried through; a row may be shorter than the header."""
+    return {name: [row[at] if at < len(row) else "" for row in rows] for name, at in columns.carried.items()}
 
 
 def _number(path: Path, line: int, column: str, text: str, finite: bool) -> float:
@@ -220,17 +231,21 @@ def encode(targets: TargetFile, batch: BatchResult) -> bytes:
     configurations = _lines(np.hstack([targets.values, batch.q]))
     errors = _lines(np.stack([batch.position_error, batch.orientation_error], axis=1))
     cells = {text: _cell(text) for text in {*batch.method, *batch.message}}
-    rows = zip(configurations, batch.status, errors, batch.method, batch.message, strict=True)
+    others = [list(map(_cell, as_texts(column))) for column in targets.carried.values()]
+    ends = ["," + ",".join(row) for row in zip(*others, strict=True)] if others else [""] * len(targets)
+    rows = zip(configurations, batch.status, errors, batch.method, batch.message, ends, strict=True)
     return "".join(
-        f"{numbers},{STATUS_NAMES[status]},{measured},{cells[method]},{cells[message]}\n"
-        for numbers, status, measured, method, message in rows
+        f"{numbers},{STATUS_NAMES[status]},{measured},{cells[method]},{cells[message]}{end}\n"
+        for numbers, status, measured, method, message, end in rows
     ).encode()
 
 
-def write_joined(path: Path, pieces: Iterable[tuple[Path, int]], columns: Sequence[str]) -> None:
+def write_joined(
+    path: Path, pieces: Iterable[tuple[Path, int]], columns: Sequence[str], carried: Sequence[str] = ()
+) -> None:
     """The header, and all rows."""
     with path.open("wb") as out:
-        out.write((",".join([*columns, *ANSWERS]) + "\n").encode())
+        out.write((",".join([*columns, *ANSWERS, *map(_cell, carried)]) + "\n").encode())
         for piece, offset in pieces:
             with piece.open("rb") as file:
                 file.seek(offset)
@@ -246,9 +261,5 @@ def _lines(values: Array) -> list[str]:
 
 
 def _cell(text: str) -> str:
-    """A text as a cell, quoted where it holds a comma."""
-    if not text:
-        return ""
-    stream = io.StringIO()
-    csv.writer(stream, lineterminator="").writerow([text])
-    return stream.getvalue()
+    """A text as a cell, quoted where it would end one."""
+    return '"' + text.replace('"', '""') + '"' if _ENDING.search(text) else text

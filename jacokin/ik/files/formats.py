@@ -35,7 +35,9 @@ class Format(Protocol):
     def encode(self, targets: TargetFile, batch: BatchResult) -> bytes:
         """The answers to some targets, for `write_joined`."""
 
-    def write_joined(self, path: Path, pieces: Iterable[Piece], columns: Sequence[str]) -> None:
+    def write_joined(
+        self, path: Path, pieces: Iterable[Piece], columns: Sequence[str], carried: Sequence[str] = ()
+    ) -> None:
         """Write the file of answers: all pieces in their order.
 
         Args:
@@ -43,6 +45,7 @@ class Format(Protocol):
             pieces: files with what `encode` returned, and how many bytes of each come before it; may be a generator
                 that waits for them.
             columns: names of the columns of the targets and q1, q2, ...
+            carried: names of the columns that are carried through.
         """
 
 
@@ -55,11 +58,11 @@ def targets_format(path: Path) -> Format:
     return FORMATS.get(path.suffix, csv_files)
 
 
-def answers_format(path: Path) -> Format:
-    """The format of a file of answers.
+def answers_format(path: Path, carried: Iterable[str] = ()) -> Format:
+    """The format of a file of answers, with the names of the columns that are carried through.
 
     Raises:
-        InvalidInputError: no format has this ending.
+        InvalidInputError: no format has this ending, or this one has columns of its own with these names.
         MissingExtraError: the format needs a package that is not installed.
     """
     suffix = ".csv" if path.suffix in AS_CSV else path.suffix
@@ -67,4 +70,10 @@ def answers_format(path: Path) -> Format:
         raise InvalidInputError(f"{path}: answers are written as {', '.join(FORMATS)}, told by the ending of the name")
     if suffix == ".parquet" and importlib.util.find_spec("pyarrow") is None:
         raise MissingExtraError("pyarrow", "parquet")
+    taken = [name for name in carried if name in npz_files.RESERVED]
+    if suffix == ".npz" and taken:
+        raise InvalidInputError(
+            f"{path}: an NPZ has arrays of its own with the names {', '.join(npz_files.RESERVED)}: column "
+            f"{', '.join(taken)} cannot be carried through; rename it, or write .csv or .parquet"
+        )
     return FORMATS[suffix]

@@ -1,4 +1,7 @@
-"""NPZ files: targets, read piece by piece whether they are compressed or not, and answers."""
+"""NPZ files: targets, read piece by piece whether they are compressed or not, and answers.
+
+An array (n,) is a column; those that are no part of the target are carried through.
+"""
 
 from __future__ import annotations
 
@@ -14,6 +17,7 @@ from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
+from jacokin.ik.files.carried import KINDS, as_array
 from jacokin.ik.files.targets import (
     MATRIX,
     POSITION,
@@ -23,6 +27,7 @@ from jacokin.ik.files.targets import (
     TargetFile,
     choose_columns,
     equal_parts,
+    is_answer,
     target_rows,
 )
 from jacokin.ik.results import BatchResult, Status
@@ -40,6 +45,8 @@ _NEEDED = (
 STATUSES = tuple(status.name for status in Status)
 NUMBERS = {status: number for number, status in enumerate(Status)}
 METHODS = ("closed_form", "qp", "")
+#: Arrays of an archive of answers that are no columns of other formats, and of targets: no names for what is carried.
+RESERVED = ("q", "status_names", "method_names", "targets")
 
 
 def blocks(path: Path, size: int, consecutive: Sequence[FilePart] | None = None) -> Iterator[TargetFile]:
@@ -48,28 +55,30 @@ def blocks(path: Path, size: int, consecutive: Sequence[FilePart] | None = None)
     Raises:
         InvalidInputError: no such file, not an NPZ, other arrays than are needed, of different lengths, or no rows.
     """
-    with _reading(path) as (columns, members):
+    with _reading(path) as (columns, members, carried):
         start, stop = 0, int(members[0].shape[0])
         if consecutive:
             start, stop = consecutive[0].first, consecutive[-1].first + consecutive[-1].rows
-            for member in members:
+            for member in [*members, *carried.values()]:
                 member.skip(start)
         for first in range(start, stop, size):
             count = min(size, stop - first)
-            values = [_columns_of(member.rows(count)) for member in members]
-            yield target_rows(columns, np.hstack(values), np.arange(first + 1, first + count + 1))
+            values = [_columns_of(member.rows(count).astype(np.float64)) for member in members]
+            others = {name: member.rows(count) for name, member in carried.items()}
+            yield target_rows(columns, np.hstack(values), np.arange(first + 1, first + count + 1), others)
 
 
 def parts(path: Path, size: int) -> list[FilePart]:
     """Where the rows of each of `blocks` are. Errors as there."""
-    with _reading(path) as (_, members):
+    with _reading(path) as (_, members, carried):
         # Compressed rows can only be reached through those before.
-        return equal_parts(int(members[0].shape[0]), size, alone=all(member.stored for member in members))
+        stored = all(member.stored for member in [*members, *carried.values()])
+        return equal_parts(int(members[0].shape[0]), size, alone=stored)
 
 
 @contextlib.contextmanager
-def _reading(path: Path) -> Iterator[tuple[tuple[str, ...], list[_Member]]]:
-    """The columns, and the arrays that hold them, in their order."""
+def _reading(path: Path) -> Iterator[tuple[tuple[str, ...], list[_Member], dict[str, _Member]]]:
+    """The columns, the arrays that hold them, in their order, and those that are carried through."""
     try:
         with contextlib.ExitStack() as stack:
             archive = stack.enter_context(zipfile.ZipFile(path))
@@ -77,13 +86,15 @@ def _reading(path: Path) -> Iterator[tuple[tuple[str, ...], list[_Member]]]:
             found = {name: _opened(stack, archive, path, name) for name in names}
             columns, chosen_names = _chosen(path, found)
             members = [found[name] for name in chosen_names]
+            for member in members:
+                member.check_numbers()
             lengths = {member.shape[0] for member in members}
             if len(lengths) > 1:
                 text = ", ".join(f"{name} {found[name].shape}" for name in chosen_names)
                 raise InvalidInputError(f"{path}: the arrays have different lengths: {text}")
             if lengths == {0}:
                 raise InvalidInputError(f"{path}: has no rows of targets")
-            yield columns, members
+            yield columns, members, _carried(found, {*columns, *chosen_names}, members[0].shape[0])
     except OSError as error:
         raise InvalidInputError(f"{path}: cannot be read: {error.strerror or error}") from error
     except (zipfile.BadZipFile, EOFError, ValueError) as error:
@@ -101,27 +112,40 @@ class _Member:
     """
 
     def __init__(self, path: Path, name: str, file: IO[bytes], stored: bool) -> None:
-        place = f"{path}, array {name!r}"
         version = np.lib.format.read_magic(file)
         read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-        self.shape, fortran, self._dtype = read(file)
-        if self._dtype.kind not in NUMBER_KINDS or not self.shape:
-            raise InvalidInputError(f"{place}: must be rows of real numbers, got {self._dtype} of shape {self.shape}")
-        if fortran and len(self.shape) > 1:
-            raise InvalidInputError(f"{place}: is stored column by column: save numpy.ascontiguousarray of it")
-        self._place, self._file, self.stored = place, file, stored
+        self.shape, self._fortran, self._dtype = read(file)
+        self._place, self._file, self.stored = f"{path}, array {name!r}", file, stored
         self._size = int(np.prod(self.shape[1:])) * self._dtype.itemsize
+
+    def check_numbers(self) -> None:
+        """InvalidInputError unless it has rows of numbers, one after the other."""
+        if self._dtype.kind not in NUMBER_KINDS or not self.shape:
+            raise InvalidInputError(
+                f"{self._place}: must be rows of real numbers, got {self._dtype} of shape {self.shape}"
+            )
+        if self._fortran and len(self.shape) > 1:
+            raise InvalidInputError(f"{self._place}: is stored column by column: save numpy.ascontiguousarray of it")
+
+    def check_carried(self) -> None:
+        """InvalidInputError unless its values can be carried through."""
+        if self._dtype.kind not in KINDS:
+            raise InvalidInputError(
+                f"{self._place}: cannot be carried through, since it holds {self._dtype}: save it as numbers or texts, "
+                f"numpy.array(..., dtype=str)"
+            )
 
     def skip(self, count: int) -> None:
         """Leave out the next rows of an array that is not compressed."""
         self._file.seek(count * self._size, io.SEEK_CUR)
 
-    def rows(self, count: int) -> Array:
+    def rows(self, count: int) -> NDArray[np.generic]:
         """The next rows (count, ...)."""
         data = self._file.read(count * self._size)
         if len(data) != count * self._size:
             raise InvalidInputError(f"{self._place}: is truncated")
-        return np.frombuffer(data, self._dtype).astype(np.float64).reshape(count, *self.shape[1:])
+        rows = np.frombuffer(data, self._dtype) if self._size else np.zeros(count, self._dtype)
+        return rows.astype(self._dtype.newbyteorder("=")).reshape(count, *self.shape[1:])
 
 
 def _opened(stack: contextlib.ExitStack, archive: zipfile.ZipFile, path: Path, name: str) -> _Member:
@@ -158,6 +182,23 @@ def _chosen(path: Path, found: dict[str, _Member]) -> tuple[tuple[str, ...], lis
     return tuple(column for name in names for column in columns_of[name]), names
 
 
+def _carried(found: dict[str, _Member], used: set[str], rows: int) -> dict[str, _Member]:
+    """The arrays (n,) that are no part of a target or of answers.
+
+    Raises:
+        InvalidInputError: one holds Python objects, or several values in a row.
+    """
+    used |= {*POSITION, *QUATERNION, *RPY, *MATRIX, *RESERVED}
+    carried = {
+        name: member
+        for name, member in found.items()
+        if member.shape == (rows,) and name not in used and not is_answer(name)
+    }
+    for member in carried.values():
+        member.check_carried()
+    return carried
+
+
 def _columns_of(rows: Array) -> Array:
     """Rows of an array as columns: of matrices, the position and the rotation."""
     if rows.ndim == 1:
@@ -180,24 +221,28 @@ def encode(targets: TargetFile, batch: BatchResult) -> bytes:
         position_error=batch.position_error,
         orientation_error=batch.orientation_error,
         method=np.array([METHODS.index(method) for method in batch.method], dtype=np.uint8),
+        **{name: as_array(column) for name, column in targets.carried.items()},
     )
     return stream.getvalue()
 
 
-def write_joined(path: Path, pieces: Iterable[tuple[Path, int]], columns: Sequence[str]) -> None:
+def write_joined(
+    path: Path, pieces: Iterable[tuple[Path, int]], columns: Sequence[str], carried: Sequence[str] = ()
+) -> None:
     """Every array as a whole, one after the other, so that none has to fit into memory."""
     paths = [piece for piece, _ in pieces]
     with zipfile.ZipFile(paths[0]) as first:  # finds the archive after what is skipped
         names = first.namelist()
     with zipfile.ZipFile(path, "w", zipfile.ZIP_STORED, allowZip64=True) as out:
         for name in names:
-            rows = sum(len(_array(piece, name, header_only=True)) for piece in paths)
-            example = _array(paths[0], name)
+            heads = [_array(piece, name, header_only=True) for piece in paths]
+            dtype = np.result_type(*{head.dtype for head in heads})  # texts are as wide as the longest
+            head = np.broadcast_to(np.zeros((), dtype), (sum(map(len, heads)), *heads[0].shape[1:]))
             with _entry(out, name) as stream:
-                header = np.lib.format.header_data_from_array_1_0(example)
-                np.lib.format.write_array_header_1_0(stream, {**header, "shape": (rows, *example.shape[1:])})
+                header = np.lib.format.header_data_from_array_1_0(head)
+                np.lib.format.write_array_header_1_0(stream, {**header, "fortran_order": False})
                 for piece in paths:
-                    stream.write(np.ascontiguousarray(_array(piece, name)).tobytes())
+                    stream.write(np.ascontiguousarray(_array(piece, name), dtype=dtype).tobytes())
         for name, texts in (("status_names", STATUSES), ("method_names", METHODS)):
             with _entry(out, f"{name}.npy") as stream:
                 np.lib.format.write_array(stream, np.array(texts), allow_pickle=False)

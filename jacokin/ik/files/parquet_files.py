@@ -1,4 +1,4 @@
-"""Parquet files: targets, read batch by batch, and answers with the columns of the CSV file."""
+"""Parquet files: targets, read batch by batch, and answers with the columns of the CSV file; others keep their type."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ import numpy as np
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, needed
-from jacokin.ik.files.targets import FilePart, TargetFile, choose_columns, equal_parts, target_rows
+from jacokin.ik.files.carried import as_arrow
+from jacokin.ik.files.targets import Columns, FilePart, TargetFile, choose_columns, equal_parts, target_rows
 from jacokin.ik.results import STATUS_NAMES, BatchResult
 
 if TYPE_CHECKING:
@@ -32,27 +33,48 @@ def blocks(path: Path, size: int, consecutive: Sequence[FilePart] | None = None)
             are not numbers, or no rows.
     """
     with _reading(path) as (file, columns):
+        import pyarrow as pa  # `_reading` has told if it is missing
+
         start = consecutive[0].first if consecutive else 0
         left = sum(part.rows for part in consecutive) if consecutive else file.metadata.num_rows
         groups, before = _groups_from(file.metadata, start)
-        first, waiting, held = start + 1, list[Array](), 0
-        for batch in file.iter_batches(batch_size=size, row_groups=groups, columns=list(columns)):
+        first, waiting, held = start + 1, list[pa.RecordBatch](), 0
+        names = [file.schema_arrow.names[at] for at in (*columns.places, *columns.carried.values())]
+        for batch in file.iter_batches(batch_size=size, row_groups=groups, columns=names):
             if before >= len(batch):
                 before -= len(batch)
                 continue
             rows = batch.slice(before, left)
             before, left = 0, left - len(rows)
-            waiting.append(np.column_stack([_numbers(path, name, rows.column(name)) for name in columns]))
-            held += len(waiting[-1])
+            waiting.append(rows)
+            held += len(rows)
             while held >= size:
-                values = np.concatenate(waiting)
-                waiting, held = [values[size:]], held - size
-                yield target_rows(columns, values[:size], np.arange(first, first + size))
+                table = pa.Table.from_batches(waiting)
+                waiting, held = table.slice(size).to_batches(), held - size
+                yield _rows(path, columns, table.slice(0, size), first, file.schema_arrow.names)
                 first += size
             if not left:
                 break
         if held:
-            yield target_rows(columns, np.concatenate(waiting), np.arange(first, first + held))
+            yield _rows(path, columns, pa.Table.from_batches(waiting), first, file.schema_arrow.names)
+
+
+def _rows(path: Path, columns: Columns, table: pa.Table, first: int, names: Sequence[str]) -> TargetFile:
+    """The rows of a table, the first of which has this number; `names` are those of all columns of the file."""
+    places = zip(columns.names, columns.places, strict=True)
+    values = np.column_stack([_numbers(path, name, table.column(names[at])) for name, at in places])
+    carried = {name: _whole(table.column(names[at])) for name, at in columns.carried.items()}
+    return target_rows(columns.names, values, np.arange(first, first + len(values)), carried)
+
+
+def _whole(column: pa.ChunkedArray) -> pa.Array:
+    """A column in one piece; without a dictionary, which could be another in each chunk."""
+    import pyarrow as pa
+
+    if pa.types.is_dictionary(column.type):
+        column = column.cast(column.type.value_type)
+    whole = column.combine_chunks()
+    return pa.concat_arrays(whole.chunks) if isinstance(whole, pa.ChunkedArray) else whole
 
 
 def parts(path: Path, size: int) -> list[FilePart]:
@@ -71,14 +93,14 @@ def _groups_from(metadata: pq.FileMetaData, start: int) -> tuple[list[int], int]
 
 
 @contextlib.contextmanager
-def _reading(path: Path) -> Iterator[tuple[pq.ParquetFile, tuple[str, ...]]]:
+def _reading(path: Path) -> Iterator[tuple[pq.ParquetFile, Columns]]:
     with needed("pyarrow", "parquet"):
         import pyarrow as pa
         import pyarrow.parquet as pq
     try:
         # Without buffering ahead: that would hold a row group, which may be the whole file.
         with pq.ParquetFile(path, pre_buffer=False, buffer_size=1 << 20) as file:
-            columns = choose_columns(path, file.schema_arrow.names, "").names
+            columns = choose_columns(path, file.schema_arrow.names, "")
             if not file.metadata.num_rows:
                 raise InvalidInputError(f"{path}: has no rows of targets")
             yield file, columns
@@ -88,13 +110,13 @@ def _reading(path: Path) -> Iterator[tuple[pq.ParquetFile, tuple[str, ...]]]:
         raise InvalidInputError(f"{path}: is not a Parquet file that can be read: {error}") from error
 
 
-def _numbers(path: Path, name: str, column: pa.Array) -> Array:
+def _numbers(path: Path, name: str, column: pa.ChunkedArray) -> Array:
     """A column as float64, missing values as NaN."""
     import pyarrow as pa
 
     if not (pa.types.is_floating(column.type) or pa.types.is_integer(column.type)):
         raise InvalidInputError(f"{path}, column {name}: must hold numbers, got {column.type}")
-    return np.asarray(column.cast(pa.float64()).to_numpy(zero_copy_only=False), dtype=np.float64)
+    return np.asarray(column.cast(pa.float64()).to_numpy(), dtype=np.float64)
 
 
 def encode(targets: TargetFile, batch: BatchResult) -> bytes:
@@ -111,6 +133,7 @@ def encode(targets: TargetFile, batch: BatchResult) -> bytes:
             "orientation_error": batch.orientation_error,
             "method": pa.array(batch.method, pa.string()),
             "message": pa.array(batch.message, pa.string()),
+            **{name: as_arrow(column) for name, column in targets.carried.items()},
         }
     )
     sink = pa.BufferOutputStream()
@@ -119,7 +142,9 @@ def encode(targets: TargetFile, batch: BatchResult) -> bytes:
     return bytes(sink.getvalue())
 
 
-def write_joined(path: Path, pieces: Iterable[tuple[Path, int]], columns: Sequence[str]) -> None:
+def write_joined(
+    path: Path, pieces: Iterable[tuple[Path, int]], columns: Sequence[str], carried: Sequence[str] = ()
+) -> None:
     """One row group for each piece."""
     import pyarrow.parquet as pq
 
@@ -129,7 +154,7 @@ def write_joined(path: Path, pieces: Iterable[tuple[Path, int]], columns: Sequen
             table = _table(piece, offset)
             if writer is None:
                 # Joint angles do not get smaller, and writing is all that a batch on many machines waits for.
-                texts = list(TEXTS)
+                texts = [*TEXTS, *carried]
                 writer = pq.ParquetWriter(
                     path,
                     table.schema,

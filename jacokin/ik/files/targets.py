@@ -1,4 +1,7 @@
-"""`TargetFile`: rows of numbers as targets; which columns mean what, and which rows cannot be solved."""
+"""`TargetFile`: rows of numbers as targets; which columns mean what, and which rows cannot be solved.
+
+Columns that are not understood as a part of the target are carried through; `carried` says how.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +11,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +19,7 @@ from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
+from jacokin.ik.files.carried import Carried
 from jacokin.model.poses import QUATERNION_NORM_TOLERANCE, RIGID_TOLERANCE
 
 POSITION = ("x", "y", "z")
@@ -22,11 +27,11 @@ QUATERNION = ("qw", "qx", "qy", "qz")
 RPY = ("roll", "pitch", "yaw")
 MATRIX = ("r11", "r12", "r13", "r21", "r22", "r23", "r31", "r32", "r33")
 
-# Columns that hold no target: remarks, times, what `jacokin ik --output` adds. A column without a name, such as the
-# index that pandas writes, is ignored too.
-REMARKS = ("note", "comment", "name", "label", "id", "index", "t", "time")
-ANSWERS = ("status", "position_error", "orientation_error", "method", "message")
+ANSWERS = ("status", "position_error", "orientation_error", "method", "message")  # what is written beside q1, q2, ...
 _JOINT = re.compile(r"q[1-9][0-9]*", re.ASCII)
+# Letters and digits of names that other programs give to the numbers of an orientation: Qw, rot.y, rz_deg, Roll, R11.
+_TURNED = re.compile(r"(((q|quat|quaternion|o|orientation|r|rot|rotation)[wxyz]|roll|pitch|yaw)(rad|deg)?|r[1-3]{2})")
+_LEAST_NUMBERS = 3  # of an orientation
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,6 +49,8 @@ class TargetFile:
     """(n,) line of each row in a text file, the first line is 1; in other files the row, the first is 1."""
     problems: Mapping[int, str] = field(default_factory=dict)
     """Rows that are not targets, and why; their targets stand for nothing."""
+    carried: Carried = field(default_factory=dict)
+    """The other columns, by name: texts of a CSV file, an array of an NPZ archive, or a column of a Parquet file."""
 
     def __len__(self) -> int:
         """Number of targets."""
@@ -51,10 +58,12 @@ class TargetFile:
 
     def __reduce__(self) -> tuple[object, tuple[object, ...]]:
         """Pickle what the file says; the targets are made anew."""
-        return target_rows, (self.columns, self.values, self.lines)
+        return target_rows, (self.columns, self.values, self.lines, self.carried)
 
 
-def target_rows(columns: tuple[str, ...], values: Array, lines: NDArray[np.int_]) -> TargetFile:
+def target_rows(
+    columns: tuple[str, ...], values: Array, lines: NDArray[np.int_], carried: Carried = MappingProxyType({})
+) -> TargetFile:
     """Targets of rows (n, len(columns)) of numbers, which need not be finite."""
     problems = {
         int(row): f"{columns[int(np.argmin(np.isfinite(values[row])))]} is not finite"
@@ -66,7 +75,7 @@ def target_rows(columns: tuple[str, ...], values: Array, lines: NDArray[np.int_]
         usable[list(problems)] = _placeholder(columns)
     orientation = columns[3:]
     if not orientation:
-        return TargetFile(columns, values, usable, lines, problems)
+        return TargetFile(columns, values, usable, lines, problems, carried)
     matrices = np.zeros((len(values), 4, 4))
     matrices[:, 3, 3] = 1.0
     matrices[:, :3, 3] = usable[:, :3]
@@ -84,7 +93,7 @@ def target_rows(columns: tuple[str, ...], values: Array, lines: NDArray[np.int_]
         problems |= {int(row): f"{MATRIX[0]} ... {MATRIX[-1]} is not a rotation matrix" for row in wrong}
     rotations[wrong] = np.eye(3)
     matrices[:, :3, :3] = rotations
-    return TargetFile(columns, values, matrices, lines, problems)
+    return TargetFile(columns, values, matrices, lines, problems, carried)
 
 
 def _placeholder(columns: tuple[str, ...]) -> Array:
@@ -98,25 +107,27 @@ def _placeholder(columns: tuple[str, ...]) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Columns:
-    """The columns of a file that make a target.
+    """The columns of a file that make a target, and those that are carried through.
 
     Attributes:
         names: x, y, z, followed by qw, qx, qy, qz, by roll, pitch, yaw, by r11, r12, ..., r33, or by nothing where
             orientations are free.
         places: index of each of them in a row of the file.
-        header: every column of the file, as written.
+        carried: names of the columns that are carried through, and the index of each.
+        count: how many columns the file has.
     """
 
     names: tuple[str, ...]
     places: tuple[int, ...]
-    header: tuple[str, ...]
+    carried: Mapping[str, int]
+    count: int
 
 
 def choose_columns(path: Path, header: Sequence[str], place: str = ", line 1") -> Columns:
     """The columns to read; `place` is where in the file they are named.
 
     Raises:
-        InvalidInputError: a column is missing, unknown or repeated, or orientations are given twice.
+        InvalidInputError: a column is missing or repeated, orientations are given twice, or under other names.
     """
     names = tuple(name.strip() for name in header)
     place = f"{path}{place}"
@@ -135,21 +146,23 @@ def choose_columns(path: Path, header: Sequence[str], place: str = ", line 1") -
         raise InvalidInputError(
             f"{place}: column {', '.join(missing)} is missing; needed: {', '.join(wanted)}; found: {found}"
         )
-    unknown = [name for name in names if not (name in wanted or _ignored(name))]
-    if unknown:
+    carried = {name: at for at, name in enumerate(names) if name and name not in wanted and not is_answer(name)}
+    turned = [name for name in carried if _TURNED.fullmatch(re.sub(r"[\W_]", "", name).lower())]
+    if not oriented and len(turned) >= _LEAST_NUMBERS:
         raise InvalidInputError(
-            f"{place}: unknown column {', '.join(unknown)}; orientations are {', '.join(QUATERNION)}, or "
-            f"{', '.join(RPY)}, or {', '.join(MATRIX)}, remarks {', '.join(REMARKS)}"
+            f"{place}: column {', '.join(turned)} looks like an orientation, which would be lost: orientations are "
+            f"{', '.join(QUATERNION)}, or {', '.join(RPY)} [rad], or {', '.join(MATRIX)}; rename what is not one"
         )
-    return Columns(wanted, tuple(names.index(name) for name in wanted), names)
+    return Columns(wanted, tuple(names.index(name) for name in wanted), carried, len(names))
 
 
 def _name_of(group: tuple[str, ...]) -> str:
     return {QUATERNION: "quaternions", RPY: "roll, pitch, yaw", MATRIX: "matrices"}[group]
 
 
-def _ignored(name: str) -> bool:
-    return not name or name in REMARKS or name in ANSWERS or _JOINT.fullmatch(name) is not None
+def is_answer(name: str) -> bool:
+    """Whether a column is one of those that files of answers have beside the target."""
+    return name in ANSWERS or _JOINT.fullmatch(name) is not None
 
 
 def rotations_from_quats(quats_wxyz: Array) -> tuple[Array, NDArray[np.int_]]:

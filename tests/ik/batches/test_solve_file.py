@@ -7,6 +7,7 @@ import dataclasses
 import errno
 import importlib
 import os
+import pickle
 import signal
 import subprocess
 import sys
@@ -105,6 +106,151 @@ def test_matrices_in_an_npz_are_the_targets_of_a_batch(solver: IKSolver, targets
         names = found["status_names"][found["status"]]
         assert (names[5], names[6]) == ("UNREACHABLE", "OK")
         np.testing.assert_array_equal(found["r12"], targets[:, 0, 1])
+
+
+NOTES = [f"part {row}, 'Ä' \"{'#' * (row % 40)}\"\n" if row % 7 else "" for row in range(N)]
+FORCES = np.random.default_rng(3).normal(size=N)
+COUNTS = np.arange(N) * 10**15  # of more digits than a float has
+
+
+def write_with_remarks(path: Path, targets: Array) -> Path:
+    """A file of targets with columns of remarks, before and behind; text, floats and whole numbers."""
+    numbers = dict(zip(("x", "y", "z", "qw", "qx", "qy", "qz"), quaternions(targets).T, strict=True))
+    columns: dict[str, Any] = {"remark, long": NOTES, **numbers, "t": FORCES, "count": COUNTS}
+    if path.suffix == ".csv":
+        with path.open("w", newline="", encoding="utf-8") as file:
+            writer = csv.writer(file, lineterminator="\n")
+            writer.writerow(columns)
+            writer.writerows(zip(*(np.asarray(column).tolist() for column in columns.values()), strict=True))
+    elif path.suffix == ".npz":
+        np.savez(path, allow_pickle=False, **columns)
+    else:
+        table = importlib.import_module("pyarrow").table(columns)
+        importlib.import_module("pyarrow.parquet").write_table(table, path, row_group_size=50)
+    return path
+
+
+def remarks(path: Path) -> dict[str, list[Any]]:
+    """What a file of answers carries, as its format reads it."""
+    if path.suffix == ".npz":
+        with np.load(path) as arrays:
+            return {name: arrays[name].tolist() for name in ("remark, long", "t", "count")}
+    if path.suffix == ".parquet":
+        table = importlib.import_module("pyarrow.parquet").read_table(path)
+        assert table.column_names[-4:] == ["message", "remark, long", "t", "count"]
+        return {name: table.column(name).to_pylist() for name in table.column_names[-3:]}
+    with path.open(newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert list(rows[0])[-4:] == ["message", "remark, long", "t", "count"]
+    return {name: [row[name] for row in rows] for name in ("remark, long", "t", "count")}
+
+
+@pytest.mark.parametrize("before", [".csv", ".npz", ".parquet"])
+@pytest.mark.parametrize("after", [".csv", ".npz", ".parquet"])
+def test_remarks_travel_from_every_format_to_every_other(
+    solver: IKSolver, targets: Array, tmp_path: Path, before: str, after: str
+) -> None:
+    source, out = write_with_remarks(tmp_path / f"in{before}", targets), tmp_path / f"out{after}"
+    assert solve_file(solver, source, out).carried == ("remark, long", "t", "count")
+    if ".csv" in (before, after):  # which has texts
+        expected: dict[str, list[Any]] = {
+            "remark, long": NOTES,
+            "t": [*map(repr, FORCES.tolist())],
+            "count": [*map(str, COUNTS.tolist())],
+        }
+    else:
+        expected = {"remark, long": NOTES, "t": FORCES.tolist(), "count": COUNTS.tolist()}
+    assert remarks(out) == expected
+    again = tmp_path / f"again{after}"
+    solve_file(solver, out, again)  # answers are targets
+    assert again.read_bytes() == out.read_bytes()
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".npz", ".parquet"])
+def test_remarks_come_with_the_rows_to_workers_without_the_file(
+    solver: IKSolver, targets: Array, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix: str
+) -> None:
+    source = write_with_remarks(tmp_path / f"in{suffix}", targets)
+    solve_file(solver, source, tmp_path / f"a{suffix}", workers=1)
+
+    def elsewhere(job: chunk.ChunkJob) -> object:
+        if isinstance(rows := job.rows, chunk.RowsInFile):
+            job = dataclasses.replace(job, rows=rows._replace(stamp=rows.stamp._replace(path=tmp_path / "elsewhere")))
+        return chunk.make(pickle.loads(pickle.dumps(job)))
+
+    monkeypatch.setattr(module, "make", elsewhere)
+    solve_file(solver, source, tmp_path / f"b{suffix}", workers=2)
+    assert (tmp_path / f"a{suffix}").read_bytes() == (tmp_path / f"b{suffix}").read_bytes()
+
+
+def test_remarks_of_a_run_that_is_continued(solver: IKSolver, targets: Array, tmp_path: Path) -> None:
+    source, out = write_with_remarks(tmp_path / "in.csv", targets), tmp_path / "out.npz"
+    solve_file(solver, source, tmp_path / "whole.npz")
+
+    def stop(_: Progress) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        solve_file(solver, source, out, workers=1, progress=stop)
+    assert solve_file(solver, source, out).resumed >= ROWS
+    assert out.read_bytes() == (tmp_path / "whole.npz").read_bytes()
+
+
+def test_columns_of_unusual_types_and_missing_values_travel(solver: IKSolver, targets: Array, tmp_path: Path) -> None:
+    pa, parquet = importlib.import_module("pyarrow"), importlib.import_module("pyarrow.parquet")
+    days = np.arange("2026-01-01", "2026-01-04", dtype="datetime64[D]")
+    columns = {
+        **dict(zip("xyz", targets[:3, :3, 3].T, strict=True)),
+        "day": days,
+        "kind": pa.array(["a", "b", "a"]).dictionary_encode(),
+        "missing": pa.array([1, None, 3]),
+        "seen": pa.array([True, None, False]),
+        "rows": pa.array([[1], [2, 3], []]),
+    }
+    parquet.write_table(pa.table(columns), tmp_path / "in.parquet")
+    solve_file(solver, tmp_path / "in.parquet", tmp_path / "same.parquet")
+    table = parquet.read_table(tmp_path / "same.parquet").select(list(columns))
+    assert table.to_pydict() == pa.table(columns).to_pydict()
+    solve_file(solver, tmp_path / "in.parquet", tmp_path / "out.npz")
+    with np.load(tmp_path / "out.npz") as arrays:
+        assert arrays["day"].tolist() == days.tolist()
+        assert arrays["kind"].tolist() == ["a", "b", "a"]
+        np.testing.assert_array_equal(arrays["missing"], [1.0, np.nan, 3.0])
+        assert arrays["seen"].tolist() == ["True", "", "False"]
+        assert arrays["rows"].tolist() == ["[1]", "[2, 3]", "[]"]
+    solve_file(solver, tmp_path / "in.parquet", tmp_path / "out.csv")
+    with (tmp_path / "out.csv").open(newline="", encoding="utf-8") as file:
+        first, second, _ = csv.DictReader(file)
+    assert [first[name] for name in ("day", "kind", "missing", "seen", "rows")] == [
+        "2026-01-01",
+        "a",
+        "1",
+        "True",
+        "[1]",
+    ]
+    assert [second[name] for name in ("missing", "seen")] == ["", ""]
+    unusual = {"big": np.arange(3, dtype=">f8"), "hour": days.astype("M8[h]"), "raw": np.array([b"a", b"", b"c"])}
+    np.savez(tmp_path / "in.npz", allow_pickle=False, targets=targets[:3], **unusual, table=np.eye(2), x=np.zeros(3))
+    for suffix in (".npz", ".parquet", ".csv"):
+        summary = solve_file(solver, tmp_path / "in.npz", tmp_path / f"out{suffix}")
+        assert summary.carried == ("big", "hour", "raw")
+    with np.load(tmp_path / "out.npz") as arrays:
+        for name, values in unusual.items():
+            np.testing.assert_array_equal(arrays[name], values)
+    assert parquet.read_table(tmp_path / "out.parquet").column("raw").to_pylist() == ["a", "", "c"]
+
+
+def test_what_cannot_be_carried_is_refused_before_anything_is_solved(
+    solver: IKSolver, targets: Array, tmp_path: Path
+) -> None:
+    np.savez(tmp_path / "in.npz", allow_pickle=True, targets=targets, who=np.array([None] * N))
+    with pytest.raises(InvalidInputError, match=r"array 'who': cannot be carried through, since it holds object"):
+        solve_file(solver, tmp_path / "in.npz", tmp_path / "out.npz")
+    (tmp_path / "in.csv").write_text("x,y,z,q\n0.3,0.2,0.4,1\n")
+    with pytest.raises(InvalidInputError, match=r"column q cannot be carried through; rename it, or write \.csv"):
+        solve_file(solver, tmp_path / "in.csv", tmp_path / "out.npz")
+    assert not list(tmp_path.glob("out*"))
+    assert solve_file(solver, tmp_path / "in.csv", tmp_path / "out.csv").carried == ("q",)
 
 
 def test_rows_that_are_not_finite_have_a_status(solver: IKSolver, targets: Array, tmp_path: Path) -> None:

@@ -55,6 +55,14 @@ def test_columns_may_stand_in_any_order_beside_remarks(file: Path) -> None:
     assert read.lines.tolist() == [2, 4, 6]
 
 
+def test_other_columns_are_carried_as_they_stand(file: Path) -> None:
+    rows = " 007 ,1,2,3,, 1.50,9,1,0,0,0,OK\nÄ#x,1,2,3,a\\,-0,9,1,0,0,0,\n"
+    read = read_targets(written(file, f"part no.,x,y,z,rx,force [N],,qw,qx,qy,qz,status\n{rows}"))
+    assert read.carried == {"part no.": [" 007 ", "Ä#x"], "rx": ["", "a\\"], "force [N]": [" 1.50", "-0"]}
+    file.write_bytes(b'note,x,y,z,more\r\n"a, ""b""\r\nc\n",1,2,3, d\r\n,1,2,3\r\n')
+    assert read_targets(file).carried == {"note": ['a, "b"\r\nc\n', ""], "more": [" d", ""]}
+
+
 def test_a_quaternion_whose_norm_overflows_is_refused(file: Path) -> None:
     with pytest.raises(InvalidInputError, match="norm 1 .within 1 %., got norm 1e.300"):
         read_targets(written(file, "x,y,z,qw,qx,qy,qz\n0.3,0.2,0.4,-1e300,0,0,0\n"))
@@ -82,7 +90,9 @@ def test_every_line_end_is_read(file: Path, end: str) -> None:
         ("x,y,z\n1,inf,3\n", "line 2, column y"),
         ("x,y,z\n1,2,3\n\n1;2;3\n", "line 4"),
         ("x;y;z\n1;2;3\n", "line 1: column x, y, z is missing"),
-        ("x,y,z,rx,ry,rz\n1,2,3,0,0,0\n", "unknown column rx, ry, rz"),
+        ("x,y,z,rx,ry,rz\n1,2,3,0,0,0\n", "column rx, ry, rz looks like an orientation, which would be lost"),
+        ("x,y,z,Qw,Qx,Qy,Qz\n1,2,3,1,0,0,0\n", "line 1: column Qw, Qx, Qy, Qz looks like an orientation"),
+        ("x,y,z,roll_deg,pitch_deg,yaw_deg\n1,2,3,0,0,0\n", r"looks like .* or roll, pitch, yaw \[rad\]"),
         ("x,y,z,roll\n1,2,3,0\n", "column pitch, yaw is missing"),
         ("x,y,z,roll,pitch,yaw,qw,qx,qy,qz\n", "given twice"),
         ("X,Y,Z\n1,2,3\n", "column x, y, z is missing"),
