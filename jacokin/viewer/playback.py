@@ -10,7 +10,7 @@ import numpy as np
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
-from jacokin.model import checks
+from jacokin.model import NAMES, checks
 from jacokin.model.robot import Robot
 from jacokin.motion import files
 from jacokin.motion.trajectory import Trajectory, load_trajectory
@@ -31,10 +31,12 @@ class Playback:
 
         Args:
             trajectory: a `PathResult`, a `JointMotion`, or a file: .csv and .npz of theirs, .json of ROS, .kinova.csv.
-            robot: whose joints it moves. The columns of .kinova.csv have no names; those of .json come in any order.
+            robot: whose joints it moves. The columns of .kinova.csv have no names; those of .json come in any order,
+                and may have one prefix before all names, such as j2n6s300_.
 
         Raises:
-            InvalidInputError: not a trajectory or no such file; other joints, no rows, or times that do not increase.
+            InvalidInputError: not a trajectory or no such file; other joints, or a prefix that is the name of another
+                bundled robot; no rows, or times that do not increase.
         """
         names, t, q = _read(trajectory, robot) if isinstance(trajectory, str | Path) else _columns(trajectory)
         if names != robot.joint_names:
@@ -112,13 +114,28 @@ def _read_ros(file: Path, robot: Robot) -> Columns:
         raise InvalidInputError(f"cannot read {file}: {error.strerror or error}") from error
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError, OverflowError) as error:
         raise InvalidInputError(f"{file}: not a JointTrajectory as JSON: {error!r}") from error
-    if set(names) != set(robot.joint_names) or len(names) != robot.dof:
-        raise InvalidInputError(f"{file}: trajectory has the joints {', '.join(names)}; {robot.name} has others")
+    names = _without_prefix(file, names, robot)
     if any(len(row) != robot.dof for row in rows):
         raise InvalidInputError(f"{file}: every point must have {robot.dof} positions")
     order = [names.index(name) for name in robot.joint_names]
     q = np.array(rows, dtype=np.float64).reshape(len(rows), robot.dof)
     return robot.joint_names, np.array(times, dtype=np.float64), q[:, order]
+
+
+def _without_prefix(file: Path, names: list[str], robot: Robot) -> list[str]:
+    """The names of the joints as the robot has them, without a prefix that they have in common.
+
+    Raises:
+        InvalidInputError: other joints, or those of another bundled robot.
+    """
+    own = robot.joint_names
+    prefixes = {name.removesuffix(own[0]) for name in names if name.endswith(own[0])}
+    prefix = next((each for each in sorted(prefixes) if sorted(names) == sorted(each + name for name in own)), None)
+    if prefix is None:
+        raise InvalidInputError(f"{file}: trajectory has the joints {', '.join(names)}; {robot.name} has others")
+    if prefix.rstrip("_/") in set(NAMES) - {robot.name}:
+        raise InvalidInputError(f"{file}: trajectory has the joints {', '.join(names)}; the robot is {robot.name}")
+    return [name.removeprefix(prefix) for name in names]
 
 
 def _seconds(duration: object) -> float:

@@ -142,6 +142,33 @@ def test_ros_trajectories_are_loaded_with_joints_in_any_order(
     assert np.allclose(again.t, followed.t, atol=1e-9)
 
 
+@pytest.mark.parametrize("prefix", ["j2n6s300_", "left/", "joint_1"])
+def test_ros_trajectories_may_have_a_prefix_before_every_joint(
+    robot: Robot, followed: PathResult, tmp_path: Path, prefix: str
+) -> None:
+    file = tmp_path / "path.json"
+    followed.save(file, ros=1, joint_prefix=prefix)
+    assert np.array_equal(Playback(file, robot).q, followed.q)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "message"),
+    [
+        ("j2n6s300_", "j2s6s200_", "the joints j2s6s200_joint_1, .*; the robot is j2n6s300"),
+        ("j2n6s300_joint_2", "left_joint_2", "j2n6s300 has others"),
+        ("j2n6s300_joint_1", "j2n6s300_shoulder", "j2n6s300 has others"),
+    ],
+)
+def test_ros_trajectories_of_other_joints_are_refused(
+    robot: Robot, followed: PathResult, tmp_path: Path, before: str, after: str, message: str
+) -> None:
+    file = tmp_path / "path.json"
+    followed.save(file, joint_prefix="j2n6s300_")
+    file.write_text(file.read_text(encoding="utf-8").replace(before, after), encoding="utf-8")
+    with pytest.raises(InvalidInputError, match=message):
+        Playback(file, robot)
+
+
 def test_files_for_kinovas_driver_are_loaded(robot: Robot, followed: PathResult, tmp_path: Path) -> None:
     followed.save(tmp_path / "path.kinova.csv")
     loaded = Playback(tmp_path / "path.kinova.csv", robot)
