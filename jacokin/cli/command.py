@@ -11,10 +11,13 @@ from typing import Any
 
 import click
 
+from jacokin.cli.units import Units
 from jacokin.errors import InvalidInputError, JacokinError, UnknownNameError
 
 # Names of the library's arguments where those of the parameters differ.
 OTHER_NAMES = {"axis": "--free-axis", "range": "--free-range", "q": "ANGLE..."}
+# In a message about options, and fields of a scene, that are in radians also with --degrees.
+ALWAYS_RADIANS = ("--limit", "--finger-angle", "finger_angle")
 
 _NUMBER = re.compile(r"[-+]?((\d+\.?\d*|\.\d+)(e[-+]?\d+)?|inf(inity)?|nan)", re.IGNORECASE | re.ASCII)
 
@@ -55,7 +58,11 @@ class Command(click.Command):
             result: object = super().invoke(ctx)
         except JacokinError as error:
             flags = {str(each.name): each.opts[0] for each in self.params if each.opts[0].startswith("-")}
-            raise Refusal(name_flags(error, {**flags, **OTHER_NAMES}, ctx.params)) from error
+            text = name_flags(error, {**flags, **OTHER_NAMES}, ctx.params)
+            units = ctx.params.get("units")
+            if isinstance(units, Units) and not any(name in text for name in ALWAYS_RADIANS):
+                text = units.in_words(text)
+            raise Refusal(text) from error
         return result
 
 

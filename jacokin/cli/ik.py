@@ -17,7 +17,7 @@ from jacokin.cli.command import Command, option_group
 from jacokin.cli.options import Vector3, Vector4, Vector6
 from jacokin.cli.outputs import keep_apart
 from jacokin.cli.process import NOT_SOLVED
-from jacokin.cli.units import Units, warn_of_degrees, warn_of_joint_degrees, warn_of_millimetres
+from jacokin.cli.units import Units, warn_of_degrees, warn_of_millimetres
 from jacokin.errors import InvalidInputError
 
 if TYPE_CHECKING:
@@ -213,10 +213,9 @@ def ik(
         warn_of_degrees("--rpy", wanted.rpy, units)
     if wanted.position is not None:
         warn_of_millimetres("--position", wanted.position)
-    joints = units.for_joints(arm)
-    start = joints.option_to_si(seed)
-    if seed is not None:
-        warn_of_joint_degrees("--seed", seed, joints)
+    if wanted.free_range is not None:
+        warn_of_degrees("--free-range", wanted.free_range, units)
+    start = units.for_joints(arm).seed("--seed", seed)
     obstacles = options.load_scene(scene)
     if collision is None:
         collision = "ignore" if obstacles is None and not clearance else "reject"

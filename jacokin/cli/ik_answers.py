@@ -20,7 +20,7 @@ def show_result(solver: ik.IKSolver, result: ik.IKResult, units: Units, *, close
                 **display.head(robot, units, solver.frame),
                 "success": result.success,
                 "status": result.status,
-                "message": result.message,
+                "message": units.in_words(result.message),
                 "advice": None if result.success else result.status.value,
                 "q": joints.from_si(result.q),
                 "limit_margin": joints.from_si(margin),
@@ -134,7 +134,7 @@ def show_family(solver: ik.IKSolver, family: ik.Family, units: Units, *, as_json
                         "branch": interval.branch,
                         "start": units.from_si(interval.start),
                         "stop": units.from_si(interval.stop),
-                        "ends": [str(end) for end in interval.ends],
+                        "ends": [units.in_words(str(end)) for end in interval.ends],
                         "nearest": joints.from_si(interval.nearest()),
                         "widest": joints.from_si(interval.widest()),
                     }

@@ -9,7 +9,7 @@ import click
 from jacokin import model
 from jacokin.cli import display, options
 from jacokin.cli.command import Argument, Command
-from jacokin.cli.units import Units, warn_of_joint_degrees
+from jacokin.cli.units import Units
 
 angles = click.argument(
     "q",
@@ -41,8 +41,7 @@ def fk(q: Sequence[float], frame: str | None, units: Units, json: bool, source: 
 
     arm = source.load()
     joints = units.for_joints(arm)
-    configuration = arm.configuration(joints.to_si(q))
-    warn_of_joint_degrees("ANGLE", q, joints)
+    configuration = arm.configuration(joints.configuration("ANGLE", q))
     pose = arm.forward_kinematics(configuration, frame)
     quat = model.quat_wxyz(pose.rotation)
     rpy = [units.from_si(angle) for angle in pin.rpy.matrixToRpy(pose.rotation)]
@@ -102,8 +101,7 @@ def jacobian(
     """
     arm = source.load()
     joints = units.for_joints(arm)
-    configuration = arm.configuration(joints.to_si(q))
-    warn_of_joint_degrees("ANGLE", q, joints)
+    configuration = arm.configuration(joints.configuration("ANGLE", q))
     matrix = arm.jacobian(configuration, frame, reference)
     singular_values = arm.singular_values(configuration, frame)
     manipulability = arm.manipulability(configuration, frame)

@@ -17,7 +17,7 @@ from jacokin.cli.command import Command, NumberList, option_group
 from jacokin.cli.display import number, progress_bar, show_facts, show_table, small
 from jacokin.cli.outputs import keep_apart
 from jacokin.cli.process import NOT_SOLVED
-from jacokin.cli.units import Units
+from jacokin.cli.units import Units, warn_of_degrees
 from jacokin.errors import InvalidInputError, MissingExtraError
 
 if TYPE_CHECKING:
@@ -51,11 +51,38 @@ class PathOptions:
     units: Units
     json: bool
 
-    def turning_speed(self) -> float:
-        """The angular speed [rad/s]."""
+    def in_si(self, arm: model.Robot) -> PathNumbers:
+        """What is typed in the user's unit of angles, with a note where it looks like another one."""
         from jacokin.motion.track import ANGULAR_SPEED
 
-        return ANGULAR_SPEED if self.angular_speed is None else self.units.to_si([self.angular_speed])[0]
+        joints = self.units.for_joints(arm)
+        speed = ANGULAR_SPEED
+        if self.angular_speed is not None:
+            warn_of_degrees("--angular-speed", [self.angular_speed], self.units, "rad/s")
+            speed = self.units.to_si([self.angular_speed])[0]
+        return PathNumbers(
+            angular_speed=speed,
+            seed=joints.seed("--seed", self.seed),
+            start=joints.seed("--start", self.start),
+            velocity_limit=joints.limits("--velocity-limit", self.velocity_limit, "rad/s"),
+            acceleration_limit=joints.limits("--acceleration-limit", self.acceleration_limit, "rad/s^2"),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class PathNumbers:
+    """What `plan` and `track` hand to the library, in SI units."""
+
+    angular_speed: float
+    """[rad/s]"""
+    seed: list[float] | None
+    """(dof,) [rad]"""
+    start: list[float] | None
+    """(dof,) [rad]"""
+    velocity_limit: list[float] | None
+    """(dof,) [rad/s]"""
+    acceleration_limit: list[float] | None
+    """(dof,) [rad/s^2]"""
 
 
 path_options = option_group(
@@ -145,9 +172,11 @@ def plan(
     if free_axis is None and free_range is not None:
         raise InvalidInputError("--free-range needs --free-axis")
     units = given.units
+    if free_range is not None:
+        warn_of_degrees("--free-range", free_range, units)
     targets = [pose if free_axis is None else options.free_about(pose, free_axis, free_range, units) for pose in poses]
     arm = source.load()
-    joints = units.for_joints(arm)
+    numbers = given.in_si(arm)
     solver = ik.IKSolver(
         arm,
         given.frame,
@@ -163,12 +192,12 @@ def plan(
             targets,
             dt=given.dt,
             speed=given.speed,
-            angular_speed=given.turning_speed(),
+            angular_speed=numbers.angular_speed,
             timing=timing,
-            seed=joints.option_to_si(given.seed),
-            start=joints.option_to_si(given.start),
-            velocity_limit=joints.option_to_si(given.velocity_limit, one_for_all=True),
-            acceleration_limit=joints.option_to_si(given.acceleration_limit, one_for_all=True),
+            seed=numbers.seed,
+            start=numbers.start,
+            velocity_limit=numbers.velocity_limit,
+            acceleration_limit=numbers.acceleration_limit,
         )
 
     deliver(compute, arm, given)
@@ -194,7 +223,7 @@ def track(given: PathOptions, source: options.RobotOptions) -> None:
     poses = read_poses(given.waypoints)
     scene = options.load_scene(given.scene)
     arm = source.load()
-    joints = given.units.for_joints(arm)
+    numbers = given.in_si(arm)
 
     def compute() -> motion.PathResult:
         with progress_bar("tracking") as progress:
@@ -203,13 +232,13 @@ def track(given: PathOptions, source: options.RobotOptions) -> None:
                 poses,
                 dt=given.dt,
                 speed=given.speed,
-                angular_speed=given.turning_speed(),
+                angular_speed=numbers.angular_speed,
                 frame=given.frame,
                 tool=given.tool,
-                seed=joints.option_to_si(given.seed),
-                start=joints.option_to_si(given.start),
-                velocity_limit=joints.option_to_si(given.velocity_limit, one_for_all=True),
-                acceleration_limit=joints.option_to_si(given.acceleration_limit, one_for_all=True),
+                seed=numbers.seed,
+                start=numbers.start,
+                velocity_limit=numbers.velocity_limit,
+                acceleration_limit=numbers.acceleration_limit,
                 scene=scene,
                 clearance=given.clearance,
                 progress=progress,
@@ -285,7 +314,7 @@ def print_json(arm: model.Robot, result: motion.PathResult, given: PathOptions) 
         {
             **display.head(arm, units),
             "success": result.success,
-            "message": result.message,
+            "message": units.in_words(result.message),
             "duration": result.t[-1],
             "rows": len(result),
             "max_position_error": result.position_error.max(),
@@ -322,7 +351,7 @@ def show(arm: model.Robot, result: motion.PathResult, given: PathOptions) -> Non
     away = joints.from_si(margin[at])[nearest]
     lines = [
         ("result", "on the path throughout" if result.success else "NOT on the path throughout"),
-        ("note", result.message),
+        ("note", units.in_words(result.message)),
         ("duration", f"{result.t[-1]:.3f} s, {len(result)} rows"),
         ("largest position error", small(float(result.position_error.max()), "m")),
         ("largest orientation error", small(units.from_si(result.orientation_error.max()), units.angle)),

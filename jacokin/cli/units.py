@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
@@ -11,7 +12,12 @@ import click
 
 from jacokin import model
 
-ANGLE = re.compile(r"(-?\d+(?:\.\d+)?(?:e[-+]?\d+)?) rad\b")  # in a message
+# In a message: a number, numbers before "rad", and what was given where angles are needed.
+NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d*)?(?:e[-+]?\d+)?(?!\w)")
+ANGLES = re.compile(rf"\[?{NUMBER.pattern}(?:(?:, | to ){NUMBER.pattern})*\]? rad\b")
+GIVEN = re.compile(r"\[rad\b[^]]*\](, got (?!shape\b).*)?", re.DOTALL)
+UNIT = re.compile(r"\brad\b")
+DIGITS = 6  # of an angle in a message, or as many as it has there
 FARTHEST = 10.0  # [m] no arm of this kind reaches so far
 
 
@@ -42,7 +48,7 @@ class Units:
         """A message of the library, whose angles are in radians, in the user's unit."""
         if not self.degrees:
             return message
-        return ANGLE.sub(lambda found: f"{math.degrees(float(found[1])):.6g} deg", message)
+        return GIVEN.sub(_turned, ANGLES.sub(_turned, message))
 
     def for_joints(self, robot: model.Robot) -> JointUnits:
         """The units of a robot's joints."""
@@ -67,17 +73,30 @@ class JointUnits:
         return ["m" if is_prismatic else self.units.angle for is_prismatic in self.prismatic]
 
     def to_si(self, values: Sequence[float]) -> list[float]:
-        """What the user typed for each joint, in [rad] or [m]; a wrong number of values is passed on."""
-        if len(values) != len(self.prismatic):
-            return list(values)
+        """What the user typed for each joint, in [rad] or [m]; a wrong number of values is of angles all."""
         turned = self.units.to_si(values)
+        if len(values) != len(self.prismatic):
+            return turned
         return [float(values[k]) if is_prismatic else turned[k] for k, is_prismatic in enumerate(self.prismatic)]
 
-    def option_to_si(self, values: Sequence[float] | None, *, one_for_all: bool = False) -> list[float] | None:
-        """As `to_si`; None where an option is not given, and one number may stand for all joints."""
+    def configuration(self, option: str, values: Sequence[float]) -> list[float]:
+        """As `to_si`, with a note where radians look like degrees."""
+        turning = [value for value, slides in zip(values, self.prismatic, strict=False) if not slides]
+        warn_of_degrees(option, turning, self.units)
+        return self.to_si(values)
+
+    def seed(self, option: str, values: Sequence[float] | None) -> list[float] | None:
+        """As `configuration`; None where the option is not given."""
+        return None if values is None else self.configuration(option, values)
+
+    def limits(self, option: str, values: Sequence[float] | None, unit: str) -> list[float] | None:
+        """As `seed`, of limits in a unit such as "rad/s", of which one may stand for all joints."""
         if values is None:
             return None
-        return self.to_si([*values] * len(self.prismatic) if one_for_all and len(values) == 1 else values)
+        all_values = [*values] * len(self.prismatic) if len(values) == 1 else values
+        turning = [value for value, slides in zip(all_values, self.prismatic, strict=False) if not slides]
+        warn_of_degrees(option, turning, self.units, unit)
+        return self.to_si(all_values)
 
     def from_si(self, values: Iterable[float]) -> list[float]:
         """Joint values in the user's unit."""
@@ -99,22 +118,28 @@ class JointUnits:
         return float(value) if any(self.prismatic) else self.units.from_si(value)
 
 
-def warn_of_degrees(option: str, values: Iterable[float], units: Units) -> None:
-    """A note on stderr where angles in radians look like degrees: they exceed a full turn."""
-    if not units.degrees and any(abs(value) > 2.0 * math.pi for value in values):
-        _note(f"{option} is in radians, and an angle exceeds a full turn; --degrees is for degrees")
-
-
-def warn_of_joint_degrees(option: str, values: Sequence[float], joints: JointUnits) -> None:
-    """As `warn_of_degrees` for one value of each joint, of which those that slide are in metres anyway."""
-    turning = [value for value, slides in zip(values, joints.prismatic, strict=False) if not slides]
-    warn_of_degrees(option, turning, joints.units)
+def warn_of_degrees(option: str, values: Iterable[float], units: Units, unit: str = "rad") -> None:
+    """A note on stderr where angles in radians look like degrees: they exceed a full turn, or one in a second."""
+    if not units.degrees and any(2.0 * math.pi < abs(value) < math.inf for value in values):
+        what = "an angle exceeds a full turn" if unit == "rad" else f"{2.0 * math.pi:.3g} {unit} are a full turn"
+        _note(f"{option} is in {unit.replace('rad', 'radians', 1)}, and {what}; --degrees is for degrees")
 
 
 def warn_of_millimetres(option: str, position: Iterable[float]) -> None:
     """A note on stderr where a position in metres looks like one in millimetres."""
     if any(abs(value) > FARTHEST for value in position):
         _note(f"{option} is in metres, and a coordinate exceeds {FARTHEST:g} m; 350 mm are 0.35")
+
+
+def _turned(found: re.Match[str]) -> str:
+    """A part of a message, its angles in degrees."""
+    numbers = NUMBER.sub(lambda number: f"{math.degrees(float(number[0])):.{_digits(number[0])}g}", found[0])
+    return UNIT.sub("deg", numbers)
+
+
+def _digits(number: str) -> int:
+    """How many digits to write of an angle that is written so in radians."""
+    return min(max(DIGITS, sum(map(str.isdigit, number.partition("e")[0]))), sys.float_info.dig)
 
 
 def _note(text: str) -> None:

@@ -12,7 +12,7 @@ from jacokin import viewer
 from jacokin.cli import display, options
 from jacokin.cli.command import Command, NumberList
 from jacokin.cli.reachability import load_map
-from jacokin.cli.units import Units
+from jacokin.cli.units import Units, warn_of_degrees
 
 if TYPE_CHECKING:
     import pinocchio as pin
@@ -86,8 +86,7 @@ def view(
     """Show the arm and every branch in the browser, with a gizmo to move the target.
 
     Prints the address to open, and serves it to this computer only until Ctrl-C; its token keeps other users of the
-    computer out. --degrees is for --seed and
-    --free-range.
+    computer out. --degrees is for --seed and --free-range.
 
     Examples:
       jacokin view
@@ -98,6 +97,8 @@ def view(
       jacokin view --scene table.yaml --collision report --trajectory trajectory.csv
     """
     arm = source.load()
+    if free_range is not None:
+        warn_of_degrees("--free-range", free_range, units)
     shown = viewer.serve(
         arm,
         frame=frame,
@@ -112,7 +113,7 @@ def view(
         reachability=None if reachability is None else load_map(reachability),
         trajectory=trajectory,
         target=target,
-        seed=units.for_joints(arm).option_to_si(seed),
+        seed=units.for_joints(arm).seed("--seed", seed),
         host=host,
         port=port,
     )

@@ -87,7 +87,7 @@ def checked_start(robot: Robot, q: ArrayLike | None, name: str = "q", noise: flo
     if abs(found[joint] - inside[joint]) > noise:
         raise InvalidInputError(
             f"{name} puts {robot.joint_names[joint]} at {found[joint]:.17g} rad, outside "
-            f"[{robot.lower[joint]:.17g}, {robot.upper[joint]:.17g}]"
+            f"[{robot.lower[joint]:.17g}, {robot.upper[joint]:.17g}] rad"
         )
     return checks.read_only(inside)
 

@@ -171,11 +171,11 @@ class FreeAxis:
         direction = unit_vector("axis", axis)
         low, high = checks.vector("range", range, 2, "rad").tolist()
         if not low < high:
-            raise InvalidInputError(f"range must be (least, largest) [rad] with least < largest, got ({low}, {high})")
+            raise InvalidInputError(f"range must be (least, largest) with least < largest, got {low} to {high} rad")
         if high - low > TURN + FULL_TURN:
-            raise InvalidInputError(f"range must be at most one turn, got {high - low:.6g} rad from {low} to {high}")
+            raise InvalidInputError(f"range must be at most one turn, got {low} to {high} rad")
         if max(abs(low), abs(high)) > FARTHEST_ANGLE:
-            raise InvalidInputError(f"range must be within {FARTHEST_ANGLE:g} rad of zero, got ({low}, {high})")
+            raise InvalidInputError(f"range must be within {FARTHEST_ANGLE:g} rad of zero, got {low} to {high} rad")
         self._matrix = matrix
         self._axis = checks.read_only(direction)
         self._range = (low, high)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import jacokin
+from jacokin.cli.units import Units
 from tests.cli.run import POSE, Run
 
 TURNING = [True, True, False, True]  # the joints of the scene's arm
@@ -70,6 +71,64 @@ def test_numbers_of_another_unit_are_noticed(run: Run, arm: tuple[str, ...]) -> 
     assert "--seed is in radians" in run("ik", *POSE, "--seed", "275", "167", "57", "241", "83", "76").err
     for words in (("fk", "275", "167", "57", "241", "83", "76", "--degrees"), ("fk", "1", "1", "9.0", "1", *arm)):
         assert "note" not in run(*words).err  # degrees are asked for; the third joint slides
+
+
+@pytest.fixture
+def waypoints(tmp_path: Path) -> str:
+    """A file of a line of 1 cm."""
+    file = tmp_path / "path.csv"
+    file.write_text("x,y,z,qw,qx,qy,qz\n0.3,-0.2,0.5,0,1,0,0\n0.3,-0.2,0.51,0,1,0,0\n", encoding="utf-8")
+    return str(file)
+
+
+@pytest.mark.parametrize("command", ["plan", "track"])
+def test_numbers_of_a_path_in_another_unit_are_noticed(run: Run, waypoints: str, command: str) -> None:
+    degrees = ("275", "167", "57", "241", "83", "76")
+    words = (command, "--path", waypoints)
+    assert "--seed is in radians, and an angle exceeds a full turn" in run(*words, "--seed", *degrees).err
+    assert "--start is in radians, and an angle exceeds a full turn" in run(*words, "--start", *degrees).err
+    fast = run(*words, "--velocity-limit", "36", "--angular-speed", "30").err
+    assert "--velocity-limit is in radians/s, and 6.28 rad/s are a full turn; --degrees is for degrees" in fast
+    assert "--angular-speed is in radians/s" in fast
+    assert "note" not in run(*words, "--degrees", "--seed", *degrees, "--velocity-limit", "36").err
+
+
+def test_a_free_range_in_degrees_is_noticed(run: Run) -> None:
+    answer = run("ik", *POSE[:4], "--down", "--free-axis", "z", "--free-range", "-30", "30")
+    assert "--free-range is in radians" in answer.err
+    assert "at most one turn, got -30.0 to 30.0 rad" in answer.err
+
+
+@pytest.mark.parametrize(
+    ("message", "expected"),
+    [
+        ("at parameter 1 rad", "at parameter 57.2958 deg"),
+        ("at 7.0000000000000001 rad, outside [0, 3.14] rad", "at 401.070456591576 deg, outside [0, 179.909] deg"),
+        ("0.001 m and 1e-06 rad away", "0.001 m and 5.72958e-05 deg away"),
+        ("a limit of 0.5 to 1 rad/s, 2 rad/s^3", "a limit of 28.6479 to 57.2958 deg/s, 114.592 deg/s^3"),
+        ("q must be 6 numbers [rad], got [1.0, nan]", "q must be 6 numbers [deg], got [57.2958, nan]"),
+        ("the branch at j2n6s300 rad1 2 radii", "the branch at j2n6s300 rad1 2 radii"),
+    ],
+)
+def test_angles_in_a_message_are_turned_into_degrees(message: str, expected: str) -> None:
+    assert Units(degrees=True).in_words(message) == expected
+    assert Units(degrees=False).in_words(message) == message
+
+
+def test_refusals_are_in_degrees_too(run: Run, waypoints: str) -> None:
+    start = ("275", "10", "57", "241", "83", "76")
+    refused = run("track", "--path", waypoints, "--start", *start, "--degrees").err
+    assert "--start puts joint_2 at 10 deg, outside [47, 313] deg" in refused
+    assert "must have shape (6,) [deg], got shape (2,)" in run("fk", "275", "10", "--degrees").err
+    assert "got 10 to -10 deg" in run("ik", *POSE, "--free-axis", "z", "--free-range", "10", "-10", "--degrees").err
+    held = run("fk", *start, "--degrees", "--finger-angle", "9").err
+    assert "9.0 rad: the fingers move from 0.15 to 1.35 rad" in held  # the option is in radians
+
+
+def test_notes_of_paths_are_in_degrees_too(run: Run, waypoints: str) -> None:
+    radians, degrees = (run("plan", "--path", waypoints, *words, "--json").document for words in ((), ("--degrees",)))
+    assert " rad (joint" in str(radians["message"])
+    assert " deg (joint" in str(degrees["message"])
 
 
 def test_messages_are_in_degrees_too(run: Run) -> None:
