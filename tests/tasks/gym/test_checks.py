@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import subprocess
 import sys
 from pathlib import Path
 
+import gymnasium
 import pytest
 
 from jacokin.tasks.registry import TASKS
@@ -24,6 +26,22 @@ import runpy, sys
 sys.path.append(sys.argv.pop(1))
 runpy.run_module("tests.tasks.gym.render_program", run_name="__main__")
 """
+
+
+NAMED = "jacokin.tasks:jacokin/ReachSite-v0"
+
+
+def test_an_environment_is_made_by_the_name_of_its_module() -> None:
+    with contextlib.closing(gymnasium.make(NAMED, control="tool_velocity")) as env:
+        assert env.action_space.shape == (7,)
+
+
+@pytest.mark.slow
+def test_a_process_that_has_registered_nothing_makes_an_environment() -> None:
+    """As the workers of other libraries are, which get no more than the function that makes it."""
+    program = f"import gymnasium; gymnasium.make({NAMED!r}, goal=True).reset(seed=0)"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
 
 
 @pytest.mark.parametrize("task", slow_but(OTHERS))
