@@ -176,7 +176,12 @@ def name_flags(error: JacokinError, flags: Mapping[str, str], values: Mapping[st
         str(error),
     )
     if isinstance(error, UnknownNameError):
-        given = [flag for name, flag in flags.items() if values.get(name) == error.given]
+        given = [flag for name, flag in flags.items() if _is_or_has(values.get(name), error.given)]
         if len(given) == 1:
             text = f"{given[0]}: {text}"
     return text
+
+
+def _is_or_has(value: object, name: object) -> bool:
+    """Whether a value is this name, or has it as a key."""
+    return value == name or (isinstance(value, Mapping) and name in value)

@@ -61,8 +61,6 @@ class TargetOptions:
         Raises:
             InvalidInputError: options that do not go together, or a malformed value.
         """
-        import numpy as np
-
         if self.kinova is not None:
             at = jacokin.model.pose_from_kinova(self.kinova[:3], self.kinova[3:])
             return self._about_axis(at, units)
@@ -77,7 +75,9 @@ class TargetOptions:
         if not self.is_oriented:
             if self.is_free:
                 raise InvalidInputError("--free-axis and --free-range need an orientation to start from")
-            return np.array(self.position)
+            from jacokin.model import checks
+
+            return checks.vector("position", self.position, 3, "m")
         # Within half a turn: of more, `warn_of_degrees` has told already.
         rpy = None if self.rpy is None else [math.remainder(angle, 2.0 * math.pi) for angle in units.to_si(self.rpy)]
         return self._about_axis(jacokin.pose(self.position, self.quat_wxyz, rpy=rpy, down=self.down), units)

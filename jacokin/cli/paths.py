@@ -52,7 +52,13 @@ class PathOptions:
     json: bool
 
     def in_si(self, arm: model.Robot) -> PathNumbers:
-        """What is typed in the user's unit of angles, with a note where it looks like another one."""
+        """What is typed in the user's unit of angles, with a note where it looks like another one.
+
+        Raises:
+            InvalidInputError: a wrong number of values, or options that do not go together.
+        """
+        if self.seed is not None and self.start is not None:
+            raise InvalidInputError("give at most one of --seed and --start")
         from jacokin.motion.track import ANGULAR_SPEED
 
         joints = self.units.for_joints(arm)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import click
 
 from jacokin import model
+from jacokin.errors import InvalidInputError
 
 # In a message: a number, numbers before "rad", and what was given where angles are needed.
 NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d*)?(?:e[-+]?\d+)?(?!\w)")
@@ -73,14 +74,18 @@ class JointUnits:
         return ["m" if is_prismatic else self.units.angle for is_prismatic in self.prismatic]
 
     def to_si(self, values: Sequence[float]) -> list[float]:
-        """What the user typed for each joint, in [rad] or [m]; a wrong number of values is of angles all."""
+        """What the user typed for each joint, in [rad] or [m]."""
         turned = self.units.to_si(values)
-        if len(values) != len(self.prismatic):
-            return turned
         return [float(values[k]) if is_prismatic else turned[k] for k, is_prismatic in enumerate(self.prismatic)]
 
     def configuration(self, option: str, values: Sequence[float]) -> list[float]:
-        """As `to_si`, with a note where radians look like degrees."""
+        """As `to_si`, with a note where radians look like degrees.
+
+        Raises:
+            InvalidInputError: not one value for each joint.
+        """
+        if len(values) != len(self.prismatic):
+            raise InvalidInputError(f"{option} must be {len(self.prismatic)} numbers, got {len(values)}")
         turning = [value for value, slides in zip(values, self.prismatic, strict=False) if not slides]
         warn_of_degrees(option, turning, self.units)
         return self.to_si(values)
@@ -90,9 +95,15 @@ class JointUnits:
         return None if values is None else self.configuration(option, values)
 
     def limits(self, option: str, values: Sequence[float] | None, unit: str) -> list[float] | None:
-        """As `seed`, of limits in a unit such as "rad/s", of which one may stand for all joints."""
+        """As `seed`, of limits in a unit such as "rad/s", of which one may stand for all joints.
+
+        Raises:
+            InvalidInputError: neither one value nor one for each joint.
+        """
         if values is None:
             return None
+        if len(values) not in (1, len(self.prismatic)):
+            raise InvalidInputError(f"{option} must be one number or {len(self.prismatic)}, got {len(values)}")
         all_values = [*values] * len(self.prismatic) if len(values) == 1 else values
         turning = [value for value, slides in zip(all_values, self.prismatic, strict=False) if not slides]
         warn_of_degrees(option, turning, self.units, unit)

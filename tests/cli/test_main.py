@@ -102,7 +102,7 @@ def test_the_package_runs_as_a_module() -> None:
         (("plan", "--json"), "Missing option '--path'"),
         (("map", "query", "j2n6s300", "--down"), "Missing option '--position'"),
         (("fk", "--json"), "Missing argument 'ANGLE...'"),
-        (("fk", "1", "2", "3"), "shape (6,)"),
+        (("fk", "1", "2", "3"), "6 numbers, got 3"),
         (("fk", "a", "b"), "ANGLE"),
         (("fk", *HOME, "--base", "lnk_base"), "Did you mean 'link_base'"),
         (("jacobian", *HOME, "--reference", "globe"), "local_world_aligned"),
@@ -116,9 +116,11 @@ def test_the_package_runs_as_a_module() -> None:
         (("ik", *POSE, "--base", "nowhere"), "--base: unknown frame 'nowhere'"),
         (("ik", *POSE, "--frame", "nowhere"), "--frame: unknown frame 'nowhere'"),
         (("ik", *POSE, "--qp-solver", "magic", "--method", "qp"), "--qp-solver: unknown"),
-        (("ik", *POSE, "--seed", "1", "2", "3"), "jacokin: --seed must have shape (6,)"),
+        (("ik", *POSE, "--seed", "1", "2", "3"), "jacokin: --seed must be 6 numbers, got 3"),
         (("ik", *POSE, "--robot", "/"), "folder"),
-        (("fk", "1", "2"), "ANGLE... must have shape (6,)"),
+        (("fk", "1", "2"), "ANGLE must be 6 numbers, got 2"),
+        (("ik", "--position", "nan", "0", "0"), "--position must be finite"),
+        (("ik", *POSE, "--limit", "joint_9=1,2"), "--limit: unknown joint 'joint_9'"),
     ],
 )
 def test_wrong_input_is_one_sentence_and_exit_code_2(run: Run, words: tuple[str, ...], message: str) -> None:

@@ -91,6 +91,8 @@ def test_numbers_of_a_path_in_another_unit_are_noticed(run: Run, waypoints: str,
     assert "--velocity-limit is in radians/s, and 6.28 rad/s are a full turn; --degrees is for degrees" in fast
     assert "--angular-speed is in radians/s" in fast
     assert "note" not in run(*words, "--degrees", "--seed", *degrees, "--velocity-limit", "36").err
+    assert "--velocity-limit must be one number or 6, got 2" in run(*words, "--velocity-limit", "1", "2").err
+    assert "give at most one of --seed and --start" in run(*words, "--seed", *degrees, "--start", *degrees).err
 
 
 def test_a_free_range_in_degrees_is_noticed(run: Run) -> None:
@@ -107,6 +109,7 @@ def test_a_free_range_in_degrees_is_noticed(run: Run) -> None:
         ("0.001 m and 1e-06 rad away", "0.001 m and 5.72958e-05 deg away"),
         ("a limit of 0.5 to 1 rad/s, 2 rad/s^3", "a limit of 28.6479 to 57.2958 deg/s, 114.592 deg/s^3"),
         ("q must be 6 numbers [rad], got [1.0, nan]", "q must be 6 numbers [deg], got [57.2958, nan]"),
+        ("q must have shape (6,) [rad], got shape (2,)", "q must have shape (6,) [deg], got shape (2,)"),
         ("the branch at j2n6s300 rad1 2 radii", "the branch at j2n6s300 rad1 2 radii"),
     ],
 )
@@ -119,7 +122,6 @@ def test_refusals_are_in_degrees_too(run: Run, waypoints: str) -> None:
     start = ("275", "10", "57", "241", "83", "76")
     refused = run("track", "--path", waypoints, "--start", *start, "--degrees").err
     assert "--start puts joint_2 at 10 deg, outside [47, 313] deg" in refused
-    assert "must have shape (6,) [deg], got shape (2,)" in run("fk", "275", "10", "--degrees").err
     assert "got 10 to -10 deg" in run("ik", *POSE, "--free-axis", "z", "--free-range", "10", "-10", "--degrees").err
     held = run("fk", *start, "--degrees", "--finger-angle", "9").err
     assert "9.0 rad: the fingers move from 0.15 to 1.35 rad" in held  # the option is in radians
