@@ -40,7 +40,7 @@ def test_an_environment_is_made_by_the_name_of_its_module() -> None:
 def test_a_process_that_has_registered_nothing_makes_an_environment() -> None:
     """As the workers of other libraries are, which get no more than the function that makes it."""
     program = f"import gymnasium; gymnasium.make({NAMED!r}, goal=True).reset(seed=0)"
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    done = subprocess.run([sys.executable, "-P", "-c", program], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
 
 
