@@ -120,7 +120,7 @@ target_options = option_group(
     "--targets",
     type=options.FILE,
     metavar="FILE",
-    help="Solve every row of a .csv, .npz or .parquet: columns x,y,z and qw,qx,qy,qz or none.",
+    help="Solve every row of a .csv, .npz or .parquet: columns x,y,z and qw,qx,qy,qz or none; others are kept.",
 )
 @click.option(
     "--output", type=options.FILE, metavar="FILE", help="Write the answers to --targets to this .csv, .npz or .parquet."
