@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from jacokin.cli import process
+from jacokin.cli.process import NOT_SOLVED, WRONG_INPUT
 from tests.cli.run import ENVIRONMENT, HOME, POSE, Run, start
 
 COMMAND = [sys.executable, "-P", "-m", "jacokin"]
@@ -142,11 +143,13 @@ def test_ctrl_c_at_any_moment_is_no_traceback(module: str, code: int, said: str)
 
 def test_control_characters_do_not_reach_the_terminal(run: Run, tmp_path: Path) -> None:
     file = tmp_path / "targets.csv"
-    file.write_text("x,y,z,\x1b[31mred\x07\n1,2,3,4\n", encoding="utf-8")
-    answer = run("ik", "--targets", str(file))
-    assert answer.code == 2
-    assert r"\x1b[31mred\x07" in answer.err
-    assert not set(answer.err) & {"\x1b", "\x07"}
+    name = "\x1b[31mred\x07"
+    for header, code in ((f"x,y,z,{name}", NOT_SOLVED), (f"x,y,{name},{name}", WRONG_INPUT)):
+        file.write_text(f"{header}\n1,2,3,4\n", encoding="utf-8")
+        answer = run("ik", "--targets", str(file), "--output", str(tmp_path / "joints.csv"))
+        assert answer.code == code
+        assert r"\x1b[31mred\x07" in answer.out + answer.err
+        assert not set(answer.out + answer.err) & {"\x1b", "\x07"}
 
 
 def test_a_terminal_without_the_characters_gets_escapes() -> None:
