@@ -1,0 +1,113 @@
+/* What the files of the C library have in common: the solver, work memory as tables of arrays, and kinematics.
+ *
+ * solver.c     making a solver, what it knows, forward kinematics
+ * branches.c   every branch of a pose of six joints, and the nearest one; reads its targets, as curves.c does
+ * curves.c     one free parameter: intervals, points on them, the nearest one
+ *
+ * The kernels are Python, compiled to functions that take a table of the addresses of their arrays. arrays.h is
+ * written from that Python when the library is built: which arrays there are, and how long, is said there and nowhere
+ * else.
+ */
+
+#ifndef JACOKIN_COMMON_H
+#define JACOKIN_COMMON_H
+
+#include <math.h>
+#include <stdint.h>
+
+#include "arrays.h"
+#include "jacokin_ik.h"
+
+#define PI 3.141592653589793
+#define TURN (2.0 * PI)
+
+/* Doubles of a solver file that its chain, constants and joints take at most. */
+enum { MAX_CHAIN = (JACOKIN_IK_MAX_DOF + 1) * 12, CONSTANTS_SIX = 39, CONSTANTS_SEVEN = 12 };
+
+struct jacokin_ik_solver {
+    int dof;
+    double chain[MAX_CHAIN];         /* (dof + 1, 3, 4) placements between joints that turn about z */
+    double constants[CONSTANTS_SIX]; /* what the kernels know about the mechanism */
+    double lower[JACOKIN_IK_MAX_DOF], upper[JACOKIN_IK_MAX_DOF], home[JACOKIN_IK_MAX_DOF]; /* [rad] */
+    double limits[3 * 6];            /* six joints, for the kernels: lower, upper, and the snap distance */
+    double snap;                     /* [rad] a joint past its limit by no more is put on it */
+    double position_tolerance;       /* [m] */
+    double orientation_tolerance;    /* [rad] */
+    const char *names[3 + JACOKIN_IK_MAX_DOF]; /* robot, base, frame, joints */
+    char *text;                      /* what they point into */
+};
+
+/* --- Work memory: a table of addresses, and the arrays themselves --------------------------------------------- */
+
+/* Positions in the tables. An array of any length is followed by its length. */
+#define POSITION(name, numbers) TARGETS_##name,
+#define FREE_POSITION(name, numbers) TARGETS_##name, TARGETS_##name##_length,
+enum { JACOKIN_SOLVE_TARGETS(POSITION, FREE_POSITION) TARGETS_TABLE };
+#undef POSITION
+#undef FREE_POSITION
+#define POSITION(name, numbers) CURVES_##name,
+enum { JACOKIN_RUN_CURVES(POSITION, POSITION) CURVES_TABLE };
+#undef POSITION
+
+/* Every entry is 8 bytes: a double, an int64_t, or the address of some. */
+typedef union {
+    double *numbers;
+    int64_t *integers;
+    void *address;
+    int64_t length;
+} entry;
+
+/* The kernels. */
+int64_t jacokin_solve_targets(entry *table);
+int64_t jacokin_run_curves(entry *table);
+
+/* A call's memory, laid out by jacokin_lay_out. */
+typedef struct {
+    entry *targets; /* TARGETS_TABLE entries */
+    entry *curves;  /* CURVES_TABLE entries; null where the memory is for poses only */
+} layout;
+
+/* Lay tables and arrays out in the caller's memory. JACOKIN_IK_WORK_TOO_SMALL, JACOKIN_IK_BAD_ARGUMENT. */
+int jacokin_lay_out(const jacokin_ik_solver *solver, void *work, size_t work_size, enum jacokin_ik_task task,
+                    layout *memory);
+
+/* --- What is checked at the border ----------------------------------------------------------------------------- */
+
+/* Copy a target, its rotation made orthonormal. JACOKIN_IK_NOT_FINITE, JACOKIN_IK_NOT_RIGID. */
+int jacokin_read_target(const double *target, double *T);
+
+/* Copy a seed, moved inside the limits; home for null. JACOKIN_IK_NOT_FINITE. */
+int jacokin_read_seed(const jacokin_ik_solver *solver, const double *seed, double *inside);
+
+/* --- Kinematics ------------------------------------------------------------------------------------------------ */
+
+/* Fill the pose (16) of the tool at q. */
+void jacokin_forward(const jacokin_ik_solver *solver, const double *q, double *pose);
+
+/* Position error [m] and orientation error [rad] of q against a target (16). */
+void jacokin_measure(const jacokin_ik_solver *solver, const double *T, const double *q, double *position,
+                     double *orientation);
+
+/* Whether q reaches a target (16): within every limit exactly, and within the tolerances. */
+int jacokin_reaches(const jacokin_ik_solver *solver, const double *T, const double *q);
+
+/* The copy of an angle within its limits that is nearest to it; without one, the nearer limit [rad]. */
+double jacokin_into_limits(double angle, double lower, double upper);
+
+/* Fill q with NaN, and return the status. */
+int jacokin_no_answer(const jacokin_ik_solver *solver, double *q, int status);
+
+/* --- Six joints ------------------------------------------------------------------------------------------------ */
+
+/* Run the closed form on a target and a seed that were checked; its rows, nearest to the seed first, are then in
+ * table[TARGETS_pose_branches_rows]. Returns how many there are; *dropped tells whether some may be missing. */
+int jacokin_find_branches(const jacokin_ik_solver *solver, const double *T, const double *seed, entry *table,
+                          int *dropped);
+
+/* --- Seven joints ---------------------------------------------------------------------------------------------- */
+
+/* jacokin_ik_nearest for a target and a seed that were checked. */
+int jacokin_nearest_member(const jacokin_ik_solver *solver, const double *T, const double *seed, layout *memory,
+                           double *q);
+
+#endif
