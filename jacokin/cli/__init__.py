@@ -9,5 +9,6 @@ paths                      `plan`, `track`
 reachability               `map`, `place`
 task, viewer               `task`; `view`
 crosscheck, doctor         `crosscheck`; `doctor` and `warmup`
+export_c                   `export-c`, for the C library
 demo, picture              `demo`, and the picture that it draws
 """

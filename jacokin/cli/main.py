@@ -47,6 +47,7 @@ COMMANDS = {
     "map": "reachability",
     "place": "reachability",
     "crosscheck": "crosscheck",
+    "export-c": "export_c",
     "demo": "demo",
     "doctor": "doctor",
     "warmup": "doctor",
@@ -64,7 +65,9 @@ class Commands(click.Group):
         """One of them."""
         if name not in COMMANDS:
             return None
-        command: click.Command = getattr(importlib.import_module(f"jacokin.cli.{COMMANDS[name]}"), name)
+        command: click.Command = getattr(
+            importlib.import_module(f"jacokin.cli.{COMMANDS[name]}"), name.replace("-", "_")
+        )
         return command
 
 

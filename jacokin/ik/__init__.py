@@ -11,6 +11,7 @@ verification, diagnosis  the check behind every success; the status of everythin
 results                  statuses and results
 files                    files of target poses and of answers
 batches                  many targets, and files of any length, through any executor
+c_library                a solver for C programs
 """
 
 from jacokin import lazy

@@ -1,6 +1,7 @@
 from jacokin.chunks.execution import Progress as Progress
 from jacokin.ik.batches.chunk import FileSummary as FileSummary
 from jacokin.ik.batches.solve_file import solve_file as solve_file
+from jacokin.ik.c_library import export_c as export_c
 from jacokin.ik.closed_form import Branches as Branches
 from jacokin.ik.families.family import Family as Family
 from jacokin.ik.families.family import Interval as Interval

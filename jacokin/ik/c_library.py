@@ -1,0 +1,136 @@
+"""`export_c`: a solver for the C library: its file, header, library and CMake package in one folder.
+
+``jacokin/include/jacokin_ik.h`` says what the library does. The layout of the file stands in
+``jacokin/kernels/c/solver.c``, beside the function that reads it.
+"""
+
+from __future__ import annotations
+
+import shlex
+import shutil
+import struct
+from pathlib import Path
+
+import numpy as np
+
+from jacokin import __version__
+from jacokin.errors import InvalidInputError
+from jacokin.files import replacing
+from jacokin.ik.geometry import measure_seven
+from jacokin.ik.solver import IKSolver
+from jacokin.kernels import library
+
+#: The folder with the headers.
+INCLUDE = Path(__file__).parents[1] / "include"
+HEADERS = ("jacokin_ik.h", "jacokin_ik.hpp")
+#: What the file of a solver is called: the robot's name and this.
+ENDING = ".jacokin"
+#: The file begins with this; the version is that of its layout.
+MAGIC, VERSION = b"jacokin\0", 1
+#: Where CMake looks for a package, below the folder that it is told.
+CMAKE = Path("lib", "cmake", "jacokin_ik")
+
+_CONFIG = """\
+# find_package(jacokin_ik), with the folder that `jacokin export-c` filled in CMAKE_PREFIX_PATH, brings the target
+# jacokin::ik: `target_link_libraries(mine PRIVATE jacokin::ik)`.
+get_filename_component(_jacokin_root "${{CMAKE_CURRENT_LIST_DIR}}/../../.." ABSOLUTE)
+if(NOT TARGET jacokin::ik)
+  add_library(jacokin::ik SHARED IMPORTED)
+  set_target_properties(jacokin::ik PROPERTIES
+    IMPORTED_LOCATION "${{_jacokin_root}}/lib/{library}"
+    INTERFACE_INCLUDE_DIRECTORIES "${{_jacokin_root}}/include")
+endif()
+unset(_jacokin_root)
+set(jacokin_ik_FOUND TRUE)
+"""
+_CONFIG_VERSION = """\
+set(PACKAGE_VERSION "{version}")
+if(PACKAGE_FIND_VERSION VERSION_GREATER PACKAGE_VERSION)
+  set(PACKAGE_VERSION_COMPATIBLE FALSE)
+else()
+  set(PACKAGE_VERSION_COMPATIBLE TRUE)
+  if(PACKAGE_FIND_VERSION VERSION_EQUAL PACKAGE_VERSION)
+    set(PACKAGE_VERSION_EXACT TRUE)
+  endif()
+endif()
+"""
+
+
+def export_c(solver: IKSolver, folder: Path) -> Path:
+    """Fill a folder with all that a C program needs to solve with the same numbers.
+
+    Args:
+        solver: a solver whose robot has a closed form, with collision="ignore".
+        folder: made where it is not there; files of an earlier export are replaced.
+
+    Returns:
+        The solver's file: ``<robot>.jacokin``. Beside it are ``include``, ``lib`` and in it the CMake package.
+
+    Raises:
+        InvalidInputError: the solver looks for contact or solves by the QP only; a file cannot be written.
+        StructureError: the robot has no closed form.
+    """
+    contents = solver_file(solver)
+    versions = {"library": library.PATH.name, "version": __version__}
+    texts = {
+        CMAKE / "jacokin_ikConfig.cmake": _CONFIG.format(**versions),
+        CMAKE / "jacokin_ikConfigVersion.cmake": _CONFIG_VERSION.format(**versions),
+    }
+    copies = {Path("lib", library.PATH.name): library.PATH, **{Path("include", name): INCLUDE / name for name in HEADERS}}
+    for place in (*texts, *copies):
+        try:
+            (folder / place).parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InvalidInputError(f"{folder}: cannot be written: {error.strerror}") from error
+    for place, text in texts.items():
+        with replacing(folder / place) as path:
+            path.write_text(text, encoding="utf-8")
+    for place, source in copies.items():
+        with replacing(folder / place) as path:
+            shutil.copyfile(source, path)
+    target = folder / (Path(solver.robot.name).name + ENDING)
+    with replacing(target) as path:
+        path.write_bytes(contents)
+    return target
+
+
+def compiler_flags() -> str:
+    """What a C compiler is told to use the installed package's header and library, quoted for a shell."""
+    place = str(library.PATH.parent)
+    words = [f"-I{INCLUDE}", f"-L{place}", f"-l{library.PATH.stem.removeprefix('lib')}", f"-Wl,-rpath,{place}", "-lm"]
+    return shlex.join(words)
+
+
+def solver_file(solver: IKSolver) -> bytes:
+    """The numbers of a solver's robot, frame, tool, limits and tolerances, as the C library reads them.
+
+    Raises:
+        InvalidInputError: the solver looks for contact, or solves by the QP only, which the C library does not do.
+        StructureError: the robot has no closed form.
+    """
+    robot, verifier = solver.robot, solver.verifier
+    options = verifier.options
+    if verifier.looks_for_contact:
+        raise InvalidInputError("the C library does not look for contact; use collision='ignore'")
+    if solver.method == "qp":
+        raise InvalidInputError("the C library solves by the closed form only; use method='auto'")
+    if solver.has_families:
+        geometry = measure_seven(robot.pin_model, verifier.frame_id, verifier.tool)
+        chain, constants = geometry.chain, geometry.arm
+    else:
+        chain, constants, _ = solver.closed_form().constants
+    tolerances = [options.limit_snap, options.position_tolerance, options.orientation_tolerance]
+    numbers = np.concatenate([chain.ravel(), constants, robot.lower, robot.upper, robot.home, tolerances])
+    names = [robot.name, robot.base, solver.frame, *robot.joint_names]
+    text = b"".join(name.encode() + b"\0" for name in names)
+    head = MAGIC + struct.pack("<3I", VERSION, robot.dof, len(text))
+    contents = head + numbers.astype("<f8").tobytes() + text
+    return contents + struct.pack("<Q", check_sum(contents))
+
+
+def check_sum(contents: bytes) -> int:
+    """FNV-1a, 64 bits."""
+    value = 14695981039346656037
+    for byte in contents:
+        value = (value ^ byte) * 1099511628211 & 0xFFFFFFFFFFFFFFFF
+    return value

@@ -1,0 +1,206 @@
+"""The C library answers as the Python package does, and what it calls a success is one."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import jacokin
+from jacokin.arrays import Array
+from jacokin.ik import Family, FreeAxis, IKSolver, Status
+from jacokin.model.descriptions import bundled
+from tests.c import binding
+from tests.c.binding import C, CSolver
+
+SIX = [name for name in bundled.NAMES if jacokin.load_robot(name).dof == 6]
+
+
+def make_targets(robot: jacokin.Robot, n: int, seed: int) -> tuple[Array, Array]:
+    """Poses (n, 4, 4), a third of them moved off, and seeds (n, dof)."""
+    rng = np.random.default_rng(seed)
+    T = np.array([robot.forward_kinematics(q).homogeneous for q in robot.sample(rng, n)])
+    T[::3, :3, 3] += rng.normal(scale=0.2, size=(len(T[::3]), 3))  # [m]
+    return T, robot.sample(rng, n)
+
+
+def test_10000_answers_are_those_of_the_package_to_the_bit() -> None:
+    robot = jacokin.load_robot("j2n6s300")
+    solver = IKSolver(robot, warm=None)
+    targets, seeds = make_targets(robot, 10_000, 0)
+    rows = solver.closed_form().solve_batch(targets, seeds)
+    status, q = CSolver(solver).batch(targets, seeds)
+    solved = np.array(status) == binding.OK
+    assert np.array_equal(solved, rows.within_limits)
+    assert 5_000 < solved.sum() < 10_000
+    assert q[solved].tobytes() == rows.q[solved].tobytes()
+    assert np.isnan(q[~solved]).all()
+    reasons = np.where(rows.branches == 0, binding.UNREACHABLE, binding.OUTSIDE_LIMITS)
+    assert np.array_equal(np.array(status)[~solved], reasons[~solved])
+
+
+@pytest.mark.parametrize("name", SIX)
+def test_all_branches_are_those_of_the_package_to_the_bit(name: str) -> None:
+    robot = jacokin.load_robot(name)
+    solver = IKSolver(robot, warm=None)
+    c = CSolver(solver)
+    for T, seed in zip(*make_targets(robot, 200, 1), strict=True):
+        found = solver.solve_all(T, seed)
+        status, branches, complete = c.all(T, seed)
+        assert np.array([each.q[:6] for each in branches]).tobytes() == found.q.tobytes()
+        assert [each.distance for each in branches] == found.distance.tolist()
+        assert [bool(each.success) for each in branches] == found.within_limits.tolist()
+        assert [each.margin for each in branches] == found.margin.min(axis=1, initial=np.inf).tolist()
+        assert complete == found.complete
+        assert (status == binding.OK) == any(found.within_limits)
+
+
+def test_what_counts_as_a_success_passes_pinocchio_and_the_limits() -> None:
+    robot = jacokin.load_robot("j2n6s300", limits={"joint_2": (1.0, 3.0), "joint_5": (0.5, 2.0)})
+    tool = jacokin.pose([0.01, -0.02, 0.1], rpy=[0.3, 0.2, 0.1])
+    c = CSolver(IKSolver(robot, "pinchsite", tool=tool, warm=None))
+    targets, seeds = make_targets(robot, 500, 2)
+    status, rows = c.batch(targets, seeds)
+    solved = 0
+    for T, q, one in zip(targets, rows, status, strict=True):
+        if one == binding.OK:
+            reached = (robot.forward_kinematics(q, "pinchsite") * tool).homogeneous
+            np.testing.assert_allclose(reached, T, atol=1e-8)
+            assert (q >= robot.lower).all()
+            assert (q <= robot.upper).all()
+            solved += 1
+    assert solved > 20
+
+
+@pytest.mark.parametrize("name", ["j2n6s300", "j2s7s300"])
+def test_forward_kinematics_is_pinocchios(name: str) -> None:
+    robot = jacokin.load_robot(name)
+    c, pose = CSolver(IKSolver(robot, warm=None)), np.empty((4, 4))
+    for q in robot.sample(np.random.default_rng(3), 50):
+        assert C.jacokin_fk(c.handle, q.ctypes.data, pose.ctypes.data) == binding.OK
+        np.testing.assert_allclose(pose, robot.forward_kinematics(q).homogeneous, atol=1e-14)
+
+
+def test_a_seed_outside_the_limits_is_moved_inside_as_in_python() -> None:
+    robot = jacokin.load_robot("j2n6s300")
+    solver = IKSolver(robot, warm=None)
+    c, rng = CSolver(solver), np.random.default_rng(4)
+    T = np.ascontiguousarray(robot.forward_kinematics(robot.home).homogeneous)
+    for seed in rng.uniform(-30.0, 30.0, (50, 6)):
+        assert c.nearest(T, seed)[1].tobytes() == solver.solve(T, seed).q.tobytes()
+    assert c.nearest(T, None)[1].tobytes() == solver.solve(T).q.tobytes()
+
+
+def test_a_rotation_of_single_precision_is_made_exact() -> None:
+    robot = jacokin.load_robot("j2n6s300")
+    solver = IKSolver(robot, warm=None)
+    T = robot.forward_kinematics(robot.home).homogeneous.astype(np.float32).astype(np.float64)
+    status, q = CSolver(solver).nearest(T, robot.home)
+    assert status == binding.OK
+    np.testing.assert_allclose(q, solver.solve(T, robot.home).q, atol=1e-12)
+
+
+TURNS: dict[str, tuple[str, Callable[[Array], FreeAxis | None]]] = {
+    "seven joints": ("j2s7s300", lambda T: None),
+    "a free axis": ("j2n6s300", lambda T: FreeAxis(T, axis=(1.0, 0.2, 0.0))),
+    "a range": ("j2n6s300", lambda T: FreeAxis(T, axis=(0.0, 1.0, 0.0), range=(-1.0, 2.0))),
+    "a spherical wrist": ("j2s6s300", lambda T: FreeAxis(T, axis=(1.0, 0.0, 0.0), range=(5.0, 8.0))),
+    "the last axis": ("j2n6s300", lambda T: FreeAxis(T, axis=(0.0, 0.0, 1.0))),
+    "the last axis, back": ("j2s6s300", lambda T: FreeAxis(T, axis=(0.0, 0.0, -2.0), range=(-1.0, 2.0))),
+}
+
+
+@pytest.mark.parametrize(("name", "free"), TURNS.values(), ids=TURNS)
+def test_intervals_are_those_of_the_family(name: str, free: Callable[[Array], FreeAxis | None]) -> None:
+    compare_intervals(name, free, 12, seed=5)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "free"), TURNS.values(), ids=TURNS)
+def test_intervals_of_many_targets(name: str, free: Callable[[Array], FreeAxis | None]) -> None:
+    compare_intervals(name, free, 200, seed=6)
+
+
+def compare_intervals(name: str, free: Callable[[Array], FreeAxis | None], n: int, seed: int) -> None:
+    """The same intervals with the same ends; their points, and the nearest one, reach the target within the limits."""
+    robot = jacokin.load_robot(name)
+    solver = IKSolver(robot, warm=None)
+    c, whole = CSolver(solver, binding.INTERVALS), 0
+    for T, start in zip(*make_targets(robot, n, seed), strict=True):
+        target = free(T)
+        about = None if target is None else binding.axis_of(target)
+        family = solver.solve_all(T if target is None else target)
+        assert isinstance(family, Family)
+        status, intervals, complete = c.intervals(T, about)
+        assert (status == binding.OK) == bool(intervals)
+        whole += complete
+        assert family.complete or not complete
+        if complete:
+            assert_same(intervals, family)
+        for interval in intervals:
+            for share in (0.0, 0.37, 1.0):
+                p = interval.start + share * (interval.stop - interval.start)
+                done, q = c.at(interval, p, start)
+                assert done == binding.OK
+                wanted = pin.SE3(T) if target is None else target.at(p)
+                np.testing.assert_allclose(robot.forward_kinematics(q).homogeneous, wanted.homogeneous, atol=1e-7)
+                assert robot.within_limits(q)
+                assert target is not None or abs(math.remainder(q[2] - p, math.tau)) < 1e-9
+        result = solver.solve(T if target is None else target, start, closest=False)
+        done, q, p = c.nearest_about(T, about, start)
+        assert result.success == (done == binding.OK)
+        if result.success:
+            assert np.linalg.norm(q - start) == pytest.approx(np.linalg.norm(result.q - start), abs=1e-8)
+            assert abs(math.remainder(p - result.parameter, math.tau)) < 1e-6
+        elif complete:
+            assert done == (binding.UNREACHABLE if result.status is Status.UNREACHABLE else binding.OUTSIDE_LIMITS)
+        else:
+            assert done == binding.NO_CONVERGENCE
+    assert whole > 0.7 * n
+
+
+def assert_same(intervals: list[binding.Interval], family: Family) -> None:
+    """They cover the same, and end at the same places for the same reasons; a curve may be cut anywhere on a circle."""
+    kinds = ("limit", "fold", "range", "circle", "lost")
+    mine = [(each.start, each.stop, *(kinds[end] for end in each.ends)) for each in intervals]
+    theirs = [(each.start, each.stop, *(end.kind for end in each.ends)) for each in family]
+    assert sum(b - a for a, b, *_ in mine) == pytest.approx(sum(b - a for a, b, *_ in theirs), abs=1e-5)
+    for side in range(2):
+        ends, others = (
+            sorted((each[2 + side], math.remainder(each[side], math.tau)) for each in which if each[2 + side] != "circle")
+            for which in (mine, theirs)
+        )
+        assert [kind for kind, _ in ends] == [kind for kind, _ in others]
+        np.testing.assert_allclose([p for _, p in ends], [p for _, p in others], atol=1e-6)
+    order = [each.branch for each in intervals]
+    assert order == sorted(order)
+
+
+def test_poses_of_seven_joints_are_solved_one_by_one_and_in_a_batch() -> None:
+    robot = jacokin.load_robot("j2s7s300")
+    solver = IKSolver(robot, warm=None)
+    c = CSolver(solver)
+    targets, seeds = make_targets(robot, 20, 7)
+    status, rows = c.batch(targets, seeds)
+    for T, seed, one, q in zip(targets, seeds, status, rows, strict=True):
+        assert c.nearest(T, seed)[0] == one
+        result = solver.solve(T, seed, closest=False)
+        assert result.success == (one == binding.OK)
+        if result.success:
+            np.testing.assert_allclose(q, result.q, atol=1e-9)
+
+
+def test_a_wrist_that_may_be_straight_is_not_called_complete() -> None:
+    """Its members at one value of joint 3 are a circle, which only the package finds."""
+    robot = jacokin.load_robot("j2s7s300")
+    q = robot.home.copy()
+    straight = np.array([robot.jacobian(np.r_[q[:5], angle, q[6]])[3:, [4, 6]].T for angle in (0.0, math.pi)])
+    crossed = np.linalg.norm(np.cross(straight[:, 0], straight[:, 1]), axis=1)
+    q[5] = (0.0, math.pi)[int(crossed.argmin())]
+    free = jacokin.load_robot("j2s7s300", limits={"joint_6": (-4.0, 4.0)})
+    T = np.ascontiguousarray(free.forward_kinematics(q).homogeneous)
+    assert crossed.min() < 1e-9
+    assert not CSolver(IKSolver(free, warm=None), binding.INTERVALS).intervals(T)[2]
