@@ -26,6 +26,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import jacokin
+from build_kernels import c_library
 from jacokin.kernels import library
 from jacokin.kernels.entries import ENTRIES, Entry
 from jacokin.kernels.library import PREFIX, About, ArrayLayout, flatten
@@ -75,7 +76,7 @@ def build(target: Path = TARGET, kept: Path = KEPT) -> Path:
         print(f"compiling {names}: about a minute on two cores, with up to 1.5 GB of memory", flush=True)
     with ThreadPoolExecutor(JOBS) as pool:
         list(pool.map(lambda entry: compile_object(entry, objects[entry]), missing))
-    link(list(objects.values()), target)
+    link([*objects.values(), *c_library.sources()], target)
     for file in set(kept.glob("*.o")) - set(objects.values()):
         file.unlink()
     print(f"{target}: built in {time.perf_counter() - start:.0f} s")
@@ -133,15 +134,16 @@ def sources_of(entry: Entry) -> list[Path]:
 
 
 def sources_key() -> str:
-    """The hash of all kernels' Python: a library made of others is out of date."""
+    """The hash of all kernels' Python and of the C files: a library made of others is out of date."""
     digest = hashlib.sha256()
-    for file in sorted({file for entry in ENTRIES for file in sources_of(entry)}):
+    kernels = sorted({file for entry in ENTRIES for file in sources_of(entry)})
+    for file in (*kernels, *sorted(c_library.FOLDER.iterdir()), *sorted(c_library.INCLUDE.iterdir())):
         digest.update(file.read_bytes())
     return digest.hexdigest()[:16]
 
 
 def link(objects: list[Path], target: Path) -> None:
-    """Link object files to a library that says what it is.
+    """Link object files, and C files as they are, to a library that says what it is.
 
     Raises:
         BuildError: there is no C compiler, or none that links.
@@ -177,7 +179,9 @@ def _link(command: list[str], objects: list[Path], size: int, made: Path) -> int
     source = made.with_name("about.c")
     source.write_text(f"extern const char {PREFIX}about[];\nconst char {PREFIX}about[] = {text};\n", encoding="ascii")
     name = [f"-Wl,-install_name,@rpath/{made.name}"] if sys.platform == "darwin" else ["-s", f"-Wl,-soname,{made.name}"]
-    words = [*command, "-shared", "-fPIC", *name, "-o", str(made), str(source), *map(str, objects), "-lm"]
+    c_library.write_header(made.parent)
+    words = [*command, *c_library.flags(made.parent), "-shared", "-fPIC", *name, "-o", str(made), str(source)]
+    words += [*map(str, objects), "-lm"]
     subprocess.run(words, check=True, capture_output=True, text=True)
     return made.stat().st_size
 

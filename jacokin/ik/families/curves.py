@@ -22,6 +22,10 @@ from jacokin.kernels.self_motion.intervals import (
     FIND_INTERVALS,
     FIND_NEAREST,
     FIND_NEAREST_ON_RUN,
+    FIRST_SLICE,
+    SAME_SLICE,
+    SLICES_SEVEN,
+    SLICES_SIX,
     CurveWork,
     make_curve_work,
     run_curves,
@@ -43,12 +47,8 @@ SETTLING_STEPS, NO_MOTION = 20, 1e-6
 SAME_PARAMETER = 1e-9
 #: Index of the parameter among the seven joints of a chain: the free axis comes last, and joint 3 is in the middle.
 FREE_AXIS, JOINT_3 = 6, 2
-#: Values of the parameter that are solved at, for a full turn.
-SLICES_SIX, SLICES_SEVEN = 96, 48
-#: [rad] where they begin: no structured pose has a fold or a limit just there, nor a window in the gap before it.
-FIRST_SLICE = -math.pi + 1.2345
-#: [rad] values nearer to each other are solved at once, and how many there may be: room is left for those of `gaps`.
-SAME_SLICE, MOST_SLICES = 1e-3, SLICES - 16
+#: How many values of the parameter there may be: room is left for those of `gaps`.
+MOST_SLICES = SLICES - 16
 
 
 class CurveArm:

@@ -10,6 +10,7 @@ nearest      the one point that is nearest to a seed, without the rest
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -37,6 +38,15 @@ from jacokin.kernels.self_motion.sweep import SweepWork, sweep
 #: What to do: find the intervals; find a point at a share of a chord; find a point where the parameter has a value;
 #: find the member nearest to the seed; find the nearest one on the first nodes of the arcs.
 FIND_INTERVALS, FIND_AT_SHARE, FIND_AT_PARAMETER, FIND_NEAREST, FIND_NEAREST_ON_RUN = 0, 1, 2, 3, 4
+
+# What callers choose the slices by.
+
+#: Values of the parameter that are solved at, for a full turn: about a free axis, and of seven joints.
+SLICES_SIX, SLICES_SEVEN = 96, 48
+#: [rad] where they begin: no structured pose has a fold or a limit just there, nor a window in the gap before it.
+FIRST_SLICE = -math.pi + 1.2345
+#: [rad] values nearer to each other are solved at once.
+SAME_SLICE = 1e-3
 
 
 class CurveWork(NamedTuple):

@@ -1,0 +1,82 @@
+"""The C files of the library, and the header that tells them about the kernels' work arrays.
+
+``jacokin/include/jacokin_ik.h`` is what C programs see; the files in ``jacokin/kernels/c`` lead from there to the
+kernels. They are compiled as they are linked.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from jacokin.kernels.closed_form import pose
+from jacokin.kernels.entries import ENTRIES
+from jacokin.kernels.self_motion import arcs, intervals, limit_cuts, slices
+
+PACKAGE = Path(__file__).parents[1] / "jacokin"
+FOLDER, INCLUDE = PACKAGE / "kernels" / "c", PACKAGE / "include"
+#: C99 with what the C library adds to it (POSIX has no say); the roundings of the kernels, which know no fused
+#: multiply-add; and no other names than those of the header.
+FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fvisibility=hidden")
+#: What C needs to know beside the arrays: columns of the kernels' tables, sizes, tasks.
+CONSTANTS = {
+    pose: ("COLUMNS", "DISTANCE", "WITHIN_LIMITS", "FAMILY"),
+    slices: ("SLICES",),
+    arcs: ("NODES", "ARCS", "SEAM_END"),
+    limit_cuts: ("INTERVALS", "INTERVAL_COLUMNS"),
+    intervals: (
+        "FIND_INTERVALS",
+        "FIND_AT_PARAMETER",
+        "FIND_NEAREST",
+        "FIND_NEAREST_ON_RUN",
+        "SLICES_SIX",
+        "SLICES_SEVEN",
+        "FIRST_SLICE",
+        "SAME_SLICE",
+    ),
+}
+HEADER = "arrays.h"
+
+
+def sources() -> list[Path]:
+    """The C files, in order."""
+    return sorted(FOLDER.glob("*.c"))
+
+
+def flags(folder: Path) -> list[str]:
+    """What the compiler is told, once `write_header` has filled the folder."""
+    return [*FLAGS, f"-I{FOLDER}", f"-I{INCLUDE}", f"-I{folder}"]
+
+
+def write_header(folder: Path) -> None:
+    """Write the header `header` to a folder."""
+    (folder / HEADER).write_text(header(), encoding="ascii")
+
+
+def header() -> str:
+    """The work arrays of every kernel as a macro, in the order of its table, and the constants.
+
+    JACOKIN_<KERNEL>(ARRAY, FREE) expands to ARRAY(name, numbers) for an array of so many numbers, and to FREE(name,
+    numbers) for one of any length, with so many numbers in each row; in a table its length follows.
+    """
+    lines = ["/* Written by build_kernels/c_library.py from the Python of the kernels. */"]
+    for entry in ENTRIES:
+        lines.append(f"#define JACOKIN_{entry.run.__name__.upper()}(ARRAY, FREE) \\")
+        arrays = [f"    {kind}({name}, {numbers})" for kind, name, numbers in _arrays(entry.make_work())]
+        lines.append(" \\\n".join(arrays))
+    for module, names in CONSTANTS.items():
+        lines += [f"#define JACOKIN_{name} {getattr(module, name)!r}" for name in names]
+    return "\n".join(lines) + "\n"
+
+
+def _arrays(work: tuple[object, ...], prefix: str = "") -> Iterator[tuple[str, str, int]]:
+    """Kind, name and numbers of each array in nested named tuples."""
+    for name, value in zip(work._fields, work, strict=True):  # type: ignore[attr-defined]  # works are named tuples
+        if isinstance(value, tuple):
+            yield from _arrays(value, f"{prefix}{name}_")
+        else:
+            is_free = value.shape[0] == 0  # type: ignore[attr-defined]  # the rest are arrays
+            numbers = 1
+            for size in value.shape[is_free:]:  # type: ignore[attr-defined]
+                numbers *= size
+            yield "FREE" if is_free else "ARRAY", f"{prefix}{name}", numbers
