@@ -56,5 +56,5 @@ def export_c(
     if output is None:
         raise InvalidInputError("--output must be given: the folder to write to")
     arm = RobotOptions(robot, base, tip, package_dirs, limits).load()
-    file = ik.export_c(ik.IKSolver(arm, frame, tool=tool, warm=None), output)
+    file = ik.export_c(ik.IKSolver(arm, frame, tool=tool), output)
     display.say(f"{arm.name}: {file}, with include, lib and a CMake package beside it")

@@ -76,7 +76,10 @@ def export_c(solver: IKSolver, folder: Path) -> Path:
         CMAKE / "jacokin_ikConfig.cmake": _CONFIG.format(**versions),
         CMAKE / "jacokin_ikConfigVersion.cmake": _CONFIG_VERSION.format(**versions),
     }
-    copies = {Path("lib", library.PATH.name): library.PATH, **{Path("include", name): INCLUDE / name for name in HEADERS}}
+    copies = {
+        Path("lib", library.PATH.name): library.PATH,
+        **{Path("include", name): INCLUDE / name for name in HEADERS},
+    }
     for place in (*texts, *copies):
         try:
             (folder / place).parent.mkdir(parents=True, exist_ok=True)

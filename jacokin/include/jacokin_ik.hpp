@@ -32,7 +32,7 @@ using Axis = jacokin_ik_axis;
 // A call that could not be done.
 class Error : public std::runtime_error {
  public:
-  explicit Error(int status) : std::runtime_error(jacokin_ik_status_text(status)), status(status) {}
+  explicit Error(int code) : std::runtime_error(jacokin_ik_status_text(code)), status(code) {}
   const int status;  // enum jacokin_ik_status, below 0
 };
 

@@ -125,7 +125,14 @@ class CSolver:
         """Status, branches, and whether none is missing."""
         branches, count, complete = (Branch * MAX_BRANCHES)(), c_int(), c_int()
         status = C.jacokin_ik_all(
-            self.handle, address(target), address(seed), *self.work, branches, MAX_BRANCHES, byref(count), byref(complete)
+            self.handle,
+            address(target),
+            address(seed),
+            *self.work,
+            branches,
+            MAX_BRANCHES,
+            byref(count),
+            byref(complete),
         )
         return status, branches[: count.value], bool(complete.value)
 

@@ -29,7 +29,7 @@ def make_targets(robot: jacokin.Robot, n: int, seed: int) -> tuple[Array, Array]
 
 def test_10000_answers_are_those_of_the_package_to_the_bit() -> None:
     robot = jacokin.load_robot("j2n6s300")
-    solver = IKSolver(robot, warm=None)
+    solver = IKSolver(robot)
     targets, seeds = make_targets(robot, 10_000, 0)
     rows = solver.closed_form().solve_batch(targets, seeds)
     status, q = CSolver(solver).batch(targets, seeds)
@@ -45,7 +45,7 @@ def test_10000_answers_are_those_of_the_package_to_the_bit() -> None:
 @pytest.mark.parametrize("name", SIX)
 def test_all_branches_are_those_of_the_package_to_the_bit(name: str) -> None:
     robot = jacokin.load_robot(name)
-    solver = IKSolver(robot, warm=None)
+    solver = IKSolver(robot)
     c = CSolver(solver)
     for T, seed in zip(*make_targets(robot, 200, 1), strict=True):
         found = solver.solve_all(T, seed)
@@ -61,7 +61,7 @@ def test_all_branches_are_those_of_the_package_to_the_bit(name: str) -> None:
 def test_what_counts_as_a_success_passes_pinocchio_and_the_limits() -> None:
     robot = jacokin.load_robot("j2n6s300", limits={"joint_2": (1.0, 3.0), "joint_5": (0.5, 2.0)})
     tool = jacokin.pose([0.01, -0.02, 0.1], rpy=[0.3, 0.2, 0.1])
-    c = CSolver(IKSolver(robot, "pinchsite", tool=tool, warm=None))
+    c = CSolver(IKSolver(robot, "pinchsite", tool=tool))
     targets, seeds = make_targets(robot, 500, 2)
     status, rows = c.batch(targets, seeds)
     solved = 0
@@ -78,7 +78,7 @@ def test_what_counts_as_a_success_passes_pinocchio_and_the_limits() -> None:
 @pytest.mark.parametrize("name", ["j2n6s300", "j2s7s300"])
 def test_forward_kinematics_is_pinocchios(name: str) -> None:
     robot = jacokin.load_robot(name)
-    c, pose = CSolver(IKSolver(robot, warm=None)), np.empty((4, 4))
+    c, pose = CSolver(IKSolver(robot)), np.empty((4, 4))
     for q in robot.sample(np.random.default_rng(3), 50):
         assert C.jacokin_fk(c.handle, q.ctypes.data, pose.ctypes.data) == binding.OK
         np.testing.assert_allclose(pose, robot.forward_kinematics(q).homogeneous, atol=1e-14)
@@ -86,7 +86,7 @@ def test_forward_kinematics_is_pinocchios(name: str) -> None:
 
 def test_a_seed_outside_the_limits_is_moved_inside_as_in_python() -> None:
     robot = jacokin.load_robot("j2n6s300")
-    solver = IKSolver(robot, warm=None)
+    solver = IKSolver(robot)
     c, rng = CSolver(solver), np.random.default_rng(4)
     T = np.ascontiguousarray(robot.forward_kinematics(robot.home).homogeneous)
     for seed in rng.uniform(-30.0, 30.0, (50, 6)):
@@ -96,7 +96,7 @@ def test_a_seed_outside_the_limits_is_moved_inside_as_in_python() -> None:
 
 def test_a_rotation_of_single_precision_is_made_exact() -> None:
     robot = jacokin.load_robot("j2n6s300")
-    solver = IKSolver(robot, warm=None)
+    solver = IKSolver(robot)
     T = robot.forward_kinematics(robot.home).homogeneous.astype(np.float32).astype(np.float64)
     status, q = CSolver(solver).nearest(T, robot.home)
     assert status == binding.OK
@@ -127,7 +127,7 @@ def test_intervals_of_many_targets(name: str, free: Callable[[Array], FreeAxis |
 def compare_intervals(name: str, free: Callable[[Array], FreeAxis | None], n: int, seed: int) -> None:
     """The same intervals with the same ends; their points, and the nearest one, reach the target within the limits."""
     robot = jacokin.load_robot(name)
-    solver = IKSolver(robot, warm=None)
+    solver = IKSolver(robot)
     c, whole = CSolver(solver, binding.INTERVALS), 0
     for T, start in zip(*make_targets(robot, n, seed), strict=True):
         target = free(T)
@@ -154,7 +154,7 @@ def compare_intervals(name: str, free: Callable[[Array], FreeAxis | None], n: in
         assert result.success == (done == binding.OK)
         if result.success:
             assert np.linalg.norm(q - start) == pytest.approx(np.linalg.norm(result.q - start), abs=1e-8)
-            assert abs(math.remainder(p - result.parameter, math.tau)) < 1e-6
+            assert abs(math.remainder(p - (result.parameter or 0.0), math.tau)) < 1e-6
         elif complete:
             assert done == (binding.UNREACHABLE if result.status is Status.UNREACHABLE else binding.OUTSIDE_LIMITS)
         else:
@@ -165,12 +165,12 @@ def compare_intervals(name: str, free: Callable[[Array], FreeAxis | None], n: in
 def assert_same(intervals: list[binding.Interval], family: Family) -> None:
     """They cover the same, and end at the same places for the same reasons; a curve may be cut anywhere on a circle."""
     kinds = ("limit", "fold", "range", "circle", "lost")
-    mine = [(each.start, each.stop, *(kinds[end] for end in each.ends)) for each in intervals]
-    theirs = [(each.start, each.stop, *(end.kind for end in each.ends)) for each in family]
-    assert sum(b - a for a, b, *_ in mine) == pytest.approx(sum(b - a for a, b, *_ in theirs), abs=1e-5)
+    mine = [((each.start, each.stop), tuple(kinds[end] for end in each.ends)) for each in intervals]
+    theirs = [((each.start, each.stop), tuple(end.kind for end in each.ends)) for each in family]
+    assert sum(b - a for (a, b), _ in mine) == pytest.approx(sum(b - a for (a, b), _ in theirs), abs=1e-5)
     for side in range(2):
         ends, others = (
-            sorted((each[2 + side], math.remainder(each[side], math.tau)) for each in which if each[2 + side] != "circle")
+            sorted((why[side], math.remainder(at[side], math.tau)) for at, why in which if why[side] != "circle")
             for which in (mine, theirs)
         )
         assert [kind for kind, _ in ends] == [kind for kind, _ in others]
@@ -181,7 +181,7 @@ def assert_same(intervals: list[binding.Interval], family: Family) -> None:
 
 def test_poses_of_seven_joints_are_solved_one_by_one_and_in_a_batch() -> None:
     robot = jacokin.load_robot("j2s7s300")
-    solver = IKSolver(robot, warm=None)
+    solver = IKSolver(robot)
     c = CSolver(solver)
     targets, seeds = make_targets(robot, 20, 7)
     status, rows = c.batch(targets, seeds)
@@ -203,4 +203,4 @@ def test_a_wrist_that_may_be_straight_is_not_called_complete() -> None:
     free = jacokin.load_robot("j2s7s300", limits={"joint_6": (-4.0, 4.0)})
     T = np.ascontiguousarray(free.forward_kinematics(q).homogeneous)
     assert crossed.min() < 1e-9
-    assert not CSolver(IKSolver(free, warm=None), binding.INTERVALS).intervals(T)[2]
+    assert not CSolver(IKSolver(free), binding.INTERVALS).intervals(T)[2]

@@ -24,12 +24,12 @@ STATUSES = {name: int(code) for name, code in re.findall(r"JACOKIN_IK_(\w+) = (-
 
 @pytest.fixture(scope="module")
 def six() -> CSolver:
-    return CSolver(IKSolver(jacokin.load_robot("j2n6s300"), warm=None), binding.INTERVALS)
+    return CSolver(IKSolver(jacokin.load_robot("j2n6s300")), binding.INTERVALS)
 
 
 @pytest.fixture(scope="module")
 def seven() -> CSolver:
-    return CSolver(IKSolver(jacokin.load_robot("j2s7s300"), warm=None), binding.INTERVALS)
+    return CSolver(IKSolver(jacokin.load_robot("j2s7s300")), binding.INTERVALS)
 
 
 @pytest.fixture
@@ -56,7 +56,7 @@ def test_statuses_have_the_sentences_of_the_package() -> None:
 
 def test_a_solver_says_what_it_is_for() -> None:
     robot = jacokin.load_robot("j2s6s300", limits={"joint_1": (-1.0, 7.0)})
-    c = CSolver(IKSolver(robot, "pinchsite", warm=None))
+    c = CSolver(IKSolver(robot, "pinchsite"))
     assert C.jacokin_ik_dof(c.handle) == 6
     names = [C.jacokin_ik_joint_name(c.handle, j).decode() for j in range(-1, 8)]
     assert names == ["", *robot.joint_names, "", ""]
@@ -96,8 +96,11 @@ def axis(direction: tuple[float, ...] = (1.0, 0.0, 0.0), low: float = -1.0, high
 
 @pytest.mark.parametrize(
     "spoil",
-    [lambda T: T * 1.01, lambda T: T * [[-1], [1], [1], [1]], lambda T: T + [[0.0] * 4] * 3 + [[0.1] * 4]][:2]
-    + [lambda T: np.vstack([T[:3], [0.0, 0.0, 0.1, 1.0]])],
+    [
+        lambda T: T * 1.01,
+        lambda T: T * [[-1.0], [1.0], [1.0], [1.0]],
+        lambda T: np.vstack([T[:3], [0.0, 0.0, 0.1, 1.0]]),
+    ],
     ids=["scaled", "a reflection", "another last row"],
 )
 def test_what_is_not_a_rigid_pose_is_refused(six: CSolver, target: Array, spoil: Callable[[Array], Array]) -> None:
@@ -190,7 +193,7 @@ def test_a_point_outside_its_interval_is_refused(six: CSolver, target: Array) ->
 
 
 def test_every_damage_to_a_file_is_noticed() -> None:
-    contents = solver_file(IKSolver(jacokin.load_robot("j2n6s300"), warm=None))
+    contents = solver_file(IKSolver(jacokin.load_robot("j2n6s300")))
     for place in range(0, len(contents), 7):
         damaged = bytearray(contents)
         damaged[place] ^= 0x40
@@ -207,14 +210,14 @@ def test_every_damage_to_a_file_is_noticed() -> None:
 )
 def test_numbers_that_make_no_arm_are_refused_even_with_a_check_sum(place: int, value: float) -> None:
     """A chain that is not finite or not rigid, limits without a number or crossed, a snap below zero."""
-    contents = bytearray(solver_file(IKSolver(jacokin.load_robot("j2n6s300"), warm=None)))
+    contents = bytearray(solver_file(IKSolver(jacokin.load_robot("j2n6s300"))))
     contents[place : place + 8] = np.float64(value).tobytes()
     contents[-8:] = check_sum(bytes(contents[:-8])).to_bytes(8, "little")
     assert binding.read(bytes(contents))[0] == binding.DAMAGED_FILE
 
 
 def test_another_version_is_named(tmp_path: Path) -> None:
-    contents = bytearray(solver_file(IKSolver(jacokin.load_robot("j2n6s300"), warm=None)))
+    contents = bytearray(solver_file(IKSolver(jacokin.load_robot("j2n6s300"))))
     contents[8] = 2
     path = tmp_path / "later.jacokin"
     path.write_bytes(contents)
@@ -228,6 +231,6 @@ def test_another_version_is_named(tmp_path: Path) -> None:
 def test_only_solvers_that_c_can_serve_are_exported() -> None:
     robot = jacokin.load_robot("j2n6s300")
     with pytest.raises(InvalidInputError, match="does not look for contact"):
-        solver_file(IKSolver(robot, collision="reject", warm=None))
+        solver_file(IKSolver(robot, collision="reject"))
     with pytest.raises(InvalidInputError, match="closed form only"):
-        solver_file(IKSolver(robot, method="qp", warm=None))
+        solver_file(IKSolver(robot, method="qp"))
