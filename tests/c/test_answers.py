@@ -193,14 +193,19 @@ def test_poses_of_seven_joints_are_solved_one_by_one_and_in_a_batch() -> None:
             np.testing.assert_allclose(q, result.q, atol=1e-9)
 
 
-def test_a_wrist_that_may_be_straight_is_not_called_complete() -> None:
-    """Its members at one value of joint 3 are a circle, which only the package finds."""
-    robot = jacokin.load_robot("j2s7s300")
-    q = robot.home.copy()
-    straight = np.array([robot.jacobian(np.r_[q[:5], angle, q[6]])[3:, [4, 6]].T for angle in (0.0, math.pi)])
-    crossed = np.linalg.norm(np.cross(straight[:, 0], straight[:, 1]), axis=1)
-    q[5] = (0.0, math.pi)[int(crossed.argmin())]
-    free = jacokin.load_robot("j2s7s300", limits={"joint_6": (-4.0, 4.0)})
-    T = np.ascontiguousarray(free.forward_kinematics(q).homogeneous)
-    assert crossed.min() < 1e-9
-    assert not CSolver(IKSolver(free), binding.INTERVALS).intervals(T)[2]
+@pytest.mark.parametrize(("name", "free"), [TURNS["seven joints"], TURNS["a spherical wrist"]])
+def test_a_wrist_that_may_be_straight_is_not_called_complete(
+    name: str, free: Callable[[Array], FreeAxis | None]
+) -> None:
+    """Its members at one value of the parameter are a circle, which only the package finds."""
+    robot = jacokin.load_robot(name)
+    middle, (low, high) = robot.dof - 2, (robot.lower[robot.dof - 2], robot.upper[robot.dof - 2])
+    angles = np.arange(-1, 3) * math.pi
+    c = CSolver(IKSolver(robot), binding.INTERVALS)
+    for q in robot.sample(np.random.default_rng(8), 10):
+        q[middle] = angles[(angles > low) & (angles < high)][0]
+        before, after = robot.jacobian(q)[3:, [middle - 1, middle + 1]].T
+        assert np.linalg.norm(np.cross(before, after)) < 1e-9
+        T = np.ascontiguousarray(robot.forward_kinematics(q).homogeneous)
+        target = free(T)
+        assert not c.intervals(T, None if target is None else binding.axis_of(target))[2]

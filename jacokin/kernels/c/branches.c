@@ -45,14 +45,16 @@ int jacokin_ik_all(const jacokin_ik_solver *solver, const double *target, const 
     const double *rows = memory.targets[TARGETS_pose_branches_rows].numbers;
     for (int i = 0; i < *count; i++) {
         const double *row = &rows[i * JACOKIN_COLUMNS];
-        int success = jacokin_reaches(solver, T, row);
+        double errors[2];
+        int success = jacokin_reaches(solver, T, row, errors);
         successes += success;
         singular |= row[JACOKIN_FAMILY] == 1.0;
         if (i >= capacity) continue;
         jacokin_ik_branch *branch = &branches[i];
         memcpy(branch->q, row, 6 * sizeof(double));
         branch->q[6] = 0.0;
-        jacokin_measure(solver, T, row, &branch->position_error, &branch->orientation_error);
+        branch->position_error = errors[0];
+        branch->orientation_error = errors[1];
         branch->distance = row[JACOKIN_DISTANCE];
         branch->margin = row[6];
         for (int j = 7; j < 12; j++) branch->margin = fmin(branch->margin, row[j]);
@@ -71,7 +73,7 @@ static int nearest_branch(const jacokin_ik_solver *solver, const double *T, cons
     const double *rows = table[TARGETS_pose_branches_rows].numbers;
     for (int i = 0; i < count; i++) {
         const double *row = &rows[i * JACOKIN_COLUMNS];
-        if (jacokin_reaches(solver, T, row)) {
+        if (jacokin_reaches(solver, T, row, NULL)) {
             memcpy(q, row, 6 * sizeof(double));
             return JACOKIN_IK_OK;
         }

@@ -84,12 +84,9 @@ int jacokin_read_seed(const jacokin_ik_solver *solver, const double *seed, doubl
 /* Fill the pose (16) of the tool at q. */
 void jacokin_forward(const jacokin_ik_solver *solver, const double *q, double *pose);
 
-/* Position error [m] and orientation error [rad] of q against a target (16). */
-void jacokin_measure(const jacokin_ik_solver *solver, const double *T, const double *q, double *position,
-                     double *orientation);
-
-/* Whether q reaches a target (16): within every limit exactly, and within the tolerances. */
-int jacokin_reaches(const jacokin_ik_solver *solver, const double *T, const double *q);
+/* Whether q reaches a target (16): within every limit exactly, and within the tolerances. Position error [m] and
+ * orientation error [rad] go to errors (2) where that is not null. */
+int jacokin_reaches(const jacokin_ik_solver *solver, const double *T, const double *q, double *errors);
 
 /* The copy of an angle within its limits that is nearest to it; without one, the nearer limit [rad]. */
 double jacokin_into_limits(double angle, double lower, double upper);

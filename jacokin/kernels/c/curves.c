@@ -26,8 +26,11 @@ static const double FULL_TURN = 1e-12;
 static const double FARTHEST_ANGLE = 1e3;
 /* [rad] Curves that are all shorter are at the edge of reach. */
 static const double SMALL = 1e-5;
-/* Sine of the angle between the outer axes of a spherical wrist, up to which it may become straight. */
-static const double STRAIGHT = 0.05;
+/* Cosine of axes of a wrist that are square, and the sine up to which it may become straight: a cubic between two nodes
+ * is not as exact. */
+static const double SQUARE = 1e-9, STRAIGHT = 0.01;
+/* Places on a chord at which a wrist is looked at. */
+enum { LOOKS = 8 };
 
 /* A target whose configurations have one free parameter. */
 typedef struct {
@@ -99,9 +102,9 @@ static int settle(const jacokin_ik_solver *solver, const double *T, const double
         double near = x[j] + TURN * rint((seed[j] - x[j]) / TURN);
         q[j] = jacokin_into_limits(near, solver->lower[j], solver->upper[j]);
     }
-    if (parameter != FREE_AXIS) return jacokin_reaches(solver, T, q);
+    if (parameter != FREE_AXIS) return jacokin_reaches(solver, T, q, NULL);
     turn_target(T, axis, x[FREE_AXIS], turned);
-    return jacokin_reaches(solver, turned, q);
+    return jacokin_reaches(solver, turned, q, NULL);
 }
 
 /* --- The curves ------------------------------------------------------------------------------------------------ */
@@ -201,20 +204,33 @@ static void prepare(const problem *of, int task) {
     options[3] = of->closed;
 }
 
-/* Whether the outer axes of a spherical wrist come near to one line at some node: members among which the parameter
- * stands still would not be found. */
+/* Whether the outer axes of a spherical wrist come near to one line somewhere on the curves: members among which the
+ * parameter stands still would not be found. */
 static int may_be_straight(const problem *of) {
     const jacokin_ik_solver *solver = of->solver;
     if (of->parameter == FREE_AXIS && !(solver->constants[37] > 0.0)) return 0; /* no spherical wrist */
     int middle = solver->dof - 2;
     const double *before = &solver->chain[12 * middle], *after = &solver->chain[12 * (middle + 1)];
+    if (fabs(before[10]) > SQUARE || fabs(after[10]) > SQUARE) return 0; /* never in line */
     const double *nodes = of->table[CURVES_arcs_nodes].numbers;
-    for (int64_t n = 0; n < of->table[CURVES_arcs_size].integers[0]; n++) {
-        double angle = nodes[14 * n + middle], c = cos(angle), s = sin(angle);
-        const double a[3] = {c * before[8] + s * before[9], c * before[9] - s * before[8], before[10]};
-        const double b[3] = {after[2], after[6], after[10]};
-        double u = a[1] * b[2] - a[2] * b[1], v = a[2] * b[0] - a[0] * b[2], w = a[0] * b[1] - a[1] * b[0];
-        if (u * u + v * v + w * w < STRAIGHT * STRAIGHT) return 1;
+    const int64_t *arcs = of->table[CURVES_arcs_arcs].integers;
+    for (int64_t arc = 0; arc < of->table[CURVES_arcs_size].integers[1]; arc++) {
+        double last = 0.0;
+        for (int64_t n = arcs[4 * arc]; n < arcs[4 * arc + 1] - 1; n++) {
+            const double *a = &nodes[14 * n], *b = &nodes[14 * (n + 1)];
+            double square = 0.0;
+            for (int j = 0; j < 7; j++) square += (b[j] - a[j]) * (b[j] - a[j]);
+            double length = sqrt(square);
+            for (int k = 0; k <= LOOKS; k++) { /* the cubic of the middle joint, and the sine between the other axes */
+                double u = (double)k / LOOKS, v = 1.0 - u;
+                double angle = (1.0 + 2.0 * u) * v * v * a[middle] + u * v * v * length * a[7 + middle] +
+                               u * u * (3.0 - 2.0 * u) * b[middle] - u * u * v * length * b[7 + middle];
+                double c = cos(angle), s = sin(angle);
+                double sine = (c * before[8] + s * before[9]) * after[6] - (c * before[9] - s * before[8]) * after[2];
+                if (fabs(sine) < STRAIGHT || sine * last < 0.0) return 1;
+                last = sine;
+            }
+        }
     }
     return 0;
 }

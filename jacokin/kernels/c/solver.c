@@ -325,12 +325,12 @@ int jacokin_fk(const jacokin_ik_solver *solver, const double *q, double *pose) {
     return JACOKIN_IK_OK;
 }
 
-void jacokin_measure(const jacokin_ik_solver *solver, const double *T, const double *q, double *position,
-                     double *orientation) {
+/* Position error [m] and orientation error [rad] of q against a target (16). */
+static void measure(const jacokin_ik_solver *solver, const double *T, const double *q, double *errors) {
     double pose[16], turn[3] = {0.0, 0.0, 0.0}, cosine = -1.0;
     jacokin_forward(solver, q, pose);
     double x = T[3] - pose[3], y = T[7] - pose[7], z = T[11] - pose[11];
-    *position = sqrt(x * x + y * y + z * z);
+    errors[0] = sqrt(x * x + y * y + z * z);
     for (int k = 0; k < 3; k++) { /* the columns, reached and wanted: their cross products add up to 2 sin(angle) axis */
         const double a[3] = {pose[k], pose[4 + k], pose[8 + k]}, b[3] = {T[k], T[4 + k], T[8 + k]};
         turn[0] += a[1] * b[2] - a[2] * b[1];
@@ -338,15 +338,17 @@ void jacokin_measure(const jacokin_ik_solver *solver, const double *T, const dou
         turn[2] += a[0] * b[1] - a[1] * b[0];
         cosine += a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
     }
-    *orientation = atan2(sqrt(turn[0] * turn[0] + turn[1] * turn[1] + turn[2] * turn[2]), cosine);
+    errors[1] = atan2(sqrt(turn[0] * turn[0] + turn[1] * turn[1] + turn[2] * turn[2]), cosine);
 }
 
-int jacokin_reaches(const jacokin_ik_solver *solver, const double *T, const double *q) {
-    double position, orientation;
-    for (int j = 0; j < solver->dof; j++)
-        if (!(solver->lower[j] <= q[j] && q[j] <= solver->upper[j])) return 0;
-    jacokin_measure(solver, T, q, &position, &orientation);
-    return position <= solver->position_tolerance && orientation <= solver->orientation_tolerance;
+int jacokin_reaches(const jacokin_ik_solver *solver, const double *T, const double *q, double *errors) {
+    double measured[2];
+    int within = 1;
+    for (int j = 0; j < solver->dof; j++) within = within && solver->lower[j] <= q[j] && q[j] <= solver->upper[j];
+    if (!within && errors == NULL) return 0;
+    if (errors == NULL) errors = measured;
+    measure(solver, T, q, errors);
+    return within && errors[0] <= solver->position_tolerance && errors[1] <= solver->orientation_tolerance;
 }
 
 double jacokin_into_limits(double angle, double lower, double upper) {

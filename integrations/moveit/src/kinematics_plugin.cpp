@@ -1,0 +1,266 @@
+#include "jacokin_moveit/kinematics_plugin.hpp"
+
+#if __has_include(<moveit/robot_state/robot_state.hpp>)
+#include <moveit/robot_model/robot_model.hpp>
+#include <moveit/robot_state/robot_state.hpp>
+#else  // Humble and Iron
+#include <moveit/robot_model/robot_model.h>
+#include <moveit/robot_state/robot_state.h>
+#endif
+
+#include <cmath>
+#include <pluginlib/class_list_macros.hpp>
+#include <rclcpp/rclcpp.hpp>
+
+namespace jacokin_moveit {
+
+namespace {
+
+using kinematics::DiscretizationMethods::ALL_DISCRETIZED;
+using kinematics::DiscretizationMethods::NO_DISCRETIZATION;
+
+// [m] and [-] The exported arm and the robot model may place the tip this far apart: descriptions of the same arm
+// differ by rounding to six digits, another arm or tool by millimetres.
+constexpr double kSameTip = 1e-5;
+
+rclcpp::Logger logger() { return rclcpp::get_logger("jacokin_kinematics_plugin"); }
+
+// Whether a joint of MoveIt is that of the file, which has no prefix such as "j2n6s300_".
+bool is_same_joint(const std::string& in_model, const std::string& in_file) {
+  if (in_model == in_file) return true;
+  const std::string ending = "_" + in_file;
+  return in_model.size() > ending.size() && in_model.compare(in_model.size() - ending.size(), ending.size(), ending) == 0;
+}
+
+}  // namespace
+
+bool KinematicsPlugin::initialize(const rclcpp::Node::SharedPtr& node, const moveit::core::RobotModel& robot_model,
+                                  const std::string& group_name, const std::string& base_frame,
+                                  const std::vector<std::string>& tip_frames, double search_discretization) {
+  arm_.reset();
+  node_ = node;
+  storeValues(robot_model, group_name, base_frame, tip_frames, search_discretization);
+  const moveit::core::JointModelGroup* group = robot_model.getJointModelGroup(group_name);
+  if (group == nullptr || tip_frames.size() != 1) {
+    RCLCPP_ERROR(logger(), "group '%s' must exist and have one tip", group_name.c_str());
+    return false;
+  }
+  const std::string parameter = "robot_description_kinematics." + group_name + ".jacokin_solver_file";
+  if (!node->has_parameter(parameter)) node->declare_parameter<std::string>(parameter, "");
+  const std::string file = node->get_parameter(parameter).as_string();
+  try {
+    arm_ = std::make_unique<Arm>(file);
+  } catch (const jacokin::Error& error) {
+    RCLCPP_ERROR(logger(), "%s = '%s': %s", parameter.c_str(), file.c_str(), error.what());
+    return false;
+  }
+  joint_names_ = group->getActiveJointModelNames();
+  link_names_ = {tip_frames.front()};
+  bounds_.clear();
+  for (const moveit::core::JointModel* joint : group->getActiveJointModels()) {
+    const moveit::core::VariableBounds& bounds = joint->getVariableBounds().front();
+    bounds_.push_back({bounds.position_bounded_, bounds.min_position_, bounds.max_position_});
+  }
+  const std::string difference = difference_from(robot_model);
+  if (!difference.empty()) {
+    RCLCPP_ERROR(logger(), "%s is not the arm of group '%s': %s", file.c_str(), group_name.c_str(), difference.c_str());
+    arm_.reset();
+    return false;
+  }
+  supported_methods_ = {NO_DISCRETIZATION, ALL_DISCRETIZED};
+  if (arm_->solver().dof() == 7 && setRedundantJoints(std::vector<unsigned int>{kRedundantJoint}))
+    setSearchDiscretization(search_discretization);
+  return true;
+}
+
+std::string KinematicsPlugin::difference_from(const moveit::core::RobotModel& robot_model) const {
+  const std::vector<std::string> names = arm_->solver().joint_names();
+  if (names.size() != joint_names_.size()) {
+    return "it has " + std::to_string(names.size()) + " joints, the group " + std::to_string(joint_names_.size());
+  }
+  for (std::size_t j = 0; j < names.size(); ++j) {
+    if (!is_same_joint(joint_names_[j], names[j])) return "its joint " + names[j] + " is " + joint_names_[j] + " there";
+  }
+  // Base, tool and every length agree where the tip does, at two configurations without symmetry.
+  moveit::core::RobotState state(robot_model_);
+  for (const double offset : {0.0, 0.37}) {
+    Configuration q = arm_->solver().home();
+    for (std::size_t j = 0; j < q.size(); ++j) q[j] += offset * (static_cast<double>(j) + 1.0);
+    state.setToDefaultValues();
+    state.setJointGroupPositions(robot_model.getJointModelGroup(group_name_), q);
+    state.updateLinkTransforms();
+    const auto tip = state.getGlobalLinkTransform(base_frame_).inverse() * state.getGlobalLinkTransform(tip_frames_[0]);
+    const Pose expected = arm_->solver().forward(q);
+    double worst = 0.0;
+    for (int row = 0; row < 3; ++row)
+      for (int column = 0; column < 4; ++column)
+        worst = std::max(worst, std::abs(tip(row, column) - expected[static_cast<std::size_t>(4 * row + column)]));
+    if (!(worst <= kSameTip)) {
+      return "its " + arm_->solver().frame() + " is not where the tip " + tip_frames_[0] + " is, by " +
+             std::to_string(worst) + "; export it with --base, --frame and --tool for these";
+    }
+  }
+  return "";
+}
+
+bool KinematicsPlugin::setRedundantJoints(const std::vector<unsigned int>& indices) {
+  const bool is_redundant = arm_ != nullptr && arm_->solver().dof() == 7;
+  for (const unsigned int index : indices) {
+    if (!is_redundant || index != kRedundantJoint) return false;
+  }
+  return KinematicsBase::setRedundantJoints(indices);
+}
+
+bool KinematicsPlugin::is_within_bounds(const Configuration& q) const {
+  for (std::size_t j = 0; j < q.size(); ++j) {
+    if (bounds_[j].is_bounded && !(bounds_[j].lower <= q[j] && q[j] <= bounds_[j].upper)) return false;
+  }
+  return true;
+}
+
+std::optional<Candidates> KinematicsPlugin::find(const Message& message, const std::vector<double>& seed,
+                                                 bool hold_redundant) const {
+  if (arm_ == nullptr) {
+    RCLCPP_ERROR(logger(), "the solver is not initialized");
+    return std::nullopt;
+  }
+  const auto& p = message.position;
+  const auto& o = message.orientation;
+  const std::optional<Pose> target = pose_from_quaternion(p.x, p.y, p.z, o.x, o.y, o.z, o.w);
+  if (!target || seed.size() != joint_names_.size()) {
+    RCLCPP_ERROR(logger(), "the pose must have a unit quaternion and the seed %zu joints", joint_names_.size());
+    return std::nullopt;
+  }
+  try {
+    const Redundancy redundancy{hold_redundant, getSearchDiscretization(kRedundantJoint)};
+    Candidates found = arm_->find(*target, seed, redundancy);
+    std::vector<Configuration> kept;
+    for (Configuration& q : found.within_limits) {
+      if (is_within_bounds(q)) kept.push_back(std::move(q));
+    }
+    found.within_limits = std::move(kept);
+    return found;
+  } catch (const jacokin::Error& error) {
+    RCLCPP_ERROR(logger(), "%s", error.what());
+    return std::nullopt;
+  }
+}
+
+bool KinematicsPlugin::getPositionIK(const Message& pose, const std::vector<double>& seed,
+                                     std::vector<double>& solution, ErrorCode& error_code,
+                                     const Options& options) const {
+  return searchPositionIK(pose, seed, default_timeout_, {}, solution, IKCallbackFn(), error_code, options);
+}
+
+bool KinematicsPlugin::getPositionIK(const std::vector<Message>& poses, const std::vector<double>& seed,
+                                     std::vector<std::vector<double>>& solutions, kinematics::KinematicsResult& result,
+                                     const Options& options) const {
+  using namespace kinematics::KinematicErrors;
+  solutions.clear();
+  result.solution_percentage = 0.0;
+  const auto refuse = [&result](kinematics::KinematicError error) {
+    result.kinematic_error = error;
+    return false;
+  };
+  if (arm_ == nullptr) return refuse(SOLVER_NOT_ACTIVE);
+  if (poses.empty()) return refuse(EMPTY_TIP_POSES);
+  if (poses.size() > 1) return refuse(MULTIPLE_TIPS_NOT_SUPPORTED);
+  if (options.discretization_method != NO_DISCRETIZATION && options.discretization_method != ALL_DISCRETIZED)
+    return refuse(UNSUPORTED_DISCRETIZATION_REQUESTED);
+  const bool hold = options.lock_redundant_joints || options.discretization_method == NO_DISCRETIZATION;
+  const std::optional<Candidates> found = find(poses.front(), seed, hold);
+  if (!found || found->within_limits.empty()) return refuse(NO_SOLUTION);
+  solutions = found->within_limits;
+  result.kinematic_error = OK;
+  result.solution_percentage = static_cast<double>(solutions.size()) / static_cast<double>(found->explored);
+  return true;
+}
+
+bool KinematicsPlugin::searchPositionIK(const Message& pose, const std::vector<double>& seed, double timeout,
+                                        std::vector<double>& solution, ErrorCode& error_code,
+                                        const Options& options) const {
+  return searchPositionIK(pose, seed, timeout, {}, solution, IKCallbackFn(), error_code, options);
+}
+
+bool KinematicsPlugin::searchPositionIK(const Message& pose, const std::vector<double>& seed, double timeout,
+                                        const std::vector<double>& consistency_limits, std::vector<double>& solution,
+                                        ErrorCode& error_code, const Options& options) const {
+  return searchPositionIK(pose, seed, timeout, consistency_limits, solution, IKCallbackFn(), error_code, options);
+}
+
+bool KinematicsPlugin::searchPositionIK(const Message& pose, const std::vector<double>& seed, double timeout,
+                                        std::vector<double>& solution, const IKCallbackFn& solution_callback,
+                                        ErrorCode& error_code, const Options& options) const {
+  return searchPositionIK(pose, seed, timeout, {}, solution, solution_callback, error_code, options);
+}
+
+bool KinematicsPlugin::searchPositionIK(const Message& pose, const std::vector<double>& seed, double timeout,
+                                        const std::vector<double>& consistency_limits, std::vector<double>& solution,
+                                        const IKCallbackFn& solution_callback, ErrorCode& error_code,
+                                        const Options& options) const {
+  const auto start = std::chrono::steady_clock::now();
+  const std::chrono::duration<double> allowed(timeout > 0.0 ? timeout : default_timeout_);
+  error_code.val = ErrorCode::NO_IK_SOLUTION;
+  solution.clear();
+  if (!consistency_limits.empty() && consistency_limits.size() != joint_names_.size()) {
+    RCLCPP_ERROR(logger(), "consistency limits must be %zu numbers", joint_names_.size());
+    return false;
+  }
+  const std::optional<Candidates> found = find(pose, seed, options.lock_redundant_joints);
+  if (!found) return false;
+  for (const Configuration& q : found->within_limits) {
+    bool is_consistent = true;
+    for (std::size_t j = 0; j < consistency_limits.size(); ++j)
+      is_consistent = is_consistent && std::abs(q[j] - seed[j]) <= consistency_limits[j];
+    if (!is_consistent) continue;
+    error_code.val = ErrorCode::SUCCESS;
+    if (solution_callback) {
+      if (std::chrono::steady_clock::now() - start > allowed) {
+        error_code.val = ErrorCode::TIMED_OUT;
+        return false;
+      }
+      solution_callback(pose, q, error_code);
+    }
+    if (error_code.val == ErrorCode::SUCCESS) {
+      solution = q;
+      return true;
+    }
+    error_code.val = ErrorCode::NO_IK_SOLUTION;
+  }
+  return false;
+}
+
+bool KinematicsPlugin::getPositionFK(const std::vector<std::string>& links, const std::vector<double>& q,
+                                     std::vector<Message>& poses) const {
+  poses.clear();
+  if (arm_ == nullptr || q.size() != joint_names_.size()) return false;
+  for (const std::string& link : links) {
+    if (link != link_names_.front()) {
+      RCLCPP_ERROR(logger(), "forward kinematics is for %s only, not for %s", link_names_.front().c_str(), link.c_str());
+      poses.clear();
+      return false;
+    }
+    try {
+      const Pose pose = arm_->solver().forward(q);
+      const std::array<double, 4> quaternion = quaternion_of(pose);
+      Message message;
+      message.position.x = pose[3];
+      message.position.y = pose[7];
+      message.position.z = pose[11];
+      message.orientation.x = quaternion[0];
+      message.orientation.y = quaternion[1];
+      message.orientation.z = quaternion[2];
+      message.orientation.w = quaternion[3];
+      poses.push_back(message);
+    } catch (const jacokin::Error& error) {
+      RCLCPP_ERROR(logger(), "%s", error.what());
+      poses.clear();
+      return false;
+    }
+  }
+  return true;
+}
+
+}  // namespace jacokin_moveit
+
+PLUGINLIB_EXPORT_CLASS(jacokin_moveit::KinematicsPlugin, kinematics::KinematicsBase)
