@@ -177,7 +177,8 @@ def _link(command: list[str], objects: list[Path], size: int, made: Path) -> int
     layouts = {entry.run.__name__: _layout(entry) for entry in ENTRIES}
     text = json.dumps(About(jacokin.__version__, sources_key(), size, layouts).text())
     source = made.with_name("about.c")
-    source.write_text(f"extern const char {PREFIX}about[];\nconst char {PREFIX}about[] = {text};\n", encoding="ascii")
+    shown = f'extern const char {PREFIX}about[] __attribute__((visibility("default")));'
+    source.write_text(f"{shown}\nconst char {PREFIX}about[] = {text};\n", encoding="ascii")
     name = [f"-Wl,-install_name,@rpath/{made.name}"] if sys.platform == "darwin" else ["-s", f"-Wl,-soname,{made.name}"]
     c_library.write_header(made.parent)
     words = [*command, *c_library.flags(made.parent), "-shared", "-fPIC", *name, "-o", str(made), str(source)]
