@@ -53,6 +53,7 @@ PRINTING = {
     "bridge": Printing("The MuJoCo bridge beside dm_control"),
     "tracker": Printing("One tick of the tracker"),
     "library": Printing("The compiled kernels, and the first answer", quick=("--quick",)),
+    "c_calls": Printing("The C library beside Python", quick=("--quick",)),
     "latency": Printing("Single calls, the slowest included", picture="latency.png"),
     "closest": Printing("The closest configuration", ("--count", "30"), ("--count", "3")),
     "planning": Printing("Planned paths"),

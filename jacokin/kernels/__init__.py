@@ -1,6 +1,6 @@
 """Kernels: plain functions on arrays, compiled to one library when the package is built. Read `closed_form/pose` first.
 
-They take numbers and arrays, no robot and no file.
+They take numbers and arrays, no robot and no file. C programs reach them through the files in the folder ``c``.
 
 closed_form                          every branch of a six-joint Jaco at a pose
 self_motion                          self-motions: all configurations with one free parameter

@@ -190,6 +190,8 @@ def test_a_point_outside_its_interval_is_refused(six: CSolver, target: Array) ->
     made_up = binding.Interval()
     made_up.stop, made_up.rows[:] = 1.0, (9999, -1)
     assert six.at(made_up, 0.5)[0] == binding.BAD_ARGUMENT
+    six.memory[:] = 0xFFFFFFFFFFFFFFFF
+    assert six.at(intervals[0], intervals[0].start)[0] < 0
 
 
 def test_every_damage_to_a_file_is_noticed() -> None:

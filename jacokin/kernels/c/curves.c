@@ -497,10 +497,11 @@ int jacokin_ik_at(const jacokin_ik_solver *solver, void *work, size_t work_size,
     } else if (along >= last[STOP + parameter] + past) {
         memcpy(x, &last[STOP], sizeof x);
     } else {
-        int64_t arc = (int64_t)first[ARC];
-        if (!(arc >= 0 && arc < table[CURVES_arcs_size].integers[1] && arc < JACOKIN_ARCS))
+        if (!(first[ARC] >= 0.0 && first[ARC] < JACOKIN_ARCS)) /* memory that no intervals were found in */
             return jacokin_no_answer(solver, q, JACOKIN_IK_BAD_ARGUMENT);
-        const int64_t *nodes = &table[CURVES_arcs_arcs].integers[4 * arc];
+        const int64_t *nodes = &table[CURVES_arcs_arcs].integers[4 * (int64_t)first[ARC]];
+        if (!(nodes[0] >= 0 && nodes[0] < nodes[1] - 1 && nodes[1] <= JACOKIN_NODES))
+            return jacokin_no_answer(solver, q, JACOKIN_IK_BAD_ARGUMENT);
         if (past > 0.0 && along > table[CURVES_arcs_nodes].numbers[14 * (nodes[1] - 1) + parameter]) along -= past;
         if (!point_of_arc(table, parameter, nodes, along, x))
             return jacokin_no_answer(solver, q, JACOKIN_IK_NO_CONVERGENCE);
