@@ -16,7 +16,7 @@ import pinocchio as pin
 
 from jacokin.arrays import Array
 from jacokin.ik.closest import bounded_step
-from jacokin.ik.preferences import with_ties
+from jacokin.ik.preferences import copies_to_try, with_ties
 from jacokin.ik.targets import Request, TargetPose
 from jacokin.ik.verification import Verifier
 from jacokin.model import angles
@@ -96,9 +96,13 @@ class NearMisses:
         if not len(order):
             return x[:0]
         found = self._settled(inside[order], outside[order], request.target, lower, upper)
-        q = found[:, : robot.dof]
-        q[:] = angles.into_limits(angles.nearest_copy(q, seed, ~robot.sliding), robot.lower, robot.upper)
-        return found[np.argsort(with_ties(request.cost, seed)(q), kind="stable")] if len(found) else found
+        if not len(found):
+            return found
+        cost = with_ties(request.cost, seed)
+        copies = copies_to_try(cost.copies, found[:, : robot.dof], seed, robot)
+        rows = np.vstack([np.hstack([q, found[:, robot.dof :]]) for q in copies])
+        rows = rows[~np.isnan(rows).any(axis=1)]
+        return np.asarray(rows[np.argsort(cost(rows[:, : robot.dof]), kind="stable")])
 
     def _bounds(self, target: TargetPose) -> tuple[Array, Array]:
         """Lower and upper bounds of the joints, and of the angle about a free axis [rad]."""

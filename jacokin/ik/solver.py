@@ -385,8 +385,8 @@ class IKSolver:
         branches = form.solve_all(target.matrix, request.seed)
         rows = branches.rows
         candidates = (
-            Candidate(rows[index, :6], target, f"branch {index + 1} of {len(rows)}")
-            for index in _order(branches, request.cost)
+            Candidate(q, target, f"branch {index + 1} of {len(rows)}")
+            for index, q in _in_order(branches, request.cost, request.seed, robot)
         )
         in_contact = "every branch within the limits is in contact; the best"
         result = self._verifier.select(candidates, request, in_contact)
@@ -462,13 +462,19 @@ def _rebuild(robot: Robot, frame: str, tool: pin.SE3 | None, options: SolverOpti
     return IKSolver(robot, frame, tool=tool, **given)
 
 
-def _order(branches: Branches, cost: Cost | None) -> Iterator[int]:
-    """Indices of the branches within the limits, best first; equal ones nearest to the seed first."""
+def _in_order(branches: Branches, cost: Cost | None, seed: Array, robot: Robot) -> Iterator[tuple[int, Array]]:
+    """Indices and configurations (6,) of the branches within the limits, best first, of equal ones the nearest."""
     indices = branches.each_within_limits()
     if cost is None:
-        return indices
+        yield from ((index, branches.rows[index, :6]) for index in indices)
+        return
     some = list(indices)
-    return iter(some) if not some else (some[row] for row in np.argsort(cost(branches.q[some]), kind="stable"))
+    copies = np.array(list(preferences.copies_to_try(cost.copies, branches.q[some], seed, robot)))  # (c, k, 6)
+    kept = ~np.isnan(copies).any(axis=2)
+    rows, index = copies[kept], np.broadcast_to(some, kept.shape)[kept]
+    costs = cost(rows) if len(rows) else np.empty(0)
+    for each in np.lexsort((np.linalg.norm(rows - seed, axis=1), costs)).tolist():
+        yield int(index[each]), rows[each]
 
 
 def solve_ik(

@@ -33,7 +33,7 @@ from jacokin.ik.families.straight_wrist import StraightWrist, WristTrack
 from jacokin.ik.families.tracks import CircleTrack, CurveTrack, Track, least, minima
 from jacokin.ik.geometry import measure_seven
 from jacokin.ik.near_misses import NearMisses
-from jacokin.ik.preferences import Cost, with_ties
+from jacokin.ik.preferences import Cost, copies_to_try, with_ties
 from jacokin.ik.results import IKResult
 from jacokin.ik.targets import Request, TargetPose, combined_error
 from jacokin.ik.verification import Candidate, Verifier
@@ -81,8 +81,10 @@ class Findings(NamedTuple):
         parameters: list[float] = []
         for interval in self.family:
             for p, q in zip(*interval.sample(TRIED), strict=True):
-                rows.append(members.copies(q, seed))
-                parameters.append(float(p))
+                for row in copies_to_try(wish.copies, q[np.newaxis], seed, members.robot):
+                    if not np.isnan(row).any():
+                        rows.append(row[0])
+                        parameters.append(float(p))
         for index in np.argsort(wish(np.array(rows)), kind="stable").tolist():
             yield members.candidate(rows[index], parameters[index])
 
