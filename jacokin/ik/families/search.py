@@ -23,6 +23,7 @@ from jacokin.ik.families.curves import (
     SEAM,
     CurveArm,
     CurveProblem,
+    FoundCurves,
     Piece,
     whole_piece,
 )
@@ -143,6 +144,8 @@ class FamilySearch:
         for piece in sorted(found.pieces, key=lambda piece: (piece.branch, piece.ends[0, parameter])):
             ends = (_end(piece.codes[0], robot), _end(piece.codes[1], robot))
             intervals.append(Interval(members, CurveTrack(problem, piece), piece.branch, ends))
+        intervals += _at_range_ends(found, problem, members)
+        intervals.sort(key=lambda interval: (interval.branch, interval.start))
         beside = edge.fitted(alone, problem) if len(alone) else []
         branches = len(found.arcs)
         intervals += [*_on_circles(circles, members, branches), *_at_points(beside, members, branches + len(circles))]
@@ -346,6 +349,24 @@ def _at_points(points: Sequence[LimitExcess], members: Members, first: int) -> l
         closure = max(members.verifier.measure(point.q, members.target.at(point.parameter)))
         if closure <= MEMBER_CLOSURE and not point.excess.any():
             intervals.append(Interval(members, _at(point), branch, (IntervalEnd("fold"), IntervalEnd("fold"))))
+    return intervals
+
+
+def _at_range_ends(found: FoundCurves, problem: CurveProblem, members: Members) -> list[Interval]:
+    """Where curves leave the limits at an end of the range: the single members there, past limits by rounding or not."""
+    robot, snap, intervals = members.robot, members.verifier.options.limit_snap, []
+    for branch, (nodes, ends) in enumerate(zip(found.arcs, found.ends, strict=True)):
+        codes = [piece.codes for piece in found.pieces if piece.branch == branch]
+        for side, end in enumerate(ends):
+            if -1 - end != RANGE or any(code[side] == RANGE for code in codes):
+                continue
+            x = nodes[-side, :7]
+            q = angles.into_limits(x[: robot.dof], robot.lower, robot.upper)
+            p = members.target.nearest_angle(float(x[problem.arm.parameter]))
+            excess = np.abs(angles.wrap_to_pi(q - x[: robot.dof]))
+            if excess.max() <= snap and max(members.verifier.measure(q, members.target.at(p))) <= MEMBER_CLOSURE:
+                reason = IntervalEnd("range")
+                intervals.append(Interval(members, CircleTrack(q, 0.0, p, p), branch, (reason, reason)))
     return intervals
 
 
