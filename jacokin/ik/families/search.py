@@ -353,7 +353,7 @@ def _at_points(points: Sequence[LimitExcess], members: Members, first: int) -> l
 
 
 def _at_range_ends(found: FoundCurves, problem: CurveProblem, members: Members) -> list[Interval]:
-    """Where curves leave the limits at an end of the range: the single members there, past limits by rounding or not."""
+    """Where curves leave the limits at an end of the range: single members there, past limits by rounding."""
     robot, snap, intervals = members.robot, members.verifier.options.limit_snap, []
     for branch, (nodes, ends) in enumerate(zip(found.arcs, found.ends, strict=True)):
         codes = [piece.codes for piece in found.pieces if piece.branch == branch]
