@@ -169,6 +169,11 @@ class Interval:
         """Stop - start [rad]."""
         return self.stop - self.start
 
+    @property
+    def _is_round(self) -> bool:
+        """Whether the end is the start again."""
+        return self.ends[1].kind == "circle"
+
     def contains(self, parameter: float) -> bool:
         """Whether a value of the parameter, or one whole turns away, is in the interval."""
         return self._moved_inside(checks.number("parameter", parameter, "rad")) is not None
@@ -210,12 +215,13 @@ class Interval:
         """Values of the parameter (n,) and members (n, dof) [rad], spread over the interval; the middle for n = 1."""
         if self.start == self.stop:
             p, rows = self._track.polyline()
-            chosen = np.linspace(0, len(p) - 1, n + 2)[1:-1].round().astype(np.intp)
+            places = [0.5 * (len(p) - 1)] if n == 1 else np.linspace(0, len(p) - 1, n, endpoint=not self._is_round)
+            chosen = np.round(places).astype(np.intp)
             return p[chosen], np.array([self.member(self.start, q, self._members.seed) for q in rows[chosen]])
         if n == 1:
             p = np.array([0.5 * (self.start + self.stop)])
         else:
-            p = np.linspace(self.start, self.stop, n, endpoint=self.ends[1].kind != "circle")
+            p = np.linspace(self.start, self.stop, n, endpoint=not self._is_round)
         return p, np.array([self.member(value, self._track.at(value), self._members.seed) for value in p.tolist()])
 
     def spread(self, step: float) -> tuple[Array, Array]:
@@ -226,12 +232,14 @@ class Interval:
         """
         p, rows = self._track.polyline()
         if self.start == self.stop:  # a point, or members among which the parameter stands still
-            stride = max(1, int(step / GUESS_SPACING))
-            return p[::stride], rows[::stride]
+            chosen = np.arange(0, len(p), max(1, int(step / GUESS_SPACING)))
+            if not self._is_round:
+                chosen = np.unique(np.append(chosen, len(p) - 1))
+            return p[chosen], rows[chosen]
         inner = step * np.arange(np.floor(self.start / step) + 1.0, np.ceil(self.stop / step))
         inner = inner if inner.size else np.array([0.5 * (self.start + self.stop)])
         between = np.column_stack([np.interp(inner, p, column) for column in rows.T])
-        if self.ends[0].kind == self.ends[1].kind == "circle":
+        if self._is_round and self.ends[0].kind == "circle":
             return inner, between
         return np.concatenate([p[:1], inner, p[-1:]]), np.vstack([rows[0], between, rows[-1]])
 
