@@ -111,7 +111,6 @@ KINDS: dict[str, tuple[tuple[str, ...], Callable[..., Made]]] = {
 def test_a_target_just_beyond_a_fold_is_reached(
     kind: str, own_limits: bool, count: int, rng: np.random.Generator
 ) -> None:
-    jacokin.warmup()
     names, make = KINDS[kind]
     for number in range(count):
         robot = jacokin.load_robot(names[number % len(names)])
@@ -133,7 +132,6 @@ def test_a_target_just_beyond_a_fold_is_reached(
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_wide_tolerances_reach_as_far_beyond_a_fold(kind: str, rng: np.random.Generator) -> None:
-    jacokin.warmup()
     names, make = KINDS[kind]
     robot = jacokin.load_robot(names[0])
     wide = IKSolver(robot, frame="end_effector", position_tolerance=1e-3, orientation_tolerance=1e-3)
@@ -144,7 +142,6 @@ def test_wide_tolerances_reach_as_far_beyond_a_fold(kind: str, rng: np.random.Ge
 
 @pytest.mark.parametrize("count", [3, pytest.param(20, marks=pytest.mark.slow)])
 def test_a_target_well_beyond_a_fold_has_one_status(count: int, rng: np.random.Generator) -> None:
-    jacokin.warmup()
     robot = jacokin.load_robot("j2n6s300")
     solver = IKSolver(robot)
     for _ in range(count):
@@ -154,7 +151,6 @@ def test_a_target_well_beyond_a_fold_has_one_status(count: int, rng: np.random.G
 
 @pytest.mark.parametrize("count", [2, pytest.param(15, marks=pytest.mark.slow)])
 def test_a_position_just_out_of_reach_is_reached(count: int, rng: np.random.Generator) -> None:
-    jacokin.warmup()
     robot = jacokin.load_robot("j2n6s300")
     solver = IKSolver(robot)
     for _ in range(count):

@@ -124,7 +124,6 @@ def test_the_best_member_of_a_straight_wrist_is_found(
     name: str, limited: bool, count: int, rng: np.random.Generator
 ) -> None:
     """The parameter stands still while the joints beside the middle one turn against each other."""
-    jacokin.warmup()
     for _ in range(count):
         robot = jacokin.load_robot(name)
         q, seed = robot.sample(rng, 2)
@@ -157,7 +156,6 @@ def test_the_best_member_of_a_straight_wrist_is_found(
 
 
 def test_samples_of_a_straight_wrist_reach_from_limit_to_limit(rng: np.random.Generator) -> None:
-    jacokin.warmup()
     robot = jacokin.load_robot("j2s7s300")
     q = robot.sample(rng)
     q[5] = np.pi

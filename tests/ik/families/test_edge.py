@@ -125,7 +125,6 @@ def test_the_only_curve_may_lie_between_two_slices(rng: np.random.Generator) -> 
 @pytest.mark.parametrize("several", [1, 3, 6])
 def test_the_end_of_a_range_may_be_the_only_member(several: int, count: int, rng: np.random.Generator) -> None:
     """Some joints are on the limits that they pass as the tool turns on."""
-    jacokin.warmup()
     for number in range(count):
         name = ("j2n6s300", "j2s6s300")[number % 2]
         free = jacokin.load_robot(name)

@@ -49,7 +49,6 @@ def costs(robot: Robot, seed: Array) -> dict[str, Callable[[Array], Array]]:
 @pytest.mark.parametrize("count", [6, pytest.param(40, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", ["j2n6s300", "j2s6s300"])
 def test_a_pose_is_solved_in_the_best_copy(name: str, count: int, rng: np.random.Generator) -> None:
-    jacokin.warmup()
     robot = jacokin.load_robot(name, limits=WIDE)
     solver = IKSolver(robot)
     for _ in range(count):
@@ -68,7 +67,6 @@ def test_a_pose_is_solved_in_the_best_copy(name: str, count: int, rng: np.random
 @pytest.mark.parametrize("count", [2, pytest.param(15, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", ["j2n6s300", "j2s6s300", "j2s7s300"])
 def test_a_member_is_chosen_in_the_best_copy(name: str, count: int, rng: np.random.Generator) -> None:
-    jacokin.warmup()
     robot = jacokin.load_robot(name, limits=WIDE)
     solver = IKSolver(robot)
     for number in range(count):
