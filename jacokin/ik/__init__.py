@@ -6,6 +6,7 @@ closed_form, geometry    every branch of a six-joint Jaco; whether an arm is bui
 families                 self-motions: all configurations where one parameter is free
 qp, qp_backend           quadratic programs, for what the closed form does not cover, and their solvers
 closest                  the closest configuration to a pose that cannot be reached
+near_misses              configurations within the tolerances of a target that none meets exactly
 preferences              `prefer=`: which of several configurations is the best
 verification, diagnosis  the check behind every success; the status of everything else
 results                  statuses and results

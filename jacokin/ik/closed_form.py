@@ -182,7 +182,7 @@ class ClosedForm:
         misfit: largest deviation of the model from the structure [m or rad]; what it leaves is polished away.
     """
 
-    __slots__ = ("_arm", "_calls", "_chain", "_limits", "misfit", "spherical")
+    __slots__ = ("_arm", "_calls", "_chain", "_few", "_limits", "misfit", "spherical")
 
     def __init__(
         self,
@@ -242,6 +242,18 @@ class ClosedForm:
         self._calls.append(call)
         return found
 
+    def solve_few(self, T: NDArray[np.float64], seed: NDArray[np.float64]) -> BestBranches:
+        """As `solve_batch` with one seed (6,), for a few targets (n, 4, 4) again and again, always as many."""
+        try:
+            call = self._few.pop()
+        except IndexError:
+            call = self._call(np.empty(T.shape), np.empty((len(T), 6)), np.empty((len(T), BATCH_COLUMNS)))
+        call.work.T[:], call.work.seed[:] = T, seed
+        call()
+        found = BestBranches(call.work.best.copy())
+        self._few.append(call)
+        return found
+
     def nearest_branch(self) -> NearestBranch:
         """What gives the first of `solve_all`'s branches that is within the limits."""
         best = np.empty((1, BATCH_COLUMNS))
@@ -250,6 +262,7 @@ class ClosedForm:
     def _make_calls(self) -> None:
         """One call of the kernels; each thread takes an idle one, or makes one, and puts it back."""
         self._calls: list[Call[TargetWork]] = [self._call(np.empty((1, 4, 4)), np.empty((1, 6)))]
+        self._few: list[Call[TargetWork]] = []  # of a few targets
 
     def _call(
         self, T: NDArray[np.float64], seed: NDArray[np.float64], best: NDArray[np.float64] | None = None

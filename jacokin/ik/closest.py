@@ -91,6 +91,9 @@ class ClosestSearch:
     ) -> IKResult:
         """The closest configuration, or the seed where none is asked for; a success after all if it is one.
 
+        Where it is not known whether the target is reached, it is looked for in any case: the status does not depend on
+        what is asked for.
+
         Args:
             request: what was asked for, with a pose or a position as its target.
             outcome: why it is not reached.
@@ -99,7 +102,7 @@ class ClosestSearch:
         """
         verifier, target, seed = self._verifier, request.target, request.seed
         message = request.message(outcome.message)
-        if not request.closest:
+        if not request.closest and outcome.status is not Status.NO_CONVERGENCE:
             return verifier.result(Candidate(seed, target, ""), outcome.status, message)
         found, effort = self.find(self.reach.pulled_in(target), [*nearby, seed], request.generator())
         if before is not None:
@@ -109,6 +112,8 @@ class ClosestSearch:
         result = verifier.select([closest], request, "")
         if result is not None and result.success:
             return result
+        if not request.closest:
+            return verifier.result(Candidate(seed, target, ""), outcome.status, message)
         return verifier.result(closest, outcome.status, message, touching=verifier.touching(q))
 
     def find(self, target: TargetPose, first: Sequence[Array], rng: np.random.Generator) -> tuple[Array, Effort]:
@@ -364,7 +369,7 @@ def descend(
         best.append(float(points.value.min()))
         if best[-1 - PATIENCE] - best[-1] < SETTLED:
             return taken, DescentState(points.q, duals, damping)
-        step = _bounded_step(points, curvature, damping, lower, upper)
+        step = bounded_step(points.q, points.gradient, curvature, damping, lower, upper)
         moved = np.clip(points.q + step, lower, upper)
         step = moved - points.q
         new_duals = duals_after(points, duals, step)
@@ -390,9 +395,17 @@ def _positive(hessian: Array, stage: DescentStage) -> Array:
     return np.asarray((vectors * np.abs(values)[:, None]) @ vectors.transpose(0, 2, 1))
 
 
-def _bounded_step(points: Points, curvature: Array, damping: Array, lower: Array, upper: Array) -> Array:
-    """Steps (k, dof) to the minimum of the damped model; joints that would pass a limit end on it."""
-    q, gradient = points.q, points.gradient
+def bounded_step(q: Array, gradient: Array, curvature: Array, damping: Array, lower: Array, upper: Array) -> Array:
+    """Steps (k, dof) from q (k, dof) to the minimum of a quadratic model; joints that would pass a limit end on it.
+
+    Args:
+        q: (k, dof) within the limits.
+        gradient: (k, dof).
+        curvature: (k, dof, dof) positive semidefinite.
+        damping: (k,) added to its diagonal.
+        lower: (dof,) limits; -inf for none.
+        upper: (dof,) limits; inf for none.
+    """
     unit = np.eye(q.shape[1])
     matrix = curvature + damping[:, None, None] * unit
     held = ((q <= lower) & (gradient > 0.0)) | ((q >= upper) & (gradient < 0.0))

@@ -2,18 +2,41 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TypeAlias
+import itertools
+import math
+from collections.abc import Callable, Iterator
+from enum import Enum
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, shown
-from jacokin.model import checks
+from jacokin.model import angles, checks
+from jacokin.model.angles import TURN
 from jacokin.model.robot import Robot
 
-#: Costs (m,) of configurations (m, dof) within the limits; the least is best.
-Cost: TypeAlias = Callable[[Array], Array]
+
+class Copies(Enum):
+    """Which 2 pi copies of limited joints may be the best, where there are several within the limits."""
+
+    NEAREST = "nearest to the seed"
+    MIDDLE = "farthest from the limits"
+    ANY = "any: each is looked at"
+
+
+class Cost(NamedTuple):
+    """Costs of configurations within the limits; the least is best."""
+
+    of: Callable[[Array], Array]
+    """(m,) of rows (m, dof)."""
+    copies: Copies
+    """Copies of a row among which is the one of the least cost."""
+
+    def __call__(self, rows: Array) -> Array:
+        """The costs (m,) of rows (m, dof)."""
+        return self.of(rows)
+
 
 #: What `prefer=` takes, besides a callable.
 PREFERENCES = ("nearest", "margin", "manipulability")
@@ -37,13 +60,13 @@ def cost_of(prefer: Prefer, robot: Robot, frame: str) -> Cost | None:
         InvalidInputError: neither a name nor callable.
     """
     if callable(prefer):
-        return _by_function(prefer)
+        return Cost(_by_function(prefer), Copies.ANY)
     if not isinstance(prefer, str):
         raise InvalidInputError(f"prefer must be one of {', '.join(PREFERENCES)}, or callable, got {shown(prefer)}")
     if checks.choice("prefer", prefer, PREFERENCES) == "margin":
         return by_margin(robot)
     if prefer == "manipulability":
-        return lambda rows: np.array([-robot.manipulability(q, frame) for q in rows])
+        return Cost(lambda rows: np.array([-robot.manipulability(q, frame) for q in rows]), Copies.NEAREST)
     return None
 
 
@@ -52,10 +75,47 @@ def with_ties(cost: Cost | None, seed: Array) -> Cost:
     distance = by_distance(seed)
     if cost is None:
         return distance
-    return lambda rows: cost(rows) + TIE * distance(rows)
+    return Cost(lambda rows: cost(rows) + TIE * distance(rows), cost.copies)
 
 
-def _by_function(function: Callable[[Array], float]) -> Cost:
+def copies_to_try(copies: Copies, q: Array, seed: Array, robot: Robot) -> Iterator[Array]:
+    """Configurations within the limits, one of which is the best for a cost, (k, dof) each [rad].
+
+    Along each of them, joints with more than a turn of room keep the number of turns by which they differ from q, but
+    for those of the copies nearest to the seed and farthest from the limits. Rows outside the limits are NaN.
+
+    Args:
+        copies: of the cost.
+        q: (k, dof) in any copies.
+        seed: (dof,) joints without limits are in the copies nearest to it.
+        robot: the arm.
+    """
+    lower, upper = robot.lower, robot.upper
+    near = angles.into_limits(angles.nearest_copy(q, seed), lower, upper)
+    wide = np.isfinite(upper - lower) & (upper - lower >= TURN)
+    if copies is Copies.NEAREST or not wide.any() or not len(q):
+        yield near
+    elif copies is Copies.MIDDLE:
+        centre = seed.copy()
+        centre[wide] = 0.5 * (lower[wide] + upper[wide])
+        middle = angles.into_limits(angles.nearest_copy(q, centre), lower, upper)
+        room = np.minimum(middle - lower, upper - middle).min(axis=1, keepdims=True)
+        # The joint that is nearest to a limit decides; others take the copy nearest to the seed that has as much room.
+        yield np.where(wide, angles.into_limits(angles.nearest_copy(q, seed), lower + room, upper - room), middle)
+    else:
+        joints = np.flatnonzero(wide).tolist()
+        ranges = [
+            range(math.ceil((lower[j] - q[:, j].max()) / TURN), math.floor((upper[j] - q[:, j].min()) / TURN) + 1)
+            for j in joints
+        ]
+        for turns in itertools.product(*ranges):
+            rows = near.copy()
+            rows[:, joints] = q[:, joints] + TURN * np.array(turns)
+            rows[((rows < lower) | (rows > upper)).any(axis=1)] = np.nan
+            yield rows
+
+
+def _by_function(function: Callable[[Array], float]) -> Callable[[Array], Array]:
     """The costs by a user's function, checked."""
 
     def costs(rows: Array) -> Array:
@@ -71,10 +131,10 @@ def by_distance(seed: Array) -> Cost:
         apart = rows - seed
         return np.asarray(np.einsum("ij,ij->i", apart, apart))
 
-    return squares
+    return Cost(squares, Copies.NEAREST)
 
 
 def by_margin(robot: Robot) -> Cost:
     """Minus the distance of the joint that is nearest to a limit [rad]; -inf for an arm without limits."""
     lower, upper = robot.lower, robot.upper
-    return lambda rows: -np.minimum(rows - lower, upper - rows).min(axis=1)
+    return Cost(lambda rows: -np.minimum(rows - lower, upper - rows).min(axis=1), Copies.MIDDLE)

@@ -113,8 +113,10 @@ class QPSearch:
         if result is not None:
             return result
         failure = diagnosis.explain_descents(effort.starts, failed=best.failed)
-        if failure.status is not Status.SOLVER_ERROR and request.closest:
-            return self._closest.solve(request, failure, [best.q], effort)
+        if failure.status is not Status.SOLVER_ERROR:
+            result = self._closest.solve(request, failure, [best.q], effort)
+            if request.closest or result.success:
+                return result
         q = angles.nearest_copy(best.q, seed, self._circular)
         end = Candidate(q, target, "", effort=effort)
         return verifier.result(end, failure.status, request.message(failure.message), touching=verifier.touching(q))

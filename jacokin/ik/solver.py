@@ -9,6 +9,7 @@ A solve goes through these modules:
     targets        what is asked for, checked once: a pose, a position, or a pose that may turn about an axis
     closed_form    candidates: the branches of a pose;  families, where a parameter is free;  qp, for everything else
     verification   the check behind every success, and the selection of the first candidate that passes it
+    near_misses    what is within the tolerances where no candidate meets the target exactly
     diagnosis      the status and the sentence when none does
     closest        the configuration that comes closest then
 """
@@ -28,12 +29,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, StructureError
-from jacokin.ik import diagnosis, preferences
+from jacokin.ik import diagnosis, near_misses, preferences
 from jacokin.ik.batches import batch
 from jacokin.ik.closed_form import BestBranches, Branches, ClosedForm
 from jacokin.ik.closest import ClosestSearch
 from jacokin.ik.families.family import Family
 from jacokin.ik.families.search import FamilySearch, SixJointFamilies, seven_joint_families
+from jacokin.ik.near_misses import NearMisses
 from jacokin.ik.options import (
     DEFAULT_QP_SOLVER,
     LIMIT_SNAP,
@@ -47,6 +49,7 @@ from jacokin.ik.results import BatchResult, IKResult
 from jacokin.ik.seeds import seed_within_limits
 from jacokin.ik.targets import PartialTarget, Request, Target, TargetPose, interpret
 from jacokin.ik.verification import Candidate, Verifier
+from jacokin.kernels.closed_form.batch import BRANCHES, LARGEST_MARGIN
 from jacokin.model import checks, poses
 from jacokin.model.loading import load_robot
 from jacokin.model.poses import FreeAxis
@@ -56,6 +59,7 @@ if TYPE_CHECKING:
     from jacokin.ik.qp import QPSearch
     from jacokin.model.scene import Scene
 
+MOVE, WAYS = 30.0, 3  # of near misses: those cross a fold unless it lies along all three ways to a thirtieth
 SEVEN = 7  # joints of an arm whose poses have families
 
 
@@ -125,7 +129,7 @@ class IKSolver:
             raise InvalidInputError(f"frame {name!r} is moved by no joint of {robot.name}; choose a frame on the arm")
         self._options = options
         self._verifier = Verifier(robot, name, None if tool is None else poses.checked_pose(tool, "tool"), options)
-        self._closest = ClosestSearch(self._verifier)
+        self._closest, self._near_misses = ClosestSearch(self._verifier), NearMisses(self._verifier, MOVE, WAYS)
         self._local = threading.local()
         if not isinstance(qp_solver, str) or qp_solver != DEFAULT_QP_SOLVER:
             from jacokin.ik import qp_backend
@@ -204,7 +208,7 @@ class IKSolver:
             rng: randomness of the QP's restarts; None for a fixed seed.
             max_restarts: in place of the solver's own number of QP restarts.
             closest: on failure, look for the closest configuration within the limits. False is quick: the result then
-                holds the seed, or the best end of the QP's starts.
+                holds the seed, or the best end of the QP's starts. The status is the same.
             prefer: which of the configurations within the limits: the one "nearest" to the seed, of the largest limit
                 "margin", of the largest "manipulability", or of the least cost that a function returns for q (dof,).
                 Of equal ones the nearest to the seed.
@@ -381,15 +385,31 @@ class IKSolver:
         branches = form.solve_all(target.matrix, request.seed)
         rows = branches.rows
         candidates = (
-            Candidate(rows[index, :6], target, f"branch {index + 1} of {len(rows)}")
-            for index in _order(branches, request.cost)
+            Candidate(q, target, f"branch {index + 1} of {len(rows)}")
+            for index, q in _in_order(branches, request.cost, request.seed, robot)
         )
         in_contact = "every branch within the limits is in contact; the best"
         result = self._verifier.select(candidates, request, in_contact)
         if result is not None:
             return result
+        starts = self._almost_reaching(form, request, branches)
+        near = (Candidate(q, target, near_misses.MESSAGE) for q in self._near_misses.find(request, starts))
+        result = self._verifier.select(near, request, "every configuration that was tried is in contact; the best")
+        if result is not None:
+            return result
         outcome = diagnosis.explain_branches(branches, robot.joint_names)
         return self._closest.solve(request, outcome, [np.clip(q, robot.lower, robot.upper) for q in branches.q])
+
+    def _almost_reaching(self, form: ClosedForm, request: Request, branches: Branches) -> Array:
+        """Branches (k, 6) [rad] of a target that are not far outside the limits, and such beyond a fold next to it."""
+        T, seed, near = request.target.matrix, request.seed, -self._near_misses.near
+        moved = self._near_misses.moved(T)
+        found = form.solve_few(moved, seed).rows
+        more = (found[:, BRANCHES] > len(branches)) & (found[:, LARGEST_MARGIN] >= near)
+        rows = [form.solve_all(moved[index], seed).q for index in np.flatnonzero(more).tolist()]
+        if len(branches):
+            rows.append(branches.q[branches.margin.min(axis=1) >= near])
+        return np.vstack(rows) if rows else np.empty((0, 6))
 
     def _solve_by_qp(self, request: Request) -> IKResult:
         """One configuration by descents from many starts, or why there is none.
@@ -442,13 +462,19 @@ def _rebuild(robot: Robot, frame: str, tool: pin.SE3 | None, options: SolverOpti
     return IKSolver(robot, frame, tool=tool, **given)
 
 
-def _order(branches: Branches, cost: Cost | None) -> Iterator[int]:
-    """Indices of the branches within the limits, best first; equal ones nearest to the seed first."""
+def _in_order(branches: Branches, cost: Cost | None, seed: Array, robot: Robot) -> Iterator[tuple[int, Array]]:
+    """Indices and configurations (6,) of the branches within the limits, best first, of equal ones the nearest."""
     indices = branches.each_within_limits()
     if cost is None:
-        return indices
+        yield from ((index, branches.rows[index, :6]) for index in indices)
+        return
     some = list(indices)
-    return iter(some) if not some else (some[row] for row in np.argsort(cost(branches.q[some]), kind="stable"))
+    copies = np.array(list(preferences.copies_to_try(cost.copies, branches.q[some], seed, robot)))  # (c, k, 6)
+    kept = ~np.isnan(copies).any(axis=2)
+    rows, index = copies[kept], np.broadcast_to(some, kept.shape)[kept]
+    costs = cost(rows) if len(rows) else np.empty(0)
+    for each in np.lexsort((np.linalg.norm(rows - seed, axis=1), costs)).tolist():
+        yield int(index[each]), rows[each]
 
 
 def solve_ik(

@@ -16,7 +16,7 @@ import pinocchio as pin
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.ik import diagnosis, preferences
-from jacokin.ik.results import Status
+from jacokin.ik.results import IKResult, Status
 from jacokin.ik.solver import IKSolver
 from jacokin.model import checks
 from jacokin.model.angles import TURN
@@ -75,6 +75,8 @@ class Inspector:
         if not answer.success:
             errors = self.errors(seed, target)
             return replace(view, status=answer.status, message=answer.message, errors=errors, pending=True)
+        if not (view.within if answer.touching else view.feasible).any():  # within the tolerances, as no branch is
+            return _answered(view, answer)
         clear = np.flatnonzero(view.feasible)
         if answer.touching and len(clear):  # contact is only reported, and there is a branch without
             cost = preferences.cost_of(self.prefer, self.robot, self.solver.frame)
@@ -83,18 +85,7 @@ class Inspector:
 
     def closest(self, view: View) -> View:
         """The view of the same target with the arm at the solver's answer: if need be the closest configuration."""
-        answer = self.solver.solve(view.target, view.q, prefer=self.prefer)
-        return replace(
-            view,
-            status=answer.status,
-            q=answer.q,
-            seed=view.q,
-            selected=None,
-            arm_touching=answer.touching,
-            errors=(answer.position_error, answer.orientation_error),
-            message=answer.message,
-            pending=False,
-        )
+        return _answered(view, self.solver.solve(view.target, view.q, prefer=self.prefer))
 
     def choose(self, view: View, branch: int) -> View:
         """The same view with the solid arm at another branch, within the limits or not."""
@@ -282,6 +273,21 @@ class Inspector:
             touching=tuple(map(self.touching, branches)) if self.solver.verifier.looks_for_contact else None,
             free=Free(self.robot.joint_names[joint], float(view.q[joint]), low, high, _spans(family)),
         )
+
+
+def _answered(view: View, answer: IKResult) -> View:
+    """The same view with the arm at an answer of the solver."""
+    return replace(
+        view,
+        status=answer.status,
+        q=answer.q,
+        seed=view.q,
+        selected=None,
+        arm_touching=answer.touching,
+        errors=(answer.position_error, answer.orientation_error),
+        message=answer.message,
+        pending=False,
+    )
 
 
 def _spans(family: Family) -> tuple[tuple[float, float], ...]:

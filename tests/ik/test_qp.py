@@ -306,7 +306,9 @@ def test_a_position_is_solved_from_a_member(
         target = robot.forward_kinematics(q).translation
         result = IKSolver(robot).solve(target).raise_for_status()
         np.testing.assert_allclose(robot.forward_kinematics(result.q).translation, target, atol=1e-9)
-        assert not IKSolver(robot, method="qp").solve(target, max_restarts=5, closest=False).success
+        assert result.message.startswith("start ")
+        without = IKSolver(robot, method="qp").solve(target, max_restarts=5, closest=False)
+        assert not without.message.startswith("start ")  # found, if at all, in the search for the closest configuration
 
 
 def test_osqp_gives_up_in_time_and_another_solver_takes_over() -> None:

@@ -75,12 +75,12 @@ class Edge:
         chain: of the arm, for many configurations at once.
     """
 
-    __slots__ = ("_lower", "_reach", "_shoulder", "_upper", "chain")
+    __slots__ = ("_lower", "_reach", "_shoulder", "_snap", "_upper", "chain")
 
     def __init__(self, verifier: Verifier) -> None:
         """Take the arm."""
         self.chain = Chain(verifier.robot, verifier.frame_id, verifier.tool)
-        self._reach = Reach(verifier)
+        self._reach, self._snap = Reach(verifier), verifier.options.limit_snap
         robot = verifier.robot
         self._lower, self._upper = robot.lower, robot.upper
         data = robot.pin_model.createData()
@@ -164,6 +164,7 @@ class Edge:
         rows, closure = self._settled(rows, np.vstack([np.zeros_like(held), held]), T, axis)
         inside = angles.into_limits(rows, lower, upper)
         over = np.abs(angles.wrap_to_pi(rows - inside))
+        over[over <= self._snap] = 0.0
         points: list[LimitExcess] = []
         for i in np.lexsort([closure, over.max(axis=1)]).tolist():
             q = inside[i, :dof]

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -17,8 +18,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, JacokinError
-from jacokin.ik.families.tracks import GUESS_SPACING, Track, minima, refine
-from jacokin.ik.preferences import Cost, by_distance, by_margin
+from jacokin.ik.families.tracks import GUESS_SPACING, Track, refine
+from jacokin.ik.preferences import Cost, by_distance, by_margin, copies_to_try
 from jacokin.ik.seeds import seed_within_limits
 from jacokin.ik.targets import TargetPose
 from jacokin.ik.verification import Candidate, Verifier
@@ -77,6 +78,21 @@ class Members:
     def copies(self, q: Array, seed: Array) -> Array:
         """(..., dof) the copies within the limits nearest to a seed (dof,)."""
         return angles.into_limits(angles.nearest_copy(q, seed), self.robot.lower, self.robot.upper)
+
+    def on_limits(self, q: Array) -> Array:
+        """A configuration (dof,) moved onto the limits it is past by rounding.
+
+        NaN where a joint that has more than a turn of room is farther outside: others end their interval there.
+        """
+        inside = np.clip(q, self.robot.lower, self.robot.upper)
+        far = np.abs(inside - q) > self.verifier.options.limit_snap
+        return np.full(len(q), np.nan) if (far & self.wide).any() else inside
+
+    @property
+    def wide(self) -> NDArray[np.bool_]:
+        """(dof,) limited joints that have several copies of some angles within their limits."""
+        room = self.robot.upper - self.robot.lower
+        return np.isfinite(room) & (room >= TURN)
 
     def verified(self, q: Array, parameter: float) -> Array:
         """A configuration (dof,) that reaches the target and is within the limits, exactly.
@@ -153,6 +169,11 @@ class Interval:
         """Stop - start [rad]."""
         return self.stop - self.start
 
+    @property
+    def _is_round(self) -> bool:
+        """Whether the end is the start again."""
+        return self.ends[1].kind == "circle"
+
     def contains(self, parameter: float) -> bool:
         """Whether a value of the parameter, or one whole turns away, is in the interval."""
         return self._moved_inside(checks.number("parameter", parameter, "rad")) is not None
@@ -177,7 +198,7 @@ class Interval:
     def nearest(self, seed: ArrayLike | None = None) -> Array:
         """The member (dof,) [rad] nearest to a seed; None for the seed of the family."""
         wanted = self._members.near(seed)
-        found = self._track.nearest(wanted)
+        found = None if self._members.wide.any() else self._track.nearest(wanted)
         return choose([self], by_distance(wanted), wanted)[0] if found is None else self.member(*found, wanted)
 
     def widest(self) -> Array:
@@ -194,12 +215,13 @@ class Interval:
         """Values of the parameter (n,) and members (n, dof) [rad], spread over the interval; the middle for n = 1."""
         if self.start == self.stop:
             p, rows = self._track.polyline()
-            chosen = np.linspace(0, len(p) - 1, n + 2)[1:-1].round().astype(np.intp)
+            places = [0.5 * (len(p) - 1)] if n == 1 else np.linspace(0, len(p) - 1, n, endpoint=not self._is_round)
+            chosen = np.round(places).astype(np.intp)
             return p[chosen], np.array([self.member(self.start, q, self._members.seed) for q in rows[chosen]])
         if n == 1:
             p = np.array([0.5 * (self.start + self.stop)])
         else:
-            p = np.linspace(self.start, self.stop, n, endpoint=self.ends[1].kind != "circle")
+            p = np.linspace(self.start, self.stop, n, endpoint=not self._is_round)
         return p, np.array([self.member(value, self._track.at(value), self._members.seed) for value in p.tolist()])
 
     def spread(self, step: float) -> tuple[Array, Array]:
@@ -210,12 +232,14 @@ class Interval:
         """
         p, rows = self._track.polyline()
         if self.start == self.stop:  # a point, or members among which the parameter stands still
-            stride = max(1, int(step / GUESS_SPACING))
-            return p[::stride], rows[::stride]
+            chosen = np.arange(0, len(p), max(1, int(step / GUESS_SPACING)))
+            if not self._is_round:
+                chosen = np.unique(np.append(chosen, len(p) - 1))
+            return p[chosen], rows[chosen]
         inner = step * np.arange(np.floor(self.start / step) + 1.0, np.ceil(self.stop / step))
         inner = inner if inner.size else np.array([0.5 * (self.start + self.stop)])
         between = np.column_stack([np.interp(inner, p, column) for column in rows.T])
-        if self.ends[0].kind == self.ends[1].kind == "circle":
+        if self._is_round and self.ends[0].kind == "circle":
             return inner, between
         return np.concatenate([p[:1], inner, p[-1:]]), np.vstack([rows[0], between, rows[-1]])
 
@@ -239,35 +263,79 @@ def choose(intervals: Sequence[Interval], cost: Cost, seed: Array) -> tuple[Arra
     doubt that it is worse than the best one found.
     """
     members = intervals[0]._members
-    doubts: list[tuple[float, int, int, Array]] = []
+    looks: list[_Look] = []
     for number, interval in enumerate(intervals):
         coordinates, rows = interval._track.guesses()
-        values = cost(members.copies(rows, seed))
-        change = np.abs(np.diff(values, prepend=values[0], append=values[-1]))
-        for index in minima(values).tolist():
-            bound = float(values[index] - max(change[index], change[index + 1]))
-            doubts.append((bound, number, index, coordinates))
+        for copies in copies_to_try(cost.copies, rows, seed, members.robot):
+            looks += _places_to_look(number, coordinates, rows, copies, cost)
 
-    def look(number: int, index: int, coordinates: Array) -> tuple[float, float]:
-        track = intervals[number]._track
-        return refine(cost, coordinates, index, lambda coordinate: members.copies(track.joints(coordinate), seed))
+    def look(place: _Look) -> tuple[float, float]:
+        track, turns = intervals[place.interval]._track, TURN * place.turns
+
+        def exact(coordinate: float) -> Array:
+            return members.on_limits(track.joints(coordinate) + turns)
+
+        return refine(lambda rows: _cost_or_inf(cost, rows), place.coordinates, place.guess, exact)
 
     lowest, minimums = math.inf, []
-    for bound, number, index, coordinates in sorted(doubts, key=lambda doubt: doubt[:3]):
-        if bound >= lowest:
+    for place in sorted(looks, key=lambda place: place.bound):
+        if place.bound >= lowest:
             break
-        value, coordinate = look(number, index, coordinates)
-        minimums.append((value, number, coordinate))
+        value, coordinate = look(place)
+        minimums.append((value, coordinate, place))
         lowest = min(lowest, value)
     lost: LostMemberError | None = None
-    for _, number, coordinate in sorted(minimums):
-        p, q = intervals[number]._track.point(coordinate)
+    for _, coordinate, place in sorted(minimums, key=lambda minimum: minimum[0]):
+        p, q = intervals[place.interval]._track.point(coordinate)
         try:
-            return intervals[number].member(p, q, seed), p
+            return members.verified(members.on_limits(q + TURN * place.turns), p), p
         except LostMemberError as error:  # the next best one
             lost = error
     assert lost is not None  # an interval has a minimum
     raise lost
+
+
+class _Look(NamedTuple):
+    """A place where a minimum may be."""
+
+    bound: float
+    """What leaves no doubt to be less than the cost near by."""
+    interval: int
+    guess: int
+    """Which one is the least near by."""
+    coordinates: Array
+    """(m,) of all guesses along the track."""
+    turns: Array
+    """(dof,) by which the angles differ from those of the track."""
+
+
+def _places_to_look(number: int, coordinates: Array, rows: Array, copies: Array, cost: Cost) -> list[_Look]:
+    """Local minima among the guesses (m, dof) of a track in some copies, NaN where those are outside the limits.
+
+    Where joints go on in other copies, the cost may jump: such runs are looked at one by one.
+    """
+    turns = np.round((copies - rows) / TURN)
+    values = _cost_or_inf(cost, copies)
+    apart = (turns[1:] != turns[:-1]).any(axis=1)  # NaN too
+    inner = np.where(apart, np.inf, values[:-1]), np.where(apart, np.inf, values[1:])
+    left, right = np.concatenate([[np.inf], inner[0]]), np.concatenate([inner[1], [np.inf]])
+    chosen = np.flatnonzero(np.isfinite(values) & (values <= left) & (values <= right))
+    value, left, right = values[chosen], left[chosen], right[chosen]
+    change = np.maximum(np.where(np.isfinite(left), left, value), np.where(np.isfinite(right), right, value)) - value
+    alone = np.isinf(left) & np.isinf(right)  # nothing says how the cost changes
+    bounds = np.where(alone, -np.inf, value - change)
+    return [
+        _Look(float(bound), number, int(index), coordinates, turns[index])
+        for bound, index in zip(bounds, chosen, strict=True)
+    ]
+
+
+def _cost_or_inf(cost: Cost, rows: Array) -> Array:
+    """Costs (m,) of rows (m, dof); infinite where rows are NaN."""
+    values, there = np.full(len(rows), np.inf), ~np.isnan(rows).any(axis=1)
+    if there.any():
+        values[there] = cost(rows[there])
+    return values
 
 
 class Family:

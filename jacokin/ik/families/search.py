@@ -22,16 +22,19 @@ from jacokin.ik.families.curves import (
     RANGE,
     SEAM,
     CurveArm,
+    CurveProblem,
+    FoundCurves,
     Piece,
     whole_piece,
 )
-from jacokin.ik.families.edge import Edge
+from jacokin.ik.families.edge import ON_EDGE, Edge
 from jacokin.ik.families.family import MEMBER_CLOSURE, Family, Interval, IntervalEnd, Members
 from jacokin.ik.families.meeting import follow_curves
 from jacokin.ik.families.straight_wrist import StraightWrist, WristTrack
-from jacokin.ik.families.tracks import CircleTrack, CurveTrack, Track, least
+from jacokin.ik.families.tracks import CircleTrack, CurveTrack, Track, least, minima
 from jacokin.ik.geometry import measure_seven
-from jacokin.ik.preferences import Cost, with_ties
+from jacokin.ik.near_misses import NearMisses
+from jacokin.ik.preferences import Cost, copies_to_try, with_ties
 from jacokin.ik.results import IKResult
 from jacokin.ik.targets import Request, TargetPose, combined_error
 from jacokin.ik.verification import Candidate, Verifier
@@ -50,6 +53,10 @@ TRIED = 16
 AIMS = 4
 #: [rad] a target turned by less than this is the same.
 SAME_AIM = 1e-3
+#: Moves of near misses, in tolerances, and ways: curves must be long enough to be found between two slices.
+MOVE, WAYS = 1000.0, 2
+#: Configurations of each branch next to the target that are within the limits, and outside, to start from at most.
+SPREAD = 6
 
 
 class Findings(NamedTuple):
@@ -58,6 +65,7 @@ class Findings(NamedTuple):
     family: Family
     members: Members
     least_excess: Callable[[], LimitExcess | None]  # where branches come nearest to the limits; None without any
+    tracks: Sequence[Track]  # all branches, within the limits or not
 
     def candidates(self, cost: Cost | None, *, several: bool) -> Iterator[Candidate]:
         """Members, the best one first; that one alone, or several of each interval after it."""
@@ -74,8 +82,10 @@ class Findings(NamedTuple):
         parameters: list[float] = []
         for interval in self.family:
             for p, q in zip(*interval.sample(TRIED), strict=True):
-                rows.append(members.copies(q, seed))
-                parameters.append(float(p))
+                for row in copies_to_try(wish.copies, q[np.newaxis], seed, members.robot):
+                    if not np.isnan(row).any():
+                        rows.append(row[0])
+                        parameters.append(float(p))
         for index in np.argsort(wish(np.array(rows)), kind="stable").tolist():
             yield members.candidate(rows[index], parameters[index])
 
@@ -83,13 +93,13 @@ class Findings(NamedTuple):
 class FamilySearch:
     """Families of one arm: the curves on which a target is reached, and what of them is within the limits."""
 
-    __slots__ = ("_arm", "_closest", "_edge", "_verifier", "_wrist")
+    __slots__ = ("_arm", "_closest", "_edge", "_near_misses", "_verifier", "_wrist")
 
     def __init__(self, verifier: Verifier, arm: CurveArm) -> None:
         """Take the constants of an arm."""
         self._verifier, self._arm = verifier, arm
         self._edge, self._closest = Edge(verifier), ClosestSearch(verifier)
-        self._wrist = StraightWrist(self._edge)
+        self._wrist, self._near_misses = StraightWrist(self._edge), NearMisses(verifier, MOVE, WAYS)
 
     def solve(self, request: Request) -> IKResult:
         """The member of the least cost, or why there is none."""
@@ -103,7 +113,13 @@ class FamilySearch:
                     return result
         found = self.find(request.target, request.seed)
         candidates = found.candidates(request.cost, several=verifier.rejects_contact)
-        result = verifier.select(candidates, request, "every member that was tried is in contact; the best one")
+        in_contact = "every member that was tried is in contact; the best one"
+        result = verifier.select(candidates, request, in_contact)
+        if result is None:
+            dof, parameter = verifier.robot.dof, self._arm.parameter
+            rows = self._near_misses.find(request, self._almost_reaching(request, found))
+            near = (found.members.candidate(x[:dof], float(x[parameter])) for x in rows)
+            result = verifier.select(near, request, in_contact)
         return self._closest_to(request, found) if result is None else result
 
     def find(self, target: TargetPose, seed: Array) -> Findings:
@@ -128,23 +144,50 @@ class FamilySearch:
         for piece in sorted(found.pieces, key=lambda piece: (piece.branch, piece.ends[0, parameter])):
             ends = (_end(piece.codes[0], robot), _end(piece.codes[1], robot))
             intervals.append(Interval(members, CurveTrack(problem, piece), piece.branch, ends))
+        intervals += _at_range_ends(found, problem, members)
+        intervals.sort(key=lambda interval: (interval.branch, interval.start))
         beside = edge.fitted(alone, problem) if len(alone) else []
         branches = len(found.arcs)
         intervals += [*_on_circles(circles, members, branches), *_at_points(beside, members, branches + len(circles))]
         branches += len(circles) + len(beside)
         family = Family(tuple(intervals), members, branches=branches, complete=found.complete)
 
-        def least() -> LimitExcess | None:
-            whole = [CurveTrack(problem, whole_piece(arc, branch)) for branch, arc in enumerate(found.arcs)]
-            points = [CircleTrack(point.q, 0.0, point.parameter, point.parameter) for point in beside]
-            return _find_least_excess([*circles, *whole, *points], robot, exact=found.complete)
-
-        return Findings(family, members, least)
+        tracks = [*circles, *_whole_arcs(problem, found.arcs), *map(_at, beside)]
+        return Findings(family, members, lambda: _find_least_excess(tracks, robot, exact=found.complete), tracks)
 
     def nearest(self, target: TargetPose, seed: Array) -> tuple[Array, float] | None:
         """The member (dof,) nearest to a seed and its parameter [rad]; None where only `find` can tell."""
         x = self._arm.problem(target).nearest(seed)
         return None if x is None else (x[: len(seed)], float(x[self._arm.parameter]))
+
+    def _almost_reaching(self, request: Request, found: Findings) -> Array:
+        """Rows (k, dof), with the parameter of a free axis after them, where branches come nearest to the limits [rad].
+
+        Branches of the target itself and of those next to it. Where nothing reaches it, within the limits or not, the
+        latter were looked at.
+        """
+        target, robot = request.target, self._verifier.robot
+        tracks = list(found.tracks)
+        if found.family.branches or self._near_misses.tolerance > ON_EDGE:
+            for T in self._near_misses.moved(target.matrix):
+                tracks += self._tracks(target, T)
+        starts = [np.empty((0, robot.dof + (target.free_axis is not None)))]
+        for track in tracks:
+            parameters, rows = track.polyline()
+            outside = np.abs(angles.wrap_to_pi(rows - angles.into_limits(rows, robot.lower, robot.upper))).max(axis=1)
+            chosen = minima(outside)
+            within = np.sort(chosen[outside[chosen] == 0.0])
+            within = within[np.linspace(0, len(within) - 1, min(len(within), SPREAD)).astype(np.intp)]
+            beyond = chosen[(outside[chosen] > 0.0) & (outside[chosen] <= self._near_misses.near)]
+            chosen = np.concatenate([within, beyond[:SPREAD]])
+            some = rows[chosen]
+            starts.append(some if target.free_axis is None else np.column_stack([some, parameters[chosen]]))
+        return np.vstack(starts)
+
+    def _tracks(self, target: TargetPose, T: Array) -> Sequence[Track]:
+        """The branches of a target that is moved to a pose (4, 4)."""
+        problem = self._arm.problem(target)._replace(T=T)
+        return _whole_arcs(problem, problem.find().arcs)
 
     def _closest_to(self, request: Request, found: Findings) -> IKResult:
         """Why there is no member, with the closest configuration; the angle of a free axis follows where that comes."""
@@ -229,7 +272,14 @@ class SixJointFamilies(FamilySearch):
                 reasons = (_end(ends[0], robot), _end(ends[1], robot))
                 intervals.append(Interval(members, CircleTrack(q, sign, start, stop), number, reasons))
         family = Family(tuple(intervals), members, branches=len(branches), complete=branches.complete)
-        return Findings(family, members, lambda: _find_least_excess(tracks, robot, exact=True))
+        return Findings(family, members, lambda: _find_least_excess(tracks, robot, exact=True), tracks)
+
+    def _tracks(self, target: TargetPose, T: Array) -> Sequence[Track]:
+        """See `FamilySearch`."""
+        free, sign = self._last_axis(target)
+        if sign == 0.0:
+            return super()._tracks(target, T)
+        return [CircleTrack(q, sign, *free.range) for q in self._form.solve_all(T, self._verifier.robot.home).q]
 
 
 def seven_joint_families(verifier: Verifier) -> FamilySearch:
@@ -298,8 +348,25 @@ def _at_points(points: Sequence[LimitExcess], members: Members, first: int) -> l
     for branch, point in enumerate(points, first):
         closure = max(members.verifier.measure(point.q, members.target.at(point.parameter)))
         if closure <= MEMBER_CLOSURE and not point.excess.any():
-            track = CircleTrack(point.q, 0.0, point.parameter, point.parameter)
-            intervals.append(Interval(members, track, branch, (IntervalEnd("fold"), IntervalEnd("fold"))))
+            intervals.append(Interval(members, _at(point), branch, (IntervalEnd("fold"), IntervalEnd("fold"))))
+    return intervals
+
+
+def _at_range_ends(found: FoundCurves, problem: CurveProblem, members: Members) -> list[Interval]:
+    """Where curves leave the limits at an end of the range: single members there, past limits by rounding."""
+    robot, snap, intervals = members.robot, members.verifier.options.limit_snap, []
+    for branch, (nodes, ends) in enumerate(zip(found.arcs, found.ends, strict=True)):
+        codes = [piece.codes for piece in found.pieces if piece.branch == branch]
+        for side, end in enumerate(ends):
+            if -1 - end != RANGE or any(code[side] == RANGE for code in codes):
+                continue
+            x = nodes[-side, :7]
+            q = angles.into_limits(x[: robot.dof], robot.lower, robot.upper)
+            p = members.target.nearest_angle(float(x[problem.arm.parameter]))
+            excess = np.abs(angles.wrap_to_pi(q - x[: robot.dof]))
+            if excess.max() <= snap and max(members.verifier.measure(q, members.target.at(p))) <= MEMBER_CLOSURE:
+                reason = IntervalEnd("range")
+                intervals.append(Interval(members, CircleTrack(q, 0.0, p, p), branch, (reason, reason)))
     return intervals
 
 
@@ -310,7 +377,18 @@ def _on_edge(
     alone = [point for point in points if not any(circle.passes(point.q) for circle in circles)]
     intervals = [*_at_points(alone, members, 0), *_on_circles(circles, members, len(alone))]
     family = Family(tuple(intervals), members, branches=len(alone) + len(circles), complete=complete)
-    return Findings(family, members, lambda: points[0] if points else None)
+    tracks = [*circles, *map(_at, alone)]
+    return Findings(family, members, lambda: points[0] if points else None, tracks)
+
+
+def _at(point: LimitExcess) -> CircleTrack:
+    """A single configuration as a track."""
+    return CircleTrack(point.q, 0.0, point.parameter, point.parameter)
+
+
+def _whole_arcs(problem: CurveProblem, arcs: Sequence[Array]) -> list[CurveTrack]:
+    """Arcs (m, 14) as tracks, within the limits or not."""
+    return [CurveTrack(problem, whole_piece(arc, branch)) for branch, arc in enumerate(arcs)]
 
 
 def _find_least_excess(tracks: Sequence[Track], robot: Robot, *, exact: bool) -> LimitExcess | None:

@@ -23,8 +23,13 @@ from jacokin.model.angles import TURN
 EXACT = 1e-9
 #: Sine of the middle joint's angle from straight, up to which points of curves are brought to a straight wrist.
 NEARLY_STRAIGHT = 0.6
-#: The same where curves may touch a circle without being lost.
-TOUCHING = 0.05
+#: The same where curves may touch a circle without being lost, of nodes, and between them.
+TOUCHING, TOUCHED = 0.05, 1e-3
+#: Weights (k, 4) of both ends of a chord and of their slopes for points across it.
+_u = np.linspace(0.0, 1.0, 25)
+HERMITE = np.stack(
+    [(1.0 + 2.0 * _u) * (1.0 - _u) ** 2, _u**2 * (3.0 - 2.0 * _u), _u * (1.0 - _u) ** 2, -(_u**2) * (1.0 - _u)], axis=1
+)
 #: Starts at most, steps of each, and the longest one [rad].
 STARTS, STEPS, LONGEST_STEP = 24, 40, 0.3
 #: [m] and [rad]: what is FAR is given up at once, and what is not NEAR after the first steps.
@@ -67,8 +72,24 @@ class StraightWrist:
         self._straight = angle
 
     def is_near(self, arcs: Sequence[Array]) -> bool:
-        """Whether some node (m, 14) of curves is nearly straight."""
-        return any(self._away(nodes).min() < TOUCHING for nodes in arcs)
+        """Whether curves, nodes (m, 14) each, come so near to straight that they may touch a circle."""
+        if not arcs or self._away(np.concatenate(arcs)).min() >= TOUCHING:  # of all at once, which is quick
+            return False
+        return any(self._nearest(nodes) < TOUCHED for nodes in arcs)
+
+    def _nearest(self, nodes: Array) -> float:
+        """The least sine along a curve (m, 14): between nodes that are nearly straight, where it is small."""
+        away = self._away(nodes)
+        near = np.flatnonzero(np.minimum(away[:-1], away[1:]) < TOUCHING)
+        if not len(near):
+            return float(away.min())
+        middle = self._edge.chain.dof - 2
+        a, b = nodes[near], nodes[near + 1]
+        length = np.linalg.norm(b[:, :7] - a[:, :7], axis=1)
+        between = HERMITE @ np.array([a[:, middle], b[:, middle], length * a[:, 7 + middle], length * b[:, 7 + middle]])
+        sines = np.sin(between - self._straight)
+        crossed = (sines.min(axis=0) < 0.0) & (sines.max(axis=0) > 0.0)
+        return 0.0 if crossed.any() else float(np.abs(sines).min())
 
     def starts(self, arcs: Sequence[Array], farthest: float) -> Array:
         """Nodes (k, 7) of curves where they come nearest to straight, to a sine that is no larger than the farthest."""

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from jacokin.arrays import Array
 from jacokin.errors import JacokinError
 from jacokin.ik.families.curves import SAME_PARAMETER, CurveProblem, Piece
-from jacokin.ik.preferences import Cost
 from jacokin.model.angles import TURN
 
 #: Local minima among the guesses that are looked at exactly.
@@ -194,7 +193,7 @@ class CircleTrack(Track):
         return self.guesses()
 
 
-def least(cost: Cost, coordinates: Array, rows: Array, exact: Callable[[float], Array]) -> float:
+def least(cost: Callable[[Array], Array], coordinates: Array, rows: Array, exact: Callable[[float], Array]) -> float:
     """The coordinate of the least cost along a track.
 
     Args:
@@ -214,7 +213,9 @@ def minima(values: Array) -> NDArray[np.int64]:
     return local[np.argsort(values[local], kind="stable")]
 
 
-def refine(cost: Cost, coordinates: Array, index: int, exact: Callable[[float], Array]) -> tuple[float, float]:
+def refine(
+    cost: Callable[[Array], Array], coordinates: Array, index: int, exact: Callable[[float], Array]
+) -> tuple[float, float]:
     """The least cost between the neighbours of a guess, and its coordinate."""
 
     def at(coordinate: float) -> float:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import functools
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 
 import jacokin
-from jacokin import FreeAxis, IKSolver
+from jacokin import FreeAxis, IKSolver, Robot
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.motion import AxisTarget, OrientationTarget, PoseTarget, PositionTarget
@@ -100,3 +102,68 @@ def test_poses_in_the_words_of_the_tracker(solver: IKSolver) -> None:
     np.testing.assert_array_equal(solver.solve(PoseTarget(target)).q, expected)
     both = [PositionTarget(target.translation), OrientationTarget(target.rotation)]
     np.testing.assert_allclose(solver.solve(both).q, expected, atol=1e-12)
+
+
+def cramped(solver: IKSolver, q: Array) -> float:
+    return -margin(solver, q)
+
+
+def stiffness(robot: Robot, q: Array) -> float:
+    return -float(robot.manipulability(q))
+
+
+def wave(q: Array) -> float:
+    """A cost with several minima as a wrist turns."""
+    return float(np.sin(3.0 * q[-1]) + 0.5 * np.cos(2.0 * q[-3] - 0.3) + 0.01 * (q[-3] - 1.0) ** 2)
+
+
+@pytest.mark.parametrize("count", [2, pytest.param(12, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("limited", [False, True])
+@pytest.mark.parametrize("name", ["j2s7s300", "j2s6s300"])
+def test_the_best_member_of_a_straight_wrist_is_found(
+    name: str, limited: bool, count: int, rng: np.random.Generator
+) -> None:
+    """The parameter stands still while the joints beside the middle one turn against each other."""
+    for _ in range(count):
+        robot = jacokin.load_robot(name)
+        q, seed = robot.sample(rng, 2)
+        q[-2] = np.pi
+        room = rng.uniform(0.3, 1.5, (2, 2))
+        if limited:
+            limits = {
+                robot.joint_names[j]: (float(q[j] - low), float(q[j] + high))
+                for j, (low, high) in zip((-3, -1), room, strict=True)
+            }
+            robot = jacokin.load_robot(name, limits=limits)
+        T = robot.forward_kinematics(q)
+        turn = np.linspace(-np.pi, np.pi, 20001)
+        ways = np.zeros((2, robot.dof))
+        ways[:, -3], ways[:, -1] = 1.0, (1.0, -1.0)
+        way = next(way for way in ways if robot.forward_kinematics(q + 0.1 * way).isApprox(T, 1e-9))
+        dense = q + turn[:, np.newaxis] * way
+        dense = np.array([each for each in dense if robot.within_limits(each)])
+        target = T if robot.dof == 7 else FreeAxis(T, axis=rng.normal(size=3))
+        solver = IKSolver(robot)
+        costs: dict[str, Callable[[Array], float]] = {
+            "margin": functools.partial(cramped, solver),
+            "manipulability": functools.partial(stiffness, robot),
+            "function": wave,
+        }
+        for prefer, cost in costs.items():
+            result = solver.solve(target, seed=seed, prefer=wave if prefer == "function" else prefer)
+            copies = np.where(robot.unlimited, dense + 2.0 * np.pi * np.round((seed - dense) / (2.0 * np.pi)), dense)
+            assert cost(result.q) <= min(map(cost, copies[:: 20 if prefer == "manipulability" else 1])) + 1e-6, prefer
+
+
+def test_samples_of_a_straight_wrist_reach_from_limit_to_limit(rng: np.random.Generator) -> None:
+    robot = jacokin.load_robot("j2s7s300")
+    q = robot.sample(rng)
+    q[5] = np.pi
+    robot = jacokin.load_robot("j2s7s300", limits={"joint_7": (float(q[6] - 0.5), float(q[6] + 0.4))})
+    family = IKSolver(robot).family(robot.forward_kinematics(q), seed=q)
+    wrist = [interval for interval in family if interval.start == interval.stop]
+    assert wrist
+    for interval in wrist:
+        for rows in (interval.sample(9)[1], interval.spread(0.3)[1]):
+            turned = np.mod(rows[:, 6] - q[6] + np.pi, 2.0 * np.pi) - np.pi
+            np.testing.assert_allclose((turned.min(), turned.max()), (-0.5, 0.4), atol=1e-6)

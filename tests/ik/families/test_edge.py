@@ -119,3 +119,24 @@ def test_the_only_curve_may_lie_between_two_slices(rng: np.random.Generator) -> 
         assert isinstance(family, Family)
         assert len(family)
         assert solver.solve(target, closest=False).success
+
+
+@pytest.mark.parametrize("count", [8, pytest.param(40, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("several", [1, 3, 6])
+def test_the_end_of_a_range_may_be_the_only_member(several: int, count: int, rng: np.random.Generator) -> None:
+    """Some joints are on the limits that they pass as the tool turns on."""
+    for number in range(count):
+        name = ("j2n6s300", "j2s6s300")[number % 2]
+        free = jacokin.load_robot(name)
+        q, axis = free.sample(rng), rng.normal(size=3)
+        T, axis = free.forward_kinematics(q), axis / np.linalg.norm(axis)
+        rates = np.linalg.solve(free.jacobian(q), np.append(np.zeros(3), T.rotation @ axis))
+        lower, upper = q - rng.uniform(0.05, 0.4, 6), q + rng.uniform(0.05, 0.4, 6)
+        for joint in rng.permutation(6)[:several]:
+            (upper if rates[joint] > 0.0 else lower)[joint] = q[joint]
+        limits = {f"joint_{j + 1}": (float(lower[j]), float(upper[j])) for j in range(6)}
+        target = FreeAxis(T, axis=axis, range=(0.0, 0.5))
+        family = IKSolver(jacokin.load_robot(name, limits=limits)).family(target, seed=q)
+        nearest = family.nearest(q)
+        assert nearest is not None
+        np.testing.assert_allclose(nearest, q, atol=1e-6)
