@@ -133,7 +133,7 @@ class CurveProblem(NamedTuple):
             room: how far from there they are solved for, at both sides [rad].
             quarters: about a free axis, solve at QUARTER_TURNS too.
         """
-        call = self._prepare([*QUARTER_TURNS, *also] if quarters and self.free_axis else also, crossings, room)
+        call = self._prepare([*QUARTER_TURNS, *also] if quarters else also, crossings, room)
         found = read_curves(call.work, call())
         self.arm.put_back(call)
         return found

@@ -55,6 +55,8 @@ NO_MOTION, LAST_STEPS = 1e-4, 10
 STUCK, ALONG_ARC = 1e-3, 5
 #: [rad] a joint past its limit by no more may be on it.
 NEAR_LIMIT = 1e-3
+#: [rad] a joint of a member this near to a limit is on it: about the square root of rounding.
+ON_LIMIT = 1e-7
 #: [rad] points nearer to each other are one.
 SAME_POINT = 1e-2
 
@@ -127,10 +129,17 @@ class Edge:
                 break
         return points
 
-    def singular(self, x: Array, problem: CurveProblem) -> Array:
-        """Those of the rows (k, 7) at which no curve has a tangent, made exact."""
-        stuck = self._mobility(x, problem.T, axis_in_base(problem)) < STUCK if len(x) else np.zeros(0, np.bool_)
-        return self.meeting_points(x[stuck], problem)
+    def doubtful(self, x: Array, problem: CurveProblem) -> Array:
+        """Those of the rows (k, 7), members, which a curve may end at, cross another at, or touch a limit at.
+
+        Singular ones, where the tool can hardly move in some direction; and those with a joint on a limit.
+        """
+        if not len(x):
+            return x
+        stuck = self._mobility(x, problem.T, axis_in_base(problem)) < STUCK
+        q = angles.into_limits(x[:, : self.chain.dof], self._lower, self._upper)
+        margin = np.minimum(np.abs(q - self._lower), np.abs(self._upper - q)).min(axis=1)
+        return x[stuck | (margin < ON_LIMIT)]
 
     def inside(self, x: Array) -> Array:
         """Rows (k, 7) with the joints moved within their limits."""

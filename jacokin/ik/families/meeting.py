@@ -16,6 +16,7 @@ from jacokin.arrays import Array
 from jacokin.ik.families.curves import CurveProblem, FoundCurves
 from jacokin.ik.families.edge import Edge
 from jacokin.ik.families.straight_wrist import NEARLY_STRAIGHT, TOUCHING, StraightWrist, WristTrack
+from jacokin.ik.families.tracks import CurveTrack
 from jacokin.model import angles
 from jacokin.model.angles import TURN
 
@@ -28,6 +29,8 @@ SAME_PLACE = 3.0 * max(ROOM)
 AROUND_LOST = (-0.06, -0.03, -0.01, 0.01, 0.03, 0.06)
 #: [rad] a point nearer to a node of a curve is on it.
 ON_CURVE = 0.05
+#: [rad] one on a curve that closes; a curve with no node so near does not pass it; and a joint so far past its limit is.
+SAME_POINT, NEARBY, NEAR_LIMIT = 1e-7, 0.8, 1e-7
 
 
 class Followed(NamedTuple):
@@ -42,23 +45,39 @@ class Followed(NamedTuple):
 
 def follow_curves(problem: CurveProblem, edge: Edge, wrist: StraightWrist, also: Sequence[float] = ()) -> Followed:
     """The curves of a target, also where they meet; `also` are parameters to solve at too [rad]."""
-    none = np.empty((0, 7))
-    parameter = problem.arm.parameter
     found = problem.find(also)
-    if found.complete:
-        if not wrist.is_near(found.arcs):
-            return Followed(found, [], none)
-        singular = none
+    doubtful = edge.doubtful(found.at_quarters, problem)
+    if found.complete and not len(doubtful) and not wrist.is_near(found.arcs):
+        return Followed(found, [], found.singular[:0])
+    followed = _follow_singular(found, doubtful, problem, edge, wrist, also)
+    at_nodes = [_is_at_node(x, followed.found.arcs) for x in found.at_quarters]
+    doubtful = np.vstack([doubtful, found.at_quarters[np.logical_not(at_nodes)]])
+    lost = [x for x in np.vstack([followed.points, doubtful]) if not _is_passed(x, followed, problem, edge)]
+    return followed._replace(points=np.array(lost).reshape(-1, 7))
+
+
+def _follow_singular(
+    found: FoundCurves,
+    doubtful: Array,
+    problem: CurveProblem,
+    edge: Edge,
+    wrist: StraightWrist,
+    also: Sequence[float],
+) -> Followed:
+    """The curves of a target that has singular configurations; their `points` may be on curves."""
+    parameter = problem.arm.parameter
+    if found.complete and not len(doubtful):
+        singular = found.singular
         circles = wrist.circles(wrist.starts(found.arcs, TOUCHING), problem)
         if not circles:
-            return Followed(found, [], none)
+            return Followed(found, [], singular)
     else:
-        singular = np.vstack([found.singular, edge.singular(found.at_quarters, problem)])
+        singular = np.vstack([found.singular, edge.meeting_points(doubtful, problem)])
         circles = wrist.circles(np.vstack([wrist.starts(found.arcs, NEARLY_STRAIGHT), singular]), problem)
         if not circles and not len(singular):
             found = problem.find(also, quarters=False)  # one of them may be a fold, where slices see two points or none
             if found.complete:
-                return Followed(found, [], none)
+                return Followed(found, [], singular)
             found = problem.find([p + away for p in found.lost_ends[:, parameter] for away in AROUND_LOST])
             rows = np.vstack([wrist.starts(found.arcs, NEARLY_STRAIGHT), found.singular])
             circles = wrist.circles(rows, problem)
@@ -72,15 +91,31 @@ def follow_curves(problem: CurveProblem, edge: Edge, wrist: StraightWrist, also:
             break
         met = edge.meeting_points(np.vstack([found.lost_ends, found.singular]), problem)
         places = [*places, *met[:, parameter].tolist()]
-    alone = [x for x in singular if not _is_passed(x, found.arcs, circles, edge.chain.dof)]
-    return Followed(found, circles, np.array(alone).reshape(-1, 7))
+    return Followed(found, circles, singular)
 
 
-def _is_passed(x: Array, arcs: Sequence[Array], circles: Sequence[WristTrack], dof: int) -> bool:
+def _is_passed(x: Array, followed: Followed, problem: CurveProblem, edge: Edge) -> bool:
     """Whether a point (7,) is on a curve or on a circle."""
-    if any(circle.passes(x[:dof]) for circle in circles):
+    dof = edge.chain.dof
+    if any(circle.passes(x[:dof]) for circle in followed.circles):
         return True
-    return any(np.abs(angles.wrap_to_pi(nodes[:, :7] - x)).max(axis=1).min() <= ON_CURVE for nodes in arcs)
+    if np.abs(angles.wrap_to_pi(edge.inside(x[np.newaxis])[0] - x)).max() > NEAR_LIMIT:
+        return any(_distance(nodes, x) <= ON_CURVE for nodes in followed.found.arcs)
+    for piece in followed.found.pieces:
+        if _distance(piece.nodes, x) <= NEARBY:
+            nearest = CurveTrack(problem, piece).nearest(x[:dof])
+            if nearest is not None and np.abs(angles.wrap_to_pi(nearest[1] - x[:dof])).max() <= SAME_POINT:
+                return True
+    return False
+
+
+def _is_at_node(x: Array, arcs: Sequence[Array]) -> bool:
+    return any(_distance(nodes, x) <= SAME_POINT for nodes in arcs)
+
+
+def _distance(nodes: Array, x: Array) -> float:
+    """From a point (7,) to the nearest of nodes (m, 14), in the joint that is farthest [rad]."""
+    return float(np.abs(angles.wrap_to_pi(nodes[:, :7] - x)).max(axis=1).min())
 
 
 def _distinct(places: Sequence[float]) -> list[float]:
