@@ -187,13 +187,18 @@ class CurveProblem(NamedTuple):
         if held:
             share = (at - first) / (last - first) if last != first else 0.5
         x: Array = chord[0, :7] + share * (chord[1, :7] - chord[0, :7])
-        system = np.empty((7, 8))
+        if held:
+            x[parameter] = at
+        return self.settled(x, parameter if held else None)
+
+    def settled(self, x: Array, held: int | None) -> Array | None:
+        """A point (7,) that closes, near one that nearly does, with one joint held; None where there is none."""
+        x, system = x.copy(), np.empty((7, 8))
         for _ in range(SETTLING_STEPS):
             if linearise7(self.chain, self.T, x, system) <= POINT_CLOSURE:
                 break
-            if held:
-                x[parameter] = at
-                system[:6, parameter] = 0.0
+            if held is not None:
+                system[:6, held] = 0.0
             x += np.linalg.pinv(system[:6, :7], rcond=NO_MOTION) @ system[:6, 7]
         return x if linearise7(self.chain, self.T, x, system) <= WORST_CLOSURE else None
 

@@ -136,7 +136,7 @@ class Edge:
         """
         if not len(x):
             return x
-        stuck = self._mobility(x, problem.T, axis_in_base(problem)) < STUCK
+        stuck = self.mobility(x, problem) < STUCK
         q = angles.into_limits(x[:, : self.chain.dof], self._lower, self._upper)
         margin = np.minimum(np.abs(q - self._lower), np.abs(self._upper - q)).min(axis=1)
         return x[stuck | (margin < ON_LIMIT)]
@@ -146,8 +146,12 @@ class Edge:
         dof = self.chain.dof
         return np.hstack([angles.into_limits(x[:, :dof], self._lower, self._upper), x[:, dof:]])
 
+    def mobility(self, x: Array, problem: CurveProblem) -> Array:
+        """How the tool can move at rows (k, 7) in the direction in which it can least: smallest singular values (k,)."""
+        return self._mobility(x, problem.T, axis_in_base(problem))
+
     def _mobility(self, x: Array, T: Array, axis: Array | None) -> Array:
-        """Smallest singular values (k,) at rows (k, 7)."""
+        """See `mobility`."""
         return np.asarray(np.linalg.svd(self.linearised(x, T, axis)[1], compute_uv=False)[:, 5])
 
     def _missed(self, x: Array, T: Array, axis: Array | None) -> list[float]:

@@ -15,6 +15,7 @@ import numpy as np
 from jacokin.arrays import Array
 from jacokin.ik.families.curves import CurveProblem, FoundCurves
 from jacokin.ik.families.edge import Edge
+from jacokin.ik.families.recut import cut_again
 from jacokin.ik.families.straight_wrist import NEARLY_STRAIGHT, TOUCHING, StraightWrist, WristTrack
 from jacokin.ik.families.tracks import CurveTrack
 from jacokin.model import angles
@@ -50,6 +51,8 @@ def follow_curves(problem: CurveProblem, edge: Edge, wrist: StraightWrist, also:
     if found.complete and not len(doubtful) and not wrist.is_near(found.arcs):
         return Followed(found, [], found.singular[:0])
     followed = _follow_singular(found, doubtful, problem, edge, wrist, also)
+    pieces = [part for piece in followed.found.pieces for part in cut_again(piece, problem, edge)]
+    followed = followed._replace(found=followed.found._replace(pieces=pieces))
     at_nodes = [_is_at_node(x, followed.found.arcs) for x in found.at_quarters]
     doubtful = np.vstack([doubtful, found.at_quarters[np.logical_not(at_nodes)]])
     lost = [x for x in np.vstack([followed.points, doubtful]) if not _is_passed(x, followed, problem, edge)]
