@@ -137,9 +137,11 @@ class Edge:
         if not len(x):
             return x
         stuck = self.mobility(x, problem) < STUCK
-        q = angles.into_limits(x[:, : self.chain.dof], self._lower, self._upper)
-        margin = np.minimum(np.abs(q - self._lower), np.abs(self._upper - q)).min(axis=1)
-        return x[stuck | (margin < ON_LIMIT)]
+        inside = self.inside(x)
+        q = inside[:, : self.chain.dof]
+        margin = np.minimum(q - self._lower, self._upper - q).min(axis=1)
+        within = np.abs(angles.wrap_to_pi(inside - x)).max(axis=1) < ON_LIMIT
+        return x[stuck | (within & (margin < ON_LIMIT))]
 
     def inside(self, x: Array) -> Array:
         """Rows (k, 7) with the joints moved within their limits."""

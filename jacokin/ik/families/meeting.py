@@ -48,9 +48,14 @@ def follow_curves(problem: CurveProblem, edge: Edge, wrist: StraightWrist, also:
     """The curves of a target, also where they meet; `also` are parameters to solve at too [rad]."""
     found = problem.find(also)
     doubtful = edge.doubtful(found.at_quarters, problem)
-    if found.complete and not len(doubtful) and not wrist.is_near(found.arcs):
-        return Followed(found, [], found.singular[:0])
-    followed = _follow_singular(found, doubtful, problem, edge, wrist, also)
+    if found.complete and not len(doubtful):
+        near = wrist.starts(found.arcs, TOUCHING)
+        circles = wrist.circles(near, problem) if len(near) else []
+        if not circles:
+            return Followed(found, [], near[:0])
+        followed = _joined(found, circles, near[:0], problem, edge)
+    else:
+        followed = _follow_singular(found, doubtful, problem, edge, wrist, also)
     pieces = [part for piece in followed.found.pieces for part in cut_again(piece, problem, edge)]
     followed = followed._replace(found=followed.found._replace(pieces=pieces))
     at_nodes = [_is_at_node(x, followed.found.arcs) for x in found.at_quarters]
@@ -69,21 +74,23 @@ def _follow_singular(
 ) -> Followed:
     """The curves of a target that has singular configurations; their `points` may be on curves."""
     parameter = problem.arm.parameter
-    if found.complete and not len(doubtful):
-        singular = found.singular
-        circles = wrist.circles(wrist.starts(found.arcs, TOUCHING), problem)
-        if not circles:
+    singular = np.vstack([found.singular, edge.meeting_points(doubtful, problem)])
+    circles = wrist.circles(np.vstack([wrist.starts(found.arcs, NEARLY_STRAIGHT), singular]), problem)
+    if not circles and not len(singular):
+        found = problem.find(also, quarters=False)  # one of them may be a fold, where slices see two points or none
+        if found.complete:
             return Followed(found, [], singular)
-    else:
-        singular = np.vstack([found.singular, edge.meeting_points(doubtful, problem)])
-        circles = wrist.circles(np.vstack([wrist.starts(found.arcs, NEARLY_STRAIGHT), singular]), problem)
-        if not circles and not len(singular):
-            found = problem.find(also, quarters=False)  # one of them may be a fold, where slices see two points or none
-            if found.complete:
-                return Followed(found, [], singular)
-            found = problem.find([p + away for p in found.lost_ends[:, parameter] for away in AROUND_LOST])
-            rows = np.vstack([wrist.starts(found.arcs, NEARLY_STRAIGHT), found.singular])
-            circles = wrist.circles(rows, problem)
+        found = problem.find([p + away for p in found.lost_ends[:, parameter] for away in AROUND_LOST])
+        rows = np.vstack([wrist.starts(found.arcs, NEARLY_STRAIGHT), found.singular])
+        circles = wrist.circles(rows, problem)
+    return _joined(found, circles, singular, problem, edge)
+
+
+def _joined(
+    found: FoundCurves, circles: list[WristTrack], singular: Array, problem: CurveProblem, edge: Edge
+) -> Followed:
+    """The curves, joined across circles and singular configurations (k, 7), or ended there."""
+    parameter = problem.arm.parameter
     places = [*(circle.start for circle in circles), *singular[:, parameter].tolist()]
     for room in ROOM:
         if places:
