@@ -28,7 +28,7 @@ from jacokin.ik.families.curves import (
 from jacokin.ik.families.edge import Edge
 from jacokin.ik.families.family import MEMBER_CLOSURE, Family, Interval, IntervalEnd, Members
 from jacokin.ik.families.meeting import follow_curves
-from jacokin.ik.families.straight_wrist import StraightWrist, WristTrack
+from jacokin.ik.families.straight_wrist import SpunWristTrack, StraightWrist, WristTrack
 from jacokin.ik.families.tracks import CircleTrack, CurveTrack, Track, least
 from jacokin.ik.geometry import measure_seven
 from jacokin.ik.preferences import Cost, with_ties
@@ -220,15 +220,23 @@ class SixJointFamilies(FamilySearch):
         """Joint 6 takes up every turn, the others stay: the branches of one pose, and a range of joint 6 for each."""
         robot, members = self._verifier.robot, Members(self._verifier, target, seed)
         branches = self._form.solve_all(target.matrix, seed)
+        complete = not branches.dropped
         intervals, tracks = [], []
         for number, (q, margin) in enumerate(zip(branches.q, branches.margin, strict=True)):
             tracks.append(CircleTrack(q, sign, *free.range))
             if (margin[:5] < 0.0).any():
                 continue
+            if (turn := self._wrist.turn(q)) is not None and math.isinf(robot.upper[3] - robot.lower[3]):
+                end = IntervalEnd("circle" if free.full_turn else "range")
+                limits = float(robot.lower[5]), float(robot.upper[5])
+                spun = SpunWristTrack(q, turn, sign, limits, *free.range)
+                intervals.append(Interval(members, spun, number, (end, end)))
+                continue
+            complete = complete and turn is None
             for start, stop, ends in _turns_of_joint_6(q[5], sign, free, robot.lower[5], robot.upper[5]):
                 reasons = (_end(ends[0], robot), _end(ends[1], robot))
                 intervals.append(Interval(members, CircleTrack(q, sign, start, stop), number, reasons))
-        family = Family(tuple(intervals), members, branches=len(branches), complete=branches.complete)
+        family = Family(tuple(intervals), members, branches=len(branches), complete=complete)
         return Findings(family, members, lambda: _find_least_excess(tracks, robot, exact=True))
 
 
