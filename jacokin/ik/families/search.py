@@ -20,13 +20,14 @@ from jacokin.ik.families.curves import (
     JOINT_3,
     LOST,
     RANGE,
+    SAME_PARAMETER,
     SEAM,
     CurveArm,
     Piece,
     whole_piece,
 )
 from jacokin.ik.families.edge import Edge
-from jacokin.ik.families.family import MEMBER_CLOSURE, Family, Interval, IntervalEnd, Members
+from jacokin.ik.families.family import MEMBER_CLOSURE, Family, Interval, IntervalEnd, LostMemberError, Members
 from jacokin.ik.families.meeting import follow_curves
 from jacokin.ik.families.straight_wrist import SpunWristTrack, StraightWrist, WristTrack
 from jacokin.ik.families.tracks import CircleTrack, CurveTrack, Track, least
@@ -44,6 +45,8 @@ from jacokin.model.robot import Robot
 SAME_AXIS = 1e-10
 #: [rad] of the parameter: curves that are all shorter are looked at as points; the second one where some were lost.
 SMALL, SMALL_LOST = 1e-5, 1e-3
+#: [m] and [rad] by which a seed misses the target that nearly is a member; joints and the free axis.
+NEAR_SEED, DIMENSIONS = 1e-2, 7
 #: Members of each interval that are looked at where the best one is in contact.
 TRIED = 16
 #: Times that a search for the closest configuration turns the target to where it has come.
@@ -103,6 +106,8 @@ class FamilySearch:
                     return result
         found = self.find(request.target, request.seed)
         candidates = found.candidates(request.cost, several=verifier.rejects_contact)
+        if request.cost is None:
+            candidates = self._with_beside_seed(candidates, found.members)
         result = verifier.select(candidates, request, "every member that was tried is in contact; the best one")
         return self._closest_to(request, found) if result is None else result
 
@@ -145,6 +150,38 @@ class FamilySearch:
         """The member (dof,) nearest to a seed and its parameter [rad]; None where only `find` can tell."""
         x = self._arm.problem(target).nearest(seed)
         return None if x is None else (x[: len(seed)], float(x[self._arm.parameter]))
+
+    def _with_beside_seed(self, candidates: Iterator[Candidate], members: Members) -> Iterator[Candidate]:
+        """The member beside a seed that nearly is one before the candidates, if it is nearer.
+
+        Where curves meet, what they are joined by may miss the nearest member by little.
+        """
+        best = next(candidates, None)
+        beside = self._beside_seed(members)
+        if beside is not None:
+            apart = [np.inf if each is None else float(np.linalg.norm(each.q - members.seed)) for each in (beside, best)]
+            if apart[0] < apart[1]:
+                yield beside
+        if best is not None:
+            yield best
+            yield from candidates
+
+    def _beside_seed(self, members: Members) -> Candidate | None:
+        target, seed, parameter = members.target, members.seed, self._arm.parameter
+        x = np.append(seed, members.parameter(seed))[:DIMENSIONS]
+        x[parameter] = target.nearest_angle(float(x[parameter]))
+        if max(members.verifier.measure(seed, target.at(float(x[parameter])))) > NEAR_SEED:
+            return None
+        settled = self._arm.problem(target).settled(x, None)
+        if settled is None:
+            return None
+        p = float(settled[parameter])
+        if abs(math.remainder(target.nearest_angle(p) - p, TURN)) > SAME_PARAMETER:  # beyond the range
+            return None
+        try:
+            return members.candidate(members.verified(members.copies(settled[: len(seed)], seed), p), p)
+        except LostMemberError:
+            return None
 
     def _closest_to(self, request: Request, found: Findings) -> IKResult:
         """Why there is no member, with the closest configuration; the angle of a free axis follows where that comes."""
