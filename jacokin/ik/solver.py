@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import itertools
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -47,6 +48,8 @@ from jacokin.ik.results import BatchResult, IKResult
 from jacokin.ik.seeds import seed_within_limits
 from jacokin.ik.targets import PartialTarget, Request, Target, TargetPose, interpret
 from jacokin.ik.verification import Candidate, Verifier
+from jacokin.kernels.closed_form.pose import DISTANCE
+from jacokin.kernels.tolerances import CLOSURE
 from jacokin.model import checks, poses
 from jacokin.model.loading import load_robot
 from jacokin.model.poses import FreeAxis
@@ -56,6 +59,8 @@ if TYPE_CHECKING:
     from jacokin.ik.qp import QPSearch
     from jacokin.model.scene import Scene
 
+#: [rad] a branch so far from the seed may stand for it, on a multiple root.
+NEAR_SEED = 1e-7, 1e-2
 SEVEN = 7  # joints of an arm whose poses have families
 
 
@@ -380,16 +385,24 @@ class IKSolver:
         target, robot = request.target, self.robot
         branches = form.solve_all(target.matrix, request.seed)
         rows = branches.rows
-        candidates = (
+        candidates: Iterator[Candidate] = (
             Candidate(rows[index, :6], target, f"branch {index + 1} of {len(rows)}")
             for index in _order(branches, request.cost)
         )
+        if request.cost is None and self._may_be_seed(branches, request):
+            candidates = itertools.chain([Candidate(request.seed, target, "the seed")], candidates)
         in_contact = "every branch within the limits is in contact; the best"
         result = self._verifier.select(candidates, request, in_contact)
         if result is not None:
             return result
         outcome = diagnosis.explain_branches(branches, robot.joint_names)
         return self._closest.solve(request, outcome, [np.clip(q, robot.lower, robot.upper) for q in branches.q])
+
+    def _may_be_seed(self, branches: Branches, request: Request) -> bool:
+        """Whether the seed is on a multiple root, where rounding leaves the nearest branch undecided."""
+        if not (len(branches) and NEAR_SEED[0] < branches.rows[0, DISTANCE] < NEAR_SEED[1]):
+            return False
+        return max(self._verifier.measure(request.seed, request.target)) <= CLOSURE
 
     def _solve_by_qp(self, request: Request) -> IKResult:
         """One configuration by descents from many starts, or why there is none.

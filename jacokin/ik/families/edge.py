@@ -53,6 +53,8 @@ NO_CHANGE = 1e-8
 NO_MOTION, LAST_STEPS = 1e-4, 10
 #: Smallest singular value along curves that reach targets no farther from the edge than ON_EDGE, and where it is taken.
 STUCK, ALONG_ARC = 1e-3, 5
+#: The same of a singular member, as a share of that along the curves.
+SINGULAR = 0.1
 #: [rad] a joint past its limit by no more may be on it.
 NEAR_LIMIT = 1e-3
 #: [rad] a joint of a member this near to a limit is on it: about the square root of rounding.
@@ -129,19 +131,25 @@ class Edge:
                 break
         return points
 
-    def doubtful(self, x: Array, problem: CurveProblem) -> Array:
+    def doubtful(self, x: Array, arcs: list[Array], problem: CurveProblem) -> Array:
         """Those of the rows (k, 7), members, which a curve may end at, cross another at, or touch a limit at.
 
-        Singular ones, where the tool can hardly move in some direction; and those with a joint on a limit.
+        Singular ones, where the tool can hardly move in some direction, unless it can no better all along the curves
+        (m, 14); and those with a joint on a limit.
         """
         if not len(x):
             return x
-        stuck = self.mobility(x, problem) < STUCK
+        mobility = self.mobility(x, problem)
+        stuck: NDArray[np.bool_] = mobility < STUCK
+        if stuck.any() and arcs:
+            rows = np.vstack([_spread(arc, ALONG_ARC) for arc in arcs])
+            stuck &= mobility < SINGULAR * np.median(self.mobility(rows, problem))
         inside = self.inside(x)
         q = inside[:, : self.chain.dof]
         margin = np.minimum(q - self._lower, self._upper - q).min(axis=1)
         within = np.abs(angles.wrap_to_pi(inside - x)).max(axis=1) < ON_LIMIT
-        return x[stuck | (within & (margin < ON_LIMIT))]
+        doubtful: Array = x[stuck | (within & (margin < ON_LIMIT))]
+        return doubtful
 
     def inside(self, x: Array) -> Array:
         """Rows (k, 7) with the joints moved within their limits."""

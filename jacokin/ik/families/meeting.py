@@ -47,7 +47,7 @@ class Followed(NamedTuple):
 def follow_curves(problem: CurveProblem, edge: Edge, wrist: StraightWrist, also: Sequence[float] = ()) -> Followed:
     """The curves of a target, also where they meet; `also` are parameters to solve at too [rad]."""
     found = problem.find(also)
-    doubtful = edge.doubtful(found.at_quarters, problem)
+    doubtful = edge.doubtful(found.at_quarters, found.arcs, problem)
     if found.complete and not len(doubtful):
         near = wrist.starts(found.arcs, TOUCHING)
         circles = wrist.circles(near, problem) if len(near) else []

@@ -159,7 +159,9 @@ class FamilySearch:
         best = next(candidates, None)
         beside = self._beside_seed(members)
         if beside is not None:
-            apart = [np.inf if each is None else float(np.linalg.norm(each.q - members.seed)) for each in (beside, best)]
+            apart = [
+                np.inf if each is None else float(np.linalg.norm(each.q - members.seed)) for each in (beside, best)
+            ]
             if apart[0] < apart[1]:
                 yield beside
         if best is not None:
