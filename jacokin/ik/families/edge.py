@@ -157,7 +157,7 @@ class Edge:
         return np.hstack([angles.into_limits(x[:, :dof], self._lower, self._upper), x[:, dof:]])
 
     def mobility(self, x: Array, problem: CurveProblem) -> Array:
-        """How the tool can move at rows (k, 7) in the direction in which it can least: smallest singular values (k,)."""
+        """How far the tool moves where it can least, at rows (k, 7): smallest singular values (k,)."""
         return self._mobility(x, problem.T, axis_in_base(problem))
 
     def _mobility(self, x: Array, T: Array, axis: Array | None) -> Array:

@@ -30,7 +30,7 @@ SAME_PLACE = 3.0 * max(ROOM)
 AROUND_LOST = (-0.06, -0.03, -0.01, 0.01, 0.03, 0.06)
 #: [rad] a point nearer to a node of a curve is on it.
 ON_CURVE = 0.05
-#: [rad] one on a curve that closes; a curve with no node so near does not pass it; and a joint so far past its limit is.
+#: [rad] one this near is on it, none so far from all nodes is, and a joint so far past its limit is outside.
 SAME_POINT, NEARBY, NEAR_LIMIT = 1e-7, 0.8, 1e-7
 
 
@@ -109,11 +109,12 @@ def _is_passed(x: Array, followed: Followed, problem: CurveProblem, edge: Edge) 
     dof = edge.chain.dof
     if any(circle.passes(x[:dof]) for circle in followed.circles):
         return True
-    if np.abs(angles.wrap_to_pi(edge.inside(x[np.newaxis])[0] - x)).max() > NEAR_LIMIT:
+    inside = edge.inside(x[np.newaxis])[0]
+    if np.abs(angles.wrap_to_pi(inside - x)).max() > NEAR_LIMIT:
         return any(_distance(nodes, x) <= ON_CURVE for nodes in followed.found.arcs)
     for piece in followed.found.pieces:
         if _distance(piece.nodes, x) <= NEARBY:
-            nearest = CurveTrack(problem, piece).nearest(x[:dof])
+            nearest = CurveTrack(problem, piece).nearest(inside[:dof])
             if nearest is not None and np.abs(angles.wrap_to_pi(nearest[1] - x[:dof])).max() <= SAME_POINT:
                 return True
     return False

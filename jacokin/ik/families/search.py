@@ -156,8 +156,7 @@ class FamilySearch:
 
         Where curves meet, what they are joined by may miss the nearest member by little.
         """
-        best = next(candidates, None)
-        beside = self._beside_seed(members)
+        best, beside = next(candidates, None), self._beside_seed(members)
         if beside is not None:
             apart = [
                 np.inf if each is None else float(np.linalg.norm(each.q - members.seed)) for each in (beside, best)
