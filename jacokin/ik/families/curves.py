@@ -261,10 +261,14 @@ class Piece(NamedTuple):
         nodes[:, :7] += turns
         return self._replace(nodes=nodes, ends=self.ends + turns)
 
-    def ended_at(self, last: Array, side: int) -> Piece:
-        """The same piece with a node (14,) more, before its first one or after its last one, that is its end."""
-        nodes = np.vstack([self.nodes, last] if side else [last, self.nodes])
-        ends = np.array([self.ends[0], last[:7]] if side else [last[:7], self.ends[1]])
+    def is_lost(self, branch: int, side: int) -> bool:
+        """Whether it ends at the start or at the stop of a branch that was lost there."""
+        return self.branch == branch and self.codes[side] == LOST
+
+    def extended(self, more: Array, side: int) -> Piece:
+        """The same piece with nodes (k, 14) more, before its first one or after its last one, up to a fold."""
+        nodes = np.vstack([self.nodes, more] if side else [more, self.nodes])
+        ends = np.array([self.ends[0], more[-1, :7]] if side else [more[0, :7], self.ends[1]])
         codes = (self.codes[0], FOLD) if side else (FOLD, self.codes[1])
         shares = (self.shares[0], 1.0) if side else (0.0, self.shares[1])
         return self._replace(nodes=nodes, ends=ends, codes=codes, shares=shares)
@@ -307,8 +311,7 @@ class FoundCurves(NamedTuple):
                 arcs[i] = np.vstack([arcs[i], last] if side else [last, arcs[i]])
                 ends[i] = (ends[i][0], FOLD_END) if side else (FOLD_END, ends[i][1])
                 pieces = [
-                    piece.ended_at(last, side) if piece.branch == i and piece.codes[side] == LOST else piece
-                    for piece in pieces
+                    piece.extended(last[np.newaxis], side) if piece.is_lost(i, side) else piece for piece in pieces
                 ]
         complete = not self.full and not any(LOST_END in both for both in ends)
         return self._replace(arcs=arcs, ends=ends, pieces=pieces, complete=complete)

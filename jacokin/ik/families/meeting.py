@@ -17,6 +17,7 @@ from jacokin.ik.families.curves import CurveProblem, FoundCurves
 from jacokin.ik.families.edge import Edge
 from jacokin.ik.families.recut import cut_again
 from jacokin.ik.families.straight_wrist import NEARLY_STRAIGHT, TOUCHING, StraightWrist, WristTrack
+from jacokin.ik.families.stretched import walk_to_folds
 from jacokin.ik.families.tracks import CurveTrack
 from jacokin.model import angles
 from jacokin.model.angles import TURN
@@ -56,6 +57,8 @@ def follow_curves(problem: CurveProblem, edge: Edge, wrist: StraightWrist, also:
         followed = _joined(found, circles, near[:0], problem, edge)
     else:
         followed = _follow_singular(found, doubtful, problem, edge, wrist, also)
+    if not followed.found.complete and problem.free_axis is None:
+        followed = followed._replace(found=walk_to_folds(followed.found, problem))
     pieces = [part for piece in followed.found.pieces for part in cut_again(piece, problem, edge)]
     followed = followed._replace(found=followed.found._replace(pieces=pieces))
     at_nodes = [_is_at_node(x, followed.found.arcs) for x in found.at_quarters]
