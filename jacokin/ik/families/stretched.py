@@ -11,8 +11,9 @@ import math
 import numpy as np
 
 from jacokin.arrays import Array
-from jacokin.ik.families.curves import FOLD_END, JOINT_3, LOST_END, CurveProblem, FoundCurves
+from jacokin.ik.families.curves import JOINT_3, CurveProblem, FoundCurves
 from jacokin.kernels.chain import linearise7
+from jacokin.kernels.self_motion.arcs import FOLD_END, LOST_END
 from jacokin.kernels.self_motion.seven_joints import MOST_AT_Q3, solve_at_q3
 from jacokin.model import angles
 
