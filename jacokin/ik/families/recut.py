@@ -22,6 +22,8 @@ SLACK = 1e-9
 #: Points on each chord that is looked at, and how near to a limit a joint may come there: a share of its length.
 POINTS, NEAR = 8, 0.3
 HALVINGS = 50
+#: [rad] an end is known this well.
+SAME_END = 1e-4
 #: Smallest singular value of the nodes of chords that the kernels may not have seen a crossing on.
 SINGULAR = 2e-2
 
@@ -29,6 +31,7 @@ SINGULAR = 2e-2
 def cut_again(piece: Piece, problem: CurveProblem, edge: Edge) -> Iterator[Piece]:
     """What is left of a piece within the limits."""
     limits = problem.arm.limits
+    piece = _with_exact_ends(piece, problem)
     coordinates, excess = _samples(piece, problem, edge)
     outside = excess.max(axis=1) > SLACK
     if not outside.any():
@@ -42,6 +45,16 @@ def cut_again(piece: Piece, problem: CurveProblem, edge: Edge) -> Iterator[Piece
         if first > 0:
             part = _ended(part, problem, float(coordinates[first]), float(coordinates[first - 1]), limits, side=0)
         yield part
+
+
+def _with_exact_ends(piece: Piece, problem: CurveProblem) -> Piece:
+    """The same piece; where it ends on a limit just where curves meet, its end may be 1e-7 off."""
+    ends = piece.ends.copy()
+    for side, code in enumerate(piece.codes):
+        exact = problem.settled(ends[side], code // 2) if code >= 0 else None
+        if exact is not None and np.abs(exact - ends[side]).max() < SAME_END:
+            ends[side] = exact
+    return piece._replace(ends=ends)
 
 
 def _samples(piece: Piece, problem: CurveProblem, edge: Edge) -> tuple[Array, Array]:

@@ -130,6 +130,18 @@ def test_every_parameter_of_an_interval_has_a_member(name: str, rng: np.random.G
     assert members_around(solver_of(name), rng, 100) >= 100
 
 
+def test_an_end_on_a_limit_just_where_curves_meet_is_a_member() -> None:
+    solver = IKSolver(jacokin.load_robot("j2s6s200"), "gripsite")
+    q = np.array([2.40986340497831, 2.6286024141394533, 0.0, 0.6695275796847806, math.pi, -0.7282898459694027])
+    q[2] = solver.robot.lower[2]
+    T = solver.robot.forward_kinematics(q, frame="gripsite")
+    target = FreeAxis(T, axis=(1.0, 0.0, 0.0), range=(-0.349303, 1.33239))
+    for interval in solver.solve_all(target):
+        for p in (interval.start, interval.stop):
+            reached = solver.robot.forward_kinematics(interval.at(p), frame="gripsite")
+            assert np.abs(reached.homogeneous - target.at(p).homogeneous).max() < 3e-9
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["j2s7s200", "j2s7s300", "j2s6s200", "j2n6s300", "m1n6s200"])
 def test_every_parameter_of_many_intervals_has_a_member(name: str, rng: np.random.Generator) -> None:
