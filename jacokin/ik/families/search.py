@@ -26,7 +26,7 @@ from jacokin.ik.families.curves import (
     Piece,
     whole_piece,
 )
-from jacokin.ik.families.edge import Edge
+from jacokin.ik.families.edge import SAME_POINT, Edge
 from jacokin.ik.families.family import MEMBER_CLOSURE, Family, Interval, IntervalEnd, LostMemberError, Members
 from jacokin.ik.families.meeting import follow_curves
 from jacokin.ik.families.straight_wrist import SpunWristTrack, StraightWrist, WristTrack
@@ -125,8 +125,11 @@ class FamilySearch:
                 sight = edge.look(problem)
                 if sight.parameters:
                     found, circles, alone = follow_curves(problem, edge, self._wrist, sight.parameters)
-                rows = np.array([[*point.q, point.parameter][:7] for point in sight.points]).reshape(-1, 7)
-                points = _on_edge(sight.points, self._wrist.circles(rows, problem), members, complete=stuck)
+                beside = edge.fitted(alone, problem) if len(alone) else []
+                seen = [*sight.points, *(point for point in beside if not _is_among(point, sight.points))]
+                seen.sort(key=lambda point: float(point.excess.max()))
+                rows = np.array([[*point.q, point.parameter][:DIMENSIONS] for point in seen]).reshape(-1, DIMENSIONS)
+                points = _on_edge(seen, self._wrist.circles(rows, problem), members, complete=stuck)
                 if len(points.family) or (points.family.branches and stuck):
                     return points
         intervals = []
@@ -336,6 +339,10 @@ def _on_circles(circles: Sequence[WristTrack], members: Members, first: int) -> 
             low, high = (SEAM if code < 0 else code for code in codes)
             intervals.append(Interval(members, track, branch, (_end(low, robot), _end(high, robot))))
     return intervals
+
+
+def _is_among(point: LimitExcess, points: Sequence[LimitExcess]) -> bool:
+    return any(np.abs(angles.wrap_to_pi(point.q - other.q)).max() <= SAME_POINT for other in points)
 
 
 def _at_points(points: Sequence[LimitExcess], members: Members, first: int) -> list[Interval]:

@@ -68,7 +68,10 @@ def _walk(x: Array, sign: int, problem: CurveProblem) -> Array | None:
         return None
     points, last = [], x
     for left in (1.0 - np.arange(1, NODES + 1) / NODES) ** 2:  # near a fold, joints change as the root of what is left
-        last = last + angles.wrap_to_pi(all_at(p + sign * near * (1.0 - left))[label] - last)
+        row = all_at(p + sign * near * (1.0 - left))[label]
+        if math.isnan(row[0]):  # a gap on the way
+            return None
+        last = last + angles.wrap_to_pi(row - last)
         points.append(np.concatenate([last, _tangent(last, problem)]))
     return np.array(points if sign > 0 else points[::-1])
 

@@ -73,6 +73,13 @@ def test_seven_joints_at_right_angles_have_a_complete_family(name: str, q: tuple
         ("m1n6s200", (-90.0, 180.0, 180.0, 90.0, -90.0, -90.0), (-0.03, 0.69, -0.72), False),
         # its curve only touches a limit there,
         ("m1n6s200", (-90.0, 270.0, 35.0, 90.0, 0.0, 0.0), (1.0, 0.0, 0.0), False),
+        # it is one at the edge of reach,
+        (
+            "j2s6s300",
+            (-163.656, 179.905, 180.0, 77.957, 179.972, 116.926),
+            (0.0, 1.0, 0.0),
+            False,
+        ),
         # or passes a limit just where it meets another one.
         ("j2s6s200", (180.0, 270.0, 341.0, -90.0, 180.0, -90.0), (0.0, 0.0, 1.0), True),
         ("j2s6s200", (0.0, 180.0, 19.0, 0.0, 180.0, 0.0), (0.0, 1.0, 0.0), False),
@@ -86,7 +93,7 @@ def test_singular_members_about_a_free_axis_are_members(
     target = FreeAxis(solver.verifier.tool_pose(own), axis=axis)
     assert np.abs(wrap_to_pi(solver.solve(target, seed=own).q - own)).max() < 1e-6
     family = solver.solve_all(target)  # without the configuration as a seed
-    assert min(np.abs(wrap_to_pi(interval.nearest(own) - own)).max() for interval in family) < 1e-5
+    assert min(np.abs(wrap_to_pi(interval.nearest(own) - own)).max() for interval in family) < 1e-4
 
 
 @pytest.mark.parametrize(
