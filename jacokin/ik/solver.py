@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import itertools
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -50,6 +51,8 @@ from jacokin.ik.seeds import seed_within_limits
 from jacokin.ik.targets import PartialTarget, Request, Target, TargetPose, interpret
 from jacokin.ik.verification import Candidate, Verifier
 from jacokin.kernels.closed_form.batch import BRANCHES, LARGEST_MARGIN
+from jacokin.kernels.closed_form.pose import DISTANCE
+from jacokin.kernels.tolerances import CLOSURE
 from jacokin.model import checks, poses
 from jacokin.model.loading import load_robot
 from jacokin.model.poses import FreeAxis
@@ -60,6 +63,8 @@ if TYPE_CHECKING:
     from jacokin.model.scene import Scene
 
 MOVE, WAYS = 30.0, 3  # of near misses: those cross a fold unless it lies along all three ways to a thirtieth
+#: [rad] a branch so far from the seed may stand for it, on a multiple root.
+NEAR_SEED = 1e-7, 1e-2
 SEVEN = 7  # joints of an arm whose poses have families
 
 
@@ -384,10 +389,12 @@ class IKSolver:
         target, robot = request.target, self.robot
         branches = form.solve_all(target.matrix, request.seed)
         rows = branches.rows
-        candidates = (
+        candidates: Iterator[Candidate] = (
             Candidate(q, target, f"branch {index + 1} of {len(rows)}")
             for index, q in _in_order(branches, request.cost, request.seed, robot)
         )
+        if request.cost is None and self._may_be_seed(branches, request):
+            candidates = itertools.chain([Candidate(request.seed, target, "the seed")], candidates)
         in_contact = "every branch within the limits is in contact; the best"
         result = self._verifier.select(candidates, request, in_contact)
         if result is not None:
@@ -410,6 +417,12 @@ class IKSolver:
         if len(branches):
             rows.append(branches.q[branches.margin.min(axis=1) >= near])
         return np.vstack(rows) if rows else np.empty((0, 6))
+
+    def _may_be_seed(self, branches: Branches, request: Request) -> bool:
+        """Whether the seed is on a multiple root, where rounding leaves the nearest branch undecided."""
+        if not (len(branches) and NEAR_SEED[0] < branches.rows[0, DISTANCE] < NEAR_SEED[1]):
+            return False
+        return max(self._verifier.measure(request.seed, request.target)) <= CLOSURE
 
     def _solve_by_qp(self, request: Request) -> IKResult:
         """One configuration by descents from many starts, or why there is none.

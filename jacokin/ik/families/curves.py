@@ -133,7 +133,7 @@ class CurveProblem(NamedTuple):
             room: how far from there they are solved for, at both sides [rad].
             quarters: about a free axis, solve at QUARTER_TURNS too.
         """
-        call = self._prepare([*QUARTER_TURNS, *also] if quarters and self.free_axis else also, crossings, room)
+        call = self._prepare([*QUARTER_TURNS, *also] if quarters else also, crossings, room)
         found = read_curves(call.work, call())
         self.arm.put_back(call)
         return found
@@ -187,13 +187,18 @@ class CurveProblem(NamedTuple):
         if held:
             share = (at - first) / (last - first) if last != first else 0.5
         x: Array = chord[0, :7] + share * (chord[1, :7] - chord[0, :7])
-        system = np.empty((7, 8))
+        if held:
+            x[parameter] = at
+        return self.settled(x, parameter if held else None)
+
+    def settled(self, x: Array, held: int | None) -> Array | None:
+        """A point (7,) that closes, near one that nearly does, with one joint held; None where there is none."""
+        x, system = x.copy(), np.empty((7, 8))
         for _ in range(SETTLING_STEPS):
             if linearise7(self.chain, self.T, x, system) <= POINT_CLOSURE:
                 break
-            if held:
-                x[parameter] = at
-                system[:6, parameter] = 0.0
+            if held is not None:
+                system[:6, held] = 0.0
             x += np.linalg.pinv(system[:6, :7], rcond=NO_MOTION) @ system[:6, 7]
         return x if linearise7(self.chain, self.T, x, system) <= WORST_CLOSURE else None
 
@@ -256,10 +261,14 @@ class Piece(NamedTuple):
         nodes[:, :7] += turns
         return self._replace(nodes=nodes, ends=self.ends + turns)
 
-    def ended_at(self, last: Array, side: int) -> Piece:
-        """The same piece with a node (14,) more, before its first one or after its last one, that is its end."""
-        nodes = np.vstack([self.nodes, last] if side else [last, self.nodes])
-        ends = np.array([self.ends[0], last[:7]] if side else [last[:7], self.ends[1]])
+    def is_lost(self, branch: int, side: int) -> bool:
+        """Whether it ends at the start or at the stop of a branch that was lost there."""
+        return self.branch == branch and self.codes[side] == LOST
+
+    def extended(self, more: Array, side: int) -> Piece:
+        """The same piece with nodes (k, 14) more, before its first one or after its last one, up to a fold."""
+        nodes = np.vstack([self.nodes, more] if side else [more, self.nodes])
+        ends = np.array([self.ends[0], more[-1, :7]] if side else [more[0, :7], self.ends[1]])
         codes = (self.codes[0], FOLD) if side else (FOLD, self.codes[1])
         shares = (self.shares[0], 1.0) if side else (0.0, self.shares[1])
         return self._replace(nodes=nodes, ends=ends, codes=codes, shares=shares)
@@ -302,8 +311,7 @@ class FoundCurves(NamedTuple):
                 arcs[i] = np.vstack([arcs[i], last] if side else [last, arcs[i]])
                 ends[i] = (ends[i][0], FOLD_END) if side else (FOLD_END, ends[i][1])
                 pieces = [
-                    piece.ended_at(last, side) if piece.branch == i and piece.codes[side] == LOST else piece
-                    for piece in pieces
+                    piece.extended(last[np.newaxis], side) if piece.is_lost(i, side) else piece for piece in pieces
                 ]
         complete = not self.full and not any(LOST_END in both for both in ends)
         return self._replace(arcs=arcs, ends=ends, pieces=pieces, complete=complete)

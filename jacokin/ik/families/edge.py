@@ -27,7 +27,7 @@ from jacokin.ik.options import ORIENTATION_TOLERANCE, POSITION_TOLERANCE
 from jacokin.ik.targets import TargetPose
 from jacokin.ik.verification import Verifier
 from jacokin.model import angles
-from jacokin.model.many_configurations import Chain, angle_and_axis, cross
+from jacokin.model.many_configurations import Chain, Placements, angle_and_axis, cross
 
 #: [m] and [rad] by which a target is moved: the curves of seven joints shrink slowly along joint 3 and lead to the
 #: edge from near it only; those about a free axis must be long enough to be found between two slices.
@@ -53,8 +53,12 @@ NO_CHANGE = 1e-8
 NO_MOTION, LAST_STEPS = 1e-4, 10
 #: Smallest singular value along curves that reach targets no farther from the edge than ON_EDGE, and where it is taken.
 STUCK, ALONG_ARC = 1e-3, 5
+#: The same of a singular member, as a share of that along the curves.
+SINGULAR = 0.1
 #: [rad] a joint past its limit by no more may be on it.
 NEAR_LIMIT = 1e-3
+#: [rad] a joint of a member this near to a limit is on it: about the square root of rounding.
+ON_LIMIT = 1e-7
 #: [rad] points nearer to each other are one.
 SAME_POINT = 1e-2
 
@@ -115,7 +119,7 @@ class Edge:
     def holds(self, arcs: list[Array], problem: CurveProblem) -> bool:
         """Whether curves (m, 14) are as good as points: the tool can hardly move in some direction all along."""
         rows = [_spread(arc, ALONG_ARC) for arc in arcs]
-        return not rows or bool((self._mobility(np.vstack(rows), problem.T, axis_in_base(problem)) < STUCK).all())
+        return not rows or bool((self.mobility(np.vstack(rows), problem) < STUCK).all())
 
     def meeting_points(self, x: Array, problem: CurveProblem) -> Array:
         """Points near rows (k, 7) of curves in which two curves of a target meet."""
@@ -127,26 +131,46 @@ class Edge:
                 break
         return points
 
-    def singular(self, x: Array, problem: CurveProblem) -> Array:
-        """Those of the rows (k, 7) at which no curve has a tangent, made exact."""
-        stuck = self._mobility(x, problem.T, axis_in_base(problem)) < STUCK if len(x) else np.zeros(0, np.bool_)
-        return self.meeting_points(x[stuck], problem)
+    def doubtful(self, x: Array, arcs: list[Array], problem: CurveProblem) -> Array:
+        """Those of the rows (k, 7), members, which a curve may end at, cross another at, or touch a limit at.
+
+        Singular ones, where the tool can hardly move in some direction, unless it can no better all along the curves
+        (m, 14); and those with a joint on a limit.
+        """
+        if not len(x):
+            return x
+        mobility = self.mobility(x, problem)
+        stuck: NDArray[np.bool_] = mobility < STUCK
+        if stuck.any() and arcs:
+            rows = np.vstack([_spread(arc, ALONG_ARC) for arc in arcs])
+            stuck &= mobility < SINGULAR * np.median(self.mobility(rows, problem))
+        inside = self.inside(x)
+        q = inside[:, : self.chain.dof]
+        margin = np.minimum(q - self._lower, self._upper - q).min(axis=1)
+        within = np.abs(angles.wrap_to_pi(inside - x)).max(axis=1) < ON_LIMIT
+        doubtful: Array = x[stuck | (within & (margin < ON_LIMIT))]
+        return doubtful
 
     def inside(self, x: Array) -> Array:
         """Rows (k, 7) with the joints moved within their limits."""
         dof = self.chain.dof
         return np.hstack([angles.into_limits(x[:, :dof], self._lower, self._upper), x[:, dof:]])
 
-    def _mobility(self, x: Array, T: Array, axis: Array | None) -> Array:
-        """Smallest singular values (k,) at rows (k, 7)."""
-        return np.asarray(np.linalg.svd(self.linearised(x, T, axis)[1], compute_uv=False)[:, 5])
+    def mobility(self, x: Array, problem: CurveProblem) -> Array:
+        """How far the tool moves where it can least, at rows (k, 7): smallest singular values (k,)."""
+        return self._mobility(x, axis_in_base(problem))
+
+    def _mobility(self, x: Array, axis: Array | None) -> Array:
+        """See `mobility`."""
+        placed = self.chain.placements(x[:, : self.chain.dof])
+        return np.asarray(np.linalg.svd(_jacobian(placed, axis), compute_uv=False)[:, 5])
 
     def _missed(self, x: Array, T: Array, axis: Array | None) -> list[float]:
         """Parameters on curves about a free axis that were missed between two slices; from rows (k, 7) near by."""
         if axis is None:
             return []
         x, closure = self._settled(x, np.zeros(x.shape, dtype=np.bool_), T, axis)
-        regular = self._mobility(x, T, axis) > NO_MOTION
+        regular = self._mobility(x, axis) > NO_MOTION
         missed: list[float] = x[(closure < MEMBER_CLOSURE) & regular, 6].tolist()
         return missed
 
@@ -218,15 +242,12 @@ class Edge:
 
     def linearised(self, x: Array, T: Array, axis: Array | None) -> tuple[Array, Array]:
         """Errors (k, 6) of rows (k, 7), position and orientation, and how they shrink with each angle (k, 6, 7)."""
-        placed = self.chain.placements(x[:, : self.chain.dof])
-        goal, linear, angular = T[:3, :3], placed.linear, placed.angular
+        placed, goal = self.chain.placements(x[:, : self.chain.dof]), T[:3, :3]
         if axis is not None:
             goal = np.array([pin.exp3(p * axis) for p in x[:, 6].tolist()]) @ goal
-            linear = np.concatenate([linear, np.zeros((len(x), 1, 3))], axis=1)
-            angular = np.concatenate([angular, np.broadcast_to(-axis, (len(x), 1, 3))], axis=1)
         angle, about = angle_and_axis(goal @ placed.rotation.transpose(0, 2, 1))
         error = np.hstack([T[:3, 3] - placed.position, angle[:, None] * about])
-        return error, np.concatenate([linear, angular], axis=2).transpose(0, 2, 1)
+        return error, _jacobian(placed, axis)
 
     def _slopes_of(self, jacobian: Array, normal: Array) -> Array:
         """Derivatives (k, 7, 7) of J^T u by the angles: column j for angle j.
@@ -242,6 +263,15 @@ class Edge:
         slopes += np.where(joints[:, None] > joints, turned, 0.0)
         slopes[:, self.chain.dof :, :] = slopes[:, :, self.chain.dof :] = 0.0
         return np.asarray(slopes)
+
+
+def _jacobian(placed: Placements, axis: Array | None) -> Array:
+    """How the tool moves (k, 6, 7) with each angle; the free axis turns it back."""
+    linear, angular = placed.linear, placed.angular
+    if axis is not None:
+        linear = np.concatenate([linear, np.zeros((len(linear), 1, 3))], axis=1)
+        angular = np.concatenate([angular, np.broadcast_to(-axis, (len(angular), 1, 3))], axis=1)
+    return np.concatenate([linear, angular], axis=2).transpose(0, 2, 1)
 
 
 def axis_in_base(problem: CurveProblem) -> Array | None:

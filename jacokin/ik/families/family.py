@@ -29,8 +29,11 @@ from jacokin.model.robot import Robot
 
 #: [m] and [rad]; members of a family close this well.
 MEMBER_CLOSURE = 1e-9
-#: Gauss-Newton steps for what closes worse, and the relative size of motions that they leave out.
-SETTLING_STEPS, NO_MOTION = 4, 1e-4
+#: Gauss-Newton steps for what closes worse, and the relative size of motions that they leave out. Where joints are on
+#: limits and curves meet, each halves what is left.
+SETTLING_STEPS, NO_MOTION = 16, 1e-4
+#: [m] and [rad] where they end.
+SETTLED = 1e-13
 #: [rad] a value of the parameter this far outside an interval is at its end.
 PARAMETER_SLACK = 1e-9
 
@@ -118,6 +121,8 @@ class Members:
         goal = pin.SE3(pose.rotation, pose.position)
         for _ in range(SETTLING_STEPS):
             error = pin.log6(self.verifier.tool_pose(q).actInv(goal)).vector
+            if np.abs(error).max() < SETTLED:
+                break
             moving = np.where(held, 0.0, robot.jacobian(q, frame=self.verifier.frame, reference="local"))
             if self.verifier.tool is not None:
                 moving = self.verifier.tool.toActionMatrixInverse() @ moving
@@ -180,6 +185,8 @@ class Interval:
 
     def at(self, parameter: float, seed: ArrayLike | None = None) -> Array:
         """The member (dof,) [rad] where the parameter has a value.
+
+        Where curves meet just as a joint comes to its limit, rounding may leave none there: the one beside it, then.
 
         Args:
             parameter: [rad] from start to stop, or whole turns away from there.
@@ -244,8 +251,35 @@ class Interval:
         return np.concatenate([p[:1], inner, p[-1:]]), np.vstack([rows[0], between, rows[-1]])
 
     def member(self, parameter: float, q: Array, seed: Array) -> Array:
-        """A configuration (dof,) of the track, in the copies nearest to a seed, verified."""
+        """A configuration (dof,) of the track, in the copies nearest to a seed, verified; or the one beside it."""
+        try:
+            return self.exact_member(parameter, q, seed)
+        except LostMemberError:
+            return self._beside(parameter, seed)
+
+    def exact_member(self, parameter: float, q: Array, seed: Array) -> Array:
+        """As `member`, or not at all.
+
+        Raises:
+            LostMemberError: it misses the target.
+        """
         return self._members.verified(self._members.copies(q, seed), parameter)
+
+    def _beside(self, parameter: float, seed: Array) -> Array:
+        """The member (dof,) next to where there should be one.
+
+        Raises:
+            LostMemberError: there is none anywhere near.
+        """
+        p, rows = self._track.polyline()
+        lost: LostMemberError | None = None
+        for index in np.argsort(np.abs(p - parameter), kind="stable").tolist():
+            try:
+                return self.exact_member(float(p[index]), rows[index], seed)
+            except LostMemberError as error:
+                lost = error
+        assert lost is not None  # a track has points
+        raise lost
 
     def _moved_inside(self, p: float) -> float | None:
         moved = p + TURN * round((0.5 * (self.start + self.stop) - p) / TURN)
@@ -284,15 +318,16 @@ def choose(intervals: Sequence[Interval], cost: Cost, seed: Array) -> tuple[Arra
         value, coordinate = look(place)
         minimums.append((value, coordinate, place))
         lowest = min(lowest, value)
-    lost: LostMemberError | None = None
-    for _, coordinate, place in sorted(minimums, key=lambda minimum: minimum[0]):
+    minimums.sort(key=lambda minimum: minimum[0])
+    for _, coordinate, place in minimums:
         p, q = intervals[place.interval]._track.point(coordinate)
         try:
             return members.verified(members.on_limits(q + TURN * place.turns), p), p
-        except LostMemberError as error:  # the next best one
-            lost = error
-    assert lost is not None  # an interval has a minimum
-    raise lost
+        except LostMemberError:
+            continue  # the next best one
+    _, coordinate, place = minimums[0]  # an interval has a minimum
+    p, q = intervals[place.interval]._track.point(coordinate)
+    return intervals[place.interval].member(p, q, seed), p
 
 
 class _Look(NamedTuple):

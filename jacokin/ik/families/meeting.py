@@ -15,7 +15,10 @@ import numpy as np
 from jacokin.arrays import Array
 from jacokin.ik.families.curves import CurveProblem, FoundCurves
 from jacokin.ik.families.edge import Edge
+from jacokin.ik.families.recut import cut_again
 from jacokin.ik.families.straight_wrist import NEARLY_STRAIGHT, TOUCHING, StraightWrist, WristTrack
+from jacokin.ik.families.stretched import walk_to_folds
+from jacokin.ik.families.tracks import CurveTrack
 from jacokin.model import angles
 from jacokin.model.angles import TURN
 
@@ -28,6 +31,8 @@ SAME_PLACE = 3.0 * max(ROOM)
 AROUND_LOST = (-0.06, -0.03, -0.01, 0.01, 0.03, 0.06)
 #: [rad] a point nearer to a node of a curve is on it.
 ON_CURVE = 0.05
+#: [rad] one this near is on it, none so far from all nodes is, and a joint so far past its limit is outside.
+SAME_POINT, NEARBY, NEAR_LIMIT = 1e-7, 0.8, 1e-7
 
 
 class Followed(NamedTuple):
@@ -42,26 +47,53 @@ class Followed(NamedTuple):
 
 def follow_curves(problem: CurveProblem, edge: Edge, wrist: StraightWrist, also: Sequence[float] = ()) -> Followed:
     """The curves of a target, also where they meet; `also` are parameters to solve at too [rad]."""
-    none = np.empty((0, 7))
-    parameter = problem.arm.parameter
     found = problem.find(also)
-    if found.complete:
-        if not wrist.is_near(found.arcs):
-            return Followed(found, [], none)
-        singular = none
-        circles = wrist.circles(wrist.starts(found.arcs, TOUCHING), problem)
+    doubtful = edge.doubtful(found.at_quarters, found.arcs, problem)
+    if found.complete and not len(doubtful):
+        near = wrist.starts(found.arcs, TOUCHING) if wrist.is_near(found.arcs) else doubtful
+        circles = wrist.circles(near, problem) if len(near) else []
         if not circles:
-            return Followed(found, [], none)
+            return Followed(found, [], near[:0])
+        followed = _joined(found, circles, near[:0], problem, edge)
     else:
-        singular = np.vstack([found.singular, edge.singular(found.at_quarters, problem)])
-        circles = wrist.circles(np.vstack([wrist.starts(found.arcs, NEARLY_STRAIGHT), singular]), problem)
-        if not circles and not len(singular):
-            found = problem.find(also, quarters=False)  # one of them may be a fold, where slices see two points or none
-            if found.complete:
-                return Followed(found, [], none)
-            found = problem.find([p + away for p in found.lost_ends[:, parameter] for away in AROUND_LOST])
-            rows = np.vstack([wrist.starts(found.arcs, NEARLY_STRAIGHT), found.singular])
-            circles = wrist.circles(rows, problem)
+        followed = _follow_singular(found, doubtful, problem, edge, wrist, also)
+    if not followed.found.complete and problem.free_axis is None:
+        followed = followed._replace(found=walk_to_folds(followed.found, problem))
+    pieces = [part for piece in followed.found.pieces for part in cut_again(piece, problem, edge)]
+    followed = followed._replace(found=followed.found._replace(pieces=pieces))
+    at_nodes = [_is_at_node(x, followed.found.arcs) for x in found.at_quarters]
+    doubtful = np.vstack([doubtful, found.at_quarters[np.logical_not(at_nodes)]])
+    lost = [x for x in np.vstack([followed.points, doubtful]) if not _is_passed(x, followed, problem, edge)]
+    return followed._replace(points=np.array(lost).reshape(-1, 7))
+
+
+def _follow_singular(
+    found: FoundCurves,
+    doubtful: Array,
+    problem: CurveProblem,
+    edge: Edge,
+    wrist: StraightWrist,
+    also: Sequence[float],
+) -> Followed:
+    """The curves of a target that has singular configurations; their `points` may be on curves."""
+    parameter = problem.arm.parameter
+    singular = np.vstack([found.singular, edge.meeting_points(doubtful, problem)])
+    circles = wrist.circles(np.vstack([wrist.starts(found.arcs, NEARLY_STRAIGHT), singular]), problem)
+    if not circles and not len(singular):
+        found = problem.find(also, quarters=False)  # one of them may be a fold, where slices see two points or none
+        if found.complete:
+            return Followed(found, [], singular)
+        found = problem.find([p + away for p in found.lost_ends[:, parameter] for away in AROUND_LOST])
+        rows = np.vstack([wrist.starts(found.arcs, NEARLY_STRAIGHT), found.singular])
+        circles = wrist.circles(rows, problem)
+    return _joined(found, circles, singular, problem, edge)
+
+
+def _joined(
+    found: FoundCurves, circles: list[WristTrack], singular: Array, problem: CurveProblem, edge: Edge
+) -> Followed:
+    """The curves, joined across circles and singular configurations (k, 7), or ended there."""
+    parameter = problem.arm.parameter
     places = [*(circle.start for circle in circles), *singular[:, parameter].tolist()]
     for room in ROOM:
         if places:
@@ -72,15 +104,32 @@ def follow_curves(problem: CurveProblem, edge: Edge, wrist: StraightWrist, also:
             break
         met = edge.meeting_points(np.vstack([found.lost_ends, found.singular]), problem)
         places = [*places, *met[:, parameter].tolist()]
-    alone = [x for x in singular if not _is_passed(x, found.arcs, circles, edge.chain.dof)]
-    return Followed(found, circles, np.array(alone).reshape(-1, 7))
+    return Followed(found, circles, singular)
 
 
-def _is_passed(x: Array, arcs: Sequence[Array], circles: Sequence[WristTrack], dof: int) -> bool:
+def _is_passed(x: Array, followed: Followed, problem: CurveProblem, edge: Edge) -> bool:
     """Whether a point (7,) is on a curve or on a circle."""
-    if any(circle.passes(x[:dof]) for circle in circles):
+    dof = edge.chain.dof
+    if any(circle.passes(x[:dof]) for circle in followed.circles):
         return True
-    return any(np.abs(angles.wrap_to_pi(nodes[:, :7] - x)).max(axis=1).min() <= ON_CURVE for nodes in arcs)
+    inside = edge.inside(x[np.newaxis])[0]
+    if np.abs(angles.wrap_to_pi(inside - x)).max() > NEAR_LIMIT:
+        return any(_distance(nodes, x) <= ON_CURVE for nodes in followed.found.arcs)
+    for piece in followed.found.pieces:
+        if _distance(piece.nodes, x) <= NEARBY:
+            nearest = CurveTrack(problem, piece).nearest(inside[:dof])
+            if nearest is not None and np.abs(angles.wrap_to_pi(nearest[1] - x[:dof])).max() <= SAME_POINT:
+                return True
+    return False
+
+
+def _is_at_node(x: Array, arcs: Sequence[Array]) -> bool:
+    return any(_distance(nodes, x) <= SAME_POINT for nodes in arcs)
+
+
+def _distance(nodes: Array, x: Array) -> float:
+    """From a point (7,) to the nearest of nodes (m, 14), in the joint that is farthest [rad]."""
+    return float(np.abs(angles.wrap_to_pi(nodes[:, :7] - x)).max(axis=1).min())
 
 
 def _distinct(places: Sequence[float]) -> list[float]:

@@ -20,6 +20,7 @@ from jacokin.ik.families.curves import (
     JOINT_3,
     LOST,
     RANGE,
+    SAME_PARAMETER,
     SEAM,
     CurveArm,
     CurveProblem,
@@ -27,10 +28,10 @@ from jacokin.ik.families.curves import (
     Piece,
     whole_piece,
 )
-from jacokin.ik.families.edge import ON_EDGE, Edge
-from jacokin.ik.families.family import MEMBER_CLOSURE, Family, Interval, IntervalEnd, Members
+from jacokin.ik.families.edge import ON_EDGE, SAME_POINT, Edge
+from jacokin.ik.families.family import MEMBER_CLOSURE, Family, Interval, IntervalEnd, LostMemberError, Members
 from jacokin.ik.families.meeting import follow_curves
-from jacokin.ik.families.straight_wrist import StraightWrist, WristTrack
+from jacokin.ik.families.straight_wrist import SpunWristTrack, StraightWrist, WristTrack
 from jacokin.ik.families.tracks import CircleTrack, CurveTrack, Track, least, minima
 from jacokin.ik.geometry import measure_seven
 from jacokin.ik.near_misses import NearMisses
@@ -47,6 +48,8 @@ from jacokin.model.robot import Robot
 SAME_AXIS = 1e-10
 #: [rad] of the parameter: curves that are all shorter are looked at as points; the second one where some were lost.
 SMALL, SMALL_LOST = 1e-5, 1e-3
+#: [m] and [rad] by which a seed misses the target that nearly is a member; joints and the free axis.
+NEAR_SEED, DIMENSIONS = 1e-2, 7
 #: Members of each interval that are looked at where the best one is in contact.
 TRIED = 16
 #: Times that a search for the closest configuration turns the target to where it has come.
@@ -113,6 +116,8 @@ class FamilySearch:
                     return result
         found = self.find(request.target, request.seed)
         candidates = found.candidates(request.cost, several=verifier.rejects_contact)
+        if request.cost is None:
+            candidates = self._with_beside_seed(candidates, found.members)
         in_contact = "every member that was tried is in contact; the best one"
         result = verifier.select(candidates, request, in_contact)
         if result is None:
@@ -136,8 +141,11 @@ class FamilySearch:
                 sight = edge.look(problem)
                 if sight.parameters:
                     found, circles, alone = follow_curves(problem, edge, self._wrist, sight.parameters)
-                rows = np.array([[*point.q, point.parameter][:7] for point in sight.points]).reshape(-1, 7)
-                points = _on_edge(sight.points, self._wrist.circles(rows, problem), members, complete=stuck)
+                beside = edge.fitted(alone, problem) if len(alone) else []
+                seen = [*sight.points, *(point for point in beside if not _is_among(point, sight.points))]
+                seen.sort(key=lambda point: float(point.excess.max()))
+                rows = np.array([[*point.q, point.parameter][:DIMENSIONS] for point in seen]).reshape(-1, DIMENSIONS)
+                points = _on_edge(seen, self._wrist.circles(rows, problem), members, complete=stuck)
                 if len(points.family) or (points.family.branches and stuck):
                     return points
         intervals = []
@@ -188,6 +196,39 @@ class FamilySearch:
         """The branches of a target that is moved to a pose (4, 4)."""
         problem = self._arm.problem(target)._replace(T=T)
         return _whole_arcs(problem, problem.find().arcs)
+
+    def _with_beside_seed(self, candidates: Iterator[Candidate], members: Members) -> Iterator[Candidate]:
+        """The member beside a seed that nearly is one before the candidates, if it is nearer.
+
+        Where curves meet, what they are joined by may miss the nearest member by little.
+        """
+        best, beside = next(candidates, None), self._beside_seed(members)
+        if beside is not None:
+            apart = [
+                np.inf if each is None else float(np.linalg.norm(each.q - members.seed)) for each in (beside, best)
+            ]
+            if apart[0] < apart[1]:
+                yield beside
+        if best is not None:
+            yield best
+            yield from candidates
+
+    def _beside_seed(self, members: Members) -> Candidate | None:
+        target, seed, parameter = members.target, members.seed, self._arm.parameter
+        x = np.append(seed, members.parameter(seed))[:DIMENSIONS]
+        x[parameter] = target.nearest_angle(float(x[parameter]))
+        if max(members.verifier.measure(seed, target.at(float(x[parameter])))) > NEAR_SEED:
+            return None
+        settled = self._arm.problem(target).settled(x, None)
+        if settled is None:
+            return None
+        p = float(settled[parameter])
+        if abs(math.remainder(target.nearest_angle(p) - p, TURN)) > SAME_PARAMETER:  # beyond the range
+            return None
+        try:
+            return members.candidate(members.verified(members.copies(settled[: len(seed)], seed), p), p)
+        except LostMemberError:
+            return None
 
     def _closest_to(self, request: Request, found: Findings) -> IKResult:
         """Why there is no member, with the closest configuration; the angle of a free axis follows where that comes."""
@@ -263,15 +304,23 @@ class SixJointFamilies(FamilySearch):
         """Joint 6 takes up every turn, the others stay: the branches of one pose, and a range of joint 6 for each."""
         robot, members = self._verifier.robot, Members(self._verifier, target, seed)
         branches = self._form.solve_all(target.matrix, seed)
+        complete = not branches.dropped
         intervals, tracks = [], []
         for number, (q, margin) in enumerate(zip(branches.q, branches.margin, strict=True)):
             tracks.append(CircleTrack(q, sign, *free.range))
             if (margin[:5] < 0.0).any():
                 continue
+            if (turn := self._wrist.turn(q)) is not None and math.isinf(robot.upper[3] - robot.lower[3]):
+                end = IntervalEnd("circle" if free.full_turn else "range")
+                limits = float(robot.lower[5]), float(robot.upper[5])
+                spun = SpunWristTrack(q, turn, sign, limits, *free.range)
+                intervals.append(Interval(members, spun, number, (end, end)))
+                continue
+            complete = complete and turn is None
             for start, stop, ends in _turns_of_joint_6(q[5], sign, free, robot.lower[5], robot.upper[5]):
                 reasons = (_end(ends[0], robot), _end(ends[1], robot))
                 intervals.append(Interval(members, CircleTrack(q, sign, start, stop), number, reasons))
-        family = Family(tuple(intervals), members, branches=len(branches), complete=branches.complete)
+        family = Family(tuple(intervals), members, branches=len(branches), complete=complete)
         return Findings(family, members, lambda: _find_least_excess(tracks, robot, exact=True), tracks)
 
     def _tracks(self, target: TargetPose, T: Array) -> Sequence[Track]:
@@ -340,6 +389,10 @@ def _on_circles(circles: Sequence[WristTrack], members: Members, first: int) -> 
             low, high = (SEAM if code < 0 else code for code in codes)
             intervals.append(Interval(members, track, branch, (_end(low, robot), _end(high, robot))))
     return intervals
+
+
+def _is_among(point: LimitExcess, points: Sequence[LimitExcess]) -> bool:
+    return any(np.abs(angles.wrap_to_pi(point.q - other.q)).max() <= SAME_POINT for other in points)
 
 
 def _at_points(points: Sequence[LimitExcess], members: Members, first: int) -> list[Interval]:

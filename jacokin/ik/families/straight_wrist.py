@@ -91,6 +91,14 @@ class StraightWrist:
         crossed = (sines.min(axis=0) < 0.0) & (sines.max(axis=0) > 0.0)
         return 0.0 if crossed.any() else float(np.abs(sines).min())
 
+    def turn(self, q: Array) -> Array | None:
+        """How the joints (dof,) turn against each other at a configuration (dof,); None where the wrist is bent."""
+        if self._straight is None:
+            return None
+        half = round((float(q[-2]) - self._straight) / math.pi)
+        straight = abs(float(q[-2]) - self._straight - half * math.pi) < EXACT
+        return self._turns[half % 2] if straight else None
+
     def starts(self, arcs: Sequence[Array], farthest: float) -> Array:
         """Nodes (k, 7) of curves where they come nearest to straight, to a sine that is no larger than the farthest."""
         rows = [np.empty((0, 8))]
@@ -246,3 +254,72 @@ class WristTrack(Track):
     def _at(self, coordinate: float | Array) -> Array:
         row: Array = self._q + coordinate * self._turn
         return row
+
+
+class SpunWristTrack(Track):
+    """Where the free axis is that of the last joint, too: three turns about one line, and two of them are free.
+
+    The coordinate is the parameter; joint 6 takes it up as far as it may turn, and joint 4, unlimited, the rest.
+    """
+
+    __slots__ = ("_limits", "_q", "_sign", "_turn", "start", "stop")
+
+    def __init__(
+        self, q: Array, turn: Array, sign: float, limits: tuple[float, float], start: float, stop: float
+    ) -> None:
+        """Take a member (6,) at parameter 0, how joints turn against each other (6,), and as `CircleTrack`.
+
+        Args:
+            q: see above.
+            turn: see above.
+            sign: of joint 6's turn.
+            limits: of joint 6 [rad].
+            start: least value of the parameter [rad].
+            stop: largest one [rad].
+        """
+        self._q, self._turn, self._sign, self._limits = q, turn, sign, limits
+        self.start, self.stop = start, stop
+
+    def at(self, parameter: float) -> Array:
+        """See `Track`."""
+        q6 = float(self._q[5]) + self._sign * parameter
+        return self._with(parameter, q6)
+
+    def point(self, coordinate: float) -> tuple[float, Array]:
+        """See `Track`."""
+        return coordinate, self.at(coordinate)
+
+    def nearest(self, seed: Array) -> tuple[float, Array] | None:
+        """See `Track`."""
+        q6 = self._within(float(seed[5]))
+        p = self._sign * (q6 - float(self._q[5]) - self._turn[5] * float(seed[3] - self._q[3]))
+        middle = 0.5 * (self.start + self.stop)
+        p += TURN * round((middle - p) / TURN)
+        if self.start <= p <= self.stop:
+            return p, self._with(p, q6)
+        ends = [(end, math.remainder(end - p, TURN)) for end in (self.start, self.stop)]
+        p, rest = min(ends, key=lambda each: abs(each[1]))
+        return p, self._with(p, q6 + 0.5 * self._sign * rest)
+
+    def guesses(self) -> tuple[Array, Array]:
+        """See `Track`."""
+        p = np.linspace(self.start, self.stop, 2 + int((self.stop - self.start) / GUESS_SPACING))
+        return p, np.array([self.at(each) for each in p.tolist()])
+
+    def polyline(self) -> tuple[Array, Array]:
+        """See `Track`."""
+        return self.guesses()
+
+    def _with(self, p: float, q6: float) -> Array:
+        """The member (6,) at a parameter with joint 6 at an angle, or as near to it as its limits let it."""
+        q = self._q.copy()
+        q[5] = self._within(q6)
+        q[3] += self._turn[5] * (q[5] - self._q[5] - self._sign * p)
+        return q
+
+    def _within(self, q6: float) -> float:
+        low, high = self._limits
+        if high - low < TURN:
+            q6 += TURN * round((0.5 * (low + high) - q6) / TURN)
+            q6 = min(max(q6, low), high)
+        return q6

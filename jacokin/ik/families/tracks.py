@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.errors import JacokinError
 from jacokin.ik.families.curves import SAME_PARAMETER, CurveProblem, Piece
 from jacokin.model.angles import TURN
 
@@ -77,11 +76,12 @@ class CurveTrack(Track):
         nodes = self._piece.nodes
         chord = int(np.searchsorted(nodes[:, self._parameter], p)) - 1
         chord = min(max(chord, 0), len(nodes) - 2)
-        x = self._problem.at_parameter(nodes[chord : chord + 2], p)
-        if x is None:  # where the parameter stays the same along the curve, any point will do
-            near = int(np.abs(nodes[:, self._parameter] - p).argmin())
-            x = nodes[near, :7] if abs(nodes[near, self._parameter] - p) <= SAME_PARAMETER else None
-        return self._joints(self._found(x))
+        ends = nodes[chord : chord + 2]
+        x = self._problem.at_parameter(ends, p)
+        if x is None:  # where curves meet, or the parameter stays the same along the curve: any point will do
+            low, high = ends[:, self._parameter].tolist()
+            x = _between(ends, (p - low) / (high - low) if high - low > SAME_PARAMETER else 0.0)
+        return self._joints(x)
 
     def point(self, coordinate: float) -> tuple[float, Array]:
         """See `Track`."""
@@ -92,7 +92,8 @@ class CurveTrack(Track):
         else:
             chord = min(int(coordinate), len(piece.nodes) - 2)
             nodes = piece.nodes[chord : chord + 2]
-            x = self._found(self._problem.at_share(nodes, coordinate - chord))
+            exact = self._problem.at_share(nodes, coordinate - chord)
+            x = _between(nodes, coordinate - chord) if exact is None else exact
         p = float(x[self._parameter]) + self._turns
         return min(max(p, self.start), self.stop), self._joints(x)
 
@@ -149,10 +150,11 @@ class CurveTrack(Track):
         """(..., 6) of six joints and an axis, (..., 7) of seven joints."""
         return x[..., :6] if self._parameter == 6 else x
 
-    def _found(self, x: Array | None) -> Array:
-        if x is None:
-            raise JacokinError("internal error: a point of a solution curve was lost, please report it")
-        return x
+
+def _between(ends: Array, share: float) -> Array:
+    """A point (7,) on the chord between two nodes (2, 14)."""
+    x: Array = ends[0, :7] + share * (ends[1, :7] - ends[0, :7])
+    return x
 
 
 class CircleTrack(Track):
