@@ -101,7 +101,7 @@ _KERNEL_OPTIONS: dict[str, Any] = {**_OPTIONS, "_nrt": False}
 _PACKAGE = "jacokin.kernels."
 # The closed form and what it stands on become part of their callers, because passing a tuple of arrays takes as long as
 # most of these functions do; other kernels take longer anyway and are left to the compiler.
-_INLINED = tuple(_PACKAGE + name for name in ("closed_form.", "chain", "limits", "vector", "tolerances"))
+_INLINED = tuple(_PACKAGE + name for name in ("closed_form.", "branches", "chain", "limits", "vector", "tolerances"))
 # Functions among them that most poses need not: these stay calls.
 _CALLED = frozenset(
     (

@@ -1,14 +1,18 @@
-"""`ClosedForm`: every branch of a six-joint Jaco at a pose, and `Branches`, which holds them.
+"""`ClosedForm`: every branch of a six-joint arm at a pose, and `Branches`, which holds them.
 
-The arm has no spherical wrist, yet its joint axes are so placed that the whole problem is one trigonometric polynomial
-of degree 8 in joint 6. ``docs/closed_form.md`` derives it; what computes is, in the order to read it:
+A Jaco has no spherical wrist, yet its joint axes are so placed that the whole problem is one trigonometric polynomial
+of degree 8 in joint 6; other arms have one of the same degree in another joint, which takes longer to write.
+``docs/closed_form.md`` derives both; what computes is, in the order to read it:
 
-    ik.geometry                     what is measured on the model, and when it is refused
+    ik.geometry                     what is measured on the model, and how far it is from a Jaco
     kernels.closed_form.resultant   F(q6), the polynomial
     kernels.closed_form.roots       all its real roots
     kernels.closed_form.wrist       from a root to (q1, q5, q6), refined on three smooth equations, then q2, q3, q4
     kernels.closed_form.spherical   the same for the spherical variants
-    kernels.closed_form.pose        verification on the model itself, polishing, limits, duplicates
+    kernels.closed_form.pose        the branches of a Jaco
+    kernels.branches                verification on the model itself, polishing, limits, duplicates
+    kernels.six_joints.pose         the branches of any other arm
+    ik.structures                   what is measured on it
     kernels.library                 the kernels as machine code
 """
 
@@ -23,7 +27,10 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from jacokin.ik.geometry import measure
+from jacokin.errors import StructureError
+from jacokin.ik.geometry import chain_of, measure
+from jacokin.ik.structures import measure_general
+from jacokin.kernels.branches import DISTANCE, FAMILY, ORIENTATION_ERROR, POSITION_ERROR, WITHIN_LIMITS
 from jacokin.kernels.closed_form.batch import (
     BATCH_COLUMNS,
     BRANCHES,
@@ -33,14 +40,8 @@ from jacokin.kernels.closed_form.batch import (
     make_target_work,
     solve_targets,
 )
-from jacokin.kernels.closed_form.pose import (
-    DISTANCE,
-    FAMILY,
-    ORIENTATION_ERROR,
-    POSITION_ERROR,
-    WITHIN_LIMITS,
-)
 from jacokin.kernels.library import Call
+from jacokin.kernels.tolerances import EXACT_MISFIT
 from jacokin.model import checks
 
 
@@ -127,7 +128,7 @@ class Branches(BranchTable):
 
     @property
     def singular(self) -> NDArray[np.bool_]:
-        """(k,) where a branch stands for a whole self-motion: axes 4 and 6 of a spherical wrist are aligned."""
+        """(k,) where a branch stands for a whole self-motion: axes 4 and 6 of a spherical wrist aligned, for one."""
         return np.equal(self.rows[:, FAMILY], 1.0)
 
     @property
@@ -179,10 +180,12 @@ class ClosedForm:
 
     Attributes:
         spherical: whether axes 4, 5 and 6 meet in one point.
-        misfit: largest deviation of the model from the structure [m or rad]; what it leaves is polished away.
+        misfit: largest deviation of the model from a Jaco's structure [m or rad]. With more than rounding, the arm is
+            solved as one of any structure.
+        other: by what the arm is not built like a Jaco; None if it is, within the tolerance of the structure.
     """
 
-    __slots__ = ("_arm", "_calls", "_chain", "_few", "_limits", "misfit", "spherical")
+    __slots__ = ("_arm", "_calls", "_chain", "_family_arm", "_few", "_limits", "misfit", "other", "spherical")
 
     def __init__(
         self,
@@ -205,17 +208,26 @@ class ClosedForm:
             limit_snap: a joint past its limit by at most this is put on the limit [rad].
 
         Raises:
-            StructureError: The axes of the model are not placed as the closed form needs them.
+            StructureError: The model is no chain of six turning joints that moves the frame in six ways.
             JacokinError: the compiled kernels do not load.
         """
-        self._chain, self._arm, self.misfit, self.spherical = measure(model, frame_id, tool)
+        self.other: StructureError | None = None
+        try:
+            geometry = measure(model, frame_id, tool)
+        except StructureError as error:
+            geometry = measure_general(chain_of(model, frame_id, tool, 6))
+            self.other = error.with_traceback(None)
+        self._chain, self._family_arm, self.misfit, self.spherical = geometry
+        self._arm = self._family_arm
+        if self.misfit > EXACT_MISFIT:
+            self._arm = measure_general(self._chain).arm
         self._limits = checks.sealed(np.ascontiguousarray([lower, upper, np.full(6, limit_snap)], dtype=np.float64))
         self._make_calls()
 
     @property
     def constants(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """What the kernels know about the arm: chain (7, 3, 4), arm (39,), limits (3, 6); read-only."""
-        return self._chain, self._arm, self._limits
+        """What the kernels of families know about the arm: chain (7, 3, 4), arm (42,), limits (3, 6); read-only."""
+        return self._chain, self._family_arm, self._limits
 
     @property
     def chain(self) -> NDArray[np.float64]:
@@ -275,12 +287,12 @@ class ClosedForm:
 
     def __getstate__(self) -> tuple[object, ...]:
         """Pickle the constants; calls are made anew."""
-        return self._chain, self._arm, self._limits, self.spherical, self.misfit
+        return self._chain, self._arm, self._family_arm, self._limits, self.spherical, self.misfit, self.other
 
     def __setstate__(self, state: Any) -> None:
         """Take the constants again, read-only."""
-        self._chain, self._arm, self._limits, self.spherical, self.misfit = state
-        for array in self.constants:
+        self._chain, self._arm, self._family_arm, self._limits, self.spherical, self.misfit, self.other = state
+        for array in (self._arm, *self.constants):
             checks.sealed(array)
         self._make_calls()
 

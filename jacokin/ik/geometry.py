@@ -117,7 +117,7 @@ class StructureCheck:
         pair = (self._names[i], self._names[j])
         raise StructureError(
             f"the closed form does not fit this robot: {pair[0]} and {pair[1]}: {text} "
-            f"(tolerance {STRUCTURE_TOLERANCE:g} {unit}); use method='qp'",
+            f"(tolerance {STRUCTURE_TOLERANCE:g} {unit})",
             pair,
             misfit,
             unit,
@@ -169,7 +169,7 @@ class Geometry(NamedTuple):
     chain: NDArray[np.float64]
     """(dof + 1, 3, 4) [-, m]; pose = chain[0] Rz(q1) chain[1] Rz(q2) ... chain[dof], exactly the model's."""
     arm: NDArray[np.float64]
-    """Six joints: (39,) the constants of the closed form, in the order of ``kernels.closed_form.arm.unpack_arm``.
+    """Six joints: (42,) the constants of the closed form, in the order of ``kernels.closed_form.arm.unpack_arm``.
     Seven: (12,) W in the tool frame, O in the base, O after joint 2, W after joint 4, see ``self_motion.seven`` [m]."""
     misfit: float
     """The largest deviation from the structure found [m or rad]."""
@@ -233,6 +233,7 @@ def measure(model: pin.Model, frame_id: int, tool: pin.SE3 | None = None) -> Geo
                 np.arctan2(w3_w @ g_w, w3_w[1]),
             ],  # 34:37
             [float(spherical), check.worst],  # 37:39
+            [0.0, 0.0, 0.0],  # 39:42, of arms of another structure
         ]
     ).astype(np.float64)
     return Geometry(checks.sealed(chain), checks.sealed(arm), check.worst, spherical)

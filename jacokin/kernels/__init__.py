@@ -3,7 +3,9 @@
 They take numbers and arrays, no robot and no file. C programs reach them through the files in the folder ``c``.
 
 closed_form                          every branch of a six-joint Jaco at a pose
+six_joints                           every branch of a six-joint arm of any structure
 self_motion                          self-motions: all configurations with one free parameter
+branches                             a branch verified, polished, put within the limits; duplicates
 entries, library                     what is compiled; the library loaded and called
 vector, chain, limits, tolerances    what both have in common
 """

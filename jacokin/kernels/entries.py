@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 from jacokin.kernels.closed_form.batch import make_target_work, solve_targets
 from jacokin.kernels.self_motion.intervals import make_curve_work, run_curves
+from jacokin.kernels.six_joints.ranking import make_rank_work, rank_labellings
 
 
 class Entry(NamedTuple):
@@ -22,4 +23,5 @@ class Entry(NamedTuple):
 ENTRIES = (
     Entry(solve_targets, make_target_work),
     Entry(run_curves, make_curve_work),
+    Entry(rank_labellings, make_rank_work),
 )

@@ -133,3 +133,26 @@ FOLD_FACTOR = 20.0
 SAME_ROOT = 2e-7
 #: [rad]; a refined start this close to a branch in joints 1, 5 and 6 is that branch again.
 SAME_START = 1e-10
+
+# Arms of any structure (six_joints)
+
+#: Noise of F in terms of four coefficients that would be zero without rounding: they may be smaller by chance.
+TIMES_NOISE = 8.0
+#: At least this part of the largest value of F is noise.
+SMALLEST_NOISE = 64.0 * 2.2e-16
+#: Noise of Bernstein coefficients on a stretch, relative to the largest determinant there: 1e-14 of each, as much as
+#: the change of basis may amplify it, 5e4.
+CLOSE_NOISE = 5e-10
+#: F is all noise if the sum of its coefficients is not this many times as large.
+UNCERTAIN = 1e3
+#: [rad]; a branch this close to a root of F in its angle, and to the root's own uncertainty, belongs to it.
+SAME_THETA = 2e-6
+#: The determinant of a Jacobian [m^3], of arms of about 1 m: singular below this, as a continuum of branches is.
+SINGULAR_DETERMINANT = 1e-9
+#: [m] and [rad]; the closure along a continuum, a few hundredths of a radian from where the test begins. Beside a fold
+#: it is above the square of that.
+CONTINUUM_CLOSURE = 1e-9
+#: [m] and [rad]; a structure that an arm misses by less is named; poses are solved as for any arm all the same.
+EXACT_STRUCTURE = 1e-9
+#: Singular values of a Jacobian, lengths in units of the arm's size: below this a freedom is missing.
+SMALLEST_FREEDOM = 1e-9

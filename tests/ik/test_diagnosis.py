@@ -14,7 +14,7 @@ from jacokin.ik.diagnosis import LimitExcess
 from jacokin.ik.seeds import seed_within_limits
 from jacokin.ik.targets import Request, interpret
 from jacokin.ik.verification import Candidate
-from jacokin.kernels.closed_form.pose import COLUMNS, ORIENTATION_ERROR, POSITION_ERROR, WITHIN_LIMITS
+from jacokin.kernels.branches import COLUMNS, ORIENTATION_ERROR, POSITION_ERROR, WITHIN_LIMITS
 
 NAMES = tuple(f"joint_{number}" for number in range(1, 7))
 FREE = [1.0] * 6  # [rad] from every limit

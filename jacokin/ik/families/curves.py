@@ -57,7 +57,7 @@ class CurveArm:
     Attributes:
         parameter: index of the parameter among the seven joints, `FREE_AXIS` or `JOINT_3`.
         chain: (7, 3, 4) of six joints, or (8, 3, 4) of seven.
-        constants: (39,) or (12,), see `ik.geometry`.
+        constants: (42,) or (12,), see `ik.geometry`.
         limits: (2, 7) [rad], infinite where some copy of every angle is within them.
         circular: whether every joint has either no limits, or one copy of an angle at most within them.
     """

@@ -9,7 +9,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from jacokin.arrays import Array
+from jacokin.kernels.six_joints.loop import SixArm
 from jacokin.kernels.vector import Vec, cross, dot, mix, norm
+
+#: Numbers that `unpack_arm` reads.
+ARM_CONSTANTS = 42
 
 
 class ArmConstants(NamedTuple):
@@ -28,6 +32,7 @@ class ArmConstants(NamedTuple):
     chi_3: float  # angle of axis 3 about axis 4 at q = 0
     spherical: bool
     misfit: float  # largest deviation of the model from this structure
+    six: SixArm  # with a scale above 0, the arm has another structure, and all the above is 0
 
 
 class Pose(NamedTuple):
@@ -61,6 +66,7 @@ def unpack_arm(arm: Array) -> ArmConstants:
         arm[36],
         arm[37] > 0.0,
         arm[38],
+        SixArm(arm[39], int(arm[40]), int(arm[41])),
     )
 
 

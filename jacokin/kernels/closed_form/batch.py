@@ -7,19 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from jacokin.arrays import Array
-from jacokin.kernels.closed_form.arm import unpack_arm
-from jacokin.kernels.closed_form.pose import (
-    COLUMNS,
-    DISTANCE,
-    MAX_BRANCHES,
-    WITHIN_LIMITS,
-    BranchWork,
-    PoseQuery,
-    Work,
-    make_work,
-    solve_pose,
-    sort_rows,
-)
+from jacokin.kernels.branches import COLUMNS, DISTANCE, MAX_BRANCHES, WITHIN_LIMITS, BranchWork, PoseQuery, sort_rows
+from jacokin.kernels.closed_form.arm import ARM_CONSTANTS, unpack_arm
+from jacokin.kernels.closed_form.pose import Work, make_work, solve_pose
 
 #: Columns of a batch result: 0:17 the chosen branch, then these.
 BRANCHES, BRANCHES_WITHIN_LIMITS, LARGEST_MARGIN, BATCH_COLUMNS = 17, 18, 19, 20
@@ -29,7 +19,7 @@ class TargetWork(NamedTuple):
     """What a call reads and writes; one set for each thread."""
 
     chain: Array  # (7, 3, 4) the model's placements, see ``geometry``
-    arm: Array  # (39,) the constants of the closed form
+    arm: Array  # (42,) the constants of the closed form
     limits: Array  # (3, 6) lower and upper limits, and the snap distance [rad]
     T: Array  # (n, 4, 4) targets, T_base_frame
     seed: Array  # (n, 6) seeds [rad]
@@ -41,7 +31,7 @@ def make_target_work() -> TargetWork:
     """Fresh arrays, for no target."""
     return TargetWork(
         np.zeros((7, 3, 4)),
-        np.zeros(39),
+        np.zeros(ARM_CONSTANTS),
         np.zeros((3, 6)),
         np.empty((0, 4, 4)),
         np.empty((0, 6)),

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
+from jacokin.kernels.closed_form.arm import unpack_arm
 from jacokin.kernels.self_motion.arcs import Arcs, assemble, make_arcs
 from jacokin.kernels.self_motion.follow import between, where_joint_is
 from jacokin.kernels.self_motion.gaps import Loops, add_loops, add_windows, make_loops
@@ -111,7 +112,7 @@ def run_curves(work: CurveWork) -> int:
         return 1 if sweep(sweeping) else 0
     if parameter != 6:
         n = add_windows(chain, work.seven.arm, T, n, closed, work.slices)
-    else:
+    elif unpack_arm(work.six.arm).six.scale == 0.0:  # F is that of an arm built like a Jaco
         n = add_loops(T, n, closed, work.slices, work.six, work.loops)
     work.counts[2] = fill_slices(chain, T, parameter, n, work.slices, work.six, work.seven, walk)
     made, work.counts[1] = join(chain, T, n, closed, parameter, work.seven, work.slices, work.graph)

@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
+from jacokin.kernels.branches import COLUMNS, MAX_BRANCHES, PoseQuery
 from jacokin.kernels.chain import bordered_newton, linearise7, null_tangent, tangent7
-from jacokin.kernels.closed_form.arm import unpack_arm
-from jacokin.kernels.closed_form.pose import COLUMNS, MAX_BRANCHES, PoseQuery, Work, make_work, solve_pose
+from jacokin.kernels.closed_form.arm import ARM_CONSTANTS, unpack_arm
+from jacokin.kernels.closed_form.pose import Work, make_work, solve_pose
 from jacokin.kernels.limits import TURN
 from jacokin.kernels.self_motion.follow import CURVE_CLOSURE, WORST_CLOSURE, Walk
 from jacokin.kernels.self_motion.seven_joints import MOST_AT_Q3, solve_at_q3
@@ -26,7 +27,7 @@ class SixJoints(NamedTuple):
     """A six-joint arm and the free axis of its tool."""
 
     chain: Array  # (7, 3, 4)
-    arm: Array  # (39,)
+    arm: Array  # (42,)
     limits: Array  # (3, 6)
     axis: Array  # (3,) unit vector in the tool frame
     T: Array  # (4, 4) the target turned about the axis
@@ -57,7 +58,9 @@ class Slices(NamedTuple):
 def make_six_joints() -> SixJoints:
     """Fresh arrays."""
     work = make_work(np.empty((MAX_BRANCHES, COLUMNS)))
-    return SixJoints(np.zeros((7, 3, 4)), np.zeros(39), np.zeros((3, 6)), np.zeros(3), np.eye(4), np.zeros(6), work)
+    return SixJoints(
+        np.zeros((7, 3, 4)), np.zeros(ARM_CONSTANTS), np.zeros((3, 6)), np.zeros(3), np.eye(4), np.zeros(6), work
+    )
 
 
 def make_seven_joints() -> SevenJoints:

@@ -11,6 +11,7 @@ import pytest
 from benchmarks import targets
 from jacokin import Robot
 from jacokin.arrays import Array
+from jacokin.kernels import branches
 from jacokin.kernels.closed_form import pose, roots
 from jacokin.kernels.closed_form.arm import pose_of, unpack_arm
 from jacokin.kernels.closed_form.resultant import fourier_of_divided_F, fourier_of_F, value_and_slope
@@ -74,9 +75,9 @@ def test_no_pose_takes_many_times_the_work_of_others(
 
     monkeypatch.setattr(roots, "count_roots", count)
     chain, arm, limits = closed_form(robot).constants
-    work = pose.make_work(np.empty((pose.MAX_BRANCHES, pose.COLUMNS)))
+    work = pose.make_work(np.empty((branches.MAX_BRANCHES, branches.COLUMNS)))
     for q in targets.structured(robot, rng, 15).generating:
         counts = 0
         T = target(robot, q + tilt * rng.normal(size=6))
-        pose.solve_pose(arm, unpack_arm(arm), pose.PoseQuery(chain, limits, T, robot.home), work)
+        pose.solve_pose(arm, unpack_arm(arm), branches.PoseQuery(chain, limits, T, robot.home), work)
         assert counts < 80

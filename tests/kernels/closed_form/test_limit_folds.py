@@ -14,6 +14,7 @@ from jacokin.arrays import Array
 from jacokin.ik import Status
 from jacokin.ik import closed_form as closed_form_module
 from jacokin.ik.closed_form import ClosedForm
+from jacokin.kernels import branches as kernels_branches
 from jacokin.kernels.closed_form import pose as kernels_pose
 from jacokin.kernels.closed_form import roots as kernels_roots
 from jacokin.kernels.closed_form import wrist as kernels_wrist
@@ -136,7 +137,7 @@ def test_a_full_table_is_not_complete(
     solver = jacokin.IKSolver(robot)
     pose = robot.forward_kinematics(robot.home)
     assert solver.solve_all(pose).complete
-    for module in (kernels_pose, kernels_roots, kernels_wrist):
+    for module in (kernels_branches, kernels_pose, kernels_roots, kernels_wrist):
         if hasattr(module, table):
             monkeypatch.setattr(module, table, 1)
     assert not solver.solve_all(pose).complete

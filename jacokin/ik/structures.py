@@ -1,0 +1,168 @@
+"""`structure`: how the axes of an arm are placed, and by how much; and what an arm of any structure is solved with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike, NDArray
+
+from jacokin.errors import StructureError
+from jacokin.ik.geometry import Geometry, chain_of, frames_at_zero, measure, measure_seven
+from jacokin.kernels.closed_form.arm import ARM_CONSTANTS
+from jacokin.kernels.library import Call
+from jacokin.kernels.six_joints.ranking import (
+    BRANCHES_FOUND,
+    EFFORT,
+    IN_DOUBT,
+    MISSED,
+    make_rank_work,
+    rank_labellings,
+)
+from jacokin.kernels.tolerances import EXACT_STRUCTURE, SMALLEST_FREEDOM
+from jacokin.model import checks, poses
+from jacokin.model.robot import Robot, checked_robot
+
+#: Configurations that labellings are tried on: enough to tell those that miss branches, in a tenth of a second.
+RANKED = 24
+#: What one finding counts: a configuration missed, a branch less than another labelling found, a pose in doubt, which
+#: needs a neighbour solved, and a place looked at closely. The last two are times, in units of some 60 us.
+COSTS = {MISSED: 100.0, BRANCHES_FOUND: -10.0, IN_DOUBT: 1.0, EFFORT: 0.1}
+
+
+@dataclass(frozen=True, slots=True)
+class Residual:
+    """By how much an arm misses one property of a structure."""
+
+    name: str
+    """The property."""
+    position: float
+    """How far axes that should meet are apart [m]."""
+    angle: float
+    """How far axes are from the angle they should enclose [rad]."""
+
+    def __str__(self) -> str:
+        """As `jacokin info` prints it."""
+        return f"{self.name}: {self.position:.3g} m, {self.angle:.3g} rad"
+
+
+@dataclass(frozen=True, slots=True)
+class Structure:
+    """How the axes of an arm are placed, and how its poses are solved."""
+
+    name: str
+    """"jaco", "jaco with seven joints", "spherical wrist", "three parallel axes", "general" or "none"."""
+    method: str
+    """What finds the configurations of a pose, in a sentence."""
+    residuals: tuple[Residual, ...]
+    """By how much the arm misses known structures; they hold where all are rounding."""
+
+
+def structure(robot: Robot, frame: str | None = None, *, tool: pin.SE3 | ArrayLike | None = None) -> Structure:
+    """Name the structure of an arm, with what it misses others by.
+
+    Args:
+        robot: the arm.
+        frame: the frame to solve for; None for the robot's default frame.
+        tool: T_frame_tool, a constant pose after that frame.
+
+    Raises:
+        UnknownNameError: unknown frame.
+        InvalidInputError: the tool is malformed.
+    """
+    checked_robot("robot", robot)
+    frame_id = robot.frame_id(frame)
+    checked = None if tool is None else poses.checked_pose(tool, "tool")
+    if robot.dof == 7:
+        try:
+            measure_seven(robot.pin_model, frame_id, checked)
+        except StructureError as error:
+            return Structure("none", f"the QP finds one configuration: {error}", ())
+        return Structure("jaco with seven joints", "a closed form for each angle of joint 3: families", ())
+    try:
+        chain = chain_of(robot.pin_model, frame_id, checked, 6)
+    except StructureError as error:
+        return Structure("none", f"the QP finds one configuration: {error}", ())
+    try:
+        geometry = measure(robot.pin_model, frame_id, checked)
+    except StructureError as error:
+        wrist, parallel = spherical_wrist(chain), parallel_axes(chain)
+        jaco = Residual("built like a Jaco", *((error.misfit, 0.0) if error.unit == "m" else (0.0, error.misfit)))
+        name = "general"
+        if max(wrist.position, wrist.angle) < EXACT_STRUCTURE:
+            name = "spherical wrist"
+        elif max(parallel.position, parallel.angle) < EXACT_STRUCTURE:
+            name = "three parallel axes"
+        return Structure(name, "every branch, from a determinant of the closed loop", (jaco, wrist, parallel))
+    return Structure(
+        "jaco", "every branch, from the Jaco's closed form", (Residual("built like a Jaco", geometry.misfit, 0.0),)
+    )
+
+
+def spherical_wrist(chain: NDArray[np.float64]) -> Residual:
+    """How far the last three axes of a chain (7, 3, 4) are from meeting in one point."""
+    *frames, _ = frames_at_zero(chain)
+    # The point nearest to all three axes, by least squares.
+    projections = [np.eye(3) - np.outer(R[:, 2], R[:, 2]) for R, _ in frames[3:]]
+    right = np.concatenate([P @ p for P, (_, p) in zip(projections, frames[3:], strict=True)])
+    point = np.linalg.lstsq(np.concatenate(projections), right, rcond=None)[0]
+    apart = max(float(np.linalg.norm(P @ (point - p))) for P, (_, p) in zip(projections, frames[3:], strict=True))
+    return Residual("axes 4, 5 and 6 meet", apart, 0.0)
+
+
+def parallel_axes(chain: NDArray[np.float64]) -> Residual:
+    """How far axes 2, 3 and 4 of a chain (7, 3, 4) are from parallel."""
+    *frames, _ = frames_at_zero(chain)
+    second, third, fourth = (R[:, 2] for R, _ in frames[1:4])
+    sines = (float(np.linalg.norm(np.cross(a, b))) for a, b in ((second, third), (third, fourth)))
+    return Residual("axes 2, 3 and 4 are parallel", 0.0, max(float(np.arcsin(min(sine, 1.0))) for sine in sines))
+
+
+def measure_general(chain: NDArray[np.float64]) -> Geometry:
+    """What an arm of any structure is solved with: a scale of its lengths, and the labellings that suit it.
+
+    Args:
+        chain: (7, 3, 4) placements between joints that turn about z.
+
+    Raises:
+        StructureError: the joints do not move the tool in six independent ways, whatever their angles; or lengths that
+            are not finite.
+    """
+    lengths = np.linalg.norm(chain[1:6, :, 3], axis=1)
+    size = 0.5 * float(lengths.sum())
+    if not np.isfinite(size):
+        raise StructureError("the lengths of the arm must be finite")
+    q = np.random.default_rng(0).uniform(-np.pi, np.pi, (RANKED, 6))
+    freedoms = max(count_freedoms(chain, row, size) for row in q)
+    if freedoms < 6:
+        raise StructureError(f"the joints move the tool in {freedoms} independent ways only, whatever their angles")
+    limits = np.array([np.full(6, -np.inf), np.full(6, np.inf), np.zeros(6)])
+    call = Call(
+        rank_labellings, make_rank_work()._replace(chain=chain, scale=np.array([1.0 / size]), limits=limits, q=q)
+    )
+    call()
+    scores = call.work.scores
+    scores[:, :, BRANCHES_FOUND] -= scores[0, :, BRANCHES_FOUND].max()
+    costs = np.zeros(scores.shape[:2])
+    for column, cost in COSTS.items():
+        costs += cost * scores[:, :, column]
+    own, neighbours = costs.argmin(axis=1)
+    arm = np.zeros(ARM_CONSTANTS)
+    arm[39:] = 1.0 / size, own, neighbours
+    return Geometry(checks.sealed(chain), checks.sealed(arm), 0.0, spherical=False)
+
+
+def count_freedoms(chain: NDArray[np.float64], q: NDArray[np.float64], size: float) -> int:
+    """In how many independent ways the joints move the tool at q (6,), with lengths in units of the arm's size [m]."""
+    rotation, position = np.eye(3), np.zeros(3)
+    axes, points = [], []
+    for placement, angle in zip(chain[:6], q, strict=True):
+        position = position + rotation @ placement[:, 3]
+        rotation = rotation @ placement[:, :3]
+        axes.append(rotation[:, 2].copy())
+        points.append(position)
+        rotation = rotation @ pin.exp3(np.array([0.0, 0.0, angle]))
+    scale = 1.0 / size if size > 0.0 else 1.0
+    columns = [np.concatenate([scale * np.cross(point, axis), axis]) for point, axis in zip(points, axes, strict=True)]
+    return int((np.linalg.svd(np.array(columns), compute_uv=False) > SMALLEST_FREEDOM).sum())

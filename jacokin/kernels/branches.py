@@ -1,0 +1,159 @@
+"""The branches of one target: candidates polished and verified on the model, duplicates dropped, order."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jacokin.arrays import Array
+from jacokin.kernels.chain import Newton, errors, make_newton, newton_step
+from jacokin.kernels.closed_form.folds import KNOWN_FOLD, NEW_FOLD, FoldWork, is_known_fold, make_folds, solve_fold
+from jacokin.kernels.limits import fit_to_limits, hold_on_limits, same_configuration
+from jacokin.kernels.tolerances import (
+    CLOSURE,
+    FOLD_FACTOR,
+    MAX_POLISH_ERROR,
+    POLISHED_CLOSURE,
+    SAME_BRANCH,
+    TANGENCY_CLOSURE,
+)
+
+#: Columns of a branch: 0:6 q, 6:12 limit margins, then these.
+POSITION_ERROR, ORIENTATION_ERROR, DISTANCE, WITHIN_LIMITS, FAMILY, COLUMNS = 12, 13, 14, 15, 16, 17
+#: 16 is the most a 6R arm can have; families add members, and a fold may be cut in two by rounding.
+MAX_BRANCHES = 24
+POLISH_STEPS = 16
+
+
+class PoseQuery(NamedTuple):
+    """One target for one arm."""
+
+    chain: Array  # (7, 3, 4)
+    limits: Array  # (3, 6)
+    T: Array  # (4, 4)
+    seed: Array  # (6,)
+
+
+class BranchWork(NamedTuple):
+    """A candidate, what it takes to verify it, and the branches found so far."""
+
+    newton: Newton  # with q, the candidate
+    fold: FoldWork
+    row: Array  # (17,) the branch at hand
+    rows: Array  # (24, 17)
+    filled: NDArray[np.int64]  # (2,) how many rows, and 1 if a table was full: entries may have been dropped
+
+
+def make_branches(rows: Array) -> BranchWork:
+    """Fresh work arrays, writing the branches to rows."""
+    return BranchWork(make_newton(), make_folds(), np.empty(COLUMNS), rows, np.zeros(2, np.int64))
+
+
+def add_fold(query: PoseQuery, work: BranchWork) -> bool:
+    """Append both branches of the fold near work.newton.q; False if there is none."""
+    q, fold = work.newton.q, work.fold
+    if is_known_fold(fold, q):
+        return True
+    result = solve_fold(query.chain, query.T, work.newton, fold)
+    if result != NEW_FOLD:
+        return result == KNOWN_FOLD
+    found = False
+    for i in range(2):
+        for j in range(6):
+            q[j] = fold.branches[i, j]
+        found = add_branch(query, work, 0.0) or found
+    return found
+
+
+def add_branch(query: PoseQuery, work: BranchWork, family: float) -> bool:
+    """Polish work.newton.q, check it on the model, and append it unless it is there; False if it misses the target."""
+    q, row = work.newton.q, work.row
+    distance, within = fit_to_limits(q, query.seed, query.limits, row)
+    position, orientation = errors(query.chain, query.T, row)
+    # Members of a family stay at the seed's angle: Newton would slide them along.
+    if max(position, orientation) > (CLOSURE if family > 0.0 else POLISHED_CLOSURE):
+        if not polish(query, work):
+            return False
+        distance, within = fit_to_limits(q, query.seed, query.limits, row)
+        position, orientation = errors(query.chain, query.T, row)
+    settled = within and max(position, orientation) <= TANGENCY_CLOSURE
+    if not settled and hold_on_limits(query.chain, query.T, query.limits, row, work.newton):
+        distance, within = fit_to_limits(q, query.seed, query.limits, row)
+        position, orientation = errors(query.chain, query.T, row)
+    row[POSITION_ERROR], row[ORIENTATION_ERROR] = position, orientation
+    row[DISTANCE] = distance
+    row[WITHIN_LIMITS] = 1.0 if within else 0.0
+    row[FAMILY] = family
+    insert(work)
+    return True
+
+
+def polish(query: PoseQuery, work: BranchWork) -> bool:
+    """Newton on all six joints of work.newton.q, while it helps; whether it then closes the pose."""
+    q, row = work.newton.q, work.row
+    position, orientation = errors(query.chain, query.T, q)
+    worst = max(position, orientation)
+    for _ in range(POLISH_STEPS):
+        if not POLISHED_CLOSURE < worst < MAX_POLISH_ERROR:
+            break
+        for j in range(6):
+            row[j] = q[j]
+        position, orientation = MAX_POLISH_ERROR, MAX_POLISH_ERROR
+        if newton_step(query.chain, query.T, work.newton):
+            position, orientation = errors(query.chain, query.T, q)
+        if max(position, orientation) >= worst:
+            for j in range(6):
+                q[j] = row[j]
+            break
+        worst = max(position, orientation)
+    return worst <= CLOSURE
+
+
+def insert(work: BranchWork) -> None:
+    """Append the row at hand; of those that are the same on the circle one stays: within limits, then the closer."""
+    row, rows = work.row, work.rows
+    here = max(row[POSITION_ERROR], row[ORIENTATION_ERROR])
+    i = 0
+    while i < work.filled[0]:
+        there = max(rows[i, POSITION_ERROR], rows[i, ORIENTATION_ERROR])
+        if same_configuration(rows[i], row, SAME_BRANCH + FOLD_FACTOR * math.sqrt(max(here, there))):
+            better = row[WITHIN_LIMITS] > rows[i, WITHIN_LIMITS]
+            if not better and (row[WITHIN_LIMITS] < rows[i, WITHIN_LIMITS] or here >= there):
+                return
+            work.filled[0] -= 1
+            copy_row(rows[work.filled[0]], rows[i])
+        else:
+            i += 1
+    count = work.filled[0]
+    note_full(work, count, MAX_BRANCHES)
+    if count < MAX_BRANCHES:
+        copy_row(row, rows[count])
+        work.filled[0] = count + 1
+
+
+def copy_row(source: Array, target: Array) -> None:
+    """One by one: compiled, an assignment of arrays brings the code of its error message, which allocates memory."""
+    for column in range(COLUMNS):
+        target[column] = source[column]
+
+
+def note_full(work: BranchWork, count: int, size: int) -> None:
+    """Note when a table is full: an entry may have been dropped."""
+    if count >= size:
+        work.filled[1] = 1
+
+
+def sort_rows(work: BranchWork) -> None:
+    """Order the branches by distance to the seed, by insertion."""
+    rows = work.rows
+    for i in range(1, work.filled[0]):
+        j = i
+        while j > 0 and rows[j, DISTANCE] < rows[j - 1, DISTANCE]:
+            for column in range(COLUMNS):
+                swap = rows[j, column]
+                rows[j, column] = rows[j - 1, column]
+                rows[j - 1, column] = swap
+            j -= 1

@@ -1,0 +1,122 @@
+"""Every branch of arms of many structures, against Newton's method from thousands of random starts."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import jacokin
+from jacokin.arrays import Array
+from jacokin.ik.geometry import chain_of
+from tests.kernels.six_joints.arms import (
+    ARMS,
+    chain_of_arm,
+    distance,
+    form_of,
+    lost,
+    perturbed,
+    poses_and_jacobians,
+    smallest_singular_value,
+)
+
+HOME = np.zeros(6)
+
+
+def pose_at(chain: Array, q: Array) -> Array:
+    return np.ascontiguousarray(poses_and_jacobians(chain, q[None])[0][0])
+
+
+def jaco(name: str) -> Array:
+    robot = jacokin.load_robot(name)
+    return chain_of(robot.pin_model, robot.frame_id(robot.default_frame), None, 6)
+
+
+def structured(rng: np.random.Generator, count: int) -> Array:
+    """Configurations of whole eighths of a turn, exactly and nearly: poses that people give."""
+    q = np.round(rng.uniform(-np.pi, np.pi, (count, 6)) / (np.pi / 4)) * (np.pi / 4)
+    q[::2] += 1e-3 * rng.normal(size=q[::2].shape)
+    return q
+
+
+def check_own(chain: Array, q: Array) -> None:
+    """Each configuration is among the branches of its pose, or one so near that the pose cannot tell them apart."""
+    form = form_of(chain)
+    for row in q:
+        T = pose_at(chain, row)
+        branches = form.solve_all(T, row)
+        closures = np.abs(poses_and_jacobians(chain, branches.q)[0] - T).max(axis=(1, 2))
+        regular = [smallest_singular_value(chain, branch) > 1e-3 for branch in branches.q]
+        assert closures.max() < 2e-9
+        assert closures[regular].max(initial=0.0) < 1e-12
+        nearest = min(distance(row, other) for other in branches.q)
+        assert nearest < 1e-6 or smallest_singular_value(chain, row) < 1e-3
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_the_configuration_a_pose_was_made_from_is_found(name: str, rng: np.random.Generator) -> None:
+    chain = chain_of_arm(name)
+    check_own(chain, np.concatenate([rng.uniform(-np.pi, np.pi, (40, 6)), structured(rng, 10)]))
+
+
+@pytest.mark.parametrize("sigma", [1e-9, 1e-6, 1e-4, 5e-3])
+def test_a_jaco_that_is_not_quite_one(sigma: float, rng: np.random.Generator) -> None:
+    chain = perturbed(jaco("j2n6s300"), sigma)
+    check_own(chain, rng.uniform(-np.pi, np.pi, (30, 6)))
+
+
+@pytest.mark.parametrize("name", ["ur5", "xarm6"])
+def test_no_branch_of_brute_force_is_missing(name: str, rng: np.random.Generator) -> None:
+    chain = chain_of_arm(name)
+    form = form_of(chain)
+    T = pose_at(chain, rng.uniform(-np.pi, np.pi, 6))
+    assert lost(chain, form.solve_all(T, HOME).q, T) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("sigma", [0.0, 1e-9, 1e-6, 1e-3])
+@pytest.mark.parametrize("name", [*ARMS, "j2n6s300", "j2s6s300"])
+def test_no_branch_of_brute_force_is_missing_from_any_arm(name: str, sigma: float, rng: np.random.Generator) -> None:
+    chain = perturbed(chain_of_arm(name) if name in ARMS else jaco(name), sigma)
+    form = form_of(chain)
+    for number, q in enumerate(rng.uniform(-np.pi, np.pi, (8, 6))):
+        T = pose_at(chain, q)
+        assert lost(chain, form.solve_all(T, HOME).q, T, seed=number) == []
+
+
+def test_more_branches_than_eight_where_the_structure_gives_them(rng: np.random.Generator) -> None:
+    """A UR5 has eight at most, a CRX sixteen (Abbes and Poisson, 2024, count up to 16)."""
+    counts = {}
+    for name in ("ur5", "crx"):
+        chain = chain_of_arm(name)
+        form = form_of(chain)
+        q = rng.uniform(-np.pi, np.pi, (60, 6))
+        counts[name] = max(len(form.solve_all(pose_at(chain, row), HOME)) for row in q)
+    assert counts["ur5"] == 8
+    assert 8 < counts["crx"] <= 16
+
+
+def test_a_straight_wrist_is_a_continuum_with_its_member_at_the_seed(rng: np.random.Generator) -> None:
+    chain = chain_of_arm("puma")
+    form = form_of(chain)
+    for q in rng.uniform(-2.0, 2.0, (5, 6)):
+        q[4] = 0.0
+        seed = q + np.array([0.0, 0.0, 0.0, 0.7, 0.0, -0.7])  # joints 4 and 6 turn the same axis
+        branches = form.solve_all(pose_at(chain, q), seed)
+        assert branches.singular.any()
+        assert not branches.complete
+        assert min(distance(seed, other) for other in branches.q) < 1e-6
+
+
+def test_a_pose_out_of_reach_has_no_branch() -> None:
+    T = np.eye(4)
+    T[:3, 3] = 5.0, 0.0, 0.0  # [m]
+    assert len(form_of(chain_of_arm("gen3 lite")).solve_all(T, HOME)) == 0
+
+
+def test_answers_repeat_in_any_order(rng: np.random.Generator) -> None:
+    chain = chain_of_arm("crx")
+    form = form_of(chain)
+    targets = [pose_at(chain, q) for q in rng.uniform(-np.pi, np.pi, (20, 6))]
+    first = [form.solve_all(T, HOME).rows for T in targets]
+    again = [form.solve_all(T, HOME).rows for T in reversed(targets)]
+    assert all(np.array_equal(a, b) for a, b in zip(first, reversed(again), strict=True))
