@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from jacokin import model
+from jacokin import ik, model
 from jacokin.cli import display, options
 from jacokin.cli.command import Argument, Command
 from jacokin.cli.options import RobotOptions
@@ -38,6 +38,7 @@ def info(robot: str, units: Units, json: bool, base: str | None, tip: str | None
     joints = units.for_joints(arm)
     rows = list_joints(arm, joints)
     sources = list_sources(arm)
+    placed = ik.structure(arm)
     model = arm.pin_model
     parents = [model.frames[arm.frame_id(name)].parentJoint for name in arm.frames]
     frames = [
@@ -55,6 +56,7 @@ def info(robot: str, units: Units, json: bool, base: str | None, tip: str | None
                 "sources": sources,
                 "home": joints.from_si(arm.home),
                 "home_source": arm.home_source,
+                "structure": asdict(placed),
                 "frames": [{"name": name, "moved_by": joint} for name, joint in frames],
             }
         )
@@ -70,6 +72,9 @@ def info(robot: str, units: Units, json: bool, base: str | None, tip: str | None
         ("default frame", arm.default_frame),
         (joints.heading("home"), "  ".join(home)),
         ("home from", arm.home_source),
+        ("structure", placed.name),
+        ("solved by", placed.method),
+        *(("misses", str(residual)) for residual in placed.residuals),
     ]
     display.show_facts(facts, arm.name)
     columns = (

@@ -3,6 +3,7 @@
 solver, options          poses to joint angles; the solver's options, and every tolerance with its reason
 targets, seeds           what is asked for, and where solving starts
 closed_form, geometry    every branch of a six-joint Jaco; whether an arm is built like one
+structures               how an arm's axes are placed; what any other arm of six joints is solved with
 families                 self-motions: all configurations where one parameter is free
 qp, qp_backend           quadratic programs, for what the closed form does not cover, and their solvers
 closest                  the closest configuration to a pose that cannot be reached

@@ -13,6 +13,9 @@ from jacokin.ik.results import IKResult as IKResult
 from jacokin.ik.results import Status as Status
 from jacokin.ik.solver import IKSolver as IKSolver
 from jacokin.ik.solver import solve_ik as solve_ik
+from jacokin.ik.structures import Residual as Residual
+from jacokin.ik.structures import Structure as Structure
+from jacokin.ik.structures import structure as structure
 from jacokin.kernels.library import warmup as warmup
 from jacokin.model.obstacles import Box as Box
 from jacokin.model.obstacles import Capsule as Capsule

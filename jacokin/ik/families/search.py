@@ -96,13 +96,14 @@ class Findings(NamedTuple):
 class FamilySearch:
     """Families of one arm: the curves on which a target is reached, and what of them is within the limits."""
 
-    __slots__ = ("_arm", "_closest", "_edge", "_near_misses", "_verifier", "_wrist")
+    __slots__ = ("_arm", "_closest", "_edge", "_near_misses", "_sees_loops", "_verifier", "_wrist")
 
     def __init__(self, verifier: Verifier, arm: CurveArm) -> None:
         """Take the constants of an arm."""
         self._verifier, self._arm = verifier, arm
         self._edge, self._closest = Edge(verifier), ClosestSearch(verifier)
         self._wrist, self._near_misses = StraightWrist(self._edge), NearMisses(verifier, MOVE, WAYS)
+        self._sees_loops = True  # whether small closed curves are found for certain
 
     def solve(self, request: Request) -> IKResult:
         """The member of the least cost, or why there is none."""
@@ -158,7 +159,7 @@ class FamilySearch:
         branches = len(found.arcs)
         intervals += [*_on_circles(circles, members, branches), *_at_points(beside, members, branches + len(circles))]
         branches += len(circles) + len(beside)
-        family = Family(tuple(intervals), members, branches=branches, complete=found.complete)
+        family = Family(tuple(intervals), members, branches=branches, complete=found.complete and self._sees_loops)
 
         tracks = [*circles, *_whole_arcs(problem, found.arcs), *map(_at, beside)]
         return Findings(family, members, lambda: _find_least_excess(tracks, robot, exact=found.complete), tracks)
@@ -258,6 +259,7 @@ class SixJointFamilies(FamilySearch):
         chain, constants, _ = form.constants
         super().__init__(verifier, CurveArm(FREE_AXIS, chain, constants, verifier.robot.lower, verifier.robot.upper))
         self._form, self._tool_in_joint_6 = form, chain[6]
+        self._sees_loops = form.other is None
 
     def find(self, target: TargetPose, seed: Array) -> Findings:
         """See `FamilySearch`."""

@@ -263,12 +263,12 @@ def test_self_collision_is_rejected(with_hand: bool) -> None:
 
 
 def test_the_numerical_solver_starts_from_random_configurations() -> None:
-    """A robot without a closed form: the arm with a wrist whose axes do not meet."""
+    """A robot without a closed form: its last two joints turn about one axis."""
 
     class Bent(JacoArm):
         def _build(self, name: str | None = None, robot: str = "j2n6s300") -> None:
             super()._build(name, robot)
-            self._mjcf_root.body("link_5").pos += (0.02, 0.0, 0.0)
+            self._mjcf_root.body("link_6").pos, self._mjcf_root.body("link_6").quat = (0, 0, 0), (1, 0, 0, 0)
 
     arm, arena = Bent(), Arena()
     arena.attach(arm)
