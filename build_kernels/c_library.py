@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from jacokin.kernels.closed_form import pose
+from jacokin.kernels import branches
+from jacokin.kernels.closed_form import arm
 from jacokin.kernels.entries import ENTRIES
 from jacokin.kernels.self_motion import arcs, intervals, limit_cuts, slices
 
@@ -20,7 +21,8 @@ FOLDER, INCLUDE = PACKAGE / "kernels" / "c", PACKAGE / "include"
 FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fvisibility=hidden")
 #: What C needs to know beside the arrays: columns of the kernels' tables, sizes, tasks.
 CONSTANTS = {
-    pose: ("COLUMNS", "DISTANCE", "WITHIN_LIMITS", "FAMILY"),
+    arm: ("ARM_CONSTANTS",),
+    branches: ("COLUMNS", "DISTANCE", "WITHIN_LIMITS", "FAMILY"),
     slices: ("SLICES",),
     arcs: ("NODES", "ARCS", "SEAM_END"),
     limit_cuts: ("INTERVALS", "INTERVAL_COLUMNS"),

@@ -121,7 +121,8 @@ def solver_file(solver: IKSolver) -> bytes:
         geometry = measure_seven(robot.pin_model, verifier.frame_id, verifier.tool)
         chain, constants = geometry.chain, geometry.arm
     else:
-        chain, constants, _ = solver.closed_form().constants
+        form = solver.closed_form()
+        chain, constants = form.chain, form.arm
     tolerances = [options.limit_snap, options.position_tolerance, options.orientation_tolerance]
     numbers = np.concatenate([chain.ravel(), constants, robot.lower, robot.upper, robot.home, tolerances])
     names = [robot.name, robot.base, solver.frame, *robot.joint_names]

@@ -230,6 +230,11 @@ class ClosedForm:
         return self._chain, self._family_arm, self._limits
 
     @property
+    def arm(self) -> NDArray[np.float64]:
+        """(42,) what the kernels solve poses with, read-only: other than that of `constants` for nearly a Jaco."""
+        return self._arm
+
+    @property
     def chain(self) -> NDArray[np.float64]:
         """(7, 3, 4) placements, read-only: pose = C0 Rz(q1) C1 Rz(q2) ... Rz(q6) C6."""
         return self._chain

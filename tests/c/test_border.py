@@ -122,7 +122,7 @@ def test_functions_of_another_arm_say_so(seven: CSolver, target: Array) -> None:
 def test_memory_is_never_used_beyond_its_size(six: CSolver, target: Array) -> None:
     size = C.jacokin_ik_work_size(six.handle, binding.POSES)
     larger = C.jacokin_ik_work_size(six.handle, binding.INTERVALS)
-    assert 30_000 < size < 60_000
+    assert 30_000 < size < 90_000
     assert 3_000_000 < larger < 5_000_000
     guarded, q, count = np.full(size // 8 + 8, -1, np.int64), np.empty(6), c_int()
     here = (six.handle, target.ctypes.data, None, guarded.ctypes.data)
@@ -208,7 +208,7 @@ def test_every_damage_to_a_file_is_noticed() -> None:
 
 
 @pytest.mark.parametrize(
-    ("place", "value"), [(20, np.nan), (20, 2.0), (20 + 8 * 123, np.nan), (20 + 8 * 129, 0.0), (20 + 8 * 141, -1.0)]
+    ("place", "value"), [(20, np.nan), (20, 2.0), (20 + 8 * 126, np.nan), (20 + 8 * 132, 0.0), (20 + 8 * 144, -1.0)]
 )
 def test_numbers_that_make_no_arm_are_refused_even_with_a_check_sum(place: int, value: float) -> None:
     """A chain that is not finite or not rigid, limits without a number or crossed, a snap below zero."""

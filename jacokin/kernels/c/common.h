@@ -22,7 +22,7 @@
 #define TURN (2.0 * PI)
 
 /* Doubles of a solver file that its chain, constants and joints take at most. */
-enum { MAX_CHAIN = (JACOKIN_IK_MAX_DOF + 1) * 12, CONSTANTS_SIX = 39, CONSTANTS_SEVEN = 12 };
+enum { MAX_CHAIN = (JACOKIN_IK_MAX_DOF + 1) * 12, CONSTANTS_SIX = JACOKIN_ARM_CONSTANTS, CONSTANTS_SEVEN = 12 };
 
 struct jacokin_ik_solver {
     int dof;
