@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -15,6 +16,7 @@ from jacokin.ik import Family, FreeAxis, IKSolver, Status
 from jacokin.model.descriptions import bundled
 from tests.c import binding
 from tests.c.binding import C, CSolver
+from tests.robot_files import ur5_text
 
 SIX = [name for name in bundled.NAMES if jacokin.load_robot(name).dof == 6]
 
@@ -56,6 +58,19 @@ def test_all_branches_are_those_of_the_package_to_the_bit(name: str) -> None:
         assert [each.margin for each in branches] == found.margin.min(axis=1, initial=np.inf).tolist()
         assert complete == found.complete
         assert (status == binding.OK) == any(found.within_limits)
+
+
+def test_an_arm_of_another_make_has_the_branches_of_the_package(tmp_path: Path) -> None:
+    path = tmp_path / "ur5.urdf"
+    path.write_text(ur5_text())
+    robot = jacokin.load_robot(path)
+    solver = IKSolver(robot)
+    c = CSolver(solver)
+    for T, seed in zip(*make_targets(robot, 60, 1), strict=True):
+        found = solver.solve_all(T, seed)
+        _, branches, complete = c.all(T, seed)
+        assert np.array([each.q[:6] for each in branches]).tobytes() == found.q.tobytes()
+        assert complete == found.complete
 
 
 def test_what_counts_as_a_success_passes_pinocchio_and_the_limits() -> None:

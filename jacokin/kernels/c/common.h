@@ -23,6 +23,8 @@
 
 /* Doubles of a solver file that its chain, constants and joints take at most. */
 enum { MAX_CHAIN = (JACOKIN_IK_MAX_DOF + 1) * 12, CONSTANTS_SIX = JACOKIN_ARM_CONSTANTS, CONSTANTS_SEVEN = 12 };
+/* The constant that is above 0 for six joints that are not built like a Jaco's. */
+enum { OTHER_STRUCTURE = 39 };
 
 struct jacokin_ik_solver {
     int dof;
