@@ -50,8 +50,8 @@ from jacokin.ik.results import BatchResult, IKResult
 from jacokin.ik.seeds import seed_within_limits
 from jacokin.ik.targets import PartialTarget, Request, Target, TargetPose, interpret
 from jacokin.ik.verification import Candidate, Verifier
+from jacokin.kernels.branches import DISTANCE
 from jacokin.kernels.closed_form.batch import BRANCHES, LARGEST_MARGIN
-from jacokin.kernels.closed_form.pose import DISTANCE
 from jacokin.kernels.tolerances import CLOSURE
 from jacokin.model import checks, poses
 from jacokin.model.loading import load_robot
