@@ -186,15 +186,6 @@ def add_to_spec(spec: mujoco.MjSpec, obstacles: Iterable[Obstacle], body: mujoco
         obstacle.add_to(spec.worldbody if body is None else body)
 
 
-def add_pairs(spec: mujoco.MjSpec, obstacles: Iterable[Obstacle]) -> None:
-    """Let MuJoCo test each obstacle against each shape that moves."""
-    names = {obstacle.name for obstacle in obstacles}
-    moving = [geom.name for geom in spec.geoms if geom.name not in names and geom.parent.parent.name != "world"]
-    for name in names:
-        for other in moving:
-            spec.add_pair(name=f"{name}~{other}", geomname1=name, geomname2=other)
-
-
 def collision_pairs(
     model: mujoco.MjModel, obstacles: Iterable[Obstacle], *, self_collision: bool = True
 ) -> list[tuple[int, int]]:
