@@ -122,6 +122,7 @@ _CALLED = frozenset(
         "least_squares",
         "linearise",
         "linearise7",
+        "measure_pair",
         "nearest_in_simplex",
         "null_tangent",
         "penetration",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 import coal
@@ -11,8 +12,10 @@ import pinocchio as pin
 from scipy.spatial import ConvexHull
 
 from jacokin.arrays import Array
+from jacokin.model.obstacles import Obstacle
 
 GEOM = mujoco.mjtGeom
+Pair = tuple[int, int]
 
 
 def coal_shape(model: mujoco.MjModel, geom: int) -> Any:
@@ -57,3 +60,13 @@ def coal_distance(shapes: tuple[Any, Any], poses: tuple[pin.SE3, pin.SE3]) -> fl
     request.gjk_tolerance, request.gjk_max_iterations, request.epa_tolerance = 1e-9, 500, 1e-8
     places = [coal.Transform3s(pose.rotation, pose.translation) for pose in poses]
     return float(coal.distance(shapes[0], places[0], shapes[1], places[1], request, result))
+
+
+def collision_pairs(model: mujoco.MjModel, obstacles: Iterable[Obstacle], *, self_collision: bool = True) -> list[Pair]:
+    """Pairs of geoms that may collide: each obstacle with each moving shape, and the arm's own pairs."""
+    fixed = [int(model.geom(obstacle.name).id) for obstacle in obstacles]
+    moving = [index for index in range(model.ngeom) if model.body_weldid[model.geom_bodyid[index]] > 0]
+    found = [(a, b) for a in sorted(fixed) for b in moving]
+    if self_collision:
+        found.extend(zip(model.pair_geom1.tolist(), model.pair_geom2.tolist(), strict=True))
+    return found

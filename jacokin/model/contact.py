@@ -9,10 +9,9 @@ import threading
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import mujoco
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import ModelError
@@ -33,10 +32,11 @@ from jacokin.kernels.contact.run import (
     run_contact,
 )
 from jacokin.kernels.contact.shapes import LINK
+from jacokin.kernels.contact.touching import Geometry
 from jacokin.kernels.library import Call
 from jacokin.model.contact_arrays import contact_arrays
 from jacokin.model.mujoco_twin import to_spec
-from jacokin.model.obstacles import Obstacle, add_to_spec, collision_pairs
+from jacokin.model.obstacles import Obstacle, add_to_spec
 from jacokin.model.robot import Robot, checked_robot
 
 STANDING = 0.005  # [m] a base may be this deep in what it stands on or is screwed to
@@ -175,10 +175,7 @@ class Contact:
 
     def _measure(self, task: int, rows: Array, at_once: int, self_collision: bool) -> list[Nearest]:
         """Run a task of measuring on rows of configurations."""
-        if not self._arm_shapes:
-            raise ModelError(
-                f"{self._robot.name}: the description has no collision shapes, so no distance can be measured"
-            )
+        self._check_shapes()
         call = self._call()
         meetings = len(self._geometry.arm.meetings) if self_collision else 0
         each = 1 if task == LEAST_DISTANCE else 2
@@ -204,6 +201,37 @@ class Contact:
         """Names of the shapes that no joint moves."""
         links = self._geometry.shapes.integers[: self._arm_shapes, LINK]
         return tuple(self._names[i] for i in np.flatnonzero(links == 0))
+
+    @property
+    def geometry(self) -> Geometry:
+        """The shapes as the kernels take them: those of the arm, then the obstacles."""
+        return self._geometry
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the shapes."""
+        return tuple(self._names)
+
+    def pair_numbers(self, *, self_collision: bool) -> NDArray[np.int64]:
+        """(n, 2) numbers of the shapes that count when they touch: obstacle and shape of the arm, then the arm's own.
+
+        Of the arm's own, the one nearer to the base comes first.
+
+        Raises:
+            ModelError: the description has no shapes.
+        """
+        self._check_shapes()
+        links = self._geometry.shapes.integers[: self._arm_shapes, LINK]
+        obstacles = np.arange(self._arm_shapes, len(self._names))
+        moving = np.flatnonzero(links > 0)
+        outside = np.column_stack([np.repeat(obstacles, len(moving)), np.tile(moving, len(obstacles))])
+        return np.vstack([outside, self._geometry.arm.pairs]) if self_collision else outside
+
+    def _check_shapes(self) -> None:
+        if not self._arm_shapes:
+            raise ModelError(
+                f"{self._robot.name}: the description has no collision shapes, so no distance can be measured"
+            )
 
     def _call(self) -> Call[ContactWork]:
         """The kernels with work arrays of this thread."""
@@ -255,23 +283,6 @@ class SelfContact(Contact):
         except ModelError:
             return None
         return checker if checker.pairs else None
-
-
-def compiled_pairs(
-    robot: Robot, obstacles: Sequence[Obstacle], *, self_collision: bool, finger_angle: float | None
-) -> tuple[mujoco.MjModel, list[tuple[int, int]]]:
-    """The robot's twin with its shapes and the obstacles, and the pairs of shapes that may collide, by number.
-
-    Raises:
-        InvalidInputError: an obstacle has the name of a shape of the arm, or no finger can take the angle.
-        ModelError: the description has no shapes, or they cannot be loaded.
-    """
-    spec = to_spec(robot, geometry=True, finger_angle=finger_angle)
-    if not spec.geoms:
-        raise ModelError(f"{robot.name}: the description has no collision shapes, so no distance can be measured")
-    add_to_spec(spec, obstacles)
-    model = spec.compile()
-    return model, collision_pairs(model, obstacles, self_collision=self_collision)
 
 
 class ContactInWorld:

@@ -25,9 +25,8 @@ from jacokin.model.obstacles import (
     Obstacle,
     Sphere,
     add_to_spec,
-    collision_pairs,
 )
-from tests.coal_shapes import coal_shape
+from tests.coal_shapes import coal_shape, collision_pairs
 from tests.robot_files import urdf_text
 
 ROBOTS = ("j2n6s300", "j2n6s200", "j2s6s300", "j2s7s300")
