@@ -10,7 +10,6 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull, QhullError
 
 from jacokin.arrays import Array
 from jacokin.errors import ModelError
@@ -199,6 +198,8 @@ def _core_radius(core: int, half: Array, vertices: Array) -> float:
 
 def _hull(points: Array) -> tuple[Array, list[list[int]]]:
     """The vertices of a convex hull, and for each those at the other end of an edge."""
+    from scipy.spatial import ConvexHull, QhullError  # only meshes need it
+
     try:
         hull = ConvexHull(points)
     except (QhullError, ValueError):  # flat: every point counts, and each is next to all others
@@ -233,17 +234,20 @@ def _stacked(rows: Sequence[_Shape]) -> Shapes:
 
 def _grouped(numbers: dict[int, Array]) -> list[tuple[list[int], Array]]:
     """Shapes of one link in groups that lie together, each with its sphere (centre, radius) [m]."""
-    groups = [([geom], row[CENTRE:]) for geom, row in numbers.items()]
+    groups = [[geom] for geom in numbers]
+    spheres = np.array([row[CENTRE:] for row in numbers.values()])
     while len(groups) > 1:
-        merged = [
-            (i, j, _around(groups[i][1], groups[j][1])) for i in range(len(groups)) for j in range(i + 1, len(groups))
-        ]
-        i, j, sphere = min(merged, key=lambda each: float(each[2][3]))
-        if sphere[3] > max(GROUP_AT_LEAST, WIDEST_GROUP * max(groups[i][1][3], groups[j][1][3])):
+        far = np.linalg.norm(spheres[:, np.newaxis, :3] - spheres[:, :3], axis=2)
+        radii = spheres[:, 3]
+        around = np.maximum(0.5 * (far + radii[:, np.newaxis] + radii), np.maximum(radii[:, np.newaxis], radii))
+        around[np.tril_indices(len(groups))] = np.inf
+        i, j = (int(index) for index in np.unravel_index(np.argmin(around), around.shape))
+        if around[i, j] > max(GROUP_AT_LEAST, WIDEST_GROUP * max(radii[i], radii[j])):
             break
-        groups[i] = (groups[i][0] + groups[j][0], sphere)
-        del groups[j]
-    return groups
+        spheres[i] = _around(spheres[i], spheres[j])
+        groups[i] += groups.pop(j)
+        spheres = np.delete(spheres, j, axis=0)
+    return list(zip(groups, spheres, strict=True))
 
 
 def _around(a: Array, b: Array) -> Array:
