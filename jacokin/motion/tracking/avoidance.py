@@ -27,6 +27,7 @@ COLLISION = ("ignore", "reject")
 APPROACH = 0.5  # part of the spare distance that may be used up in one tick
 BUFFER = 5e-4  # [m] the QP stays this far above the distance, so that curvature does not cost a shortened step
 LOOK_AHEAD = 3.0  # ticks at full speed before a pair could come too near, from which it is watched
+MEASURED = 0.01  # [m] above the distance, from which pairs are watched however slow they are: there `least` is exact
 HORIZON = 0.05  # [m] beyond the watched range up to which distances are measured
 SEPARATION_WEIGHT = 100.0  # of moving too near pairs apart, against 1 for the target: its pull then costs microns
 SEPARATION_PART = 0.2  # part of the missing distance asked back in one tick
@@ -102,7 +103,7 @@ class ClearanceGuard:
         self._between = ((inner <= joint) & (joint < outer)).astype(np.float64)
         self._slide = arm.joint_kinds == SLIDE
         self._lever = _levers(robot, self._geometry)[self._second] * self._between
-        self._watch = distance + BUFFER + LOOK_AHEAD * dt * (self._lever @ velocity)
+        self._watch = distance + BUFFER + np.maximum(LOOK_AHEAD * dt * (self._lever @ velocity), MEASURED)
         self._fixed = links[self._first] == 0
         # The kernels take a plane, and any obstacle, as the second shape.
         self._turned = self._first > self._second
@@ -119,30 +120,31 @@ class ClearanceGuard:
 
     def start(self, q: Array) -> Distances:
         """Distances at a configuration (dof,) [rad] nothing is known about."""
-        return self._measure(q, np.full(len(self._first), -np.inf), {})
+        everything = np.full(len(self._first), -np.inf)
+        return self._measure(q, everything, {}, horizon=np.inf)
 
     def move(self, q: Array, before: Distances, step: Array, exits: Mapping[int, Array]) -> Distances:
         """Distances at `q` (dof,) [rad], a displacement (dof,) [rad] away from where `before` was taken."""
         return self._measure(q, before.bound - self._lever.dot(np.abs(step)), exits)
 
-    def _run(self, q: Array, near: NDArray[np.intp]) -> ContactWork:
-        """Measure some of the pairs at a configuration."""
+    def _run(self, q: Array, near: NDArray[np.intp], horizon: float = HORIZON) -> ContactWork:
+        """Measure some of the pairs at a configuration, up to a horizon [m] beyond the watched range."""
         if self._call is None:
             self._call = Call(run_contact, make_contact_work(self._geometry, 1, len(self._first)))
         work = self._call.work
         work.integers[TASK], work.integers[ROWS] = MEASURE_PAIRS, near.size
         work.q[:] = q
         work.given[: near.size] = self._given[near]
-        work.reach[: near.size] = self._watch[near] + HORIZON
+        work.reach[: near.size] = self._watch[near] + horizon
         self._call()
         return work
 
-    def _measure(self, q: Array, bound: Array, exits: Mapping[int, Array]) -> Distances:
+    def _measure(self, q: Array, bound: Array, exits: Mapping[int, Array], horizon: float = HORIZON) -> Distances:
         """Distances of the pairs that may be in the watched range; `bound` is updated in place."""
         near = np.flatnonzero(bound < self._watch)
         if not near.size:
             return Distances(bound, near, NO_DISTANCES, NO_POINTS, NO_POINTS, exits)
-        measured = self._run(q, near).measured[: near.size]
+        measured = self._run(q, near, horizon).measured[: near.size]
         bound[near] = measured[:, 0]
         close = measured[:, 0] < self._watch[near]
         near, rows = near[close], measured[close]
