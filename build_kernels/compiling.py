@@ -99,9 +99,11 @@ _OPTIONS: dict[str, Any] = {"error_model": "numpy", "no_cpython_wrapper": True, 
 # Arrays belong to the caller of the kernels: the code that counts references to them would be half of all code.
 _KERNEL_OPTIONS: dict[str, Any] = {**_OPTIONS, "_nrt": False}
 _PACKAGE = "jacokin.kernels."
-# The closed form and what it stands on become part of their callers, because passing a tuple of arrays takes as long as
-# most of these functions do; other kernels take longer anyway and are left to the compiler.
-_INLINED = tuple(_PACKAGE + name for name in ("closed_form.", "branches", "chain", "limits", "vector", "tolerances"))
+# The closed form, contact and what they stand on become part of their callers, because passing a tuple of arrays takes
+# as long as most of these functions do; other kernels take longer anyway and are left to the compiler.
+_INLINED = tuple(
+    _PACKAGE + name for name in ("closed_form.", "contact.", "branches", "chain", "limits", "vector", "tolerances")
+)
 # Functions among them that most poses need not: these stay calls.
 _CALLED = frozenset(
     (
@@ -111,13 +113,23 @@ _CALLED = frozenset(
         "branches_of_spherical_wrist",
         "eliminate",
         "eliminate7",
+        "farthest_vertex",
+        "find_nearest",
+        "find_touching",
+        "first_tetrahedron",
         "fourier_of_divided_F",
         "hold_on_limits",
+        "is_clear",
+        "least_on_motion",
         "least_squares",
         "linearise",
         "linearise7",
+        "measure_pair",
+        "nearest_in_simplex",
         "null_tangent",
+        "penetration",
         "polish",
+        "separation",
         "solve_fold",
         "sort_rows",
         "spherical_starts",

@@ -21,7 +21,6 @@ from jacokin.model.robot import Robot
 
 if TYPE_CHECKING:
     from jacokin.model.contact import Contact
-    from jacokin.model.scene import Scene
 
 
 class Effort(NamedTuple):
@@ -76,7 +75,6 @@ class Verifier:
         self.options = options
         self._lower = robot.lower.tolist()
         self._upper = robot.upper.tolist()
-        self._scene: Scene | None = None
         self._contact = None if options.collision == "ignore" else _contact(robot, options)
 
     @property
@@ -100,11 +98,16 @@ class Verifier:
 
     def distances(self, rows: Array) -> Array:
         """Smallest distance [m] of shapes that count as contact, for configurations (n, dof)."""
-        if self._scene is None:
-            from jacokin.model.scene import Scene
+        assert self._contact is not None  # asked where the solver looks for contact
+        return self._contact.distances(rows, self_collision=True)
 
-            self._scene = self.options.scene or Scene()
-        return self._scene.measure(self.robot, rows, self_collision=True)
+    def touching_between(self, start: Array, end: Array) -> list[tuple[str, str]]:
+        """Shapes in the way of the straight motion between two configurations (dof,): one pair, or none if it is clear.
+
+        Nothing is stepped over; none where the solver does not look for contact.
+        """
+        pair = None if self._contact is None else self._contact.in_the_way(start, end)
+        return [] if pair is None else [pair]
 
     def measure(self, q: Array, target: TargetPose) -> tuple[float, float]:
         """Position error [m] and orientation error [rad] at `q`, by Pinocchio."""

@@ -5,7 +5,8 @@ They take numbers and arrays, no robot and no file. C programs reach them throug
 closed_form                          every branch of a six-joint Jaco at a pose
 six_joints                           every branch of a six-joint arm of any structure
 self_motion                          self-motions: all configurations with one free parameter
+contact                              contact, distances and certain motions of an arm among obstacles
 branches                             a branch verified, polished, put within the limits; duplicates
 entries, library                     what is compiled; the library loaded and called
-vector, chain, limits, tolerances    what both have in common
+vector, chain, limits, tolerances    what they have in common
 """

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from jacokin.kernels.closed_form.batch import make_target_work, solve_targets
+from jacokin.kernels.contact.run import make_contact_work, run_contact
 from jacokin.kernels.self_motion.intervals import make_curve_work, run_curves
 from jacokin.kernels.six_joints.ranking import make_rank_work, rank_labellings
 
@@ -24,4 +25,5 @@ ENTRIES = (
     Entry(solve_targets, make_target_work),
     Entry(run_curves, make_curve_work),
     Entry(rank_labellings, make_rank_work),
+    Entry(run_contact, make_contact_work),
 )

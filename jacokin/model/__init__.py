@@ -5,8 +5,9 @@ loading, descriptions   from a name, a URDF or an MJCF to the arm; the bundled r
 home                    a configuration to start from
 poses, angles, checks   building and checking poses, full turns, checks of arguments
 many_configurations     kinematics of many configurations at once
-mujoco_twin, contact    the same arm in MuJoCo; whether and how closely it comes to itself and to obstacles
+mujoco_twin             the same arm in MuJoCo
 obstacles, scene        shapes around the arm, one by one, from a file or from a MuJoCo model
+contact, contact_arrays whether and how closely the arm comes to itself and to obstacles; the shapes for the kernels
 comparison              how far two descriptions, or Pinocchio and MuJoCo, differ
 """
 

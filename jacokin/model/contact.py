@@ -1,47 +1,60 @@
-"""Contact of an arm with itself and with obstacles, and distances, on the collision shapes of its description."""
+"""Contact of an arm with itself and with obstacles, and distances, on the collision shapes of its description.
+
+Read `kernels/contact/run` for how it is found.
+"""
 
 from __future__ import annotations
 
 import threading
 from collections.abc import Sequence
+from typing import NamedTuple
 
-import mujoco
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import ModelError
+from jacokin.kernels.contact.run import (
+    BASE_MARGIN,
+    CLEAR_MOTION,
+    LEAST_DISTANCE,
+    LEAST_ON_MOTION,
+    LIST_TOUCHING,
+    MARGIN_KEPT,
+    MEETINGS,
+    ROWS,
+    SLACK,
+    TASK,
+    TOUCHES,
+    ContactWork,
+    make_contact_work,
+    run_contact,
+)
+from jacokin.kernels.contact.shapes import LINK
+from jacokin.kernels.contact.touching import Geometry
+from jacokin.kernels.library import Call
+from jacokin.model.contact_arrays import contact_arrays
 from jacokin.model.mujoco_twin import to_spec
-from jacokin.model.obstacles import Obstacle, add_pairs, add_to_spec, collision_pairs
-from jacokin.model.poses import quaternion
+from jacokin.model.obstacles import Obstacle, add_to_spec
 from jacokin.model.robot import Robot, checked_robot
 
-FARTHEST = 1e3  # [m] distances beyond are not looked for
 STANDING = 0.005  # [m] a base may be this deep in what it stands on or is screwed to
-WORLD_BODY = "jacokin_world"
+ROWS_AT_ONCE = 64  # configurations that go to the kernels together
+REFUSED_WITHIN = 1e-4  # [m] of the clearance, a motion is not certain, and counts as touching
+MOTION_ACCURACY = 1e-4  # [m] of the least distance along a motion
+Pair = tuple[str, str]
 
 
-class _Shapes:
-    """A compiled model of the arm and obstacles; each thread gets working memory of its own."""
+class Nearest(NamedTuple):
+    """Two shapes that are nearest to each other."""
 
-    def __init__(self, model: mujoco.MjModel) -> None:
-        """Take the compiled twin of a robot with its obstacles."""
-        self.model = model
-        self._local = threading.local()
-
-    def at(self, q: Array, T_base_world: pin.SE3 | None = None) -> mujoco.MjData:
-        """The shapes in the places that they have at `q` (dof,) [rad], those in the world where it is."""
-        try:
-            data = self._local.data
-        except AttributeError:
-            data = self._local.data = mujoco.MjData(self.model)
-        data.qpos[:] = q
-        if T_base_world is not None:
-            data.mocap_pos[0] = T_base_world.translation
-            data.mocap_quat[0] = quaternion(T_base_world.rotation)
-        mujoco.mj_kinematics(self.model, data)
-        return data
+    distance: float
+    """[m], negative where they overlap; infinite without any pair of shapes."""
+    pair: Pair
+    """Their names; empty without any pair of shapes."""
+    where: float = 0.0
+    """On a motion: 0 at its start, 1 at its end."""
 
 
 class Contact:
@@ -59,7 +72,7 @@ class Contact:
         clearance: float = 0.0,
         finger_angle: float | None = None,
     ) -> None:
-        """Build the shapes in MuJoCo.
+        """Read the shapes.
 
         Args:
             robot: the arm.
@@ -76,34 +89,185 @@ class Contact:
         self._clearance = clearance
         spec = to_spec(robot, geometry=True, finger_angle=finger_angle)
         add_to_spec(spec, obstacles)
-        add_pairs(spec, obstacles)
-        for pair in spec.pairs:
-            pair.margin = clearance
-        self._shapes = _Shapes(spec.compile())
-        self.pairs = int(self._shapes.model.npair)
+        model = spec.compile()
+        own = list(zip(model.pair_geom1.tolist(), model.pair_geom2.tolist(), strict=True))
+        standing = [int(model.geom(obstacle.name).id) for obstacle in obstacles]
+        self._geometry, geoms = contact_arrays(model, own, standing)
+        self._arm_shapes = len(geoms) - len(standing)
+        self.pairs = len(own) + len(standing) * int(np.count_nonzero(model.body_weldid[model.geom_bodyid]))
+        self._names = [str(model.geom(int(geom)).name) for geom in geoms]
+        # The arm's own pairs are named in the order of the description, obstacles before the arm.
+        self._rank = [int(geom) - (model.ngeom if geom in standing else 0) for geom in geoms]
+        self._kinds = model.geom_type[geoms].tolist()
+        self._local = threading.local()
 
-    def touching(self, q: ArrayLike) -> list[tuple[str, str]]:
+    def touches(self, q: Array) -> bool:
+        """Whether any shapes touch at a checked configuration (dof,) [rad]."""
+        call = self._call()
+        call.work.q[: q.size] = q
+        return self._run(call, TOUCHES, margin=self._clearance) > 0
+
+    def touching(self, q: ArrayLike) -> list[Pair]:
         """Names of the shapes that touch at `q` (dof,) [rad]; empty when none do.
 
         Raises:
             InvalidInputError: `q` malformed.
         """
-        model, data = self._shapes.model, self._shapes.at(self._robot.configuration(q))
-        mujoco.mj_collision(model, data)
-        contact = data.contact
-        touching = {
-            (model.geom(int(a)).name, model.geom(int(b)).name)
-            for (a, b), distance in zip(contact.geom, contact.dist, strict=True)
-            if distance <= self._clearance
-        }
-        return sorted(touching)
+        if not self.touches(self._robot.configuration(q)):
+            return []
+        return self._listed(self._call())
+
+    def touching_from(self, T_world_base: pin.SE3, q: Array) -> list[Pair]:
+        """As `touching` with the base elsewhere: then its shapes and obstacles touch where they are 5 mm deep."""
+        call = self._call()
+        call.work.q[: q.size] = q
+        call.work.places.frames[0] = T_world_base.homogeneous[:3]
+        call.work.numbers[BASE_MARGIN] = -STANDING
+        try:
+            return self._listed(call)
+        finally:
+            call.work.places.frames[0] = np.eye(3, 4)
+            call.work.numbers[BASE_MARGIN] = -np.inf
+
+    def _listed(self, call: Call[ContactWork]) -> list[Pair]:
+        """All pairs that touch, the simpler kind of shape first."""
+        found = self._run(call, LIST_TOUCHING, margin=self._clearance)
+        pairs = [self._ordered(a, b, by_kind=True) for a, b in call.work.hits.pairs[:found].tolist()]
+        return sorted(pairs)
+
+    def distances(self, rows: Array, *, self_collision: bool = False) -> Array:
+        """Smallest distances (n,) [m]; arguments and errors as of `nearest`."""
+        return np.array([found.distance for found in self.nearest(rows, self_collision=self_collision)])
+
+    def nearest(self, rows: Array, *, self_collision: bool = False) -> list[Nearest]:
+        """The nearest shapes at each of some checked configurations (n, dof) [rad].
+
+        Args:
+            rows: the configurations.
+            self_collision: True to look at the arm's own shapes among each other too.
+
+        Raises:
+            ModelError: the description has no shapes.
+        """
+        return self._measure(LEAST_DISTANCE, rows, ROWS_AT_ONCE, self_collision)
+
+    def nearest_between(self, rows: Array, *, self_collision: bool = False) -> list[Nearest]:
+        """The nearest shapes on each straight motion from one of some configurations (n, dof) [rad] to the next.
+
+        Arguments and errors as of `nearest`. Nothing is stepped over: anywhere on a motion the distance is larger than
+        the one found less 1e-4 m. A NaN stands for a motion on which that could not be shown.
+        """
+        ends = np.repeat(rows, 2, axis=0)[1:-1]
+        return self._measure(LEAST_ON_MOTION, ends, ROWS_AT_ONCE, self_collision)
+
+    def in_the_way(self, start: Array, end: Array) -> Pair | None:
+        """Shapes that touch on the straight motion between two configurations (dof,) [rad]; None if it is clear.
+
+        Nothing is stepped over; shapes that come within 1e-4 m of the clearance may count too.
+        """
+        call = self._call()
+        call.work.q[: 2 * len(start)] = *start, *end
+        self._run(call, CLEAR_MOTION, 1, margin=self._clearance, slack=REFUSED_WITHIN)
+        if not call.work.value[0, 0]:
+            return None
+        a, b = call.work.named[0].tolist()
+        return self._ordered(a, b, by_kind=True)
+
+    def _measure(self, task: int, rows: Array, at_once: int, self_collision: bool) -> list[Nearest]:
+        """Run a task of measuring on rows of configurations."""
+        self._check_shapes()
+        call = self._call()
+        meetings = len(self._geometry.arm.meetings) if self_collision else 0
+        each = 1 if task == LEAST_DISTANCE else 2
+        found: list[Nearest] = []
+        for first in range(0, len(rows), at_once):
+            some = rows[first : first + at_once]
+            call.work.q[: some.size] = some.ravel()
+            count = len(some) // each
+            self._run(call, task, count, meetings=meetings, slack=MOTION_ACCURACY)
+            for (distance, where), (a, b) in zip(
+                call.work.value[:count].tolist(), call.work.named[:count].tolist(), strict=True
+            ):
+                found.append(Nearest(distance, self._ordered(a, b) if a >= 0 else ("", ""), where))
+        return found
+
+    @property
+    def has_shapes(self) -> bool:
+        """Whether the description has collision shapes."""
+        return self._arm_shapes > 0
+
+    @property
+    def base_shapes(self) -> tuple[str, ...]:
+        """Names of the shapes that no joint moves."""
+        links = self._geometry.shapes.integers[: self._arm_shapes, LINK]
+        return tuple(self._names[i] for i in np.flatnonzero(links == 0))
+
+    @property
+    def geometry(self) -> Geometry:
+        """The shapes as the kernels take them: those of the arm, then the obstacles."""
+        return self._geometry
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the shapes."""
+        return tuple(self._names)
+
+    def pair_numbers(self, *, self_collision: bool) -> NDArray[np.int64]:
+        """(n, 2) numbers of the shapes that count when they touch: obstacle and shape of the arm, then the arm's own.
+
+        Of the arm's own, the one nearer to the base comes first.
+
+        Raises:
+            ModelError: the description has no shapes.
+        """
+        self._check_shapes()
+        links = self._geometry.shapes.integers[: self._arm_shapes, LINK]
+        obstacles = np.arange(self._arm_shapes, len(self._names))
+        moving = np.flatnonzero(links > 0)
+        outside = np.column_stack([np.repeat(obstacles, len(moving)), np.tile(moving, len(obstacles))])
+        return np.vstack([outside, self._geometry.arm.pairs]) if self_collision else outside
+
+    def _check_shapes(self) -> None:
+        if not self._arm_shapes:
+            raise ModelError(
+                f"{self._robot.name}: the description has no collision shapes, so no distance can be measured"
+            )
+
+    def _call(self) -> Call[ContactWork]:
+        """The kernels with work arrays of this thread."""
+        try:
+            call: Call[ContactWork] = self._local.call
+        except AttributeError:
+            call = self._local.call = Call(run_contact, make_contact_work(self._geometry, ROWS_AT_ONCE))
+        return call
+
+    def _run(
+        self,
+        call: Call[ContactWork],
+        task: int,
+        rows: int = 1,
+        *,
+        margin: float = 0.0,
+        slack: float = 0.0,
+        meetings: int | None = None,
+    ) -> int:
+        integers, numbers = call.work.integers, call.work.numbers
+        integers[TASK], integers[ROWS] = task, rows
+        integers[MEETINGS] = len(self._geometry.arm.meetings) if meetings is None else meetings
+        numbers[MARGIN_KEPT], numbers[SLACK] = margin, slack
+        return call()
+
+    def _ordered(self, a: int, b: int, *, by_kind: bool = False) -> Pair:
+        """Names of two shapes: obstacles first, then in the order of the description; or the simpler kind first."""
+        first, second = sorted((a, b), key=lambda i: (self._kinds[i] if by_kind else 0, self._rank[i]))
+        return self._names[first], self._names[second]
 
 
 class SelfContact(Contact):
     """Self-contact of one robot; may be shared between threads."""
 
     def __init__(self, robot: Robot) -> None:
-        """Build the shapes of the robot in MuJoCo.
+        """Read the shapes of the robot.
 
         Raises:
             InvalidInputError: `robot` is not a Robot.
@@ -121,111 +285,24 @@ class SelfContact(Contact):
         return checker if checker.pairs else None
 
 
-def compiled_pairs(
-    robot: Robot, obstacles: Sequence[Obstacle], *, self_collision: bool, finger_angle: float | None
-) -> tuple[mujoco.MjModel, list[tuple[int, int]]]:
-    """The robot's twin with its shapes and the obstacles, and the pairs of shapes that may collide, by number.
-
-    Raises:
-        InvalidInputError: an obstacle has the name of a shape of the arm, or no finger can take the angle.
-        ModelError: the description has no shapes, or they cannot be loaded.
-    """
-    spec = to_spec(robot, geometry=True, finger_angle=finger_angle)
-    if not spec.geoms:
-        raise ModelError(f"{robot.name}: the description has no collision shapes, so no distance can be measured")
-    add_to_spec(spec, obstacles)
-    model = spec.compile()
-    return model, collision_pairs(model, obstacles, self_collision=self_collision)
-
-
 class ContactInWorld:
     """Contact of an arm, its base included, whose base may stand anywhere in a scene; may be shared between threads."""
 
     def __init__(self, robot: Robot, obstacles: Sequence[Obstacle], *, finger_angle: float | None = None) -> None:
-        """Build the shapes in MuJoCo; arguments and errors as of `Contact`, the obstacles in the world."""
-        self._robot = checked_robot("robot", robot)
-        spec = to_spec(robot, geometry=True, finger_angle=finger_angle)
-        arm = [geom.name for geom in spec.geoms]
-        if not arm:
+        """Read the shapes; arguments and errors as of `Contact`, the obstacles in the world."""
+        self._contact = Contact(robot, obstacles, finger_angle=finger_angle)
+        self._home = robot.home
+        base = self._contact.base_shapes
+        if not self._contact.has_shapes:
             raise ModelError(f"{robot.name}: the description has no collision shapes, so no contact can be found")
-        # Only the pose of a mocap body can change after compiling.
-        add_to_spec(spec, obstacles, spec.worldbody.add_body(name=WORLD_BODY, mocap=True))
-        for obstacle in obstacles:
-            for name in arm:
-                spec.add_pair(name=f"{obstacle.name}~{name}", geomname1=obstacle.name, geomname2=name)
-        self._shapes = _Shapes(spec.compile())
-        model = self._shapes.model
-        base = {name for name in arm if model.body_weldid[model.geom(name).bodyid[0]] == 0}
         self._base = frozenset(base)
         self._obstacles = frozenset(obstacle.name for obstacle in obstacles)
 
-    def touching(self, q: Array, T_world_base: pin.SE3) -> list[tuple[str, str]]:
+    def touching(self, q: Array, T_world_base: pin.SE3) -> list[Pair]:
         """Names of the shapes that touch at `q` (dof,) [rad]; a base that stands on an obstacle does not touch it."""
-        model = self._shapes.model
-        T_base_world = T_world_base.inverse()
-        data = self._shapes.at(q, T_base_world)
-        mujoco.mj_collision(model, data)
-        found = set()
-        for (a, b), distance in zip(data.contact.geom, data.contact.dist, strict=True):
-            pair = model.geom(int(a)).name, model.geom(int(b)).name
-            stands = not self._base.isdisjoint(pair) and not self._obstacles.isdisjoint(pair)
-            if distance <= (-STANDING if stands else 0.0):
-                found.add(pair)
-        return sorted(found)
+        return self._contact.touching_from(T_world_base, q)
 
     def is_blocked(self, T_world_base: pin.SE3) -> bool:
         """Whether the base is inside an obstacle, whatever the joints do."""
-        touching = self.touching(self._robot.home, T_world_base)
+        touching = self.touching(self._home, T_world_base)
         return any(not self._base.isdisjoint(pair) and not self._obstacles.isdisjoint(pair) for pair in touching)
-
-
-class ShapeDistances:
-    """Smallest distance between shapes of one robot in one scene; may be shared between threads."""
-
-    def __init__(
-        self,
-        robot: Robot,
-        obstacles: Sequence[Obstacle],
-        *,
-        self_collision: bool = False,
-        finger_angle: float | None = None,
-    ) -> None:
-        """Build the shapes in MuJoCo.
-
-        Args:
-            robot: the arm.
-            obstacles: checked obstacles, in the base frame.
-            self_collision: True to measure the arm's own shapes against each other too.
-            finger_angle: angle of the joints off the arm [rad]; None for the one the robot was loaded with.
-
-        Raises:
-            InvalidInputError: an obstacle has the name of a shape of the arm, or no finger can take the angle.
-            ModelError: the description has no shapes, or they cannot be loaded.
-        """
-        model, pairs = compiled_pairs(robot, obstacles, self_collision=self_collision, finger_angle=finger_angle)
-        self._shapes = _Shapes(model)
-        self._first, self._second = np.array(pairs, dtype=np.intp).reshape(-1, 2).T
-        radius = model.geom_rbound
-        self._radii = radius[self._first] + radius[self._second]
-        # Planes have no bounding sphere.
-        self._bounded = (radius[self._first] > 0.0) & (radius[self._second] > 0.0)
-
-    def least(self, q: Array) -> tuple[float, tuple[str, str]]:
-        """Smallest distance [m] at `q` (dof,) [rad], negative where shapes overlap, and the two shapes.
-
-        Without any pair of shapes the distance is infinite and the names are empty.
-        """
-        model, data = self._shapes.model, self._shapes.at(q)
-        gap = np.linalg.norm(data.geom_xpos[self._first] - data.geom_xpos[self._second], axis=1) - self._radii
-        bound = np.where(self._bounded, gap, -np.inf)
-        best, found = np.inf, -1
-        for pair in np.argsort(bound).tolist():
-            if bound[pair] >= best:
-                break
-            first, second = int(self._first[pair]), int(self._second[pair])
-            distance = mujoco.mj_geomDistance(model, data, first, second, min(best, FARTHEST), None)
-            if distance < best:
-                best, found = float(distance), pair
-        if found < 0:
-            return best, ("", "")
-        return best, (str(model.geom(self._first[found]).name), str(model.geom(self._second[found]).name))

@@ -186,33 +186,6 @@ def add_to_spec(spec: mujoco.MjSpec, obstacles: Iterable[Obstacle], body: mujoco
         obstacle.add_to(spec.worldbody if body is None else body)
 
 
-def add_pairs(spec: mujoco.MjSpec, obstacles: Iterable[Obstacle]) -> None:
-    """Let MuJoCo test each obstacle against each shape that moves."""
-    names = {obstacle.name for obstacle in obstacles}
-    moving = [geom.name for geom in spec.geoms if geom.name not in names and geom.parent.parent.name != "world"]
-    for name in names:
-        for other in moving:
-            spec.add_pair(name=f"{name}~{other}", geomname1=name, geomname2=other)
-
-
-def collision_pairs(
-    model: mujoco.MjModel, obstacles: Iterable[Obstacle], *, self_collision: bool = True
-) -> list[tuple[int, int]]:
-    """Pairs of shapes that may collide, by number: each obstacle with each moving shape, and the arm with itself.
-
-    Args:
-        model: the compiled twin with its obstacles.
-        obstacles: those that count.
-        self_collision: True to add the pairs of the arm's own shapes that MuJoCo would test for contact.
-    """
-    fixed = [int(model.geom(obstacle.name).id) for obstacle in obstacles]
-    moving = [index for index in range(model.ngeom) if model.body_weldid[model.geom_bodyid[index]] > 0]
-    found = [(a, b) for a in sorted(fixed) for b in moving]
-    if self_collision:
-        found.extend(zip(model.pair_geom1.tolist(), model.pair_geom2.tolist(), strict=True))
-    return found
-
-
 def _check_name(name: str) -> None:
     if not checks.text("the name of an obstacle", name):
         raise checks.refusal("the name of an obstacle", "a word", name)

@@ -18,7 +18,7 @@ import yaml
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, UnknownNameError
 from jacokin.model import checks, poses
-from jacokin.model.contact import ShapeDistances
+from jacokin.model.contact import Contact
 from jacokin.model.descriptions import mjcf
 from jacokin.model.obstacles import Box, Capsule, Cylinder, Floor, Obstacle, Sphere, checked_obstacles
 from jacokin.model.poses import pose
@@ -52,11 +52,11 @@ class Scene:
             robot was loaded with.
     """
 
-    __slots__ = ("_measured", "finger_angle", "obstacles")
+    __slots__ = ("_contacts", "finger_angle", "obstacles")
 
     obstacles: tuple[Obstacle, ...]
     finger_angle: float | None
-    _measured: weakref.WeakKeyDictionary[Robot, dict[bool, ShapeDistances]]
+    _contacts: weakref.WeakKeyDictionary[Robot, Contact]
 
     def __init__(self, obstacles: Iterable[Obstacle] = (), *, finger_angle: float | None = None) -> None:
         """Check the shapes.
@@ -71,7 +71,7 @@ class Scene:
         """
         object.__setattr__(self, "finger_angle", checks.optional(checks.number, "finger_angle", finger_angle, "rad"))
         object.__setattr__(self, "obstacles", checked_obstacles(obstacles))
-        object.__setattr__(self, "_measured", weakref.WeakKeyDictionary())
+        object.__setattr__(self, "_contacts", weakref.WeakKeyDictionary())
 
     def __setattr__(self, name: str, value: object) -> None:
         """Refuse changes after construction."""
@@ -138,18 +138,18 @@ class Scene:
 
     def measure(self, robot: Robot, rows: Array, *, self_collision: bool = False) -> Array:
         """Distances (n,) [m] for checked configurations (n, dof); `Robot.clearance` is the public way."""
-        return np.array([found[0] for found in self.nearest(robot, rows, self_collision=self_collision)])
+        return self.contact(robot).distances(rows, self_collision=self_collision)
 
-    def nearest(
-        self, robot: Robot, rows: Array, *, self_collision: bool = False
-    ) -> list[tuple[float, tuple[str, str]]]:
-        """As `measure`, with the names of the two nearest shapes."""
-        prepared: dict[bool, ShapeDistances] = self._measured.setdefault(robot, {})
-        if self_collision not in prepared:
-            prepared[self_collision] = ShapeDistances(
-                robot, self.obstacles, self_collision=self_collision, finger_angle=self.finger_angle
-            )
-        return [prepared[self_collision].least(q) for q in rows]
+    def contact(self, robot: Robot) -> Contact:
+        """Contact of a robot with itself and with these obstacles, prepared once.
+
+        Raises:
+            InvalidInputError: an obstacle has the name of a shape of the arm, or no finger can take the angle.
+            ModelError: the description's shapes cannot be loaded.
+        """
+        if robot not in self._contacts:
+            self._contacts[robot] = Contact(robot, self.obstacles, finger_angle=self.finger_angle)
+        return self._contacts[robot]
 
 
 def checked_scene(name: str, value: object) -> Scene:

@@ -23,7 +23,7 @@ class Clearance(Frozen):
     """Distances along a trajectory. Arrays are read-only."""
 
     t: Array
-    """(m,) time [s], the rows of the trajectory among them."""
+    """(m,) time [s], the rows of the trajectory among them, and where the distance between two rows is smallest."""
     distance: Array
     """(m,) smallest distance between shapes [m], negative where they overlap."""
     pairs: tuple[tuple[str, str], ...]
@@ -50,6 +50,9 @@ def path_clearance(
     resolution: float = RESOLUTION,
 ) -> Clearance:
     """Distances of the arm to a scene, and to itself, along a trajectory.
+
+    Between the rows the joints move straight. The smallest distance between any two rows is among those that are
+    returned, known within 0.1 mm and 2 %: no thin wall is stepped over.
 
     Args:
         robot: the arm that is to move; its joints must be those of the trajectory.
@@ -79,11 +82,21 @@ def path_clearance(
         np.concatenate([row + np.arange(count) / count for row, count in enumerate(counts.tolist())] or [np.empty(0)]),
         len(q) - 1.0,
     )
-    rows = np.arange(len(q), dtype=np.float64)
-    between = np.column_stack([np.interp(places, rows, column) for column in q.T])
-    found = scene.nearest(robot, between, self_collision=self_collision)
+    contact = scene.contact(robot)
+    found = contact.nearest(_at(places, q), self_collision=self_collision)
+    between = contact.nearest_between(q, self_collision=self_collision)
+    least = np.array([row + nearest.where for row, nearest in enumerate(between)])
+    extra = np.setdiff1d(least, places)
+    found += [between[int(place)] for place in extra]
+    places = np.append(places, extra)
+    order = np.argsort(places, kind="stable")
     return Clearance(
-        t=checks.read_only(np.interp(places, rows, t)),
-        distance=checks.read_only([distance for distance, _ in found]),
-        pairs=tuple(pair for _, pair in found),
+        t=checks.read_only(np.interp(places[order], np.arange(len(t)), t)),
+        distance=checks.read_only([found[row].distance for row in order]),
+        pairs=tuple(found[row].pair for row in order),
     )
+
+
+def _at(places: Array, q: Array) -> Array:
+    """Configurations (m, dof) at places (m,) among rows (n, dof), straight between them."""
+    return np.column_stack([np.interp(places, np.arange(len(q)), column) for column in q.T])

@@ -1,14 +1,212 @@
-"""Contact on the collision shapes of a description."""
+"""Contact, distances and motions on the collision shapes of a description, against MuJoCo, coal and dense sampling."""
 
 from __future__ import annotations
 
+import threading
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
+import mujoco
 import numpy as np
+import pinocchio as pin
+import pytest
 
 import jacokin
-import jacokin.model
+from jacokin import Robot, pose
+from jacokin.arrays import Array
+from jacokin.model.contact import Contact
+from jacokin.model.descriptions import mjcf
+from jacokin.model.mujoco_twin import to_spec
+from jacokin.model.obstacles import (
+    Box,
+    Capsule,
+    Cylinder,
+    Floor,
+    Obstacle,
+    Sphere,
+    add_to_spec,
+)
+from tests.coal_shapes import coal_shape, collision_pairs
 from tests.robot_files import urdf_text
+
+ROBOTS = ("j2n6s300", "j2n6s200", "j2s6s300", "j2s7s300")
+
+
+def random_obstacles(seed: int, n: int = 8) -> list[Obstacle]:
+    """A floor, and shapes of all kinds around the arm."""
+    rng = np.random.default_rng(seed)
+    found: list[Obstacle] = [Floor(-0.1 * (seed % 4))]
+    for number in range(n):
+        direction = rng.normal(size=3)
+        place = direction / np.linalg.norm(direction) * rng.uniform(0.5, 1.1)
+        T, size, name = pose(place, rpy=rng.uniform(-3.0, 3.0, 3)), rng.uniform(0.02, 0.2, 3), f"shape_{number}"
+        found.append(
+            (
+                Box(name, size, T),
+                Cylinder(name, size[0], 2.0 * size[1], T),
+                Capsule(name, 0.5 * size[0], 2.0 * size[1], T),
+                Sphere(name, size[0], place),
+            )[number % 4]
+        )
+    return found
+
+
+def touching_by_mujoco(
+    robot: Robot, obstacles: Sequence[Obstacle], finger_angle: float | None
+) -> Callable[[Array], list[tuple[str, str]]]:
+    """Contact as MuJoCo's own pipeline finds it."""
+    spec = to_spec(robot, geometry=True, finger_angle=finger_angle)
+    moving = [geom.name for geom in spec.geoms if geom.parent.parent.name != "world"]
+    add_to_spec(spec, obstacles)
+    for obstacle in obstacles:
+        for name in moving:
+            spec.add_pair(name=f"{obstacle.name}~{name}", geomname1=obstacle.name, geomname2=name)
+    model = spec.compile()
+    data = mujoco.MjData(model)
+
+    def touching(q: Array) -> list[tuple[str, str]]:
+        data.qpos[:] = q
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_collision(model, data)
+        touched = data.contact.dist <= 0.0
+        return sorted({(model.geom(int(a)).name, model.geom(int(b)).name) for a, b in data.contact.geom[touched]})
+
+    return touching
+
+
+class ByCoal:
+    """Contact as coal finds it through Pinocchio."""
+
+    def __init__(self, robot: Robot, obstacles: Sequence[Obstacle]) -> None:
+        spec = to_spec(robot, geometry=True)
+        add_to_spec(spec, obstacles)
+        model = spec.compile()
+        self.geometry, self.robot = pin.GeometryModel(), robot.pin_model
+        for geom in range(model.ngeom):
+            joint = max((j + 1 for j in mjcf.joints_above(model, int(model.geom_bodyid[geom]))), default=0)
+            placement = mjcf.placement(model.geom_quat[geom], model.geom_pos[geom])
+            shape = coal_shape(model, geom)
+            self.geometry.addGeometryObject(pin.GeometryObject(model.geom(geom).name, joint, placement, shape))
+        for a, b in collision_pairs(model, obstacles):
+            self.geometry.addCollisionPair(pin.CollisionPair(a, b))
+        self.data, self.geometry_data = self.robot.createData(), self.geometry.createData()
+
+    def touches(self, q: Array) -> bool:
+        """Whether any pair does."""
+        return bool(pin.computeCollisions(self.robot, self.data, self.geometry, self.geometry_data, q, True))
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("finger_angle", [None, 1.2])
+def test_the_same_pairs_touch_as_in_mujoco(
+    name: str, finger_angle: float | None, bundled: Callable[[str], Robot], rng: np.random.Generator
+) -> None:
+    robot = bundled(name)
+    obstacles = random_obstacles(len(name) + ord(name[-3]))
+    ours, theirs = (
+        Contact(robot, obstacles, finger_angle=finger_angle),
+        touching_by_mujoco(robot, obstacles, finger_angle),
+    )
+    hits = 0
+    for q in robot.sample(rng, 200):
+        assert ours.touching(q) == theirs(q)
+        hits += ours.touches(q)
+    assert 20 < hits < 200
+
+
+def compare_with_coal(robot: Robot, seeds: Sequence[int], n: int) -> int:
+    """Contact at configurations in several scenes; returns how often shapes touched."""
+    hits = 0
+    for seed in seeds:
+        obstacles = random_obstacles(seed)
+        ours, theirs = Contact(robot, obstacles), ByCoal(robot, obstacles)
+        rows = robot.sample(np.random.default_rng(seed), n)
+        for q, distance in zip(rows, ours.distances(rows, self_collision=True).tolist(), strict=True):
+            touches = ours.touches(q)
+            assert touches == (distance <= 0.0)
+            if abs(distance) > 1e-6:
+                assert touches == theirs.touches(q)
+            hits += touches
+    return hits
+
+
+def test_contact_is_what_coal_finds(robot: Robot) -> None:
+    assert 100 < compare_with_coal(robot, [0, 1], 200) < 300
+
+
+@pytest.mark.slow
+def test_contact_is_what_coal_finds_at_thirty_thousand_configurations(robot: Robot) -> None:
+    assert compare_with_coal(robot, range(6), 5000) > 5000
+
+
+def test_many_obstacles_are_found_in_their_tree(robot: Robot, rng: np.random.Generator) -> None:
+    obstacles = [Sphere(f"ball_{i}", 0.01, place) for i, place in enumerate(rng.uniform(-0.9, 0.9, (400, 3)))]
+    together, alone = Contact(robot, obstacles), [Contact(robot, obstacles[i::4]) for i in range(4)]
+    for q in robot.sample(rng, 50):
+        assert together.touching(q) == sorted({pair for some in alone for pair in some.touching(q)})
+        rows = q[np.newaxis]
+        assert together.distances(rows)[0] == min(some.distances(rows)[0] for some in alone)
+
+
+def test_answers_do_not_depend_on_earlier_calls_or_threads(robot: Robot, rng: np.random.Generator) -> None:
+    contact, rows = Contact(robot, random_obstacles(3)), robot.sample(rng, 100)
+    first = [contact.touches(q) for q in rows]
+    assert [contact.touches(q) for q in rows[::-1]] == first[::-1]
+    distances, found = contact.distances(rows), list[Array]()
+    threads = [threading.Thread(target=lambda: found.append(contact.distances(rows))) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    for again in found:
+        np.testing.assert_array_equal(again, distances)
+
+
+def motions(robot: Robot, contact: Contact, rng: np.random.Generator, n: int) -> list[Array]:
+    """Straight motions (2, dof) whose ends are free."""
+    found: list[Array] = []
+    while len(found) < n:
+        start = robot.sample(rng)
+        ends = np.array([start, start + rng.uniform(-2.0, 2.0, robot.dof) * rng.choice([0.2, 1.5])])
+        if robot.within_limits(ends[1]) and not any(map(contact.touches, ends)):
+            found.append(ends)
+    return found
+
+
+@pytest.mark.parametrize("name", ["j2n6s300", "j2s7s300"])
+def test_motions_are_certified_as_dense_sampling_finds_them(
+    name: str, bundled: Callable[[str], Robot], rng: np.random.Generator
+) -> None:
+    robot = bundled(name)
+    contact = Contact(robot, random_obstacles(0))
+    blocked = 0
+    for ends in motions(robot, contact, rng, 60):
+        share = np.linspace(0.0, 1.0, 2000)[:, np.newaxis]
+        sampled = contact.distances(ends[0] + share * (ends[1] - ends[0]), self_collision=True)
+        pair = contact.in_the_way(*ends)
+        assert pair is None or sampled.min() < 5e-3
+        assert pair is not None or sampled.min() > 0.0
+        (least,) = contact.nearest_between(ends, self_collision=True)
+        # Sampling may miss what lies between its places, the search no more than 0.1 mm and 2 %.
+        assert sampled.min() - 2e-3 < least.distance < sampled.min() + 1e-4 + 0.02 * abs(sampled.min())
+        there = ends[0] + least.where * (ends[1] - ends[0])
+        assert contact.distances(there[np.newaxis], self_collision=True)[0] == pytest.approx(least.distance, abs=1e-8)
+        blocked += pair is not None
+    assert 5 < blocked < 55
+
+
+def test_a_sheet_thinner_than_any_step_is_in_the_way(robot: Robot) -> None:
+    x, y, _ = robot.forward_kinematics(robot.home).translation
+    azimuth = float(np.arctan2(y, x))
+    place = pose([0.5 * np.cos(azimuth), 0.5 * np.sin(azimuth), 0.4], rpy=[0.0, 0.0, azimuth])
+    contact = Contact(robot, [Box("sheet", [0.6, 1e-5, 0.8], place)])
+    ends = np.array([robot.home, robot.home])
+    ends[:, 0] += [-1.0, 1.0]
+    assert not any(map(contact.touches, ends))
+    pair = contact.in_the_way(*ends)
+    assert pair is not None
+    assert "sheet" in pair
+    assert contact.nearest_between(ends)[0].distance <= 0.0
 
 
 def test_own_urdf_shapes_are_checked_for_contact(tmp_path: Path, rng: np.random.Generator) -> None:

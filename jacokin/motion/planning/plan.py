@@ -56,7 +56,7 @@ def plan_path(
     """Joint trajectory of least cost along straight lines through poses, over all branches.
 
     Every tick is on the path: positions move on straight lines, orientations turn about one axis by the short way.
-    Contact is looked for as the solver does, at every tick and wherever a joint has moved 0.02 rad.
+    Contact is looked for as the solver does, between ticks too: nothing is stepped over.
 
     Args:
         solver: a solver whose robot has a closed form, of six or seven joints; its scene, clearance and limits hold

@@ -332,6 +332,8 @@ class Climb:
             if index in found or index in bad:
                 continue
             pairs = self._verifier.touching(q[row])
+            if not pairs and row + 1 < len(q):
+                pairs = self._verifier.touching_between(q[row], q[row + 1])
             if pairs:
                 found[index] = ", ".join(f"{a} and {b}" for a, b in pairs[:2])
         return found

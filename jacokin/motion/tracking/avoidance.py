@@ -6,15 +6,18 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
+from jacokin.kernels.contact.arm import SLIDE
+from jacokin.kernels.contact.run import MEASURE_PAIRS, ROWS, TASK, ContactWork, make_contact_work, run_contact
+from jacokin.kernels.contact.shapes import CENTRE, LINK, RADIUS
+from jacokin.kernels.contact.touching import Geometry
+from jacokin.kernels.library import Call
 from jacokin.model import checks
-from jacokin.model.contact import compiled_pairs
-from jacokin.model.descriptions.mjcf import body_joints, joints_above
+from jacokin.model.contact import Contact
 from jacokin.model.many_configurations import cross
 from jacokin.model.robot import Robot
 from jacokin.model.scene import Scene, checked_scene
@@ -24,12 +27,12 @@ COLLISION = ("ignore", "reject")
 APPROACH = 0.5  # part of the spare distance that may be used up in one tick
 BUFFER = 5e-4  # [m] the QP stays this far above the distance, so that curvature does not cost a shortened step
 LOOK_AHEAD = 3.0  # ticks at full speed before a pair could come too near, from which it is watched
+MEASURED = 0.01  # [m] above the distance, from which pairs are watched however slow they are: there `least` is exact
 HORIZON = 0.05  # [m] beyond the watched range up to which distances are measured
 SEPARATION_WEIGHT = 100.0  # of moving too near pairs apart, against 1 for the target: its pull then costs microns
 SEPARATION_PART = 0.2  # part of the missing distance asked back in one tick
 WORSE = 1e-9  # [m] rounding of a distance
-NO_DISTANCES, NO_POINTS = np.empty(0), np.empty((0, 6))
-TOUCHING = 1e-12  # [m] nearest points this near to each other give no direction
+NO_DISTANCES, NO_POINTS, NO_PAIRS = np.empty(0), np.empty((0, 3)), np.empty(0, dtype=np.intp)
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +43,8 @@ class Distances:
         bound: (pairs,) each pair is at least this far apart [m].
         near: (near,) numbers of the pairs that are in the watched range.
         distance: (near,) their distances [m]; negative when they overlap.
-        points: (near, 6) nearest points on first and second shape [m].
+        points: (near, 3) nearest points on the second shape [m].
+        normals: (near, 3) unit vectors from the first shape to the second, along which the distance grows.
         exits: directions (3,) in which shapes leave the obstacles they are inside of, by the obstacle's number.
     """
 
@@ -48,6 +52,7 @@ class Distances:
     near: NDArray[np.intp]
     distance: Array
     points: Array
+    normals: Array
     exits: Mapping[int, Array]
 
     @property
@@ -77,75 +82,75 @@ class ClearanceGuard:
     """Keeps given pairs of shapes a distance apart. What changes from tick to tick is in `Distances`."""
 
     def __init__(
-        self, model: mujoco.MjModel, pairs: list[tuple[int, int]], distance: float, velocity: Array, dt: float
+        self, contact: Contact, robot: Robot, pairs: NDArray[np.int64], distance: float, velocity: Array, dt: float
     ) -> None:
         """Prepare the pairs.
 
         Args:
-            model: the robot's twin with shapes, its joints in a chain.
-            pairs: numbers of shapes, the one nearer to the base first.
+            contact: the shapes.
+            robot: the arm.
+            pairs: (n, 2) numbers of shapes, the one nearer to the base first.
             distance: smallest distance allowed [m].
             velocity: (dof,) velocity limits [rad/s].
             dt: control step [s].
         """
-        self._model = model
-        self._distance = distance
-        self._pairs = pairs
-        first, second = np.array(pairs, dtype=np.intp).reshape(-1, 2).T
-        self._first, self._second = first, second
-        self._between = _joints_between(model, first, second)
-        self._lever = _levers(model, second) * self._between
-        self._watch = distance + BUFFER + LOOK_AHEAD * dt * (self._lever @ velocity)
-        self._slide = model.jnt_type == mujoco.mjtJoint.mjJNT_SLIDE
-        self._fixed = model.body_weldid[model.geom_bodyid[first]] == 0
-        self._reach = (self._watch + HORIZON).tolist()
-        self._data = mujoco.MjData(model)
-        self._computed: Array | None = None
+        self._geometry, self._names, self._distance = contact.geometry, contact.names, distance
+        self._first, self._second = pairs.T
+        links, arm = self._geometry.shapes.integers[:, LINK], self._geometry.arm
+        links = np.where(links > robot.dof, 0, links)  # obstacles stand as still as the base
+        joint = np.arange(robot.dof)
+        inner, outer = links[pairs].T[:, :, np.newaxis]
+        self._between = ((inner <= joint) & (joint < outer)).astype(np.float64)
+        self._slide = arm.joint_kinds == SLIDE
+        self._lever = _levers(robot, self._geometry)[self._second] * self._between
+        self._watch = distance + BUFFER + np.maximum(LOOK_AHEAD * dt * (self._lever @ velocity), MEASURED)
+        self._fixed = links[self._first] == 0
+        # The kernels take a plane, and any obstacle, as the second shape.
+        self._turned = self._first > self._second
+        self._given = np.where(self._turned[:, np.newaxis], pairs[:, ::-1], pairs)
+        self._call: Call[ContactWork] | None = None
 
     def __getstate__(self) -> dict[str, Any]:
-        """Everything but what was computed last."""
-        return {**self.__dict__, "_computed": None}
+        """Everything but work arrays."""
+        return {**self.__dict__, "_call": None}
 
     def name(self, pair: int) -> str:
         """Names of the two shapes, joined by "~"."""
-        return f"{self._model.geom(self._first[pair]).name}~{self._model.geom(self._second[pair]).name}"
+        return f"{self._names[self._first[pair]]}~{self._names[self._second[pair]]}"
 
     def start(self, q: Array) -> Distances:
         """Distances at a configuration (dof,) [rad] nothing is known about."""
-        data = self._at(q)
-        # Distance of the bounding spheres; planes and shapes without a sphere are measured.
-        radius = self._model.geom_rbound
-        gap = np.linalg.norm(data.geom_xpos[self._first] - data.geom_xpos[self._second], axis=1)
-        bounded = (radius[self._first] > 0.0) & (radius[self._second] > 0.0)
-        return self._measure(q, np.where(bounded, gap - radius[self._first] - radius[self._second], -np.inf), {})
+        everything = np.full(len(self._first), -np.inf)
+        return self._measure(q, everything, {}, horizon=np.inf)
 
     def move(self, q: Array, before: Distances, step: Array, exits: Mapping[int, Array]) -> Distances:
         """Distances at `q` (dof,) [rad], a displacement (dof,) [rad] away from where `before` was taken."""
         return self._measure(q, before.bound - self._lever.dot(np.abs(step)), exits)
 
-    def _at(self, q: Array) -> mujoco.MjData:
-        """The shapes at a configuration, computed unless it was the last one."""
-        if self._computed is not q:
-            self._computed = None  # until it is done
-            self._data.qpos[:] = q
-            mujoco.mj_kinematics(self._model, self._data)
-            self._computed = q
-        return self._data
+    def _run(self, q: Array, near: NDArray[np.intp], horizon: float = HORIZON) -> ContactWork:
+        """Measure some of the pairs at a configuration, up to a horizon [m] beyond the watched range."""
+        if self._call is None:
+            self._call = Call(run_contact, make_contact_work(self._geometry, 1, len(self._first)))
+        work = self._call.work
+        work.integers[TASK], work.integers[ROWS] = MEASURE_PAIRS, near.size
+        work.q[:] = q
+        work.given[: near.size] = self._given[near]
+        work.reach[: near.size] = self._watch[near] + horizon
+        self._call()
+        return work
 
-    def _measure(self, q: Array, bound: Array, exits: Mapping[int, Array]) -> Distances:
+    def _measure(self, q: Array, bound: Array, exits: Mapping[int, Array], horizon: float = HORIZON) -> Distances:
         """Distances of the pairs that may be in the watched range; `bound` is updated in place."""
         near = np.flatnonzero(bound < self._watch)
         if not near.size:
-            return Distances(bound, near, NO_DISTANCES, NO_POINTS, exits)
-        data = self._at(q)
-        distance = np.empty(near.size)
-        points = np.empty((near.size, 6))
-        for row, pair in enumerate(near.tolist()):
-            first, second = self._pairs[pair]
-            distance[row] = mujoco.mj_geomDistance(self._model, data, first, second, self._reach[pair], points[row])
-        bound[near] = distance
-        close = distance < self._watch[near]
-        return Distances(bound, near[close], distance[close], points[close], exits)
+            return Distances(bound, near, NO_DISTANCES, NO_POINTS, NO_POINTS, exits)
+        measured = self._run(q, near, horizon).measured[: near.size]
+        bound[near] = measured[:, 0]
+        close = measured[:, 0] < self._watch[near]
+        near, rows = near[close], measured[close]
+        turned = self._turned[near][:, np.newaxis]
+        points = np.where(turned, rows[:, 1:4], rows[:, 4:7])
+        return Distances(bound, near, rows[:, 0], points, np.where(turned, -rows[:, 7:], rows[:, 7:]), exits)
 
     def acceptable(self, before: Distances, after: Distances) -> bool:
         """Whether a step may be taken: no pair gets too near, and pairs that are too near already get no worse.
@@ -166,13 +171,12 @@ class ClearanceGuard:
 
     def linearise(self, q: Array, now: Distances) -> Separation:
         """Inequalities, and the error of pairs that are too near, at a configuration (dof,) [rad]."""
-        data = self._at(q)
-        normals = self._normals(now)
+        normals = now.normals.copy()
         exits = self._exits(now, normals)
         leaving = self._leaving(exits)[now.near]
         for row in np.flatnonzero(leaving).tolist():
             normals[row] = exits[int(self._first[now.near[row]])]
-        gradients = self._gradients(data, now, normals)
+        gradients = self._gradients(q, now, normals)
         spare = now.distance - self._distance - BUFFER
         inequalities = -gradients[~leaving], APPROACH * np.maximum(spare[~leaving], 0.0)
         rows = now.distance < self._distance + 0.5 * BUFFER
@@ -201,24 +205,17 @@ class ClearanceGuard:
                 exits[obstacle] = now.exits.get(obstacle, normals[row].copy())
         return exits
 
-    def _normals(self, now: Distances) -> Array:
-        """(near, 3) unit vectors from the first shape to the second, along which the distance grows."""
-        across = now.points[:, 3:] - now.points[:, :3]
-        length = np.linalg.norm(across, axis=1)
-        # Shapes that just touch give no direction.
-        across /= np.where(length > TOUCHING, length, np.inf)[:, None]
-        return np.asarray(across * np.where(now.distance < 0.0, -1.0, 1.0)[:, None])
-
-    def _gradients(self, data: mujoco.MjData, now: Distances, normals: Array) -> Array:
+    def _gradients(self, q: Array, now: Distances, normals: Array) -> Array:
         """How distances along the normals change with the joints, (near, dof) [m/rad].
 
         Only joints between the two shapes change their distance: hinges by n . (a x (p - c)) with the axis a through
         c, slides by n . a, for the nearest point p on the outer shape.
         """
-        arm = now.points[:, None, 3:] - data.xanchor[None]
-        torque = np.einsum("ijk,jk->ij", cross(arm, normals[:, None, :]), data.xaxis)
+        joints = self._run(q, NO_PAIRS).places.frames[1:-1]
+        axis, anchor = joints[:, :, 2], joints[:, :, 3]
+        torque = np.einsum("ijk,jk->ij", cross(now.points[:, None] - anchor, normals[:, None, :]), axis)
         if self._slide.any():
-            torque[:, self._slide] = normals @ data.xaxis[self._slide].T
+            torque[:, self._slide] = normals @ axis[self._slide].T
         return np.asarray(torque * self._between[now.near])
 
     def limiting(self, now: Distances) -> list[str]:
@@ -226,29 +223,18 @@ class ClearanceGuard:
         return [self.name(pair) for pair in now.near[now.distance < self._distance + 2.0 * BUFFER].tolist()]
 
 
-def _joints_between(model: mujoco.MjModel, first: NDArray[np.intp], second: NDArray[np.intp]) -> Array:
-    """(pairs, dof) one where a joint moves the second shape but not the first."""
-    bodies = [joints_above(model, body) for body in range(model.nbody)]
-    rows = [
-        [float(j in bodies[model.geom_bodyid[b]] and j not in bodies[model.geom_bodyid[a]]) for j in range(model.njnt)]
-        for a, b in zip(first, second, strict=True)
-    ]
-    return np.array(rows).reshape(-1, model.njnt)
-
-
-def _levers(model: mujoco.MjModel, geoms: NDArray[np.intp]) -> Array:
-    """(pairs, dof) how far any point of a shape can be from a joint's origin [m]; 1 for a slide."""
-    levers = np.zeros((geoms.size, model.njnt))
-    for row, geom in enumerate(geoms.tolist()):
-        reach = float(np.linalg.norm(model.geom_pos[geom]) + model.geom_rbound[geom])
-        body = int(model.geom_bodyid[geom])
-        while body > 0:
-            for joint in body_joints(model, body):
-                slide = model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE
-                levers[row, joint] = 1.0 if slide else reach + float(np.linalg.norm(model.jnt_pos[joint]))
-                reach += float(np.abs(model.jnt_range[joint]).max()) if slide else 0.0
-            reach += float(np.linalg.norm(model.body_pos[body]))
-            body = int(model.body_parentid[body])
+def _levers(robot: Robot, geometry: Geometry) -> Array:
+    """(shapes, dof) how far any point of a shape can be from a joint's origin [m]; 1 for a slide, 0 beyond the link."""
+    shapes, arm = geometry.shapes, geometry.arm
+    levers = np.zeros((len(shapes.numbers), robot.dof))
+    slides = arm.joint_kinds == SLIDE
+    travel = np.abs([robot.lower, robot.upper]).max(axis=0)
+    for shape, row in enumerate(shapes.numbers):
+        reach, link = float(np.linalg.norm(row[CENTRE:RADIUS]) + row[RADIUS]), int(shapes.integers[shape, LINK])
+        for joint in reversed(range(link if link <= robot.dof else 0)):
+            levers[shape, joint] = 1.0 if slides[joint] else reach
+            reach += float(np.linalg.norm(arm.placements[joint, :, 3]))
+            reach += float(travel[joint]) if slides[joint] and np.isfinite(travel[joint]) else 0.0
     return levers
 
 
@@ -274,20 +260,21 @@ def make_guard(
         if asked:
             raise InvalidInputError(f"{asked[0]} has no effect with collision='ignore'; use 'reject'")
         return None
-    obstacles, angle = around.obstacles, around.finger_angle
-    model, numbers = compiled_pairs(robot, obstacles, self_collision=self_collision, finger_angle=angle)
+    contact = Contact(robot, around.obstacles, finger_angle=around.finger_angle)
+    numbers = contact.pair_numbers(self_collision=self_collision)
     if pairs is not None:
-        names = [model.geom(index).name for index in range(model.ngeom)]
-        numbers = [_named_pair(model, names, pair) for pair in checks.listed("pairs", pairs)]
-    # The shape nearer to the base comes first; the chain is serial and bodies are numbered along it.
-    body = model.geom_bodyid
-    return ClearanceGuard(model, [(a, b) if body[a] <= body[b] else (b, a) for a, b in numbers], distance, velocity, dt)
+        named = [_named_pair(contact, robot.dof, pair) for pair in checks.listed("pairs", pairs)]
+        numbers = np.array(named, dtype=np.int64).reshape(-1, 2)
+    return ClearanceGuard(contact, robot, numbers, distance, velocity, dt)
 
 
-def _named_pair(model: mujoco.MjModel, names: list[str], pair: tuple[str, str]) -> tuple[int, int]:
+def _named_pair(contact: Contact, dof: int, pair: tuple[str, str]) -> tuple[int, int]:
+    """Numbers of two shapes, the one nearer to the base first."""
     if not isinstance(pair, tuple | list) or len(pair) != 2 or not all(isinstance(name, str) for name in pair):
         raise InvalidInputError(f"pairs must hold pairs of shape names, got {checks.shown(pair)}")
-    first, second = (names.index(checks.choice("shape", name, names)) for name in pair)
-    if model.body_weldid[model.geom_bodyid[first]] == model.body_weldid[model.geom_bodyid[second]]:
+    first, second = (contact.names.index(checks.choice("shape", name, contact.names)) for name in pair)
+    # Obstacles, whose link comes after the last, stand as still as the base.
+    inner, outer = (int(contact.geometry.shapes.integers[shape, LINK]) % (dof + 1) for shape in (first, second))
+    if inner == outer:
         raise InvalidInputError(f"the shapes {pair[0]!r} and {pair[1]!r} are on the same link and cannot move apart")
-    return first, second
+    return (first, second) if inner < outer else (second, first)

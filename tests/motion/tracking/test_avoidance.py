@@ -17,8 +17,10 @@ from jacokin.errors import InvalidInputError, UnknownNameError
 from jacokin.ik import Box, Capsule, Floor, Obstacle, Scene, Sphere
 from jacokin.model import to_mujoco
 from jacokin.model.mujoco_twin import to_spec
-from jacokin.model.obstacles import add_to_spec, collision_pairs
+from jacokin.model.obstacles import add_to_spec
 from jacokin.motion import TrackerStatus
+from jacokin.motion.tracking.avoidance import make_guard
+from tests.coal_shapes import collision_pairs
 
 DISTANCE = 0.01  # [m]
 TOLERANCE = 1e-4  # [m]
@@ -235,3 +237,30 @@ def test_wrong_scenes_are_refused_before_the_first_tick(
 def test_shapes_that_are_none_are_refused(make: Callable[[], object], match: str) -> None:
     with pytest.raises(InvalidInputError, match=match):
         make()
+
+
+def test_the_tracker_sees_true_distances_and_how_they_change(robot: Robot, rng: np.random.Generator) -> None:
+    places = rng.normal(size=(3, 3))
+    places *= rng.uniform(0.6, 0.9, (3, 1)) / np.linalg.norm(places, axis=1, keepdims=True)
+    scene = Scene([Floor(-0.4), *(obstacle(kind, place, rng) for kind, place in enumerate(places))])
+    guard = make_guard(
+        robot, robot.velocity_limit, 0.05, scene=scene, clearance=0.05, collision=None, self_collision=True, pairs=None
+    )
+    assert guard is not None
+    referee = Referee(robot, scene)
+    steps, compared = 1e-5 * np.eye(robot.dof), 0
+    for q in robot.sample(rng, 100):
+        now = guard.start(q)
+        if (now.distance < 1e-3).any():
+            continue
+        if now.near.size:
+            assert now.distance.min() == pytest.approx(referee.least(q), abs=1e-6)
+        around = [[guard.start(q + sign * step).bound[now.near] for step in steps] for sign in (1.0, -1.0)]
+        forward, backward = (np.transpose(some) for some in around)
+        slope = -guard.linearise(q, now).inequalities[0]
+        # Where the nearest points jump from corner to corner, the slopes to both sides differ.
+        smooth = np.abs(forward + backward - 2.0 * now.distance[:, None]).max(axis=1) < 2e-8
+        numeric = (forward - backward) / 2e-5
+        np.testing.assert_allclose(slope[smooth], numeric[smooth], atol=2e-3)
+        compared += int(smooth.sum())
+    assert compared > 20

@@ -1,0 +1,13 @@
+"""Contact, distances and certain motions of an arm among obstacles. Read `run` first.
+
+run            the entry point
+shapes         what a shape is: a core and a margin
+simplex        the point of a simplex nearest to the origin
+separation     how far two shapes are apart
+penetration    how deep they are in each other
+arm            where the links and their shapes are, and how far a motion can move them
+tree           obstacles in a tree of boxes
+touching       pairs of shapes that touch
+nearest        the pair that is nearest, or that a motion could bring together first
+motion         straight motions, without gaps
+"""

@@ -1,0 +1,183 @@
+"""The entry point: contact, distances and motions of an arm among obstacles. Read this file first.
+
+shapes         what a shape is, and its farthest points
+separation     how far two shapes are apart; simplex, and penetration where they overlap
+arm, tree      where the arm's shapes are, and which obstacles are near
+touching       pairs that touch: groups of shapes by their spheres, then shapes by theirs, then exactly
+nearest        the least distance, or what a motion could bring together first: best first
+motion         straight motions, certain between the places that are looked at too
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jacokin.arrays import Array
+from jacokin.kernels.contact.arm import LAST_SHAPE, ArmShapes, Places, place_links, relate
+from jacokin.kernels.contact.motion import Course, is_clear, least_on_motion, make_course
+from jacokin.kernels.contact.nearest import Best, Goal, Heap, find_nearest, make_best
+from jacokin.kernels.contact.separation import SeparationWork, make_separation_work, separation
+from jacokin.kernels.contact.shapes import LINK, MARGIN, SHAPE_INTEGERS, SHAPE_NUMBERS, Shapes
+from jacokin.kernels.contact.touching import Counts, Geometry, Hits, find_touching
+from jacokin.kernels.contact.tree import DEEPEST, Tree
+
+#: What to do with rows of configurations: whether each is in contact; the pairs that touch in the first; the least
+#: distance of each. What to do with pairs of rows, start and end of motions: whether each is clear; its least distance.
+#: The distances of given pairs at the first, as far as their reach; rows are pairs then.
+TOUCHES, LIST_TOUCHING, LEAST_DISTANCE, CLEAR_MOTION, LEAST_ON_MOTION, MEASURE_PAIRS = range(6)
+#: Where the options' integers are: task, rows or motions, then what of the geometry counts.
+TASK, ROWS, DOF, GROUPS, MEETINGS, NODES, PLANES, CONTACT_INTEGERS = range(8)
+#: And its numbers: margin, margin of the base with obstacles, slack or accuracy [m].
+MARGIN_KEPT, BASE_MARGIN, SLACK, CONTACT_NUMBERS = range(4)
+
+
+class ContactWork(NamedTuple):
+    """What a call reads and writes; one set for each thread."""
+
+    integers: NDArray[np.int64]  # (7,)
+    numbers: Array  # (3,)
+    q: Array  # (rows dof,) [rad]; a motion has two rows
+    geometry: Geometry
+    places: Places
+    hits: Hits
+    heap: Heap
+    best: Best
+    course: Course
+    value: Array  # (rows, 2) 1 for contact or a motion that is not clear; distance [m]; where on a motion
+    named: NDArray[np.int64]  # (rows, 2) the pair of shapes
+    given: NDArray[np.int64]  # (pairs, 2) to be measured
+    reach: Array  # (pairs,) [m]; farther apart, a lower bound of the distance larger than it will do
+    measured: Array  # (pairs, 10) distance, nearest points on both shapes and normal from the first, in the world
+
+
+def run_contact(work: ContactWork) -> int:
+    """Do a task; returns how many pairs touch, or 0. This is what gets compiled: it allocates nothing."""
+    integers, numbers = work.integers, work.numbers
+    task, rows = integers[TASK], integers[ROWS]
+    counts = Counts(integers[DOF], integers[GROUPS], integers[MEETINGS], integers[NODES], integers[PLANES])
+    margin, standing, slack = numbers[MARGIN_KEPT], numbers[BASE_MARGIN], numbers[SLACK]
+    geometry, places, hits, heap, course = work.geometry, work.places, work.hits, work.heap, work.course
+    if task in (TOUCHES, LIST_TOUCHING):
+        found = 0
+        for i in range(rows):
+            q = work.q[i * counts.dof : (i + 1) * counts.dof]
+            place_links(geometry.arm, counts.dof, counts.groups, q, places)
+            found = find_touching(geometry, counts, places, hits, margin, standing, task == LIST_TOUCHING)
+            work.value[i, 0] = float(found)
+        return found
+    if task == LEAST_DISTANCE:
+        for i in range(rows):
+            q = work.q[i * counts.dof : (i + 1) * counts.dof]
+            place_links(geometry.arm, counts.dof, counts.groups, q, places)
+            goal = Goal(0.0, False, math.inf)
+            work.best.pair[0], work.best.pair[1] = -1, -1
+            work.value[i, 0] = find_nearest(geometry, counts, places, heap, hits.pair, goal, work.best)
+            work.named[i, 0], work.named[i, 1] = work.best.pair[0], work.best.pair[1]
+        return 0
+    if task == MEASURE_PAIRS:
+        place_links(geometry.arm, counts.dof, counts.groups, work.q, places)
+        for i in range(rows):
+            measure_pair(geometry.shapes, places, hits.pair, work.given[i], work.reach[i], work.measured[i])
+        return 0
+    for i in range(rows):
+        start = work.q[2 * i * counts.dof : (2 * i + 1) * counts.dof]
+        course.pair[0], course.pair[1] = -1, -1
+        for j in range(counts.dof):
+            course.step[j] = work.q[(2 * i + 1) * counts.dof + j] - start[j]
+        if task == CLEAR_MOTION:
+            clear = is_clear(geometry, counts, places, heap, hits.pair, course, start, margin, slack)
+            work.value[i, 0] = 0.0 if clear else 1.0
+        else:
+            least_on_motion(geometry, counts, places, heap, hits.pair, course, start, slack)
+            work.value[i, 0] = course.found[0]
+        work.value[i, 1] = course.found[1]
+        work.named[i, 0], work.named[i, 1] = course.pair[0], course.pair[1]
+    return 0
+
+
+def measure_pair(
+    shapes: Shapes, places: Places, work: SeparationWork, pair: NDArray[np.int64], reach: float, row: Array
+) -> None:
+    """Fill a row of `ContactWork.measured`; beyond the reach, its distance only."""
+    a, b = pair[0], pair[1]
+    relate(shapes, places.frames, a, b, work.relative)
+    row[0] = separation(shapes, (a, b), work, reach, -math.inf, True)
+    if row[0] > reach:
+        return
+    shape, frame, witness = shapes.numbers[a], places.frames[shapes.integers[a, LINK]], work.witness
+    for column in range(3):
+        margin = 0.0
+        if column > 0:  # witnesses are points of the cores
+            margin = shape[MARGIN] if column == 1 else -shapes.numbers[b, MARGIN]
+        x = witness[column, 0] + margin * witness[0, 0]
+        y = witness[column, 1] + margin * witness[0, 1]
+        z = witness[column, 2] + margin * witness[0, 2]
+        u = shape[0] * x + shape[1] * y + shape[2] * z
+        v = shape[4] * x + shape[5] * y + shape[6] * z
+        w = shape[8] * x + shape[9] * y + shape[10] * z
+        to = 7
+        if column > 0:
+            u, v, w, to = u + shape[3], v + shape[7], w + shape[11], 3 * column - 2
+        for i in range(3):
+            row[to + i] = frame[i, 0] * u + frame[i, 1] * v + frame[i, 2] * w
+            if column > 0:
+                row[to + i] += frame[i, 3]
+
+
+#: No arm and no obstacle.
+NOTHING = Geometry(
+    Shapes(
+        np.zeros((0, SHAPE_NUMBERS)),
+        np.zeros((0, SHAPE_INTEGERS), np.int64),
+        np.zeros((0, 3)),
+        np.zeros(0, np.int64),
+        np.zeros(0, np.int64),
+    ),
+    ArmShapes(
+        np.zeros(0, np.int64),
+        np.zeros((0, 3, 4)),
+        np.zeros((0, 4)),
+        np.zeros((0, 6)),
+        np.zeros((0, 3), np.int64),
+        np.zeros((0, 4), np.int64),
+        np.zeros((0, 2), np.int64),
+    ),
+    Tree(np.zeros((0, 6)), np.zeros((0, 2), np.int64), np.zeros(0, np.int64)),
+)
+
+
+def make_contact_work(geometry: Geometry = NOTHING, rows: int = 0, pairs: int = 0) -> ContactWork:
+    """Fresh work arrays for a geometry, so many configurations, and pairs to be measured; everything in it counts."""
+    shapes, arm, tree = geometry
+    dof, groups, meetings = len(arm.joint_kinds), len(arm.groups), len(arm.meetings)
+    nodes, planes = len(tree.boxes), len(tree.planes)
+    own = int(arm.groups[-1, LAST_SHAPE]) if groups else 0
+    with_obstacles = own * (len(shapes.numbers) - own)
+    room = meetings + len(arm.pairs) + groups * (nodes + planes) + with_obstacles
+    frames = np.zeros((dof + 2 if rows else 0, 3, 4))
+    frames[:] = np.eye(3, 4)
+    return ContactWork(
+        np.array([TOUCHES, rows, dof, groups, meetings, nodes, planes]),
+        np.array([0.0, -math.inf, 0.0]),
+        np.zeros(rows * dof),
+        geometry,
+        Places(frames, np.zeros((groups, 3)), np.zeros(groups * (dof + 1))),
+        Hits(
+            np.full(2, -1),
+            np.zeros((len(arm.pairs) + with_obstacles, 2), np.int64),
+            np.zeros(DEEPEST, np.int64),
+            make_separation_work(),
+        ),
+        Heap(np.zeros(room), np.zeros((room, 4), np.int64)),
+        make_best(),
+        make_course(dof),
+        np.zeros((rows, 2)),
+        np.zeros((rows, 2), np.int64),
+        np.zeros((pairs, 2), np.int64),
+        np.zeros(pairs),
+        np.zeros((pairs, 10)),
+    )
