@@ -182,9 +182,7 @@ class Verifier:
 
 
 def _contact(robot: Robot, options: SolverOptions) -> Contact:
-    from jacokin.model.contact import Contact  # loads MuJoCo
+    from jacokin.model.contact import NOTHING_AROUND, Contact  # loads MuJoCo
 
-    scene = options.scene
-    if scene is None:
-        return Contact(robot, clearance=options.clearance)
-    return Contact(robot, scene.obstacles, clearance=options.clearance, finger_angle=scene.finger_angle)
+    around = NOTHING_AROUND if options.scene is None else options.scene.surroundings
+    return Contact(robot, around, clearance=options.clearance)

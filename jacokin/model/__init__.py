@@ -6,7 +6,8 @@ home                    a configuration to start from
 poses, angles, checks   building and checking poses, full turns, checks of arguments
 many_configurations     kinematics of many configurations at once
 mujoco_twin             the same arm in MuJoCo
-obstacles, scene        shapes around the arm, one by one, from a file or from a MuJoCo model
+obstacles, scene        shapes around the arm, one by one, from a file or from a MuJoCo model; shapes that it holds
+surrounded              the twin among the shapes of a scene, and the pairs of shapes whose contact counts
 contact, contact_arrays whether and how closely the arm comes to itself and to obstacles; the shapes for the kernels
 comparison              how far two descriptions, or Pinocchio and MuJoCo, differ
 """

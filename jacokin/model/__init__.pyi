@@ -7,6 +7,7 @@ from jacokin.model.descriptions.bundled import NAMES as NAMES
 from jacokin.model.descriptions.bundled import urdf_folder as urdf_folder
 from jacokin.model.loading import load_robot as load_robot
 from jacokin.model.mujoco_twin import to_mujoco as to_mujoco
+from jacokin.model.obstacles import Attached as Attached
 from jacokin.model.obstacles import Box as Box
 from jacokin.model.obstacles import Capsule as Capsule
 from jacokin.model.obstacles import Cylinder as Cylinder

@@ -6,7 +6,6 @@ Read `kernels/contact/run` for how it is found.
 from __future__ import annotations
 
 import threading
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import ModelError
+from jacokin.kernels.contact.arm import LAST_PAIR
 from jacokin.kernels.contact.run import (
     BASE_MARGIN,
     CLEAR_MOTION,
@@ -35,15 +35,16 @@ from jacokin.kernels.contact.shapes import LINK
 from jacokin.kernels.contact.touching import Geometry
 from jacokin.kernels.library import Call
 from jacokin.model.contact_arrays import contact_arrays
-from jacokin.model.mujoco_twin import to_spec
-from jacokin.model.obstacles import Obstacle, add_to_spec
+from jacokin.model.obstacles import Surroundings
 from jacokin.model.robot import Robot, checked_robot
+from jacokin.model.surrounded import allowed_pairs, surround
 
 STANDING = 0.005  # [m] a base may be this deep in what it stands on or is screwed to
 ROWS_AT_ONCE = 64  # configurations that go to the kernels together
 REFUSED_WITHIN = 1e-4  # [m] of the clearance, a motion is not certain, and counts as touching
 MOTION_ACCURACY = 1e-4  # [m] of the least distance along a motion
 Pair = tuple[str, str]
+NOTHING_AROUND = Surroundings()
 
 
 class Nearest(NamedTuple):
@@ -64,40 +65,33 @@ class Contact:
         pairs: how many pairs of shapes are tested.
     """
 
-    def __init__(
-        self,
-        robot: Robot,
-        obstacles: Sequence[Obstacle] = (),
-        *,
-        clearance: float = 0.0,
-        finger_angle: float | None = None,
-    ) -> None:
+    def __init__(self, robot: Robot, around: Surroundings = NOTHING_AROUND, *, clearance: float = 0.0) -> None:
         """Read the shapes.
 
         Args:
             robot: the arm.
-            obstacles: checked obstacles, in the base frame.
+            around: the scene.
             clearance: shapes this near to each other count as touching [m].
-            finger_angle: angle of the joints off the arm [rad]; None for the one the robot was loaded with.
 
         Raises:
-            InvalidInputError: `robot` is not a Robot, an obstacle has the name of a shape of the arm, or no finger can
-                take the angle.
+            InvalidInputError: `robot` is not a Robot, or the scene does not fit it (`surround`).
+            UnknownNameError: the scene speaks of a link that is not there.
             ModelError: the description's shapes cannot be loaded.
         """
         self._robot = checked_robot("robot", robot)
         self._clearance = clearance
-        spec = to_spec(robot, geometry=True, finger_angle=finger_angle)
-        add_to_spec(spec, obstacles)
-        model = spec.compile()
-        own = list(zip(model.pair_geom1.tolist(), model.pair_geom2.tolist(), strict=True))
-        standing = [int(model.geom(obstacle.name).id) for obstacle in obstacles]
-        self._geometry, geoms = contact_arrays(model, own, standing)
+        twin = surround(robot, around)
+        model, standing = twin.model, twin.standing
+        self._geometry, geoms, self._met_partly = contact_arrays(model, twin.own, standing, twin.partly)
         self._arm_shapes = len(geoms) - len(standing)
-        self.pairs = len(own) + len(standing) * int(np.count_nonzero(model.body_weldid[model.geom_bodyid]))
+        self._partly = len({obstacle for obstacle, _ in twin.partly})
+        self.pairs = len(twin.pairs(self_collision=True))
         self._names = [str(model.geom(int(geom)).name) for geom in geoms]
         # The arm's own pairs are named in the order of the description, obstacles before the arm.
-        self._rank = [int(geom) - (model.ngeom if geom in standing else 0) for geom in geoms]
+        obstacles = set(around.obstacle_names)
+        self._rank = [
+            int(geom) - (model.ngeom if name in obstacles else 0) for geom, name in zip(geoms, self._names, strict=True)
+        ]
         self._kinds = model.geom_type[geoms].tolist()
         self._local = threading.local()
 
@@ -160,14 +154,15 @@ class Contact:
         ends = np.repeat(rows, 2, axis=0)[1:-1]
         return self._measure(LEAST_ON_MOTION, ends, ROWS_AT_ONCE, self_collision)
 
-    def in_the_way(self, start: Array, end: Array) -> Pair | None:
+    def in_the_way(self, start: Array, end: Array, extra: float = 0.0) -> Pair | None:
         """Shapes that touch on the straight motion between two configurations (dof,) [rad]; None if it is clear.
 
-        Nothing is stepped over; shapes that come within 1e-4 m of the clearance may count too.
+        Nothing is stepped over; shapes that come within 1e-4 m of the clearance may count too. With `extra` [m] the
+        clearance is so much larger.
         """
         call = self._call()
         call.work.q[: 2 * len(start)] = *start, *end
-        self._run(call, CLEAR_MOTION, 1, margin=self._clearance, slack=REFUSED_WITHIN)
+        self._run(call, CLEAR_MOTION, 1, margin=self._clearance + extra, slack=REFUSED_WITHIN)
         if not call.work.value[0, 0]:
             return None
         a, b = call.work.named[0].tolist()
@@ -177,7 +172,7 @@ class Contact:
         """Run a task of measuring on rows of configurations."""
         self._check_shapes()
         call = self._call()
-        meetings = len(self._geometry.arm.meetings) if self_collision else 0
+        meetings = len(self._geometry.arm.meetings) if self_collision else self._met_partly
         each = 1 if task == LEAST_DISTANCE else 2
         found: list[Nearest] = []
         for first in range(0, len(rows), at_once):
@@ -194,13 +189,18 @@ class Contact:
     @property
     def has_shapes(self) -> bool:
         """Whether the description has collision shapes."""
-        return self._arm_shapes > 0
+        return len(self.arm_shapes) > 0
+
+    @property
+    def arm_shapes(self) -> tuple[str, ...]:
+        """Names of the shapes of the arm, its base included, and of what it holds."""
+        return tuple(self._names[self._partly : self._arm_shapes])
 
     @property
     def base_shapes(self) -> tuple[str, ...]:
-        """Names of the shapes that no joint moves."""
+        """Names of the shapes of the arm that no joint moves."""
         links = self._geometry.shapes.integers[: self._arm_shapes, LINK]
-        return tuple(self._names[i] for i in np.flatnonzero(links == 0))
+        return tuple(self._names[i] for i in np.flatnonzero(links == 0).tolist() if i >= self._partly)
 
     @property
     def geometry(self) -> Geometry:
@@ -225,10 +225,12 @@ class Contact:
         obstacles = np.arange(self._arm_shapes, len(self._names))
         moving = np.flatnonzero(links > 0)
         outside = np.column_stack([np.repeat(obstacles, len(moving)), np.tile(moving, len(obstacles))])
-        return np.vstack([outside, self._geometry.arm.pairs]) if self_collision else outside
+        arm = self._geometry.arm
+        partly = int(arm.meetings[self._met_partly - 1, LAST_PAIR]) if self._met_partly else 0
+        return np.vstack([outside, arm.pairs if self_collision else arm.pairs[:partly]])
 
     def _check_shapes(self) -> None:
-        if not self._arm_shapes:
+        if not self.has_shapes:
             raise ModelError(
                 f"{self._robot.name}: the description has no collision shapes, so no distance can be measured"
             )
@@ -288,19 +290,21 @@ class SelfContact(Contact):
 class ContactInWorld:
     """Contact of an arm, its base included, whose base may stand anywhere in a scene; may be shared between threads."""
 
-    def __init__(self, robot: Robot, obstacles: Sequence[Obstacle], *, finger_angle: float | None = None) -> None:
+    def __init__(self, robot: Robot, around: Surroundings) -> None:
         """Read the shapes; arguments and errors as of `Contact`, the obstacles in the world."""
-        self._contact = Contact(robot, obstacles, finger_angle=finger_angle)
+        # Where contact with an obstacle counts only partly, it is kept in the frame of the base: so all of it counts here.
+        self._contact = Contact(robot, around._replace(allow=()))
         self._home = robot.home
-        base = self._contact.base_shapes
         if not self._contact.has_shapes:
             raise ModelError(f"{robot.name}: the description has no collision shapes, so no contact can be found")
-        self._base = frozenset(base)
-        self._obstacles = frozenset(obstacle.name for obstacle in obstacles)
+        self._base = frozenset(self._contact.base_shapes)
+        self._obstacles = frozenset(around.obstacle_names)
+        self._allowed = allowed_pairs(robot, around, self._contact.arm_shapes)
 
     def touching(self, q: Array, T_world_base: pin.SE3) -> list[Pair]:
         """Names of the shapes that touch at `q` (dof,) [rad]; a base that stands on an obstacle does not touch it."""
-        return self._contact.touching_from(T_world_base, q)
+        found = self._contact.touching_from(T_world_base, q)
+        return [pair for pair in found if frozenset(pair) not in self._allowed]
 
     def is_blocked(self, T_world_base: pin.SE3) -> bool:
         """Whether the base is inside an obstacle, whatever the joints do."""

@@ -58,15 +58,23 @@ class ContactArrays(NamedTuple):
     geometry: Geometry
     geoms: NDArray[np.intp]
     """(n,) number of the geom of each shape: those of the arm group by group, then the obstacles."""
+    met_partly: int
+    """How many meetings, the first ones, are with obstacles that do not count against every shape."""
 
 
-def contact_arrays(model: mujoco.MjModel, pairs: Sequence[tuple[int, int]], obstacles: Sequence[int]) -> ContactArrays:
+def contact_arrays(
+    model: mujoco.MjModel,
+    pairs: Sequence[tuple[int, int]],
+    obstacles: Sequence[int],
+    partly: Sequence[tuple[int, int]] = (),
+) -> ContactArrays:
     """Read a compiled twin.
 
     Args:
         model: the twin with its shapes; its world is where the obstacles stand.
         pairs: numbers of the geoms of the arm that count as contact when they touch.
-        obstacles: numbers of the geoms of obstacles.
+        obstacles: numbers of the geoms of obstacles that count against every shape that moves.
+        partly: pairs of another obstacle and a shape that moves; these obstacles are kept as shapes of the base.
 
     Raises:
         ModelError: a shape of a kind that is not convex.
@@ -76,17 +84,21 @@ def contact_arrays(model: mujoco.MjModel, pairs: Sequence[tuple[int, int]], obst
     for geom in obstacles:
         links[geom] = len(turns)
     rows = {geom: _shape(model, geom, links[geom], turns) for geom in range(model.ngeom)}
-    groups = [
+    alone = list(dict.fromkeys(obstacle for obstacle, _ in partly))
+    # They come first, and so do their meetings.
+    groups = [(0, [geom], rows[geom].numbers[CENTRE:]) for geom in alone] + [
         (link, group, sphere)
         for link in range(len(turns))
-        for group, sphere in _grouped({geom: rows[geom].numbers for geom in rows if links[geom] == link})
+        for group, sphere in _grouped(
+            {geom: rows[geom].numbers for geom in rows if links[geom] == link and geom not in alone}
+        )
     ]
     geoms = [geom for _, group, _ in groups for geom in group] + list(obstacles)
     shape_of = {geom: index for index, geom in enumerate(geoms)}
     group_of = {geom: index for index, (_, group, _) in enumerate(groups) for geom in group}
     ends = np.cumsum([0] + [len(group) for _, group, _ in groups])
 
-    ordered = [(a, b) if links[a] <= links[b] else (b, a) for a, b in pairs]
+    ordered = [(a, b) if links[a] <= links[b] else (b, a) for a, b in [*partly, *pairs]]
     ordered.sort(key=lambda pair: (group_of[pair[0]], group_of[pair[1]], shape_of[pair[0]], shape_of[pair[1]]))
     between = [(group_of[a], group_of[b]) for a, b in ordered]
     met = sorted(set(between))
@@ -106,7 +118,11 @@ def contact_arrays(model: mujoco.MjModel, pairs: Sequence[tuple[int, int]], obst
         ),
         pairs=_integers([(shape_of[a], shape_of[b]) for a, b in ordered], 2),
     )
-    return ContactArrays(Geometry(shapes, arm, _tree(shapes, int(ends[-1]))), np.array(geoms, dtype=np.intp))
+    return ContactArrays(
+        Geometry(shapes, arm, _tree(shapes, int(ends[-1]))),
+        np.array(geoms, dtype=np.intp),
+        sum(inner < len(alone) for inner, _ in met),
+    )
 
 
 def _integers(rows: Sequence[tuple[int, ...]], columns: int) -> NDArray[np.int64]:

@@ -140,6 +140,22 @@ def add_shapes(
         spec.add_pair(name=f"{first}~{second}", geomname1=first, geomname2=second)
 
 
+def shapes_of_links(robot: Robot) -> dict[str, frozenset[str]]:
+    """Names of the shapes of each link, with those of links behind it that no joint of the arm separates from it."""
+    source, model = with_shapes(robot), robot.pin_model
+    joint_of = {link: int(model.frames[robot.frame_id(link)].parentJoint) for link in robot.frames}
+    found: dict[str, set[str]] = {}
+    for geom in range(source.ngeom):
+        body = int(source.geom_bodyid[geom])
+        joint = joint_of.get(mjcf.body_name(source, body))
+        while body:
+            link = mjcf.body_name(source, body)
+            if joint is not None and joint_of.get(link) == joint:
+                found.setdefault(link, set()).add(mjcf.geom_name(source, geom))
+            body = int(source.body_parentid[body])
+    return {link: frozenset(shapes) for link, shapes in found.items()}
+
+
 class _Fingers:
     """Where the links of a description are when the joints off the arm stand at another angle."""
 

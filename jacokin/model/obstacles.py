@@ -1,13 +1,13 @@
 """Obstacles around the arm: box, sphere, capsule, cylinder and floor, which stand still in the base frame.
 
-The arm has shapes of its own: the collision shapes of its description.
+The arm has shapes of its own: the collision shapes of its description. It may hold others (`Attached`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
-from typing import Protocol
+from dataclasses import dataclass, replace
+from typing import NamedTuple, Protocol
 
 import mujoco
 import numpy as np
@@ -152,6 +152,60 @@ class Floor:
         pose = pin.SE3(np.eye(3), np.array([0.0, 0.0, self.height]))
         # A plane has no end; the size only says how it is drawn.
         _add(body, self.name, mujoco.mjtGeom.mjGEOM_PLANE, [1.0, 1.0, 0.1], pose)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Attached:
+    """A shape that moves with the arm.
+
+    Attributes:
+        shape: with its pose in the frame that carries it.
+        to: name of that frame.
+    """
+
+    shape: Obstacle
+    to: str
+
+    @property
+    def name(self) -> str:
+        """Name of the shape."""
+        return self.shape.name
+
+
+class Surroundings(NamedTuple):
+    """What a scene holds, as whatever looks for contact takes it; already checked."""
+
+    obstacles: tuple[Obstacle, ...] = ()
+    """Shapes that stand still in the base frame."""
+    attached: tuple[Attached, ...] = ()
+    """Shapes that move with the arm."""
+    allow: tuple[tuple[str, str], ...] = ()
+    """Pairs of names whose contact does not count."""
+    finger_angle: float | None = None
+    """Angle at which the fingers stand [rad]; None for the angle that the robot was loaded with."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of all shapes."""
+        return self.obstacle_names + tuple(each.name for each in self.attached)
+
+    @property
+    def obstacle_names(self) -> tuple[str, ...]:
+        """Names of the shapes that stand still."""
+        return tuple(each.name for each in self.obstacles)
+
+
+def place(shape: Obstacle, pose: pin.SE3 | ArrayLike) -> Obstacle:
+    """The same shape at another pose, or position (3,) [m].
+
+    Raises:
+        InvalidInputError: the pose is malformed, or the shape is not one that can be moved.
+    """
+    if isinstance(shape, Sphere):
+        return replace(shape, position=_pose(f"{shape.name}: pose", pose).translation)
+    if isinstance(shape, Box | Capsule | Cylinder):
+        return replace(shape, pose=pose)
+    raise checks.refusal("shape", "a Box, Sphere, Capsule or Cylinder where a pose is given", shape)
 
 
 def checked_obstacles(obstacles: Iterable[Obstacle]) -> tuple[Obstacle, ...]:

@@ -6,7 +6,6 @@ import json
 import weakref
 from collections import Counter
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
-from functools import partial
 from pathlib import Path
 from typing import Self
 
@@ -14,13 +13,25 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 import yaml
+from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, UnknownNameError
 from jacokin.model import checks, poses
 from jacokin.model.contact import Contact
 from jacokin.model.descriptions import mjcf
-from jacokin.model.obstacles import Box, Capsule, Cylinder, Floor, Obstacle, Sphere, checked_obstacles
+from jacokin.model.obstacles import (
+    Attached,
+    Box,
+    Capsule,
+    Cylinder,
+    Floor,
+    Obstacle,
+    Sphere,
+    Surroundings,
+    checked_obstacles,
+    place,
+)
 from jacokin.model.poses import pose
 from jacokin.model.robot import Robot
 
@@ -44,34 +55,67 @@ THINNEST = 1e-6  # [m] of a bounding box: a flat mesh has no thickness
 
 
 class Scene:
-    """Obstacles that stand still in the base frame; immutable.
+    """Obstacles that stand still in the base frame, and shapes that the arm holds; immutable.
 
     Attributes:
-        obstacles: the shapes.
-        finger_angle: angle at which the fingers stand when contact is looked for [rad]; None for the angle that the
-            robot was loaded with.
+        surroundings: the same in one value.
     """
 
-    __slots__ = ("_contacts", "finger_angle", "obstacles")
+    __slots__ = ("_contacts", "surroundings")
 
-    obstacles: tuple[Obstacle, ...]
-    finger_angle: float | None
+    surroundings: Surroundings
     _contacts: weakref.WeakKeyDictionary[Robot, Contact]
 
-    def __init__(self, obstacles: Iterable[Obstacle] = (), *, finger_angle: float | None = None) -> None:
+    def __init__(
+        self,
+        obstacles: Iterable[Obstacle] = (),
+        *,
+        finger_angle: float | None = None,
+        allow: Iterable[tuple[str, str]] = (),
+    ) -> None:
         """Check the shapes.
 
         Args:
             obstacles: `Box`, `Sphere`, `Capsule`, `Cylinder`, `Floor`, or other shapes with `name` and `add_to`.
             finger_angle: angle at which the fingers stand when contact is looked for [rad]; None for the angle that
                 the robot was loaded with.
+            allow: pairs of names whose contact does not count: of obstacles, of shapes or links of the arm, or "robot"
+                for all of it. A link stands for what it carries, too: ("hand", "cup") are hand and fingers.
 
         Raises:
-            InvalidInputError: not shapes, two of the same name, or an angle that is not a number.
+            InvalidInputError: not shapes, two of the same name, an angle that is not a number, or not pairs of names.
         """
-        object.__setattr__(self, "finger_angle", checks.optional(checks.number, "finger_angle", finger_angle, "rad"))
-        object.__setattr__(self, "obstacles", checked_obstacles(obstacles))
+        self._keep(
+            Surroundings(
+                obstacles=checked_obstacles(obstacles),
+                allow=_checked_pairs("allow", allow),
+                finger_angle=checks.optional(checks.number, "finger_angle", finger_angle, "rad"),
+            )
+        )
+
+    def _keep(self, surroundings: Surroundings) -> None:
+        object.__setattr__(self, "surroundings", surroundings)
         object.__setattr__(self, "_contacts", weakref.WeakKeyDictionary())
+
+    @property
+    def obstacles(self) -> tuple[Obstacle, ...]:
+        """The shapes that stand still."""
+        return self.surroundings.obstacles
+
+    @property
+    def attached(self) -> tuple[Attached, ...]:
+        """The shapes that the arm holds."""
+        return self.surroundings.attached
+
+    @property
+    def allow(self) -> tuple[tuple[str, str], ...]:
+        """Pairs of names whose contact does not count."""
+        return self.surroundings.allow
+
+    @property
+    def finger_angle(self) -> float | None:
+        """Angle of the fingers when contact is looked for [rad]; None for the one the robot was loaded with."""
+        return self.surroundings.finger_angle
 
     def __setattr__(self, name: str, value: object) -> None:
         """Refuse changes after construction."""
@@ -79,7 +123,8 @@ class Scene:
 
     def __repr__(self) -> str:
         """The names of the shapes."""
-        return f"Scene({', '.join(self.names) or 'empty'})"
+        held = [f"{each.name} on {each.to}" for each in self.attached]
+        return f"Scene({', '.join((*self.names, *held)) or 'empty'})"
 
     def __len__(self) -> int:
         """Number of obstacles."""
@@ -91,12 +136,73 @@ class Scene:
 
     def __reduce__(self) -> tuple[object, tuple[object, ...]]:
         """Pickle the shapes; what was compiled is made anew."""
-        return partial(Scene, finger_angle=self.finger_angle), (self.obstacles,)
+        return _rebuild, (self.surroundings,)
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the obstacles."""
         return tuple(obstacle.name for obstacle in self.obstacles)
+
+    def attach(self, shape: Obstacle | str, to: str = "hand", *, pose: pin.SE3 | ArrayLike | None = None) -> Scene:
+        """A scene in which the arm holds a shape: it moves along, and counts against whatever is not on its link.
+
+        Args:
+            shape: a new shape, or the name of an obstacle, which then no longer stands still.
+            to: name of the frame that carries it.
+            pose: T_to_shape, or a position (3,) [m]; None for the shape's own, read in that frame.
+
+        Raises:
+            InvalidInputError: not a shape, the pose of a floor, a name that is used, or an obstacle without a pose.
+            UnknownNameError: no obstacle of that name.
+        """
+        checks.text("to", to)
+        found = self._obstacle(shape) if isinstance(shape, str) else checked_obstacles([shape])[0]
+        if isinstance(shape, str) and pose is None:
+            raise InvalidInputError(f"pose is needed: where {shape!r} is in the frame {to!r}")
+        if isinstance(found, Floor):
+            raise InvalidInputError(f"{found.name!r} is a floor, which no arm can hold")
+        rest = tuple(each for each in self.obstacles if each is not found)
+        held = Attached(found if pose is None else place(found, pose), to)
+        checked_obstacles([*rest, *(each.shape for each in self.attached), held.shape])
+        return _rebuild(self.surroundings._replace(obstacles=rest, attached=(*self.attached, held)))
+
+    def detach(self, name: str, *, pose: pin.SE3 | ArrayLike | None = None) -> Scene:
+        """A scene in which the arm no longer holds a shape.
+
+        Args:
+            name: of the shape.
+            pose: where it stands now: T_base_shape, or a position (3,) [m]; None to leave it out.
+
+        Raises:
+            UnknownNameError: the arm holds no such shape.
+            InvalidInputError: the pose is malformed.
+        """
+        held = {each.name: each for each in self.attached}
+        put = held[checks.choice("attached shape", name, held)]
+        stands = () if pose is None else (place(put.shape, pose),)
+        rest = tuple(each for each in self.attached if each is not put)
+        return _rebuild(self.surroundings._replace(obstacles=(*self.obstacles, *stands), attached=rest))
+
+    def with_fingers(self, angle: float | None) -> Scene:
+        """The same scene with the fingers at another angle [rad] when contact is looked for.
+
+        Raises:
+            InvalidInputError: not a number.
+        """
+        angle = checks.optional(checks.number, "angle", angle, "rad")
+        return _rebuild(self.surroundings._replace(finger_angle=angle))
+
+    def allowing(self, *pairs: tuple[str, str]) -> Scene:
+        """The same scene with more pairs of names whose contact does not count.
+
+        Raises:
+            InvalidInputError: not pairs of names.
+        """
+        return _rebuild(self.surroundings._replace(allow=self.allow + _checked_pairs("pairs", pairs)))
+
+    def _obstacle(self, name: str) -> Obstacle:
+        known = {each.name: each for each in self.obstacles}
+        return known[checks.choice("obstacle", name, known)]
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
@@ -106,8 +212,8 @@ class Scene:
             InvalidInputError: no such file, another ending, malformed, or wrong numbers; names the entry.
             UnknownNameError: an unknown shape or key.
         """
-        obstacles, finger_angle = _read_file(checks.path("path", path, "a file name"))
-        return cls(obstacles, finger_angle=finger_angle)
+        obstacles, finger_angle, allow = _read_file(checks.path("path", path, "a file name"))
+        return cls(obstacles, finger_angle=finger_angle, allow=allow)
 
     @classmethod
     def from_mujoco(
@@ -148,7 +254,7 @@ class Scene:
             ModelError: the description's shapes cannot be loaded.
         """
         if robot not in self._contacts:
-            self._contacts[robot] = Contact(robot, self.obstacles, finger_angle=self.finger_angle)
+            self._contacts[robot] = Contact(robot, self.surroundings)
         return self._contacts[robot]
 
 
@@ -161,17 +267,41 @@ def checked_scene(name: str, value: object) -> Scene:
     return checks.instance(name, value, Scene, "a Scene, for example Scene([Floor(0.0)])")
 
 
-def _read_file(file: Path) -> tuple[list[Obstacle], float | None]:
-    """The shapes of a file and its finger angle; see `Scene.load`."""
+def _rebuild(surroundings: Surroundings) -> Scene:
+    """A scene of what is already checked; what was compiled is made anew."""
+    scene = Scene()
+    scene._keep(surroundings)
+    return scene
+
+
+def _checked_pairs(name: str, pairs: Iterable[tuple[str, str]]) -> tuple[tuple[str, str], ...]:
+    """Pairs of names.
+
+    Raises:
+        InvalidInputError: anything else.
+    """
+    found = []
+    for pair in checks.listed(name, pairs):
+        if not isinstance(pair, list | tuple) or len(pair) != 2 or not all(isinstance(word, str) for word in pair):
+            raise checks.refusal(name, "pairs of names, for example [('hand', 'cup')]", pair)
+        found.append((pair[0], pair[1]))
+    return tuple(found)
+
+
+def _read_file(file: Path) -> tuple[list[Obstacle], float | None, tuple[tuple[str, str], ...]]:
+    """The shapes of a file, its finger angle, and the contact that it allows; see `Scene.load`."""
     content = _content(file)
-    finger_angle = None
+    finger_angle: float | None = None
+    allow: tuple[tuple[str, str], ...] = ()
     if isinstance(content, Mapping):
-        _check_keys(str(file), content, ("obstacles", "finger_angle"))
+        _check_keys(str(file), content, ("obstacles", "finger_angle", "allow"))
         finger_angle = checks.optional(checks.number, f"{file}: finger_angle", content.get("finger_angle"), "rad")
+        allow = _checked_pairs(f"{file}: allow", content.get("allow", ()))
         content = content.get("obstacles", [])
     if not isinstance(content, list):
         raise checks.refusal(f"{file}: obstacles", "a list of shapes", content)
-    return [_obstacle(f"{file}, obstacle {index}", entry, index) for index, entry in enumerate(content)], finger_angle
+    obstacles = [_obstacle(f"{file}, obstacle {index}", entry, index) for index, entry in enumerate(content)]
+    return obstacles, finger_angle, allow
 
 
 def _content(file: Path) -> object:

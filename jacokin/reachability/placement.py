@@ -91,7 +91,7 @@ def place_base(
     world = None
     if scene is not None:
         obstacles = checked_scene("scene", scene)
-        world = ContactInWorld(map.robot, obstacles.obstacles, finger_angle=obstacles.finger_angle)
+        world = ContactInWorld(map.robot, obstacles.surroundings)
     slow = world is not None or one_by_one(map.solver, False)
     bounds = np.array([_bounds("x", x), _bounds("y", y), (-np.inf, np.inf)]).T
     search = _Search(map, wanted, bounds, levels is not None, slow, world)

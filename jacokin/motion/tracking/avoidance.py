@@ -260,7 +260,7 @@ def make_guard(
         if asked:
             raise InvalidInputError(f"{asked[0]} has no effect with collision='ignore'; use 'reject'")
         return None
-    contact = Contact(robot, around.obstacles, finger_angle=around.finger_angle)
+    contact = Contact(robot, around.surroundings)
     numbers = contact.pair_numbers(self_collision=self_collision)
     if pairs is not None:
         named = [_named_pair(contact, robot.dof, pair) for pair in checks.listed("pairs", pairs)]

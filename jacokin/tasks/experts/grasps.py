@@ -112,10 +112,7 @@ def plan(
     """
     best, cost = None, np.inf
     for side in (SHORT,) if scene is None else (SHORT, LONG):
-        opened, closed = (
-            None if scene is None else Scene(scene.obstacles, finger_angle=angle)
-            for angle in (side.fingers, side.closed)
-        )
+        opened, closed = (None if scene is None else scene.with_fingers(angle) for angle in (side.fingers, side.closed))
         for at, penalty in poses(brick, side, straight=scene is None):
             before = shift(at, -ABOVE * at.rotation[:, 2])
             for q in arm.configurations(before)[:4]:

@@ -1,0 +1,111 @@
+"""`surround`: the robot's twin among the shapes of a scene, and the pairs of shapes whose contact counts.
+
+An obstacle counts against every shape that moves, and so does what the arm holds; that counts against the shapes of
+other links, too. The arm's own pairs are those of its description. Contact that the scene allows does not count.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import mujoco
+import pinocchio as pin
+
+from jacokin.errors import InvalidInputError
+from jacokin.model import checks, poses
+from jacokin.model.mujoco_twin import body_of_joint, shapes_of_links, to_spec
+from jacokin.model.obstacles import Attached, Surroundings, add_to_spec
+from jacokin.model.robot import Robot
+
+ROBOT = "robot"  # stands for all shapes of the arm where contact is allowed
+
+
+class Twin(NamedTuple):
+    """A robot's twin among the shapes of a scene, compiled; pairs of shapes by number."""
+
+    model: mujoco.MjModel
+    own: list[tuple[int, int]]
+    """Pairs of shapes of the arm, and of what it holds."""
+    partly: list[tuple[int, int]]
+    """Pairs of an obstacle, which comes first, and a shape that moves, where not all contact with it counts."""
+    standing: list[int]
+    """The other obstacles, which count against every shape that moves."""
+
+    def pairs(self, *, self_collision: bool) -> list[tuple[int, int]]:
+        """All pairs whose contact counts; without self-collision those with obstacles."""
+        moving = [geom for geom in range(self.model.ngeom) if self.model.body_weldid[self.model.geom_bodyid[geom]] > 0]
+        found = [(a, b) for a in sorted(self.standing) for b in moving] + self.partly
+        return found + self.own if self_collision else found
+
+
+def surround(robot: Robot, around: Surroundings) -> Twin:
+    """The twin with all shapes of a scene, and the pairs of shapes whose contact counts.
+
+    Raises:
+        InvalidInputError: a shape of the scene has the name of a shape of the arm, one is attached to what does not
+            move, or no finger can take the angle.
+        UnknownNameError: a shape is attached to, or contact is allowed with, a name that is not there.
+        ModelError: the description's shapes cannot be loaded.
+    """
+    spec = to_spec(robot, geometry=True, finger_angle=around.finger_angle)
+    arm = {geom.name: geom.parent.name for geom in spec.geoms}
+    for name in around.names:
+        if name in arm:
+            raise InvalidInputError(f"the name {name!r} is used by a shape of the arm; names must differ")
+    add_to_spec(spec, around.obstacles)
+    held = {each.name: _attach(spec, robot, each) for each in around.attached}
+    model = spec.compile()
+    number = {str(model.geom(geom).name): geom for geom in range(model.ngeom)}
+    allowed = allowed_pairs(robot, around, list(arm))
+    own = list(zip(model.pair_geom1.tolist(), model.pair_geom2.tolist(), strict=True))
+    own += [
+        (number[other], number[name]) for name, carrier in held.items() for other, body in arm.items() if body != carrier
+    ]
+    base = body_of_joint(robot, 0)
+    moving = [name for name, body in arm.items() if body != base] + list(held)
+    standing, partly = list[int](), list[tuple[int, int]]()
+    for obstacle in around.obstacles:
+        counted = [other for other in moving if frozenset((obstacle.name, other)) not in allowed]
+        if len(counted) == len(moving):
+            standing.append(number[obstacle.name])
+        else:
+            partly += [(number[obstacle.name], number[other]) for other in counted]
+    unwanted = {frozenset(map(number.__getitem__, pair)) for pair in allowed}
+    return Twin(model, [pair for pair in own if frozenset(pair) not in unwanted], partly, standing)
+
+
+def allowed_pairs(robot: Robot, around: Surroundings, arm: Sequence[str]) -> set[frozenset[str]]:
+    """Pairs of shapes whose contact the scene allows.
+
+    Raises:
+        UnknownNameError: no shape, link or obstacle has a name.
+    """
+    if not around.allow:
+        return set()
+    links = {name: shapes & set(arm) for name, shapes in shapes_of_links(robot).items()}
+    each = {name: frozenset((name,)) for name in (*arm, *around.names)}
+    groups = {ROBOT: frozenset(arm), **{name: shapes for name, shapes in links.items() if shapes}, **each}
+    found = set[frozenset[str]]()
+    for pair in around.allow:
+        first, second = (groups[checks.choice("shape or link", name, groups)] for name in pair)
+        found |= {frozenset((a, b)) for a in first for b in second if a != b}
+    return found
+
+
+def _attach(spec: mujoco.MjSpec, robot: Robot, attached: Attached) -> str:
+    """Add a shape to the link that carries it, and return the name of its body."""
+    frame = robot.pin_model.frames[robot.frame_id(attached.to)]
+    if frame.parentJoint == 0:
+        raise InvalidInputError(
+            f"{attached.to!r} is moved by no joint of {robot.name}: leave {attached.name!r} an obstacle"
+        )
+    carrier = body_of_joint(robot, frame.parentJoint)
+    T_carrier_frame: pin.SE3 = frame.placement
+    body = spec.body(carrier).add_body(
+        name=f"holds {attached.name}",
+        pos=T_carrier_frame.translation,
+        quat=poses.quaternion(T_carrier_frame.rotation),
+    )
+    attached.shape.add_to(body)
+    return carrier
