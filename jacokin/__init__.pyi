@@ -9,6 +9,7 @@ from jacokin.model.loading import load_robot as load_robot
 from jacokin.model.poses import FreeAxis as FreeAxis
 from jacokin.model.poses import pose as pose
 from jacokin.model.robot import Robot as Robot
+from jacokin.motion.free_motion.plan_motion import plan_motion as plan_motion
 from jacokin.motion.planning.plan import plan_path as plan_path
 from jacokin.motion.tracking.tracker import Tracker as Tracker
 

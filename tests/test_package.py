@@ -152,6 +152,7 @@ def test_public_names_are_exactly_these() -> None:
         "__version__",
         "crosscheck",
         "load_robot",
+        "plan_motion",
         "plan_path",
         "pose",
         "solve_ik",

@@ -74,8 +74,7 @@ def move_joints(
     # Rounding may pass the ends by one unit in the last place, and an end may be a limit.
     q = np.clip(q, np.minimum(start, end), np.maximum(start, end))
     q[0], q[-1] = start, end
-    columns = map(checks.read_only, (times, q, v, robot.lower, robot.upper, velocity, a))
-    return JointMotion(robot.joint_names, *columns)
+    return JointMotion.of(robot, velocity, (times, q, v, a))
 
 
 def _time(start: Array, end: Array, velocity: Array, acceleration: Array, jerk: Array | None) -> ruckig.Trajectory:

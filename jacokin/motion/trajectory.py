@@ -11,17 +11,20 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
+from enum import Enum
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.ik.results import Frozen
+from jacokin.ik.targets import Target
 from jacokin.model import checks
+from jacokin.model.robot import Robot
 from jacokin.motion.files import (
     NOT_OURS,
     Table,
@@ -33,6 +36,7 @@ from jacokin.motion.files import (
     write_arrays,
     write_table,
 )
+from jacokin.motion.grasps import Grasp
 
 FORMATS = (".csv", ".npz", ".json", ".kinova.csv")
 LIMITS = ("lower", "upper", "velocity_limit")
@@ -121,6 +125,11 @@ class Trajectory(Frozen):
     """(dof,) upper limits [rad]."""
     velocity_limit: Array
     """(dof,) velocity limits that were held [rad/s]."""
+
+    @property
+    def time(self) -> Array:
+        """(n,) the times `t` [s]."""
+        return self.t
 
     if TYPE_CHECKING:
 
@@ -320,14 +329,95 @@ class PathResult(Trajectory):
         )
 
 
+#: What a motion may lead to: a configuration, what `IKSolver.solve` takes, or a grasp.
+Aim: TypeAlias = Target | Grasp
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Goal(Frozen):
+    """A configuration that reaches one of the goals. Arrays are read-only."""
+
+    q: Array
+    """(dof,) joint angles [rad]."""
+    number: int
+    """Which of the goals that were given it reaches."""
+    target: Aim | None = None
+    """That goal; None for a configuration."""
+    parameter: float | None = None
+    """Angle about the free axis, or of joint 3 on seven joints [rad]; None where nothing is free."""
+
+
+class MotionStatus(Enum):
+    """Outcome of a motion to a goal; the value is a sentence that says what to try."""
+
+    OK = "the motion leads to its goal"
+    START_IN_CONTACT = (
+        "the arm touches something where it starts: move it out by hand or by joints, "
+        "or allow that contact, Scene(..., allow=[...])"
+    )
+    UNREACHABLE = "no configuration within the limits reaches a goal: move or turn it, or give more goals"
+    GOAL_IN_CONTACT = (
+        "every configuration that reaches a goal touches something: move it, give more goals, leave an axis free, "
+        "or allow that contact, Scene(..., allow=[...])"
+    )
+    NO_WAY = "no way was found, though there may be one: allow more time, or give more goals"
+    MISSED = "the end of the motion misses its goal by more than the tolerances: give a goal away from singular poses"
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class JointMotion(Trajectory):
     """A motion between two configurations, sampled. Arrays are read-only."""
 
-    LAYOUT: ClassVar = Layout(joints=("q", "v", "a"))
+    LAYOUT: ClassVar = Layout(joints=("q", "v", "a"), numbers=("clearance",), texts=("outcome", "message"))
 
     a: Array
     """(n, dof) accelerations [rad/s^2]."""
+    clearance: Array = field(default_factory=lambda: checks.read_only([]))
+    """(n,) smallest distance of shapes whose contact counts [m]; nan without shapes, empty where none was measured."""
+    outcome: str = "OK"
+    """Name of a `MotionStatus`."""
+    message: str = ""
+    """What happened, in a sentence."""
+    goal: Goal | None = None
+    """What `plan_motion` leads to; not kept in files."""
+
+    @classmethod
+    def of(
+        cls,
+        robot: Robot,
+        velocity: Array,
+        rows: tuple[Array, Array, Array, Array],
+        *,
+        clearance: ArrayLike = (),
+        status: MotionStatus = MotionStatus.OK,
+        message: str = "",
+        goal: Goal | None = None,
+    ) -> Self:
+        """A motion of a robot within velocity limits (dof,) [rad/s], from times, angles, velocities, accelerations."""
+        t, q, v, a = map(checks.read_only, rows)
+        return cls(
+            joint_names=robot.joint_names,
+            t=t,
+            q=q,
+            v=v,
+            lower=robot.lower,
+            upper=robot.upper,
+            velocity_limit=checks.read_only(velocity),
+            a=a,
+            clearance=checks.read_only(np.array(clearance, dtype=np.float64)),
+            outcome=status.name,
+            message=message,
+            goal=goal,
+        )
+
+    @property
+    def success(self) -> bool:
+        """True when the motion leads to its goal."""
+        return self.outcome == MotionStatus.OK.name
+
+    def __str__(self) -> str:
+        """The motion on two lines."""
+        return f"{len(self)} rows, {self.t[-1]:.3f} s: {MotionStatus[self.outcome].value}\n{self.message}"
 
 
 def load_trajectory(file: str | Path) -> PathResult | JointMotion:

@@ -1,0 +1,215 @@
+"""`plan_motion`: the end is at the goal, nothing touches on the way, limits hold between rows, and failures say why."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+import pytest
+from numpy.typing import NDArray
+
+import jacokin
+from jacokin import FreeAxis, IKSolver, Robot
+from jacokin.errors import InvalidInputError
+from jacokin.ik import Box, Floor, Scene, Sphere
+from jacokin.model.poses import rotation_angle
+from jacokin.model.surrounded import surround
+from jacokin.motion import JointMotion, plan_motion
+from jacokin.motion.trajectory import load_trajectory
+
+FINE = 1e-3  # [rad] between configurations that the referee looks at
+WALL = Scene([Box("wall", [0.6, 0.02, 0.7], [0.45, -0.05, 0.35]), Floor(-0.02)])
+
+
+def touches(robot: Robot, scene: Scene, rows: NDArray[np.float64]) -> int:
+    """How many configurations (n, dof) MuJoCo finds in contact."""
+    spec = surround(robot, scene.surroundings)
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    found = 0
+    for q in rows:
+        data.qpos[:] = q
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_collision(model, data)
+        found += bool((data.contact.dist < -1e-6).any())
+    return found
+
+
+def between(motion: JointMotion, step: float) -> NDArray[np.float64]:
+    """Configurations along a motion, at most a step [rad] apart."""
+    rows = [motion.q[:1]]
+    for a, b in zip(motion.q[:-1], motion.q[1:], strict=True):
+        count = max(1, int(np.ceil(np.abs(b - a).max() / step)))
+        rows.append(a + np.arange(1, count + 1)[:, None] / count * (b - a))
+    return np.concatenate(rows)
+
+
+def check(robot: Robot, scene: Scene, motion: JointMotion, acceleration: float = 1.0, step: float = 0.02) -> None:
+    """Limits of position, velocity and acceleration, agreement of the columns, and no contact."""
+    assert motion.success, motion.message
+    assert (motion.q >= robot.lower).all()
+    assert (motion.q <= robot.upper).all()
+    assert (np.abs(motion.v) <= robot.velocity_limit).all()
+    assert (np.abs(motion.a) <= acceleration).all()
+    assert not motion.v[[0, -1]].any()
+    if len(motion) > 2:
+        dt = np.diff(motion.t)[:, None]
+        assert (np.abs(np.diff(motion.q, axis=0) / dt) <= robot.velocity_limit + 1e-9).all()
+        assert (np.abs(np.diff(motion.v, axis=0) / dt) <= acceleration + 1e-6).all()
+        np.testing.assert_allclose(np.diff(motion.q, axis=0), 0.5 * dt * (motion.v[1:] + motion.v[:-1]), atol=2e-4)
+    assert touches(robot, scene, between(motion, step)) == 0
+    assert (motion.clearance > 0.0).all()
+
+
+def ways_through(robot: Robot, rng: np.random.Generator) -> tuple[NDArray[np.float64], pin.SE3]:
+    """A configuration on one side of the wall, and a pose on the other."""
+    solver = IKSolver(robot, collision="reject", scene=WALL)
+    q = solver.solve(jacokin.pose([0.4, -0.35, 0.3], down=True)).q
+    return q, jacokin.pose([0.4, 0.25, rng.uniform(0.25, 0.35)], down=True)
+
+
+def test_a_straight_motion_where_nothing_is_in_the_way(robot: Robot) -> None:
+    """The least time of a straight motion from rest to rest is known."""
+    goal = robot.home + np.array([0.5, 0.1, -0.1, 0.2, 0.0, 0.3])
+    motion = plan_motion(IKSolver(robot), robot.home, goal)
+    check(robot, Scene(), motion)
+    speed = (robot.velocity_limit / np.maximum(np.abs(goal - robot.home), 1e-12)).min()  # of the whole way
+    pull = (1.0 / np.maximum(np.abs(goal - robot.home), 1e-12)).min()
+    assert motion.duration == pytest.approx(1.0 / speed + speed / pull, rel=1e-6)
+    away = motion.q - robot.home
+    share = away[:, :1] / away[-1, :1]
+    np.testing.assert_allclose(away, share * away[-1], atol=1e-9)
+    assert motion.goal is not None
+    assert motion.goal.number == 0
+    np.testing.assert_array_equal(motion.q[-1], goal)
+    assert "straight" in motion.message
+    assert motion.time is motion.t
+
+
+def test_around_a_wall(robot: Robot, rng: np.random.Generator, tmp_path: Path) -> None:
+    start, pose = ways_through(robot, rng)
+    solver = IKSolver(robot, collision="reject", scene=WALL)
+    motion = plan_motion(solver, start, pose, time_limit=30.0)
+    check(robot, WALL, motion)
+    np.testing.assert_array_equal(motion.q[0], start)
+    end = robot.forward_kinematics(motion.q[-1])
+    np.testing.assert_allclose(end.translation, pose.translation, atol=1e-6)
+    assert rotation_angle(end.rotation.T @ pose.rotation) < 1e-6
+    again = plan_motion(solver, start, pose, time_limit=60.0)
+    np.testing.assert_array_equal(again.q, motion.q)
+    for name in ("motion.csv", "motion.npz"):
+        motion.save(tmp_path / name)
+        read = load_trajectory(tmp_path / name)
+        assert isinstance(read, JointMotion)
+        np.testing.assert_array_equal(read.clearance, motion.clearance)
+        assert (read.message, read.outcome) == (motion.message, "OK")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(4))
+def test_a_fine_referee_finds_no_contact(robot: Robot, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    start, pose = ways_through(robot, rng)
+    motion = plan_motion(IKSolver(robot, collision="reject", scene=WALL), start, pose, time_limit=30.0, rng=rng)
+    check(robot, WALL, motion, step=FINE)
+
+
+def test_any_of_several_goals_will_do(robot: Robot) -> None:
+    solver = IKSolver(robot)
+    far = jacokin.pose([2.0, 0.0, 0.5])
+    pose = robot.forward_kinematics(robot.home + 0.2)
+    motion = plan_motion(solver, robot.home, [far, FreeAxis(pose, axis=[0, 0, 1]), robot.home + 1.0])
+    check(robot, Scene(), motion)
+    assert motion.goal is not None
+    assert motion.goal.number == 1
+    assert motion.goal.parameter is not None
+    assert isinstance(motion.goal.target, FreeAxis)
+    reached = robot.forward_kinematics(motion.q[-1])
+    np.testing.assert_allclose(reached.translation, pose.translation, atol=1e-6)
+    np.testing.assert_allclose(reached.rotation[:, 2], pose.rotation[:, 2], atol=1e-6)
+    position = plan_motion(solver, robot.home, pose.translation)
+    np.testing.assert_allclose(robot.forward_kinematics(position.q[-1]).translation, pose.translation, atol=1e-6)
+
+
+def test_unlimited_joints_take_the_short_way(robot: Robot) -> None:
+    goal = robot.home.copy()
+    goal[0] += 2.0 * np.pi - 0.5
+    motion = plan_motion(IKSolver(robot), robot.home, goal)
+    np.testing.assert_allclose(motion.q[-1, 0], robot.home[0] - 0.5, atol=1e-12)
+
+
+def test_copies_within_wide_limits_are_all_tried() -> None:
+    """A wall stands where the short way leads: the copy of the goal a turn away is reached the other way round."""
+    robot = jacokin.load_robot(limits={"joint_1": (-6.0, 6.0)})
+    start, goal = robot.home.copy(), robot.home.copy()
+    start[0], goal[0] = 3.0, -3.0
+    motion = plan_motion(IKSolver(robot), start, robot.forward_kinematics(goal))
+    assert motion.q[-1, 0] == pytest.approx(2.0 * np.pi - 3.0, abs=1e-6)
+    assert plan_motion(IKSolver(robot), start, goal).q[-1, 0] == pytest.approx(2.0 * np.pi - 3.0, abs=1e-9)
+
+
+def test_seven_joints_choose_their_elbow() -> None:
+    robot = jacokin.load_robot("j2s7s300")
+    pose = robot.forward_kinematics(robot.home + 0.3)
+    motion = plan_motion(IKSolver(robot), robot.home, pose)
+    check(robot, Scene(), motion)
+    np.testing.assert_allclose(robot.forward_kinematics(motion.q[-1]).translation, pose.translation, atol=1e-6)
+    assert motion.goal is not None
+    assert motion.goal.parameter == pytest.approx(motion.q[-1, 2], abs=1e-9)
+
+
+def test_what_is_held_stays_clear(robot: Robot, rng: np.random.Generator) -> None:
+    start, pose = ways_through(robot, rng)
+    held = WALL.attach(Box("rod", [0.02, 0.02, 0.2], [0.0, 0.0, 0.05]), to="end_effector")
+    motion = plan_motion(IKSolver(robot, collision="reject", scene=held), start, pose, time_limit=30.0)
+    if motion.success:
+        check(robot, held, motion)
+    else:
+        assert motion.outcome in ("GOAL_IN_CONTACT", "START_IN_CONTACT", "NO_WAY")
+
+
+def test_failures_say_what_to_do(robot: Robot) -> None:
+    there = robot.forward_kinematics(robot.home).translation
+    inside = IKSolver(robot, collision="reject", scene=Scene([Sphere("ball", 0.05, there)]))
+    motion = plan_motion(inside, robot.home, robot.home + 0.5)
+    assert (motion.success, motion.outcome, len(motion)) == (False, "START_IN_CONTACT", 1)
+    assert "ball" in motion.message
+    assert "allow" in str(motion)
+    motion = plan_motion(IKSolver(robot), robot.home, jacokin.pose([2.0, 0.0, 0.0]))
+    assert motion.outcome == "UNREACHABLE"
+    assert "reach" in motion.message
+    pose = robot.forward_kinematics(robot.home + 0.4)
+    blocked = IKSolver(robot, collision="reject", scene=Scene([Sphere("ball", 0.08, pose.translation)]))
+    motion = plan_motion(blocked, robot.home, pose)
+    assert motion.outcome == "GOAL_IN_CONTACT"
+    assert "ball" in motion.message
+
+
+def test_no_way_names_what_is_in_the_way(robot: Robot) -> None:
+    """A wall through the column of the base: on its other side there is no way."""
+    solver = IKSolver(robot, collision="reject", scene=Scene([Box("wall", [3.0, 0.01, 3.0], [0.0, 0.14, 0.0])]))
+    goal = robot.home.copy()
+    goal[0] += np.pi
+    motion = plan_motion(solver, robot.home, goal, time_limit=0.3)
+    assert motion.outcome in ("NO_WAY", "START_IN_CONTACT", "GOAL_IN_CONTACT")
+    assert "wall" in motion.message
+
+
+def test_mistakes(robot: Robot) -> None:
+    solver = IKSolver(robot)
+    outside = robot.home.copy()
+    outside[1] = 0.1
+    with pytest.raises(InvalidInputError, match="start puts joint_2 at 0.1"):
+        plan_motion(solver, outside, robot.home)
+    with pytest.raises(InvalidInputError, match="goal puts joint_2 at 0.1"):
+        plan_motion(solver, robot.home, outside)
+    with pytest.raises(InvalidInputError, match="goal is empty"):
+        plan_motion(solver, robot.home, [])
+    with pytest.raises(InvalidInputError, match="time_limit must be"):
+        plan_motion(solver, robot.home, robot.home, time_limit=0.0)
+    with pytest.raises(InvalidInputError, match="goal must have shape"):
+        plan_motion(solver, robot.home, [1.0, 2.0])
+    with pytest.raises(InvalidInputError, match="goal 1"):
+        plan_motion(solver, robot.home, [robot.home, "cup"])

@@ -1,0 +1,63 @@
+"""Ways with rounded corners: continuous, within limits at every instant, and no slower than stopping."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from jacokin.motion.blending import TimedCourse, fit_time, round_corners
+
+VELOCITY = np.array([0.63, 0.63, 0.63, 0.84, 0.84, 0.84])  # [rad/s]
+ACCELERATION = np.array([1.0, 2.0, 0.5, 1.0, 3.0, 1.0])  # [rad/s^2]
+
+
+def timed(way: np.ndarray, *, clear: bool = True) -> TimedCourse:
+    course, stops = round_corners(way, VELOCITY, lambda corner, turn: clear)
+    return fit_time(course, stops, VELOCITY, ACCELERATION)
+
+
+@pytest.mark.parametrize("corners", [0, 1, 2, 6])
+def test_limits_hold_at_every_instant(rng: np.random.Generator, corners: int) -> None:
+    for _ in range(6):
+        way = np.cumsum(rng.normal(size=(corners + 2, 6)) * rng.choice([0.05, 0.3, 1.0]), axis=0)
+        found = timed(way)
+        t = np.linspace(0.0, found.duration, 5001)
+        q, v, a = found.at(t)
+        assert (np.abs(v) <= VELOCITY).all()
+        assert (np.abs(a) <= ACCELERATION).all()
+        np.testing.assert_allclose(q[[0, -1]], way[[0, -1]], atol=1e-12)
+        np.testing.assert_allclose(v[[0, -1]], 0.0, atol=1e-12)
+        h = t[1]
+        np.testing.assert_allclose(np.diff(q, axis=0), 0.5 * h * (v[1:] + v[:-1]), atol=ACCELERATION.max() * h * h)
+        assert (np.abs(np.diff(v, axis=0)) <= ACCELERATION * h * (1.0 + 1e-6) + 1e-12).all()
+
+
+def test_corners_are_passed_without_stopping(rng: np.random.Generator) -> None:
+    way = np.cumsum(rng.uniform(0.2, 0.6, size=(5, 6)), axis=0)
+    through, stopping = timed(way), timed(way, clear=False)
+    assert through.duration < 0.85 * stopping.duration
+    inside = np.linspace(0.05, 0.95, 200) * through.duration
+    assert np.abs(through.at(inside)[1]).max(axis=1).min() > 0.1
+    speeds = np.interp(stopping.course.s[1:-1], stopping.s, stopping.speed)
+    np.testing.assert_allclose(speeds, 0.0, atol=1e-12)
+
+
+def test_a_corner_is_cut_within_its_triangle(rng: np.random.Generator) -> None:
+    way = rng.normal(size=(3, 6))
+    course, _ = round_corners(way, VELOCITY, lambda corner, turn: True)
+    corner = way[1]
+    q = course.at(np.linspace(course.s[1], course.s[2], 50))[0]
+    a, b = course.q[1], course.q[2]
+    weights = np.linalg.lstsq(np.column_stack([a - corner, b - corner]), (q - corner).T, rcond=None)[0]
+    assert (weights >= -1e-9).all()
+    assert (weights.sum(axis=0) <= 1.0 + 1e-9).all()
+
+
+def test_one_line_takes_the_known_time() -> None:
+    step = np.array([0.5, -0.1, 0.05, 0.2, 0.0, 0.3])
+    found = timed(np.array([np.zeros(6), step]))
+    used = step != 0.0
+    speed = (VELOCITY[used] / np.abs(step[used])).min()
+    pull = (ACCELERATION[used] / np.abs(step[used])).min()
+    expected = 1.0 / speed + speed / pull if speed**2 < pull else 2.0 / np.sqrt(pull)
+    assert found.duration == pytest.approx(expected, rel=1e-6)
