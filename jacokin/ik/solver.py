@@ -171,6 +171,18 @@ class IKSolver:
         """The method asked for: "auto", "closed_form" or "qp"."""
         return self._options.method
 
+    def in_scene(self, scene: Scene | None) -> IKSolver:
+        """A solver that differs in its scene only; one that ignored contact rejects it where there is a scene.
+
+        Raises:
+            InvalidInputError: the scene does not fit the robot.
+            UnknownNameError: the scene speaks of a link that is not there.
+        """
+        options = self._options
+        collision = "reject" if scene is not None and options.collision == "ignore" else options.collision
+        changed = dataclasses.replace(options, scene=scene, collision=collision)
+        return _rebuild(self.robot, self.frame, self.tool, changed)
+
     def closed_form(self) -> ClosedForm:
         """The closed form of this robot, built once.
 

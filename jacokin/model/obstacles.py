@@ -208,6 +208,19 @@ def place(shape: Obstacle, pose: pin.SE3 | ArrayLike) -> Obstacle:
     raise checks.refusal("shape", "a Box, Sphere, Capsule or Cylinder where a pose is given", shape)
 
 
+def pose_of(shape: Obstacle) -> pin.SE3:
+    """T_base_shape; a sphere has the axes of the base.
+
+    Raises:
+        InvalidInputError: a shape without a pose.
+    """
+    if isinstance(shape, Sphere):
+        return pin.SE3(np.eye(3), np.asarray(shape.position))
+    if isinstance(shape, Box | Capsule | Cylinder) and isinstance(shape.pose, pin.SE3):
+        return shape.pose
+    raise checks.refusal("shape", "a Box, Sphere, Capsule or Cylinder, which have a pose", shape)
+
+
 def checked_obstacles(obstacles: Iterable[Obstacle]) -> tuple[Obstacle, ...]:
     """The obstacles of a list.
 

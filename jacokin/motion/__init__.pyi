@@ -1,6 +1,9 @@
+from jacokin.motion import grasps as grasps
 from jacokin.motion.clearance import Clearance as Clearance
 from jacokin.motion.clearance import path_clearance as path_clearance
 from jacokin.motion.free_motion.plan_motion import plan_motion as plan_motion
+from jacokin.motion.free_motion.plan_pick import Pick as Pick
+from jacokin.motion.free_motion.plan_pick import plan_pick as plan_pick
 from jacokin.motion.grasps import Grasp as Grasp
 from jacokin.motion.joint_motion import move_joints as move_joints
 from jacokin.motion.planning.plan import plan_path as plan_path

@@ -12,7 +12,7 @@ import pinocchio as pin
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.ik.seeds import checked_start, random_configurations
-from jacokin.ik.solver import IKSolver
+from jacokin.ik.solver import SEVEN, IKSolver
 from jacokin.ik.targets import PartialTarget, Target, TargetPose, interpret
 from jacokin.model import angles, checks
 from jacokin.model.angles import TURN
@@ -22,6 +22,7 @@ from jacokin.motion.grasps import Grasp
 from jacokin.motion.trajectory import Aim, Goal
 
 SPREAD = float(np.radians(20.0))  # between members of a family that are tried
+TURNED = float(np.radians(30.0))  # between angles about a free axis that are tried on seven joints
 STARTS = 8  # of descents to a goal without a closed form
 MOST_COPIES = 64  # of one configuration, whole turns away within the limits
 
@@ -75,6 +76,8 @@ class GoalFinder:
         found = list(self._configurations(wanted))
         if found:
             return self._goals(found, number, aim), ""
+        if wanted.free_axis is not None and self._robot.dof == SEVEN:
+            return [], "no configuration within the limits was found at any of the angles that were tried"
         return [], self._solver.solve(self._pose_of(wanted), seed=self._start, closest=False).message
 
     def _pose_of(self, wanted: TargetPose) -> Target:
@@ -85,7 +88,9 @@ class GoalFinder:
     def _configurations(self, wanted: TargetPose) -> Iterator[tuple[Array, float | None]]:
         """Configurations that reach a target, each with its parameter."""
         solver, verifier = self._solver, self._solver.verifier
-        if wanted.free_axis is not None or (solver.has_families and not wanted.position_only):
+        if wanted.free_axis is not None and solver.has_families and self._robot.dof == SEVEN:
+            yield from self._turned(wanted)
+        elif wanted.free_axis is not None or (solver.has_families and not wanted.position_only):
             yield from self._members(wanted)
         elif solver.has_closed_form and not wanted.position_only:
             rows = solver.closed_form().solve_all(wanted.matrix, self._start)
@@ -106,6 +111,14 @@ class GoalFinder:
             yield nearest, family.parameter(nearest)
             parameters, rows = interval.sample(max(2, int(np.ceil(interval.length / SPREAD))))
             yield from zip(rows, parameters.tolist(), strict=True)
+
+    def _turned(self, wanted: TargetPose) -> Iterator[tuple[Array, float | None]]:
+        """On seven joints, the members nearest to the start at some angles about a free axis."""
+        assert wanted.free_axis is not None
+        low, high = wanted.free_axis.range
+        for angle in np.linspace(low, high, max(2, int(np.ceil((high - low) / TURNED)) + 1)).tolist():
+            for interval in self._solver.family(wanted.at(angle).matrix, seed=self._start):
+                yield interval.nearest(self._start), angle
 
     def _goals(self, found: Sequence[tuple[Array, float | None]], number: int, aim: Aim | None) -> list[Goal]:
         return [
