@@ -5,7 +5,7 @@ command, options           commands of click that take lists of numbers; options
 units, display, outputs    radians and degrees, tables and JSON, files that must not be overwritten
 ik, ik_answers, ik_batch   `jacokin ik`: the command, the answer to one pose, a file of poses
 kinematics, info           `fk`, `jacobian`; `info`
-paths                      `plan`, `track`
+paths, move                `plan`, `track`; `move`
 reachability               `map`, `place`
 task, viewer               `task`; `view`
 crosscheck, doctor         `crosscheck`; `doctor` and `warmup`

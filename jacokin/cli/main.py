@@ -42,6 +42,7 @@ COMMANDS = {
     "info": "info",
     "track": "paths",
     "plan": "paths",
+    "move": "move",
     "view": "viewer",
     "task": "task",
     "map": "reachability",

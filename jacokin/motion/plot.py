@@ -1,15 +1,19 @@
-"""Plot of a followed path: joints against their limits, speeds against theirs, and the error (extra ``plot``)."""
+"""Plot of a trajectory: joints and speeds against their limits, and errors or distances (extra ``plot``)."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from jacokin.errors import needed
 from jacokin.model import checks
 from jacokin.motion import files
-from jacokin.motion.trajectory import PathResult
+from jacokin.motion.trajectory import JointMotion, PathResult
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 FORMATS = (".png", ".svg", ".pdf")
 SIZE = (10.0, 9.0)  # [inch]
@@ -17,14 +21,15 @@ DPI = 110
 LEAST_ERROR = 1e-12  # [m, rad] bottom of the logarithmic error axis: below is rounding
 
 
-def plot_path(result: PathResult, path: str | Path) -> None:
-    """Write the plot of a path to a file; the ending says which kind: .png, .svg or .pdf.
+def plot_path(result: PathResult | JointMotion, path: str | Path) -> None:
+    """Write the plot of a trajectory to a file; the ending says which kind: .png, .svg or .pdf.
 
     Raises:
-        InvalidInputError: not a path, another ending, or the file cannot be written.
+        InvalidInputError: not a trajectory, another ending, or the file cannot be written.
         MissingExtraError: matplotlib is not installed.
     """
-    checks.instance("result", result, PathResult, "a PathResult (see track_path)")
+    if not isinstance(result, JointMotion):
+        checks.instance("result", result, PathResult, "a PathResult (see track_path)")
     files.by_ending(path, FORMATS)
     with needed("matplotlib", "plot"):
         from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -44,22 +49,40 @@ def plot_path(result: PathResult, path: str | Path) -> None:
     for limit in (-1.0, 1.0):
         speeds.axhline(limit, color="black", linestyle="--", linewidth=0.8)
     speeds.set_ylabel("joint velocity\n[part of its limit]")
-    errors.semilogy(result.t, np.maximum(result.position_error, LEAST_ERROR), label="position [m]")
-    errors.semilogy(result.t, np.maximum(result.orientation_error, LEAST_ERROR), label="orientation [rad]")
+    if isinstance(result, JointMotion):
+        _draw_clearance(errors, result)
+        title = "a motion to its goal" if result.success else "no motion to the goal"
+    else:
+        _draw_errors(errors, result)
+        title = "on the path throughout" if result.success else "off the path in places"
+    errors.set_xlabel("time [s]")
+    figure.suptitle(f"{title}, {result.t[-1]:.2f} s")
+    files.save(path, dict.fromkeys(FORMATS, lambda file: figure.savefig(file, dpi=DPI)))
+
+
+def _draw_clearance(axes: Axes, motion: JointMotion) -> None:
+    """The smallest distance of shapes over time, where it was measured."""
+    if motion.clearance.size:
+        axes.plot(motion.t, motion.clearance)
+    axes.axhline(0.0, color="black", linestyle="--", linewidth=0.8)
+    axes.set_ylabel("smallest distance [m]")
+
+
+def _draw_errors(axes: Axes, result: PathResult) -> None:
+    """The errors over time, and where the arm is off its path."""
+    axes.semilogy(result.t, np.maximum(result.position_error, LEAST_ERROR), label="position [m]")
+    axes.semilogy(result.t, np.maximum(result.orientation_error, LEAST_ERROR), label="orientation [rad]")
     off = np.array([status != "OK" for status in result.status])
     if off.any():
-        errors.fill_between(
+        axes.fill_between(
             result.t,
             0.0,
             1.0,
             where=off,
-            transform=errors.get_xaxis_transform(),
+            transform=axes.get_xaxis_transform(),
             color="C3",
             alpha=0.2,
             label="off path",
         )
-    errors.set_ylabel("error")
-    errors.set_xlabel("time [s]")
-    errors.legend(loc="upper right", fontsize="small")
-    figure.suptitle(f"{'on the path throughout' if result.success else 'off the path in places'}, {result.t[-1]:.2f} s")
-    files.save(path, dict.fromkeys(FORMATS, lambda file: figure.savefig(file, dpi=DPI)))
+    axes.set_ylabel("error")
+    axes.legend(loc="upper right", fontsize="small")

@@ -1,0 +1,179 @@
+"""`jacokin move`: a motion from joint angles to a pose or to joint angles, without contact."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib.util
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from jacokin import files, ik, motion
+from jacokin.cli import display, options
+from jacokin.cli.command import Command, NumberList
+from jacokin.cli.display import number, show_facts
+from jacokin.cli.ik import TargetOptions, target_options
+from jacokin.cli.outputs import keep_apart
+from jacokin.cli.process import NOT_SOLVED
+from jacokin.cli.units import Units
+from jacokin.errors import InvalidInputError, MissingExtraError
+
+if TYPE_CHECKING:
+    import pinocchio as pin
+
+    from jacokin import model
+
+
+@click.command(cls=Command, no_args_is_help=True)
+@click.option("--from", "start", cls=NumberList, metavar="Q1 .. Q6", help="Joint angles now; home if not given.")
+@click.option(
+    "--to", "joints_to", cls=NumberList, metavar="Q1 .. Q6", help="Joint angles to go to, in place of a pose."
+)
+@target_options
+@options.scene
+@options.clearance
+@click.option("--time-limit", default=2.0, metavar="T", help="For the search [s].")
+@options.random_seed
+@click.option("--dt", default=0.01, metavar="T", help="Control step [s].")
+@click.option(
+    "--velocity-limit", cls=NumberList, metavar="V ..", help="Of the joints [rad/s], one for all or one for each."
+)
+@click.option(
+    "--acceleration-limit", cls=NumberList, metavar="A ..", help="Of the joints [rad/s^2]; 1 rad/s^2 if not given."
+)
+@click.option(
+    "--output",
+    type=options.FILE,
+    metavar="FILE",
+    help="Write the motion here, .csv, .npz, .json (ROS) or .kinova.csv.",
+)
+@click.option("--ros", type=click.Choice(["1", "2"]), default="2", help="The version of ROS a .json is for.")
+@click.option(
+    "--joint-prefix", default="", metavar="P", help="Before the names of joints in a .json, such as j2n6s300_."
+)
+@click.option("--plot", type=options.FILE, metavar="FILE.png", help="Draw joints, limits and distances over time.")
+@options.frame
+@options.tool
+@options.degrees
+@options.json
+@options.robot()
+def move(
+    start: list[float] | None,
+    joints_to: list[float] | None,
+    wanted: TargetOptions,
+    scene: Path | None,
+    clearance: float,
+    time_limit: float,
+    random_seed: int | None,
+    dt: float,
+    velocity_limit: list[float] | None,
+    acceleration_limit: list[float] | None,
+    output: Path | None,
+    ros: str,
+    joint_prefix: str,
+    plot: Path | None,
+    frame: str | None,
+    tool: pin.SE3 | None,
+    units: Units,
+    json: bool,
+    source: options.RobotOptions,
+) -> None:
+    """Plan a motion to a pose or to joint angles that touches nothing on its way.
+
+    Exit code: 0 there is one, 1 not, 2 wrong input.
+
+    Examples:
+      jacokin move --position 0.3 -0.2 0.5 --down --output motion.csv
+      jacokin move --position 0.4 0.3 0.3 --approach 1 0 0 --scene scene.yaml --clearance 0.01
+      jacokin move --from 275 167 57 241 83 76 --to 200 180 90 240 80 70 --degrees --output arm.kinova.csv
+    """
+    import numpy as np
+
+    from jacokin.motion.plot import FORMATS as PICTURES
+    from jacokin.motion.trajectory import FORMATS
+
+    has_pose = wanted.position is not None or wanted.kinova is not None
+    if has_pose == (joints_to is not None):
+        raise InvalidInputError("exactly one of --to and a pose (--position or --kinova) is needed")
+    for option, file, endings in (("--output", output, FORMATS), ("--plot", plot, PICTURES)):
+        if file is not None and file.suffix not in endings:
+            raise InvalidInputError(f"{option} must end in {' or '.join(endings)}, got {str(file)!r}")
+    if plot is not None and importlib.util.find_spec("matplotlib") is None:
+        raise MissingExtraError("matplotlib", "plot")
+    keep_apart({"--output": output, "--plot": plot}, {"--robot": source.robot, "--scene": scene}, source.package_dirs)
+    arm = source.load()
+    joints = units.for_joints(arm)
+    solver = ik.IKSolver(
+        arm, frame, tool=tool, collision="reject", scene=options.load_scene(scene), clearance=clearance
+    )
+    goal = wanted.build(units) if has_pose else np.array(joints.option_to_si(joints_to))
+    limits = joints.option_to_si(acceleration_limit, one_for_all=True)
+    with contextlib.ExitStack() as stack:
+        writable = None if output is None else stack.enter_context(files.replacing(output))
+        drawable = None if plot is None else stack.enter_context(files.replacing(plot))
+        result = motion.plan_motion(
+            solver,
+            arm.home if start is None else joints.to_si(start),
+            goal,
+            time_limit=time_limit,
+            rng=None if random_seed is None else np.random.default_rng(random_seed),
+            dt=dt,
+            velocity_limit=joints.option_to_si(velocity_limit, one_for_all=True),
+            **({} if limits is None else {"acceleration_limit": limits}),
+        )
+        if writable is not None:
+            result.save(writable, ros=int(ros), joint_prefix=joint_prefix)
+        if drawable is not None:
+            motion.plot_path(result, drawable)
+    if json:
+        _print_json(arm, result, units)
+    else:
+        _show(arm, result, units, output, plot)
+    if not result.success:
+        raise SystemExit(NOT_SOLVED)
+
+
+def _print_json(arm: model.Robot, result: motion.JointMotion, units: Units) -> None:
+    joints = units.for_joints(arm)
+    display.print_json(
+        {
+            "success": result.success,
+            "outcome": result.outcome,
+            "message": result.message,
+            "duration": result.duration,
+            "joint_names": arm.joint_names,
+            "q_start": joints.from_si(result.q[0]),
+            "q_end": joints.from_si(result.q[-1]),
+            "min_clearance": _least(result),
+            "angle_unit": units.angle,
+        }
+    )
+
+
+def _show(arm: model.Robot, result: motion.JointMotion, units: Units, output: Path | None, plot: Path | None) -> None:
+    joints = units.for_joints(arm)
+    ends = zip(joints.from_si(result.q[-1]), joints.names, strict=True)
+    lines = [
+        ("result", "there is a way" if result.success else "no way"),
+        ("note", units.in_words(result.message)),
+    ]
+    if result.success:
+        lines += [
+            ("duration", f"{result.duration:.3f} s, {len(result)} rows"),
+            ("ends at", ", ".join(f"{number(value)} {unit}" for value, unit in ends)),
+        ]
+    else:
+        lines.append(("advice", motion.MotionStatus[result.outcome].value))
+    least = _least(result)
+    if least is not None:
+        lines.append(("least clearance", f"{number(least)} m"))
+    lines += [(name, str(file)) for name, file in (("written to", output), ("drawn in", plot)) if file is not None]
+    show_facts(lines)
+
+
+def _least(result: motion.JointMotion) -> float | None:
+    """The smallest distance along a motion [m]; None where none was measured."""
+    known = [each for each in result.clearance.tolist() if math.isfinite(each)]
+    return min(known, default=None)
