@@ -72,7 +72,7 @@ def _draw_errors(axes: Axes, result: PathResult) -> None:
     """The errors over time, and where the arm is off its path."""
     axes.semilogy(result.t, np.maximum(result.position_error, LEAST_ERROR), label="position [m]")
     axes.semilogy(result.t, np.maximum(result.orientation_error, LEAST_ERROR), label="orientation [rad]")
-    off = np.array([status != "OK" for status in result.status])
+    off = result.off_path
     if off.any():
         axes.fill_between(
             result.t,

@@ -40,6 +40,7 @@ from jacokin.motion.grasps import Grasp
 
 FORMATS = (".csv", ".npz", ".json", ".kinova.csv")
 LIMITS = ("lower", "upper", "velocity_limit")
+LEAD_IN = "LEAD_IN"  # status of rows that lead to where a path begins
 NAMED = 8  # segments in a sentence
 KINOVA_STEP = 0.01  # [s] the control loop of the Jaco's base runs at 100 Hz (kinova-ros, README, velocity control)
 SPEED_ROUNDING = 1e-9  # [rad/s] of positions subtracted and divided by a step
@@ -271,7 +272,8 @@ class PathResult(Trajectory):
     orientation_error: Array
     """(n,) angle to it [rad]."""
     status: tuple[str, ...]
-    """(n,) "OK", "LIMITED", "HELD" or "LOST", see `TrackerStatus`."""
+    """(n,) "OK", "LIMITED", "HELD" or "LOST", see `TrackerStatus`; "LEAD_IN" on the way to where the path begins, where
+    there are no errors (nan) and `segment` is -1."""
     limiting: tuple[str, ...]
     """(n,) what held the arm back, joined by "; "."""
     segment: NDArray[np.intp]
@@ -294,12 +296,17 @@ class PathResult(Trajectory):
     @property
     def success(self) -> bool:
         """True when every tick is on the path within the tolerances."""
-        return all(status == "OK" for status in self.status)
+        return not self.off_path.any()
+
+    @property
+    def off_path(self) -> NDArray[np.bool_]:
+        """(n,) where a row is off the path."""
+        return np.array([status not in ("OK", LEAD_IN) for status in self.status], dtype=np.bool_)
 
     @property
     def failed_segments(self) -> tuple[int, ...]:
         """Segments with a tick that is off the path."""
-        return tuple(sorted({int(s) for s, status in zip(self.segment, self.status, strict=True) if status != "OK"}))
+        return tuple(sorted(set(self.segment[self.off_path].tolist())))
 
     @property
     def limit_margin(self) -> Array:
@@ -318,13 +325,21 @@ class PathResult(Trajectory):
         """Time spent off the path [s]."""
         if len(self.t) < 2:
             return 0.0
-        return float(sum(status != "OK" for status in self.status[1:]) * (self.t[1] - self.t[0]))
+        return float(self.off_path[1:].sum() * (self.t[1] - self.t[0]))
+
+    @property
+    def largest_errors(self) -> tuple[float, float]:
+        """Of position [m] and orientation [rad] along the path; nan where the arm never comes to it."""
+        known = ~np.isnan(self.position_error)
+        if not known.any():
+            return math.nan, math.nan
+        return float(self.position_error[known].max()), float(self.orientation_error[known].max())
 
     def __str__(self) -> str:
         """The result on two lines."""
         return (
             f"{len(self)} rows, {self.t[-1]:.3f} s, {'on the path throughout' if self.success else 'NOT on the path'}: "
-            f"largest error {self.position_error.max():.3g} m, {self.orientation_error.max():.3g} rad; "
+            f"largest error {self.largest_errors[0]:.3g} m, {self.largest_errors[1]:.3g} rad; "
             f"off the path for {self.time_limited:.3f} s\n{self.message}"
         )
 

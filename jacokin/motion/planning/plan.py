@@ -22,6 +22,7 @@ from jacokin.model import checks
 from jacokin.model.many_configurations import Chain
 from jacokin.model.robot import velocity_limits
 from jacokin.motion.path import MOST_FAMILIES, MOST_PLACES, CartesianPath
+from jacokin.motion.planning.lead_in import is_away, lead_in
 from jacokin.motion.planning.manifold import Curve, Manifold, Pace
 from jacokin.motion.planning.search import Climb, Ladder, Rung, Search
 from jacokin.motion.timing import check_ticks, fit_ticks, sample_lines
@@ -70,7 +71,8 @@ def plan_path(
             axis does not count.
         timing: "keep" holds these speeds and says where joints cannot follow; "slow" slows down there.
         seed: (dof,) configuration [rad] to start near; None for home.
-        start: (dof,) configuration [rad] that the arm is in, instead of `seed`.
+        start: (dof,) configuration [rad] that the arm is in, instead of `seed`. Where the tool is elsewhere than at the
+            first target, the arm first moves there without contact, as `plan_motion` does.
         velocity_limit: (dof,) or one for all [rad/s]; None for the robot's own.
         acceleration_limit: (dof,) or one for all [rad/s^2], with timing="slow"; None for none. With one, the path is
             run through from rest to rest, and the arm stands still at corners.
@@ -115,6 +117,20 @@ def plan_path(
     times = path.durations(speed, angular_speed)
     check_ticks(times, dt)
     near, note = seeds.choose_start(robot, seed, start)
+    if start is not None and is_away(verifier, near, path.target(0.0)):
+        line = plan_path(
+            solver,
+            targets,
+            dt,
+            speed=speed,
+            angular_speed=angular_speed,
+            timing=timing,
+            seed=near,
+            velocity_limit=velocity_limit,
+            acceleration_limit=acceleration_limit,
+            free_step=free_step,
+        )
+        return lead_in(solver, near, line, dt, acceleration) if line.success else line
 
     chain = Chain(robot, verifier.frame_id, verifier.tool)
     manifold = Manifold(robot, chain, path, verifier.options.limit_snap)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -254,8 +255,42 @@ def test_from_where_the_arm_is(robot: Robot) -> None:
     check(robot, result, corners)
     np.testing.assert_allclose(result.q[0], turned, atol=1e-6)
     elsewhere = plan_path(IKSolver(robot), corners, start=turned + 0.1)
-    assert not elsewhere.success
-    assert "the given start is not at the first pose" in elsewhere.message
+    assert elsewhere.success
+    assert elsewhere.status[0] == "LEAD_IN"
+    count = elsewhere.status.count("LEAD_IN")
+    assert "after a motion of" in elsewhere.message
+    first = robot.forward_kinematics(elsewhere.q[count])
+    np.testing.assert_allclose(first.translation, corners[0].translation, atol=1e-6)
+    assert (np.abs(elsewhere.v) <= robot.velocity_limit + 1e-9).all()
+    assert elsewhere.failed_segments == ()
+    assert max(elsewhere.largest_errors) < 1e-6
+
+
+def test_the_way_to_the_first_pose_is_clear_and_saved(robot: Robot, tmp_path: Path) -> None:
+    corners = [at(0.4, -0.4, 0.3), at(0.4, -0.3, 0.3)]
+    scene = Scene([Box("table", [0.6, 0.6, 0.05], [0.5, -0.5, 0.1])])
+    solver = IKSolver(robot, scene=scene, collision="reject")
+    result = plan_path(solver, corners, start=robot.home, timing="slow", acceleration_limit=1.0)
+    assert result.success, result.message
+    np.testing.assert_array_equal(result.q[0], robot.home)
+    assert result.clearance.min() > 0.0
+    change = np.diff(np.vstack([np.zeros_like(result.v[:1]), result.v]), axis=0) / 0.01
+    assert (np.abs(change) <= 1.0 + 1e-6).all()
+    result.save(tmp_path / "plan.csv")
+    again = PathResult.load(tmp_path / "plan.csv")
+    assert again.success
+    np.testing.assert_array_equal(again.position_error, result.position_error)
+    assert "largest error" in str(again)
+
+
+def test_no_way_to_the_first_pose_is_said(robot: Robot) -> None:
+    there = robot.forward_kinematics(robot.home).translation
+    solver = IKSolver(robot, scene=Scene([Sphere("ball", 0.05, there)]), collision="reject")
+    result = plan_path(solver, [at(-0.4, 0.3, 0.3), at(-0.4, 0.4, 0.3)], start=robot.home, dt=0.05)
+    assert not result.success
+    assert "no way from the start" in result.message
+    assert "ball" in result.message
+    np.testing.assert_array_equal(result.q, np.tile(robot.home, (len(result), 1)))
 
 
 def test_a_saved_plan_comes_back(robot: Robot, tmp_path: pytest.TempPathFactory) -> None:
