@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import ModelError
-from jacokin.kernels.contact.arm import LAST_PAIR
+from jacokin.kernels.contact.arm import HINGE, LAST_PAIR
 from jacokin.kernels.contact.run import (
     BASE_MARGIN,
     CLEAR_MOTION,
@@ -31,7 +31,7 @@ from jacokin.kernels.contact.run import (
     make_contact_work,
     run_contact,
 )
-from jacokin.kernels.contact.shapes import LINK
+from jacokin.kernels.contact.shapes import CENTRE, LINK, RADIUS
 from jacokin.kernels.contact.touching import Geometry
 from jacokin.kernels.library import Call
 from jacokin.model.contact_arrays import contact_arrays
@@ -100,6 +100,13 @@ class Contact:
         call = self._call()
         call.work.q[: q.size] = q
         return self._run(call, TOUCHES, margin=self._clearance) > 0
+
+    def first_touching(self, q: Array) -> Pair | None:
+        """Two shapes that touch at a checked configuration (dof,) [rad]; None where none do."""
+        if not self.touches(q):
+            return None
+        a, b = self._call().work.hits.pairs[0].tolist()
+        return self._ordered(a, b, by_kind=True)
 
     def touching(self, q: ArrayLike) -> list[Pair]:
         """Names of the shapes that touch at `q` (dof,) [rad]; empty when none do.
@@ -184,6 +191,21 @@ class Contact:
                 call.work.value[:count].tolist(), call.work.named[:count].tolist(), strict=True
             ):
                 found.append(Nearest(distance, self._ordered(a, b) if a >= 0 else ("", ""), where))
+        return found
+
+    @property
+    def levers(self) -> Array:
+        """(dof,) how far a point of the arm can be from the axis of each joint, at most [m]; 1 where a joint slides."""
+        shapes, arm = self._geometry.shapes, self._geometry.arm
+        count = len(arm.joint_kinds)
+        links = shapes.integers[self._partly : self._arm_shapes, LINK]
+        spheres = shapes.numbers[self._partly : self._arm_shapes, CENTRE : RADIUS + 1]
+        reach = np.linalg.norm(spheres[:, :3], axis=1) + spheres[:, 3]
+        along = np.append(0.0, np.cumsum(np.linalg.norm(arm.placements[:, :, 3], axis=1)))
+        found = np.ones(count)
+        for joint in np.flatnonzero(arm.joint_kinds == HINGE).tolist():
+            far = (along[links] - along[joint + 1] + reach)[links > joint]
+            found[joint] = far.max(initial=0.0)
         return found
 
     @property
@@ -292,7 +314,7 @@ class ContactInWorld:
 
     def __init__(self, robot: Robot, around: Surroundings) -> None:
         """Read the shapes; arguments and errors as of `Contact`, the obstacles in the world."""
-        # Where contact with an obstacle counts only partly, it is kept in the frame of the base: so all of it counts here.
+        # An obstacle with allowed contact would be kept in the frame of the base, which moves here.
         self._contact = Contact(robot, around._replace(allow=()))
         self._home = robot.home
         if not self._contact.has_shapes:

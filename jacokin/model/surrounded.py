@@ -60,7 +60,10 @@ def surround(robot: Robot, around: Surroundings) -> Twin:
     allowed = allowed_pairs(robot, around, list(arm))
     own = list(zip(model.pair_geom1.tolist(), model.pair_geom2.tolist(), strict=True))
     own += [
-        (number[other], number[name]) for name, carrier in held.items() for other, body in arm.items() if body != carrier
+        (number[other], number[name])
+        for name, carrier in held.items()
+        for other, body in arm.items()
+        if body != carrier
     ]
     base = body_of_joint(robot, 0)
     moving = [name for name, body in arm.items() if body != base] + list(held)

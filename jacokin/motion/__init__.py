@@ -4,7 +4,6 @@ tracking           following targets at a fixed rate, one QP a tick
 track              `track_path`: following a path of poses with the tracker, from the start that makes it possible
 planning           `plan_path`: the best branch at every place of a path, before anything moves
 free_motion        `plan_motion`: from a configuration to a goal without contact
-checker            contact at configurations, and all along straight joint motions
 blending           corners that are passed without stopping, and time for them
 grasps             ways to grasp boxes, cylinders and spheres
 joint_motion       `move_joints`: from one configuration to another in the least time

@@ -24,6 +24,7 @@ from jacokin.model.obstacles import (
     Floor,
     Obstacle,
     Sphere,
+    Surroundings,
     add_to_spec,
 )
 from tests.coal_shapes import coal_shape, collision_pairs
@@ -104,7 +105,7 @@ def test_the_same_pairs_touch_as_in_mujoco(
     robot = bundled(name)
     obstacles = random_obstacles(len(name) + ord(name[-3]))
     ours, theirs = (
-        Contact(robot, obstacles, finger_angle=finger_angle),
+        Contact(robot, Surroundings(tuple(obstacles), finger_angle=finger_angle)),
         touching_by_mujoco(robot, obstacles, finger_angle),
     )
     hits = 0
@@ -119,7 +120,7 @@ def compare_with_coal(robot: Robot, seeds: Sequence[int], n: int) -> int:
     hits = 0
     for seed in seeds:
         obstacles = random_obstacles(seed)
-        ours, theirs = Contact(robot, obstacles), ByCoal(robot, obstacles)
+        ours, theirs = Contact(robot, Surroundings(tuple(obstacles))), ByCoal(robot, obstacles)
         rows = robot.sample(np.random.default_rng(seed), n)
         for q, distance in zip(rows, ours.distances(rows, self_collision=True).tolist(), strict=True):
             touches = ours.touches(q)
@@ -141,7 +142,10 @@ def test_contact_is_what_coal_finds_at_thirty_thousand_configurations(robot: Rob
 
 def test_many_obstacles_are_found_in_their_tree(robot: Robot, rng: np.random.Generator) -> None:
     obstacles = [Sphere(f"ball_{i}", 0.01, place) for i, place in enumerate(rng.uniform(-0.9, 0.9, (400, 3)))]
-    together, alone = Contact(robot, obstacles), [Contact(robot, obstacles[i::4]) for i in range(4)]
+    together, alone = (
+        Contact(robot, Surroundings(tuple(obstacles))),
+        [Contact(robot, Surroundings(tuple(obstacles[i::4]))) for i in range(4)],
+    )
     for q in robot.sample(rng, 50):
         assert together.touching(q) == sorted({pair for some in alone for pair in some.touching(q)})
         rows = q[np.newaxis]
@@ -149,7 +153,7 @@ def test_many_obstacles_are_found_in_their_tree(robot: Robot, rng: np.random.Gen
 
 
 def test_answers_do_not_depend_on_earlier_calls_or_threads(robot: Robot, rng: np.random.Generator) -> None:
-    contact, rows = Contact(robot, random_obstacles(3)), robot.sample(rng, 100)
+    contact, rows = Contact(robot, Surroundings(tuple(random_obstacles(3)))), robot.sample(rng, 100)
     first = [contact.touches(q) for q in rows]
     assert [contact.touches(q) for q in rows[::-1]] == first[::-1]
     distances, found = contact.distances(rows), list[Array]()
@@ -178,7 +182,7 @@ def test_motions_are_certified_as_dense_sampling_finds_them(
     name: str, bundled: Callable[[str], Robot], rng: np.random.Generator
 ) -> None:
     robot = bundled(name)
-    contact = Contact(robot, random_obstacles(0))
+    contact = Contact(robot, Surroundings(tuple(random_obstacles(0))))
     blocked = 0
     for ends in motions(robot, contact, rng, 60):
         share = np.linspace(0.0, 1.0, 2000)[:, np.newaxis]
@@ -199,7 +203,7 @@ def test_a_sheet_thinner_than_any_step_is_in_the_way(robot: Robot) -> None:
     x, y, _ = robot.forward_kinematics(robot.home).translation
     azimuth = float(np.arctan2(y, x))
     place = pose([0.5 * np.cos(azimuth), 0.5 * np.sin(azimuth), 0.4], rpy=[0.0, 0.0, azimuth])
-    contact = Contact(robot, [Box("sheet", [0.6, 1e-5, 0.8], place)])
+    contact = Contact(robot, Surroundings((Box("sheet", [0.6, 1e-5, 0.8], place),)))
     ends = np.array([robot.home, robot.home])
     ends[:, 0] += [-1.0, 1.0]
     assert not any(map(contact.touches, ends))

@@ -266,7 +266,7 @@ def test_wrong_arguments(robot: Robot, tmp_path: Path) -> None:
     with pytest.raises(InvalidInputError, match="row 1 is not"):
         robot.clearance([robot.home, robot.home * np.nan], scene)
     with pytest.raises(AttributeError, match="a Scene does not change"):
-        scene.finger_angle = 1.0
+        scene.finger_angle = 1.0  # type: ignore[misc]  # what is tested
     bare = tmp_path / "bare.xml"
     bare.write_text(
         '<mujoco><worldbody><body name="a"><joint name="j" axis="0 0 1"/><inertial pos="0 0 0" mass="1" '

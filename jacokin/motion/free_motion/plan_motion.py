@@ -3,7 +3,7 @@
 A plan goes through these steps:
 
     goals       every configuration that reaches a goal is a candidate: branches, members of families, turns
-    straight    the straight motion to each of them, the quickest first, is certified (`motion.checker`)
+    straight    the straight motion to each of them, the quickest first, is certified (`Contact.in_the_way`)
     trees       where those are blocked, two trees grow from start and goals until they meet
     shortcuts   the way is shortened
     blending    its corners are rounded, and it is timed within the limits (`motion.blending`)
@@ -28,10 +28,10 @@ from jacokin.ik.seeds import DEFAULT_RANDOM_SEED, checked_start, inside_exactly
 from jacokin.ik.solver import IKSolver
 from jacokin.ik.targets import interpret
 from jacokin.model import checks
+from jacokin.model.contact import Contact
 from jacokin.model.obstacles import Surroundings
 from jacokin.model.robot import Robot, velocity_limits
 from jacokin.motion.blending import TimedCourse, fit_time, round_corners
-from jacokin.motion.checker import MotionChecker
 from jacokin.motion.free_motion.goals import GoalFinder, list_aims
 from jacokin.motion.free_motion.shortcuts import shorten
 from jacokin.motion.free_motion.trees import Search, Space, TreeSearch
@@ -121,8 +121,8 @@ class _Request:
             found, reason = finder.find(number, aim)
             goals += found
             reasons += [reason] if reason else []
-        checker = checker_of(self.solver)
-        pair = None if checker is None else checker.touching(self.start)
+        contact = contact_of(self.solver)
+        pair = None if contact is None else contact.first_touching(self.start)
         if pair is not None:
             return self._stay(MotionStatus.START_IN_CONTACT, f"{pair[0]} touches {pair[1]} at the start")
         if not goals:
@@ -130,23 +130,23 @@ class _Request:
         space = Space(self.solver.robot, self.velocity)
         times = space.time(np.array([each.q for each in goals]) - self.start)
         ordered = [goals[k] for k in np.argsort(times, kind="stable").tolist()]
-        if checker is None:
+        if contact is None:
             return self._go(np.array([self.start, ordered[0].q]), ordered[0], None, "")
         hindrances = Counter[tuple[str, str]]()
-        clear, touched = _sort_out(ordered, checker)
+        clear, touched = _sort_out(ordered, contact)
         if not clear:
             sentence = f"all {len(ordered)} configurations that reach the goal touch something: {_named(touched)}"
             return self._stay(MotionStatus.GOAL_IN_CONTACT, sentence)
         best: tuple[Array, Goal] | None = None
         for each in clear[:MOST_STRAIGHT]:
-            block = checker.block(self.start, each.q)
-            if block is None:
+            pair = contact.in_the_way(self.start, each.q)
+            if pair is None:
                 best = np.array([self.start, each.q]), each
                 break
-            hindrances[block.pair] += 1
+            hindrances[pair] += 1
         least = float(space.time(clear[0].q - self.start))
         if best is None or float(space.time(np.diff(best[0], axis=0)).sum()) > DETOUR * least:
-            around, search = self._around(clear, space, checker, rng, deadline - (1.0 - SEARCH_SHARE) * limit, deadline)
+            around, search = self._around(clear, space, contact, rng, deadline - (1.0 - SEARCH_SHARE) * limit, deadline)
             hindrances += search.hindrances
             if around is not None and (best is None or _duration(around[0], space) < _duration(best[0], space)):
                 best = around
@@ -159,35 +159,35 @@ class _Request:
                     f"{search.nearest:.3g} s of motion of each other; most often in the way: {_named(hindrances)}"
                 )
                 return self._stay(MotionStatus.NO_WAY, sentence)
-        return self._go(*best, checker, "")
+        return self._go(*best, contact, "")
 
     def _around(
         self,
         goals: Sequence[Goal],
         space: Space,
-        checker: MotionChecker,
+        contact: Contact,
         rng: np.random.Generator,
         search_until: float,
         deadline: float,
     ) -> tuple[tuple[Array, Goal] | None, Search]:
         """A way around what blocks the straight motions, shortened; None where none was found in time."""
         roots = list(goals[:MOST_ROOTS])
-        search = TreeSearch(space, checker, rng).find(self.start, np.array([each.q for each in roots]), search_until)
+        search = TreeSearch(space, contact, rng).find(self.start, np.array([each.q for each in roots]), search_until)
         if search.way is None:
             return None, search
-        way = shorten(search.way, space, checker, rng, deadline)
+        way = shorten(search.way, space, contact, rng, deadline)
         goal = roots[search.goal]
         end = Goal(checks.read_only(way[-1]), goal.number, goal.target, goal.parameter)
         return (way, end), search
 
-    def _go(self, way: Array, goal: Goal, checker: MotionChecker | None, note: str) -> JointMotion:
+    def _go(self, way: Array, goal: Goal, contact: Contact | None, note: str) -> JointMotion:
         """The timed motion along a way to a goal, measured."""
         robot = self.solver.robot
         moves = np.append(True, np.abs(np.diff(way, axis=0)).max(axis=1) > SAME)
         way = way[moves]
         if len(way) == 1:
-            return self._write(np.zeros(1), way, np.zeros_like(way), np.zeros_like(way), goal, checker, "already there")
-        timed = self._time(way, checker)
+            return self._write(np.zeros(1), way, np.zeros_like(way), np.zeros_like(way), goal, contact, "already there")
+        timed = self._time(way, contact)
         if timed.duration / self.dt > MAX_TICKS:
             check_ticks(np.array([timed.duration]), self.dt)
         t = np.append(np.arange(0.0, timed.duration, self.dt), timed.duration)
@@ -197,26 +197,26 @@ class _Request:
         sentence = f"reached in {timed.duration:.4g} s"
         lines = len(way) - 1
         sentence += ", straight" if lines == 1 else f", around what is in the way by {lines} lines"
-        if checker is None:
+        if contact is None:
             sentence += "; the description has no collision shapes, so contact was not checked"
-        return self._write(t, q, v, a, goal, checker, sentence + note)
+        return self._write(t, q, v, a, goal, contact, sentence + note)
 
-    def _time(self, way: Array, checker: MotionChecker | None) -> TimedCourse:
+    def _time(self, way: Array, contact: Contact | None) -> TimedCourse:
         def is_clear(corner: Array, turn: Array) -> bool:
-            return checker is None or is_parabola_clear(corner, turn, checker)
+            return contact is None or is_parabola_clear(corner, turn, contact)
 
         course, stops = round_corners(way, self.velocity, is_clear)
         return fit_time(course, stops, self.velocity, self.acceleration)
 
     def _write(
-        self, t: Array, q: Array, v: Array, a: Array, goal: Goal, checker: MotionChecker | None, message: str
+        self, t: Array, q: Array, v: Array, a: Array, goal: Goal, contact: Contact | None, message: str
     ) -> JointMotion:
         wrong = self._misses(goal)
         return JointMotion.of(
             self.solver.robot,
             self.velocity,
             (t, q, v, a),
-            clearance=np.full(len(q), np.nan) if checker is None else checker.clearance(q),
+            clearance=np.full(len(q), np.nan) if contact is None else contact.distances(q, self_collision=True),
             status=MotionStatus.MISSED if wrong else MotionStatus.OK,
             message=wrong or message,
             goal=goal,
@@ -246,51 +246,52 @@ class _Request:
         return JointMotion.of(self.solver.robot, self.velocity, rows, status=status, message=message)
 
 
-def is_parabola_clear(corner: Array, turn: Array, checker: MotionChecker) -> bool:
+def is_parabola_clear(corner: Array, turn: Array, contact: Contact) -> bool:
     """Whether a parabola with control points (3, dof) is clear.
 
     `turn` (dof,) is half of its second derivative by a parameter that runs from 0 to 1 [rad].
     """
     # The chord of one of n equal parts is at most turn / (4 n^2) from its part of the parabola, joint by joint.
-    away = 0.25 * float(turn @ checker.levers)
+    away = 0.25 * float(turn @ contact.levers)
     count = max(2, int(np.ceil(np.sqrt(away / CHORD))))
     u = np.linspace(0.0, 1.0, count + 1)[:, None]
     rows = (1.0 - u) ** 2 * corner[0] + 2.0 * u * (1.0 - u) * corner[1] + u**2 * corner[2]
     extra = away / count**2
-    return all(checker.block(a, b, extra) is None for a, b in itertools.pairwise(rows))
+    return all(contact.in_the_way(a, b, extra) is None for a, b in itertools.pairwise(rows))
 
 
-_checkers: weakref.WeakKeyDictionary[IKSolver, MotionChecker | None] = weakref.WeakKeyDictionary()
+_contacts: weakref.WeakKeyDictionary[IKSolver, Contact | None] = weakref.WeakKeyDictionary()
 
 
-def checker_of(solver: IKSolver) -> MotionChecker | None:
+def contact_of(solver: IKSolver) -> Contact | None:
     """What checks motions in a solver's scene, built once; None for a robot without shapes.
 
     Raises:
         InvalidInputError: the scene does not fit the robot.
         UnknownNameError: the scene speaks of a link that is not there.
     """
-    if solver not in _checkers:
+    if solver not in _contacts:
         options = solver.verifier.options
         around = Surroundings() if options.scene is None else options.scene.surroundings
-        _checkers[solver] = _build_checker(solver.robot, around, options.clearance)
-    return _checkers[solver]
+        _contacts[solver] = _build_contact(solver.robot, around, options.clearance)
+    return _contacts[solver]
 
 
-def _build_checker(robot: Robot, around: Surroundings, clearance: float) -> MotionChecker | None:
+def _build_contact(robot: Robot, around: Surroundings, clearance: float) -> Contact | None:
     try:
-        return MotionChecker(robot, around, clearance)
+        found = Contact(robot, around, clearance=clearance)
     except ModelError:
         if around.names:
             raise
         return None
+    return found if found.has_shapes else None
 
 
-def _sort_out(goals: Sequence[Goal], checker: MotionChecker) -> tuple[list[Goal], Counter[tuple[str, str]]]:
+def _sort_out(goals: Sequence[Goal], contact: Contact) -> tuple[list[Goal], Counter[tuple[str, str]]]:
     """The goals that are clear, and how often each pair of shapes touches at the others."""
     clear, touched = list[Goal](), Counter[tuple[str, str]]()
     for goal in goals:
-        pair = checker.touching(goal.q)
+        pair = contact.first_touching(goal.q)
         if pair is None:
             clear.append(goal)
         else:

@@ -16,8 +16,8 @@ import numpy as np
 from jacokin.arrays import Array
 from jacokin.ik.seeds import random_configurations
 from jacokin.model.angles import TURN
+from jacokin.model.contact import Contact
 from jacokin.model.robot import Robot
-from jacokin.motion.checker import MotionChecker
 
 STEP = 1.0  # [rad] by which a tree grows at once, joints weighed by their speed
 MEETING = 1e-9  # [rad] two configurations that are nearer are one
@@ -119,9 +119,9 @@ class Tree:
 class TreeSearch:
     """Grows two trees until they meet."""
 
-    def __init__(self, space: Space, checker: MotionChecker | None, rng: np.random.Generator) -> None:
+    def __init__(self, space: Space, contact: Contact | None, rng: np.random.Generator) -> None:
         """Take what checks motions; None where nothing can touch."""
-        self._space, self._checker, self._rng = space, checker, rng
+        self._space, self._contact, self._rng = space, contact, rng
         self._found = Search()
 
     def find(self, start: Array, goals: Array, deadline: float) -> Search:
@@ -162,12 +162,8 @@ class TreeSearch:
     def _grow(self, tree: Tree, node: int, way: Array, length: float) -> int | None:
         start = tree[node]
         end = self._space.into_limits(start + (way if length <= STEP else way * (STEP / length)))
-        checker = self._checker
-        if checker is not None:
-            pair = checker.touching(end)
-            if pair is None:
-                block = checker.block(start, end)
-                pair = None if block is None else block.pair
+        if self._contact is not None:
+            pair = self._contact.first_touching(end) or self._contact.in_the_way(start, end)
             if pair is not None:
                 self._found.hindrances[pair] += 1
                 return None

@@ -25,15 +25,21 @@ WALL = Scene([Box("wall", [0.6, 0.02, 0.7], [0.45, -0.05, 0.35]), Floor(-0.02)])
 
 def touches(robot: Robot, scene: Scene, rows: NDArray[np.float64]) -> int:
     """How many configurations (n, dof) MuJoCo finds in contact."""
-    spec = surround(robot, scene.surroundings)
-    model = spec.compile()
+    twin = surround(robot, scene.surroundings)
+    model, pairs = twin.model, twin.pairs(self_collision=True)
     data = mujoco.MjData(model)
+    first, second = np.array(pairs).T
+    far = model.geom_rbound[first] + model.geom_rbound[second]
+    far[(model.geom_rbound[first] == 0.0) | (model.geom_rbound[second] == 0.0)] = np.inf  # planes
     found = 0
     for q in rows:
         data.qpos[:] = q
         mujoco.mj_kinematics(model, data)
-        mujoco.mj_collision(model, data)
-        found += bool((data.contact.dist < -1e-6).any())
+        near = np.linalg.norm(data.geom_xpos[first] - data.geom_xpos[second], axis=1) < far
+        found += any(
+            mujoco.mj_geomDistance(model, data, int(a), int(b), 0.01, None) < -1e-6
+            for a, b in zip(first[near], second[near], strict=True)
+        )
     return found
 
 
