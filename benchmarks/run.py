@@ -57,6 +57,7 @@ PRINTING = {
     "latency": Printing("Single calls, the slowest included", picture="latency.png"),
     "closest": Printing("The closest configuration", ("--count", "30"), ("--count", "3")),
     "planning": Printing("Planned paths"),
+    "motion": Printing("Free motions", ("--problems", "30", "--step", "0.02"), ("--problems", "3", "--step", "0.02")),
     "tasks": Printing("Environments beside bare MuJoCo", quick=("reach_site",)),
     "viewer": Printing("A move in the viewer", quick=("--moves", "50")),
 }
