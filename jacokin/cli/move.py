@@ -108,19 +108,19 @@ def move(
     solver = ik.IKSolver(
         arm, frame, tool=tool, collision="reject", scene=options.load_scene(scene), clearance=clearance
     )
-    goal = wanted.build(units) if has_pose else np.array(joints.option_to_si(joints_to))
-    limits = joints.option_to_si(acceleration_limit, one_for_all=True)
+    goal = wanted.build(units) if joints_to is None else np.array(joints.configuration("--to", joints_to))
+    limits = joints.limits("--acceleration-limit", acceleration_limit, "rad/s^2")
     with contextlib.ExitStack() as stack:
         writable = None if output is None else stack.enter_context(files.replacing(output))
         drawable = None if plot is None else stack.enter_context(files.replacing(plot))
         result = motion.plan_motion(
             solver,
-            arm.home if start is None else joints.to_si(start),
+            arm.home if start is None else joints.configuration("--from", start),
             goal,
             time_limit=time_limit,
             rng=None if random_seed is None else np.random.default_rng(random_seed),
             dt=dt,
-            velocity_limit=joints.option_to_si(velocity_limit, one_for_all=True),
+            velocity_limit=joints.limits("--velocity-limit", velocity_limit, "rad/s"),
             **({} if limits is None else {"acceleration_limit": limits}),
         )
         if writable is not None:

@@ -10,10 +10,10 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import mujoco
-import pinocchio as pin
 
 from jacokin.errors import InvalidInputError
 from jacokin.model import checks, poses
+from jacokin.model.descriptions import mjcf
 from jacokin.model.mujoco_twin import body_of_joint, shapes_of_links, to_spec
 from jacokin.model.obstacles import Attached, Surroundings, add_to_spec
 from jacokin.model.robot import Robot
@@ -104,11 +104,8 @@ def _attach(spec: mujoco.MjSpec, robot: Robot, attached: Attached) -> str:
             f"{attached.to!r} is moved by no joint of {robot.name}: leave {attached.name!r} an obstacle"
         )
     carrier = body_of_joint(robot, frame.parentJoint)
-    T_carrier_frame: pin.SE3 = frame.placement
-    body = spec.body(carrier).add_body(
-        name=f"holds {attached.name}",
-        pos=T_carrier_frame.translation,
-        quat=poses.quaternion(T_carrier_frame.rotation),
-    )
-    attached.shape.add_to(body)
+    attached.shape.add_to(spec.body(carrier))
+    geom = spec.geom(attached.name)
+    T_carrier_shape = frame.placement * mjcf.placement(geom.quat, geom.pos)
+    geom.pos, geom.quat = T_carrier_shape.translation, poses.quaternion(T_carrier_shape.rotation)
     return carrier

@@ -54,7 +54,7 @@ def test_no_way_says_what_touches(tmp_path: Path, capsys: pytest.CaptureFixture[
     [
         ((), "exactly one of --to and a pose"),
         (("--to", "1", "2", "--position", "0", "0", "0"), "exactly one of --to and a pose"),
-        (("--to", "1", "2"), "goal must have shape (6,)"),
+        (("--to", "1", "2"), "--to must be 6 numbers, got 2"),
         (("--position", "0.3", "-0.2", "0.5", "--output", "motion.txt"), "--output must end in"),
         (("--position", "0.3", "-0.2", "0.5", "--time-limit", "0"), "--time-limit must be"),
     ],

@@ -20,12 +20,13 @@ FAR = Box("wall", [0.1, 4.0, 4.0], [3.0, 0.0, 0.0])
 IN_HAND = [0.0, 0.0, -0.2]  # [m] of the frame "hand"
 
 
-def test_what_is_held_moves_along(robot: Robot, rng: np.random.Generator) -> None:
+@pytest.mark.parametrize("frame", ["hand", "end_effector", "link_finger_1", "link_3"])
+def test_what_is_held_moves_along(robot: Robot, rng: np.random.Generator, frame: str) -> None:
     """A ball far out on the hand is nearer to the wall than the arm is: its distance is known."""
     ball = Sphere("ball", 0.05, [0.0, 0.0, 0.0])
-    held = Scene([FAR]).attach(ball, to="hand", pose=[0.0, 0.0, -1.2])
+    held = Scene([FAR]).attach(ball, to=frame, pose=[0.0, 0.3, -1.2])
     for q in robot.sample(rng, 10):
-        centre = robot.forward_kinematics(q, frame="hand").act(np.array([0.0, 0.0, -1.2]))
+        centre = robot.forward_kinematics(q, frame=frame).act(np.array([0.0, 0.3, -1.2]))
         alone = float(robot.clearance(q, Scene([FAR])))
         expected = min(2.95 - centre[0] - 0.05, alone)
         assert float(robot.clearance(q, held)) == pytest.approx(expected, abs=1e-6)
