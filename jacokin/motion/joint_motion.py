@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 
 ACCELERATION = 1.0  # [rad/s^2] full speed in about 0.7 s; the maker publishes no figure, so this is a gentle guess
+USED = 1.0 - 1e-9  # of the limits along lines; what remains is for rounding
 MISSED = 1e-6  # [rad] a motion that ends farther from its goal is not one
 
 
@@ -62,7 +63,7 @@ def move_joints(
     velocity = velocity_limits(robot, velocity_limit)
     acceleration = checks.positive_vector("acceleration_limit", acceleration_limit, robot.dof, "rad/s^2")
     jerk = None if jerk_limit is None else checks.positive_vector("jerk_limit", jerk_limit, robot.dof, "rad/s^3")
-    trajectory = _time(start, end, velocity, acceleration, jerk)
+    trajectory = profile(start, end, velocity, acceleration, jerk)
     duration = trajectory.duration
     if not duration / step <= MAX_TICKS:
         raise InvalidInputError(f"the motion takes {duration:.6g} s: more than {MAX_TICKS} steps of {step:.6g} s")
@@ -77,8 +78,8 @@ def move_joints(
     return JointMotion.of(robot, velocity, (times, q, v, a))
 
 
-def _time(start: Array, end: Array, velocity: Array, acceleration: Array, jerk: Array | None) -> ruckig.Trajectory:
-    """Ruckig's trajectory from rest to rest; limits (dof,) in rad and s.
+def profile(start: Array, end: Array, velocity: Array, acceleration: Array, jerk: Array | None) -> ruckig.Trajectory:
+    """Ruckig's trajectory from rest to rest, all joints in step; limits (dof,) in rad and s.
 
     Raises:
         InvalidInputError: Ruckig finds none; limits of very different or extreme sizes defeat its polynomials.
@@ -104,6 +105,39 @@ def _time(start: Array, end: Array, velocity: Array, acceleration: Array, jerk: 
             + ("" if jerk is None else f", jerk_limit {_range(jerk)} rad/s^3")
         )
     return trajectory
+
+
+class SmoothLines:
+    """Straight lines one after another within limits of velocity, acceleration and jerk, at rest between them."""
+
+    def __init__(self, way: Array, velocity: Array, acceleration: Array, jerk: Array) -> None:
+        """Time each line of a way (n, dof) [rad] by one profile for all joints; limits (dof,) in rad and s.
+
+        Raises:
+            InvalidInputError: Ruckig finds no motion.
+            MissingExtraError: Ruckig is not installed.
+        """
+        self._way, self._steps = way, np.diff(way, axis=0)
+        with np.errstate(divide="ignore"):
+            limits = [(USED * limit / np.abs(self._steps)).min(axis=1) for limit in (velocity, acceleration, jerk)]
+        none, whole = np.zeros(1), np.ones(1)
+        self._profiles = [profile(none, whole, *(each[k : k + 1] for each in limits)) for k in range(len(self._steps))]
+        self._ends = np.cumsum([0.0, *(each.duration for each in self._profiles)])
+
+    @property
+    def duration(self) -> float:
+        """From start to end [s]."""
+        return float(self._ends[-1])
+
+    def at(self, t: Array) -> tuple[Array, Array, Array]:
+        """Configurations (m, dof) [rad], velocities [rad/s] and accelerations [rad/s^2] at times (m,) [s]."""
+        lines = np.clip(np.searchsorted(self._ends, t, side="right") - 1, 0, len(self._steps) - 1)
+        gone = t - self._ends[lines]
+        shares = np.array(
+            [np.ravel(self._profiles[line].at_time(float(at))) for line, at in zip(lines.tolist(), gone, strict=True)]
+        )
+        steps = self._steps[lines]
+        return self._way[lines] + shares[:, :1] * steps, shares[:, 1:2] * steps, shares[:, 2:3] * steps
 
 
 def _range(values: Array) -> str:

@@ -36,7 +36,7 @@ from jacokin.motion.free_motion.goals import GoalFinder, list_aims
 from jacokin.motion.free_motion.shortcuts import shorten
 from jacokin.motion.free_motion.trees import Search, Space, TreeSearch
 from jacokin.motion.grasps import Grasp
-from jacokin.motion.joint_motion import ACCELERATION
+from jacokin.motion.joint_motion import ACCELERATION, SmoothLines
 from jacokin.motion.timing import MAX_TICKS, check_ticks
 from jacokin.motion.trajectory import Goal, JointMotion, MotionStatus
 
@@ -58,6 +58,7 @@ def plan_motion(
     dt: float = 0.01,
     velocity_limit: ArrayLike | None = None,
     acceleration_limit: ArrayLike = ACCELERATION,
+    jerk_limit: ArrayLike | None = None,
 ) -> JointMotion:
     """A joint motion from a configuration to a goal, without contact all along it.
 
@@ -74,6 +75,7 @@ def plan_motion(
         dt: sampling step [s]; the last row is at the end of the motion, whole step or not.
         velocity_limit: (dof,) or one for all [rad/s]; None for the robot's own.
         acceleration_limit: (dof,) or one for all [rad/s^2].
+        jerk_limit: (dof,) or one for all [rad/s^3]; None for none. With one, the arm stands still at corners.
 
     Returns:
         The motion from rest to rest, its limits held at every instant, with the goal that was taken, and the least
@@ -82,6 +84,7 @@ def plan_motion(
     Raises:
         InvalidInputError: a malformed argument, or a configuration outside the limits.
         UnknownNameError: the scene speaks of a link that is not there.
+        MissingExtraError: `jerk_limit` is given, and Ruckig is not installed.
     """
     checks.instance("solver", solver, IKSolver, "an IKSolver")
     robot = solver.robot
@@ -90,7 +93,8 @@ def plan_motion(
     generator = np.random.default_rng(DEFAULT_RANDOM_SEED) if rng is None else checks.generator("rng", rng)
     velocity = velocity_limits(robot, velocity_limit)
     acceleration = checks.positive_vector("acceleration_limit", acceleration_limit, robot.dof, "rad/s^2")
-    request = _Request(solver, q, velocity, acceleration, checks.positive("dt", dt, "s"))
+    jerk = None if jerk_limit is None else checks.positive_vector("jerk_limit", jerk_limit, robot.dof, "rad/s^3")
+    request = _Request(solver, q, velocity, acceleration, jerk, checks.positive("dt", dt, "s"))
     aims = list_aims(robot, goal)
     return request.plan(aims, generator, time.monotonic() + limit, limit)
 
@@ -104,6 +108,7 @@ class _Request:
         start: (dof,) [rad].
         velocity: (dof,) [rad/s].
         acceleration: (dof,) [rad/s^2].
+        jerk: (dof,) [rad/s^3]; None for no limit.
         dt: of the rows [s].
     """
 
@@ -111,6 +116,7 @@ class _Request:
     start: Array
     velocity: Array
     acceleration: Array
+    jerk: Array | None
     dt: float
 
     def plan(self, aims: Sequence[Any], rng: np.random.Generator, deadline: float, limit: float) -> JointMotion:
@@ -201,7 +207,10 @@ class _Request:
             sentence += "; the description has no collision shapes, so contact was not checked"
         return self._write(t, q, v, a, goal, contact, sentence + note)
 
-    def _time(self, way: Array, contact: Contact | None) -> TimedCourse:
+    def _time(self, way: Array, contact: Contact | None) -> TimedCourse | SmoothLines:
+        if self.jerk is not None:
+            return SmoothLines(way, self.velocity, self.acceleration, self.jerk)
+
         def is_clear(corner: Array, turn: Array) -> bool:
             return contact is None or is_parabola_clear(corner, turn, contact)
 
