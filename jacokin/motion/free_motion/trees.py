@@ -21,6 +21,7 @@ from jacokin.model.robot import Robot
 
 STEP = 1.0  # [rad] by which a tree grows at once, joints weighed by their speed
 MEETING = 1e-9  # [rad] two configurations that are nearer are one
+PATIENCE = 50  # steps in a row that lead nowhere, after which the larger tree grows, too
 FIRST_ROOM = 256  # configurations of a tree, twice as many whenever it is full
 MOST_SAMPLES = 200_000  # after which the search is given up, whatever time is left
 TOGETHER = 64  # samples that are drawn at once
@@ -134,11 +135,15 @@ class TreeSearch:
         """
         found = self._found = Search()
         from_start, to_goals = Tree(self._space, start[None]), Tree(self._space, goals)
+        misses = 0
         while found.samples < MOST_SAMPLES and time.monotonic() < deadline:
             for sample in random_configurations(self._space.robot, TOGETHER, self._rng):
                 found.samples += 1
                 small, large = (from_start, to_goals) if len(from_start) <= len(to_goals) else (to_goals, from_start)
+                if misses >= PATIENCE and found.samples % 2:
+                    small, large = large, small
                 grown = self._step(small, sample)
+                misses = misses + 1 if grown is None else 0
                 if grown is None:
                     continue
                 met = self._connect(large, small[grown])
