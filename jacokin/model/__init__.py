@@ -1,6 +1,7 @@
-"""What the arm is: descriptions, frames, limits, forward kinematics and Jacobians. Read `robot` first.
+"""What the arm is: descriptions, frames, limits, kinematics and dynamics. Read `robot` first.
 
 robot, jacobians        the arm, its limits, kinematics and Jacobians
+dynamics                payloads, tilted bases, and the wrench behind joint torques
 loading, descriptions   from a name, a URDF or an MJCF to the arm; the bundled robots and their table of numbers
 home                    a configuration to start from
 poses, angles, checks   building and checking poses, full turns, checks of arguments

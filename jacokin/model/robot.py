@@ -1,4 +1,4 @@
-"""`Robot`: the joints, limits, frames and kinematics of an arm. Read this file first.
+"""`Robot`: the joints, limits, frames, kinematics and dynamics of an arm. Read this file first.
 
 A `Robot` is parsed, checked and immutable; `load_robot` makes one. Public joint vectors `q` hold one angle per joint
 [rad], shape (dof,), in the order of `joint_names`, for continuous joints too. Poses are T_base_frame.
@@ -20,8 +20,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, UnknownNameError, shown
-from jacokin.model import checks, jacobians
+from jacokin.model import checks, dynamics, jacobians
 from jacokin.model.descriptions import chain
+from jacokin.model.dynamics import ExternalWrench
 
 if TYPE_CHECKING:
     import mujoco
@@ -260,6 +261,207 @@ class Robot:
         Source: Yoshikawa, Manipulability of Robotic Mechanisms, IJRR 4(2), 1985.
         """
         return float(np.prod(self.singular_values(q, frame)))
+
+    def mass_matrix(self, q: ArrayLike) -> Array:
+        """Mass matrix (dof, dof) [kg m^2], with armature where the description has one.
+
+        Raises:
+            InvalidInputError: `q` malformed.
+        """
+        matrix = pin.crba(self.pin_model, self._data, self.configuration(q))
+        return np.array(matrix).reshape(self.dof, self.dof)  # Pinocchio drops the second dimension of a single joint
+
+    def gravity(self, q: ArrayLike, *, base: pin.SE3 | ArrayLike | None = None) -> Array:
+        """Joint torques that hold the arm still against gravity.
+
+        Args:
+            q: (dof,) joint angles [rad].
+            base: T_world_base, how the base is mounted in a world whose gravity points along -z; a `pin.SE3` or (4, 4).
+                None for gravity as in the description.
+
+        Returns:
+            (dof,) [N m].
+
+        Raises:
+            InvalidInputError: `q` or `base` malformed.
+        """
+        at = self.configuration(q)
+        return np.array(pin.computeGeneralizedGravity(self.pin_model, self._data, at)) - self._push(
+            at, None, None, base
+        )
+
+    def coriolis(self, q: ArrayLike, v: ArrayLike) -> Array:
+        """Matrix C (dof, dof) with C @ v the Coriolis and centrifugal torques [N m]; dM/dt = C + C^T.
+
+        Args:
+            q: (dof,) joint angles [rad].
+            v: (dof,) joint velocities [rad/s].
+
+        Raises:
+            InvalidInputError: malformed, or too large for the answer to be finite.
+        """
+        model, data, at, velocity = self.pin_model, self._data, self.configuration(q), self.configuration(v, "v")
+        matrix = np.array(pin.computeCoriolisMatrix(model, data, at, velocity)).reshape(self.dof, self.dof)
+        return dynamics.answered(model, data, at, matrix)
+
+    def inverse_dynamics(
+        self,
+        q: ArrayLike,
+        v: ArrayLike,
+        a: ArrayLike,
+        *,
+        external: ArrayLike | None = None,
+        frame: str | None = None,
+        base: pin.SE3 | ArrayLike | None = None,
+    ) -> Array:
+        """Motor torques of a motion: M(q) a + C(q, v) v + g(q) - J(q)^T external.
+
+        Args:
+            q: (dof,) joint angles [rad].
+            v: (dof,) joint velocities [rad/s].
+            a: (dof,) joint accelerations [rad/s^2].
+            external: (6,) wrench of the surroundings on the arm, at the frame's origin in base axes: force [N], then
+                torque [N m]. None for none.
+            frame: where `external` acts; None for the default frame.
+            base: T_world_base, as in `gravity`.
+
+        Returns:
+            (dof,) [N m].
+
+        Raises:
+            InvalidInputError: malformed, or too large for the answer to be finite.
+            UnknownNameError: no such frame.
+        """
+        model, data, at = self.pin_model, self._data, self.configuration(q)
+        velocity, acceleration = self.configuration(v, "v"), self.configuration(a, "a")
+        torque = np.array(pin.rnea(model, data, at, velocity, acceleration)) - self._push(at, external, frame, base)
+        return dynamics.answered(model, data, at, torque)
+
+    def forward_dynamics(
+        self,
+        q: ArrayLike,
+        v: ArrayLike,
+        torque: ArrayLike,
+        *,
+        external: ArrayLike | None = None,
+        frame: str | None = None,
+        base: pin.SE3 | ArrayLike | None = None,
+    ) -> Array:
+        """Joint accelerations (dof,) [rad/s^2] under motor torques (dof,) [N m].
+
+        The other arguments are those of `inverse_dynamics`, and so are the errors.
+
+        Raises:
+            ModelError: a joint moves no mass.
+        """
+        model, data, at = self.pin_model, self._data, self.configuration(q)
+        velocity, applied = self.configuration(v, "v"), self.configuration(torque, "torque")
+        applied = applied + self._push(at, external, frame, base)
+        return dynamics.answered(model, data, at, np.array(pin.aba(model, data, at, velocity, applied)))
+
+    def centre_of_mass(self, q: ArrayLike) -> Array:
+        """Centre of mass (3,) of the whole robot in the base [m], its base link and locked fingers included.
+
+        Raises:
+            InvalidInputError: `q` malformed.
+            ModelError: the description gives no masses.
+        """
+        return dynamics.centre_of_mass(self.pin_model, self._data, self.configuration(q))
+
+    def operational_space_inertia(
+        self, q: ArrayLike, frame: str | None = None, reference: str = "local_world_aligned"
+    ) -> Array:
+        """Inertia of the arm as felt at a frame: (J M^-1 J^T)^-1, (6, 6) [kg], [kg m] and [kg m^2].
+
+        Args:
+            q: (dof,) joint angles [rad].
+            frame: name of the frame; None for the default frame.
+            reference: axes, as in `jacobian`.
+
+        Raises:
+            InvalidInputError: `q` malformed, or the frame cannot move in all six directions there; names the direction.
+            UnknownNameError: no such frame or reference.
+            ModelError: a joint moves no mass.
+        """
+        return dynamics.operational_space_inertia(
+            self.pin_model, self.jacobian(q, frame, reference), self.mass_matrix(q)
+        )
+
+    def external_wrench(
+        self,
+        q: ArrayLike,
+        v: ArrayLike,
+        a: ArrayLike,
+        torque: ArrayLike,
+        *,
+        frame: str | None = None,
+        torque_covariance: ArrayLike | None = None,
+        base: pin.SE3 | ArrayLike | None = None,
+    ) -> ExternalWrench:
+        """The wrench of the surroundings at a frame that explains measured motor torques.
+
+        Args:
+            q: (dof,) joint angles [rad].
+            v: (dof,) joint velocities [rad/s].
+            a: (dof,) joint accelerations [rad/s^2].
+            torque: (dof,) torques of the motors on the joints [N m].
+            frame: where the wrench acts; None for the default frame.
+            torque_covariance: (dof, dof) of the errors of `torque` and of the model [N^2 m^2]; None for independent
+                errors of 1 N m.
+            base: T_world_base, as in `gravity`.
+
+        Returns:
+            The wrench in base axes with its covariance, and the directions that no joint feels.
+
+        Raises:
+            InvalidInputError: malformed, or a covariance that is not symmetric and positive definite.
+            UnknownNameError: no such frame.
+        """
+        applied = self.configuration(torque, "torque")
+        missing = dynamics.answered(
+            self.pin_model, self._data, self.configuration(q), self.inverse_dynamics(q, v, a, base=base) - applied
+        )
+        return dynamics.wrench_of(self.jacobian(q, frame), missing, torque_covariance)
+
+    def with_payload(
+        self, mass: float, com: ArrayLike, inertia: ArrayLike | None = None, frame: str | None = None
+    ) -> Robot:
+        """This robot with a body fixed to a frame: another robot, with the same kinematics, limits and shapes.
+
+        `crosscheck` against MuJoCo and `to_mujoco` take the description, which has no payload.
+
+        Args:
+            mass: [kg].
+            com: (3,) centre of mass in the frame [m].
+            inertia: (3, 3) about the centre of mass, in the frame's axes [kg m^2]; None for a point.
+            frame: what carries it; None for the default frame.
+
+        Raises:
+            InvalidInputError: malformed, a negative mass, or an inertia that no body has.
+            UnknownNameError: no such frame.
+        """
+        weight, centre = checks.non_negative("mass", mass, "kg"), checks.vector("com", com, 3, "m")
+        return Robot(
+            dynamics.loaded(self.pin_model, self.frame_id(frame), weight, centre, inertia),
+            base=self.base,
+            tip=self.default_frame,
+            source=self.source,
+            finger_angle=self.finger_angle,
+            home=self.__dict__.get("_found_home", self._home),
+        )
+
+    def _push(self, q: Array, external: ArrayLike | None, frame: str | None, base: pin.SE3 | ArrayLike | None) -> Array:
+        """Joint torques (dof,) [N m] of what the description does not know: a wrench, and a base mounted otherwise."""
+        frame_id, torque = self.frame_id(frame), np.zeros(self.dof)
+        if external is not None:
+            wrench = checks.vector("external", external, 6, "N, N m")
+            axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+            jacobian = pin.computeFrameJacobian(self.pin_model, self._data, q, frame_id, axes).reshape(6, self.dof)
+            with np.errstate(over="ignore", invalid="ignore"):  # wrenches too large are refused with the answer
+                torque += jacobian.T @ wrench
+        if base is not None:
+            torque -= dynamics.gravity_change(self.pin_model, self._data, q, base)
+        return torque
 
     def within_limits(self, q: ArrayLike, tolerance: float = 0.0) -> bool:
         """Whether every joint lies inside its limits, give or take `tolerance` [rad].
