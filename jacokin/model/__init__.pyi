@@ -2,6 +2,8 @@ from jacokin.model.comparison import CrossCheckReport as CrossCheckReport
 from jacokin.model.comparison import Deviation as Deviation
 from jacokin.model.comparison import crosscheck as crosscheck
 from jacokin.model.contact import SelfContact as SelfContact
+from jacokin.model.contact_observer import ContactObserver as ContactObserver
+from jacokin.model.contact_observer import ContactStep as ContactStep
 from jacokin.model.descriptions.bundled import DEFAULT_ROBOT as DEFAULT_ROBOT
 from jacokin.model.descriptions.bundled import NAMES as NAMES
 from jacokin.model.descriptions.bundled import urdf_folder as urdf_folder

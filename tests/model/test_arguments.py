@@ -14,7 +14,7 @@ import pytest
 
 import jacokin
 from jacokin import JacokinError, Robot
-from jacokin.model import SelfContact, quat_wxyz, to_mujoco
+from jacokin.model import ContactObserver, SelfContact, quat_wxyz, to_mujoco
 
 
 class Unprintable:
@@ -36,6 +36,13 @@ VALUES: list[Any] = [
 ]  # fmt: skip
 
 contact_of = functools.cache(SelfContact)
+
+
+def observer_of(robot: Robot) -> ContactObserver:
+    observer = ContactObserver(robot, 1.0)
+    observer.step(robot.home, np.zeros(6), np.zeros(6), 0.01)
+    return observer
+
 
 CALLS: dict[str, Callable[[Robot, Any], object]] = {
     "forward_kinematics": lambda robot, x: robot.forward_kinematics(x),
@@ -61,6 +68,10 @@ CALLS: dict[str, Callable[[Robot, Any], object]] = {
     "mass": lambda robot, x: robot.with_payload(x, [0, 0, 0]),
     "com": lambda robot, x: robot.with_payload(1.0, x),
     "inertia": lambda robot, x: robot.with_payload(1.0, [0, 0, 0], x),
+    "threshold": lambda robot, x: ContactObserver(robot, x),
+    "velocity of an observer": lambda robot, x: ContactObserver(robot, 1.0).step(robot.home, x, np.zeros(6), 0.01),
+    "time of an observer": lambda robot, x: observer_of(robot).step(robot.home, np.ones(6), np.zeros(6), x),
+    "torque of an observer": lambda robot, x: observer_of(robot).step(robot.home, np.ones(6), x, 0.01),
     "within_limits": lambda robot, x: robot.within_limits(x),
     "tolerance": lambda robot, x: robot.within_limits(robot.home, x),
     "rng": lambda robot, x: robot.sample(x),
