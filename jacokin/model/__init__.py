@@ -3,6 +3,7 @@
 robot, jacobians        the arm, its limits, kinematics and Jacobians
 dynamics                payloads, tilted bases, and the wrench behind joint torques
 contact_observer        contact noticed from joint torques
+identification          payload and friction from a log
 loading, descriptions   from a name, a URDF or an MJCF to the arm; the bundled robots and their table of numbers
 home                    a configuration to start from
 poses, angles, checks   building and checking poses, full turns, checks of arguments

@@ -8,6 +8,8 @@ from jacokin.model.descriptions.bundled import DEFAULT_ROBOT as DEFAULT_ROBOT
 from jacokin.model.descriptions.bundled import NAMES as NAMES
 from jacokin.model.descriptions.bundled import urdf_folder as urdf_folder
 from jacokin.model.dynamics import ExternalWrench as ExternalWrench
+from jacokin.model.identification import PayloadEstimate as PayloadEstimate
+from jacokin.model.identification import identify_payload as identify_payload
 from jacokin.model.loading import load_robot as load_robot
 from jacokin.model.mujoco_twin import to_mujoco as to_mujoco
 from jacokin.model.obstacles import Attached as Attached
