@@ -260,7 +260,9 @@ def object_file(function: Dispatcher, name: str) -> bytes:
 
 def main(name: str, file: str) -> None:
     """Write the object file of the entry whose function has that name."""
-    gc.disable()  # most objects of a compiler live until it ends: looking for dead ones takes a third of the time
+    # Most objects of a compiler live until it ends: looking for dead ones as often as usual takes a third of the time,
+    # and not at all twice the memory.
+    gc.set_threshold(200_000, 20, 100)
     (entry,) = (entry for entry in entries.ENTRIES if entry.run.__name__ == name)
     Path(file).write_bytes(compile_entry(entry))
 

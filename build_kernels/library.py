@@ -8,6 +8,7 @@ again. A C compiler links them: $CC, the system's, or the one in the package ``z
 from __future__ import annotations
 
 import ast
+import contextlib
 import hashlib
 import importlib.metadata
 import importlib.util
@@ -22,6 +23,7 @@ import sys
 import sysconfig
 import tempfile
 import time
+from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -37,7 +39,9 @@ KEPT = ROOT / "build" / "kernels"
 TARGET = PACKAGE / "kernels" / library.PATH.name
 #: What the machine code depends on, apart from the sources.
 COMPILERS = ("numba", "llvmlite", "numpy")
-#: Kernels compiled at a time: each takes up to a gigabyte of memory.
+#: [s] Object files of earlier builds are kept for a week after their last use.
+KEPT_UNUSED = 7 * 86400.0
+#: Kernels compiled at a time: each takes up to 0.6 GB of memory.
 JOBS = min(2, os.cpu_count() or 1)
 #: Old systems that zig links for: those of manylinux_2_17.
 ZIG = [sys.executable, "-m", "ziglang", "cc", "-target", f"{platform.machine()}-linux-gnu.2.17"]
@@ -63,24 +67,39 @@ def build(target: Path = TARGET, kept: Path = KEPT) -> Path:
         kept: folder of the object files of earlier builds.
 
     Raises:
-        BuildError: a kernel does not compile, or there is nothing to link with.
+        BuildError: a kernel does not compile, there is nothing to compile or link with, or a folder cannot be written.
     """
     start = time.perf_counter()
     if not linkers():
         raise BuildError(NO_LINKER)
-    kept.mkdir(parents=True, exist_ok=True)
+    try:
+        kept.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=kept), tempfile.TemporaryFile(dir=target.parent):
+            pass
+    except OSError as error:
+        place = error.filename or kept
+        raise BuildError(f"{place}: {error.strerror}; build in a copy of the clone that can be written") from None
     objects = {entry: kept / f"{entry.run.__name__}-{object_key(entry)}.o" for entry in ENTRIES}
     missing = [entry for entry, file in objects.items() if not file.exists()]
     if missing:
         names = ", ".join(entry.run.__name__ for entry in missing)
-        print(f"compiling {names}: about a minute on two cores, with up to 1.5 GB of memory", flush=True)
+        print(f"compiling {names}: about a minute on two cores, with up to 1 GB of memory", flush=True)
     with ThreadPoolExecutor(JOBS) as pool:
         list(pool.map(lambda entry: compile_object(entry, objects[entry]), missing))
     link([*objects.values(), *c_library.sources()], target)
-    for file in set(kept.glob("*.o")) - set(objects.values()):
-        file.unlink()
+    remove_unused(kept, objects.values())
     print(f"{target}: built in {time.perf_counter() - start:.0f} s")
     return target
+
+
+def remove_unused(kept: Path, used: Iterable[Path]) -> None:
+    """Remove object files that no build has used for a week: another Python, or another branch, may use the others."""
+    for file in used:
+        os.utime(file)
+    for file in kept.glob("*.o"):
+        with contextlib.suppress(FileNotFoundError):  # a build beside this one was quicker
+            if time.time() - file.stat().st_mtime > KEPT_UNUSED:
+                file.unlink()
 
 
 def build_or_exit() -> Path:
@@ -112,11 +131,18 @@ def compiler_environment() -> dict[str, str]:
 
 
 def object_key(entry: Entry) -> str:
-    """A name that changes with everything the object file of a kernel depends on; comments may change."""
+    """A name that changes with everything the object file of a kernel depends on; comments may change.
+
+    Raises:
+        BuildError: a package that compiles is not installed.
+    """
     digest = hashlib.sha256()
     for file in (*sources_of(entry), Path(__file__).with_name("compiling.py")):
         digest.update(ast.dump(ast.parse(file.read_text(encoding="utf-8"))).encode())
-    versions = [importlib.metadata.version(package) for package in COMPILERS]
+    try:
+        versions = [importlib.metadata.version(package) for package in COMPILERS]
+    except importlib.metadata.PackageNotFoundError as error:
+        raise BuildError(f"compiling the kernels takes {error.name}: `pip install -e '.[kernels]'`") from None
     digest.update(repr((versions, platform.python_version(), platform.system(), platform.machine())).encode())
     return digest.hexdigest()[:16]
 
@@ -165,9 +191,16 @@ def link(objects: list[Path], target: Path) -> None:
 
 
 def linkers() -> list[list[str]]:
-    """The C compilers to try, in order; $CC alone where it is set."""
-    if os.environ.get("CC"):
-        return [shlex.split(os.environ["CC"])]
+    """The C compilers to try, in order; $CC alone where it is set.
+
+    Raises:
+        BuildError: $CC is not a command.
+    """
+    if chosen := os.environ.get("CC"):
+        try:
+            return [shlex.split(chosen)]
+        except ValueError as error:
+            raise BuildError(f'$CC is "{chosen}", which is no command: {error}') from None
     system = shutil.which("cc")
     found = [[system]] if system else []
     return [*found, ZIG] if importlib.util.find_spec("ziglang") else found

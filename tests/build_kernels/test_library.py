@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import ast
+import importlib.metadata
 import importlib.util
+import os
 import platform
 import shutil
 import subprocess
 import sys
 import sysconfig
+import time
 import tomllib
 from pathlib import Path
 
@@ -70,6 +73,40 @@ def test_without_a_linker_there_is_one_sentence(monkeypatch: pytest.MonkeyPatch,
     with pytest.raises(BuildError, match=r"need a C compiler(.|\n)*no-such-compiler(.|\n)*broken"):
         build.link([], tmp_path / "libjacokin.so")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_what_stops_a_build_is_one_sentence(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(build, "linkers", lambda: [["cc"]])
+    (tmp_path / "file").touch()
+    with pytest.raises(BuildError, match=r"file.*: Not a directory; build in a copy of the clone that can be written$"):
+        build.build(kept=tmp_path / "file" / "kernels")
+
+    def missing(package: str) -> str:
+        raise importlib.metadata.PackageNotFoundError(package)
+
+    monkeypatch.setattr(importlib.metadata, "version", missing)
+    with pytest.raises(BuildError, match=r"^compiling the kernels takes numba: `pip install -e '\.\[kernels\]'`$"):
+        build.build(kept=tmp_path)
+    monkeypatch.undo()
+    monkeypatch.setenv("CC", "cc '-m64")
+    with pytest.raises(BuildError, match=r"^\$CC is \"cc '-m64\", which is no command: No closing quotation$"):
+        build.build(kept=tmp_path)
+
+
+def test_object_files_of_other_builds_stay_for_a_week(tmp_path: Path) -> None:
+    """Another Python builds in the same clone, perhaps at the same time."""
+    used, other, old = (tmp_path / f"{name}.o" for name in ("used", "other", "old"))
+    for file in (used, other, old):
+        file.touch()
+    a_week_ago = time.time() - 8 * 86400  # [s]
+    for file in (used, old):
+        os.utime(file, (a_week_ago, a_week_ago))
+    build.remove_unused(tmp_path, [used])
+    build.remove_unused(tmp_path, [used])
+    assert set(tmp_path.iterdir()) == {used, other}
+    os.utime(other, (a_week_ago, a_week_ago))
+    build.remove_unused(tmp_path, [other])
+    assert set(tmp_path.iterdir()) == {used, other}, "used is counted from its last use"
 
 
 @pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler")
