@@ -204,5 +204,12 @@ int main(int argc, char** argv) {
   std::vector<std::vector<double>> solutions;
   CHECK(other->getPositionIK({poses[0]}, goal, solutions, result, {}));
   for (const auto& q : solutions) CHECK(std::abs(q[0] - goal[0]) <= 1e-3);
+
+  // So they do where the copy nearest to the seed is outside of them, and one a turn away inside.
+  std::vector<double> wound = goal;
+  wound[0] += 4.0;
+  CHECK(other->getPositionIK({poses[0]}, wound, solutions, result, {}));
+  for (const auto& q : solutions) CHECK(std::abs(q[0] - goal[0]) <= 1e-3 && reaches(narrow, q, goal));
+  for (std::size_t i = 1; i < solutions.size(); ++i) CHECK(distance(solutions[i - 1], wound) <= distance(solutions[i], wound));
   return 0;
 }

@@ -13,13 +13,13 @@ double distance(const Configuration& a, const Configuration& b) {
   return std::sqrt(square);
 }
 
+}  // namespace
+
 void sort_by_distance(std::vector<Configuration>& rows, const Configuration& seed) {
   std::stable_sort(rows.begin(), rows.end(), [&seed](const Configuration& a, const Configuration& b) {
     return distance(a, seed) < distance(b, seed);
   });
 }
-
-}  // namespace
 
 Arm::Arm(const std::string& solver_file) : solver_(solver_file) {}
 

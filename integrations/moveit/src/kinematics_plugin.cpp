@@ -8,7 +8,9 @@
 #include <moveit/robot_state/robot_state.h>
 #endif
 
+#include <algorithm>
 #include <cmath>
+#include <limits>
 #include <pluginlib/class_list_macros.hpp>
 #include <rclcpp/rclcpp.hpp>
 
@@ -22,6 +24,7 @@ using kinematics::DiscretizationMethods::NO_DISCRETIZATION;
 // [m] and [-] The exported arm and the robot model may place the tip this far apart: descriptions of the same arm
 // differ by rounding to six digits, another arm or tool by millimetres.
 constexpr double kSameTip = 1e-5;
+constexpr double kTurn = 2.0 * 3.141592653589793;  // [rad]
 
 rclcpp::Logger logger() { return rclcpp::get_logger("jacokin_kinematics_plugin"); }
 
@@ -57,15 +60,18 @@ bool KinematicsPlugin::initialize(const rclcpp::Node::SharedPtr& node, const mov
   joint_names_ = group->getActiveJointModelNames();
   link_names_ = {tip_frames.front()};
   bounds_.clear();
-  for (const moveit::core::JointModel* joint : group->getActiveJointModels()) {
-    const moveit::core::VariableBounds& bounds = joint->getVariableBounds().front();
-    bounds_.push_back({bounds.position_bounded_, bounds.min_position_, bounds.max_position_});
-  }
   const std::string difference = difference_from(robot_model);
   if (!difference.empty()) {
     RCLCPP_ERROR(logger(), "%s is not the arm of group '%s': %s", file.c_str(), group_name.c_str(), difference.c_str());
     arm_.reset();
     return false;
+  }
+  const Configuration lower = arm_->solver().lower(), upper = arm_->solver().upper();
+  for (std::size_t j = 0; j < lower.size(); ++j) {
+    const moveit::core::VariableBounds& bounds = group->getActiveJointModels()[j]->getVariableBounds().front();
+    const double infinity = std::numeric_limits<double>::infinity();
+    bounds_.push_back({std::max(lower[j], bounds.position_bounded_ ? bounds.min_position_ : -infinity),
+                       std::min(upper[j], bounds.position_bounded_ ? bounds.max_position_ : infinity)});
   }
   supported_methods_ = {NO_DISCRETIZATION, ALL_DISCRETIZED};
   if (arm_->solver().dof() == 7 && setRedundantJoints(std::vector<unsigned int>{kRedundantJoint}))
@@ -111,9 +117,13 @@ bool KinematicsPlugin::setRedundantJoints(const std::vector<unsigned int>& indic
   return KinematicsBase::setRedundantJoints(indices);
 }
 
-bool KinematicsPlugin::is_within_bounds(const Configuration& q) const {
+bool KinematicsPlugin::bring_within_bounds(Configuration& q) const {
+  // Candidates are copies near to the seed, which another copy within narrower bounds need not be.
   for (std::size_t j = 0; j < q.size(); ++j) {
-    if (bounds_[j].is_bounded && !(bounds_[j].lower <= q[j] && q[j] <= bounds_[j].upper)) return false;
+    const double lower = bounds_[j].lower, upper = bounds_[j].upper;
+    if (q[j] < lower) q[j] += kTurn * std::ceil((lower - q[j]) / kTurn);
+    if (q[j] > upper) q[j] -= kTurn * std::ceil((q[j] - upper) / kTurn);
+    if (!(lower <= q[j] && q[j] <= upper)) return false;
   }
   return true;
 }
@@ -136,9 +146,10 @@ std::optional<Candidates> KinematicsPlugin::find(const Message& message, const s
     Candidates found = arm_->find(*target, seed, redundancy);
     std::vector<Configuration> kept;
     for (Configuration& q : found.within_limits) {
-      if (is_within_bounds(q)) kept.push_back(std::move(q));
+      if (bring_within_bounds(q)) kept.push_back(std::move(q));
     }
     found.within_limits = std::move(kept);
+    sort_by_distance(found.within_limits, seed);
     return found;
   } catch (const jacokin::Error& error) {
     RCLCPP_ERROR(logger(), "%s", error.what());

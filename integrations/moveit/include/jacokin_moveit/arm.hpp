@@ -66,6 +66,9 @@ class Arm {
   mutable std::vector<std::unique_ptr<jacokin::Work>> idle_;
 };
 
+// Put the rows nearest to the seed first.
+void sort_by_distance(std::vector<Configuration>& rows, const Configuration& seed);
+
 // The 4x4 matrix of a position [m] and a quaternion; nothing where its norm is not within 1 % of 1.
 std::optional<Pose> pose_from_quaternion(double x, double y, double z, double qx, double qy, double qz, double qw);
 

@@ -70,18 +70,18 @@ class KinematicsPlugin : public kinematics::KinematicsBase {
  private:
   // Candidates that are within the bounds of the robot model, too; nothing where the question cannot be asked.
   std::optional<Candidates> find(const Message& pose, const std::vector<double>& seed, bool hold_redundant) const;
-  bool is_within_bounds(const Configuration& q) const;
+  // Moves joints by whole turns into the bounds of the robot model where they are outside; false where none fits.
+  bool bring_within_bounds(Configuration& q) const;
   // An empty string, or how the exported arm differs from the robot model.
   std::string difference_from(const moveit::core::RobotModel& robot_model) const;
 
   struct Bounds {
-    bool is_bounded;
-    double lower, upper;  // [rad]
+    double lower, upper;  // [rad], infinite without bounds
   };
 
   std::unique_ptr<Arm> arm_;  // null until it is initialized
   std::vector<std::string> joint_names_, link_names_;
-  std::vector<Bounds> bounds_;  // of the robot model, which may be narrower than the exported limits
+  std::vector<Bounds> bounds_;  // those of the robot model and the exported limits, whichever is narrower
 };
 
 }  // namespace jacokin_moveit
