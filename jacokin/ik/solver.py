@@ -88,7 +88,7 @@ class IKSolver:
         clearance: float = 0.0,
         warm: bool = False,
     ) -> None:
-        """Prepare a solver, and load what solving needs: no later call waits for an import.
+        """Prepare a solver, and load what the closed form needs; with warm=True what anything needs.
 
         Args:
             robot: the arm.
@@ -105,7 +105,8 @@ class IKSolver:
             scene: obstacles around the arm; they count as self-contact does.
             clearance: shapes this near to each other count as touching [m].
             warm: load now what the QP needs (half a second), so that no later call waits for an import, as a control
-                loop needs it; without it, the first target that the closed form does not settle waits.
+                loop needs it; without it, the first position without an orientation waits. A solver that has only the
+                QP loads it in any case.
 
         Raises:
             UnknownNameError: unknown frame, method, collision mode or QP solver.
@@ -143,7 +144,7 @@ class IKSolver:
         in_closed_form = self.has_families or self.has_closed_form  # builds it: no solve waits for that
         if method == "closed_form" and not in_closed_form:
             self.closed_form()  # says why
-        if checks.flag("warm", warm):
+        if checks.flag("warm", warm) or not in_closed_form:
             self._qp_search()
 
     @property

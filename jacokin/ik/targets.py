@@ -8,6 +8,7 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 import pinocchio as pin
+from numpy.random import default_rng  # at once: the first closest configuration does not wait for it
 from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
@@ -83,7 +84,7 @@ class Request(NamedTuple):
 
     def generator(self) -> np.random.Generator:
         """The caller's generator, or a fresh one with a fixed seed."""
-        return np.random.default_rng(DEFAULT_RANDOM_SEED) if self.rng is None else self.rng
+        return default_rng(DEFAULT_RANDOM_SEED) if self.rng is None else self.rng
 
     def message(self, sentence: str) -> str:
         """A sentence and the note in one."""

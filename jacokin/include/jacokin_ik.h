@@ -61,7 +61,7 @@ enum jacokin_ik_status {
     JACOKIN_IK_OUTSIDE_LIMITS = 2,  /* the pose can only be reached by breaking a joint limit */
     JACOKIN_IK_NO_CONVERGENCE = 3,  /* nothing was found, and it is not certain that there is nothing */
     JACOKIN_IK_BAD_ARGUMENT = -1,   /* a null pointer, an index or a value out of its range */
-    JACOKIN_IK_NOT_FINITE = -2,     /* a number is NaN or infinite, or farther than 1e6 rad from zero */
+    JACOKIN_IK_NOT_FINITE = -2,     /* a number is NaN or infinite, or a seed farther than 1e6 rad from zero */
     JACOKIN_IK_NOT_RIGID = -3,      /* a target is not a rotation and a translation */
     JACOKIN_IK_WORK_TOO_SMALL = -4, /* the work memory is smaller than jacokin_ik_work_size() says */
     JACOKIN_IK_NO_ROOM = -5,        /* there are more answers than the caller's array holds */
@@ -157,7 +157,8 @@ JACOKIN_IK_API size_t jacokin_ik_work_size(const jacokin_ik_solver *solver, enum
 
 /* --- Forward kinematics ---------------------------------------------------------------------------------------- */
 
-/* The pose of the tool in the base, 16 doubles, at a configuration; limits are not looked at. */
+/* The pose of the tool in the base, 16 doubles, at a configuration; limits are not looked at.
+ * JACOKIN_IK_NOT_FINITE, and the pose is left as it was, where a joint is NaN or infinite. */
 JACOKIN_IK_API int jacokin_fk(const jacokin_ik_solver *solver, const double *q, double *pose);
 
 /* --- Inverse kinematics ---------------------------------------------------------------------------------------- */
@@ -188,7 +189,8 @@ JACOKIN_IK_API int jacokin_ik_nearest(const jacokin_ik_solver *solver, const dou
  * q        n * dof doubles, filled; NaN for a target that has no answer
  * status   n ints, filled: what jacokin_ik_nearest would return
  *
- * JACOKIN_IK_OK where the call itself could be done, whatever became of its targets. */
+ * JACOKIN_IK_OK where the call itself could be done, whatever became of its targets. Where the work memory is refused,
+ * every status is the code for that. */
 JACOKIN_IK_API int jacokin_ik_batch(const jacokin_ik_solver *solver, size_t n, const double *targets,
                                     const double *seeds, void *work, size_t work_size, double *q, int *status);
 

@@ -86,12 +86,15 @@ def about(contents: bytes) -> About | None:
     if match is None:
         return None
     layouts = {}
-    for line in match[4].decode().splitlines():
-        name, *arrays = line.split()
-        layouts[name] = tuple(
-            ArrayLayout(dtype, tuple(map(int, shape.split(",")))) for dtype, shape in (a.split(":") for a in arrays)
-        )
-    return About(match[1].decode(), match[2].decode(), int(match[3]), layouts)
+    try:
+        for line in match[4].decode().splitlines():
+            name, *arrays = line.split()
+            layouts[name] = tuple(
+                ArrayLayout(dtype, tuple(map(int, shape.split(",")))) for dtype, shape in (a.split(":") for a in arrays)
+            )
+        return About(match[1].decode(), match[2].decode(), int(match[3]), layouts)
+    except ValueError:  # not the text that was written
+        return None
 
 
 class Library:

@@ -138,6 +138,15 @@ def test_memory_is_never_used_beyond_its_size(six: CSolver, target: Array) -> No
     assert C.jacokin_ik_nearest(*here[:3], odd, size, q.ctypes.data) == binding.BAD_ARGUMENT
 
 
+def test_a_batch_that_cannot_be_done_has_no_answers(six: CSolver, target: Array) -> None:
+    q, status = np.zeros((2, 6)), np.zeros(2, np.int32)
+    both = np.array([target, target])
+    here = (six.handle, 2, both.ctypes.data, None, six.work[0], 8, q.ctypes.data, status.ctypes.data)
+    assert C.jacokin_ik_batch(*here) == binding.WORK_TOO_SMALL
+    assert np.isnan(q).all()
+    assert status.tolist() == [binding.WORK_TOO_SMALL] * 2
+
+
 def test_null_pointers_are_refused(six: CSolver, target: Array) -> None:
     q, T, work = np.empty(6).ctypes.data, target.ctypes.data, six.work
     count = byref(c_int())

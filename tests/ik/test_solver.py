@@ -321,6 +321,32 @@ def test_no_solve_of_a_warm_solver_imports_anything() -> None:
     assert json.loads(done.stdout) == []
 
 
+@pytest.mark.parametrize(
+    ("made", "solved"),
+    [
+        ("", "far, about_z, pose"),
+        ("collision='reject'", "far, about_z, pose"),
+        ("method='qp'", "far, pose, pose.translation"),
+    ],
+)
+def test_only_a_position_waits_for_an_import_in_a_solver_that_is_not_warm(made: str, solved: str) -> None:
+    code = (
+        "import sys, jacokin\n"
+        "robot = jacokin.load_robot()\n"
+        f"solver = jacokin.IKSolver(robot, {made})\n"
+        "pose, far = robot.forward_kinematics(robot.home), jacokin.pose([3.0, 0.0, 0.0])\n"
+        "about_z = jacokin.FreeAxis(pose, axis=(0, 0, 1))\n"
+        "before = set(sys.modules)\n"
+        f"for target in ({solved}):\n"
+        "    solver.solve(target)\n"
+        "    'qp' in solver.method or solver.solve(target, prefer='margin') and solver.solve_all(target)\n"
+        "solver.solve_batch([pose, far])\n"
+        "print(sorted(set(sys.modules) - before))\n"
+    )
+    done = subprocess.run([sys.executable, "-P", "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "[]\n"
+
+
 def test_missing_branches_are_no_proof(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     from jacokin.ik.closed_form import Branches, ClosedForm
 

@@ -118,6 +118,8 @@ def test_a_library_that_does_not_fit_is_one_sentence(tmp_path: Path) -> None:
     for size in (0, 10, 4096, len(whole) // 2, len(whole) - 1):
         assert "damaged or incomplete" in damaged(path, whole[:size])
     assert "damaged or incomplete" in damaged(path, bytes(len(whole)))
+    for wrong in (b"\xff", b" "):
+        assert "damaged or incomplete" in damaged(path, whole.replace(b"float64:", wrong * len(b"float64:")))
     version = f"kernels {jacokin.__version__} ".encode()
     other = version.replace(jacokin.__version__.encode(), b"9" * len(jacokin.__version__))
     assert f"not {jacokin.__version__}" in damaged(path, whole.replace(version, other))

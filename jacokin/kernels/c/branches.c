@@ -106,8 +106,11 @@ int jacokin_ik_batch(const jacokin_ik_solver *solver, size_t n, const double *ta
     if (solver == NULL || (n > 0 && (targets == NULL || q == NULL || status == NULL))) return JACOKIN_IK_BAD_ARGUMENT;
     layout memory;
     int laid_out = jacokin_lay_out(solver, work, work_size, JACOKIN_IK_POSES, &memory);
-    if (laid_out != JACOKIN_IK_OK) return laid_out;
     size_t dof = (size_t)solver->dof;
+    if (laid_out != JACOKIN_IK_OK) {
+        for (size_t i = 0; i < n; i++) status[i] = jacokin_no_answer(solver, q + dof * i, laid_out);
+        return laid_out;
+    }
     for (size_t i = 0; i < n; i++)
         status[i] = nearest(solver, targets + 16 * i, seeds == NULL ? NULL : seeds + dof * i, &memory, q + dof * i);
     return JACOKIN_IK_OK;
