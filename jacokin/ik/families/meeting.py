@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from jacokin.arrays import Array
-from jacokin.ik.families.curves import CurveProblem, FoundCurves
-from jacokin.ik.families.edge import Edge
+from jacokin.ik.families.curves import CurveProblem, FoundCurves, whole_piece
+from jacokin.ik.families.edge import STUCK, Edge
 from jacokin.ik.families.recut import cut_again
 from jacokin.ik.families.straight_wrist import NEARLY_STRAIGHT, TOUCHING, StraightWrist, WristTrack
 from jacokin.ik.families.stretched import walk_to_folds
@@ -64,7 +64,10 @@ def follow_curves(problem: CurveProblem, edge: Edge, wrist: StraightWrist, also:
     at_nodes = [_is_at_node(x, followed.found.arcs) for x in found.at_quarters]
     doubtful = np.vstack([doubtful, found.at_quarters[np.logical_not(at_nodes)]])
     lost = [x for x in np.vstack([followed.points, doubtful]) if not _is_passed(x, followed, problem, edge)]
-    return followed._replace(points=np.array(lost).reshape(-1, 7))
+    points = np.array(lost).reshape(-1, 7)
+    if _is_any_missed(points, followed.found.arcs, problem, edge):
+        followed = followed._replace(found=followed.found._replace(complete=False))
+    return followed._replace(points=points)
 
 
 def _follow_singular(
@@ -78,7 +81,7 @@ def _follow_singular(
     """The curves of a target that has singular configurations; their `points` may be on curves."""
     parameter = problem.arm.parameter
     singular = np.vstack([found.singular, edge.meeting_points(doubtful, problem)])
-    circles = wrist.circles(np.vstack([wrist.starts(found.arcs, NEARLY_STRAIGHT), singular]), problem)
+    circles = wrist.circles(np.vstack([wrist.starts(found.arcs, NEARLY_STRAIGHT), singular, doubtful]), problem)
     if not circles and not len(singular):
         found = problem.find(also, quarters=False)  # one of them may be a fold, where slices see two points or none
         if found.complete:
@@ -95,10 +98,14 @@ def _joined(
     """The curves, joined across circles and singular configurations (k, 7), or ended there."""
     parameter = problem.arm.parameter
     places = [*(circle.start for circle in circles), *singular[:, parameter].tolist()]
+    first, middles = found, [nodes[len(nodes) // 2, :7] for nodes in found.arcs]
     for room in ROOM:
         if places:
             found = problem.find(crossings=_distinct(places), room=room)
         ended = found if found.complete else found.ended_at(np.vstack([singular, found.singular]), parameter)
+        if not all(any(_distance(nodes, x) <= NEARBY for nodes in found.arcs) for x in middles):
+            found = first.ended_at(np.vstack([singular, first.singular]), parameter)._replace(complete=False)
+            break  # curves so short that they lie between both sides
         if ended.complete:
             found = ended
             break
@@ -121,6 +128,16 @@ def _is_passed(x: Array, followed: Followed, problem: CurveProblem, edge: Edge) 
             if nearest is not None and np.abs(angles.wrap_to_pi(nearest[1] - x[:dof])).max() <= SAME_POINT:
                 return True
     return False
+
+
+def _is_any_missed(points: Array, arcs: Sequence[Array], problem: CurveProblem, edge: Edge) -> bool:
+    """Whether any of the points (k, 7) is regular, and so on a curve, and not on those that were found."""
+    regular = points[edge.mobility(points, problem) > STUCK] if len(points) else points
+    if not len(regular):
+        return False
+    rows = [CurveTrack(problem, whole_piece(nodes, 0)).guesses()[1] for nodes in arcs]
+    found, dof = np.vstack([np.empty((0, edge.chain.dof)), *rows]), edge.chain.dof
+    return any(not (np.abs(angles.wrap_to_pi(found - x[:dof])).max(axis=1) <= ON_CURVE).any() for x in regular)
 
 
 def _is_at_node(x: Array, arcs: Sequence[Array]) -> bool:

@@ -73,6 +73,8 @@ def test_seven_joints_at_right_angles_have_a_complete_family(name: str, q: tuple
         ("m1n6s200", (-90.0, 180.0, 180.0, 90.0, -90.0, -90.0), (-0.03, 0.69, -0.72), False),
         # its curve only touches a limit there,
         ("m1n6s200", (-90.0, 270.0, 35.0, 90.0, 0.0, 0.0), (1.0, 0.0, 0.0), False),
+        # it is on a circle of straight wrists that short curves meet,
+        ("j2s6s200", (90.0, 90.0, 180.0, -180.0, 180.0, 90.0), (1.0, 0.0, 0.0), True),
         # it is one at the edge of reach,
         (
             "j2s6s300",
