@@ -6,7 +6,7 @@ import math
 
 from jacokin.arrays import Array
 from jacokin.kernels.chain import Newton, errors, least_squares
-from jacokin.kernels.tolerances import TANGENCY_CLOSURE, TANGENCY_EXCESS
+from jacokin.kernels.tolerances import HELD_CLOSURE, TANGENCY_EXCESS
 
 TURN = 2.0 * math.pi
 #: Gauss-Newton steps on the joints that are not held.
@@ -110,9 +110,9 @@ def hold_on_limits(chain: Array, T: Array, limits: Array, row: Array, work: Newt
         if not least_squares(chain, T, work, TANGENCY_STEPS):
             continue
         position, orientation = errors(chain, T, work.q)
-        if max(position, orientation) < TANGENCY_CLOSURE and snap_to_limits(work.q, limits):
+        if max(position, orientation) < HELD_CLOSURE and snap_to_limits(work.q, limits):
             position, orientation = errors(chain, T, work.q)
-            if max(position, orientation) < TANGENCY_CLOSURE:
+            if max(position, orientation) < HELD_CLOSURE:
                 return True
     return False
 

@@ -118,9 +118,11 @@ SAME_FOLD = 2e-5
 #: [rad]; at a fold, rounding may put a joint this far past its limit: about the square root of 1e-15 over the smallest
 #: curvature of folds, and the cube root where three branches merge.
 TANGENCY_EXCESS = 1e-4
-#: [m] and [rad]; the closure of a branch held on its limit: a thousand times rounding, and a regular branch may be past
-#: its limit by no more than this over its smallest singular value.
+#: [m] and [rad]; a branch that closes so well within its limits needs not be held on them: a thousand times rounding.
 TANGENCY_CLOSURE = 1e-12
+#: [m] and [rad]; the closure of a branch held on its limit. Of a stretched arm 24 times the former was measured, and a
+#: regular branch may be past its limit by no more than this over its smallest singular value.
+HELD_CLOSURE = 3e-11
 
 # Two branches or one (pose)
 

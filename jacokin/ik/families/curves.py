@@ -31,7 +31,7 @@ from jacokin.kernels.self_motion.intervals import (
     run_curves,
 )
 from jacokin.kernels.self_motion.limit_cuts import INTERVALS
-from jacokin.kernels.self_motion.slices import SINGULAR, SLICES
+from jacokin.kernels.self_motion.slices import SAME_PARAMETER, SINGULAR, SLICES
 from jacokin.model.angles import TURN
 from jacokin.model.poses import FreeAxis
 
@@ -43,8 +43,6 @@ QUARTER_TURNS = (-0.5 * math.pi, 0.0, 0.5 * math.pi, math.pi)
 FARTHEST_END = 0.6
 #: Gauss-Newton steps where curves meet, and the relative size of motions that they leave out.
 SETTLING_STEPS, NO_MOTION = 20, 1e-6
-#: [rad] values of the parameter that differ by rounding.
-SAME_PARAMETER = 1e-9
 #: Index of the parameter among the seven joints of a chain: the free axis comes last, and joint 3 is in the middle.
 FREE_AXIS, JOINT_3 = 6, 2
 #: How many values of the parameter there may be: room is left for those of `gaps`.
@@ -282,6 +280,7 @@ class FoundCurves(NamedTuple):
     ends: list[tuple[int, int]]  # what each of them ends at, see `arcs`
     singular: Array  # (k, 7) points without a tangent: where curves meet, or all alone
     at_quarters: Array  # (k, 7) points at QUARTER_TURNS
+    motion_at_quarters: Array  # (k,) a lower bound of how far the tool moves there, see `slices.least_motion`
     full: bool  # whether a table was, so that something is missing
     complete: bool
 
@@ -340,12 +339,9 @@ def read_curves(work: CurveWork, count: int) -> FoundCurves:
         )
     full = size == NODES or number == ARCS or count == INTERVALS
     singular = work.slices.singular[: min(int(work.counts[2]), SINGULAR)].copy()
-    values = work.slices.p[: int(work.options[2]), np.newaxis]
-    away = np.abs(np.mod(values - np.array(QUARTER_TURNS) + math.pi, TURN) - math.pi).min(axis=1)
-    rows = [work.slices.x[i, : work.slices.filled[i]] for i in np.flatnonzero(away < SAME_PARAMETER)]
-    at_quarters = np.vstack([np.empty((0, 7)), *rows])
+    at_quarters = work.quarters.rows[: int(work.quarters.filled[0])].copy()
     complete = not (full or work.counts[1] or work.counts[2])
-    return FoundCurves(pieces, arcs, ends, singular, at_quarters, full, complete)
+    return FoundCurves(pieces, arcs, ends, singular, at_quarters[:, :7], at_quarters[:, 7], full, complete)
 
 
 def whole_piece(nodes: Array, branch: int) -> Piece:

@@ -131,25 +131,31 @@ class Edge:
                 break
         return points
 
-    def doubtful(self, x: Array, arcs: list[Array], problem: CurveProblem) -> Array:
+    def doubtful(self, x: Array, least_motion: Array, arcs: list[Array], problem: CurveProblem) -> Array:
         """Those of the rows (k, 7), members, which a curve may end at, cross another at, or touch a limit at.
 
         Singular ones, where the tool can hardly move in some direction, unless it can no better all along the curves
-        (m, 14); and those with a joint on a limit.
+        (m, 14); and those with a joint on a limit. A lower bound of how far it moves (k,) spares most of them the look.
         """
-        if not len(x):
-            return x
-        mobility = self.mobility(x, problem)
-        stuck: NDArray[np.bool_] = mobility < STUCK
-        if stuck.any() and arcs:
-            rows = np.vstack([_spread(arc, ALONG_ARC) for arc in arcs])
-            stuck &= mobility < SINGULAR * np.median(self.mobility(rows, problem))
-        inside = self.inside(x)
-        q = inside[:, : self.chain.dof]
-        margin = np.minimum(q - self._lower, self._upper - q).min(axis=1)
-        within = np.abs(angles.wrap_to_pi(inside - x)).max(axis=1) < ON_LIMIT
-        doubtful: Array = x[stuck | (within & (margin < ON_LIMIT))]
+        stuck: NDArray[np.bool_] = least_motion < STUCK
+        limited = np.isfinite(problem.arm.limits[0])
+        away = angles.wrap_to_pi(x[:, limited] - problem.arm.limits[:, np.newaxis, limited])
+        on_limit: NDArray[np.bool_] = (np.abs(away) < ON_LIMIT).any(axis=(0, 2))
+        if stuck.any():
+            mobility = self.mobility(x[stuck], problem)
+            usual = SINGULAR * self._median_mobility(arcs, problem) if arcs and (mobility < STUCK).any() else np.inf
+            stuck[stuck] = mobility < min(STUCK, usual)
+        if on_limit.any():
+            q = self.inside(x)[:, : self.chain.dof]
+            margin = np.minimum(q - self._lower, self._upper - q).min(axis=1)
+            within = np.abs(angles.wrap_to_pi(q - x[:, : self.chain.dof])).max(axis=1) < ON_LIMIT
+            on_limit = within & (margin < ON_LIMIT)
+        doubtful: Array = x[stuck | on_limit]
         return doubtful
+
+    def _median_mobility(self, arcs: list[Array], problem: CurveProblem) -> float:
+        """That of points along curves (m, 14)."""
+        return float(np.median(self.mobility(np.vstack([_spread(arc, ALONG_ARC) for arc in arcs]), problem)))
 
     def inside(self, x: Array) -> Array:
         """Rows (k, 7) with the joints moved within their limits."""

@@ -48,7 +48,7 @@ class Followed(NamedTuple):
 def follow_curves(problem: CurveProblem, edge: Edge, wrist: StraightWrist, also: Sequence[float] = ()) -> Followed:
     """The curves of a target, also where they meet; `also` are parameters to solve at too [rad]."""
     found = problem.find(also)
-    doubtful = edge.doubtful(found.at_quarters, found.arcs, problem)
+    doubtful = edge.doubtful(found.at_quarters, found.motion_at_quarters, found.arcs, problem)
     if found.complete and not len(doubtful):
         near = wrist.starts(found.arcs, TOUCHING) if wrist.is_near(found.arcs) else doubtful
         circles = wrist.circles(near, problem) if len(near) else []

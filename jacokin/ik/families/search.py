@@ -20,7 +20,6 @@ from jacokin.ik.families.curves import (
     JOINT_3,
     LOST,
     RANGE,
-    SAME_PARAMETER,
     SEAM,
     CurveArm,
     CurveProblem,
@@ -39,6 +38,7 @@ from jacokin.ik.preferences import Cost, copies_to_try, with_ties
 from jacokin.ik.results import IKResult
 from jacokin.ik.targets import Request, TargetPose, combined_error
 from jacokin.ik.verification import Candidate, Verifier
+from jacokin.kernels.self_motion.slices import SAME_PARAMETER
 from jacokin.model import angles
 from jacokin.model.angles import TURN
 from jacokin.model.poses import FreeAxis

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.ik.families.curves import SAME_PARAMETER, CurveProblem, Piece
+from jacokin.ik.families.curves import CurveProblem, Piece
+from jacokin.kernels.self_motion.slices import SAME_PARAMETER
 from jacokin.model.angles import TURN
 
 #: Local minima among the guesses that are looked at exactly.

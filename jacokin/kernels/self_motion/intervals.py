@@ -26,13 +26,16 @@ from jacokin.kernels.self_motion.limit_cuts import Cuts, cut, make_cuts
 from jacokin.kernels.self_motion.nearest import Nearest, make_nearest, search_arcs, search_run
 from jacokin.kernels.self_motion.seven_joints import may_be_straight
 from jacokin.kernels.self_motion.slices import (
+    Quarters,
     SevenJoints,
     SixJoints,
     Slices,
     fill_slices,
+    make_quarters,
     make_seven_joints,
     make_six_joints,
     make_slices,
+    measure_quarters,
 )
 from jacokin.kernels.self_motion.sweep import SweepWork, sweep
 
@@ -68,6 +71,7 @@ class CurveWork(NamedTuple):
     x: Array  # (7,) the point
     nearest: Nearest
     loops: Loops
+    quarters: Quarters
 
 
 def make_curve_work() -> CurveWork:
@@ -88,6 +92,7 @@ def make_curve_work() -> CurveWork:
         np.zeros(7),
         make_nearest(),
         make_loops(),
+        make_quarters(),
     )
 
 
@@ -119,5 +124,6 @@ def run_curves(work: CurveWork) -> int:
     assemble(n, closed, parameter, made, work.slices, work.graph, work.arcs)
     if task == FIND_NEAREST:
         return 1 if search_arcs(chain, T, work.arcs, work.nearest, walk) else 0
+    measure_quarters(chain, T, n, work.slices, work.quarters, walk)
     work.counts[0] = cut(chain, T, work.arcs, work.cuts, walk)
     return int(work.counts[0])

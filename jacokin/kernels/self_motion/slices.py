@@ -21,6 +21,8 @@ from jacokin.kernels.self_motion.seven_joints import MOST_AT_Q3, solve_at_q3
 SLICES, POINTS = 128, 24
 #: Points without a tangent that are kept.
 SINGULAR = 32
+#: Points at quarter turns of the parameter that are kept, and [rad] values that are a quarter turn but for rounding.
+QUARTER_POINTS, SAME_PARAMETER = 5 * POINTS, 1e-9
 
 
 class SixJoints(NamedTuple):
@@ -55,6 +57,14 @@ class Slices(NamedTuple):
     singular: Array  # (SINGULAR, 7) points without a tangent, as far as there is room
 
 
+class Quarters(NamedTuple):
+    """Points at quarter turns of the parameter: what is singular in a structured target is so there."""
+
+    filled: NDArray[np.int64]  # (1,) how many
+    rows: Array  # (QUARTER_POINTS, 8) points, and how far the tool moves there at least, see `least_motion`
+    square: Array  # (7, 6) for `least_motion`
+
+
 def make_six_joints() -> SixJoints:
     """Fresh arrays."""
     work = make_work(np.empty((MAX_BRANCHES, COLUMNS)))
@@ -81,6 +91,11 @@ def make_slices() -> Slices:
         np.zeros(SLICES, np.int64),
         np.empty((SINGULAR, 7)),
     )
+
+
+def make_quarters() -> Quarters:
+    """Fresh arrays."""
+    return Quarters(np.zeros(1, np.int64), np.empty((QUARTER_POINTS, 8)), np.empty((7, 6)))
 
 
 def wrapped(angle: float) -> float:
@@ -175,3 +190,54 @@ def fill_slices(
             if not add_row(chain, T, i, k, seven, slices, walk):
                 lost = keep_singular(slices, i, lost)
     return lost
+
+
+def measure_quarters(chain: Array, T: Array, n: int, slices: Slices, quarters: Quarters, walk: Walk) -> None:
+    """Keep the points at quarter turns among the first n values of slices.p."""
+    filled, rows = 0, quarters.rows
+    for i in range(n):
+        p = slices.p[i]
+        if abs(p - 0.25 * TURN * math.floor(p / (0.25 * TURN) + 0.5)) >= SAME_PARAMETER:
+            continue
+        for k in range(slices.filled[i]):
+            if filled == QUARTER_POINTS:
+                break
+            for j in range(7):
+                rows[filled, j] = slices.x[i, k, j]
+            linearise7(chain, T, slices.x[i, k], walk.system)
+            rows[filled, 7] = least_motion(walk.system, quarters.square)
+            filled += 1
+    quarters.filled[0] = filled
+
+
+def least_motion(system: Array, square: Array) -> float:
+    """A lower bound of the smallest singular value of a Jacobian, at most a root of six too low.
+
+    Squares of singular values add up in the trace of the inverse of J J^T, which Cholesky's factor gives.
+
+    Args:
+        system: (7, 8) the Jacobian in its first six rows and seven columns.
+        square: (7, 6) to work in.
+    """
+    for i in range(6):
+        for j in range(i + 1):
+            product = 0.0
+            for column in range(7):
+                product += system[i, column] * system[j, column]
+            for k in range(j):
+                product -= square[i, k] * square[j, k]
+            if i > j:
+                square[i, j] = product / square[j, j]
+            elif product > 0.0:
+                square[i, i] = math.sqrt(product)
+            else:
+                return 0.0
+    total = 0.0
+    for first in range(6):  # columns of the inverse of the factor
+        for i in range(first, 6):
+            value = 1.0 if i == first else 0.0
+            for k in range(first, i):
+                value -= square[i, k] * square[6, k]
+            square[6, i] = value / square[i, i]
+            total += square[6, i] * square[6, i]
+    return 1.0 / math.sqrt(total)
