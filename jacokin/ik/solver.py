@@ -55,6 +55,7 @@ from jacokin.kernels.closed_form.batch import BRANCHES, LARGEST_MARGIN
 from jacokin.kernels.tolerances import CLOSURE
 from jacokin.model import checks, poses
 from jacokin.model.loading import load_robot
+from jacokin.model.many_configurations import Chain, Goal
 from jacokin.model.poses import FreeAxis
 from jacokin.model.robot import Robot, checked_robot
 
@@ -367,6 +368,11 @@ class IKSolver:
         return self._form if not self._uses_qp and isinstance(self._form, ClosedForm) else None
 
     @functools.cached_property
+    def _chain(self) -> Chain:
+        """The arm and the tool, for many configurations at once."""
+        return Chain(self.robot, self._frame_id, self._verifier.tool)
+
+    @functools.cached_property
     def _six(self) -> SixJointFamilies:
         return SixJointFamilies(self.closed_form(), self._verifier)
 
@@ -479,8 +485,14 @@ class IKSolver:
 
     def _compiled(self, matrices: Array, seeds: Array, workers: int) -> tuple[BestBranches, NDArray[np.bool_]]:
         """The best branch of each of many poses, and which of them are successes."""
-        rows = self.closed_form().solve_batch(matrices, seeds, workers)
-        return rows, self._verifier.reached_rows(rows) & rows.within_limits
+        found = self.closed_form().solve_batch(matrices, seeds, workers)
+        good = self._verifier.reached_rows(found) & found.within_limits
+        least = found.least_distance  # where the seed itself may be the answer, see `_may_be_seed`, `solve` decides
+        near = np.flatnonzero((least > NEAR_SEED[0]) & (least < NEAR_SEED[1]))
+        if len(near):
+            position, orientation = self._chain.errors(seeds[near], Goal(matrices[near]))
+            good[near[np.maximum(position, orientation) <= 2.0 * CLOSURE]] = False  # twice: `solve` measures otherwise
+        return found, good
 
 
 def _rebuild(robot: Robot, frame: str, tool: pin.SE3 | None, options: SolverOptions) -> IKSolver:

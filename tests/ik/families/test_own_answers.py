@@ -264,3 +264,27 @@ def test_the_answer_to_a_plain_pose_is_the_nearest_of_the_continuum(rng: np.rand
         )
         continuum = q + turns[:, np.newaxis] * np.array([0.0, 0.0, 0.0, 1.0, 0.0, sign])
         assert distance(robot, answer.q, seed) <= distance(robot, continuum, seed).min() + 1e-9
+
+
+@pytest.mark.parametrize("name", ["j2s6s200", "j2n6s300"])
+def test_a_batch_answers_as_solve_does_on_multiple_roots(name: str, rng: np.random.Generator) -> None:
+    solver = IKSolver(jacokin.load_robot(name), tool=jacokin.pose((0.5, 0.0, 0.0)))
+    robot = solver.robot
+    own = [(-90.0, 180.0, 180.0, -90.0, 30.0, 0.0), (90.0, 90.0, 180.0, 30.0, 60.0, 0.0)]
+    seeds = [np.clip(np.array(each) * DEGREES, robot.lower, robot.upper) for each in own]
+    seeds += [np.clip(own_answers.CLASSES["stretched"](robot, rng), robot.lower, robot.upper) for _ in range(20)]
+    poses = [solver.verifier.tool_pose(q) for q in seeds]
+    batch = solver.solve_batch(poses, seeds)
+    singles = [solver.solve(T, seed=q) for T, q in zip(poses, seeds, strict=True)]
+    assert batch.status == tuple(each.status for each in singles)
+    np.testing.assert_array_equal(batch.q, [each.q for each in singles])
+    np.testing.assert_allclose(wrap_to_pi(batch.q - seeds), 0.0, atol=1e-4)
+
+
+def test_a_branch_on_its_limit_is_found_of_a_stretched_arm() -> None:
+    solver = IKSolver(jacokin.load_robot("j2s6s200"), tool=jacokin.pose((0.5, 0.0, 0.0)))
+    own = np.clip(np.array((-90.0, 180.0, 180.0, -90.0, 30.0, 0.0)) * DEGREES, solver.robot.lower, solver.robot.upper)
+    branches = solver.solve_all(solver.verifier.tool_pose(own), own)  # joint 5 is on its limit, and a double root
+    assert np.abs(wrap_to_pi(branches.q_within_limits[0] - own)).max() < 1e-4
+    seed = own + (1.5e-4, 3.6e-4, 1.1e-4, 5.2e-4, 0.0, -2.8e-4)
+    assert np.linalg.norm(solver.solve(solver.verifier.tool_pose(own), seed=seed).q - seed) < 1e-3
