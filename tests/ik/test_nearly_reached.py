@@ -149,6 +149,19 @@ def test_a_target_well_beyond_a_fold_has_one_status(count: int, rng: np.random.G
         assert solver.solve(target, closest=False).status is solver.solve(target).status
 
 
+@pytest.mark.parametrize("count", [3, pytest.param(60, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("kind", ["free axis", "seven joints"])
+def test_beyond_a_fold_with_own_limits_there_is_one_status(kind: str, count: int, rng: np.random.Generator) -> None:
+    names, make = KINDS[kind]
+    for number in range(count):
+        robot = jacokin.load_robot(names[number % len(names)])
+        q, target = make(robot, rng, (2e-6, 1e-4, 1e-2)[number % 3])
+        robot = jacokin.load_robot(robot.name, limits=limits_around(robot, q, rng))
+        solver = IKSolver(robot, frame="end_effector")
+        statuses = {solver.solve(target, closest=closest).status for closest in (False, True)}
+        assert statuses == set(solver.solve_batch([target], closest=False).status), (number, q.tolist())
+
+
 @pytest.mark.parametrize("count", [2, pytest.param(15, marks=pytest.mark.slow)])
 def test_a_position_just_out_of_reach_is_reached(count: int, rng: np.random.Generator) -> None:
     robot = jacokin.load_robot("j2n6s300")

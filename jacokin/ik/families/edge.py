@@ -140,7 +140,7 @@ class Edge:
         stuck: NDArray[np.bool_] = least_motion < STUCK
         limited = np.isfinite(problem.arm.limits[0])
         away = angles.wrap_to_pi(x[:, limited] - problem.arm.limits[:, np.newaxis, limited])
-        on_limit: NDArray[np.bool_] = (np.abs(away) < ON_LIMIT).any(axis=(0, 2))
+        on_limit: NDArray[np.bool_] = np.asarray((np.abs(away) < ON_LIMIT).any(axis=(0, 2)))
         if stuck.any():
             mobility = self.mobility(x[stuck], problem)
             usual = SINGULAR * self._median_mobility(arcs, problem) if arcs and (mobility < STUCK).any() else np.inf

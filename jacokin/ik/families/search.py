@@ -146,7 +146,9 @@ class FamilySearch:
                 seen = [*sight.points, *(point for point in beside if not _is_among(point, sight.points))]
                 seen.sort(key=lambda point: float(point.excess.max()))
                 rows = np.array([[*point.q, point.parameter][:DIMENSIONS] for point in seen]).reshape(-1, DIMENSIONS)
-                points = _on_edge(seen, self._wrist.circles(rows, problem), members, complete=stuck and not sight.parameters)
+                points = _on_edge(
+                    seen, self._wrist.circles(rows, problem), members, complete=stuck and not sight.parameters
+                )
                 if len(points.family) or (points.family.branches and stuck):
                     return points
         intervals = []

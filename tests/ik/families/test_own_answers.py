@@ -286,5 +286,5 @@ def test_a_branch_on_its_limit_is_found_of_a_stretched_arm() -> None:
     own = np.clip(np.array((-90.0, 180.0, 180.0, -90.0, 30.0, 0.0)) * DEGREES, solver.robot.lower, solver.robot.upper)
     branches = solver.solve_all(solver.verifier.tool_pose(own), own)  # joint 5 is on its limit, and a double root
     assert np.abs(wrap_to_pi(branches.q_within_limits[0] - own)).max() < 1e-4
-    seed = own + (1.5e-4, 3.6e-4, 1.1e-4, 5.2e-4, 0.0, -2.8e-4)
+    seed = own + np.array((1.5e-4, 3.6e-4, 1.1e-4, 5.2e-4, 0.0, -2.8e-4))
     assert np.linalg.norm(solver.solve(solver.verifier.tool_pose(own), seed=seed).q - seed) < 1e-3
