@@ -54,6 +54,7 @@ PRINTING = {
     "tracker": Printing("One tick of the tracker"),
     "library": Printing("The compiled kernels, and the first answer", quick=("--quick",)),
     "c_calls": Printing("The C library beside Python", quick=("--quick",)),
+    "six_joints": Printing("Arms of any structure", quick=("--quick",)),
     "latency": Printing("Single calls, the slowest included", picture="latency.png"),
     "closest": Printing("The closest configuration", ("--count", "30"), ("--count", "3")),
     "planning": Printing("Planned paths"),

@@ -98,7 +98,8 @@ class Branches(BranchTable):
     """Every configuration that reaches a pose, within the limits or not, nearest to the seed first.
 
     Attributes:
-        dropped: whether a table of the kernels was full, so that branches may be missing.
+        dropped: whether branches may be missing: a table of the kernels was full, or, on an arm not built like a Jaco,
+            no neighbour of the arm settled what its roots left in doubt.
         touching: pairs of shapes that touch at each branch; None when the solver does not look.
     """
 
@@ -134,7 +135,7 @@ class Branches(BranchTable):
 
     @property
     def complete(self) -> bool:
-        """False when a branch stands for a whole self-motion, or when a table of the closed form was full."""
+        """False when a branch stands for a whole self-motion, or when branches may be missing, see `dropped`."""
         return not (self.dropped or self.singular.any())
 
     @property

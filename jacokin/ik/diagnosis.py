@@ -39,7 +39,7 @@ def explain_branches(rows: Branches, joint_names: Sequence[str]) -> Outcome:
     if rows.dropped:
         return Outcome(
             Status.NO_CONVERGENCE,
-            f"none of the {len(rows)} branches found is within the limits, and there were more than could be followed",
+            f"none of the {len(rows)} branches found is within the limits, and some may be missing",
         )
     if not len(rows):
         return Outcome(Status.UNREACHABLE, "no configuration reaches this pose, whatever the limits")

@@ -44,7 +44,7 @@ class BranchWork(NamedTuple):
     fold: FoldWork
     row: Array  # (17,) the branch at hand
     rows: Array  # (24, 17)
-    filled: NDArray[np.int64]  # (2,) how many rows, and 1 if a table was full: entries may have been dropped
+    filled: NDArray[np.int64]  # (2,) how many rows, and 1 where some may be missing: a full table, or doubt
 
 
 def make_branches(rows: Array) -> BranchWork:

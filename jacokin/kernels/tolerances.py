@@ -145,6 +145,9 @@ SMALLEST_NOISE = 64.0 * 2.2e-16
 #: Noise of Bernstein coefficients on a stretch, relative to the largest determinant there: 1e-14 of each, as much as
 #: the change of basis may amplify it, 5e4.
 CLOSE_NOISE = 5e-10
+#: [rad]; as much again on a stretch of this half-width times 1e9: where several roots meet, each makes a determinant as
+#: uncertain as rounding is beside its distance.
+NARROW_NOISE = 5e-11
 #: F is all noise if the sum of its coefficients is not this many times as large.
 UNCERTAIN = 1e3
 #: [rad]; a branch this close to a root of F in its angle, and to the root's own uncertainty, belongs to it.

@@ -48,7 +48,7 @@ def branches(*margins: list[float], dropped: bool = False) -> Branches:
         (
             branches([-1.0] * 6, dropped=True),
             Status.NO_CONVERGENCE,
-            "none of the 1 branches found is within the limits, and there were more than could be followed",
+            "none of the 1 branches found is within the limits, and some may be missing",
         ),
     ],
 )

@@ -47,8 +47,8 @@ def solve_targets(work: TargetWork) -> int:
     limit least; NaN without any branch.
 
     Returns:
-        How many rows were filled for the last target; its complement, ~count, if a table was full and entries may have
-        been dropped.
+        How many rows were filled for the last target; its complement, ~count, if branches may be missing: a table was
+        full, or doubt remains.
     """
     k, branches, best = unpack_arm(work.arm), work.pose.branches, work.best
     for i in range(work.T.shape[0]):

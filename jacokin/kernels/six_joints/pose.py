@@ -26,6 +26,8 @@ from jacokin.kernels.tolerances import CONTINUUM_CLOSURE, SAME_THETA, SINGULAR_D
 
 #: More undecided intervals than this are no places but a continuum, which its neighbours show.
 MAX_INTERVALS = 16
+#: [rad]; a branch of a neighbour that Newton's method moves farther may have left a branch of the arm behind.
+FARTHEST_MOVE = 0.05
 #: Steps from a member of a continuum to the seed's angle, of least squares in each, the shortest [rad].
 WALK, WALK_STEPS, SHORTEST_WALK = 16, 3, 0.02
 
@@ -48,14 +50,21 @@ def solve_six_joints(arm: SixArm, query: PoseQuery, work: SixWork, branches: Bra
 
     The arm itself is solved first. Where F has more than single roots that stand apart, by the arm's structure or the
     target's, branches may hide behind each other: there a neighbour is solved as well, an arm with each link moved by
-    so little that Newton's method leads from its branches to those of the arm, or two more if that one is in doubt too.
+    so little that Newton's method leads from its branches to those of the arm. One that is not in doubt itself and adds
+    no branch settles the matter; where none of three does, branches.filled says that some may be missing.
     """
     branches.fold.filled[0] = 0
     if branches_of_labelling(arm.scale, arm.own, -1, query, work, branches):
+        settled = False
         for n in range(NEIGHBOURS):
-            if not branches_of_labelling(arm.scale, arm.neighbours, n, query, work, branches):
+            before = branches.filled[0]
+            in_doubt = branches_of_labelling(arm.scale, arm.neighbours, n, query, work, branches)
+            settled = not in_doubt and branches.filled[0] == before
+            if settled:
                 break
         settle_continua(query, branches)
+        if not settled:
+            branches.filled[1] = 1
 
 
 def branches_of_labelling(
@@ -72,7 +81,7 @@ def branches_of_labelling(
         branches: appended to.
 
     Returns:
-        Whether anything is in doubt: a root without a branch, or a place that may hold several.
+        Whether anything is in doubt: a root without a branch nearby, or a place that may hold several.
     """
     e, null, found = work.equations, work.null, work.roots.found
     fill_links(query.chain, query.T, scale, labelling, e.links)
@@ -94,6 +103,8 @@ def branches_of_labelling(
         fill_null_vector(null)
         start_from(e, labelling, theta, null.vectors[0], null, null.starts[0])
         if not branch_from(null.starts[0], query, branches):
+            in_doubt = True
+        if circular_distance(branches.newton.q[joint] - theta) > FARTHEST_MOVE:
             in_doubt = True
         if neighbour < 0 and count_at(branches, joint, theta, SAME_THETA + 4.0 * width) == 0:
             in_doubt = True

@@ -25,7 +25,7 @@ from jacokin.kernels.six_joints.characteristic import (
     make_determinant,
 )
 from jacokin.kernels.six_joints.equations import Equations
-from jacokin.kernels.tolerances import CLOSE_NOISE, MIN_WIDTH, UNCERTAIN
+from jacokin.kernels.tolerances import CLOSE_NOISE, MIN_WIDTH, NARROW_NOISE, UNCERTAIN
 
 MAX_STRETCHES = 128
 MAX_SIX_ROOTS = 96
@@ -139,7 +139,7 @@ def look_closer(e: Equations, work: SixRoots, index: int) -> None:
         stack[0, j] = 0.0
         for k in range(SIZE):
             stack[0, j] += TO_BERNSTEIN[j, k] * values[k]
-    noise = CLOSE_NOISE * largest
+    noise = (CLOSE_NOISE + NARROW_NOISE / half) * largest
     place[0, 0], place[0, 1] = 0.0, 1.0
     top, before = 0, work.filled[1]
     while top >= 0:

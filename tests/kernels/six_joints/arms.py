@@ -100,10 +100,10 @@ def distance(a: Array, b: Array) -> float:
     return float(np.abs((a - b + np.pi) % (2.0 * np.pi) - np.pi).max())
 
 
-def lost(chain: Array, found: Array, T: Array, seed: int = 0) -> list[Array]:
+def lost(chain: Array, found: Array, T: Array, *, starts: int = 2000, seed: int = 0) -> list[Array]:
     """Regular configurations that brute force knows and that are not among those found (k, 6)."""
     return [
         q
-        for q in brute_force(chain, T, seed=seed)
+        for q in brute_force(chain, T, starts, seed)
         if smallest_singular_value(chain, q) > 1e-3 and not any(distance(q, other) < 1e-6 for other in found)
     ]

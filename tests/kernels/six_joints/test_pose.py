@@ -83,6 +83,59 @@ def test_no_branch_of_brute_force_is_missing_from_any_arm(name: str, sigma: floa
         assert lost(chain, form.solve_all(T, HOME).q, T, seed=number) == []
 
 
+def check_honest(chain: Array, q: Array, starts: int) -> int:
+    """No regular branch is missing where none is said to be; returns at how many poses (n, 6) nothing is."""
+    form, sure = form_of(chain), 0
+    for number, row in enumerate(q):
+        T = pose_at(chain, row)
+        branches = form.solve_all(T, HOME)
+        if branches.complete:
+            sure += 1
+            assert lost(chain, branches.q, T, starts=starts, seed=number) == [], row
+    return sure
+
+
+def round_angles(rng: np.random.Generator, count: int) -> Array:
+    """Configurations of multiples of 90, 30 and 45 degrees, each fourth moved by 1e-9 to 1e-3 rad."""
+    step = np.resize([np.pi / 2, np.pi / 6, np.pi / 4], count)[:, None]
+    q: Array = np.round(rng.uniform(-np.pi, np.pi, (count, 6)) / step) * step
+    q[3::4] += 10.0 ** rng.uniform(-9.0, -3.0, (len(q[3::4]), 1)) * rng.normal(size=(len(q[3::4]), 6))
+    return q
+
+
+#: Configurations with regular branches beside nearly singular ones, where neighbours hide several of them.
+CROWDED = {
+    "xarm6": [179.9994, 1e-4, -179.9997, -179.9999, 2e-4, 89.9998],  # [deg]
+    "industrial": [-90.0003, -89.9998, 1e-4, -180.0002, -1e-4, 179.9999],
+}
+
+
+@pytest.mark.parametrize("name", CROWDED)
+def test_complete_is_not_said_where_neighbours_hide_a_branch(name: str) -> None:
+    check_honest(chain_of_arm(name), np.radians([CROWDED[name]]), 1000)
+
+
+def test_complete_is_said_of_nearly_all_poses(rng: np.random.Generator) -> None:
+    """Random ones: doubt that is always there would be honest, too, and of no use."""
+    for name in ("crx", "ur5", "xarm6", "generic"):
+        chain = chain_of_arm(name)
+        form = form_of(chain)
+        q = rng.uniform(-np.pi, np.pi, (100, 6))
+        assert sum(form.solve_all(pose_at(chain, row), HOME).complete for row in q) >= 97
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["crx", "ur5", "puma", "xarm6", "industrial"])
+def test_complete_is_never_wrong_at_round_angles(name: str, rng: np.random.Generator) -> None:
+    assert check_honest(chain_of_arm(name), round_angles(rng, 300), 200) > 150
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("sigma", [1e-9, 1e-7, 1e-5, 5e-3])
+def test_complete_is_never_wrong_on_a_jaco_that_is_not_quite_one(sigma: float, rng: np.random.Generator) -> None:
+    assert check_honest(perturbed(jaco("j2n6s300"), sigma), round_angles(rng, 75), 200) > 35
+
+
 def test_more_branches_than_eight_where_the_structure_gives_them(rng: np.random.Generator) -> None:
     """A UR5 has eight at most, a CRX sixteen (Abbes and Poisson, 2024, count up to 16)."""
     counts = {}
