@@ -2,8 +2,8 @@
 
 python -m benchmarks.six_joints [--quick]
 
-Branches are judged by Newton's method from random starts, which knows no structure. ssik has no row: it takes minutes
-to prepare its solver for an arm that it does not ship.
+Branches are judged by Newton's method from random starts, which knows no structure. ssik has no row: it prepares a
+solver for each arm first, which this program does not do.
 """
 
 from __future__ import annotations
@@ -22,7 +22,8 @@ from jacokin.ik.closed_form import ClosedForm
 from jacokin.ik.geometry import chain_of
 
 H = np.pi / 2  # [rad]
-#: a [m], d [m], alpha [rad] of each joint, Denavit and Hartenberg's, rounded where sources differ.
+#: a [m], d [m], alpha [rad] of each joint, Denavit and Hartenberg's. Structures to solve, named after the arms whose
+#: numbers they are close to: they have not been compared with the makers' documents, and are no description of an arm.
 ARMS: dict[str, tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]] = {
     # Drawn once at random: no structure at all.
     "generic": (
@@ -30,17 +31,17 @@ ARMS: dict[str, tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]] 
         (0.1, 0.43, 0.31, 0.27, 0.19, 0.24),
         (1.3, -2.1, 0.8, 2.4, -1.1, 0.6),
     ),
-    # Corke and Armstrong-Helouvry, "A search for consensus among model parameters reported for the PUMA 560" (1994).
+    # A spherical wrist.
     "Puma 560": ((0, 0.4318, 0.0203, 0, 0, 0), (0.6718, 0, 0.15005, 0.4318, 0, 0.056), (H, 0, -H, H, -H, 0)),
     # Made up after common industrial arms: offsets at the shoulder and the elbow, a spherical wrist.
     "industrial": ((0.15, 0.6, 0.12, 0, 0, 0), (0.45, 0, 0, 0.62, 0, 0.1), (-H, 0, -H, H, -H, 0)),
-    # Universal Robots, "DH parameters for calculations of kinematics and dynamics".
+    # Three parallel axes.
     "UR5": ((0, -0.425, -0.39225, 0, 0, 0), (0.089159, 0, 0, 0.10915, 0.09465, 0.0823), (H, 0, 0, H, -H, 0)),
-    # Abbes and Poisson, "Geometric approach for inverse kinematics of the FANUC CRX collaborative robot" (2024).
+    # A wrist offset, two parallel axes.
     "CRX-10iA": ((0, 0.54, 0, 0, 0, 0), (0.245, 0, 0, 0.54, 0.15, 0.16), (-H, np.pi, -H, H, -H, 0)),
-    # After Kinova's user guide of the Gen3 lite, rounded to millimetres.
+    # Built like a Jaco to rounding, so that its closed form takes it.
     "Gen3 lite": ((0, 0.28, 0, 0, 0, 0), (0.2433, 0.03, 0.02, 0.245, 0.057, 0.235), (H, np.pi, H, H, H, 0)),
-    # UFACTORY, "xArm user manual", appendix on kinematics.
+    # Offsets at the elbow and the wrist.
     "xArm6": ((0, 0.28949, 0.0775, 0, 0.076, 0), (0.267, 0, 0, 0.3425, 0, 0.097), (-H, 0, -H, H, -H, 0)),
     # Made up: a wrist whose axes miss each other.
     "offset wrist": ((0.05, 0.4, 0.03, 0.02, 0.07, 0), (0.3, 0.1, 0.05, 0.35, 0.08, 0.1), (H, 0, H, -H, H, 0)),
