@@ -102,7 +102,18 @@ _PACKAGE = "jacokin.kernels."
 # The closed form, contact and what they stand on become part of their callers, because passing a tuple of arrays takes
 # as long as most of these functions do; other kernels take longer anyway and are left to the compiler.
 _INLINED = tuple(
-    _PACKAGE + name for name in ("closed_form.", "contact.", "branches", "chain", "limits", "vector", "tolerances")
+    _PACKAGE + name
+    for name in (
+        "clear_targets",
+        "closed_form.",
+        "contact.",
+        "branches",
+        "chain",
+        "limits",
+        "vector",
+        "trigonometry",
+        "tolerances",
+    )
 )
 # Functions among them that most poses need not: these stay calls.
 _CALLED = frozenset(
@@ -134,6 +145,7 @@ _CALLED = frozenset(
         "sort_rows",
         "spherical_starts",
         "starts_of_g",
+        "take_clear",
         "tangent7",
     )
 )

@@ -159,15 +159,6 @@ def sources_of(entry: Entry) -> list[Path]:
     return sorted(found)
 
 
-def sources_key() -> str:
-    """The hash of all kernels' Python and of the C files: a library made of others is out of date."""
-    digest = hashlib.sha256()
-    kernels = sorted({file for entry in ENTRIES for file in sources_of(entry)})
-    for file in (*kernels, *sorted(c_library.FOLDER.iterdir()), *sorted(c_library.INCLUDE.iterdir())):
-        digest.update(file.read_bytes())
-    return digest.hexdigest()[:16]
-
-
 def link(objects: list[Path], target: Path) -> None:
     """Link object files, and C files as they are, to a library that says what it is.
 
@@ -208,7 +199,7 @@ def linkers() -> list[list[str]]:
 
 def _link(command: list[str], objects: list[Path], size: int, made: Path) -> int:
     layouts = {entry.run.__name__: _layout(entry) for entry in ENTRIES}
-    text = json.dumps(About(jacokin.__version__, sources_key(), size, layouts).text())
+    text = json.dumps(About(jacokin.__version__, library.sources_key(), size, layouts).text())
     source = made.with_name("about.c")
     shown = f'extern const char {PREFIX}about[] __attribute__((visibility("default")));'
     source.write_text(f"{shown}\nconst char {PREFIX}about[] = {text};\n", encoding="ascii")

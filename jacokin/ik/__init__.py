@@ -3,9 +3,12 @@
 solver, options          poses to joint angles; the solver's options, and every tolerance with its reason
 targets, seeds           what is asked for, and where solving starts
 closed_form, geometry    every branch of a six-joint Jaco; whether an arm is built like one
-structures               how an arm's axes are placed; what any other arm of six joints is solved with
+structures, quick_forms  how an arm's axes are placed; what any other arm of six joints is solved with
+fixed_joints             arms of more than six joints, all but six held: every branch
 families                 self-motions: all configurations where one parameter is free
-qp, qp_backend           quadratic programs, for what the closed form does not cover, and their solvers
+local_search             descents from many starts, for what the closed form does not cover
+qp, qp_backend           those descents by mink's quadratic programs, and the solvers of those
+positions                descents to positions, on arms with a closed form
 closest                  the closest configuration to a pose that cannot be reached
 near_misses              configurations within the tolerances of a target that none meets exactly
 preferences              `prefer=`: which of several configurations is the best

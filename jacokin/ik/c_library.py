@@ -26,7 +26,7 @@ HEADERS = ("jacokin_ik.h", "jacokin_ik.hpp")
 #: What the file of a solver is called: the robot's name and this.
 ENDING = ".jacokin"
 #: The file begins with this; the version is that of its layout.
-MAGIC, VERSION = b"jacokin\0", 1
+MAGIC, VERSION = b"jacokin\0", 2
 #: Where CMake looks for a package, below the folder that it is told.
 CMAKE = Path("lib", "cmake", "jacokin_ik")
 
@@ -60,7 +60,7 @@ def export_c(solver: IKSolver, folder: Path) -> Path:
     """Fill a folder with all that a C program needs to solve with the same numbers.
 
     Args:
-        solver: a solver whose robot has a closed form, with collision="ignore".
+        solver: a solver whose robot has a closed form, without a scene. The library does not look for contact.
         folder: made where it is not there; files of an earlier export are replaced.
 
     Returns:
@@ -113,7 +113,7 @@ def solver_file(solver: IKSolver) -> bytes:
     """
     robot, verifier = solver.robot, solver.verifier
     options = verifier.options
-    if verifier.looks_for_contact:
+    if verifier.options.collision not in ("prefer", "ignore") or verifier.options.scene is not None:
         raise InvalidInputError("the C library does not look for contact; use collision='ignore'")
     if solver.method == "qp":
         raise InvalidInputError("the C library solves by the closed form only; use method='auto'")

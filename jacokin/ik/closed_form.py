@@ -12,13 +12,13 @@ of degree 8 in joint 6; other arms have one of the same degree in another joint,
     kernels.closed_form.pose        the branches of a Jaco
     kernels.branches                verification on the model itself, polishing, limits, duplicates
     kernels.six_joints.pose         the branches of any other arm
-    ik.structures                   what is measured on it
+    ik.structures, ik.quick_forms   what is measured on it
     kernels.library                 the kernels as machine code
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from itertools import compress, count
 from typing import Any
@@ -31,6 +31,7 @@ from jacokin.errors import StructureError
 from jacokin.ik.geometry import chain_of, measure
 from jacokin.ik.structures import measure_general
 from jacokin.kernels.branches import DISTANCE, FAMILY, ORIENTATION_ERROR, POSITION_ERROR, WITHIN_LIMITS
+from jacokin.kernels.clear_targets import ClearWork, solve_clear_targets
 from jacokin.kernels.closed_form.batch import (
     BATCH_COLUMNS,
     BRANCHES,
@@ -41,9 +42,14 @@ from jacokin.kernels.closed_form.batch import (
     make_target_work,
     solve_targets,
 )
+from jacokin.kernels.contact.run import ContactWork
 from jacokin.kernels.library import Call
 from jacokin.kernels.tolerances import EXACT_MISFIT
 from jacokin.model import checks
+from jacokin.showing import Shown, show
+
+Touching = tuple[tuple[tuple[str, str], ...], ...]
+Look = Callable[[NDArray[np.float64]], Sequence[tuple[str, str]]]
 
 
 class BranchTable:
@@ -100,25 +106,32 @@ class Branches(BranchTable):
     Attributes:
         dropped: whether branches may be missing: a table of the kernels was full, or, on an arm not built like a Jaco,
             no neighbour of the arm settled what its roots left in doubt.
-        touching: pairs of shapes that touch at each branch; None when the solver does not look.
     """
 
-    __slots__ = ("dropped", "touching")
+    __slots__ = ("_look", "_touching", "dropped")
     has_parameter = False
 
     def __init__(
         self,
         rows: NDArray[np.float64],
         dropped: bool = False,
-        touching: tuple[tuple[tuple[str, str], ...], ...] | None = None,
+        touching: Touching | None = None,
+        look: Look | None = None,
     ) -> None:
-        """Make the rows of one target, an array of one's own, read-only."""
+        """Make the rows of one target, an array of one's own, read-only; `look` finds what touches when asked for."""
         rows.flags.writeable = False  # one per solve: without a call
-        self.rows, self.dropped, self.touching = rows, dropped, touching
+        self.rows, self.dropped, self._touching, self._look = rows, dropped, touching, look
 
     def __reduce__(self) -> tuple[object, tuple[object, ...]]:
         """Rebuild from the array, which stays read-only."""
         return type(self), (self.rows, self.dropped, self.touching)
+
+    @property
+    def touching(self) -> Touching | None:
+        """Pairs of shapes that touch at each branch; None when the solver does not look."""
+        if self._touching is None and self._look is not None:
+            self._touching = tuple(tuple(self._look(q)) for q in self.q)
+        return self._touching
 
     def __repr__(self) -> str:
         """How many there are, and how many of them are within the limits."""
@@ -143,14 +156,18 @@ class Branches(BranchTable):
         """(m, 6) joint angles [rad] of the branches within the limits."""
         return checks.sealed(self.q[self.within_limits])
 
+    def show(self, of: object, **options: Any) -> Shown:  # Any: checked there
+        """Look at all of them in the browser: `of` is their robot, or the solver. See `jacokin.viewer.show`."""
+        return show(self, of, options)
+
     def nearest(self) -> NDArray[np.float64] | None:
-        """The branch (6,) within the limits [rad] nearest to the seed; None when there is none."""
-        return next((self.rows[index, :6] for index in self.each_within_limits()), None)
+        """The branch (dof,) within the limits [rad] nearest to the seed; None when there is none."""
+        return next((self.q[index] for index in self.each_within_limits()), None)
 
     def widest(self) -> NDArray[np.float64] | None:
-        """The branch (6,) within the limits [rad] with the largest limit margin; None when there is none."""
+        """The branch (dof,) within the limits [rad] with the largest limit margin; None when there is none."""
         indices = list(self.each_within_limits())
-        return self.rows[indices[int(self.margin[indices].min(axis=1).argmax())], :6] if indices else None
+        return self.q[indices[int(self.margin[indices].min(axis=1).argmax())]] if indices else None
 
 
 class BestBranches(BranchTable):
@@ -233,12 +250,12 @@ class ClosedForm:
 
     @property
     def constants(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """What the kernels of families know about the arm: chain (7, 3, 4), arm (42,), limits (3, 6); read-only."""
+        """What the kernels of families know about the arm: chain (7, 3, 4), arm (46,), limits (3, 6); read-only."""
         return self._chain, self._family_arm, self._limits
 
     @property
     def arm(self) -> NDArray[np.float64]:
-        """(42,) what the kernels solve poses with, read-only: other than that of `constants` for nearly a Jaco."""
+        """(46,) what the kernels solve poses with, read-only: other than that of `constants` for nearly a Jaco."""
         return self._arm
 
     @property
@@ -246,23 +263,23 @@ class ClosedForm:
         """(7, 3, 4) placements, read-only: pose = C0 Rz(q1) C1 Rz(q2) ... Rz(q6) C6."""
         return self._chain
 
-    def solve_all(self, T: NDArray[np.float64], seed: NDArray[np.float64]) -> Branches:
+    def solve_all(self, T: NDArray[np.float64], seed: NDArray[np.float64], look: Look | None = None) -> Branches:
         """Every branch, nearest to the seed first.
 
         Args:
             T: (4, 4) target T_base_tool: a rigid transformation, C-contiguous.
             seed: (6,) [rad].
+            look: finds pairs of shapes that touch at a branch, when they are asked for; None for no looking.
         """
         try:
             call = self._calls.pop()
         except IndexError:
-            call = self._call(np.empty((1, 4, 4)), np.empty((1, 6)))
-        work = call.work
-        work.T[0], work.seed[0] = T, seed
-        count = call()
-        rows = work.pose.branches.rows
+            call = self._one_target()
+        run, target, start, rows = call
+        target[:], start[:] = T, seed
+        count = run()
         # A copy: the call's own rows are overwritten by its next run.
-        found = Branches(rows[:count].copy()) if count >= 0 else Branches(rows[:~count].copy(), dropped=True)
+        found = Branches(rows[: count if count >= 0 else ~count].copy(), count < 0, None, look)
         self._calls.append(call)
         return found
 
@@ -285,17 +302,26 @@ class ClosedForm:
 
     def _make_calls(self) -> None:
         """One call of the kernels; each thread takes an idle one, or makes one, and puts it back."""
-        self._calls: list[Call[TargetWork]] = [self._call(np.empty((1, 4, 4)), np.empty((1, 6)))]
+        self._calls = [self._one_target()]
         self._few: list[Call[TargetWork]] = []  # of a few targets
+
+    def _one_target(self) -> tuple[Call[TargetWork], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """A call of the kernels for one target; its target (4, 4), seed (6,) and rows (24, 17)."""
+        call = self._call(np.empty((1, 4, 4)), np.empty((1, 6)))
+        return call, call.work.T[0], call.work.seed[0], call.work.pose.branches.rows
 
     def _call(
         self, T: NDArray[np.float64], seed: NDArray[np.float64], best: NDArray[np.float64] | None = None
     ) -> Call[TargetWork]:
         """A call of the kernels for n targets (n, 4, 4) and seeds (n, 6), with rows (n, 21) for the best branches."""
+        work = self._work(T, seed)
+        return Call(solve_targets, work if best is None else work._replace(best=best))
+
+    def _work(self, T: NDArray[np.float64], seed: NDArray[np.float64]) -> TargetWork:
+        """Work arrays for n targets and seeds."""
         if len(T) != len(seed):
             raise ValueError(f"the kernels need a seed for each target, not {len(seed)} for {len(T)}")
-        work = make_target_work()._replace(chain=self._chain, arm=self._arm, limits=self._limits, T=T, seed=seed)
-        return Call(solve_targets, work if best is None else work._replace(best=best))
+        return make_target_work()._replace(chain=self._chain, arm=self._arm, limits=self._limits, T=T, seed=seed)
 
     def __getstate__(self) -> tuple[object, ...]:
         """Pickle the constants; calls are made anew."""
@@ -317,19 +343,54 @@ class ClosedForm:
             threads: how many threads share the work; the kernels release the GIL.
         """
         best = np.empty((len(T), BATCH_COLUMNS))
-        if len(T) == 0:
-            return BestBranches(best)
 
         def run(start: int, stop: int) -> None:
             self._call(T[start:stop], seed[start:stop], best[start:stop])()
 
-        if threads == 1:
-            run(0, len(T))
-        else:
-            edges = np.linspace(0, len(T), min(threads, len(T)) + 1).astype(int)
-            with ThreadPoolExecutor(threads) as pool:
-                list(pool.map(run, edges[:-1], edges[1:]))
+        _share(run, len(T), threads)
         return BestBranches(best)
+
+    def solve_clear_batch(
+        self,
+        T: NDArray[np.float64],
+        seed: NDArray[np.float64],
+        look: Callable[[], ContactWork],
+        tolerances: tuple[float, float],
+        *,
+        avoids: bool,
+        threads: int = 1,
+    ) -> tuple[BestBranches, NDArray[np.bool_]]:
+        """The best branch of each of n targets, and whether it is in contact.
+
+        Args:
+            T: as `solve_batch`.
+            seed: as `solve_batch`.
+            look: makes the arrays for contact, for each thread its own.
+            tolerances: in position [m] and orientation [rad], of branches that reach their target.
+            avoids: True for the nearest branch that is clear, where there is one.
+            threads: as `solve_batch`.
+        """
+        best, touching = np.empty((len(T), BATCH_COLUMNS)), np.zeros(len(T), dtype=np.int64)
+
+        def run(start: int, stop: int) -> None:
+            targets = self._work(T[start:stop], seed[start:stop])._replace(best=best[start:stop])
+            flag = np.array([avoids], dtype=np.int64)
+            Call(solve_clear_targets, ClearWork(targets, look(), np.array(tolerances), flag, touching[start:stop]))()
+
+        _share(run, len(T), threads)
+        return BestBranches(best), touching > 0
+
+
+def _share(run: Callable[[int, int], None], count: int, threads: int) -> None:
+    """Call `run` with the beginning and end of shares of so many rows, one for each thread."""
+    if count == 0:
+        return
+    if threads == 1:
+        run(0, count)
+        return
+    edges = np.linspace(0, count, min(threads, count) + 1).astype(int)
+    with ThreadPoolExecutor(threads) as pool:
+        list(pool.map(run, edges[:-1], edges[1:]))
 
 
 class NearestBranch:

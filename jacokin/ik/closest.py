@@ -78,9 +78,9 @@ class ClosestSearch:
         self._circular = verifier.robot.unlimited & ~verifier.robot.sliding
 
     @functools.cached_property
-    def reach(self) -> Reach:
+    def reach(self) -> ReachBound:
         """What the tool cannot leave."""
-        return Reach(self._verifier)
+        return ReachBound(self._verifier)
 
     @functools.cached_property
     def _chain(self) -> Chain:
@@ -146,7 +146,7 @@ class ClosestSearch:
         return np.array(chosen)
 
 
-class Reach:
+class ReachBound:
     """A ball around the origin of joint 1 that the tool cannot leave: the links laid end to end."""
 
     def __init__(self, verifier: Verifier) -> None:

@@ -33,8 +33,9 @@ def chain_of(model: pin.Model, frame_id: int, tool: pin.SE3 | None, count: int) 
     """
     joints = list(model.joints)[1:]
     if model.nq != count or model.nv != count or len(joints) != count:
+        hint = ": solve_all with fixed={joint: value} holds some" if model.nv > count else ""
         raise StructureError(
-            f"the closed form needs {WORDS[count]} joints of one angle each; this model has {model.nv}"
+            f"the closed form needs {WORDS[count]} joints of one angle each; this model has {model.nv}{hint}"
         )
     names = [str(name) for name in list(model.names)[1:]]
     if list(model.parents)[1:] != list(range(count)):
@@ -163,13 +164,13 @@ class StructureCheck:
             self._refuse(i, j, length, "m", f"{what} is {length:.3g} m; it must be at least {SMALLEST_LENGTH:g} m")
 
 
-class Geometry(NamedTuple):
+class ArmGeometry(NamedTuple):
     """What the kernels know about an arm, as flat read-only arrays."""
 
     chain: NDArray[np.float64]
     """(dof + 1, 3, 4) [-, m]; pose = chain[0] Rz(q1) chain[1] Rz(q2) ... chain[dof], exactly the model's."""
     arm: NDArray[np.float64]
-    """Six joints: (42,) the constants of the closed form, in the order of ``kernels.closed_form.arm.unpack_arm``.
+    """Six joints: (46,) the constants of the closed form, in the order of ``kernels.closed_form.arm.unpack_arm``.
     Seven: (12,) W in the tool frame, O in the base, O after joint 2, W after joint 4, see ``self_motion.seven`` [m]."""
     misfit: float
     """The largest deviation from the structure found [m or rad]."""
@@ -177,7 +178,7 @@ class Geometry(NamedTuple):
     """Whether the axes of the last three joints meet in one point."""
 
 
-def measure(model: pin.Model, frame_id: int, tool: pin.SE3 | None = None) -> Geometry:
+def measure(model: pin.Model, frame_id: int, tool: pin.SE3 | None = None) -> ArmGeometry:
     """Measure the structure of a six-joint arm.
 
     Args:
@@ -233,10 +234,10 @@ def measure(model: pin.Model, frame_id: int, tool: pin.SE3 | None = None) -> Geo
                 np.arctan2(w3_w @ g_w, w3_w[1]),
             ],  # 34:37
             [float(spherical), check.worst],  # 37:39
-            [0.0, 0.0, 0.0],  # 39:42, of arms of another structure
+            [0.0] * 7,  # 39:46, of arms of another structure
         ]
     ).astype(np.float64)
-    return Geometry(checks.sealed(chain), checks.sealed(arm), check.worst, spherical)
+    return ArmGeometry(checks.sealed(chain), checks.sealed(arm), check.worst, spherical)
 
 
 def _orthonormal(z: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -246,7 +247,7 @@ def _orthonormal(z: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.f
     return np.vstack([np.cross(y, z), y, z])
 
 
-def measure_seven(model: pin.Model, frame_id: int, tool: pin.SE3 | None = None) -> Geometry:
+def measure_seven(model: pin.Model, frame_id: int, tool: pin.SE3 | None = None) -> ArmGeometry:
     """Measure the structure of a seven-joint arm: axes 1 and 2 meet in O, axes 5, 6 and 7 in W.
 
     Args:
@@ -268,4 +269,4 @@ def measure_seven(model: pin.Model, frame_id: int, tool: pin.SE3 | None = None) 
     lever = float(np.linalg.norm(np.cross(check.axes[3], W - p4)))
     check.long_enough(3, 4, lever, "the distance from axis 4 to the wrist")
     arm = np.concatenate([R_home.T @ (W - p_home), S, R2.T @ (S - p2), R4.T @ (W - p4)])
-    return Geometry(checks.sealed(chain), checks.sealed(arm), check.worst, spherical=True)
+    return ArmGeometry(checks.sealed(chain), checks.sealed(arm), check.worst, spherical=True)

@@ -20,7 +20,7 @@ from jacokin.ik.preferences import copies_to_try, with_ties
 from jacokin.ik.targets import Request, TargetPose
 from jacokin.ik.verification import Verifier
 from jacokin.model import angles
-from jacokin.model.many_configurations import Chain, Goal
+from jacokin.model.many_configurations import Chain, TargetRows
 
 #: Directions that no structured target has, so that each crosses a fold; moves go along them to and fro.
 DIRECTIONS = (
@@ -173,7 +173,7 @@ class NearMisses:
         """Errors (k, 6) and how they shrink with each coordinate (k, 6, width); none of an orientation that is free."""
         free = target.free_axis
         axis = None if free is None else np.broadcast_to(free.axis, (len(x), 3))
-        error, jacobian = self._chain.linearise(x, Goal(np.broadcast_to(target.matrix, (len(x), 4, 4)), axis))
+        error, jacobian = self._chain.linearise(x, TargetRows(np.broadcast_to(target.matrix, (len(x), 4, 4)), axis))
         if target.position_only:
             error[:, 3:] = jacobian[:, 3:] = 0.0
         return error, jacobian

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from jacokin.model.scene import Scene
 
 METHODS = ("auto", "closed_form", "qp")
-COLLISION = ("ignore", "report", "reject")
+COLLISION = ("prefer", "ignore", "report", "reject")
 DEFAULT_QP_SOLVER = "daqp"  # always installed; checking others means importing qpsolvers
 
 # Kinova publishes no repeatability of the Jaco, so no tolerance is derived from one.
@@ -32,6 +32,15 @@ LIMIT_SNAP = 1e-9
 MAX_RESTARTS = 100
 
 
+def default_collision(scene: object, clearance: float) -> str:
+    """What is done about contact where nothing is said: an obstacle or a distance that somebody names is to be kept.
+
+    Raises:
+        InvalidInputError: a clearance that is not a number [m], or negative.
+    """
+    return "prefer" if scene is None and checks.non_negative("clearance", clearance, "m") == 0.0 else "reject"
+
+
 @dataclass(frozen=True, slots=True)
 class SolverOptions:
     """The options of a solver, checked; see `IKSolver`.
@@ -44,7 +53,7 @@ class SolverOptions:
 
     method: str = "auto"
     qp_solver: str = DEFAULT_QP_SOLVER
-    collision: str = "ignore"
+    collision: str = "prefer"
     position_tolerance: float = POSITION_TOLERANCE
     orientation_tolerance: float = ORIENTATION_TOLERANCE
     limit_snap: float = LIMIT_SNAP
@@ -67,4 +76,4 @@ class SolverOptions:
             checked_scene("scene", self.scene)
         if self.collision == "ignore" and (self.scene is not None or self.clearance):
             name = "scene" if self.scene is not None else "clearance"
-            raise InvalidInputError(f"{name} has no effect with collision='ignore'; use 'report' or 'reject'")
+            raise InvalidInputError(f"{name} has no effect with collision='ignore'; use 'prefer', 'report' or 'reject'")

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields, make_dataclass
 from enum import Enum
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import SolveError
+from jacokin.showing import Shown, show
 
 
 class Frozen:
@@ -103,6 +104,10 @@ class IKResult(Frozen):
             raise SolveError(f"{self.status.name}: {self.message}. {self.status.value}", self)
         return self
 
+    def show(self, of: object, **options: Any) -> Shown:  # Any: checked there
+        """Look at the arm there in the browser: `of` is its robot, or the solver. See `jacokin.viewer.show`."""
+        return show(self, of, options)
+
     def __str__(self) -> str:
         """The result on two lines."""
         angles = ", ".join(f"{angle:.6f}" for angle in self.q)
@@ -139,6 +144,8 @@ class BatchResult(Frozen):
     """(n,) what happened, as in `IKResult`; of a pose that is reached perhaps without the number of its branch."""
     parameter: Array | None = None
     """(n,) value of the free parameter [rad]; NaN where there is none."""
+    touching: NDArray[np.bool_] | None = None
+    """(n,) True where shapes touch at `q`; False, too, where the solver does not look for contact."""
 
     def __len__(self) -> int:
         """Number of targets."""

@@ -29,9 +29,15 @@ def seed_within_limits(robot: Robot, seed: ArrayLike | None, name: str = "seed")
     """
     if seed is None:
         return robot.home, ""
-    q = near_configuration(robot, seed, name)
-    if inside_exactly(robot.lower.tolist(), q.tolist(), robot.upper.tolist()):
+    q = robot.configuration(seed, name)
+    values = q.tolist()
+    if (
+        inside_exactly(robot.lower.tolist(), values, robot.upper.tolist())
+        and max(values) <= FARTHEST_SEED
+        and min(values) >= -FARTHEST_SEED
+    ):
         return q, ""
+    q = near_configuration(robot, q, name)
     outside = np.flatnonzero((q < robot.lower) | (q > robot.upper))
     inside = np.clip(q, robot.lower, robot.upper)
     turning = ~robot.sliding & (robot.upper - robot.lower < angles.TURN)

@@ -20,22 +20,24 @@ import dataclasses
 import functools
 import itertools
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, cast, overload
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, StructureError
 from jacokin.ik import diagnosis, near_misses, preferences
 from jacokin.ik.batches import batch
-from jacokin.ik.closed_form import BestBranches, Branches, ClosedForm
+from jacokin.ik.closed_form import Branches, ClosedForm
 from jacokin.ik.closest import ClosestSearch
 from jacokin.ik.families.family import Family
 from jacokin.ik.families.search import FamilySearch, SixJointFamilies, seven_joint_families
+from jacokin.ik.fixed_joints import FixedJoints, checked_values
+from jacokin.ik.local_search import LocalSearch
 from jacokin.ik.near_misses import NearMisses
 from jacokin.ik.options import (
     DEFAULT_QP_SOLVER,
@@ -44,6 +46,7 @@ from jacokin.ik.options import (
     ORIENTATION_TOLERANCE,
     POSITION_TOLERANCE,
     SolverOptions,
+    default_collision,
 )
 from jacokin.ik.preferences import Cost, Prefer
 from jacokin.ik.results import BatchResult, IKResult
@@ -55,18 +58,19 @@ from jacokin.kernels.closed_form.batch import BRANCHES, LARGEST_MARGIN
 from jacokin.kernels.tolerances import CLOSURE
 from jacokin.model import checks, poses
 from jacokin.model.loading import load_robot
-from jacokin.model.many_configurations import Chain, Goal
+from jacokin.model.many_configurations import Chain, TargetRows
 from jacokin.model.poses import FreeAxis
 from jacokin.model.robot import Robot, checked_robot
 
 if TYPE_CHECKING:
-    from jacokin.ik.qp import QPSearch
     from jacokin.model.scene import Scene
 
 MOVE, WAYS = 30.0, 3  # of near misses: those cross a fold unless it lies along all three ways to a thirtieth
 #: [rad] a branch so far from the seed may stand for it, on a multiple root.
 NEAR_SEED = 1e-7, 1e-2
 SEVEN = 7  # joints of an arm whose poses have families
+ALL_IN_CONTACT = "every branch within the limits is in contact; the best"
+HELD = 16  # values of joints that are held, whose preparation is kept
 
 
 class IKSolver:
@@ -80,16 +84,15 @@ class IKSolver:
         tool: pin.SE3 | ArrayLike | None = None,
         method: str = "auto",
         qp_solver: str = DEFAULT_QP_SOLVER,
-        collision: str = "ignore",
+        collision: str | None = None,
         position_tolerance: float = POSITION_TOLERANCE,
         orientation_tolerance: float = ORIENTATION_TOLERANCE,
         limit_snap: float = LIMIT_SNAP,
         max_restarts: int = MAX_RESTARTS,
         scene: Scene | None = None,
         clearance: float = 0.0,
-        warm: bool = False,
     ) -> None:
-        """Prepare a solver, and load what the closed form needs; with warm=True what anything needs.
+        """Prepare a solver and load all it needs: no later call waits for an import.
 
         Args:
             robot: the arm.
@@ -97,32 +100,31 @@ class IKSolver:
             tool: T_frame_tool, a constant pose after the frame.
             method: "auto" (closed form where it applies, else QP), "closed_form" or "qp".
             qp_solver: a QP solver installed for qpsolvers: "daqp", "osqp", "proxqp", "quadprog".
-            collision: contact of the arm with itself and with the scene is "ignore"d, "report"ed in the result, or
-                "reject"ed for another branch.
+            collision: what to do about contact of the arm with itself and with the scene. "prefer": another
+                configuration is taken if one is clear, else the result says what touches; "reject": else the pose
+                counts as not reached; "report": the result says so, and contact changes nothing; "ignore". None is
+                "reject" with a scene or a clearance, and "prefer" without.
             position_tolerance: a success is this near in position [m].
             orientation_tolerance: a success is this near in orientation [rad].
             limit_snap: a closed-form branch past a limit by no more than this [rad] is put on it and measured again.
             max_restarts: random starts of the QP after the first ones.
             scene: obstacles around the arm; they count as self-contact does.
             clearance: shapes this near to each other count as touching [m].
-            warm: load now what the QP needs (half a second), so that no later call waits for an import, as a control
-                loop needs it; without it, the first position without an orientation waits. A solver that has only the
-                QP loads it in any case.
 
         Raises:
             UnknownNameError: unknown frame, method, collision mode or QP solver.
             MissingExtraError: the QP solver comes with an extra that is not installed.
             InvalidInputError: a tolerance that is not positive, a negative number of restarts, a malformed tool, or a
-                frame that no joint moves; warm is not a bool; a scene or clearance with collision="ignore".
+                frame that no joint moves; a scene or clearance with collision="ignore".
             StructureError: method="closed_form" and the robot has another structure.
             JacokinError: the compiled kernels do not load.
-            ModelError: contact is asked for and the description has no shapes to check.
+            ModelError: the description's shapes cannot be loaded, and contact is reported or rejected.
         """
         checked_robot("robot", robot)
         options = SolverOptions(
             method=method,
             qp_solver=qp_solver,
-            collision=collision,
+            collision=default_collision(scene, clearance) if collision is None else collision,
             position_tolerance=position_tolerance,
             orientation_tolerance=orientation_tolerance,
             limit_snap=limit_snap,
@@ -145,8 +147,7 @@ class IKSolver:
         in_closed_form = self.has_families or self.has_closed_form  # builds it: no solve waits for that
         if method == "closed_form" and not in_closed_form:
             self.closed_form()  # says why
-        if checks.flag("warm", warm) or not in_closed_form:
-            self._qp_search()
+        self._search()
 
     @property
     def robot(self) -> Robot:
@@ -174,14 +175,15 @@ class IKSolver:
         return self._options.method
 
     def in_scene(self, scene: Scene | None) -> IKSolver:
-        """A solver that differs in its scene only; one that ignored contact rejects it where there is a scene.
+        """A solver that differs in its scene only; one that ignores contact or prefers to avoid it rejects it there.
 
         Raises:
             InvalidInputError: the scene does not fit the robot.
             UnknownNameError: the scene speaks of a link that is not there.
         """
         options = self._options
-        collision = "reject" if scene is not None and options.collision == "ignore" else options.collision
+        lenient = options.collision in ("ignore", "prefer")
+        collision = "reject" if scene is not None and lenient else options.collision
         changed = dataclasses.replace(options, scene=scene, collision=collision)
         return _rebuild(self.robot, self.frame, self.tool, changed)
 
@@ -242,6 +244,8 @@ class IKSolver:
         robot, frame = self._verifier.robot, self._verifier.frame
         wanted = interpret(target, frame)
         start, note = seed_within_limits(robot, seed)
+        if self._verifier.unchecked:
+            note = f"{note}; {self._verifier.unchecked}" if note else self._verifier.unchecked
         if rng is not None:
             checks.generator("rng", rng)
         restarts = (
@@ -266,34 +270,48 @@ class IKSolver:
     def solve_all(self, target: pin.SE3 | ArrayLike, seed: ArrayLike | None = None) -> Branches: ...
 
     @overload
+    def solve_all(
+        self, target: pin.SE3 | ArrayLike, seed: ArrayLike | None = None, *, fixed: Mapping[str, float]
+    ) -> Branches: ...
+
+    @overload
     def solve_all(self, target: Target, seed: ArrayLike | None = None) -> Branches | Family: ...
 
-    def solve_all(self, target: Target, seed: ArrayLike | None = None) -> Branches | Family:
+    def solve_all(
+        self, target: Target, seed: ArrayLike | None = None, *, fixed: Mapping[str, float] | None = None
+    ) -> Branches | Family:
         """Every branch that reaches a pose, inside the limits or not; all of a family within the limits.
 
         Args:
             target: T_base_tool as `pin.SE3` or (4, 4), or a `FreeAxis`.
             seed: (dof,) configuration [rad] branches are ordered by, and unlimited joints are near to; None for home.
+            fixed: on an arm of more than six joints, of any structure: all joints but six, held at these values
+                [rad or m], such as ``{"joint_3": 0.4}``. The first call with other values takes 25 to 50 ms more.
 
         Returns:
-            All branches, nearest first; none when the pose is out of reach. For a `FreeAxis` a `Family`.
+            All branches, nearest first; none when the pose is out of reach. For a `FreeAxis`, or a pose of a
+            seven-joint Jaco without `fixed`, a `Family`.
 
         Raises:
-            InvalidInputError: target or seed malformed, or a target without orientation.
+            InvalidInputError: target, seed or fixed malformed, or a target without orientation.
+            UnknownNameError: fixed names a joint that is not there.
             StructureError: the robot has no closed form.
         """
-        wanted = interpret(target, self.frame)
-        start, _ = seed_within_limits(self.robot, seed)
-        families = self._families(wanted)
+        verifier = self._verifier
+        wanted = interpret(target, verifier.frame)
+        start, _ = seed_within_limits(verifier.robot, seed)
+        families = self._families(wanted) if fixed is None else None
         if families is not None:
             return families.find(wanted, start).family
         if wanted.position_only:
             raise InvalidInputError("solve_all needs an orientation: a position alone is reached by infinitely many")
-        branches = self.closed_form().solve_all(wanted.matrix, start)
-        if not self._verifier.looks_for_contact:
-            return branches
-        touching = tuple(tuple(self._verifier.touching(q)) for q in branches.q)
-        return Branches(branches.rows, branches.dropped, touching)
+        look = verifier.touching if verifier.looks_for_contact else None
+        if fixed is None:
+            return (self._usable_form or self.closed_form()).solve_all(wanted.matrix, start, look)
+        if wanted.free_axis is not None:
+            raise InvalidInputError("fixed is for poses; a FreeAxis leaves one more joint free: give target.at(angle)")
+        branches = self._holding(checked_values(verifier.robot, fixed)).solve_all(wanted.matrix, start)
+        return branches if look is None else branches.looking(look)
 
     def family(self, target: Target, seed: ArrayLike | None = None) -> Family:
         """As `solve_all` for a target that has a family: a `FreeAxis`, or a pose of a seven-joint arm.
@@ -333,14 +351,21 @@ class IKSolver:
             InvalidInputError: empty, malformed targets (the row is named), seeds or workers.
             JacokinError: the worker processes did not start.
         """
-        # A batch looks for contact branch by branch, which the compiled loop does not.
         nearest = preferences.cost_of(prefer, self.robot, self.frame) is None
         if callable(prefer) and workers != 1:
             batch.check_picklable("prefer", prefer)
-        compiled = self._compiled if nearest and self.has_closed_form and not self._verifier.looks_for_contact else None
+        compiled = self._compiled if nearest and self.has_closed_form else None
         single = functools.partial(self.solve, prefer=prefer)
         return batch.solve(
-            self.robot, single, compiled, targets, seeds, workers=workers, progress=progress, closest=closest
+            self.robot,
+            single,
+            compiled,
+            targets,
+            seeds,
+            workers=workers,
+            progress=progress,
+            closest=closest,
+            note=self._verifier.unchecked,
         )
 
     def __reduce__(self) -> tuple[object, tuple[object, ...]]:
@@ -366,6 +391,17 @@ class IKSolver:
     def _usable_form(self) -> ClosedForm | None:
         """The closed form of six joints if it fits, and the method allows it."""
         return self._form if not self._uses_qp and isinstance(self._form, ClosedForm) else None
+
+    @functools.cached_property
+    def _holding(self) -> Callable[[tuple[float | None, ...]], FixedJoints]:
+        """What solves with joints held at values (dof,) [rad or m], None for six; the last ones are kept."""
+        verifier, snap = self._verifier, self._options.limit_snap
+
+        @functools.lru_cache(maxsize=HELD)
+        def holding(values: tuple[float | None, ...]) -> FixedJoints:
+            return FixedJoints(verifier.robot, verifier.frame, verifier.tool, values, snap)
+
+        return holding
 
     @functools.cached_property
     def _chain(self) -> Chain:
@@ -414,8 +450,7 @@ class IKSolver:
         )
         if request.cost is None and self._may_be_seed(branches, request):
             candidates = itertools.chain([Candidate(request.seed, target, "the seed")], candidates)
-        in_contact = "every branch within the limits is in contact; the best"
-        result = self._verifier.select(candidates, request, in_contact)
+        result = self._verifier.select(candidates, request, ALL_IN_CONTACT)
         if result is not None:
             return result
         starts = self._almost_reaching(form, request, branches)
@@ -459,22 +494,29 @@ class IKSolver:
         no_form = not self._uses_qp and not self.has_families and isinstance(self._form, StructureError)
         if no_form and self._closest.reach.exceeded(request.target) is None:  # beyond reach it does not matter
             request = request._replace(note=request.message(f"no closed form: {self._form}"))
-        return self._qp_search().solve(request)
+        return self._search().solve(request)
 
-    def _qp_search(self) -> QPSearch:
-        """Mink's QP on this robot, built once in each thread.
+    def _search(self) -> LocalSearch:
+        """Descents on this robot, built once in each thread: mink's QP; with a closed form for positions only.
 
         Raises:
             UnknownNameError: the QP solver is not installed.
         """
         try:
-            search: QPSearch = self._local.search
+            search: LocalSearch = self._local.search
         except AttributeError:
-            from jacokin.ik.qp import QPSearch  # loads mink and MuJoCo
-
-            exact = self._nearest_at if self.has_families or self.has_closed_form else None
-            search = self._local.search = QPSearch(self._verifier, exact)
+            search = self._local.search = self._make_search()
         return search
+
+    def _make_search(self) -> LocalSearch:
+        nearest = self._nearest_at if self.has_families or self.has_closed_form else None
+        if nearest is not None and self._options.qp_solver == DEFAULT_QP_SOLVER:
+            from jacokin.ik.positions import PositionDescents
+
+            return LocalSearch(self._verifier, PositionDescents(self._verifier), nearest)
+        from jacokin.ik.qp import QPDescents  # loads mink and MuJoCo
+
+        return LocalSearch(self._verifier, QPDescents(self._verifier), nearest)
 
     def _nearest_at(self, pose: TargetPose, seed: Array) -> Array | None:
         """The configuration within the limits nearest to a seed (dof,) that reaches a pose; None for none."""
@@ -483,16 +525,30 @@ class IKSolver:
         member = self._seven.nearest(pose, seed)
         return None if member is None else member[0]
 
-    def _compiled(self, matrices: Array, seeds: Array, workers: int) -> tuple[BestBranches, NDArray[np.bool_]]:
-        """The best branch of each of many poses, and which of them are successes."""
-        found = self.closed_form().solve_batch(matrices, seeds, workers)
-        good = self._verifier.reached_rows(found) & found.within_limits
+    def _compiled(self, matrices: Array, seeds: Array, workers: int) -> batch.Settled:
+        """The best branch of each of many poses, which of them are answers, and which are in contact."""
+        verifier, form, options = self._verifier, self.closed_form(), self._options
+        if verifier.looks_for_contact:
+            tolerances = options.position_tolerance, options.orientation_tolerance
+            avoids = verifier.avoids_contact
+            found, touching = form.solve_clear_batch(
+                matrices, seeds, verifier.contact_work, tolerances, avoids=avoids, threads=workers
+            )
+        else:
+            found, touching = form.solve_batch(matrices, seeds, workers), np.zeros(len(seeds), dtype=np.bool_)
+        good = verifier.reached_rows(found) & found.within_limits
         least = found.least_distance  # where the seed itself may be the answer, see `_may_be_seed`, `solve` decides
         near = np.flatnonzero((least > NEAR_SEED[0]) & (least < NEAR_SEED[1]))
         if len(near):
-            position, orientation = self._chain.errors(seeds[near], Goal(matrices[near]))
+            position, orientation = self._chain.errors(seeds[near], TargetRows(matrices[near]))
             good[near[np.maximum(position, orientation) <= 2.0 * CLOSURE]] = False  # twice: `solve` measures otherwise
-        return found, good
+        touching &= good
+        said = {}
+        if verifier.avoids_contact:
+            for row in np.flatnonzero(touching).tolist():
+                sentence = diagnosis.explain_contact(ALL_IN_CONTACT, verifier.pairs_in_contact(found.q[row]))
+                said[row] = verifier.status_in_contact, sentence
+        return batch.Settled(found, good, touching, said)
 
 
 def _rebuild(robot: Robot, frame: str, tool: pin.SE3 | None, options: SolverOptions) -> IKSolver:

@@ -9,7 +9,8 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from jacokin.errors import StructureError
-from jacokin.ik.geometry import Geometry, chain_of, frames_at_zero, measure, measure_seven
+from jacokin.ik.geometry import ArmGeometry, chain_of, frames_at_zero, measure, measure_seven
+from jacokin.ik.quick_forms import NO_FORM, quick_form
 from jacokin.kernels.closed_form.arm import ARM_CONSTANTS
 from jacokin.kernels.library import Call
 from jacokin.kernels.six_joints.ranking import (
@@ -20,7 +21,7 @@ from jacokin.kernels.six_joints.ranking import (
     make_rank_work,
     rank_labellings,
 )
-from jacokin.kernels.tolerances import EXACT_STRUCTURE, SMALLEST_FREEDOM
+from jacokin.kernels.tolerances import EXACT_MISFIT, EXACT_STRUCTURE, SMALLEST_FREEDOM
 from jacokin.model import checks, poses
 from jacokin.model.robot import Robot, checked_robot
 
@@ -94,9 +95,13 @@ def structure(robot: Robot, frame: str | None = None, *, tool: pin.SE3 | ArrayLi
             name = "spherical wrist"
         elif max(parallel.position, parallel.angle) < EXACT_STRUCTURE:
             name = "three parallel axes"
-        return Structure(name, "every branch, from a determinant of the closed loop", (jaco, wrist, parallel))
+        size = size_of(chain)
+        form = quick_form(chain, 1.0 / size) if 0.0 < size < np.inf else NO_FORM
+        return Structure(name, form.sentence, (jaco, wrist, parallel))
     return Structure(
-        "jaco", "every branch, from the Jaco's closed form", (Residual("built like a Jaco", geometry.misfit, 0.0),)
+        "jaco",
+        NO_FORM.sentence if geometry.misfit > EXACT_MISFIT else "every branch, from the Jaco's closed form",
+        (Residual("built like a Jaco", float(geometry.misfit), 0.0),),
     )
 
 
@@ -119,7 +124,7 @@ def parallel_axes(chain: NDArray[np.float64]) -> Residual:
     return Residual("axes 2, 3 and 4 are parallel", 0.0, max(float(np.arcsin(min(sine, 1.0))) for sine in sines))
 
 
-def measure_general(chain: NDArray[np.float64]) -> Geometry:
+def measure_general(chain: NDArray[np.float64]) -> ArmGeometry:
     """What an arm of any structure is solved with: a scale of its lengths, and the labellings that suit it.
 
     Args:
@@ -129,8 +134,7 @@ def measure_general(chain: NDArray[np.float64]) -> Geometry:
         StructureError: the joints do not move the tool in six independent ways, whatever their angles; or lengths that
             are not finite.
     """
-    lengths = np.linalg.norm(chain[1:6, :, 3], axis=1)
-    size = 0.5 * float(lengths.sum())
+    size = size_of(chain)
     if not np.isfinite(size):
         raise StructureError("the lengths of the arm must be finite")
     q = np.random.default_rng(0).uniform(-np.pi, np.pi, (RANKED, 6))
@@ -149,8 +153,14 @@ def measure_general(chain: NDArray[np.float64]) -> Geometry:
         costs += cost * scores[:, :, column]
     own, neighbours = costs.argmin(axis=1)
     arm = np.zeros(ARM_CONSTANTS)
-    arm[39:] = 1.0 / size, own, neighbours
-    return Geometry(checks.sealed(chain), checks.sealed(arm), 0.0, spherical=False)
+    form = quick_form(chain, 1.0 / size)
+    arm[39:] = 1.0 / size, own, neighbours, form.kind, form.labelling, form.first, form.second
+    return ArmGeometry(checks.sealed(chain), checks.sealed(arm), 0.0, spherical=False)
+
+
+def size_of(chain: NDArray[np.float64]) -> float:
+    """What lengths of a chain (7, 3, 4) are compared with: about the arm's reach [m]."""
+    return 0.5 * float(np.linalg.norm(chain[1:6, :, 3], axis=1).sum())
 
 
 def count_freedoms(chain: NDArray[np.float64], q: NDArray[np.float64], size: float) -> int:

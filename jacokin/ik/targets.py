@@ -168,6 +168,8 @@ def interpret(target: Target, frame: str) -> TargetPose:
     """
     if isinstance(target, pin.SE3):
         return TargetPose(poses.checked_matrix("target", target.homogeneous))
+    if type(target) is np.ndarray and target.dtype is checks.FLOAT64 and target.shape == (4, 4):  # no other check
+        return TargetPose(poses.checked_matrix("target", target.copy()))
     if isinstance(target, FreeAxis):
         return _turning(target)
     if isinstance(target, PartialTarget):

@@ -10,6 +10,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
+from jacokin.errors import ModelError
 from jacokin.ik import diagnosis, targets
 from jacokin.ik.closed_form import BranchTable
 from jacokin.ik.options import SolverOptions
@@ -20,6 +21,7 @@ from jacokin.model import checks
 from jacokin.model.robot import Robot
 
 if TYPE_CHECKING:
+    from jacokin.kernels.contact.run import ContactWork
     from jacokin.model.contact import Contact
 
 
@@ -58,6 +60,8 @@ class Verifier:
         frame_id: Pinocchio's id of it.
         tool: constant pose after the frame, or None.
         options: the solver's options.
+        unchecked: why contact is not looked for although it should be avoided; empty where it is.
+        avoids_contact: whether another configuration is taken where one is in contact.
     """
 
     def __init__(self, robot: Robot, frame: str, tool: pin.SE3 | None, options: SolverOptions) -> None:
@@ -66,7 +70,8 @@ class Verifier:
         Raises:
             UnknownNameError: unknown frame.
             InvalidInputError: an obstacle has the name of a shape of the arm, or no finger can take the scene's angle.
-            ModelError: contact is asked for and the description has no shapes that MuJoCo can load.
+            ModelError: contact is reported or rejected, or there is a scene, and the description's shapes cannot be
+                loaded.
         """
         self.robot = robot
         self.frame = frame
@@ -75,12 +80,8 @@ class Verifier:
         self.options = options
         self._lower = robot.lower.tolist()
         self._upper = robot.upper.tolist()
-        self._contact = None if options.collision == "ignore" else _contact(robot, options)
-
-    @property
-    def rejects_contact(self) -> bool:
-        """Whether a configuration in contact counts as not solved."""
-        return self.options.collision == "reject"
+        self._contact, self.unchecked = _contact(robot, options)
+        self.avoids_contact = self._contact is not None and options.collision in ("prefer", "reject")
 
     @property
     def looks_for_contact(self) -> bool:
@@ -88,8 +89,26 @@ class Verifier:
         return self._contact is not None
 
     def touching(self, q: Array) -> list[tuple[str, str]]:
-        """Pairs of shapes that touch; none when the solver does not look."""
-        return [] if self._contact is None else self._contact.touching(q)
+        """Pairs of shapes that touch at a configuration (dof,); none when the solver does not look."""
+        return [] if self._contact is None else self._contact.all_touching(q)
+
+    def pairs_in_contact(self, q: Array) -> list[tuple[str, str]]:
+        """As `touching`, for a configuration that is known to be in contact."""
+        assert self._contact is not None
+        return self._contact.list_touching(q)
+
+    def touches(self, q: Array) -> bool:
+        """Whether any shapes touch at a configuration (dof,); not so when the solver does not look."""
+        return self._contact is not None and self._contact.touches(q)
+
+    def touching_rows(self, rows: Array, threads: int = 1) -> NDArray[np.bool_]:
+        """Which of some configurations (n, dof) are in contact; none when the solver does not look."""
+        return np.zeros(len(rows), dtype=np.bool_) if self._contact is None else self._contact.touches_at(rows, threads)
+
+    def contact_work(self) -> ContactWork:
+        """Work arrays for kernels that see whether shapes touch, where the solver looks for contact."""
+        assert self._contact is not None
+        return self._contact.fresh_work()
 
     def tool_pose(self, q: Array) -> pin.SE3:
         """The pose of the tool in the base at `q`."""
@@ -134,20 +153,28 @@ class Verifier:
             candidates: the best one first.
             request: what was asked for.
             in_contact: what all have in common, and which one is named, where every candidate that reaches its target
-                is in contact and that is rejected.
+                is in contact and that is to be avoided.
         """
-        first: IKResult | None = None
+        first: tuple[Candidate, tuple[float, float]] | None = None
         for each in candidates:
             errors = self.measure(each.q, each.target)
             if not self.reached(each.q, errors):
                 continue
-            pairs = self.touching(each.q)
-            if not (pairs and self.rejects_contact):
+            touches = self.touches(each.q)
+            if not (touches and self.avoids_contact):
+                pairs = self.pairs_in_contact(each.q) if touches else ()
                 return self.result(each, Status.OK, request.message(each.message), errors, pairs)
-            if first is None:
-                message = diagnosis.explain_contact(in_contact, pairs)
-                first = self.result(each, Status.IN_COLLISION, request.message(message), errors, pairs)
-        return first
+            first = first or (each, errors)
+        if first is None:
+            return None
+        pairs = self.pairs_in_contact(first[0].q)
+        message = request.message(diagnosis.explain_contact(in_contact, pairs))
+        return self.result(first[0], self.status_in_contact, message, first[1], pairs)
+
+    @property
+    def status_in_contact(self) -> Status:
+        """Of a configuration that reaches its target in contact, where none does without."""
+        return Status.IN_COLLISION if self.options.collision == "reject" else Status.OK
 
     def result(
         self,
@@ -181,8 +208,20 @@ class Verifier:
         return cast(IKResult, made)
 
 
-def _contact(robot: Robot, options: SolverOptions) -> Contact:
-    from jacokin.model.contact import NOTHING_AROUND, Contact  # loads MuJoCo
+def _contact(robot: Robot, options: SolverOptions) -> tuple[Contact | None, str]:
+    """What looks for contact, if anything does; and why nothing does although contact is to be avoided."""
+    if options.collision == "ignore":
+        return None, ""
+    from jacokin.model.contact import Contact
+    from jacokin.model.obstacles import NOTHING_AROUND
 
     around = NOTHING_AROUND if options.scene is None else options.scene.surroundings
-    return Contact(robot, around, clearance=options.clearance)
+    try:
+        found = Contact(robot, around, clearance=options.clearance)
+    except ModelError as error:
+        if options.collision != "prefer" or around.names:
+            raise
+        return None, f"contact was not checked: {error}"
+    if options.collision == "prefer" and not found.has_shapes:
+        return None, "contact was not checked: the description has no collision shapes"
+    return found, ""

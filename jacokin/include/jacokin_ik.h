@@ -178,7 +178,7 @@ JACOKIN_IK_API int jacokin_ik_all(const jacokin_ik_solver *solver, const double 
                                   int *complete);
 
 /* The configuration nearest to the seed that reaches a pose within the limits. On seven joints the work memory is that
- * for intervals, and where a joint has limits more than a turn apart, another copy of it may be nearer. */
+ * for intervals. */
 JACOKIN_IK_API int jacokin_ik_nearest(const jacokin_ik_solver *solver, const double *target, const double *seed,
                                       void *work, size_t work_size, double *q);
 

@@ -6,7 +6,11 @@ closed_form                          every branch of a six-joint Jaco at a pose
 six_joints                           every branch of a six-joint arm of any structure
 self_motion                          self-motions: all configurations with one free parameter
 contact                              contact, distances and certain motions of an arm among obstacles
+free_motion                          ways around what blocks a straight joint motion
+clear_targets                        many targets, each answered by the nearest branch clear of contact
+speeds                               the least time along a path
 branches                             a branch verified, polished, put within the limits; duplicates
 entries, library                     what is compiled; the library loaded and called
-vector, chain, limits, tolerances    what they have in common
+vector, trigonometry, chain, limits, tolerances
+                                     what they have in common
 """

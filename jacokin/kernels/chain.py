@@ -9,6 +9,7 @@ import numpy as np
 
 from jacokin.arrays import Array
 from jacokin.kernels.tolerances import DAMPING, SMALLEST_PIVOT
+from jacokin.kernels.trigonometry import angle_of, sin_cos
 from jacokin.kernels.vector import Vec, cross, dot, minus, mix, norm
 
 #: Smaller pivots mean a singular system of seven joints.
@@ -28,7 +29,7 @@ def forward(chain: Array, q: Array) -> tuple[Vec, Vec, Vec, Vec]:
     p = (0.0, 0.0, 0.0)
     for i in range(6):
         x, y, z, p = place(chain, i, x, y, z, p)
-        c, s = math.cos(q[i]), math.sin(q[i])
+        s, c = sin_cos(q[i])
         x, y = mix(x, c, y, s, y, 0.0), mix(y, c, x, -s, x, 0.0)
     return place(chain, 6, x, y, z, p)
 
@@ -57,7 +58,7 @@ def errors(chain: Array, T: Array, q: Array) -> tuple[float, float]:
     """Position error [m] and orientation error [rad] of q against the (4, 4) target."""
     x, y, z, p = forward(chain, q)
     d, turn, cosine = deviation(T, x, y, z, p)
-    return norm(d), math.atan2(norm(turn), cosine)
+    return norm(d), angle_of(norm(turn), cosine)
 
 
 def fill_system(joints: int, chain: Array, T: Array, q: Array, system: Array) -> tuple[Vec, Vec, float]:
@@ -70,7 +71,7 @@ def fill_system(joints: int, chain: Array, T: Array, q: Array, system: Array) ->
     p = (0.0, 0.0, 0.0)
     for j in range(joints):
         x, y, z, p = place(chain, j, x, y, z, p)
-        c, s = math.cos(q[j]), math.sin(q[j])
+        s, c = sin_cos(q[j])
         x, y = mix(x, c, y, s, y, 0.0), mix(y, c, x, -s, x, 0.0)
         for i in range(3):
             system[i, j] = p[i]
@@ -206,7 +207,7 @@ def linearise7(chain: Array, T: Array, x: Array, system: Array) -> float:
         The larger of position error [m] and orientation error [rad].
     """
     position, turn, cosine = fill_system(7, chain, T, x, system)
-    return max(norm(position), math.atan2(norm(turn), cosine))
+    return max(norm(position), angle_of(norm(turn), cosine))
 
 
 def eliminate7(system: Array) -> float:

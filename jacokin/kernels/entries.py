@@ -8,10 +8,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+from jacokin.kernels.clear_targets import make_clear_work, solve_clear_targets
 from jacokin.kernels.closed_form.batch import make_target_work, solve_targets
 from jacokin.kernels.contact.run import make_contact_work, run_contact
+from jacokin.kernels.free_motion.run import make_motion_work, run_free_motion
 from jacokin.kernels.self_motion.intervals import make_curve_work, run_curves
 from jacokin.kernels.six_joints.ranking import make_rank_work, rank_labellings
+from jacokin.kernels.speeds import fit_speeds, make_speed_work
 
 
 class Entry(NamedTuple):
@@ -26,4 +29,7 @@ ENTRIES = (
     Entry(run_curves, make_curve_work),
     Entry(rank_labellings, make_rank_work),
     Entry(run_contact, make_contact_work),
+    Entry(run_free_motion, make_motion_work),
+    Entry(solve_clear_targets, make_clear_work),
+    Entry(fit_speeds, make_speed_work),
 )

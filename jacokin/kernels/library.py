@@ -7,6 +7,7 @@ The plain Python of the kernels remains the source, and what tests compare with;
 from __future__ import annotations
 
 import ctypes
+import hashlib
 import re
 import sys
 import time
@@ -140,9 +141,29 @@ def load() -> Library:
     """The library of this package, loaded once.
 
     Raises:
-        JacokinError: it is missing, incomplete, or of another version or platform.
+        JacokinError: it is missing, incomplete, or of another version or platform; or, in a clone, of other sources.
     """
-    return Library(PATH)
+    library = Library(PATH)
+    if (PATH.parents[2] / "build_kernels").is_dir():  # a clone, whose sources change under the library
+        made = PATH.stat().st_mtime_ns
+        if any(file.stat().st_mtime_ns > made for file in sources()) and library.about.sources != sources_key():
+            raise JacokinError(f"the compiled kernels {PATH} are those of other sources: run `python -m build_kernels`")
+    return library
+
+
+def sources() -> list[Path]:
+    """The kernels' Python but this file, and the C files beside them, in order."""
+    kernels, headers = PATH.parent, PATH.parents[1] / "include"
+    found = (*kernels.rglob("*.py"), *(kernels / "c").glob("*.[ch]"), *headers.glob("*.h*"))
+    return sorted(file for file in found if file.name != Path(__file__).name)
+
+
+def sources_key() -> str:
+    """The hash of those files: a library made of others is out of date."""
+    digest = hashlib.sha256()
+    for file in sources():
+        digest.update(file.read_bytes())
+    return digest.hexdigest()[:16]
 
 
 def warmup() -> float:

@@ -7,6 +7,7 @@ import math
 from jacokin.arrays import Array
 from jacokin.kernels.chain import Newton, errors, least_squares
 from jacokin.kernels.tolerances import HELD_CLOSURE, TANGENCY_EXCESS
+from jacokin.kernels.trigonometry import whole_below
 
 TURN = 2.0 * math.pi
 #: Gauss-Newton steps on the joints that are not held.
@@ -15,7 +16,7 @@ TANGENCY_STEPS = 4
 
 def nearest_copy(angle: float, seed: float) -> float:
     """The copy of an angle nearest to the seed [rad]."""
-    return angle + TURN * math.floor((seed - angle) / TURN + 0.5)
+    return angle + TURN * whole_below((seed - angle) / TURN + 0.5)
 
 
 def copy_within_limits(angle: float, seed: float, lower: float, upper: float, snap: float) -> float:
@@ -67,7 +68,7 @@ def fit_to_limits(q: Array, seed: Array, limits: Array, row: Array) -> tuple[flo
 
 def circular_distance(difference: float) -> float:
     """The size of a difference of angles, whole turns apart [rad]."""
-    return abs(difference - TURN * math.floor(difference / TURN + 0.5))
+    return abs(difference - TURN * whole_below(difference / TURN + 0.5))
 
 
 def same_configuration(a: Array, b: Array, tolerance: float) -> bool:

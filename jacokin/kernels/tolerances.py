@@ -161,3 +161,12 @@ CONTINUUM_CLOSURE = 1e-9
 EXACT_STRUCTURE = 1e-9
 #: Singular values of a Jacobian, lengths in units of the arm's size: below this a freedom is missing.
 SMALLEST_FREEDOM = 1e-9
+#: In units of the arm's length; where both coefficients of an angle's equation are below this, nothing determines it.
+FREE_ANGLE = 1e-10
+#: Squares this little beyond the edge of an equation of one angle, once another is at a fold: that one is exact to
+#: 3e-8 by rounding, and to 3e-5 by what the structure may miss.
+EDGE_SLACK_AFTER_FOLD = 1e-6
+#: Axes that may align are so near that where their angles meet is no fold: sine of what they enclose.
+SMALL_SINE = 1e-3
+#: In units of the arm's length, and sines: below this an arm has no such form, or one too near to another.
+DISTINCT = 0.02

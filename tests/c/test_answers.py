@@ -31,7 +31,7 @@ def make_targets(robot: jacokin.Robot, n: int, seed: int) -> tuple[Array, Array]
 
 def test_10000_answers_are_those_of_the_package_to_the_bit() -> None:
     robot = jacokin.load_robot("j2n6s300")
-    solver = IKSolver(robot)
+    solver = IKSolver(robot, collision="ignore")
     targets, seeds = make_targets(robot, 10_000, 0)
     rows = solver.closed_form().solve_batch(targets, seeds)
     status, q = CSolver(solver).batch(targets, seeds)
@@ -47,7 +47,7 @@ def test_10000_answers_are_those_of_the_package_to_the_bit() -> None:
 @pytest.mark.parametrize("name", SIX)
 def test_all_branches_are_those_of_the_package_to_the_bit(name: str) -> None:
     robot = jacokin.load_robot(name)
-    solver = IKSolver(robot)
+    solver = IKSolver(robot, collision="ignore")
     c = CSolver(solver)
     for T, seed in zip(*make_targets(robot, 200, 1), strict=True):
         found = solver.solve_all(T, seed)
@@ -64,7 +64,7 @@ def test_an_arm_of_another_make_has_the_branches_of_the_package(tmp_path: Path) 
     path = tmp_path / "ur5.urdf"
     path.write_text(ur5_text())
     robot = jacokin.load_robot(path)
-    solver = IKSolver(robot)
+    solver = IKSolver(robot, collision="ignore")
     c = CSolver(solver)
     for T, seed in zip(*make_targets(robot, 60, 1), strict=True):
         found = solver.solve_all(T, seed)
@@ -76,7 +76,7 @@ def test_an_arm_of_another_make_has_the_branches_of_the_package(tmp_path: Path) 
 def test_what_counts_as_a_success_passes_pinocchio_and_the_limits() -> None:
     robot = jacokin.load_robot("j2n6s300", limits={"joint_2": (1.0, 3.0), "joint_5": (0.5, 2.0)})
     tool = jacokin.pose([0.01, -0.02, 0.1], rpy=[0.3, 0.2, 0.1])
-    c = CSolver(IKSolver(robot, "pinchsite", tool=tool))
+    c = CSolver(IKSolver(robot, "pinchsite", tool=tool, collision="ignore"))
     targets, seeds = make_targets(robot, 500, 2)
     status, rows = c.batch(targets, seeds)
     solved = 0
@@ -93,7 +93,7 @@ def test_what_counts_as_a_success_passes_pinocchio_and_the_limits() -> None:
 @pytest.mark.parametrize("name", ["j2n6s300", "j2s7s300"])
 def test_forward_kinematics_is_pinocchios(name: str) -> None:
     robot = jacokin.load_robot(name)
-    c, pose = CSolver(IKSolver(robot)), np.empty((4, 4))
+    c, pose = CSolver(IKSolver(robot, collision="ignore")), np.empty((4, 4))
     for q in robot.sample(np.random.default_rng(3), 50):
         assert C.jacokin_fk(c.handle, q.ctypes.data, pose.ctypes.data) == binding.OK
         np.testing.assert_allclose(pose, robot.forward_kinematics(q).homogeneous, atol=1e-14)
@@ -101,7 +101,7 @@ def test_forward_kinematics_is_pinocchios(name: str) -> None:
 
 def test_a_seed_outside_the_limits_is_moved_inside_as_in_python() -> None:
     robot = jacokin.load_robot("j2n6s300")
-    solver = IKSolver(robot)
+    solver = IKSolver(robot, collision="ignore")
     c, rng = CSolver(solver), np.random.default_rng(4)
     T = np.ascontiguousarray(robot.forward_kinematics(robot.home).homogeneous)
     for seed in rng.uniform(-30.0, 30.0, (50, 6)):
@@ -111,7 +111,7 @@ def test_a_seed_outside_the_limits_is_moved_inside_as_in_python() -> None:
 
 def test_a_rotation_of_single_precision_is_made_exact() -> None:
     robot = jacokin.load_robot("j2n6s300")
-    solver = IKSolver(robot)
+    solver = IKSolver(robot, collision="ignore")
     T = robot.forward_kinematics(robot.home).homogeneous.astype(np.float32).astype(np.float64)
     status, q = CSolver(solver).nearest(T, robot.home)
     assert status == binding.OK
@@ -152,10 +152,32 @@ def test_intervals_of_structured_targets(name: str, free: Callable[[Array], Free
     compare_intervals(name, free, targets, jacokin.load_robot(name).sample(rng, 60))
 
 
+@pytest.mark.parametrize("number", [15, pytest.param(200, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("about", ["seven joints", "a free axis"])
+def test_no_member_is_nearer_where_limits_leave_a_choice_of_copies(about: str, number: int) -> None:
+    name, free = TURNS[about]
+    wide = (-1.7 * np.pi, 2.3 * np.pi)
+    joints = (1, 3, 5, 7) if name == "j2s7s300" else (1, 4, 5, 6)
+    robot = jacokin.load_robot(name, limits={f"joint_{joint}": wide for joint in joints})
+    solver = IKSolver(robot, collision="ignore")
+    c = CSolver(solver, binding.INTERVALS)
+    for T, seed in zip(*make_targets(robot, number, 8), strict=True):
+        target = free(T)
+        python = solver.solve(T if target is None else target, seed)
+        status, q, p = c.nearest_about(T, None if target is None else binding.axis_of(target), seed)
+        assert (status == binding.OK) == python.success
+        if status != binding.OK:
+            continue
+        assert robot.within_limits(q)
+        reached = robot.forward_kinematics(q).homogeneous
+        np.testing.assert_allclose(reached, T if target is None else target.at(p).homogeneous, atol=1e-8)
+        assert np.linalg.norm(q - seed) <= np.linalg.norm(python.q - seed) + 1e-7
+
+
 def compare_intervals(name: str, free: Callable[[Array], FreeAxis | None], targets: Array, seeds: Array) -> None:
     """The same intervals with the same ends; their points, and the nearest one, reach the target within the limits."""
     robot = jacokin.load_robot(name)
-    solver = IKSolver(robot)
+    solver = IKSolver(robot, collision="ignore")
     c, whole = CSolver(solver, binding.INTERVALS), 0
     for T, start in zip(targets, seeds, strict=True):
         target = free(T)
@@ -209,7 +231,7 @@ def assert_same(intervals: list[binding.Interval], family: Family) -> None:
 
 def test_poses_of_seven_joints_are_solved_one_by_one_and_in_a_batch() -> None:
     robot = jacokin.load_robot("j2s7s300")
-    solver = IKSolver(robot)
+    solver = IKSolver(robot, collision="ignore")
     c = CSolver(solver)
     targets, seeds = make_targets(robot, 20, 7)
     status, rows = c.batch(targets, seeds)
@@ -229,7 +251,7 @@ def test_a_wrist_that_may_be_straight_is_not_called_complete(
     robot = jacokin.load_robot(name)
     middle, (low, high) = robot.dof - 2, (robot.lower[robot.dof - 2], robot.upper[robot.dof - 2])
     angles = np.arange(-1, 3) * math.pi
-    c = CSolver(IKSolver(robot), binding.INTERVALS)
+    c = CSolver(IKSolver(robot, collision="ignore"), binding.INTERVALS)
     for q in robot.sample(np.random.default_rng(8), 10):
         q[middle] = angles[(angles > low) & (angles < high)][0]
         before, after = robot.jacobian(q)[3:, [middle - 1, middle + 1]].T

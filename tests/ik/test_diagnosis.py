@@ -105,9 +105,8 @@ def test_the_first_candidate_that_is_a_success_is_selected(robot: Robot, monkeyp
     turned = [robot.home + 2.0 * np.pi * turns * robot.unlimited for turns in range(3)]
     off = robot.home + 1e-3
     clear: list[Array] = []
-    monkeypatch.setattr(
-        verifier, "touching", lambda q: [] if any(np.array_equal(q, row) for row in clear) else [("hand", "link_2")]
-    )
+    monkeypatch.setattr(verifier, "touches", lambda q: not any(np.array_equal(q, row) for row in clear))
+    monkeypatch.setattr(verifier, "pairs_in_contact", lambda _: [("hand", "link_2")])
 
     def select(*rows: Array) -> jacokin.IKResult | None:
         candidates = [Candidate(q, target, f"number {number}") for number, q in enumerate(rows)]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import pickle
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +16,7 @@ import jacokin
 from jacokin import IKSolver, Robot, Status
 from jacokin.arrays import Array
 from jacokin.errors import MissingExtraError, SolveError, UnknownNameError
-from jacokin.ik import qp, qp_backend
+from jacokin.ik import qp_backend
 from jacokin.model import poses
 
 CRANE = """<robot name="crane">
@@ -277,38 +276,6 @@ def test_sliding_joints_reach_as_far_as_they_slide(tmp_path: Path, rng: np.rando
     stretched = np.array([0.3, 1.5, 0.2])
     seed = np.array([0.3, 7.0, 0.2])
     np.testing.assert_allclose(solver.solve(crane.forward_kinematics(stretched), seed).q, stretched, atol=1e-6)
-
-
-@pytest.mark.parametrize("name", ["j2n6s300", "j2s7s300"])
-def test_members_reach_the_position(bundled: Callable[[str], Robot], rng: np.random.Generator, name: str) -> None:
-    robot = bundled(name)
-    for q in robot.sample(rng, 10):
-        position = robot.forward_kinematics(q).translation
-        rows = qp.members(
-            IKSolver(robot)._nearest_at, position, robot.forward_kinematics(robot.home).rotation, robot.home
-        )
-        assert 1 <= len(rows) <= qp.ENOUGH
-        for row in rows:
-            np.testing.assert_allclose(robot.forward_kinematics(row).translation, position, atol=1e-9)
-            assert robot.within_limits(row)
-        apart = [float(np.linalg.norm(row - robot.home)) for row in rows]
-        assert apart == sorted(apart)
-
-
-@pytest.mark.parametrize("name", ["j2n6s300", "j2s7s300"])
-def test_a_position_is_solved_from_a_member(
-    bundled: Callable[[str], Robot], rng: np.random.Generator, name: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Where descents go nowhere, the first start that is a member is the answer."""
-    robot, stuck = bundled(name), lambda _self, _target, start: qp.Descent(start, 0, False)
-    monkeypatch.setattr(qp.QPSearch, "descend", stuck)
-    for q in robot.sample(rng, 5):
-        target = robot.forward_kinematics(q).translation
-        result = IKSolver(robot).solve(target).raise_for_status()
-        np.testing.assert_allclose(robot.forward_kinematics(result.q).translation, target, atol=1e-9)
-        assert result.message.startswith("start ")
-        without = IKSolver(robot, method="qp").solve(target, max_restarts=5, closest=False)
-        assert not without.message.startswith("start ")  # found, if at all, in the search for the closest configuration
 
 
 def test_osqp_gives_up_in_time_and_another_solver_takes_over() -> None:

@@ -17,6 +17,7 @@ from jacokin.motion import AxisTarget, OrientationTarget, PositionTarget, Region
 POSITION = [0.3, 0.2, 0.4]
 POSE = np.array([[1.0, 0, 0, 0.3], [0, -1.0, 0, -0.2], [0, 0, -1.0, 0.4], [0, 0, 0, 1.0]])
 PART, AXIS = PositionTarget(POSITION), AxisTarget((0.0, 0.0, -1.0))
+BOX = Box("b", (0.1, 0.1, 0.1), (1, 0, 0))
 FREE = FreeAxis(jacokin.pose(POSITION), axis=(1.0, 0.0, 0.0))
 
 
@@ -42,9 +43,12 @@ FREE = FreeAxis(jacokin.pose(POSITION), axis=(1.0, 0.0, 0.0))
         ({"max_restarts": -1}, InvalidInputError, "max_restarts"),
         ({"max_restarts": 1.5}, InvalidInputError, "max_restarts"),
         ({"clearance": -0.1, "collision": "reject"}, InvalidInputError, "clearance"),
-        ({"clearance": 0.1}, InvalidInputError, "clearance has no effect with collision='ignore'"),
-        ({"scene": Scene([Box("b", (0.1, 0.1, 0.1), (1, 0, 0))])}, InvalidInputError, "scene has no effect"),
-        ({"warm": "yes"}, InvalidInputError, "warm"),
+        (
+            {"clearance": 0.1, "collision": "ignore"},
+            InvalidInputError,
+            "clearance has no effect",
+        ),
+        ({"scene": Scene([BOX]), "collision": "ignore"}, InvalidInputError, "scene has no effect"),
         ({"frame": "link_4", "method": "closed_form"}, StructureError, "link_4"),
     ],
 )

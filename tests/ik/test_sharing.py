@@ -147,3 +147,12 @@ def test_batches_keep_the_note_about_the_seed(robot: Robot) -> None:
     batch = IKSolver(robot).solve_batch([target, far], [bad, robot.home], closest=False)
     assert "joint_2" in batch.message[0]
     assert "joint_2" not in batch.message[1]
+
+
+def test_families_are_pickled(robot: Robot) -> None:
+    target = jacokin.FreeAxis(jacokin.pose([0.3, -0.2, 0.4], down=True), axis=(0.0, 0.0, 1.0))
+    family = IKSolver(robot).family(target)
+    copied = pickle.loads(pickle.dumps(family))
+    assert (len(copied), copied.branches, copied.complete) == (len(family), family.branches, family.complete)
+    np.testing.assert_array_equal(copied.sample(20), family.sample(20))
+    np.testing.assert_array_equal(copied.nearest(robot.home), family.nearest(robot.home))

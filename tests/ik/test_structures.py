@@ -111,13 +111,17 @@ def test_structures_have_names(robot: Robot, ur5: Robot, tmp_path: Path) -> None
     assert structure(jacokin.load_robot("j2s7s300")).name == "jaco with seven joints"
     found = structure(ur5)
     assert found.name == "three parallel axes"
+    assert found.method == "every branch, in closed form: axes 2, 3 and 4 are parallel"
     jaco, wrist, parallel = found.residuals
     assert jaco.position + jaco.angle > 1e-3
     assert wrist.position > 0.04  # [m] a UR5's wrist is offset by 0.09465
     assert parallel.angle < 1e-12
     assert "3 parallel" not in str(parallel)
     assert str(wrist).startswith("axes 4, 5 and 6 meet: 0.0")
-    assert structure(moved_jaco(tmp_path, "0.02")).name == "general"
+    moved = structure(moved_jaco(tmp_path, "0.02"))
+    assert (moved.name, moved.method) == ("general", "every branch, from a determinant of the closed loop")
+    nearly = structure(moved_jaco(tmp_path, "1e-7"))
+    assert (nearly.name, nearly.method) == ("jaco", moved.method)
     inner = structure(robot, "link_4")
     assert inner.name == "none"
     assert "link_4" in inner.method

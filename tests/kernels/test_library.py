@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 import stat
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -16,6 +18,7 @@ import pytest
 import jacokin
 from jacokin import FreeAxis, IKSolver, Robot, warmup
 from jacokin.errors import JacokinError
+from jacokin.ik import Box, Scene
 from jacokin.ik import closed_form as closed_form_module
 from jacokin.ik.families import curves
 from jacokin.kernels import library
@@ -46,6 +49,22 @@ def test_plain_and_compiled_kernels_give_the_same_bits(
         np.testing.assert_array_equal(compiled.solve_batch(T, seeds, threads).rows, expected)
     for one, seed in zip(T, seeds, strict=True):
         np.testing.assert_array_equal(compiled.solve_all(one, seed).rows, plain.solve_all(one, seed).rows)
+
+
+def test_plain_and_compiled_kernels_choose_the_same_clear_branches(
+    robot: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rng = np.random.default_rng(3)
+    T, seeds = np.array([target(robot, q) for q in robot.sample(rng, 60)]), robot.sample(rng, 60)
+    scene = Scene([Box("box", [0.3, 0.3, 0.3], [0.4, 0.2, 0.2])])
+    solvers = [IKSolver(robot, scene=scene, collision=collision) for collision in ("prefer", "report")]
+    compiled = [solver.solve_batch(T, seeds, closest=False) for solver in solvers]
+    monkeypatch.setattr(closed_form_module, "Call", PlainCall)
+    for solver, expected in zip(solvers, compiled, strict=True):
+        found = solver.solve_batch(T, seeds, closest=False)
+        np.testing.assert_array_equal(found.q, expected.q)
+        np.testing.assert_array_equal(found.touching, expected.touching)
+    assert (compiled[0].q != compiled[1].q).any()  # another branch is clear
 
 
 @pytest.mark.slow
@@ -126,6 +145,23 @@ def test_a_library_that_does_not_fit_is_one_sentence(tmp_path: Path) -> None:
     machine = bytearray(whole)
     machine[18:20] = b"\xf3\x00"  # RISC-V, in the header of an ELF file
     assert "do not load here" in damaged(path, bytes(machine))
+
+
+def test_a_clone_whose_kernels_changed_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    kernels = tmp_path / "jacokin" / "kernels"
+    kernels.mkdir(parents=True)
+    copy = kernels / library.PATH.name
+    shutil.copy2(library.PATH, copy)
+    monkeypatch.setattr(library, "PATH", copy)
+    (kernels / "changed.py").write_text("")
+    later = time.time() + 10.0
+    os.utime(kernels / "changed.py", (later, later))
+    library.load.__wrapped__()  # installed: its files do not change
+    (tmp_path / "build_kernels").mkdir()
+    with pytest.raises(JacokinError, match="are those of other sources: run `python -m build_kernels`"):
+        library.load.__wrapped__()
+    os.utime(copy, (later, later))
+    library.load.__wrapped__()  # made after the change
 
 
 def test_nothing_names_another_library(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

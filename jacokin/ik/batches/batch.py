@@ -10,7 +10,7 @@ import pickle
 import signal
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures.process import BrokenProcessPool
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -35,8 +35,22 @@ MAX_CHUNK = 4  # targets that a worker process takes at once: an interrupted bat
 
 #: Solves one target as `IKSolver.solve` does; can be pickled, and runs in other processes.
 Single = Callable[..., IKResult]
-#: Solves poses (n, 4, 4) from seeds (n, dof) on so many threads: the solutions, and which of them are successes.
-Compiled = Callable[[Array, Array, int], tuple["BestBranches", NDArray[np.bool_]]]
+
+
+class Settled(NamedTuple):
+    """What compiled code says about n poses."""
+
+    found: BestBranches
+    good: NDArray[np.bool_]
+    """(n,) which of the branches are answers; the other poses are left to single solves."""
+    touching: NDArray[np.bool_]
+    """(n,) which answers are in contact."""
+    said: dict[int, tuple[Status, str]]
+    """Status and message of answers that have another than success, and none."""
+
+
+#: Solves poses (n, 4, 4) from seeds (n, dof) on so many threads.
+Compiled = Callable[[Array, Array, int], Settled]
 _Job = tuple[int, Array | FreeAxis, Array, bool]
 _single_in_process: list[Single] = []
 
@@ -51,14 +65,17 @@ def solve(
     workers: int,
     progress: Callable[[int], None] | None,
     closest: bool,
+    note: str = "",
 ) -> BatchResult:
-    """See `IKSolver.solve_batch`; without `compiled`, every target goes through `single`."""
+    """See `IKSolver.solve_batch`; without `compiled`, all targets go through `single`, whose messages have the note."""
     workers = checks.whole_number("workers", workers, lowest=1)
     closest = checks.flag("closest", closest)
     matrices, position_only, free = checked_batch(targets)
     checks.optional(checks.function, "progress", progress)
     starts, notes = _seeds_within_limits(robot, seeds, len(matrices))
     out = AnswerColumns(len(matrices), robot.dof, notes)
+    if note:
+        out.message = [f"{each}; {note}" if each else note for each in notes]
     rest = list(range(len(matrices)))
     if compiled is not None:
         apart = position_only.copy()
@@ -100,6 +117,7 @@ class AnswerColumns:
         self.parameter = np.full(size, np.nan)
         self.status: list[Status] = [Status.OK] * size
         self.success = np.ones(size, dtype=np.bool_)
+        self.touching = np.zeros(size, dtype=np.bool_)
         self.method = ["closed_form"] * size
         self.message = list(notes)
         self._notes = notes
@@ -108,11 +126,15 @@ class AnswerColumns:
         """Take the answer to one target."""
         self.q[index] = result.q
         self.errors[index] = result.position_error, result.orientation_error
-        self.status[index], self.method[index] = result.status, result.method
-        self.success[index] = result.success
-        self.message[index] = f"{result.message}; {self._notes[index]}" if self._notes[index] else result.message
+        self.method[index], self.touching[index] = result.method, bool(result.touching)
+        self.say(index, result.status, result.message)
         if result.parameter is not None:
             self.parameter[index] = result.parameter
+
+    def say(self, index: int, status: Status, message: str) -> None:
+        """Set the status of one target, and its message with the note."""
+        self.status[index], self.success[index] = status, status is Status.OK
+        self.message[index] = f"{message}; {self._notes[index]}" if self._notes[index] else message
 
     def result(self) -> BatchResult:
         """All of them, read-only."""
@@ -125,6 +147,7 @@ class AnswerColumns:
             method=tuple(self.method),
             message=tuple(self.message),
             parameter=checks.read_only(self.parameter),
+            touching=checks.sealed(self.touching),
         )
 
 
@@ -164,10 +187,12 @@ def _compiled(
         chunk = rows[first : first + CHUNK]
         # A slice, unlike a list of rows, is not copied.
         where = slice(first, first + CHUNK) if len(rows) == len(matrices) else chunk
-        found, good = run(matrices[where], starts[where], threads)
+        found, good, touching, said = run(matrices[where], starts[where], threads)
         settled = chunk[good]
-        out.q[settled] = found.q[good]
+        out.q[settled], out.touching[settled] = found.q[good], touching[good]
         out.errors[settled] = np.column_stack((found.position_error[good], found.orientation_error[good]))
+        for row, (status, message) in said.items():
+            out.say(int(chunk[row]), status, message)
         left.extend(chunk[~good].tolist())
         if progress is not None and len(settled):
             progress(len(settled))

@@ -135,7 +135,7 @@ def solve_rows(
     good = np.setdiff1d(np.arange(len(targets)), list(problems))
     if len(good):
         found = solver.solve_batch(targets.targets[good], seed, workers=workers, closest=closest)
-        out.q[good], out.success[good] = found.q, found.success
+        out.q[good], out.success[good], out.touching[good] = found.q, found.success, found.touching
         out.errors[good] = np.column_stack([found.position_error, found.orientation_error])
         for index, row in enumerate(good.tolist()):
             out.status[row], out.method[row] = found.status[index], found.method[index]

@@ -127,7 +127,7 @@ def solve_file(
         answers = answers_format(out, carried)
         if source.is_file() and out.is_file() and out.samefile(source):
             raise InvalidInputError(f"output {out} is the file of targets: they would be lost")
-        compiled = solver.has_closed_form and solver.verifier.options.collision == "ignore" and columns != POSITION
+        compiled = solver.has_closed_form and columns != POSITION
         rows = ROWS if compiled else SINGLE_ROWS
         parts = targets_format(source).parts(source, rows)
         total = sum(part.rows for part in parts)
@@ -345,7 +345,7 @@ def _recipe(
         "format": suffix,
         "rows of a chunk": rows,
     }
-    same = fingerprint(solver.robot, shapes=chosen.collision != "ignore")
+    same = fingerprint(solver.robot, shapes=solver.verifier.looks_for_contact)
     return {
         "version": jacokin.__version__,
         "targets": {"rows": count, "sha256": file_digest(targets)},

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -13,10 +14,12 @@ from jacokin.arrays import Array
 from jacokin.ik.geometry import frame_with_z
 from jacokin.ik.targets import TargetPose
 from jacokin.kernels.chain import linearise7
+from jacokin.kernels.closed_form.arm import unpack_arm
 from jacokin.kernels.library import Call
 from jacokin.kernels.self_motion.arcs import ARCS, FOLD_END, LOST_END, NODES, RANGE_END, SEAM_END
 from jacokin.kernels.self_motion.follow import POINT_CLOSURE, WORST_CLOSURE
 from jacokin.kernels.self_motion.intervals import (
+    FILL_SLICES,
     FIND_AT_PARAMETER,
     FIND_AT_SHARE,
     FIND_INTERVALS,
@@ -32,6 +35,7 @@ from jacokin.kernels.self_motion.intervals import (
 )
 from jacokin.kernels.self_motion.limit_cuts import INTERVALS
 from jacokin.kernels.self_motion.slices import SAME_PARAMETER, SINGULAR, SLICES
+from jacokin.model import checks
 from jacokin.model.angles import TURN
 from jacokin.model.poses import FreeAxis
 
@@ -55,12 +59,14 @@ class CurveArm:
     Attributes:
         parameter: index of the parameter among the seven joints, `FREE_AXIS` or `JOINT_3`.
         chain: (7, 3, 4) of six joints, or (8, 3, 4) of seven.
-        constants: (42,) or (12,), see `ik.geometry`.
+        constants: (46,) or (12,), see `ik.geometry`.
         limits: (2, 7) [rad], infinite where some copy of every angle is within them.
         circular: whether every joint has either no limits, or one copy of an angle at most within them.
+        sees_straight_wrists: whether the kernels find the targets' straight wrists: not of six joints that are not
+            built like a Jaco's.
     """
 
-    __slots__ = ("_given", "_idle", "chain", "circular", "constants", "limits", "parameter")
+    __slots__ = ("_given", "_idle", "chain", "circular", "constants", "limits", "parameter", "sees_straight_wrists")
 
     def __init__(self, parameter: int, chain: Array, constants: Array, lower: Array, upper: Array) -> None:
         """Take the constants of an arm and its limits (dof,) [rad], and load the compiled kernels."""
@@ -71,6 +77,7 @@ class CurveArm:
         self.limits[0, : len(lower)][bounded] = lower[bounded]
         self.limits[1, : len(upper)][bounded] = upper[bounded]
         self.circular = bool((bounded | np.isinf(upper - lower)).all())
+        self.sees_straight_wrists = parameter == JOINT_3 or unpack_arm(constants).six.scale == 0.0
         self._idle: list[Call[CurveWork]] = [Call(run_curves, make_curve_work())]  # each thread takes one or makes one
 
     def __reduce__(self) -> tuple[object, tuple[object, ...]]:
@@ -131,10 +138,26 @@ class CurveProblem(NamedTuple):
             room: how far from there they are solved for, at both sides [rad].
             quarters: about a free axis, solve at QUARTER_TURNS too.
         """
-        call = self._prepare([*QUARTER_TURNS, *also] if quarters else also, crossings, room)
+        call = self._prepare(also, crossings, room, quarters=quarters)
         found = read_curves(call.work, call())
         self.arm.put_back(call)
         return found
+
+    def points_at(self, parameters: Array) -> tuple[Array, NDArray[np.int64]]:
+        """Points (k, 7) of all curves at values (m,) of the parameter [rad], and at which one each of them is (k,)."""
+        call, points, numbers = self._prepare(), [np.empty((0, 7))], [np.empty(0, np.int64)]
+        call.work.options[0] = FILL_SLICES
+        for first in range(0, len(parameters), SLICES):
+            some = parameters[first : first + SLICES]
+            call.work.slices.p[: len(some)] = some
+            call.work.options[2] = len(some)
+            call()
+            filled = call.work.slices.filled[: len(some)]
+            points += [call.work.slices.x[i, :count] for i, count in enumerate(filled.tolist())]
+            numbers.append(np.repeat(np.arange(first, first + len(some)), filled))
+            points = [np.vstack(points)]  # copied
+        self.arm.put_back(call)
+        return points[0], np.concatenate(numbers)
 
     def nearest(self, seed: Array) -> Array | None:
         """The point (7,) within the limits nearest to a seed (dof,), joints in the copies nearest to it.
@@ -143,7 +166,7 @@ class CurveProblem(NamedTuple):
         choice of copies.
         """
         return (
-            self._nearest(self._prepare(QUARTER_TURNS if self.free_axis else ()), FIND_NEAREST, seed)
+            self._nearest(self._prepare(quarters=self.free_axis is not None), FIND_NEAREST, seed)
             if self.arm.circular
             else None
         )
@@ -221,13 +244,14 @@ class CurveProblem(NamedTuple):
         return call
 
     def _prepare(
-        self, also: Sequence[float] = (), crossings: Sequence[float] = (), room: float = 0.0
+        self, also: Sequence[float] = (), crossings: Sequence[float] = (), room: float = 0.0, *, quarters: bool = False
     ) -> Call[CurveWork]:
         """A call with everything filled in that finding intervals takes."""
         arm, free = self.arm, self.free_axis
         call = self._take()
         work = call.work
-        values = _add(_slices(free), also)
+        limits = None if free is None or self.closed else free.range
+        values = _add(_slices(SLICES_SEVEN if free is None else SLICES_SIX, limits, quarters=quarters), also)
         values, crossed = _make_room(values, self.closed, crossings, room)
         if free is not None:
             work.six.chain[:] = arm.chain
@@ -281,7 +305,9 @@ class FoundCurves(NamedTuple):
     singular: Array  # (k, 7) points without a tangent: where curves meet, or all alone
     at_quarters: Array  # (k, 7) points at QUARTER_TURNS
     motion_at_quarters: Array  # (k,) a lower bound of how far the tool moves there, see `slices.least_motion`
+    straight: Array  # (k, 7) points near which the wrist may be straight, on curves or not
     full: bool  # whether a table was, so that something is missing
+    cut: bool  # whether the places were found where limits are passed
     complete: bool
 
     @property
@@ -324,7 +350,6 @@ def read_curves(work: CurveWork, count: int) -> FoundCurves:
     table: NDArray[np.int64] = work.arcs.arcs[:number]
     arcs = [nodes[first:end] for first, end, _, _ in table.tolist()]
     ends = [(left, right) for _, _, left, right in table.tolist()]
-    pieces: list[Piece] = []
     by_arc: dict[int, list[Piece]] = {}
     for row in work.cuts.intervals[:count]:
         arc, a, b = int(row[0]), int(row[1]), int(row[2])
@@ -332,25 +357,25 @@ def read_curves(work: CurveWork, count: int) -> FoundCurves:
             arc, nodes[a : b + 2], row[7:21].reshape(2, 7).copy(), (int(row[3]), int(row[4])), (row[5], row[6])
         )
         by_arc.setdefault(arc, []).append(piece)
-    for group in by_arc.values():
-        closed = SEAM in (group[0].codes[0], group[-1].codes[1])
-        pieces.extend(
-            join_closed_curve(group, parameter) if closed else [part for p in group for part in cut_turns(p, parameter)]
-        )
+    pieces = [part for group in by_arc.values() for part in join_parts(group, parameter)]
     full = size == NODES or number == ARCS or count == INTERVALS
     singular = work.slices.singular[: min(int(work.counts[2]), SINGULAR)].copy()
     at_quarters = work.quarters.rows[: int(work.quarters.filled[0])].copy()
+    straight = work.straight.rows[: int(work.straight.filled[0])].copy()
     complete = not (full or work.counts[1] or work.counts[2])
-    return FoundCurves(pieces, arcs, ends, singular, at_quarters[:, :7], at_quarters[:, 7], full, complete)
+    points, motion, cut = at_quarters[:, :7], at_quarters[:, 7], not work.counts[3]
+    return FoundCurves(pieces, arcs, ends, singular, points, motion, straight, full, cut, complete)
 
 
-def whole_piece(nodes: Array, branch: int) -> Piece:
-    """All of an arc, within the limits or not."""
-    return Piece(branch, nodes, nodes[[0, -1], :7].copy(), (FOLD, FOLD), (0.0, 1.0))
+def whole_piece(nodes: Array, branch: int, ends: tuple[int, int] = (FOLD_END, FOLD_END)) -> Piece:
+    """All of an arc, within the limits or not; what it ends at as in `arcs`."""
+    return Piece(branch, nodes, nodes[[0, -1], :7].copy(), (-1 - ends[0], -1 - ends[1]), (0.0, 1.0))
 
 
-def join_closed_curve(pieces: list[Piece], parameter: int) -> list[Piece]:
-    """The pieces of a curve that closes on itself: joined where it does, and none longer than a turn."""
+def join_parts(pieces: list[Piece], parameter: int) -> list[Piece]:
+    """The pieces of an arc: joined where it closes on itself, and none longer than a turn."""
+    if not pieces:
+        return []
     first, last = pieces[0], pieces[-1]
     if len(pieces) > 1 and first.codes[0] == SEAM and last.codes[1] == SEAM:
         turns = TURN * np.round((last.nodes[-1, :7] - first.nodes[0, :7]) / TURN)
@@ -379,13 +404,14 @@ def cut_turns(piece: Piece, parameter: int) -> list[Piece]:
     return [*parts, piece]
 
 
-def _slices(free: FreeAxis | None) -> Array:
-    """Values of the parameter to solve at: an angle about a free axis, or joint 3 where there is none."""
-    slices = SLICES_SEVEN if free is None else SLICES_SIX
-    if free is None or free.full_turn:
-        return np.asarray(FIRST_SLICE + TURN / slices * np.arange(slices))
-    low, high = free.range
-    return np.linspace(low, high, 2 + math.ceil(slices * (high - low) / TURN))
+@lru_cache(maxsize=8)
+def _slices(number: int, limits: tuple[float, float] | None, *, quarters: bool) -> Array:
+    """Values of the parameter to solve at: `number` for a full turn; all round without limits."""
+    if limits is None:
+        values = np.asarray(FIRST_SLICE + TURN / number * np.arange(number))
+    else:
+        values = np.linspace(*limits, 2 + math.ceil(number * (limits[1] - limits[0]) / TURN))
+    return checks.read_only(_add(values, QUARTER_TURNS if quarters else ()))
 
 
 def _add(values: Array, also: Sequence[float]) -> Array:

@@ -19,7 +19,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.ik.closest import Reach
+from jacokin.ik.closest import ReachBound
 from jacokin.ik.diagnosis import LimitExcess
 from jacokin.ik.families.curves import CurveProblem
 from jacokin.ik.families.family import MEMBER_CLOSURE
@@ -61,6 +61,9 @@ NEAR_LIMIT = 1e-3
 ON_LIMIT = 1e-7
 #: [rad] points nearer to each other are one.
 SAME_POINT = 1e-2
+#: [rad] how far from a nearly singular configuration others are looked for: this times how far the tool moves there,
+#: which is about half the size of a small curve; but no less than the second one. They close so well [m] and [rad].
+AROUND, SHORTEST_WAY, BESIDE_CLOSURE = 10.0, 1e-3, 1e-12
 
 
 class Sight(NamedTuple):
@@ -84,7 +87,7 @@ class Edge:
     def __init__(self, verifier: Verifier) -> None:
         """Take the arm."""
         self.chain = Chain(verifier.robot, verifier.frame_id, verifier.tool)
-        self._reach, self._snap = Reach(verifier), verifier.options.limit_snap
+        self._reach, self._snap = ReachBound(verifier), verifier.options.limit_snap
         robot = verifier.robot
         self._lower, self._upper = robot.lower, robot.upper
         data = robot.pin_model.createData()
@@ -115,6 +118,26 @@ class Edge:
             if points or not found:
                 break
         return Sight(points, [])
+
+    def beside(self, x: Array, problem: CurveProblem, way: float | None = None) -> Array:
+        """Rows (m, 7) that reach the target some way from singular or nearly singular ones (k, 7) [rad].
+
+        Curves through these lead there; by default so far as leads from one side of a small curve to another.
+        """
+        if not len(x):
+            return x
+        axis = axis_in_base(problem)
+        _, jacobian = self.linearised(x, problem.T, axis)
+        _, sizes, motions = np.linalg.svd(jacobian)
+        ways = np.maximum(AROUND * sizes[:, 5], SHORTEST_WAY) if way is None else np.full(len(x), way)
+        stuck = np.hstack([sizes, np.zeros((len(x), 1))]) < NO_MOTION
+        rows, motion = np.nonzero(stuck)
+        step = ways[rows, np.newaxis] * motions[rows, motion]
+        start, length = np.vstack([x[rows], x[rows]]), np.concatenate([ways[rows], ways[rows]])
+        ahead = start + np.vstack([step, -step])
+        ahead, closure = self._settled(ahead, np.zeros(ahead.shape, dtype=np.bool_), problem.T, axis)
+        moved = np.linalg.norm(ahead - start, axis=1)
+        return np.asarray(ahead[(closure < BESIDE_CLOSURE) & (moved > 0.5 * length) & (moved < 2.0 * length)])
 
     def holds(self, arcs: list[Array], problem: CurveProblem) -> bool:
         """Whether curves (m, 14) are as good as points: the tool can hardly move in some direction all along."""

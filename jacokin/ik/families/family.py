@@ -250,6 +250,19 @@ class Interval:
             return inner, between
         return np.concatenate([p[:1], inner, p[-1:]]), np.vstack([rows[0], between, rows[-1]])
 
+    def walk(self, step: float) -> tuple[Array, Array]:
+        """As `spread`: values of the parameter (n,) and configurations (n, dof), neighbours at most a step apart [rad].
+
+        Where curves turn back, the parameter hardly changes and joints do.
+        """
+        p, rows = self._track.polyline()
+        counts = np.maximum(1, np.ceil(np.linalg.norm(np.diff(rows, axis=0), axis=1) / step).astype(np.intp))
+        chord = np.repeat(np.arange(len(counts)), counts)
+        within = np.arange(len(chord)) - np.repeat(np.cumsum(counts) - counts, counts)
+        places = np.append(chord + within / counts[chord], len(counts))
+        nodes = np.arange(len(p))
+        return np.interp(places, nodes, p), np.column_stack([np.interp(places, nodes, each) for each in rows.T])
+
     def member(self, parameter: float, q: Array, seed: Array) -> Array:
         """A configuration (dof,) of the track, in the copies nearest to a seed, verified; or the one beside it."""
         try:

@@ -13,12 +13,14 @@ from typing import NamedTuple
 import numpy as np
 
 from jacokin.arrays import Array
+from jacokin.ik.families.census import are_counted, lacks_any, take_census
 from jacokin.ik.families.curves import CurveProblem, FoundCurves, whole_piece
 from jacokin.ik.families.edge import STUCK, Edge
-from jacokin.ik.families.recut import cut_again
+from jacokin.ik.families.recut import cut_again, cut_whole
 from jacokin.ik.families.straight_wrist import NEARLY_STRAIGHT, TOUCHING, StraightWrist, WristTrack
 from jacokin.ik.families.stretched import walk_to_folds
 from jacokin.ik.families.tracks import CurveTrack
+from jacokin.kernels.self_motion.slices import SAME_PARAMETER
 from jacokin.model import angles
 from jacokin.model.angles import TURN
 
@@ -29,6 +31,8 @@ ROOM = (1e-3, 3e-5, 2e-2)
 SAME_PLACE = 3.0 * max(ROOM)
 #: [rad] how far from where a curve was lost it is looked for at more values of the parameter.
 AROUND_LOST = (-0.06, -0.03, -0.01, 0.01, 0.03, 0.06)
+#: [rad] of the parameter: shorter curves may lie between two slices.
+SHORT = 0.1
 #: [rad] a point nearer to a node of a curve is on it.
 ON_CURVE = 0.05
 #: [rad] one this near is on it, none so far from all nodes is, and a joint so far past its limit is outside.
@@ -49,25 +53,54 @@ def follow_curves(problem: CurveProblem, edge: Edge, wrist: StraightWrist, also:
     """The curves of a target, also where they meet; `also` are parameters to solve at too [rad]."""
     found = problem.find(also)
     doubtful = edge.doubtful(found.at_quarters, found.motion_at_quarters, found.arcs, problem)
-    if found.complete and not len(doubtful):
-        near = wrist.starts(found.arcs, TOUCHING) if wrist.is_near(found.arcs) else doubtful
-        circles = wrist.circles(near, problem) if len(near) else []
+    if found.complete and found.cut and not len(doubtful):
+        near = found.straight if problem.arm.sees_straight_wrists else wrist.starts(found.arcs, TOUCHING)
+        circles = wrist.circles(near, problem)
         if not circles:
-            return Followed(found, [], near[:0])
-        followed = _joined(found, circles, near[:0], problem, edge)
+            return Followed(found, [], doubtful)
+        followed = _joined(found, circles, doubtful, problem, edge)
     else:
         followed = _follow_singular(found, doubtful, problem, edge, wrist, also)
     if not followed.found.complete and problem.free_axis is None:
         followed = followed._replace(found=walk_to_folds(followed.found, problem))
-    pieces = [part for piece in followed.found.pieces for part in cut_again(piece, problem, edge)]
-    followed = followed._replace(found=followed.found._replace(pieces=pieces))
+    followed = _counted(_cut_again(followed, problem, edge), doubtful, problem, edge, also)
     at_nodes = [_is_at_node(x, followed.found.arcs) for x in found.at_quarters]
     doubtful = np.vstack([doubtful, found.at_quarters[np.logical_not(at_nodes)]])
     lost = [x for x in np.vstack([followed.points, doubtful]) if not _is_passed(x, followed, problem, edge)]
     points = np.array(lost).reshape(-1, 7)
-    if _is_any_missed(points, followed.found.arcs, problem, edge):
+    beside = edge.beside(points, problem)
+    if _is_any_missed(points, followed.found.arcs, problem, edge) or not are_counted(beside, followed.found, problem):
         followed = followed._replace(found=followed.found._replace(complete=False))
     return followed._replace(points=points)
+
+
+def _cut_again(followed: Followed, problem: CurveProblem, edge: Edge) -> Followed:
+    """The same, cut by the limits also where curves meet."""
+    pieces = [part for piece in followed.found.pieces for part in cut_again(piece, problem, edge)]
+    return followed._replace(found=followed.found._replace(pieces=pieces))
+
+
+def _counted(followed: Followed, doubtful: Array, problem: CurveProblem, edge: Edge, also: Sequence[float]) -> Followed:
+    """The same with what a census finds missing, as far as it can be had; else not complete."""
+    parameter = problem.arm.parameter
+    singular = np.vstack([followed.found.singular, followed.points, doubtful])[:, parameter].tolist()
+    singular = _distinct([*(circle.start for circle in followed.circles), *singular], SAME_PARAMETER)
+    census = take_census(followed.found, problem, singular)
+    if census.curves:
+        found = problem.find([*also, *census.curves], quarters=False)
+        again = _cut_again(followed._replace(found=found), problem, edge)
+        other = take_census(again.found, problem, singular)
+        if found.complete and not other.curves:
+            followed, census = again, other
+    if census.branches:
+        found = followed.found
+        kept = [piece for piece in found.pieces if piece.branch not in census.branches]
+        more = [piece for branch in census.branches for piece in cut_whole(found, branch, problem, edge)]
+        followed = followed._replace(found=found._replace(pieces=[*kept, *more]))
+        census = take_census(followed.found, problem, singular)
+    if census.curves or census.branches or (followed.found.complete and lacks_any(followed.found, problem, singular)):
+        followed = followed._replace(found=followed.found._replace(complete=False))
+    return followed
 
 
 def _follow_singular(
@@ -81,14 +114,18 @@ def _follow_singular(
     """The curves of a target that has singular configurations; their `points` may be on curves."""
     parameter = problem.arm.parameter
     singular = np.vstack([found.singular, edge.meeting_points(doubtful, problem)])
-    circles = wrist.circles(np.vstack([wrist.starts(found.arcs, NEARLY_STRAIGHT), singular, doubtful]), problem)
+    rows = [found.straight, wrist.starts(found.arcs, NEARLY_STRAIGHT), singular, doubtful]
+    circles = wrist.circles(np.vstack(rows), problem)
     if not circles and not len(singular):
-        found = problem.find(also, quarters=False)  # one of them may be a fold, where slices see two points or none
+        # A quarter turn may be a fold, where slices see two points or none; short curves are not to be missed then.
+        middles = [nodes[len(nodes) // 2, parameter] for nodes in found.arcs if _length(nodes, parameter) < SHORT]
+        beside = edge.beside(doubtful, problem)[:, parameter].tolist()
+        found = problem.find([*also, *middles, *beside], quarters=False)
         if found.complete:
             return Followed(found, [], singular)
         found = problem.find([p + away for p in found.lost_ends[:, parameter] for away in AROUND_LOST])
-        rows = np.vstack([wrist.starts(found.arcs, NEARLY_STRAIGHT), found.singular])
-        circles = wrist.circles(rows, problem)
+        rows = [found.straight, wrist.starts(found.arcs, NEARLY_STRAIGHT), found.singular]
+        circles = wrist.circles(np.vstack(rows), problem)
     return _joined(found, circles, singular, problem, edge)
 
 
@@ -140,6 +177,11 @@ def _is_any_missed(points: Array, arcs: Sequence[Array], problem: CurveProblem, 
     return any(not (np.abs(angles.wrap_to_pi(found - x[:dof])).max(axis=1) <= ON_CURVE).any() for x in regular)
 
 
+def _length(nodes: Array, parameter: int) -> float:
+    """Of a curve (m, 14), along the parameter [rad]."""
+    return float(nodes[-1, parameter] - nodes[0, parameter])
+
+
 def _is_at_node(x: Array, arcs: Sequence[Array]) -> bool:
     return any(_distance(nodes, x) <= SAME_POINT for nodes in arcs)
 
@@ -149,10 +191,10 @@ def _distance(nodes: Array, x: Array) -> float:
     return float(np.abs(angles.wrap_to_pi(nodes[:, :7] - x)).max(axis=1).min())
 
 
-def _distinct(places: Sequence[float]) -> list[float]:
+def _distinct(places: Sequence[float], apart: float = SAME_PLACE) -> list[float]:
     """Values of the parameter without those that are nearly the same [rad]."""
     kept: list[float] = []
     for p in places:
-        if all(abs(math.remainder(p - other, TURN)) > SAME_PLACE for other in kept):
+        if all(abs(math.remainder(p - other, TURN)) > apart for other in kept):
             kept.append(p)
     return kept

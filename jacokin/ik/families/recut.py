@@ -1,4 +1,4 @@
-"""`cut_again`: pieces of curves that leave the limits just where curves meet, where the kernels see no crossing.
+"""`cut_again`, `cut_whole`: pieces of curves that leave the limits where curves meet: no crossing for the kernels.
 
 A chord from one side of a singular configuration to the other has no points that its condition tells apart, and so no
 place where a joint passes its limit. Points on such chords are found by least squares, and halving does the rest.
@@ -12,7 +12,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from jacokin.arrays import Array
-from jacokin.ik.families.curves import CurveProblem, Piece
+from jacokin.ik.families.curves import CurveProblem, FoundCurves, Piece, join_parts, whole_piece
 from jacokin.ik.families.edge import Edge
 from jacokin.model import angles
 from jacokin.model.angles import TURN
@@ -28,11 +28,17 @@ SAME_END = 1e-4
 SINGULAR = 2e-2
 
 
-def cut_again(piece: Piece, problem: CurveProblem, edge: Edge) -> Iterator[Piece]:
-    """What is left of a piece within the limits."""
+def cut_whole(found: FoundCurves, branch: int, problem: CurveProblem, edge: Edge) -> list[Piece]:
+    """The pieces of an arc within the limits, whatever the kernels made of them."""
+    piece = whole_piece(found.arcs[branch], branch, found.ends[branch])
+    return join_parts(list(cut_again(piece, problem, edge, everywhere=True)), problem.arm.parameter)
+
+
+def cut_again(piece: Piece, problem: CurveProblem, edge: Edge, *, everywhere: bool = False) -> Iterator[Piece]:
+    """What is left of a piece within the limits; chords that are regular are looked at too if `everywhere` says so."""
     limits = problem.arm.limits
     piece = _with_exact_ends(piece, problem)
-    coordinates, excess = _samples(piece, problem, edge)
+    coordinates, excess = _samples(piece, problem, edge, everywhere=everywhere)
     outside = excess.max(axis=1) > SLACK
     if not outside.any():
         yield piece
@@ -57,7 +63,7 @@ def _with_exact_ends(piece: Piece, problem: CurveProblem) -> Piece:
     return piece._replace(ends=ends)
 
 
-def _samples(piece: Piece, problem: CurveProblem, edge: Edge) -> tuple[Array, Array]:
+def _samples(piece: Piece, problem: CurveProblem, edge: Edge, *, everywhere: bool) -> tuple[Array, Array]:
     """Coordinates (m,) in order, of both ends and of points on chords near a limit and near a singular configuration.
 
     Also how far past their limits joints are there (m, 7).
@@ -66,7 +72,9 @@ def _samples(piece: Piece, problem: CurveProblem, edge: Edge) -> tuple[Array, Ar
     excess = excess_of(nodes[:, :7], problem.arm.limits)
     lengths = np.linalg.norm(np.diff(nodes[:, :7], axis=0), axis=1)
     near = np.maximum(excess[:-1], excess[1:]).max(axis=1) > -NEAR * lengths
-    if near.any():
+    if everywhere:
+        near &= np.minimum(excess[:-1], excess[1:]).max(axis=1) < NEAR * lengths
+    elif near.any():
         mobility = edge.mobility(nodes[:, :7], problem)
         near &= np.minimum(mobility[:-1], mobility[1:]) < SINGULAR
     low, high = piece.shares[0], len(nodes) - 2 + piece.shares[1]

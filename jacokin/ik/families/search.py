@@ -30,7 +30,7 @@ from jacokin.ik.families.curves import (
 from jacokin.ik.families.edge import ON_EDGE, SAME_POINT, Edge
 from jacokin.ik.families.family import MEMBER_CLOSURE, Family, Interval, IntervalEnd, LostMemberError, Members
 from jacokin.ik.families.meeting import follow_curves
-from jacokin.ik.families.straight_wrist import SpunWristTrack, StraightWrist, WristTrack
+from jacokin.ik.families.straight_wrist import SpunWristTrack, StraightWrist, WristTrack, with_others
 from jacokin.ik.families.tracks import CircleTrack, CurveTrack, Track, least, minima
 from jacokin.ik.geometry import measure_seven
 from jacokin.ik.near_misses import NearMisses
@@ -48,10 +48,14 @@ from jacokin.model.robot import Robot
 SAME_AXIS = 1e-10
 #: [rad] of the parameter: curves that are all shorter are looked at as points; the second one where some were lost.
 SMALL, SMALL_LOST = 1e-5, 1e-3
+#: [rad] how far from single points curves are looked for that would lead on from them.
+ASIDE = 0.05
 #: [m] and [rad] by which a seed misses the target that nearly is a member; joints and the free axis.
 NEAR_SEED, DIMENSIONS = 1e-2, 7
-#: Members of each interval that are looked at where the best one is in contact.
-TRIED = 16
+#: [rad] between members that are looked at where the best one is in contact.
+TRIED = 0.03
+#: Of an interval along which the parameter stands still, how many are; and so many are looked at together.
+TRIED_STANDING, AT_ONCE = 16, 64
 #: Times that a search for the closest configuration turns the target to where it has come.
 AIMS = 4
 #: [rad] a target turned by less than this is the same.
@@ -62,16 +66,16 @@ MOVE, WAYS = 1000.0, 2
 SPREAD = 6
 
 
-class Findings(NamedTuple):
+class FamilyFindings(NamedTuple):
     """The family of a target, and what its members have in common."""
 
     family: Family
     members: Members
     least_excess: Callable[[], LimitExcess | None]  # where branches come nearest to the limits; None without any
-    tracks: Sequence[Track]  # all branches, within the limits or not
+    tracks: Callable[[], Sequence[Track]]  # all branches, within the limits or not
 
     def candidates(self, cost: Cost | None, *, several: bool) -> Iterator[Candidate]:
-        """Members, the best one first; that one alone, or several of each interval after it."""
+        """Members, the best one first; that one alone, or after it those that are clear, about 0.03 rad apart."""
         members, seed = self.members, self.members.seed
         wish = with_ties(cost, seed)
         best = self.family.choose(wish, seed)
@@ -81,16 +85,21 @@ class Findings(NamedTuple):
             yield members.candidate(members.copies(least.q, seed), least.parameter)
         if best is None or not several:
             return
-        rows: list[Array] = []
-        parameters: list[float] = []
-        for interval in self.family:
-            for p, q in zip(*interval.sample(TRIED), strict=True):
-                for row in copies_to_try(wish.copies, q[np.newaxis], seed, members.robot):
-                    if not np.isnan(row).any():
-                        rows.append(row[0])
-                        parameters.append(float(p))
-        for index in np.argsort(wish(np.array(rows)), kind="stable").tolist():
-            yield members.candidate(rows[index], parameters[index])
+        found: list[tuple[Array, Array, Array]] = []
+        for number, interval in enumerate(self.family):
+            standing = interval.start == interval.stop
+            p, q = interval.sample(TRIED_STANDING) if standing else interval.walk(TRIED)
+            for copies in copies_to_try(wish.copies, q, seed, members.robot):
+                kept = ~np.isnan(copies).any(axis=1)
+                found.append((copies[kept], p[kept], np.full(kept.sum(), number)))
+        rows, parameters, numbers = (np.concatenate(column) for column in zip(*found, strict=True))
+        order = np.argsort(wish(rows), kind="stable")
+        for first in range(0, len(order), AT_ONCE):
+            some = order[first : first + AT_ONCE]
+            for index in some[~members.verifier.touching_rows(rows[some])].tolist():
+                value, interval = float(parameters[index]), self.family.intervals[numbers[index]]
+                exact = rows[index] if interval.start == interval.stop else interval.at(value)  # `walk` is not exact
+                yield members.candidate(angles.nearest_copy(exact, rows[index]), value)
 
 
 class FamilySearch:
@@ -108,15 +117,15 @@ class FamilySearch:
     def solve(self, request: Request) -> IKResult:
         """The member of the least cost, or why there is none."""
         verifier = self._verifier
-        if request.cost is None and not verifier.rejects_contact:  # the kernels find the nearest member at once
+        if request.cost is None:  # the kernels find the nearest member at once
             member = self.nearest(request.target, request.seed)
             if member is not None:
                 candidate = Members(verifier, request.target, request.seed).candidate(*member)
                 result = verifier.select([candidate], request, "")
-                if result is not None:
+                if result is not None and not (result.touching and verifier.avoids_contact):
                     return result
         found = self.find(request.target, request.seed)
-        candidates = found.candidates(request.cost, several=verifier.rejects_contact)
+        candidates = found.candidates(request.cost, several=verifier.avoids_contact)
         if request.cost is None:
             candidates = self._with_beside_seed(candidates, found.members)
         in_contact = "every member that was tried is in contact; the best one"
@@ -128,11 +137,14 @@ class FamilySearch:
             result = verifier.select(near, request, in_contact)
         return self._closest_to(request, found) if result is None else result
 
-    def find(self, target: TargetPose, seed: Array) -> Findings:
+    def find(self, target: TargetPose, seed: Array) -> FamilyFindings:
         """Everything that reaches a target; unlimited joints in the copies nearest to a seed (dof,)."""
         members, problem = Members(self._verifier, target, seed), self._arm.problem(target)
         edge, robot, parameter = self._edge, self._verifier.robot, self._arm.parameter
         found, circles, alone = follow_curves(problem, edge, self._wrist)
+        reaching = [each for each in found.pieces if _is_long(each, parameter) or _closes(each, members, parameter)]
+        if len(reaching) < len(found.pieces):
+            found = found._replace(pieces=reaching, complete=False)
         small = _is_small(found.arcs, parameter, SMALL if found.complete else SMALL_LOST)
         if small or not found.complete:
             stuck = edge.holds(found.arcs, problem)
@@ -142,14 +154,16 @@ class FamilySearch:
                 sight = edge.look(problem)
                 if sight.parameters:
                     found, circles, alone = follow_curves(problem, edge, self._wrist, sight.parameters)
-                beside = edge.fitted(alone, problem) if len(alone) else []
-                seen = [*sight.points, *(point for point in beside if not _is_among(point, sight.points))]
+                beside = edge.fitted(alone, problem) if len(alone) else []  # known best
+                seen = [*beside, *(point for point in sight.points if not _is_among(point, beside))]
                 seen.sort(key=lambda point: float(point.excess.max()))
                 rows = np.array([[*point.q, point.parameter][:DIMENSIONS] for point in seen]).reshape(-1, DIMENSIONS)
-                points = _on_edge(
-                    seen, self._wrist.circles(rows, problem), members, complete=stuck and not sight.parameters
-                )
-                if len(points.family) or (points.family.branches and stuck):
+                circles = with_others(circles, self._wrist.circles(rows, problem))
+                beside = [point for point in seen if not any(circle.passes(point.q) for circle in circles)]
+                rows = np.array([[*point.q, point.parameter][:DIMENSIONS] for point in beside]).reshape(-1, DIMENSIONS)
+                complete = stuck and not sight.parameters and not len(edge.beside(rows, problem, ASIDE))
+                points = _on_edge(beside, circles, members, seen[0] if seen else None, complete=complete)
+                if not (sight.parameters and found.arcs) and (len(points.family) or (points.family.branches and stuck)):
                     return points
         intervals = []
         for piece in sorted(found.pieces, key=lambda piece: (piece.branch, piece.ends[0, parameter])):
@@ -163,22 +177,25 @@ class FamilySearch:
         branches += len(circles) + len(beside)
         family = Family(tuple(intervals), members, branches=branches, complete=found.complete and self._sees_loops)
 
-        tracks = [*circles, *_whole_arcs(problem, found.arcs), *map(_at, beside)]
-        return Findings(family, members, lambda: _find_least_excess(tracks, robot, exact=found.complete), tracks)
+        def tracks() -> Sequence[Track]:
+            return [*circles, *_whole_arcs(problem, found.arcs), *map(_at, beside)]
+
+        complete = found.complete
+        return FamilyFindings(family, members, lambda: _find_least_excess(tracks(), robot, exact=complete), tracks)
 
     def nearest(self, target: TargetPose, seed: Array) -> tuple[Array, float] | None:
         """The member (dof,) nearest to a seed and its parameter [rad]; None where only `find` can tell."""
         x = self._arm.problem(target).nearest(seed)
         return None if x is None else (x[: len(seed)], float(x[self._arm.parameter]))
 
-    def _almost_reaching(self, request: Request, found: Findings) -> Array:
+    def _almost_reaching(self, request: Request, found: FamilyFindings) -> Array:
         """Rows (k, dof), with the parameter of a free axis after them, where branches come nearest to the limits [rad].
 
         Branches of the target itself and of those next to it. Where nothing reaches it, within the limits or not, the
         latter were looked at.
         """
         target, robot = request.target, self._verifier.robot
-        tracks = list(found.tracks)
+        tracks = list(found.tracks())
         if found.family.branches or self._near_misses.tolerance > ON_EDGE:
             for T in self._near_misses.moved(target.matrix):
                 tracks += self._tracks(target, T)
@@ -233,7 +250,7 @@ class FamilySearch:
         except LostMemberError:
             return None
 
-    def _closest_to(self, request: Request, found: Findings) -> IKResult:
+    def _closest_to(self, request: Request, found: FamilyFindings) -> IKResult:
         """Why there is no member, with the closest configuration; the angle of a free axis follows where that comes."""
         least, target, members = found.least_excess(), request.target, found.members
         names = self._verifier.robot.joint_names
@@ -263,7 +280,7 @@ class SixJointFamilies(FamilySearch):
         self._form, self._tool_in_joint_6 = form, chain[6]
         self._sees_loops = form.other is None
 
-    def find(self, target: TargetPose, seed: Array) -> Findings:
+    def find(self, target: TargetPose, seed: Array) -> FamilyFindings:
         """See `FamilySearch`."""
         axis, sign = self._last_axis(target)
         return super().find(target, seed) if sign == 0.0 else self._about_last_axis(target, axis, seed, sign)
@@ -304,7 +321,7 @@ class SixJointFamilies(FamilySearch):
             return free, 0.0
         return free, math.copysign(1.0, x * u + y * v + z * w)
 
-    def _about_last_axis(self, target: TargetPose, free: FreeAxis, seed: Array, sign: float) -> Findings:
+    def _about_last_axis(self, target: TargetPose, free: FreeAxis, seed: Array, sign: float) -> FamilyFindings:
         """Joint 6 takes up every turn, the others stay: the branches of one pose, and a range of joint 6 for each."""
         robot, members = self._verifier.robot, Members(self._verifier, target, seed)
         branches = self._form.solve_all(target.matrix, seed)
@@ -325,7 +342,7 @@ class SixJointFamilies(FamilySearch):
                 reasons = (_end(ends[0], robot), _end(ends[1], robot))
                 intervals.append(Interval(members, CircleTrack(q, sign, start, stop), number, reasons))
         family = Family(tuple(intervals), members, branches=len(branches), complete=complete)
-        return Findings(family, members, lambda: _find_least_excess(tracks, robot, exact=True), tracks)
+        return FamilyFindings(family, members, lambda: _find_least_excess(tracks, robot, exact=True), lambda: tracks)
 
     def _tracks(self, target: TargetPose, T: Array) -> Sequence[Track]:
         """See `FamilySearch`."""
@@ -378,6 +395,11 @@ def _is_small(arcs: Sequence[Array], parameter: int, length: float) -> bool:
     return all(abs(nodes[-1, parameter] - nodes[0, parameter]) < length for nodes in arcs)
 
 
+def _is_long(piece: Piece, parameter: int) -> bool:
+    """Whether a piece is more than a point that limits cut out of a curve."""
+    return bool(abs(piece.ends[1, parameter] - piece.ends[0, parameter]) >= SMALL)
+
+
 def _closes(piece: Piece, members: Members, parameter: int) -> bool:
     """Whether both ends of a piece reach the target."""
     dof = members.robot.dof
@@ -412,6 +434,8 @@ def _at_points(points: Sequence[LimitExcess], members: Members, first: int) -> l
 def _at_range_ends(found: FoundCurves, problem: CurveProblem, members: Members) -> list[Interval]:
     """Where curves leave the limits at an end of the range: single members there, past limits by rounding."""
     robot, snap, intervals = members.robot, members.verifier.options.limit_snap, []
+    if problem.closed:
+        return []
     for branch, (nodes, ends) in enumerate(zip(found.arcs, found.ends, strict=True)):
         codes = [piece.codes for piece in found.pieces if piece.branch == branch]
         for side, end in enumerate(ends):
@@ -428,14 +452,17 @@ def _at_range_ends(found: FoundCurves, problem: CurveProblem, members: Members) 
 
 
 def _on_edge(
-    points: Sequence[LimitExcess], circles: Sequence[WristTrack], members: Members, *, complete: bool
-) -> Findings:
-    """What reaches a target at single points, and on circles through some of them."""
-    alone = [point for point in points if not any(circle.passes(point.q) for circle in circles)]
+    alone: Sequence[LimitExcess],
+    circles: Sequence[WristTrack],
+    members: Members,
+    nearest: LimitExcess | None,
+    *,
+    complete: bool,
+) -> FamilyFindings:
+    """What reaches a target at single points and on circles; `nearest` comes nearest to the limits."""
     intervals = [*_at_points(alone, members, 0), *_on_circles(circles, members, len(alone))]
     family = Family(tuple(intervals), members, branches=len(alone) + len(circles), complete=complete)
-    tracks = [*circles, *map(_at, alone)]
-    return Findings(family, members, lambda: points[0] if points else None, tracks)
+    return FamilyFindings(family, members, lambda: nearest, lambda: [*circles, *map(_at, alone)])
 
 
 def _at(point: LimitExcess) -> CircleTrack:

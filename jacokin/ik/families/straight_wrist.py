@@ -16,20 +16,17 @@ from jacokin.arrays import Array
 from jacokin.ik.families.curves import CurveProblem
 from jacokin.ik.families.edge import Edge, axis_in_base
 from jacokin.ik.families.tracks import GUESS_SPACING, Track
+from jacokin.kernels.self_motion.slices import SAME_PARAMETER
 from jacokin.model import angles
 from jacokin.model.angles import TURN
+from jacokin.model.poses import FreeAxis
 
 #: Cosine of axes that are square, and [m] and [rad] of those that are one line: rounding.
 EXACT = 1e-9
 #: Sine of the middle joint's angle from straight, up to which points of curves are brought to a straight wrist.
 NEARLY_STRAIGHT = 0.6
-#: The same where curves may touch a circle without being lost, of nodes, and between them.
-TOUCHING, TOUCHED = 0.05, 1e-3
-#: Weights (k, 4) of both ends of a chord and of their slopes for points across it.
-_u = np.linspace(0.0, 1.0, 25)
-HERMITE = np.stack(
-    [(1.0 + 2.0 * _u) * (1.0 - _u) ** 2, _u**2 * (3.0 - 2.0 * _u), _u * (1.0 - _u) ** 2, -(_u**2) * (1.0 - _u)], axis=1
-)
+#: The same where no curve was lost.
+TOUCHING = 0.05
 #: Starts at most, steps of each, and the longest one [rad].
 STARTS, STEPS, LONGEST_STEP = 24, 40, 0.3
 #: [m] and [rad]: what is FAR is given up at once, and what is not NEAR after the first steps.
@@ -71,26 +68,6 @@ class StraightWrist:
             self._turns.append(turn)
         self._straight = angle
 
-    def is_near(self, arcs: Sequence[Array]) -> bool:
-        """Whether curves, nodes (m, 14) each, come so near to straight that they may touch a circle."""
-        if not arcs or self._away(np.concatenate(arcs)).min() >= TOUCHING:  # of all at once, which is quick
-            return False
-        return any(self._nearest(nodes) < TOUCHED for nodes in arcs)
-
-    def _nearest(self, nodes: Array) -> float:
-        """The least sine along a curve (m, 14): between nodes that are nearly straight, where it is small."""
-        away = self._away(nodes)
-        near = np.flatnonzero(np.minimum(away[:-1], away[1:]) < TOUCHING)
-        if not len(near):
-            return float(away.min())
-        middle = self._edge.chain.dof - 2
-        a, b = nodes[near], nodes[near + 1]
-        length = np.linalg.norm(b[:, :7] - a[:, :7], axis=1)
-        between = HERMITE @ np.array([a[:, middle], b[:, middle], length * a[:, 7 + middle], length * b[:, 7 + middle]])
-        sines = np.sin(between - self._straight)
-        crossed = (sines.min(axis=0) < 0.0) & (sines.max(axis=0) > 0.0)
-        return 0.0 if crossed.any() else float(np.abs(sines).min())
-
     def turn(self, q: Array) -> Array | None:
         """How the joints (dof,) turn against each other at a configuration (dof,); None where the wrist is bent."""
         if self._straight is None:
@@ -120,7 +97,8 @@ class StraightWrist:
         held = np.zeros(x.shape, dtype=np.bool_)
         held[:, middle] = True
         x, closure = self._close(x, held, problem)
-        x, held = x[closure <= CIRCLE_CLOSURE], held[closure <= CIRCLE_CLOSURE]
+        closed = (closure <= CIRCLE_CLOSURE) & _in_range(x, problem.free_axis)
+        x, held = x[closed], held[closed]
         # Joints that are on a limit all along are so but for rounding, or for what a double root leaves.
         inside = self._edge.inside(x)
         over = np.abs(angles.wrap_to_pi(x - inside))
@@ -132,10 +110,9 @@ class StraightWrist:
             x[near[closure <= CIRCLE_CLOSURE]] = moved[closure <= CIRCLE_CLOSURE]
         found: list[WristTrack] = []
         for row in x:
-            q, p = row[: middle + 2], float(angles.wrap_to_pi(row[problem.arm.parameter]))
-            if not any(circle.passes(q) and _apart(p, circle.start) < SAME_CIRCLE for circle in found):
-                half = round((row[middle] - self._straight) / math.pi) % 2
-                found.append(WristTrack(q, self._turns[half], p, 0.0, TURN))
+            half = round((row[middle] - self._straight) / math.pi) % 2
+            p = float(angles.wrap_to_pi(row[problem.arm.parameter]))
+            found = with_others(found, [WristTrack(row[: middle + 2], self._turns[half], p, 0.0, TURN)])
         return found
 
     def _away(self, nodes: Array) -> Array:
@@ -162,6 +139,27 @@ class StraightWrist:
             change = (np.linalg.pinv(jacobian, rcond=NO_MOTION) @ error[:, :, None])[:, :, 0]
             x[moving] += change / np.maximum(1.0, np.abs(change).max(axis=1) / LONGEST_STEP)[:, None]
         return x, closure
+
+
+def with_others(circles: list[WristTrack], others: Sequence[WristTrack]) -> list[WristTrack]:
+    """Whole circles, and those of some others that are none of them."""
+    new = [
+        other
+        for other in others
+        if not any(
+            circle.passes(other.at(other.start)) and _apart(other.start, circle.start) < SAME_CIRCLE
+            for circle in circles
+        )
+    ]
+    return [*circles, *new]
+
+
+def _in_range(x: Array, free: FreeAxis | None) -> NDArray[np.bool_]:
+    """Which of the rows (k, 7) have an angle about the free axis that its range allows."""
+    if free is None or free.full_turn:
+        return np.ones(len(x), dtype=np.bool_)
+    middle, half = 0.5 * (free.range[0] + free.range[1]), 0.5 * (free.range[1] - free.range[0])
+    return np.asarray(np.abs(angles.wrap_to_pi(x[:, 6] - middle)) <= half + SAME_PARAMETER)
 
 
 def _apart(a: float, b: float) -> float:

@@ -28,6 +28,8 @@ BLOCK = 8192  # lines read at a time
 FIRST_LINE = 2  # after the header
 # Python's float also takes 1_0 and digits of other scripts, which in a file are mistakes.
 _NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
+# What lines of numbers are made of, and where JSON would lose the sign of a zero.
+_IN_NUMBERS, _MINUS_ZEROS = b"0123456789+-.eE,\r\n", (b"-0,", b"-0\r", b"-0\n")
 _ENDING = re.compile(r'[,"\r\n]')
 _NOT_FINITE = re.compile(r"[-+]?(nan|inf|infinity)", re.IGNORECASE)
 
@@ -158,12 +160,15 @@ def _rows(
         InvalidInputError: a number or a row is malformed; names line and column.
     """
     while lines := list(itertools.islice(file, size)):
-        if any('"' in line for line in lines):  # a quoted cell may hold commas and line ends
+        text = "".join(lines)
+        if '"' in text:  # a quoted cell may hold commas and line ends
             rest = _numbered(itertools.chain(lines, file), first)
             while rows := list(itertools.islice(rest, size)):
                 yield _checked(path, rows, columns, finite)
             return
-        values = _plain(lines, columns, finite)
+        values = _only_numbers(text, len(lines), columns)
+        if values is None:
+            values = _plain(lines, columns, finite)
         if values is None:
             yield _checked(path, list(_numbered(lines, first)), columns, finite)
         else:
@@ -178,6 +183,26 @@ def _numbered(lines: Iterable[str], first: int) -> Iterator[tuple[int, list[str]
     for row in reader:
         if any(cell.strip() for cell in row):
             yield first + reader.line_num - 1, row
+
+
+def _only_numbers(text: str, rows: int, columns: Columns) -> Array | None:
+    """The values of lines that hold finite numbers and nothing else; None where a closer look is needed.
+
+    Such lines become JSON, which is read in a third of the time, to the same bits.
+    """
+    content = text.encode()
+    if content.translate(None, _IN_NUMBERS):
+        return None
+    try:
+        table = orjson.loads(b"[[" + content.removesuffix(b"\n").replace(b"\n", b"],[") + b"]]")
+        values = np.array(table, dtype=np.float64)
+    except ValueError:  # written otherwise than JSON has it; rows of different lengths
+        return None
+    if values.shape != (rows, columns.count):
+        return None
+    if not values.all() and any(zero in content + b"\n" for zero in _MINUS_ZEROS):
+        return None
+    return values[:, columns.places]
 
 
 def _plain(lines: Sequence[str], columns: Columns, finite: bool) -> Array | None:

@@ -26,12 +26,6 @@ static const double FULL_TURN = 1e-12;
 static const double FARTHEST_ANGLE = 1e3;
 /* [rad] Curves that are all shorter are at the edge of reach. */
 static const double SMALL = 1e-5;
-/* Cosine of axes of a wrist that are square, and the sine up to which it may become straight: a cubic between two nodes
- * is not as exact. */
-static const double SQUARE = 1e-9, STRAIGHT = 0.01;
-/* Places on a chord at which a wrist is looked at. */
-enum { LOOKS = 8 };
-
 /* A target whose configurations have one free parameter. */
 typedef struct {
     const jacokin_ik_solver *solver;
@@ -196,43 +190,12 @@ static void prepare(const problem *of, int task) {
         table[CURVES_cuts_limits].numbers[7 + j] = is_bounded(solver, j) ? solver->upper[j] : INFINITY;
     }
     memset(table[CURVES_slices_crossed].integers, 0, JACOKIN_SLICES * sizeof(int64_t));
-    memset(table[CURVES_counts].integers, 0, 3 * sizeof(int64_t));
+    memset(table[CURVES_counts].integers, 0, 4 * sizeof(int64_t));
     int64_t *options = table[CURVES_options].integers;
     options[0] = task;
     options[1] = of->parameter;
     options[2] = choose_slices(of, table[CURVES_slices_p].numbers);
     options[3] = of->closed;
-}
-
-/* Whether the outer axes of a spherical wrist come near to one line somewhere on the curves: members among which the
- * parameter stands still would not be found. */
-static int may_be_straight(const problem *of) {
-    const jacokin_ik_solver *solver = of->solver;
-    if (of->parameter == FREE_AXIS && !(solver->constants[37] > 0.0)) return 0; /* no spherical wrist */
-    int middle = solver->dof - 2;
-    const double *before = &solver->chain[12 * middle], *after = &solver->chain[12 * (middle + 1)];
-    if (fabs(before[10]) > SQUARE || fabs(after[10]) > SQUARE) return 0; /* never in line */
-    const double *nodes = of->table[CURVES_arcs_nodes].numbers;
-    const int64_t *arcs = of->table[CURVES_arcs_arcs].integers;
-    for (int64_t arc = 0; arc < of->table[CURVES_arcs_size].integers[1]; arc++) {
-        double last = 0.0;
-        for (int64_t n = arcs[4 * arc]; n < arcs[4 * arc + 1] - 1; n++) {
-            const double *a = &nodes[14 * n], *b = &nodes[14 * (n + 1)];
-            double square = 0.0;
-            for (int j = 0; j < 7; j++) square += (b[j] - a[j]) * (b[j] - a[j]);
-            double length = sqrt(square);
-            for (int k = 0; k <= LOOKS; k++) { /* the cubic of the middle joint, and the sine between the other axes */
-                double u = (double)k / LOOKS, v = 1.0 - u;
-                double angle = (1.0 + 2.0 * u) * v * v * a[middle] + u * v * v * length * a[7 + middle] +
-                               u * u * (3.0 - 2.0 * u) * b[middle] - u * u * v * length * b[7 + middle];
-                double c = cos(angle), s = sin(angle);
-                double sine = (c * before[8] + s * before[9]) * after[6] - (c * before[9] - s * before[8]) * after[2];
-                if (fabs(sine) < STRAIGHT || sine * last < 0.0) return 1;
-                last = sine;
-            }
-        }
-    }
-    return 0;
 }
 
 /* Find all pieces; returns how many, and whether nothing is missing. */
@@ -253,10 +216,12 @@ static int find_pieces(const problem *of, int *complete) {
         longest = fmax(longest, fabs(last - first));
     }
     int full = size[0] == JACOKIN_NODES || size[1] == JACOKIN_ARCS || count == JACOKIN_INTERVALS;
+    /* Members of a straight wrist, among which the parameter stands still, are not found here. */
+    int straight = table[CURVES_straight_filled].integers[0] > 0;
     int at_edge = size[1] > 0 && longest < SMALL;
     /* Small closed curves are found for certain on arms built like a Jaco only. */
     int sees_loops = of->solver->dof != 6 || of->solver->constants[OTHER_STRUCTURE] == 0.0;
-    *complete = sees_loops && !full && counts[1] == 0 && counts[2] == 0 && !at_edge && !may_be_straight(of);
+    *complete = sees_loops && !full && counts[1] == 0 && counts[2] == 0 && counts[3] == 0 && !at_edge && !straight;
     return (int)count;
 }
 
@@ -517,14 +482,50 @@ int jacokin_ik_at(const jacokin_ik_solver *solver, void *work, size_t work_size,
 
 /* --- The nearest member ---------------------------------------------------------------------------------------- */
 
-/* Fill in what a search for the nearest point reads. */
-static void prepare_nearest(const problem *of, const double *seed) {
+/* Joints with limits of more than a turn, of which one is nearer to the seed than half a turn: copies of some angles are
+ * then more than half a turn away. The curve is searched with each such joint within half a turn of the seed, and then
+ * beyond. */
+typedef struct {
+    int count, joints[JACOKIN_IK_MAX_DOF];
+    double near[JACOKIN_IK_MAX_DOF][2], beyond[JACOKIN_IK_MAX_DOF][2]; /* [rad] */
+} wide_joints;
+
+static wide_joints find_wide_joints(const jacokin_ik_solver *solver, const double *seed) {
+    wide_joints wide = {.count = 0};
+    for (int j = 0; j < solver->dof; j++) {
+        double lower = solver->lower[j], upper = solver->upper[j], below = seed[j] - PI, above = seed[j] + PI;
+        if (is_bounded(solver, j) || (lower <= below && above <= upper)) continue;
+        int n = wide.count++;
+        wide.joints[n] = j;
+        wide.near[n][0] = fmax(lower, below);
+        wide.near[n][1] = fmin(upper, above);
+        wide.beyond[n][0] = lower > below ? above : fmax(lower, upper - TURN);
+        wide.beyond[n][1] = lower > below ? fmin(upper, lower + TURN) : below;
+    }
+    return wide;
+}
+
+/* Fill in what a search for the nearest point reads; bits of `beyond` are wide joints beyond half a turn. */
+static void prepare_nearest(const problem *of, const double *seed, const wide_joints *wide, int beyond) {
     entry *table = of->table;
-    memcpy(table[CURVES_nearest_limits].numbers, table[CURVES_cuts_limits].numbers, 14 * sizeof(double));
+    double *limits = table[CURVES_nearest_limits].numbers;
+    memcpy(limits, table[CURVES_cuts_limits].numbers, 14 * sizeof(double));
+    for (int n = 0; n < wide->count; n++) {
+        const double *range = beyond >> n & 1 ? wide->beyond[n] : wide->near[n];
+        limits[wide->joints[n]] = range[0];
+        limits[7 + wide->joints[n]] = range[1];
+    }
     for (int j = 0; j < 7; j++) {
         table[CURVES_nearest_weights].numbers[j] = j < of->solver->dof ? 1.0 : 0.0;
         table[CURVES_nearest_seed].numbers[j] = j < of->solver->dof ? seed[j] : 0.0;
     }
+}
+
+/* Whether something may be nearer than the best so far (squared) with so many wide joints beyond half a turn. */
+static int is_worth_it(int beyond, double best) {
+    int joints = 0;
+    for (; beyond > 0; beyond >>= 1) joints += beyond & 1;
+    return PI * PI * joints < best;
 }
 
 /* Keep a point (7) that reaches the target if it is nearer to the seed than the best one so far. */
@@ -583,18 +584,26 @@ static int nearest_member(const problem *of, layout *memory, const double *seed,
             }
         }
     } else {
-        prepare(of, JACOKIN_FIND_NEAREST);
-        prepare_nearest(of, seed);
+        const wide_joints wide = find_wide_joints(of->solver, seed);
         const int64_t *counts = table[CURVES_counts].integers;
-        int sure = jacokin_run_curves(table) == 1 && counts[1] == 0 && counts[2] == 0;
-        if (sure && table[CURVES_nearest_best].numbers[0] < INFINITY)
-            offer(of, seed, table[CURVES_nearest_x].numbers, &best, q, parameter);
-        if (best < INFINITY) return JACOKIN_IK_OK;
+        int sure = 1;
+        for (int beyond = 0; sure && beyond < 1 << wide.count; beyond++) {
+            if (!is_worth_it(beyond, best)) continue;
+            prepare(of, JACOKIN_FIND_NEAREST);
+            prepare_nearest(of, seed, &wide, beyond);
+            sure = jacokin_run_curves(table) == 1 && counts[1] == 0 && counts[2] == 0;
+            if (sure && table[CURVES_nearest_best].numbers[0] < INFINITY)
+                offer(of, seed, table[CURVES_nearest_x].numbers, &best, q, parameter);
+        }
+        if (sure && best < INFINITY) return JACOKIN_IK_OK;
         int pieces = find_pieces(of, &whole);
         branches = (int)table[CURVES_arcs_size].integers[1];
-        prepare_nearest(of, seed);
-        for (int i = 0; i < pieces; i++)
-            search_piece(of, &rows[JACOKIN_INTERVAL_COLUMNS * i], seed, &best, q, parameter);
+        for (int beyond = 0; beyond < 1 << wide.count; beyond++) {
+            if (!is_worth_it(beyond, best)) continue;
+            prepare_nearest(of, seed, &wide, beyond);
+            for (int i = 0; i < pieces; i++)
+                search_piece(of, &rows[JACOKIN_INTERVAL_COLUMNS * i], seed, &best, q, parameter);
+        }
     }
     if (best < INFINITY) return JACOKIN_IK_OK;
     if (!whole) return JACOKIN_IK_NO_CONVERGENCE;

@@ -59,7 +59,7 @@ const char *jacokin_ik_status_text(int status) {
  *     text        names in UTF-8, each ended by a zero: robot, base, frame, joints
  *     uint64      FNV-1a of everything before
  */
-enum { FILE_VERSION = 1, FILE_HEADER = 20, FILE_CHECK = 8, MAX_FILE = 65536 };
+enum { FILE_VERSION = 2, FILE_HEADER = 20, FILE_CHECK = 8, MAX_FILE = 65536 };
 
 /* [-] A placement's rotation is orthonormal to this, or the file is not what was written. */
 static const double ROTATION_SLACK = 1e-6;

@@ -13,7 +13,7 @@ from jacokin.kernels.six_joints.loop import SixArm
 from jacokin.kernels.vector import Vec, cross, dot, mix, norm
 
 #: Numbers that `unpack_arm` reads.
-ARM_CONSTANTS = 42
+ARM_CONSTANTS = 46
 
 
 class ArmConstants(NamedTuple):
@@ -66,7 +66,7 @@ def unpack_arm(arm: Array) -> ArmConstants:
         arm[36],
         arm[37] > 0.0,
         arm[38],
-        SixArm(arm[39], int(arm[40]), int(arm[41])),
+        SixArm(arm[39], int(arm[40]), int(arm[41]), int(arm[42]), int(arm[43]), arm[44], arm[45]),
     )
 
 

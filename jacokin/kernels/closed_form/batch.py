@@ -19,7 +19,7 @@ class TargetWork(NamedTuple):
     """What a call reads and writes; one set for each thread."""
 
     chain: Array  # (7, 3, 4) the model's placements, see ``geometry``
-    arm: Array  # (42,) the constants of the closed form
+    arm: Array  # (46,) the constants of the closed form
     limits: Array  # (3, 6) lower and upper limits, and the snap distance [rad]
     T: Array  # (n, 4, 4) targets, T_base_frame
     seed: Array  # (n, 6) seeds [rad]

@@ -198,7 +198,11 @@ def divide_by_known(k: ArmConstants, pose: Pose, roots: RootWork) -> float:
 
 
 def branch_at_root(k: ArmConstants, pose: Pose, query: PoseQuery, work: Work, q6: float) -> None:
-    """The branch of a single root: from its best start, or else from any."""
+    """The branch of a single root: from its best start, or else from any.
+
+    A branch that was known before does not count, though it has the same q6: F was divided by what it brings, and the
+    root is another's. So it is where axis 4 is along axis 1, and axis 3 along axis 5 as well.
+    """
     starts, branches = work.starts, work.branches
     before = branches.filled[0]
     for attempt in range(2):
@@ -209,15 +213,15 @@ def branch_at_root(k: ArmConstants, pose: Pose, query: PoseQuery, work: Work, q6
         note_full(branches, starts.filled[0], MAX_STARTS)
         for n in range(starts.filled[0]):
             branch_from_start(k, pose, query, work, n, False, smallest_det)
-            if has_branch_at(branches, q6):
+            if has_branch_at(branches, before, q6):
                 return
         if k.misfit > EXACT_MISFIT and branches.filled[0] > before:
             return
 
 
-def has_branch_at(work: BranchWork, q6: float) -> bool:
-    """Whether the branch of a single root is there; mostly it is the last one."""
-    for i in range(work.filled[0] - 1, -1, -1):  # noqa: SIM110  # numba compiles no generator expressions
+def has_branch_at(work: BranchWork, first: int, q6: float) -> bool:
+    """Whether the branch of a single root is there, from row `first` on; mostly it is the last one."""
+    for i in range(work.filled[0] - 1, first - 1, -1):  # noqa: SIM110  # numba compiles no generator expressions
         if circular_distance(work.rows[i, 5] - q6) < SAME_ROOT:
             return True
     return False

@@ -13,6 +13,7 @@ import numpy as np
 from jacokin.arrays import Array
 from jacokin.kernels.closed_form.arm import ArmConstants, Pose
 from jacokin.kernels.tolerances import DIVIDED_NOISE, MAX_REST, NOISE, SAME_PLACE
+from jacokin.kernels.trigonometry import sin_cos
 from jacokin.kernels.vector import Vec, cross, mix
 
 DEGREE = 8
@@ -87,15 +88,22 @@ def fourier_of_F(k: ArmConstants, pose: Pose, cosine: Array, sine: Array) -> flo
     for n in range(DEGREE + 1):
         cosine[n] = 0.0
         sine[n] = 0.0
-    for j in range(SAMPLES):
+    for j in range(DEGREE + 1):
         c, s = SAMPLE_COS[j], SAMPLE_SIN[j]
         D = mix(pose.D0, 1.0, pose.Dc, c, pose.Ds, s)
         m = mix(pose.m0, 1.0, pose.mc, c, pose.ms, s)
         F, size = resultant(k, D, m)
         largest = max(largest, size)
+        even, odd = F, 0.0
+        if j > 0:  # the sample at minus the angle
+            D = mix(pose.D0, 1.0, pose.Dc, c, pose.Ds, -s)
+            m = mix(pose.m0, 1.0, pose.mc, c, pose.ms, -s)
+            other, size = resultant(k, D, m)
+            largest = max(largest, size)
+            even, odd = F + other, F - other
         for n in range(DEGREE + 1):
-            cosine[n] += TO_COSINE[j, n] * F
-            sine[n] += TO_SINE[j, n] * F
+            cosine[n] += TO_COSINE[j, n] * even
+            sine[n] += TO_SINE[j, n] * odd
     return NOISE * largest
 
 
@@ -122,7 +130,7 @@ def fourier_of_divided_F(
     """
     count = singles + pairs
     shift = away_from(known, count)
-    c0, s0 = math.cos(shift), math.sin(shift)
+    s0, c0 = sin_cos(shift)
     largest, rest, total = 0.0, 0.0, 0.0
     for n in range(DEGREE + 1):
         cosine[n] = 0.0
@@ -134,7 +142,7 @@ def fourier_of_divided_F(
         F, size = resultant(k, D, m)
         divisor = 1.0
         for i in range(count):
-            factor = math.sin(0.5 * (shift + j * SPACING - known[i, 0]))
+            factor, _ = sin_cos(0.5 * (shift + j * SPACING - known[i, 0]))
             divisor *= factor if i < singles else factor * factor - 0.25 * known[i, 1]
         F /= divisor
         largest = max(largest, size / abs(divisor))
@@ -147,7 +155,7 @@ def fourier_of_divided_F(
         if n > DEGREE - singles // 2 - pairs:
             rest += size
             cosine[n], sine[n] = 0.0, 0.0
-        c, s = math.cos(n * shift), math.sin(n * shift)
+        s, c = sin_cos(n * shift)
         cosine[n], sine[n] = c * cosine[n] - s * sine[n], s * cosine[n] + c * sine[n]
     return DIVIDED_NOISE * max(NOISE * largest, rest) if rest < MAX_REST * total else math.inf
 
@@ -169,7 +177,8 @@ def away_from(known: Array, count: int) -> float:
 
 def value_and_slope(cosine: Array, sine: Array, q: float) -> tuple[float, float]:
     """F and dF/dq at q, by Horner's rule in z = exp(i q)."""
-    z = complex(math.cos(q), math.sin(q))
+    s, c = sin_cos(q)
+    z = complex(c, s)
     value = complex(cosine[DEGREE], -sine[DEGREE])
     slope = DEGREE * value
     for j in range(1, DEGREE):
@@ -182,7 +191,8 @@ def value_and_slope(cosine: Array, sine: Array, q: float) -> tuple[float, float]
 
 def slope_and_curvature(cosine: Array, sine: Array, q: float) -> tuple[float, float]:
     """dF/dq and its derivative at q, by Horner's rule in z = exp(i q)."""
-    z = complex(math.cos(q), math.sin(q))
+    s, c = sin_cos(q)
+    z = complex(c, s)
     slope = DEGREE * complex(cosine[DEGREE], -sine[DEGREE])
     curvature = DEGREE * slope
     for j in range(1, DEGREE):

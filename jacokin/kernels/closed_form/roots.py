@@ -26,11 +26,14 @@ from jacokin.kernels.tolerances import (
     SMALLEST_HALF_WIDTH,
     SMALLEST_PART,
 )
+from jacokin.kernels.trigonometry import arctangent
 
 SECTORS = 8
 SIZE = 2 * DEGREE + 1  # Bernstein coefficients of a sector
 HALF = math.pi / SECTORS  # [rad]
 TAU = math.tan(0.5 * HALF)
+#: [rad] Angles change by at most this with a place in a sector.
+WIDEST = 4.0 * TAU
 #: [rad] so that the sector bounds miss the round angles that people use.
 OFFSET = 0.1234567
 ROOT_ITERATIONS = 40
@@ -84,27 +87,28 @@ def _sector_tables() -> tuple[Array, Array]:
 
 BERNSTEIN_COS, BERNSTEIN_SIN = _sector_tables()
 _centres = OFFSET + 2.0 * HALF * np.arange(SECTORS)
+#: Of the coefficients, as factors of x^j (1 - x)^(16 - j).
+BINOMIALS = np.array([float(comb(2 * DEGREE, j)) for j in range(2 * DEGREE + 1)])
 SECTOR_COS = np.cos(np.outer(_centres, np.arange(DEGREE + 1)))
 SECTOR_SIN = np.sin(np.outer(_centres, np.arange(DEGREE + 1)))
 
 
-def sector_coefficients(cosine: Array, sine: Array, sector: int, b: Array, odd: Array) -> None:
-    """Fill b (17,) with the Bernstein coefficients on a sector; ``odd`` is a (17,) workspace.
+def sector_coefficients(cosine: Array, sine: Array, sector: int, b: Array, terms: Array) -> None:
+    """Fill b (17,) with the Bernstein coefficients on a sector; ``terms`` is a (17,) workspace.
 
     About the sector's centre cosines are even and sines odd, so one half gives the other.
     """
-    for j in range(DEGREE + 1):
-        b[j] = cosine[0] * BERNSTEIN_COS[0, j]
-        odd[j] = 0.0
     for n in range(1, DEGREE + 1):
         c, s = SECTOR_COS[sector, n], SECTOR_SIN[sector, n]
-        u, v = c * cosine[n] + s * sine[n], c * sine[n] - s * cosine[n]
-        for j in range(DEGREE + 1):
-            b[j] += u * BERNSTEIN_COS[n, j]
-            odd[j] += v * BERNSTEIN_SIN[n, j]
-    for j in range(DEGREE):
-        b[SIZE - 1 - j] = b[j] - odd[j]
-        b[j] += odd[j]
+        terms[n] = c * cosine[n] + s * sine[n]
+        terms[DEGREE + n] = c * sine[n] - s * cosine[n]
+    for j in range(DEGREE + 1):
+        even, odd = cosine[0] * BERNSTEIN_COS[0, j], 0.0
+        for n in range(1, DEGREE + 1):
+            even += terms[n] * BERNSTEIN_COS[n, j]
+            odd += terms[DEGREE + n] * BERNSTEIN_SIN[n, j]
+        b[j] = even + odd
+        b[SIZE - 1 - j] = even - odd
 
 
 def count_roots(b: Array, noise: float) -> int:
@@ -151,35 +155,140 @@ def split(b: Array, left: Array, part: float) -> None:
 
 def angle_at(sector: int, x: float) -> float:
     """The angle at the place x in [0, 1] of a sector."""
-    return OFFSET + 2.0 * HALF * sector + 2.0 * math.atan(TAU * (2.0 * x - 1.0))
+    return OFFSET + 2.0 * HALF * sector + 2.0 * arctangent(TAU * (2.0 * x - 1.0))
 
 
-def single_root(cosine: Array, sine: Array, b: Array, sector: int, x: float, width: float) -> float:
-    """The one root in an interval: bracketed Newton, from where the control polygon crosses zero."""
-    low, high = angle_at(sector, x), angle_at(sector, x + width)
+def weigh(b: Array, mirrored: bool, weighted: Array) -> None:
+    """Fill weighted (17,) for `value_and_slopes`: with the places x, or mirrored with 1 - x."""
+    for j in range(SIZE):
+        weighted[j] = b[SIZE - 1 - j if mirrored else j] * BINOMIALS[j]
+
+
+def value_and_slope_at(weighted: Array, x: float) -> tuple[float, float]:
+    """P and dp/dx at a place x in [0, 1), both divided by (1 - x)^14.
+
+    With s = x / (1 - x) it is (1 - x)^16 H(s), H an ordinary polynomial: its even and its odd part, by Horner's rule.
+    """
+    u = 1.0 - x
+    s = x / u
+    z = s * s
+    even, even_slope, odd, odd_slope = weighted[SIZE - 1], 0.0, weighted[SIZE - 2], 0.0
+    for i in range(1, DEGREE):
+        even_slope = even_slope * z + even
+        even = even * z + weighted[SIZE - 1 - 2 * i]
+        odd_slope = odd_slope * z + odd
+        odd = odd * z + weighted[SIZE - 2 - 2 * i]
+    even_slope = even_slope * z + even
+    even = even * z + weighted[0]
+    value = even + s * odd
+    slope = 2.0 * s * (even_slope + s * odd_slope) + odd
+    return u * u * value, slope - 2 * DEGREE * u * value
+
+
+def value_and_slopes_at(weighted: Array, x: float) -> tuple[float, float, float]:
+    """p, dp/dx and its derivative at a place x in [0, 1), all divided by (1 - x)^12; see `value_and_slope_at`."""
+    u = 1.0 - x
+    s = x / u
+    z = s * s
+    even, even_slope, even_bend = weighted[SIZE - 1], 0.0, 0.0
+    odd, odd_slope, odd_bend = weighted[SIZE - 2], 0.0, 0.0
+    for i in range(1, DEGREE):
+        even_bend = even_bend * z + even_slope
+        even_slope = even_slope * z + even
+        even = even * z + weighted[SIZE - 1 - 2 * i]
+        odd_bend = odd_bend * z + odd_slope
+        odd_slope = odd_slope * z + odd
+        odd = odd * z + weighted[SIZE - 2 - 2 * i]
+    even_bend = even_bend * z + even_slope
+    even_slope = even_slope * z + even
+    even = even * z + weighted[0]
+    value = even + s * odd
+    slope = 2.0 * s * (even_slope + s * odd_slope) + odd
+    bend = 2.0 * even_slope + 8.0 * z * even_bend + s * (6.0 * odd_slope + 8.0 * z * odd_bend)
+    u2, top = u * u, 2.0 * DEGREE
+    change = slope - top * u * value
+    return u2 * u2 * value, u2 * change, bend - 2.0 * (top - 1.0) * u * change - top * (top - 1.0) * u2 * value
+
+
+def polygon_root(b: Array) -> float:
+    """The place where the control polygon crosses zero, in [0, 1]."""
     rising = b[SIZE - 1] > b[0]
     j = 0
     while j < SIZE - 2 and (b[j + 1] < 0.0) == rising:
         j += 1
     difference = b[j] - b[j + 1]
     part = b[j] / difference if difference != 0.0 else 0.5
-    q = angle_at(sector, x + width * (j + part) / (SIZE - 1))
+    return (j + part) / (SIZE - 1)
+
+
+def single_root(b: Array, low: float, high: float, x: float, width: float, weighted: Array) -> float:
+    """The one root between two places: bracketed Newton.
+
+    Args:
+        b: (17,) Bernstein coefficients.
+        low: a place below the root.
+        high: one above it.
+        x: where to begin, between them.
+        width: of the interval, in sectors.
+        weighted: (17,) workspace.
+    """
+    mirrored = x > 0.5
+    rising = (b[0] > 0.0) == (low > 0.0)
+    if mirrored:
+        low, high, x, rising = 1.0 - high, 1.0 - low, 1.0 - x, not rising
+    weigh(b, mirrored, weighted)
+    radians = WIDEST * width
     before = high - low
     for _ in range(ROOT_ITERATIONS):
-        value, slope = value_and_slope(cosine, sine, q)
+        value, slope = value_and_slope_at(weighted, x)
         if (value > 0.0) == rising:
-            high = q
+            high = x
         else:
-            low = q
-        new = q - value / slope if slope != 0.0 else high + 1.0
-        if not low <= new <= high:
+            low = x
+        new = x - value / slope if slope != 0.0 else high + 1.0
+        if not low <= new <= high or new == 1.0:
             new = 0.5 * (low + high)
-        step = abs(new - q)
-        q = new
-        if step < ROOT_STEP and step * step * step < ROOT_ERROR * before * before:
+        step = abs(new - x)
+        x = new
+        if radians * step < ROOT_STEP and radians * step * step * step < ROOT_ERROR * before * before:
             break
         before = step
-    return q
+    return 1.0 - x if mirrored else x
+
+
+def between_roots(b: Array, noise: float, weighted: Array) -> tuple[float, float]:
+    """A place where p is past zero for certain, between ends of the same sign, and about how far its roots are from it.
+
+    Returns:
+        The place, and a distance; 0 where none is found.
+    """
+    side = 1.0 if b[0] > 0.0 else -1.0
+    lowest = 1
+    for j in range(2, SIZE - 1):
+        if side * b[j] < side * b[lowest]:
+            lowest = j
+    bend = b[lowest - 1] + b[lowest + 1] - 2.0 * b[lowest]
+    shift = 0.5 * (b[lowest - 1] - b[lowest + 1]) / bend if bend != 0.0 else 0.0
+    x = (lowest + min(max(shift, -1.0), 1.0)) / (SIZE - 1)
+    mirrored = x > 0.5
+    if mirrored:
+        x = 1.0 - x
+    weigh(b, mirrored, weighted)
+    for _ in range(EXTREMUM_ITERATIONS):
+        if not 0.0 < x < 1.0:
+            return x, 0.0
+        value, slope, curvature = value_and_slopes_at(weighted, x)
+        if side * curvature <= 0.0:
+            return x, 0.0
+        u = 1.0 - x
+        u4 = u * u * u * u
+        step = slope / curvature
+        lowest_value = side * (value - 0.5 * slope * step)
+        if side * value * u4 * u4 * u4 < -noise and step * step * side * curvature < -lowest_value:
+            apart = math.sqrt(-2.0 * side * value / (side * curvature))
+            return (1.0 - x if mirrored else x), apart
+        x -= step
+    return x, 0.0
 
 
 def extremum(cosine: Array, sine: Array, b: Array, sector: int, x: float, width: float) -> float:
@@ -266,12 +375,25 @@ def find_roots(noise: float, tolerance: float, work: RootWork) -> int:
             # With the sign at both ends certain, roots of the exact F are on the side where they seem to be.
             sure_ends = abs(b[0]) > noise and abs(b[SIZE - 1]) > noise
             if possible == 1:
-                roots[found, 0], roots[found, 1] = single_root(cosine, sine, b, sector, x, width), 0.0
+                root = single_root(b, 0.0, 1.0, polygon_root(b), width, stack[top + 1])
+                roots[found, 0], roots[found, 1] = angle_at(sector, x + width * root), 0.0
                 found += 1
                 top -= 1
                 continue
             part = 0.5
             if possible == 2 and sure_ends and tolerance == 0.0 and width > min_width:
+                middle, apart = between_roots(b, noise, stack[top + 1])
+                if WIDEST * width * apart > ROOT_STEP and found + 2 <= MAX_ROOTS:
+                    below = single_root(b, 0.0, middle, max(middle - apart, 0.5 * middle), width, stack[top + 1])
+                    above = single_root(
+                        b, middle, 1.0, min(middle + apart, 0.5 * (1.0 + middle)), width, stack[top + 1]
+                    )
+                    for root in (below, above):
+                        roots[found, 0], roots[found, 1] = angle_at(sector, x + width * root), 0.0
+                        roots[found, 2] = 0.0
+                        found += 1
+                    top -= 1
+                    continue
                 q = extremum(cosine, sine, b, sector, x, width)
                 if q == q:
                     value, _ = value_and_slope(cosine, sine, q)

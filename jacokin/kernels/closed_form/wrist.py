@@ -30,6 +30,7 @@ from jacokin.kernels.tolerances import (
     SMALL_R,
     SMALLEST_PIVOT,
 )
+from jacokin.kernels.trigonometry import angle_of, sin_cos
 from jacokin.kernels.vector import Vec, cross, dot, mix, norm
 
 REFINE_ITERATIONS = 12
@@ -55,7 +56,7 @@ class AfterJoint6(NamedTuple):
 
 def seen_after_joint_6(k: ArmConstants, pose: Pose, q6: float) -> AfterJoint6:
     """Turn the pose by joint 6."""
-    c, s = math.cos(q6), math.sin(q6)
+    s, c = sin_cos(q6)
     m = mix(pose.m0, 1.0, pose.mc, c, pose.ms, s)
     x = mix(pose.x, c, cross(k.w6, pose.x), s, k.w6, (1.0 - c) * dot(k.w6, pose.x))
     return AfterJoint6(q6, mix(pose.D0, 1.0, pose.Dc, c, pose.Ds, s), m, x, cross(m, x))
@@ -63,7 +64,8 @@ def seen_after_joint_6(k: ArmConstants, pose: Pose, q6: float) -> AfterJoint6:
 
 def axis_4(k: ArmConstants, q5: float) -> Vec:
     """z4(q5) = R5^T w4."""
-    return (k.sin_a * math.cos(q5), -k.sin_a * math.sin(q5), k.cos_a)
+    s, c = sin_cos(q5)
+    return (k.sin_a * c, -k.sin_a * s, k.cos_a)
 
 
 def starts_at_q6(k: ArmConstants, pose: Pose, q6: float, half_width: float, starts: Starts, work: RootWork) -> None:
@@ -108,8 +110,8 @@ def starts_of_g(k: ArmConstants, pose: Pose, view: AfterJoint6, starts: Starts, 
     work.cosine[1], work.sine[1] = 2.0 * G1.real, -2.0 * G1.imag
     work.cosine[2], work.sine[2] = 2.0 * G2.real, -2.0 * G2.imag
     for i in range(find_roots(G_NOISE, 0.0, work)):
-        zeta = complex(math.cos(work.roots[i, 0]), math.sin(work.roots[i, 0]))
-        starts_at_q5(k, pose, view, zeta, MIN_WIDTH, starts)
+        s, c = sin_cos(work.roots[i, 0])
+        starts_at_q5(k, pose, view, complex(c, s), MIN_WIDTH, starts)
 
 
 def starts_on_axis_5(k: ArmConstants, pose: Pose, starts: Starts, work: RootWork) -> None:
@@ -124,7 +126,7 @@ def starts_on_axis_5(k: ArmConstants, pose: Pose, starts: Starts, work: RootWork
     s = (pose.D0[0] * pose.Dc[1] - pose.Dc[0] * pose.D0[1]) / det
     if not abs(math.hypot(c, s) - 1.0) < NEAR_AXIS_5:
         return
-    view = seen_after_joint_6(k, pose, math.atan2(s, c))
+    view = seen_after_joint_6(k, pose, angle_of(s, c))
     W, right = sphere_terms(k, view.D)
     if max(abs(W.real), abs(W.imag), abs(right)) < NEAR_AXIS_5:
         starts_of_g(k, pose, view, starts, work)
@@ -148,7 +150,7 @@ def starts_along_axis_1(k: ArmConstants, pose: Pose, starts: Starts) -> None:
         size = math.hypot(fc, fs)
         if not abs(f0) <= size:
             continue
-        middle, half = math.atan2(fs, fc), math.acos(-f0 / size)
+        middle, half = angle_of(fs, fc), math.acos(-f0 / size)
         for j in range(2):
             view = seen_after_joint_6(k, pose, middle + (half if j == 0 else -half))
             if abs(side * view.m[2] - k.cos_a) < NEAR_AXIS_1:
@@ -193,8 +195,8 @@ def add_start(starts: Starts, pose: Pose, view: AfterJoint6, zeta: complex, z3: 
     """Append (q1, q5, q6), with q1 from the direction of axis 3 (of any length)."""
     i = starts.filled[0]
     if i < MAX_STARTS:
-        starts.rows[i, 0] = math.atan2(-dot(z3, view.x), dot(z3, view.y))
-        starts.rows[i, 1] = math.atan2(zeta.imag, zeta.real)
+        starts.rows[i, 0] = angle_of(-dot(z3, view.x), dot(z3, view.y))
+        starts.rows[i, 1] = angle_of(zeta.imag, zeta.real)
         starts.rows[i, 2] = view.q6
         starts.rows[i, 3] = 0.0
         starts.filled[0] = i + 1
@@ -209,8 +211,7 @@ def refine(
         The angles, and whether it stopped at a fold, where the determinant is below ``smallest_det`` [m^2].
     """
     for _ in range(REFINE_ITERATIONS):
-        c1, s1, c5, s5 = math.cos(q1), math.sin(q1), math.cos(q5), math.sin(q5)
-        c6, s6 = math.cos(q6), math.sin(q6)
+        (s1, c1), (s5, c5), (s6, c6) = sin_cos(q1), sin_cos(q5), sin_cos(q6)
         D = mix(pose.D0, 1.0, pose.Dc, c6, pose.Ds, s6)
         dD = mix(pose.Ds, c6, pose.Dc, -s6, pose.D0, 0.0)
         m = mix(pose.m0, 1.0, pose.mc, c6, pose.ms, s6)
@@ -248,13 +249,13 @@ def refine(
 def complete(arm: ArmConstants, pose: Pose, q1: float, q5: float, q6: float, q: Array) -> None:
     """Fill q (6,) from q1, q5 and q6: the remaining three angles are each an angle in a plane."""
     view = seen_after_joint_6(arm, pose, q6)
-    c1, s1, c5, s5 = math.cos(q1), math.sin(q1), math.cos(q5), math.sin(q5)
+    (s1, c1), (s5, c5) = sin_cos(q1), sin_cos(q5)
     forward = mix(view.x, c1, view.y, s1, view.x, 0.0)  # the shoulder's x axis after joint 1
     z3 = mix(view.y, c1, view.x, -s1, view.x, 0.0)
     z4 = (arm.sin_a * c5, -arm.sin_a * s5, arm.cos_a)
     C = mix(view.D, 1.0, z4, arm.c4, z4, 0.0)  # C - O
-    q2 = arm.side * (math.atan2(dot(C, forward), dot(C, view.m)) - arm.psi_c)
-    q3 = math.atan2(dot(z4, forward), dot(z4, view.m)) - arm.psi_4 - arm.side * q2
+    q2 = arm.side * (angle_of(dot(C, forward), dot(C, view.m)) - arm.psi_c)
+    q3 = angle_of(dot(z4, forward), dot(z4, view.m)) - arm.psi_4 - arm.side * q2
     x, y = c5 * z3[0] - s5 * z3[1], s5 * z3[0] + c5 * z3[1]  # axis 3 seen after joint 4
-    q4 = arm.chi_3 - math.atan2(arm.sin_a * z3[2] - arm.cos_a * x, y)
+    q4 = arm.chi_3 - angle_of(arm.sin_a * z3[2] - arm.cos_a * x, y)
     q[0], q[1], q[2], q[3], q[4], q[5] = q1, q2, q3, q4, q5, q6

@@ -66,8 +66,8 @@ def place_links(arm: ArmShapes, dof: int, groups: int, q: Array, places: Places)
             places.centres[g, i] = link[i, 0] * sphere[0] + link[i, 1] * sphere[1] + link[i, 2] * sphere[2] + link[i, 3]
 
 
-def bound_rates(arm: ArmShapes, dof: int, groups: int, motion: Array, half: float, places: Places) -> None:
-    """Fill the rates for a straight motion from the placed configuration, both ways.
+def bound_rates(arm: ArmShapes, dof: int, g: int, motion: Array, half: float, places: Places) -> None:
+    """Fill the rates of one group for a straight motion from the placed configuration, both ways.
 
     Joints turn one after another, the outermost first: each moves a point by its angle times the point's distance from
     its axis, which those before it have changed by no more than they have moved it.
@@ -75,28 +75,26 @@ def bound_rates(arm: ArmShapes, dof: int, groups: int, motion: Array, half: floa
     Args:
         arm: the arm.
         dof: how many joints there are.
-        groups: how many groups.
+        g: the group.
         motion: (dof,) what the joints do for each unit of the motion [rad].
         half: how many units the motion is long, either way.
         places: where everything is in its middle; its rates are filled.
     """
-    frames = places.frames
-    for g in range(groups):
-        link = arm.groups[g, GROUP_LINK]
-        radius, moved = arm.spheres[g, 3], 0.0
-        places.rates[g * (dof + 1) + link] = 0.0
-        for j in range(link - 1, -1, -1):
-            if arm.joint_kinds[j] == HINGE:
-                f = frames[j + 1]
-                x = places.centres[g, 0] - f[0, 3]
-                y = places.centres[g, 1] - f[1, 3]
-                z = places.centres[g, 2] - f[2, 3]
-                along = x * f[0, 2] + y * f[1, 2] + z * f[2, 2]
-                arm_length = math.sqrt(max(x * x + y * y + z * z - along * along, 0.0)) + radius + half * moved
-            else:
-                arm_length = 1.0
-            moved += abs(motion[j]) * arm_length
-            places.rates[g * (dof + 1) + j] = moved
+    frames, link = places.frames, arm.groups[g, GROUP_LINK]
+    radius, moved = arm.spheres[g, 3], 0.0
+    places.rates[g * (dof + 1) + link] = 0.0
+    for j in range(link - 1, -1, -1):
+        if arm.joint_kinds[j] == HINGE:
+            f = frames[j + 1]
+            x = places.centres[g, 0] - f[0, 3]
+            y = places.centres[g, 1] - f[1, 3]
+            z = places.centres[g, 2] - f[2, 3]
+            along = x * f[0, 2] + y * f[1, 2] + z * f[2, 2]
+            arm_length = math.sqrt(max(x * x + y * y + z * z - along * along, 0.0)) + radius + half * moved
+        else:
+            arm_length = 1.0
+        moved += abs(motion[j]) * arm_length
+        places.rates[g * (dof + 1) + j] = moved
 
 
 def relate(shapes: Shapes, frames: Array, a: int, b: int, relative: Array) -> None:

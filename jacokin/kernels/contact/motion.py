@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.kernels.contact.arm import Places, bound_rates, place_links
-from jacokin.kernels.contact.nearest import Best, Goal, Heap, find_nearest, make_best
+from jacokin.kernels.contact.nearest import ENTRY, GROUP, Best, Heap, Search, find_nearest, list_all, make_best, room_of
 from jacokin.kernels.contact.separation import SeparationWork
 from jacokin.kernels.contact.touching import Counts, Geometry
 
@@ -27,14 +27,20 @@ class Course(NamedTuple):
     step: Array  # (dof,) from start to end [rad]
     q: Array  # (dof,) where it is looked at [rad]
     waiting: Array  # (WAITING, 2) parts of the motion, from 0 to 1
+    spans: NDArray[np.int64]  # (WAITING, 2) where the rows of what can touch there begin and end
+    near: NDArray[np.int64]  # (room, 4) these rows, see `list_all`
+    rated: NDArray[np.int64]  # (groups,) 1 where the rates of a group are known
     found: Array  # (2,) least distance [m], and where: 0 at the start, 1 at the end
     pair: NDArray[np.int64]  # (2,) the nearest shapes there
     best: Best
 
 
-def make_course(dof: int) -> Course:
-    """Fresh work arrays."""
-    return Course(np.zeros(dof), np.zeros(dof), np.zeros((WAITING, 2)), np.zeros(2), np.zeros(2, np.int64), make_best())
+def make_course(dof: int, groups: int, room: int) -> Course:
+    """Fresh work arrays, with room for three times all that can touch, see `room_of`."""
+    step, q = np.zeros((2, dof))
+    spans, near = np.zeros((WAITING, 2), np.int64), np.zeros((3 * room, ENTRY), np.int64)
+    rated = np.zeros(groups, np.int64)
+    return Course(step, q, np.zeros((WAITING, 2)), spans, near, rated, np.zeros(2), np.zeros(2, np.int64), make_best())
 
 
 def look_at(geometry: Geometry, counts: Counts, places: Places, course: Course, start: Array, at: float) -> None:
@@ -57,8 +63,9 @@ def is_clear(
 ) -> bool:
     """Whether every pair of shapes stays farther apart than a margin all along a motion.
 
-    Between the places that are looked at, nothing can come nearer than its distance there allows. A motion is also
-    refused where a pair comes within `slack` of the margin, for then certainty takes ever smaller steps.
+    Between the places that are looked at, nothing can come nearer than its distance there allows; what is shown to be
+    far all along a part is not looked at again within it. A motion is also refused where a pair comes within `slack` of
+    the margin, for then certainty takes ever smaller steps.
 
     Args:
         geometry: arm and obstacles.
@@ -71,24 +78,43 @@ def is_clear(
         margin: smallest distance allowed [m].
         slack: positive [m].
     """
-    waiting, best = course.waiting, course.best
+    waiting, spans, near, best = course.waiting, course.spans, course.near, course.best
     waiting[0, 0], waiting[0, 1] = 0.0, 1.0
+    spans[0, 0], spans[0, 1] = 0, list_all(geometry.arm, geometry.tree, counts, near)
     size = 1
     while size > 0:
         size -= 1
-        low, high = waiting[size, 0], waiting[size, 1]
+        low, high, first, last = waiting[size, 0], waiting[size, 1], spans[size, 0], spans[size, 1]
         middle, half = 0.5 * (low + high), 0.5 * (high - low)
         look_at(geometry, counts, places, course, start, middle)
-        bound_rates(geometry.arm, counts.dof, counts.groups, course.step, half, places)
-        covered = find_nearest(geometry, counts, places, heap, work, Goal(margin, True, half), best)
+        rate(geometry, counts, places, course, half, first, last)
+        search = Search(margin, True, half, margin + slack)
+        covered, end = find_nearest(geometry, counts, places, heap, work, search, best, near, first, last)
         if covered < half:
             if best.distance[0] < margin + slack:
                 leave(course, middle)
                 return False
+            if end <= room_of(near):  # what is left near; these rows are free again after both parts
+                first, last = last, end
             waiting[size, 0], waiting[size, 1] = middle + covered, high
             waiting[size + 1, 0], waiting[size + 1, 1] = low, middle - covered
+            for k in range(size, size + 2):
+                spans[k, 0], spans[k, 1] = first, last
             size += 2
     return True
+
+
+def rate(
+    geometry: Geometry, counts: Counts, places: Places, course: Course, half: float, first: int, last: int
+) -> None:
+    """Fill the rates of the groups that move in some rows of what can touch."""
+    for g in range(counts.groups):
+        course.rated[g] = 0
+    for row in range(first, last):
+        g = course.near[row, GROUP]
+        if course.rated[g] == 0:
+            course.rated[g] = 1
+            bound_rates(geometry.arm, counts.dof, g, course.step, half, places)
 
 
 def leave(course: Course, at: float) -> None:
@@ -111,11 +137,12 @@ def least_on_motion(
 
     Arguments as of `is_clear`; the accuracy [m] is positive, and a part of the distance is added to it.
     """
-    found, waiting, best = course.found, course.waiting, course.best
-    found[0], found[1] = math.inf, 0.0
+    found, waiting, best, rows = course.found, course.waiting, course.best, course.near
+    found[0], found[1], near = math.inf, 0.0, list_all(geometry.arm, geometry.tree, counts, rows)
     for end in range(2):
         look_at(geometry, counts, places, course, start, float(end))
-        if find_nearest(geometry, counts, places, heap, work, Goal(0.0, False, found[0]), best) < found[0]:
+        search = Search(0.0, False, found[0], math.inf)
+        if find_nearest(geometry, counts, places, heap, work, search, best, rows, 0, near)[0] < found[0]:
             leave(course, float(end))
     waiting[0, 0], waiting[0, 1] = 0.0, 1.0
     size = 1
@@ -124,11 +151,12 @@ def least_on_motion(
         low, high = waiting[size, 0], waiting[size, 1]
         middle, half = 0.5 * (low + high), 0.5 * (high - low)
         look_at(geometry, counts, places, course, start, middle)
-        if find_nearest(geometry, counts, places, heap, work, Goal(0.0, False, found[0]), best) < found[0]:
+        search = Search(0.0, False, found[0], math.inf)
+        if find_nearest(geometry, counts, places, heap, work, search, best, rows, 0, near)[0] < found[0]:
             leave(course, middle)
-        bound_rates(geometry.arm, counts.dof, counts.groups, course.step, half, places)
-        goal = Goal(found[0] - accuracy - RELATIVE_ACCURACY * abs(found[0]), True, half)
-        covered = find_nearest(geometry, counts, places, heap, work, goal, best)
+        rate(geometry, counts, places, course, half, 0, near)
+        search = Search(found[0] - accuracy - RELATIVE_ACCURACY * abs(found[0]), True, half, math.inf)
+        covered, _ = find_nearest(geometry, counts, places, heap, work, search, best, rows, 0, near)
         if covered < half:
             waiting[size, 0], waiting[size, 1] = middle + covered, high
             waiting[size + 1, 0], waiting[size + 1, 1] = low, middle - covered

@@ -17,26 +17,30 @@ from jacokin.kernels.contact.arm import (
     LAST_PAIR,
     LAST_SHAPE,
     OUTER,
+    ArmShapes,
     Places,
     in_world,
     relate,
 )
 from jacokin.kernels.contact.separation import SeparationWork, separation
-from jacokin.kernels.contact.shapes import CENTRE, RADIUS, point_bound
+from jacokin.kernels.contact.shapes import CENTRE, LINK, RADIUS, point_bound
 from jacokin.kernels.contact.touching import Counts, Geometry, meeting_bound, pair_bound
-from jacokin.kernels.contact.tree import node_bound
+from jacokin.kernels.contact.tree import Tree, node_bound
 
-#: What an entry of the heap stands for.
+#: What may hold the best pair: two groups, a group and what a node of the tree holds, a group and a plane, two shapes
+#: of the arm, a shape and an obstacle.
 MEETING, NODE, PLANE_BELOW, OWN_PAIR, OBSTACLE_PAIR = range(5)
-#: [1/m] what nearness counts for pairs that a motion does not move.
-UNMOVED = 1e12
+#: Columns of such an entry: which of them it is, two numbers, and the group that moves.
+KIND, FIRST, SECOND, GROUP, ENTRY = range(5)
+#: [m] how far a motion moves the pairs that it does not move.
+UNMOVED = 1e-12
 
 
 class Heap(NamedTuple):
     """What may hold the best pair, the most promising entry on top."""
 
     keys: Array  # (room,) lower bounds
-    entries: NDArray[np.int64]  # (room, 4) kind, two numbers, and the group that moves
+    entries: NDArray[np.int64]  # (room, 4)
 
 
 class Best(NamedTuple):
@@ -46,12 +50,13 @@ class Best(NamedTuple):
     distance: Array  # (1,) [m]
 
 
-class Goal(NamedTuple):
-    """What is looked for: the least (distance - margin) x urgency, smaller than a value."""
+class Search(NamedTuple):
+    """What is looked for: the least (distance - margin) / rate, smaller than a value."""
 
     margin: float  # [m]
-    moving: bool  # False: urgency is one; True: the inverse of the rate at which the pair can approach
+    moving: bool  # False: the rate is one; True: that at which the pair can approach
     below: float
+    rough: float  # [m] distances above this need not be exact, see `separation`
 
 
 def make_best() -> Best:
@@ -59,10 +64,37 @@ def make_best() -> Best:
     return Best(np.zeros(2, np.int64), np.zeros(1))
 
 
+def list_all(arm: ArmShapes, tree: Tree, counts: Counts, rows: NDArray[np.int64]) -> int:
+    """Fill in entries (room, 4) that hold all that can touch; returns how many."""
+    size = 0
+    for m in range(counts.meetings):
+        fill(rows[size], MEETING, m, 0, arm.meetings[m, OUTER])
+        size += 1
+    for g in range(counts.groups):
+        if arm.groups[g, GROUP_LINK] == 0:
+            continue
+        if counts.nodes > 0:
+            fill(rows[size], NODE, 0, 0, g)
+            size += 1
+        for k in range(counts.planes):
+            fill(rows[size], PLANE_BELOW, tree.planes[k], 0, g)
+            size += 1
+    return size
+
+
 def find_nearest(
-    geometry: Geometry, counts: Counts, places: Places, heap: Heap, work: SeparationWork, goal: Goal, best: Best
-) -> float:
-    """The least value of all pairs, or `goal.below` where none is smaller.
+    geometry: Geometry,
+    counts: Counts,
+    places: Places,
+    heap: Heap,
+    work: SeparationWork,
+    search: Search,
+    best: Best,
+    rows: NDArray[np.int64],
+    first: int,
+    last: int,
+) -> tuple[float, int]:
+    """The least value of all pairs, or `search.below` where none is smaller.
 
     Args:
         geometry: arm and obstacles; counts leave out what does not matter.
@@ -70,80 +102,125 @@ def find_nearest(
         places: where everything is.
         heap: room for every entry.
         work: for one pair of shapes.
-        goal: what is looked for.
+        search: what is looked for.
         best: the pair of shapes, left alone where none is smaller.
+        rows: entries that hold all that can touch, from the first on. Of a motion, those whose value was not shown to
+            be `search.below` or more are written from the last on.
+        first: see rows.
+        last: where they end.
+
+    Returns:
+        The value, and where what was written ends; beyond `room_of(rows)` where there was too little room.
     """
-    shapes, arm, tree = geometry.shapes, geometry.arm, geometry.tree
-    least, size = goal.below, 0
-    for m in range(counts.meetings):
-        urgency = urgency_of(
-            counts, places, goal, arm.meetings[m, OUTER], arm.groups[arm.meetings[m, INNER], GROUP_LINK]
-        )
-        enough = least / urgency + goal.margin
-        key = (meeting_bound(arm, places, m, enough) - goal.margin) * urgency
-        size = push(heap, size, key, least, MEETING, m, 0, 0)
-    if counts.nodes + counts.planes > 0:
-        for g in range(counts.groups):
-            if arm.groups[g, GROUP_LINK] == 0:
-                continue
-            urgency = urgency_of(counts, places, goal, g, 0)
-            centre, reach = (places.centres[g, 0], places.centres[g, 1], places.centres[g, 2]), arm.spheres[g, 3]
-            if counts.nodes > 0:
-                key = (node_bound(tree, 0, centre) - reach - goal.margin) * urgency
-                size = push(heap, size, key, least, NODE, 0, 0, g)
-            for k in range(counts.planes):
-                key = (point_bound(shapes, tree.planes[k], centre) - reach - goal.margin) * urgency
-                size = push(heap, size, key, least, PLANE_BELOW, tree.planes[k], 0, g)
-    while size > 0 and heap.keys[0] < least:
-        kind, i, j, g = heap.entries[0, 0], heap.entries[0, 1], heap.entries[0, 2], heap.entries[0, 3]
-        size = pop(heap, size)
-        if kind == MEETING:
-            inner, outer = arm.meetings[i, INNER], arm.meetings[i, OUTER]
-            urgency = urgency_of(counts, places, goal, outer, arm.groups[inner, GROUP_LINK])
-            for k in range(arm.meetings[i, FIRST_PAIR], arm.meetings[i, LAST_PAIR]):
-                a, b = arm.pairs[k, 0], arm.pairs[k, 1]
-                key = (pair_bound(shapes, places, a, b, least / urgency + goal.margin) - goal.margin) * urgency
-                size = push(heap, size, key, least, OWN_PAIR, a, b, i)
-        elif kind in (OWN_PAIR, OBSTACLE_PAIR):
-            link, outer = 0, g
-            if kind == OWN_PAIR:
-                link, outer = arm.groups[arm.meetings[g, INNER], GROUP_LINK], arm.meetings[g, OUTER]
-            urgency = urgency_of(counts, places, goal, outer, link)
+    shapes, room = geometry.shapes, room_of(rows)
+    least, size, end, start, stop = search.below, 0, last, first, last
+    while True:
+        for row in range(start, stop):
+            kind, i, j, g = rows[row, KIND], rows[row, FIRST], rows[row, SECOND], rows[row, GROUP]
+            until = search.below if search.moving else least
+            key = value_of(geometry, counts, places, search, until, kind, i, j, g)
+            if key < least:
+                size = push(heap, size, key, kind, i, j, g)
+            elif key < search.below:
+                end = keep(search, rows, end, kind, i, j, g)
+        if size == 0 or not heap.keys[0] < least:
+            break
+        entry = heap.entries[0]
+        kind, i, j, g = entry[KIND], entry[FIRST], entry[SECOND], entry[GROUP]
+        size, start = pop(heap, size), room
+        stop = start
+        if kind in (OWN_PAIR, OBSTACLE_PAIR):
+            rate = rate_of(counts, places, search, g, shapes.integers[i, LINK] if kind == OWN_PAIR else 0)
             relate(shapes, places.frames, i, j, work.relative)
-            distance = separation(shapes, (i, j), work, least / urgency + goal.margin, -math.inf, True)
-            value = (distance - goal.margin) * urgency
+            enough, deep = least * rate + search.margin, search.rough == math.inf
+            distance = separation(shapes, (i, j), work, enough, -math.inf, search.rough, deep)
+            value = (distance - search.margin) / rate
+            if value < search.below:
+                end = keep(search, rows, end, kind, i, j, g)
             if value < least:
                 least = value
                 best.pair[0], best.pair[1], best.distance[0] = i, j, distance
-        elif kind == NODE and tree.children[i, 0] >= 0:
-            urgency = urgency_of(counts, places, goal, g, 0)
-            centre, reach = (places.centres[g, 0], places.centres[g, 1], places.centres[g, 2]), arm.spheres[g, 3]
-            for side in range(2):
-                child = tree.children[i, side]
-                key = (node_bound(tree, child, centre) - reach - goal.margin) * urgency
-                size = push(heap, size, key, least, NODE, child, 0, g)
         else:
-            b = i if kind == PLANE_BELOW else tree.children[i, 1]
-            urgency = urgency_of(counts, places, goal, g, 0)
-            for a in range(arm.groups[g, FIRST_SHAPE], arm.groups[g, LAST_SHAPE]):
-                s = shapes.numbers[a]
-                p = in_world(places.frames, arm.groups[g, GROUP_LINK], s[CENTRE], s[CENTRE + 1], s[CENTRE + 2])
-                key = (point_bound(shapes, b, p) - s[RADIUS] - goal.margin) * urgency
-                size = push(heap, size, key, least, OBSTACLE_PAIR, a, b, g)
-    return least
+            stop = divide(geometry, rows, start, kind, i, g)
+    for k in range(size):
+        entry = heap.entries[k]
+        end = keep(search, rows, end, entry[KIND], entry[FIRST], entry[SECOND], entry[GROUP])
+    return least, end
 
 
-def urgency_of(counts: Counts, places: Places, goal: Goal, g: int, link: int) -> float:
-    """What a metre counts between a group and an earlier link."""
-    if not goal.moving:
+def value_of(
+    geometry: Geometry, counts: Counts, places: Places, search: Search, until: float, kind: int, i: int, j: int, g: int
+) -> float:
+    """A lower bound of the values of an entry, found with no more work than to show that it is so large."""
+    shapes, arm, link = geometry.shapes, geometry.arm, 0
+    if kind == MEETING:
+        link = arm.groups[arm.meetings[i, INNER], GROUP_LINK]
+    elif kind == OWN_PAIR:
+        link = shapes.integers[i, LINK]
+    rate = rate_of(counts, places, search, g, link)
+    enough = until * rate + search.margin
+    if kind == MEETING:
+        bound = meeting_bound(arm, places, i, enough)
+    elif kind == OWN_PAIR:
+        bound = pair_bound(shapes, places, i, j, enough)
+    elif kind == OBSTACLE_PAIR:
+        s = shapes.numbers[i]
+        p = in_world(places.frames, arm.groups[g, GROUP_LINK], s[CENTRE], s[CENTRE + 1], s[CENTRE + 2])
+        bound = point_bound(shapes, j, p) - s[RADIUS]
+    else:
+        centre = (places.centres[g, 0], places.centres[g, 1], places.centres[g, 2])
+        bound = node_bound(geometry.tree, i, centre) if kind == NODE else point_bound(shapes, i, centre)
+        bound -= arm.spheres[g, 3]
+    return float((bound - search.margin) / rate)
+
+
+def divide(geometry: Geometry, rows: NDArray[np.int64], start: int, kind: int, i: int, g: int) -> int:
+    """Write the parts of an entry that is no pair to the rows; returns where they end."""
+    arm, tree, stop = geometry.arm, geometry.tree, start
+    if kind == MEETING:
+        for k in range(arm.meetings[i, FIRST_PAIR], arm.meetings[i, LAST_PAIR]):
+            fill(rows[stop], OWN_PAIR, arm.pairs[k, 0], arm.pairs[k, 1], g)
+            stop += 1
+    elif kind == NODE and tree.children[i, 0] >= 0:
+        for side in range(2):
+            fill(rows[stop], NODE, tree.children[i, side], 0, g)
+            stop += 1
+    else:
+        b = i if kind == PLANE_BELOW else tree.children[i, 1]
+        for a in range(arm.groups[g, FIRST_SHAPE], arm.groups[g, LAST_SHAPE]):
+            fill(rows[stop], OBSTACLE_PAIR, a, b, g)
+            stop += 1
+    return stop
+
+
+def room_of(rows: NDArray[np.int64]) -> int:
+    """How many entries can be kept; behind them is room for the parts of one."""
+    return int(rows.shape[0] // 3 * 2)
+
+
+def keep(search: Search, rows: NDArray[np.int64], end: int, kind: int, i: int, j: int, g: int) -> int:
+    """Write an entry that a part of the motion could bring together to the end of the rows; returns their new end."""
+    if not search.moving:
+        return end
+    if end < room_of(rows):
+        fill(rows[end], kind, i, j, g)
+    return end + 1
+
+
+def fill(entry: NDArray[np.int64], kind: int, i: int, j: int, g: int) -> None:
+    """Set an entry."""
+    entry[KIND], entry[FIRST], entry[SECOND], entry[GROUP] = kind, i, j, g
+
+
+def rate_of(counts: Counts, places: Places, search: Search, g: int, link: int) -> float:
+    """What a metre between a group and an earlier link is divided by."""
+    if not search.moving:
         return 1.0
-    return float(1.0 / max(places.rates[g * (counts.dof + 1) + link], 1.0 / UNMOVED))
+    return float(max(places.rates[g * (counts.dof + 1) + link], UNMOVED))
 
 
-def push(heap: Heap, size: int, key: float, least: float, kind: int, i: int, j: int, g: int) -> int:
-    """Add an entry unless it cannot be the best; returns the size of the heap."""
-    if not key < least:
-        return size
+def push(heap: Heap, size: int, key: float, kind: int, i: int, j: int, g: int) -> int:
+    """Add an entry; returns the size of the heap."""
     keys, entries = heap.keys, heap.entries
     at = size
     while at > 0:
@@ -151,11 +228,11 @@ def push(heap: Heap, size: int, key: float, least: float, kind: int, i: int, j: 
         if keys[parent] <= key:
             break
         keys[at] = keys[parent]
-        for column in range(4):
+        for column in range(ENTRY):
             entries[at, column] = entries[parent, column]
         at = parent
     keys[at] = key
-    entries[at, 0], entries[at, 1], entries[at, 2], entries[at, 3] = kind, i, j, g
+    fill(entries[at], kind, i, j, g)
     return size + 1
 
 
@@ -170,10 +247,10 @@ def pop(heap: Heap, size: int) -> int:
         if key <= keys[child]:
             break
         keys[at] = keys[child]
-        for column in range(4):
+        for column in range(ENTRY):
             entries[at, column] = entries[child, column]
         at, child = child, 2 * child + 1
     keys[at] = key
-    for column in range(4):
+    for column in range(ENTRY):
         entries[at, column] = entries[size, column]
     return size

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from jacokin.arrays import Array
 from jacokin.kernels.contact.arm import LAST_SHAPE, ArmShapes, Places, place_links, relate
 from jacokin.kernels.contact.motion import Course, is_clear, least_on_motion, make_course
-from jacokin.kernels.contact.nearest import Best, Goal, Heap, find_nearest, make_best
+from jacokin.kernels.contact.nearest import Best, Heap, Search, find_nearest, list_all, make_best
 from jacokin.kernels.contact.separation import SeparationWork, make_separation_work, separation
 from jacokin.kernels.contact.shapes import LINK, MARGIN, SHAPE_INTEGERS, SHAPE_NUMBERS, Shapes
 from jacokin.kernels.contact.touching import Counts, Geometry, Hits, find_touching
@@ -58,7 +58,7 @@ def run_contact(work: ContactWork) -> int:
     """Do a task; returns how many pairs touch, or 0. This is what gets compiled: it allocates nothing."""
     integers, numbers = work.integers, work.numbers
     task, rows = integers[TASK], integers[ROWS]
-    counts = Counts(integers[DOF], integers[GROUPS], integers[MEETINGS], integers[NODES], integers[PLANES])
+    counts = counts_of(work)
     margin, standing, slack = numbers[MARGIN_KEPT], numbers[BASE_MARGIN], numbers[SLACK]
     geometry, places, hits, heap, course = work.geometry, work.places, work.hits, work.heap, work.course
     if task in (TOUCHES, LIST_TOUCHING):
@@ -70,12 +70,19 @@ def run_contact(work: ContactWork) -> int:
             work.value[i, 0] = float(found)
         return found
     if task == LEAST_DISTANCE:
+        count = list_all(geometry.arm, geometry.tree, counts, course.near)
         for i in range(rows):
             q = work.q[i * counts.dof : (i + 1) * counts.dof]
             place_links(geometry.arm, counts.dof, counts.groups, q, places)
-            goal = Goal(0.0, False, math.inf)
-            work.best.pair[0], work.best.pair[1] = -1, -1
-            work.value[i, 0] = find_nearest(geometry, counts, places, heap, hits.pair, goal, work.best)
+            a, b, near = work.best.pair[0], work.best.pair[1], math.inf
+            if i == 0:
+                work.best.pair[0], work.best.pair[1] = -1, -1
+            elif a >= 0:  # rows are near to each other more often than not, and so is their nearest pair
+                relate(geometry.shapes, places.frames, a, b, hits.pair.relative)
+                near = separation(geometry.shapes, (a, b), hits.pair, math.inf, -math.inf, math.inf, True)
+            search = Search(0.0, False, near, math.inf)
+            least, _ = find_nearest(geometry, counts, places, heap, hits.pair, search, work.best, course.near, 0, count)
+            work.value[i, 0] = least
             work.named[i, 0], work.named[i, 1] = work.best.pair[0], work.best.pair[1]
         return 0
     if task == MEASURE_PAIRS:
@@ -99,13 +106,27 @@ def run_contact(work: ContactWork) -> int:
     return 0
 
 
+def counts_of(contact: ContactWork) -> Counts:
+    """How much of the geometry counts."""
+    i = contact.integers
+    return Counts(i[DOF], i[GROUPS], i[MEETINGS], i[NODES], i[PLANES])
+
+
+def stands_clear(contact: ContactWork, q: Array) -> bool:
+    """Whether nothing touches at a configuration (dof,); otherwise the pair is left in `contact.hits.pairs`."""
+    counts = counts_of(contact)
+    place_links(contact.geometry.arm, counts.dof, counts.groups, q, contact.places)
+    margin = contact.numbers[MARGIN_KEPT]
+    return find_touching(contact.geometry, counts, contact.places, contact.hits, margin, -math.inf, False) == 0
+
+
 def measure_pair(
     shapes: Shapes, places: Places, work: SeparationWork, pair: NDArray[np.int64], reach: float, row: Array
 ) -> None:
     """Fill a row of `ContactWork.measured`; beyond the reach, its distance only."""
     a, b = pair[0], pair[1]
     relate(shapes, places.frames, a, b, work.relative)
-    row[0] = separation(shapes, (a, b), work, reach, -math.inf, True)
+    row[0] = separation(shapes, (a, b), work, reach, -math.inf, math.inf, True)
     if row[0] > reach:
         return
     shape, frame, witness = shapes.numbers[a], places.frames[shapes.integers[a, LINK]], work.witness
@@ -174,7 +195,7 @@ def make_contact_work(geometry: Geometry = NOTHING, rows: int = 0, pairs: int = 
         ),
         Heap(np.zeros(room), np.zeros((room, 4), np.int64)),
         make_best(),
-        make_course(dof),
+        make_course(dof, groups, room),
         np.zeros((rows, 2)),
         np.zeros((rows, 2), np.int64),
         np.zeros((pairs, 2), np.int64),

@@ -24,6 +24,8 @@ from jacokin.kernels.vector import Vec
 
 #: [m] a distance is known this well when the search ends.
 DISTANCE_TOLERANCE = 1e-9
+#: How well distances are known that need not be exact.
+ROUGHNESS = 0.1
 #: [m] cores nearer than this overlap.
 OVERLAP = 1e-11
 #: Steps after which the search ends whatever it has reached; polytopes need some 10, round shapes some 30.
@@ -49,7 +51,7 @@ def make_separation_work() -> SeparationWork:
 
 
 def separation(
-    shapes: Shapes, pair: tuple[int, int], work: SeparationWork, enough: float, little: float, deep: bool
+    shapes: Shapes, pair: tuple[int, int], work: SeparationWork, enough: float, little: float, rough: float, deep: bool
 ) -> float:
     """Distance of two shapes, negative where they overlap [m]; `work.relative` says where they are.
 
@@ -59,6 +61,8 @@ def separation(
         work: its witness is filled unless the search ends early.
         enough: as soon as they are known to be farther apart, a lower bound larger than this is returned [m].
         little: as soon as they are known to be nearer, an upper bound not larger than this is returned [m].
+        rough: where they are farther apart than this, a lower bound of what is beyond it will do, known to a part of
+            itself, `ROUGHNESS` [m].
         deep: True to measure how deep cores that overlap are, False to return minus the margins then.
     """
     a, b = pair
@@ -76,7 +80,7 @@ def separation(
     for _ in range(MOST_STEPS):
         height = -support_of_difference(shapes, pair, r, work.hints, (-v[0], -v[1], -v[2]), simplex[count])
         bound = max(bound, height / length)
-        if bound - margin > enough:
+        if bound - margin > enough or upper - bound <= ROUGHNESS * (bound - margin - rough):
             return float(bound - margin)
         if known and (upper - bound <= DISTANCE_TOLERANCE or is_corner(simplex, count)):
             break

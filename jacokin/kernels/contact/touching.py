@@ -90,7 +90,7 @@ def find_touching(
 def touch(geometry: Geometry, places: Places, hits: Hits, a: int, b: int, margin: float) -> bool:
     """Whether two shapes touch."""
     relate(geometry.shapes, places.frames, a, b, hits.pair.relative)
-    return separation(geometry.shapes, (a, b), hits.pair, margin, margin, margin < 0.0) <= margin
+    return separation(geometry.shapes, (a, b), hits.pair, margin, margin, math.inf, margin < 0.0) <= margin
 
 
 def touching_obstacles(

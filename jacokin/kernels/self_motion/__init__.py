@@ -6,5 +6,7 @@ intervals              the entry point
 slices, seven_joints   all configurations at given values of the parameter
 graph, follow, gaps    joining them to curves: directly, by following a curve, and where it lies between two slices
 arcs, limit_cuts       cutting the curves where the parameter turns back, and where joints pass their limits
+census                 whether they are all that there is, counted in closed form
+straight_wrist         where the outer axes of the wrist are one line, from equations of its own
 nearest, sweep         the member nearest to a seed
 """

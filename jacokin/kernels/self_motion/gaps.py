@@ -13,7 +13,16 @@ from jacokin.kernels.closed_form.arm import pose_of, unpack_arm
 from jacokin.kernels.closed_form.resultant import DEGREE, fourier_of_F
 from jacokin.kernels.limits import TURN
 from jacokin.kernels.self_motion.seven_joints import discriminant, wrist_from_shoulder
-from jacokin.kernels.self_motion.slices import SLICES, SixJoints, Slices, turn_target, wrapped
+from jacokin.kernels.self_motion.slices import (
+    EDGES,
+    SLICES,
+    WINDOWS,
+    SevenJoints,
+    SixJoints,
+    Slices,
+    turn_target,
+    wrapped,
+)
 from jacokin.kernels.vector import Vec
 
 #: Samples from one slice to the next.
@@ -58,18 +67,26 @@ def insert_slice(slices: Slices, n: int, p: float) -> int:
         return n
     i = n
     while i > 0 and slices.p[i - 1] > p:
-        slices.p[i] = slices.p[i - 1]
+        slices.p[i], slices.crossed[i] = slices.p[i - 1], slices.crossed[i - 1]
         i -= 1
-    slices.p[i] = p
+    slices.p[i], slices.crossed[i] = p, slices.crossed[i - 1] if i > 0 else 0  # on both sides now
     return n + 1
 
 
-def add_windows(chain: Array, arm7: Array, T: Array, n: int, closed: bool, slices: Slices) -> int:
+def add_windows(chain: Array, seven: SevenJoints, T: Array, n: int, closed: bool, slices: Slices) -> int:
     """Add a slice in each window that none of the first n slices, evenly apart, lies in, and in each gap between two.
 
     Returns how many slices there are then.
     """
+    arm7 = seven.arm
     D0 = wrist_from_shoulder(chain, arm7, T)
+    windows = find_elbow_windows(chain, D0, seven)
+    if windows >= 0:
+        total = n
+        for i in range(windows):
+            p = seven.windows[i, 0]
+            total = insert_new(slices, total, p - TURN * math.floor((p - slices.p[0]) / TURN))
+        return total
     first, step = slices.p[0], (slices.p[1] - slices.p[0]) / WINDOW_SAMPLES
     gaps = n if closed else n - 1
     total = n
@@ -104,11 +121,12 @@ def one_discriminant(chain: Array, arm7: Array, D0: Vec, q3: float, kind: int) -
     return first if kind == 0 else second
 
 
-def find_dip(chain: Array, arm7: Array, D0: Vec, low: float, high: float, kind: int) -> float:
-    """Where a discriminant is negative, near its minimum between low and high; nan if it is not."""
+def find_dip(chain: Array, arm7: Array, D0: Vec, low: float, high: float, kind: int, flip: float) -> float:
+    """Where flip times a discriminant is negative, near its minimum between low and high; nan if it is not."""
     for _ in range(MAXIMUM_STEPS):
         a, b = low + (high - low) / 3.0, high - (high - low) / 3.0
-        at_a, at_b = one_discriminant(chain, arm7, D0, a, kind), one_discriminant(chain, arm7, D0, b, kind)
+        at_a = flip * one_discriminant(chain, arm7, D0, a, kind)
+        at_b = flip * one_discriminant(chain, arm7, D0, b, kind)
         if min(at_a, at_b) < -SHALLOW:
             return a if at_a <= at_b else b
         if at_a <= at_b:
@@ -164,12 +182,126 @@ def add_dips(
             elif here <= before and here <= after:
                 bend = after + before - 2.0 * here
                 if (after - before) * (after - before) > 8.0 * (1.0 - HIGH_MINIMUM) * here * bend:
-                    at = find_dip(chain, arm7, D0, p - step, p + step, kind)
+                    at = find_dip(chain, arm7, D0, p - step, p + step, kind, 1.0)
                     if at == at:
                         total = insert_new(slices, total, at)
             before, here = here, after
     return total
 
+
+# --- Seven joints, nearly stretched: joint 3 has edges, where both values of joint 4 are one ---
+
+#: Values of joint 3 at which edges are looked for, and of the angle round the loop between two of them.
+EDGE_SAMPLES, LOOP_SAMPLES = 96, 192
+EDGE_HALVINGS = 60
+#: Where the samples begin [rad]: at no structured angle.
+FIRST_SAMPLE = 0.1234
+
+
+def add_edge(chain: Array, arm7: Array, D0: Vec, low: float, high: float, seven: SevenJoints, count: int) -> int:
+    """Add the edge between two values of joint 3; returns how many there are then."""
+    if count == EDGES:
+        return count
+    rises = one_discriminant(chain, arm7, D0, high, 0) > 0.0
+    for _ in range(EDGE_HALVINGS):
+        middle = 0.5 * (low + high)
+        if (one_discriminant(chain, arm7, D0, middle, 0) > 0.0) == rises:
+            high = middle
+        else:
+            low = middle
+    seven.edges[count] = high if rises else low  # where there are configurations
+    return count + 1
+
+
+def find_edges(chain: Array, D0: Vec, seven: SevenJoints) -> int:
+    """Fill seven.edges with where the discriminant of joint 4 changes its sign, the first one where it rises."""
+    arm7, step, count = seven.arm, TURN / EDGE_SAMPLES, 0
+    before = one_discriminant(chain, arm7, D0, FIRST_SAMPLE - step, 0)
+    here = one_discriminant(chain, arm7, D0, FIRST_SAMPLE, 0)
+    begins_inside = here > 0.0
+    for i in range(EDGE_SAMPLES):
+        p = FIRST_SAMPLE + i * step
+        after = one_discriminant(chain, arm7, D0, p + step, 0)
+        at = math.nan
+        if here > 0.0 and before > here and after >= here:
+            at = find_dip(chain, arm7, D0, p - step, p + step, 0, 1.0)
+        elif not here > 0.0 and here > before and here >= after and not after > 0.0:
+            at = find_dip(chain, arm7, D0, p - step, p + step, 0, -1.0)
+        if at == at:
+            count = add_edge(chain, arm7, D0, p - step, at, seven, count)
+            count = add_edge(chain, arm7, D0, at, p + step, seven, count)
+        if (here > 0.0) != (after > 0.0):
+            count = add_edge(chain, arm7, D0, p, p + step, seven, count)
+        before, here = here, after
+    if begins_inside and count > 0:
+        first = seven.edges[0]
+        for i in range(count - 1):
+            seven.edges[i] = seven.edges[i + 1]
+        seven.edges[count - 1] = first + TURN
+    return count - count % 2
+
+
+def loop_place(low: float, high: float, angle: float) -> tuple[float, float]:
+    """Joint 3 [rad] and the sign of joint 4 at an angle round the loop that both values of joint 4 make."""
+    q3 = 0.5 * (low + high) - 0.5 * (high - low) * math.cos(angle)
+    return q3, 1.0 if math.sin(angle) > 0.0 else -1.0
+
+
+def loop_discriminant(chain: Array, arm7: Array, D0: Vec, low: float, high: float, angle: float) -> float:
+    """The discriminant of joint 2 at an angle round the loop, in which it is smooth."""
+    q3, sign = loop_place(low, high, angle)
+    return discriminant(chain, arm7, D0, q3, sign)[1]
+
+
+def add_extremum(
+    chain: Array, D0: Vec, low: float, high: float, angle: float, flip: float, seven: SevenJoints, count: int
+) -> int:
+    """Add the place near an angle where flip times the discriminant is largest, if it is positive there."""
+    step = TURN / LOOP_SAMPLES
+    a, b = angle - step, angle + step
+    for _ in range(MAXIMUM_STEPS):
+        if flip * loop_discriminant(chain, seven.arm, D0, low, high, angle) > (0.0 if flip > 0.0 else SHALLOW):
+            if count < WINDOWS:
+                seven.windows[count, 0], sign = loop_place(low, high, angle)
+                seven.windows[count, 1] = sign if flip > 0.0 else 0.0
+                return count + 1
+            return count
+        c, d = a + (b - a) / 3.0, b - (b - a) / 3.0
+        at_c = flip * loop_discriminant(chain, seven.arm, D0, low, high, c)
+        at_d = flip * loop_discriminant(chain, seven.arm, D0, low, high, d)
+        if at_c >= at_d:
+            b, angle = d, c
+        else:
+            a, angle = c, d
+    return count
+
+
+def find_elbow_windows(chain: Array, D0: Vec, seven: SevenJoints) -> int:
+    """Fill seven.windows between the edges of joint 3; returns how many there are, -1 where there are no edges.
+
+    Where both values of joint 4 are nearly one, the discriminant of joint 2 changes as the root of the way to the edge,
+    and windows of it are narrow there; round the loop it is smooth.
+    """
+    edges, count = find_edges(chain, D0, seven), 0
+    if edges == 0:
+        return -1
+    step = TURN / LOOP_SAMPLES
+    for i in range(0, edges, 2):
+        low, high = seven.edges[i], seven.edges[i + 1]
+        before = loop_discriminant(chain, seven.arm, D0, low, high, -0.5 * step)
+        here = loop_discriminant(chain, seven.arm, D0, low, high, 0.5 * step)
+        for n in range(LOOP_SAMPLES):
+            angle = (n + 0.5) * step
+            after = loop_discriminant(chain, seven.arm, D0, low, high, angle + step)
+            if here > before and here >= after:
+                count = add_extremum(chain, D0, low, high, angle, 1.0, seven, count)
+            elif here < before and here <= after:
+                count = add_extremum(chain, D0, low, high, angle, -1.0, seven, count)
+            before, here = here, after
+    return count
+
+
+# --- Six joints and a free axis ---
 
 ALL_ROOTS = 2 * DEGREE
 #: [rad] of the parameter, for derivatives.

@@ -6,6 +6,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.kernels.chain import tangent7
@@ -38,6 +39,7 @@ class Cuts(NamedTuple):
     events: Array  # (EVENTS, 10)
     intervals: Array  # (INTERVALS, 21)
     stack: Array  # (16, 29) halves of a chord: its nodes, how often it was halved
+    lost: NDArray[np.int64]  # (1,) places that were not found, next to where curves meet
 
 
 def make_cuts() -> Cuts:
@@ -47,6 +49,7 @@ def make_cuts() -> Cuts:
         np.empty((EVENTS, EVENT_COLUMNS)),
         np.empty((INTERVALS, INTERVAL_COLUMNS)),
         np.empty((HALVINGS + 2, 29)),
+        np.zeros(1, np.int64),
     )
 
 
@@ -115,7 +118,9 @@ def add_crossings(
             top += 1
             continue
         crosses = (v0 < 0.0) != (v1 < 0.0) and n < EVENTS
-        if crosses and where_joint_is(chain, T, a, b, j, level, walk.x, walk) >= 0.0:
+        if crosses and where_joint_is(chain, T, a, b, j, level, walk.x, walk) < 0.0:
+            cuts.lost[0] += 1
+        elif crosses:
             event = cuts.events[n]
             whole = share_of(arcs.nodes[node], arcs.nodes[node + 1], walk.x)
             event[NODE], event[SHARE], event[CODE] = node, whole, code
@@ -124,7 +129,12 @@ def add_crossings(
             event[POINT + j] = level
             n += 1
         elif open_ and abs(v0) < CORNER and abs(v1) < CORNER:
-            n = add_touch(arcs, node, j, level, code, a if abs(v0) < abs(v1) else b, n, cuts)
+            # At the extremum itself: another joint may pass its limit just there.
+            d0, d1 = a[7 + j], b[7 + j]
+            share = d0 / (d0 - d1) if d0 * d1 < 0.0 else 0.0
+            exact = share > 0.0 and between(chain, T, a, b, share, walk.x, walk)
+            nearer = a if abs(v0) < abs(v1) else b
+            n = add_touch(arcs, node, j, level, code, walk.x if exact else nearer, n, cuts)
         top -= 1
     return n
 
@@ -179,7 +189,10 @@ def comes_before(a: Array, b: Array) -> bool:
 
 
 def point_between(chain: Array, T: Array, arcs: Arcs, arc: int, i: int, n: int, cuts: Cuts, walk: Walk) -> bool:
-    """Fill walk.x with a point between events i - 1 and i of n on an arc; any point between tells for all of them."""
+    """Fill walk.x with a point between events i - 1 and i of n on an arc; any point between tells for all of them.
+
+    False, and counted in cuts.lost, where none is found.
+    """
     a, u, b, v = arcs.arcs[arc, 0], 0.0, arcs.arcs[arc, 1] - 2, 1.0  # first and last chord
     if i > 0:
         a, u = int(cuts.events[i - 1, NODE]), cuts.events[i - 1, SHARE]
@@ -190,15 +203,23 @@ def point_between(chain: Array, T: Array, arcs: Arcs, arc: int, i: int, n: int, 
         share = 0.5 * (u + v)
     elif b == a + 1:
         middle, share = (a, 0.5 * (u + 1.0)) if 1.0 - u > v else (b, 0.5 * v)
-    return between(chain, T, arcs.nodes[middle], arcs.nodes[middle + 1], share, walk.x, walk)
+    if between(chain, T, arcs.nodes[middle], arcs.nodes[middle + 1], share, walk.x, walk):
+        return True
+    if a == b:
+        cuts.lost[0] += 1
+        return False
+    for m in range(7):
+        walk.x[m] = arcs.nodes[(a + b + 1) // 2, m]
+    return True
 
 
 def cut(chain: Array, T: Array, arcs: Arcs, cuts: Cuts, walk: Walk) -> int:
     """Fill cuts.intervals with the parts of all arcs that are within the limits; returns how many."""
     found = 0
+    cuts.lost[0] = 0
     for arc in range(arcs.size[1]):
         n = events_of_arc(chain, T, arcs, arc, cuts, walk)
-        before = False  # whether the part before is within the limits
+        before = False  # whether the part before is within the limits, or a single point that is
         for i in range(n + 1):
             inside = point_between(chain, T, arcs, arc, i, n, cuts, walk) and is_within(walk.x, cuts.limits, 0.0)
             keep = inside
@@ -207,7 +228,7 @@ def cut(chain: Array, T: Array, arcs: Arcs, cuts: Cuts, walk: Walk) -> int:
                 keep = not (
                     point_between(chain, T, arcs, arc, i + 1, n, cuts, walk) and is_within(walk.x, cuts.limits, 0.0)
                 )
-            before = inside
+            before = keep
             if keep and found < INTERVALS:
                 enter_interval(arcs, arc, i, n, cuts, found)
                 found += 1

@@ -9,13 +9,9 @@ from __future__ import annotations
 import math
 
 from jacokin.arrays import Array
-from jacokin.kernels.limits import TURN
 from jacokin.kernels.vector import Vec, dot
 
 MOST_AT_Q3 = 8
-#: Values of joint 3 at which a straight wrist is looked for, and [m] and [m^2] what is left to rounding and to targets
-#: at the edge of reach.
-STRAIGHT_SAMPLES, STRAIGHT_SLACK = 8, 1e-6
 
 
 def row_of(chain: Array, i: int, k: int) -> Vec:
@@ -106,36 +102,6 @@ def discriminant(chain: Array, arm7: Array, D0: Vec, q3: float, sign: float) -> 
     v = wrist_after_joint_2(chain, arm7, u, c3, s3, math.cos(q4), math.sin(q4))
     a, b, c = plane_equation(row_of(chain, 1, 2), v, D0[2])
     return first, a * a + b * b - c * c
-
-
-def may_be_straight(chain: Array, arm7: Array, T: Array) -> bool:
-    """Whether axes 5 and 7 may be one line for some joint 3: a bound, from values all around the circle.
-
-    The wrist centre W and the direction of axis 5 depend on joints 1 to 4, and W - O seen along axis 5 on joints 3
-    and 4 only. Seen along axis 7 it must be as long.
-    """
-    D0 = wrist_from_shoulder(chain, arm7, T)
-    along7 = dot(turned_back(chain, 0, of_target(T, row_of(chain, 7, 2))), D0)
-    w4, z5 = (arm7[9], arm7[10], arm7[11]), column_of(chain, 4, 2)
-    for i in range(2):
-        least, most = math.inf, -math.inf
-        for n in range(STRAIGHT_SAMPLES):
-            q3 = TURN * n / STRAIGHT_SAMPLES
-            c3, s3 = math.cos(q3), math.sin(q3)
-            u = elbow(chain, arm7, c3, s3)
-            a, b, c = elbow_equation(chain, arm7, D0, u, c3, s3)
-            r4 = math.sqrt(a * a + b * b)
-            if r4 == 0.0 or abs(c) > r4 + STRAIGHT_SLACK:
-                continue
-            half4 = math.acos(min(1.0, max(-1.0, c / r4)))
-            q4 = math.atan2(b, a) + (half4 if i == 0 else -half4)
-            seen = turned_back(chain, 3, about_z(c3, -s3, turned_back(chain, 2, u)))
-            along5 = dot(z5, w4) + dot(z5, about_z(math.cos(q4), -math.sin(q4), seen))
-            least, most = min(least, along5), max(most, along5)
-        slack = most - least + STRAIGHT_SLACK
-        if least - slack <= abs(along7) <= most + slack or least - slack <= -abs(along7) <= most + slack:
-            return True
-    return False
 
 
 def solve_at_q3(chain: Array, arm7: Array, T: Array, q3: float, rows: Array) -> int:

@@ -19,6 +19,8 @@ from jacokin.kernels.self_motion.seven_joints import MOST_AT_Q3, solve_at_q3
 
 #: Values of the parameter at most, and points at each.
 SLICES, POINTS = 128, 24
+#: Edges of joint 3 of seven joints, and windows between them, at most.
+EDGES, WINDOWS = 8, 32
 #: Points without a tangent that are kept.
 SINGULAR = 32
 #: Points at quarter turns of the parameter that are kept, and [rad] values that are a quarter turn but for rounding.
@@ -29,7 +31,7 @@ class SixJoints(NamedTuple):
     """A six-joint arm and the free axis of its tool."""
 
     chain: Array  # (7, 3, 4)
-    arm: Array  # (42,)
+    arm: Array  # (46,)
     limits: Array  # (3, 6)
     axis: Array  # (3,) unit vector in the tool frame
     T: Array  # (4, 4) the target turned about the axis
@@ -42,6 +44,8 @@ class SevenJoints(NamedTuple):
 
     arm: Array  # (12,) as `seven_joints.solve_at_q3` needs it
     rows: Array  # (8, 7)
+    edges: Array  # (EDGES,) joint 3 where both values of joint 4 are one, see `gaps`
+    windows: Array  # (WINDOWS, 2) joint 3 in windows between them, and the sign of joint 4; sign 0 in gaps between two
 
 
 class Slices(NamedTuple):
@@ -75,7 +79,7 @@ def make_six_joints() -> SixJoints:
 
 def make_seven_joints() -> SevenJoints:
     """Fresh arrays."""
-    return SevenJoints(np.zeros(12), np.empty((MOST_AT_Q3, 7)))
+    return SevenJoints(np.zeros(12), np.empty((MOST_AT_Q3, 7)), np.empty(EDGES), np.empty((WINDOWS, 2)))
 
 
 def make_slices() -> Slices:

@@ -14,7 +14,7 @@ from jacokin.arrays import Array
 from jacokin.kernels.chain import tangent7
 from jacokin.kernels.limits import TURN
 from jacokin.kernels.self_motion.follow import Walk, follow
-from jacokin.kernels.self_motion.gaps import WINDOW_SAMPLES, find_maximum, lower_discriminant
+from jacokin.kernels.self_motion.gaps import WINDOW_SAMPLES, find_elbow_windows, find_maximum, lower_discriminant
 from jacokin.kernels.self_motion.graph import bridge
 from jacokin.kernels.self_motion.nearest import Nearest, least_distance, offer, search_chord
 from jacokin.kernels.self_motion.seven_joints import MOST_AT_Q3, solve_at_q3, wrist_from_shoulder
@@ -72,8 +72,12 @@ def sweep(work: SweepWork) -> bool:
             break
         nearest.bounds[i, k] = math.inf
         found = search_link(work, i, k) and found
-    for sign in (1.0, -1.0):
-        found = search_windows(work, low, high, sign) and found
+    windows = find_elbow_windows(work.chain, wrist_from_shoulder(work.chain, work.seven.arm, work.T), work.seven)
+    for n in range(windows):
+        found = search_elbow_window(work, low, high, work.seven.windows[n, 0], work.seven.windows[n, 1]) and found
+    if windows < 0:
+        for sign in (1.0, -1.0):
+            found = search_windows(work, low, high, sign) and found
     return found
 
 
@@ -303,6 +307,16 @@ def search_windows(work: SweepWork, low: int, high: int, sign: float) -> bool:
                 found = search_window(work, at, i, first) and found
             before, here = here, after
     return found
+
+
+def search_elbow_window(work: SweepWork, low: int, high: int, at: float, sign: float) -> bool:
+    """Look at the curves in a window between edges of joint 3, with one of the two signs of joint 4; 0 for none."""
+    seed = work.nearest.seed[JOINT_3]
+    at = seed + wrapped(at - seed)
+    i = SWEEP // 2 + math.floor((at - seed) / STEP)
+    if sign == 0.0 or not low <= i < high or abs(at - seed) >= work.nearest.best[0]:
+        return True
+    return search_window(work, at, i, 0 if sign > 0.0 else 4)
 
 
 def search_window(work: SweepWork, at: float, i: int, first: int) -> bool:

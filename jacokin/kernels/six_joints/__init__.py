@@ -5,5 +5,8 @@ loop               the closed loop of joints and links, and its twelve labelling
 equations          six equations in three angles
 characteristic     the determinant that has one angle only
 roots, starts      its real roots, and the configurations that follow from them
+spherical_wrist    where three axes meet, a closed form: the point where they do first
+parallel_axes      where three are parallel: what they do not move first
+candidates         what both share: angles two at a time, and branches from them
 ranking            which labellings suit an arm
 """

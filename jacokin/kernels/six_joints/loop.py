@@ -18,6 +18,8 @@ from jacokin.kernels.vector import Vec
 
 #: 0..5 begin at that joint and go forwards, 6..11 at the joint 6 less, backwards.
 LABELLINGS = 12
+#: Structures with a form of their own: axes 4, 5 and 6 of a labelling meet; axes 2, 3 and 4 are parallel, 5 and 6 meet.
+GENERAL, SPHERICAL_WRIST, PARALLEL_AXES = 0, 1, 2
 #: Neighbours of an arm, and how far a link is moved: [rad], and part of the arm's length. Branches whose Jacobian has
 #: singular values above 1e-3 move by less than Newton's method brings back; structures are broken well above rounding.
 NEIGHBOURS, LINK_MOVE = 3, 1e-5
@@ -45,6 +47,10 @@ class SixArm(NamedTuple):
     scale: float  # what lengths are multiplied by, so that the arm's is about 1 [1/m]; 0 for an arm built like a Jaco
     own: int  # the labelling that the arm is solved in
     neighbours: int  # the one that its neighbours are solved in
+    form: int  # `GENERAL`, or the structure that gives its branches more directly,
+    form_labelling: int  # and the labelling in which it does
+    first: float  # of the two axes on whose point that form rests, where the point is on each, lengths scaled
+    second: float
 
 
 def joint_of(labelling: int, i: int) -> int:

@@ -10,9 +10,20 @@ from jacokin.kernels.branches import FAMILY, BranchWork, PoseQuery, add_branch, 
 from jacokin.kernels.chain import Newton, errors, least_squares, linearise
 from jacokin.kernels.closed_form.folds import most_singular_joint
 from jacokin.kernels.limits import TURN, circular_distance
+from jacokin.kernels.six_joints.candidates import Candidates, make_candidates
 from jacokin.kernels.six_joints.equations import Equations, make_equations, write_equations
-from jacokin.kernels.six_joints.loop import NEIGHBOURS, SixArm, fill_links, joint_of, move_links
+from jacokin.kernels.six_joints.loop import (
+    NEIGHBOURS,
+    PARALLEL_AXES,
+    SPHERICAL_WRIST,
+    SixArm,
+    fill_links,
+    joint_of,
+    move_links,
+)
+from jacokin.kernels.six_joints.parallel_axes import branches_of_parallel_axes
 from jacokin.kernels.six_joints.roots import SixRoots, find_six_roots, make_six_roots
+from jacokin.kernels.six_joints.spherical_wrist import branches_of_spherical_wrist
 from jacokin.kernels.six_joints.starts import (
     NullSpace,
     decompose,
@@ -26,6 +37,8 @@ from jacokin.kernels.tolerances import CONTINUUM_CLOSURE, SAME_THETA, SINGULAR_D
 
 #: More undecided intervals than this are no places but a continuum, which its neighbours show.
 MAX_INTERVALS = 16
+#: [rad]; roots nearer than this, twice `SAME_THETA`, may share a branch, or be one that rounding splits.
+ROOTS_APART = 4e-6
 #: [rad]; a branch of a neighbour that Newton's method moves farther may have left a branch of the arm behind.
 FARTHEST_MOVE = 0.05
 #: Steps from a member of a continuum to the seed's angle, of least squares in each, the shortest [rad].
@@ -38,22 +51,29 @@ class SixWork(NamedTuple):
     equations: Equations
     roots: SixRoots
     null: NullSpace
+    candidates: Candidates
 
 
 def make_six() -> SixWork:
     """Fresh work arrays."""
-    return SixWork(make_equations(), make_six_roots(), make_null_space())
+    return SixWork(make_equations(), make_six_roots(), make_null_space(), make_candidates())
 
 
 def solve_six_joints(arm: SixArm, query: PoseQuery, work: SixWork, branches: BranchWork) -> None:
     """Fill branches.rows with every branch of one target, in no particular order.
 
-    The arm itself is solved first. Where F has more than single roots that stand apart, by the arm's structure or the
-    target's, branches may hide behind each other: there a neighbour is solved as well, an arm with each link moved by
-    so little that Newton's method leads from its branches to those of the arm. One that is not in doubt itself and adds
-    no branch settles the matter; where none of three does, branches.filled says that some may be missing.
+    An arm with a form of its own is solved by that. Others are, and what such a form leaves open, in the general way:
+    the arm itself first. Where F has more than single roots that stand apart, by the arm's structure or the target's,
+    branches may hide behind each other: there a neighbour is solved as well, an arm with each link moved by so little
+    that Newton's method leads from its branches to those of the arm. One that is not in doubt itself and adds no branch
+    settles the matter; where none of three does, branches.filled says that some may be missing.
     """
     branches.fold.filled[0] = 0
+    if arm.form == SPHERICAL_WRIST:
+        if branches_of_spherical_wrist(arm, query, work.candidates, work.roots.fourier, branches):
+            return
+    elif arm.form == PARALLEL_AXES and branches_of_parallel_axes(arm, query, work.candidates, branches):
+        return
     if branches_of_labelling(arm.scale, arm.own, -1, query, work, branches):
         settled = False
         for n in range(NEIGHBOURS):
@@ -91,9 +111,7 @@ def branches_of_labelling(
     count = find_six_roots(e, work.roots)
     if count < 0:
         return True
-    # Where the arm itself had to be looked at closely, its structure may make roots coincide.
-    joint, intervals = joint_of(labelling, 2), 0
-    in_doubt = neighbour < 0 and work.roots.filled[1] > 0
+    joint, intervals, in_doubt = joint_of(labelling, 2), 0, False
     for i in range(count):
         theta, width = found[i, 0], found[i, 1]
         if width < 0.0:
@@ -112,7 +130,22 @@ def branches_of_labelling(
         if found[i, 1] < 0.0 and intervals <= MAX_INTERVALS:
             both = branches_in_stretch(labelling, joint, found[i, 0], -found[i, 1], query, work, branches)
             work.roots.filled[2] += not both
-    return in_doubt or intervals > 0
+    if neighbour < 0 and branches.filled[0] < count:
+        in_doubt = True  # two roots led to one branch: another is near one of them
+    if neighbour < 0 and work.roots.filled[1] > 0:
+        # The arm itself had to be looked at closely: its structure may make roots coincide.
+        in_doubt = in_doubt or work.roots.filled[3] > 0 or branches.fold.filled[0] > 0
+        in_doubt = in_doubt or branches.filled[0] != count or not stand_apart(found, count)
+    return in_doubt or intervals > 0 or (neighbour < 0 and count % 2 > 0)
+
+
+def stand_apart(found: Array, count: int) -> bool:
+    """Whether roots are so far from each other that each has its own branch nearby."""
+    for i in range(count):
+        for j in range(i):
+            if circular_distance(found[i, 0] - found[j, 0]) < ROOTS_APART + 4.0 * (found[i, 1] + found[j, 1]):
+                return False
+    return True
 
 
 def branch_from(start: Array, query: PoseQuery, branches: BranchWork) -> bool:

@@ -34,6 +34,13 @@ LEVELS, LARGEST_PART = 8, 0.6
 #: Parts of a stretch that are all noise are kept from this size, and any from the second.
 NOISE_PART, LEAST_PART = 1.0 / 8.0, 1.0 / 256.0
 BRACKETED_STEPS = 60
+#: [rad], and part of the interval: a root is known after a step this small. Newton's method on the arm goes on from it.
+FOUND_ROOT, FOUND_PART = 1e-9, 1e-4
+#: [rad]; F is still noise so far from a root where others are beside it, which rounding hides.
+BESIDE = 2e-6
+#: Where F touches zero its extremum may be as far on the other side of zero as the noise: its roots are then the square
+#: root of two as far apart as from zero, and cubic terms move them.
+TOUCHING = 1.5
 
 NODES = 0.5 - 0.5 * np.cos(np.pi * (np.arange(SIZE) + 0.5) / SIZE)
 
@@ -55,7 +62,7 @@ class SixRoots(NamedTuple):
     determinant: Determinant
     found: Array  # (96, 2) root or middle [rad], uncertainty of a single root, or minus half the width of an interval
     stretches: Array  # (128, 3) middle and half-width to look at [rad], level
-    filled: NDArray[np.int64]  # (3,) found, stretches, and intervals without two branches
+    filled: NDArray[np.int64]  # (4,) found, stretches, intervals without two branches, stretches that are not settled
     values: Array  # (17,)
 
 
@@ -66,7 +73,7 @@ def make_six_roots() -> SixRoots:
         make_determinant(),
         np.empty((MAX_SIX_ROOTS, 2)),
         np.empty((MAX_STRETCHES, 3)),
-        np.zeros(3, np.int64),
+        np.zeros(4, np.int64),
         np.empty(SIZE),
     )
 
@@ -74,7 +81,7 @@ def make_six_roots() -> SixRoots:
 def find_six_roots(e: Equations, work: SixRoots) -> int:
     """Fill work.found with single roots and undecided intervals; returns how many, -1 where F is all noise."""
     cosine, sine, rough, filled = work.fourier.cosine, work.fourier.sine, work.fourier.roots, work.filled
-    filled[0], filled[1], filled[2] = 0, 0, 0
+    filled[0], filled[1], filled[2], filled[3] = 0, 0, 0, 0
     noise = fourier_of_determinant(e, work.determinant, cosine, sine)
     total = 0.0
     for n in range(cosine.shape[0]):
@@ -84,13 +91,17 @@ def find_six_roots(e: Equations, work: SixRoots) -> int:
     count = find_roots(noise, 0.0, work.fourier)
     for i in range(count):
         if rough[i, 1] > 0.0:
-            add_stretch(work, rough[i, 0], rough[i, 1], 0)
+            add_stretch(work, rough[i, 0], rough[i, 1] * (TOUCHING if rough[i, 2] > 0.0 else 1.0), 0)
             continue
         _, slope = value_and_slope(cosine, sine, rough[i, 0])
         add_root(work, rough[i, 0], noise / abs(slope) if slope != 0.0 else 0.0)
     i = 0
     while i < filled[1]:
+        before = filled[0]
         look_closer(e, work, i)
+        # One look that shows roots settles a stretch. Where it takes more, or shows none, many roots may be together,
+        # of which rounding says little.
+        filled[3] += work.stretches[i, 2] > 0.0 or filled[0] == before
         i += 1
     return int(filled[0])
 
@@ -125,15 +136,11 @@ def look_closer(e: Equations, work: SixRoots, index: int) -> None:
     middle, half, level = work.stretches[index, 0], work.stretches[index, 1], int(work.stretches[index, 2])
     half = 1.02 * half + 0.25 * MIN_WIDTH
     tau = math.tan(0.5 * half)
-    stack, place, values = work.fourier.stack, work.fourier.place, work.values
+    stack, place, values, filled = work.fourier.stack, work.fourier.place, work.values, work.filled
     largest = 0.0
     for k in range(SIZE):
-        t = tau * (2.0 * NODES[k] - 1.0)
-        theta = middle + 2.0 * math.atan(t)
-        square = (1.0 + t * t) * (1.0 + t * t)
-        values[k] = (
-            determinant(e, math.cos(theta), math.sin(theta), work.determinant) * square * square * square * square
-        )
+        theta = middle + 2.0 * math.atan(tau * (2.0 * NODES[k] - 1.0))
+        values[k] = determinant(e, math.cos(theta), math.sin(theta), work.determinant) * factor_of(tau, NODES[k])
         largest = max(largest, abs(values[k]))
     for j in range(SIZE):
         stack[0, j] = 0.0
@@ -153,7 +160,16 @@ def look_closer(e: Equations, work: SixRoots, index: int) -> None:
             middle + 2.0 * math.atan(tau * (2.0 * (x + width) - 1.0)),
         )
         if possible == 1:
-            add_root(work, bracketed_root(e, work.determinant, low, high), 0.0)
+            j = 0
+            while (b[j + 1] > 0.0) == (b[0] > 0.0):
+                j += 1
+            guess = x + width * (j + b[j] / (b[j] - b[j + 1])) / (SIZE - 1)
+            guess = middle + 2.0 * math.atan(tau * (2.0 * guess - 1.0))
+            at_low, at_high = b[0] / factor_of(tau, x), b[SIZE - 1] / factor_of(tau, x + width)
+            root = bracketed_root(e, work.determinant, low, high, at_low, at_high, guess)
+            beside = root + BESIDE
+            filled[3] += not abs(determinant(e, math.cos(beside), math.sin(beside), work.determinant)) > noise
+            add_root(work, root, 0.0)
             top -= 1
             continue
         if width <= (NOISE_PART if possible == SIZE else LEAST_PART) or high - low <= 0.5 * MIN_WIDTH:
@@ -177,20 +193,32 @@ def look_closer(e: Equations, work: SixRoots, index: int) -> None:
     work.filled[1] = kept
 
 
-def bracketed_root(e: Equations, work: Determinant, low: float, high: float) -> float:
-    """The one root in an interval, from determinants alone: the secant method, kept within the bracket."""
-    at_low = determinant(e, math.cos(low), math.sin(low), work)
-    at_high = determinant(e, math.cos(high), math.sin(high), work)
+def factor_of(tau: float, x: float) -> float:
+    """What makes F a polynomial on a stretch, at its place x in [0, 1]."""
+    t = tau * (2.0 * x - 1.0)
+    square = (1.0 + t * t) * (1.0 + t * t)
+    return square * square * square * square
+
+
+def bracketed_root(
+    e: Equations, work: Determinant, low: float, high: float, at_low: float, at_high: float, theta: float
+) -> float:
+    """The one root in an interval, from determinants: the secant method, kept within the bracket.
+
+    Args:
+        e: the equations.
+        work: work arrays.
+        low: one end [rad].
+        high: the other end [rad].
+        at_low: about F there, of the sign that F has.
+        at_high: the same at the other end.
+        theta: a first guess [rad].
+    """
+    enough = min(FOUND_ROOT, FOUND_PART * (high - low))
     side = 0
-    theta = 0.5 * (low + high)
     for _ in range(BRACKETED_STEPS):
-        if high - low <= 1e-14 or (at_low > 0.0) == (at_high > 0.0):
-            break
-        theta = (low * at_high - high * at_low) / (at_high - at_low)
-        if not low < theta < high:
-            theta = 0.5 * (low + high)
         value = determinant(e, math.cos(theta), math.sin(theta), work)
-        if value == 0.0 or min(theta - low, high - theta) < 1e-13:
+        if value == 0.0:
             break
         if (value > 0.0) == (at_high > 0.0):
             high, at_high = theta, value
@@ -200,4 +228,10 @@ def bracketed_root(e: Equations, work: Determinant, low: float, high: float) -> 
             low, at_low = theta, value
             at_high = 0.5 * at_high if side == -1 else at_high
             side = -1
+        before = theta
+        theta = (low * at_high - high * at_low) / (at_high - at_low)
+        if not low < theta < high:
+            theta = 0.5 * (low + high)
+        if abs(theta - before) < enough:
+            break
     return theta

@@ -18,7 +18,7 @@ from jacokin.motion import AxisTarget, OrientationTarget, PoseTarget, PositionTa
 
 @pytest.fixture(scope="module")
 def solver() -> IKSolver:
-    return IKSolver(jacokin.load_robot())
+    return IKSolver(jacokin.load_robot(), collision="ignore")
 
 
 def margin(solver: IKSolver, q: Array) -> float:
@@ -143,7 +143,7 @@ def test_the_best_member_of_a_straight_wrist_is_found(
         dense = q + turn[:, np.newaxis] * way
         dense = np.array([each for each in dense if robot.within_limits(each)])
         target = T if robot.dof == 7 else FreeAxis(T, axis=rng.normal(size=3))
-        solver = IKSolver(robot)
+        solver = IKSolver(robot, collision="ignore")
         costs: dict[str, Callable[[Array], float]] = {
             "margin": functools.partial(cramped, solver),
             "manipulability": functools.partial(stiffness, robot),
@@ -160,7 +160,7 @@ def test_samples_of_a_straight_wrist_reach_from_limit_to_limit(rng: np.random.Ge
     q = robot.sample(rng)
     q[5] = np.pi
     robot = jacokin.load_robot("j2s7s300", limits={"joint_7": (float(q[6] - 0.5), float(q[6] + 0.4))})
-    family = IKSolver(robot).family(robot.forward_kinematics(q), seed=q)
+    family = IKSolver(robot, collision="ignore").family(robot.forward_kinematics(q), seed=q)
     wrist = [interval for interval in family if interval.start == interval.stop]
     assert wrist
     for interval in wrist:

@@ -20,7 +20,7 @@ TOLERANCE = 1e-6  # [m] and [rad] of a success
 
 @pytest.fixture(scope="module", params=["j2s7s300", "j2s6s300"])
 def solver(request: pytest.FixtureRequest) -> IKSolver:
-    return IKSolver(jacokin.load_robot(request.param))
+    return IKSolver(jacokin.load_robot(request.param), collision="ignore")
 
 
 def stretched(robot: Robot, rng: np.random.Generator) -> Array:
@@ -110,7 +110,7 @@ def test_joints_on_their_limits_are_members_too(solver: IKSolver, rng: np.random
 
 def test_the_only_curve_may_lie_between_two_slices(rng: np.random.Generator) -> None:
     robot = jacokin.load_robot("j2s6s300")
-    solver = IKSolver(robot)
+    solver = IKSolver(robot, collision="ignore")
     for _ in range(12):
         q = stretched(robot, rng)
         q[4] = math.pi + rng.choice([-1.0, 1.0]) * rng.uniform(0.002, 0.03)  # within reach for twice this angle at most
@@ -136,7 +136,7 @@ def test_the_end_of_a_range_may_be_the_only_member(several: int, count: int, rng
             (upper if rates[joint] > 0.0 else lower)[joint] = q[joint]
         limits = {f"joint_{j + 1}": (float(lower[j]), float(upper[j])) for j in range(6)}
         target = FreeAxis(T, axis=axis, range=(0.0, 0.5))
-        family = IKSolver(jacokin.load_robot(name, limits=limits)).family(target, seed=q)
+        family = IKSolver(jacokin.load_robot(name, limits=limits), collision="ignore").family(target, seed=q)
         nearest = family.nearest(q)
         assert nearest is not None
         np.testing.assert_allclose(nearest, q, atol=1e-6)

@@ -22,7 +22,7 @@ RANGES = {"circle": (-math.pi, math.pi), "part": (-0.7, 1.1), "past pi": (2.5, 4
 
 @pytest.fixture(scope="module")
 def solver() -> IKSolver:
-    return IKSolver(jacokin.load_robot())
+    return IKSolver(jacokin.load_robot(), collision="ignore")
 
 
 def scan(solver: IKSolver, target: FreeAxis, parameters: Array) -> NDArray[np.int64]:
@@ -91,7 +91,7 @@ def test_the_nearest_member_to_a_member_is_itself(solver: IKSolver, rng: np.rand
 def test_the_end_of_an_interval_is_the_nearest_member_to_itself() -> None:
     """Of intervals of nearly a turn, rounding may put it before the start, which is past the stop."""
     robot, rng = jacokin.load_robot("j2s6s300"), np.random.default_rng(3)
-    solver = IKSolver(robot)
+    solver = IKSolver(robot, collision="ignore")
     for q in robot.sample(rng, 100):
         q[2] = math.pi  # stretched: a fold
         family = solver.family(FreeAxis(robot.forward_kinematics(q), axis=rng.normal(size=3)))
@@ -174,9 +174,11 @@ def test_own_limits_of_joint_6_cut_the_circle(rng: np.random.Generator) -> None:
     for q in robot.sample(rng, 5):
         for axis in ((0.0, 0.0, 1.0), (0.0, 0.0, -1.0), (1.0, 0.0, 0.0)):
             target = FreeAxis(robot.forward_kinematics(q), axis=axis)
-            family = IKSolver(robot).solve_all(target)
+            family = IKSolver(robot, collision="ignore").solve_all(target)
             parameters = rng.uniform(-math.pi, math.pi, 200)
-            np.testing.assert_array_equal(counted(family, parameters), scan(IKSolver(robot), target, parameters))
+            np.testing.assert_array_equal(
+                counted(family, parameters), scan(IKSolver(robot, collision="ignore"), target, parameters)
+            )
 
 
 def test_statuses_name_the_reason(solver: IKSolver) -> None:
@@ -236,7 +238,7 @@ def test_a_target_is_immutable_and_survives_pickling() -> None:
 def test_a_free_axis_needs_the_closed_form(robot: Robot) -> None:
     target = FreeAxis(robot.forward_kinematics(robot.home), axis=(1.0, 0.0, 0.0))
     with pytest.raises((InvalidInputError, StructureError), match="closed form"):
-        IKSolver(robot, method="qp").solve(target)
+        IKSolver(robot, method="qp", collision="ignore").solve(target)
 
 
 def test_parameters_outside_are_refused(solver: IKSolver) -> None:

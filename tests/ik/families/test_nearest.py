@@ -24,12 +24,12 @@ COARSE = 0.02
 
 @pytest.fixture(scope="module")
 def six() -> IKSolver:
-    return IKSolver(jacokin.load_robot())
+    return IKSolver(jacokin.load_robot(), collision="ignore")
 
 
 @pytest.fixture(scope="module")
 def seven() -> IKSolver:
-    return IKSolver(jacokin.load_robot("j2s7s300"))
+    return IKSolver(jacokin.load_robot("j2s7s300"), collision="ignore")
 
 
 def structured(robot: Robot, rng: np.random.Generator, number: int) -> Array:
@@ -116,7 +116,7 @@ def test_the_nearest_member_about_a_free_axis_needs_no_family(
 
 def test_limits_of_more_than_a_turn_leave_a_choice_of_copies(rng: np.random.Generator) -> None:
     robot = jacokin.load_robot("j2s7s300", limits={"joint_1": (-1.0, 6.0), "joint_5": (-2.0, 1.0)})
-    solver = IKSolver(robot)
+    solver = IKSolver(robot, collision="ignore")
     for q, seed in zip(robot.sample(rng, 5), robot.sample(rng, 5), strict=True):
         target = robot.forward_kinematics(q)
         result = solver.solve(target, seed=seed).raise_for_status()
@@ -153,7 +153,7 @@ def test_about_the_axis_of_the_last_joint_the_others_stay(
 ) -> None:
     """Held against every branch at 2,000 angles about the axis, each solved as a pose of its own."""
     robot = jacokin.load_robot(limits=None if limits is None else {"joint_6": limits})
-    solver = IKSolver(robot)
+    solver = IKSolver(robot, collision="ignore")
     monkeypatch.setattr(Family, "choose", None)  # which the family would be searched by
     solved = 0
     for number in range(count):
@@ -178,7 +178,7 @@ def test_about_the_axis_of_the_last_joint_the_others_stay(
 def test_seeds_far_outside_the_limits(rng: np.random.Generator) -> None:
     robot = jacokin.load_robot()
     target = FreeAxis(robot.forward_kinematics(robot.home), axis=(1.0, 0.0, 0.0))
-    family = IKSolver(robot).family(target)
+    family = IKSolver(robot, collision="ignore").family(target)
     far = rng.uniform(-1e6, 1e6, robot.dof)
     nearest = family.nearest(far)
     assert nearest is not None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import jacokin
@@ -24,7 +25,7 @@ def distance(robot: Robot, rows: Array, seed: Array) -> Array:
 
 
 def solver_of(name: str, **limits: tuple[float, float]) -> IKSolver:
-    return IKSolver(jacokin.load_robot(name, limits=limits or None))
+    return IKSolver(jacokin.load_robot(name, limits=limits or None), collision="ignore")
 
 
 @pytest.mark.parametrize("kind", own_answers.CLASSES)
@@ -90,7 +91,9 @@ def test_seven_joints_at_right_angles_have_a_complete_family(name: str, q: tuple
 def test_singular_members_about_a_free_axis_are_members(
     name: str, q: tuple[float, ...], axis: tuple[float, float, float], *, tool: bool
 ) -> None:
-    solver = IKSolver(jacokin.load_robot(name), tool=jacokin.pose((0.5, 0.0, 0.0)) if tool else None)
+    solver = IKSolver(
+        jacokin.load_robot(name), tool=jacokin.pose((0.5, 0.0, 0.0)) if tool else None, collision="ignore"
+    )
     own = np.clip(np.array(q) * DEGREES, solver.robot.lower, solver.robot.upper)
     target = FreeAxis(solver.verifier.tool_pose(own), axis=axis)
     assert np.abs(wrap_to_pi(solver.solve(target, seed=own).q - own)).max() < 1e-6
@@ -117,6 +120,156 @@ def test_singular_members_of_seven_joints_are_members(q: tuple[float, ...]) -> N
     assert min(np.abs(wrap_to_pi(interval.nearest(own) - own)).max() for interval in solver.solve_all(T)) < 1e-5
 
 
+@pytest.mark.parametrize("tool", [None, jacokin.pose((0.5, 0.0, 0.0))])
+@pytest.mark.parametrize(
+    ("name", "q"),
+    [
+        ("j2s7s300", (0.61138378218, 0.83572912938, 0.04950544671, 5.65130986011, 1.47207155929, math.pi, 2.92796577)),
+        ("j2s7s200", (-2.59700931871, 0.8919505976, 2.9535791234, 0.66637331003, 1.53472613400, math.pi, -0.55055194)),
+        ("j2s7s300", (1.96378332200, 4.0029511772, -2.8281220082, 0.60363645992, -2.44428010421, math.pi, 0.47983119)),
+    ],
+)
+def test_a_straight_wrist_is_found_where_no_node_of_a_curve_is_near_it(
+    name: str, q: tuple[float, ...], tool: pin.SE3 | None
+) -> None:
+    solver = IKSolver(jacokin.load_robot(name), tool=tool)
+    own, T = np.array(q), solver.verifier.tool_pose(np.array(q))
+    assert min(np.abs(wrap_to_pi(interval.nearest(own) - own)).max() for interval in solver.solve_all(T)) < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("name", "q", "axis", "tool"),
+    [
+        # A straight wrist on a stretched arm, beside curves that are a hundredth of a radian long,
+        ("j2s6s300", (0.0, 270.0, 180.0, -180.0, 180.0, -90.0), (1.0, 0.0, 0.0), False),
+        ("j2s6s200", (90.0, 90.0, 180.0, 90.0, 180.0, 0.0), (1.0, 0.0, 0.0), True),
+        # curves of 2e-4 rad that end at a quarter turn,
+        (
+            "j2s6s300",
+            (-2.394225567, 84.359298947, 180.0, -177.688657055, 180.994320757, 51.463503829),
+            (1.0, 0.0, 0.0),
+            False,
+        ),
+        # a closed curve of 2e-3 rad,
+        ("m1n6s300", (-90.0, 90.0, 180.0, -180.0, 90.0, -90.0), (0.0, 1.0, 0.0), True),
+        # and a curve all along which the arm is at the edge of reach.
+        ("m1n6s200", (90.0, 180.0, 180.0, -180.0, 0.0, -90.0), (0.0, 0.0, 1.0), True),
+    ],
+)
+def test_members_at_the_edge_of_reach_are_members(
+    name: str, q: tuple[float, ...], axis: tuple[float, float, float], *, tool: bool
+) -> None:
+    solver = IKSolver(jacokin.load_robot(name), tool=jacokin.pose((0.5, 0.0, 0.0)) if tool else None)
+    own = np.array(q) * DEGREES
+    family = solver.solve_all(FreeAxis(solver.verifier.tool_pose(own), axis=axis))
+    assert min(np.abs(wrap_to_pi(interval.nearest(own) - own)).max() for interval in family) < 1e-6
+
+
+@pytest.mark.parametrize("kind", ["multiples of 90 degrees", "stretched", "straight wrist"])
+@pytest.mark.parametrize("name", ["j2s7s300", "m1n6s300"])
+def test_a_complete_family_has_every_branch_at_many_parameters(name: str, kind: str, rng: np.random.Generator) -> None:
+    solver = solver_of(name)
+    for _ in range(4):
+        q = np.clip(own_answers.CLASSES[kind](solver.robot, rng), solver.robot.lower, solver.robot.upper)
+        T = solver.verifier.tool_pose(q)
+        target = T if solver.robot.dof == 7 else FreeAxis(T, axis=np.eye(3)[int(rng.integers(2))])
+        assert own_answers.find_missing(solver, solver.solve_all(target), target, q, rng) is None
+
+
+@pytest.mark.parametrize("tool", [None, jacokin.pose((0.5, 0.0, 0.0))])
+@pytest.mark.parametrize(
+    ("name", "q", "axis"),
+    [
+        # Where a circle of straight wrists meets other curves, joint 4 passes its limit, too, or touches it,
+        ("j2s7s200", (-180.0, 240.0, 0.0, 330.0, 120.0, 180.0, -150.0), None),
+        ("j2s7s200", (-90.0, 90.0, -180.0, 330.0, -180.0, 180.0, 0.0), None),
+        ("j2s7s200", (90.0, 270.0, 90.0, 330.0, 0.0, 180.0, -180.0), None),
+        # the point in the middle of a curve is not found where others cross it,
+        ("j2n6s300", (-90.0, 270.0, 180.0, 180.0, 180.0, 0.0), (1.0, 0.0, 0.0)),
+        # curves all end next to a circle,
+        ("j2s6s200", (153.8768, 192.6793, 179.4646, -45.5106, 180.0, -111.6135), (0.0, 1.0, 0.0)),
+        # or are taken for others there,
+        ("j2s6s300", (-30.0, 300.0, 180.0, 120.0, 180.0, 90.0), (0.0, 1.0, 0.0)),
+        # and those of an arm that is nearly stretched are short, next to an edge of joint 3.
+        ("j2s7s300", (80.48033, 179.77228, 165.57382, 180.0, 108.64824, 213.28231, -139.30024), None),
+    ],
+)
+def test_a_complete_family_lacks_no_branch_next_to_singular_members(
+    name: str,
+    q: tuple[float, ...],
+    axis: tuple[float, float, float] | None,
+    tool: pin.SE3 | None,
+    rng: np.random.Generator,
+) -> None:
+    solver = IKSolver(jacokin.load_robot(name), tool=tool, collision="ignore")
+    own = np.clip(np.array(q) * DEGREES, solver.robot.lower, solver.robot.upper)
+    T = solver.verifier.tool_pose(own)
+    target = T if axis is None else FreeAxis(T, axis=axis)
+    family = solver.solve_all(target)
+    for _ in range(3):
+        assert own_answers.find_missing(solver, family, target, own, rng) is None
+    assert min(np.abs(wrap_to_pi(interval.nearest(own) - own)).max() for interval in family) < 1e-5
+    assert family.complete or name.startswith("j2s6s")  # curves of 2e-5 rad, and such that a circle hides
+
+
+def test_a_closed_curve_beside_the_folds_of_others_is_found() -> None:
+    """In one gap between slices with them, where roots of the polynomial are not told apart."""
+    solver = IKSolver(jacokin.load_robot("j2n6s300"), tool=jacokin.pose((0.5, 0.0, 0.0)), collision="ignore")
+    own = np.array([-2.9045244743715575, 1.0518690959367183, 3.672064522043798, 1.98265586, -0.92327451, 2.16419309])
+    axis = (-0.2291247435016545, 0.09322864979913463, -0.968922221218985)
+    target = FreeAxis(solver.verifier.tool_pose(own), axis=axis)
+    family = solver.solve_all(target)
+    assert family.complete
+    assert family.branches == 10
+    there = solver.solve_all(target.at(-1.0264559))
+    assert len(there) == sum(arc.contains(-1.0264559) for arc in family) + (~there.within_limits).sum()
+
+
+def test_a_small_closed_curve_through_a_quarter_turn_is_found(rng: np.random.Generator) -> None:
+    solver = IKSolver(jacokin.load_robot("m1n6s300"), tool=jacokin.pose((0.5, 0.0, 0.0)))
+    own = np.array((-90.0, 90.0, 180.0, -180.0, 90.0, -90.0)) * DEGREES
+    target = FreeAxis(solver.verifier.tool_pose(own), axis=(0.0, 1.0, 0.0))
+    assert own_answers.find_missing(solver, solver.solve_all(target), target, own, rng) is None
+
+
+def test_a_family_without_a_small_curve_through_a_singular_point_is_not_called_complete(
+    rng: np.random.Generator,
+) -> None:
+    solver = solver_of("j2s6s300")
+    own = np.array((90.0, 180.0, 180.0, 90.0, 270.0, 90.0)) * DEGREES
+    axis = (0.10821628092449317, 0.8513962266934214, -0.5132384452816016)
+    target = FreeAxis(solver.verifier.tool_pose(own), axis=axis)
+    family = solver.solve_all(target)
+    assert min(np.abs(wrap_to_pi(interval.nearest(own) - own)).max() for interval in family) < 1e-6
+    assert not family.complete or own_answers.find_missing(solver, family, target, own, rng) is None
+
+
+def test_points_of_a_curve_at_the_edge_of_reach_are_not_called_complete() -> None:
+    """The arm is stretched upwards: joints 1, 4 and 6 turn together, and nothing says where such a curve goes."""
+    solver = IKSolver(jacokin.load_robot("m1n6s200"), tool=jacokin.pose((0.5, 0.0, 0.0)))
+    own = np.array((90.0, 180.0, 180.0, -180.0, 0.0, -90.0)) * DEGREES
+    assert not solver.solve_all(FreeAxis(solver.verifier.tool_pose(own), axis=(0.0, 0.0, 1.0))).complete
+
+
+def test_a_joint_may_touch_its_limit_just_where_another_passes_its_own() -> None:
+    solver = IKSolver(jacokin.load_robot("j2s7s200"), tool=jacokin.pose((0.5, 0.0, 0.0)))
+    own = np.array((30.0, 180.0, -30.0, 30.0, 90.0, 0.0, 180.0)) * DEGREES
+    own[5] = solver.robot.upper[5]
+    family = solver.solve_all(solver.verifier.tool_pose(own))
+    near = [each for each in family if np.abs(wrap_to_pi(each.nearest(own) - own)).max() < 1e-9]
+    assert len(near) == 1
+
+
+@pytest.mark.parametrize("limits", [(0.01, 1.0), (-2.0, -0.01)])
+def test_a_straight_wrist_outside_the_range_is_no_member(limits: tuple[float, float], rng: np.random.Generator) -> None:
+    solver = solver_of("j2s6s300")
+    q = solver.robot.sample(rng)
+    q[4] = math.pi
+    target = FreeAxis(solver.robot.forward_kinematics(q), axis=(1.0, 0.0, 0.0), range=limits)
+    for interval in solver.solve_all(target):
+        assert limits[0] - 1e-9 <= interval.start <= interval.stop <= limits[1] + 1e-9
+
+
 def members_around(solver: IKSolver, rng: np.random.Generator, number: int) -> int:
     """Ask for members all along the intervals of poses at right angles; returns how many there were."""
     robot, asked = solver.robot, 0
@@ -140,7 +293,7 @@ def test_every_parameter_of_an_interval_has_a_member(name: str, rng: np.random.G
 
 
 def test_an_end_on_a_limit_just_where_curves_meet_is_a_member() -> None:
-    solver = IKSolver(jacokin.load_robot("j2s6s200"), "gripsite")
+    solver = IKSolver(jacokin.load_robot("j2s6s200"), "gripsite", collision="ignore")
     q = np.array([2.40986340497831, 2.6286024141394533, 0.0, 0.6695275796847806, math.pi, -0.7282898459694027])
     q[2] = solver.robot.lower[2]
     T = solver.robot.forward_kinematics(q, frame="gripsite")
@@ -268,7 +421,7 @@ def test_the_answer_to_a_plain_pose_is_the_nearest_of_the_continuum(rng: np.rand
 
 @pytest.mark.parametrize("name", ["j2s6s200", "j2n6s300"])
 def test_a_batch_answers_as_solve_does_on_multiple_roots(name: str, rng: np.random.Generator) -> None:
-    solver = IKSolver(jacokin.load_robot(name), tool=jacokin.pose((0.5, 0.0, 0.0)))
+    solver = IKSolver(jacokin.load_robot(name), tool=jacokin.pose((0.5, 0.0, 0.0)), collision="ignore")
     robot = solver.robot
     own = [(-90.0, 180.0, 180.0, -90.0, 30.0, 0.0), (90.0, 90.0, 180.0, 30.0, 60.0, 0.0)]
     seeds = [np.clip(np.array(each) * DEGREES, robot.lower, robot.upper) for each in own]
@@ -282,7 +435,7 @@ def test_a_batch_answers_as_solve_does_on_multiple_roots(name: str, rng: np.rand
 
 
 def test_a_branch_on_its_limit_is_found_of_a_stretched_arm() -> None:
-    solver = IKSolver(jacokin.load_robot("j2s6s200"), tool=jacokin.pose((0.5, 0.0, 0.0)))
+    solver = IKSolver(jacokin.load_robot("j2s6s200"), tool=jacokin.pose((0.5, 0.0, 0.0)), collision="ignore")
     own = np.clip(np.array((-90.0, 180.0, 180.0, -90.0, 30.0, 0.0)) * DEGREES, solver.robot.lower, solver.robot.upper)
     branches = solver.solve_all(solver.verifier.tool_pose(own), own)  # joint 5 is on its limit, and a double root
     assert np.abs(wrap_to_pi(branches.q_within_limits[0] - own)).max() < 1e-4

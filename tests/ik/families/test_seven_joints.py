@@ -27,7 +27,7 @@ from tests.kernels.plain import PlainCall
 
 @pytest.fixture(scope="module")
 def solver() -> IKSolver:
-    return IKSolver(jacokin.load_robot("j2s7s300"))
+    return IKSolver(jacokin.load_robot("j2s7s300"), collision="ignore")
 
 
 def by_descent(robot: Robot, T: pin.SE3, q3: float, rng: np.random.Generator, starts: int = 60) -> int:
@@ -167,7 +167,7 @@ def test_windows_are_found_wherever_the_slices_begin(solver: IKSolver) -> None:
     work.T[:] = solver.robot.forward_kinematics(q).homogeneous
     for start in np.linspace(-0.13, 0.13, 27):
         work.slices.p[:48] = math.pi + start + TURN / 48 * np.arange(48)
-        n = gaps.add_windows(work.chain, work.seven.arm, work.T, 48, True, work.slices)
+        n = gaps.add_windows(work.chain, work.seven, work.T, 48, True, work.slices)
         assert np.abs(wrap_to_pi(work.slices.p[:n] - math.pi)).min() < 0.004
         assert (np.diff(work.slices.p[:n]) >= 0.0).all()
 
@@ -246,10 +246,10 @@ def test_an_arm_of_another_structure_is_refused_with_its_misfit(bundled: Callabl
 
 
 def test_without_compiled_kernels_too(monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator) -> None:
-    compiled = IKSolver(jacokin.load_robot("j2s7s300"))
+    compiled = IKSolver(jacokin.load_robot("j2s7s300"), collision="ignore")
     q = compiled.robot.sample(rng)
     target = compiled.robot.forward_kinematics(q)
     expected = compiled.solve(target, seed=q).raise_for_status()
     monkeypatch.setattr(curves, "Call", PlainCall)
-    plain = IKSolver(jacokin.load_robot("j2s7s300")).solve(target, seed=q).raise_for_status()
+    plain = IKSolver(jacokin.load_robot("j2s7s300"), collision="ignore").solve(target, seed=q).raise_for_status()
     np.testing.assert_allclose(plain.q, expected.q, atol=1e-9)

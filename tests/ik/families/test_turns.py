@@ -50,7 +50,7 @@ def costs(robot: Robot, seed: Array) -> dict[str, Callable[[Array], Array]]:
 @pytest.mark.parametrize("name", ["j2n6s300", "j2s6s300"])
 def test_a_pose_is_solved_in_the_best_copy(name: str, count: int, rng: np.random.Generator) -> None:
     robot = jacokin.load_robot(name, limits=WIDE)
-    solver = IKSolver(robot)
+    solver = IKSolver(robot, collision="ignore")
     for _ in range(count):
         seed = robot.sample(rng)
         target = robot.forward_kinematics(robot.sample(rng))
@@ -68,7 +68,7 @@ def test_a_pose_is_solved_in_the_best_copy(name: str, count: int, rng: np.random
 @pytest.mark.parametrize("name", ["j2n6s300", "j2s6s300", "j2s7s300"])
 def test_a_member_is_chosen_in_the_best_copy(name: str, count: int, rng: np.random.Generator) -> None:
     robot = jacokin.load_robot(name, limits=WIDE)
-    solver = IKSolver(robot)
+    solver = IKSolver(robot, collision="ignore")
     for number in range(count):
         seed, q = robot.sample(rng, 2)
         T = robot.forward_kinematics(q)

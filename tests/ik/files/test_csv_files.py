@@ -158,6 +158,15 @@ def test_numbers_are_those_of_python_whatever_the_blocks(
     assert read_targets(file).targets.tolist() == expected
 
 
+@pytest.mark.parametrize(
+    "number", ["-0", "+1", ".5", "1.", "007", "-0.0", "1e-320", "9" * 30, "1E5", "-9223372036854775809"]
+)
+def test_numbers_that_json_lacks_or_changes_are_read_to_the_bit(file: Path, number: str) -> None:
+    file.write_text(f"x,y,z\n1.5,{number},2.5\n0.25,3.5,{number}\n")
+    expected = np.array([[1.5, float(number), 2.5], [0.25, 3.5, float(number)]])
+    assert read_targets(file).values.tobytes() == expected.tobytes()
+
+
 @given(text=st.text(alphabet="0123456789.,-+eE_ \n\"'xn\u0663", max_size=60))
 def test_any_text_is_numbers_or_one_clear_error(text: str, tmp_path_factory: pytest.TempPathFactory) -> None:
     file = written(tmp_path_factory.mktemp("csv") / "targets.csv", f"x,y,z\n{text}")

@@ -11,10 +11,13 @@ import pytest
 from scipy.optimize import minimize
 
 from jacokin.arrays import Array
+from jacokin.kernels.contact.arm import place_links, relate
 from jacokin.kernels.contact.run import LEAST_DISTANCE, ROWS, TASK, make_contact_work, run_contact
+from jacokin.kernels.contact.separation import ROUGHNESS, separation
 from jacokin.kernels.library import Call
-from jacokin.model.contact_arrays import contact_arrays, mesh_vertices
+from jacokin.model.contact_arrays import contact_arrays
 from jacokin.model.descriptions import mjcf
+from jacokin.model.mujoco_twin import shapes_of_twin
 from tests.coal_shapes import coal_distance, coal_shape
 from tests.kernels.plain import PlainCall
 
@@ -38,7 +41,9 @@ class Flight:
         self.model = spec.compile()
         self.data = mujoco.MjData(self.model)
         # MuJoCo numbers geoms by their bodies: the one that stands still is the first.
-        self.geometry = contact_arrays(self.model, [], [0]).geometry
+        self.geometry = contact_arrays(
+            mjcf.to_pinocchio(self.model, "flight"), shapes_of_twin(self.model), [], [0]
+        ).geometry
         self.shapes = coal_shape(self.model, 1), coal_shape(self.model, 0)
 
     def ours(self, q: Array, form: Any = Call) -> Array:
@@ -91,7 +96,7 @@ class Flight:
         elif kind == GEOM.mjGEOM_ELLIPSOID:
             own = np.linalg.norm(d * size, axis=1)
         else:
-            own = (d @ mesh_vertices(self.model, int(self.model.geom_dataid[geom])).T).max(axis=1)
+            own = (d @ shapes_of_twin(self.model)[geom].vertices.T).max(axis=1)
         return np.asarray(own + directions @ self.data.geom_xpos[geom])
 
 
@@ -200,3 +205,22 @@ def test_plain_and_compiled_kernels_give_the_same_bits(rng: np.random.Generator)
         flight = Flight(kinds, rng)
         q = configurations(rng, 10) * [0.5, 0.5, 0.5, 1.0, 1.0, 1.0]
         np.testing.assert_array_equal(flight.ours(q), flight.ours(q, PlainCall))
+
+
+@pytest.mark.parametrize("kinds", [("cylinder", "box"), ("mesh", "capsule"), ("box", "mesh")])
+def test_rough_distances_are_lower_bounds_near_to_the_exact_ones(
+    kinds: tuple[str, str], rng: np.random.Generator
+) -> None:
+    flight, enough = Flight(kinds, rng), 0.01
+    work = make_contact_work(flight.geometry, 1)
+    shapes, arm = flight.geometry.shapes, flight.geometry.arm
+    less = 0
+    for q in configurations(rng, 30):
+        place_links(arm, 6, len(arm.groups), q, work.places)
+        relate(shapes, work.places.frames, 0, 1, work.hits.pair.relative)
+        exact, rough = (
+            separation(shapes, (0, 1), work.hits.pair, np.inf, -np.inf, limit, True) for limit in (np.inf, enough)
+        )
+        assert exact - ROUGHNESS * max(exact - enough, 0.0) - 1e-9 <= rough <= exact + 1e-9
+        less += rough < exact - 1e-6
+    assert less > 5

@@ -13,6 +13,7 @@ from jacokin.kernels.closed_form.roots import make_roots
 from jacokin.kernels.six_joints.characteristic import determinant, fourier_of_determinant, make_determinant
 from jacokin.kernels.six_joints.equations import Equations, make_equations, write_equations
 from jacokin.kernels.six_joints.loop import LABELLINGS, fill_links, joint_of
+from jacokin.kernels.six_joints.roots import find_six_roots, make_six_roots
 from tests.kernels.six_joints.arms import chain_of_arm, poses_and_jacobians
 
 
@@ -69,3 +70,16 @@ def test_the_determinant_is_that_of_the_twelve_equations_and_of_degree_eight(rng
     value = roots.cosine @ np.cos(k * theta) + roots.sine @ np.sin(k * theta)
     assert abs(value - determinant(e, math.cos(theta), math.sin(theta), work)) < noise
     assert noise < 1e-12 * np.abs(roots.cosine).max()
+
+
+def test_two_roots_about_a_place_where_F_nearly_touches_zero() -> None:
+    """Between them F is as small as its noise, and their distance from its extremum more than the noise tells."""
+    q = np.array([1.20194446, 2.092521107, -0.895600544, 2.795363446, 1.963163031, 3.012826597])
+    e, work = at("crx", q, 5), make_six_roots()
+    assert find_six_roots(e, work) == 8
+    roots, widths = np.sort(work.found[:8, 0]), work.found[:8, 1]
+    assert (widths >= 0.0).all()
+    for root in roots:
+        values = [determinant(e, math.cos(root + d), math.sin(root + d), work.determinant) for d in (-1e-6, 1e-6)]
+        assert values[0] * values[1] < 0.0
+    assert np.diff(roots).min() > 1e-3

@@ -8,6 +8,10 @@ import pytest
 import jacokin
 from jacokin.arrays import Array
 from jacokin.ik.geometry import chain_of
+from jacokin.kernels.branches import COLUMNS, MAX_BRANCHES, PoseQuery
+from jacokin.kernels.closed_form.arm import unpack_arm
+from jacokin.kernels.closed_form.pose import make_work
+from jacokin.kernels.six_joints.pose import branches_of_labelling
 from tests.kernels.six_joints.arms import (
     ARMS,
     chain_of_arm,
@@ -106,6 +110,7 @@ def round_angles(rng: np.random.Generator, count: int) -> Array:
 #: Configurations with regular branches beside nearly singular ones, where neighbours hide several of them.
 CROWDED = {
     "xarm6": [179.9994, 1e-4, -179.9997, -179.9999, 2e-4, 89.9998],  # [deg]
+    "crx": [-89.999999625, -179.999999775, -1.169e-7, -3.515e-7, -2.38e-7, 2.2e-7],
     "industrial": [-90.0003, -89.9998, 1e-4, -180.0002, -1e-4, 179.9999],
 }
 
@@ -113,6 +118,25 @@ CROWDED = {
 @pytest.mark.parametrize("name", CROWDED)
 def test_complete_is_not_said_where_neighbours_hide_a_branch(name: str) -> None:
     check_honest(chain_of_arm(name), np.radians([CROWDED[name]]), 1000)
+
+
+def test_complete_is_not_said_where_three_roots_are_one_to_rounding() -> None:
+    """Branches 1e-6 rad from each other in the joint that is solved for, far apart in others."""
+    check_honest(perturbed(chain_of_arm("puma"), 1e-7), np.radians([[-90.0, -90.0, 90.0, 180.0, -90.0, 30.0]]), 1000)
+
+
+def test_branches_of_two_degeneracies_that_share_a_joint_angle(rng: np.random.Generator) -> None:
+    """Axis 4 of a Gen3 lite along axis 1 and axis 3 along axis 5: two pairs of branches have one q6."""
+    chain = chain_of_arm("gen3 lite")
+    form = form_of(chain)
+    for number in range(12):
+        q = rng.uniform(-np.pi, np.pi, 6)
+        q[2], q[3] = q[1] + np.pi * (number % 2), np.pi * (number // 2 % 2)
+        T = pose_at(chain, q)
+        branches = form.solve_all(T, HOME)
+        at_q6 = np.abs((branches.q[:, 5] - q[5] + np.pi) % (2.0 * np.pi) - np.pi) < 1e-6
+        assert at_q6.sum() == 3  # of four, one stands for two degeneracies
+        assert lost(chain, branches.q, T, starts=200, seed=number) == []
 
 
 def test_complete_is_said_of_nearly_all_poses(rng: np.random.Generator) -> None:
@@ -125,7 +149,7 @@ def test_complete_is_said_of_nearly_all_poses(rng: np.random.Generator) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["crx", "ur5", "puma", "xarm6", "industrial"])
+@pytest.mark.parametrize("name", ["crx", "ur5", "puma", "gen3 lite", "xarm6", "industrial"])
 def test_complete_is_never_wrong_at_round_angles(name: str, rng: np.random.Generator) -> None:
     assert check_honest(chain_of_arm(name), round_angles(rng, 300), 200) > 150
 
@@ -134,6 +158,21 @@ def test_complete_is_never_wrong_at_round_angles(name: str, rng: np.random.Gener
 @pytest.mark.parametrize("sigma", [1e-9, 1e-7, 1e-5, 5e-3])
 def test_complete_is_never_wrong_on_a_jaco_that_is_not_quite_one(sigma: float, rng: np.random.Generator) -> None:
     assert check_honest(perturbed(jaco("j2n6s300"), sigma), round_angles(rng, 75), 200) > 35
+
+
+@pytest.mark.parametrize("name", ["xarm6", "offset wrist", "generic"])
+def test_random_poses_need_no_neighbour(name: str, rng: np.random.Generator) -> None:
+    """Which takes as long as the arm itself, or longer."""
+    form, work = form_of(chain_of_arm(name)), make_work(np.empty((MAX_BRANCHES, COLUMNS)))
+    arm, in_doubt = unpack_arm(form.arm).six, 0
+    for q in rng.uniform(-np.pi, np.pi, (40, 6)):
+        query = PoseQuery(form.chain, form.constants[2], pose_at(form.chain, q), HOME)
+        work.branches.filled[0] = work.branches.fold.filled[0] = 0
+        in_doubt += branches_of_labelling(arm.scale, arm.own, -1, query, work.six, work.branches)
+        assert (
+            distance(q, min(work.branches.rows[: work.branches.filled[0], :6], key=lambda row: distance(q, row))) < 1e-6
+        )
+    assert in_doubt <= 2
 
 
 def test_more_branches_than_eight_where_the_structure_gives_them(rng: np.random.Generator) -> None:

@@ -1,0 +1,66 @@
+"""How much of each corner of a way may be cut off by a parabola that is clear."""
+
+from __future__ import annotations
+
+import math
+
+from jacokin.arrays import Array
+from jacokin.kernels.contact.run import ContactWork
+from jacokin.kernels.free_motion.shortcuts import POINTS, Way
+from jacokin.kernels.free_motion.space import Space, moves_clear
+
+LARGEST_CUT = 0.45  # of the shorter of two lines is cut off at their corner
+CORNER_TRIES = 5  # each cuts half as much
+STRAIGHT = 1e-9  # a corner whose directions differ by less is none
+CHORD = 2e-4  # [m] shapes may be nearer on a parabola than on the chords that are certified
+
+
+def size_cuts(way: Way, space: Space, dof: int, contact: ContactWork, cuts: Array) -> None:
+    """Fill for each corner how much time at full speed is cut off on both sides of it [s]; 0 where it must stay."""
+    for corner in range(1, way.integers[POINTS] - 1):
+        before = way.times[corner] - way.times[corner - 1]
+        after = way.times[corner + 1] - way.times[corner]
+        here, turn, sharp = corner * dof, way.step, 0.0
+        for j in range(dof):
+            gained = (way.q[here + dof + j] - way.q[here + j]) / after - (
+                way.q[here + j] - way.q[here - dof + j]
+            ) / before
+            turn[j] = abs(gained)
+            sharp = max(sharp, turn[j] / space.speed[j])
+        cuts[corner] = 0.0
+        if sharp < STRAIGHT:
+            continue
+        size = LARGEST_CUT * min(before, after)
+        for _ in range(CORNER_TRIES):
+            if is_parabola_clear(way, space, dof, contact, corner, size / before, size / after, size):
+                cuts[corner] = size
+                break
+            size *= 0.5
+
+
+def is_parabola_clear(
+    way: Way, space: Space, dof: int, contact: ContactWork, corner: int, back: float, ahead: float, size: float
+) -> bool:
+    """Whether the parabola is clear that leaves and meets the lines of a corner at shares of their lengths.
+
+    `way.step` (dof,) is how sharply each joint turns for each second of the size [s]; the product is half of the
+    parabola's second derivative by a parameter that runs from 0 to 1 [rad].
+    """
+    away = 0.0
+    for j in range(dof):
+        away += 0.25 * way.step[j] * size * space.levers[j]
+    # The chord of one of n equal parts is at most turn / (4 n^2) from its part of the parabola, joint by joint.
+    parts = max(2, math.ceil(math.sqrt(away / CHORD)))
+    here = corner * dof
+    last, new = way.other[:dof], way.other[dof : 2 * dof]
+    for k in range(parts + 1):
+        u = k / parts
+        for j in range(dof):
+            q = way.q[here + j]
+            first, second = q + back * (way.q[here - dof + j] - q), q + ahead * (way.q[here + dof + j] - q)
+            new[j] = (1.0 - u) * (1.0 - u) * first + 2.0 * u * (1.0 - u) * q + u * u * second
+        if k > 0 and not moves_clear(contact, last, new, away / (parts * parts)):
+            return False
+        for j in range(dof):
+            last[j] = new[j]
+    return True

@@ -1,0 +1,127 @@
+"""The entry point: a motion from one configuration to any of some goals, without contact. Read this file first.
+
+    straight    the straight motion to each goal in turn, until one is clear
+    search      two trees grow until they meet (`trees`)
+    shorten     the way takes less time (`shortcuts`)
+    corners     how much of them may be cut off (`corners`)
+
+A search and shortcuts go on where they were, a few steps with each call, so that a caller can look at the clock.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jacokin.arrays import Array
+from jacokin.kernels.contact.run import NOTHING, ContactWork, make_contact_work, stands_clear
+from jacokin.kernels.contact.touching import Geometry
+from jacokin.kernels.free_motion.corners import size_cuts
+from jacokin.kernels.free_motion.shortcuts import Way, join_branches, make_way, shorten, skip_corners
+from jacokin.kernels.free_motion.space import (
+    HINDRANCES,
+    Hindrances,
+    Space,
+    make_space,
+    moves_clear,
+    remember,
+)
+from jacokin.kernels.free_motion.trees import Trees, grow_trees, make_trees, plant
+
+#: What to do.
+STRAIGHT_MOTIONS, BEGIN_SEARCH, GO_ON_SEARCH, SHORTEN, CORNERS = range(5)
+#: Where the options' integers are: task, joints, goals, how many clear goals are enough, roots, steps of a search or
+#: tries of a shortcut in one call, and the failures in a row that end shortcuts.
+TASK, JOINTS, GOALS, ENOUGH, ROOTS, STEPS, TRIES_IN_VAIN, MOTION_INTEGERS = range(8)
+#: What is known about a goal.
+UNKNOWN, IN_CONTACT, BLOCKED, STRAIGHT = range(4)
+
+
+class MotionWork(NamedTuple):
+    """What a call reads and writes; one set for each thread."""
+
+    integers: NDArray[np.int64]  # (MOTION_INTEGERS,)
+    space: Space
+    contact: ContactWork
+    hindrances: Hindrances
+    generator: NDArray[np.int64]  # (6,) none of the first and second three all zero
+    start: Array  # (dof,) [rad]
+    goals: Array  # (goals dof,) the one that is reached soonest first [rad]
+    known: NDArray[np.int64]  # (goals,)
+    touching: NDArray[np.int64]  # (goals, 2) what touches there
+    chosen: NDArray[np.int64]  # (roots,) goals from which the second tree grows
+    trees: Trees
+    way: Way
+    cuts: Array  # (room,) of the corners of the way [s]
+
+
+def run_free_motion(work: MotionWork) -> int:
+    """Do a task; this is what gets compiled: it allocates nothing.
+
+    Returns:
+        Of straight motions, the number of the first goal that is reached so, or -1. Of a search, 1 when a way was
+        found. Of shortcuts, 1 when they came to an end.
+    """
+    integers, space, contact, way = work.integers, work.space, work.contact, work.way
+    task, dof = integers[TASK], integers[JOINTS]
+    if task == STRAIGHT_MOTIONS:
+        return try_straight(work)
+    if task in (BEGIN_SEARCH, GO_ON_SEARCH):
+        if task == BEGIN_SEARCH:
+            plant(work.trees, space, dof, work.start, work.goals, work.chosen, integers[ROOTS])
+        trees, steps = work.trees, integers[STEPS]
+        if not grow_trees(trees, space, dof, contact, work.hindrances, work.generator, steps):
+            return 0
+        join_branches(trees, space, dof, work.start, way)
+        skip_corners(way, space, dof, contact)
+        return 1
+    if task == SHORTEN:
+        if not shorten(way, space, dof, contact, work.generator, integers[STEPS], integers[TRIES_IN_VAIN]):
+            return 0
+        skip_corners(way, space, dof, contact)
+        return 1
+    size_cuts(way, space, dof, contact, work.cuts)
+    return 1
+
+
+def try_straight(work: MotionWork) -> int:
+    """The first goal that a straight motion reaches, or -1; each goal before it becomes known."""
+    integers, contact = work.integers, work.contact
+    dof, clear = integers[JOINTS], 0
+    for k in range(integers[GOALS]):
+        goal = work.goals[k * dof : (k + 1) * dof]
+        if not stands_clear(contact, goal):
+            work.known[k] = IN_CONTACT
+            work.touching[k, 0], work.touching[k, 1] = contact.hits.pairs[0, 0], contact.hits.pairs[0, 1]
+            continue
+        if moves_clear(contact, work.start, goal, 0.0):
+            work.known[k] = STRAIGHT
+            return k
+        work.known[k] = BLOCKED
+        remember(work.hindrances, contact.course.pair)
+        clear += 1
+        if clear == integers[ENOUGH]:
+            break
+    return -1
+
+
+def make_motion_work(geometry: Geometry = NOTHING, goals: int = 0, room: int = 0) -> MotionWork:
+    """Fresh work arrays for a geometry, so many goals, and so many configurations of each tree."""
+    dof = len(geometry.arm.joint_kinds)
+    return MotionWork(
+        np.zeros(MOTION_INTEGERS, np.int64),
+        make_space(dof),
+        make_contact_work(geometry, 1 if dof else 0),
+        Hindrances(np.zeros((HINDRANCES, 2), np.int64), np.zeros(HINDRANCES, np.int64)),
+        np.ones(6, np.int64),
+        np.zeros(dof),
+        np.zeros(goals * dof),
+        np.zeros(goals, np.int64),
+        np.zeros((goals, 2), np.int64),
+        np.zeros(goals, np.int64),
+        make_trees(dof, room),
+        make_way(dof, 2 * room),
+        np.zeros(2 * room),
+    )

@@ -1,0 +1,206 @@
+"""Two trees of certified motions, one from the start and one from all goals, that grow until they meet.
+
+RRT-Connect (Kuffner and LaValle: RRT-Connect: an efficient approach to single-query path planning, 2000): the smaller
+tree takes a step towards a random configuration, and the other one goes on towards where that led. Unlimited joints
+turn the short way round, and stay in [-pi, pi] here. The end of a step is tested before the motion to it is certified,
+which costs more.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jacokin.arrays import Array
+from jacokin.kernels.contact.run import ContactWork, stands_clear
+from jacokin.kernels.free_motion.space import (
+    TURN,
+    Hindrances,
+    Space,
+    difference,
+    length_of,
+    moves_clear,
+    remember,
+    time_of,
+    uniform,
+)
+
+STEP = 1.0  # [rad] by which a tree grows at once, joints weighed by their speed
+MEETING = 1e-9  # [rad] two configurations that are nearer are one
+PATIENCE = 50  # steps in a row that lead nowhere, after which the larger tree grows, too
+NONE = -1
+DRAWS = 32  # random configurations after which one is taken that cannot be part of a way that is quick enough
+#: Where a search keeps its whole numbers: sizes of the trees, random configurations, steps in a row that led nowhere,
+#: 1 when a tree lacked room, the two that met, and how many goals the second tree began with.
+FIRST_SIZE, SECOND_SIZE, SAMPLES, MISSES, IS_FULL, MET_FIRST, MET_SECOND, ROOT_COUNT, SEARCH_INTEGERS = range(9)
+#: And its times at full speed [s]: how near the trees came to each other, and how long a way may take.
+NEAREST, BOUND, SEARCH_NUMBERS = range(3)
+
+
+class Trees(NamedTuple):
+    """Both trees: the configurations from the start in the first half, those from the goals in the second."""
+
+    q: Array  # (2 room dof,) [rad]
+    parents: NDArray[np.int64]  # (2 room,) numbers within each tree, NONE at a root
+    integers: NDArray[np.int64]  # (SEARCH_INTEGERS,)
+    numbers: Array  # (SEARCH_NUMBERS,)
+    sample: Array  # (dof,) [rad]
+    step: Array  # (dof,) [rad]
+    end: Array  # (dof,) [rad]
+
+
+def make_trees(dof: int, room: int) -> Trees:
+    """Fresh work arrays for so many configurations in each tree."""
+    integers, numbers = np.zeros(SEARCH_INTEGERS, np.int64), np.full(SEARCH_NUMBERS, np.inf)
+    sample, step, end = np.zeros((3, dof))
+    return Trees(np.empty(2 * room * dof), np.empty(2 * room, np.int64), integers, numbers, sample, step, end)
+
+
+def plant(
+    trees: Trees, space: Space, dof: int, start: Array, goals: Array, chosen: NDArray[np.int64], roots: int
+) -> None:
+    """Begin a search from a start (dof,) to those goals (k dof,) that are chosen."""
+    integers = trees.integers
+    for k in range(SEARCH_INTEGERS):
+        integers[k] = 0
+    integers[MET_FIRST], integers[MET_SECOND] = NONE, NONE
+    trees.numbers[NEAREST], integers[ROOT_COUNT] = math.inf, roots
+    add(trees, space, dof, 0, start, NONE)
+    for k in range(roots):
+        add(trees, space, dof, 1, goals[chosen[k] * dof : (chosen[k] + 1) * dof], NONE)
+
+
+def node_at(trees: Trees, dof: int, tree: int, node: int) -> int:
+    """Where a configuration (dof,) begins."""
+    return (tree * (len(trees.parents) // 2) + node) * dof
+
+
+def add(trees: Trees, space: Space, dof: int, tree: int, q: Array, parent: int) -> int:
+    """Add a configuration; its number, or NONE where there is no room."""
+    room, node = len(trees.parents) // 2, trees.integers[tree]
+    if node == room:
+        trees.integers[IS_FULL] = 1
+        return NONE
+    at = node_at(trees, dof, tree, node)
+    for j in range(dof):
+        trees.q[at + j] = q[j] - TURN * math.floor(q[j] / TURN + 0.5) if space.unlimited[j] else q[j]
+    trees.parents[tree * room + node] = parent
+    trees.integers[tree] = node + 1
+    return int(node)
+
+
+def nearest_node(trees: Trees, space: Space, dof: int, tree: int, q: Array) -> int:
+    """The configuration nearest to one whose unlimited joints are in [-pi, pi]."""
+    best, found = math.inf, 0
+    first = tree * (len(trees.parents) // 2)
+    for node in range(trees.integers[tree]):
+        at, total = (first + node) * dof, 0.0
+        for j in range(dof):
+            away = abs(trees.q[at + j] - q[j])
+            if space.unlimited[j]:
+                away = min(away, TURN - away)
+            total += (away * space.weights[j]) ** 2
+            if total >= best:
+                break
+        if total < best:
+            best, found = total, node
+    return found
+
+
+def grow_trees(
+    trees: Trees,
+    space: Space,
+    dof: int,
+    contact: ContactWork,
+    hindrances: Hindrances,
+    generator: NDArray[np.int64],
+    samples: int,
+) -> bool:
+    """Go on with a search for so many random configurations, or until there is no room; whether the trees met."""
+    integers = trees.integers
+    for _ in range(samples):
+        integers[SAMPLES] += 1
+        for _ in range(DRAWS):
+            for j in range(dof):
+                trees.sample[j] = space.low[j] + uniform(generator) * (space.high[j] - space.low[j])
+            if is_worth(trees, space, dof, trees.sample):
+                break
+        small = 0 if integers[FIRST_SIZE] <= integers[SECOND_SIZE] else 1
+        if integers[MISSES] >= PATIENCE and integers[SAMPLES] % 2:
+            small = 1 - small
+        node = nearest_node(trees, space, dof, small, trees.sample)
+        difference(space, dof, trees.q[node_at(trees, dof, small, node) :], trees.sample, trees.step)
+        grown = grow(trees, space, dof, contact, hindrances, small, node)
+        integers[MISSES] = integers[MISSES] + 1 if grown == NONE else 0
+        if grown != NONE:
+            at = node_at(trees, dof, small, grown)
+            met = connect(trees, space, dof, contact, hindrances, 1 - small, trees.q[at : at + dof])
+            if met != NONE:
+                integers[MET_FIRST], integers[MET_SECOND] = (grown, met) if small == 0 else (met, grown)
+                return True
+        if integers[IS_FULL]:
+            return False
+    return False
+
+
+def is_worth(trees: Trees, space: Space, dof: int, q: Array) -> bool:
+    """Whether a way through a configuration can be as quick as the search asks for."""
+    bound = trees.numbers[BOUND]
+    if bound == math.inf:
+        return True
+    first = len(trees.parents) // 2
+    bound -= time_between(trees, space, dof, 0, q)
+    for k in range(first, first + trees.integers[ROOT_COUNT]):
+        if bound > 0.0 and time_between(trees, space, dof, k, q) < bound:
+            return True
+    return False
+
+
+def time_between(trees: Trees, space: Space, dof: int, row: int, q: Array) -> float:
+    """Of the motion between a row of the trees and a configuration, at full speed [s]."""
+    most = 0.0
+    for j in range(dof):
+        away = abs(trees.q[row * dof + j] - q[j])
+        if space.unlimited[j]:
+            away = abs(away - TURN * math.floor(away / TURN + 0.5))
+        most = max(most, away / space.speed[j])
+    return most
+
+
+def grow(
+    trees: Trees, space: Space, dof: int, contact: ContactWork, hindrances: Hindrances, tree: int, node: int
+) -> int:
+    """Grow a tree from a node along `trees.step` by at most a step; the number of what was added, or NONE."""
+    at, end = node_at(trees, dof, tree, node), trees.end
+    start = trees.q[at : at + dof]
+    length = length_of(space, dof, trees.step)
+    share = 1.0 if length <= STEP else STEP / length
+    for j in range(dof):
+        end[j] = min(max(start[j] + share * trees.step[j], space.lower[j]), space.upper[j])
+    if not is_worth(trees, space, dof, end):
+        return NONE
+    if not stands_clear(contact, end):
+        remember(hindrances, contact.hits.pairs[0])
+        return NONE
+    if not moves_clear(contact, start, end, 0.0):
+        remember(hindrances, contact.course.pair)
+        return NONE
+    return add(trees, space, dof, tree, end, node)
+
+
+def connect(
+    trees: Trees, space: Space, dof: int, contact: ContactWork, hindrances: Hindrances, tree: int, q: Array
+) -> int:
+    """Grow a tree step by step towards a configuration; the number of the node that reaches it, or NONE."""
+    node = nearest_node(trees, space, dof, tree, q)
+    difference(space, dof, trees.q[node_at(trees, dof, tree, node) :], q, trees.step)
+    while length_of(space, dof, trees.step) > MEETING:
+        node = grow(trees, space, dof, contact, hindrances, tree, node)
+        trees.numbers[NEAREST] = min(trees.numbers[NEAREST], time_of(space, dof, trees.step))
+        if node == NONE:
+            return NONE
+        difference(space, dof, trees.q[node_at(trees, dof, tree, node) :], q, trees.step)
+    return node

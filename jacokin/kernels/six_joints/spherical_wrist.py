@@ -1,0 +1,263 @@
+"""Axes 4, 5 and 6 of a labelling meet in W: theta_3, theta_2 and theta_1 from where W is, then the wrist.
+
+W is fixed beside axis 3, and before axis 1 it is where the target wants it: with f = L_2 Rz(theta_3) w,
+
+    Rz(theta_1) L_1 Rz(theta_2) f = W.
+
+Height and distance of the left side do not depend on theta_1. They are linear in the two coordinates of f that theta_2
+turns, and these turned coordinates are as long as before (Pieper, 1968): in general a polynomial of degree 2 in
+theta_3; where axes 1 and 2 meet or are parallel, height and distance know one turned coordinate only, and without it
+an equation remains that is linear in cosine and sine of theta_3.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from jacokin.arrays import Array
+from jacokin.kernels.branches import BranchWork, PoseQuery
+from jacokin.kernels.closed_form.resultant import value_and_slope
+from jacokin.kernels.closed_form.roots import RootWork, find_roots
+from jacokin.kernels.limits import nearest_copy
+from jacokin.kernels.six_joints.candidates import (
+    DOUBTFUL,
+    FOLDS,
+    FREE,
+    SIGNS,
+    UNSETTLED,
+    Candidates,
+    Triangle,
+    add_candidate,
+    angle_from_to,
+    fill_rest,
+    pair_of,
+    pair_of_triangle,
+    skips,
+    slack_after,
+    triangle_of,
+)
+from jacokin.kernels.six_joints.equations import turned_back_by, turned_by
+from jacokin.kernels.six_joints.loop import SixArm, column_of, fill_links, joint_of
+from jacokin.kernels.tolerances import ALIGNED_SINE, DISTINCT, FREE_ANGLE, SMALLEST_NOISE
+from jacokin.kernels.vector import Vec, dot
+
+#: A function of theta_3: constant part, parts of cosine and sine.
+Wave = Vec
+
+
+class Reach(NamedTuple):
+    """What brings W to its place."""
+
+    W: Vec  # where it is, before joint 1
+    f0: Vec  # f is f0 + cos(theta_3) fc + sin(theta_3) fs
+    fc: Vec
+    fs: Vec
+    u: Vec  # axis 1 to axis 2, seen after joint 1 in the axes of joint 2
+    v: Vec  # axis 1, likewise
+    distance: Wave  # u . (turned f), without its z, must be this
+    height: Wave  # v . (turned f) likewise
+    cross: float  # u x v along axis 2
+
+
+def branches_of_spherical_wrist(
+    arm: SixArm, query: PoseQuery, work: Candidates, roots: RootWork, branches: BranchWork
+) -> bool:
+    """Add every branch; False where the general way must look after what is left open."""
+    for i in range(len(work.state)):
+        work.state[i] = 0
+    fill_links(query.chain, query.T, arm.scale, arm.form_labelling, work.links)
+    reach = reach_of(arm, work.links)
+    wrist = triangle_of((work.links[3, 2, 0], work.links[3, 2, 1], work.links[3, 2, 2]), column_of(work.links[4], 2))
+    if abs(reach.cross) < DISTINCT:
+        at_linear_roots(arm, reach, wrist, query, work, branches)
+    else:
+        at_quartic_roots(arm, reach, wrist, query, work, roots, branches)
+    if work.state[DOUBTFUL] > 0:
+        branches.filled[1] = 1
+    return bool(work.state[UNSETTLED] == 0)
+
+
+def reach_of(arm: SixArm, links: Array) -> Reach:
+    """The constants of one target; lengths scaled."""
+    after, before = links[2], links[5]
+    z, t = column_of(after, 2), column_of(after, 3)
+    w = (t[0] + arm.first * z[0], t[1] + arm.first * z[1], t[2] + arm.first * z[2])
+    W = turned_back_by(before, (-before[0, 3], -before[1, 3], arm.second - before[2, 3]))
+    t1, t2 = column_of(links[0], 3), column_of(links[1], 3)
+    u, v = turned_back_by(links[0], t1), (links[0, 2, 0], links[0, 2, 1], links[0, 2, 2])
+    up = turned_by(links[1], (0.0, 0.0, w[2]))
+    f0 = (t2[0] + up[0], t2[1] + up[1], t2[2] + up[2])
+    fc, fs = turned_by(links[1], (w[0], w[1], 0.0)), turned_by(links[1], (-w[1], w[0], 0.0))
+    flat = w[0] * w[0] + w[1] * w[1]
+    distance = (
+        0.5 * (dot(W, W) - dot(t1, t1) - dot(f0, f0) - flat) - u[2] * f0[2],
+        -dot(f0, fc) - u[2] * fc[2],
+        -dot(f0, fs) - u[2] * fs[2],
+    )
+    height = (W[2] - t1[2] - v[2] * f0[2], -v[2] * fc[2], -v[2] * fs[2])
+    return Reach(W, f0, fc, fs, u, v, distance, height, u[0] * v[1] - u[1] * v[0])
+
+
+def at(wave: Wave, c: float, s: float) -> float:
+    """Its value."""
+    return wave[0] + c * wave[1] + s * wave[2]
+
+
+def combined(a: Wave, x: float, b: Wave, y: float) -> Wave:
+    """X a + y b."""
+    return (x * a[0] + y * b[0], x * a[1] + y * b[1], x * a[2] + y * b[2])
+
+
+def at_linear_roots(
+    arm: SixArm, reach: Reach, wrist: Triangle, query: PoseQuery, work: Candidates, branches: BranchWork
+) -> None:
+    """The branches where axes 1 and 2 meet or are parallel: u and v have one direction."""
+    u, v, state = reach.u, reach.v, work.state
+    # Of length |(u, v)|: the direction of both, from the longer one.
+    uu, vv = u[0] * u[0] + u[1] * u[1], v[0] * v[0] + v[1] * v[1]
+    longer, square = (u, uu) if uu > vv else (v, vv)
+    ex, ey = longer[0] / math.sqrt(square), longer[1] / math.sqrt(square)
+    along_u, along_v = u[0] * ex + u[1] * ey, v[0] * ex + v[1] * ey
+    rest = combined(reach.distance, along_v, reach.height, -along_u)
+    joint = joint_of(arm.form_labelling, 2)
+    threes = pair_of(rest[1], rest[2], -rest[0], query.seed[joint], slack_after(0))
+    coordinate = combined(reach.distance, along_u / (uu + vv), reach.height, along_v / (uu + vv))
+    for i in range(3):
+        if skips(threes, SIGNS[i]):
+            continue
+        theta = threes.middle + SIGNS[i] * threes.half
+        c, s = math.cos(theta), math.sin(theta)
+        f = (at_turn(reach, 0, c, s), at_turn(reach, 1, c, s), at_turn(reach, 2, c, s))
+        # f turned by theta_2 has this coordinate along e.
+        x = at(coordinate, c, s)
+        twos = pair_of(
+            f[0] * ex + f[1] * ey,
+            f[0] * ey - f[1] * ex,
+            x,
+            query.seed[joint_of(arm.form_labelling, 1)],
+            slack_after(threes.fold),
+        )
+        if twos.half < 0.0 and threes.free > 0:
+            state[UNSETTLED] = 1
+        work.theta[2] = theta
+        for k in range(3):
+            if not skips(twos, SIGNS[k]):
+                state[FREE], state[FOLDS] = threes.free + twos.free, threes.fold + twos.fold
+                middle = (threes.fold > 0 and SIGNS[i] == 0.0) or (twos.fold > 0 and SIGNS[k] == 0.0)
+                work.theta[1] = twos.middle + SIGNS[k] * twos.half
+                turn_wrist(arm, reach, wrist, f, middle, query, work, branches)
+
+
+def at_turn(reach: Reach, i: int, c: float, s: float) -> float:
+    """Coordinate i of f."""
+    return reach.f0[i] + c * reach.fc[i] + s * reach.fs[i]
+
+
+def at_quartic_roots(
+    arm: SixArm,
+    reach: Reach,
+    wrist: Triangle,
+    query: PoseQuery,
+    work: Candidates,
+    roots: RootWork,
+    branches: BranchWork,
+) -> None:
+    """The branches where the turned coordinates of f follow from height and distance."""
+    u, v, state = reach.u, reach.v, work.state
+    x = combined(reach.distance, v[1] / reach.cross, reach.height, -u[1] / reach.cross)
+    y = combined(reach.height, u[0] / reach.cross, reach.distance, -v[0] / reach.cross)
+    for n in range(len(roots.cosine)):
+        roots.cosine[n], roots.sine[n] = 0.0, 0.0
+    size = add_square(x, 1.0, roots) + add_square(y, 1.0, roots)
+    for i in range(2):
+        size += add_square((reach.f0[i], reach.fc[i], reach.fs[i]), -1.0, roots)
+    noise = SMALLEST_NOISE * size
+    for i in range(find_roots(noise, 0.0, roots)):
+        theta = roots.roots[i, 0]
+        _, slope = value_and_slope(roots.cosine, roots.sine, theta)
+        if roots.roots[i, 1] > 0.0 or slope == 0.0:
+            state[UNSETTLED] = 1
+            continue
+        c, s = math.cos(theta), math.sin(theta)
+        f = (at_turn(reach, 0, c, s), at_turn(reach, 1, c, s), at_turn(reach, 2, c, s))
+        work.theta[2] = theta
+        work.theta[1] = angle_from_to(f[0], f[1], at(x, c, s), at(y, c, s))
+        state[FREE], state[FOLDS] = 0, 0
+        if f[0] * f[0] + f[1] * f[1] < FREE_ANGLE * FREE_ANGLE:
+            work.theta[1], state[FREE] = query.seed[joint_of(arm.form_labelling, 1)], 1
+        turn_wrist(arm, reach, wrist, f, False, query, work, branches)
+
+
+def add_square(wave: Wave, sign: float, roots: RootWork) -> float:
+    """Add the square of a wave to a polynomial; returns a bound of its size."""
+    a, b, c = wave
+    roots.cosine[0] += sign * (a * a + 0.5 * (b * b + c * c))
+    roots.cosine[1] += sign * 2.0 * a * b
+    roots.sine[1] += sign * 2.0 * a * c
+    roots.cosine[2] += sign * 0.5 * (b * b - c * c)
+    roots.sine[2] += sign * b * c
+    size = abs(a) + abs(b) + abs(c)
+    return size * size
+
+
+def turn_wrist(
+    arm: SixArm,
+    reach: Reach,
+    wrist: Triangle,
+    f: Vec,
+    middle: bool,
+    query: PoseQuery,
+    work: Candidates,
+    branches: BranchWork,
+) -> None:
+    """From theta_3, theta_2 and f: theta_1, and the branches of both sides of the wrist."""
+    theta, state, links, labelling = work.theta, work.state, work.links, arm.form_labelling
+    c2, s2 = math.cos(theta[1]), math.sin(theta[1])
+    g = turned_by(links[0], (c2 * f[0] - s2 * f[1], s2 * f[0] + c2 * f[1], f[2]))
+    gx, gy = g[0] + links[0, 0, 3], g[1] + links[0, 1, 3]
+    on_axis = max(gx * gx + gy * gy, reach.W[0] * reach.W[0] + reach.W[1] * reach.W[1]) < ALIGNED_SINE * ALIGNED_SINE
+    theta[0] = query.seed[joint_of(labelling, 0)] if on_axis else angle_from_to(gx, gy, reach.W[0], reach.W[1])
+    fill_rest(work, 3)
+    free, folds = state[FREE] + on_axis, state[FOLDS]
+    Q = work.rotation
+    # Q = Rz(theta_4) L_4 Rz(theta_5) L_5 Rz(theta_6): its z column and row.
+    fives = pair_of_triangle(wrist, math.hypot(Q[0, 2], Q[1, 2]), Q[2, 2], slack_after(folds))
+    if fives.half < 0.0 and free > 0:
+        state[UNSETTLED] = 1
+    for i in range(3):
+        if skips(fives, SIGNS[i]):
+            continue
+        state[FREE], state[FOLDS] = free + fives.free, folds + fives.fold
+        theta[4] = fives.middle + SIGNS[i] * fives.half
+        c5, s5 = math.cos(theta[4]), math.sin(theta[4])
+        if fives.free > 0:
+            fours_and_sixes(arm, c5, s5, query, work, branches)
+            continue
+        h, k = wrist.h, wrist.k
+        y = turned_by(links[3], (c5 * h[0] - s5 * h[1], s5 * h[0] + c5 * h[1], h[2]))
+        theta[3] = angle_from_to(y[0], y[1], Q[0, 2], Q[1, 2])
+        y = turned_back_by(links[4], (c5 * k[0] + s5 * k[1], c5 * k[1] - s5 * k[0], k[2]))
+        theta[5] = angle_from_to(Q[2, 0], Q[2, 1], y[0], y[1])
+        add_candidate(arm, query, work, branches, middle or (fives.fold > 0 and SIGNS[i] == 0.0))
+    state[FREE], state[FOLDS] = free - on_axis, folds
+
+
+def fours_and_sixes(
+    arm: SixArm, c5: float, s5: float, query: PoseQuery, work: Candidates, branches: BranchWork
+) -> None:
+    """Two members where axes 4 and 6 are aligned: theta_6 at the seed's angle, and theta_4."""
+    links, theta, Q = work.links, work.theta, work.rotation
+    four, six = joint_of(arm.form_labelling, 3), joint_of(arm.form_labelling, 5)
+    # L_4 Rz(theta_5) L_5 is a turn about z, behind half a turn about x where the axes point opposite ways.
+    x = turned_by(
+        links[3], (c5 * links[4, 0, 0] - s5 * links[4, 1, 0], s5 * links[4, 0, 0] + c5 * links[4, 1, 0], links[4, 2, 0])
+    )
+    sign = 1.0 if Q[2, 2] > 0.0 else -1.0
+    sum_of_both = angle_from_to(x[0], x[1], Q[0, 0], Q[1, 0])
+    theta[5] = query.seed[six]
+    theta[3] = sum_of_both - sign * theta[5]
+    add_candidate(arm, query, work, branches, False)
+    theta[3] = query.seed[four]
+    theta[5] = nearest_copy(sign * (sum_of_both - theta[3]), query.seed[six])
+    add_candidate(arm, query, work, branches, False)

@@ -1,0 +1,175 @@
+"""Ways around what is in the way: machine code as plain Python, random numbers as published, all motions clear."""
+
+from __future__ import annotations
+
+import itertools
+from typing import Any
+
+import numpy as np
+import pytest
+
+import jacokin
+from jacokin.arrays import Array
+from jacokin.kernels.contact.run import MARGIN_KEPT, SLACK
+from jacokin.kernels.free_motion import run
+from jacokin.kernels.free_motion.run import MotionWork, make_motion_work, run_free_motion
+from jacokin.kernels.free_motion.shortcuts import GOAL, POINTS, WAY_INTEGERS
+from jacokin.kernels.free_motion.space import uniform
+from jacokin.kernels.free_motion.trees import FIRST_SIZE, SECOND_SIZE, nearest_node
+from jacokin.kernels.library import Call
+from jacokin.model.contact import Contact
+from jacokin.model.obstacles import Box, Surroundings
+from jacokin.model.scene import Scene
+from tests.kernels.plain import PlainCall
+
+WALL = Scene([Box("wall", [0.6, 0.02, 0.5], [0.45, -0.05, 0.25])]).surroundings
+SLACK_KEPT = 1e-4  # [m]
+
+
+def problem(around: Surroundings = WALL, form: Any = Call, room: int = 1024) -> tuple[Any, Contact]:
+    """A call prepared for a motion past the wall, which is in the way of the straight one."""
+    robot = jacokin.load_robot()
+    contact = Contact(robot, around)
+    call = form(run_free_motion, make_motion_work(contact.geometry, 4, room))
+    work: MotionWork = call.work
+    space = work.space
+    space.lower[:], space.upper[:], space.unlimited[:] = robot.lower, robot.upper, robot.unlimited
+    space.low[:], space.high[:] = np.maximum(robot.lower, -np.pi), np.minimum(robot.upper, 2.0 * np.pi)
+    space.low[robot.unlimited], space.high[robot.unlimited] = -np.pi, np.pi
+    space.speed[:] = robot.velocity_limit
+    space.weights[:] = robot.velocity_limit.mean() / robot.velocity_limit
+    space.levers[:] = contact.levers
+    work.contact.numbers[MARGIN_KEPT], work.contact.numbers[SLACK] = 0.0, SLACK_KEPT
+    work.generator[:] = 12345
+    work.integers[run.JOINTS], work.integers[run.TRIES_IN_VAIN] = robot.dof, 40
+    solver = jacokin.IKSolver(robot, collision="reject", scene=Scene([*WALL.obstacles]))
+    work.start[:] = solver.solve(jacokin.pose([0.4, -0.3, 0.3], down=True)).q
+    goal = solver.solve(jacokin.pose([0.4, 0.25, 0.3], down=True), seed=work.start).q
+    work.goals[:6], work.integers[run.GOALS], work.integers[run.ENOUGH] = goal, 1, 1
+    work.integers[run.ROOTS] = 1
+    return call, contact
+
+
+def ask(call: Any, task: int, steps: int = 0) -> int:
+    """Run one task."""
+    call.work.integers[run.TASK], call.work.integers[run.STEPS] = task, steps
+    return int(call())
+
+
+def search(call: Any) -> None:
+    """Until the trees meet."""
+    assert ask(call, run.STRAIGHT_MOTIONS) == -1
+    task = run.BEGIN_SEARCH
+    for _ in range(100):
+        if ask(call, task, 20):
+            return
+        task = run.GO_ON_SEARCH
+    pytest.fail("no way")
+
+
+def way_of(call: Any) -> Array:
+    """The configurations (n, dof) of the way."""
+    work: MotionWork = call.work
+    return work.way.q[: 6 * work.way.integers[POINTS]].reshape(-1, 6).copy()
+
+
+def time_of(call: Any, way: Array) -> float:
+    """At full speed [s]."""
+    return float((np.abs(np.diff(way, axis=0)) / call.work.space.speed).max(axis=1).sum())
+
+
+def test_random_numbers_are_those_of_the_generator_that_is_cited() -> None:
+    """The first numbers of RngStreams, which is MRG32k3a with 12345 six times (L'Ecuyer and others, 2002)."""
+    generator = np.full(6, 12345, dtype=np.int64)
+    drawn = [uniform(generator) for _ in range(3)]
+    np.testing.assert_allclose(drawn, [0.12701112204657714, 0.3185275653967945, 0.3091860155832701], rtol=1e-15)
+
+
+@pytest.mark.slow
+def test_machine_code_finds_what_plain_python_finds() -> None:
+    compiled, plain = problem()[0], problem(form=PlainCall)[0]
+    for call in (compiled, plain):
+        search(call)
+        ask(call, run.SHORTEN, 12)
+        ask(call, run.CORNERS)
+    np.testing.assert_array_equal(way_of(compiled), way_of(plain))
+    np.testing.assert_array_equal(compiled.work.cuts, plain.work.cuts)
+    np.testing.assert_array_equal(compiled.work.generator, plain.work.generator)
+
+
+def test_ways_are_clear_lead_to_the_goal_and_repeat(rng: np.random.Generator) -> None:
+    call, contact = problem()
+    for _ in range(5):
+        call.work.generator[:] = rng.integers(1, 1000, 6)
+        before = call.work.generator.copy()
+        search(call)
+        way = way_of(call)
+        np.testing.assert_array_equal(way[0], call.work.start)
+        assert call.work.way.integers[GOAL] == 0
+        turns = (way[-1] - call.work.goals[:6]) / (2.0 * np.pi)
+        np.testing.assert_allclose(turns, np.round(turns), atol=1e-12)
+        limited = call.work.space.unlimited == 0
+        assert not np.round(turns)[limited].any()
+        longest = time_of(call, way)
+        while not ask(call, run.SHORTEN, 10):
+            shorter = time_of(call, way_of(call))
+            assert shorter <= longest + 1e-9
+            longest = shorter
+        way = way_of(call)
+        assert (way >= call.work.space.lower).all()
+        assert (way <= call.work.space.upper).all()
+        for a, b in itertools.pairwise(way):
+            assert contact.in_the_way(a, b) is None
+            assert not any(contact.touches(a + share * (b - a)) for share in np.linspace(0.0, 1.0, 400))
+        call.work.generator[:] = before
+        search(call)
+        while not ask(call, run.SHORTEN, 3):
+            pass
+        np.testing.assert_array_equal(way_of(call), way)
+
+
+def test_a_cut_corner_is_clear() -> None:
+    call, contact = problem()
+    search(call)
+    ask(call, run.CORNERS)
+    way, cuts, times = way_of(call), call.work.cuts, call.work.way.times
+    assert cuts[: len(way)].any()
+    for k in range(1, len(way) - 1):
+        if not cuts[k]:
+            continue
+        back, ahead = cuts[k] / (times[k] - times[k - 1]), cuts[k] / (times[k + 1] - times[k])
+        first, last = way[k] + back * (way[k - 1] - way[k]), way[k] + ahead * (way[k + 1] - way[k])
+        for u in np.linspace(0.0, 1.0, 200):
+            assert not contact.touches((1 - u) ** 2 * first + 2 * u * (1 - u) * way[k] + u * u * last)
+
+
+def test_the_nearest_node_is_the_nearest_on_the_torus(rng: np.random.Generator) -> None:
+    call = problem()[0]
+    search(call)
+    work: MotionWork = call.work
+    sizes = work.trees.integers[[FIRST_SIZE, SECOND_SIZE]]
+    for tree in range(2):
+        nodes = work.trees.q[tree * 1024 * 6 :][: sizes[tree] * 6].reshape(-1, 6)
+        for _ in range(20):
+            q = rng.uniform(work.space.low, work.space.high)
+            away = np.abs(nodes - q)
+            away = np.where(work.space.unlimited == 1, np.minimum(away, 2.0 * np.pi - away), away)
+            expected = np.argmin(((away * work.space.weights) ** 2).sum(axis=1))
+            assert nearest_node(work.trees, work.space, 6, tree, q) == expected
+
+
+def test_a_search_without_room_says_so() -> None:
+    call = problem(room=2)[0]
+    assert ask(call, run.STRAIGHT_MOTIONS) == -1
+    assert ask(call, run.BEGIN_SEARCH, 500) == 0
+    assert call.work.trees.integers[:2].max() == 2
+    assert len(call.work.way.integers) == WAY_INTEGERS
+
+
+def test_pairs_in_the_way_are_counted() -> None:
+    call, contact = problem()
+    search(call)
+    seen = call.work.hindrances
+    count = int((seen.times > 0).sum())
+    assert count > 0
+    assert "wall" in {contact.names[k] for k in seen.pairs[:count].ravel().tolist()}

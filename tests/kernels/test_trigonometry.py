@@ -1,0 +1,76 @@
+"""Sine, cosine and arctangent of plain arithmetic, against the C library's."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from jacokin.kernels.trigonometry import EIGHTH_SLOPE, LARGEST_ANGLE, angle_of, arctangent, sin_cos, whole_below
+
+ULPS = 1.3  # the C library itself is up to half an ulp off
+
+
+@pytest.mark.parametrize("size", [1e-9, 1.0, 7.0, 1e3, 1e6])
+def test_sine_and_cosine_are_within_an_ulp(size: float) -> None:
+    """Of any angle that a joint may have, and exactly so where the sine is small."""
+    rng = np.random.default_rng(1)
+    for angle in rng.uniform(-size, size, 2000).tolist():
+        for found, true in zip(sin_cos(angle), (math.sin(angle), math.cos(angle)), strict=True):
+            assert abs(found - true) <= ULPS * math.ulp(true) + 1e-25
+
+
+def test_sine_and_cosine_at_quarter_turns() -> None:
+    """The nearest doubles to multiples of pi / 2: as small as the angle's own rounding makes them."""
+    for quarters in range(-40, 41):
+        angle = 0.5 * math.pi * quarters
+        s, c = sin_cos(angle)
+        assert s == pytest.approx(math.sin(angle), abs=1e-24)
+        assert c == pytest.approx(math.cos(angle), abs=1e-24)
+        assert s * s + c * c == pytest.approx(1.0, abs=3e-16)
+
+
+@pytest.mark.parametrize("angle", [LARGEST_ANGLE, -2e6, 1e22])
+def test_angles_too_large_are_left_to_the_library(angle: float) -> None:
+    """Where a number of quarter turns would lose digits."""
+    assert sin_cos(angle) == (math.sin(angle), math.cos(angle))
+
+
+def test_not_a_number_stays_one() -> None:
+    """No angle is made of it."""
+    assert all(math.isnan(value) for value in sin_cos(math.nan))
+
+
+def test_angle_of_a_direction() -> None:
+    """In all octants and for all slopes."""
+    rng = np.random.default_rng(2)
+    rows = rng.normal(size=(5000, 2)) * 10.0 ** rng.uniform(-9.0, 3.0, (5000, 2))
+    for y, x in rows.tolist():
+        true = math.atan2(y, x)
+        assert abs(angle_of(y, x) - true) <= 3.0 * math.ulp(true)
+
+
+@pytest.mark.parametrize("y", [0.0, -0.0, 1.0, -1.0])
+@pytest.mark.parametrize("x", [1.0, -1.0, 1e-300])
+def test_angle_of_round_directions(y: float, x: float) -> None:
+    """Exactly as the C library says, signs of zero included."""
+    assert math.copysign(1.0, angle_of(y, x)) == math.copysign(1.0, y)
+    assert angle_of(y, x) == math.atan2(y, x)
+
+
+def test_no_direction_has_angle_zero() -> None:
+    """As for the C library."""
+    assert angle_of(0.0, 0.0) == 0.0
+
+
+def test_arctangent_of_small_slopes() -> None:
+    """Over all that it is for."""
+    for slope in np.linspace(-EIGHTH_SLOPE, EIGHTH_SLOPE, 2001).tolist():
+        assert abs(arctangent(slope) - math.atan(slope)) <= 1.2 * math.ulp(slope)
+
+
+@pytest.mark.parametrize("number", [-2.5, -1.0, -0.5, -1e-9, 0.0, 0.5, 0.9999999, 1.0, 1.5, 2.5, 1e6 + 0.5])
+def test_whole_below_is_the_floor(number: float) -> None:
+    """Halves included, which rounding takes to the even neighbour."""
+    assert whole_below(number) == math.floor(number)
