@@ -5,12 +5,14 @@ dynamics                payloads, tilted bases, and the wrench behind joint torq
 contact_observer        contact noticed from joint torques
 identification          payload and friction from a log
 loading, descriptions   from a name, a URDF or an MJCF to the arm; the bundled robots and their table of numbers
+measured_arm            how far one arm is from its description, and the file that says so
+written_descriptions    the URDF or MJCF of a calibrated arm
 home                    a configuration to start from
 poses, angles, checks   building and checking poses, full turns, checks of arguments
 many_configurations     kinematics of many configurations at once
 mujoco_twin             the same arm in MuJoCo
 obstacles, scene        shapes around the arm, one by one, from a file or from a MuJoCo model; shapes that it holds
-surrounded              the twin among the shapes of a scene, and the pairs of shapes whose contact counts
+surrounded              the arm's shapes among those of a scene, and the pairs of shapes whose contact counts
 contact, contact_arrays whether and how closely the arm comes to itself and to obstacles; the shapes for the kernels
 comparison              how far two descriptions, or Pinocchio and MuJoCo, differ
 """

@@ -8,9 +8,13 @@ from jacokin.model.descriptions.bundled import DEFAULT_ROBOT as DEFAULT_ROBOT
 from jacokin.model.descriptions.bundled import NAMES as NAMES
 from jacokin.model.descriptions.bundled import urdf_folder as urdf_folder
 from jacokin.model.dynamics import ExternalWrench as ExternalWrench
+from jacokin.model.identification import ArmEstimate as ArmEstimate
 from jacokin.model.identification import PayloadEstimate as PayloadEstimate
+from jacokin.model.identification import identify_arm as identify_arm
 from jacokin.model.identification import identify_payload as identify_payload
 from jacokin.model.loading import load_robot as load_robot
+from jacokin.model.measured_arm import MeasuredArm as MeasuredArm
+from jacokin.model.measured_arm import MeasuredJoint as MeasuredJoint
 from jacokin.model.mujoco_twin import to_mujoco as to_mujoco
 from jacokin.model.obstacles import Attached as Attached
 from jacokin.model.obstacles import Box as Box
@@ -26,5 +30,7 @@ from jacokin.model.poses import quat_wxyz as quat_wxyz
 from jacokin.model.robot import Robot as Robot
 from jacokin.model.robot import Source as Source
 from jacokin.model.scene import Scene as Scene
+from jacokin.model.written_descriptions import write_mjcf as write_mjcf
+from jacokin.model.written_descriptions import write_urdf as write_urdf
 
 __all__: list[str]

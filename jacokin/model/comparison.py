@@ -15,6 +15,7 @@ from jacokin.errors import InvalidInputError
 from jacokin.model import checks, mujoco_twin, poses
 from jacokin.model.descriptions import mjcf
 from jacokin.model.robot import Robot, checked_robot
+from jacokin.model.written_descriptions import move_bodies
 
 QUANTITIES = {
     "position": "m",
@@ -154,7 +155,7 @@ class PinocchioEngine:
 
     def __init__(self, robot: Robot) -> None:
         """Prepare working memory."""
-        self.label = f"{robot.name} ({robot.source.kind}) in Pinocchio"
+        self.label = f"{robot.label} ({robot.source.kind}) in Pinocchio"
         self.joint_names = robot.joint_names
         self.frames = robot.frames
         self.armature = robot.pin_model.armature
@@ -198,9 +199,9 @@ class MujocoEngine:
 
     def __init__(self, robot: Robot) -> None:
         """Prepare working memory."""
-        self._model = model = mujoco_twin.with_masses(robot)
+        self._model = model = move_bodies(mujoco_twin.with_masses(robot), robot)
         self._data = mujoco.MjData(model)
-        self.label = f"{robot.name} in MuJoCo"
+        self.label = f"{robot.label} in MuJoCo"
         self.joint_names = robot.joint_names
         joints = mjcf.joint_ids(model, robot.joint_names)
         self._qpos, self._dofs = model.jnt_qposadr[joints], model.jnt_dofadr[joints]

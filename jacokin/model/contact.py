@@ -6,6 +6,9 @@ Read `kernels/contact/run` for how it is found.
 from __future__ import annotations
 
 import threading
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -35,7 +38,8 @@ from jacokin.kernels.contact.shapes import CENTRE, LINK, RADIUS
 from jacokin.kernels.contact.touching import Geometry
 from jacokin.kernels.library import Call
 from jacokin.model.contact_arrays import contact_arrays
-from jacokin.model.obstacles import Surroundings
+from jacokin.model.descriptions.shapes import KINDS
+from jacokin.model.obstacles import NOTHING_AROUND, Surroundings
 from jacokin.model.robot import Robot, checked_robot
 from jacokin.model.surrounded import allowed_pairs, surround
 
@@ -44,10 +48,9 @@ ROWS_AT_ONCE = 64  # configurations that go to the kernels together
 REFUSED_WITHIN = 1e-4  # [m] of the clearance, a motion is not certain, and counts as touching
 MOTION_ACCURACY = 1e-4  # [m] of the least distance along a motion
 Pair = tuple[str, str]
-NOTHING_AROUND = Surroundings()
 
 
-class Nearest(NamedTuple):
+class NearestPair(NamedTuple):
     """Two shapes that are nearest to each other."""
 
     distance: float
@@ -80,33 +83,51 @@ class Contact:
         """
         self._robot = checked_robot("robot", robot)
         self._clearance = clearance
-        twin = surround(robot, around)
-        model, standing = twin.model, twin.standing
-        self._geometry, geoms, self._met_partly = contact_arrays(model, twin.own, standing, twin.partly)
-        self._arm_shapes = len(geoms) - len(standing)
-        self._partly = len({obstacle for obstacle, _ in twin.partly})
-        self.pairs = len(twin.pairs(self_collision=True))
-        self._names = [str(model.geom(int(geom)).name) for geom in geoms]
+        shapes, own, partly, standing = found = surround(robot, around)
+        self._geometry, numbers, self._met_partly = contact_arrays(robot.pin_model, shapes, own, standing, partly)
+        self._arm_shapes = len(numbers) - len(standing)
+        self._partly = len({obstacle for obstacle, _ in partly})
+        self.pairs = len(found.pairs)
+        self._names = [shapes[number].name for number in numbers]
         # The arm's own pairs are named in the order of the description, obstacles before the arm.
         obstacles = set(around.obstacle_names)
         self._rank = [
-            int(geom) - (model.ngeom if name in obstacles else 0) for geom, name in zip(geoms, self._names, strict=True)
+            int(number) - (len(shapes) if name in obstacles else 0)
+            for number, name in zip(numbers, self._names, strict=True)
         ]
-        self._kinds = model.geom_type[geoms].tolist()
+        kinds = [KINDS.index(shapes[number].kind) for number in numbers]
+        self._rank_by_kind = [kind * 2 * len(shapes) + rank for kind, rank in zip(kinds, self._rank, strict=True)]
         self._local = threading.local()
+        self._made_of = robot, around, clearance
+
+    def __reduce__(self) -> tuple[object, tuple[object, ...]]:
+        """For pickle: made anew where it arrives, as what the kernels are told belongs to a thread."""
+        robot, around, clearance = self._made_of
+        return partial(Contact, robot, around, clearance=clearance), ()
 
     def touches(self, q: Array) -> bool:
         """Whether any shapes touch at a checked configuration (dof,) [rad]."""
-        call = self._call()
-        call.work.q[: q.size] = q
-        return self._run(call, TOUCHES, margin=self._clearance) > 0
+        try:
+            work, call = self._local.touch
+        except AttributeError:  # its own call: what the kernels are told never changes
+            call = Call(run_contact, self.fresh_work())
+            work = call.work.q
+            self._local.touch = work, call
+        work[:] = q
+        return bool(call() > 0)
+
+    def fresh_work(self) -> ContactWork:
+        """Work arrays for kernels that see whether shapes touch at a configuration."""
+        work = make_contact_work(self._geometry, 1)
+        work.numbers[MARGIN_KEPT] = self._clearance
+        return work
 
     def first_touching(self, q: Array) -> Pair | None:
         """Two shapes that touch at a checked configuration (dof,) [rad]; None where none do."""
         if not self.touches(q):
             return None
-        a, b = self._call().work.hits.pairs[0].tolist()
-        return self._ordered(a, b, by_kind=True)
+        a, b = self._local.touch[1].work.hits.pairs[0].tolist()
+        return self.ordered(a, b, by_kind=True)
 
     def touching(self, q: ArrayLike) -> list[Pair]:
         """Names of the shapes that touch at `q` (dof,) [rad]; empty when none do.
@@ -114,9 +135,37 @@ class Contact:
         Raises:
             InvalidInputError: `q` malformed.
         """
-        if not self.touches(self._robot.configuration(q)):
-            return []
-        return self._listed(self._call())
+        return self.all_touching(self._robot.configuration(q))
+
+    def all_touching(self, q: Array) -> list[Pair]:
+        """As `touching` at a checked configuration (dof,) [rad]."""
+        return self.list_touching(q) if self.touches(q) else []
+
+    def list_touching(self, q: Array) -> list[Pair]:
+        """As `all_touching`, without a quick look first: for a configuration that is known to be in contact."""
+        call = self._call()
+        call.work.q[: q.size] = q
+        return self._listed(call)
+
+    def touches_at(self, rows: Array, threads: int = 1) -> NDArray[np.bool_]:
+        """Whether any shapes touch at each of some checked configurations (n, dof) [rad], on so many threads."""
+        found = np.zeros(len(rows), dtype=np.bool_)
+
+        def run(start: int, stop: int) -> None:
+            call = self._call()
+            for first in range(start, stop, ROWS_AT_ONCE):
+                some = rows[first : min(first + ROWS_AT_ONCE, stop)]
+                call.work.q[: some.size] = some.ravel()
+                self._run(call, TOUCHES, len(some), margin=self._clearance)
+                found[first : first + len(some)] = call.work.value[: len(some), 0]
+
+        if threads == 1:
+            run(0, len(rows))
+        else:
+            edges = np.linspace(0, len(rows), threads + 1).astype(int).tolist()
+            with ThreadPoolExecutor(threads) as pool:
+                list(pool.map(run, edges[:-1], edges[1:]))
+        return found
 
     def touching_from(self, T_world_base: pin.SE3, q: Array) -> list[Pair]:
         """As `touching` with the base elsewhere: then its shapes and obstacles touch where they are 5 mm deep."""
@@ -133,14 +182,18 @@ class Contact:
     def _listed(self, call: Call[ContactWork]) -> list[Pair]:
         """All pairs that touch, the simpler kind of shape first."""
         found = self._run(call, LIST_TOUCHING, margin=self._clearance)
-        pairs = [self._ordered(a, b, by_kind=True) for a, b in call.work.hits.pairs[:found].tolist()]
+        pairs = [self.ordered(a, b, by_kind=True) for a, b in call.work.hits.pairs[:found].tolist()]
         return sorted(pairs)
 
     def distances(self, rows: Array, *, self_collision: bool = False) -> Array:
         """Smallest distances (n,) [m]; arguments and errors as of `nearest`."""
-        return np.array([found.distance for found in self.nearest(rows, self_collision=self_collision)])
+        found = [
+            self._run_rows(LEAST_DISTANCE, some, len(some), self_collision).value[: len(some), 0].copy()
+            for some in self._parts(rows)
+        ]
+        return np.concatenate([np.zeros(0), *found])
 
-    def nearest(self, rows: Array, *, self_collision: bool = False) -> list[Nearest]:
+    def nearest(self, rows: Array, *, self_collision: bool = False) -> list[NearestPair]:
         """The nearest shapes at each of some checked configurations (n, dof) [rad].
 
         Args:
@@ -150,16 +203,16 @@ class Contact:
         Raises:
             ModelError: the description has no shapes.
         """
-        return self._measure(LEAST_DISTANCE, rows, ROWS_AT_ONCE, self_collision)
+        return self._measure(LEAST_DISTANCE, rows, self_collision)
 
-    def nearest_between(self, rows: Array, *, self_collision: bool = False) -> list[Nearest]:
+    def nearest_between(self, rows: Array, *, self_collision: bool = False) -> list[NearestPair]:
         """The nearest shapes on each straight motion from one of some configurations (n, dof) [rad] to the next.
 
         Arguments and errors as of `nearest`. Nothing is stepped over: anywhere on a motion the distance is larger than
         the one found less 1e-4 m. A NaN stands for a motion on which that could not be shown.
         """
         ends = np.repeat(rows, 2, axis=0)[1:-1]
-        return self._measure(LEAST_ON_MOTION, ends, ROWS_AT_ONCE, self_collision)
+        return self._measure(LEAST_ON_MOTION, ends, self_collision)
 
     def in_the_way(self, start: Array, end: Array, extra: float = 0.0) -> Pair | None:
         """Shapes that touch on the straight motion between two configurations (dof,) [rad]; None if it is clear.
@@ -173,25 +226,32 @@ class Contact:
         if not call.work.value[0, 0]:
             return None
         a, b = call.work.named[0].tolist()
-        return self._ordered(a, b, by_kind=True)
+        return self.ordered(a, b, by_kind=True)
 
-    def _measure(self, task: int, rows: Array, at_once: int, self_collision: bool) -> list[Nearest]:
+    def _measure(self, task: int, rows: Array, self_collision: bool) -> list[NearestPair]:
         """Run a task of measuring on rows of configurations."""
+        each = 1 if task == LEAST_DISTANCE else 2
+        found: list[NearestPair] = []
+        for some in self._parts(rows):
+            count = len(some) // each
+            work = self._run_rows(task, some, count, self_collision)
+            for (distance, where), (a, b) in zip(work.value[:count].tolist(), work.named[:count].tolist(), strict=True):
+                found.append(NearestPair(distance, self.ordered(a, b) if a >= 0 else ("", ""), where))
+        return found
+
+    @staticmethod
+    def _parts(rows: Array) -> Iterator[Array]:
+        """Rows that go to the kernels together."""
+        return (rows[first : first + ROWS_AT_ONCE] for first in range(0, len(rows), ROWS_AT_ONCE))
+
+    def _run_rows(self, task: int, rows: Array, count: int, self_collision: bool) -> ContactWork:
+        """Run a task of measuring; what it reads and writes."""
         self._check_shapes()
         call = self._call()
+        call.work.q[: rows.size] = rows.ravel()
         meetings = len(self._geometry.arm.meetings) if self_collision else self._met_partly
-        each = 1 if task == LEAST_DISTANCE else 2
-        found: list[Nearest] = []
-        for first in range(0, len(rows), at_once):
-            some = rows[first : first + at_once]
-            call.work.q[: some.size] = some.ravel()
-            count = len(some) // each
-            self._run(call, task, count, meetings=meetings, slack=MOTION_ACCURACY)
-            for (distance, where), (a, b) in zip(
-                call.work.value[:count].tolist(), call.work.named[:count].tolist(), strict=True
-            ):
-                found.append(Nearest(distance, self._ordered(a, b) if a >= 0 else ("", ""), where))
-        return found
+        self._run(call, task, count, meetings=meetings, slack=MOTION_ACCURACY)
+        return call.work
 
     @property
     def levers(self) -> Array:
@@ -281,10 +341,10 @@ class Contact:
         numbers[MARGIN_KEPT], numbers[SLACK] = margin, slack
         return call()
 
-    def _ordered(self, a: int, b: int, *, by_kind: bool = False) -> Pair:
+    def ordered(self, a: int, b: int, *, by_kind: bool = False) -> Pair:
         """Names of two shapes: obstacles first, then in the order of the description; or the simpler kind first."""
-        first, second = sorted((a, b), key=lambda i: (self._kinds[i] if by_kind else 0, self._rank[i]))
-        return self._names[first], self._names[second]
+        rank, names = self._rank_by_kind if by_kind else self._rank, self._names
+        return (names[a], names[b]) if rank[a] <= rank[b] else (names[b], names[a])
 
 
 class SelfContact(Contact):

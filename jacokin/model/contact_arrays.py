@@ -6,7 +6,6 @@ import itertools
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import mujoco
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
@@ -36,18 +35,9 @@ from jacokin.kernels.contact.shapes import (
 )
 from jacokin.kernels.contact.touching import Geometry
 from jacokin.kernels.contact.tree import Tree
-from jacokin.model.descriptions import mjcf
+from jacokin.model.descriptions.shapes import KINDS, Shape
 
-GEOM = mujoco.mjtGeom
-CORES = {
-    GEOM.mjGEOM_PLANE: PLANE,
-    GEOM.mjGEOM_SPHERE: POINT,
-    GEOM.mjGEOM_CAPSULE: SEGMENT,
-    GEOM.mjGEOM_ELLIPSOID: ELLIPSOID,
-    GEOM.mjGEOM_CYLINDER: CYLINDER,
-    GEOM.mjGEOM_BOX: BOX,
-    GEOM.mjGEOM_MESH: MESH,
-}
+CORES = dict(zip(KINDS, (PLANE, POINT, SEGMENT, ELLIPSOID, CYLINDER, BOX, MESH), strict=True))
 WIDEST_GROUP = 1.35  # times its largest shape: wider groups hold more shapes and are near more often
 GROUP_AT_LEAST = 0.08  # [m] radius below which shapes are grouped anyway
 
@@ -56,34 +46,36 @@ class ContactArrays(NamedTuple):
     """What the kernels need to know, and whose shapes they are."""
 
     geometry: Geometry
-    geoms: NDArray[np.intp]
-    """(n,) number of the geom of each shape: those of the arm group by group, then the obstacles."""
+    numbers: NDArray[np.intp]
+    """(n,) number of each of them among the shapes given: those of the arm group by group, then the obstacles."""
     met_partly: int
     """How many meetings, the first ones, are with obstacles that do not count against every shape."""
 
 
 def contact_arrays(
-    model: mujoco.MjModel,
+    model: pin.Model,
+    given: Sequence[Shape],
     pairs: Sequence[tuple[int, int]],
     obstacles: Sequence[int],
     partly: Sequence[tuple[int, int]] = (),
 ) -> ContactArrays:
-    """Read a compiled twin.
+    """The arrays for an arm and its obstacles.
 
     Args:
-        model: the twin with its shapes; its world is where the obstacles stand.
-        pairs: numbers of the geoms of the arm that count as contact when they touch.
-        obstacles: numbers of the geoms of obstacles that count against every shape that moves.
+        model: the arm, a chain of joints.
+        given: the shapes of the arm and the obstacles.
+        pairs: numbers of the shapes of the arm that count as contact when they touch.
+        obstacles: numbers of obstacles that count against every shape that moves.
         partly: pairs of another obstacle and a shape that moves; these obstacles are kept as shapes of the base.
 
     Raises:
         ModelError: a shape of a kind that is not convex.
     """
     turns, placements, kinds = _joints(model)
-    links = _links(model)
+    links = [shape.joint for shape in given]
     for geom in obstacles:
         links[geom] = len(turns)
-    rows = {geom: _shape(model, geom, links[geom], turns) for geom in range(model.ngeom)}
+    rows = {geom: _row(shape, links[geom], turns) for geom, shape in enumerate(given)}
     alone = list(dict.fromkeys(obstacle for obstacle, _ in partly))
     # They come first, and so do their meetings.
     groups = [(0, [geom], rows[geom].numbers[CENTRE:]) for geom in alone] + [
@@ -129,8 +121,8 @@ def _integers(rows: Sequence[tuple[int, ...]], columns: int) -> NDArray[np.int64
     return np.array(rows, dtype=np.int64).reshape(-1, columns)
 
 
-class _Shape(NamedTuple):
-    """One shape."""
+class _Row(NamedTuple):
+    """One shape as the kernels see it."""
 
     numbers: Array
     integers: NDArray[np.int64]
@@ -138,35 +130,28 @@ class _Shape(NamedTuple):
     neighbours: list[list[int]]
 
 
-def _joints(model: mujoco.MjModel) -> tuple[list[pin.SE3], Array, list[int]]:
-    """For each link, base first, T_body_link, whose z is the joint's axis; placements on the link before; the kinds."""
-    turns, placements, kinds = [pin.SE3.Identity()], np.empty((model.njnt, 3, 4)), []
-    for joint in range(model.njnt):
-        body = int(model.jnt_bodyid[joint])
-        axis = model.jnt_axis[joint]
+def _joints(model: pin.Model) -> tuple[list[pin.SE3], Array, list[int]]:
+    """For each link, base first: T_joint_link, whose z is the axis; its placement on the one before; its kind."""
+    turns, placements, kinds = [pin.SE3.Identity()], np.empty((model.nv, 3, 4)), []
+    for index in range(1, model.njoints):
+        joint = model.joints[index]
+        data = joint.createData()
+        joint.calc(data, np.zeros(model.nq))
+        subspace = np.asarray(data.S).ravel()
+        hinge = bool(subspace[3:].any())
+        axis = subspace[3:] if hinge else subspace[:3]
         turn = pin.SE3(pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), axis).toRotationMatrix(), np.zeros(3))
-        placement = turns[-1].inverse() * mjcf.placement(model.body_quat[body], model.body_pos[body]) * turn
-        placements[joint] = placement.homogeneous[:3]
+        placements[index - 1] = (turns[-1].inverse() * model.jointPlacements[index] * turn).homogeneous[:3]
         turns.append(turn)
-        kinds.append(SLIDE if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE else HINGE)
+        kinds.append(HINGE if hinge else SLIDE)
     return turns, placements, kinds
 
 
-def _links(model: mujoco.MjModel) -> list[int]:
-    """Number of the link that carries each geom: that of the last joint before it, 0 for what stands still."""
-    return [max((j + 1 for j in mjcf.joints_above(model, int(body))), default=0) for body in model.geom_bodyid]
-
-
-def _shape(model: mujoco.MjModel, geom: int, link: int, turns: Sequence[pin.SE3]) -> _Shape:
-    """A geom as the kernels see it."""
-    kind = mujoco.mjtGeom(model.geom_type[geom])
-    if kind not in CORES:
-        raise ModelError(
-            f"the shape {mjcf.geom_name(model, geom)!r} is of a kind that contact is not computed for "
-            "(plane, sphere, capsule, ellipsoid, cylinder, box, mesh)"
-        )
-    core, size = CORES[kind], np.array(model.geom_size[geom])
-    T_link_shape = mjcf.placement(model.geom_quat[geom], model.geom_pos[geom])
+def _row(shape: Shape, link: int, turns: Sequence[pin.SE3]) -> _Row:
+    """A shape as the kernels see it."""
+    if shape.kind not in CORES:
+        raise ModelError(f"the shape {shape.name!r} is of a kind that contact is not computed for ({', '.join(KINDS)})")
+    core, size, T_link_shape = CORES[shape.kind], shape.size, shape.placement
     if link < len(turns):  # of the arm
         T_link_shape = turns[link].inverse() * T_link_shape
     half, margin, vertices, neighbours = np.zeros(3), 0.0, np.empty((0, 3)), list[list[int]]()
@@ -177,7 +162,7 @@ def _shape(model: mujoco.MjModel, geom: int, link: int, turns: Sequence[pin.SE3]
     elif core == CYLINDER:
         half[:] = size[0], size[0], size[1]
     elif core == MESH:
-        vertices, neighbours = _hull(mesh_vertices(model, int(model.geom_dataid[geom])))
+        vertices, neighbours = _hull(shape.vertices)
         centre = 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
         vertices = vertices - centre
         T_link_shape = T_link_shape * pin.SE3(np.eye(3), centre)
@@ -192,13 +177,7 @@ def _shape(model: mujoco.MjModel, geom: int, link: int, turns: Sequence[pin.SE3]
         margin + _core_radius(core, half, vertices),
     )
     integers[KIND], integers[LINK] = core, link
-    return _Shape(numbers, integers, vertices, neighbours)
-
-
-def mesh_vertices(model: mujoco.MjModel, mesh: int) -> Array:
-    """(n, 3) vertices in the frame of the geom [m]."""
-    first = int(model.mesh_vertadr[mesh])
-    return np.array(model.mesh_vert[first : first + int(model.mesh_vertnum[mesh])], dtype=np.float64)
+    return _Row(numbers, integers, vertices, neighbours)
 
 
 def _core_radius(core: int, half: Array, vertices: Array) -> float:
@@ -228,7 +207,7 @@ def _hull(points: Array) -> tuple[Array, list[list[int]]]:
     return points[hull.vertices], [sorted(each) for each in neighbours]
 
 
-def _stacked(rows: Sequence[_Shape]) -> Shapes:
+def _stacked(rows: Sequence[_Row]) -> Shapes:
     """The shapes one after another."""
     first_edge, neighbours = [0], list[int]()
     vertices = 0

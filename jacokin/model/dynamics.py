@@ -18,6 +18,7 @@ from jacokin.errors import InvalidInputError, ModelError
 from jacokin.model import checks, poses
 
 SINGULAR = 1e-6  # of the largest singular value: below, 1 N m of error in a torque is a million times that in a wrench
+BODY = 10  # parameters of a body: mass, mass times centre of mass (3), inertia about the frame (6)
 SYMMETRIC = 1e-9  # of the largest entry: more asymmetry than rounding leaves in a matrix of a file
 POSSIBLE = 1e-9  # of the largest moment: rounding that an inertia may miss the triangle inequality by
 TOO_LARGE = "the arguments are too large: the answer does not fit in floating-point numbers"
@@ -95,6 +96,36 @@ def loaded(model: pin.Model, frame_id: int, mass: float, com: Array, inertia: Ar
     frame = copy.frames[frame_id]
     copy.appendBodyToJoint(frame.parentJoint, pin.Inertia(mass, com, tensor), frame.placement)
     return copy
+
+
+def reweighed(model: pin.Model, parameters: Array) -> pin.Model:
+    """A copy of the model with bodies of other parameters (joints, 10).
+
+    Raises:
+        InvalidInputError: a body that cannot exist.
+    """
+    copy = pin.Model(model)
+    for number, row in enumerate(parameters):
+        least = np.linalg.eigvalsh(pseudo_inertia(row))[0]
+        if not row[0] > 0.0 or least < -POSSIBLE * row[0]:
+            raise InvalidInputError(
+                f"parameters[{number}] are those of no body: the mass must be > 0 and the pseudo-inertia positive "
+                f"semidefinite; its least eigenvalue is {least:.3g}"
+            )
+        copy.inertias[number + 1] = pin.Inertia.FromDynamicParameters(row)
+    return copy
+
+
+def pseudo_inertia(body: Array) -> Array:
+    """(4, 4) second moments of the density of a body (10,): positive definite if a body can have these parameters."""
+    mass, moment = body[0], body[1:4]
+    xx, xy, yy, xz, yz, zz = body[4:]
+    inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    pseudo = np.empty((4, 4))
+    pseudo[:3, :3] = 0.5 * np.trace(inertia) * np.eye(3) - inertia
+    pseudo[:3, 3] = pseudo[3, :3] = moment
+    pseudo[3, 3] = mass
+    return pseudo
 
 
 def _possible_inertia(inertia: ArrayLike) -> Array:

@@ -32,7 +32,7 @@ def find(robot: Robot) -> Home:
     do; the middle of the limits; random configurations of a fixed seed, first those above the base and away from the
     limits. Coarse shapes may always overlap; that is no reason to have no home.
     """
-    from jacokin.model.contact import SelfContact  # loads MuJoCo
+    from jacokin.model.contact import SelfContact  # which needs Robot
 
     checker = SelfContact.of(robot)
     best, fewest, singular = Home(middle(robot), "the middle of the limits"), np.inf, True
@@ -109,7 +109,7 @@ def _keyframe(robot: Robot) -> Array | None:
     model = robot.source.content
     if model is None or isinstance(model, str):
         return None
-    from jacokin.model.descriptions import mjcf  # loads MuJoCo
+    from jacokin.model.descriptions import mjcf
 
     for key in range(model.nkey):
         if model.key(key).name == KEYFRAME:

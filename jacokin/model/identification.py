@@ -1,4 +1,12 @@
-"""`identify_payload`: what an arm carries and how its joints rub, from a log of its motion and torques."""
+"""What an arm carries (`identify_payload`) or weighs itself (`identify_arm`), and its friction, from logs of torques.
+
+Torques are linear in the parameters of the bodies: mass, first moment and inertia, ten of each. Least squares finds the
+combinations that a log says something about, the base parameters (Gautier and Khalil, Direct calculation of minimum set
+of inertial parameters of serial robots, IEEE Transactions on Robotics and Automation 6(3), 1990). A body can have ten
+such numbers if its pseudo-inertia is positive definite (Wensing, Kim and Slotine, Linear matrix inequalities for
+physically consistent inertial parameter identification, RA-L 3(1), 2018). Such numbers are a convex set; the
+best of it are found by Newton's method with a barrier.
+"""
 
 from __future__ import annotations
 
@@ -7,16 +15,20 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
-from scipy.optimize import least_squares
 
 from jacokin.arrays import Array
-from jacokin.errors import InvalidInputError
+from jacokin.errors import InvalidInputError, ModelError
 from jacokin.model import checks, dynamics
+from jacokin.model.dynamics import BODY, pseudo_inertia
 from jacokin.model.robot import Robot, checked_robot
 
-BODY = 10  # parameters of a body: mass, mass times centre of mass (3), inertia about the frame (6)
 IDENTIFIED = 1e-6  # of the largest singular value, columns scaled to one: below, rounding decides
 SMALL_MASS, SIZE = 1e-3, 0.1  # [kg], [m] of a body to start from
+BODY_SCALE = np.array([1.0, *[SIZE] * 3, *[SIZE**2] * 6])  # of a body's parameters, for 1 kg
+NOISE_FLOOR = 1e-6  # of the torques: a log is never taken as more exact
+FIRST_WEIGHT, LAST_WEIGHT, WEIGHT_STEP = 1e3, 1e-7, 0.1  # of the barrier, in squares of the noise
+NEWTON_STEPS, CONVERGED, SHORTEST = 50, 1e-3, 1e-9  # with each weight; of it; part of a step
+LEAST_BODY = 1e-9  # [kg], [kg m^2] that a described body has at least: a point has no density to start from
 LARGEST = 1e100  # squares of what a log makes of its numbers must fit into floating-point numbers
 
 
@@ -73,28 +85,21 @@ def identify_payload(
     """
     checked_robot("robot", robot)
     carried = robot.pin_model.frames[robot.frame_id(frame)]
-    log = [
-        checks.matrix("q", q, robot.dof, "rad"),
-        checks.matrix("v", v, robot.dof, "rad/s"),
-        checks.matrix("a", a, robot.dof, "rad/s^2"),
-        checks.matrix("torque", torque, robot.dof, "N m"),
-    ]
-    lengths = {len(rows) for rows in log}
-    if len(lengths) > 1:
-        raise InvalidInputError(f"q, v, a and torque must have the same length, got {[len(rows) for rows in log]}")
+    log = _checked_log(robot, q, v, a, torque)
     if carried.parentJoint == 0:
         raise InvalidInputError(f"frame {carried.name!r} does not move: the log says nothing about a body there")
-    columns = BODY + 2 * robot.dof
-    if lengths.pop() * robot.dof <= columns:
-        raise InvalidInputError(f"the log is too short: it has no more numbers than the {columns} parameters")
-
-    system, right = _regressor(robot, carried.parentJoint, *log)
-    if not max(np.abs(system).max(), np.abs(right).max()) < LARGEST:
-        raise InvalidInputError(dynamics.TOO_LARGE)
+    joint = carried.parentJoint - 1
+    bodies, friction, own = _regressors(robot, log)
+    system = _stacked(bodies[:, :, BODY * joint : BODY * (joint + 1)], friction, log)
+    right = (log[3] - own).ravel()
+    _check_size(system, right)
     found, covariance, unidentified, residual = _least_squares(system, right)
     projected = not _possible(found[:BODY])
     if projected:
-        found = _nearest_possible(system, right, found)
+        mass = max(found[0], SMALL_MASS)
+        ball = np.array([[mass, 0.0, 0.0, 0.0, *(mass * SIZE**2 * np.array([2.0, 0.0, 2.0, 0.0, 0.0, 2.0]))]])
+        noise = max(residual, NOISE_FLOOR * float(np.sqrt(np.mean(right**2))))
+        found = _nearest_possible(system / noise, right / noise, found, ball)
     body = pin.Inertia.FromDynamicParameters(found[:BODY])
     held = carried.placement.actInv(body)
     # The centre of mass is the first moment over the mass.
@@ -118,18 +123,195 @@ def identify_payload(
     )
 
 
-def _regressor(robot: Robot, joint: int, q: Array, v: Array, a: Array, torque: Array) -> tuple[Array, Array]:
-    """Matrix and right side of what the arm alone does not explain: body in the joint's frame, then friction."""
+@dataclass(frozen=True, slots=True, eq=False)
+class ArmEstimate:
+    """Bodies and friction of an arm that explain a log; sigmas are standard deviations, arrays read-only.
+
+    A body is all that a joint moves up to the next one, in Pinocchio's frame of that joint. Its ten parameters are mass
+    [kg], mass times centre of mass (3) [kg m], and inertia about the frame xx, xy, yy, xz, yz, zz [kg m^2].
+    """
+
+    robot: Robot
+    """The arm with these bodies, without friction."""
+    parameters: Array
+    """(dof, 10) of the bodies, ones that can exist."""
+    parameters_sigma: Array
+    """(dof, 10) by the log and by how far the description is trusted."""
+    viscous: Array
+    """(dof,) viscous friction [N m s/rad]."""
+    coulomb: Array
+    """(dof,) dry friction [N m]."""
+    viscous_sigma: Array
+    """(dof,) [N m s/rad]."""
+    coulomb_sigma: Array
+    """(dof,) [N m]."""
+    combinations: Array
+    """(r, dof, 10) the combinations of parameters that the log says something about, the best known first."""
+    values: Array
+    """(r,) their values by the log alone; independent of each other."""
+    values_sigma: Array
+    """(r,) of `values`, by the log alone; one without a unit is one of what the description is trusted by."""
+    unidentified: int
+    """How many combinations of bodies and friction the log says nothing about: there the description stands."""
+    projected: bool
+    """Whether the best parameters were those of no bodies, and the nearest possible ones were taken."""
+    residual: float
+    """Root mean square of the torques left unexplained [N m]."""
+
+
+def identify_arm(
+    robot: Robot, q: ArrayLike, v: ArrayLike, a: ArrayLike, torque: ArrayLike, *, trust: float = 1.0
+) -> ArmEstimate:
+    """Fit the bodies of an arm, and viscous and dry friction of every joint, to a log.
+
+    Only combinations of the parameters show in torques, 36 of 60 on six joints: the least-squares estimate is joined by
+    the description, which counts as off by a part `trust` of each body's mass, of that mass 0.1 m away, and of the
+    inertia that it then has. Where the log says much the description has no say, and where it says nothing it stands.
+    Errors of the torques are taken as independent and equally large. Armature is that of the description.
+
+    Args:
+        robot: the arm as described.
+        q: (n, dof) joint angles [rad].
+        v: (n, dof) joint velocities [rad/s].
+        a: (n, dof) joint accelerations [rad/s^2].
+        torque: (n, dof) torques of the motors [N m], friction included.
+        trust: relative standard deviation of the description.
+
+    Raises:
+        InvalidInputError: malformed, too large, of different lengths or too short.
+        ModelError: the description gives no masses.
+    """
+    checked_robot("robot", robot)
+    log = _checked_log(robot, q, v, a, torque)
+    trusted = checks.positive("trust", trust)
+    bodies, friction, _ = _regressors(robot, log)
+    system = _stacked(bodies, friction, log)
+    right = (log[3] - robot.pin_model.armature * log[2]).ravel()
+    _check_size(system, right)
+
+    count, described = BODY * robot.dof, _described(robot)
+    scale = np.ones(system.shape[1])
+    scale[:count] = trusted * (described[:, :1] * BODY_SCALE).ravel()
+    combinations, values, sizes, unexplained, friction_known = _base_parameters(system, right, scale[:count])
+    unidentified = system.shape[1] - len(values) - friction_known
+    spare = len(right) - len(values) - friction_known
+    floor = NOISE_FLOOR * float(np.sqrt(np.mean(right**2)))
+    noise = max(float(np.sqrt(unexplained / spare)), floor, np.finfo(float).tiny)
+
+    # The log in units of its noise, then the description in units of its own.
+    wide = np.eye(count, system.shape[1])
+    weighted = np.vstack((system * scale / noise, wide))
+    goal = np.concatenate((right / noise, described.ravel() / scale[:count]))
+    orthogonal, small = np.linalg.qr(weighted)
+    target = orthogonal.T @ goal
+    inverse = np.linalg.pinv(small, rcond=np.finfo(float).eps)
+    found, sigma = scale * (inverse @ target), scale * np.linalg.norm(inverse, axis=1)
+    projected = not all(_possible(body) for body in found[:count].reshape(-1, BODY))
+    if projected:
+        found = _nearest_possible(small / scale, target, found, described)
+    left_over = right - system @ found
+    parameters, viscous, coulomb = np.split(found, (count, count + robot.dof))
+    _, viscous_sigma, coulomb_sigma = np.split(sigma, (count, count + robot.dof))
+    return ArmEstimate(
+        robot=robot.with_bodies(parameters.reshape(-1, BODY)),
+        parameters=checks.read_only(parameters.reshape(-1, BODY)),
+        parameters_sigma=checks.read_only(sigma[:count].reshape(-1, BODY)),
+        viscous=checks.read_only(viscous),
+        coulomb=checks.read_only(coulomb),
+        viscous_sigma=checks.read_only(viscous_sigma),
+        coulomb_sigma=checks.read_only(coulomb_sigma),
+        combinations=checks.read_only(combinations.reshape(-1, robot.dof, BODY)),
+        values=checks.read_only(values),
+        values_sigma=checks.read_only(noise / sizes),
+        unidentified=unidentified,
+        projected=projected,
+        residual=float(np.sqrt(np.mean(left_over**2))),
+    )
+
+
+def _checked_log(robot: Robot, q: ArrayLike, v: ArrayLike, a: ArrayLike, torque: ArrayLike) -> list[Array]:
+    """Four arrays (n, dof).
+
+    Raises:
+        InvalidInputError: malformed, or of different lengths.
+    """
+    log = [
+        checks.matrix("q", q, robot.dof, "rad"),
+        checks.matrix("v", v, robot.dof, "rad/s"),
+        checks.matrix("a", a, robot.dof, "rad/s^2"),
+        checks.matrix("torque", torque, robot.dof, "N m"),
+    ]
+    if len({len(rows) for rows in log}) > 1:
+        raise InvalidInputError(f"q, v, a and torque must have the same length, got {[len(rows) for rows in log]}")
+    return log
+
+
+def _regressors(robot: Robot, log: list[Array]) -> tuple[Array, Array, Array]:
+    """Matrices (n, dof, 10 dof) of the bodies and (n, dof, 2 dof) of friction; torques (n, dof) as described."""
     model, data, n = robot.pin_model, robot.pin_model.createData(), robot.dof
-    system, right = np.zeros((len(q), n, BODY + 2 * n)), np.empty((len(q), n))
-    body = slice(BODY * (joint - 1), BODY * joint)
+    q, v, a, _ = log
+    bodies, friction, own = np.empty((len(q), n, BODY * n)), np.zeros((len(q), n, 2 * n)), np.empty((len(q), n))
+    joint = np.arange(n)
+    friction[:, joint, joint], friction[:, joint, n + joint] = v, np.sign(v)
     for row, (at, velocity, acceleration) in enumerate(zip(q, v, a, strict=True)):
-        right[row] = torque[row] - pin.rnea(model, data, at, velocity, acceleration)
-        full = np.asarray(pin.computeJointTorqueRegressor(model, data, at, velocity, acceleration)).reshape(n, -1)
-        system[row, :, :BODY] = full[:, body]
-        system[row, :, BODY : BODY + n] = np.diag(velocity)
-        system[row, :, BODY + n :] = np.diag(np.sign(velocity))
-    return system.reshape(-1, BODY + 2 * n), right.ravel()
+        own[row] = pin.rnea(model, data, at, velocity, acceleration)
+        bodies[row] = pin.computeJointTorqueRegressor(model, data, at, velocity, acceleration)
+    return bodies, friction, own
+
+
+def _stacked(bodies: Array, friction: Array, log: list[Array]) -> Array:
+    """Both as one matrix (n dof, parameters).
+
+    Raises:
+        InvalidInputError: it has no more rows than columns.
+    """
+    system = np.concatenate((bodies, friction), axis=2)
+    rows, columns = log[0].size, system.shape[2]
+    if rows <= columns:
+        raise InvalidInputError(f"the log is too short: it has no more numbers than the {columns} parameters")
+    return system.reshape(rows, columns)
+
+
+def _check_size(system: Array, right: Array) -> None:
+    """Refuse numbers whose squares do not fit."""
+    if not max(np.abs(system).max(), np.abs(right).max()) < LARGEST:
+        raise InvalidInputError(dynamics.TOO_LARGE)
+
+
+def _base_parameters(system: Array, right: Array, scale: Array) -> tuple[Array, Array, Array, float, int]:
+    """Combinations (r, n) of parameters of bodies that show beside friction, and their values (r,).
+
+    Each combination is a unit vector in units of `scale`, and orthogonal to the others, so that their errors are
+    independent.
+
+    Returns:
+        Combinations, values, by how much each value shows in torques (r,), the sum of the squares left unexplained, and
+        how many parameters of friction show.
+    """
+    count = len(scale)
+    rubbing, sizes, _ = np.linalg.svd(system[:, count:], full_matrices=False)
+    friction = rubbing[:, sizes > IDENTIFIED * sizes[0]] if sizes[0] > 0.0 else rubbing[:, :0]
+    scaled = system[:, :count] * scale
+    left, sizes, axes = np.linalg.svd(scaled - friction @ (friction.T @ scaled), full_matrices=False)
+    known = int(np.sum(sizes > IDENTIFIED * sizes[0]))
+    explained = left[:, :known].T @ right
+    rest = right - friction @ (friction.T @ right) - left[:, :known] @ explained
+    return axes[:known] / scale, explained / sizes[:known], sizes[:known], float(rest @ rest), friction.shape[1]
+
+
+def _described(robot: Robot) -> Array:
+    """(dof, 10) parameters of the bodies as described, of points made a little larger.
+
+    Raises:
+        ModelError: a body has no mass.
+    """
+    bodies = np.array([inertia.toDynamicParameters() for inertia in list(robot.pin_model.inertias)[1:]])
+    if not (bodies[:, 0] > 0.0).all():
+        raise ModelError(
+            f"{robot.name}: the description gives no mass to what {robot.joint_names[int(bodies[:, 0].argmin())]} moves"
+        )
+    bodies[:, [4, 6, 9]] += LEAST_BODY
+    return bodies
 
 
 def _least_squares(system: Array, right: Array) -> tuple[Array, Array, int, float]:
@@ -146,33 +328,59 @@ def _least_squares(system: Array, right: Array) -> tuple[Array, Array, int, floa
 
 
 def _possible(body: Array) -> bool:
-    """Whether a body can have these parameters: its pseudo-inertia is positive definite."""
-    mass, moment = body[0], body[1:4]
-    xx, xy, yy, xz, yz, zz = body[4:]
-    inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    pseudo = np.empty((4, 4))
-    pseudo[:3, :3] = 0.5 * np.trace(inertia) * np.eye(3) - inertia
-    pseudo[:3, 3] = pseudo[3, :3] = moment
-    pseudo[3, 3] = mass
-    return bool(np.linalg.eigvalsh(pseudo)[0] > 0.0)
+    """Whether a body can have these parameters."""
+    return bool(np.linalg.eigvalsh(pseudo_inertia(body))[0] > 0.0)
 
 
-def _nearest_possible(system: Array, right: Array, found: Array) -> Array:
-    """The parameters of a body that explain the log best, friction included.
+def _nearest_possible(system: Array, right: Array, found: Array, start: Array) -> Array:
+    """The parameters of bodies that explain the log best, friction included.
 
-    Every vector of log-Cholesky parameters is that of a body (Rucker and Wensing, Smooth parameterization of
-    rigid-body inertia, RA-L 7(2), 2022).
+    Newton's method for the sum of squares less a multiple of the log-determinants of the pseudo-inertias, which keep
+    the bodies possible; the multiple shrinks until they cost nothing (Boyd and Vandenberghe, Convex Optimization,
+    2004, section 11.3).
+
+    Args:
+        system: (rows, parameters), bodies before friction, in units of the errors of `right`.
+        right: (rows,).
+        found: the best parameters of all, for friction.
+        start: (k, 10) possible bodies to start from.
     """
-    orthogonal, small = np.linalg.qr(system)
+    count = start.size
+    scale = np.ones(len(found))
+    scale[:count] = (start[:, :1] * BODY_SCALE).ravel()
+    orthogonal, small = np.linalg.qr(system * scale)
     target = orthogonal.T @ right
+    directions = np.array([pseudo_inertia(axis) for axis in np.eye(BODY)])
+    units = scale[:count].reshape(-1, BODY)[:, :, np.newaxis, np.newaxis] * directions  # (k, 10, 4, 4)
 
-    def missed(x: Array) -> Array:
-        body = pin.LogCholeskyParameters(x[:BODY]).toDynamicParameters()
-        return np.asarray(small @ np.concatenate((body, x[BODY:])) - target)
+    def cost(x: Array, weight: float) -> float:
+        try:
+            factors = np.linalg.cholesky(np.einsum("kp,kpij->kij", x[:count].reshape(-1, BODY), units))
+        except np.linalg.LinAlgError:
+            return np.inf
+        missed = small @ x - target
+        spread = np.log(np.diagonal(factors, axis1=1, axis2=2)).sum()
+        return float(0.5 * missed @ missed - 2.0 * weight * spread)
 
-    start = np.concatenate(
-        ([0.5 * np.log(max(found[0], SMALL_MASS))], np.full(3, np.log(SIZE)), np.zeros(6), found[BODY:])
-    )
-    with np.errstate(over="ignore", invalid="ignore"):  # of steps that are tried and not taken
-        x = least_squares(missed, start, x_scale="jac").x
-    return np.concatenate((pin.LogCholeskyParameters(x[:BODY]).toDynamicParameters(), x[BODY:]))
+    x = np.concatenate((start.ravel(), found[count:])) / scale
+    squares, weight = small.T @ small, FIRST_WEIGHT
+    while weight > LAST_WEIGHT:
+        weight *= WEIGHT_STEP
+        for _ in range(NEWTON_STEPS):
+            inverse = np.linalg.inv(np.einsum("kp,kpij->kij", x[:count].reshape(-1, BODY), units))
+            turned = np.einsum("kij,kpjl->kpil", inverse, units)
+            gradient, hessian = small.T @ (small @ x - target), squares.copy()
+            gradient[:count] -= weight * np.einsum("kpii->kp", turned).ravel()
+            for body, block in enumerate(np.einsum("kpij,kqji->kpq", turned, turned)):
+                rows = slice(BODY * body, BODY * (body + 1))
+                hessian[rows, rows] += weight * block
+            step = np.linalg.lstsq(hessian, -gradient)[0]
+            descent, before, part = float(gradient @ step), cost(x, weight), 1.0
+            if -descent < CONVERGED * weight:
+                break
+            while part > SHORTEST and not cost(x + part * step, weight) <= before + 0.1 * part * descent:
+                part *= 0.5
+            if part <= SHORTEST:
+                break
+            x = x + part * step
+    return np.asarray(x * scale)

@@ -15,6 +15,7 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, ModelError, UnknownNameError
 from jacokin.model import checks, home
 from jacokin.model.descriptions import bundled, chain, urdf
+from jacokin.model.measured_arm import MeasuredArm
 from jacokin.model.robot import Home, HomeFinder, Robot, Source
 
 FINGER_ANGLE = 0.15  # [rad] fully open: the fingers' lower limit
@@ -31,6 +32,7 @@ def load_robot(
     finger_angle: float | None = None,
     limits: Mapping[str, tuple[float, float]] | None = None,
     package_dirs: Sequence[str | Path] = (),
+    calibration: str | Path | MeasuredArm | None = None,
 ) -> Robot:
     """Load an arm by name or from a file, which is not read again afterwards (meshes of a URDF: when first needed).
 
@@ -45,6 +47,8 @@ def load_robot(
         limits: a user's own limits (lower, upper) [rad] by joint name, in place of those of the file.
         package_dirs: folders that hold the packages of package:// meshes, searched before ROS_PACKAGE_PATH and the
             folders above the file. Kinematics needs no meshes; self-contact does.
+        calibration: how this arm differs from its description: a file that `jacokin.calibration` saved, or what
+            `robot.calibration` holds. None: not at all. Limits stay those of the reported angles.
 
     Returns:
         The robot; nq == nv == dof in `robot.pin_model`.
@@ -52,7 +56,7 @@ def load_robot(
     Raises:
         UnknownNameError: no such bundled robot, frame or joint.
         InvalidInputError: limits malformed, or a finger angle that no finger can take.
-        ModelError: the file is missing, malformed, or holds no such arm.
+        ModelError: the file is missing, malformed, or holds no such arm; the calibration is damaged or another arm's.
     """
     path, name = _resolve(robot)
     checks.optional(checks.instance, "base", base, str, "the name of a frame")
@@ -72,6 +76,7 @@ def load_robot(
     if finger_angle is not None:
         _check_fingers(described.model, model, finger_angle)
     own_limits = () if limits is None else _override_limits(model, limits)
+    measured = None if calibration is None else _calibrate(model, base or described.base, calibration)
     return Robot(
         model,
         base=base or described.base,
@@ -85,10 +90,22 @@ def load_robot(
             tuple(folder.absolute() for folder in folders),
             own_limits,
             described.content,
+            measured,
         ),
         finger_angle=finger_angle,
         home=_documented_home(name, model) if name else home.find,
     )
+
+
+def _calibrate(model: pin.Model, base: str, calibration: str | Path | MeasuredArm) -> MeasuredArm:
+    """Move the joints of a freshly extracted chain to where a calibration has them.
+
+    Raises:
+        ModelError: as `load_robot`.
+    """
+    measured = calibration if isinstance(calibration, MeasuredArm) else MeasuredArm.load(calibration)
+    measured.apply(model, base)
+    return measured
 
 
 def _resolve(robot: str | Path) -> tuple[Path, str | None]:

@@ -17,15 +17,15 @@ ITERATIONS = 12
 DAMPING = 1e-14  # of a step of least length: what a singular Jacobian is inverted with
 
 
-class Goal(NamedTuple):
+class TargetRows(NamedTuple):
     """Poses (n, 4, 4) for the tool, which may be turned about axes (n, 3) of its own; None when they may not."""
 
     T: Array
     axis: Array | None = None
 
-    def some(self, rows: NDArray[np.intp]) -> Goal:
+    def some(self, rows: NDArray[np.intp]) -> TargetRows:
         """Those of some rows."""
-        return Goal(self.T[rows], None if self.axis is None else self.axis[rows])
+        return TargetRows(self.T[rows], None if self.axis is None else self.axis[rows])
 
 
 class Placements(NamedTuple):
@@ -98,12 +98,12 @@ class Chain:
         slides = self._sliding[:, None]
         return Placements(position, rotation, np.where(slides, axes, linear), np.where(slides, 0.0, axes))
 
-    def errors(self, x: Array, goal: Goal) -> tuple[Array, Array]:
+    def errors(self, x: Array, goal: TargetRows) -> tuple[Array, Array]:
         """Position (n,) [m] and orientation (n,) [rad, for small ones] errors at configurations (n, width)."""
         error = _error(self.placements(x[:, : self.dof]), _turned(goal, x[:, self.dof :]))
         return np.linalg.norm(error[:, :3], axis=1), np.linalg.norm(error[:, 3:], axis=1)
 
-    def linearise(self, x: Array, goal: Goal) -> tuple[Array, Array]:
+    def linearise(self, x: Array, goal: TargetRows) -> tuple[Array, Array]:
         """Errors (n, 6), linear first, and how they shrink with each coordinate (n, 6, width)."""
         placed = self.placements(x[:, : self.dof])
         T = _turned(goal, x[:, self.dof :])
@@ -114,7 +114,7 @@ class Chain:
             jacobian = np.concatenate([jacobian, away], axis=2)
         return _error(placed, T), jacobian
 
-    def close(self, x: Array, goal: Goal, held: NDArray[np.bool_] | None = None) -> tuple[Array, Array]:
+    def close(self, x: Array, goal: TargetRows, held: NDArray[np.bool_] | None = None) -> tuple[Array, Array]:
         """Newton's method from configurations (n, width) towards a goal, in steps of least length.
 
         Args:
@@ -161,7 +161,7 @@ def angle_and_axis(rotation: Array) -> tuple[Array, Array]:
     return angle, axis / np.maximum(sine, 1e-300)[:, None]
 
 
-def _turned(goal: Goal, angle: Array) -> Array:
+def _turned(goal: TargetRows, angle: Array) -> Array:
     """The poses (n, 4, 4), turned by angles (n, 1)."""
     if goal.axis is None:
         return goal.T

@@ -19,6 +19,7 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, ModelError
 from jacokin.model import checks, poses
 from jacokin.model.descriptions import bundled, meshes, mjcf, urdf
+from jacokin.model.descriptions.shapes import Shape
 from jacokin.model.robot import Robot, Source, checked_robot
 
 UNLIMITED = 1e6  # [rad] stands for an open side
@@ -140,6 +141,25 @@ def add_shapes(
         spec.add_pair(name=f"{first}~{second}", geomname1=first, geomname2=second)
 
 
+def shapes_of_twin(model: mujoco.MjModel) -> list[Shape]:
+    """The shapes of a compiled twin, and of what was added to it, in the order of its geoms."""
+    found = []
+    for geom in range(model.ngeom):
+        kind = mujoco.mjtGeom(model.geom_type[geom])
+        mesh = kind == mujoco.mjtGeom.mjGEOM_MESH
+        shape = Shape(
+            name=mjcf.geom_name(model, geom),
+            kind=kind.name.removeprefix("mjGEOM_").lower(),
+            size=np.array(model.geom_size[geom]),
+            joint=max((j + 1 for j in mjcf.joints_above(model, int(model.geom_bodyid[geom]))), default=0),
+            placement=mjcf.placement(model.geom_quat[geom], model.geom_pos[geom]),
+        )
+        if mesh:
+            shape = shape._replace(vertices=mesh_vertices(model, int(model.geom_dataid[geom])))
+        found.append(shape)
+    return found
+
+
 def shapes_of_links(robot: Robot) -> dict[str, frozenset[str]]:
     """Names of the shapes of each link, with those of links behind it that no joint of the arm separates from it."""
     source, model = with_shapes(robot), robot.pin_model
@@ -198,7 +218,7 @@ def _add_geom(
     shape: dict[str, object] = {"size": source.geom_size[geom]}
     if kind == mujoco.mjtGeom.mjGEOM_MESH:
         shape = {"meshname": name}
-        spec.add_mesh(name=name, uservert=_mesh_vertices(source, int(source.geom_dataid[geom])).ravel())
+        spec.add_mesh(name=name, uservert=mesh_vertices(source, int(source.geom_dataid[geom])).ravel())
     added = body.add_geom(
         name=name,
         type=kind,
@@ -212,7 +232,8 @@ def _add_geom(
     added.mass = 0.0
 
 
-def _mesh_vertices(source: mujoco.MjModel, mesh: int) -> Array:
+def mesh_vertices(source: mujoco.MjModel, mesh: int) -> Array:
+    """(n, 3) vertices of a mesh in the frame of its geom [m]."""
     first = int(source.mesh_vertadr[mesh])
     return np.array(source.mesh_vert[first : first + int(source.mesh_vertnum[mesh])], dtype=np.float64)
 

@@ -7,15 +7,17 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
-import mujoco
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from jacokin.errors import InvalidInputError
 from jacokin.model import checks, poses
+
+if TYPE_CHECKING:
+    import mujoco
 
 
 class Obstacle(Protocol):
@@ -51,7 +53,7 @@ class Box:
 
     def add_to(self, body: mujoco.MjsBody) -> None:
         """Add the shape to the base body."""
-        _add(body, self.name, mujoco.mjtGeom.mjGEOM_BOX, 0.5 * np.asarray(self.size), self.pose)
+        _add(body, self.name, "BOX", 0.5 * np.asarray(self.size), self.pose)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,7 +80,7 @@ class Sphere:
     def add_to(self, body: mujoco.MjsBody) -> None:
         """Add the shape to the base body."""
         pose = pin.SE3(np.eye(3), np.asarray(self.position))
-        _add(body, self.name, mujoco.mjtGeom.mjGEOM_SPHERE, [self.radius], pose)
+        _add(body, self.name, "SPHERE", [self.radius], pose)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -111,7 +113,7 @@ class Capsule(_Round):
 
     def add_to(self, body: mujoco.MjsBody) -> None:
         """Add the shape to the base body."""
-        _add(body, self.name, mujoco.mjtGeom.mjGEOM_CAPSULE, [self.radius, 0.5 * self.length], self.pose)
+        _add(body, self.name, "CAPSULE", [self.radius, 0.5 * self.length], self.pose)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -127,7 +129,7 @@ class Cylinder(_Round):
 
     def add_to(self, body: mujoco.MjsBody) -> None:
         """Add the shape to the base body."""
-        _add(body, self.name, mujoco.mjtGeom.mjGEOM_CYLINDER, [self.radius, 0.5 * self.length], self.pose)
+        _add(body, self.name, "CYLINDER", [self.radius, 0.5 * self.length], self.pose)
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,7 +153,7 @@ class Floor:
         """Add the shape to the base body."""
         pose = pin.SE3(np.eye(3), np.array([0.0, 0.0, self.height]))
         # A plane has no end; the size only says how it is drawn.
-        _add(body, self.name, mujoco.mjtGeom.mjGEOM_PLANE, [1.0, 1.0, 0.1], pose)
+        _add(body, self.name, "PLANE", [1.0, 1.0, 0.1], pose)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -193,6 +195,9 @@ class Surroundings(NamedTuple):
     def obstacle_names(self) -> tuple[str, ...]:
         """Names of the shapes that stand still."""
         return tuple(each.name for each in self.obstacles)
+
+
+NOTHING_AROUND = Surroundings()
 
 
 def place(shape: Obstacle, pose: pin.SE3 | ArrayLike) -> Obstacle:
@@ -272,13 +277,15 @@ def _pose(name: str, value: pin.SE3 | ArrayLike) -> pin.SE3:
     return poses.checked_pose(array, name)
 
 
-def _add(body: mujoco.MjsBody, name: str, kind: mujoco.mjtGeom, size: ArrayLike, pose: pin.SE3 | ArrayLike) -> None:
+def _add(body: mujoco.MjsBody, name: str, kind: str, size: ArrayLike, pose: pin.SE3 | ArrayLike) -> None:
+    import mujoco  # an arm alone is checked without it
+
     assert isinstance(pose, pin.SE3)  # __post_init__ made it one
     full = np.zeros(3)
     full[: len(np.asarray(size))] = size
     body.add_geom(
         name=name,
-        type=kind,
+        type=getattr(mujoco.mjtGeom, f"mjGEOM_{kind}"),
         size=full,
         pos=pose.translation,
         quat=poses.quaternion(pose.rotation),

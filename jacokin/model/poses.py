@@ -264,24 +264,22 @@ def checked_matrix(name: str, matrix: Array) -> Array:
         InvalidInputError: not finite, a last row that is not 0 0 0 1, sheared, scaled or a reflection.
     """
     # Sixteen numbers: plain floats are faster than NumPy here, and this runs before every solve.
-    (a, b, c, x), (d, e, f, y), (g, h, k, z), (p, q, r, one) = matrix.tolist()
-    total = a + b + c + d + e + f + g + h + k + x + y + z + p + q + r + one
-    if not math.isfinite(total) and not np.isfinite(matrix).all():
-        raise InvalidInputError(f"{name} must be finite")
+    a, b, c, x, d, e, f, y, g, h, k, z, p, q, r, one = matrix.ravel().tolist()
+    aa, bb, cc = a * a + d * d + g * g - 1.0, b * b + e * e + h * h - 1.0, c * c + f * f + k * k - 1.0
+    ab, ac, bc = a * b + d * e + g * h, a * c + d * f + g * k, b * c + e * f + h * k
+    is_right_handed = a * (e * k - f * h) - b * (d * k - f * g) + c * (d * h - e * g) > 0.0
     has_exact_last_row = one == 1.0 and p == q == r == 0.0
+    squares = aa * aa + bb * bb + cc * cc + ab * ab + ac * ac + bc * bc
+    if squares <= ORTHONORMAL**2 and is_right_handed and has_exact_last_row and math.isfinite(x + y + z):
+        return matrix
+    if not np.isfinite(matrix).all():
+        raise InvalidInputError(f"{name} must be finite")
     if not has_exact_last_row and not max(abs(p), abs(q), abs(r), abs(one - 1.0)) <= RIGID_TOLERANCE:
         raise InvalidInputError(f"{name}: the last row must be 0 0 0 1, got {matrix[3].tolist()}")
-    misfit = max(
-        abs(a * a + d * d + g * g - 1.0),
-        abs(b * b + e * e + h * h - 1.0),
-        abs(c * c + f * f + k * k - 1.0),
-        abs(a * b + d * e + g * h),
-        abs(a * c + d * f + g * k),
-        abs(b * c + e * f + h * k),
-    )
+    misfit = max(map(abs, (aa, bb, cc, ab, ac, bc)))
     if not misfit <= RIGID_TOLERANCE:
         raise InvalidInputError(f"{name} is not a rotation: R^T R differs from the identity by {misfit:.3g}")
-    if a * (e * k - f * h) - b * (d * k - f * g) + c * (d * h - e * g) < 0.0:
+    if not is_right_handed:
         raise InvalidInputError(f"{name} is a reflection (determinant -1), not a rotation")
     if misfit > ORTHONORMAL:
         _orthonormalise(matrix[:3, :3])

@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
@@ -23,6 +23,7 @@ from jacokin.errors import InvalidInputError, UnknownNameError, shown
 from jacokin.model import checks, dynamics, jacobians
 from jacokin.model.descriptions import chain
 from jacokin.model.dynamics import ExternalWrench
+from jacokin.model.measured_arm import MeasuredArm
 
 if TYPE_CHECKING:
     import mujoco
@@ -101,7 +102,8 @@ class Robot:
 
     def __repr__(self) -> str:
         """Name, joints and default frame on one line."""
-        return f"Robot({self.name!r}, dof={self.dof}, base={self.base!r}, frame={self.default_frame!r})"
+        calibrated = "" if self.calibration is None else ", calibrated"
+        return f"Robot({self.name!r}, dof={self.dof}, base={self.base!r}, frame={self.default_frame!r}{calibrated})"
 
     def __reduce__(self) -> tuple[object, tuple[object, ...]]:
         """Pickle the model and its names; working memory is made anew."""
@@ -114,6 +116,31 @@ class Robot:
             home=self.__dict__.get("_found_home", self._home),
         )
         return rebuild, (self.pin_model,)
+
+    @property
+    def calibration(self) -> MeasuredArm | None:
+        """How this arm differs from its description; None for the description's own numbers."""
+        return self.source.calibration
+
+    @property
+    def label(self) -> str:
+        """The name as people read it, which says when the arm is calibrated: "calibrated j2n6s300"."""
+        return self.name if self.calibration is None else f"calibrated {self.name}"
+
+    @cached_property
+    def described(self) -> Robot:
+        """The same arm without its calibration, as the description has it (to rounding); itself without one."""
+        measured = self.calibration
+        if measured is None:
+            return self
+        return Robot(
+            measured.undo(self.pin_model),
+            base=self.base,
+            tip=self.default_frame,
+            source=replace(self.source, calibration=None),
+            finger_angle=self.finger_angle,
+            home=self._home,
+        )
 
     @property
     def _data(self) -> pin.Data:
@@ -441,8 +468,27 @@ class Robot:
             UnknownNameError: no such frame.
         """
         weight, centre = checks.non_negative("mass", mass, "kg"), checks.vector("com", com, 3, "m")
+        return self._weighing(dynamics.loaded(self.pin_model, self.frame_id(frame), weight, centre, inertia))
+
+    def with_bodies(self, parameters: ArrayLike) -> Robot:
+        """This robot with other masses, as `jacokin.model.identify_arm` finds them: another robot.
+
+        Args:
+            parameters: (dof, 10) of what each joint moves up to the next one, in Pinocchio's frame of the joint: mass
+                [kg], mass times centre of mass (3) [kg m], inertia about the frame xx, xy, yy, xz, yz, zz [kg m^2].
+
+        Raises:
+            InvalidInputError: malformed, or of a body that cannot exist.
+        """
+        rows = checks.matrix("parameters", parameters, dynamics.BODY, "kg, kg m, kg m^2")
+        if len(rows) != self.dof:
+            raise InvalidInputError(f"parameters must have shape ({self.dof}, {dynamics.BODY}), got shape {rows.shape}")
+        return self._weighing(dynamics.reweighed(self.pin_model, rows))
+
+    def _weighing(self, pin_model: pin.Model) -> Robot:
+        """The same arm with a model of other masses."""
         return Robot(
-            dynamics.loaded(self.pin_model, self.frame_id(frame), weight, centre, inertia),
+            pin_model,
             base=self.base,
             tip=self.default_frame,
             source=self.source,
@@ -498,7 +544,7 @@ class Robot:
         except (MemoryError, ValueError, OverflowError) as error:
             raise InvalidInputError(f"size {shown(size)} is too large: so many samples do not fit in memory") from error
 
-    def clearance(self, q: ArrayLike, scene: Surroundings, *, self_collision: bool = False) -> float | Array:
+    def clearance(self, q: ArrayLike, scene: SceneLike, *, self_collision: bool = False) -> float | Array:
         """Smallest distance between the arm's collision shapes and those of a scene.
 
         Args:
@@ -549,6 +595,7 @@ class Source:
         package_dirs: folders that hold the packages of package:// meshes.
         limits: a user's own limits: joint, lower and upper [rad].
         content: the checked text of a URDF, or an MJCF as MuJoCo compiled it; None for bundled robots.
+        calibration: how the arm differs from that content; None for not at all.
     """
 
     path: Path
@@ -559,6 +606,7 @@ class Source:
     package_dirs: tuple[Path, ...] = ()
     limits: tuple[tuple[str, float, float], ...] = ()
     content: str | mujoco.MjModel | None = field(default=None, repr=False, compare=False)
+    calibration: MeasuredArm | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -574,7 +622,7 @@ class Home:
 HomeFinder = Callable[[Robot], Home]
 
 
-class Surroundings(Protocol):
+class SceneLike(Protocol):
     """What `Robot.clearance` measures against: a `Scene`."""
 
     def measure(self, robot: Robot, rows: Array, *, self_collision: bool = False) -> Array:

@@ -192,6 +192,14 @@ class Scene:
         angle = checks.optional(checks.number, "angle", angle, "rad")
         return _rebuild(self.surroundings._replace(finger_angle=angle))
 
+    def adding(self, *obstacles: Obstacle) -> Scene:
+        """The same scene with more obstacles.
+
+        Raises:
+            InvalidInputError: not shapes, or two of the same name.
+        """
+        return _rebuild(self.surroundings._replace(obstacles=checked_obstacles((*self.obstacles, *obstacles))))
+
     def allowing(self, *pairs: tuple[str, str]) -> Scene:
         """The same scene with more pairs of names whose contact does not count.
 

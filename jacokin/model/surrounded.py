@@ -1,4 +1,4 @@
-"""`surround`: the robot's twin among the shapes of a scene, and the pairs of shapes whose contact counts.
+"""`surround`: the shapes of an arm among those of a scene, and the pairs of shapes whose contact counts.
 
 An obstacle counts against every shape that moves, and so does what the arm holds; that counts against the shapes of
 other links, too. The arm's own pairs are those of its description. Contact that the scene allows does not count.
@@ -7,24 +7,24 @@ other links, too. The arm's own pairs are those of its description. Contact that
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
-
-import mujoco
+from typing import TYPE_CHECKING, NamedTuple
 
 from jacokin.errors import InvalidInputError
 from jacokin.model import checks, poses
-from jacokin.model.descriptions import mjcf
-from jacokin.model.mujoco_twin import body_of_joint, shapes_of_links, to_spec
-from jacokin.model.obstacles import Attached, Surroundings, add_to_spec
+from jacokin.model.descriptions.shapes import Shape, read_bundled
+from jacokin.model.obstacles import NOTHING_AROUND, Attached, Surroundings, add_to_spec
 from jacokin.model.robot import Robot
+
+if TYPE_CHECKING:
+    import mujoco
 
 ROBOT = "robot"  # stands for all shapes of the arm where contact is allowed
 
 
-class Twin(NamedTuple):
-    """A robot's twin among the shapes of a scene, compiled; pairs of shapes by number."""
+class Surrounded(NamedTuple):
+    """The shapes of an arm and those of a scene, in one list; pairs of shapes by number."""
 
-    model: mujoco.MjModel
+    shapes: list[Shape]
     own: list[tuple[int, int]]
     """Pairs of shapes of the arm, and of what it holds."""
     partly: list[tuple[int, int]]
@@ -32,15 +32,17 @@ class Twin(NamedTuple):
     standing: list[int]
     """The other obstacles, which count against every shape that moves."""
 
-    def pairs(self, *, self_collision: bool) -> list[tuple[int, int]]:
-        """All pairs whose contact counts; without self-collision those with obstacles."""
-        moving = [geom for geom in range(self.model.ngeom) if self.model.body_weldid[self.model.geom_bodyid[geom]] > 0]
-        found = [(a, b) for a in sorted(self.standing) for b in moving] + self.partly
-        return found + self.own if self_collision else found
+    @property
+    def pairs(self) -> list[tuple[int, int]]:
+        """All pairs whose contact counts, those with obstacles first."""
+        moving = [number for number, shape in enumerate(self.shapes) if shape.joint > 0]
+        return [(a, b) for a in sorted(self.standing) for b in moving] + self.partly + self.own
 
 
-def surround(robot: Robot, around: Surroundings) -> Twin:
-    """The twin with all shapes of a scene, and the pairs of shapes whose contact counts.
+def surround(robot: Robot, around: Surroundings) -> Surrounded:
+    """The shapes of an arm and of a scene, and the pairs of them whose contact counts.
+
+    Those of a bundled robot that stands alone are read without MuJoCo, which takes long to load.
 
     Raises:
         InvalidInputError: a shape of the scene has the name of a shape of the arm, one is attached to what does not
@@ -48,15 +50,15 @@ def surround(robot: Robot, around: Surroundings) -> Twin:
         UnknownNameError: a shape is attached to, or contact is allowed with, a name that is not there.
         ModelError: the description's shapes cannot be loaded.
     """
-    spec = to_spec(robot, geometry=True, finger_angle=around.finger_angle)
-    arm = {geom.name: geom.parent.name for geom in spec.geoms}
-    for name in around.names:
-        if name in arm:
-            raise InvalidInputError(f"the name {name!r} is used by a shape of the arm; names must differ")
-    add_to_spec(spec, around.obstacles)
-    held = {each.name: _attach(spec, robot, each) for each in around.attached}
-    model = spec.compile()
-    number = {str(model.geom(geom).name): geom for geom in range(model.ngeom)}
+    if around == NOTHING_AROUND and robot.source.bundled is not None:
+        links = {name: robot.frame_id(name) for name in robot.frames}
+        shapes, pairs = read_bundled(robot.source.bundled, robot.pin_model, links)
+        return Surrounded(shapes, pairs, [], [])
+    from jacokin.model.mujoco_twin import body_of_joint, shapes_of_twin
+
+    model, arm, held = compile_twin(robot, around)
+    shapes = shapes_of_twin(model)
+    number = {shape.name: index for index, shape in enumerate(shapes)}
     allowed = allowed_pairs(robot, around, list(arm))
     own = list(zip(model.pair_geom1.tolist(), model.pair_geom2.tolist(), strict=True))
     own += [
@@ -75,7 +77,31 @@ def surround(robot: Robot, around: Surroundings) -> Twin:
         else:
             partly += [(number[obstacle.name], number[other]) for other in counted]
     unwanted = {frozenset(map(number.__getitem__, pair)) for pair in allowed}
-    return Twin(model, [pair for pair in own if frozenset(pair) not in unwanted], partly, standing)
+    return Surrounded(shapes, [pair for pair in own if frozenset(pair) not in unwanted], partly, standing)
+
+
+class Twin(NamedTuple):
+    """An arm among the shapes of a scene, in MuJoCo."""
+
+    model: mujoco.MjModel
+    arm: dict[str, str]
+    """Name of the body of each shape of the arm."""
+    held: dict[str, str]
+    """That of each shape that the arm holds."""
+
+
+def compile_twin(robot: Robot, around: Surroundings) -> Twin:
+    """The robot's twin with all shapes of a scene; errors as of `surround`."""
+    from jacokin.model.mujoco_twin import to_spec
+
+    spec = to_spec(robot, geometry=True, finger_angle=around.finger_angle)
+    arm = {geom.name: geom.parent.name for geom in spec.geoms}
+    for name in around.names:
+        if name in arm:
+            raise InvalidInputError(f"the name {name!r} is used by a shape of the arm; names must differ")
+    add_to_spec(spec, around.obstacles)
+    held = {each.name: _attach(spec, robot, each) for each in around.attached}
+    return Twin(spec.compile(), arm, held)
 
 
 def allowed_pairs(robot: Robot, around: Surroundings, arm: Sequence[str]) -> set[frozenset[str]]:
@@ -86,6 +112,8 @@ def allowed_pairs(robot: Robot, around: Surroundings, arm: Sequence[str]) -> set
     """
     if not around.allow:
         return set()
+    from jacokin.model.mujoco_twin import shapes_of_links
+
     links = {name: shapes & set(arm) for name, shapes in shapes_of_links(robot).items()}
     each = {name: frozenset((name,)) for name in (*arm, *around.names)}
     groups = {ROBOT: frozenset(arm), **{name: shapes for name, shapes in links.items() if shapes}, **each}
@@ -98,6 +126,9 @@ def allowed_pairs(robot: Robot, around: Surroundings, arm: Sequence[str]) -> set
 
 def _attach(spec: mujoco.MjSpec, robot: Robot, attached: Attached) -> str:
     """Add a shape to the link that carries it, and return the name of its body."""
+    from jacokin.model.descriptions import mjcf
+    from jacokin.model.mujoco_twin import body_of_joint
+
     frame = robot.pin_model.frames[robot.frame_id(attached.to)]
     if frame.parentJoint == 0:
         raise InvalidInputError(

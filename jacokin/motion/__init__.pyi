@@ -13,18 +13,21 @@ from jacokin.motion.tracking.problem import LimitDistance as LimitDistance
 from jacokin.motion.tracking.problem import Manipulability as Manipulability
 from jacokin.motion.tracking.problem import Objective as Objective
 from jacokin.motion.tracking.problem import Posture as Posture
+from jacokin.motion.tracking.steps import TrackerStatus as TrackerStatus
+from jacokin.motion.tracking.steps import TrackerStep as TrackerStep
+from jacokin.motion.tracking.steps import TrackerSummary as TrackerSummary
 from jacokin.motion.tracking.targets import AxisTarget as AxisTarget
+from jacokin.motion.tracking.targets import JointTarget as JointTarget
 from jacokin.motion.tracking.targets import OrientationTarget as OrientationTarget
 from jacokin.motion.tracking.targets import PoseTarget as PoseTarget
 from jacokin.motion.tracking.targets import PositionTarget as PositionTarget
 from jacokin.motion.tracking.targets import RegionTarget as RegionTarget
 from jacokin.motion.tracking.tracker import Tracker as Tracker
-from jacokin.motion.tracking.tracker import TrackerStatus as TrackerStatus
-from jacokin.motion.tracking.tracker import TrackerStep as TrackerStep
 from jacokin.motion.trajectory import BranchReport as BranchReport
 from jacokin.motion.trajectory import Goal as Goal
 from jacokin.motion.trajectory import JointMotion as JointMotion
 from jacokin.motion.trajectory import MotionStatus as MotionStatus
 from jacokin.motion.trajectory import PathResult as PathResult
+from jacokin.motion.trajectory import Trajectory as Trajectory
 
 __all__: list[str]

@@ -1,6 +1,6 @@
 """Time for a way of straight joint motions: through its corners without stopping, within limits at every instant.
 
-Each corner is cut by a parabola that begins and ends in the direction of its lines (`Course`). Along a way of lines and
+Each corner is cut by a parabola that begins and ends in the direction of its lines (`BlendedCourse`). Along lines and
 parabolas the joints' accelerations are linear functions of the place while the place's own acceleration is constant,
 so limits that hold at both ends of a piece hold all along it: what the passes of TOPP-RA (see `timing`) find on their
 grid is valid between its points, too. From rest to rest.
@@ -10,16 +10,16 @@ A place s counts time at full speed [s]: no joint can be at s + ds sooner than d
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
 from jacokin.arrays import Array
+from jacokin.kernels.free_motion.corners import STRAIGHT
+from jacokin.motion.timing import largest_speeds
 
-LARGEST_CUT = 0.45  # of the shorter of two lines is cut off at their corner
-CORNER_TRIES = 5  # each cuts half as much
-STRAIGHT = 1e-9  # a corner whose directions differ by less is none
 GRID = 0.02  # [s] between places, at least
 ON_CURVE = 12  # pieces of a parabola
 ON_LINE = 24  # pieces of a line at most
@@ -28,7 +28,7 @@ STILL = 1e-12
 
 
 @dataclass(frozen=True, slots=True)
-class Course:
+class BlendedCourse:
     """Lines and parabolas, one after another.
 
     Attributes:
@@ -54,31 +54,19 @@ class Course:
         )
 
 
-def round_corners(way: Array, velocity: Array, is_clear: Callable[[Array, Array], bool]) -> tuple[Course, Array]:
+def round_corners(way: Array, velocity: Array, cuts: Array) -> tuple[BlendedCourse, Array]:
     """A course along a way (n, dof) [rad] that cuts its corners, and the places (m,) where it must stop.
 
     Args:
         way: configurations, no two in a row equal; at least two.
         velocity: (dof,) limits [rad/s].
-        is_clear: whether the parabola from a corner's line, given by its (3, dof) control points, is clear; its second
-            argument is (dof,) dq from one end to the other.
+        cuts: (n,) how much time at full speed is cut off on both sides of a corner, less than half of the shorter line
+            [s]; 0 where the corner stays.
     """
     steps = np.diff(way, axis=0)
     lengths = (np.abs(steps) / velocity).max(axis=1)
     slopes = steps / lengths[:, None]
-    cut = np.zeros(len(way))
-    stops = [0.0]
-    for corner in range(1, len(way) - 1):
-        turn = slopes[corner] - slopes[corner - 1]
-        if np.abs(turn / velocity).max() < STRAIGHT:
-            continue
-        size = LARGEST_CUT * float(min(lengths[corner - 1], lengths[corner]))
-        for _ in range(CORNER_TRIES):
-            ends = way[corner] - size * slopes[corner - 1], way[corner] + size * slopes[corner]
-            if is_clear(np.array([ends[0], way[corner], ends[1]]), np.abs(turn) * size):
-                cut[corner] = size
-                break
-            size *= 0.5
+    cut, stops = cuts.tolist(), [0.0]
     s, q, slope, bend = [0.0], [], [], []
     for line in range(len(slopes)):
         if line and cut[line] > 0.0:
@@ -92,7 +80,7 @@ def round_corners(way: Array, velocity: Array, is_clear: Callable[[Array, Array]
         slope.append(slopes[line])
         bend.append(np.zeros_like(slopes[line]))
         s.append(s[-1] + lengths[line] - cut[line] - cut[line + 1])
-    return Course(np.array(s), np.array(q), np.array(slope), np.array(bend)), np.array([*stops, s[-1]])
+    return BlendedCourse(np.array(s), np.array(q), np.array(slope), np.array(bend)), np.array([*stops, s[-1]])
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +94,7 @@ class TimedCourse:
         speed: (n,) ds/dt there.
     """
 
-    course: Course
+    course: BlendedCourse
     s: Array
     t: Array
     speed: Array
@@ -130,7 +118,7 @@ class TimedCourse:
         return start + on * (slope + 0.5 * on * bend), here * speed, here * pull[:, None] + bend * speed**2
 
 
-def fit_time(course: Course, stops: Array, velocity: Array, acceleration: Array) -> TimedCourse:
+def fit_time(course: BlendedCourse, stops: Array, velocity: Array, acceleration: Array) -> TimedCourse:
     """The least time from rest to rest along a course, on a grid.
 
     Args:
@@ -139,6 +127,8 @@ def fit_time(course: Course, stops: Array, velocity: Array, acceleration: Array)
         velocity: (dof,) limits [rad/s].
         acceleration: (dof,) limits [rad/s^2].
     """
+    if len(course.q) == 1:
+        return _fit_line(course, velocity, acceleration)
     s, piece = _grid(course, stops, velocity, acceleration)
     on = np.stack([s[:-1] - course.s[piece], s[1:] - course.s[piece]])[:, :, None]
     slope = course.slope[piece] + on * course.bend[piece]  # (2, n, dof) at both ends of each interval
@@ -150,70 +140,52 @@ def fit_time(course: Course, stops: Array, velocity: Array, acceleration: Array)
     top = np.full(len(s), np.inf)
     np.minimum(top[:-1], np.minimum(fastest, turning), out=top[:-1])
     np.minimum(top[1:], np.minimum(fastest, turning), out=top[1:])
-    top[np.isclose(s[:, None], stops, rtol=0.0, atol=1e-12).any(axis=1)] = 0.0
-    x = _fastest(h, slope, bend, limit, top)
-    speed = np.sqrt(x)
+    top[(np.abs(s[:, None] - stops) <= STILL).any(axis=1)] = 0.0
+    # A joint's acceleration is slope u + bend x at the beginning of an interval and slope u + bend (x + 2 h u) at its
+    # end: linear in both.
+    rate = np.concatenate([slope[0], slope[1] + 2.0 * h[:, None] * bend], axis=1)  # (n, 2 dof) of u
+    size = np.abs(rate)
+    counts = size > 1e-9 * size.max()
+    safe = np.where(counts, size, 1.0)
+    high = np.where(counts, np.concatenate([limit, limit]) / safe, np.inf)
+    tilt = np.where(counts, np.sign(rate) * np.concatenate([bend, bend], axis=1) / safe, 0.0)
+    speed = largest_speeds(h, high, tilt, top)
     times = 2.0 * h / np.maximum(speed[:-1] + speed[1:], STILL)
     return TimedCourse(course, s, np.append(0.0, np.cumsum(times)), speed)
 
 
-def _grid(course: Course, stops: Array, velocity: Array, acceleration: Array) -> tuple[Array, np.ndarray]:
+def _fit_line(course: BlendedCourse, velocity: Array, acceleration: Array) -> TimedCourse:
+    """The same along one line: as fast as possible up to full speed or half way, and down again."""
+    length, size = float(course.s[-1]), np.maximum(np.abs(course.slope[0]), STILL)
+    full, gain = USED * float((velocity / size).min()), USED * float((acceleration / size).min())
+    run = min(0.5 * full * full / gain, 0.5 * length)
+    top = float(np.sqrt(2.0 * gain * run))
+    half = 2.0 * run / top
+    if 2.0 * run == length:
+        return TimedCourse(
+            course, np.array([0.0, run, length]), np.array([0.0, half, 2.0 * half]), np.array([0.0, top, 0.0])
+        )
+    rest = (length - 2.0 * run) / top
+    s, t = [0.0, run, length - run, length], [0.0, half, half + rest, half + rest + half]
+    return TimedCourse(course, np.array(s), np.array(t), np.array([0.0, top, top, 0.0]))
+
+
+def _grid(course: BlendedCourse, stops: Array, velocity: Array, acceleration: Array) -> tuple[Array, np.ndarray]:
     """Places (n,), and the line or parabola (n - 1,) that lies between each two."""
-    places: list[Array] = []
+    size = np.maximum(np.abs(course.slope), STILL)
+    runs = 0.5 * (velocity / size).min(axis=1) ** 2 / (acceleration / size).min(axis=1)  # from rest to full speed
+    curves = np.asarray(course.bend.any(axis=1))
+    still, ends = stops.tolist(), course.s.tolist()
+    places: list[float] = []
     pieces: list[int] = []
-    for piece, (low, high) in enumerate(zip(course.s[:-1].tolist(), course.s[1:].tolist(), strict=True)):
-        straight = not course.bend[piece].any()
-        count = int(np.clip(np.ceil((high - low) / GRID), 2, ON_LINE if straight else ON_CURVE))
-        inner = low + (high - low) * np.arange(count) / count
-        if straight:  # where full speed is reached from rest, or left
-            size = np.abs(course.slope[piece])
-            gain = float((acceleration / np.maximum(size, STILL)).min())
-            run = 0.5 * float((velocity / np.maximum(size, STILL)).min()) ** 2 / gain
-            marks = [end + sign * run for end, sign in ((low, 1.0), (high, -1.0)) if np.isclose(stops, end).any()]
-            marks += [0.5 * (low + high)]
-            inner = np.unique(np.concatenate([inner, [mark for mark in marks if low < mark < high]]))
-            inner = inner[np.append(True, np.diff(inner) > 1e-9)]
-        places.append(inner)
+    for piece, (curved, run) in enumerate(zip(curves.tolist(), runs.tolist(), strict=True)):
+        low, high = ends[piece], ends[piece + 1]
+        count = min(max(math.ceil((high - low) / GRID), 2), ON_CURVE if curved else ON_LINE)
+        inner = [low + (high - low) * k / count for k in range(count)]
+        if not curved:  # where full speed is reached from rest, or left
+            marks = [end + way for end, way in ((low, run), (high, -run)) if any(abs(s - end) <= STILL for s in still)]
+            inner = sorted({*inner, *(mark for mark in (*marks, 0.5 * (low + high)) if low < mark < high)})
+            inner = [low, *(there for here, there in pairwise(inner) if there - here > 1e-9)]
+        places += inner
         pieces += [piece] * len(inner)
-    return np.append(np.concatenate(places), course.s[-1]), np.array(pieces, dtype=np.intp)
-
-
-def _fastest(h: Array, slope: Array, bend: Array, limit: Array, top: Array) -> Array:
-    """The largest squared speeds (n,), by a pass backward that finds what can be followed, and one forward.
-
-    With x = speed^2 at the beginning of an interval and u the acceleration on it, a joint's acceleration is
-    slope u + bend x there, and slope u + bend (x + 2 h u) at the end: linear in both.
-    """
-    n = len(h)
-    reach = top.copy()
-    rate = np.concatenate([slope[0], slope[1] + 2.0 * h[:, None] * bend], axis=1)  # (n, 2 dof) of u
-    pull = np.concatenate([bend, bend], axis=1)  # of x
-    bound = np.concatenate([limit, limit])
-    size = np.abs(rate)
-    counts = size > 1e-9 * np.abs(rate).max()
-    safe = np.where(counts, size, 1.0)
-    high = np.where(counts, bound / safe, np.inf)  # u <= high - tilt x, u >= -high - tilt x
-    tilt = np.where(counts, np.sign(rate) * pull / safe, 0.0)
-    for i in range(n - 1, -1, -1):
-        reach[i] = min(reach[i], _controllable(high[i], tilt[i], 0.5 / h[i], reach[i + 1]))
-    x = np.zeros(n + 1)
-    for i in range(n):
-        u = float((high[i] - tilt[i] * x[i]).min())
-        x[i + 1] = max(min(reach[i + 1], x[i] + 2.0 * h[i] * u), 0.0)
-    return x
-
-
-def _controllable(high: Array, tilt: Array, half: float, ahead: float) -> float:
-    """The largest x from which some u leads to an x of at most `ahead`, and of no less than zero.
-
-    Every lower bound of u must stay below every upper one; both are linear in x.
-    """
-    finite = np.isfinite(high)
-    above, below = high[finite], -high[finite]
-    tilts = tilt[finite]
-    upper = np.append(above, half * ahead), np.append(-tilts, -half)
-    lower = np.append(below, 0.0), np.append(-tilts, -half)
-    room = upper[0][:, None] - lower[0]
-    growing = lower[1] - upper[1][:, None]
-    bounded = growing > STILL
-    return float((room[bounded] / growing[bounded]).min()) if bounded.any() else np.inf
+    return np.array([*places, ends[-1]]), np.array(pieces, dtype=np.intp)

@@ -13,7 +13,7 @@ from jacokin.ik.results import Frozen
 from jacokin.model import checks
 from jacokin.model.robot import Robot, checked_robot
 from jacokin.model.scene import Scene, checked_scene
-from jacokin.motion.trajectory import JointMotion, PathResult, load_trajectory
+from jacokin.motion.trajectory import Trajectory
 
 RESOLUTION = 0.02  # [rad] no joint moves farther between two places that are measured
 
@@ -43,7 +43,7 @@ class Clearance(Frozen):
 
 def path_clearance(
     robot: Robot,
-    path: PathResult | JointMotion | str | Path,
+    path: Trajectory | str | Path,
     scene: Scene,
     *,
     self_collision: bool = True,
@@ -69,9 +69,9 @@ def path_clearance(
     checked_scene("scene", scene)
     checks.flag("self_collision", self_collision)
     step = checks.positive("resolution", resolution, "rad")
-    trajectory = load_trajectory(path) if isinstance(path, str | Path) else path
-    if not isinstance(trajectory, PathResult | JointMotion):
-        raise InvalidInputError(f"path must be a PathResult, a JointMotion or a file of one, got {shown(path)}")
+    trajectory = Trajectory.load(path) if isinstance(path, str | Path) else path
+    if not isinstance(trajectory, Trajectory):
+        raise InvalidInputError(f"path must be a Trajectory or a file of one, got {shown(path)}")
     if trajectory.joint_names != robot.joint_names:
         raise InvalidInputError(
             f"the trajectory moves {', '.join(trajectory.joint_names)}, the robot has {', '.join(robot.joint_names)}"

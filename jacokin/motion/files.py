@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import csv
-import math
-import zipfile
-import zlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,7 +15,6 @@ from jacokin.errors import InvalidInputError
 from jacokin.model import checks
 
 NOT_OURS = "not a trajectory written by jacokin"
-LARGEST = 4_000_000_000  # [byte] of an NPZ file's arrays: a day at 100 Hz takes 1.2e9
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,34 +115,3 @@ def write_arrays(file: Path, arrays: Mapping[str, NDArray[np.generic]]) -> None:
     """Write an NPZ file."""
     with file.open("wb") as stream:
         np.savez_compressed(stream, **dict(arrays))  # type: ignore[arg-type]  # its stub takes allow_pickle for an array
-
-
-def read_arrays(file: Path) -> dict[str, NDArray[np.generic]]:
-    """Read an NPZ file, its headers first: a small file may claim to hold more than the memory.
-
-    Raises:
-        InvalidInputError: unreadable, or not an archive of plain arrays.
-    """
-    try:
-        with zipfile.ZipFile(file) as archive:
-            _check_headers(archive)
-        with np.load(file, allow_pickle=False) as arrays:
-            return {name: arrays[name] for name in arrays.files}
-    except (ValueError, EOFError, KeyError, NotImplementedError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
-        raise InvalidInputError(f"{file}: {NOT_OURS}: {error}") from error
-    except OSError as error:
-        raise InvalidInputError(f"cannot read {file}: {error.strerror or error}") from error
-
-
-def _check_headers(archive: zipfile.ZipFile) -> None:
-    """ValueError when a member is not an array, or the arrays claim more than the archive holds or than is sensible."""
-    total = 0
-    for member in archive.infolist():
-        with archive.open(member) as stream:
-            version = np.lib.format.read_magic(stream)
-            read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-            shape, _, dtype = read(stream)
-        size = math.prod(shape) * dtype.itemsize
-        total += size
-        if dtype.hasobject or size > member.file_size or total > LARGEST:
-            raise ValueError(f"{member.filename} claims {size} bytes")

@@ -17,7 +17,8 @@ from jacokin.ik.seeds import checked_start
 from jacokin.model import angles, checks
 from jacokin.model.robot import Robot, checked_robot, velocity_limits
 from jacokin.motion.timing import MAX_TICKS
-from jacokin.motion.trajectory import JointMotion
+from jacokin.motion.torques import TooHeavy, slow_down, torque_limits
+from jacokin.motion.trajectory import MotionStatus, Trajectory
 
 if TYPE_CHECKING:
     import ruckig
@@ -37,7 +38,8 @@ def move_joints(
     velocity_limit: ArrayLike | None = None,
     acceleration_limit: ArrayLike = ACCELERATION,
     jerk_limit: ArrayLike | None = None,
-) -> JointMotion:
+    torque_limit: ArrayLike | bool | None = None,
+) -> Trajectory:
     """The fastest motion from rest to rest, joints in step; unlimited joints take the short way round.
 
     Args:
@@ -48,9 +50,12 @@ def move_joints(
         velocity_limit: (dof,) or one for all [rad/s]; None for the robot's own.
         acceleration_limit: (dof,) or one for all [rad/s^2].
         jerk_limit: (dof,) or one for all [rad/s^3]; None for none.
+        torque_limit: (dof,) or one for all [N m]; True for the robot's own (`effort_limit`), None for none. The whole
+            motion is slowed down until no joint needs more, what the robot carries (`Robot.with_payload`) included.
 
     Returns:
-        The sampled motion. Shapes are not looked at: check it for collisions.
+        The sampled motion. Shapes are not looked at: check it for collisions. Where gravity alone asks for more torque
+        than the limits it stays at the start, and `outcome` and `message` say so.
 
     Raises:
         InvalidInputError: a configuration outside the limits, or a number that is malformed or not positive.
@@ -63,19 +68,41 @@ def move_joints(
     velocity = velocity_limits(robot, velocity_limit)
     acceleration = checks.positive_vector("acceleration_limit", acceleration_limit, robot.dof, "rad/s^2")
     jerk = None if jerk_limit is None else checks.positive_vector("jerk_limit", jerk_limit, robot.dof, "rad/s^3")
-    trajectory = profile(start, end, velocity, acceleration, jerk)
-    duration = trajectory.duration
+    torque = torque_limits(robot, torque_limit)
+    fastest = Profile(start, end, velocity, acceleration, jerk)
+    law = fastest if torque is None else slow_down(robot, fastest, torque)
+    if isinstance(law, TooHeavy):
+        still = np.zeros(1), start[None], np.zeros((1, robot.dof)), np.zeros((1, robot.dof))
+        return Trajectory.of(robot, velocity, still, status=MotionStatus.TOO_HEAVY, message=law.explain(robot))
+    duration = law.duration
     if not duration / step <= MAX_TICKS:
         raise InvalidInputError(f"the motion takes {duration:.6g} s: more than {MAX_TICKS} steps of {step:.6g} s")
     times = np.append(np.arange(0.0, duration, step), duration) if duration > 0.0 else np.zeros(1)
-    rows = [trajectory.at_time(float(time)) for time in times]
-    q, v, a = (np.array(column) for column in zip(*rows, strict=True))
+    q, v, a = law.at(times)
     if not np.abs(q[-1] - end).max() <= MISSED:
         raise InvalidInputError(f"no motion found within these limits: it ends {np.abs(q[-1] - end).max():.3g} rad off")
     # Rounding may pass the ends by one unit in the last place, and an end may be a limit.
     q = np.clip(q, np.minimum(start, end), np.maximum(start, end))
     q[0], q[-1] = start, end
-    return JointMotion.of(robot, velocity, (times, q, v, a))
+    return Trajectory.of(robot, velocity, (times, q, v, a))
+
+
+class Profile:
+    """Ruckig's motion from rest to rest, all joints in step."""
+
+    def __init__(self, start: Array, end: Array, velocity: Array, acceleration: Array, jerk: Array | None) -> None:
+        """Time it within limits (dof,) in rad and s. Errors as of `profile`."""
+        self._trajectory = profile(start, end, velocity, acceleration, jerk)
+
+    @property
+    def duration(self) -> float:
+        """From start to end [s]."""
+        return float(self._trajectory.duration)
+
+    def at(self, t: Array) -> tuple[Array, Array, Array]:
+        """Configurations (m, dof) [rad], velocities [rad/s] and accelerations [rad/s^2] at times (m,) [s]."""
+        q, v, a = zip(*(self._trajectory.at_time(at) for at in t.tolist()), strict=True)
+        return np.array(q), np.array(v), np.array(a)
 
 
 def profile(start: Array, end: Array, velocity: Array, acceleration: Array, jerk: Array | None) -> ruckig.Trajectory:

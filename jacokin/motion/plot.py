@@ -10,7 +10,7 @@ import numpy as np
 from jacokin.errors import needed
 from jacokin.model import checks
 from jacokin.motion import files
-from jacokin.motion.trajectory import JointMotion, PathResult
+from jacokin.motion.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,15 +21,14 @@ DPI = 110
 LEAST_ERROR = 1e-12  # [m, rad] bottom of the logarithmic error axis: below is rounding
 
 
-def plot_path(result: PathResult | JointMotion, path: str | Path) -> None:
+def plot_path(result: Trajectory, path: str | Path) -> None:
     """Write the plot of a trajectory to a file; the ending says which kind: .png, .svg or .pdf.
 
     Raises:
         InvalidInputError: not a trajectory, another ending, or the file cannot be written.
         MissingExtraError: matplotlib is not installed.
     """
-    if not isinstance(result, JointMotion):
-        checks.instance("result", result, PathResult, "a PathResult (see track_path)")
+    checks.instance("result", result, Trajectory, "a Trajectory (see track_path and plan_motion)")
     files.by_ending(path, FORMATS)
     with needed("matplotlib", "plot"):
         from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -49,7 +48,7 @@ def plot_path(result: PathResult | JointMotion, path: str | Path) -> None:
     for limit in (-1.0, 1.0):
         speeds.axhline(limit, color="black", linestyle="--", linewidth=0.8)
     speeds.set_ylabel("joint velocity\n[part of its limit]")
-    if isinstance(result, JointMotion):
+    if not result.follows_path:
         _draw_clearance(errors, result)
         title = "a motion to its goal" if result.success else "no motion to the goal"
     else:
@@ -60,15 +59,14 @@ def plot_path(result: PathResult | JointMotion, path: str | Path) -> None:
     files.save(path, dict.fromkeys(FORMATS, lambda file: figure.savefig(file, dpi=DPI)))
 
 
-def _draw_clearance(axes: Axes, motion: JointMotion) -> None:
+def _draw_clearance(axes: Axes, motion: Trajectory) -> None:
     """The smallest distance of shapes over time, where it was measured."""
-    if motion.clearance.size:
-        axes.plot(motion.t, motion.clearance)
+    axes.plot(motion.t, motion.clearance)
     axes.axhline(0.0, color="black", linestyle="--", linewidth=0.8)
     axes.set_ylabel("smallest distance [m]")
 
 
-def _draw_errors(axes: Axes, result: PathResult) -> None:
+def _draw_errors(axes: Axes, result: Trajectory) -> None:
     """The errors over time, and where the arm is off its path."""
     axes.semilogy(result.t, np.maximum(result.position_error, LEAST_ERROR), label="position [m]")
     axes.semilogy(result.t, np.maximum(result.orientation_error, LEAST_ERROR), label="orientation [rad]")

@@ -4,13 +4,14 @@ Lines run at constant speed, or as fast as the joints allow between stops, by re
 (Pham and Pham: A new approach to time-optimal path parameterization based on reachability analysis, 2018): a backward
 pass finds the largest speeds from which the path can be followed to its end, a forward pass takes them. The package
 `toppra` does it for splines, with linear programs compiled for each platform; between the knots of a piecewise linear
-path each program is the least of a few quotients, which takes a page of NumPy and no compiler.
+path each program is the least of a few quotients (`kernels/speeds`).
 
 A place u counts lines: 2.5 is half way along the third.
 """
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -19,6 +20,8 @@ from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
+from jacokin.kernels.library import Call
+from jacokin.kernels.speeds import SpeedWork, fit_speeds, make_speed_work
 
 WHOLE_TICK = 1e-9  # a duration this near to whole ticks is whole; division rounds
 MAX_TICKS = 10_000_000  # more than a day at 100 Hz: a speed or a step was mistyped
@@ -28,7 +31,11 @@ NO_MOTION = 1e-12  # [rad] a joint that moves less along a line limits nothing
 PATH_SPEED_USED = 0.995  # of the velocity limits where ticks are checked: one may take in a little of a faster part
 ATTEMPTS = 24  # to find a pace whose ticks are all within the limits
 LESS = 0.9  # of the limits is used at the next attempt
+ROOM_KEPT = 10_000  # intervals, of which a thread keeps the memory
 EASED, LEAST_EASED = 0.97, 0.5  # of its speed is left to a part of the path, beside the excess and at least
+
+
+_local = threading.local()  # the kernel with work arrays of each thread
 
 
 def check_ticks(durations: Array, dt: float) -> None:
@@ -206,12 +213,7 @@ def fit_acceleration(
     with np.errstate(over="ignore"):  # what is beyond 1e308 limits nothing
         high = acceleration / np.abs(slope)
     tilt = bend / slope
-    reach = _controllable(h, high, tilt, top)
-    x = np.zeros(len(u))
-    for i in range(len(h)):
-        limit = float((high[i] - tilt[i] * x[i]).min())
-        x[i + 1] = min(reach[i + 1], max(x[i] + 2.0 * h[i] * limit, 0.0))
-    speed = np.sqrt(x)
+    speed = largest_speeds(h, high, tilt, top)
     total = speed[:-1] + speed[1:]
     times = 2.0 * h / np.maximum(total, NO_MOTION)
     return Schedule(u, np.append(0.0, np.cumsum(times)), speed)
@@ -236,17 +238,25 @@ def fit_line(u: Array, q: Array, duration: float, velocity: Array, acceleration:
     return fit_acceleration(u, q, np.diff(u) * duration, speed, usable, stops, fastest)
 
 
-def _controllable(h: Array, high: Array, tilt: Array, top: Array) -> Array:
-    """The largest squared speeds (n,) from which the path can be followed to its end."""
-    reach = top.copy()
-    for i in range(len(h) - 1, -1, -1):
-        # x is possible when some u'' keeps every joint within its limits and x + 2 h u'' within [0, reach]:
-        # each lower bound of u'' must not exceed any upper one. Both are linear in x: constant + factor x.
-        upper = np.append(high[i], reach[i + 1] / (2.0 * h[i])), np.append(-tilt[i], -1.0 / (2.0 * h[i]))
-        lower = np.append(-high[i], 0.0), np.append(-tilt[i], -1.0 / (2.0 * h[i]))
-        room = upper[0][:, None] - lower[0][None, :]
-        growing = lower[1][None, :] - upper[1][:, None]
-        bounded = growing > NO_MOTION
-        if bounded.any():
-            reach[i] = min(reach[i], float((room[bounded] / growing[bounded]).min()))
-    return reach
+def largest_speeds(lengths: Array, high: Array, tilt: Array, top: Array) -> Array:
+    """The largest speeds (n + 1,) with which the places of a path can be passed, from rest.
+
+    Args:
+        lengths: (n,) of the intervals between places.
+        high: (n, limits) with u the acceleration on an interval and x = speed^2, |u + tilt x| <= high; infinite where
+            there is no limit.
+        tilt: (n, limits).
+        top: (n + 1,) the largest x of each place.
+    """
+    count, limits = high.shape
+    call: Call[SpeedWork] | None = getattr(_local, "call", None)
+    if call is None or count > len(call.work.lengths) or high.size > len(call.work.high):
+        call = Call(fit_speeds, make_speed_work(2 * count, limits))
+        if count <= ROOM_KEPT:
+            _local.call = call
+    work = call.work
+    work.counts[:] = high.shape
+    work.lengths[:count], work.top[: count + 1] = lengths, top
+    work.high[: high.size], work.tilt[: high.size] = high.ravel(), tilt.ravel()
+    call()
+    return np.sqrt(work.x[: count + 1])

@@ -23,8 +23,9 @@ from jacokin.model.robot import Robot, checked_robot
 from jacokin.model.scene import Scene
 from jacokin.motion.path import CartesianPath
 from jacokin.motion.timing import Schedule, check_ticks, fit_line, sample_lines
-from jacokin.motion.tracking.tracker import Tracker, TrackerStatus, TrackerStep
-from jacokin.motion.trajectory import BranchReport, PathResult, list_segments
+from jacokin.motion.tracking.steps import TrackerStatus, TrackerStep
+from jacokin.motion.tracking.tracker import Tracker
+from jacokin.motion.trajectory import BranchReport, Trajectory, list_segments
 
 SPEED = 0.05  # [m/s]
 ANGULAR_SPEED = 0.5  # [rad/s]
@@ -58,7 +59,7 @@ def track_path(
     pairs: Sequence[tuple[str, str]] | None = None,
     qp_solver: str = "daqp",
     progress: Callable[[int, int], None] | None = None,
-) -> PathResult:
+) -> Trajectory:
     """Joint trajectory that moves the tool on straight lines through poses.
 
     Args:
@@ -70,7 +71,7 @@ def track_path(
         frame: frame to move; None for the robot's default frame.
         tool: T_frame_tool, a constant pose after the frame.
         seed: (dof,) configuration [rad] to start near; None for home. The path may begin on another branch if that is
-            the one that allows it: `PathResult.start_distance` says how far from the seed.
+            the one that allows it: `Trajectory.start_distance` says how far from the seed.
         start: (dof,) configuration [rad] that the arm is in, instead of `seed`; the path begins there, and no other
             branch is tried.
         velocity_limit: (dof,) or one for all [rad/s]; None for the robot's own.
@@ -124,11 +125,11 @@ def track_path(
     if start is not None:
         starts, reaching = [near], 1
     else:
-        solver = IKSolver(robot, tracker.frame, tool=tool, qp_solver=qp_solver)
+        solver = IKSolver(robot, tracker.frame, tool=tool, qp_solver=qp_solver, collision="ignore")
         starts = start_branches(solver, path.poses[0], near)
         reaching = len(starts)
         starts = starts or [solver.solve(path.poses[0], seed=near).q]
-    best: PathResult | None = None
+    best: Trajectory | None = None
     reports: list[BranchReport] = []
     for q in starts:
         result = follower.follow(q)
@@ -214,7 +215,7 @@ class _Follower:
         self._tracker, self._path, self._times, self._progress = tracker, path, times, progress
         self._rehearsal, self._acceleration = rehearsal, acceleration
 
-    def follow(self, q: Array) -> PathResult:
+    def follow(self, q: Array) -> Trajectory:
         """The whole path from a configuration (dof,) [rad]."""
         times, dt = self._times, self._tracker.dt
         u = sample_lines(times, dt)
@@ -255,9 +256,9 @@ class _Follower:
                 progress(index + 1, len(u))
         return steps
 
-    def _result(self, u: Array, steps: list[TrackerStep]) -> PathResult:
+    def _result(self, u: Array, steps: list[TrackerStep]) -> Trajectory:
         robot = self._tracker.robot
-        return PathResult(
+        return Trajectory(
             joint_names=robot.joint_names,
             t=checks.read_only(np.arange(len(steps)) * self._tracker.dt),
             q=checks.read_only([step.q for step in steps]),
@@ -275,12 +276,12 @@ class _Follower:
         )
 
 
-def _rank(result: PathResult) -> tuple[float, float]:
+def _rank(result: Trajectory) -> tuple[float, float]:
     """Least part of the ticks off the path first, then the smaller error."""
     return sum(status != "OK" for status in result.status) / len(result), float(result.position_error.max())
 
 
-def _sentence(result: PathResult, tried: int, reaching: int, word: str) -> str:
+def _sentence(result: Trajectory, tried: int, reaching: int, word: str) -> str:
     if not reaching:
         return "no configuration within the limits reaches the first pose; started at the closest one found"
     if result.success:
@@ -290,7 +291,7 @@ def _sentence(result: PathResult, tried: int, reaching: int, word: str) -> str:
     return f"none of the {reaching} {words} stays on the path; the best one leaves it on segment {where}"
 
 
-def _sentence_from_start(result: PathResult) -> str:
+def _sentence_from_start(result: Trajectory) -> str:
     if result.success:
         return "the given start stays on the path"
     if result.status[0] != "OK":

@@ -1,26 +1,27 @@
-"""Trajectories: joint angles over time, what `track_path`, `plan_path` and `move_joints` return, and their files.
+"""`Trajectory`: joint angles over time, which `track_path`, `plan_path`, `plan_motion` and `move_joints` return.
 
-`PathResult` and `JointMotion` add their own columns to a `Trajectory`. A kind says in its `LAYOUT` which of its fields
-are joint values, numbers, words and notes; in a CSV file notes stand in lines before the table, whose columns are the
-others.
+In a CSV file single numbers, limits and words stand in lines before the table, whose columns are the rest. A motion
+that follows no path is written without the columns of paths, and files of earlier versions lack more: what a file does
+not hold is as it is for a motion that follows no path.
 """
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from enum import Enum
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self, TypeAlias
+from typing import TYPE_CHECKING, Any, Self, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
+from jacokin.files import read_arrays
 from jacokin.ik.results import Frozen
 from jacokin.ik.targets import Target
 from jacokin.model import checks
@@ -30,13 +31,13 @@ from jacokin.motion.files import (
     Table,
     by_ending,
     format_exactly,
-    read_arrays,
     read_table,
     save,
     write_arrays,
     write_table,
 )
 from jacokin.motion.grasps import Grasp
+from jacokin.showing import Shown, show
 
 FORMATS = (".csv", ".npz", ".json", ".kinova.csv")
 LIMITS = ("lower", "upper", "velocity_limit")
@@ -48,69 +49,133 @@ DURATION = {1: ("secs", "nsecs"), 2: ("sec", "nanosec")}  # parts of a duration 
 NANOSECONDS = 1_000_000_000  # [1/s]
 
 
-class Layout(NamedTuple):
-    """Names of the fields that files hold, beside `joint_names`, `t` and the limits."""
+#: Names of the fields that files hold beside `joint_names`, `t` and the limits: (n, dof) numbers, of which every file
+#: has the first two; (n,) numbers, whole numbers and words; arrays of any length, texts, and single numbers.
+JOINTS = ("q", "v", "a")
+ROWS = ("position_error", "orientation_error", "clearance")
+COUNTS = ("segment",)
+WORDS = ("status", "limiting")
+NUMBERS = ("parameter",)
+TEXTS = ("qp_solver", "outcome", "message")
+VALUES = ("start_distance",)
+COUNTED = "rows"  # a note of CSV files, how many they have: a file that was cut off must not read as a whole motion
+NEEDED = ("joint_names", "t", *LIMITS, "q", "v")
+KNOWN = (*NEEDED, "a", *ROWS, *COUNTS, *WORDS, *NUMBERS, *TEXTS, *VALUES)
+#: Those of paths alone.
+OF_PATHS = ("position_error", "orientation_error", *COUNTS, *WORDS, *NUMBERS, "qp_solver", *VALUES)
 
-    joints: tuple[str, ...]
-    """(n, dof) numbers."""
-    rows: tuple[str, ...] = ()
-    """(n,) numbers."""
-    counts: tuple[str, ...] = ()
-    """(n,) whole numbers."""
-    words: tuple[str, ...] = ()
-    """(n,) words."""
-    numbers: tuple[str, ...] = ()
-    """Arrays of any length; a file may be without them."""
-    texts: tuple[str, ...] = ()
-    """Single words or sentences; a file may be without them."""
-    values: tuple[str, ...] = ()
-    """Single numbers; a file may be without them."""
 
-    def head(self, joint_names: Sequence[str]) -> list[str]:
-        """Names of the columns of a CSV file."""
-        joints = [f"{name}_{joint}" for name in self.joints for joint in joint_names]
-        return ["t", *joints, *self.rows, *self.counts, *self.words]
-
-    def misfit(self, found: Mapping[str, NDArray[Any]]) -> str:
-        """What is wrong with the arrays of a file; "" if nothing is."""
-        optional = (*self.numbers, *self.texts, *self.values)
-        needed = ("joint_names", "t", *LIMITS, *self.joints, *self.rows, *self.counts, *self.words)
-        if missing := [name for name in needed if name not in found]:
-            return f"it lacks {', '.join(missing)}"
-        if strange := [name for name in found if name not in needed + optional]:
-            return f"it holds {', '.join(strange)}"
-        rows, dof = found["t"].size, found["joint_names"].size
-        for names, shape, kind in (
-            (("t", *self.rows), (rows,), "f"),
-            (self.counts, (rows,), "i"),
-            (self.words, (rows,), "U"),
-            (self.joints, (rows, dof), "f"),
-            (LIMITS, (dof,), "f"),
-            (("joint_names",), (dof,), "U"),
-            (self.numbers, None, "f"),
-            (self.texts, (), "U"),
-            (self.values, (), "f"),
-        ):
-            for name in names:
-                array = found.get(name)
-                if array is None:
-                    continue
-                fits = array.ndim == 1 if shape is None else array.shape == shape
-                if not fits or array.dtype.kind != kind:
-                    return f"{name} has the wrong shape or type"
-        if not rows:
-            return "there are no rows"
-        for name in ("t", *self.joints):
-            if not np.isfinite(found[name]).all():
-                return f"{name} is not finite everywhere"
-        return "" if (np.diff(found["t"]) > 0.0).all() else "t does not rise"
+def _misfit(found: Mapping[str, NDArray[Any]]) -> str:
+    """What is wrong with the arrays of a file; "" if nothing is."""
+    if missing := [name for name in NEEDED if name not in found]:
+        return f"it lacks {', '.join(missing)}"
+    if strange := [name for name in found if name not in KNOWN]:
+        return f"it holds {', '.join(strange)}"
+    rows, dof = found["t"].size, found["joint_names"].size
+    for names, shape, kind in (
+        (("t", *ROWS), (rows,), "f"),
+        (COUNTS, (rows,), "i"),
+        (WORDS, (rows,), "U"),
+        (JOINTS, (rows, dof), "f"),
+        (LIMITS, (dof,), "f"),
+        (("joint_names",), (dof,), "U"),
+        (NUMBERS, None, "f"),
+        (TEXTS, (), "U"),
+        (VALUES, (), "f"),
+    ):
+        for name in names:
+            array = found.get(name)
+            if array is None:
+                continue
+            fits = array.ndim == 1 if shape is None else array.shape == shape
+            if not fits or array.dtype.kind != kind:
+                return f"{name} has the wrong shape or type"
+    if not rows:
+        return "there are no rows"
+    for name in ("t", *JOINTS):
+        if name in found and not np.isfinite(found[name]).all():
+            return f"{name} is not finite everywhere"
+    return "" if (np.diff(found["t"]) > 0.0).all() else "t does not rise"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Trajectory(Frozen):
-    """Joint angles over time. Arrays are read-only."""
+class BranchReport(Frozen):
+    """How well the path was followed from one start configuration."""
 
-    LAYOUT: ClassVar[Layout]
+    q_start: Array
+    """(dof,) the branch [rad]."""
+    failed_segments: tuple[int, ...]
+    """Segments on which the error exceeded the tolerances at some tick; empty when the path is feasible."""
+    position_error: float
+    """Largest position error along the path [m]."""
+    orientation_error: float
+    """Largest orientation error along the path [rad]."""
+
+
+#: What a motion may lead to: a configuration, what `IKSolver.solve` takes, or a grasp.
+Aim: TypeAlias = Target | Grasp
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Goal(Frozen):
+    """A configuration that reaches one of the goals. Arrays are read-only."""
+
+    q: Array
+    """(dof,) joint angles [rad]."""
+    number: int
+    """Which of the goals that were given it reaches."""
+    target: Aim | None = None
+    """That goal; None for a configuration."""
+    parameter: float | None = None
+    """Angle about the free axis, or of joint 3 on seven joints [rad]; None where nothing is free."""
+
+
+class MotionStatus(Enum):
+    """Outcome of a motion to a goal; the value is a sentence that says what to try."""
+
+    OK = "the motion leads to its goal"
+    START_IN_CONTACT = (
+        "the arm touches something where it starts: move it out by hand or by joints, "
+        "or allow that contact, Scene(..., allow=[...])"
+    )
+    UNREACHABLE = "no configuration within the limits reaches a goal: move or turn it, or give more goals"
+    GOAL_IN_CONTACT = (
+        "every configuration that reaches a goal touches something: move it, give more goals, leave an axis free, "
+        "or allow that contact, Scene(..., allow=[...])"
+    )
+    NO_WAY = "no way was found, though there may be one: allow more time, or give more goals"
+    OFF_PATH = "the arm is off its path in places: `status`, `limiting` and `message` say where and why"
+    TOO_HEAVY = (
+        "gravity alone asks for more torque than `torque_limit` somewhere on the way, however slow the motion: carry "
+        "less, or give goals nearer to the base"
+    )
+    MISSED = "the end of the motion misses its goal by more than the tolerances: give a goal away from singular poses"
+
+
+def _empty() -> Array:
+    return checks.read_only([])
+
+
+class _Looking(Frozen):
+    """A result whose `clearance` is measured when it is first asked for."""
+
+    __slots__ = ("_look",)
+    _look: Callable[[], Array]
+
+    if not TYPE_CHECKING:  # or else every name would be an attribute
+
+        def __getattr__(self, name: str) -> Array:
+            """What is not there yet."""
+            if name != "clearance":
+                raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+            found = checks.read_only(self._look())
+            object.__setattr__(self, name, found)
+            return found
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Trajectory(_Looking):
+    """Joint angles over time. Arrays are read-only."""
 
     joint_names: tuple[str, ...]
     """Names of the joints."""
@@ -126,26 +191,162 @@ class Trajectory(Frozen):
     """(dof,) upper limits [rad]."""
     velocity_limit: Array
     """(dof,) velocity limits that were held [rad/s]."""
+    a: Array = field(default_factory=_empty)
+    """(n, dof) accelerations [rad/s^2]; along a path the change of velocity at the beginning of the tick that ends
+    here, row 0 is zero."""
+    clearance: Array = field(default_factory=_empty)
+    """(n,) smallest distance of shapes whose contact counts, or that are kept apart [m]; nan where unknown.
+    `plan_motion` leaves measuring it to the first time that it is asked for."""
+    outcome: str = "OK"
+    """Name of a `MotionStatus`."""
+    message: str = ""
+    """What happened, in a sentence."""
+    goal: Goal | None = None
+    """What `plan_motion` leads to; not kept in files."""
+    position_error: Array = field(default_factory=_empty)
+    """(n,) distance to the path's pose at that time [m]; nan where no path is followed."""
+    orientation_error: Array = field(default_factory=_empty)
+    """(n,) angle to it [rad]."""
+    status: tuple[str, ...] = ()
+    """(n,) "OK", "LIMITED", "HELD" or "LOST", see `TrackerStatus`; "LEAD_IN" on the way to where a path begins."""
+    limiting: tuple[str, ...] = ()
+    """(n,) what held the arm back, joined by "; "."""
+    segment: NDArray[np.intp] = field(default_factory=lambda: checks.sealed(np.zeros(0, dtype=np.intp)))
+    """(n,) which straight line of a path the row belongs to; -1 where it belongs to none."""
+    branches: tuple[BranchReport, ...] = ()
+    """Start configurations that were tried for a path, in order; not kept in files."""
+    qp_solver: str = ""
+    """QP solver that ran, with a fallback named."""
+    parameter: Array = field(default_factory=_empty)
+    """(waypoints,) what `plan_path` chose where a waypoint leaves one parameter free [rad]: the angle about the axis of
+    a `FreeAxis`, or joint 3 of a seven-joint arm; nan at full poses of six joints and at waypoints that are not
+    reached. Empty for others."""
+    start_distance: float = 0.0
+    """Largest angle of a joint between the seed (home without one) and row 0 of a path [rad]: the arm is to be brought
+    there."""
+
+    def __post_init__(self) -> None:
+        """Fill in what a motion that follows no path need not say."""
+        count, unknown = len(self.t), checks.read_only(np.full(len(self.t), np.nan))
+        left = self.outcome == MotionStatus.OK.name and any(word not in ("OK", LEAD_IN) for word in set(self.status))
+        usual: dict[str, object] = {
+            "a": changes(self.t, self.v) if not self.a.size else self.a,
+            "clearance": unknown,
+            "position_error": unknown,
+            "orientation_error": unknown,
+            "status": ("OK",) * count,
+            "limiting": ("",) * count,
+            "segment": checks.sealed(np.full(count, -1, dtype=np.intp)),
+        }
+        for name, value in usual.items():
+            if not len(getattr(self, name)):
+                object.__setattr__(self, name, value)
+        if left:
+            object.__setattr__(self, "outcome", MotionStatus.OFF_PATH.name)
+
+    @classmethod
+    def of(
+        cls,
+        robot: Robot,
+        velocity: Array,
+        rows: tuple[Array, Array, Array, Array],
+        *,
+        look: Callable[[Array], Array] | None = None,
+        status: MotionStatus | None = None,
+        message: str = "",
+        goal: Goal | None = None,
+    ) -> Self:
+        """A motion of a robot within velocity limits (dof,) [rad/s], from times, angles, velocities, accelerations.
+
+        With `look`, which gives the distances [m] of configurations (n, dof), its clearance is measured when it is
+        first asked for.
+        """
+        t, q, v, a = map(checks.read_only, rows)
+        made = cls(
+            joint_names=robot.joint_names,
+            t=t,
+            q=q,
+            v=v,
+            lower=robot.lower,
+            upper=robot.upper,
+            velocity_limit=checks.read_only(velocity),
+            a=a,
+            outcome="OK" if status is None else status.name,
+            message=message,
+            goal=goal,
+        )
+        if look is not None:
+            object.__delattr__(made, "clearance")
+            object.__setattr__(made, "_look", partial(look, q))
+        return made
 
     @property
     def time(self) -> Array:
         """(n,) the times `t` [s]."""
         return self.t
 
-    if TYPE_CHECKING:
-
-        @property
-        def a(self) -> Array:
-            """(n, dof) accelerations [rad/s^2]: a field or a property of each kind."""
-
     @property
     def duration(self) -> float:
         """Length of the trajectory [s]."""
         return float(self.t[-1])
 
+    @property
+    def success(self) -> bool:
+        """True when it leads to its goal, and every tick of a path is on the path within the tolerances."""
+        return self.outcome == MotionStatus.OK.name
+
+    @property
+    def follows_path(self) -> bool:
+        """Whether it is along a path."""
+        return bool((self.segment >= 0).any())
+
+    @property
+    def off_path(self) -> NDArray[np.bool_]:
+        """(n,) where a row is off the path."""
+        return np.array([status not in ("OK", LEAD_IN) for status in self.status], dtype=np.bool_)
+
+    @property
+    def failed_segments(self) -> tuple[int, ...]:
+        """Segments with a tick that is off the path."""
+        return tuple(sorted(set(self.segment[self.off_path].tolist())))
+
+    @property
+    def limit_margin(self) -> Array:
+        """(n, dof) distance to the nearer joint limit [rad]; inf on unlimited joints."""
+        return np.asarray(np.minimum(self.q - self.lower, self.upper - self.q))
+
+    @property
+    def time_limited(self) -> float:
+        """Time spent off the path [s]."""
+        if len(self.t) < 2:
+            return 0.0
+        return float(self.off_path[1:].sum() * (self.t[1] - self.t[0]))
+
+    @property
+    def largest_errors(self) -> tuple[float, float]:
+        """Of position [m] and orientation [rad] along the path; nan where the arm never comes to it."""
+        known = ~np.isnan(self.position_error)
+        if not known.any():
+            return math.nan, math.nan
+        return float(self.position_error[known].max()), float(self.orientation_error[known].max())
+
     def __len__(self) -> int:
         """Number of rows."""
         return len(self.t)
+
+    def __str__(self) -> str:
+        """The trajectory on two lines."""
+        if not self.follows_path:
+            return f"{len(self)} rows, {self.t[-1]:.3f} s: {MotionStatus[self.outcome].value}\n{self.message}"
+        return (
+            f"{len(self)} rows, {self.t[-1]:.3f} s, {'on the path throughout' if self.success else 'NOT on the path'}: "
+            f"largest error {self.largest_errors[0]:.3g} m, {self.largest_errors[1]:.3g} rad; "
+            f"off the path for {self.time_limited:.3f} s\n{self.message}"
+        )
+
+    def show(self, of: object, **options: Any) -> Shown:  # Any: checked there
+        """Play it in the browser: `of` is its robot, or the solver. See `jacokin.viewer.show`."""
+        return show(self, of, options)
 
     def save(self, path: str | Path, *, ros: int = 2, joint_prefix: str = "") -> None:
         """Write a file; an existing one is replaced only when the new one is complete.
@@ -184,270 +385,85 @@ class Trajectory(Frozen):
             InvalidInputError: no such file, or it was not written by `save`; names the line where there is one.
         """
         file, ending = by_ending(path, (".csv", ".npz"))
-        layout, arrays = cls.LAYOUT, cls._read_csv(file) if ending == ".csv" else read_arrays(file)
-        if wrong := layout.misfit(arrays):
+        arrays = _read_csv(file) if ending == ".csv" else read_arrays(file, NOT_OURS)
+        if "clearance" in arrays and not arrays["clearance"].size:  # of earlier versions, where none was measured
+            del arrays["clearance"]
+        if wrong := _misfit(arrays):
             raise InvalidInputError(f"{file}: {NOT_OURS}: {wrong}")
         found: dict[str, Any] = {}
         for name, array in arrays.items():
-            if name in ("joint_names", *layout.words):
+            if name in ("joint_names", *WORDS):
                 found[name] = tuple(array.tolist())
             else:
-                found[name] = array.item() if name in layout.texts + layout.values else checks.sealed(array)
+                found[name] = array.item() if name in TEXTS + VALUES else checks.sealed(array)
         return cls(**found)
 
     def _arrays(self) -> dict[str, NDArray[Any]]:
         """The fields that files hold."""
-        kept = {"joint_names", "t", *LIMITS, *(name for names in self.LAYOUT for name in names)}
-        return {field.name: np.asarray(getattr(self, field.name)) for field in fields(self) if field.name in kept}
+        return {name: np.asarray(getattr(self, name)) for name in KNOWN if self.follows_path or name not in OF_PATHS}
 
     def _write_csv(self, file: Path) -> None:
-        layout, arrays = self.LAYOUT, self._arrays()
-        numbers = np.column_stack([arrays[name] for name in ("t", *layout.joints, *layout.rows)])
-        words = [map(str, arrays[name].tolist()) for name in (*layout.counts, *layout.words)]
-        notes = {name: format_exactly(arrays[name]) for name in (*LIMITS, *layout.numbers)}
-        notes |= {name: [arrays[name].item()] for name in layout.texts}
-        notes |= {name: [repr(arrays[name].item())] for name in layout.values}
+        arrays = self._arrays()
+        numbers = np.column_stack([arrays[name] for name in ("t", *JOINTS, *ROWS) if name in arrays])
+        words = [map(str, arrays[name].tolist()) for name in (*COUNTS, *WORDS) if name in arrays]
+        notes = {name: format_exactly(arrays[name]) for name in (*LIMITS, *NUMBERS) if name in arrays}
+        notes |= {name: [arrays[name].item()] for name in TEXTS if name in arrays}
+        notes |= {name: [repr(arrays[name].item())] for name in VALUES if name in arrays}
+        notes[COUNTED] = [str(len(self))]
         rows = [[*format_exactly(row), *rest] for row, *rest in zip(numbers, *words, strict=True)]
-        write_table(file, Table(notes, layout.head(self.joint_names), rows))
-
-    @classmethod
-    def _read_csv(cls, file: Path) -> dict[str, NDArray[Any]]:
-        layout, table = cls.LAYOUT, read_table(file)
-        dof = len(table.notes.get("lower", ()))
-        names = [name[len(layout.joints[0]) + 1 :] for name in table.head[1 : 1 + dof]]
-        if not dof or table.head != layout.head(names):
-            raise InvalidInputError(f"{file}: {NOT_OURS} (head line or limits missing)")
-        floats, counts = 1 + len(layout.joints) * dof + len(layout.rows), len(layout.counts)
-        numbers, whole = [], []
-        for line, row in zip(table.lines, table.rows, strict=True):
-            try:
-                numbers.append([float(cell) for cell in row[:floats]])
-                whole.append([int(cell) for cell in row[floats : floats + counts]])
-            except ValueError as error:
-                raise InvalidInputError(f"{file}, line {line}: {error}") from error
-        t, *blocks = np.split(np.array(numbers), 1 + dof * np.arange(len(layout.joints) + 1), axis=1)
-        found: dict[str, NDArray[Any]] = {"joint_names": np.array(names), "t": t[:, 0]}
-        found |= dict(zip(layout.joints, blocks, strict=False))
-        found |= dict(zip(layout.rows, blocks[-1].T, strict=True))
-        found |= dict(zip(layout.counts, np.array(whole, dtype=np.intp).T, strict=True))
-        for place, name in enumerate(layout.words, start=floats + counts):
-            found[name] = np.array([row[place] for row in table.rows])
-        found |= {name: table.note_numbers(file, name) for name in LIMITS}
-        found |= {name: table.note_numbers(file, name) for name in layout.numbers if name in table.notes}
-        found |= {name: np.array("".join(table.notes[name])) for name in layout.texts if name in table.notes}
-        found |= {name: table.note_numbers(file, name).squeeze() for name in layout.values if name in table.notes}
-        return found
+        write_table(file, Table(notes, _head(list(arrays), self.joint_names), rows))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class BranchReport(Frozen):
-    """How well the path was followed from one start configuration."""
-
-    q_start: Array
-    """(dof,) the branch [rad]."""
-    failed_segments: tuple[int, ...]
-    """Segments on which the error exceeded the tolerances at some tick; empty when the path is feasible."""
-    position_error: float
-    """Largest position error along the path [m]."""
-    orientation_error: float
-    """Largest orientation error along the path [rad]."""
+#: What a trajectory was called along a path, and to a goal.
+PathResult = JointMotion = Trajectory
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class PathResult(Trajectory):
-    """Joint trajectory along a path, one row a tick. Arrays are read-only."""
-
-    LAYOUT: ClassVar = Layout(
-        joints=("q", "v"),
-        rows=("position_error", "orientation_error", "clearance"),
-        counts=("segment",),
-        words=("status", "limiting"),
-        numbers=("parameter",),
-        texts=("qp_solver", "message"),
-        values=("start_distance",),
-    )
-
-    position_error: Array
-    """(n,) distance to the path's pose at that time [m]."""
-    orientation_error: Array
-    """(n,) angle to it [rad]."""
-    status: tuple[str, ...]
-    """(n,) "OK", "LIMITED", "HELD" or "LOST", see `TrackerStatus`; "LEAD_IN" on the way to where the path begins, where
-    there are no errors (nan) and `segment` is -1."""
-    limiting: tuple[str, ...]
-    """(n,) what held the arm back, joined by "; "."""
-    segment: NDArray[np.intp]
-    """(n,) which straight line the row belongs to."""
-    clearance: Array
-    """(n,) smallest distance of shapes kept apart [m], see `TrackerStep`; nan when none are."""
-    branches: tuple[BranchReport, ...] = ()
-    """Start configurations that were tried, in order; not kept in files."""
-    qp_solver: str = ""
-    """QP solver that ran, with a fallback named."""
-    message: str = ""
-    """What happened, in a sentence."""
-    parameter: Array = field(default_factory=lambda: checks.read_only([]))
-    """(waypoints,) what `plan_path` chose where a waypoint leaves one parameter free [rad]: the angle about the axis of
-    a `FreeAxis`, or joint 3 of a seven-joint arm; nan at full poses of six joints and at waypoints that are not
-    reached. Empty for tracked paths."""
-    start_distance: float = 0.0
-    """Largest angle of a joint between the seed (home without one) and row 0 [rad]: the arm is to be brought there."""
-
-    @property
-    def success(self) -> bool:
-        """True when every tick is on the path within the tolerances."""
-        return not self.off_path.any()
-
-    @property
-    def off_path(self) -> NDArray[np.bool_]:
-        """(n,) where a row is off the path."""
-        return np.array([status not in ("OK", LEAD_IN) for status in self.status], dtype=np.bool_)
-
-    @property
-    def failed_segments(self) -> tuple[int, ...]:
-        """Segments with a tick that is off the path."""
-        return tuple(sorted(set(self.segment[self.off_path].tolist())))
-
-    @property
-    def limit_margin(self) -> Array:
-        """(n, dof) distance to the nearer joint limit [rad]; inf on unlimited joints."""
-        return np.asarray(np.minimum(self.q - self.lower, self.upper - self.q))
-
-    @property
-    def a(self) -> Array:
-        """(n, dof) change of velocity at the beginning of the tick that ends here [rad/s^2]; row 0 is zero."""
-        acceleration = np.zeros_like(self.v)
-        acceleration[1:] = np.diff(self.v, axis=0) / np.diff(self.t)[:, None]
-        return acceleration
-
-    @property
-    def time_limited(self) -> float:
-        """Time spent off the path [s]."""
-        if len(self.t) < 2:
-            return 0.0
-        return float(self.off_path[1:].sum() * (self.t[1] - self.t[0]))
-
-    @property
-    def largest_errors(self) -> tuple[float, float]:
-        """Of position [m] and orientation [rad] along the path; nan where the arm never comes to it."""
-        known = ~np.isnan(self.position_error)
-        if not known.any():
-            return math.nan, math.nan
-        return float(self.position_error[known].max()), float(self.orientation_error[known].max())
-
-    def __str__(self) -> str:
-        """The result on two lines."""
-        return (
-            f"{len(self)} rows, {self.t[-1]:.3f} s, {'on the path throughout' if self.success else 'NOT on the path'}: "
-            f"largest error {self.largest_errors[0]:.3g} m, {self.largest_errors[1]:.3g} rad; "
-            f"off the path for {self.time_limited:.3f} s\n{self.message}"
-        )
+def changes(t: Array, v: Array) -> Array:
+    """(n, dof) change of velocities (n, dof) [rad/s] at the beginning of the tick that ends at each time [rad/s^2]."""
+    acceleration = np.zeros_like(v)
+    acceleration[1:] = np.diff(v, axis=0) / np.diff(t)[:, None]
+    return checks.read_only(acceleration)
 
 
-#: What a motion may lead to: a configuration, what `IKSolver.solve` takes, or a grasp.
-Aim: TypeAlias = Target | Grasp
+def _head(present: Sequence[str], joint_names: Sequence[str]) -> list[str]:
+    """Names of the columns of a CSV file that holds some fields."""
+    joints = [f"{name}_{joint}" for name in JOINTS if name in present for joint in joint_names]
+    return ["t", *joints, *(name for name in (*ROWS, *COUNTS, *WORDS) if name in present)]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Goal(Frozen):
-    """A configuration that reaches one of the goals. Arrays are read-only."""
-
-    q: Array
-    """(dof,) joint angles [rad]."""
-    number: int
-    """Which of the goals that were given it reaches."""
-    target: Aim | None = None
-    """That goal; None for a configuration."""
-    parameter: float | None = None
-    """Angle about the free axis, or of joint 3 on seven joints [rad]; None where nothing is free."""
-
-
-class MotionStatus(Enum):
-    """Outcome of a motion to a goal; the value is a sentence that says what to try."""
-
-    OK = "the motion leads to its goal"
-    START_IN_CONTACT = (
-        "the arm touches something where it starts: move it out by hand or by joints, "
-        "or allow that contact, Scene(..., allow=[...])"
-    )
-    UNREACHABLE = "no configuration within the limits reaches a goal: move or turn it, or give more goals"
-    GOAL_IN_CONTACT = (
-        "every configuration that reaches a goal touches something: move it, give more goals, leave an axis free, "
-        "or allow that contact, Scene(..., allow=[...])"
-    )
-    NO_WAY = "no way was found, though there may be one: allow more time, or give more goals"
-    MISSED = "the end of the motion misses its goal by more than the tolerances: give a goal away from singular poses"
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class JointMotion(Trajectory):
-    """A motion between two configurations, sampled. Arrays are read-only."""
-
-    LAYOUT: ClassVar = Layout(joints=("q", "v", "a"), numbers=("clearance",), texts=("outcome", "message"))
-
-    a: Array
-    """(n, dof) accelerations [rad/s^2]."""
-    clearance: Array = field(default_factory=lambda: checks.read_only([]))
-    """(n,) smallest distance of shapes whose contact counts [m]; nan without shapes, empty where none was measured."""
-    outcome: str = "OK"
-    """Name of a `MotionStatus`."""
-    message: str = ""
-    """What happened, in a sentence."""
-    goal: Goal | None = None
-    """What `plan_motion` leads to; not kept in files."""
-
-    @classmethod
-    def of(
-        cls,
-        robot: Robot,
-        velocity: Array,
-        rows: tuple[Array, Array, Array, Array],
-        *,
-        clearance: ArrayLike = (),
-        status: MotionStatus = MotionStatus.OK,
-        message: str = "",
-        goal: Goal | None = None,
-    ) -> Self:
-        """A motion of a robot within velocity limits (dof,) [rad/s], from times, angles, velocities, accelerations."""
-        t, q, v, a = map(checks.read_only, rows)
-        return cls(
-            joint_names=robot.joint_names,
-            t=t,
-            q=q,
-            v=v,
-            lower=robot.lower,
-            upper=robot.upper,
-            velocity_limit=checks.read_only(velocity),
-            a=a,
-            clearance=checks.read_only(np.array(clearance, dtype=np.float64)),
-            outcome=status.name,
-            message=message,
-            goal=goal,
-        )
-
-    @property
-    def success(self) -> bool:
-        """True when the motion leads to its goal."""
-        return self.outcome == MotionStatus.OK.name
-
-    def __str__(self) -> str:
-        """The motion on two lines."""
-        return f"{len(self)} rows, {self.t[-1]:.3f} s: {MotionStatus[self.outcome].value}\n{self.message}"
-
-
-def load_trajectory(file: str | Path) -> PathResult | JointMotion:
-    """A trajectory of either kind from a file.
-
-    Raises:
-        InvalidInputError: neither kind of trajectory.
-    """
-    try:
-        return PathResult.load(file)
-    except InvalidInputError as error:
+def _read_csv(file: Path) -> dict[str, NDArray[Any]]:
+    """The arrays of a CSV file."""
+    table = read_table(file)
+    dof = len(table.notes.get("lower", ()))
+    names = [name[len("q_") :] for name in table.head[1 : 1 + dof]]
+    joints = [name for name in JOINTS if names and f"{name}_{names[0]}" in table.head]
+    others = [name for name in (*ROWS, *COUNTS, *WORDS) if name in table.head]
+    if not dof or table.head != _head([*joints, *others], names):
+        raise InvalidInputError(f"{file}: {NOT_OURS} (head line or limits missing)")
+    written, there = "".join(table.notes.get(COUNTED, ())), len(table.rows)  # earlier versions did not count
+    if written and written != str(there):
+        raise InvalidInputError(f"{file}: {there} rows of the {written} that were written are there")
+    rows, counts = [name for name in others if name in ROWS], [name for name in others if name in COUNTS]
+    floats = 1 + len(joints) * dof + len(rows)
+    numbers, whole = [], []
+    for line, row in zip(table.lines, table.rows, strict=True):
         try:
-            return JointMotion.load(file)
-        except InvalidInputError:
-            raise error from None
+            numbers.append([float(cell) for cell in row[:floats]])
+            whole.append([int(cell) for cell in row[floats : floats + len(counts)]])
+        except ValueError as error:
+            raise InvalidInputError(f"{file}, line {line}: {error}") from error
+    t, *blocks = np.split(np.array(numbers), 1 + dof * np.arange(len(joints) + 1), axis=1)
+    found: dict[str, NDArray[Any]] = {"joint_names": np.array(names), "t": t[:, 0]}
+    found |= dict(zip(joints, blocks, strict=False))
+    found |= dict(zip(rows, blocks[-1].T, strict=True))
+    found |= dict(zip(counts, np.array(whole, dtype=np.intp).T, strict=True))
+    for place, name in enumerate((name for name in others if name in WORDS), start=floats + len(counts)):
+        found[name] = np.array([row[place] for row in table.rows])
+    notes = (*LIMITS, *NUMBERS, "clearance")  # which was a note in earlier versions
+    found |= {name: table.note_numbers(file, name) for name in notes if name in table.notes or name in LIMITS}
+    found |= {name: np.array("".join(table.notes[name])) for name in TEXTS if name in table.notes}
+    found |= {name: table.note_numbers(file, name).squeeze() for name in VALUES if name in table.notes}
+    return found
 
 
 def list_segments(segments: Sequence[int]) -> str:

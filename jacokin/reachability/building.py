@@ -52,7 +52,7 @@ def build(
     progress: Callable[[Progress], None] | None = None,
     frame: str | None = None,
     tool: pin.SE3 | ArrayLike | None = None,
-    collision: str = "ignore",
+    collision: str | None = None,
     scene: Scene | None = None,
     use_symmetry: bool = True,
 ) -> ReachabilityMap | None:
@@ -72,8 +72,9 @@ def build(
         progress: called when a chunk is finished, with numbers of positions.
         frame: frame of the tool; None for the robot's default frame.
         tool: T_frame_tool, a constant pose after the frame.
-        collision: "reject" counts only configurations that touch neither the arm itself nor the scene: some hundred
-            times slower, and without symmetry.
+        collision: "prefer" counts configurations in which the arm does not touch itself, at the samples as they are;
+            "reject" does so without using symmetry, of which hand and base have little, and leaves out what touches
+            the scene; "ignore" counts all. None is "reject" with a scene and "prefer" without.
         scene: obstacles; needs collision="reject".
         use_symmetry: use that the first and the last joint turn freely, where they do; see `Symmetries`.
 
@@ -91,12 +92,17 @@ def build(
     path = Path(checks.text("folder", str(checks.path("folder", folder))))
     checks.optional(checks.instance, "grid", grid, Grid, "a Grid")
     checks.optional(checks.function, "progress", progress)
-    if isinstance(collision, str) and collision == "report":
-        raise InvalidInputError("collision must be 'ignore' or 'reject' for a map, got 'report'")
+    if isinstance(collision, str) and (collision == "report" or (collision == "prefer" and scene is not None)):
+        choices = (
+            "'reject' for a map with obstacles" if scene is not None else "'prefer', 'reject' or 'ignore' for a map"
+        )
+        raise InvalidInputError(f"collision must be {choices}, got {collision!r}")
     solver = IKSolver(robot, frame, tool=tool, method="closed_form", collision=collision, scene=scene)
     if not solver.has_families:
         solver.closed_form()
-    found = find_symmetries(solver) if use_symmetry and collision == "ignore" else NO_SYMMETRIES
+    found = NO_SYMMETRIES
+    if use_symmetry and solver.verifier.options.collision in ("ignore", "prefer"):
+        found = find_symmetries(solver)
     chosen, found = checked_orientations(orientations, found)
     if chosen.axes is not None and solver.has_families:
         raise InvalidInputError("orientations that may turn about an axis are for six joints: seven turn by themselves")

@@ -63,17 +63,19 @@ def load(folder: str | Path, *, robot: Robot | None = None, scene: Scene | None 
     samples = _samples_of(recipe, str(path))
     if scene is not None and digest(pickle.dumps(checked_scene("scene", scene))) != recipe["scene"]:
         raise InvalidInputError(f"{path}: is a map with other obstacles than this scene, or without any")
-    counts = np.empty((samples.positions, len(samples.orientations)), dtype=np.uint8)
+    counts, touching = np.zeros((2, samples.positions, len(samples.orientations)), dtype=np.uint8)
     margins = np.empty(counts.shape, dtype=np.float16)
     first = 0
     for name, content in manifest["sha256"].items():
         chunk = _chunk(path / name, content)
         stop = first + len(chunk["branches"])
         counts[first:stop], margins[first:stop] = chunk["branches"], chunk["margin"]
+        touching[first:stop] = chunk.get("touching", 0)  # maps of versions that did not know contact
         first = stop
     if first != samples.positions:
         raise InvalidInputError(f"{path}: has {first} positions of {samples.positions}; build the rest of it")
-    return ReachabilityMap(path, recipe, samples, counts, margins, robot, bound=manifest.get("bound"), scene=scene)
+    bound = manifest.get("bound")
+    return ReachabilityMap(path, recipe, samples, counts, margins, touching, robot, bound=bound, scene=scene)
 
 
 def bundled(name: str = DEFAULT_ROBOT) -> ReachabilityMap:
@@ -119,7 +121,7 @@ def _chunk(path: Path, wanted: str) -> dict[str, NDArray[np.generic]]:
     if digest(content) != wanted or wanted[:HASH_DIGITS] not in path.name:
         raise InvalidInputError(f"{path}: is damaged: its hash is not that of the manifest; build the map again")
     with np.load(path) as file:
-        return {name: file[name] for name in ("branches", "margin")}
+        return {name: file[name] for name in file.files}
 
 
 def make_recipe(solver: IKSolver, samples: Samples) -> dict[str, object]:
@@ -133,7 +135,7 @@ def make_recipe(solver: IKSolver, samples: Samples) -> dict[str, object]:
         "format": FORMAT,
         "version": jacokin.__version__,
         "robot": {
-            "name": solver.robot.name,
+            "name": solver.robot.label,
             "bundled": source.bundled,
             "sha256": fingerprint(solver.robot, shapes=options.collision != "ignore"),
         },
@@ -159,6 +161,7 @@ def make_recipe(solver: IKSolver, samples: Samples) -> dict[str, object]:
             "positions": max(1, (SINGLE_POSES if single else POSES_IN_A_CHUNK) // len(samples.orientations)),
             "arrays": f"branches (positions, orientations): {counted}, 0 where none; "
             "margin (positions, orientations): largest distance to the nearest limit [rad], NaN where none; "
+            "touching (positions, orientations): how many more there are in contact, where contact is looked for; "
             "positions in C order, chunk after chunk",
         },
     }

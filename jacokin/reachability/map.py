@@ -33,10 +33,13 @@ class ReachabilityMap:
         folder: where it is kept.
         recipe: everything it depends on, as in recipe.json.
         samples: the poses that were tried, and which of them stands for a given one.
-        counts: (positions, orientations) configurations within the limits at each sample, 0 where none.
+        counts: (positions, orientations) configurations within the limits at each sample, 0 where none; without those
+            in contact, unless the map ignores contact.
         margins: (positions, orientations) largest distance to the nearest limit [rad] at each sample, NaN where none.
-        bound: the tool is never farther than this [m] from a position that is reached with some orientation; how it
-            is derived, and when it holds, is in `bound`. None where the orientations do not cover all.
+        touching: (positions, orientations) configurations within the limits that are left out for contact.
+        bound: contact apart, the tool is never farther than this [m] from a position that is reached with some
+            orientation; how it is derived, and when it holds, is in `bound`. None where the orientations do not cover
+            all.
     """
 
     def __init__(
@@ -46,6 +49,7 @@ class ReachabilityMap:
         samples: Samples,
         counts: NDArray[np.uint8],
         margins: NDArray[np.float16],
+        touching: NDArray[np.uint8],
         robot: Robot | None,
         *,
         bound: float | None = None,
@@ -57,6 +61,7 @@ class ReachabilityMap:
         self.samples = samples
         self.counts = checks.sealed(counts)
         self.margins = checks.sealed(margins)
+        self.touching = checks.sealed(touching)
         self.bound = bound
         self._robot, self._scene = robot, scene
 
@@ -111,8 +116,13 @@ class ReachabilityMap:
 
     @cached_property
     def fraction(self) -> Array:
-        """(nx, ny, nz) fraction of the orientations that are reached, 0 to 1."""
+        """(nx, ny, nz) fraction of the orientations that are reached, 0 to 1; in contact does not count."""
         return self._spread((self.counts > 0).mean(axis=1))
+
+    @cached_property
+    def fraction_ignoring_contact(self) -> Array:
+        """(nx, ny, nz) fraction of the orientations that are reached, in contact or not."""
+        return self._spread(((self.counts > 0) | (self.touching > 0)).mean(axis=1))
 
     @cached_property
     def branches(self) -> Array:
@@ -243,7 +253,8 @@ def check_same_robot(path: Path, recipe: dict[str, Any], robot: Robot) -> Robot:
     """
     if fingerprint(robot, shapes=recipe["collision"] != "ignore") != recipe["robot"]["sha256"]:
         raise InvalidInputError(
-            f"{path}: is a map of another robot than this {robot.name}, or of one with other limits"
+            f"{path}: is a map of another robot than this {robot.label}, "
+            "or of one with other limits or another calibration"
         )
     return robot
 

@@ -183,7 +183,7 @@ NO_SYMMETRIES = Symmetries(turns=False, tool_axis=None)
 
 
 def find_symmetries(solver: IKSolver) -> Symmetries:
-    """The symmetries of an arm, frame and tool, without obstacles and self-contact."""
+    """The symmetries of an arm, frame and tool; obstacles, and the shapes of hand and base, do not have them."""
     robot = solver.robot
     chain = Chain(robot, robot.frame_id(solver.frame), solver.tool)
     position, rotation, velocity, angular = (column[0] for column in chain.placements(robot.home[None]))

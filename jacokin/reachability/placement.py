@@ -276,10 +276,10 @@ class _Search:
     ) -> tuple[list[tuple[int, float]], NDArray[np.bool_], NDArray[np.bool_]]:
         """Targets reached and smallest margin of each place; and which targets, and which only in contact."""
         seen = np.concatenate([_targets_in_base(self.targets, place, yaw) for place in places])
-        counts, margins = count_reaching(self.map.solver, np.ascontiguousarray(seen))
+        counts, margins, in_contact = count_reaching(self.map.solver, np.ascontiguousarray(seen))
         hits = (counts > 0).reshape(len(places), len(self.targets))
         margins = margins.reshape(hits.shape)
-        touching = np.zeros_like(hits)
+        touching = ~hits & (in_contact > 0).reshape(hits.shape)
         if self.world is not None:
             for index, place in enumerate(places):
                 base = pin.SE3(turn_about_z(yaw), place)

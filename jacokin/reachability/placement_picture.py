@@ -64,6 +64,6 @@ def draw_placement(path: Path, place: BasePlacement, targets: Array, robot: Robo
         axes.set_aspect("equal", adjustable="datalim")
         axes.grid(visible=True, linewidth=0.3)
     axes.legend(loc="best")
-    figure.suptitle(f"{robot.name}: {place.reached} of {len(targets)} targets from here")
+    figure.suptitle(f"{robot.label}: {place.reached} of {len(targets)} targets from here")
     with files.replacing(path) as written:
         figure.savefig(written, format=path.suffix[1:], dpi=120)

@@ -118,3 +118,14 @@ def test_mistakes_name_what_is_there(robot: Robot) -> None:
     with pytest.raises(InvalidInputError, match="allow must be pairs of names"):
         Scene([cup], allow=["hand"])  # type: ignore[list-item]  # wrong on purpose
     assert isinstance(jacokin.pose([0, 0, 0]), pin.SE3)
+
+
+def test_an_obstacle_more_leaves_the_rest_of_a_scene_as_it_was() -> None:
+    wall, cup = Box("wall", (0.1, 1.0, 1.0), (0.6, 0.0, 0.5)), Sphere("cup", 0.03, (0.0, 0.0, 0.05))
+    before = Scene([wall], finger_angle=0.4, allow=[("hand", "cup")]).attach(cup, pose=[0.0, 0.0, 0.05])
+    after = before.adding(Box("crate", (0.1, 0.1, 0.1), (0.0, 0.6, 0.1)))
+    assert [each.name for each in after] == ["wall", "crate"]
+    assert [each.name for each in before] == ["wall"]
+    assert (after.attached, after.allow, after.finger_angle) == (before.attached, before.allow, before.finger_angle)
+    with pytest.raises(InvalidInputError, match="the name 'wall' is used by two shapes"):
+        before.adding(wall)

@@ -12,7 +12,7 @@ import pytest
 import jacokin
 from jacokin import Robot
 from jacokin.arrays import Array
-from jacokin.model.many_configurations import Chain, Goal, angle_and_axis, cross
+from jacokin.model.many_configurations import Chain, TargetRows, angle_and_axis, cross
 
 SLIDING = """<robot name="crane">
 <link name="base"/><link name="mast"/><link name="slide"/><link name="hook"/>
@@ -68,7 +68,7 @@ def test_errors_shrink_as_the_jacobian_says(
     chain = Chain(robot, robot.frame_id(), TOOL)
     x, h = robot.sample(rng, 8), 1e-6
     poses = np.array([(robot.forward_kinematics(q) * TOOL).homogeneous for q in x])
-    goal = Goal(poses, some_axes(rng, 8) if free else None)
+    goal = TargetRows(poses, some_axes(rng, 8) if free else None)
     if free:
         x = np.column_stack([x, np.zeros(8)])
     error, jacobian = chain.linearise(x, goal)
@@ -86,7 +86,7 @@ def test_errors_against_a_turned_goal(robot: Robot, rng: np.random.Generator) ->
     turned = [
         T * pin.SE3(pin.exp3(-float(a[0]) * axis), np.zeros(3)) for T, axis, a in zip(poses, axes, angle, strict=True)
     ]
-    goal = Goal(np.array([T.homogeneous for T in turned]), axes)
+    goal = TargetRows(np.array([T.homogeneous for T in turned]), axes)
     position, orientation = chain.errors(np.hstack([q, angle]), goal)
     assert max(position.max(), orientation.max()) < 1e-14
     position, orientation = chain.errors(np.hstack([q, angle + 1e-3]), goal)
@@ -106,7 +106,7 @@ def test_newton_comes_to_the_goal(
     regular = [q for q in robot.sample(rng, 100) if robot.singular_values(q)[-1] > 0.1]
     assert len(regular) > 20
     q = np.array(regular)
-    goal = Goal(np.array([(robot.forward_kinematics(row) * TOOL).homogeneous for row in q]))
+    goal = TargetRows(np.array([(robot.forward_kinematics(row) * TOOL).homogeneous for row in q]))
     start = q + 1e-2 * rng.normal(size=q.shape)
     fixed = None
     if held is not None:
@@ -126,7 +126,7 @@ def test_a_goal_out_of_reach_is_missed(robot: Robot) -> None:
     chain = Chain(robot, robot.frame_id(), None)
     far = robot.forward_kinematics(robot.home).homogeneous
     far[:3, 3] += 5.0  # [m]
-    worst = chain.close(robot.home[np.newaxis], Goal(far[np.newaxis]))[1]
+    worst = chain.close(robot.home[np.newaxis], TargetRows(far[np.newaxis]))[1]
     assert worst[0] > 1.0
 
 

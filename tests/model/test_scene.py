@@ -252,9 +252,9 @@ def test_wrong_arguments(robot: Robot, tmp_path: Path) -> None:
         with pytest.raises(InvalidInputError, match="scene must be a Scene"):
             IKSolver(robot, scene=[TABLE], collision=collision)  # type: ignore[arg-type]  # what is tested
     with pytest.raises(InvalidInputError, match="scene has no effect with collision='ignore'"):
-        IKSolver(robot, scene=scene)
+        IKSolver(robot, scene=scene, collision="ignore")
     with pytest.raises(InvalidInputError, match="clearance has no effect"):
-        IKSolver(robot, clearance=0.01)
+        IKSolver(robot, clearance=0.01, collision="ignore")
     with pytest.raises(InvalidInputError, match="clearance must be a finite number >= 0"):
         IKSolver(robot, scene=scene, collision="reject", clearance=-1.0)
     with pytest.raises(InvalidInputError, match="'hand_palm' is used by a shape of the arm"):

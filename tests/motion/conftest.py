@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 from jacokin import Robot
-from jacokin.motion import PathResult, track_path
+from jacokin.motion import Trajectory, track_path
 
 SIDE = 0.05  # [m]
 
@@ -21,5 +21,5 @@ def square(robot: Robot) -> list[pin.SE3]:
 
 
 @pytest.fixture(scope="session")
-def result(robot: Robot, square: list[pin.SE3]) -> PathResult:
+def result(robot: Robot, square: list[pin.SE3]) -> Trajectory:
     return track_path(robot, square, speed=[0.05, 0.1, 0.05, 0.1])

@@ -12,8 +12,14 @@ ACCELERATION = np.array([1.0, 2.0, 0.5, 1.0, 3.0, 1.0])  # [rad/s^2]
 
 
 def timed(way: np.ndarray, *, clear: bool = True) -> TimedCourse:
-    course, stops = round_corners(way, VELOCITY, lambda corner, turn: clear)
+    course, stops = round_corners(way, VELOCITY, cuts_of(way) if clear else np.zeros(len(way)))
     return fit_time(course, stops, VELOCITY, ACCELERATION)
+
+
+def cuts_of(way: np.ndarray) -> np.ndarray:
+    """Nearly half of the shorter line at each corner."""
+    lengths = (np.abs(np.diff(way, axis=0)) / VELOCITY).max(axis=1)
+    return np.array([0.0, *0.45 * np.minimum(lengths[:-1], lengths[1:]), 0.0])
 
 
 @pytest.mark.parametrize("corners", [0, 1, 2, 6])
@@ -44,7 +50,7 @@ def test_corners_are_passed_without_stopping(rng: np.random.Generator) -> None:
 
 def test_a_corner_is_cut_within_its_triangle(rng: np.random.Generator) -> None:
     way = rng.normal(size=(3, 6))
-    course, _ = round_corners(way, VELOCITY, lambda corner, turn: True)
+    course, _ = round_corners(way, VELOCITY, cuts_of(way))
     corner = way[1]
     q = course.at(np.linspace(course.s[1], course.s[2], 50))[0]
     a, b = course.q[1], course.q[2]

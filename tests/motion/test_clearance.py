@@ -12,20 +12,20 @@ import jacokin
 from jacokin import IKSolver, Robot
 from jacokin.errors import InvalidInputError
 from jacokin.ik import Box, Scene, Sphere
-from jacokin.motion import PathResult, move_joints, path_clearance, plan_path
+from jacokin.motion import Trajectory, move_joints, path_clearance, plan_path
 
 WALL = Scene([Box("wall", [0.4, 0.002, 0.4], [0.5, -0.1, 0.2])])
 
 
 @pytest.fixture(scope="module")
-def through() -> PathResult:
+def through() -> Trajectory:
     """The tool goes through the wall; only every 5 cm there is a row."""
     down = jacokin.pose([0.4, -0.5, 0.3], down=True)
     corners = [down, pin.SE3(down.rotation, np.array([0.4, 0.1, 0.3]))]
     return plan_path(IKSolver(jacokin.load_robot()), corners, dt=0.5, speed=0.1, timing="slow")
 
 
-def test_a_wall_between_rows_is_seen(robot: Robot, through: PathResult) -> None:
+def test_a_wall_between_rows_is_seen(robot: Robot, through: Trajectory) -> None:
     found = path_clearance(robot, through, WALL)
     assert len(found.t) > 5 * len(through)
     assert np.isin(through.t, found.t).all()
@@ -39,7 +39,7 @@ def test_a_wall_between_rows_is_seen(robot: Robot, through: PathResult) -> None:
     np.testing.assert_allclose(found.distance[rows], expected, atol=1e-9)
 
 
-def test_files_and_joint_motions(robot: Robot, through: PathResult, tmp_path: Path) -> None:
+def test_files_and_joint_motions(robot: Robot, through: Trajectory, tmp_path: Path) -> None:
     pytest.importorskip("ruckig")
     motion = move_joints(robot, through.q[0], through.q[-1], dt=0.1)
     for name in ("a.csv", "a.npz"):
@@ -51,10 +51,10 @@ def test_files_and_joint_motions(robot: Robot, through: PathResult, tmp_path: Pa
             assert {name for pair in again.pairs for name in pair} & {"wall"}
 
 
-def test_wrong_arguments(robot: Robot, through: PathResult, tmp_path: Path) -> None:
+def test_wrong_arguments(robot: Robot, through: Trajectory, tmp_path: Path) -> None:
     with pytest.raises(InvalidInputError, match="scene must be a Scene"):
         path_clearance(robot, through, [Sphere("a", 1.0, [0, 0, 0])])  # type: ignore[arg-type]  # what is tested
-    with pytest.raises(InvalidInputError, match="path must be a PathResult"):
+    with pytest.raises(InvalidInputError, match="path must be a Trajectory"):
         path_clearance(robot, through.q, WALL)  # type: ignore[arg-type]  # what is tested
     with pytest.raises(InvalidInputError, match="cannot read"):
         path_clearance(robot, tmp_path / "none.csv", WALL)

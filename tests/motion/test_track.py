@@ -11,14 +11,14 @@ import pytest
 
 from jacokin import FreeAxis, IKSolver, Robot
 from jacokin.errors import InvalidInputError, UnknownNameError
-from jacokin.motion import PathResult, plot_path, track_path
+from jacokin.motion import Trajectory, plot_path, track_path
 from jacokin.motion.track import start_branches
 from jacokin.motion.trajectory import list_segments
 
 POSE = pin.SE3(np.eye(3), np.array([0.3, -0.2, 0.5]))
 
 
-def test_a_square_is_followed(robot: Robot, square: list[pin.SE3], result: PathResult) -> None:
+def test_a_square_is_followed(robot: Robot, square: list[pin.SE3], result: Trajectory) -> None:
     assert result.success
     assert result.failed_segments == ()
     assert result.t[-1] == pytest.approx(1.0 + 0.5 + 1.0 + 0.5)
@@ -113,7 +113,7 @@ def test_progress_is_reported(robot: Robot, square: list[pin.SE3]) -> None:
     assert seen[-1] == (len(result), len(result))
 
 
-def test_the_plot_shows_joints_and_error(result: PathResult, tmp_path: Path) -> None:
+def test_the_plot_shows_joints_and_error(result: Trajectory, tmp_path: Path) -> None:
     file = tmp_path / "path.png"
     plot_path(result, file)
     assert file.read_bytes().startswith(b"\x89PNG")
@@ -124,7 +124,7 @@ def test_the_plot_shows_joints_and_error(result: PathResult, tmp_path: Path) -> 
         plot_path(result, tmp_path / "path.nonsense")
     with pytest.raises(InvalidInputError, match="file name"):
         plot_path(result, None)  # type: ignore[arg-type]  # wrong on purpose
-    with pytest.raises(InvalidInputError, match="must be a PathResult"):
+    with pytest.raises(InvalidInputError, match="must be a Trajectory"):
         plot_path(None, file)  # type: ignore[arg-type]  # wrong on purpose
 
 

@@ -22,29 +22,29 @@ from numpy.typing import NDArray
 
 from jacokin import Robot
 from jacokin.errors import InvalidInputError
-from jacokin.motion import JointMotion, PathResult, move_joints
+from jacokin.motion import Trajectory, move_joints
 from jacokin.motion import trajectory as trajectories
 
 
 @pytest.fixture(scope="module")
-def motion(robot: Robot) -> JointMotion:
+def motion(robot: Robot) -> Trajectory:
     goal = robot.home.copy()
     goal[[0, 1, 5]] += [2.0, 0.4, -1.0]
     return move_joints(robot, robot.home, goal, dt=0.013)
 
 
 @pytest.fixture(params=["path", "motion"])
-def trajectory(request: pytest.FixtureRequest) -> PathResult | JointMotion:
+def trajectory(request: pytest.FixtureRequest) -> Trajectory:
     """Either kind of result."""
-    found: PathResult | JointMotion = request.getfixturevalue("result" if request.param == "path" else "motion")
+    found: Trajectory = request.getfixturevalue("result" if request.param == "path" else "motion")
     return found
 
 
 @pytest.mark.parametrize("name", ["path.csv", "path.npz"])
-def test_files_come_back_exactly(result: PathResult, tmp_path: Path, name: str) -> None:
+def test_files_come_back_exactly(result: Trajectory, tmp_path: Path, name: str) -> None:
     file = tmp_path / name
     result.save(file)
-    back = PathResult.load(file)
+    back = Trajectory.load(file)
     for field in ("t", "q", "v", "position_error", "orientation_error", "segment", "lower", "upper", "velocity_limit"):
         assert np.array_equal(getattr(back, field), getattr(result, field)), field
         assert not getattr(back, field).flags.writeable
@@ -54,7 +54,7 @@ def test_files_come_back_exactly(result: PathResult, tmp_path: Path, name: str) 
     assert [path.name for path in tmp_path.iterdir()] == [name]
 
 
-def test_a_failed_save_leaves_the_old_file(result: PathResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_failed_save_leaves_the_old_file(result: Trajectory, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     file = tmp_path / "path.csv"
     file.write_text("precious")
 
@@ -81,29 +81,40 @@ def test_files_that_are_not_ours_are_refused(tmp_path: Path, name: str, text: st
     file = tmp_path / name
     file.write_text(text)
     with pytest.raises(InvalidInputError, match=name):
-        PathResult.load(file)
+        Trajectory.load(file)
 
 
-def test_a_damaged_line_is_named(result: PathResult, tmp_path: Path) -> None:
+def test_a_damaged_line_is_named(result: Trajectory, tmp_path: Path) -> None:
     file = tmp_path / "path.csv"
     result.save(file)
     lines = file.read_text().splitlines()
-    lines[9] = lines[9].replace(",", ",x", 1)
+    lines[10] = lines[10].replace(",", ",x", 1)
     file.write_text("\n".join(lines))
-    with pytest.raises(InvalidInputError, match="line 10"):
-        PathResult.load(file)
+    with pytest.raises(InvalidInputError, match="line 11"):
+        Trajectory.load(file)
 
 
-def test_unusable_file_names(result: PathResult, tmp_path: Path) -> None:
+def test_files_that_were_cut_off_are_refused(motion: Trajectory, tmp_path: Path) -> None:
+    file = tmp_path / "motion.csv"
+    motion.save(file)
+    lines = file.read_text().splitlines(keepends=True)
+    file.write_text("".join(lines[:-5]))
+    with pytest.raises(InvalidInputError, match=f"{len(motion) - 5} rows of the {len(motion)} that were written"):
+        Trajectory.load(file)
+    file.write_text("".join(line for line in lines[:-5] if not line.startswith("# rows")))  # of an earlier version
+    assert len(Trajectory.load(file)) == len(motion) - 5
+
+
+def test_unusable_file_names(result: Trajectory, tmp_path: Path) -> None:
     with pytest.raises(InvalidInputError, match=r"must end in \.csv or \.npz"):
         result.save(tmp_path / "path.txt")
     with pytest.raises(InvalidInputError, match="cannot be written"):
         result.save(tmp_path / "missing" / "path.csv")
-    with pytest.raises(InvalidInputError, match="cannot read"):
-        PathResult.load(tmp_path / "missing.npz")
+    with pytest.raises(InvalidInputError, match="cannot be read"):
+        Trajectory.load(tmp_path / "missing.npz")
 
 
-def test_damaged_archives_are_refused(result: PathResult, motion: JointMotion, tmp_path: Path) -> None:
+def test_damaged_archives_are_refused(result: Trajectory, motion: Trajectory, tmp_path: Path) -> None:
     file = tmp_path / "path.npz"
     for trajectory, names in ((result, ("q", "v", "lower")), (motion, ("q", "a", "upper"))):
         trajectory.save(file)
@@ -117,12 +128,12 @@ def test_damaged_archives_are_refused(result: PathResult, motion: JointMotion, t
         file.write_bytes(whole[: len(whole) // 2])
         with pytest.raises(InvalidInputError, match="not a trajectory written by jacokin"):
             type(trajectory).load(file)
-    for refused in (lambda: PathResult.load(None), lambda: result.save(None)):  # type: ignore[arg-type]  # wrong on purpose
+    for refused in (lambda: Trajectory.load(None), lambda: result.save(None)):  # type: ignore[arg-type]  # wrong on purpose
         with pytest.raises(InvalidInputError, match="file name"):
             refused()
 
 
-def test_files_without_sense_are_refused(trajectory: PathResult | JointMotion, tmp_path: Path) -> None:
+def test_files_without_sense_are_refused(trajectory: Trajectory, tmp_path: Path) -> None:
     """Numbers that are not finite, times that do not rise, and arrays that no trajectory has."""
     q, t = trajectory.q.copy(), trajectory.t.copy()
     q[3, 1], t[4] = np.nan, t[3]
@@ -143,7 +154,7 @@ def test_files_without_sense_are_refused(trajectory: PathResult | JointMotion, t
         type(trajectory).load(file)
 
 
-def test_paths_saved_before_parameters_were_are_read(result: PathResult, tmp_path: Path) -> None:
+def test_paths_saved_before_parameters_were_are_read(result: Trajectory, tmp_path: Path) -> None:
     csv_file, npz_file = tmp_path / "path.csv", tmp_path / "path.npz"
     result.save(csv_file)
     lines = csv_file.read_text(encoding="utf-8").splitlines()
@@ -153,7 +164,35 @@ def test_paths_saved_before_parameters_were_are_read(result: PathResult, tmp_pat
         numbers = {name: archive[name] for name in archive.files if name != "parameter"}
     np.savez(npz_file, **numbers)
     for file in (csv_file, npz_file):
-        assert PathResult.load(file).parameter.size == 0
+        assert Trajectory.load(file).parameter.size == 0
+
+
+def test_files_of_earlier_versions_are_read(result: Trajectory, motion: Trajectory, tmp_path: Path) -> None:
+    """Paths had no accelerations and no outcome; motions had their distances in a note, which might be empty."""
+    file = tmp_path / "path.npz"
+    result.save(file)
+    with np.load(file) as archive:
+        numbers = {name: archive[name] for name in archive.files if name not in ("a", "outcome")}
+    np.savez(file, **numbers)
+    back = Trajectory.load(file)
+    np.testing.assert_array_equal(back.a, result.a)
+    assert (back.outcome, back.success, back.follows_path) == ("OK", True, True)
+    file = tmp_path / "motion.csv"
+    for known in ("", ",".join(["0.25"] * len(motion))):
+        replace(motion, clearance=np.full(len(motion), 0.5)).save(file)
+        lines = file.read_text(encoding="utf-8").splitlines()
+        table = [line.rpartition(",")[0] if not line.startswith("#") else line for line in lines]
+        file.write_text("\n".join([f"# clearance,{known}" if known else "# clearance", *table]), encoding="utf-8")
+        back = Trajectory.load(file)
+        np.testing.assert_array_equal(back.clearance, np.full(len(motion), 0.25 if known else np.nan))
+        np.testing.assert_array_equal(back.a, motion.a)
+        assert not back.follows_path
+
+
+def test_a_path_that_is_left_is_no_success(result: Trajectory) -> None:
+    left = replace(result, status=("LOST", *result.status[1:]))
+    assert (left.outcome, left.success) == ("OFF_PATH", False)
+    assert "NOT on the path" in str(left)
 
 
 def member(shape: tuple[int, ...], content: bytes = b"") -> bytes:
@@ -173,13 +212,13 @@ def test_archives_that_claim_too_much_are_refused(tmp_path: Path, content: bytes
     with zipfile.ZipFile(file, "w") as archive:
         archive.writestr("q.npy", content)
     with pytest.raises(InvalidInputError, match="not a trajectory"):
-        PathResult.load(file)
+        Trajectory.load(file)
 
 
-def test_a_path_survives_a_locale_without_utf8(result: PathResult, tmp_path: Path) -> None:
+def test_a_path_survives_a_locale_without_utf8(result: Trajectory, tmp_path: Path) -> None:
     file, copied = tmp_path / "path.csv", tmp_path / "copy.csv"
     replace(result, message="Gelenk 2 läuft über 90°").save(file)
-    code = "import sys; from jacokin.motion import PathResult; PathResult.load(sys.argv[1]).save(sys.argv[2])"
+    code = "import sys; from jacokin.motion import Trajectory; Trajectory.load(sys.argv[1]).save(sys.argv[2])"
     environment = {**os.environ, "LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
     subprocess.run([sys.executable, "-P", "-c", code, str(file), str(copied)], check=True, env=environment)
     assert copied.read_bytes() == file.read_bytes()
@@ -189,29 +228,29 @@ def arrays(value: Any) -> list[NDArray[np.float64]]:
     return [found for each in fields(value) if isinstance(found := getattr(value, each.name), np.ndarray)]
 
 
-def test_copies_stay_read_only(trajectory: PathResult | JointMotion) -> None:
+def test_copies_stay_read_only(trajectory: Trajectory) -> None:
     for other in (pickle.loads(pickle.dumps(trajectory)), copy.deepcopy(trajectory)):
         assert len(arrays(other)) >= 7
         for array in arrays(other):
             assert not array.flags.writeable
-    if isinstance(trajectory, PathResult):
+    if trajectory.follows_path:
         assert not pickle.loads(pickle.dumps(trajectory)).branches[0].q_start.flags.writeable
 
 
 @pytest.mark.parametrize("name", ["motion.csv", "motion.npz"])
-def test_motions_come_back_exactly(motion: JointMotion, tmp_path: Path, name: str) -> None:
+def test_motions_come_back_exactly(motion: Trajectory, tmp_path: Path, name: str) -> None:
     file = tmp_path / name
     motion.save(file)
-    back = JointMotion.load(file)
+    back = Trajectory.load(file)
     assert back.joint_names == motion.joint_names
     for field in ("t", "q", "v", "a", "lower", "upper", "velocity_limit"):
         assert np.array_equal(getattr(back, field), getattr(motion, field)), field
         assert not getattr(back, field).flags.writeable
-    with pytest.raises(InvalidInputError, match="not a trajectory"):
-        PathResult.load(file)
+    if name == "motion.csv":
+        assert "position_error" not in file.read_text(encoding="utf-8")
 
 
-def test_json_has_the_fields_of_a_ros_trajectory(trajectory: PathResult | JointMotion, tmp_path: Path) -> None:
+def test_json_has_the_fields_of_a_ros_trajectory(trajectory: Trajectory, tmp_path: Path) -> None:
     file = tmp_path / "trajectory.json"
     trajectory.save(file)
     message = json.loads(file.read_text(encoding="utf-8"))
@@ -226,7 +265,7 @@ def test_json_has_the_fields_of_a_ros_trajectory(trajectory: PathResult | JointM
     assert all(0 <= point["time_from_start"]["nanosec"] < 10**9 for point in points)
 
 
-def test_json_for_ros_1_and_with_the_names_of_a_driver(trajectory: PathResult | JointMotion, tmp_path: Path) -> None:
+def test_json_for_ros_1_and_with_the_names_of_a_driver(trajectory: Trajectory, tmp_path: Path) -> None:
     file = tmp_path / "trajectory.json"
     trajectory.save(file, ros=1, joint_prefix="j2n6s300_")
     message = json.loads(file.read_text(encoding="utf-8"))
@@ -239,7 +278,7 @@ def test_json_for_ros_1_and_with_the_names_of_a_driver(trajectory: PathResult | 
         trajectory.save(tmp_path / "trajectory.csv", joint_prefix="a")
 
 
-def test_accelerations_of_a_path_are_changes_of_its_velocity(result: PathResult) -> None:
+def test_accelerations_of_a_path_are_changes_of_its_velocity(result: Trajectory) -> None:
     rebuilt = np.cumsum(result.a[1:] * np.diff(result.t)[:, None], axis=0)
     assert np.allclose(rebuilt, result.v[1:], atol=1e-12)
     assert not result.a[0].any()
@@ -251,7 +290,7 @@ def kinova_rows(file: Path) -> tuple[list[str], NDArray[np.float64]]:
     return head, np.array(rows, dtype=np.float64)
 
 
-def test_kinova_files_are_velocities_at_100_hz(trajectory: PathResult | JointMotion, tmp_path: Path) -> None:
+def test_kinova_files_are_velocities_at_100_hz(trajectory: Trajectory, tmp_path: Path) -> None:
     file = tmp_path / "trajectory.kinova.csv"
     trajectory.save(file)
     head, rows = kinova_rows(file)
@@ -273,7 +312,7 @@ def test_kinova_files_are_velocities_at_100_hz(trajectory: PathResult | JointMot
     assert (np.abs(speeds) <= np.degrees(trajectory.velocity_limit) + 1e-7).all()
 
 
-def test_kinova_files_keep_joints_that_stand_on_their_limits(robot: Robot, motion: JointMotion, tmp_path: Path) -> None:
+def test_kinova_files_keep_joints_that_stand_on_their_limits(robot: Robot, motion: Trajectory, tmp_path: Path) -> None:
     file = tmp_path / "limit.kinova.csv"
     for limit in (robot.lower, robot.upper):
         q = motion.q.copy()
@@ -284,7 +323,7 @@ def test_kinova_files_keep_joints_that_stand_on_their_limits(robot: Robot, motio
         assert (radians <= robot.upper[1:3]).all()
 
 
-def test_a_trajectory_that_breaks_limits_is_not_sent(motion: JointMotion, tmp_path: Path) -> None:
+def test_a_trajectory_that_breaks_limits_is_not_sent(motion: Trajectory, tmp_path: Path) -> None:
     file = tmp_path / "fast.kinova.csv"
     with pytest.raises(InvalidInputError, match="joint_1 breaks its limit after resampling"):
         replace(motion, velocity_limit=motion.velocity_limit * 0.5).save(file)

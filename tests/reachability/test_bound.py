@@ -21,7 +21,7 @@ def farthest(reach: ReachabilityMap, positions: Array) -> float:
     """The largest distance [m] from positions (n, 3) to one that the map reaches with some orientation."""
     from scipy.spatial import cKDTree
 
-    reached = reach.samples.position(np.flatnonzero((reach.counts > 0).any(axis=1)))
+    reached = reach.samples.position(np.flatnonzero(((reach.counts > 0) | (reach.touching > 0)).any(axis=1)))
     if reach.samples.symmetries.turns:
         positions = np.column_stack(
             [np.hypot(positions[:, 0], positions[:, 1]), 0.0 * positions[:, 0], positions[:, 2]]

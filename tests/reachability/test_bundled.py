@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from jacokin import Robot
+from jacokin import IKSolver, Robot
 from jacokin.errors import UnknownNameError
 from jacokin.model.descriptions.bundled import NAMES
 from jacokin.reachability import Grid, build, bundled
 from jacokin.reachability.chunk import count_reaching
-from tests.reachability.poses import random_samples
+from tests.reachability.poses import random_samples_at
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -28,10 +28,17 @@ def test_a_bundled_map_is_of_its_robot_and_small(name: str) -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_bundled_map_agrees_with_the_solver_of_its_robot(name: str, rng: np.random.Generator) -> None:
+    """Contact is that of the samples themselves; kinematics are those of all poses that they stand for."""
     reach = bundled(name)
-    targets, wanted = random_samples(reach, rng, 80)
-    counts, _ = count_reaching(reach.solver, targets)
-    assert ((counts > 0) == (wanted > 0)).all()
+    bare = IKSolver(reach.robot, collision="ignore")
+    reached = (reach.counts > 0) | (reach.touching > 0)
+    targets, cells, orientations = random_samples_at(reach, rng, 80)
+    counts, *_ = count_reaching(bare, targets)
+    np.testing.assert_array_equal(counts > 0, reached[cells, orientations])
+    targets = reach.samples.targets(cells)[np.arange(len(cells)), orientations]
+    counts, _, touching = count_reaching(reach.solver, np.ascontiguousarray(targets))
+    np.testing.assert_array_equal(counts, reach.counts[cells, orientations])
+    np.testing.assert_array_equal(touching, reach.touching[cells, orientations])
 
 
 def test_building_a_bundled_map_again_gives_the_same(bundled_robot: Robot, tmp_path: Path) -> None:

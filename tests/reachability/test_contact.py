@@ -12,7 +12,8 @@ import jacokin
 from jacokin import FreeAxis, IKSolver, Robot
 from jacokin.errors import InvalidInputError
 from jacokin.ik import Box, Floor, Scene
-from jacokin.reachability import Grid, Orientations, build, load
+from jacokin.model import SelfContact
+from jacokin.reachability import Grid, Orientations, build, bundled, load
 
 GRID = Grid([-0.6, -0.4, 0.0], [0.6, 0.4, 0.8], 0.4)
 
@@ -42,12 +43,57 @@ def test_every_pose_agrees_with_the_solver(robot: Robot, tmp_path: Path, obstacl
     looking = IKSolver(robot, collision="report", scene=scene)
     free = 0
     for target, count in zip(targets[::7], counts[::7], strict=True):
-        branches = IKSolver(robot).solve_all(target)
+        branches = IKSolver(robot, collision="ignore").solve_all(target)
         within = [q for q, good in zip(branches.q, branches.within_limits, strict=True) if good]
         assert sum(not looking.verifier.touching(q) for q in within) == count
         free += len(within) - count
     assert free > 0 or not with_scene  # some are in contact
     assert 0.02 < (counts > 0).mean() < 0.9
+
+
+@pytest.mark.parametrize("name", ["j2n6s300", "j2s6s200"])
+def test_samples_of_a_map_with_symmetry_count_what_is_clear(name: str, tmp_path: Path) -> None:
+    """Against all branches of each sample, and the contact of each."""
+    robot = jacokin.load_robot(name)
+    reach = build(robot, folder=tmp_path / "map", grid=Grid([-0.6, -0.6, -0.3], [0.6, 0.6, 0.6], 0.15), orientations=12)
+    assert reach is not None
+    assert reach.samples.symmetries.turns
+    assert reach.recipe["collision"] == "prefer"
+    targets = reach.samples.targets(np.arange(reach.samples.positions)).reshape(-1, 4, 4)
+    solver, contact = IKSolver(robot, collision="ignore"), SelfContact(robot)
+    seen = 0
+    for target, count, touching, margin in zip(
+        targets, reach.counts.ravel(), reach.touching.ravel(), reach.margins.ravel(), strict=True
+    ):
+        rows = solver.solve_all(target).q_within_limits
+        clear = np.array([not contact.touching(q) for q in rows], dtype=np.bool_)
+        assert (clear.sum(), (~clear).sum()) == (count, touching)
+        if count:
+            limit = np.minimum(rows[clear] - robot.lower, robot.upper - rows[clear]).min()
+            assert margin >= limit - 1e-2
+        seen += int(touching)
+    assert seen > 10
+    bare = build(robot, folder=tmp_path / "bare", grid=reach.grid, orientations=12, collision="ignore")
+    assert bare is not None
+    np.testing.assert_array_equal(bare.fraction, reach.fraction_ignoring_contact)
+    np.testing.assert_array_equal(bare.fraction, bare.fraction_ignoring_contact)
+
+
+def test_the_column_of_the_arm_is_dark() -> None:
+    """Of every bundled six-joint arm: cells inside the lower half of its base."""
+    for name in ("j2n6s300", "j2s6s300", "m1n6s200"):
+        reach = bundled(name)
+        cell = reach.grid.axis(2)
+        inside = (cell > 0.07) & (cell < 0.25)
+        middle = reach.grid.shape[0] // 2
+        assert (reach.fraction[middle, middle, inside] == 0.0).all()
+        assert (reach.fraction_ignoring_contact[middle, middle, inside] > 0.5).all()
+        assert (reach.fraction <= reach.fraction_ignoring_contact).all()
+
+
+def test_a_map_with_symmetry_is_for_the_arm_alone(robot: Robot, tmp_path: Path, obstacles: Scene) -> None:
+    with pytest.raises(InvalidInputError, match="collision must be 'reject' for a map with obstacles"):
+        build(robot, folder=tmp_path / "map", grid=GRID, orientations=4, collision="prefer", scene=obstacles)
 
 
 def test_obstacles_take_away_and_never_add(robot: Robot, tmp_path: Path, obstacles: Scene) -> None:

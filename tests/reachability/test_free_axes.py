@@ -60,12 +60,14 @@ def test_a_cell_is_reached_when_any_member_is(
     robot: Robot, tmp_path: Path, rng: np.random.Generator, symmetry: bool
 ) -> None:
     orientations = [UPRIGHT, LEVEL, *some_axes(rng, 4)]
-    reach = build(robot, folder=tmp_path / "map", grid=GRID, orientations=orientations, use_symmetry=symmetry)
+    reach = build(
+        robot, folder=tmp_path / "map", grid=GRID, orientations=orientations, use_symmetry=symmetry, collision="ignore"
+    )
     assert reach is not None
     assert reach.samples.symmetries.turns is symmetry
     assert reach.samples.symmetries.tool_axis is None
     assert reach.bound is None
-    solver = IKSolver(robot)
+    solver = IKSolver(robot, collision="ignore")
     seen = {True: 0, False: 0}
     for target, count, margin in targets_of(reach, rng, 40):
         branches, margins = scan(solver, target)
@@ -86,17 +88,26 @@ def test_a_cell_is_reached_when_any_member_is(
 def test_about_the_axis_of_the_last_joint_a_map_is_one_of_directions(
     robot: Robot, tmp_path: Path, reach_axis: Array, rng: np.random.Generator
 ) -> None:
-    plain = build(robot, folder=tmp_path / "a", grid=GRID, orientations=Orientations.directions(12, reach_axis))
+    plain = build(
+        robot,
+        folder=tmp_path / "a",
+        grid=GRID,
+        orientations=Orientations.directions(12, reach_axis),
+        collision="ignore",
+    )
     free = Orientations.directions(12, reach_axis, free_roll=True)
-    rolled = build(robot, folder=tmp_path / "b", grid=GRID, orientations=free)
-    full = build(robot, folder=tmp_path / "c", grid=GRID, orientations=free, use_symmetry=False)
+    rolled = build(robot, folder=tmp_path / "b", grid=GRID, orientations=free, collision="ignore")
+    full = build(robot, folder=tmp_path / "c", grid=GRID, orientations=free, use_symmetry=False, collision="ignore")
     assert plain is not None
     assert rolled is not None
     assert full is not None
     np.testing.assert_array_equal(plain.counts, rolled.counts)
     assert rolled.bound == plain.bound
     for target, count, _ in targets_of(full, rng, 100):  # a full turn of joint 6 on each branch is one interval
-        assert int(IKSolver(robot).solve_all(target.at(rng.uniform(-3.0, 3.0))).within_limits.sum()) == count
+        assert (
+            int(IKSolver(robot, collision="ignore").solve_all(target.at(rng.uniform(-3.0, 3.0))).within_limits.sum())
+            == count
+        )
 
 
 @pytest.fixture
@@ -110,7 +121,9 @@ def test_the_nearest_orientation_is_that_of_the_nearest_member(
     robot: Robot, tmp_path: Path, rng: np.random.Generator
 ) -> None:
     axes = some_axes(rng, 9)
-    reach = build(robot, folder=tmp_path / "map", grid=Grid([0.3] * 3, [0.5] * 3, 0.2), orientations=axes)
+    reach = build(
+        robot, folder=tmp_path / "map", grid=Grid([0.3] * 3, [0.5] * 3, 0.2), orientations=axes, collision="ignore"
+    )
     assert reach is not None
     rotations = np.array([pin.Quaternion(rng.normal(size=4)).normalized().matrix() for _ in range(20)])
     cosines = reach.samples.cosines(rotations)
@@ -124,8 +137,8 @@ def test_the_nearest_orientation_is_that_of_the_nearest_member(
 def test_the_nearest_pose_of_a_map_with_free_axes_is_reached(
     robot: Robot, tmp_path: Path, rng: np.random.Generator
 ) -> None:
-    build(robot, folder=tmp_path / "map", grid=GRID, orientations=[LEVEL, *some_axes(rng, 5)])
-    reach, solver = load(tmp_path / "map"), IKSolver(robot)
+    build(robot, folder=tmp_path / "map", grid=GRID, orientations=[LEVEL, *some_axes(rng, 5)], collision="ignore")
+    reach, solver = load(tmp_path / "map"), IKSolver(robot, collision="ignore")
     for q in robot.sample(rng, 10):
         wanted = robot.forward_kinematics(q)
         found = reach.nearest_reachable(wanted)

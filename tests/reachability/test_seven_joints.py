@@ -21,7 +21,13 @@ def seven(bundled: Callable[[str], Robot]) -> Robot:
 
 @pytest.fixture(scope="module")
 def reach(seven: Robot, tmp_path_factory: pytest.TempPathFactory) -> ReachabilityMap:
-    found = build(seven, folder=tmp_path_factory.mktemp("seven") / "map", grid=Grid.around(seven, 0.3), orientations=20)
+    found = build(
+        seven,
+        folder=tmp_path_factory.mktemp("seven") / "map",
+        grid=Grid.around(seven, 0.3),
+        orientations=20,
+        collision="ignore",
+    )
     assert found is not None
     return found
 
@@ -35,8 +41,8 @@ def slow_from(quick: int, thorough: int) -> pytest.MarkDecorator:
 def test_poses_of_configurations_are_reached_with_their_margin(
     count: int, seven: Robot, rng: np.random.Generator
 ) -> None:
-    solver, rows = IKSolver(seven), seven.sample(rng, count)
-    counts, margins = count_reaching(solver, np.array([seven.forward_kinematics(q).homogeneous for q in rows]))
+    solver, rows = IKSolver(seven, collision="ignore"), seven.sample(rng, count)
+    counts, margins, _ = count_reaching(solver, np.array([seven.forward_kinematics(q).homogeneous for q in rows]))
     own = np.minimum(rows - seven.lower, seven.upper - rows).min(axis=1)
     assert (counts > 0).all()
     assert (margins >= own - 1e-9).all()
@@ -47,11 +53,11 @@ def test_a_map_agrees_with_the_solver(reach: ReachabilityMap, seven: Robot, rng:
     assert reach.samples.symmetries.tool_axis is not None
     targets, counts = random_samples(reach, rng, 250)
     assert 0.05 < (counts > 0).mean() < 0.9
-    solver = IKSolver(seven)
+    solver = IKSolver(seven, collision="ignore")
     for target, count in zip(targets, counts, strict=True):
         assert len(solver.family(target)) == count
     # Nothing that the map calls unreachable is reached by descents, which know nothing of the closed form.
-    descents = IKSolver(seven, method="qp", max_restarts=4)
+    descents = IKSolver(seven, method="qp", max_restarts=4, collision="ignore")
     out = targets[counts == 0][:20]
     assert not descents.solve_batch(out, closest=False).success.any()
     np.testing.assert_array_equal(reach.reached(targets), counts > 0)
@@ -62,13 +68,13 @@ def test_the_symmetries_give_what_the_full_grid_gives(
     count: int, seven: Robot, tmp_path: Path, rng: np.random.Generator
 ) -> None:
     grid = Grid([0.2, -0.2, 0.2], [0.6, 0.2, 0.6], 0.2)
-    full = build(seven, folder=tmp_path / "map", grid=grid, orientations=count, use_symmetry=False)
+    full = build(seven, folder=tmp_path / "map", grid=grid, orientations=count, use_symmetry=False, collision="ignore")
     assert full is not None
     assert full.recipe["positions"]["axes"] == "x, y, z"
-    reduced = build(seven, folder=tmp_path / "reduced", grid=grid, orientations=full.orientations)
+    reduced = build(seven, folder=tmp_path / "reduced", grid=grid, orientations=full.orientations, collision="ignore")
     assert reduced is not None
     targets, counts = random_samples(reduced, rng, 7 * count)
-    again, _ = count_reaching(full.solver, targets)
+    again, *_ = count_reaching(full.solver, targets)
     np.testing.assert_array_equal(again > 0, counts > 0)
 
 
@@ -80,4 +86,4 @@ def test_a_base_is_placed_for_seven_joints(
     best = place_base(reach, targets, heights=[0.0], count=1)[0]
     assert best.reached == count
     seen = [best.pose.inverse() * target for target in targets]
-    assert IKSolver(seven).solve_batch(seen, closest=False).success.all()
+    assert IKSolver(seven, collision="ignore").solve_batch(seen, closest=False).success.all()

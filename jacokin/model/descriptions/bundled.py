@@ -104,7 +104,7 @@ def hand(name: str) -> Mapping[str, Any]:
 
 
 def actuator(group: str) -> Mapping[str, Any]:
-    """Row of the velocity actuator of a joint group ("large", "small", "finger"), ranges in [rad/s] and [N m]."""
+    """Row of the actuator of a joint group ("large", "small", "finger"), ranges in [rad/s] and [N m]."""
     row = dict(robot_table()["actuators"][group])
     if "ctrl_range_deg" in row:
         row["ctrl_range"] = [math.radians(value) for value in row.pop("ctrl_range_deg")]

@@ -3,6 +3,5 @@
 plan_motion   `plan_motion`: the straight motion to the nearest goal, or a way around, shortened and timed
 plan_pick     `plan_pick`: to an object, with a straight line to a grasp at the end
 goals         configurations that reach what is asked for
-trees         two trees that grow towards each other until they meet
-shortcuts     a way with less detours
+search        straight motions, and ways around what blocks them, by the kernels
 """

@@ -121,18 +121,20 @@ class GoalFinder:
                 yield interval.nearest(self._start), angle
 
     def _goals(self, found: Sequence[tuple[Array, float | None]], number: int, aim: Aim | None) -> list[Goal]:
+        robot = self._robot
+        near = angles.nearest_copy(np.array([q for q, _ in found]), self._start, robot.unlimited)
+        wide = np.flatnonzero(~robot.unlimited & ~robot.sliding & (robot.upper - robot.lower >= TURN)).tolist()
         return [
-            Goal(checks.read_only(copy), number, aim, parameter)
-            for q, parameter in found
-            for copy in self._copies(np.asarray(q))
+            Goal(checks.sealed(copy), number, aim, parameter)
+            for q, (_, parameter) in zip(near, found, strict=True)
+            for copy in (self._copies(q, wide) if wide else (q.copy(),))
         ]
 
-    def _copies(self, q: Array) -> Iterator[Array]:
-        """The copies of a configuration (dof,) within the limits; unlimited joints in the one nearest to the start."""
+    def _copies(self, near: Array, wide: list[int]) -> Iterator[Array]:
+        """The copies of a configuration (dof,) within the limits, whole turns of some joints apart."""
         robot = self._robot
-        near = angles.nearest_copy(q, self._start, robot.unlimited)
         each = [[value] for value in near.tolist()]
-        for joint in np.flatnonzero(~robot.unlimited & ~robot.sliding & (robot.upper - robot.lower >= TURN)).tolist():
+        for joint in wide:
             turns = np.arange(
                 np.ceil((robot.lower[joint] - near[joint]) / TURN),
                 np.floor((robot.upper[joint] - near[joint]) / TURN) + 1,

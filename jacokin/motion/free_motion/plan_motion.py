@@ -4,20 +4,19 @@ A plan goes through these steps:
 
     goals       every configuration that reaches a goal is a candidate: branches, members of families, turns
     straight    the straight motion to each of them, the quickest first, is certified (`Contact.in_the_way`)
-    trees       where those are blocked, two trees grow from start and goals until they meet
-    shortcuts   the way is shortened
+    search      where those are blocked, two trees grow from start and goals until they meet, and the way is shortened
     blending    its corners are rounded, and it is timed within the limits (`motion.blending`)
 """
 
 from __future__ import annotations
 
-import itertools
 import time
 import weakref
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -31,20 +30,19 @@ from jacokin.model import checks
 from jacokin.model.contact import Contact
 from jacokin.model.obstacles import Surroundings
 from jacokin.model.robot import Robot, velocity_limits
-from jacokin.motion.blending import TimedCourse, fit_time, round_corners
+from jacokin.motion.blending import fit_time, round_corners
 from jacokin.motion.free_motion.goals import GoalFinder, list_aims
-from jacokin.motion.free_motion.shortcuts import shorten
-from jacokin.motion.free_motion.trees import Search, Space, TreeSearch
+from jacokin.motion.free_motion.search import MOST_SAMPLES, Found, StraightMotion, WaySearch
 from jacokin.motion.grasps import Grasp
 from jacokin.motion.joint_motion import ACCELERATION, SmoothLines
 from jacokin.motion.timing import MAX_TICKS, check_ticks
-from jacokin.motion.trajectory import Goal, JointMotion, MotionStatus
+from jacokin.motion.torques import TimeLaw, TooHeavy, slow_down, torque_limits
+from jacokin.motion.trajectory import Goal, MotionStatus, Trajectory
 
-MOST_ROOTS = 48  # goals from which the second tree grows, the quickest to reach
-MOST_STRAIGHT = 64  # goals to which the straight motion is tried
+MOST_WAYS = 1000  # some seconds of searching
 DETOUR = 1.5  # a straight motion this many times slower than the nearest goal allows is compared with a way around
-SEARCH_SHARE = 0.8  # of the time is for the search; the rest for shortcuts
-CHORD = 2e-4  # [m] shapes may be nearer on a rounded corner than on the chords that are certified
+BETTER = 0.98  # of the time of a way at full speed is what the next one may take
+NEXT_SAMPLES = 500  # after which the search for it is given up
 SAME = 1e-9  # [rad] a motion that is shorter is none
 
 
@@ -54,12 +52,14 @@ def plan_motion(
     goal: Any,
     *,
     time_limit: float = 1.0,
+    ways: int = 2,
     rng: np.random.Generator | None = None,
     dt: float = 0.01,
     velocity_limit: ArrayLike | None = None,
     acceleration_limit: ArrayLike = ACCELERATION,
     jerk_limit: ArrayLike | None = None,
-) -> JointMotion:
+    torque_limit: ArrayLike | bool | None = None,
+) -> Trajectory:
     """A joint motion from a configuration to a goal, without contact all along it.
 
     What touches is what the solver's scene says, with the solver's `clearance`; contact counts whatever its
@@ -70,16 +70,21 @@ def plan_motion(
         start: (dof,) where the arm is [rad].
         goal: a configuration (dof,) [rad], a pose T_base_tool, a `FreeAxis`, a position (3,) [m], a `Grasp`, or a list
             of them, any of which will do. What is reached soonest is taken.
-        time_limit: for the search [s]. It does not change what is found, only whether the search is cut.
+        time_limit: for the search [s]. It does not change what is found, only whether the search is cut: then the
+            quickest way so far is taken.
+        ways: how many ways are looked for where the straight motion is blocked; the quickest is taken.
         rng: randomness of the search; None for a fixed seed.
         dt: sampling step [s]; the last row is at the end of the motion, whole step or not.
         velocity_limit: (dof,) or one for all [rad/s]; None for the robot's own.
         acceleration_limit: (dof,) or one for all [rad/s^2].
         jerk_limit: (dof,) or one for all [rad/s^3]; None for none. With one, the arm stands still at corners.
+        torque_limit: (dof,) or one for all [N m]; True for the robot's own (`effort_limit`), None for none. The whole
+            motion is slowed down until no joint needs more, what the robot carries (`Robot.with_payload`) included.
 
     Returns:
         The motion from rest to rest, its limits held at every instant, with the goal that was taken, and the least
-        distance at each row. Without a way it stays at the start, and `outcome` and `message` say why.
+        distance at each row, measured when it is first asked for. Without a way it stays at the start, and `outcome`
+        and `message` say why.
 
     Raises:
         InvalidInputError: a malformed argument, or a configuration outside the limits.
@@ -94,9 +99,21 @@ def plan_motion(
     velocity = velocity_limits(robot, velocity_limit)
     acceleration = checks.positive_vector("acceleration_limit", acceleration_limit, robot.dof, "rad/s^2")
     jerk = None if jerk_limit is None else checks.positive_vector("jerk_limit", jerk_limit, robot.dof, "rad/s^3")
-    request = _Request(solver, q, velocity, acceleration, jerk, checks.positive("dt", dt, "s"))
-    aims = list_aims(robot, goal)
-    return request.plan(aims, generator, time.monotonic() + limit, limit)
+    torque = torque_limits(robot, torque_limit)
+    step, count = checks.positive("dt", dt, "s"), checks.whole_number("ways", ways, 1, MOST_WAYS)
+    request = _Request(solver, q, velocity, acceleration, jerk, torque, step, count)
+    return request.plan(list_aims(robot, goal), generator, time.monotonic() + limit)
+
+
+class _Timed(NamedTuple):
+    """A way and when its places are passed; no law for a way that stays."""
+
+    way: Array
+    law: TimeLaw | None
+    duration: float
+    """[s]."""
+    at_full_speed: float
+    """[s]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -109,7 +126,9 @@ class _Request:
         velocity: (dof,) [rad/s].
         acceleration: (dof,) [rad/s^2].
         jerk: (dof,) [rad/s^3]; None for no limit.
+        torque: (dof,) [N m]; None for no limit.
         dt: of the rows [s].
+        ways: how many ways around are compared.
     """
 
     solver: IKSolver
@@ -117,9 +136,11 @@ class _Request:
     velocity: Array
     acceleration: Array
     jerk: Array | None
+    torque: Array | None
     dt: float
+    ways: int
 
-    def plan(self, aims: Sequence[Any], rng: np.random.Generator, deadline: float, limit: float) -> JointMotion:
+    def plan(self, aims: Sequence[Any], rng: np.random.Generator, deadline: float) -> Trajectory:
         """See `plan_motion`."""
         finder = GoalFinder(self.solver, self.start, rng)
         goals, reasons = list[Goal](), list[str]()
@@ -127,105 +148,120 @@ class _Request:
             found, reason = finder.find(number, aim)
             goals += found
             reasons += [reason] if reason else []
-        contact = contact_of(self.solver)
-        pair = None if contact is None else contact.first_touching(self.start)
+        search = search_of(self.solver)
+        pair = None if search is None else search.contact.first_touching(self.start)
         if pair is not None:
             return self._stay(MotionStatus.START_IN_CONTACT, f"{pair[0]} touches {pair[1]} at the start")
         if not goals:
             return self._stay(MotionStatus.UNREACHABLE, _listed(reasons))
-        space = Space(self.solver.robot, self.velocity)
-        times = space.time(np.array([each.q for each in goals]) - self.start)
-        ordered = [goals[k] for k in np.argsort(times, kind="stable").tolist()]
-        if contact is None:
-            return self._go(np.array([self.start, ordered[0].q]), ordered[0], None, "")
-        hindrances = Counter[tuple[str, str]]()
-        clear, touched = _sort_out(ordered, contact)
-        if not clear:
-            sentence = f"all {len(ordered)} configurations that reach the goal touch something: {_named(touched)}"
+        rows = np.array([each.q for each in goals])
+        order = np.argsort((np.abs(rows - self.start) / self.velocity).max(axis=1), kind="stable")
+        rows, goals = rows[order], [goals[k] for k in order.tolist()]
+        if search is None:
+            return self._go(self._timed(np.array([self.start, rows[0]]), None), goals[0], None)
+        search.begin(self.start, rows, self.velocity, rng)
+        straight = search.go_straight()
+        if straight.reached < 0 and not len(straight.blocked):
+            sentence = (
+                f"all {len(rows)} configurations that reach the goal touch something: {_named(straight.touching)}"
+            )
             return self._stay(MotionStatus.GOAL_IN_CONTACT, sentence)
-        best: tuple[Array, Goal] | None = None
-        for each in clear[:MOST_STRAIGHT]:
-            pair = contact.in_the_way(self.start, each.q)
-            if pair is None:
-                best = np.array([self.start, each.q]), each
+        best = self._quickest(search, straight, rows, deadline)
+        if isinstance(best, Found):
+            cut = "within the time" if time.monotonic() >= deadline else "in all samples"
+            sentence = (
+                f"no way was found {cut} ({best.samples} samples); two parts of one came within {best.nearest:.3g} s "
+                f"of motion of each other; most often in the way: {_named(search.hindrances)}"
+            )
+            return self._stay(MotionStatus.NO_WAY, sentence)
+        timed, number = best
+        reached = goals[number]
+        end = Goal(checks.read_only(timed.way[-1]), reached.number, reached.target, reached.parameter)
+        return self._go(timed, end, search.contact)
+
+    def _is_direct(self, rows: Array, straight: StraightMotion) -> bool:
+        """Whether the straight motion to the goal that was reached takes not much longer than one to a nearer goal."""
+        if not len(straight.blocked):
+            return True
+        far, near = (np.abs(rows[k] - self.start) / self.velocity for k in (straight.reached, straight.blocked[0]))
+        return float(far.max()) <= DETOUR * float(near.max())
+
+    def _quickest(
+        self, search: WaySearch, straight: StraightMotion, rows: Array, deadline: float
+    ) -> tuple[_Timed, int] | Found:
+        """The quickest of the straight motion and some ways around to goals (k, dof), and the number of its goal."""
+        best: tuple[_Timed, int] | None = None
+        if straight.reached >= 0:
+            best = self._timed(np.array([self.start, rows[straight.reached]]), search), straight.reached
+            if self._is_direct(rows, straight):
+                return best
+        times = (np.abs(rows[straight.blocked] - self.start) / self.velocity).max(axis=1)
+        found, bound, most = Found(), np.inf, MOST_SAMPLES
+        for _ in range(self.ways):
+            if best is not None:
+                bound, most = BETTER * best[0].at_full_speed, NEXT_SAMPLES
+            goals = straight.blocked[times < bound]
+            if not len(goals):
                 break
-            hindrances[pair] += 1
-        least = float(space.time(clear[0].q - self.start))
-        if best is None or float(space.time(np.diff(best[0], axis=0)).sum()) > DETOUR * least:
-            around, search = self._around(clear, space, contact, rng, deadline - (1.0 - SEARCH_SHARE) * limit, deadline)
-            hindrances += search.hindrances
-            if around is not None and (best is None or _duration(around[0], space) < _duration(best[0], space)):
-                best = around
-            if best is None:
-                cut = (
-                    "within the time" if time.monotonic() >= deadline - limit * (1 - SEARCH_SHARE) else "in all samples"
-                )
-                sentence = (
-                    f"no way was found {cut} ({search.samples} samples); two parts of one came within "
-                    f"{search.nearest:.3g} s of motion of each other; most often in the way: {_named(hindrances)}"
-                )
-                return self._stay(MotionStatus.NO_WAY, sentence)
-        return self._go(*best, contact, "")
+            found = search.go_around(goals, deadline, most, bound)
+            if found.way is not None:
+                timed = self._timed(found.way, search)
+                if best is None or timed.duration < best[0].duration:
+                    best = timed, found.goal
+            elif best is None:
+                break
+        return best or found
 
-    def _around(
-        self,
-        goals: Sequence[Goal],
-        space: Space,
-        contact: Contact,
-        rng: np.random.Generator,
-        search_until: float,
-        deadline: float,
-    ) -> tuple[tuple[Array, Goal] | None, Search]:
-        """A way around what blocks the straight motions, shortened; None where none was found in time."""
-        roots = list(goals[:MOST_ROOTS])
-        search = TreeSearch(space, contact, rng).find(self.start, np.array([each.q for each in roots]), search_until)
-        if search.way is None:
-            return None, search
-        way = shorten(search.way, space, contact, rng, deadline)
-        goal = roots[search.goal]
-        end = Goal(checks.read_only(way[-1]), goal.number, goal.target, goal.parameter)
-        return (way, end), search
+    def _timed(self, way: Array, search: WaySearch | None) -> _Timed:
+        """A way (n, dof) in the least time within the limits."""
+        size = np.abs(way[1:] - way[:-1])
+        moves = size.max(axis=1) > SAME
+        if not moves.all():
+            way = np.vstack([way[:1], way[1:][moves]])
+            if len(way) == 1:
+                return _Timed(way, None, 0.0, 0.0)
+            size = np.abs(way[1:] - way[:-1])
+        least = float((size / self.velocity).max(axis=1).sum())
+        if self.jerk is not None:
+            lines = SmoothLines(way, self.velocity, self.acceleration, self.jerk)
+            return _Timed(way, lines, lines.duration, least)
+        cuts = np.zeros(2) if len(way) == 2 or search is None else search.cuts(way)
+        timed = fit_time(*round_corners(way, self.velocity, cuts), self.velocity, self.acceleration)
+        return _Timed(way, timed, timed.duration, least)
 
-    def _go(self, way: Array, goal: Goal, contact: Contact | None, note: str) -> JointMotion:
-        """The timed motion along a way to a goal, measured."""
-        robot = self.solver.robot
-        moves = np.append(True, np.abs(np.diff(way, axis=0)).max(axis=1) > SAME)
-        way = way[moves]
-        if len(way) == 1:
-            return self._write(np.zeros(1), way, np.zeros_like(way), np.zeros_like(way), goal, contact, "already there")
-        timed = self._time(way, contact)
-        if timed.duration / self.dt > MAX_TICKS:
-            check_ticks(np.array([timed.duration]), self.dt)
-        t = np.append(np.arange(0.0, timed.duration, self.dt), timed.duration)
-        q, v, a = timed.at(t)
+    def _go(self, timed: _Timed, goal: Goal, contact: Contact | None) -> Trajectory:
+        """The motion along a timed way to a goal, measured."""
+        robot, way = self.solver.robot, timed.way
+        if timed.law is None:
+            none = np.zeros_like(way)
+            return self._write((np.zeros(1), way, none, none), goal, contact, "already there")
+        law = timed.law if self.torque is None else slow_down(robot, timed.law, self.torque)
+        if isinstance(law, TooHeavy):
+            return self._stay(MotionStatus.TOO_HEAVY, law.explain(robot))
+        duration = law.duration
+        if duration / self.dt > MAX_TICKS:
+            check_ticks(np.array([duration]), self.dt)
+        t = np.append(np.arange(0.0, duration, self.dt), duration)
+        q, v, a = law.at(t)
         q = np.clip(q, robot.lower, robot.upper)  # rounding
         q[0], q[-1], v[0], v[-1] = self.start, way[-1], 0.0, 0.0
-        sentence = f"reached in {timed.duration:.4g} s"
+        sentence = f"reached in {duration:.4g} s"
         lines = len(way) - 1
+        sentence += "" if law is timed.law else ", slower for the torques"
         sentence += ", straight" if lines == 1 else f", around what is in the way by {lines} lines"
         if contact is None:
             sentence += "; the description has no collision shapes, so contact was not checked"
-        return self._write(t, q, v, a, goal, contact, sentence + note)
-
-    def _time(self, way: Array, contact: Contact | None) -> TimedCourse | SmoothLines:
-        if self.jerk is not None:
-            return SmoothLines(way, self.velocity, self.acceleration, self.jerk)
-
-        def is_clear(corner: Array, turn: Array) -> bool:
-            return contact is None or is_parabola_clear(corner, turn, contact)
-
-        course, stops = round_corners(way, self.velocity, is_clear)
-        return fit_time(course, stops, self.velocity, self.acceleration)
+        return self._write((t, q, v, a), goal, contact, sentence)
 
     def _write(
-        self, t: Array, q: Array, v: Array, a: Array, goal: Goal, contact: Contact | None, message: str
-    ) -> JointMotion:
+        self, rows: tuple[Array, Array, Array, Array], goal: Goal, contact: Contact | None, message: str
+    ) -> Trajectory:
         wrong = self._misses(goal)
-        return JointMotion.of(
+        return Trajectory.of(
             self.solver.robot,
             self.velocity,
-            (t, q, v, a),
-            clearance=np.full(len(q), np.nan) if contact is None else contact.distances(q, self_collision=True),
+            rows,
+            look=None if contact is None else partial(contact.distances, self_collision=True),
             status=MotionStatus.MISSED if wrong else MotionStatus.OK,
             message=wrong or message,
             goal=goal,
@@ -249,41 +285,28 @@ class _Request:
             else f"the end misses the goal by {errors[0]:.3g} m, {errors[1]:.3g} rad"
         )
 
-    def _stay(self, status: MotionStatus, message: str) -> JointMotion:
+    def _stay(self, status: MotionStatus, message: str) -> Trajectory:
         """A motion that does not begin."""
         rows = np.zeros(1), self.start[None], np.zeros((1, len(self.start))), np.zeros((1, len(self.start)))
-        return JointMotion.of(self.solver.robot, self.velocity, rows, status=status, message=message)
+        return Trajectory.of(self.solver.robot, self.velocity, rows, status=status, message=message)
 
 
-def is_parabola_clear(corner: Array, turn: Array, contact: Contact) -> bool:
-    """Whether a parabola with control points (3, dof) is clear.
-
-    `turn` (dof,) is half of its second derivative by a parameter that runs from 0 to 1 [rad].
-    """
-    # The chord of one of n equal parts is at most turn / (4 n^2) from its part of the parabola, joint by joint.
-    away = 0.25 * float(turn @ contact.levers)
-    count = max(2, int(np.ceil(np.sqrt(away / CHORD))))
-    u = np.linspace(0.0, 1.0, count + 1)[:, None]
-    rows = (1.0 - u) ** 2 * corner[0] + 2.0 * u * (1.0 - u) * corner[1] + u**2 * corner[2]
-    extra = away / count**2
-    return all(contact.in_the_way(a, b, extra) is None for a, b in itertools.pairwise(rows))
+_searches: weakref.WeakKeyDictionary[IKSolver, WaySearch | None] = weakref.WeakKeyDictionary()
 
 
-_contacts: weakref.WeakKeyDictionary[IKSolver, Contact | None] = weakref.WeakKeyDictionary()
-
-
-def contact_of(solver: IKSolver) -> Contact | None:
-    """What checks motions in a solver's scene, built once; None for a robot without shapes.
+def search_of(solver: IKSolver) -> WaySearch | None:
+    """What looks for ways in a solver's scene, built once; None for a robot without shapes.
 
     Raises:
         InvalidInputError: the scene does not fit the robot.
         UnknownNameError: the scene speaks of a link that is not there.
     """
-    if solver not in _contacts:
+    if solver not in _searches:
         options = solver.verifier.options
         around = Surroundings() if options.scene is None else options.scene.surroundings
-        _contacts[solver] = _build_contact(solver.robot, around, options.clearance)
-    return _contacts[solver]
+        contact = _build_contact(solver.robot, around, options.clearance)
+        _searches[solver] = None if contact is None else WaySearch(solver.robot, contact, options.clearance)
+    return _searches[solver]
 
 
 def _build_contact(robot: Robot, around: Surroundings, clearance: float) -> Contact | None:
@@ -294,24 +317,6 @@ def _build_contact(robot: Robot, around: Surroundings, clearance: float) -> Cont
             raise
         return None
     return found if found.has_shapes else None
-
-
-def _sort_out(goals: Sequence[Goal], contact: Contact) -> tuple[list[Goal], Counter[tuple[str, str]]]:
-    """The goals that are clear, and how often each pair of shapes touches at the others."""
-    clear, touched = list[Goal](), Counter[tuple[str, str]]()
-    for goal in goals:
-        pair = contact.first_touching(goal.q)
-        if pair is None:
-            clear.append(goal)
-        else:
-            touched[pair] += 1
-        if len(clear) == max(MOST_STRAIGHT, MOST_ROOTS):
-            break
-    return clear, touched
-
-
-def _duration(way: Array, space: Space) -> float:
-    return float(space.time(np.diff(way, axis=0)).sum())
 
 
 def _named(pairs: Counter[tuple[str, str]]) -> str:

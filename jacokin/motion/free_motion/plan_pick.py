@@ -23,7 +23,7 @@ from jacokin.motion.free_motion.plan_motion import plan_motion
 from jacokin.motion.grasps import Grasp
 from jacokin.motion.joint_motion import ACCELERATION
 from jacokin.motion.planning.plan import plan_path
-from jacokin.motion.trajectory import Goal, JointMotion, PathResult
+from jacokin.motion.trajectory import Goal, Trajectory
 
 HAND = "hand"  # the link whose contact with the object is allowed, with the fingers that it carries
 AHEAD = 40  # configurations before grasps among which the free motion chooses
@@ -35,9 +35,9 @@ LINES = 5  # straight lines that are tried
 class Pick(Frozen):
     """A way to an object: first `motion`, then `approach`."""
 
-    motion: JointMotion
+    motion: Trajectory
     """From the start to before the object, in joints."""
-    approach: PathResult | None
+    approach: Trajectory | None
     """Straight along the tool's z axis to the grasp, from rest to rest; None where there is no way."""
     grasp: Grasp | None
     """The grasp at its end; the fingers stand at its `opening`, or wider, all along."""

@@ -14,7 +14,7 @@ from jacokin.model import checks
 from jacokin.model.poses import FreeAxis, rotation_angle
 from jacokin.motion.free_motion.plan_motion import plan_motion
 from jacokin.motion.joint_motion import ACCELERATION
-from jacokin.motion.trajectory import LEAD_IN, PathResult
+from jacokin.motion.trajectory import LEAD_IN, Trajectory, changes
 
 THERE = 1e-3  # [m] and [rad] an arm this near to the first pose is at it
 
@@ -30,7 +30,7 @@ def is_away(verifier: Verifier, q: Array, target: pin.SE3 | FreeAxis) -> bool:
     return float(np.linalg.norm(tool.rotation @ target.axis - pose.rotation @ target.axis)) > THERE
 
 
-def lead_in(solver: IKSolver, start: Array, path: PathResult, dt: float, acceleration: Array | None) -> PathResult:
+def lead_in(solver: IKSolver, start: Array, path: Trajectory, dt: float, acceleration: Array | None) -> Trajectory:
     """A path with the motion to its first row before it, in rows of `dt` [s] whose status is "LEAD_IN".
 
     Args:
@@ -58,6 +58,7 @@ def lead_in(solver: IKSolver, start: Array, path: PathResult, dt: float, acceler
             path,
             q=q,
             v=still,
+            a=still,
             status=status,
             limiting=(message,) * len(path),
             position_error=away,
@@ -72,11 +73,13 @@ def lead_in(solver: IKSolver, start: Array, path: PathResult, dt: float, acceler
     v[1:] = np.diff(q, axis=0) / dt
     unknown = np.full(count, np.nan)
     clear = motion.clearance[:-1] if not np.isnan(path.clearance).all() else unknown
+    t = checks.read_only(np.arange(len(q)) * dt)
     return replace(
         path,
-        t=checks.read_only(np.arange(len(q)) * dt),
+        t=t,
         q=checks.read_only(q),
         v=checks.read_only(v),
+        a=changes(t, v),
         status=(LEAD_IN,) * count + path.status,
         limiting=("",) * count + path.limiting,
         segment=checks.sealed(np.concatenate([np.full(count, -1, dtype=np.intp), path.segment])),

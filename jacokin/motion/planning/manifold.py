@@ -16,7 +16,7 @@ from scipy.interpolate import PchipInterpolator
 
 from jacokin.arrays import Array
 from jacokin.model.angles import TURN
-from jacokin.model.many_configurations import Chain, Goal
+from jacokin.model.many_configurations import Chain, TargetRows
 from jacokin.model.poses import FreeAxis
 from jacokin.model.robot import Robot
 from jacokin.motion.path import CartesianPath
@@ -70,9 +70,9 @@ class Manifold:
             angles = np.array([target.parameter_of(rotation) for rotation in self.chain.placements(q).rotation])
         return np.column_stack([q, angles])
 
-    def goal(self, u: Array) -> Goal:
+    def goal(self, u: Array) -> TargetRows:
         """What the tool is to reach at places (n,)."""
-        return Goal(self.path.at(u), self.path.axes(u) if self.path.free else None)
+        return TargetRows(self.path.at(u), self.path.axes(u) if self.path.free else None)
 
     def difference(self, first: Array, second: Array) -> Array:
         """From points (m, width) to others [rad], the short way round."""

@@ -27,7 +27,7 @@ from jacokin.motion.planning.manifold import Curve, Manifold, Pace
 from jacokin.motion.planning.search import Climb, Ladder, Rung, Search
 from jacokin.motion.timing import check_ticks, fit_ticks, sample_lines
 from jacokin.motion.track import ANGULAR_SPEED, SPEED
-from jacokin.motion.trajectory import PathResult
+from jacokin.motion.trajectory import Trajectory
 
 TIMINGS = ("keep", "slow")
 FINEST = 0.01  # [rad] between members of a family: more of them take minutes
@@ -53,7 +53,7 @@ def plan_path(
     velocity_limit: ArrayLike | None = None,
     acceleration_limit: ArrayLike | None = None,
     free_step: float = FREE_STEP,
-) -> PathResult:
+) -> Trajectory:
     """Joint trajectory of least cost along straight lines through poses, over all branches.
 
     Every tick is on the path: positions move on straight lines, orientations turn about one axis by the short way.
@@ -152,7 +152,7 @@ def plan_path(
     )
     if found is None:
         stay = near if start is not None else solver.solve(path.target(0.0), seed=near).q
-        if verifier.rejects_contact and verifier.touching(stay):
+        if verifier.avoids_contact and verifier.touching(stay):
             stay = near
         return writer.stay(stay, _explain_no_start(search.rungs[0], solver, manifold, start is not None))
     reason = ""
@@ -187,7 +187,7 @@ class _Writer:
     origin: str
     note: str
 
-    def stay(self, q: Array, reason: str) -> PathResult:
+    def stay(self, q: Array, reason: str) -> Trajectory:
         """A path that does not begin: the arm stays at the configuration (dof,) nearest to the first pose."""
         path = self.manifold.path
         u = sample_lines(self.pace.times, self.dt)
@@ -195,7 +195,7 @@ class _Writer:
         x = self.manifold.points(q[None], path.target(0.0))
         return self._measure(u, np.tile(x, (len(u), 1)), parameter, -1.0, reason)
 
-    def follow(self, curve: Curve, reached: float, reason: str) -> PathResult:
+    def follow(self, curve: Curve, reached: float, reason: str) -> Trajectory:
         """The ticks along a joint path; beyond its end the arm stays there."""
         ticks = kept = sample_lines(self.pace.times, self.dt)
         if self.slow and len(curve.u) > 1:
@@ -230,7 +230,7 @@ class _Writer:
         parameter[: len(passed)] = path.free_angle(found) if path.free else found
         return parameter
 
-    def _measure(self, u: Array, x: Array, parameter: Array, reached: float, reason: str) -> PathResult:
+    def _measure(self, u: Array, x: Array, parameter: Array, reached: float, reason: str) -> Trajectory:
         """Every row measured by Pinocchio, against limits, and for contact."""
         robot, verifier = self.solver.robot, self.solver.verifier
         path, dof = self.manifold.path, self.manifold.dof
@@ -258,7 +258,7 @@ class _Writer:
         away = np.abs(q[0] - self.near)
         jump = seeds.describe_jump(robot.joint_names, away, self.origin)
         words = [reason or self._sentence(v, fast, status), jump, self.note]
-        return PathResult(
+        return Trajectory(
             joint_names=robot.joint_names,
             t=checks.read_only(np.arange(len(q)) * self.dt),
             q=checks.read_only(q),

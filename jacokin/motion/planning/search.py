@@ -148,7 +148,7 @@ class Ladder:
     def _rung(self, u: float, x: Array, solutions: int) -> Rung:
         """The rung of points (k, width): without those in contact, and with their copies."""
         touching: tuple[tuple[str, str], ...] = ()
-        if self.verifier.rejects_contact:
+        if self.verifier.avoids_contact:
             clear = np.ones(len(x), dtype=np.bool_)
             for row, point in enumerate(x):
                 pairs = self.verifier.touching(point[: self.manifold.dof])
@@ -325,7 +325,7 @@ class Climb:
 
     def _find_contact(self, curve: Curve, u: Array, q: Array, bad: NDArray[np.intp]) -> dict[int, str]:
         """Numbers of intervals of the curve in which shapes touch, with their names, where contact is rejected."""
-        if not self._verifier.rejects_contact:
+        if not self._verifier.avoids_contact:
             return {}
         found: dict[int, str] = {}
         for row, index in enumerate(curve.intervals(u).tolist()):

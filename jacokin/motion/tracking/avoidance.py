@@ -1,7 +1,12 @@
-"""The tracker's guard against collisions: distances between shapes, and the inequalities that keep them."""
+"""The tracker's guard against collisions: distances between shapes, and the inequalities that keep them.
+
+Obstacles may move (`moving`). A tick looks at them where they will be at its end; the QP is told how fast they come
+nearer.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -13,7 +18,7 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.kernels.contact.arm import SLIDE
 from jacokin.kernels.contact.run import MEASURE_PAIRS, ROWS, TASK, ContactWork, make_contact_work, run_contact
-from jacokin.kernels.contact.shapes import CENTRE, LINK, RADIUS
+from jacokin.kernels.contact.shapes import CENTRE, LINK, RADIUS, SIZE
 from jacokin.kernels.contact.touching import Geometry
 from jacokin.kernels.library import Call
 from jacokin.model import checks
@@ -21,6 +26,8 @@ from jacokin.model.contact import Contact
 from jacokin.model.many_configurations import cross
 from jacokin.model.robot import Robot
 from jacokin.model.scene import Scene, checked_scene
+from jacokin.motion.tracking.joint_limits import Braking
+from jacokin.motion.tracking.moving import MovableShapes, Whereabouts
 
 CLEARANCE = 0.01  # [m] kept between shapes unless told otherwise
 COLLISION = ("ignore", "reject")
@@ -32,6 +39,9 @@ HORIZON = 0.05  # [m] beyond the watched range up to which distances are measure
 SEPARATION_WEIGHT = 100.0  # of moving too near pairs apart, against 1 for the target: its pull then costs microns
 SEPARATION_PART = 0.2  # part of the missing distance asked back in one tick
 WORSE = 1e-9  # [m] rounding of a distance
+FORESIGHT = 0.15  # [s] a moving obstacle that would be too near by then is avoided now
+BETWEEN = 0.01  # [m] shapes may come nearer than the distance between two places of a way to rest that are looked at
+LOOKS = 12  # places of a way to rest that are looked at, before it counts as not clear
 NO_DISTANCES, NO_POINTS, NO_PAIRS = np.empty(0), np.empty((0, 3)), np.empty(0, dtype=np.intp)
 
 
@@ -46,6 +56,7 @@ class Distances:
         points: (near, 3) nearest points on the second shape [m].
         normals: (near, 3) unit vectors from the first shape to the second, along which the distance grows.
         exits: directions (3,) in which shapes leave the obstacles they are inside of, by the obstacle's number.
+        measured: False where there was no time to measure: then nothing is in `near`, and `bound` still holds.
     """
 
     bound: Array
@@ -54,6 +65,7 @@ class Distances:
     points: Array
     normals: Array
     exits: Mapping[int, Array]
+    measured: bool = True
 
     @property
     def least(self) -> float:
@@ -69,31 +81,55 @@ class Separation:
         inequalities: G and h of G x <= h: no pair uses up more than a part of its spare distance.
         jacobian: (k, dof) weighted, of the distances of pairs that are too near.
         error: (k,) weighted increase of distance that is asked of them.
+        evading: whether any of them is an obstacle that comes nearer too fast.
         exits: as in `Distances`, for the coming step.
     """
 
     inequalities: tuple[Array, Array]
     jacobian: Array
     error: Array
+    evading: bool
     exits: Mapping[int, Array]
 
 
 class ClearanceGuard:
-    """Keeps given pairs of shapes a distance apart. What changes from tick to tick is in `Distances`."""
+    """Keeps given pairs of shapes a distance apart. What changes from tick to tick is in `Distances`, `Whereabouts`.
+
+    Attributes:
+        shapes: the obstacles that can move.
+    """
 
     def __init__(
-        self, contact: Contact, robot: Robot, pairs: NDArray[np.int64], distance: float, velocity: Array, dt: float
+        self,
+        contact: Contact,
+        robot: Robot,
+        shapes: MovableShapes,
+        pairs: NDArray[np.int64],
+        distance: float,
+        velocity: Array,
+        dt: float,
+        reaction: float = 0.0,
     ) -> None:
         """Prepare the pairs.
 
         Args:
-            contact: the shapes.
+            contact: the shapes, whose arrays are this guard's own.
             robot: the arm.
+            shapes: the obstacles that can move.
             pairs: (n, 2) numbers of shapes, the one nearer to the base first.
             distance: smallest distance allowed [m].
             velocity: (dof,) velocity limits [rad/s].
             dt: control step [s].
+            reaction: time in which the arm can stop [s].
         """
+        self.shapes, self._dt = shapes, dt
+        # Distances may be used up so fast that an arm that needs time to stop still can.
+        self._part = min(APPROACH, dt / reaction) if reaction > 0.0 else APPROACH
+        self._foresight = max(FORESIGHT, reaction)
+        self._placed: Array | None = shapes.start.poses
+        rows = np.full(len(contact.names), -1)
+        rows[shapes.numbers] = np.arange(len(shapes.numbers))
+        self._mover = rows[pairs[:, 0]]
         self._geometry, self._names, self._distance = contact.geometry, contact.names, distance
         self._first, self._second = pairs.T
         links, arm = self._geometry.shapes.integers[:, LINK], self._geometry.arm
@@ -103,7 +139,8 @@ class ClearanceGuard:
         self._between = ((inner <= joint) & (joint < outer)).astype(np.float64)
         self._slide = arm.joint_kinds == SLIDE
         self._lever = _levers(robot, self._geometry)[self._second] * self._between
-        self._watch = distance + BUFFER + np.maximum(LOOK_AHEAD * dt * (self._lever @ velocity), MEASURED)
+        self._watch_still = distance + BUFFER + np.maximum(LOOK_AHEAD * dt * (self._lever @ velocity), MEASURED)
+        self._watch, self._watched = self._watch_still, shapes.start.speeds
         self._fixed = links[self._first] == 0
         # The kernels take a plane, and any obstacle, as the second shape.
         self._turned = self._first > self._second
@@ -112,7 +149,20 @@ class ClearanceGuard:
 
     def __getstate__(self) -> dict[str, Any]:
         """Everything but work arrays."""
-        return {**self.__dict__, "_call": None}
+        return {**self.__dict__, "_call": None, "_placed": None}
+
+    def put(self, where: Whereabouts) -> None:
+        """Put obstacles where they are to be measured from now on."""
+        if where.poses is self._placed:
+            return
+        self._placed = None  # until it is done
+        numbers, rows = self._geometry.shapes.numbers, self.shapes.numbers
+        numbers[rows, :SIZE] = where.poses.reshape(-1, SIZE)
+        numbers[rows, CENTRE:RADIUS] = self.shapes.centres(where)
+        if where.speeds is not self._watched:
+            self._watch = self._watch_still + self._of_movers(self._foresight * where.speeds)
+            self._watched = where.speeds
+        self._placed = where.poses
 
     def name(self, pair: int) -> str:
         """Names of the two shapes, joined by "~"."""
@@ -126,6 +176,30 @@ class ClearanceGuard:
     def move(self, q: Array, before: Distances, step: Array, exits: Mapping[int, Array]) -> Distances:
         """Distances at `q` (dof,) [rad], a displacement (dof,) [rad] away from where `before` was taken."""
         return self._measure(q, before.bound - self._lever.dot(np.abs(step)), exits)
+
+    def refresh(self, q: Array, before: Distances, shift: Array | None) -> Distances:
+        """Distances at the same configuration, after obstacles moved by at most `shift` (k,) [m], None for not."""
+        bound = before.bound if shift is None else self._shifted(before.bound, shift)
+        return self._measure(q, bound.copy(), before.exits)
+
+    def unmeasured(self, before: Distances, step: Array, shift: Array | None) -> Distances:
+        """What is known of distances after a displacement (dof,) [rad], without measuring."""
+        bound = before.bound - self._lever.dot(np.abs(step))
+        if shift is not None:
+            bound = self._shifted(bound, shift)
+        return Distances(
+            bound, np.empty(0, dtype=np.intp), NO_DISTANCES, NO_POINTS, NO_POINTS, before.exits, measured=False
+        )
+
+    def _shifted(self, bound: Array, shift: Array) -> Array:
+        """Bounds less what the obstacle of each pair moved."""
+        return np.asarray(bound - self._of_movers(shift))
+
+    def _of_movers(self, values: Array) -> Array:
+        """(pairs,) of values of the obstacles (k,), zero for pairs without one that can move."""
+        every = np.zeros(len(values) + 1)
+        every[:-1] = values
+        return np.asarray(every[self._mover])  # -1 for what stands still
 
     def _run(self, q: Array, near: NDArray[np.intp], horizon: float = HORIZON) -> ContactWork:
         """Measure some of the pairs at a configuration, up to a horizon [m] beyond the watched range."""
@@ -169,8 +243,73 @@ class ClearanceGuard:
             return True
         return bool(bound_after.min() >= min(self._distance, bound_before.min()) - WORSE)
 
-    def linearise(self, q: Array, now: Distances) -> Separation:
-        """Inequalities, and the error of pairs that are too near, at a configuration (dof,) [rad]."""
+    def rests_clear(
+        self, before: Distances, now: Distances, braking: Braking, where: Whereabouts
+    ) -> tuple[bool, float]:
+        """Whether an arm that brakes from now on comes to rest without coming too near to anything.
+
+        Obstacles go on as they move, and are looked at for `FORESIGHT` at least. At the places looked at, the distance
+        is kept; between them no pair can come nearer by more than `BETWEEN`, which levers and speeds say. What is too
+        near already must be no worse at rest.
+
+        Args:
+            before: distances at the start of the tick.
+            now: distances where braking begins.
+            braking: the way to rest.
+            where: the obstacles where braking begins.
+
+        Returns:
+            Whether that is certain, and the least measured distance less the one that is kept [m].
+        """
+        ticks, rate = braking.ticks, self._of_movers(where.speeds * self._dt)
+        if where.moving:
+            ticks = max(ticks, math.ceil(self._foresight / self._dt))
+        needed = np.minimum(self._distance, before.bound) - WORSE
+        if now.exits:
+            needed[self._leaving(now.exits)] = -np.inf
+        way = self._lever.dot(np.abs(braking.way)) + rate * ticks
+        pairs = np.flatnonzero(now.bound - way < needed)
+        if not pairs.size:
+            return True, np.inf
+        least, looks = np.inf, 0
+        waiting = [(0, ticks, pairs, now.bound[pairs], self._look(braking, ticks, pairs, where))]
+        while waiting:
+            start, end, pairs, first, last = waiting.pop()
+            spare = last - needed[pairs]
+            least = min(least, float(spare.min(initial=np.inf)))
+            if least < 0.0:
+                return False, least
+            way = self._lever[pairs].dot(np.abs(braking.at(end) - braking.at(start)))
+            way += rate[pairs] * (end - start)
+            unsure = 0.5 * (first + last - way) < needed[pairs] - BETWEEN
+            unsure &= before.bound[pairs] >= self._distance
+            if end - start < 2 or not unsure.any():
+                continue
+            looks += 1
+            if looks > LOOKS:
+                return False, least
+            pairs, first, last = pairs[unsure], first[unsure], last[unsure]
+            middle = (start + end) // 2
+            between = self._look(braking, middle, pairs, where)
+            waiting += [(middle, end, pairs, between, last), (start, middle, pairs, first, between)]
+        return True, least
+
+    def _look(self, braking: Braking, tick: int, pairs: NDArray[np.intp], where: Whereabouts) -> Array:
+        """Distances of pairs when an arm has braked for some ticks; the obstacles are put back."""
+        self.put(where.after(tick * self._dt))
+        distances = self._run(braking.at(tick), pairs).measured[: pairs.size, 0].copy()
+        self.put(where)
+        return distances
+
+    def _closing(self, now: Distances, where: Whereabouts) -> Array:
+        """(near,) how fast obstacles come nearer, the arm standing [m/s]."""
+        mover = self._mover[now.near]
+        there = now.points - now.distance[:, np.newaxis] * now.normals - where.poses[mover, :, 3]
+        speed = where.twists[mover, :3] + cross(where.twists[mover, 3:], there)
+        return np.where(mover >= 0, np.einsum("ij,ij->i", speed, now.normals), 0.0)
+
+    def linearise(self, q: Array, now: Distances, where: Whereabouts) -> Separation:
+        """Inequalities, and the error of pairs that are too near or about to be, at a configuration (dof,) [rad]."""
         normals = now.normals.copy()
         exits = self._exits(now, normals)
         leaving = self._leaving(exits)[now.near]
@@ -178,12 +317,19 @@ class ClearanceGuard:
             normals[row] = exits[int(self._first[now.near[row]])]
         gradients = self._gradients(q, now, normals)
         spare = now.distance - self._distance - BUFFER
-        inequalities = -gradients[~leaving], APPROACH * np.maximum(spare[~leaving], 0.0)
-        rows = now.distance < self._distance + 0.5 * BUFFER
+        part, closing = np.full(spare.size, self._part), np.zeros(spare.size)
+        if where.moving:
+            closing = self._closing(now, where)
+            part[closing > 0.0] = min(self._part, self._dt / self._foresight)
+        room = np.where(spare > 0.0, part, SEPARATION_PART) * spare - self._dt * closing
+        approaching = (room < 0.0) & (closing > 0.0)
+        rows = (now.distance < self._distance + 0.5 * BUFFER) | approaching
+        kept = ~leaving & ~approaching
         return Separation(
-            inequalities,
+            inequalities=(-gradients[kept], np.maximum(room[kept], 0.0)),
             jacobian=SEPARATION_WEIGHT * gradients[rows],
-            error=-SEPARATION_WEIGHT * SEPARATION_PART * spare[rows],
+            error=-SEPARATION_WEIGHT * room[rows],
+            evading=bool(approaching.any()),
             exits=exits,
         )
 
@@ -248,8 +394,9 @@ def make_guard(
     collision: str | None,
     self_collision: bool,
     pairs: Sequence[tuple[str, str]] | None,
+    reaction: float = 0.0,
 ) -> ClearanceGuard | None:
-    """What keeps shapes apart, None for nothing; arguments and errors as in `Tracker`."""
+    """What keeps shapes apart, None for nothing; arguments and errors as in `Tracker`, `reaction` as in the guard."""
     given = {"scene": scene, "clearance": clearance, "pairs": pairs}
     asked = [name for name, value in given.items() if value is not None]
     mode = checks.choice("collision", ("reject" if asked else "ignore") if collision is None else collision, COLLISION)
@@ -265,7 +412,8 @@ def make_guard(
     if pairs is not None:
         named = [_named_pair(contact, robot.dof, pair) for pair in checks.listed("pairs", pairs)]
         numbers = np.array(named, dtype=np.int64).reshape(-1, 2)
-    return ClearanceGuard(contact, robot, numbers, distance, velocity, dt)
+    shapes = MovableShapes(around.obstacles, contact)
+    return ClearanceGuard(contact, robot, shapes, numbers, distance, velocity, dt, reaction)
 
 
 def _named_pair(contact: Contact, dof: int, pair: tuple[str, str]) -> tuple[int, int]:

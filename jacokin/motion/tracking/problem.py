@@ -11,16 +11,18 @@ from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
-from jacokin.ik.qp_backend import Inequalities
+from jacokin.ik.qp_backend import Backend, Inequalities, QPFailed
 from jacokin.model import angles, checks
 from jacokin.model.robot import Robot
 from jacokin.motion.tracking.avoidance import ClearanceGuard, Distances
+from jacokin.motion.tracking.moving import Whereabouts
 from jacokin.motion.tracking.targets import FrameTask, Kinematics
 
 Quadratic = tuple[Array, Array]  # H (dof, dof) and g (dof,) of x H x / 2 + g x
 TIKHONOV = 1e-10  # keeps the QP strictly convex at singular poses
 NULL_WEIGHT = 1e-4  # of null-space motion; it competes with nothing, so only the order of magnitude matters
 NULL_SPEED = 0.25  # part of the velocity limits that null-space motion may use; its curvature costs microns a tick
+LATER_SPEED = 0.5  # the same of targets of later priorities
 RANK = 1e-3  # directions whose singular value is below this part of the largest are left to the null space
 
 
@@ -118,21 +120,25 @@ class TickProblem:
     """Minimise x H x / 2 + g x over displacements x [rad].
 
     Attributes:
-        jacobian: (k, dof) weighted Jacobian of the tasks.
-        cost: squared weighted error of the tasks.
+        jacobian: (k, dof) weighted Jacobian of the tasks that come first.
+        error: (k,) their weighted error.
+        cost: its square.
         hessian: (dof, dof) of everything that is kept when damping is raised.
         gradient: (dof,) of the same.
         inequalities: G and h of G x <= h, or (None, None).
-        separating: True when shapes are too near and are being moved apart.
+        separating: True when shapes are too near, or about to be, and are being moved apart.
+        evading: True when obstacles come nearer too fast.
         exits: see `Distances`.
     """
 
     jacobian: Array
+    error: Array
     cost: float
     hessian: Array
     gradient: Array
     inequalities: Inequalities
     separating: bool
+    evading: bool
     exits: Mapping[int, Array]
 
     def damp(self, damping: float, null_space: Quadratic | None) -> Quadratic:
@@ -146,24 +152,25 @@ class TickProblem:
 
 
 def build_problem(
-    kinematics: Kinematics, tasks: list[FrameTask], q: Array, guard: ClearanceGuard | None, distances: Distances | None
+    kinematics: Kinematics,
+    tasks: list[FrameTask],
+    q: Array,
+    guard: ClearanceGuard | None,
+    distances: Distances | None,
+    where: Whereabouts | None,
 ) -> TickProblem:
-    """The problem at `q` (dof,) [rad], where the kinematics are, without the null-space objective."""
-    # `dot` instead of @: on six numbers it costs half.
-    if len(tasks) == 1:
-        jacobian, error = tasks[0].linearise(kinematics)
-    else:
-        parts = [task.linearise(kinematics) for task in tasks]
-        jacobian, error = np.vstack([J for J, _ in parts]), np.concatenate([e for _, e in parts])
+    """The problem at `q` (dof,) [rad], where the kinematics are, of tasks of one priority and the obstacles."""
+    jacobian, error = linearise(kinematics, tasks)
     inequalities = [found for task in tasks if (found := task.inequalities(kinematics)) is not None]
-    hessian, gradient, separating = jacobian.T.dot(jacobian), -error.dot(jacobian), False
+    hessian, gradient = jacobian.T.dot(jacobian), -error.dot(jacobian)
+    separating = evading = False
     exits: Mapping[int, Array] = {}
-    if guard is not None and distances is not None and distances.near.size:
-        separation = guard.linearise(q, distances)
+    if guard is not None and distances is not None and where is not None and distances.near.size:
+        separation = guard.linearise(q, distances, where)
         inequalities.append(separation.inequalities)
         exits = separation.exits
         if separation.error.size:
-            separating = True
+            separating, evading = True, separation.evading
             hessian = hessian + separation.jacobian.T @ separation.jacobian
             gradient = gradient - separation.error @ separation.jacobian
     stacked: Inequalities = (None, None)
@@ -171,7 +178,80 @@ def build_problem(
         stacked = inequalities[0]
     elif inequalities:
         stacked = np.vstack([G for G, _ in inequalities]), np.concatenate([h for _, h in inequalities])
-    return TickProblem(jacobian, float(error.dot(error)), hessian, gradient, stacked, separating, exits)
+    return TickProblem(jacobian, error, float(error.dot(error)), hessian, gradient, stacked, separating, evading, exits)
+
+
+def linearise(kinematics: Kinematics, tasks: list[FrameTask]) -> tuple[Array, Array]:
+    """Weighted Jacobian (k, dof) and error (k,) of several tasks."""
+    # `dot` instead of @ in all that follows: on six numbers it costs half.
+    if len(tasks) == 1:
+        return tasks[0].linearise(kinematics)
+    parts = [task.linearise(kinematics) for task in tasks]
+    return np.vstack([J for J, _ in parts]), np.concatenate([e for _, e in parts])
+
+
+def by_priority(tasks: list[FrameTask]) -> list[list[FrameTask]]:
+    """Tasks of the same priority together, the first ones first."""
+    numbers = sorted({task.priority for task in tasks})
+    return [[task for task in tasks if task.priority == number] for number in numbers]
+
+
+def controlled_directions(jacobian: Array) -> Array:
+    """(r, dof) orthonormal directions in which joints move what a Jacobian (k, dof) is of."""
+    _, singular, right = np.linalg.svd(jacobian)
+    return np.asarray(right[: singular.size][singular > RANK * max(float(singular[0]), np.finfo(float).tiny)])
+
+
+def refine(
+    displacement: Array,
+    levels: Sequence[tuple[Array, Array]],
+    first: Array,
+    damping: float,
+    inequalities: Inequalities,
+    low: Array,
+    high: Array,
+    step_limit: Array,
+    qp: Backend,
+) -> Array:
+    """Add what later priorities want to a displacement (dof,) [rad], as far as earlier ones are not moved by it.
+
+    Each level is least squares in a basis of the null space of all levels before it, within the same bounds. A level
+    whose QP fails is left out.
+
+    Args:
+        displacement: of the first level.
+        levels: Jacobian and error of each later one.
+        first: (k, dof) Jacobian of the first level.
+        damping: relative to the squared error of each level.
+        inequalities: G and h of G x <= h for the whole displacement.
+        low: (dof,) least displacement [rad].
+        high: (dof,) largest.
+        step_limit: (dof,) [rad] by the velocity limits, of which later levels use a part.
+        qp: solves.
+    """
+    above = first
+    rows, ends = inequalities
+    for jacobian, error in levels:
+        controlled = controlled_directions(above)
+        if len(controlled) == len(displacement):
+            break
+        basis = np.linalg.svd(controlled)[2][len(controlled) :].T
+        above = np.vstack([above, jacobian])
+        reduced, missing = jacobian @ basis, error - jacobian @ displacement
+        hessian = reduced.T @ reduced
+        hessian.flat[:: len(hessian) + 1] += TIKHONOV + damping * float(missing @ missing)
+        G = np.vstack([basis, -basis] if rows is None else [basis, -basis, rows @ basis])
+        h = [high - displacement, displacement - low]
+        if rows is not None and ends is not None:
+            h.append(ends - rows @ displacement)
+        free = np.full(basis.shape[1], 10.0)  # [rad] more than any tick
+        try:
+            extra = basis @ qp.minimize(hessian, -reduced.T @ missing, (G, np.concatenate(h)), -free, free)
+        except QPFailed:
+            continue
+        part = LATER_SPEED / max(LATER_SPEED, float(np.max(np.abs(extra) / step_limit)))
+        displacement = np.clip(displacement + part * extra, low, high)
+    return displacement
 
 
 def null_space_objective(
@@ -192,7 +272,6 @@ def null_space_objective(
     part = float(np.max(np.abs(displacement) / step_limit))
     if part > NULL_SPEED:
         displacement *= NULL_SPEED / part
-    _, singular, right = np.linalg.svd(jacobian)
-    controlled = right[: singular.size][singular > RANK * max(float(singular[0]), np.finfo(float).tiny)]
+    controlled = controlled_directions(jacobian)
     projector = NULL_WEIGHT * (np.eye(robot.dof) - controlled.T @ controlled)
     return projector, -(projector @ displacement)

@@ -36,15 +36,18 @@ class TrackingTarget(targets.PartialTarget):
 
     Attributes:
         frame: the frame it is for; None for the tracker's own frame (with its tool).
-        weight: how much it counts against other targets, > 0.
+        weight: how much it counts against other targets of the same priority, > 0.
+        priority: 0 comes first. Targets of the next number use what freedom is left, and cost those before nothing.
     """
 
     frame: str | None = field(default=None, kw_only=True)
     weight: float = field(default=1.0, kw_only=True)
+    priority: int = field(default=0, kw_only=True)
 
     def __post_init__(self) -> None:
-        """Check the weight."""
+        """Check weight and priority."""
         object.__setattr__(self, "weight", checks.positive("weight", self.weight))
+        object.__setattr__(self, "priority", checks.whole_number("priority", self.priority))
 
     def make_task(self, frame: int) -> FrameTask:
         """The task for the tracker, on a frame by its number."""
@@ -175,6 +178,25 @@ class RegionTarget(TrackingTarget):
         return RegionTask(frame, self.weight, np.asarray(self.lower), np.asarray(self.upper))
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class JointTarget(TrackingTarget):
+    """Joint angles (dof,) [rad]; unlimited joints turn as far as the numbers say. It takes no `frame`."""
+
+    q: ArrayLike
+
+    def __post_init__(self) -> None:
+        """Check the angles, whose number the tracker checks."""
+        TrackingTarget.__post_init__(self)
+        if self.frame is not None:
+            raise InvalidInputError("a JointTarget is for all joints and takes no frame")
+        array = checks.array("q", self.q, "joint angles", "rad")
+        object.__setattr__(self, "q", checks.read_only(checks.vector("q", array, max(array.size, 1), "rad")))
+
+    def make_task(self, frame: int) -> FrameTask:
+        """Every joint at its angle."""
+        return JointTask(frame, self.weight, np.asarray(self.q))
+
+
 class TaskFactory:
     """Makes tasks from what `Tracker.step` takes; the one for a plain pose is built once."""
 
@@ -203,7 +225,11 @@ class TaskFactory:
             raise InvalidInputError(
                 f"several targets must each be a PoseTarget, PositionTarget, ..., got {type(target).__name__}"
             )
-        return target.make_task(self._kinematics.frame(target.frame))
+        if isinstance(target, JointTarget):
+            self._kinematics.robot.configuration(target.q, "JointTarget")
+        task = target.make_task(self._kinematics.frame(target.frame))
+        task.priority = target.priority
+        return task
 
 
 def _rigid(pose: pin.SE3) -> bool:
@@ -225,6 +251,7 @@ class Kinematics:
     """The arm with a tool frame.
 
     Attributes:
+        robot: the arm.
         tool: number of the tool frame.
     """
 
@@ -240,7 +267,7 @@ class Kinematics:
             UnknownNameError: no such frame.
             InvalidInputError: it is fixed to the base.
         """
-        self._robot = robot
+        self.robot = robot
         self._model = pin.Model(robot.pin_model)
         carrier = self._model.frames[self.frame(frame)]
         placement = carrier.placement if tool is None else carrier.placement * tool
@@ -265,6 +292,12 @@ class Kinematics:
         pin.computeJointJacobians(self._model, self._data, q)
         self._computed = q
 
+    @property
+    def q(self) -> Array:
+        """(dof,) configuration of the last `move_to` [rad]."""
+        assert self._computed is not None
+        return self._computed
+
     def frame(self, name: str | None) -> int:
         """Number of a frame; None for the tool.
 
@@ -274,9 +307,9 @@ class Kinematics:
         """
         if name is None:
             return self.tool
-        number = self._robot.frame_id(name)
+        number = self.robot.frame_id(name)
         if self._model.frames[number].parentJoint == 0:
-            moving = [n for n in self._robot.frames if self._model.frames[self._robot.frame_id(n)].parentJoint > 0]
+            moving = [n for n in self.robot.frames if self._model.frames[self.robot.frame_id(n)].parentJoint > 0]
             raise InvalidInputError(f"frame {name!r} is fixed to the base and cannot follow a target; {moving} move")
         return number
 
@@ -300,7 +333,13 @@ def _limit_distance(position: Array) -> Array:
 
 
 class FrameTask(ABC):
-    """One target on one frame."""
+    """One target on one frame.
+
+    Attributes:
+        priority: see `TrackingTarget`.
+    """
+
+    priority: int = 0
 
     def __init__(self, frame: int, weight: float) -> None:
         """Remember the frame's number and the weight."""
@@ -460,3 +499,24 @@ class RegionTask(FrameTask):
     def measure(self, kinematics: Kinematics) -> tuple[float, float]:
         """Distance to the box."""
         return float(np.linalg.norm(self._difference(kinematics))), 0.0
+
+
+class JointTask(FrameTask):
+    """Every joint at an angle."""
+
+    def __init__(self, frame: int, weight: float, q: Array) -> None:
+        """Keep the angles (dof,) [rad]."""
+        super().__init__(frame, weight)
+        self._q, self._jacobian = q, weight * RADIAN_IN_METRES * np.eye(len(q))
+
+    def error(self, kinematics: Kinematics) -> Array:
+        """Weighted difference of the angles."""
+        return np.asarray(self._weight * RADIAN_IN_METRES * (self._q - kinematics.q))
+
+    def linearise(self, kinematics: Kinematics) -> tuple[Array, Array]:
+        """The weights, and the error."""
+        return self._jacobian, self.error(kinematics)
+
+    def measure(self, kinematics: Kinematics) -> tuple[float, float]:
+        """The largest difference, as an angle."""
+        return 0.0, float(np.abs(self._q - kinematics.q).max())

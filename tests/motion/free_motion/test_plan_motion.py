@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
+import pickle
+import signal
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -14,10 +20,11 @@ import jacokin
 from jacokin import FreeAxis, IKSolver, Robot
 from jacokin.errors import InvalidInputError
 from jacokin.ik import Box, Floor, Scene, Sphere
+from jacokin.model.contact import Contact
 from jacokin.model.poses import rotation_angle
-from jacokin.model.surrounded import surround
-from jacokin.motion import JointMotion, plan_motion
-from jacokin.motion.trajectory import load_trajectory
+from jacokin.model.surrounded import compile_twin, surround
+from jacokin.motion import Trajectory, plan_motion
+from jacokin.motion.free_motion import search
 
 FINE = 1e-3  # [rad] between configurations that the referee looks at
 WALL = Scene([Box("wall", [0.6, 0.02, 0.7], [0.45, -0.05, 0.35]), Floor(-0.02)])
@@ -25,8 +32,7 @@ WALL = Scene([Box("wall", [0.6, 0.02, 0.7], [0.45, -0.05, 0.35]), Floor(-0.02)])
 
 def touches(robot: Robot, scene: Scene, rows: NDArray[np.float64]) -> int:
     """How many configurations (n, dof) MuJoCo finds in contact."""
-    twin = surround(robot, scene.surroundings)
-    model, pairs = twin.model, twin.pairs(self_collision=True)
+    model, pairs = compile_twin(robot, scene.surroundings).model, surround(robot, scene.surroundings).pairs
     data = mujoco.MjData(model)
     first, second = np.array(pairs).T
     far = model.geom_rbound[first] + model.geom_rbound[second]
@@ -43,7 +49,7 @@ def touches(robot: Robot, scene: Scene, rows: NDArray[np.float64]) -> int:
     return found
 
 
-def between(motion: JointMotion, step: float) -> NDArray[np.float64]:
+def between(motion: Trajectory, step: float) -> NDArray[np.float64]:
     """Configurations along a motion, at most a step [rad] apart."""
     rows = [motion.q[:1]]
     for a, b in zip(motion.q[:-1], motion.q[1:], strict=True):
@@ -52,7 +58,7 @@ def between(motion: JointMotion, step: float) -> NDArray[np.float64]:
     return np.concatenate(rows)
 
 
-def check(robot: Robot, scene: Scene, motion: JointMotion, acceleration: float = 1.0, step: float = 0.02) -> None:
+def check(robot: Robot, scene: Scene, motion: Trajectory, acceleration: float = 1.0, step: float = 0.02) -> None:
     """Limits of position, velocity and acceleration, agreement of the columns, and no contact."""
     assert motion.success, motion.message
     assert (motion.q >= robot.lower).all()
@@ -107,10 +113,83 @@ def test_around_a_wall(robot: Robot, rng: np.random.Generator, tmp_path: Path) -
     np.testing.assert_array_equal(again.q, motion.q)
     for name in ("motion.csv", "motion.npz"):
         motion.save(tmp_path / name)
-        read = load_trajectory(tmp_path / name)
-        assert isinstance(read, JointMotion)
+        read = Trajectory.load(tmp_path / name)
+        assert isinstance(read, Trajectory)
         np.testing.assert_array_equal(read.clearance, motion.clearance)
         assert (read.message, read.outcome) == (motion.message, "OK")
+
+
+def test_distances_are_measured_when_they_are_asked_for(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = 0
+    measure = Contact.distances
+
+    def counted(*given: Any, **options: Any) -> Any:
+        nonlocal asked
+        asked += 1
+        return measure(*given, **options)
+
+    monkeypatch.setattr(Contact, "distances", counted)
+    motion = plan_motion(IKSolver(robot, scene=WALL), robot.home, robot.home + 0.1)
+    assert asked == 0
+    copy = pickle.loads(pickle.dumps(motion))
+    np.testing.assert_array_equal(motion.clearance, copy.clearance)
+    assert asked == 1
+    np.testing.assert_array_equal(copy.clearance, robot.clearance(motion.q, WALL, self_collision=True))
+    assert not motion.clearance.flags.writeable
+    with pytest.raises(AttributeError, match="'Trajectory' object has no attribute 'clearence'"):
+        motion.clearence  # type: ignore[attr-defined]  # noqa: B018 - a name that is not there
+
+
+def test_more_ways_are_never_slower(robot: Robot, rng: np.random.Generator) -> None:
+    start, pose = ways_through(robot, rng)
+    solver = IKSolver(robot, collision="reject", scene=WALL)
+    durations = [plan_motion(solver, start, pose, time_limit=30.0, ways=ways).duration for ways in (1, 2, 4, 8)]
+    assert durations == sorted(durations, reverse=True)
+    assert durations[-1] < durations[0]
+
+
+def test_trees_grow_beyond_their_first_room(
+    robot: Robot, rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    start, pose = ways_through(robot, rng)
+    monkeypatch.setattr(search, "FIRST_ROOM", 3)
+    motion = plan_motion(IKSolver(robot, collision="reject", scene=WALL), start, pose, time_limit=30.0)
+    check(robot, WALL, motion)
+
+
+def test_threads_share_a_solver(robot: Robot, rng: np.random.Generator) -> None:
+    start, pose = ways_through(robot, rng)
+    solver = IKSolver(robot, collision="reject", scene=WALL)
+    expected = plan_motion(solver, start, pose, time_limit=30.0)
+    with ThreadPoolExecutor(4) as pool:
+        for motion in pool.map(lambda _: plan_motion(solver, start, pose, time_limit=30.0), range(8)):
+            np.testing.assert_array_equal(motion.q, expected.q)
+
+
+def parted(robot: Robot) -> Scene:
+    """Two halves of a wall that leave room for the column of the base alone: no way leads to the other side."""
+    tool = robot.forward_kinematics(robot.home).translation
+    along = float(np.arctan2(tool[1], tool[0])) + 0.5 * np.pi - 0.6
+    across = np.array([np.cos(along), np.sin(along), 0.0])
+    halves = [
+        Box(f"half_{k}", [2.0, 0.01, 4.0], jacokin.pose(sign * 1.06 * across, rpy=[0.0, 0.0, along]))
+        for k, sign in enumerate((1.0, -1.0))
+    ]
+    return Scene([*halves, Box("lid", [4.0, 0.01, 2.0], jacokin.pose([0.0, 0.0, 2.25], rpy=[0.0, 0.0, along]))])
+
+
+def test_an_interrupt_ends_a_search_that_leads_nowhere(robot: Robot) -> None:
+    solver, goal = IKSolver(robot, collision="reject", scene=parted(robot)), robot.home.copy()
+    goal[0] += np.pi
+    failed = plan_motion(solver, robot.home, goal, time_limit=0.05)
+    assert (failed.outcome, len(failed)) == ("NO_WAY", 1)
+    assert "half_" in failed.message
+    timer = threading.Timer(0.1, signal.raise_signal, [signal.SIGINT])
+    begin = time.monotonic()
+    timer.start()
+    with pytest.raises(KeyboardInterrupt):
+        plan_motion(solver, robot.home, goal, time_limit=300.0)
+    assert time.monotonic() - begin < 5.0
 
 
 @pytest.mark.slow
@@ -126,8 +205,8 @@ def test_jerk_is_limited_on_lines_between_stops(robot: Robot, rng: np.random.Gen
     pytest.importorskip("ruckig")
     start, pose = ways_through(robot, rng)
     solver = IKSolver(robot, collision="reject", scene=WALL)
-    plain = plan_motion(solver, start, pose, time_limit=30.0)
-    motion = plan_motion(solver, start, pose, time_limit=30.0, jerk_limit=4.0)
+    plain = plan_motion(solver, start, pose, time_limit=30.0, ways=1)
+    motion = plan_motion(solver, start, pose, time_limit=30.0, ways=1, jerk_limit=4.0)
     check(robot, WALL, motion)
     np.testing.assert_array_equal(motion.q[[0, -1]], plain.q[[0, -1]])
     assert motion.duration > plain.duration
@@ -229,6 +308,8 @@ def test_mistakes(robot: Robot) -> None:
         plan_motion(solver, robot.home, [])
     with pytest.raises(InvalidInputError, match="time_limit must be"):
         plan_motion(solver, robot.home, robot.home, time_limit=0.0)
+    with pytest.raises(InvalidInputError, match="ways must be"):
+        plan_motion(solver, robot.home, robot.home, ways=0)
     with pytest.raises(InvalidInputError, match="goal must have shape"):
         plan_motion(solver, robot.home, [1.0, 2.0])
     with pytest.raises(InvalidInputError, match="goal 1"):

@@ -15,7 +15,7 @@ from jacokin import IKSolver, Robot, plan_path
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, StructureError, UnknownNameError
 from jacokin.ik import Box, FreeAxis, Scene, Sphere
-from jacokin.motion import PathResult, track_path
+from jacokin.motion import Trajectory, track_path
 from tests.motion.by_mujoco import DOWN, at, tool_poses
 
 
@@ -29,7 +29,7 @@ def off_the_lines(positions: Array, corners: list[pin.SE3]) -> Array:
     return np.asarray(np.min(distances, axis=0))
 
 
-def check(robot: Robot, result: PathResult, corners: list[pin.SE3], frame: str = "end_effector") -> None:
+def check(robot: Robot, result: Trajectory, corners: list[pin.SE3], frame: str = "end_effector") -> None:
     """What holds for every success."""
     assert result.success
     assert (result.q >= robot.lower).all()
@@ -277,7 +277,7 @@ def test_the_way_to_the_first_pose_is_clear_and_saved(robot: Robot, tmp_path: Pa
     change = np.diff(np.vstack([np.zeros_like(result.v[:1]), result.v]), axis=0) / 0.01
     assert (np.abs(change) <= 1.0 + 1e-6).all()
     result.save(tmp_path / "plan.csv")
-    again = PathResult.load(tmp_path / "plan.csv")
+    again = Trajectory.load(tmp_path / "plan.csv")
     assert again.success
     np.testing.assert_array_equal(again.position_error, result.position_error)
     assert "largest error" in str(again)
@@ -298,7 +298,7 @@ def test_a_saved_plan_comes_back(robot: Robot, tmp_path: pytest.TempPathFactory)
     result = plan_path(IKSolver(robot), corners)
     for name in ("plan.csv", "plan.npz"):
         result.save(f"{tmp_path}/{name}")
-        again = PathResult.load(f"{tmp_path}/{name}")
+        again = Trajectory.load(f"{tmp_path}/{name}")
         np.testing.assert_array_equal(again.q, result.q)
         assert again.message == result.message
     result.save(f"{tmp_path}/plan.kinova.csv")

@@ -14,7 +14,7 @@ import jacokin
 from jacokin import FreeAxis, IKSolver, Robot, plan_path
 from jacokin.errors import InvalidInputError
 from jacokin.ik import Scene, Sphere
-from jacokin.motion import AxisTarget, PathResult, PositionTarget, track_path
+from jacokin.motion import AxisTarget, PositionTarget, Trajectory, track_path
 from tests.motion.by_mujoco import at, tool_poses
 
 SEVEN = "j2s7s300"
@@ -34,14 +34,14 @@ def random_line(robot: Robot, rng: np.random.Generator) -> list[pin.SE3]:
     return [start, pin.SE3(start.rotation @ pin.exp3(turn), start.translation + way)]
 
 
-def check_limits(robot: Robot, result: PathResult) -> None:
+def check_limits(robot: Robot, result: Trajectory) -> None:
     """Positions exactly, velocities to rounding, at every tick."""
     assert (result.q >= robot.lower).all()
     assert (result.q <= robot.upper).all()
     assert (np.abs(np.diff(result.q, axis=0)) <= robot.velocity_limit * np.diff(result.t)[:, None] + 1e-9).all()
 
 
-def check_line(robot: Robot, result: PathResult, corners: list[pin.SE3]) -> None:
+def check_line(robot: Robot, result: Trajectory, corners: list[pin.SE3]) -> None:
     """On the straight line between two full poses at every tick, from end to end."""
     start, end = corners
     way, turn = end.translation - start.translation, pin.log3(start.rotation.T @ end.rotation)
@@ -225,7 +225,7 @@ def test_saved_plans_come_back_with_what_was_chosen(robot: Robot, seven: Robot, 
     assert result.success
     for name in ("plan.csv", "plan.npz"):
         result.save(tmp_path / name)
-        again = PathResult.load(tmp_path / name)
+        again = Trajectory.load(tmp_path / name)
         np.testing.assert_array_equal(again.q, result.q)
         np.testing.assert_array_equal(again.parameter, result.parameter)
         assert not again.parameter.flags.writeable

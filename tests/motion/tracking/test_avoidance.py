@@ -257,7 +257,7 @@ def test_the_tracker_sees_true_distances_and_how_they_change(robot: Robot, rng: 
             assert now.distance.min() == pytest.approx(referee.least(q), abs=1e-6)
         around = [[guard.start(q + sign * step).bound[now.near] for step in steps] for sign in (1.0, -1.0)]
         forward, backward = (np.transpose(some) for some in around)
-        slope = -guard.linearise(q, now).inequalities[0]
+        slope = -guard.linearise(q, now, guard.shapes.start).inequalities[0]
         # Where the nearest points jump from corner to corner, the slopes to both sides differ.
         smooth = np.abs(forward + backward - 2.0 * now.distance[:, None]).max(axis=1) < 2e-8
         numeric = (forward - backward) / 2e-5

@@ -13,6 +13,7 @@ from jacokin import Robot, Tracker
 from jacokin.errors import InvalidInputError, UnknownNameError
 from jacokin.motion import (
     AxisTarget,
+    JointTarget,
     LimitDistance,
     Manipulability,
     OrientationTarget,
@@ -215,3 +216,79 @@ def test_limits_that_coincide_have_no_middle_to_go_to() -> None:
     step = settle(Tracker(robot, objectives=[LimitDistance()]), q, 20)
     assert step.q[1] == 2.9
     assert LimitDistance().velocity(robot, "end_effector", robot.home)[1] == 0.0
+
+
+def test_later_priorities_use_what_is_left_and_cost_the_first_nothing(robot: Robot) -> None:
+    goal = robot.forward_kinematics(robot.home + np.array([0.2, -0.1, 0.1, 0.8, 0.5, 0.1]))
+    tool, there = goal.translation, goal.rotation[:, 0]
+    elbow = robot.forward_kinematics(robot.home, "link_4").translation - np.array([0.0, 0.0, 0.1])
+
+    def after(*targets: TrackingTarget) -> Any:
+        step = settle(Tracker(robot), list(targets), 1500)
+        assert step.status is TrackerStatus.OK
+        assert np.linalg.norm(robot.forward_kinematics(step.q).translation - tool) < 1e-5
+        return step.q
+
+    def tilt(q: Any) -> float:
+        return float(np.arccos(min(1.0, robot.forward_kinematics(q).rotation[:, 0] @ there)))
+
+    def away(q: Any) -> float:
+        return float(np.linalg.norm(robot.forward_kinematics(q, "link_4").translation - elbow))
+
+    first, second, third = (
+        PositionTarget(tool),
+        AxisTarget(there, (1.0, 0.0, 0.0), priority=1),
+        PositionTarget(elbow, frame="link_4", priority=2),
+    )
+    both, all_three = after(first, second), after(first, second, third)
+    assert tilt(after(first)) > 0.1
+    assert tilt(both) < 1e-3
+    assert tilt(all_three) < 1e-3
+    assert away(all_three) < away(both) - 1e-3
+    # The other way round, the elbow comes second and the axis gets what that leaves.
+    swapped = after(
+        first, AxisTarget(there, (1.0, 0.0, 0.0), priority=2), PositionTarget(elbow, frame="link_4", priority=1)
+    )
+    assert away(swapped) < away(all_three) - 1e-3
+    assert tilt(swapped) > 0.01
+
+
+def test_priorities_keep_limits_and_clearance(robot: Robot, rng: np.random.Generator) -> None:
+    tracker = Tracker(robot, collision="reject", clearance=0.005)
+    for tick in range(300):
+        if tick % 30 == 0:
+            poses = [robot.forward_kinematics(robot.sample(rng)) for _ in range(2)]
+        targets = [PositionTarget(poses[0].translation), OrientationTarget(poses[1].rotation, priority=1)]
+        step = tracker.step(targets)
+        assert robot.within_limits(step.q)
+        assert (np.abs(step.v) <= robot.velocity_limit + 1e-9).all()
+        assert step.clearance is not None
+        assert step.clearance >= 0.005 - 1e-6
+
+
+@pytest.mark.parametrize("priority", [-1, 0.5, True, "first"])
+def test_wrong_priorities_are_refused(priority: Any) -> None:
+    with pytest.raises(InvalidInputError, match="priority must be"):
+        PositionTarget([0.0] * 3, priority=priority)
+
+
+def test_joint_angles_are_followed_turns_and_all(robot: Robot) -> None:
+    goal = robot.home + np.array([0.3, -0.2, 0.2, 7.0, -0.3, 0.2])
+    tracker = Tracker(robot, acceleration_limit=4.0)
+    step = settle(tracker, JointTarget(goal), 1_200)
+    assert step.status is TrackerStatus.OK
+    assert step.position_error == 0.0
+    assert step.orientation_error < 1e-3
+    assert np.abs(step.q - goal).max() < 1e-6
+    outside = goal.copy()
+    outside[1] = robot.upper[1] + 1.0
+    for _ in range(600):
+        step = tracker.step(JointTarget(outside))
+        assert robot.within_limits(step.q)
+    assert step.q[1] == robot.upper[1]
+    assert step.status is TrackerStatus.HELD
+    for wrong, match in (([0.0] * 5, "JointTarget"), ([np.nan] * 6, "must be finite"), ("home", "q must be")):
+        with pytest.raises(InvalidInputError, match=match):
+            Tracker(robot).step(JointTarget(wrong))
+    with pytest.raises(InvalidInputError, match="takes no frame"):
+        JointTarget(goal, frame="link_4")

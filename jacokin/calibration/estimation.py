@@ -1,0 +1,281 @@
+"""`calibrate`: from measurements to the arm that made them. Read this file first.
+
+The most probable numbers, given the measurements and a prior around the described arm: SciPy's `least_squares` on
+residuals over their noise and numbers over their priors. Rows that are grossly off are found by weights that fall to
+zero as the fit closes in (graduated non-convexity), and are left out and named; small ones are weighted after Huber.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+from scipy.stats import chi2
+
+from jacokin.arrays import Array
+from jacokin.calibration.arm_model import AUTO, GROUPS, ArmModel, Prior
+from jacokin.calibration.calibration import Calibration
+from jacokin.calibration.findings import Fit, Rejected
+from jacokin.calibration.identifiability import identify
+from jacokin.calibration.measurements import CONTACTS, Measurements, checked_measurements
+from jacokin.errors import InvalidInputError
+from jacokin.model import checks
+from jacokin.model.robot import Robot, checked_robot
+
+LOSSES = ("huber", "none")
+GROSS = 1e-6  # probability that a good row is left out
+SMALL = 0.05  # share of good rows that Huber's weights touch
+ANNEALING = 1.6  # by which the width of the weights shrinks in each round, at least
+STEPS = 50  # of one fit; four to ten are usual
+ROUNDS = 30  # of weighting
+SETTLED = 1e-3  # of all weights' change
+FOLDS = 10  # of the cross-validation
+DECIMETRES = 0.1  # [m] from where the described arm is: another unit or frame, not another arm
+THOUSAND = (300.0, 3000.0)  # lengths over those expected, in millimetres
+MANY_TURNS = 15.0  # [rad] in the median of the largest angles: degrees
+
+
+def calibrate(
+    robot: Robot,
+    measurements: Measurements | Sequence[Measurements],
+    parameters: str | Iterable[str] = "auto",
+    *,
+    prior: Prior | None = None,
+    loss: str = "huber",
+) -> Calibration:
+    """Find the arm that made some measurements.
+
+    Args:
+        robot: the arm as it is described, with its masses if joints give under load.
+        measurements: one set, or several of different kinds.
+        parameters: "auto" for "geometry" and "offset"; or some of "geometry", "offset", "scale" (of the transmissions)
+            and "compliance" (of the joints, under gravity). Unknown bases and tools are always found.
+        prior: how far arms are from their description; None for 1 mm, 3 mrad, and 1 degree of offset.
+        loss: "huber", which also leaves gross errors out; "none" for plain least squares of all finite rows.
+
+    Returns:
+        The calibration: the arm, what is sure about it and what is not.
+
+    Raises:
+        InvalidInputError: malformed, of another arm, in other units, or too few.
+        ModelError: a joint slides, or the robot is a calibrated one.
+        UnknownNameError: no such frame or group of parameters.
+    """
+    checked_robot("robot", robot)
+    if robot.calibration is not None:
+        raise InvalidInputError("robot is calibrated already: give the one of its description")
+    sets = checked_measurements("measurements", measurements)
+    chosen = AUTO if isinstance(parameters, str) and parameters == "auto" else checks.listed("parameters", parameters)
+    if not chosen:
+        raise InvalidInputError(f"parameters is empty: give some of {', '.join(GROUPS)}")
+    groups = tuple(dict.fromkeys(checks.choice("group of parameters", each, GROUPS) for each in chosen))
+    known = checks.instance("prior", Prior() if prior is None else prior, Prior, "a Prior")
+    checks.choice("loss", loss, LOSSES)
+    _check_units(sets)
+    model = ArmModel(robot, sets, groups, known)
+    finite = [each.finite for each in sets]
+    if not any(mask.any() for mask in finite):
+        raise InvalidInputError("measurements has no row of finite numbers")
+    _check_places(model, finite)
+
+    weights = [mask.astype(np.float64) for mask in finite]
+    fit = Estimator(model)
+    x = np.zeros(len(model.parameters))
+    if loss == "none":
+        x = fit.solve(x, weights)
+    else:
+        x, weights = fit.robust(x, weights, finite)
+        _check_majority(weights, finite)
+    return Calibration(robot, model, _finish(fit, x, weights, finite))
+
+
+class Estimator:
+    """Least squares of a model, with weights of rows."""
+
+    def __init__(self, model: ArmModel) -> None:
+        """Keep the model."""
+        self.model = model
+
+    def solve(self, x: Array, weights: Sequence[Array]) -> Array:
+        """The most probable numbers (p,) for weights (n,) of the rows of each set."""
+        model = self.model
+        count, roots = len(x), [np.sqrt(each) for each in weights]
+
+        def missed(u: Array) -> Array:
+            parts = [model.whitened(k, u * model.prior)[0] * root[:, None] for k, root in enumerate(roots)]
+            return np.concatenate([*(part.ravel() for part in parts), u])
+
+        def slopes(u: Array) -> Array:
+            parts = [model.whitened(k, u * model.prior)[1] * root[:, None, None] for k, root in enumerate(roots)]
+            return np.vstack([*(part.reshape(-1, count) * model.prior for part in parts), np.eye(count)])
+
+        found = least_squares(missed, x / model.prior, jac=slopes, method="lm", max_nfev=STEPS)
+        return np.asarray(found.x * model.prior)
+
+    def squares(self, x: Array) -> list[Array]:
+        """Of each row, its residual over its noise, squared."""
+        return [np.sum(self.model.whitened(k, x)[0] ** 2, axis=1) for k in range(len(self.model.sets))]
+
+    def jacobian(self, x: Array, weights: Sequence[Array]) -> Array:
+        """(m, p) of all rows over their noise, times the roots of their weights."""
+        parts = [self.model.whitened(k, x)[1] * np.sqrt(each)[:, None, None] for k, each in enumerate(weights)]
+        return np.concatenate([part.reshape(-1, len(x)) for part in parts])
+
+    def covariance(self, jacobian: Array) -> Array:
+        """(p, p) of the numbers given rows and prior."""
+        prior = self.model.prior
+        _, values, axes = np.linalg.svd(jacobian * prior)
+        shrunk = np.ones(len(prior))
+        shrunk[: len(values)] = 1.0 / (1.0 + values**2)
+        return np.asarray((axes.T * shrunk) @ axes * np.outer(prior, prior))
+
+    def robust(self, x: Array, weights: list[Array], finite: Sequence[NDArray[np.bool_]]) -> tuple[Array, list[Array]]:
+        """Numbers and weights, zero for gross errors."""
+        sizes = [each.sigma.shape[1] for each in self.model.sets]
+        gates = [float(chi2.isf(GROSS, size)) for size in sizes]
+        near = [
+            mask & ~(self.model.distances(k, self.model.predict(k, x)[0]) > DECIMETRES) for k, mask in enumerate(finite)
+        ]
+        x = self.solve(x, [mask.astype(np.float64) for mask in near])
+        width = max(float(each[mask].max(initial=0.0)) for mask, each in zip(near, self.squares(x), strict=True)) / min(
+            gates
+        )
+        shrinking = max(ANNEALING, width ** (1.0 / ROUNDS))
+        while width > 1.0:  # weights of Geman and McClure, ever narrower
+            squares = self.squares(x)
+            weights = [
+                mask * (width * gate / (width * gate + each)) ** 2
+                for mask, gate, each in zip(near, gates, squares, strict=True)
+            ]
+            x = self.solve(x, weights)
+            width /= shrinking
+        good = list(finite)
+        for _ in range(ROUNDS):
+            squares, noise = self.squares(x), self._noise(x, weights, sizes)
+            kept = [mask & (each <= noise * gate) for mask, gate, each in zip(finite, gates, squares, strict=True)]
+            before = weights
+            weights = [
+                mask * np.minimum(1.0, np.sqrt(noise * chi2.isf(SMALL, size) / np.maximum(each, 1e-300)))
+                for mask, size, each in zip(kept, sizes, squares, strict=True)
+            ]
+            x = self.solve(x, weights)
+            change = max(float(np.abs(a - b).max(initial=0.0)) for a, b in zip(weights, before, strict=True))
+            if change < SETTLED and all((a == b).all() for a, b in zip(kept, good, strict=True)):
+                break
+            good = kept
+        return x, weights
+
+    def _noise(self, x: Array, weights: Sequence[Array], sizes: Sequence[int]) -> float:
+        """How many times larger the squares are than the stated noise makes them, by their median; at least 1."""
+        ratios = []
+        for each, leverage, weight, size in zip(
+            self.squares(x), self.leverages(x, weights), weights, sizes, strict=True
+        ):
+            used = weight > 0.0
+            ratios.append(each[used] / (np.maximum(1.0 - leverage[used], 0.1) * chi2.median(size)))
+        found = np.concatenate(ratios)
+        return max(1.0, float(np.median(found))) if len(found) else 1.0
+
+    def leverages(self, x: Array, weights: Sequence[Array]) -> list[Array]:
+        """(n,) of each set: the share of a row's own noise that the fit follows, in the mean of its numbers."""
+        covariance = self.covariance(self.jacobian(x, weights))
+        found = []
+        for k, weight in enumerate(weights):
+            rows = self.model.whitened(k, x)[1]
+            found.append(weight * np.einsum("nip,pq,niq->n", rows, covariance, rows) / rows.shape[1])
+        return found
+
+    def cross_validate(self, x: Array, weights: Sequence[Array]) -> list[Array]:
+        """Of each row of each set, how far it is from what the other rows predict [m]; NaN where it is not used."""
+        model = self.model
+        used = [(k, row) for k, each in enumerate(weights) for row in np.flatnonzero(each > 0.0)]
+        found = [np.full(len(each), np.nan) for each in weights]
+        for fold in range(min(FOLDS, len(used))):
+            left_out, fewer = used[fold::FOLDS], [each.copy() for each in weights]
+            for k, row in left_out:
+                fewer[k][row] = 0.0
+            without = self.solve(x, fewer)
+            for k in {k for k, _ in left_out}:
+                rows = [row for other, row in left_out if other == k]
+                found[k][rows] = model.distances(k, model.predict(k, without)[0])[rows]
+        return found
+
+
+def _finish(fit: Estimator, x: Array, weights: list[Array], finite: Sequence[NDArray[np.bool_]]) -> Fit:
+    """Everything that is known of a fit."""
+    model = fit.model
+    jacobian = fit.jacobian(x, weights)
+    covariance = fit.covariance(jacobian)
+    zero = np.zeros_like(x)
+    before = [model.predict(k, zero)[0] for k in range(len(model.sets))]
+    after = [model.predict(k, x)[0] for k in range(len(model.sets))]
+    rejected = []
+    for k, (mask, weight) in enumerate(zip(finite, weights, strict=True)):
+        away = model.distances(k, after[k])
+        for row in np.flatnonzero(weight == 0.0):
+            reason = "is not finite, or beyond 1e6"
+            if mask[row]:
+                hint = ": another unit?" if away[row] > DECIMETRES else ""
+                reason = f"is {1e3 * away[row]:.1f} mm from where the other rows have it{hint}"
+            rejected.append(Rejected(k, int(row), reason))
+    used = [weight > 0.0 for weight in weights]
+    squares = sum(float(each[mask].sum()) for each, mask in zip(fit.squares(x), used, strict=True))
+    numbers = sum(int(mask.sum()) * model.sets[k].sigma.shape[1] for k, mask in enumerate(used))
+    held = float(np.sum((jacobian @ covariance) * jacobian))
+    return Fit(
+        x=checks.read_only(x),
+        covariance=checks.read_only(covariance),
+        weights=tuple(checks.read_only(each) for each in weights),
+        before=tuple(checks.read_only(each) for each in before),
+        after=tuple(checks.read_only(each) for each in after),
+        leverages=tuple(checks.read_only(each) for each in fit.leverages(x, weights)),
+        left_out=tuple(checks.read_only(each) for each in fit.cross_validate(x, weights)),
+        rejected=tuple(rejected),
+        chi_square=squares,
+        freedom=max(numbers - held, 0.0),
+        identifiability=identify(jacobian, model.prior, model.parameters),
+    )
+
+
+def _check_majority(weights: Sequence[Array], finite: Sequence[NDArray[np.bool_]]) -> None:
+    """Gross errors are told from others by the majority of a set's rows, as long as that is right.
+
+    Raises:
+        InvalidInputError: at most half of a set's rows fit.
+    """
+    for k, (weight, mask) in enumerate(zip(weights, finite, strict=True)):
+        fitting, given = int((weight[mask] > 0.0).sum()), int(mask.sum())
+        if given and 2 * fitting <= given:
+            raise InvalidInputError(
+                f"measurements[{k}]: {fitting} of {given} rows fit together, and more than half must: "
+                "is what they say true of them all (frame, base, contact, units, sigma)?"
+            )
+
+
+def _check_units(sets: Sequence[Measurements]) -> None:
+    for each in sets:
+        rows = each.q[each.finite]
+        if len(rows) and np.median(np.abs(rows).max(axis=1)) > MANY_TURNS:
+            raise InvalidInputError("q must be in radians: its angles look like degrees")
+
+
+def _check_places(model: ArmModel, finite: Sequence[NDArray[np.bool_]]) -> None:
+    """Refuse sets most of whose rows are decimetres from the described arm.
+
+    Raises:
+        InvalidInputError: says by how much, and what it may be.
+    """
+    zero = np.zeros(len(model.parameters))
+    for k, (rows, mask) in enumerate(zip(model.sets, finite, strict=True)):
+        if rows.kind in CONTACTS or not mask.any():
+            continue
+        away = float(np.median(model.distances(k, model.predict(k, zero)[0])[mask]))
+        if away > DECIMETRES:
+            places = model.kinematics(rows.q[mask], rows.frame, zero).position
+            ratio = away / float(np.median(np.linalg.norm(places, axis=1)))
+            why = "they look like millimetres" if THOUSAND[0] < ratio < THOUSAND[1] else "another frame, base or unit?"
+            raise InvalidInputError(
+                f"{rows.kind} are {away:.3g} m from where the described arm has them, in the median: {why}"
+            )

@@ -1,0 +1,360 @@
+"""`Measurements`: what an instrument, or none, says about where the arm was at some joint angles.
+
+Five kinds: positions of a point of the hand, full poses of it, its distances to fixed points, contact with one plane,
+and contact with one point. Rows that are not finite are kept here and named by `calibrate`, which leaves them out.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike, NDArray
+
+from jacokin.arrays import Array
+from jacokin.errors import InvalidInputError, needed
+from jacokin.files import read_arrays
+from jacokin.ik.files.targets import rotations_from_quats, rotations_from_rpys
+from jacokin.model import checks, poses
+
+KINDS = ("positions", "poses", "distances", "plane", "point")
+SIZES = {"positions": 3, "poses": 6, "distances": 1, "plane": 1, "point": 3}  # numbers that a row says
+CONTACTS = ("plane", "point")
+NOT_MEASUREMENTS = "is not a file of measurements"
+LARGEST = 1e6  # [m], [rad] of what anybody measures
+POSITION = ("x", "y", "z")
+QUATERNION = ("qw", "qx", "qy", "qz")
+RPY = ("roll", "pitch", "yaw")
+KINOVA = ("theta_x", "theta_y", "theta_z")  # R = Rx Ry Rz
+FIXED_POINT = ("px", "py", "pz")
+
+Sigma = ArrayLike | tuple[ArrayLike, ArrayLike]
+
+
+class Measurements:
+    """Rows of one kind, of one point of the hand. Immutable.
+
+    Attributes:
+        kind: "positions", "poses", "distances", "plane" or "point".
+        q: (n, dof) reported joint angles [rad]; read-only, as are the arrays below.
+        values: what was measured: (n, 3) positions [m], (n, 4, 4) poses, (n,) distances [m]; (n, 0) for contacts.
+        points: (n, 3) the fixed points of distances [m]; None for other kinds.
+        sigma: (n, k) standard deviation of each number [m], of a pose's last three [rad].
+        frame: the frame that carries the point; None for the robot's default frame.
+        base: T_sensor_base, the arm's base in the instrument's frame; None where it is unknown.
+        tool: T_frame_target, the measured point or marker in the hand; None where it is unknown.
+    """
+
+    def __init__(
+        self,
+        q: ArrayLike,
+        *,
+        sigma: Sigma,
+        positions: ArrayLike | None = None,
+        poses: ArrayLike | None = None,
+        distances: ArrayLike | None = None,
+        points: ArrayLike | None = None,
+        contact: str | None = None,
+        frame: str | None = None,
+        base: str | pin.SE3 | ArrayLike = "known",
+        tool: str | pin.SE3 | ArrayLike = "known",
+    ) -> None:
+        """Keep rows of one kind.
+
+        Args:
+            q: (n, dof) joint angles as the arm reports them [rad].
+            sigma: standard deviation of the instrument [m]: one, (n,), or one for each number; of poses a pair of
+                those, [m] and [rad].
+            positions: (n, 3) of the point [m].
+            poses: (n, 4, 4), or a list of `pin.SE3`.
+            distances: (n,) from `points` [m].
+            points: (3,) or (n, 3) fixed points [m].
+            contact: "plane" or "point": the point of the hand touched one plane, or one fixed point, again and again,
+                wherever that is.
+            frame: the frame of the robot that carries the point; None for the robot's default frame.
+            base: "known": the instrument measures in the arm's base; "unknown"; or T_sensor_base.
+            tool: "known": the point is the frame's origin; "unknown"; or T_frame_target.
+
+        Raises:
+            InvalidInputError: not exactly one kind, or malformed; rows that are not finite pass.
+        """
+        given = {"positions": positions, "poses": poses, "distances": distances, "contact": contact}
+        kinds = [name for name, value in given.items() if value is not None]
+        if len(kinds) != 1:
+            raise InvalidInputError(
+                f"exactly one of {', '.join(given)} must be given, got {', '.join(kinds) or 'none of them'}"
+            )
+        self.kind = kinds[0] if contact is None else checks.choice("contact", contact, CONTACTS)
+        self.q = checks.read_only(_usable(_rows("q", q, None, "rad")))
+        n = len(self.q)
+        self.values: Array = np.empty((n, 0))
+        self.points: Array | None = None
+        if positions is not None:
+            self.values = _rows("positions", positions, 3, "m")
+        elif poses is not None:
+            self.values = _pose_rows(poses)
+        elif distances is not None:
+            self.values = checks.array("distances", distances, "a list of numbers", "m").reshape(-1)
+            self.points = _fixed_points(points, n)
+        if (points is None) == (self.kind == "distances"):
+            raise InvalidInputError("points must be given with distances, and only with them")
+        if len(self.values) != n:
+            raise InvalidInputError(f"q has {n} rows and {kinds[0]} {len(self.values)}")
+        self.values = checks.read_only(_usable(self.values))
+        self.sigma = checks.read_only(_sigmas(sigma, n, self.kind))
+        self.frame = checks.optional(checks.instance, "frame", frame, str, "the name of a frame")
+        self.base = _placed("base", base)
+        self.tool = _placed("tool", tool)
+        if self.kind in CONTACTS and self.base is None:
+            raise InvalidInputError("base cannot be unknown for contact: no instrument measures it")
+
+    def __len__(self) -> int:
+        """Number of rows."""
+        return len(self.q)
+
+    def __repr__(self) -> str:
+        """Kind and number of rows."""
+        return f"Measurements({len(self)} {self.kind}, frame={self.frame!r})"
+
+    def select(self, rows: ArrayLike) -> Measurements:
+        """Those of some rows: indices or a mask.
+
+        Raises:
+            InvalidInputError: no such rows.
+        """
+        try:
+            index = np.arange(len(self))[np.asarray(rows)].reshape(-1)
+        except IndexError as error:
+            raise InvalidInputError(f"rows: {error}") from error
+        chosen = object.__new__(Measurements)
+        chosen.__dict__.update(self.__dict__)
+        for name in ("q", "values", "sigma", "points"):
+            array = getattr(self, name)
+            if array is not None:
+                setattr(chosen, name, checks.read_only(array[index]))
+        return chosen
+
+    @property
+    def finite(self) -> NDArray[np.bool_]:
+        """(n,) whether a row is made of finite numbers up to 1e6."""
+        return np.asarray(np.isfinite(np.hstack([self.q, self.values.reshape(len(self), -1)])).all(axis=1))
+
+    @classmethod
+    def load(
+        cls,
+        path: str | Path,
+        *,
+        sigma: Sigma | None = None,
+        frame: str | None = None,
+        base: str | pin.SE3 | ArrayLike = "known",
+        tool: str | pin.SE3 | ArrayLike = "known",
+        contact: str | None = None,
+        degrees: bool = False,
+        kinova: bool = False,
+    ) -> Measurements:
+        """Read a .csv, .npz or .parquet file.
+
+        Its columns: joint_1, joint_2, ... or q1, q2, ...; x, y, z; for poses also qw, qx, qy, qz, or roll, pitch, yaw,
+        or theta_x, theta_y, theta_z (Kinova's, R = Rx Ry Rz); for distances `distance`, px, py, pz. `sigma` [m] and
+        `sigma_angle` [rad] may be columns, too. Other columns are left alone. An empty cell is a missing number.
+
+        Args:
+            path: the file.
+            sigma: as in `Measurements`; None for the columns.
+            frame: as in `Measurements`, as are `base`, `tool` and `contact`.
+            base: see there.
+            tool: see there.
+            contact: see there; x, y, z are then left alone.
+            degrees: joint angles and roll, pitch, yaw are in degrees.
+            kinova: as Kinova's software: all angles in degrees, lengths in millimetres.
+
+        Raises:
+            InvalidInputError: cannot be read, or lacks columns; names them.
+            MissingExtraError: a Parquet file without pyarrow.
+        """
+        path = checks.path("path", path)
+        columns = _read(path)
+        angle = math.pi / 180.0 if checks.flag("degrees", degrees) or checks.flag("kinova", kinova) else 1.0
+        length = 1e-3 if kinova else 1.0
+        joints = [name for name in columns if name.removeprefix("joint_").removeprefix("q").isdigit()]
+        joints.sort(key=lambda name: int(name.removeprefix("joint_").removeprefix("q")))
+        if not joints:
+            raise InvalidInputError(f"{path}: has no joint angles: columns joint_1, joint_2, ... or q1, q2, ...")
+        q = angle * np.column_stack([columns[name] for name in joints])
+        if sigma is None:
+            missing = [name for name in ("sigma",) if name not in columns]
+            if missing:
+                raise InvalidInputError(f"{path}: has no column sigma: give sigma= [m], the error of the instrument")
+            sigma = columns["sigma"]
+            if "sigma_angle" in columns:
+                sigma = (columns["sigma"], columns["sigma_angle"])
+        where = {"frame": frame, "base": base, "tool": tool}
+        if contact is not None:
+            return cls(q, sigma=sigma, contact=contact, **where)  # type: ignore[arg-type]  # checked there
+        if "distance" in columns:
+            points = length * _columns(path, columns, FIXED_POINT)
+            return cls(q, sigma=sigma, distances=length * columns["distance"], points=points, **where)  # type: ignore[arg-type]  # checked there
+        positions = length * _columns(path, columns, POSITION)
+        rotations = _rotations(path, columns, angle)
+        if rotations is None:
+            return cls(q, sigma=sigma, positions=positions, **where)  # type: ignore[arg-type]  # checked there
+        T = np.tile(np.eye(4), (len(q), 1, 1))
+        T[:, :3, :3], T[:, :3, 3] = rotations, positions
+        return cls(q, sigma=sigma, poses=T, **where)  # type: ignore[arg-type]  # checked there
+
+
+def checked_measurements(name: str, value: Measurements | Sequence[Measurements]) -> tuple[Measurements, ...]:
+    """One set of measurements, or several, as a tuple.
+
+    Raises:
+        InvalidInputError: anything else, or none.
+    """
+    several = (value,) if isinstance(value, Measurements) else checks.listed(name, value, "Measurements, or a list")
+    for each in several:
+        checks.instance(name, each, Measurements, "Measurements, or a list of them")
+    if not several:
+        raise InvalidInputError(f"{name} is empty")
+    return several
+
+
+def _rows(name: str, value: ArrayLike, columns: int | None, unit: str) -> Array:
+    rows = checks.array(name, value, f"rows of {columns or 'joint'} numbers", unit)
+    if rows.ndim != 2 or (columns is not None and rows.shape[1] != columns):
+        shape = f"(n, {columns or 'dof'})"
+        raise InvalidInputError(f"{name} must have shape {shape} [{unit}], got shape {rows.shape}")
+    if not len(rows):
+        raise InvalidInputError(f"{name} is empty")
+    return rows
+
+
+def _usable(values: Array) -> Array:
+    """The values, NaN where they are larger than anybody measures: squares of them may be infinite."""
+    return np.where(np.abs(values) <= LARGEST, values, np.nan)
+
+
+def _pose_rows(value: ArrayLike) -> Array:
+    """Poses (n, 4, 4); those that are not finite pass, others must be rigid.
+
+    Raises:
+        InvalidInputError: another shape, or not rigid; names the row.
+    """
+    if isinstance(value, list | tuple) and all(isinstance(each, pin.SE3) for each in value):
+        return np.array([each.homogeneous for each in value]).reshape(-1, 4, 4)
+    rows = checks.array("poses", value, "poses (n, 4, 4)", "m")
+    if rows.ndim != 3 or rows.shape[1:] != (4, 4):
+        raise InvalidInputError(f"poses must have shape (n, 4, 4) [m], got shape {rows.shape}")
+    found = np.array(rows)
+    for row in np.flatnonzero(np.isfinite(rows).all(axis=(1, 2))):
+        found[row] = poses.checked_matrix(f"poses[{row}]", rows[row])
+    return found
+
+
+def _fixed_points(points: ArrayLike | None, n: int) -> Array | None:
+    if points is None:
+        return None
+    given = checks.array("points", points, "a point (3,), or a row for each distance", "m")
+    if given.shape not in ((3,), (n, 3)) or not np.isfinite(given).all():
+        raise InvalidInputError(f"points must be finite, of shape (3,) or ({n}, 3) [m], got shape {given.shape}")
+    return checks.read_only(np.broadcast_to(given, (n, 3)))
+
+
+def _sigmas(sigma: Sigma, n: int, kind: str) -> Array:
+    """Standard deviations (n, k) of a kind.
+
+    Raises:
+        InvalidInputError: not positive, or of another shape.
+    """
+    if kind == "poses":
+        if not isinstance(sigma, tuple | list) or len(sigma) != 2:
+            raise checks.refusal("sigma", "a pair of poses' errors, [m] and [rad]", sigma)
+        return np.hstack([_sigma("sigma[0]", sigma[0], n, 3, "m"), _sigma("sigma[1]", sigma[1], n, 3, "rad")])
+    return _sigma("sigma", sigma, n, SIZES[kind], "m")
+
+
+def _sigma(name: str, value: object, n: int, size: int, unit: str) -> Array:
+    given = checks.array(name, value, "a number, or one for each row", unit)  # type: ignore[arg-type]  # refused there
+    if given.shape == (n,):
+        given = given[:, np.newaxis]
+    try:
+        full = np.broadcast_to(given, (n, size))
+    except ValueError:
+        raise InvalidInputError(f"{name} must have shape (), ({n},) or ({n}, {size}), got {given.shape}") from None
+    if not (np.isfinite(full) & (full > 0.0)).all():
+        raise InvalidInputError(f"{name} must be positive and finite [{unit}]")
+    return full
+
+
+def _placed(name: str, value: str | pin.SE3 | ArrayLike) -> pin.SE3 | None:
+    if isinstance(value, str):
+        known = checks.choice(name, value, ("known", "unknown")) == "known"
+        return pin.SE3.Identity() if known else None
+    return poses.checked_pose(value, name)
+
+
+def _read(path: Path) -> Mapping[str, Array]:
+    """The columns of a file that hold numbers.
+
+    Raises:
+        InvalidInputError: cannot be read, or rows of different lengths.
+    """
+    try:
+        if path.suffix == ".npz":
+            arrays = read_arrays(path, NOT_MEASUREMENTS)
+            return {name: array.astype(np.float64) for name, array in arrays.items() if array.dtype.kind in "iuf"}
+        if path.suffix == ".parquet":
+            with needed("pyarrow", "parquet"):
+                import pyarrow.parquet as parquet
+            table = parquet.read_table(path)
+            return {
+                name: np.asarray(table.column(name).to_numpy(), dtype=np.float64)
+                for name in table.column_names
+                if str(table.schema.field(name).type) in ("double", "float", "int64", "int32")
+            }
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            reader = csv.DictReader(file, strict=True, restkey="more", restval="")
+            rows, names = list(reader), [name.strip() for name in reader.fieldnames or ()]
+    except OSError as error:
+        raise InvalidInputError(f"{path}: cannot be read: {error.strerror or error}") from error
+    except (ValueError, KeyError, csv.Error) as error:
+        raise InvalidInputError(f"{path}: {NOT_MEASUREMENTS}: {error}") from error
+    twice = [name for number, name in enumerate(names) if name in names[:number]]
+    if twice:
+        raise InvalidInputError(f"{path}: column {twice[0]!r} is there twice")
+    if not rows:
+        raise InvalidInputError(f"{path}: has no rows of measurements")
+    columns: dict[str, Array] = {}
+    for name in rows[0]:
+        cells = [str(row[name] or "").strip() for row in rows]
+        try:
+            columns[name.strip()] = np.array([float(cell) if cell else math.nan for cell in cells])
+        except ValueError:  # a column of words
+            continue
+    return columns
+
+
+def _columns(path: Path, columns: Mapping[str, Array], names: Sequence[str]) -> Array:
+    missing = [name for name in names if name not in columns]
+    if missing:
+        raise InvalidInputError(
+            f"{path}: column {', '.join(missing)} is missing or not numbers; found: {', '.join(columns) or 'nothing'}"
+        )
+    return np.column_stack([columns[name] for name in names])
+
+
+def _rotations(path: Path, columns: Mapping[str, Array], angle: float) -> Array | None:
+    """Rotations (n, 3, 3) of a file's columns, NaN where a row has none; None without such columns."""
+    if QUATERNION[0] in columns:
+        quats = _columns(path, columns, QUATERNION)
+        rotations, wrong = rotations_from_quats(np.where(np.isfinite(quats), quats, 0.0))
+        rotations[wrong] = np.nan
+        return rotations
+    if RPY[0] in columns:
+        return rotations_from_rpys(angle * _columns(path, columns, RPY))
+    if KINOVA[0] in columns:
+        # Rx Ry Rz is the inverse of Rz Ry Rx of the negative angles.
+        return np.swapaxes(rotations_from_rpys(-angle * _columns(path, columns, KINOVA)), 1, 2)
+    return None

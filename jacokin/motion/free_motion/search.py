@@ -1,0 +1,229 @@
+"""Ways from a configuration to any of some goals without contact, by the kernels of `kernels/free_motion`."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import Counter
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jacokin.arrays import Array
+from jacokin.kernels.contact.run import MARGIN_KEPT, SLACK
+from jacokin.kernels.free_motion.run import (
+    BEGIN_SEARCH,
+    BLOCKED,
+    CORNERS,
+    ENOUGH,
+    GO_ON_SEARCH,
+    GOALS,
+    IN_CONTACT,
+    JOINTS,
+    ROOTS,
+    SHORTEN,
+    STEPS,
+    STRAIGHT_MOTIONS,
+    TASK,
+    TRIES_IN_VAIN,
+    MotionWork,
+    make_motion_work,
+    run_free_motion,
+)
+from jacokin.kernels.free_motion.shortcuts import GOAL, POINTS, make_way
+from jacokin.kernels.free_motion.space import FIRST_MODULUS, SECOND_MODULUS
+from jacokin.kernels.free_motion.trees import BOUND, IS_FULL, NEAREST, SAMPLES, make_trees
+from jacokin.kernels.library import Call
+from jacokin.model.angles import TURN
+from jacokin.model.contact import REFUSED_WITHIN, Contact, Pair
+from jacokin.model.robot import Robot
+
+MOST_STRAIGHT = 64  # clear goals to which the straight motion is tried
+MOST_ROOTS = 48  # clear goals from which the second tree grows, the quickest to reach
+MOST_SAMPLES = 200_000  # after which a search is given up, whatever time is left
+FIRST_ROOM = 1024  # configurations of a tree, twice as many whenever one is full
+ROOM_KEPT = 16_384  # configurations of a tree; more memory than for these is given back
+FARTHEST = 1e3  # [rad] or [m] from zero, random configurations of joints without one limit
+AT_ONCE = 64  # samples or shortcuts before the clock is looked at
+IN_VAIN = 40  # shortcuts one after another that are none, after which no more are looked for
+
+
+@dataclass(slots=True)
+class Found:
+    """What a search found.
+
+    Attributes:
+        way: (n, dof) configurations from the start to a goal [rad], with clear straight motions between them; None for
+            none. Unlimited joints turn on.
+        goal: number of the goal at its end.
+        samples: how many random configurations it took.
+        nearest: how near the trees came to each other [s], at full speed.
+    """
+
+    way: Array | None = None
+    goal: int = -1
+    samples: int = 0
+    nearest: float = np.inf
+
+
+@dataclass(slots=True)
+class StraightMotion:
+    """What is known about the straight motions to goals, the one that is reached soonest first.
+
+    Attributes:
+        reached: number of the goal whose straight motion is clear; -1 where all are blocked.
+        blocked: numbers of the clear goals before it.
+        touching: how often each pair of shapes touches at the others.
+    """
+
+    reached: int
+    blocked: NDArray[np.intp]
+    touching: Counter[Pair] = field(default_factory=Counter)
+
+
+class WaySearch:
+    """Looks for ways of one robot with what is around it; may be shared between threads."""
+
+    def __init__(self, robot: Robot, contact: Contact, clearance: float) -> None:
+        """Take what is in contact, and the distance that counts as contact [m]."""
+        self.contact = contact
+        self._robot, self._clearance = robot, clearance
+        self._local = threading.local()
+
+    def begin(self, start: Array, goals: Array, velocity: Array, rng: np.random.Generator) -> None:
+        """Set start (dof,) and goals (k, dof) [rad], the soonest first, and the velocity limits (dof,) [rad/s]."""
+        kept = getattr(self._local, "call", None)
+        if kept is not None and len(kept.work.trees.parents) > 2 * ROOM_KEPT:
+            self._local.call = None
+        call = self._call(len(goals))
+        work, space = call.work, call.work.space
+        work.start[:], work.goals[: goals.size] = start, goals.ravel()
+        work.integers[[JOINTS, GOALS]] = len(start), len(goals)
+        space.speed[:], space.weights[:] = velocity, float(velocity.mean()) / velocity
+        work.hindrances.times[:] = 0
+        self._local.rng = rng
+
+    def go_straight(self) -> StraightMotion:
+        """Try the straight motion to each goal in turn, until one is clear."""
+        call = self._call()
+        work = call.work
+        work.integers[TASK], work.integers[ENOUGH] = STRAIGHT_MOTIONS, MOST_STRAIGHT
+        work.known[:] = 0
+        reached = call()
+        known = work.known[: work.integers[GOALS]]
+        pairs = work.touching[: len(known)][known == IN_CONTACT]
+        touching = Counter(self.contact.ordered(a, b, by_kind=True) for a, b in pairs.tolist())
+        return StraightMotion(reached, np.flatnonzero(known == BLOCKED), touching)
+
+    def go_around(
+        self, goals: NDArray[np.intp], deadline: float, most_samples: int = MOST_SAMPLES, bound: float = np.inf
+    ) -> Found:
+        """Look for a way to one of some goals that are clear, and shorten it.
+
+        Args:
+            goals: their numbers.
+            deadline: on the clock of `time.monotonic` [s], when the search is cut.
+            most_samples: after which it is given up.
+            bound: at full speed, it is to take less [s].
+        """
+        call = self._call()
+        rng: np.random.Generator | None = self._local.rng
+        if rng is not None:  # once for all ways
+            first, second = (rng.integers(1, modulus, 3) for modulus in (FIRST_MODULUS, SECOND_MODULUS))
+            call.work.generator[:3], call.work.generator[3:] = first, second
+            self._local.rng = None
+        roots = goals[:MOST_ROOTS]
+        call.work.trees.numbers[BOUND] = bound
+        call.work.chosen[: len(roots)], call.work.integers[ROOTS] = roots, len(roots)
+        found, task = Found(), BEGIN_SEARCH
+        while True:
+            call.work.integers[TASK], call.work.integers[STEPS] = task, AT_ONCE
+            met = call()
+            found.samples = int(call.work.trees.integers[SAMPLES])
+            found.nearest = float(call.work.trees.numbers[NEAREST])
+            if met:
+                break
+            if found.samples >= most_samples or time.monotonic() >= deadline:
+                return found
+            if call.work.trees.integers[IS_FULL]:
+                call = self._grow()
+            task = GO_ON_SEARCH
+        work = call.work
+        work.integers[[TASK, TRIES_IN_VAIN]] = SHORTEN, IN_VAIN
+        while not call() and time.monotonic() < deadline:
+            pass
+        points, dof = int(work.way.integers[POINTS]), len(work.start)
+        found.goal = int(roots[work.way.integers[GOAL]])
+        found.way = work.way.q[: points * dof].reshape(points, dof).copy()
+        goal = work.goals[found.goal * dof : (found.goal + 1) * dof]
+        # Whole turns apart from the goal, but for rounding.
+        found.way[-1] = goal + TURN * np.round((found.way[-1] - goal) / TURN)
+        return found
+
+    def cuts(self, way: Array) -> Array:
+        """How much of each corner of a way (n, dof) may be cut off (n,): time at full speed on both sides [s]."""
+        call = self._call()
+        if len(way) > len(call.work.cuts):
+            call = self._grow(len(way))
+        work = call.work
+        work.way.q[: way.size], work.way.integers[POINTS] = way.ravel(), len(way)
+        times = (np.abs(np.diff(way, axis=0)) / work.space.speed).max(axis=1)
+        work.way.times[: len(way)] = np.append(0.0, np.cumsum(times))
+        work.integers[TASK] = CORNERS
+        work.cuts[:] = 0.0
+        call()
+        return work.cuts[: len(way)].copy()
+
+    @property
+    def hindrances(self) -> Counter[Pair]:
+        """Pairs of shapes that ended motions since `begin`, and how often."""
+        seen = self._call().work.hindrances
+        return Counter(
+            {
+                self.contact.ordered(a, b, by_kind=True): times
+                for (a, b), times in zip(seen.pairs.tolist(), seen.times.tolist(), strict=True)
+                if times
+            }
+        )
+
+    def _call(self, goals: int = 0) -> Call[MotionWork]:
+        """The kernels with work arrays of this thread, with room for so many goals."""
+        found: Call[MotionWork] | None = getattr(self._local, "call", None)
+        if found is None:
+            work = make_motion_work(self.contact.geometry, max(goals, MOST_STRAIGHT), FIRST_ROOM)
+            robot, space = self._robot, work.space
+            space.lower[:], space.upper[:], space.unlimited[:] = robot.lower, robot.upper, robot.unlimited
+            space.low[:] = np.where(robot.unlimited, -np.pi, np.maximum(robot.lower, -FARTHEST))
+            space.high[:] = np.where(robot.unlimited, np.pi, np.minimum(robot.upper, FARTHEST))
+            space.levers[:] = self.contact.levers
+            work.contact.numbers[MARGIN_KEPT], work.contact.numbers[SLACK] = self._clearance, REFUSED_WITHIN
+            found = self._local.call = Call(run_free_motion, work)
+        elif goals > len(found.work.known):
+            dof, more = len(found.work.start), 2 * goals
+            found = self._local.call = Call(
+                run_free_motion,
+                found.work._replace(
+                    goals=np.zeros(more * dof),
+                    known=np.zeros(more, np.int64),
+                    touching=np.zeros((more, 2), np.int64),
+                    chosen=np.zeros(more, np.int64),
+                ),
+            )
+        return found
+
+    def _grow(self, points: int = 0) -> Call[MotionWork]:
+        """The same with trees that have room for twice as many configurations, and a way for so many points."""
+        work = self._call().work
+        dof, room = len(work.start), len(work.trees.parents) // 2
+        more = max(2 * room, points)
+        trees = make_trees(dof, more)
+        for tree in range(2):
+            old, new = slice(tree * room, (tree + 1) * room), slice(tree * more, tree * more + room)
+            trees.parents[new] = work.trees.parents[old]
+            trees.q.reshape(-1, dof)[new] = work.trees.q.reshape(-1, dof)[old]
+        trees.integers[:], trees.numbers[:] = work.trees.integers, work.trees.numbers
+        trees.integers[IS_FULL] = 0
+        larger = work._replace(trees=trees, way=make_way(dof, 2 * more), cuts=np.zeros(2 * more))
+        self._local.call = found = Call(run_free_motion, larger)
+        return found

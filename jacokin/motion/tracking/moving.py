@@ -1,0 +1,138 @@
+"""Obstacles that move: where they are, how fast, and where they will be."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from jacokin.arrays import Array
+from jacokin.errors import InvalidInputError
+from jacokin.kernels.contact.shapes import CENTRE, RADIUS
+from jacokin.model import checks, poses
+from jacokin.model.contact import Contact
+from jacokin.model.obstacles import Obstacle, pose_of
+
+Motion: TypeAlias = pin.SE3 | ArrayLike | tuple[pin.SE3 | ArrayLike, ArrayLike]
+"""T_base_shape or a position (3,) [m], where an obstacle stands; or that and its twist (6,) [m/s, rad/s]."""
+
+UNTURNED = np.eye(3)
+
+
+class Whereabouts(NamedTuple):
+    """Obstacles at one time, those of `MovableShapes` in order."""
+
+    poses: Array
+    """(k, 3, 4) T_base_shape."""
+    twists: Array
+    """(k, 6) velocity of the shape's origin [m/s], then angular [rad/s], in base axes."""
+    speeds: Array
+    """(k,) largest speed of any point of each shape, at most [m/s]."""
+    moving: bool
+    """Whether any twist is not zero."""
+
+    def after(self, time: float) -> Whereabouts:
+        """The same obstacles when they have moved on for a time [s]."""
+        if not self.moving:
+            return self
+        moved = self.poses.copy()
+        moved[:, :, 3] += time * self.twists[:, :3]
+        if not self.twists[:, 3:].any():
+            return self._replace(poses=moved)
+        for row in np.flatnonzero(self.twists[:, 3:].any(axis=1)).tolist():
+            moved[row, :, :3] = pin.exp3(time * self.twists[row, 3:]) @ moved[row, :, :3]
+        return self._replace(poses=moved)
+
+
+class MovableShapes:
+    """The obstacles of a scene that have a pose.
+
+    Attributes:
+        start: where the scene has them, standing still.
+        numbers: (k,) of their shapes.
+    """
+
+    def __init__(self, obstacles: Sequence[Obstacle], contact: Contact) -> None:
+        """Read them; a floor and shapes of other classes cannot move."""
+        self._rows: dict[str, int] = {}
+        self._fixed: list[str] = []
+        found = []
+        for obstacle in obstacles:
+            try:
+                found.append(pose_of(obstacle).homogeneous[:3])
+                self._rows[obstacle.name] = len(self._rows)
+            except InvalidInputError:
+                self._fixed.append(obstacle.name)
+        self.start = Whereabouts(
+            np.array(found).reshape(-1, 3, 4), np.zeros((len(found), 6)), np.zeros(len(found)), moving=False
+        )
+        self.numbers = np.array([contact.names.index(name) for name in self._rows], dtype=np.intp)
+        spheres = contact.geometry.shapes.numbers[self.numbers, CENTRE : RADIUS + 1]
+        away = spheres[:, :3] - self.start.poses[:, :, 3]
+        self._centres = np.einsum("kij,ki->kj", self.start.poses[:, :, :3], away)
+        self._radii = spheres[:, 3]
+        self._reach = self._radii + _lengths(self._centres)  # [m] of the shape from its origin
+        self._is_centred = not self._centres.any()
+
+    def told(self, before: Whereabouts, given: Mapping[str, Motion]) -> Whereabouts:
+        """Where obstacles are now; those that are not named go on as before.
+
+        Raises:
+            UnknownNameError: no such obstacle in the scene.
+            InvalidInputError: not a mapping, one that cannot move, or malformed poses or twists.
+        """
+        places, twists = before.poses.copy(), before.twists.copy()
+        for name, motion in checks.mapping("obstacles", given, "a dict of poses by name").items():
+            row = self._row(name)
+            pose, twist = motion if isinstance(motion, tuple) and len(motion) == 2 else (motion, None)
+            _place(places[row], f"obstacles[{name!r}]", pose)
+            twists[row] = 0.0
+            if twist is not None:
+                twists[row] = checks.vector(f"obstacles[{name!r}]: twist", twist, 6, "m/s, rad/s")
+        # Turning about its origin, no point is faster than its farthest.
+        speeds = _lengths(twists[:, :3]) + _lengths(twists[:, 3:]) * self._reach
+        return Whereabouts(places, twists, speeds, bool(speeds.any()))
+
+    def _row(self, name: str) -> int:
+        """Number of an obstacle; errors as in `told`."""
+        row = self._rows.get(name) if isinstance(name, str) else None
+        if row is None:
+            if name in self._fixed:
+                raise InvalidInputError(f"the obstacle {name!r} has no pose and cannot move")
+            row = self._rows[checks.choice("obstacle", name, self._rows)]
+        return row
+
+    def centres(self, where: Whereabouts) -> Array:
+        """(k, 3) centres of the spheres around the shapes [m]."""
+        origins = where.poses[:, :, 3]
+        if self._is_centred:
+            return origins
+        return np.asarray(np.einsum("kij,kj->ki", where.poses[:, :, :3], self._centres) + origins)
+
+    def travel(self, before: Whereabouts, after: Whereabouts) -> Array:
+        """(k,) farthest that any point of each shape has moved, at most [m]."""
+        shift = _lengths(self.centres(after) - self.centres(before))
+        # A turn by an angle moves a point at distance r by 2 r sin(angle / 2); the Frobenius norm is 2 sqrt(2) times
+        # that sine.
+        turn = _lengths((after.poses - before.poses)[:, :, :3].reshape(-1, 9))
+        return np.asarray(shift + np.sqrt(0.5) * turn * self._radii)
+
+
+def _lengths(rows: Array) -> Array:
+    """(k,) lengths of rows (k, n)."""
+    return np.asarray(np.sqrt(np.einsum("ij,ij->i", rows, rows)))
+
+
+def _place(place: Array, name: str, pose: pin.SE3 | ArrayLike) -> None:
+    """Write a pose or a position (3,) [m] to (3, 4)."""
+    if isinstance(pose, pin.SE3):
+        place[:] = poses.checked_pose(pose, name).homogeneous[:3]
+        return
+    array = checks.array(name, pose, "a pose or a position", "m")
+    if array.ndim == 1:
+        place[:, :3], place[:, 3] = UNTURNED, checks.vector(name, array, 3, "m")
+    else:
+        place[:] = poses.checked_pose(array, name).homogeneous[:3]

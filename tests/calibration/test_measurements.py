@@ -1,0 +1,166 @@
+"""Sets of measurements: their kinds, their files, and what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import jacokin
+from jacokin import Robot
+from jacokin.calibration import Measurements
+from jacokin.errors import InvalidInputError, UnknownNameError
+from jacokin.model import pose_to_kinova
+from tests.calibration.simulated import Array, poses_of
+
+Q = np.zeros((3, 6))
+P = np.ones((3, 3))
+
+
+def write_csv(path: Path, header: str, rows: Array) -> Path:
+    path.write_text(header + "\n" + "\n".join(",".join(map(repr, row)) for row in rows.tolist()) + "\n")
+    return path
+
+
+@pytest.fixture
+def seen(robot: Robot, rng: np.random.Generator) -> tuple[Array, Array]:
+    q = robot.sample(rng, 5)
+    return q, poses_of(robot, q)
+
+
+def test_a_csv_of_positions(seen: tuple[Array, Array], tmp_path: Path) -> None:
+    q, T = seen
+    header = ",".join(f"joint_{k}" for k in range(1, 7)) + ",x,y,z,remark"
+    path = tmp_path / "m.csv"
+    rows = [",".join(map(repr, [*a, *b])) + ",fine" for a, b in zip(q.tolist(), T[:, :3, 3].tolist(), strict=True)]
+    rows[2] = rows[2].replace(repr(T[2, 0, 3].item()), "")
+    path.write_text("\n".join([header, *rows]) + "\n")
+    read = Measurements.load(path, sigma=3e-4, frame="link_6")
+    assert (read.kind, read.frame, len(read)) == ("positions", "link_6", 5)
+    assert read.q.tobytes() == q.tobytes()
+    assert read.finite.tolist() == [True, True, False, True, True]
+    assert (read.values[3] == T[3, :3, 3]).all()
+    assert (read.sigma == 3e-4).all()
+
+
+def test_poses_in_every_notation(seen: tuple[Array, Array], tmp_path: Path) -> None:
+    q, T = seen
+    joints = ",".join(f"q{k}" for k in range(1, 7))
+    quats = np.array([jacokin.model.quat_wxyz(each[:3, :3]) for each in T])
+    a = write_csv(tmp_path / "a.csv", f"{joints},x,y,z,qw,qx,qy,qz", np.hstack([q, T[:, :3, 3], quats]))
+    kinova = [pose_to_kinova(each) for each in T]
+    numbers = np.array([[*position, *angles] for position, angles in kinova])
+    b = write_csv(tmp_path / "b.csv", f"{joints},x,y,z,theta_x,theta_y,theta_z", np.hstack([np.degrees(q), numbers]))
+    import pinocchio as pin
+
+    rpy = np.degrees([pin.rpy.matrixToRpy(each[:3, :3]) for each in T])
+    c = write_csv(tmp_path / "c.csv", f"{joints},x,y,z,roll,pitch,yaw", np.hstack([np.degrees(q), T[:, :3, 3], rpy]))
+    sigma = (1e-3, 2e-3)
+    for read in (
+        Measurements.load(a, sigma=sigma),
+        Measurements.load(b, sigma=sigma, kinova=True),
+        Measurements.load(c, sigma=sigma, degrees=True),
+    ):
+        assert read.kind == "poses"
+        np.testing.assert_allclose(read.values, T, atol=1e-12)
+        np.testing.assert_allclose(read.q, q, atol=1e-12)
+        assert read.sigma[0].tolist() == [1e-3] * 3 + [2e-3] * 3
+
+
+def test_npz_and_parquet(seen: tuple[Array, Array], tmp_path: Path) -> None:
+    q, T = seen
+    columns = {f"joint_{k + 1}": q[:, k] for k in range(6)}
+    columns |= {
+        "distance": np.ones(5),
+        "px": np.zeros(5),
+        "py": np.zeros(5),
+        "pz": np.full(5, 0.1),
+        "sigma": T[:, 3, 3],
+    }
+    np.savez(tmp_path / "m.npz", **columns)  # type: ignore[arg-type]  # none is called allow_pickle
+    read = Measurements.load(tmp_path / "m.npz")
+    assert read.kind == "distances"
+    assert read.points is not None
+    assert read.points[4].tolist() == [0.0, 0.0, 0.1]
+    pa = pytest.importorskip("pyarrow")
+    import pyarrow.parquet as parquet
+
+    parquet.write_table(pa.table(columns), tmp_path / "m.parquet")
+    other = Measurements.load(tmp_path / "m.parquet", contact="point")
+    assert other.kind == "point"
+    assert other.q.tobytes() == read.q.tobytes()
+
+
+def test_select_keeps_rows_in_step(seen: tuple[Array, Array]) -> None:
+    q, T = seen
+    rows = Measurements(q, poses=T, sigma=(np.arange(1.0, 6.0), 1e-3), base=jacokin.pose([1, 0, 0]))
+    part = rows.select([4, 0])
+    assert part.sigma[:, 0].tolist() == [5.0, 1.0]
+    assert (part.values == T[[4, 0]]).all()
+    assert part.base is not None
+    assert part.base.translation.tolist() == [1.0, 0.0, 0.0]
+    assert len(rows.select(np.array([True, False, False, False, True]))) == 2
+    with pytest.raises(ValueError, match="read-only"):
+        rows.q[0] = 0.0
+    with pytest.raises(InvalidInputError, match="rows: index 7"):
+        rows.select([7])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        ({"sigma": 1e-3}, "exactly one of positions, poses, distances, contact must be given, got none"),
+        ({"sigma": 1e-3, "positions": P, "contact": "plane"}, "got positions, contact"),
+        ({"sigma": 0.0, "positions": P}, "sigma must be positive"),
+        ({"sigma": np.nan, "positions": P}, "sigma must be positive and finite"),
+        ({"sigma": [1e-3] * 4, "positions": P}, r"sigma must have shape \(\), \(3,\) or \(3, 3\)"),
+        ({"sigma": 1e-3, "positions": P[:2]}, "q has 3 rows and positions 2"),
+        ({"sigma": 1e-3, "positions": [["a"] * 3] * 3}, "positions must be rows of 3 numbers"),
+        ({"sigma": 1e-3, "poses": np.tile(np.eye(4), (3, 1, 1))}, "sigma must be a pair"),
+        ({"sigma": (1e-3, 1e-3), "poses": np.ones((3, 4, 4))}, r"poses\[0\]"),
+        ({"sigma": 1e-3, "distances": np.ones(3)}, "points must be given with distances"),
+        ({"sigma": 1e-3, "positions": P, "points": P}, "points must be given with distances, and only"),
+        ({"sigma": 1e-3, "distances": np.ones(3), "points": P[:2]}, r"of shape \(3,\) or \(3, 3\)"),
+        ({"sigma": 1e-3, "contact": "plane", "base": "unknown"}, "no instrument measures it"),
+    ],
+)
+def test_what_is_refused(arguments: dict[str, object], sentence: str) -> None:
+    with pytest.raises(InvalidInputError, match=sentence):
+        Measurements(Q, **arguments)  # type: ignore[arg-type]  # users' mistakes
+
+
+def test_unknown_words_are_named() -> None:
+    with pytest.raises(UnknownNameError, match="unknown contact 'line'.*Valid: plane, point"):
+        Measurements(Q, contact="line", sigma=1e-3)
+    with pytest.raises(UnknownNameError, match="unknown base 'somewhere'"):
+        Measurements(Q, positions=P, sigma=1e-3, base="somewhere")
+
+
+def test_files_that_say_too_little(tmp_path: Path) -> None:
+    row = np.ones((1, 10))
+    joints = ",".join(f"q{k}" for k in range(1, 7))
+    cases = {
+        "a,b,c,d,e,f,x,y,z,sigma": "has no joint angles",
+        f"{joints},x,y,w,sigma": "column z is missing or not numbers; found: q1",
+        f"{joints},x,y,z,w": "has no column sigma",
+        f"{joints},x,y,z,qw": "has no column sigma",
+    }
+    for header, sentence in cases.items():
+        path = write_csv(tmp_path / "m.csv", header, row)
+        with pytest.raises(InvalidInputError, match=sentence):
+            Measurements.load(path)
+    with pytest.raises(InvalidInputError, match="cannot be read: No such file"):
+        Measurements.load(tmp_path / "none.csv")
+    np.savez(tmp_path / "whole.npz", q1=np.zeros(100))
+    half = (tmp_path / "whole.npz").read_bytes()[:300]
+    for content in (b"PK nothing", b"PK\x03\x04 nothing", half):
+        (tmp_path / "broken.npz").write_bytes(content)
+        with pytest.raises(InvalidInputError, match=r"broken.npz: is not a file of measurements"):
+            Measurements.load(tmp_path / "broken.npz")
+    path = write_csv(tmp_path / "m.csv", f"{joints},x, q2 ,y,z", np.ones((1, 10)))
+    with pytest.raises(InvalidInputError, match="column 'q2' is there twice"):
+        Measurements.load(path, sigma=1e-3)
+    (tmp_path / "empty.csv").write_text("")
+    with pytest.raises(InvalidInputError, match="has no rows of measurements"):
+        Measurements.load(tmp_path / "empty.csv")
