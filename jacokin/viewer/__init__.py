@@ -7,6 +7,7 @@ texts, paste          what a view says in words; text to paste, which is tried f
 drawing, map_slices   meshes of the arm and of obstacles; slices of a reachability map
 playback              trajectories that are played
 serving, contents     `serve`, and what a page offers and solves for
+results               `show`, which results call to be looked at
 viewer                the running viewer, between pages and inspector
 browser               the only part that imports viser: scene, panel and the guarded web server
 """

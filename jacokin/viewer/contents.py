@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import pinocchio as pin
 
@@ -24,7 +24,7 @@ class Setup:
     tool: pin.SE3 | None
     """T_frame_tool, a constant pose after the frame."""
     collision: str
-    """Contact: "ignore", "report" or "reject"."""
+    """Contact, see `IKSolver`: "prefer", "ignore", "report" or "reject"."""
     scene: Scene | None
     """Obstacles, as they were given."""
     obstacles: bool
@@ -48,6 +48,14 @@ class Setup:
             scene=self.scene if looking and self.obstacles else None,
             clearance=clearance if looking else 0.0,
         )
+
+    def planner(self, solver: IKSolver) -> IKSolver:
+        """A solver to plan motions with: as `solver`, but obstacles count also where contact is ignored.
+
+        Raises:
+            JacokinError: as `IKSolver`.
+        """
+        return solver if self.collision != "ignore" else replace(self, collision="prefer").solver(solver.robot)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

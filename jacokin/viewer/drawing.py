@@ -22,13 +22,20 @@ from jacokin.model.scene import Scene
 
 SIDES = 24  # of what is round
 RINGS = 6  # from the equator of a sphere to its pole
+BEVEL = 0.006, 0.3  # [m] radius of an edge that is drawn round, and at most this part of the shape's least half size
+STEPS = 3  # of a rounded edge
+ROUND_SIDES = 36  # of what is drawn round, and smooth
 PLATE = (1.0, 1.0, 0.002)  # [m] half edges of what is drawn of a floor
 BONE_RADIUS = 0.02  # [m] of the sticks that stand for an arm without shapes
 SHOWN_GROUPS = 3  # of an MJCF's geoms: the viewers of MuJoCo show groups 0 to 2 unless told otherwise
 
 
+Colour = tuple[int, int, int]
+PLAIN: Colour = (205, 211, 219)  # of a mesh without a colour
+
+
 @dataclass(frozen=True, slots=True, eq=False)
-class Mesh:
+class Triangles:
     """A triangle mesh."""
 
     vertices: NDArray[np.float32]
@@ -38,15 +45,32 @@ class Mesh:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Piece:
+    """Triangles of one colour."""
+
+    mesh: Triangles
+    """In the frame of its part."""
+    colour: Colour = PLAIN
+    """Red, green, blue."""
+    smooth: bool = False
+    """Whether the light runs smoothly over its edges."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class ArmPart:
     """What one joint moves, in Pinocchio's frame of that joint; the base is part 0."""
 
     name: str
     """Of the joint; "base" for the base."""
-    mesh: Mesh | None
-    """None where there is nothing to draw."""
-    shapes: dict[str, Mesh] = field(default_factory=dict)
-    """The collision shapes by name, which are merged in the mesh of an arm that is drawn by them."""
+    pieces: tuple[Piece, ...] = ()
+    """What is drawn, each colour once."""
+    shapes: dict[str, Triangles] = field(default_factory=dict)
+    """The collision shapes by name. What is drawn of them has rounded edges, some millimetres inside."""
+
+    @property
+    def mesh(self) -> Triangles | None:
+        """All pieces as one; None where there is nothing to draw."""
+        return merge([piece.mesh for piece in self.pieces])
 
 
 def load_parts(robot: Robot) -> tuple[tuple[ArmPart, ...], str]:
@@ -54,19 +78,20 @@ def load_parts(robot: Robot) -> tuple[tuple[ArmPart, ...], str]:
     try:
         model = to_mujoco(robot, geometry=True)
     except ModelError as error:
-        return _sticks(robot), str(error)
+        return build_sticks(robot), str(error)
     first = model.body(1).id  # bodies are the world, the base, and one for each joint, in the order of the joints
     parts = []
     for index, name in enumerate(("base", *robot.joint_names)):
         geoms = [g for g in range(model.ngeom) if model.geom_bodyid[g] == first + index]
         found = {str(model.geom(geom).name): mesh for geom in geoms if (mesh := read_geom(model, geom)) is not None}
-        parts.append(ArmPart(name, merge(list(found.values())), found))
-    if any(part.mesh for part in parts):
+        pieces = [piece for geom in geoms if (piece := draw_geom(model, geom)) is not None]
+        parts.append(ArmPart(name, by_colour(pieces), found))
+    if any(part.pieces for part in parts):
         return tuple(parts), ""
-    return _sticks(robot), "the description has no collision shapes"
+    return build_sticks(robot), "the description has no collision shapes"
 
 
-def build_obstacles(scene: Scene) -> dict[str, Mesh]:
+def build_obstacles(scene: Scene) -> dict[str, Triangles]:
     """The shapes of a scene by name, in the base frame; a floor as a thin plate."""
     spec = mujoco.MjSpec()
     for obstacle in scene:
@@ -82,7 +107,7 @@ def build_obstacles(scene: Scene) -> dict[str, Mesh]:
     return meshes
 
 
-def _sticks(robot: Robot) -> tuple[ArmPart, ...]:
+def build_sticks(robot: Robot) -> tuple[ArmPart, ...]:
     """A ball at each joint and a stick from there to the next joint, or to the default frame."""
     model = robot.pin_model
     ends: list[Array] = [np.array(model.jointPlacements[joint].translation) for joint in range(1, model.njoints)]
@@ -94,7 +119,7 @@ def _sticks(robot: Robot) -> tuple[ArmPart, ...]:
         if length > 1e-6:  # [m] below that there is nothing to see
             along = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), end)
             meshes.append(move(cylinder(BONE_RADIUS, 0.5 * length), pin.SE3(along, 0.5 * end)))
-        parts.append(ArmPart(name, merge(meshes)))
+        parts.append(ArmPart(name, by_colour([Piece(mesh, smooth=True) for mesh in meshes])))
     return tuple(parts)
 
 
@@ -114,14 +139,16 @@ def load_visuals(robot: Robot) -> tuple[ArmPart, ...] | None:
     if not drawn:
         return None
     names = ("base", *robot.joint_names)
-    return tuple(ArmPart(name, merge(drawn.get(number, []))) for number, name in enumerate(names))
+    return tuple(ArmPart(name, by_colour(drawn.get(number, []))) for number, name in enumerate(names))
 
 
-def _read_urdf(robot: Robot, text: str) -> dict[int, list[Mesh]]:
-    """Meshes by the number of the joint that moves them, in its frame."""
-    read: dict[Path, Mesh] = {}
-    drawn: dict[int, list[Mesh]] = {}
-    for link in ET.fromstring(text).findall("link"):
+def _read_urdf(robot: Robot, text: str) -> dict[int, list[Piece]]:
+    """Pieces by the number of the joint that moves them, in its frame."""
+    read: dict[Path, Triangles] = {}
+    drawn: dict[int, list[Piece]] = {}
+    tree = ET.fromstring(text)
+    looks = {each.get("name", ""): each for each in tree.findall("material")}
+    for link in tree.findall("link"):
         name = link.get("name", "")
         if name not in robot.frames:
             continue
@@ -129,11 +156,24 @@ def _read_urdf(robot: Robot, text: str) -> dict[int, list[Mesh]]:
         for visual in link.findall("visual"):
             mesh = _read_visual(robot, visual, read)
             if mesh is not None:
-                drawn.setdefault(frame.parentJoint, []).append(move(mesh, frame.placement * _origin(visual)))
+                piece = Piece(move(mesh, frame.placement * _origin(visual)), _look(visual, looks))
+                drawn.setdefault(frame.parentJoint, []).append(piece)
     return drawn
 
 
-def _read_visual(robot: Robot, visual: ET.Element, read: dict[Path, Mesh]) -> Mesh | None:
+def _look(visual: ET.Element, looks: dict[str, ET.Element]) -> Colour:
+    """The colour of a `<visual>`: its own, or that of the material it names."""
+    material = visual.find("material")
+    if material is None:
+        return PLAIN
+    for owner in (material, looks.get(material.get("name", ""))):
+        colour = None if owner is None else owner.find("color")
+        if colour is not None:
+            return to_colour(_numbers(colour, "rgba", "1 1 1 1"))
+    return PLAIN
+
+
+def _read_visual(robot: Robot, visual: ET.Element, read: dict[Path, Triangles]) -> Triangles | None:
     """One `<visual>` of a checked URDF in its own axes."""
     for shape in visual.findall("geometry/*"):
         if shape.tag == "box":
@@ -149,11 +189,11 @@ def _read_visual(robot: Robot, visual: ET.Element, read: dict[Path, Mesh]) -> Me
                 read[found] = _load(found, source.path)
             scale = _numbers(shape, "scale", "1 1 1")
             faces = read[found].faces if np.prod(scale) > 0.0 else read[found].faces[:, ::-1]  # a mirrored mesh
-            return Mesh((read[found].vertices * scale).astype(np.float32), faces)
+            return Triangles((read[found].vertices * scale).astype(np.float32), faces)
     return None
 
 
-def _load(file: Path, description: Path) -> Mesh:
+def _load(file: Path, description: Path) -> Triangles:
     """A mesh file of any format that trimesh reads, as one mesh.
 
     Raises:
@@ -168,24 +208,24 @@ def _load(file: Path, description: Path) -> Mesh:
         raise ModelError(f"{description}: mesh {file} cannot be read: {error!r}") from error
     if not len(faces) or not np.isfinite(vertices).all():
         raise ModelError(f"{description}: mesh {file} holds no triangles, or vertices that are not finite")
-    return Mesh(vertices.astype(np.float32), faces.astype(np.uint32))
+    return Triangles(vertices.astype(np.float32), faces.astype(np.uint32))
 
 
-def _read_mjcf(robot: Robot, model: mujoco.MjModel) -> dict[int, list[Mesh]]:
+def _read_mjcf(robot: Robot, model: mujoco.MjModel) -> dict[int, list[Piece]]:
     """As `_read_urdf`; empty where every geom that is shown collides."""
-    drawn: dict[int, list[Mesh]] = {}
+    drawn: dict[int, list[Piece]] = {}
     decorative = False
     for geom in range(model.ngeom):
         body = int(model.geom_bodyid[geom])
         name = mjcf.body_name(model, body)
-        material = int(model.geom_matid[geom])
-        alpha = model.geom_rgba[geom][3] if material < 0 else model.mat_rgba[material][3]
+        alpha = _rgba(model, geom)[3]
         if not body or name not in robot.frames or model.geom_group[geom] >= SHOWN_GROUPS or not alpha:
             continue
         mesh = read_geom(model, geom)
         if mesh is not None:
             frame = robot.pin_model.frames[robot.frame_id(name)]
-            drawn.setdefault(frame.parentJoint, []).append(move(mesh, frame.placement))
+            piece = Piece(move(mesh, frame.placement), to_colour(_rgba(model, geom)))
+            drawn.setdefault(frame.parentJoint, []).append(piece)
             decorative |= not (model.geom_contype[geom] or model.geom_conaffinity[geom])
     return drawn if decorative else {}
 
@@ -201,40 +241,106 @@ def _numbers(element: ET.Element, name: str, default: str = "") -> Array:
     return np.array([float(part) for part in element.get(name, default).split()])
 
 
-def box(half: Array) -> Mesh:
+def to_colour(rgba: Array) -> Colour:
+    """Red, green and blue from 0 to 255, from (4,) in 0..1."""
+    red, green, blue = (round(255.0 * min(max(value, 0.0), 1.0)) for value in rgba[:3].tolist())
+    return red, green, blue
+
+
+def _rgba(model: mujoco.MjModel, geom: int) -> Array:
+    """(4,) the colour of a shape in 0..1."""
+    material = int(model.geom_matid[geom])
+    return np.array(model.geom_rgba[geom] if material < 0 else model.mat_rgba[material], dtype=np.float64)
+
+
+def by_colour(pieces: list[Piece]) -> tuple[Piece, ...]:
+    """Pieces with those of one look merged."""
+    groups: dict[tuple[Colour, bool], list[Triangles]] = {}
+    for piece in pieces:
+        groups.setdefault((piece.colour, piece.smooth), []).append(piece.mesh)
+    merged = [(merge(meshes), *look) for look, meshes in groups.items()]
+    return tuple(Piece(mesh, colour, smooth) for mesh, colour, smooth in merged if mesh is not None)
+
+
+def rounded_box(half: Array) -> Triangles:
+    """A box by its half edges (3,) [m] with rounded edges, inside it."""
+    radius = bevel(half)
+    inner = half - radius
+    rise = np.tan(np.linspace(0.0, 0.25 * np.pi, STEPS + 1))
+    lines = [np.concatenate((-(end + radius * rise[::-1]), end + radius * rise)) for end in inner]
+    count = len(lines[0])
+    vertices: list[Array] = []
+    faces: list[NDArray[np.int64]] = []
+    grid = np.arange(count * count).reshape(count, count)
+    corners = (grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:])
+    a, b, c, d = (corner.ravel() for corner in corners)
+    for axis in range(3):
+        first, second = (axis + 1) % 3, (axis + 2) % 3
+        for sign in (1.0, -1.0):
+            points = np.empty((count, count, 3))
+            points[..., first], points[..., second] = np.meshgrid(lines[first], lines[second], indexing="ij")
+            points[..., axis] = sign * half[axis]
+            quads = (a, b, c, d) if sign > 0.0 else (a, d, c, b)
+            start = sum(len(each) for each in vertices)
+            faces += [start + np.column_stack(quads)[:, [0, 1, 2]], start + np.column_stack(quads)[:, [0, 2, 3]]]
+            vertices.append(points.reshape(-1, 3))
+    points = np.vstack(vertices)
+    core = np.clip(points, -inner, inner)
+    away = points - core
+    points = core + radius * away / np.linalg.norm(away, axis=1, keepdims=True)
+    # Points that sides share are one, so that light runs over the edges.
+    unique, number = np.unique(np.round(points, 9), axis=0, return_inverse=True)
+    return Triangles(unique.astype(np.float32), number.reshape(-1)[np.vstack(faces)].astype(np.uint32))
+
+
+def rounded_cylinder(radius: float, half: float) -> Triangles:
+    """A cylinder along z by its radius and half its length [m] with rounded edges, inside it."""
+    edge = bevel(np.array([radius, half]))
+    turn = np.linspace(0.0, 0.5 * np.pi, STEPS + 1)
+    upper = [(radius - edge + edge * float(np.cos(a)), half - edge + edge * float(np.sin(a))) for a in turn]
+    return revolve([(0.0, -half), *((r, -z) for r, z in reversed(upper)), *upper, (0.0, half)], ROUND_SIDES)
+
+
+def bevel(half: Array) -> float:
+    """The radius of the rounded edges of a shape by its half sizes [m]."""
+    length, part = BEVEL
+    return min(length, part * float(half.min()))
+
+
+def box(half: Array) -> Triangles:
     """A box by its half edges (3,) [m]."""
     corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * half
     sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
     faces = [triangle for a, b, c, d in sides for triangle in ((a, b, c), (a, c, d))]
-    return Mesh(corners.astype(np.float32), np.array(faces, dtype=np.uint32))
+    return Triangles(corners.astype(np.float32), np.array(faces, dtype=np.uint32))
 
 
-def revolve(profile: list[tuple[float, float]]) -> Mesh:
+def revolve(profile: list[tuple[float, float]], sides: int = SIDES) -> Triangles:
     """The surface that a profile of (radius, z) [m], from bottom to top, sweeps around z; its ends lie on the axis."""
-    angles = np.linspace(0.0, 2.0 * np.pi, SIDES, endpoint=False)
+    angles = np.linspace(0.0, 2.0 * np.pi, sides, endpoint=False)
     circle = np.stack((np.cos(angles), np.sin(angles)), axis=1)
     inner = profile[1:-1]
-    rings = [np.column_stack((radius * circle, np.full(SIDES, z))) for radius, z in inner]
+    rings = [np.column_stack((radius * circle, np.full(sides, z))) for radius, z in inner]
     vertices = np.vstack(([[0.0, 0.0, profile[0][1]]], *rings, [[0.0, 0.0, profile[-1][1]]]))
     last = len(vertices) - 1
     faces = []
-    for side in range(SIDES):
-        after = (side + 1) % SIDES
+    for side in range(sides):
+        after = (side + 1) % sides
         faces.append((0, 1 + after, 1 + side))
         for ring in range(len(inner) - 1):
-            low, high = 1 + ring * SIDES, 1 + (ring + 1) * SIDES
+            low, high = 1 + ring * sides, 1 + (ring + 1) * sides
             faces += [(low + side, low + after, high + after), (low + side, high + after, high + side)]
-        top = 1 + (len(inner) - 1) * SIDES
+        top = 1 + (len(inner) - 1) * sides
         faces.append((top + side, top + after, last))
-    return Mesh(vertices.astype(np.float32), np.array(faces, dtype=np.uint32))
+    return Triangles(vertices.astype(np.float32), np.array(faces, dtype=np.uint32))
 
 
-def sphere(radius: float) -> Mesh:
+def sphere(radius: float) -> Triangles:
     """A sphere by its radius [m]."""
     return capsule(radius, 0.0)
 
 
-def capsule(radius: float, half: float) -> Mesh:
+def capsule(radius: float, half: float) -> Triangles:
     """A capsule along z by its radius and half the length of its cylinder [m]."""
     rise = np.linspace(0.0, 0.5 * np.pi, RINGS + 1)
     upper = [(radius * float(np.cos(a)), half + radius * float(np.sin(a))) for a in rise[:-1]]
@@ -242,31 +348,38 @@ def capsule(radius: float, half: float) -> Mesh:
     return revolve([(0.0, -half - radius), *lower, *upper, (0.0, half + radius)])
 
 
-def cylinder(radius: float, half: float) -> Mesh:
+def cylinder(radius: float, half: float) -> Triangles:
     """A cylinder along z by its radius and half its length [m]."""
     return revolve([(0.0, -half), (radius, -half), (radius, half), (0.0, half)])
 
 
-def move(mesh: Mesh, place: pin.SE3) -> Mesh:
+def move(mesh: Triangles, place: pin.SE3) -> Triangles:
     """A mesh in other axes, given the pose of its own in them."""
-    return Mesh((mesh.vertices @ place.rotation.T + place.translation).astype(np.float32), mesh.faces)
+    return Triangles((mesh.vertices @ place.rotation.T + place.translation).astype(np.float32), mesh.faces)
 
 
-def read_geom(model: mujoco.MjModel, geom: int) -> Mesh | None:
+def draw_geom(model: mujoco.MjModel, geom: int) -> Piece | None:
+    """One shape as it is drawn: in its colour, boxes and cylinders with rounded edges."""
+    mesh = read_geom(model, geom, rounded=True)
+    smooth = model.geom_type[geom] != mujoco.mjtGeom.mjGEOM_MESH
+    return None if mesh is None else Piece(mesh, to_colour(_rgba(model, geom)), smooth)
+
+
+def read_geom(model: mujoco.MjModel, geom: int, *, rounded: bool = False) -> Triangles | None:
     """One shape in the frame of its body; None for an infinite one, such as a plane."""
     kind, size = int(model.geom_type[geom]), np.array(model.geom_size[geom])
     kinds = mujoco.mjtGeom
     if kind == kinds.mjGEOM_BOX:
-        mesh = box(size)
+        mesh = rounded_box(size) if rounded else box(size)
     elif kind == kinds.mjGEOM_SPHERE:
         mesh = sphere(float(size[0]))
     elif kind == kinds.mjGEOM_CAPSULE:
         mesh = capsule(float(size[0]), float(size[1]))
     elif kind == kinds.mjGEOM_CYLINDER:
-        mesh = cylinder(float(size[0]), float(size[1]))
+        mesh = (rounded_cylinder if rounded else cylinder)(float(size[0]), float(size[1]))
     elif kind == kinds.mjGEOM_ELLIPSOID:
         unit = sphere(1.0)
-        mesh = Mesh((unit.vertices * size).astype(np.float32), unit.faces)
+        mesh = Triangles((unit.vertices * size).astype(np.float32), unit.faces)
     elif kind == kinds.mjGEOM_MESH:
         mesh = read_mesh(model, int(model.geom_dataid[geom]))
     else:
@@ -275,17 +388,17 @@ def read_geom(model: mujoco.MjModel, geom: int) -> Mesh | None:
     return move(mesh, pin.SE3(poses.rotation_from_quat_wxyz([w, x, y, z]), np.array(model.geom_pos[geom])))
 
 
-def read_mesh(model: mujoco.MjModel, mesh: int) -> Mesh:
+def read_mesh(model: mujoco.MjModel, mesh: int) -> Triangles:
     """A mesh of a compiled model: the convex hull that collides, where the file has no faces."""
     vertices = model.mesh_vert[model.mesh_vertadr[mesh] :][: model.mesh_vertnum[mesh]]
     faces = model.mesh_face[model.mesh_faceadr[mesh] :][: model.mesh_facenum[mesh]]
-    return Mesh(np.array(vertices, dtype=np.float32), np.array(faces, dtype=np.uint32))
+    return Triangles(np.array(vertices, dtype=np.float32), np.array(faces, dtype=np.uint32))
 
 
-def merge(meshes: list[Mesh]) -> Mesh | None:
+def merge(meshes: list[Triangles]) -> Triangles | None:
     """Several meshes as one; None for none."""
     if not meshes:
         return None
     starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes[:-1])])
     faces = [mesh.faces + np.uint32(start) for mesh, start in zip(meshes, starts, strict=True)]
-    return Mesh(np.vstack([mesh.vertices for mesh in meshes]), np.vstack(faces))
+    return Triangles(np.vstack([mesh.vertices for mesh in meshes]), np.vstack(faces))

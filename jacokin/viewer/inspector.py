@@ -21,11 +21,11 @@ from jacokin.ik.solver import IKSolver
 from jacokin.model import checks
 from jacokin.model.angles import TURN
 from jacokin.model.poses import FreeAxis
-from jacokin.viewer.view import Free, Places, View
+from jacokin.viewer.view import Free, ShownPlaces, View
 
 if TYPE_CHECKING:
     from jacokin.ik.families.family import Family
-    from jacokin.motion.tracking.tracker import TrackerStep  # loads MuJoCo
+    from jacokin.motion.tracking.steps import TrackerStep  # loads MuJoCo
 
 MEMBERS = 12  # least number of postures drawn of a family
 FREE_JOINT = 2  # of a seven-joint arm, the parameter of its families
@@ -184,6 +184,11 @@ class Inspector:
         moved = self._placed(view, checks.read_only(q))
         return replace(moved, target=self.pose_of(q), note=f"{note}; outside the limits: {over}")
 
+    def underway(self, view: View, q: Array, note: str) -> View:
+        """The same view with the arm at joint values (dof,) on its way to the target."""
+        moved = self._placed(view, checks.read_only(q))
+        return replace(moved, errors=self.errors(q, view.target), note=note)
+
     def pose_of(self, q: Array) -> pin.SE3:
         """T_base_tool at joint values (dof,)."""
         pose = self.robot.forward_kinematics(q, self.solver.frame)
@@ -224,7 +229,7 @@ class Inspector:
             directions[:, 2] *= -1.0
         return np.pad(lengths, (0, 3 - len(lengths))), directions
 
-    def places(self, configurations: Sequence[Array] | Array) -> Places:
+    def places(self, configurations: Sequence[Array] | Array) -> ShownPlaces:
         """Where the base and the part of each joint are, for k configurations (k, dof)."""
         count, parts = len(configurations), self.robot.dof + 1
         table = np.empty((count, parts, 7))
@@ -233,7 +238,7 @@ class Inspector:
             pin.forwardKinematics(model, data, np.ascontiguousarray(q))
             for part, placement in enumerate(data.oMi):
                 table[row, part] = pin.SE3ToXYZQUAT(placement)
-        return Places(table[:, :, :3].astype(np.float32), table[:, :, [6, 3, 4, 5]].astype(np.float32))
+        return ShownPlaces(table[:, :, :3].astype(np.float32), table[:, :, [6, 3, 4, 5]].astype(np.float32))
 
     def _bare(self, target: pin.SE3, seed: Array) -> View:
         """A view without branches, with the arm at a seed."""

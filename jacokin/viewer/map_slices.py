@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.viewer.drawing import Mesh
+from jacokin.viewer.drawing import Triangles
 
 if TYPE_CHECKING:
     from jacokin.reachability import ReachabilityMap
@@ -49,11 +49,11 @@ class MapSlices:
             f"in cells of {1e3 * grid.spacing:g} mm"
         )
 
-    def square(self) -> Mesh:
+    def square(self) -> Triangles:
         """A cell around the origin, visible from above and from below."""
         half = 0.5 * FILLED * self._spacing
         corners = np.array([[-half, -half, 0.0], [half, -half, 0.0], [half, half, 0.0], [-half, half, 0.0]])
-        return Mesh(corners.astype(np.float32), np.array([[0, 1, 2], [0, 2, 3]], dtype=np.uint32))
+        return Triangles(corners.astype(np.float32), np.array([[0, 1, 2], [0, 2, 3]], dtype=np.uint32))
 
     def layer(self, height: float) -> int:
         """The number of the layer whose middle is nearest to a height [m]."""

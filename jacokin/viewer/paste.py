@@ -13,7 +13,7 @@ import pinocchio as pin
 
 from jacokin.arrays import Array
 from jacokin.errors import JacokinError
-from jacokin.ik.options import SolverOptions
+from jacokin.ik.options import SolverOptions, default_collision
 from jacokin.ik.results import Status
 from jacokin.model import poses
 from jacokin.model.loading import FINGER_ANGLE, TIP_OF_BUNDLED
@@ -41,7 +41,8 @@ def python_text(inspector: Inspector, view: View) -> str:
     arguments = [repr(solver.frame)]
     if solver.tool is not None:
         arguments.append(f"tool={_python_pose(solver.tool)}")
-    for name, default in DEFAULTS.items():
+    defaults = {**DEFAULTS, "collision": default_collision(options.scene, options.clearance)}
+    for name, default in defaults.items():
         value = getattr(options, name)
         if value != default and name != "scene":
             arguments.append(f"{name}={value!r}")
@@ -171,6 +172,9 @@ def _robot_options(robot: Robot) -> list[tuple[str, list[str]]]:
         pairs = ", ".join(f"{joint!r}: ({_number(low)}, {_number(high)})" for joint, low, high in source.limits)
         words = [word for joint, low, high in source.limits for word in ("--limit", f"{joint}={low!r},{high!r}")]
         found.append((f"limits={{{pairs}}}", words))
+    if source.calibration is not None and source.calibration.path is not None:
+        path = str(source.calibration.path)
+        found.append((f"calibration={path!r}", ["--calibration", path]))
     if source.package_dirs:
         folders = [str(folder) for folder in source.package_dirs]
         found.append((f"package_dirs={folders}", [word for each in folders for word in ("--package-dir", each)]))

@@ -13,7 +13,7 @@ from jacokin.errors import InvalidInputError
 from jacokin.model import NAMES, checks
 from jacokin.model.robot import Robot
 from jacokin.motion import files
-from jacokin.motion.trajectory import Trajectory, load_trajectory
+from jacokin.motion.trajectory import Trajectory
 
 SPEEDS = (0.1, 4.0)  # least and largest, of the recorded one
 ENDINGS = (".csv", ".npz", ".json", ".kinova.csv")
@@ -30,7 +30,7 @@ class Playback:
         """Read the trajectory, and check it against the robot.
 
         Args:
-            trajectory: a `PathResult`, a `JointMotion`, or a file: .csv and .npz of theirs, .json of ROS, .kinova.csv.
+            trajectory: a `Trajectory`, or a file: .csv and .npz of theirs, .json of ROS, .kinova.csv.
             robot: whose joints it moves. The columns of .kinova.csv have no names; those of .json come in any order,
                 and may have one prefix before all names, such as j2n6s300_.
 
@@ -87,7 +87,7 @@ def _read(path: str | Path, robot: Robot) -> Columns:
         return _read_ros(file, robot)
     if ending == ".kinova.csv":
         return _read_kinova(file, robot)
-    return _columns(load_trajectory(file))
+    return _columns(Trajectory.load(file))
 
 
 def _columns(trajectory: Trajectory) -> Columns:
@@ -95,9 +95,7 @@ def _columns(trajectory: Trajectory) -> Columns:
     try:
         return tuple(trajectory.joint_names), np.array(trajectory.t, dtype=np.float64), trajectory.q
     except (AttributeError, TypeError, ValueError) as error:
-        raise InvalidInputError(
-            f"trajectory must be a PathResult, a JointMotion or a file, got {checks.shown(trajectory)}"
-        ) from error
+        raise InvalidInputError(f"trajectory must be a Trajectory or a file, got {checks.shown(trajectory)}") from error
 
 
 def _read_ros(file: Path, robot: Robot) -> Columns:
@@ -148,7 +146,7 @@ def _seconds(duration: object) -> float:
 
 
 def _read_kinova(file: Path, robot: Robot) -> Columns:
-    """Angles in degrees at 100 Hz, as `PathResult.save` writes them for Kinova's driver."""
+    """Angles in degrees at 100 Hz, as `Trajectory.save` writes them for Kinova's driver."""
     table = files.read_table(file)
     wanted = ["time_s", *(f"joint{number}_deg" for number in range(1, robot.dof + 1))]
     if list(table.head[: len(wanted)]) != wanted or len(table.head) != 2 * robot.dof + 1:

@@ -43,7 +43,7 @@ def serve(
     *,
     frame: str | None = None,
     tool: pin.SE3 | ArrayLike | None = None,
-    collision: str = "ignore",
+    collision: str | None = None,
     scene: Scene | None = None,
     clearance: float = 0.0,
     prefer: str = "nearest",
@@ -63,7 +63,7 @@ def serve(
         robot: a robot, or what `load_robot` takes; None for the j2n6s300.
         frame: frame to bring to the target; None for the robot's default frame.
         tool: T_frame_tool, a constant pose after the frame.
-        collision: contact of the branches: "ignore", "report" or "reject", as for `IKSolver`.
+        collision: contact of the branches: "prefer", "reject", "report", "ignore" or None, as for `IKSolver`.
         scene: obstacles around the arm; they are drawn, and count as self-contact does unless that is ignored.
         clearance: shapes this near to each other count as touching [m].
         prefer: which feasible branch the arm goes to: the one "nearest" to where it is, of the largest limit "margin",
@@ -72,7 +72,7 @@ def serve(
         free_range: least and largest angle about it [rad].
         visuals: draw the visual meshes of the robot's file, if it has any, instead of the shapes that collide.
         reachability: a map to show slices of, or its folder; None for the one of a bundled robot, if there is one.
-        trajectory: to play: a `PathResult`, a `JointMotion`, or a file that one of them saved: .csv, .npz, .json (ROS)
+        trajectory: to play: a `Trajectory`, or a file that it saved: .csv, .npz, .json (ROS)
             or .kinova.csv.
         target: T_base_tool to begin with, as `pin.SE3` or (4, 4); a position (3,) [m] keeps the orientation that the
             tool has at `seed`; None for where the tool is there.
@@ -110,7 +110,14 @@ def serve(
         logger.warning("%s", note)
     playback = None if trajectory is None else Playback(trajectory, robot)
     contents = Contents(
-        setup=Setup(solver.frame, solver.tool, collision, obstacles, obstacles=True, clearance=clearance),
+        setup=Setup(
+            solver.frame,
+            solver.tool,
+            solver.verifier.options.collision,
+            obstacles,
+            obstacles=True,
+            clearance=clearance,
+        ),
         axis=axis,
         span=span,
         shapes=shapes,
@@ -151,7 +158,7 @@ def _slices(robot: Robot, reachability: ReachabilityMap | str | Path | None) -> 
     if isinstance(reachability, ReachabilityMap):
         recipe = reachability.recipe
         if fingerprint(robot, shapes=recipe["collision"] != "ignore") != recipe["robot"]["sha256"]:
-            raise InvalidInputError(f"reachability is a map of another robot than this {robot.name}")
+            raise InvalidInputError(f"reachability is a map of another robot than this {robot.label}")
         return MapSlices(reachability)
     if reachability is not None:
         return MapSlices(load(reachability, robot=robot))

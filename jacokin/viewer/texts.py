@@ -14,6 +14,7 @@ from jacokin.viewer.view import Free, View
 
 GREEN, RED, ORANGE, GREY = "#237032", "#c92a2a", "#a34700", "#495057"  # each readable on white
 REACHED = 1e-5  # [m] and [rad] an error below this cannot be seen
+LIST = "max-height:14em;overflow-y:auto"  # of branches: eight are seen, the members of a family are scrolled
 RIGHT = "text-align:right;white-space:nowrap"
 COLOUR = {Status.OK: GREEN, Status.IN_COLLISION: ORANGE}
 
@@ -47,10 +48,20 @@ def advice(view: View) -> str:
     if view.pending:
         return f"{view.status.value}. Looking for the closest configuration."
     position, angle = view.errors
+    if max(view.errors) < REACHED:
+        return f"{view.status.value}."
     return (
         f"{view.status.value}. The arm shows the closest configuration found: {1e3 * position:.1f} mm and "
         f"{math.degrees(angle):.1f} deg from the target."
     )
+
+
+def datasheet(inspector: Inspector, view: View) -> str:
+    """How far the arm as its description has it puts the tool from where the calibrated one has it."""
+    solver = inspector.solver
+    described = inspector.robot.described.forward_kinematics(view.q, solver.frame)
+    position, angle = inspector.errors(view.q, described if solver.tool is None else described * solver.tool)
+    return f"The datasheet has the tool {1e3 * position:.1f} mm and {math.degrees(angle):.2f} deg away."
 
 
 def reason(inspector: Inspector, view: View, branch: int) -> str:
@@ -59,7 +70,7 @@ def reason(inspector: Inspector, view: View, branch: int) -> str:
     if over:
         return f"outside: {_joints(inspector, over)}"
     if view.touching is not None and view.touching[branch]:
-        return f"touches: {_pairs(view.touching[branch])}"
+        return f"touches: {_pairs(view.touching[branch], most=1)}"
     margins = view.margins[branch]
     joint = int(np.argmin(margins))
     if math.isinf(margins[joint]):
@@ -72,16 +83,16 @@ def status_html(inspector: Inspector, view: View, *, degrees: bool = False) -> s
     colour = COLOUR.get(view.status, RED)
     lines = [f'<div style="color:{colour};font-weight:600">{html.escape(headline(inspector, view))}</div>']
     if words := advice(view):
-        lines.append(f"<div>{html.escape(words)}</div>")
+        lines.append(f"<div>{html.escape(words[:1].upper() + words[1:])}</div>")
     if len(view.branches):
-        lines.append('<table style="border-spacing:4px 0">')
+        lines.append(f'<div style="{LIST}" tabindex="0"><table style="border-spacing:4px 0">')
         feasible = view.feasible
         for branch in range(len(view.branches)):
             shade = GREEN if feasible[branch] else (ORANGE if view.within[branch] else RED)
             mark = "&#9654;" if branch == view.selected else ""
             words = html.escape(reason(inspector, view, branch))
             lines.append(f'<tr><td>{mark}</td><td>{branch + 1}</td><td style="color:{shade}">{words}</td></tr>')
-        lines.append("</table>")
+        lines.append("</table></div>")
     if view.free is not None:
         lines.append(intervals_html(view.free))
     lines.append(bars_html(inspector, view.q, degrees=degrees))
@@ -137,7 +148,7 @@ def intervals_html(free: Free) -> str:
                     f'background:{GREEN};opacity:0.6"></div>'
                 )
     mark = share(wrap(free.value))
-    said = "; ".join(words) if words else "none"
+    said = "; ".join(dict.fromkeys(words)) if words else "none"  # branches may share an interval, but for rounding
     return (
         f"<div>{html.escape(free.name.capitalize())} within the limits [deg]: {said}</div>"
         '<div style="background:#dee2e6;height:8px;position:relative">'
@@ -173,5 +184,6 @@ def _joints(inspector: Inspector, over: list[tuple[str, float]]) -> str:
     return ", ".join(f"{name} by {_amount(inspector, robot.joint_index(name), value)}" for name, value in over)
 
 
-def _pairs(pairs: tuple[tuple[str, str], ...]) -> str:
-    return ", ".join(f"{a} and {b}" for a, b in pairs[:3]) + (f" and {len(pairs) - 3} more" if len(pairs) > 3 else "")
+def _pairs(pairs: tuple[tuple[str, str], ...], most: int = 3) -> str:
+    more = f", {len(pairs) - most} more" if len(pairs) > most else ""
+    return ", ".join(f"{a} and {b}" for a, b in pairs[:most]) + more

@@ -13,7 +13,7 @@ from jacokin.arrays import Array
 from jacokin.ik.results import Status
 
 
-class Places(NamedTuple):
+class ShownPlaces(NamedTuple):
     """Where the parts of k arms are, in the base frame."""
 
     positions: NDArray[np.float32]

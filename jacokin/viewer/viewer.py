@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import threading
 import time
 from dataclasses import replace
@@ -15,21 +16,36 @@ from numpy.typing import ArrayLike
 from jacokin.arrays import Array
 from jacokin.errors import JacokinError
 from jacokin.ik.solver import IKSolver
-from jacokin.model import poses
-from jacokin.motion.tracking.tracker import Tracker, TrackerStep
+from jacokin.model import checks, poses
+from jacokin.model.descriptions.bundled import robot_table
+from jacokin.model.loading import load_robot
+from jacokin.model.scene import Scene
+from jacokin.motion.free_motion.plan_motion import plan_motion
+from jacokin.motion.tracking.steps import TrackerStep
+from jacokin.motion.tracking.tracker import Tracker
+from jacokin.motion.trajectory import MotionStatus, Trajectory
 from jacokin.viewer import paste
 from jacokin.viewer.contents import Contents
-from jacokin.viewer.drawing import ArmPart
+from jacokin.viewer.drawing import ArmPart, load_parts
 from jacokin.viewer.inspector import Inspector
+from jacokin.viewer.playback import Playback
+from jacokin.viewer.texts import REACHED
 from jacokin.viewer.view import View
 
 if TYPE_CHECKING:
     import viser
 
+    from jacokin.teleop import Controller, TeleopStep
+    from jacokin.viewer.browser.hand import HandControls
+
 AIMED = {"target", "shown", "typed", "axis", "range", "prefer"}  # what changes the target
+BUILT = {"add", "clicked", "pick", "shape", "moved", "remove"}  # what changes the obstacles
 PERIOD = 0.02  # [s] from one picture to the next of what moves by itself
 TICK = 0.01  # [s] of the tracker: 100 Hz, as the real arm takes joint angles
+FINGER_STEP = 0.1  # [rad] from one drawn opening of the hand to the next
 LONGEST_LAG = 0.1  # [s] of ticks that are caught up with; after a longer pause the tracker goes on from where it is
+
+SEARCH = 1.0  # [s] for a way around what is between start and goal
 
 logger = logging.getLogger(__name__)
 
@@ -49,8 +65,16 @@ class Viewer:
         self._contents = contents
         self._setup = contents.setup
         self._following: Following | None = None
+        self._going: Going | None = None
+        self._led: tuple[TeleopStep, float | None] | None = None
+        self._led_drawn = 0.0
+        self._hand: HandControls | None = None
+        self._hands: dict[int, tuple[ArmPart, ...]] = {}
+        self._opening: int | None = None
+        self._motion: Trajectory | None = None
+        self._start = start.q  # of the next motion
         self._goal = self._asked = start.target
-        self._server, self._url = server.start(host, port, inspector.robot.name)
+        self._server, self._url = server.start(host, port, inspector.robot.label)
         self._stage = Stage(self._server, inspector, self._parts(contents.dressed), contents)
         self._panel = Panel(self._server, inspector, self._inbox.post, contents)
         self._player = self._panel.player
@@ -71,6 +95,16 @@ class Viewer:
         return self._view
 
     @property
+    def motion(self) -> Trajectory | None:
+        """What "Go" planned last: a motion, or why there is none; None before."""
+        return self._motion
+
+    @property
+    def scene(self) -> Scene | None:
+        """The obstacles: those that were given, and those that pages have added; None for none."""
+        return self._setup.scene
+
+    @property
     def server(self) -> viser.ViserServer:
         """Viser's server, to add to the scene or to take pictures of it."""
         return self._server
@@ -84,6 +118,41 @@ class Viewer:
         self._asked = poses.checked_pose(target)
         self._inbox.post("shown")
 
+    def add_controller(self) -> Controller:
+        """Let pages lead an arm by keys and a gamepad: a device for `jacokin.teleop.lead`.
+
+        The page gets a folder "Hand". What leads is the page in front, and none while no page is. A second call gives
+        a controller of its own, and the one before hears nothing more.
+        """
+        from jacokin.teleop import Controller
+        from jacokin.viewer.browser.hand import HandControls
+
+        controller = Controller()
+        if self._hand is not None:
+            self._hand.remove()
+        self._hand = HandControls(self._server, controller)
+        return controller
+
+    def follow(self, step: TeleopStep, *, finger_angle: float | None = None) -> None:
+        """Show the arm where a tick of teleoperation brought it; every tick may be given, some are drawn.
+
+        Args:
+            step: of a `Teleop` with this robot and frame.
+            finger_angle: of the fingers, drawn in steps of 0.1 rad for a bundled robot [rad]; None for as they are.
+
+        Raises:
+            InvalidInputError: not a step.
+        """
+        from jacokin.teleop import TeleopStep
+
+        checks.instance("step", step, TeleopStep, "a TeleopStep")
+        angle = None if finger_angle is None else checks.number("finger_angle", finger_angle, "rad")
+        self._led = step, angle
+        now = time.monotonic()
+        if now - self._led_drawn >= PERIOD or not step.v.any():
+            self._led_drawn = now
+            self._inbox.post("led")
+
     def wait(self, timeout: float | None = None) -> bool:
         """Wait until the viewer is closed, or so long [s]; returns whether it is."""
         return self._done.wait(timeout)
@@ -96,6 +165,10 @@ class Viewer:
         self._thread.join()
         self._server.stop()
         self._done.set()
+
+    def __repr__(self) -> str:
+        """The address of the page."""
+        return f"Viewer({self._url})"
 
     def __enter__(self) -> Self:
         """The viewer itself."""
@@ -142,13 +215,17 @@ class Viewer:
         for kinds, answer in (
             ({"python", "command"}, self._copy),
             ({"slice"}, self._slice),
-            ({"ghosts", "ellipsoid", "visuals", "degrees"}, self._draw),
+            ({"ghosts", "ellipsoid", "datasheet", "visuals", "degrees"}, self._draw),
+            (BUILT, self._build),
             ({"setup"}, self._change_setup),
             ({"track"}, self._track),
             ({"play", "time", "speed"}, self._play),
             ({"joints"}, self._pose_joints),
             ({"branch", "next", "previous"}, self._choose),
             (AIMED | {"angle"}, self._aim),
+            ({"start"}, self._start_here),
+            ({"go"}, self._go),
+            ({"led"}, self._follow),
         ):
             if names.keys() & kinds:
                 try:
@@ -172,6 +249,7 @@ class Viewer:
             self._stage.arm.dress(self._parts(self._panel.visuals))
         if "degrees" in names:
             self._panel.change_unit()
+        self._stage.datasheet = self._panel.datasheet
         self._show(self._view, move_gizmo=False)
 
     def _pose_joints(self, names: dict[str, int]) -> None:
@@ -231,6 +309,18 @@ class Viewer:
             self._show(self._inspector.posture(self._view.q))
         self._aim({})
 
+    def _build(self, names: dict[str, int]) -> None:
+        """Add, move or remove an obstacle, and look where the target is now."""
+        scene = self._panel.building.change(names)
+        wanted = replace(self._setup, scene=scene)
+        solver = wanted.solver(self._inspector.robot)
+        self._stop()
+        self._inspector.solver, self._setup = solver, wanted
+        self._panel.solving.show(wanted)
+        self._stage.draw_obstacles(scene)
+        self._stage.show_obstacles(wanted.obstacles)
+        self._aim({})
+
     def _track(self, names: dict[str, int]) -> None:
         """Begin or end following the gizmo."""
         wanted = self._panel.track
@@ -250,7 +340,7 @@ class Viewer:
         player = self._player
         if player is None:
             return
-        if self._following is not None:
+        if self._following is not None or self._going is not None:
             self._stop()
         if "speed" in names:
             player.playback.set_speed(player.speed)
@@ -260,16 +350,82 @@ class Viewer:
             player.playback.toggle()
         self._move(0.0)
 
+    def _start_here(self, names: dict[str, int]) -> None:
+        """Let the next motion begin where the arm is shown."""
+        self._stop()
+        self._start = self._view.q
+        self._show(self._view, move_gizmo=False)
+
+    def _go(self, names: dict[str, int]) -> None:
+        """Begin a motion from the start to what is shown; or stop the one underway, and stand there."""
+        if names["go"] % 2 == 0:
+            return
+        if self._going is not None:
+            note = f"Stopped at {self._going.said}; choose a branch or move the target to go on"
+            self._stop()
+            self._show(replace(self._view, note=note), move_gizmo=False)
+            return
+        self._stop()
+        inspector = self._inspector
+        goal = inspector.closest(self._view) if self._view.pending else self._view
+        self._panel.show_going(True)
+        self._show(replace(goal, note="Looking for a way"), move_gizmo=False)
+        try:
+            planner = self._setup.planner(inspector.solver)
+            self._motion = motion = plan_motion(planner, self._start, goal.q, time_limit=SEARCH)
+            stopped = self._inbox.drop("go")  # the same button, meanwhile
+            if motion.success and not stopped:
+                self._going = Going(motion, goal, inspector)
+        finally:
+            self._view = goal
+            self._panel.show_going(self._going is not None)
+        if stopped:
+            self._show(replace(goal, note="Stopped before a way was found"), move_gizmo=False)
+        elif not motion.success:
+            note = f"No motion: {motion.message}. {MotionStatus[motion.outcome].value}"
+            self._show(replace(goal, note=note), move_gizmo=False)
+
+    def _follow(self, names: dict[str, int]) -> None:
+        """Show the last tick of a hand that leads."""
+        if self._led is None:
+            return
+        (step, angle), inspector = self._led, self._inspector
+        self._stop()
+        if angle is not None:
+            self._open_hand(angle)
+        target = inspector.pose_of(step.q) if step.target is None else step.target
+        self._arrive(replace(inspector.followed(target, step.tracking), note=str(step)))
+        if self._hand is not None:
+            self._hand.show(step)
+
+    def _open_hand(self, angle: float) -> None:
+        """Draw the fingers at about an angle [rad]; those of a file of one's own, or measured, stay."""
+        source, opening = self._inspector.robot.source, round(angle / FINGER_STEP)
+        if source.bundled is None or source.calibration is not None:
+            return
+        if opening == self._opening or self._panel.visuals:
+            return
+        if opening not in self._hands:
+            fingers = robot_table()["finger"]
+            drawn = min(max(opening * FINGER_STEP, fingers["lower"]), fingers["upper"])
+            self._hands[opening], _ = load_parts(load_robot(source.bundled, finger_angle=drawn))
+        self._opening = opening
+        self._stage.arm.dress(self._hands[opening])
+
     @property
     def _moving(self) -> bool:
         """Whether the arm moves by itself."""
-        return self._following is not None or (self._player is not None and self._player.playback.playing)
+        playing = self._player is not None and self._player.playback.playing
+        return self._following is not None or self._going is not None or playing
 
     def _stop(self) -> None:
         """Let nothing move by itself any more."""
         if self._following is not None:
             self._following = None
             self._panel.stop_tracking()
+        if self._going is not None:
+            self._going = None
+            self._panel.show_going(False)
         if self._player is not None and self._player.playback.playing:
             self._player.playback.toggle()
             self._player.show()
@@ -279,12 +435,22 @@ class Viewer:
         if self._following is not None:
             step = self._following.advance(self._goal, elapsed)
             if step is not None:
-                self._show(self._inspector.followed(self._goal, step), move_gizmo=False)
+                self._arrive(self._inspector.followed(self._goal, step), move_gizmo=False)
+        elif self._going is not None:
+            view, over = self._going.advance()
+            if over:
+                self._stop()
+            self._arrive(view, move_gizmo=False)
         elif self._player is not None:
             playback = self._player.playback
             q = playback.advance(elapsed)
-            self._show(self._inspector.played(q, f"Trajectory at {playback.time:.2f} of {playback.duration:.2f} s"))
+            self._arrive(self._inspector.played(q, f"Trajectory at {playback.time:.2f} of {playback.duration:.2f} s"))
             self._player.show()
+
+    def _arrive(self, view: View, *, move_gizmo: bool = True) -> None:
+        """Show a view to which the arm moved by itself: motions begin there."""
+        self._start = view.q
+        self._show(view, move_gizmo=move_gizmo)
 
     def _parts(self, visuals: bool) -> tuple[ArmPart, ...]:
         """What the arm is drawn by: its visual meshes, if they are wanted and there are any."""
@@ -300,6 +466,8 @@ class Viewer:
         # A gizmo that somebody moved meanwhile stays where it is: that target is the next one.
         move_gizmo = move_gizmo and not self._inbox.waits("target")
         self._stage.show(view, ghosts=self._panel.ghosts, ellipsoid=self._panel.ellipsoid, move_gizmo=move_gizmo)
+        away = not np.array_equal(self._start, view.q)
+        self._stage.mark_start(self._start, visible=away and self._panel.ghosts)
         self._panel.show(view)
         self._view = view
 
@@ -340,6 +508,11 @@ class Inbox:
         with self._changed:
             return name in self._counts
 
+    def drop(self, name: str) -> bool:
+        """Forget a name; returns whether it waited."""
+        with self._changed:
+            return self._counts.pop(name, 0) > 0
+
     def close(self) -> None:
         """Let `take` return None from now on."""
         with self._changed:
@@ -369,3 +542,35 @@ class Following:
             step = self._tracker.step(target)
             self._owed -= TICK
         return step
+
+
+class Going:
+    """A planned motion that is played once, at its own speed on the clock, and ends at what was shown."""
+
+    def __init__(self, motion: Trajectory, goal: View, inspector: Inspector) -> None:
+        """Begin now.
+
+        Args:
+            motion: ends at the arm of `goal`, whole turns of joints without limits aside.
+            goal: the view to come to.
+            inspector: of the robot.
+        """
+        self._motion, self._goal, self._inspector = motion, goal, inspector
+        self._playback = Playback(motion, inspector.robot)
+        self._began = time.monotonic()
+
+    @property
+    def said(self) -> str:
+        """How far it is, in words."""
+        return f"{self._playback.time:.2f} of {self._playback.duration:.2f} s"
+
+    def advance(self) -> tuple[View, bool]:
+        """The view of now, and whether the motion is over."""
+        playback, goal = self._playback, self._goal
+        playback.scrub(time.monotonic() - self._began)
+        if playback.time < playback.duration:
+            return self._inspector.underway(goal, playback.at(playback.time), f"Moving, {self.said}"), False
+        far = max(goal.errors) > REACHED
+        rest = f"; {1e3 * goal.errors[0]:.1f} mm and {math.degrees(goal.errors[1]):.1f} deg from the target"
+        q = checks.read_only(self._motion.q[-1])
+        return replace(goal, q=q, note=f"Arrived: {self._motion.message}{rest if far else ''}"), True

@@ -23,7 +23,7 @@ from jacokin.arrays import Array
 from jacokin.model import poses
 from jacokin.viewer import Viewer
 from jacokin.viewer.drawing import ArmPart
-from jacokin.viewer.view import Places
+from jacokin.viewer.view import ShownPlaces
 from tests.viewer.page import until
 
 Mask = NDArray[np.bool_]
@@ -171,6 +171,10 @@ def showing(viewer: Viewer, folder: Path) -> Iterator[Tab]:
     with browsing(viewer.url, folder) as tab:
         assert until(lambda: set(viewer.server.get_clients()) - known, STARTING), "the page did not connect"
         assert until(lambda: tab.value("document.querySelectorAll('[role=slider]').length"), STARTING), "no panel"
+        (client,) = (page for number, page in viewer.server.get_clients().items() if number not in known)
+        # A page first says where it looks by itself, then where it was told to.
+        told = viewer.server.initial_camera.position
+        assert until(lambda: np.allclose(client.camera.position, told), STARTING), "the camera is not in its place"
         yield tab
 
 
@@ -203,7 +207,7 @@ def pixels(points: Array, axes: Array, eye: Array, fov: float, width: int, heigh
     return np.column_stack((0.5 * width, 0.5 * height)) + scale * seen[:, :2] / seen[:, 2:]
 
 
-def silhouette(parts: tuple[ArmPart, ...], places: Places, arm: int, first: int = 0) -> Mask:
+def silhouette(parts: tuple[ArmPart, ...], places: ShownPlaces, arm: int, first: int = 0) -> Mask:
     """The pixels that one of the placed arms covers, from part `first` on."""
     picture = Image.new("1", (WIDTH, HEIGHT))
     draw = ImageDraw.Draw(picture)

@@ -167,10 +167,13 @@ class Page:
 
     @property
     def ghosts(self) -> int:
-        """How many ghosts the scene draws, the same of every part; -1 while a part is still to come."""
-        nodes = [node for name, node in list(self.screen.nodes.items()) if name.startswith("/ghosts/")]
-        counts = {len(node.positions) for node in nodes}
-        return counts.pop() if len(counts) == 1 else -1
+        """How many ghosts the scene draws of the part of which it draws most: not those where the arm itself is."""
+        drawn: dict[str, int] = {}
+        for name, node in list(self.screen.nodes.items()):
+            if name.startswith(("/ghosts/", "/wires/")):
+                part = name.rpartition("/")[2]
+                drawn[part] = drawn.get(part, 0) + len(node.positions)
+        return max(drawn.values(), default=0)
 
     def _read(self) -> None:
         with contextlib.suppress(ConnectionClosed):

@@ -23,7 +23,7 @@ from jacokin.viewer.drawing import ArmPart, load_parts, load_visuals
 from tests.viewer.page import Page, opened, until
 
 
-def volume(mesh: drawing.Mesh) -> float:
+def volume(mesh: drawing.Triangles) -> float:
     """By the divergence theorem: positive when the faces look outward [m^3]."""
     corners = mesh.vertices[mesh.faces].astype(np.float64)
     return float(np.einsum("fi,fi->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6.0)
@@ -36,12 +36,41 @@ def volume(mesh: drawing.Mesh) -> float:
         (drawing.sphere(0.1), 4 / 3 * np.pi * 1e-3),
         (drawing.cylinder(0.1, 0.2), np.pi * 0.01 * 0.4),
         (drawing.capsule(0.1, 0.2), np.pi * 0.01 * 0.4 + 4 / 3 * np.pi * 1e-3),
+        (drawing.rounded_box(np.array([0.1, 0.2, 0.3])), 8 * 0.006),
+        (drawing.rounded_box(np.array([0.1, 0.002, 0.3])), 8 * 0.00006),
+        (drawing.rounded_cylinder(0.1, 0.2), np.pi * 0.01 * 0.4),
     ],
 )
-def test_a_primitive_is_closed_and_has_its_volume(mesh: drawing.Mesh, wanted: float) -> None:
+def test_a_primitive_is_closed_and_has_its_volume(mesh: drawing.Triangles, wanted: float) -> None:
     assert volume(mesh) == pytest.approx(wanted, rel=0.04)
     edges = np.sort(np.vstack([mesh.faces[:, [a, b]] for a, b in ((0, 1), (1, 2), (2, 0))]), axis=1)
     assert (np.unique(edges, axis=0, return_counts=True)[1] == 2).all()
+
+
+def test_rounded_edges_stay_inside_and_round() -> None:
+    half = np.array([0.04, 0.2, 0.018])
+    mesh = drawing.rounded_box(half)
+    assert (np.abs(mesh.vertices) <= half + 1e-7).all()
+    assert np.abs(mesh.vertices).max(axis=0) == pytest.approx(half, abs=1e-7)
+    radius = drawing.bevel(half)
+    corner = np.abs(mesh.vertices) - (half - radius)
+    assert np.linalg.norm(np.maximum(corner, 0.0), axis=1) == pytest.approx(radius, abs=1e-7)
+    turned = drawing.rounded_cylinder(0.05, 0.011)
+    assert np.linalg.norm(turned.vertices[:, :2], axis=1).max() == pytest.approx(0.05, abs=1e-7)
+    assert np.abs(turned.vertices[:, 2]).max() == pytest.approx(0.011, abs=1e-7)
+
+
+def test_the_arm_has_the_colours_of_its_description(robot: Robot, tmp_path: Path) -> None:
+    dark, light = (26, 26, 26), (178, 178, 178)  # 0.1 and 0.7, as the URDF and the MJCF have them
+    base, *moved = load_parts(robot)[0]
+    assert {piece.colour for piece in base.pieces} == {dark}
+    assert all({piece.colour for piece in part.pieces} == {dark, light} for part in moved)
+    text = (urdf_folder() / "j2n6s300.urdf").read_text(encoding="utf-8")
+    path = tmp_path / "own.urdf"
+    path.write_text(text.replace("0.7 0.7 0.7 1.0", "1 0 0 1"), encoding="utf-8")
+    drawn = load_visuals(jacokin.load_robot(path))
+    assert drawn is not None
+    assert {piece.colour for piece in drawn[1].pieces} == {dark, (255, 0, 0)}
 
 
 def cloud(robot: Robot, parts: tuple[ArmPart, ...], q: Array) -> Array:
@@ -213,7 +242,8 @@ def test_a_missing_mesh_is_named_and_the_shapes_are_drawn(meshed: Path, caplog: 
         assert "shapes that collide are drawn instead of the visual meshes" in caplog.text
         with opened(viewer) as page:
             assert page.control("Visual meshes").props["disabled"]
-            assert len(page.names("/arm/")) == sum(part.mesh is not None for part in load_parts(robot)[0]) == 7
+            assert {name for name in page.names("/arm/") if "/" not in name} == set("0123456")
+            assert all(part.mesh is not None for part in load_parts(robot)[0])
     (meshed.parent / "cone.dae").write_text("not a mesh", encoding="utf-8")
     with pytest.raises(ModelError, match=r"cone\.dae cannot be read"):
         load_visuals(robot)
@@ -236,16 +266,19 @@ def test_the_switch_changes_what_is_drawn_and_leaves_no_messages_behind(meshed: 
 
     def drawn(page: Page, parts: tuple[ArmPart, ...]) -> bool:
         """Whether the page draws just these, where forward kinematics has them."""
-        wanted = {f"{index}": part.mesh for index, part in enumerate(parts) if part.mesh is not None}
-        if page.names("/arm/") != set(wanted):
+        wanted = {
+            f"{index}/{number}": piece.mesh
+            for index, part in enumerate(parts)
+            for number, piece in enumerate(part.pieces)
+        }
+        frames = {name.partition("/")[0] for name in wanted}
+        if page.names("/arm/") != frames | set(wanted):
             return False
-        found = {name: page.node(f"/arm/{name}") for name in wanted}
         at = Inspector(IKSolver(robot)).places([viewer.view.q]).positions[0]
         return all(
-            np.array_equal(node.props["vertices"], wanted[name].vertices.ravel())
-            and np.allclose(node.position, at[int(name)])
-            for name, node in found.items()
-        )
+            np.array_equal(page.node(f"/arm/{name}").props["vertices"], mesh.vertices.ravel())
+            for name, mesh in wanted.items()
+        ) and all(np.allclose(page.node(f"/arm/{name}").position, at[int(name)]) for name in frames)
 
     with serve(robot, port=0) as viewer, opened(viewer) as page:
         assert drawn(page, load_parts(robot)[0])
@@ -259,4 +292,4 @@ def test_the_switch_changes_what_is_drawn_and_leaves_no_messages_behind(meshed: 
         assert backlogs[-1] <= backlogs[0]
     with serve(robot, visuals=True, port=0) as viewer, opened(viewer) as page:
         assert drawn(page, visuals)
-        assert len(page.names("/arm/")) == 4  # base, link 2, link 4, finger
+        assert page.names("/arm/") == {f"{part}{piece}" for part in (0, 2, 4, 6) for piece in ("", "/0")}

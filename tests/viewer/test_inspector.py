@@ -12,7 +12,7 @@ import jacokin
 from jacokin import IKSolver, Robot, Status
 from jacokin.arrays import Array
 from jacokin.errors import UnknownNameError
-from jacokin.ik.closed_form import Branches, ClosedForm
+from jacokin.ik.closed_form import Branches, ClosedForm, Look
 from jacokin.viewer import Inspector, View, texts
 
 TURNS = (-2 * np.pi, 0.0, 2 * np.pi)
@@ -21,7 +21,7 @@ FAR = jacokin.pose([2.0, 0.0, 0.3], down=True)
 
 @pytest.fixture(scope="module")
 def inspector(bundled: Callable[[str], Robot]) -> Inspector:
-    return Inspector(IKSolver(bundled("j2n6s300")))
+    return Inspector(IKSolver(bundled("j2n6s300"), collision="ignore"))
 
 
 def reaches(inspector: Inspector, view: View) -> bool:
@@ -55,7 +55,7 @@ def test_the_arm_is_at_the_nearest_feasible_branch(inspector: Inspector, rng: np
 
 @pytest.mark.parametrize("prefer", ["margin", "manipulability"])
 def test_another_branch_may_be_preferred(robot: Robot, rng: np.random.Generator, prefer: str) -> None:
-    inspector = Inspector(IKSolver(robot), prefer=prefer)
+    inspector = Inspector(IKSolver(robot, collision="ignore"), prefer=prefer)
     different = 0
     for _ in range(20):
         view = inspector.at(robot.forward_kinematics(robot.sample(rng)), robot.home)
@@ -136,8 +136,8 @@ def test_the_status_is_the_solvers_also_where_branches_are_missing(
     """A table of the closed form that was full does not prove that no branch is missing: it is looked for otherwise."""
     solve_all = ClosedForm.solve_all
 
-    def cut(form: ClosedForm, T: Array, seed: Array) -> Branches:
-        table = solve_all(form, T, seed)
+    def cut(form: ClosedForm, T: Array, seed: Array, look: Look | None = None) -> Branches:
+        table = solve_all(form, T, seed, look)
         kept = ~table.within_limits if branches == "outside" else np.zeros(len(table), dtype=bool)
         return Branches(table.rows[kept].copy(), dropped)
 

@@ -60,10 +60,10 @@ CASES = {
         command=("--limit joint_2=1.0,5.0", "--finger-angle 0.7"),
     ),
     "scene": Case(
-        solver={"scene": TABLE, "collision": "reject", "clearance": 0.005},
+        solver={"scene": TABLE, "collision": "report", "clearance": 0.005},
         prefer="margin",
-        python=("Box('table'", "collision='reject'", "clearance=0.005", "prefer='margin'", "finger_angle=0.6"),
-        command=("--scene", "--collision reject", "--clearance 0.005", "--prefer margin"),
+        python=("Box('table'", "collision='report'", "clearance=0.005", "prefer='margin'", "finger_angle=0.6"),
+        command=("--scene", "--collision report", "--clearance 0.005", "--prefer margin"),
     ),
     "tolerances": Case(
         solver={"position_tolerance": 1e-5, "qp_solver": "quadprog", "collision": "report"},

@@ -13,7 +13,7 @@ import jacokin
 from jacokin import Robot
 from jacokin.errors import InvalidInputError
 from jacokin.motion import track_path
-from jacokin.motion.trajectory import PathResult
+from jacokin.motion.trajectory import Trajectory
 from jacokin.viewer.playback import Playback
 from tests.viewer.trajectories import recorded
 
@@ -54,7 +54,7 @@ def test_scrubbing_stays_in_the_trajectory(playback: Playback, asked: float, giv
 
 
 JOINTS = tuple(f"joint_{number}" for number in range(1, 7))
-NONE = "trajectory must be a PathResult, a JointMotion or a file"
+NONE = "trajectory must be a Trajectory or a file"
 ROWS = "trajectory must have rows at finite times that increase"
 
 
@@ -114,14 +114,14 @@ def test_a_file_that_is_none_is_named(robot: Robot, tmp_path: Path, name: str) -
 
 
 @pytest.fixture
-def followed(robot: Robot) -> PathResult:
+def followed(robot: Robot) -> Trajectory:
     start = robot.forward_kinematics(robot.home)
     end = jacokin.pose(start.translation + np.array([0.0, 0.0, 0.01]), rotation=start.rotation)
     return track_path(robot, [start, end], start=robot.home)
 
 
 def test_ros_trajectories_are_loaded_with_joints_in_any_order(
-    robot: Robot, followed: PathResult, tmp_path: Path
+    robot: Robot, followed: Trajectory, tmp_path: Path
 ) -> None:
     file = tmp_path / "path.json"
     followed.save(file)
@@ -144,7 +144,7 @@ def test_ros_trajectories_are_loaded_with_joints_in_any_order(
 
 @pytest.mark.parametrize("prefix", ["j2n6s300_", "left/", "joint_1"])
 def test_ros_trajectories_may_have_a_prefix_before_every_joint(
-    robot: Robot, followed: PathResult, tmp_path: Path, prefix: str
+    robot: Robot, followed: Trajectory, tmp_path: Path, prefix: str
 ) -> None:
     file = tmp_path / "path.json"
     followed.save(file, ros=1, joint_prefix=prefix)
@@ -160,7 +160,7 @@ def test_ros_trajectories_may_have_a_prefix_before_every_joint(
     ],
 )
 def test_ros_trajectories_of_other_joints_are_refused(
-    robot: Robot, followed: PathResult, tmp_path: Path, before: str, after: str, message: str
+    robot: Robot, followed: Trajectory, tmp_path: Path, before: str, after: str, message: str
 ) -> None:
     file = tmp_path / "path.json"
     followed.save(file, joint_prefix="j2n6s300_")
@@ -169,7 +169,7 @@ def test_ros_trajectories_of_other_joints_are_refused(
         Playback(file, robot)
 
 
-def test_files_for_kinovas_driver_are_loaded(robot: Robot, followed: PathResult, tmp_path: Path) -> None:
+def test_files_for_kinovas_driver_are_loaded(robot: Robot, followed: Trajectory, tmp_path: Path) -> None:
     followed.save(tmp_path / "path.kinova.csv")
     loaded = Playback(tmp_path / "path.kinova.csv", robot)
     assert np.allclose(loaded.q[[0, -1]], followed.q[[0, -1]], atol=1e-12)
@@ -219,7 +219,7 @@ def test_what_is_not_a_file_for_kinovas_driver_is_refused(robot: Robot, tmp_path
         Playback(tmp_path / "bad.kinova.csv", robot)
 
 
-def test_a_cell_that_is_not_a_number_is_named(robot: Robot, followed: PathResult, tmp_path: Path) -> None:
+def test_a_cell_that_is_not_a_number_is_named(robot: Robot, followed: Trajectory, tmp_path: Path) -> None:
     file = tmp_path / "path.kinova.csv"
     followed.save(file)
     lines = file.read_text(encoding="utf-8").splitlines()

@@ -38,7 +38,7 @@ def test_without_viser_the_extra_is_named(robot: Robot, monkeypatch: pytest.Monk
         ({"trajectory": 5}, "trajectory"),
         ({"tool": [1.0, 2.0]}, "tool"),
         ({"scene": [1]}, "scene"),
-        ({"clearance": 0.1}, "clearance has no effect"),
+        ({"clearance": 0.1, "collision": "ignore"}, "clearance has no effect"),
     ],
 )
 def test_a_wrong_option_is_named(robot: Robot, options: dict[str, Any], message: str) -> None:  # Any: as users may

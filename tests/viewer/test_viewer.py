@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from websockets.exceptions import ConnectionClosed
 
@@ -19,6 +20,7 @@ from jacokin import IKSolver, Robot, Status
 from jacokin.errors import InvalidInputError
 from jacokin.ik import Box, Floor, Scene
 from jacokin.viewer import Inspector, Viewer, serve
+from tests.model.measured_arms import perturbed
 from tests.viewer.page import Page, opened, port_of, repeat, until
 from tests.viewer.trajectories import recorded
 
@@ -52,9 +54,26 @@ def comes_to(viewer: Viewer, page: Page, position: tuple[float, float, float]) -
 
 
 def test_one_node_for_each_part_however_many_branches(viewer: Viewer, page: Page) -> None:
-    assert page.names("/arm/") == {str(part) for part in range(7)}
-    assert page.names("/ghosts/") == {str(part) for part in range(1, 7)}
+    assert {name for name in page.names("/arm/") if "/" not in name} == {str(part) for part in range(7)}
+    assert page.names("/ghosts/") == {str(part) for part in range(1, 6)}  # the hand is where the arm's own is
     assert page.ghosts == len(viewer.view.branches) - 1 == 7
+
+
+def test_branches_that_are_not_feasible_are_nets(robot: Robot) -> None:
+    """Told apart by more than their colour."""
+    target = jacokin.pose([-0.3, -0.35, 0.4], rpy=(1.9, 0.3, 0.4))
+    found = IKSolver(robot, collision="ignore").solve_all(target)
+    elbows = np.array([robot.forward_kinematics(q, "link_3").translation for q in found.q])
+    scene = Scene([Box("crate", (0.08, 0.08, 0.08), elbows[elbows[:, 2].argmax()])])
+    with serve(robot, scene=scene, target=target, port=0) as viewer, opened(viewer) as page:
+        assert until(lambda: not viewer.view.pending)
+        others = viewer.view.feasible[viewer.view.ghosts]
+        assert 0 < others.sum() < len(others)
+        for part in (4, 5):
+            assert until(lambda part=part: len(page.node(f"/ghosts/{part}").positions) == others.sum())  # type: ignore[misc]  # bound here
+            assert until(lambda part=part: len(page.node(f"/wires/{part}").positions) == (~others).sum())  # type: ignore[misc]  # as above
+        assert page.node("/wires/5").props["wireframe"]
+        assert not page.node("/ghosts/5").props["wireframe"]
 
 
 def test_the_gizmo_moves_the_arm(viewer: Viewer, page: Page, robot: Robot) -> None:
@@ -312,3 +331,31 @@ def test_closing_ends_threads_and_frees_the_port(robot: Robot) -> None:
     assert until(lambda: not [t for t in set(threading.enumerate()) - before if t.is_alive()])
     with serve(robot, port=port):
         pass
+
+
+def test_the_datasheet_is_a_ghost_beside_a_calibrated_arm(robot: Robot) -> None:
+    arm = perturbed(robot, np.random.default_rng(1))
+    data = robot.pin_model.createData()
+    with serve(arm, port=0) as viewer, opened(viewer) as page:
+        viewer.show(jacokin.pose(NEAR, down=True))
+        assert at(viewer, NEAR)
+        others = len(viewer.view.ghosts)
+        assert until(lambda: page.ghosts == others + 1)
+        pin.forwardKinematics(robot.pin_model, data, viewer.view.q.copy())
+        for joint in range(1, 7):
+            drawn = page.screen.nodes[f"/ghosts/{joint}"].positions[-1]
+            np.testing.assert_allclose(drawn, data.oMi[joint].translation, atol=1e-6)
+            assert tuple(page.screen.nodes[f"/arm/{joint}"].position) != tuple(drawn)
+        frames = [each.forward_kinematics(viewer.view.q).translation for each in (arm, robot)]
+        away = f"The datasheet has the tool {1e3 * np.linalg.norm(frames[1] - frames[0]):.1f} mm"
+        assert until(lambda: any(away in each.props.get("content", "") for each in page.screen.controls.values()))
+        page.change("Ghosts", False)
+        assert until(lambda: page.ghosts == 1)
+        page.change("Datasheet", False)
+        assert until(lambda: page.ghosts == 0)
+        page.change("Ghosts", True)
+        assert until(lambda: page.ghosts == others)
+
+
+def test_an_arm_as_described_has_no_such_switch(page: Page) -> None:
+    assert not page.has("Datasheet")

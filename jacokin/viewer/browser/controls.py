@@ -251,6 +251,7 @@ class SolverControls:
         self._shown = _three(self._position.value), _three(self._rpy.value)
         set_value(self._collision, setup.collision)
         set_value(self._obstacles, setup.obstacles)
+        self._obstacles.disabled = setup.scene is None
         set_value(self._clearance, setup.clearance)
 
     def wanted(self, setup: Setup) -> Setup:

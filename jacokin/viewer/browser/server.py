@@ -62,6 +62,13 @@ class Server(viser.ViserServer):
 
     guard: _Guard
 
+    def listen(self, path: str, heard: Callable[[str], None]) -> None:
+        """Call a function with the query of each request of the viewer's own pages for a path.
+
+        A JacokinError of the function is the answer to its request.
+        """
+        self.guard.listeners[path] = heard
+
     def request_share_url(self, verbose: bool = True) -> str | None:
         """Refuse: a client may ask for this, and the viewer is for this machine."""
         logger.warning("a page asked for a public address, which the viewer does not give")
@@ -248,6 +255,7 @@ class _Guard:
     def __init__(self, listening: socket.socket, pages: OwnPages, token: Token) -> None:
         self._listening = listening
         self._pages = pages
+        self.listeners: dict[str, Callable[[str], None]] = {}
         self.token = token
         self.used = False
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -286,7 +294,7 @@ class _Guard:
 
     def _checked(self, inner: Check | None) -> Check:
         async def check(connection: ServerConnection, request: Request) -> Answer:
-            answer = self._refused(connection, request)
+            answer = self._refused(connection, request) or self._told(connection, request)
             if answer is None and inner is not None:
                 found = inner(connection, request)
                 answer = await found if inspect.isawaitable(found) else found
@@ -297,6 +305,18 @@ class _Guard:
             return answer
 
         return check
+
+    def _told(self, connection: ServerConnection, request: Request) -> Answer:
+        """Hand what a page says to who listens at that path."""
+        asked = urlsplit(request.path)
+        listen = self.listeners.get(asked.path)
+        if listen is None:
+            return None
+        try:
+            listen(asked.query)
+        except JacokinError as error:
+            return connection.respond(http.HTTPStatus.BAD_REQUEST, f"{error}\n")
+        return connection.respond(http.HTTPStatus.OK, "")
 
     def _refused(self, connection: ServerConnection, request: Request) -> Answer:
         refusal = self._pages.refusal(request.headers)

@@ -9,19 +9,22 @@ from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.ik.results import Status
+from jacokin.ik.solver import IKSolver
 from jacokin.model import poses
+from jacokin.model.scene import Scene
 from jacokin.viewer.contents import Contents
-from jacokin.viewer.drawing import ArmPart, Mesh, build_obstacles, sphere
+from jacokin.viewer.drawing import ArmPart, Colour, Triangles, build_obstacles, build_sticks, merge, move, sphere
 from jacokin.viewer.inspector import Inspector
-from jacokin.viewer.view import Places, View
+from jacokin.viewer.view import ShownPlaces, View
 
-Colour = tuple[int, int, int]
-
-ARM: Colour = (205, 211, 219)
 TOUCHING: Colour = (232, 137, 12)
-GHOST: Colour = (77, 171, 247)
-GHOST_OPACITY = 0.25
-SWELL = 0.002  # [m] by which a shape that touches is drawn larger, to stand out of the part that it belongs to
+GHOST: Colour = (34, 139, 230)
+GHOST_OPACITY = 0.22
+WIRE_OPACITY = 0.45  # of a branch that is not feasible
+DARKEST = 48  # of a colour of the arm, so that light and shade are seen on it
+TINT = 0.45  # how much of a colour that says something is left on the darkest part of the arm
+SWELL = 0.002  # [m] by which a shape that touches is drawn larger, and one of a ghost smaller
+DATASHEET: Colour = (214, 51, 132)  # the described arm beside a calibrated one
 CLOSEST: Colour = (240, 190, 80)  # not at the target
 OUTSIDE: Colour = (224, 49, 49)
 OBSTACLE: Colour = (150, 140, 120)
@@ -29,12 +32,15 @@ OBSTACLE_OPACITY = 0.6
 ELLIPSOID: Colour = (132, 94, 247)
 ELLIPSOID_SCALE = 0.2  # [m] drawn for 1 m/s of the tool at joint rates of 1 rad/s
 FLAT = 1e-3  # [m] least semi-axis drawn
+SAME_PLACE = 1e-5  # [m], and of the cosine of half an angle
+SHADOW = 0.2  # opacity on the floor
+START: Colour = (47, 158, 68)
 GIZMO = "/target"
 GIZMO_SIZE = 0.15  # [m]
 
 
 class Stage:
-    """Nodes of the scene: the arm with its ghosts, the gizmo, obstacles, and the ellipsoid of manipulability."""
+    """Nodes of the scene: arm, ghosts, gizmo, obstacles, the start of motions, the ellipsoid of manipulability."""
 
     def __init__(
         self,
@@ -53,34 +59,29 @@ class Stage:
         """
         self._server = server
         self._inspector = inspector
+        described = inspector.robot.described
+        self.datasheet = described is not inspector.robot  # whether that arm is drawn, too, at the same joint angles
+        self._described = Inspector(IKSolver(described, collision="ignore")) if self.datasheet else inspector
         nodes = server.scene
         self.arm = ArmNodes(nodes, parts, contents.shapes)
         self.gizmo = nodes.add_transform_controls(GIZMO, scale=GIZMO_SIZE, depth_test=False)
-        nodes.add_grid("/grid", width=2.0, height=2.0, cell_size=0.1, section_size=0.5)
-        # Lights of our own, without shadows: the default ones come seconds after the page and slow every picture.
+        nodes.add_grid("/grid", width=2.0, height=2.0, cell_size=0.1, section_size=0.5, shadow_opacity=SHADOW)
+        # Lights of our own: the default ones come seconds after the page and slow every picture.
         nodes.configure_environment_map(None)
         nodes.configure_default_lights(enabled=False, cast_shadow=False)
-        nodes.add_light_ambient("/light/ambient", intensity=1.0)
-        nodes.add_light_directional("/light/front", intensity=2.0, position=(1.0, -1.0, 2.0))
-        nodes.add_light_directional("/light/back", intensity=0.7, position=(-1.0, 0.5, 0.5))
-        scene = contents.setup.scene
-        self._obstacles = {
-            name: nodes.add_mesh_simple(
-                f"/scene/{number}",
-                mesh.vertices,
-                mesh.faces,
-                color=OBSTACLE,
-                opacity=OBSTACLE_OPACITY,
-                flat_shading=True,
-                cast_shadow=False,
-                receive_shadow=False,
-            )
-            for number, (name, mesh) in enumerate(({} if scene is None else build_obstacles(scene)).items())
-        }
+        nodes.add_light_hemisphere("/light/sky", intensity=1.5, sky_color=(255, 255, 255), ground_color=(150, 155, 165))
+        nodes.add_light_directional("/light/sun", intensity=2.0, position=(1.0, -1.0, 2.0), cast_shadow=True)
+        nodes.add_light_directional("/light/rim", intensity=2.0, position=(-1.0, 0.8, 0.3))
+        self._obstacles: dict[str, viser.MeshHandle] = {}
+        self._drawn = 0  # obstacles so far
+        self.draw_obstacles(contents.setup.scene)
         ball = sphere(1.0)
         self._ellipsoid = nodes.add_mesh_simple(
             "/ellipsoid", ball.vertices, ball.faces, color=ELLIPSOID, opacity=0.35, visible=False, cast_shadow=False
         )
+        self._sticks = build_sticks(inspector.robot)
+        self._start: viser.MeshHandle | None = None
+        self._start_q: Array | None = None
         server.initial_camera.position = (1.25, -1.25, 0.95)
         server.initial_camera.look_at = (0.0, 0.0, 0.35)
         server.initial_camera.fov = 0.75  # [rad]
@@ -94,8 +95,14 @@ class Stage:
             ellipsoid: whether to draw the ellipsoid of manipulability.
             move_gizmo: False when the view answers a gizmo that somebody holds.
         """
-        others = view.ghosts
-        places = self._inspector.places([view.q, *view.branches[others]])
+        others = view.ghosts if ghosts else view.ghosts[:0]
+        places, colours = self._inspector.places([view.q, *view.branches[others]]), self._ghost_colours(view)[others]
+        solid = view.feasible[others]
+        if self.datasheet:
+            pairs = zip(places, self._described.places([view.q]), strict=True)
+            places = ShownPlaces(*(np.concatenate(pair) for pair in pairs))
+            colours = np.vstack((colours, np.array(DATASHEET, dtype=np.uint8)))
+            solid = np.append(solid, True)
         touching = {name for pair in view.arm_touching for name in pair}
         with self._server.atomic():
             self.arm.place(places, self._colour(view), touching)
@@ -104,14 +111,56 @@ class Stage:
             self._ellipsoid.visible = ellipsoid
             if ellipsoid:
                 self._place_ellipsoid(view.q)
-            self.arm.place_ghosts(places, self._ghost_colours(view)[others], visible=ghosts)
+            self.arm.place_ghosts(places, colours, solid)
             if move_gizmo:
                 self.place_gizmo(view.gizmo)
+
+    def mark_start(self, q: Array, *, visible: bool) -> None:
+        """Draw the arm at (dof,) [rad] by sticks, or nothing."""
+        if visible and q is not self._start_q:
+            placed = zip(self._sticks, *(rows[0] for rows in self._inspector.places([q])), strict=True)
+            mesh = merge(
+                [
+                    move(part.mesh, poses.pose(position, wxyz))
+                    for part, position, wxyz in placed
+                    if part.mesh is not None
+                ]
+            )
+            assert mesh is not None
+            if self._start is not None:
+                self._start.remove()
+            self._start = self._server.scene.add_mesh_simple(
+                "/start", mesh.vertices, mesh.faces, color=START, opacity=0.5, cast_shadow=False, receive_shadow=False
+            )
+            self._start_q = q
+        if self._start is not None:
+            self._start.visible = visible
 
     def place_gizmo(self, target: pin.SE3) -> None:
         """Bring the gizmo to a pose."""
         self.gizmo.position = target.translation
         self.gizmo.wxyz = poses.quaternion(target.rotation)
+
+    def draw_obstacles(self, scene: Scene | None) -> None:
+        """Draw the obstacles of a scene instead of those before."""
+        before, self._obstacles = self._obstacles, {}
+        for name, mesh in ({} if scene is None else build_obstacles(scene)).items():
+            node = before.get(name)
+            if node is not None and np.array_equal(node.vertices, mesh.vertices):
+                self._obstacles[name] = before.pop(name)
+                continue
+            self._obstacles[name] = self._server.scene.add_mesh_simple(
+                f"/scene/{self._drawn}",
+                mesh.vertices,
+                mesh.faces,
+                color=OBSTACLE,
+                opacity=OBSTACLE_OPACITY,
+                flat_shading=True,
+                cast_shadow=False,
+            )
+            self._drawn += 1
+        for node in before.values():
+            node.remove()
 
     def show_obstacles(self, visible: bool) -> None:
         """Show or hide the obstacles."""
@@ -133,11 +182,11 @@ class Stage:
         self._ellipsoid.position = self._inspector.pose_of(q).translation
         self._ellipsoid.wxyz = poses.quaternion(directions)
 
-    def _colour(self, view: View) -> Colour:
-        """The colour of the solid arm."""
+    def _colour(self, view: View) -> Colour | None:
+        """The colour over the solid arm; None for its own."""
         if self._inspector.excess(view.q):
             return OUTSIDE
-        return ARM if view.status is Status.OK or view.selected is not None or view.arm_touching else CLOSEST
+        return None if view.status is Status.OK or view.selected is not None or view.arm_touching else CLOSEST
 
     def _ghost_colours(self, view: View) -> NDArray[np.uint8]:
         """(k, 3) the colour of each branch."""
@@ -162,70 +211,118 @@ class ArmNodes:
         self._owners = {name: index for index, part in enumerate(shapes) for name in part.shapes}
         self._shapes = {name: mesh for part in shapes for name, mesh in part.shapes.items()}
         self._touching: dict[str, viser.MeshHandle] = {}
-        self.solid: dict[int, viser.MeshHandle] = {}
+        self._outlines = [merge(list(part.shapes.values())) for part in shapes]
+        self._tint: Colour | None = None
+        self.solid: dict[int, viser.FrameHandle] = {}
+        self._pieces: list[tuple[viser.MeshHandle, Colour]] = []
         self.ghosts: dict[int, viser.BatchedMeshHandle] = {}
+        self.wires: dict[int, viser.BatchedMeshHandle] = {}
         self.dress(parts)
 
     def dress(self, parts: tuple[ArmPart, ...]) -> None:
         """Draw the arm by other parts instead."""
-        for node in (*self.solid.values(), *self.ghosts.values()):
+        for node in (*self.solid.values(), *self.ghosts.values(), *self.wires.values()):
             node.remove()
-        self.solid, self.ghosts = {}, {}
-        for index, part in enumerate(parts):
-            if part.mesh is None:
+        self.solid, self.ghosts, self.wires, self._pieces = {}, {}, {}, []
+        for index, (part, outline) in enumerate(zip(parts, self._outlines, strict=True)):
+            if not part.pieces:
                 continue
-            vertices, faces = part.mesh.vertices, part.mesh.faces
-            self.solid[index] = self._scene.add_mesh_simple(
-                f"/arm/{index}", vertices, faces, color=ARM, flat_shading=True, receive_shadow=False
-            )
-            if index:  # the base is where it is in every branch
-                self.ghosts[index] = self._scene.add_batched_meshes_simple(
-                    f"/ghosts/{index}",
-                    vertices,
-                    faces,
-                    batched_wxyzs=np.array([[1.0, 0.0, 0.0, 0.0]]),
-                    batched_positions=np.zeros((1, 3)),
-                    batched_colors=np.array([GHOST], dtype=np.uint8),
-                    opacity=GHOST_OPACITY,
-                    lod="off",
-                    flat_shading=True,
-                    cast_shadow=False,
+            self.solid[index] = self._scene.add_frame(f"/arm/{index}", show_axes=False)
+            for number, piece in enumerate(part.pieces):
+                mesh = self._scene.add_mesh_simple(
+                    f"/arm/{index}/{number}",
+                    piece.mesh.vertices,
+                    piece.mesh.faces,
+                    color=tinted(piece.colour, self._tint),
+                    flat_shading=not piece.smooth,
                     receive_shadow=False,
-                    visible=False,
                 )
+                self._pieces.append((mesh, piece.colour))
+            if index:  # the base is where it is in every branch
+                inside = merge([swell(shape, -SWELL) for shape in part.shapes.values()]) or part.mesh
+                self.ghosts[index] = self._add_ghosts(f"/ghosts/{index}", inside, GHOST_OPACITY)
+                self.wires[index] = self._add_ghosts(f"/wires/{index}", outline or inside, WIRE_OPACITY, wires=True)
 
-    def place(self, places: Places, colour: Colour, touching: set[str]) -> None:
+    def _add_ghosts(
+        self, name: str, mesh: Triangles | None, opacity: float, *, wires: bool = False
+    ) -> viser.BatchedMeshHandle:
+        """A part of branches that the arm is not at, out of sight."""
+        assert mesh is not None
+        return self._scene.add_batched_meshes_simple(
+            name,
+            mesh.vertices,
+            mesh.faces,
+            batched_wxyzs=np.array([[1.0, 0.0, 0.0, 0.0]]),
+            batched_positions=np.zeros((1, 3)),
+            batched_colors=np.array([GHOST], dtype=np.uint8),
+            opacity=opacity,
+            wireframe=wires,
+            lod="off",
+            flat_shading=not wires,
+            cast_shadow=False,
+            receive_shadow=False,
+            visible=False,
+        )
+
+    def place(self, places: ShownPlaces, colour: Colour | None, touching: set[str]) -> None:
         """Bring the solid arm to the first of some places; shapes that touch are drawn over it."""
         for index, node in self.solid.items():
             node.position = places.positions[0, index]
             node.wxyz = places.wxyzs[0, index]
-            node.color = colour
+        if colour != self._tint:
+            self._tint = colour
+            for mesh, own in self._pieces:
+                mesh.color = tinted(own, colour)
         for name in touching & self._shapes.keys() - self._touching.keys():
-            mesh = swell(self._shapes[name])
+            swollen = swell(self._shapes[name])
             self._touching[name] = self._scene.add_mesh_simple(
-                f"/touching/{name}", mesh.vertices, mesh.faces, color=TOUCHING, flat_shading=True, receive_shadow=False
+                f"/touching/{name}",
+                swollen.vertices,
+                swollen.faces,
+                color=TOUCHING,
+                flat_shading=True,
+                receive_shadow=False,
             )
-        for name, node in self._touching.items():
-            node.visible = name in touching
-            if node.visible:
-                node.position = places.positions[0, self._owners[name]]
-                node.wxyz = places.wxyzs[0, self._owners[name]]
+        for name, over in self._touching.items():
+            over.visible = name in touching
+            if over.visible:
+                over.position = places.positions[0, self._owners[name]]
+                over.wxyz = places.wxyzs[0, self._owners[name]]
 
-    def place_ghosts(self, places: Places, colours: NDArray[np.uint8], *, visible: bool) -> None:
-        """Bring the ghosts to all places but the first, in colours (k, 3)."""
-        visible = visible and bool(len(colours))
-        for index, node in self.ghosts.items():
-            if visible:
-                # Positions first: they say how many there are, which colours must match.
-                node.batched_positions = places.positions[1:, index]
-                node.batched_wxyzs = places.wxyzs[1:, index]
-                node.batched_colors = colours
-            node.visible = visible
+    def place_ghosts(self, places: ShownPlaces, colours: NDArray[np.uint8], solid: NDArray[np.bool_]) -> None:
+        """Bring the ghosts to all places but the first, in colours (k, 3): solid ones (k,), and nets of wires."""
+        for nodes, chosen in ((self.ghosts, solid), (self.wires, ~solid)):
+            for index, node in nodes.items():
+                drawn = chosen & self._apart(places, index)
+                rows = 1 + np.flatnonzero(drawn)
+                if len(rows):
+                    # Positions first: they say how many there are, which colours must match.
+                    node.batched_positions = places.positions[rows, index]
+                    node.batched_wxyzs = places.wxyzs[rows, index]
+                    node.batched_colors = colours[drawn]
+                node.visible = bool(len(rows))
+
+    @staticmethod
+    def _apart(places: ShownPlaces, index: int) -> NDArray[np.bool_]:
+        """(k,) whether a part of a ghost is elsewhere than that of the solid arm, in which it would flicker."""
+        moved = np.abs(places.positions[1:, index] - places.positions[0, index]).max(axis=1)
+        turned = np.abs(np.einsum("kw,w->k", places.wxyzs[1:, index], places.wxyzs[0, index]))
+        return np.asarray((moved > SAME_PLACE) | (turned < 1.0 - SAME_PLACE))
 
 
-def swell(mesh: Mesh) -> Mesh:
-    """A convex mesh with every vertex farther from its middle by the same length."""
+def tinted(own: Colour, tint: Colour | None) -> Colour:
+    """A colour of the arm, or one that says something: as dark beside its neighbours as its own."""
+    if tint is None:
+        red, green, blue = (max(value, DARKEST) for value in own)
+        return red, green, blue
+    share = TINT + (1.0 - TINT) * max(own) / 255.0
+    red, green, blue = (round(share * value) for value in tint)
+    return red, green, blue
+
+
+def swell(mesh: Triangles, length: float = SWELL) -> Triangles:
+    """A convex mesh with every vertex farther from its middle by the same length [m]."""
     middle = 0.5 * (mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0))
     away = mesh.vertices - middle
     lengths = np.linalg.norm(away, axis=1, keepdims=True)
-    return Mesh((middle + away * (1.0 + SWELL / np.maximum(lengths, SWELL))).astype(np.float32), mesh.faces)
+    return Triangles((middle + away * (1.0 + length / np.maximum(lengths, SWELL))).astype(np.float32), mesh.faces)

@@ -13,9 +13,9 @@ import jacokin
 from jacokin import IKSolver, Robot, reachability
 from jacokin.ik import Box, Scene
 from jacokin.model import urdf_folder
-from jacokin.motion import PathResult, track_path
+from jacokin.motion import Trajectory, track_path
 from jacokin.viewer import Inspector, Viewer, serve
-from jacokin.viewer.drawing import ArmPart, load_parts, load_visuals, merge
+from jacokin.viewer.drawing import ArmPart, Piece, load_parts, load_visuals
 from jacokin.viewer.map_slices import MapSlices
 from tests.viewer.chromium import (
     EYE,
@@ -41,7 +41,7 @@ ALIKE = 0.92  # of the pixels; the rest are edges, which the browser smooths
 
 
 @pytest.fixture(scope="module")
-def path(bundled: Callable[[str], Robot]) -> PathResult:
+def path(bundled: Callable[[str], Robot]) -> Trajectory:
     robot = bundled("j2n6s300")
     start = robot.forward_kinematics(robot.home)
     end = jacokin.pose(start.translation + np.array([0.0, 0.0, 0.02]), rotation=start.rotation)
@@ -49,7 +49,7 @@ def path(bundled: Callable[[str], Robot]) -> PathResult:
 
 
 @pytest.fixture(scope="module")
-def viewer(bundled: Callable[[str], Robot], path: PathResult) -> Iterator[Viewer]:
+def viewer(bundled: Callable[[str], Robot], path: Trajectory) -> Iterator[Viewer]:
     """With a crate that the hand touches, and a trajectory."""
     robot = bundled("j2n6s300")
     crate = Scene([Box("crate", (0.06, 0.06, 0.06), robot.forward_kinematics(robot.home).translation)])
@@ -100,7 +100,7 @@ def test_a_click_shows_the_ellipsoid(viewer: Viewer, tab: Tab, inspector: Inspec
         red, green, blue, seen = image(viewer)[row, column].astype(int)
         return bool(seen and blue > red > green)
 
-    with hidden(viewer, "/grid", "/target", "/scene/0", *parts(viewer)):
+    with hidden(viewer, "/grid", "/target", "/start", "/scene/0", *parts(viewer)):
         assert until(violet)
         assert until(lambda: 0 < picture(viewer).sum() < 0.5 * WIDTH * HEIGHT)
     tab.click("Manipulability")
@@ -111,7 +111,7 @@ def test_a_click_shows_the_ellipsoid(viewer: Viewer, tab: Tab, inspector: Inspec
 def parts(viewer: Viewer) -> list[str]:
     """The nodes of the arm, its ghosts, and what touches."""
     touching = [f"/touching/{name}" for pair in viewer.view.arm_touching for name in pair]
-    return [*(f"/{kind}/{part}" for kind in ("arm", "ghosts") for part in range(7)), *touching]
+    return [*(f"/{kind}/{part}" for kind in ("arm", "ghosts", "wires") for part in range(7)), *touching]
 
 
 def test_cells_of_the_map_are_drawn_where_they_are(viewer: Viewer, tab: Tab) -> None:
@@ -135,7 +135,7 @@ def test_cells_of_the_map_are_drawn_where_they_are(viewer: Viewer, tab: Tab) -> 
         covered = picture(viewer)[at[seen][:, 1], at[seen][:, 0]]
         return bool((covered == (fraction[seen] > 0.0)).mean() > 0.97)
 
-    with hidden(viewer, "/grid", "/target", "/scene/0", *parts(viewer)):
+    with hidden(viewer, "/grid", "/target", "/start", "/scene/0", *parts(viewer)):
         assert until(drawn)
         inside = seen & (fraction > 0.0)
         colours = image(viewer)[at[inside][:, 1], at[inside][:, 0], :3].astype(int)
@@ -151,7 +151,8 @@ def test_what_touches_is_orange_and_nothing_else(viewer: Viewer, tab: Tab, robot
     places = inspector.places([view.q])
     shapes = load_parts(robot)[0]
     only = [
-        ArmPart(part.name, merge([mesh for name, mesh in part.shapes.items() if name in touching])) for part in shapes
+        ArmPart(part.name, tuple(Piece(mesh) for name, mesh in part.shapes.items() if name in touching))
+        for part in shapes
     ]
     wanted, whole = silhouette(tuple(only), places, 0), silhouette(shapes, places, 0)
     assert 0 < wanted.sum() < 0.8 * whole.sum()
@@ -160,7 +161,14 @@ def test_what_touches_is_orange_and_nothing_else(viewer: Viewer, tab: Tab, robot
         red, green, blue = np.moveaxis(image(viewer)[:, :, :3].astype(int), 2, 0)
         return np.asarray((red > green + 20) & (green > blue + 40))
 
-    with hidden(viewer, "/grid", "/target", "/scene/0", *(f"/ghosts/{part}" for part in range(1, 7))):
+    with hidden(
+        viewer,
+        "/grid",
+        "/target",
+        "/start",
+        "/scene/0",
+        *(f"/{kind}/{part}" for kind in ("ghosts", "wires") for part in range(1, 7)),
+    ):
         assert until(lambda: orange()[wanted].mean() > 0.5)  # the rest is behind the arm
         marked = orange()
         assert not marked[~wanted].sum() > 0.1 * marked.sum()
@@ -171,7 +179,7 @@ def test_the_plots_of_a_trajectory_are_drawn(viewer: Viewer, tab: Tab) -> None:
     assert until(lambda: tab.value("document.querySelectorAll('.uplot canvas').length") == 6)
 
 
-def test_a_trajectory_is_played_by_a_click(viewer: Viewer, tab: Tab, path: PathResult) -> None:
+def test_a_trajectory_is_played_by_a_click(viewer: Viewer, tab: Tab, path: Trajectory) -> None:
     end = float(path.t[-1])
     tab.click("Play")
     assert until(lambda: viewer.view.note.startswith(f"Trajectory at {end:.2f} of {end:.2f} s"))
@@ -190,6 +198,31 @@ def test_the_tracker_takes_the_arm_to_a_gizmo_that_was_dragged(viewer: Viewer, t
         tab.click("Track")
         assert until(lambda: other.value("Track") is False)
     assert until(lambda: not viewer.view.note)
+
+
+def test_the_arm_goes_by_a_click_to_what_is_shown(tmp_path: Path, robot: Robot, inspector: Inspector) -> None:
+    home = robot.forward_kinematics(robot.home)
+    with (
+        serve(robot, port=0) as viewer,
+        showing(viewer, tmp_path) as tab,
+        hidden(viewer, "/grid", "/target"),
+    ):
+        viewer.show(jacokin.pose(home.translation + np.array([0.0, 0.0, 0.15]), rotation=home.rotation))
+        assert until(lambda: np.abs(viewer.view.q - robot.home).max() > 0.1)
+        goal = viewer.view.q
+
+        def green() -> int:
+            red, green, blue = np.moveaxis(image(viewer)[:, :, :3].astype(int), 2, 0)
+            return int(((green > red + 30) & (green > blue + 30)).sum())
+
+        assert until(lambda: green() > 300)  # the sticks of the start
+        tab.click("Go")
+        assert until(lambda: tab.value("document.body.innerText.includes('Arrived: reached in')"))
+        assert np.abs(viewer.view.q - goal).max() < 1e-9
+        assert until(lambda: green() < 30)
+        tab.click("Ghosts")
+        wanted = silhouette(load_parts(robot)[0], inspector.places([goal]), 0)
+        assert until(lambda: agreement(picture(viewer), wanted) > ALIKE)
 
 
 def test_copied_text_stands_in_the_page(viewer: Viewer, tab: Tab) -> None:
@@ -240,7 +273,7 @@ def test_no_number_is_cut_and_on_a_narrow_window_the_arm_is_in_sight(tmp_path: P
         assert until(lambda: tab.value("document.body.innerText.includes('Joints [deg]')"))
         boxes = "document.querySelectorAll('.mantine-NumberInput-input').length > 12"
         assert until(lambda: tab.value(boxes))
-        assert tab.value(CUT) == []
+        assert until(lambda: tab.value(CUT) == []), tab.value(CUT)  # once the page is laid out anew
         label = "getComputedStyle([...document.querySelectorAll('label')].find(e => e.textContent == 'Prefer')).color"
         assert tab.value(label) == "rgb(73, 80, 87)"
 

@@ -1,0 +1,139 @@
+"""What a hand device says, in its own frame, and what becomes of it: a motion of the tool's target."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from jacokin.arrays import Array
+from jacokin.errors import InvalidInputError
+from jacokin.model import checks, poses
+
+LARGEST = 1e6  # [m], [m/s] or [rad/s] that a hand may say: squares of more could overflow
+WALL_SOFTNESS = 0.05  # [m] before a wall, from which the target slows
+
+
+def read_hand(hand: pin.SE3 | ArrayLike) -> pin.SE3 | Array:
+    """A pose of the hand in its device's frame, or its twist (6,) [m/s, rad/s].
+
+    Args:
+        hand: a pose as `pin.SE3`, (4, 4), or (7,) position [m] and quaternion wxyz; or a twist (6,).
+
+    Raises:
+        InvalidInputError: neither, not finite, larger than any hand's, or a quaternion whose norm is not 1.
+    """
+    if isinstance(hand, pin.SE3):
+        _near(hand.translation)
+        return poses.checked_pose(hand, "hand")
+    array = checks.array("hand", hand, "a pose (7,) or (4, 4), or a twist (6,)")
+    if array.shape == (6,):
+        return _near(checks.vector("hand", array, 6, "m/s, rad/s"))
+    if array.shape == (7,):
+        numbers = _near(checks.vector("hand", array, 7, "m"))
+        return pin.SE3(poses.rotation_from_quat_wxyz(numbers[3:]), numbers[:3])
+    if array.shape == (4, 4):
+        return poses.checked_pose(_near(array), "hand")
+    raise checks.refusal("hand", "a pose (7,) or (4, 4), or a twist (6,)", hand)
+
+
+def _near(numbers: Array) -> Array:
+    """Numbers of a hand; InvalidInputError where some are larger than any hand's."""
+    if np.abs(numbers).max() > LARGEST:  # NaN goes on to the check that names it
+        raise InvalidInputError(f"hand has a number above {LARGEST:g} [m, m/s, rad/s], got {numbers.tolist()}")
+    return numbers
+
+
+class Play:
+    """A dead band for poses: the output stays until the hand is farther away, and then is dragged behind it.
+
+    So a trembling hand moves nothing, and there is no jump where the band ends.
+    """
+
+    def __init__(self, linear: float, angular: float, pose: pin.SE3) -> None:
+        """Begin at a pose, with a band of [m] and [rad]."""
+        self._linear, self._angular, self.pose = linear, angular, pose
+
+    def move(self, pose: pin.SE3) -> pin.SE3:
+        """The output for a pose of the hand."""
+        away = pose.translation - self.pose.translation
+        turn = pin.log3(pose.rotation @ self.pose.rotation.T)
+        rotation = pin.exp3(_shortened(turn, self._angular)) @ self.pose.rotation if self._angular else pose.rotation
+        self.pose = pin.SE3(rotation, self.pose.translation + _shortened(away, self._linear))
+        return self.pose
+
+
+def dead(twist: Array, linear: float, angular: float) -> Array:
+    """A twist (6,) less a band of [m/s] and [rad/s], zero inside it."""
+    return np.concatenate([_shortened(twist[:3], linear), _shortened(twist[3:], angular)])
+
+
+def _shortened(vector: Array, less: float) -> Array:
+    """A vector (3,) shorter by `less`, zero where it is no longer than that."""
+    length = math.sqrt(float(vector @ vector))
+    return vector * max(0.0, 1.0 - less / length) if length > 0.0 else vector
+
+
+class Mapping:
+    """From motions of the hand to motions of the target, from the place where the clutch closed.
+
+    Attributes:
+        target: T_base_tool that is asked for.
+        filtered: the same through the filter.
+    """
+
+    def __init__(self, tool: pin.SE3, axes: Array, scale: float, rotation_scale: float) -> None:
+        """Begin at the tool's pose; `axes` (3, 3) turns vectors of the hand's frame into the base."""
+        self.target = self.filtered = tool
+        self._axes, self._scale, self._rotation_scale = axes, scale, rotation_scale
+
+    def shift(self, way: Array, turn: Array, walls: tuple[Array, Array] | None) -> None:
+        """Move the target by what the hand moved (3,) [m] and turned (3,) [rad], in the hand's frame."""
+        way = self._scale * (self._axes @ way)
+        if walls is not None:
+            way = soften(self.target.translation, way, *walls)
+        rotation = pin.exp3(self._rotation_scale * (self._axes @ turn)) @ self.target.rotation
+        self.target = pin.SE3(rotation, self.target.translation + way)
+
+    def stay_near(self, tool: pin.SE3, linear: float, angular: float) -> None:
+        """Bring the target back to within [m] and [rad] of the tool."""
+        away = self.target.translation - tool.translation
+        turn = pin.log3(self.target.rotation @ tool.rotation.T)
+        turn, away = turn - _shortened(turn, angular), away - _shortened(away, linear)
+        self.target = pin.SE3(pin.exp3(turn) @ tool.rotation, tool.translation + away)
+
+    def filter(self, part: float) -> pin.SE3:
+        """Bring the filtered target nearer to the target by a part of the way."""
+        if part >= 1.0:
+            self.filtered = self.target
+        else:
+            turn = part * pin.log3(self.target.rotation @ self.filtered.rotation.T)
+            away = part * (self.target.translation - self.filtered.translation)
+            self.filtered = pin.SE3(pin.exp3(turn) @ self.filtered.rotation, self.filtered.translation + away)
+        return self.filtered
+
+
+def soften(position: Array, way: Array, lower: Array, upper: Array) -> Array:
+    """A way (3,) [m] from a position that slows towards walls and does not cross them; outside, only inwards."""
+    room = np.maximum(np.where(way > 0.0, upper - position, position - lower), 0.0)
+    slowed = np.abs(way) * np.minimum(room / WALL_SOFTNESS, 1.0)
+    return np.asarray(np.sign(way) * np.minimum(slowed, room))
+
+
+def checked_walls(workspace: tuple[ArrayLike, ArrayLike] | None) -> tuple[Array, Array] | None:
+    """Lower and upper corner (3,) [m].
+
+    Raises:
+        InvalidInputError: not two corners, or the lower above the upper.
+    """
+    if workspace is None:
+        return None
+    corners = checks.listed("workspace", workspace, "two corners, lower and upper")
+    if len(corners) != 2:
+        raise checks.refusal("workspace", "two corners, lower and upper", workspace)
+    lower, upper = (checks.vector("workspace", corner, 3, "m") for corner in corners)
+    if not (lower < upper).all():
+        raise InvalidInputError(f"workspace: lower {lower.tolist()} must be below upper {upper.tolist()}")
+    return lower, upper

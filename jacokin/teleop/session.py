@@ -1,0 +1,137 @@
+"""`lead`: a device through teleoperation, tick by tick, and the `Session` that says what happened."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+
+from jacokin.arrays import Array
+from jacokin.ik.results import Frozen
+from jacokin.model import checks
+from jacokin.motion.tracking.steps import TrackerStatus
+from jacokin.motion.trajectory import SPEED_ROUNDING, Trajectory, changes
+from jacokin.teleop.devices import Device
+from jacokin.teleop.teleop import STILL, Teleop, TeleopStatus, TeleopStep
+
+HOLD = 5.0  # [s] for which the last pose of a recording holds at most
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Session(Frozen):
+    """What came of leading the arm. Arrays are read-only."""
+
+    motion: Trajectory
+    """The joint angles that were commanded, from where the arm was at first."""
+    statuses: Mapping[str, int]
+    """Ticks by the name of their `TeleopStatus`."""
+    faults: Mapping[str, int]
+    """Ticks by what was wrong with the input, or with the device that failed to say something."""
+    tracking: Mapping[str, int]
+    """Ticks in which the tool followed, by the name of their `TrackerStatus`."""
+    limiting: Mapping[str, int]
+    """Ticks in which each limit, pair of shapes or singular pose held the tool back, most often first."""
+    position_error: Array
+    """(k,) distance between tool and target in each tick that followed, by forward kinematics [m]."""
+    late: int
+    """Ticks that began later than a tick after their time; 0 without pacing."""
+    within_limits: bool
+    """Whether every commanded configuration is within the joint limits, and no joint faster than its limit."""
+
+
+def lead(
+    teleop: Teleop,
+    device: Device,
+    *,
+    seconds: float = math.inf,
+    paced: bool = True,
+    act: Callable[[TeleopStep], bool] | None = None,
+    stop: threading.Event | None = None,
+) -> Session:
+    """Let a device lead the arm; then open the clutch, brake, and end when the arm stands.
+
+    A device that raises an exception counts as one that says nothing: the watchdog brakes, `Session.faults` has the
+    reason, and the arm goes on when the device does.
+
+    Args:
+        teleop: what is led, with its clutch closed if the arm is to follow.
+        device: what is read once a tick. One with an attribute `ended`, such as `Player`, ends the session: its last
+            pose holds until the tool is there, for at most 5 s.
+        seconds: for how long at most [s]; infinite for as long as the device goes on.
+        paced: whether ticks come in real time, or as fast as they can.
+        act: gets every tick, to move a simulation; returns whether to go on. None for always.
+        stop: once set, by another thread or a signal, the arm brakes and the session ends.
+
+    Raises:
+        InvalidInputError: a malformed argument.
+    """
+    if seconds != math.inf:
+        checks.positive("seconds", seconds, "s")
+    dt = teleop.tracker.dt
+    rows, steps, late = [teleop.tracker.q], list[TeleopStep](), 0
+    faults = Counter[str]()
+    began = time.monotonic()
+    goes_on, is_led = True, True
+    last: Array | None = None
+    held = 0.0  # [s] for which the last pose has been held
+    while goes_on and (is_led or float(np.abs(teleop.tracker.v).max()) > STILL):
+        now = len(steps) * dt
+        if paced:
+            ahead = began + now - time.monotonic()
+            if ahead > 0.0:
+                time.sleep(ahead)
+            late += -ahead > dt
+        heard, fault = (last, "") if held > 0.0 else _read(device, now)
+        last = last if heard is None else heard
+        step = teleop.step(heard if is_led else None)
+        if fault or step.status is TeleopStatus.BAD_INPUT:
+            faults[(fault or step.message).partition(", got")[0]] += 1  # without the numbers, which differ
+        rows.append(step.q)
+        steps.append(step)
+        goes_on = act is None or act(step)
+        if getattr(device, "ended", False):
+            is_closing_in = step.target is not None and step.tracking.status is TrackerStatus.LIMITED
+            held = held + dt if is_closing_in and last is not None and len(last) == 7 else math.inf
+        if is_led and (now + 1.5 * dt > seconds or held > HOLD or (stop is not None and stop.is_set())):
+            is_led = False
+            teleop.clutch(False)
+    return _summed_up(teleop, np.array(rows), steps, faults, late)
+
+
+def _read(device: Device, now: float) -> tuple[Array | None, str]:
+    """What a device says, and why it failed; empty if it did not."""
+    try:
+        return device.read(now), ""
+    except Exception as error:  # of whatever driver: an arm in motion must brake, not stop being led
+        return None, f"{type(error).__name__}: {error}"
+
+
+def _summed_up(teleop: Teleop, q: Array, steps: list[TeleopStep], faults: Counter[str], late: int) -> Session:
+    """Measure what was commanded."""
+    tracker, robot = teleop.tracker, teleop.tracker.robot
+    followed = [(step, step.target) for step in steps if step.target is not None]
+    errors = []
+    for step, target in followed:
+        tool = robot.forward_kinematics(step.q, tracker.frame) * tracker.tool
+        errors.append(float(np.linalg.norm(tool.translation - target.translation)))
+    t = checks.read_only(np.arange(len(q)) * tracker.dt)
+    v = np.zeros_like(q)
+    v[1:] = np.diff(q, axis=0) / tracker.dt
+    limiting = Counter(name for step, _ in followed for name in step.tracking.limiting)
+    is_slow_enough = bool((np.abs(v) <= tracker.velocity_limit + SPEED_ROUNDING).all())
+    return Session(
+        motion=Trajectory.of(robot, tracker.velocity_limit, (t, q, v, changes(t, v))),
+        statuses=MappingProxyType(dict(Counter(step.status.name for step in steps))),
+        faults=MappingProxyType(dict(faults.most_common())),
+        tracking=MappingProxyType(dict(Counter(step.tracking.status.name for step, _ in followed))),
+        limiting=MappingProxyType(dict(limiting.most_common())),
+        position_error=checks.read_only(errors),
+        late=late,
+        within_limits=is_slow_enough and all(robot.within_limits(row) for row in q),
+    )

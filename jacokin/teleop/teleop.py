@@ -1,0 +1,402 @@
+"""`Teleop`: a hand leads the tool. Read this file first.
+
+A tick takes what the hand device said last, moves the tool's target by it, and lets the tracker follow. The tracker
+keeps limits and distances; what is done here is whether there is something to follow, and what:
+
+- The clutch: closing it ties the tool, where it is, to the hand, wherever that is. So nothing ever jumps.
+- The target moves by differences of the hand's poses, or by its twist. Walls slow it; a filter smooths it.
+- Without input for a while, with input that is malformed or with time that runs backwards, the arm brakes within its
+  limits. When good input returns, the tool is tied to it anew.
+- Another branch is reached by a planned motion without contact, which the tracker follows joint by joint.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping as MappingType
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from jacokin.arrays import Array
+from jacokin.errors import InvalidInputError
+from jacokin.ik.solver import IKSolver
+from jacokin.model import checks, poses
+from jacokin.motion.free_motion.plan_motion import plan_motion
+from jacokin.motion.joint_motion import ACCELERATION
+from jacokin.motion.tracking.moving import Motion
+from jacokin.motion.tracking.steps import TrackerStatus, TrackerStep
+from jacokin.motion.tracking.targets import JointTarget
+from jacokin.motion.tracking.tracker import Tracker
+from jacokin.motion.trajectory import Trajectory
+from jacokin.teleop.hand import Mapping, Play, checked_walls, dead, read_hand
+
+STILL = 1e-5  # [rad/s] a slower arm stands still
+STAYS = 5e-3  # [rad] an arm that stays this near to where it was, and off its target by more than this, is stuck
+FAR_OFF = 1e-3, 0.01  # [m], [rad]
+PLANNED_PART = 0.8  # of the tracker's clearance: an arm that leans against it must find a way, too
+LAG = 0.05  # [rad] a planned motion waits for joints that are farther behind
+BLOCKED = 2.0  # [s] of waiting, after which a planned motion is given up
+RETRY = 2.0  # [s] until another way to a target that is held off is looked for again
+ARRIVED = 1e-4  # [rad] nearer to the end of a planned motion, it is done
+LEASH = (0.05, 0.3)  # [m], [rad] a target led by twists is never farther from the tool, so that it comes back at once
+
+
+class TeleopStatus(Enum):
+    """What a tick did; the value is a sentence that says what to try."""
+
+    FOLLOWING = "the tool follows the hand; `tracking` says how well"
+    HOLDING = "the clutch is open and the arm stays: clutch(True) ties the tool to the hand"
+    WAITING = "the clutch is closed and the arm stays until the hand device says something"
+    NO_INPUT = "the hand device has said nothing for too long, so the arm brakes; it goes on with the next input"
+    BAD_INPUT = "what the hand device said cannot be used, see `message`, so the arm brakes; it goes on with good input"
+    SWITCHING = "the arm moves to another branch, whatever the hand does; it follows again when it is there"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TeleopStep:
+    """One tick. Arrays are read-only."""
+
+    q: Array
+    """(dof,) joint angles to command [rad], inside the limits exactly."""
+    v: Array
+    """(dof,) joint velocities that led here, constant over the tick [rad/s]."""
+    status: TeleopStatus
+    """What happened; `status.value` says what to try."""
+    message: str
+    """Why the arm does not follow, with numbers; empty when it does."""
+    target: pin.SE3 | None
+    """T_base_tool that the tracker was asked for; None when the arm does not follow."""
+    tracking: TrackerStep
+    """What the tracker says."""
+
+    def __str__(self) -> str:
+        """The step on one line."""
+        return f"{self.status.name}: {self.message or self.tracking}"
+
+
+class Teleop:
+    """Leads a tracker by a hand.
+
+    Attributes:
+        tracker: the tracker; nobody else may step it meanwhile.
+        engaged: whether the clutch is closed.
+    """
+
+    def __init__(
+        self,
+        tracker: Tracker,
+        *,
+        scale: float = 1.0,
+        rotation_scale: float = 1.0,
+        axes: ArrayLike | None = None,
+        clutch: bool = False,
+        deadband: tuple[float, float] = (0.0, 0.0),
+        filter: float = 0.0,  # noqa: A002 - the field's word
+        workspace: tuple[ArrayLike, ArrayLike] | None = None,
+        watchdog: float = 0.1,
+        recover: float | None = None,
+    ) -> None:
+        """Lead a tracker.
+
+        Args:
+            tracker: what is led, from where it is.
+            scale: the tool moves this many times as far as the hand.
+            rotation_scale: the tool turns this many times as far as the hand.
+            axes: R_base_hand (3, 3), how the device's frame is turned against the base; None for not at all.
+            clutch: whether the clutch is closed from the start.
+            deadband: of poses [m], [rad], of twists [m/s], [rad/s]: smaller motions of the hand move nothing.
+            filter: time constant of a low-pass on the target [s]; a target that moves steadily lags by that time.
+            workspace: lower and upper corner (3,) [m] of a box in the base that the target does not leave. It slows
+                down in the last 5 cm; started outside, it may only go inwards.
+            watchdog: without input for this long, the arm brakes [s].
+            recover: a tool that is held off a target for this long [s] goes there by another branch, along a planned
+                motion without contact, if there is one; None for never.
+
+        Raises:
+            InvalidInputError: not a tracker, or a malformed number.
+        """
+        self.tracker = checks.instance("tracker", tracker, Tracker, "a Tracker")
+        self._scale = checks.positive("scale", scale)
+        self._rotation_scale = checks.non_negative("rotation_scale", rotation_scale)
+        self._axes = np.eye(3) if axes is None else poses.checked_rotation("axes", axes)
+        bands = checks.listed("deadband", deadband, "two numbers, linear and angular")
+        if len(bands) != 2:
+            raise checks.refusal("deadband", "two numbers, linear and angular", deadband)
+        self._bands = checks.non_negative("deadband", bands[0]), checks.non_negative("deadband", bands[1])
+        constant = checks.non_negative("filter", filter, "s")
+        self._part = 1.0 if constant == 0.0 else -math.expm1(-tracker.dt / constant)
+        self._walls = checked_walls(workspace)
+        self._watchdog = checks.positive("watchdog", watchdog, "s")
+        self._patience = math.inf if recover is None else checks.positive("recover", recover, "s")
+        self.engaged = checks.flag("clutch", clutch)
+        self._time: float | None = None
+        self._heard = 0.0
+        self._rest: Array | None = None
+        self._mapping: Mapping | None = None
+        self._play: Play | None = None
+        self._twist: Array | None = None
+        self._switch: _Switch | None = None
+        self._now = 0.0
+        self._lost = False
+        self._place = tracker.q
+        self._held = 0.0  # [s] for which the tracker has been held off its target
+
+    @property
+    def tool(self) -> pin.SE3:
+        """T_base_tool, where the tool is."""
+        return self.tracker.robot.forward_kinematics(self.tracker.q, self.tracker.frame) * self.tracker.tool
+
+    def clutch(self, closed: bool) -> None:
+        """Close the clutch, to follow from now on, or open it, to brake and stay.
+
+        Closing it ties the tool, where it is, to the next input; closing a closed one does so anew. Either ends a
+        motion to another branch.
+
+        Raises:
+            InvalidInputError: not True or False.
+        """
+        self.engaged = checks.flag("closed", closed)
+        self._switch = None
+        self._let_go()
+
+    def step(
+        self,
+        hand: pin.SE3 | ArrayLike | None = None,
+        time: float | None = None,
+        *,
+        obstacles: MappingType[str, Motion] | None = None,
+        budget: float | None = None,
+    ) -> TeleopStep:
+        """One tick of the tracker.
+
+        Args:
+            hand: what the device said since the last tick, None for nothing: the hand's pose in the device's frame
+                as `pin.SE3`, (4, 4) or (7,) position and quaternion wxyz, or its twist (6,) [m/s, rad/s] in the
+                device's axes, which holds until the next one. What cannot be used makes the arm brake.
+            time: of this tick [s], by any clock that does not run backwards; None for one tick after the last.
+            obstacles: as in `Tracker.step`.
+            budget: as in `Tracker.step`.
+
+        Returns:
+            Where the arm is after the tick.
+
+        Raises:
+            InvalidInputError: malformed obstacles or budget; nothing has changed then but what was heard.
+        """
+        fault = self._look_at_the_clock(time)
+        heard: pin.SE3 | Array | None = None
+        if hand is not None and not fault:
+            try:
+                heard = read_hand(hand)
+                self._heard = self._now
+            except InvalidInputError as error:
+                fault = str(error)
+        if self._switch is not None:
+            self._hear(heard)
+            return self._go_on_switching(self._switch, obstacles, budget)
+        if not self.engaged:
+            return self._stay(TeleopStatus.HOLDING, "", obstacles, budget)
+        if fault:
+            self._let_go()
+            return self._stay(TeleopStatus.BAD_INPUT, fault, obstacles, budget)
+        silent = self._now - self._heard
+        if heard is None and self._mapping is not None and silent > self._watchdog + 1e-9:
+            self._let_go()
+            self._lost = True
+        if heard is None and self._mapping is None:
+            if self._lost:
+                message = f"no input for {silent:.2f} s"
+                return self._stay(TeleopStatus.NO_INPUT, message, obstacles, budget)
+            return self._stay(TeleopStatus.WAITING, "no input yet", obstacles, budget)
+        self._lost = False
+        return self._follow(heard, obstacles, budget)
+
+    def switch_branch(self, q: ArrayLike | None = None, *, time_limit: float = 1.0) -> Trajectory:
+        """Plan a motion without contact to another branch of the tool's pose, which the next ticks follow.
+
+        The plan knows the tracker's scene with obstacles where the scene has them, and no moving ones; on the way the
+        tracker keeps clear of these, too.
+
+        Args:
+            q: (dof,) the configuration to go to [rad]; None for the other branch that is reached soonest.
+            time_limit: for the search [s], in which the arm stands.
+
+        Returns:
+            The plan. Without a way its `success` is False, `message` says why, and the arm stays.
+
+        Raises:
+            InvalidInputError: the arm is not standing still (open the clutch and wait), or `q` is malformed.
+        """
+        tracker = self.tracker
+        if float(np.abs(tracker.v).max()) > STILL:
+            raise InvalidInputError("the arm must stand still: open the clutch and step until it does")
+        if q is not None:
+            goal: ArrayLike | list[Array] = tracker.robot.configuration(q)
+        else:
+            rows = np.asarray(self._solver().solve_all(self.tool, seed=tracker.q).q_within_limits)
+            goal = [row for row in rows if np.abs(row - tracker.q).max() > LAG]
+            if not goal:
+                raise InvalidInputError("no other branch of the tool's pose is within the limits")
+        plan = self._plan(goal, time_limit)
+        if plan.success:
+            self._let_go()
+            self._switch = _Switch(plan)
+        return plan
+
+    def _solver(self) -> IKSolver:
+        """Inverse kinematics of the tracker's tool among its obstacles."""
+        tracker = self.tracker
+        if tracker.scene is None:
+            return IKSolver(tracker.robot, tracker.frame, tool=tracker.tool)
+        return IKSolver(
+            tracker.robot,
+            tracker.frame,
+            tool=tracker.tool,
+            collision="reject",
+            scene=tracker.scene,
+            clearance=PLANNED_PART * tracker.clearance,
+        )
+
+    def _plan(self, goal: object, time_limit: float) -> Trajectory:
+        """A motion that the tracker can follow, at nine tenths of its limits."""
+        tracker = self.tracker
+        acceleration = ACCELERATION if tracker.acceleration_limit is None else tracker.acceleration_limit
+        return plan_motion(
+            self._solver(),
+            tracker.q,
+            goal,
+            time_limit=time_limit,
+            dt=tracker.dt,
+            velocity_limit=0.9 * tracker.velocity_limit,
+            acceleration_limit=0.9 * acceleration,
+        )
+
+    def _look_at_the_clock(self, time: float | None) -> str:
+        """Advance the time; why it cannot be used, empty if it can."""
+        if time is None:
+            self._now += self.tracker.dt
+            return ""
+        try:
+            now = checks.number("time", time, "s")
+        except InvalidInputError as error:
+            return str(error)
+        before, self._time = self._time, now
+        if before is None:
+            self._heard += now - self._now - self.tracker.dt
+            self._now = now
+            return ""
+        if now < before:
+            self._heard += now - self._now
+            self._now = now
+            return f"time ran backwards by {before - now:.3g} s"
+        self._now = now
+        return ""
+
+    def _let_go(self) -> None:
+        """Untie the tool from the hand; it is tied again by the next input."""
+        self._mapping = self._play = self._twist = None
+        self._rest = None
+        self._lost = False
+
+    def _follow(
+        self, heard: pin.SE3 | Array | None, obstacles: MappingType[str, Motion] | None, budget: float | None
+    ) -> TeleopStep:
+        """Move the target by what the hand did, and the arm towards it."""
+        if self._mapping is None:
+            self._mapping = Mapping(self.tool, self._axes, self._scale, self._rotation_scale)
+        self._hear(heard)
+        if self._twist is not None:
+            moved = self.tracker.dt * self._twist
+            self._mapping.shift(moved[:3], moved[3:], self._walls)
+            self._mapping.stay_near(self.tool, *LEASH)
+        target = self._mapping.filter(self._part)
+        tracking = self.tracker.step(target, obstacles=obstacles, budget=budget)
+        self._rest = None
+        self._held = self._held + self.tracker.dt if self._is_stuck(tracking) else 0.0
+        if self._held > self._patience:
+            self._recover(target)
+        return TeleopStep(tracking.q, tracking.v, TeleopStatus.FOLLOWING, "", target, tracking)
+
+    def _hear(self, heard: pin.SE3 | Array | None) -> None:
+        """Move the target by how far the hand went since its last pose; keep a twist."""
+        if self._mapping is None:
+            return
+        if isinstance(heard, pin.SE3):
+            self._twist = None
+            if self._play is None:
+                self._play = Play(*self._bands, heard)
+            before = self._play.pose
+            after = self._play.move(heard)
+            turn = pin.log3(after.rotation @ before.rotation.T)
+            self._mapping.shift(after.translation - before.translation, turn, self._walls)
+        elif heard is not None:
+            self._twist, self._play = dead(heard, *self._bands), None
+
+    def _is_stuck(self, tracking: TrackerStep) -> bool:
+        """Whether the tracker has come as near as it can, or trembles and creeps about one place that is not there."""
+        if tracking.status is TrackerStatus.HELD:
+            return True
+        is_off = tracking.position_error > FAR_OFF[0] or tracking.orientation_error > FAR_OFF[1]
+        if is_off and float(np.abs(tracking.q - self._place).max()) < STAYS:
+            return True
+        self._place = tracking.q
+        return False
+
+    def _recover(self, target: pin.SE3) -> None:
+        """Go to a target that is held off by another branch, if there is one."""
+        self._held = -RETRY
+        if self._solver().solve(target, seed=self.tracker.q).success:
+            plan = self._plan(target, time_limit=0.3)
+            if plan.success:
+                self._switch = _Switch(plan)
+
+    def _stay(
+        self, status: TeleopStatus, message: str, obstacles: MappingType[str, Motion] | None, budget: float | None
+    ) -> TeleopStep:
+        """Brake, and then keep the joints where they are."""
+        if self._rest is None and float(np.abs(self.tracker.v).max()) > STILL:
+            tracking = self.tracker.brake(obstacles=obstacles)
+        else:
+            if self._rest is None:
+                self._rest = self.tracker.q
+            tracking = self.tracker.step(JointTarget(self._rest), obstacles=obstacles, budget=budget)
+        return TeleopStep(tracking.q, tracking.v, status, message, None, tracking)
+
+    def _go_on_switching(
+        self, switch: _Switch, obstacles: MappingType[str, Motion] | None, budget: float | None
+    ) -> TeleopStep:
+        """The next tick of a planned motion, which waits for an arm that is behind."""
+        plan = switch.plan
+        last = len(plan.q) - 1
+        if float(np.abs(self.tracker.q - plan.q[switch.row]).max()) < LAG and switch.row < last:
+            switch.row, switch.waited = switch.row + 1, 0.0
+        else:
+            switch.waited += self.tracker.dt
+        tracking = self.tracker.step(JointTarget(plan.q[switch.row]), obstacles=obstacles, budget=budget)
+        message = f"{plan.t[switch.row]:.1f} s of {plan.t[-1]:.1f} s"
+        if switch.row == last and float(np.abs(tracking.q - plan.q[last]).max()) < ARRIVED:
+            self._switch, self._heard = None, self._now
+        elif switch.waited > BLOCKED:
+            message = f"the way to the other branch is blocked after {message}: given up"
+            self._switch = None
+            self._let_go()
+        return TeleopStep(tracking.q, tracking.v, TeleopStatus.SWITCHING, message, None, tracking)
+
+
+@dataclass(slots=True)
+class _Switch:
+    """A planned motion on its way.
+
+    Attributes:
+        plan: the motion.
+        row: of the plan, which the arm is asked for.
+        waited: for how long [s].
+    """
+
+    plan: Trajectory
+    row: int = 0
+    waited: float = 0.0

@@ -1,0 +1,242 @@
+"""Recorded streams, and devices without the devices."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from jacokin import Robot
+from jacokin.errors import InvalidInputError, JacokinError, MissingExtraError, UnknownNameError
+from jacokin.teleop import Controller, Fingers, Keyboard, Player, SpaceMouse, Stream, make_stream
+from jacokin.teleop.devices import twist_of_space_mouse
+from jacokin.teleop.streams import KINDS
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_streams_begin_and_end_at_the_tool_and_repeat(robot: Robot, kind: str) -> None:
+    stream, again = (make_stream(robot, kind, np.random.default_rng(5)) for _ in range(2))
+    assert np.array_equal(stream.time, again.time)
+    assert np.array_equal(stream.hand, again.hand, equal_nan=True)
+    assert (np.diff(stream.time) >= 0.0).all()
+    home = robot.forward_kinematics(robot.home).translation
+    for end in (stream.hand[0], stream.hand[-1]):
+        assert np.allclose(end[:3], home, atol=1e-6)
+    if kind == "dropouts":
+        assert np.isnan(stream.hand).any()
+        assert (np.abs(stream.hand[:, 3:]).sum(axis=1) == 0.0).any()
+        assert np.diff(stream.time).max() > 0.1
+    else:
+        assert np.allclose(np.linalg.norm(stream.hand[:, 3:], axis=1), 1.0, atol=1e-9)
+    away = np.linalg.norm(stream.hand[:, :3] - home, axis=1)
+    assert np.nanmax(away) > 0.02
+
+
+def test_shoulder_and_reach_are_what_they_say(robot: Robot) -> None:
+    over = make_stream(robot, "shoulder", np.random.default_rng(0)).hand
+    assert np.hypot(over[:, 0], over[:, 1]).min() < 0.03
+    beyond = make_stream(robot, "out_of_reach", np.random.default_rng(0)).hand
+    assert np.linalg.norm(beyond[:, :3] - [0.0, 0.0, 0.28], axis=1).max() > 0.85
+
+
+def test_a_stream_is_saved_and_read(robot: Robot, tmp_path: Path) -> None:
+    stream = make_stream(robot, "dropouts", np.random.default_rng(1))
+    stream.save(tmp_path / "hand.npz")
+    read = Stream.load(tmp_path / "hand.npz")
+    assert np.array_equal(read.time, stream.time)
+    assert np.array_equal(read.hand, stream.hand, equal_nan=True)
+    for path, match in (("hand.csv", "must end in .npz"), ("no/such/folder.npz", "cannot write")):
+        with pytest.raises(InvalidInputError, match=match):
+            stream.save(tmp_path / path)
+    (tmp_path / "text.npz").write_text("hello")
+    whole = (tmp_path / "hand.npz").read_bytes()
+    (tmp_path / "half.npz").write_bytes(whole[: len(whole) // 2])
+    with (tmp_path / "array.npz").open("wb") as file:
+        np.save(file, np.zeros(3))
+    np.savez(tmp_path / "other.npz", time=np.zeros(3), hand=np.zeros((3, 6)))
+    np.savez(tmp_path / "lacking.npz", time=np.zeros(3))
+    for name in ("text.npz", "half.npz", "array.npz", "other.npz", "lacking.npz"):
+        with pytest.raises(InvalidInputError, match="does not hold a stream"):
+            Stream.load(tmp_path / name)
+    with pytest.raises(InvalidInputError, match="cannot be read: No such file"):
+        Stream.load(tmp_path / "missing.npz")
+
+
+def test_a_player_says_the_newest_pose_once() -> None:
+    hand = np.arange(21.0).reshape(3, 7)
+    player = Player(Stream(np.array([0.0, 0.1, 0.11]), hand))
+    assert player.read(-0.1) is None
+    assert np.array_equal(np.asarray(player.read(0.05)), hand[0])
+    assert player.read(0.06) is None
+    assert np.array_equal(np.asarray(player.read(0.2)), hand[2])
+    assert player.ended
+    assert player.read(0.3) is None
+
+
+def test_keys_are_twists_while_they_are_heard() -> None:
+    keys = Keyboard(speed=0.1, turn=0.5)
+    assert np.array_equal(keys.read(0.0), np.zeros(6))
+    keys.press("w", 1.0)
+    keys.press("o", 1.0)
+    keys.press("?", 1.0)
+    assert np.allclose(keys.read(1.1), [0.1, 0.0, 0.0, 0.0, 0.0, -0.5])
+    keys.press("s", 1.1)
+    assert np.allclose(keys.read(1.12)[0], 0.0)
+    assert np.array_equal(keys.read(1.3), np.zeros(6))
+
+
+def test_keys_close_and_open_the_fingers() -> None:
+    keys = Keyboard()
+    for key, fingers in (("g", 1.0), ("h", -1.0), ("w", 0.0)):
+        keys = Keyboard()
+        keys.press(key, 0.0)
+        keys.read(0.1)
+        assert keys.fingers == fingers
+        keys.read(0.2)
+        assert keys.fingers == 0.0
+    hand = Fingers(0.5, lower=0.15, upper=1.35, speed=0.8)
+    assert hand.move(1.0, 0.5) == pytest.approx(0.9)
+    assert hand.move(-0.5, 0.5) == pytest.approx(0.7)
+    assert hand.move(1.0, 10.0) == 1.35
+    assert hand.move(-1.0, 10.0) == hand.angle == 0.15
+
+
+def test_a_controller_says_each_report_once() -> None:
+    """So that the watchdog hears when the reports end."""
+    hand = Controller(speed=0.1, turn=0.5)
+    assert hand.read(0.0) is None
+    hand.report(keys={"w", "u", "g", "?"})
+    assert np.allclose(np.asarray(hand.read(0.1)), [0.1, 0.0, 0.0, 0.0, 0.0, 0.5])
+    assert hand.fingers == 1.0
+    assert hand.read(0.11) is None
+    hand.report()
+    assert np.array_equal(np.asarray(hand.read(0.2)), np.zeros(6))
+    assert hand.fingers == 0.0
+
+
+def test_a_gamepad_moves_along_its_sticks_and_rests_in_their_middle() -> None:
+    hand = Controller(speed=0.1, turn=0.5)
+    for axes, buttons, twist, fingers in (
+        ([0.0, -1.0, 0.0, 0.0], [], [0.1, 0.0, 0.0, 0.0, 0.0, 0.0], 0.0),  # away
+        ([-1.0, 0.0, 0.0, 0.0], [], [0.0, 0.1, 0.0, 0.0, 0.0, 0.0], 0.0),  # to the left
+        ([0.0, 0.0, -1.0, 0.0], [], [0.0, 0.0, 0.0, 0.0, 0.0, 0.5], 0.0),
+        ([0.1, -0.1, 0.1, 0.1], [1.0], [0.0] * 6, 1.0),
+        ([], [0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.5], [0.0, 0.0, 0.05, 0.0, 0.0, 0.0], -1.0),
+        ([0.0, -9.0], [7.0], [0.1, 0.0, 0.0, 0.0, 0.0, 0.0], 1.0),  # never faster
+    ):
+        hand.report(axes=axes, buttons=buttons)
+        assert np.allclose(np.asarray(hand.read(0.0)), twist, atol=1e-12)
+        assert hand.fingers == fingers
+
+
+def test_holding_the_key_of_the_clutch_works_it_once() -> None:
+    hand = Controller()
+    for _ in range(5):
+        hand.report(keys=["space"])
+    assert [hand.toggled() for _ in range(3)] == [True, False, False]
+    hand.report()
+    hand.report(buttons=[0.0] * 9 + [1.0])
+    hand.toggle()
+    assert [hand.toggled() for _ in range(3)] == [True, True, False]
+
+
+@pytest.mark.parametrize(
+    ("report", "match"),
+    [
+        ({"axes": [np.nan]}, "axes must be at most 64 finite numbers"),
+        ({"axes": np.zeros(65)}, "axes must be at most 64"),
+        ({"buttons": [[0.0]]}, "buttons must be at most 64"),
+        ({"buttons": ["left"]}, "buttons must be"),
+    ],
+)
+def test_malformed_reports_change_nothing(report: Any, match: str) -> None:
+    hand = Controller()
+    with pytest.raises(InvalidInputError, match=match):
+        hand.report(keys=["w", "g", "space"], **report)
+    assert hand.read(0.0) is None
+    assert hand.fingers == 0.0
+    assert not hand.toggled()
+
+
+def test_wrong_fingers_are_refused() -> None:
+    for angle, options, match in (
+        (np.nan, {"lower": 0.0, "upper": 1.0}, "angle must be"),
+        (0.0, {"lower": 2.0, "upper": 1.0}, "lower 2.0 must not be above upper 1.0"),
+        (0.0, {"lower": 0.0, "upper": 1.0, "speed": 0.0}, "speed must be"),
+    ):
+        with pytest.raises(InvalidInputError, match=match):
+            Fingers(angle, **options)
+
+
+def test_a_space_mouse_is_a_twist() -> None:
+    state = SimpleNamespace(x=1.0, y=-0.5, z=0.0, pitch=0.1, roll=0.2, yaw=-1.0)
+    twist = twist_of_space_mouse(state, np.repeat([0.1, 0.5], 3))
+    assert np.allclose(twist, [0.1, -0.05, 0.0, 0.1, 0.05, -0.5])
+    with pytest.raises(InvalidInputError, match="not what a space mouse says"):
+        twist_of_space_mouse(SimpleNamespace(x=1.0), np.ones(6))
+
+
+class FakeMouse:
+    """What pyspacemouse 2.1 gives: after it is unplugged, it repeats its last state."""
+
+    connected, closed = True, False
+    state = SimpleNamespace(x=0.0, y=0.0, z=1.0, roll=0.0, pitch=0.0, yaw=0.0)
+
+    def read(self) -> SimpleNamespace:
+        return self.state
+
+    def close(self) -> None:
+        self.closed = True
+
+
+def test_a_space_mouse_that_is_unplugged_says_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    fake, asked = FakeMouse(), list[object]()
+
+    def open_mouse(axis_convention: object) -> FakeMouse:
+        asked.append(axis_convention)
+        return fake
+
+    def refuse(axis_convention: object) -> FakeMouse:
+        raise RuntimeError("No connected or supported devices found.")
+
+    module = SimpleNamespace(open=open_mouse, AxisConvention=SimpleNamespace(HID_Z_UP="hid_z_up"))
+    monkeypatch.setitem(sys.modules, "pyspacemouse", module)
+    with SpaceMouse(speed=0.2) as mouse:
+        assert np.allclose(np.asarray(mouse.read(0.0)), [0.0, 0.0, 0.2, 0.0, 0.0, 0.0])
+        fake.connected = False
+        module.open = refuse
+        assert mouse.read(0.1) is None
+        fake = FakeMouse()  # plugged in again
+        module.open = open_mouse
+        assert mouse.read(0.5) is None  # looked for once a second
+        assert np.allclose(np.asarray(mouse.read(1.2)), [0.0, 0.0, 0.2, 0.0, 0.0, 0.0])
+    assert fake.closed
+    assert asked == ["hid_z_up"] * 2
+
+    module.open = refuse
+    with pytest.raises(JacokinError, match="no space mouse can be opened: No connected"):
+        SpaceMouse()
+
+
+def test_without_its_package_a_space_mouse_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pyspacemouse", None)
+    with pytest.raises(MissingExtraError, match="spacemouse"):
+        SpaceMouse()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "match"),
+    [
+        (("jery", np.random.default_rng()), UnknownNameError, "Did you mean 'jerky'"),
+        (("smooth", 3), InvalidInputError, "rng"),
+    ],
+)
+def test_wrong_streams_are_refused(robot: Robot, arguments: Any, error: type[Exception], match: str) -> None:
+    with pytest.raises(error, match=match):
+        make_stream(robot, *arguments)
+    with pytest.raises(InvalidInputError, match="rate must be"):
+        make_stream(robot, "smooth", np.random.default_rng(), rate=0.0)

@@ -1,0 +1,113 @@
+"""Results open the viewer with what they found, and go on at once."""
+
+from __future__ import annotations
+
+import importlib.util
+import subprocess
+import sys
+import webbrowser
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+import jacokin
+from jacokin import IKSolver, Robot, Status
+from jacokin.errors import InvalidInputError, MissingExtraError
+from jacokin.ik import Box, Scene
+from jacokin.viewer import Viewer
+from tests.viewer.page import opened, until
+
+TARGET = jacokin.pose([0.3, -0.3, 0.4], down=True)
+
+
+@pytest.fixture
+def pages(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """The pages that would be opened, on a machine with a screen."""
+    found: list[str] = []
+    monkeypatch.setattr(webbrowser, "open", found.append)
+    monkeypatch.setenv("DISPLAY", ":0")
+    return found
+
+
+def test_an_answer_is_shown_as_its_solver_has_it(robot: Robot, pages: list[str]) -> None:
+    scene = Scene([Box("table", (0.5, 0.5, 0.02), (0.3, -0.3, 0.1))])
+    solver = IKSolver(robot, "gripsite", scene=scene, clearance=0.01)
+    result = solver.solve(TARGET)
+    assert result.success
+    with result.show(solver) as running:
+        assert isinstance(running, Viewer)
+        assert pages == [running.url]
+        assert repr(running) == f"Viewer({running.url})"
+        assert np.allclose(running.view.q, result.q, atol=1e-9)
+        assert running.view.target.isApprox(TARGET, 1e-6)
+        assert running.view.status is Status.OK
+        assert running.scene is scene
+        with opened(running) as page:
+            assert until(lambda: page.value("Frame") == "gripsite" and page.value("Clearance [m]") == 0.01)
+
+
+def test_what_does_not_reach_is_shown_where_it_ended(robot: Robot, pages: list[str]) -> None:
+    result = jacokin.solve_ik(jacokin.pose([2.0, 0.0, 0.4], down=True), robot)
+    assert result.status is Status.UNREACHABLE
+    with result.show(robot, browse=False) as running:
+        assert isinstance(running, Viewer)
+        assert np.allclose(running.view.q, result.q, atol=1e-9)
+    assert pages == []
+
+
+def test_every_branch_is_shown(robot: Robot) -> None:
+    solver = IKSolver(robot, tool=jacokin.pose([0.0, 0.0, 0.05]), collision="report")
+    branches = solver.solve_all(TARGET)
+    with branches.show(solver, browse=False) as running:
+        assert isinstance(running, Viewer)
+        assert running.view.target.isApprox(TARGET, 1e-6)
+        assert len(running.view.branches) == len(branches)
+        shown = np.abs(running.view.branches[:, None, 1:3] - branches.q[None, :, 1:3]).max(axis=2).min(axis=0)
+        assert shown.max() < 1e-6
+        assert np.allclose(running.view.q, branches.nearest(), atol=1e-6)
+
+
+def test_a_motion_is_played(robot: Robot) -> None:
+    scene = Scene([Box("crate", (0.1, 0.1, 0.1), (0.6, 0.4, 0.1))])
+    goal = jacokin.solve_ik(TARGET, robot).q
+    motion = jacokin.plan_motion(IKSolver(robot, scene=scene), robot.home, goal)
+    with motion.show(robot, scene=scene, browse=False) as running, opened(running) as page:  # type: ignore[arg-type]  # a Viewer
+        assert page.has("Trajectory")
+        page.change("Time [s]", 1e9)
+        assert isinstance(running, Viewer)
+        assert until(lambda: np.allclose(running.view.q, motion.q[-1], atol=1e-9))
+        assert running.scene is scene
+
+
+def test_the_wrong_robot_and_no_branches_are_said(robot: Robot, bundled: Callable[[str], Robot]) -> None:
+    solver = IKSolver(robot)
+    result, branches = solver.solve(TARGET), solver.solve_all(TARGET)
+    seven = bundled("j2s7s300")
+    for shown in (result, branches):
+        with pytest.raises(InvalidInputError, match=r"\(7,\)|7 values|shape"):
+            shown.show(seven, browse=False)
+        with pytest.raises(InvalidInputError, match="of must be a Robot, or the IKSolver"):
+            shown.show("j2n6s300", browse=False)
+        with pytest.raises(InvalidInputError, match="browse must be"):
+            shown.show(robot, browse="yes")
+    with pytest.raises(InvalidInputError, match="no branches to show"):
+        solver.solve_all(jacokin.pose([2.0, 0.0, 0.0])).show(robot, browse=False)
+
+
+def test_without_the_extra_the_command_is_named(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    found = importlib.util.find_spec
+    monkeypatch.setattr(
+        importlib.util, "find_spec", lambda name, *rest: None if name == "viser" else found(name, *rest)
+    )
+    with pytest.raises(MissingExtraError, match=r"viser.*pip install"):
+        jacokin.solve_ik(TARGET, robot).show(robot, browse=False)
+
+
+def test_a_result_knows_of_the_viewer_only_when_asked() -> None:
+    program = (
+        "import sys, jacokin; robot = jacokin.load_robot();"
+        "jacokin.solve_ik(robot.forward_kinematics(robot.home), robot);"
+        "assert not [name for name in sys.modules if name.startswith(('jacokin.viewer', 'webbrowser', 'viser'))]"
+    )
+    subprocess.run([sys.executable, "-P", "-c", program], check=True)
