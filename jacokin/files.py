@@ -1,17 +1,26 @@
-"""Output files that replace what is there in one step, and only when they are complete."""
+"""Output files that replace what is there in one step, and only when they are complete; archives of arrays, read."""
 
 from __future__ import annotations
 
+import math
 import os
 import secrets
 import shutil
 import stat
+import zipfile
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from jacokin.errors import InvalidInputError
 
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+LARGEST = 4_000_000_000  # [byte] of an NPZ file's arrays: a trajectory of a day at 100 Hz takes 1.2e9
 KEPT_NAME = 60  # characters of the file's name in the temporary one: the ending decides formats, names may be 255 bytes
 
 
@@ -47,6 +56,30 @@ def replacing(path: Path) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
+@contextmanager
+def replacing_folder(path: Path) -> Iterator[Path]:
+    """A temporary folder beside the final one, whose name it takes when the block ends well.
+
+    Raises:
+        InvalidInputError: something is there already, or the folder cannot be made.
+    """
+    temporary = path.absolute().with_name(f".{secrets.token_hex(8)}-{path.name[-KEPT_NAME:]}")
+    try:
+        try:
+            temporary.mkdir()
+        except OSError as error:
+            raise InvalidInputError(f"{path}: cannot be written: {error.strerror}") from error
+        yield temporary
+        try:
+            if path.exists():
+                raise InvalidInputError(f"{path}: is there already")
+            temporary.replace(path)
+        except OSError as error:
+            raise InvalidInputError(f"{path}: cannot be written: {error.strerror}") from error
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+
+
 def is_device(path: Path) -> bool:
     """Whether something is there that is neither a file nor a folder, such as /dev/stdout or a pipe."""
     return path.exists() and not path.is_file() and not path.is_dir()
@@ -79,3 +112,42 @@ def writable(path: Path) -> Path:
     if final.exists() and not os.access(final, os.W_OK):
         raise InvalidInputError(f"{path}: cannot be written: permission denied")
     return final
+
+
+def read_arrays(path: Path, otherwise: str) -> dict[str, NDArray[np.generic]]:
+    """Read an NPZ file, its headers first: a small file may claim to hold more than the memory.
+
+    Args:
+        path: the file.
+        otherwise: what the error says of a file that is damaged or something else, such as "is not a recording".
+
+    Raises:
+        InvalidInputError: unreadable, or not an archive of plain arrays.
+    """
+    import numpy as np  # not for the command line's help
+
+    try:
+        with zipfile.ZipFile(path) as archive:
+            _check_headers(archive)
+        with np.load(path, allow_pickle=False) as arrays:
+            return {name: arrays[name] for name in arrays.files}
+    except (ValueError, EOFError, KeyError, NotImplementedError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
+        raise InvalidInputError(f"{path}: {otherwise}: {error}") from error
+    except OSError as error:
+        raise InvalidInputError(f"{path}: cannot be read: {error.strerror or error}") from error
+
+
+def _check_headers(archive: zipfile.ZipFile) -> None:
+    """ValueError when a member is not an array, or the arrays claim more than the archive holds or than is sensible."""
+    import numpy as np
+
+    total = 0
+    for member in archive.infolist():
+        with archive.open(member) as stream:
+            version = np.lib.format.read_magic(stream)
+            read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+            shape, _, dtype = read(stream)
+        size = math.prod(shape) * dtype.itemsize
+        total += size
+        if dtype.hasobject or size > member.file_size or total > LARGEST:
+            raise ValueError(f"{member.filename} claims {size} bytes")

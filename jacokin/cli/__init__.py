@@ -6,7 +6,9 @@ units, display, outputs    radians and degrees, tables and JSON, files that must
 ik, ik_answers, ik_batch   `jacokin ik`: the command, the answer to one pose, a file of poses
 kinematics, info           `fk`, `jacobian`; `info`
 paths, move                `plan`, `track`; `move`
+teleop                     `teleop`, with a terminal's keys and a task's simulation
 reachability               `map`, `place`
+calibrate                  `calibrate`, with `fit` and `plan`
 task, viewer               `task`; `view`
 crosscheck, doctor         `crosscheck`; `doctor` and `warmup`
 export_c                   `export-c`, for the C library

@@ -19,6 +19,34 @@ OTHER_NAMES = {"axis": "--free-axis", "range": "--free-range", "q": "ANGLE..."}
 # In a message about options, and fields of a scene, that are in radians also with --degrees.
 ALWAYS_RADIANS = ("--limit", "--finger-angle", "finger_angle")
 
+# Headings in the help of a command with many options, and what stands under them; the rest under "Options".
+MANY = 15
+HEADINGS = {
+    "Target": (
+        *("--from", "--to", "--target", "--position", "--kinova", "--quat-wxyz", "--rpy", "--down", "--approach"),
+        *("--free-axis", "--free-range", "--frame", "--tool"),
+    ),
+    "Choice of the answer": ("--prefer", "--all", "--seed", "--closest", "--random-seed", "--method", "--qp-solver"),
+    "Contact": ("--collision", "--scene", "--clearance"),
+    "Motion": (
+        *("--start", "--dt", "--speed", "--angular-speed", "--velocity-limit", "--acceleration-limit"),
+        *("--torque-limit", "--rated-torque", "--time-limit", "--timing"),
+    ),
+    "Hand": ("--device", "--stream", "--rate", "--scale", "--recover", "--seconds", "--fast"),
+    "Files": (
+        "--path",
+        "--targets",
+        "--output",
+        "--resume",
+        "--workers",
+        "--dask",
+        "--ros",
+        "--joint-prefix",
+        "--plot",
+    ),
+    "Robot": ("--robot", "--base", "--tip", "--package-dir", "--limit", "--finger-angle", "--calibration"),
+}
+
 _NUMBER = re.compile(r"[-+]?((\d+\.?\d*|\.\d+)(e[-+]?\d+)?|inf(inity)?|nan)", re.IGNORECASE | re.ASCII)
 
 
@@ -46,7 +74,18 @@ class Command(click.Command):
         if rows:
             with formatter.section("Arguments"):
                 formatter.write_dl(rows)
-        super().format_options(ctx, formatter)
+        written = [(each.opts[0], each.get_help_record(ctx)) for each in self.get_params(ctx)]
+        options = {flag: row for flag, row in written if row is not None}
+        if len(options) < MANY:
+            super().format_options(ctx, formatter)
+            return
+        for heading, flags in HEADINGS.items():
+            found = [options.pop(flag) for flag in list(options) if flag in flags]
+            if found:
+                with formatter.section(heading):
+                    formatter.write_dl(found)
+        with formatter.section("Options"):
+            formatter.write_dl(list(options.values()))
 
     def invoke(self, ctx: click.Context) -> object:
         """Run the command.

@@ -58,6 +58,7 @@ def read_pairs(context: click.Context, option: click.Parameter, words: Sequence[
 @click.option("--second-base", metavar="FRAME", help="Base of the second arm; --base if not given.")
 @click.option("--second-tip", metavar="FRAME", help="End of the second arm.")
 @options.package_dir
+@click.option("--calibration", type=options.FILE, metavar="FILE.toml", help="How the first arm differs from its file.")
 @options.random_seed
 @options.json
 def crosscheck(
@@ -72,6 +73,7 @@ def crosscheck(
     second_base: str | None,
     second_tip: str | None,
     package_dirs: Sequence[Path],
+    calibration: Path | None,
     random_seed: int | None,
     json: bool,
 ) -> None:
@@ -85,6 +87,7 @@ def crosscheck(
       jacokin crosscheck                                     the j2n6s300 in Pinocchio and in MuJoCo
       jacokin crosscheck urdf/j2n6s300.urdf urdf/j2n6s300.xml --base link_base
       jacokin crosscheck j2n6s300 my_jaco.urdf --joint joint_1=j1 --joint joint_2=j2 --frame end_effector=tool0
+      jacokin crosscheck j2n6s300 j2n6s300 --calibration my_arm.toml   how far the arm is from its datasheet
     """
     import numpy as np
 
@@ -94,7 +97,7 @@ def crosscheck(
         raise InvalidInputError(f"--tolerance must be a number >= 0, got {tolerance}")
     limits = comparison.TOLERANCES if tolerance is None else dict.fromkeys(comparison.QUANTITIES, tolerance)
     report = model.crosscheck(
-        RobotOptions(first, base, tip, package_dirs).load(),
+        RobotOptions(first, base, tip, package_dirs, calibration=calibration).load(),
         None if second is None else RobotOptions(second, second_base or base, second_tip, package_dirs).load(),
         samples=samples,
         rng=None if random_seed is None else np.random.default_rng(random_seed),

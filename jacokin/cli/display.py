@@ -113,10 +113,18 @@ def print_json(document: Mapping[str, object]) -> None:
     echo(json.dumps(plain(document), indent=2, allow_nan=False))
 
 
+def identity(robot: model.Robot) -> dict[str, object]:
+    """The entries of a document that say which robot it is, and the file of its calibration if it has one."""
+    return {
+        "robot": robot.name,
+        **({} if robot.calibration is None else {"calibration": str(robot.calibration.path)}),
+    }
+
+
 def head(robot: model.Robot, units: Units, frame: str | None = None) -> dict[str, object]:
     """The first entries of a document about joint values."""
     return {
-        "robot": robot.name,
+        **identity(robot),
         **({} if frame is None else {"frame": frame}),
         "joint_names": robot.joint_names,
         "angle_unit": units.angle,

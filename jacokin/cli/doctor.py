@@ -63,7 +63,9 @@ PACKAGES = {
     "gymnasium": ("gymnasium", "tasks"),
     "pyarrow": ("pyarrow", "parquet"),
     "distributed": ("distributed", "cluster"),
+    "h5py": ("h5py", "data"),
     "imageio_ffmpeg": ("imageio-ffmpeg", "video"),
+    "pyspacemouse": ("pyspacemouse", "spacemouse"),
     "viser": ("viser", "viewer"),
 }
 # Back end of MuJoCo's renderer -> what it needs, on Debian and Ubuntu.
@@ -84,16 +86,18 @@ with mujoco.Renderer(model, 32, 32) as renderer:
 
 
 @click.command(cls=Command)
+@click.option("--all", "everything", is_flag=True, help="Every check, with versions and places.")
 @options.json
-def doctor(json: bool) -> None:
+def doctor(everything: bool, json: bool) -> None:
     """Check the installation.
 
-    Versions and places of the packages, QP solvers, shadowed packages, rendering, cache of the kernels.
+    What works, what does not and what to do, and which optional parts are there.
 
     Exit code: 0 when everything needed works, 1 otherwise.
 
     Examples:
       jacokin doctor
+      jacokin doctor --all      versions and places of the packages, QP solvers, rendering
     """
     findings = check_all()
     well = not any(finding.state == FAILED for finding in findings)
@@ -105,9 +109,13 @@ def doctor(json: bool) -> None:
             }
         )
     else:
-        rows = [(finding.area, finding.name, finding.state, finding.detail) for finding in findings]
-        display.show_table(None, ("area", "what", "state", "detail"), rows, text=4)
+        shown = [finding for finding in findings if everything or finding.state in (FAILED, WARNING)]
+        if shown:
+            rows = [(finding.area, finding.name, finding.state, finding.detail) for finding in shown]
+            display.show_table(None, ("area", "what", "state", "detail"), rows, text=4)
         display.say("Everything needed works." if well else "Something that is needed does not work, see FAILED above.")
+        if not everything:
+            show_optional(findings)
     if not well:
         raise SystemExit(NOT_SOLVED)
 
@@ -127,6 +135,18 @@ def warmup() -> None:
 
     seconds = library.warmup()
     display.echo(f"the compiled kernels are ready ({1e3 * seconds:.1f} ms)")
+
+
+def show_optional(findings: list[Finding]) -> None:
+    """Print which optional parts are there, and how to get the others."""
+    optional = {distribution for distribution, extra in PACKAGES.values() if extra is not None}
+    parts = [each for each in findings if each.area == "rendering" or each.name in optional]
+    there = [each.name for each in parts if each.state in (OK, WARNING)]
+    if there:
+        display.say(f"Optional and there: {', '.join(there)}.")
+    for each in parts:
+        if each.state == MISSING:
+            display.say(f"Optional and not there: {each.name}; {each.detail}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -294,7 +314,7 @@ def check_renderers() -> list[Finding]:
             findings.append(Finding("rendering", backend, MISSING, "no display"))
             continue
         _, error = run_python(RENDER_PROBE, MUJOCO_GL=backend)
-        detail = f"works with MUJOCO_GL={backend}" if error is None else f"{remedy} ({error})"
+        detail = f"works with MUJOCO_GL={backend}" if error is None else f"{remedy}; now {error}"
         findings.append(Finding("rendering", backend, OK if error is None else MISSING, detail))
     return findings
 
@@ -305,7 +325,7 @@ def check_kernels() -> Finding:
     try:
         from jacokin.kernels import library
 
-        library.Library(library.PATH)
+        library.load()
     except (JacokinError, ImportError) as error:
         return finding(FAILED, f"{error}")
     return finding(OK, f"loaded, {library.PATH}")

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 @options.base
 @options.tip
 @options.package_dir
+@options.calibration
 @click.option("--cflags", is_flag=True, help="Print what a compiler is told to use the installed library, and leave.")
 def export_c(
     robot: str,
@@ -37,6 +38,7 @@ def export_c(
     base: str | None,
     tip: str | None,
     package_dirs: Sequence[Path],
+    calibration: Path | None,
     cflags: bool,
 ) -> None:
     """Write what a C, C++ or Rust program needs to solve for a robot.
@@ -55,6 +57,6 @@ def export_c(
         return
     if output is None:
         raise InvalidInputError("--output must be given: the folder to write to")
-    arm = RobotOptions(robot, base, tip, package_dirs, limits).load()
+    arm = RobotOptions(robot, base, tip, package_dirs, limits, calibration=calibration).load()
     file = ik.export_c(ik.IKSolver(arm, frame, tool=tool), output)
-    display.say(f"{arm.name}: {file}, with include, lib and a CMake package beside it")
+    display.say(f"{arm.label}: {file}, with include, lib and a CMake package beside it")

@@ -145,7 +145,9 @@ target_options = option_group(
 @click.option("--method", default="auto", metavar="NAME", help="auto, closed_form or qp.")
 @click.option("--qp-solver", default="daqp", metavar="NAME", help="daqp, quadprog, osqp or proxqp.")
 @click.option(
-    "--collision", metavar="NAME", help="Contact: ignore, report or reject; reject with a scene, else ignore."
+    "--collision",
+    metavar="NAME",
+    help="Contact: prefer to avoid it, reject, report or ignore it; with a scene or a clearance reject, else prefer.",
 )
 @options.scene
 @options.clearance
@@ -217,8 +219,6 @@ def ik(
         warn_of_degrees("--free-range", wanted.free_range, units)
     start = units.for_joints(arm).seed("--seed", seed)
     obstacles = options.load_scene(scene)
-    if collision is None:
-        collision = "ignore" if obstacles is None and not clearance else "reject"
     solver = jacokin.IKSolver(
         arm,
         frame,
@@ -248,7 +248,7 @@ def ik(
         if isinstance(found, jacokin.ik.Family):
             solved = show_family(solver, found, units, as_json=json)
         else:
-            solved = show_branches(solver, found, units, reject_contact=collision == "reject", as_json=json)
+            solved = show_branches(solver, found, units, as_json=json)
     else:
         import numpy as np
 

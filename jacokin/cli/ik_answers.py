@@ -41,7 +41,7 @@ def show_result(solver: ik.IKSolver, result: ik.IKResult, units: Units, *, close
     ran = result.method
     if result.qp_solver is not None:
         ran += f" ({result.qp_solver}, {result.iterations} iterations, {result.restarts} restarts)"
-    title = f"{robot.name}: {solver.frame} reaches the target"
+    title = f"{robot.label}: {solver.frame} reaches the target"
     if not result.success:
         title = "the closest configuration within the limits" if closest else "where the search began or ended"
         display.say(f"{result.status.name}: {units.in_words(result.message)}.\n{result.status.value}.")
@@ -59,14 +59,12 @@ def show_result(solver: ik.IKSolver, result: ik.IKResult, units: Units, *, close
     return result.success
 
 
-def show_branches(
-    solver: ik.IKSolver, branches: ik.Branches, units: Units, *, reject_contact: bool, as_json: bool
-) -> bool:
-    """Print every branch; returns whether one is inside the limits and, if asked for, free of self-contact."""
+def show_branches(solver: ik.IKSolver, branches: ik.Branches, units: Units, *, as_json: bool) -> bool:
+    """Print every branch; returns whether one is inside the limits and, where contact is rejected, free of it."""
     robot = solver.robot
     joints = units.for_joints(robot)
     acceptable = branches.within_limits.copy()
-    if branches.touching is not None and reject_contact:
+    if branches.touching is not None and solver.verifier.options.collision == "reject":
         acceptable &= np.array([not pairs for pairs in branches.touching], dtype=bool)
     if as_json:
         display.print_json(
@@ -106,7 +104,7 @@ def show_branches(
         rows.append(cells)
     if branches.touching is not None:
         columns.append("touches")
-    title = f"{robot.name}: {len(branches)} branches, {int(acceptable.sum())} usable; angles in {units.angle}"
+    title = f"{robot.label}: {len(branches)} branches, {int(acceptable.sum())} usable; angles in {units.angle}"
     display.show_table(title, columns, rows, text=2)
     worst = float(branches.position_error.max()), units.from_si(float(branches.orientation_error.max()))
     lines = [
@@ -157,7 +155,7 @@ def show_family(solver: ik.IKSolver, family: ik.Family, units: Units, *, as_json
         ]
         for interval in family
     ]
-    title = f"{robot.name}: {len(family)} intervals of the free parameter; angles in {units.angle}"
+    title = f"{robot.label}: {len(family)} intervals of the free parameter; angles in {units.angle}"
     display.show_table(title, columns, rows, text=4)
     what = robot.joint_names[2] if robot.dof == 7 else "the angle about the free axis"
     lines = [("from, to", f"ends of the interval of {what}"), ("joints", "of the member nearest to the seed")]

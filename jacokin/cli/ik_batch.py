@@ -69,7 +69,7 @@ def run(
     if as_json:
         display.print_json(_document(solver, summary, results))
     else:
-        _show(summary, closest=closest)
+        _show(solver, summary, closest=closest)
     return summary.solved == summary.targets
 
 
@@ -116,7 +116,7 @@ def _documents(targets: ik.TargetFile, batch: ik.BatchResult) -> Iterator[dict[s
 def _document(solver: ik.IKSolver, found: ik.FileSummary, results: list[dict[str, object]]) -> dict[str, object]:
     """The summary; the answers too when no file holds them."""
     summary: dict[str, object] = {
-        "robot": solver.robot.name,
+        **display.identity(solver.robot),
         "frame": solver.frame,
         "joint_names": solver.robot.joint_names,
         "angle_unit": "rad",
@@ -135,7 +135,7 @@ def _document(solver: ik.IKSolver, found: ik.FileSummary, results: list[dict[str
     return summary
 
 
-def _show(found: ik.FileSummary, *, closest: bool) -> None:
+def _show(solver: ik.IKSolver, found: ik.FileSummary, *, closest: bool) -> None:
     lines = [
         ("solved", f"{found.solved} of {found.targets} ({100.0 * found.solved / found.targets:.1f} %)"),
         ("time", f"{found.seconds:.3f} s, {(found.targets - found.resumed) / found.seconds:.0f} poses/s"),
@@ -157,7 +157,7 @@ def _show(found: ik.FileSummary, *, closest: bool) -> None:
         lines.append(("written to", str(found.output)))
         if found.carried:
             lines.append(("carried through", ", ".join(found.carried)))
-    display.show_facts(lines)
+    display.show_facts(lines, solver.robot.label)
     if found.failures:
         failed = found.targets - found.solved
         rows = [(str(line), status.name, message) for line, status, message in found.failures]

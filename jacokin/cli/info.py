@@ -23,7 +23,16 @@ from jacokin.model.descriptions import bundled
 @options.base
 @options.tip
 @options.package_dir
-def info(robot: str, units: Units, json: bool, base: str | None, tip: str | None, package_dirs: Sequence[Path]) -> None:
+@options.calibration
+def info(
+    robot: str,
+    units: Units,
+    json: bool,
+    base: str | None,
+    tip: str | None,
+    package_dirs: Sequence[Path],
+    calibration: Path | None,
+) -> None:
     """Show joints, limits with their source, home and frames.
 
     Bundled robots: j2n6s300 (the default), j2n6s200, j2s6s300, j2s6s200, m1n6s300, m1n6s200;
@@ -34,7 +43,7 @@ def info(robot: str, units: Units, json: bool, base: str | None, tip: str | None
       jacokin info j2s6s200 --degrees
       jacokin info urdf/j2n6s300.urdf --json
     """
-    arm = RobotOptions(robot, base, tip, package_dirs).load()
+    arm = RobotOptions(robot, base, tip, package_dirs, calibration=calibration).load()
     joints = units.for_joints(arm)
     rows = list_joints(arm, joints)
     sources = list_sources(arm)
@@ -49,6 +58,7 @@ def info(robot: str, units: Units, json: bool, base: str | None, tip: str | None
             {
                 "robot": arm.name,
                 "file": str(arm.source.path),
+                "calibration": None if arm.calibration is None else describe_calibration(arm.calibration),
                 "base": arm.base,
                 "default_frame": arm.default_frame,
                 "angle_unit": units.angle,
@@ -68,6 +78,7 @@ def info(robot: str, units: Units, json: bool, base: str | None, tip: str | None
     ]
     facts = [
         ("file", str(arm.source.path)),
+        *(() if arm.calibration is None else (("calibrated", f"{calibration}: {arm.calibration}"),)),
         ("base", arm.base),
         ("default frame", arm.default_frame),
         (joints.heading("home"), "  ".join(home)),
@@ -76,7 +87,7 @@ def info(robot: str, units: Units, json: bool, base: str | None, tip: str | None
         ("solved by", placed.method),
         *(("misses", str(residual)) for residual in placed.residuals),
     ]
-    display.show_facts(facts, arm.name)
+    display.show_facts(facts, arm.label)
     columns = (
         "joint",
         joints.heading("lower"),
@@ -105,6 +116,13 @@ def info(robot: str, units: Units, json: bool, base: str | None, tip: str | None
         notes.append(("datasheet", "peak torque [N m]; it differs from the file's effort"))
     display.show_facts(notes)
     display.show_table("Frames", ("frame", "moved by"), frames, text=2)
+
+
+def describe_calibration(measured: model.MeasuredArm) -> dict[str, object]:
+    """What the file of a calibration holds."""
+    return {"file": str(measured.path), "facts": dict(measured.facts)} | {
+        "joints": {name: asdict(joint) for name, joint in measured.joints}
+    }
 
 
 @dataclass(frozen=True, slots=True)

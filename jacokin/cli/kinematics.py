@@ -51,7 +51,7 @@ def fk(q: Sequence[float], frame: str | None, units: Units, json: bool, source: 
     if json:
         display.print_json(
             {
-                "robot": arm.name,
+                **display.identity(arm),
                 "base": arm.base,
                 "frame": name,
                 "angle_unit": units.angle,
@@ -71,7 +71,7 @@ def fk(q: Sequence[float], frame: str | None, units: Units, json: bool, source: 
         ("as Kinova says it [mm, deg]", display.numbers(np.concatenate(kinova))),
         ("joint limits", "all kept" if within else _broken(arm.joint_names, arm.lower, arm.upper, configuration)),
     ]
-    display.show_facts(rows, f"{arm.name}: {name} in {arm.base}")
+    display.show_facts(rows, f"{arm.label}: {name} in {arm.base}")
 
 
 def _broken(names: Iterable[str], lower: Iterable[float], upper: Iterable[float], q: Iterable[float]) -> str:
@@ -109,7 +109,7 @@ def jacobian(
     if json:
         display.print_json(
             {
-                "robot": arm.name,
+                **display.identity(arm),
                 "frame": name,
                 "reference": reference,
                 "joint_names": arm.joint_names,
@@ -121,7 +121,7 @@ def jacobian(
         return
     names = ("vx", "vy", "vz", "wx", "wy", "wz")
     rows = [(label, *(display.number(value) for value in row)) for label, row in zip(names, matrix, strict=True)]
-    display.show_table(f"Jacobian of {name}, {reference}", ("", *arm.joint_names), rows)
+    display.show_table(f"{arm.label}: Jacobian of {name}, {reference}", ("", *arm.joint_names), rows)
     display.show_facts(
         [("singular values", display.numbers(singular_values)), ("manipulability", f"{manipulability:.6g}")],
     )

@@ -30,7 +30,7 @@ Examples:
   jacokin fk 4.8 2.92 1.0 4.2 1.45 1.32            pose of the end effector
   jacokin info                                     joints, limits, frames
   jacokin doctor                                   is everything installed?
-  jacokin demo                                     206 poses, and a picture
+  jacokin demo                                     branches, a motion, a picture
 
 `jacokin COMMAND --help` has examples for each command.
 """
@@ -43,10 +43,12 @@ COMMANDS = {
     "track": "paths",
     "plan": "paths",
     "move": "move",
+    "teleop": "teleop",
     "view": "viewer",
     "task": "task",
     "map": "reachability",
     "place": "reachability",
+    "calibrate": "calibrate",
     "crosscheck": "crosscheck",
     "export-c": "export_c",
     "demo": "demo",

@@ -6,7 +6,7 @@ import contextlib
 import importlib.util
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -44,6 +44,13 @@ if TYPE_CHECKING:
     "--acceleration-limit", cls=NumberList, metavar="A ..", help="Of the joints [rad/s^2]; 1 rad/s^2 if not given."
 )
 @click.option(
+    "--torque-limit",
+    cls=NumberList,
+    metavar="N ..",
+    help="Of the joints [N m], one for all or one for each: the motion is slowed down until none needs more.",
+)
+@click.option("--rated-torque", is_flag=True, help="The same, with the limits of the robot's description.")
+@click.option(
     "--output",
     type=options.FILE,
     metavar="FILE",
@@ -70,6 +77,8 @@ def move(
     dt: float,
     velocity_limit: list[float] | None,
     acceleration_limit: list[float] | None,
+    torque_limit: list[float] | None,
+    rated_torque: bool,
     output: Path | None,
     ros: str,
     joint_prefix: str,
@@ -97,6 +106,8 @@ def move(
     has_pose = wanted.position is not None or wanted.kinova is not None
     if has_pose == (joints_to is not None):
         raise InvalidInputError("exactly one of --to and a pose (--position or --kinova) is needed")
+    if rated_torque and torque_limit is not None:
+        raise InvalidInputError("at most one of --torque-limit and --rated-torque is needed")
     for option, file, endings in (("--output", output, FORMATS), ("--plot", plot, PICTURES)):
         if file is not None and file.suffix not in endings:
             raise InvalidInputError(f"{option} must end in {' or '.join(endings)}, got {str(file)!r}")
@@ -110,6 +121,7 @@ def move(
     )
     goal = wanted.build(units) if joints_to is None else np.array(joints.configuration("--to", joints_to))
     limits = joints.limits("--acceleration-limit", acceleration_limit, "rad/s^2")
+    acceleration: dict[str, Any] = {} if limits is None else {"acceleration_limit": limits}
     with contextlib.ExitStack() as stack:
         writable = None if output is None else stack.enter_context(files.replacing(output))
         drawable = None if plot is None else stack.enter_context(files.replacing(plot))
@@ -121,7 +133,8 @@ def move(
             rng=None if random_seed is None else np.random.default_rng(random_seed),
             dt=dt,
             velocity_limit=joints.limits("--velocity-limit", velocity_limit, "rad/s"),
-            **({} if limits is None else {"acceleration_limit": limits}),
+            torque_limit=rated_torque or (torque_limit[0] if torque_limit and len(torque_limit) == 1 else torque_limit),
+            **acceleration,
         )
         if writable is not None:
             result.save(writable, ros=int(ros), joint_prefix=joint_prefix)
@@ -135,10 +148,11 @@ def move(
         raise SystemExit(NOT_SOLVED)
 
 
-def _print_json(arm: model.Robot, result: motion.JointMotion, units: Units) -> None:
+def _print_json(arm: model.Robot, result: motion.Trajectory, units: Units) -> None:
     joints = units.for_joints(arm)
     display.print_json(
         {
+            **display.identity(arm),
             "success": result.success,
             "outcome": result.outcome,
             "message": result.message,
@@ -152,7 +166,7 @@ def _print_json(arm: model.Robot, result: motion.JointMotion, units: Units) -> N
     )
 
 
-def _show(arm: model.Robot, result: motion.JointMotion, units: Units, output: Path | None, plot: Path | None) -> None:
+def _show(arm: model.Robot, result: motion.Trajectory, units: Units, output: Path | None, plot: Path | None) -> None:
     joints = units.for_joints(arm)
     ends = zip(joints.from_si(result.q[-1]), joints.names, strict=True)
     lines = [
@@ -170,10 +184,10 @@ def _show(arm: model.Robot, result: motion.JointMotion, units: Units, output: Pa
     if least is not None:
         lines.append(("least clearance", f"{number(least)} m"))
     lines += [(name, str(file)) for name, file in (("written to", output), ("drawn in", plot)) if file is not None]
-    show_facts(lines)
+    show_facts(lines, arm.label)
 
 
-def _least(result: motion.JointMotion) -> float | None:
+def _least(result: motion.Trajectory) -> float | None:
     """The smallest distance along a motion [m]; None where none was measured."""
     known = [each for each in result.clearance.tolist() if math.isfinite(each)]
     return min(known, default=None)

@@ -40,6 +40,7 @@ class RobotOptions:
     package_dirs: Sequence[Path] = ()
     limits: dict[str, tuple[float, float]] | None = None
     finger_angle: float | None = None
+    calibration: Path | None = None
 
     def load(self) -> model.Robot:
         """The robot.
@@ -54,6 +55,7 @@ class RobotOptions:
             package_dirs=self.package_dirs,
             limits=self.limits,
             finger_angle=self.finger_angle,
+            calibration=self.calibration,
         )
 
 
@@ -141,6 +143,9 @@ limit = click.option(
 finger_angle = click.option(
     "--finger-angle", type=float, metavar="A", help="Where the fingers are held [rad], also with --degrees."
 )
+calibration = click.option(
+    "--calibration", type=FILE, metavar="FILE.toml", help="How this arm differs from its description."
+)
 frame = click.option("--frame", metavar="NAME", help="Frame of the tool; `jacokin info` lists them.")
 tool = click.option(
     "--tool",
@@ -192,7 +197,7 @@ dask = click.option("--dask", metavar="ADDRESS", help="Work on a dask cluster, b
 def robot(default: str | None = DEFAULT_ROBOT, text: str = NAME_OR_FILE) -> Callable[..., Any]:
     """The options that say which robot it is; the command gets them as `source`."""
     name = click.option("--robot", default=default, metavar="NAME|FILE", help=text)
-    return option_group("source", RobotOptions, name, base, tip, package_dir, limit, finger_angle)
+    return option_group("source", RobotOptions, name, base, tip, package_dir, limit, finger_angle, calibration)
 
 
 def load_scene(path: Path | None) -> model.Scene | None:

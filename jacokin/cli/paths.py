@@ -192,7 +192,7 @@ def plan(
         clearance=given.clearance or 0.0,
     )
 
-    def compute() -> motion.PathResult:
+    def compute() -> motion.Trajectory:
         return motion.plan_path(
             solver,
             targets,
@@ -231,7 +231,7 @@ def track(given: PathOptions, source: options.RobotOptions) -> None:
     arm = source.load()
     numbers = given.in_si(arm)
 
-    def compute() -> motion.PathResult:
+    def compute() -> motion.Trajectory:
         with progress_bar("tracking") as progress:
             return motion.track_path(
                 arm,
@@ -290,7 +290,7 @@ def read_poses(path: Path) -> Array:
     return targets
 
 
-def deliver(compute: Callable[[], motion.PathResult], arm: model.Robot, given: PathOptions) -> None:
+def deliver(compute: Callable[[], motion.Trajectory], arm: model.Robot, given: PathOptions) -> None:
     """Compute a trajectory, write and draw it where that is asked for, and show it.
 
     Raises:
@@ -312,7 +312,7 @@ def deliver(compute: Callable[[], motion.PathResult], arm: model.Robot, given: P
         raise SystemExit(NOT_SOLVED)
 
 
-def print_json(arm: model.Robot, result: motion.PathResult, given: PathOptions) -> None:
+def print_json(arm: model.Robot, result: motion.Trajectory, given: PathOptions) -> None:
     """Print the errors, the margins and every start that was tried as one JSON document."""
     units = given.units
     joints = units.for_joints(arm)
@@ -345,7 +345,7 @@ def print_json(arm: model.Robot, result: motion.PathResult, given: PathOptions) 
     )
 
 
-def show(arm: model.Robot, result: motion.PathResult, given: PathOptions) -> None:
+def show(arm: model.Robot, result: motion.Trajectory, given: PathOptions) -> None:
     """Print a summary; when the tool left the path, where it did from every start."""
     import numpy as np
 
@@ -376,7 +376,7 @@ def show(arm: model.Robot, result: motion.PathResult, given: PathOptions) -> Non
         lines.append((f"{name} at the poses", f"{', '.join(shown)}{more} {units.angle}"))
     written = (("written to", given.output), ("drawn in", given.plot))
     lines += [(name, str(file)) for name, file in written if file is not None]
-    show_facts(lines)
+    show_facts(lines, arm.label)
     if not result.success and result.branches:
         from jacokin.motion.trajectory import list_segments
 

@@ -1,4 +1,4 @@
-"""A picture of the arm, as PNG: `python -m jacokin.cli.picture jaco.png 4.8 2.92 1.0 4.2 1.45 1.32`.
+"""A picture of the arm and of a motion, as PNG: `python -m jacokin.cli.picture jaco.png motion.npz`.
 
 MuJoCo needs MUJOCO_GL=egl or osmesa where there is no display.
 """
@@ -8,6 +8,7 @@ from __future__ import annotations
 import struct
 import sys
 import zlib
+from collections.abc import Sequence
 from pathlib import Path
 
 import mujoco
@@ -19,33 +20,70 @@ from jacokin.model import DEFAULT_ROBOT, urdf_folder
 WIDTH, HEIGHT = 960, 720  # [pixel]
 SMOOTHING = 2  # rendered larger by this factor and averaged: MuJoCo's own smoothing is missing in software renderers
 FINGERS = 0.6  # [rad] half closed
-CAMERA = {"azimuth": 60.0, "elevation": -15.0, "distance": 1.5}  # [deg], [deg], [m]
+CAMERA = {"elevation": -15.0, "distance": 1.5}  # [deg], [m]
+GHOST = 0.5  # opacity of where else the arm was
+CRATE = (0.72, 0.55, 0.36, 1.0)  # cardboard
 LOOK_AT = (0.05, -0.1, 0.42)  # [m]
 
 
-def render(q: ArrayLike, robot: str = DEFAULT_ROBOT) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
-    """Picture (HEIGHT, WIDTH, 3) of a bundled arm at q (6,) [rad], and a mask (HEIGHT, WIDTH): True on the arm."""
-    model = scene(robot).compile()
-    data = mujoco.MjData(model)
-    for index, angle in enumerate(np.asarray(q, dtype=float), start=1):
-        data.joint(f"joint_{index}").qpos[0] = angle
-    for joint in range(model.njnt):
-        if model.joint(joint).name.startswith("finger"):
-            data.joint(joint).qpos[0] = FINGERS
-    mujoco.mj_forward(model, data)
+def render(
+    q: ArrayLike,
+    robot: str = DEFAULT_ROBOT,
+    crates: Sequence[tuple[ArrayLike, ArrayLike]] = (),
+    *,
+    azimuth: float = 60.0,
+    look_at: ArrayLike = LOOK_AT,
+) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
+    """Draw a bundled arm, and where else it was.
+
+    Args:
+        q: (6,) or (k, 6) [rad]; of several the first is drawn as it is, the others more transparent one after another.
+        robot: name of the arm.
+        crates: size (3,) and position (3,) of boxes beside it [m].
+        azimuth: of the camera [deg].
+        look_at: (3,) what is in the middle [m].
+
+    Returns:
+        A picture (HEIGHT, WIDTH, 3), and a mask (HEIGHT, WIDTH): True on the arm.
+    """
+    spec = scene(robot)
+    for size, position in crates:
+        half = 0.5 * np.asarray(size, dtype=float)
+        box = spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=half, pos=np.asarray(position, dtype=float))
+        box.rgba = CRATE
+    model = spec.compile()
+    own = model.geom_bodyid != 0
+    data, *ghosts = (_placed(model, row) for row in np.atleast_2d(np.asarray(q, dtype=float)))
     camera = mujoco.MjvCamera()
-    camera.lookat[:] = LOOK_AT
+    camera.lookat[:], camera.azimuth = look_at, azimuth
     for name, value in CAMERA.items():
         setattr(camera, name, value)
     with mujoco.Renderer(model, SMOOTHING * HEIGHT, SMOOTHING * WIDTH) as renderer:
         renderer.update_scene(data, camera)
+        for number, ghost in enumerate(ghosts, start=1):
+            before = renderer.scene.ngeom
+            moved = int(mujoco.mjtCatBit.mjCAT_DYNAMIC)
+            mujoco.mjv_addGeoms(model, ghost, mujoco.MjvOption(), mujoco.MjvPerturb(), moved, renderer.scene)
+            for geom in renderer.scene.geoms[before : renderer.scene.ngeom]:
+                geom.rgba[3] *= GHOST * (1.0 - number / (len(ghosts) + 1.0))
         fine = renderer.render().reshape(HEIGHT, SMOOTHING, WIDTH, SMOOTHING, 3)
         picture = fine.mean(axis=(1, 3)).astype(np.uint8)
         renderer.enable_segmentation_rendering()
         renderer.update_scene(data, camera)
         objects = renderer.render()[::SMOOTHING, ::SMOOTHING, 0]
-    floor = model.geom("floor").id
-    return picture, (objects >= 0) & (objects != floor)
+    return picture, (objects >= 0) & own[objects]
+
+
+def _placed(model: mujoco.MjModel, q: NDArray[np.float64]) -> mujoco.MjData:
+    """The arm at q (6,) [rad], its fingers half closed."""
+    data = mujoco.MjData(model)
+    for index, angle in enumerate(q, start=1):
+        data.joint(f"joint_{index}").qpos[0] = angle
+    for joint in range(model.njnt):
+        if model.joint(joint).name.startswith("finger"):
+            data.joint(joint).qpos[0] = FINGERS
+    mujoco.mj_forward(model, data)
+    return data
 
 
 def scene(robot: str = DEFAULT_ROBOT) -> mujoco.MjSpec:
@@ -89,8 +127,9 @@ def write_png(path: Path, picture: NDArray[np.uint8]) -> None:
 
 
 def main(words: list[str]) -> None:
-    """Draw the arm: the file and the joint angles [rad]."""
-    picture, _ = render([float(word) for word in words[1:]])
+    """Draw a motion: the file, and one with rows q (k, 6) [rad], size and position of a crate [m]."""
+    shown = np.load(words[1])
+    picture, _ = render(shown["q"], crates=[(shown["size"], shown["position"])], azimuth=140.0, look_at=(0.2, 0.0, 0.3))
     write_png(Path(words[0]), picture)
 
 

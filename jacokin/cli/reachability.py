@@ -60,7 +60,12 @@ def map() -> None:  # noqa: A001 - the command's name
 @click.option("--lower", type=options.VECTOR, metavar="X Y Z", help="Lower corner of the box [m].")
 @click.option("--upper", type=options.VECTOR, metavar="X Y Z", help="Upper corner of the box [m].")
 @options.scene
-@click.option("--avoid-contact", is_flag=True, help="Leave out configurations in self-contact; a scene does so, too.")
+@click.option(
+    "--collision",
+    metavar="NAME",
+    help="Configurations in contact: prefer leaves out those of the arm with itself, as happens if not given; reject "
+    "without using symmetry, as with a scene; ignore.",
+)
 @click.option("--shard", metavar="I/N", help="Build the I-th of N parts only.")
 @options.workers
 @options.dask
@@ -76,7 +81,7 @@ def build(
     lower: Vector3 | None,
     upper: Vector3 | None,
     scene: Path | None,
-    avoid_contact: bool,
+    collision: str | None,
     shard: str | None,
     workers: int,
     dask: str | None,
@@ -86,8 +91,8 @@ def build(
 ) -> None:
     """Build a map of where the arm reaches.
 
-    Continues where a build that was killed has stopped. Seven joints, a free axis and contact take some hundred times
-    as long as the rest. Exit code: 0, also when parts of other shards are missing.
+    Continues where a build that was killed has stopped. Seven joints and a free axis take some hundred times as long as
+    the rest, contact some four times. Exit code: 0, also when parts of other shards are missing.
 
     Examples:
       jacokin map build out/jaco
@@ -104,8 +109,9 @@ def build(
         else reachability.Grid(lower, upper, spacing)
     )
     obstacles = options.load_scene(scene)
-    contact = avoid_contact or obstacles is not None
-    is_slow = contact or free_axis is not None or arm.dof == SEVEN  # in Python, where threads wait for each other
+    is_slow = (
+        collision != "ignore" or free_axis is not None or arm.dof == SEVEN
+    )  # in Python, where threads wait for each other
     pool: AbstractContextManager[Executor]
     if dask is not None:
         pool = dask_executor(dask)
@@ -122,7 +128,7 @@ def build(
             progress=lambda so_far: show(so_far.done, so_far.total),
             frame=frame,
             tool=tool,
-            collision="reject" if contact else "ignore",
+            collision=collision,
             scene=obstacles,
         )
     if found is None:
@@ -359,7 +365,7 @@ def load_map(
     else:
         raise UnknownNameError("map", folder, [*NAMES, "or the folder of a map"])
     arm = None
-    if source is not None and (source.robot is not None or source.limits or source.finger_angle is not None):
+    if source is not None and replace(source, package_dirs=()) != RobotOptions():
         arm = replace(source, robot=source.robot or found.recipe["robot"]["bundled"]).load()
     obstacles = options.load_scene(scene)
     if arm is None and obstacles is None:

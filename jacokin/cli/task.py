@@ -4,12 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import os
-import shutil
-import subprocess
 import sys
-import tempfile
 from collections.abc import Callable, Iterator
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,44 +16,80 @@ from jacokin.cli import display, options
 from jacokin.cli.command import Argument, Command
 from jacokin.cli.display import progress_bar
 from jacokin.cli.process import NOT_SOLVED
-from jacokin.errors import InvalidInputError, MissingExtraError
+from jacokin.errors import InvalidInputError
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
     from jacokin.tasks import TaskEnv
+    from jacokin.tasks.datasets.video import VideoRecorder
     from jacokin.tasks.experts.expert import Expert
 
 ARRAYS, VIDEO = ".npz", ".mp4"
-RATE = 25  # pictures a second, one for each control step
+DATA_SETS = (".hdf5", ".minari", ".lerobot")
+REPLAY = "replay"
 
 
 @click.command(cls=Command, no_args_is_help=True)
 @click.argument(
-    "name", cls=Argument, metavar="NAME", text="Such as reach_site or lift_brick; an unknown name lists all."
+    "name",
+    cls=Argument,
+    metavar="NAME",
+    text="Such as reach_site or lift_brick, or MODULE:ID of a task of your own; an unknown name lists all.",
+)
+@click.argument(
+    "data_set", cls=Argument, metavar="[FILE]", type=options.FILE, required=False, text="After `replay`: a data set."
 )
 @click.option("--expert", is_flag=True, help="Let the scripted expert act; otherwise actions are random.")
+@click.option(
+    "--noise",
+    type=click.FloatRange(min=0.0),
+    metavar="RAD/S",
+    help="With --expert: standard deviation of noise on its velocities, such as 0.05.",
+)
+@click.option(
+    "--mistakes",
+    type=click.IntRange(min=0),
+    metavar="N",
+    help="With --expert: how many times in an episode the arm goes astray, and comes back.",
+)
 @click.option("--episodes", type=click.IntRange(min=1), default=1, metavar="N", help="How many episodes to run.")
 @click.option("--seed", type=click.IntRange(min=0), default=0, metavar="N", help="Start of the random numbers.")
 @click.option(
     "--record",
     type=options.FILE,
     metavar="FILE",
-    help="Write pictures (.mp4) or observations, actions and rewards (.npz).",
+    help="Write pictures (.mp4), observations, actions and rewards (.npz), or a data set (.hdf5, .minari, .lerobot).",
 )
 @click.option("--render", is_flag=True, help="Show a window, which needs a display.")
-def task(name: str, expert: bool, episodes: int, seed: int, record: Path | None, render: bool) -> None:
-    """Run episodes of a task, and show how they end.
+def task(
+    name: str,
+    data_set: Path | None,
+    expert: bool,
+    noise: float | None,
+    mistakes: int | None,
+    episodes: int,
+    seed: int,
+    record: Path | None,
+    render: bool,
+) -> None:
+    """Run episodes of a task, and show how they end; `jacokin task replay FILE` runs those of a data set again.
 
-    Needs the extra `tasks`, and for videos ffmpeg or the extra `video`. Episodes take 10 s of simulated time.
-    Exit code: 1 where the expert does not solve every episode, else 0, whatever random actions bring about.
+    Needs the extra `tasks`, for videos ffmpeg or the extra `video`, and `data` for data sets: .hdf5 in the layout of
+    robomimic, folders .minari and .lerobot. Their episodes have the seeds N, N + 1, ...; a run that was killed goes on
+    when it is started again. Episodes take 10 s of simulated time.
+    Exit code: 1 where the expert does not solve every episode, or a replay differs, else 0.
 
     Examples:
       jacokin task reach_site --expert
       jacokin task lift_brick --expert --episodes 10 --record episodes.npz
       jacokin task place_brick --expert --record video.mp4
+      jacokin task lift_brick --expert --episodes 200 --record demos.hdf5
+      jacokin task lift_brick --expert --noise 0.05 --mistakes 1 --episodes 200 --record demos.hdf5
+      jacokin task replay demos.hdf5 --record video.mp4
     """
+    if not expert and (noise is not None or mistakes is not None):
+        raise InvalidInputError("--noise and --mistakes are those of the expert: give --expert too")
     has_pictures = is_video(record)
     if render and has_pictures:
         raise InvalidInputError("give one of --render and --record with a video, not both: each draws in its own way")
@@ -65,18 +97,30 @@ def task(name: str, expert: bool, episodes: int, seed: int, record: Path | None,
         raise InvalidInputError("--render needs a display; without one, --record video.mp4 writes a video")
     if has_pictures:
         choose_renderer()
+    if data_set is not None or name == REPLAY:
+        if data_set is None or name != REPLAY or expert:
+            raise InvalidInputError("a data set is played back by `jacokin task replay FILE`, which takes no --expert")
+        _replay(data_set, record, render)
+        return
+    if record is not None and record.suffix in DATA_SETS:
+        if render:
+            raise InvalidInputError("give one of --render and --record with a data set, not both")
+        _record_data(name, expert, noise or 0.0, mistakes or 0, episodes, seed, record)
+        return
     with contextlib.ExitStack() as stack:
         recorder = None if record is None else stack.enter_context(record_to(record))
         from jacokin import tasks
 
-        policy = tasks.expert(name) if expert else None
+        if ":" in name:
+            sys.path.insert(0, "")  # the module before the colon may be in the present folder, as for Python itself
+        policy = tasks.expert(name, noise=noise or 0.0, mistakes=mistakes or 0) if expert else None
         mode = "human" if render else "rgb_array" if has_pictures else None
         environment = stack.enter_context(contextlib.closing(tasks.TaskEnv(name, flatten=False, render_mode=mode)))
         environment.action_space.seed(seed)
         solved, returns = 0, []
         for episode in range(episodes):
             with progress_bar(f"episode {episode + 1} of {episodes}, step") as progress:
-                total, success = _run(environment, policy, seed if episode == 0 else None, episode, recorder, progress)
+                total, success = _run(environment, policy, seed, episode, recorder, progress)
             solved += success
             returns.append(total)
             is_solved = "solved" if success else "not solved"
@@ -88,23 +132,73 @@ def task(name: str, expert: bool, episodes: int, seed: int, record: Path | None,
         raise SystemExit(NOT_SOLVED)
 
 
+def _record_data(name: str, expert: bool, noise: float, mistakes: int, episodes: int, seed: int, path: Path) -> None:
+    from jacokin import tasks
+
+    if ":" in name:
+        sys.path.insert(0, "")
+    with contextlib.closing(tasks.TaskEnv(name, flatten=False)) as environment:
+        environment.action_space.seed(seed)
+        policy: Callable[[object], ArrayLike] = lambda observation: environment.action_space.sample()  # noqa: E731
+        if expert:
+            policy = tasks.expert(name, noise=noise, mistakes=mistakes)
+        with progress_bar("episode") as progress:
+            found = tasks.record(
+                environment,
+                policy,
+                path,
+                episodes=episodes,
+                seed=seed,
+                progress=lambda made: progress(made.done, made.total),
+            )
+    display.echo(f"{found.solved} of {found.episodes} solved, mean return {found.mean_return:.1f}")
+    display.echo(f"wrote {path}")
+    if expert and found.solved < found.episodes:
+        raise SystemExit(NOT_SOLVED)
+
+
+def _replay(path: Path, record: Path | None, render: bool) -> None:
+    from jacokin import tasks
+
+    if record is not None and not is_video(record):
+        raise InvalidInputError(f"--record of a replay must end in {VIDEO}, got {record}")
+    mode = "human" if render else "rgb_array" if record is not None else None
+
+    with contextlib.ExitStack() as stack:
+        recorder = None if record is None else stack.enter_context(record_to(record))
+
+        def watch(environment: TaskEnv) -> None:
+            picture = environment.render() if mode is not None else None
+            if picture is not None and not isinstance(recorder, ArrayRecorder | None):
+                recorder.add(picture)
+
+        found = tasks.replay(path, render_mode=mode, watch=watch)
+    for each in found:
+        what = "equal" if each.is_equal else f"states differ by {each.largest_difference:.3g}"
+        display.echo(f"episode {each.episode + 1}, seed {each.seed}: {what}")
+    equal = sum(each.is_equal for each in found)
+    display.echo(f"{equal} of {len(found)} equal bit by bit")
+    if equal < len(found):
+        raise SystemExit(NOT_SOLVED)
+
+
 def _run(
     environment: TaskEnv,
     policy: Expert | None,
-    seed: int | None,
+    seed: int,
     episode: int,
     recorder: ArrayRecorder | VideoRecorder | None,
     progress: Callable[[int, int], None],
 ) -> tuple[float, bool]:
     """Run one episode; returns the sum of its rewards and whether the task is solved at the end."""
-    from jacokin.tasks.episode import STEPS
+    from jacokin.tasks.datasets.video import VideoRecorder
 
-    observation, info = environment.reset(seed=seed)
+    observation, info = environment.reset(seed=seed if episode == 0 else None)
     if policy is not None:
-        policy.reset()
+        policy.reset(seed=seed + episode)
     total, is_over, steps = 0.0, False, 0
     while not is_over:
-        progress(steps, STEPS)
+        progress(steps, environment.task.steps)
         action = environment.action_space.sample() if policy is None else policy(observation)
         following, reward, _, is_over, info = environment.step(action)
         if isinstance(recorder, VideoRecorder):
@@ -152,69 +246,6 @@ class ArrayRecorder:
             np.savez_compressed(file, **columns)  # type: ignore[arg-type]  # numpy's type of keywords is a flag
 
 
-class VideoRecorder:
-    """Hands pictures to ffmpeg."""
-
-    def __init__(self, path: Path, ffmpeg: str) -> None:
-        """Encode to a file, as soon as the first picture tells the size."""
-        self._path, self._ffmpeg = path, ffmpeg
-        self._complaints = tempfile.TemporaryFile()  # noqa: SIM115 - closed by `close`
-        self._process: subprocess.Popen[bytes] | None = None
-
-    def add(self, picture: NDArray[np.uint8]) -> None:
-        """Add a picture (height, width, 3).
-
-        Raises:
-            InvalidInputError: ffmpeg does not go on.
-        """
-        if self._process is None:
-            height, width = picture.shape[:2]
-            raw = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", str(RATE), "-i", "-"]
-            encoded = ["-c:v", "libx264", "-pix_fmt", "yuv420p", "-f", "mp4", str(self._path)]
-            self._process = subprocess.Popen(
-                [self._ffmpeg, "-y", "-loglevel", "error", *raw, *encoded],
-                stdin=subprocess.PIPE,
-                stdout=subprocess.DEVNULL,
-                stderr=self._complaints,
-                start_new_session=True,  # Ctrl-C is for this process, which then ends the other
-            )
-        assert self._process.stdin is not None
-        try:
-            self._process.stdin.write(picture.tobytes())
-        except OSError:
-            self._fail()
-
-    def finish(self) -> None:
-        """Wait until the file is complete.
-
-        Raises:
-            InvalidInputError: ffmpeg has failed.
-        """
-        if self._process is None:
-            return
-        with contextlib.suppress(OSError):  # told by the exit code
-            self._process.communicate()
-        if self._process.returncode:
-            self._fail()
-
-    def close(self) -> None:
-        """Stop ffmpeg if it still runs."""
-        if self._process is not None:
-            self._process.kill()
-            self._process.wait()
-            assert self._process.stdin is not None
-            with contextlib.suppress(OSError):  # what was not handed over is lost
-                self._process.stdin.close()
-        self._complaints.close()
-
-    def _fail(self) -> None:
-        assert self._process is not None
-        self._process.wait()
-        self._complaints.seek(0)
-        said = self._complaints.read().decode(errors="replace").strip() or f"exit code {self._process.returncode}"
-        raise InvalidInputError(f"--record: ffmpeg: {said}")
-
-
 def is_video(path: Path | None) -> bool:
     """Whether pictures are to be recorded."""
     return path is not None and path.suffix == VIDEO
@@ -228,8 +259,10 @@ def record_to(path: Path) -> Iterator[ArrayRecorder | VideoRecorder]:
         InvalidInputError: another ending, or a file that cannot be written; before the block runs.
         MissingExtraError: a video, and no ffmpeg.
     """
+    from jacokin.tasks.datasets.video import VideoRecorder, find_ffmpeg
+
     if path.suffix not in (ARRAYS, VIDEO):
-        raise InvalidInputError(f"--record must end in {ARRAYS} or {VIDEO}, got {path}")
+        raise InvalidInputError(f"--record must end in {', '.join((ARRAYS, VIDEO, *DATA_SETS))}, got {path}")
     if not path.absolute().parent.is_dir():
         raise InvalidInputError(f"--record: there is no folder {path.absolute().parent}")
     ffmpeg = find_ffmpeg() if is_video(path) else ""
@@ -245,19 +278,3 @@ def record_to(path: Path) -> Iterator[ArrayRecorder | VideoRecorder]:
             video.finish()
         finally:
             video.close()
-
-
-def find_ffmpeg() -> str:
-    """The program that encodes videos: that of the machine, or the one in the package imageio-ffmpeg.
-
-    Raises:
-        MissingExtraError: there is neither.
-    """
-    found = os.environ.get("IMAGEIO_FFMPEG_EXE") or shutil.which("ffmpeg")
-    if found:
-        return found
-    if find_spec("imageio_ffmpeg") is None:
-        raise MissingExtraError("ffmpeg", "video")
-    import imageio_ffmpeg
-
-    return str(imageio_ffmpeg.get_ffmpeg_exe())

@@ -38,7 +38,7 @@ FULL_TURN = (-math.pi, math.pi)  # [rad]
     metavar="ADDRESS",
     help="Address to serve at; any other opens it to other computers, unencrypted.",
 )
-@click.option("--collision", default="ignore", metavar="NAME", help="Self-contact: ignore, report or reject.")
+@click.option("--collision", metavar="NAME", help="Contact: prefer, reject, report or ignore; see `jacokin ik --help`.")
 @options.scene
 @options.clearance
 @click.option(
@@ -68,7 +68,7 @@ def view(
     target: pin.SE3 | ArrayLike | None,
     port: int,
     host: str,
-    collision: str,
+    collision: str | None,
     scene: Path | None,
     clearance: float,
     prefer: str,
@@ -119,7 +119,7 @@ def view(
     )
     with shown:
         try:
-            display.echo(f"{shown.url} shows {arm.name}; Ctrl-C ends it")
+            display.echo(f"{shown.url} shows {arm.label}; Ctrl-C ends it")
             shown.wait()
         except KeyboardInterrupt:
             click.echo("closed", err=True)

@@ -212,23 +212,26 @@ class RobotHand(Entity):
 
 
 class BundledPart(Entity):
-    """The arm or the hand of a bundled robot, with a velocity actuator on each joint."""
+    """The arm or the hand of a bundled robot, with an actuator on each joint."""
 
-    def _read(self, part: str, robot: str, name: str | None, groups: Mapping[str, str]) -> mujoco.MjSpec:
+    def _read(
+        self, part: str, robot: str, name: str | None, groups: Mapping[str, str], actuation: str = "velocity"
+    ) -> mujoco.MjSpec:
         """Make the spec.
 
         Args:
             part: "arm" or "hand".
             robot: the bundled robot.
             name: replaces the name in the file.
-            groups: joints in their order, and the group of each as in `add_velocity_actuator`.
+            groups: joints in their order, and the group of each as in `add_actuator`.
+            actuation: as in `add_actuator`.
         """
         spec = self._mjcf_root = mujoco.MjSpec.from_file(str(bundled.part_file(robot, part)))
         if name is not None:
             spec.modelname = check_name(name)
         self._robot_name = robot
         self._joints = [spec.joint(joint) for joint in groups]
-        self._actuators = list(map(add_velocity_actuator, repeat(spec), self._joints, groups.values()))
+        self._actuators = list(map(add_actuator, repeat(spec), self._joints, groups.values(), repeat(actuation)))
         return spec
 
     @property
@@ -243,24 +246,38 @@ class BundledPart(Entity):
 
     @property
     def actuators(self) -> list[mujoco.MjsActuator]:
-        """The velocity actuators, one per joint; ctrl is the desired velocity [rad/s], positive closes a finger."""
+        """The actuators, one per joint; ctrl is the desired velocity [rad/s], positive closes a finger.
+
+        Those of an arm made for it take torques [N m] or positions [rad].
+        """
         return self._actuators
 
 
-def add_velocity_actuator(spec: mujoco.MjSpec, joint: mujoco.MjsJoint, group: str) -> mujoco.MjsActuator:
-    """Add a velocity actuator to a joint, under the name of the joint.
+def add_actuator(spec: mujoco.MjSpec, joint: mujoco.MjsJoint, group: str, actuation: str) -> mujoco.MjsActuator:
+    """Add an actuator to a joint, under the name of the joint. None gives more than the torque of its row.
 
     Args:
         spec: the spec of the joint.
         joint: the joint element.
-        group: "large", "small" or "finger": the row with gain, speed and torque in ``urdf/jaco.toml``.
+        group: "large", "small" or "finger": the row with gains, speed and torque in ``urdf/jaco.toml``.
+        actuation: "velocity", "torque" or "position": what its control is.
     """
     row = bundled.actuator(group)
     actuator = spec.add_actuator(name=joint.name, target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
-    actuator.set_to_velocity(kv=row["kv"])
-    actuator.ctrllimited = actuator.forcelimited = True
-    actuator.ctrlrange = row["ctrl_range"]  # [rad/s]
+    actuator.forcelimited = True
     actuator.forcerange = row["force_range"]  # [N m]
+    if actuation == "velocity":
+        actuator.set_to_velocity(kv=row["kv"])
+        actuator.ctrllimited = True
+        actuator.ctrlrange = row["ctrl_range"]  # [rad/s]
+    elif actuation == "torque":
+        actuator.set_to_motor()
+        actuator.ctrllimited = True
+        actuator.ctrlrange = row["force_range"]  # [N m]
+    else:
+        actuator.set_to_position(kp=row["kp"], kv=row["kv"])
+        actuator.ctrllimited = joint.limited
+        actuator.ctrlrange = joint.range  # [rad]
     return actuator
 
 

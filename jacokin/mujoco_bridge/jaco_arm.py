@@ -2,39 +2,63 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.model import checks
 from jacokin.model.descriptions import bundled
+from jacokin.model.loading import load_robot
+from jacokin.model.measured_arm import MeasuredArm
+from jacokin.model.written_descriptions import move_joints
 from jacokin.mujoco_bridge.base import BundledPart, RobotArm, RobotHand
 from jacokin.mujoco_bridge.observables.observable import Bound, JointsObservables, Observable, observable
 from jacokin.mujoco_bridge.observations import sin_cos
 from jacokin.mujoco_bridge.simulation.physics import Physics, check_physics
 
+ACTUATIONS = ("velocity", "torque", "position")
 _WRIST_SITE = "wristsite"
 _SENSOR_SITE_SIZE = 1e-3  # [m]
 _SENSOR_SITE_GROUP = 4  # not drawn
 
 
 class JacoArm(BundledPart, RobotArm):
-    """The arm: six joints, each with a velocity actuator and a 3-axis torque sensor."""
+    """The arm: its joints, each with an actuator and a 3-axis torque sensor.
 
-    def _build(self, name: str | None = None, robot: str = bundled.DEFAULT_ROBOT) -> None:
+    Attributes:
+        actuation: what the controls are: "velocity" [rad/s], "torque" [N m] or "position" [rad].
+    """
+
+    def _build(
+        self,
+        name: str | None = None,
+        robot: str = bundled.DEFAULT_ROBOT,
+        calibration: str | Path | MeasuredArm | None = None,
+        actuation: str = "velocity",
+    ) -> None:
         """Build the arm.
 
         Args:
             name: replaces ``jaco_arm`` in the names of its elements.
             robot: the bundled robot whose arm it is.
+            calibration: how it differs from that robot, as in `load_robot`.
+            actuation: what its actuators take: "velocity", "torque" or "position".
 
         Raises:
-            UnknownNameError: no bundled robot has this name; lists the valid ones.
+            UnknownNameError: no bundled robot has this name, or no actuation; lists the valid ones.
+            ModelError: the calibration is damaged or another arm's.
         """
         rows = bundled.arm_joints(checks.choice("robot", robot, bundled.NAMES))
-        spec = self._read("arm", robot, name, {joint: row["group"] for joint, row in rows.items()})
+        self.actuation = checks.choice("actuation", actuation, ACTUATIONS)
+        groups = {joint: row["group"] for joint, row in rows.items()}
+        spec = self._read("arm", robot, name, groups, self.actuation)
+        if calibration is not None:
+            move_joints(spec, load_robot(robot, calibration=calibration))
         self._wrist_site = spec.site(_WRIST_SITE)
         self._joint_torque_sensors = [_add_torque_sensor(spec, joint) for joint in self._joints]
+        self._bound_sensors, self._bound_joints = Bound(self._joint_torque_sensors), Bound(self._joints)
 
     def _build_observables(self) -> JacoArmObservables:
         return JacoArmObservables(self)
@@ -49,6 +73,20 @@ class JacoArm(BundledPart, RobotArm):
         """The site that hands are attached to."""
         return self._wrist_site
 
+    def joint_torques(self, physics: Physics) -> NDArray[np.float64]:
+        """Torques about the joint axes, (n,) [N m]: the observable `joints_torque` without the logarithm of `make_arm`.
+
+        What turns the links: of motors, damping and friction, less what the rotors take. At rest they hold the arm up,
+        and are those of `Robot.gravity`.
+
+        Raises:
+            InvalidInputError: the physics does not hold this arm.
+        """
+        torques: NDArray[np.float64] = np.vecdot(
+            self._bound_sensors(physics).sensordata, self._bound_joints(physics).axis
+        )
+        return torques
+
     def set_home(self, physics: Physics) -> None:
         """Set the home configuration at rest, with attached hands open.
 
@@ -60,7 +98,7 @@ class JacoArm(BundledPart, RobotArm):
         joints = check_physics(physics).bind(self.joints)
         joints.qpos = bundled.variant(self._robot_name)["home"]
         joints.qvel = 0.0
-        physics.bind(self.actuators).ctrl = 0.0
+        physics.bind(self.actuators).ctrl = joints.qpos if self.actuation == "position" else 0.0
         for entity in self.iter_entities(exclude_self=True):
             if isinstance(entity, RobotHand):
                 entity.set_grasp(physics, 0.0)
@@ -101,11 +139,4 @@ class JacoArmObservables(JointsObservables):
         Each 3-axis sensor projected on the axis of its joint. The sensor measures what the child body exerts on its
         parent, so an external torque on the child has the opposite sign here.
         """
-        sensors = Bound(self._entity.joint_torque_sensors)
-        joints = Bound(self._entity.joints)
-
-        def read(physics: Physics) -> NDArray[np.float64]:
-            torques: NDArray[np.float64] = np.vecdot(sensors(physics).sensordata, joints(physics).axis)
-            return torques
-
-        return Observable(read)
+        return Observable(self._entity.joint_torques)

@@ -16,6 +16,7 @@ environment, gym   the interfaces of dm_env and of Gymnasium to it
 features           what agents observe
 randomization      what differs between episodes
 experts            scripted policies
+datasets           episodes as data that other libraries read
 """
 
 import importlib

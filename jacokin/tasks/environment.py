@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections import OrderedDict
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -15,8 +16,8 @@ from jacokin.mujoco_bridge import Physics
 from jacokin.mujoco_bridge.base import RandomState
 from jacokin.mujoco_bridge.control import site_ik
 from jacokin.tasks import registry
-from jacokin.tasks.episode import PICTURE, STEPS, Episode, Snapshot, clip_action
-from jacokin.tasks.task import CAMERA, CONTROL_TIMESTEP, Task
+from jacokin.tasks.episode import PICTURE, Episode, Snapshot, clip_action
+from jacokin.tasks.task import CAMERA, CONTROL_TIMESTEP, Task, check_rewards
 
 try:
     import dm_env
@@ -30,14 +31,14 @@ Observation = OrderedDict[str, NDArray[Any]]
 class Environment(dm_env.Environment):  # type: ignore[misc]  # dm_env has no types
     """One task; made by `load`.
 
-    Episodes end after 10 s, 250 steps, with discount 1. Observations have the leading axis of dm_control's buffers and
-    are new arrays each time. Pickles and copies, in the middle of an episode too.
+    Episodes end at the time limit, ours after 10 s, 250 steps, with discount 1. Observations have the leading axis of
+    dm_control's buffers and are new arrays each time. Pickles and copies, in the middle of an episode too.
     """
 
     def __init__(self, name: str, seed: int | RandomState | None = None) -> None:
         """Compile the scene; see `load`."""
-        self._name = name
         task, observed = registry.task_and_observations(name)
+        self._name = name.rpartition(":")[2]
         self._random_state = checked_random_state(seed)
         self._episode = Episode(task)
         self._has_camera = observed == registry.VISION
@@ -87,20 +88,22 @@ class Environment(dm_env.Environment):  # type: ignore[misc]  # dm_env has no ty
             action: (9,) velocities of the joints and the fingers [rad/s]; beyond the limits, the limits are applied.
 
         Raises:
-            InvalidInputError: wrong shape, not numbers, or NaN; nothing is simulated.
+            InvalidInputError: wrong shape, not numbers, or NaN; nothing is simulated. Or a reward of your own is not
+                finite; the next call starts an episode.
             PhysicsError: the simulation diverged; the next call starts an episode.
         """
         episode = self._episode
-        if episode.steps is None or episode.steps >= STEPS:
+        if episode.steps is None or episode.is_over:
             return self.reset()
         values = clip_action(action, episode.lower, episode.upper)
         steps, episode.steps = episode.steps, None  # until the step is complete
         episode.advance(values)
-        task, view, goal = episode.task, episode.view, episode.goal
-        reward = float(task.reward(task.achieved(view, goal), task.desired(view, goal)))
+        episode.action = values
+        reward = float(episode.task.score(episode.state))
+        check_rewards(self._name, reward, f" after step {steps + 1}")
         observation = self._observation()
         episode.steps = steps + 1
-        kind = dm_env.StepType.LAST if episode.steps >= STEPS else dm_env.StepType.MID
+        kind = dm_env.StepType.LAST if episode.is_over else dm_env.StepType.MID
         return dm_env.TimeStep(kind, reward, 1.0, observation)
 
     def action_spec(self) -> specs.BoundedArray:
@@ -119,7 +122,7 @@ class Environment(dm_env.Environment):  # type: ignore[misc]  # dm_env has no ty
         return found
 
     def reward_spec(self) -> specs.Array:
-        """A number in 0..1."""
+        """A number, of our tasks in 0..1."""
         return specs.Array((), np.float64, "reward")
 
     def close(self) -> None:
@@ -135,9 +138,10 @@ class Environment(dm_env.Environment):  # type: ignore[misc]  # dm_env has no ty
             found[each.name] = np.array(each.read(view, goal))[None]
         return found
 
-    def __reduce__(self) -> tuple[type[Environment], tuple[object, ...], Snapshot]:
+    def __reduce__(self) -> tuple[Callable[..., Environment], tuple[object, ...], Snapshot]:
         """Pickle the name, the source of random numbers, and where the episode is."""
-        return Environment, (self._name, self._random_state), self._episode.snapshot()
+        task, _ = registry.task_and_observations(self._name)
+        return _again, (self._name, self._random_state, task, registry.own_entry(task)), self._episode.snapshot()
 
     def __setstate__(self, snapshot: Snapshot) -> None:
         """Go back to where the episode was."""
@@ -148,11 +152,17 @@ class Environment(dm_env.Environment):  # type: ignore[misc]  # dm_env has no ty
         return copy.deepcopy(self)
 
 
+def _again(name: str, random_state: RandomState, task: str, entry: registry.TaskEntry | None) -> Environment:
+    registry.receive(task, entry)
+    return Environment(name, random_state)
+
+
 def load(name: str, seed: int | RandomState | None = None) -> Environment:
     """Make an environment.
 
     Args:
-        name: one of `names`; without ``_features`` or ``_vision`` features are observed.
+        name: one of `names`, or an id that was registered, with its module and a colon in front if that is to be
+            imported; without ``_features`` or ``_vision`` features are observed.
         seed: of the random numbers, or their source itself; None for another one each time.
 
     Raises:

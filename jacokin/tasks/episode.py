@@ -16,10 +16,11 @@ from jacokin.mujoco_bridge.control.site_ik import Asking
 from jacokin.mujoco_bridge.simulation.rendering import Renderers
 from jacokin.tasks import registry
 from jacokin.tasks.features import StateView
-from jacokin.tasks.task import CAMERA, CONTROL_TIMESTEP, SUBSTEPS, TIME_LIMIT
+from jacokin.tasks.task import CAMERA, CONTROL_TIMESTEP, PHYSICS_TIMESTEP, TIME_LIMIT, WRIST, State
 
+DEPTH, SEGMENTATION = "depth", "segmentation"  # kinds of pictures beside colours
 PICTURE = 84  # rows and columns of what the camera observes [pixels]
-STEPS = round(TIME_LIMIT / CONTROL_TIMESTEP)
+STEPS = round(TIME_LIMIT / CONTROL_TIMESTEP)  # of an episode of ours
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -31,12 +32,14 @@ class Snapshot:
         sensordata: readings, some of which belong to the last step and do not follow from the state.
         goal: of the episode.
         steps: control steps since the start; None before the first reset.
+        action: of the last step.
     """
 
     state: Array
     sensordata: Array
     goal: Array
     steps: int | None
+    action: Array
 
 
 class Episode:
@@ -48,19 +51,30 @@ class Episode:
         goal: of the episode.
         steps: control steps since the start, counted by the environment; None before the first reset, during a step,
             and after one that has failed or was interrupted.
+        action: of the last step, in the units of the control; zeros at the start.
+        substeps: physics steps of a control step.
+        most_steps: control steps until the time limit.
     """
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: str, control_timestep: float = CONTROL_TIMESTEP) -> None:
         """Compile the scene of a task.
+
+        Args:
+            name: of the task.
+            control_timestep: time between two actions [s], some physics steps.
 
         Raises:
             UnknownNameError: no such task.
         """
         self.task = registry.make(name)
         self.physics = self.task.physics
+        self.substeps = round(control_timestep / PHYSICS_TIMESTEP)
+        self.most_steps = self.task.steps_of(control_timestep)
         self._view = StateView.of(self.physics.data)
-        self.goal: Array = np.empty(0)
+        self.goal: Array = np.zeros(self.task.goal_size)
+        self.action: Array = np.zeros(self.physics.model.nu)
         self.steps: int | None = None
+        self._wrist = next(each for each in _camera_names(self.physics.model) if each.endswith(WRIST))
         self._renderers = Renderers(self.physics.model)
         limits = self.physics.model.actuator_ctrlrange
         self.lower, self.upper = (checks.read_only(bound) for bound in limits.T)
@@ -71,6 +85,16 @@ class Episode:
         _ = self.physics.data  # computes what is due
         return self._view
 
+    @property
+    def state(self) -> State:
+        """What the reward is computed of."""
+        return State(self.task, self.view, self.goal, self.action)
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the time limit is reached."""
+        return self.steps is not None and self.steps >= self.most_steps
+
     def starting(self, random_state: RandomState) -> Asking[None]:
         """Draw an initial state; the caller answers the queries, see `Task.starting`.
 
@@ -78,53 +102,67 @@ class Episode:
             EpisodeInitializationError: none was found; a reset is due.
         """
         self.steps = None
+        self.action = np.zeros_like(self.action)
         self.goal = yield from self.task.starting(random_state)
         self.steps = 0
 
-    def advance(self, action: Array) -> None:
-        """Simulate one control step.
+    def advance(self, action: Array, substeps: int | None = None) -> None:
+        """Simulate one control step, or some of its physics steps.
 
         Args:
             action: (nu,) within the limits.
+            substeps: how many physics steps; None for all of a control step.
 
         Raises:
             PhysicsError: the simulation diverged; a reset is due.
         """
         self.physics.data.ctrl[:] = action
-        self.physics.step(SUBSTEPS)
+        self.physics.step(self.substeps if substeps is None else substeps)
 
     def picture(
         self,
         height: int = PICTURE,
         width: int = PICTURE,
         *,
-        depth: bool = False,
+        camera: str = CAMERA,
+        kind: str = "",
         data: mujoco.MjData | None = None,
     ) -> NDArray[np.generic]:
-        """What the camera sees, (height, width, 3) uint8, or the depth, (height, width) float32 [m].
+        """What the camera sees.
+
+        Colours are (height, width, 3) uint8, the depth (height, width, 1) float32 [m], numbers of geoms (height, width,
+        1) int32, -1 where there is none.
 
         Args:
             height: rows [pixels].
             width: columns [pixels].
-            depth: give the depth.
+            camera: "front_close" or "wrist".
+            kind: "" for colours, `DEPTH` or `SEGMENTATION`.
             data: of another simulation of the model; None for this one.
 
         Raises:
             PhysicsError: there is no OpenGL context.
         """
         with self.physics.lock:
-            return self._renderers.render(
+            found = self._renderers.render(
                 self.physics.data if data is None else data,
                 height,
                 width,
-                CAMERA,
-                depth=depth,
+                camera if camera == CAMERA else self._wrist,
+                depth=kind == DEPTH,
+                segmentation=kind == SEGMENTATION,
             )
+        if kind == DEPTH:
+            return found[..., None]
+        if kind == SEGMENTATION:  # numbers and types of objects
+            is_geom = found[..., 1:] == int(mujoco.mjtObj.mjOBJ_GEOM)
+            return np.where(is_geom, found[..., :1], -1).astype(np.int32)
+        return found
 
     def snapshot(self) -> Snapshot:
         """Where the episode is now."""
         sensordata = self.physics.data.sensordata.copy()  # first: a pass that is due changes the state's warm start
-        return Snapshot(self.physics.get_state(), sensordata, self.goal.copy(), self.steps)
+        return Snapshot(self.physics.get_state(), sensordata, self.goal.copy(), self.steps, self.action.copy())
 
     def restore(self, snapshot: Snapshot) -> None:
         """Go back to where an episode of the same task was; it goes on from there bit by bit as it did."""
@@ -135,11 +173,16 @@ class Episode:
             self.physics.data.sensordata[:] = snapshot.sensordata
         self.goal = snapshot.goal.copy()
         self.steps = snapshot.steps
+        self.action = snapshot.action.copy()
         self.task.show_goal(self.goal)
 
     def close(self) -> None:
         """Free what pictures need."""
         self._renderers.close()
+
+
+def _camera_names(model: mujoco.MjModel) -> list[str]:
+    return [str(model.camera(number).name) for number in range(model.ncam)]
 
 
 def clip_action(action: ArrayLike, lower: Array, upper: Array) -> Array:

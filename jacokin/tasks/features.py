@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.mujoco_bridge import JacoArm, JacoHand, Physics
+from jacokin.mujoco_bridge.entity import Entity
 from jacokin.mujoco_bridge.observations import sin_cos, symmetric_log
 from jacokin.mujoco_bridge.props import FreeProp
 
@@ -143,6 +144,12 @@ def prop_features(physics: Physics, prop: FreeProp) -> list[Feature]:
         size = int(physics.model.sensor_dim[sensor[0]])
         found.append(Feature(prop.prefix + name, (size,), _reading(as_slice(_readings(physics, sensor, size).ravel()))))
     return found
+
+
+def position_feature(physics: Physics, fixture: Entity) -> Feature:
+    """The observation of a thing that stands still: its position in the world."""
+    place = int(physics.model.body_mocapid[ids(physics, fixture.root_body)[0]])
+    return Feature(f"{fixture.prefix}position", (3,), lambda view, goal: view.mocap_pos[..., place, :])
 
 
 def role_features(

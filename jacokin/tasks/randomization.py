@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import mujoco
@@ -17,17 +17,41 @@ from jacokin.model import checks
 from jacokin.mujoco_bridge.base import RandomState
 from jacokin.mujoco_bridge.distributions import Normal, Sampler, Uniform, constant_or_sampler
 from jacokin.mujoco_bridge.entity import quaternion_product
-from jacokin.tasks.task import CAMERA, CONTROL_TIMESTEP
+from jacokin.tasks.task import CAMERA, PHYSICS_TIMESTEP
 
 Choice = float | Sampler | Mapping[str, Any] | None
 
-FACTORS = ("friction", "mass", "gains", "damping", "lights")
-MAX_LATENCY = 1.0  # [s]
+FACTORS = (
+    "friction",
+    "mass",
+    "gains",
+    "damping",
+    "lights",
+    "armature",
+    "dry_friction",
+    "ambient",
+    "field_of_view",
+    "textures",
+)
+MAX_LATENCY = 1.0  # [s] of actions and of observations
+FEATURE_NOISE, FEATURE_BIAS = "feature_noise", "feature_bias"
+_BY_FEATURE = (FEATURE_NOISE, FEATURE_BIAS)  # fields with a number for each feature that is named
 MAX_SHIFT = 0.5  # [m] of the base in each direction, and of the camera
 _LARGEST_FACTOR = 1e3
 _CAMERA = ("camera_x", "camera_y", "camera_z")
 _BASE = ("base_x", "base_y", "base_z", "base_yaw")
-_VALUES = {"camera": ("camera", *_CAMERA), "base_pose": _BASE}  # of fields that have several, or under other names
+_COLOR = ("color_red", "color_green", "color_blue")
+MAX_OFFSET = 0.5  # [rad] of a joint's zero
+_JOINTS, _ACTUATORS = range(1, 7), range(1, 10)
+_EACH = {  # fields with a number for each joint or actuator, or for each direction
+    "base_pose": _BASE,
+    "joint_offsets": tuple(f"joint_offset_{number}" for number in _JOINTS),
+    "joint_gains": tuple(f"joint_gain_{number}" for number in _ACTUATORS),
+    "link_masses": tuple(f"link_mass_{number}" for number in _JOINTS),
+}
+_DIRECTIONS = {"camera": _CAMERA, "colors": _COLOR}  # of fields that are lengths of a vector
+_VALUES = {**_EACH, **{field: (field, *names) for field, names in _DIRECTIONS.items()}}
+_NEUTRAL = (*FACTORS, "joint_gains", "link_masses")  # whose neutral value is 1; of others it is 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,12 +66,33 @@ class Randomization:
         gains: factor of the gains of the actuators, and of the damping that belongs to them.
         damping: factor of the damping of the joints of arm and hand.
         lights: factor of the brightness of lights.
-        latency: delay of actions [s], rounded to control steps of 0.04 s; at most 1 s.
+        latency: delay of actions [s], in fractions of a control step too: rounded to physics steps of 0.002 s, at
+            most 1 s.
         observation_noise: standard deviation of normal noise on all features and on ``achieved_goal``, in their units;
             rewards and ``desired_goal`` are exact.
         camera: distance by which the camera is moved, in a direction that is drawn too [m]; at most 0.5 m.
         base_pose: displacement of the arm's base: x, y, z [m] and yaw about its vertical axis [rad]. One number, or a
             sampler of one, means each of the four: ``Uniform(-0.02, 0.02)`` draws four numbers.
+        armature: factor of the inertia of the motors of arm and hand.
+        dry_friction: factor of the dry friction in the joints of arm and hand.
+        ambient: factor of the brightness of ambient light.
+        field_of_view: factor of the camera's field of view.
+        joint_offsets: by how much the zero of each joint of the arm is off [rad], at most 0.5: the arm stands turned
+            by it where its joints are said to be, at the start of an episode too, whose angles are those without
+            offsets. Six numbers, or one, or a sampler of one, for each.
+        joint_gains: factors of the gains of the nine actuators, each its own, as `gains` is for all.
+        link_masses: factors of the masses and inertias of the six links of the arm.
+        action_noise: standard deviation of normal noise on the velocities of all actuators [rad/s].
+        observation_bias: standard deviation of what is added to each feature all through an episode, in its unit.
+        colors: distance by which the colours of props and of the table are shifted, in a direction that is drawn too,
+            0..1; not of bricks whose colours say which is which.
+        observation_delay: how old an observation is [s], pictures and ``achieved_goal`` included, in fractions of a
+            control step too: rounded to physics steps of 0.002 s, at most 1 s; the first of an episode until there is
+            one so old. Rewards are of now.
+        feature_noise: standard deviations of normal noise by the name of a feature, in its unit, such as
+            ``{"duplo2x4/position": 0.005}``; "achieved_goal" may be one. Each a number, a sampler or its arguments.
+        feature_bias: likewise, of what is added to a feature all through an episode, to each of its numbers its own.
+        textures: factor of how many tiles of the floor there are on a metre.
     """
 
     friction: Choice = None
@@ -59,6 +104,21 @@ class Randomization:
     observation_noise: Choice = None
     camera: Choice = None
     base_pose: Choice | ArrayLike = None
+    # Further fields come last: the numbers that a seed draws for those above stay the same.
+    armature: Choice = None
+    dry_friction: Choice = None
+    ambient: Choice = None
+    field_of_view: Choice = None
+    joint_offsets: Choice | ArrayLike = None
+    joint_gains: Choice | ArrayLike = None
+    link_masses: Choice | ArrayLike = None
+    action_noise: Choice = None
+    observation_bias: Choice = None
+    colors: Choice = None
+    observation_delay: Choice = None
+    feature_noise: Mapping[str, Choice] | None = None
+    feature_bias: Mapping[str, Choice] | None = None
+    textures: Choice = None
 
     def __post_init__(self) -> None:
         """Check what can be checked before anything is drawn.
@@ -67,6 +127,11 @@ class Randomization:
             InvalidInputError: a number that is impossible, or something else than a number or a sampler.
         """
         for name, value in self._given().items():
+            if name in _BY_FEATURE:
+                given = checks.mapping(name, value, "a dict of deviations by the name of a feature")
+                checked = {each: _checked_deviation(name, each, choice) for each, choice in given.items()}
+                object.__setattr__(self, name, checked)
+                continue
             if isinstance(value, Mapping):
                 object.__setattr__(self, name, _distribution(name, value))
                 continue
@@ -97,7 +162,9 @@ class Randomization:
     @property
     def names(self) -> list[str]:
         """Of the values of an episode."""
-        return [name for field in self._given() for name in _VALUES.get(field, (field,))]
+        given = self._given()
+        found = [name for field in given if field not in _BY_FEATURE for name in _VALUES.get(field, (field,))]
+        return [*found, *(f"{field}/{name}" for field in _BY_FEATURE for name in given.get(field, ()))]
 
     def draw(self, random_state: RandomState) -> dict[str, float]:
         """The values of an episode.
@@ -106,14 +173,44 @@ class Randomization:
             InvalidInputError: a sampler gave an impossible value.
         """
         found = {}
-        for name, value in self._given().items():
-            first = np.zeros(len(_BASE)) if name == "base_pose" else None
+        given = self._given()
+        by_feature = {field: given.pop(field, {}) for field in _BY_FEATURE}
+        for name, value in given.items():
+            first = np.zeros(len(_EACH[name])) if name in _EACH else None
             found.update(_values_by_name(name, constant_or_sampler(name, value)(first, None, random_state)))
-            if name == "camera":
-                direction = np.asarray(random_state.normal(size=len(_CAMERA)))
+            if name in _DIRECTIONS:
+                direction = np.asarray(random_state.normal(size=len(_DIRECTIONS[name])))
                 direction /= max(float(np.linalg.norm(direction)), 1e-12)
-                found.update(zip(_CAMERA, direction.tolist(), strict=True))
+                found.update(zip(_DIRECTIONS[name], direction.tolist(), strict=True))
+        for field, each in by_feature.items():
+            for name, value in each.items():
+                key = f"{field}/{name}"
+                found.update(_values_by_name(key, constant_or_sampler(key, value)(None, None, random_state)))
         return found
+
+    def scaled(self, part: float) -> Randomization:
+        """The same with smaller ranges, for a curriculum: 0 for none, 1 for all.
+
+        Numbers and the bounds of `Uniform` come nearer to what changes nothing (1 for factors, 0 for others), and so do
+        mean and deviation of `Normal`. Give the result to an environment or a vector, `env.unwrapped.randomization`,
+        between two episodes.
+
+        Args:
+            part: of each range, 0..1.
+
+        Raises:
+            InvalidInputError: not such a number, or another sampler, of which nobody knows the range.
+        """
+        scale = checks.number("part", part)
+        if not 0.0 <= scale <= 1.0:
+            raise checks.refusal("part", "in 0..1", part)
+        found: dict[str, Any] = {}
+        for name, value in self._given().items():
+            if name in _BY_FEATURE:
+                found[name] = {each: _scaled(f"{name}/{each}", choice, 0.0, scale) for each, choice in value.items()}
+            else:
+                found[name] = _scaled(name, value, 1.0 if name in _NEUTRAL else 0.0, scale)
+        return Randomization(**found)
 
     def replayed(self, values: object) -> dict[str, float]:
         """Values that `draw` gave before, checked.
@@ -129,6 +226,31 @@ class Randomization:
         if missing:
             raise InvalidInputError(f"randomization lacks {', '.join(sorted(missing))}")
         return found
+
+
+def _checked_deviation(field: str, feature: object, value: Any) -> Any:
+    if not isinstance(feature, str):
+        raise checks.refusal(field, "a dict of deviations by the name of a feature", feature)
+    name = f"{field}/{feature}"
+    if isinstance(value, Mapping):
+        return _distribution(name, value)
+    constant_or_sampler(name, value)
+    return value if callable(value) else check_value(name, value)
+
+
+def _scaled(name: str, value: Any, neutral: float, scale: float) -> Any:  # Any: numbers and samplers
+    """A number or a sampler that is nearer to what changes nothing."""
+
+    def nearer(number: ArrayLike) -> Any:
+        return (neutral + scale * (np.asarray(number, dtype=np.float64) - neutral)).tolist()
+
+    if isinstance(value, Uniform):
+        return replace(value, low=nearer(value.low), high=nearer(value.high))
+    if isinstance(value, Normal):
+        return replace(value, loc=nearer(value.loc), scale=(scale * np.asarray(value.scale)).tolist())
+    if callable(value):
+        raise InvalidInputError(f"{name} is a sampler other than Uniform and Normal, which cannot be scaled")
+    return nearer(value)
 
 
 def _distribution(name: str, arguments: Mapping[str, Any]) -> Uniform | Normal:
@@ -152,7 +274,7 @@ def _values_by_name(name: str, value: ArrayLike) -> dict[str, float]:
     Raises:
         InvalidInputError: not such numbers, or impossible ones.
     """
-    names = _BASE if name == "base_pose" else (name,)
+    names = _EACH.get(name, (name,))
     expected = "a number" if len(names) == 1 else f"one number or {len(names)}"
     numbers = checks.array(name, value, expected)
     if numbers.size != 1 and numbers.shape != (len(names),):
@@ -170,29 +292,48 @@ def check_value(name: str, value: object) -> float:
     number = checks.number(name, value)
     if name in FACTORS and not 0.0 < number <= _LARGEST_FACTOR:
         raise InvalidInputError(f"{name} must be a factor above 0 and at most {_LARGEST_FACTOR:g}, got {number:g}")
+    if name in (*_EACH["joint_gains"], *_EACH["link_masses"]) and not 0.0 < number <= _LARGEST_FACTOR:
+        raise InvalidInputError(f"{name} must be a factor above 0 and at most {_LARGEST_FACTOR:g}, got {number:g}")
     if name == "camera" and number > MAX_SHIFT:
         raise InvalidInputError(f"camera must be at most {MAX_SHIFT:g} m, got {number:g}")
-    if name in (*_BASE, *_CAMERA):
+    if name == "colors" and number > 1.0:
+        raise InvalidInputError(f"colors must be at most 1, got {number:g}")
+    if name in (*_BASE, *_CAMERA, *_COLOR, *_EACH["joint_offsets"]):
         largest = {"base_yaw": math.pi}.get(name, MAX_SHIFT if name in _BASE else 1.0)
+        largest = MAX_OFFSET if name in _EACH["joint_offsets"] else largest
         if abs(number) > largest:
             raise InvalidInputError(f"{name} must be at most {largest:.4g} in magnitude, got {number:g}")
     elif number < 0.0:
         raise InvalidInputError(f"{name} must not be negative, got {number:g}")
-    if name == "latency" and number > MAX_LATENCY:
-        raise InvalidInputError(f"latency must be at most {MAX_LATENCY:g} s, got {number:g}")
+    if name in ("latency", "observation_delay") and number > MAX_LATENCY:
+        raise InvalidInputError(f"{name} must be at most {MAX_LATENCY:g} s, got {number:g}")
     return number
 
 
-def latency_steps(values: Mapping[str, float]) -> int:
-    """The latency in control steps."""
-    return round(values.get("latency", 0.0) / CONTROL_TIMESTEP)
+def has_offsets(values: Mapping[str, float]) -> bool:
+    """Whether the joints of the arm have other zeros."""
+    return _EACH["joint_offsets"][0] in values
+
+
+def delay(values: Mapping[str, float], name: str, substeps: int) -> tuple[int, int]:
+    """A delay, "latency" or "observation_delay", in control steps, and the physics steps beyond them.
+
+    Args:
+        values: of the episode.
+        name: of the delay.
+        substeps: physics steps of a control step.
+    """
+    return divmod(round(values.get(name, 0.0) / PHYSICS_TIMESTEP), substeps)
 
 
 SIMULATED = (
     *("geom_friction", "body_mass", "body_inertia", "actuator_gainprm", "actuator_biasprm", "dof_damping"),
-    *("body_pos", "body_quat", "cam_pos"),
+    *("body_pos", "body_quat", "cam_pos", "dof_armature", "dof_frictionloss", "cam_fovy"),
 )
 """What a `Variation` changes of a model that `mujoco.MjData` depends on; constants that follow from it change too."""
+
+
+_DRAWN = ("light_diffuse", "geom_rgba", "mat_texrepeat")  # and what only pictures depend on
 
 
 class Variation:
@@ -208,11 +349,16 @@ class Variation:
         self._model = model
         self._base = base
         self._scratch = mujoco.MjData(model)
-        self._at_first: dict[str, Array] = {name: getattr(model, name).copy() for name in (*SIMULATED, "light_diffuse")}
+        self._at_first: dict[str, Array] = {name: getattr(model, name).copy() for name in (*SIMULATED, *_DRAWN)}
+        self._ambient: Array = model.vis.headlight.ambient.copy()
         free = model.jnt_bodyid[model.jnt_type == mujoco.mjtJoint.mjJNT_FREE]
         self._free_bodies = np.asarray(free, dtype=np.intp)
         hinges = model.jnt_type != mujoco.mjtJoint.mjJNT_FREE
         self._dofs = np.asarray(model.jnt_dofadr[hinges], dtype=np.intp)
+        self._joints = np.arange(len(_EACH["joint_offsets"]))  # those of the arm come first
+        self._links = np.asarray(model.jnt_bodyid[self._joints], dtype=np.intp)
+        touched = np.isin(model.geom_bodyid, self._free_bodies) | (model.geom_bodyid == 0)
+        self._colored = np.flatnonzero(touched)
         self._camera = int(model.camera(CAMERA).id)
         self._appliers: dict[str, Callable[[float], None]] = {
             "friction": lambda factor: self._scale("geom_friction", factor, (slice(None), 0)),
@@ -220,15 +366,27 @@ class Variation:
             "gains": self._scale_gains,
             "damping": lambda factor: self._scale("dof_damping", factor, self._dofs),
             "lights": lambda factor: self._scale("light_diffuse", factor, slice(None)),
+            "armature": lambda factor: self._scale("dof_armature", factor, self._dofs),
+            "dry_friction": lambda factor: self._scale("dof_frictionloss", factor, self._dofs),
+            "field_of_view": lambda factor: self._scale("cam_fovy", factor, self._camera),
+            "ambient": self._scale_ambient,
+            "textures": lambda factor: self._scale("mat_texrepeat", factor, slice(None)),
         }
 
-    def apply(self, values: Mapping[str, float]) -> None:
-        """Give the model these values, and its first ones otherwise."""
+    def apply(self, values: Mapping[str, float], *, is_starting: bool = False) -> None:
+        """Give the model these values, and its first ones otherwise.
+
+        Args:
+            values: of the episode.
+            is_starting: leave out the offsets of joints: initial angles are planned for an arm without them.
+        """
         for name, array in self._at_first.items():
             getattr(self._model, name)[:] = array
+        self._model.vis.headlight.ambient[:] = self._ambient
         for name, factor in values.items():
             if name in self._appliers:
                 self._appliers[name](factor)
+        self._apply_each(values, is_starting)
         if "camera" in values:
             self._model.cam_pos[self._camera] += values["camera"] * np.array([values[name] for name in _CAMERA])
         if _BASE[0] in values:
@@ -237,6 +395,29 @@ class Variation:
             self._model.body_pos[self._base] += x, y, z
             self._model.body_quat[self._base] = quaternion_product(turn, self._model.body_quat[self._base])
         mujoco.mj_setConst(self._model, self._scratch)
+
+    def _apply_each(self, values: Mapping[str, float], is_starting: bool) -> None:
+        """Apply what is another number for each joint, link or colour."""
+        model = self._model
+        if _EACH["joint_gains"][0] in values:
+            factors = np.array([values[name] for name in _EACH["joint_gains"]])[: model.nu]
+            model.actuator_gainprm[:, 0] *= factors
+            model.actuator_biasprm[:, 2] *= factors
+        if _EACH["link_masses"][0] in values:
+            factors = np.array([values[name] for name in _EACH["link_masses"]])
+            model.body_mass[self._links] *= factors
+            model.body_inertia[self._links] *= factors[:, None]
+        if has_offsets(values) and not is_starting:
+            for joint, body, name in zip(self._joints, self._links, _EACH["joint_offsets"], strict=True):
+                half = values[name] / 2.0
+                turn = np.concatenate(((math.cos(half),), math.sin(half) * model.jnt_axis[joint]))
+                model.body_quat[body] = quaternion_product(model.body_quat[body], turn)
+        if "colors" in values:
+            shift = values["colors"] * np.array([values[name] for name in _COLOR])
+            model.geom_rgba[self._colored, :3] = np.clip(model.geom_rgba[self._colored, :3] + shift, 0.0, 1.0)
+
+    def _scale_ambient(self, factor: float) -> None:
+        self._model.vis.headlight.ambient[:] *= factor
 
     def _scale(self, name: str, factor: float, where: object) -> None:
         getattr(self._model, name)[where] *= factor

@@ -1,7 +1,8 @@
-"""The demo: its targets, its report, and the arm in its picture."""
+"""The demo: its targets, what it says, and the arm in its picture."""
 
 from __future__ import annotations
 
+import re
 import runpy
 import subprocess
 import sys
@@ -27,7 +28,7 @@ def test_the_targets_are_those_the_script_writes() -> None:
 
 
 @pytest.mark.slow
-def test_the_demo_solves_what_can_be_solved_and_says_why_not(tmp_path: Path) -> None:
+def test_the_demo_shows_branches_a_motion_and_advice(tmp_path: Path) -> None:
     done = subprocess.run(
         [sys.executable, "-P", "-m", "jacokin", "demo", "--output", "out/jaco.png"],
         cwd=tmp_path,
@@ -36,13 +37,17 @@ def test_the_demo_solves_what_can_be_solved_and_says_why_not(tmp_path: Path) -> 
         text=True,
         check=True,
     )
-    assert "200 of 206 targets solved" in done.stdout
-    assert done.stdout.count("OUTSIDE_LIMITS") == 3
-    assert done.stdout.count("UNREACHABLE") == 3
+    assert "8 branches" in done.stdout
+    assert done.stdout.count("outside the limits ") == 4
+    straight, around = re.findall(r"(\d+) mm (?:deep|clear)", done.stdout)
+    assert int(straight) > 50  # [mm]
+    assert int(around) >= 1
+    assert "UNREACHABLE" in done.stdout
+    assert "200 of 206 example poses solved" in done.stdout
     picture = tmp_path / "out" / "jaco.png"
     if set(backends()) & {"egl", "osmesa"}:
         assert picture.read_bytes().startswith(b"\x89PNG")
-        assert "picture of the arm" in done.stdout
+        assert f"Picture of the motion: {picture}" in done.stdout
     else:
         assert not picture.exists()
         assert "apt install" in done.stdout

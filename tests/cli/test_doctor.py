@@ -38,9 +38,14 @@ def test_a_failure_is_shown_and_the_code_is_1(
     findings = [Finding("package", "pin", FAILED, "ImportError: libboost"), Finding("rendering", "egl", MISSING, "no")]
     monkeypatch.setattr(doctor, "check_all", lambda: findings)
     assert leave("doctor") == 1
-    assert "libboost" in capsys.readouterr().out
+    shown = capsys.readouterr().out
+    assert "libboost" in shown
+    assert "Optional and not there: egl; no" in shown
     monkeypatch.setattr(doctor, "check_all", lambda: findings[1:])
     assert leave("doctor") == 0
+    assert capsys.readouterr().out.startswith("Everything needed works.\n")
+    assert leave("doctor", "--all") == 0
+    assert "rendering" in capsys.readouterr().out
 
 
 def test_a_package_that_does_not_import_is_a_failure(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -98,6 +103,7 @@ def test_a_shadowing_package_is_noticed_in_a_real_process(monkeypatch: pytest.Mo
 def test_the_kernels(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     assert doctor.check_kernels() == Finding("closed form", "kernels", OK, f"loaded, {library.PATH}")
     monkeypatch.setattr(library, "PATH", tmp_path / "libjacokin.so")
+    library.load.cache_clear()  # as in a new process
     finding = doctor.check_kernels()
     assert finding.state == FAILED
     assert f"{tmp_path / 'libjacokin.so'} cannot be read" in finding.detail

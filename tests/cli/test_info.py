@@ -10,6 +10,7 @@ import pytest
 import jacokin
 from jacokin.model.descriptions import bundled
 from tests.cli.run import Run
+from tests.model.measured_arms import drawn_arm
 
 
 @pytest.mark.parametrize("name", bundled.NAMES)
@@ -48,3 +49,17 @@ def test_info_of_a_file_names_the_file_as_source(run: Run) -> None:
     document = run("info", str(path), "--json").document
     assert document["sources"] == {"file": str(path)}
     assert document["joints"][0]["datasheet_torque"] is None
+
+
+def test_info_says_what_a_calibration_says(run: Run, robot: jacokin.Robot, tmp_path: Path) -> None:
+    path = tmp_path / "my_arm.toml"
+    drawn_arm(robot, np.random.default_rng(1)).save(path)
+    said = " ".join(run("info", "--calibration", str(path)).out.split())
+    assert "mrad of offset from the description" in said
+    document = run("info", "--calibration", str(path), "--json").document
+    assert document["calibration"]["file"] == str(path)
+    assert document["calibration"]["joints"]["joint_1"]["scale"] == 1.0
+    assert run("info", "--json").document["calibration"] is None
+    refused = run("info", "j2s6s200", "--calibration", str(path))
+    assert refused.code == 2
+    assert "is a calibration of 'j2n6s300', and this robot is 'j2s6s200'" in refused.err

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import re
 import subprocess
@@ -16,20 +17,36 @@ from jacokin.cli.main import COMMANDS
 from jacokin.model import urdf_folder
 from tests.cli.run import HOME, POSE, Run
 
-MAP_COMMANDS = ("build", "show", "query")
+GROUPS = {"map": ("build", "show", "query"), "calibrate": ("fit", "plan")}
+IN_GROUPS = [f"{group} {name}" for group, names in GROUPS.items() for name in names]
 
 
-@pytest.mark.parametrize(
-    "command", ["", *(name for name in COMMANDS if name != "map"), *(f"map {name}" for name in MAP_COMMANDS)]
-)
+@pytest.mark.parametrize("command", ["", *(name for name in COMMANDS if name not in GROUPS), *IN_GROUPS])
 def test_help_teaches_by_example(run: Run, command: str) -> None:
     answer = run(*command.split(), "--help")
     assert answer.code == 0
-    assert f"  jacokin {command}".rstrip() in answer.out
+    assert f"  jacokin {command.removesuffix(' fit')}".rstrip() in answer.out
     assert "Examples:" in answer.out
 
 
-@pytest.mark.parametrize(("words", "names"), [((), tuple(COMMANDS)), (("map",), MAP_COMMANDS)])
+@pytest.mark.parametrize("command", ["ik", "move", "plan", "view"])
+def test_a_long_help_has_headings_and_every_option_once(run: Run, command: str) -> None:
+    text = run(command, "--help").out
+    headed = re.split(r"^(?=\w[\w ]*:$)", text, flags=re.MULTILINE)
+    found = [re.findall(r"^  (--[a-z-]+)", part, re.MULTILINE) for part in headed[1:]]
+    parts = [flags for flags in found if flags]
+    assert len(parts) >= 4
+    assert max(map(len, parts)) <= 15
+    every = [flag for flags in parts for flag in flags]
+    assert len(set(every)) == len(every)
+    parameters = getattr(importlib.import_module(f"jacokin.cli.{COMMANDS[command]}"), command).params
+    named = {parameter.opts[0] for parameter in parameters if parameter.opts[0].startswith("--")}
+    assert set(every) | {"--no-closest", "--no-resume"} >= named
+
+
+@pytest.mark.parametrize(
+    ("words", "names"), [((), tuple(COMMANDS)), *(((group,), names) for group, names in GROUPS.items())]
+)
 def test_every_command_is_listed_with_its_whole_sentence(
     run: Run, words: tuple[str, ...], names: tuple[str, ...]
 ) -> None:

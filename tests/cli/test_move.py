@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import jacokin
-from jacokin.motion import JointMotion
+from jacokin.motion import Trajectory
 from tests.cli.run import leave
 
 BLOCK = "- {shape: box, name: block, size: [0.2, 0.2, 0.2], position: [0.3, -0.2, 0.5]}\n"
@@ -20,7 +20,7 @@ def test_a_motion_to_a_pose_is_written(tmp_path: Path, capsys: pytest.CaptureFix
     words = ("move", "--position", "0.3", "-0.2", "0.5", "--down", "--output", str(out), "--plot", str(plot), "--json")
     assert leave(*words) == 0
     document = json.loads(capsys.readouterr().out)
-    motion = JointMotion.load(out)
+    motion = Trajectory.load(out)
     robot = jacokin.load_robot()
     np.testing.assert_allclose(robot.forward_kinematics(motion.q[-1]).translation, [0.3, -0.2, 0.5], atol=1e-6)
     np.testing.assert_array_equal(motion.q[0], robot.home)
@@ -28,6 +28,22 @@ def test_a_motion_to_a_pose_is_written(tmp_path: Path, capsys: pytest.CaptureFix
     assert document["q_end"] == motion.q[-1].tolist()
     assert document["min_clearance"] == pytest.approx(motion.clearance.min())
     assert plot.stat().st_size > 1000
+
+
+def test_limits_of_torque_slow_a_motion_down(capsys: pytest.CaptureFixture[str]) -> None:
+    end = (jacokin.load_robot().home + 0.4).tolist()
+    words = ["move", "--to", *map(repr, end), "--velocity-limit", "6", "--acceleration-limit", "60", "--json"]
+    durations = []
+    for more in ((), ("--torque-limit", "20"), ("--rated-torque",)):
+        assert leave(*words, *more) == 0
+        document = json.loads(capsys.readouterr().out)
+        durations.append(document["duration"])
+        assert ("slower for the torques" in document["message"]) == (len(durations) == 2)
+    assert durations[0] == durations[2] < durations[1]
+    assert leave(*words, "--torque-limit", "1") == 1
+    assert json.loads(capsys.readouterr().out)["outcome"] == "TOO_HEAVY"
+    assert leave(*words, "--torque-limit", "20", "--rated-torque") == 2
+    assert "--rated-torque" in capsys.readouterr().err
 
 
 def test_degrees_go_in_and_out(capsys: pytest.CaptureFixture[str]) -> None:

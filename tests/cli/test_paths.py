@@ -10,7 +10,7 @@ import pytest
 
 import jacokin
 from jacokin.ik import Scene
-from jacokin.motion import PathResult
+from jacokin.motion import Trajectory
 from tests.cli.run import POSE, Run, leave
 
 TABLE = "- {shape: box, name: table, size: [0.6, 0.6, 0.05], position: [0.5, -0.5, 0.1]}\n"
@@ -60,7 +60,7 @@ def test_track_follows_a_line_inside_the_limits(path_file: Path, capsys: pytest.
     document = json.loads(capsys.readouterr().out)
     assert document["duration"] == pytest.approx(2.0)  # 0.1 m at 0.05 m/s
     assert document["max_position_error"] < 1e-4
-    result = PathResult.load(out)
+    result = Trajectory.load(out)
     robot = jacokin.load_robot()
     assert all(robot.within_limits(q) for q in result.q)
     assert (np.abs(result.v) <= robot.velocity_limit + 1e-9).all()
@@ -85,7 +85,7 @@ def test_track_keeps_limits_in_degrees_and_clear_of_obstacles(
     out = path_file.with_name("trajectory.npz")
     words = ("track", "--path", str(path_file), "--output", str(out), "--dt", "0.02", "--degrees")
     assert leave(*words, "--velocity-limit", "12", "--angular-speed", "20", "--speed", "0.02") == 0
-    assert np.abs(PathResult.load(out).v).max() <= np.radians(12.0) + 1e-9
+    assert np.abs(Trajectory.load(out).v).max() <= np.radians(12.0) + 1e-9
     capsys.readouterr()
     # The path leads through a box: the tool stops before it.
     scene = path_file.with_name("scene.json")
@@ -113,7 +113,7 @@ def test_a_plan_is_written_and_clear_of_the_scene(path_file: Path, capsys: pytes
     document = json.loads(capsys.readouterr().out)
     assert document["success"]
     assert document["max_position_error"] < 1e-8
-    result = PathResult.load(out)
+    result = Trajectory.load(out)
     robot = jacokin.load_robot()
     assert np.min(robot.clearance(result.q, Scene.load(scene))) > 0.01
     assert document["least_clearance"] == result.clearance.min() > 0.01
@@ -129,7 +129,7 @@ def test_seven_joints_and_what_was_chosen(path_file: Path, capsys: pytest.Captur
     message = json.loads(out.read_text(encoding="utf-8"))
     assert message["joint_names"] == [f"joint_{k}" for k in range(1, 8)]
     assert leave(*words, "--output", str(rows), "--json") == 0
-    document, result = json.loads(capsys.readouterr().out), PathResult.load(rows)
+    document, result = json.loads(capsys.readouterr().out), Trajectory.load(rows)
     np.testing.assert_array_equal([point["positions"] for point in message["points"]], result.q)
     np.testing.assert_allclose(document["parameter"], np.degrees(result.q[[0, -1], 2]), atol=1e-9)
     assert leave(*words, "--free-axis", "x") == 2
@@ -141,7 +141,7 @@ def test_a_tool_and_limits_of_ones_own(path_file: Path, run: Run, command: str) 
     out = path_file.with_name("out.npz")
     words = ("--tool", "0", "0.01", "-0.03", "--limit", "joint_1=0,3.9", "--dt", "0.05", "--output", str(out))
     assert run(command, "--path", str(path_file), *words).code == 0
-    q = PathResult.load(out).q
+    q = Trajectory.load(out).q
     assert (q[:, 0] >= 0.0).all()
     assert (q[:, 0] <= 3.9).all()
     tips = [jacokin.load_robot().forward_kinematics(row) * jacokin.pose([0.0, 0.01, -0.03]) for row in q[[0, -1]]]
@@ -161,7 +161,7 @@ def test_slower_in_degrees(path_file: Path, capsys: pytest.CaptureFixture[str]) 
     out = path_file.with_name("plan.npz")
     slow = ("--timing", "slow", "--acceleration-limit", "100", "--output", str(out))
     assert leave(*words, *slow, *free) == 0
-    assert np.abs(PathResult.load(out).v).max() <= np.radians(15.0) + 1e-9
+    assert np.abs(Trajectory.load(out).v).max() <= np.radians(15.0) + 1e-9
 
 
 def test_scenes_of_ik_and_track(path_file: Path, run: Run, capsys: pytest.CaptureFixture[str]) -> None:

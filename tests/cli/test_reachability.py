@@ -65,14 +65,14 @@ def test_maps_with_a_free_axis_obstacles_and_seven_joints(run: Run, tmp_path: Pa
     scene = ("--scene", str(tmp_path / "scene.yaml"), "--orientations", "8")
     assert run("map", "build", folders[1], *box, *scene).code == 0
     own = ("--tool", "0", "0.1", "0", "--limit", "joint_2=1,5")
-    assert run("map", "build", folders[2], *box, "--avoid-contact", "--orientations", "8", *own).code == 0
+    assert run("map", "build", folders[2], *box, "--collision", "reject", "--orientations", "8", *own).code == 0
     assert run("map", "build", folders[3], *box, "--robot", "j2s7s300", "--orientations", "8").code == 0
     maps = [load(folder) for folder in folders]
     assert maps[0].orientations.axes is not None
     assert maps[1].recipe["scene"] is not None
     assert np.array(maps[2].recipe["tool"])[:3, 3].tolist() == [0.0, 0.1, 0.0]
     assert maps[2].recipe["robot"]["sha256"] != maps[1].recipe["robot"]["sha256"]
-    assert [each.recipe["collision"] for each in maps] == ["ignore", "reject", "reject", "ignore"]
+    assert [each.recipe["collision"] for each in maps] == ["prefer", "reject", "reject", "prefer"]
     assert maps[3].recipe["robot"]["name"] == "j2s7s300"
     assert all((each.counts > 0).any() for each in maps)
 

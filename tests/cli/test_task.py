@@ -13,22 +13,24 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-import jacokin.tasks.gym.environment
 from jacokin.arrays import Array
 from jacokin.cli import display, task
 from jacokin.errors import InvalidInputError
+from jacokin.tasks.datasets import video
+from jacokin.tasks.datasets.video import find_ffmpeg
+from jacokin.tasks.task import CONTROL_TIMESTEP, Task
 from tests import rendering
 from tests.cli.run import Run, start
 
 STEPS = 3  # of the episodes that are only recorded
-SHORT = f"import jacokin.tasks.gym.environment as short; short.STEPS = {STEPS}"
+SHORT = f"import jacokin.tasks.task as short; short.Task.time_limit = {STEPS} * short.CONTROL_TIMESTEP"
 DEADLINE = 60.0  # [s]
 
 
 @pytest.fixture
 def short(monkeypatch: pytest.MonkeyPatch) -> None:
     """Episodes of a few steps."""
-    monkeypatch.setattr(jacokin.tasks.gym.environment, "STEPS", STEPS)
+    monkeypatch.setattr(Task, "time_limit", STEPS * CONTROL_TIMESTEP)
 
 
 @pytest.fixture
@@ -46,7 +48,7 @@ def record_black(file: Path, pictures: int) -> None:
 def decoded(file: Path, height: int, width: int) -> NDArray[np.uint8]:
     """The pictures of a video (n, height, width, 3), by ffmpeg."""
     command = [
-        task.find_ffmpeg(),
+        find_ffmpeg(),
         "-loglevel",
         "error",
         "-i",
@@ -78,7 +80,7 @@ def test_the_steps_of_an_episode_are_counted_on_a_terminal(run: Run, monkeypatch
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
     answer = run("task", "reach_site", "--episodes", "2")
     for number in (1, 2):
-        assert f"{display.CLEAR}episode {number} of 2, step 0 of 250 (0 %)" in answer.err
+        assert f"{display.CLEAR}episode {number} of 2, step 0 of {STEPS} (0 %)" in answer.err
     assert answer.err.endswith(display.CLEAR)
 
 
@@ -137,7 +139,7 @@ def test_without_an_encoder_the_command_that_installs_one_is_told(
 ) -> None:
     monkeypatch.delenv("IMAGEIO_FFMPEG_EXE", raising=False)
     monkeypatch.setattr(shutil, "which", lambda name: None)
-    monkeypatch.setattr(task, "find_spec", lambda name: None)
+    monkeypatch.setattr(video, "find_spec", lambda name: None)
     answer = run("task", "reach_site", "--record", str(tmp_path / "video.mp4"))
     assert answer.code == 2
     assert "pip install '.[video]'" in answer.err
@@ -175,12 +177,15 @@ def test_a_window_without_a_display_is_a_sentence(run: Run) -> None:
         (("reach_sit", "--expert"), "unknown expert 'reach_sit'. Did you mean 'reach_site'"),
         (("reach_sit", "--record", "a.npz"), "unknown task 'reach_sit'"),
         (("reassemble_3_bricks_fixed_order", "--expert"), "unknown expert 'reassemble_3_bricks_fixed_order'"),
-        (("reach_site", "--record", "episodes.csv"), "must end in .npz or .mp4"),
+        (("reach_site", "--record", "episodes.csv"), "must end in .npz, .mp4, .hdf5"),
         (("reach_site", "--record", "none/a.npz"), "there is no folder"),
         (("reach_site", "--record", "folder.npz"), "folder.npz"),
         (("reach_site", "--render", "--record", "a.mp4"), "give one of --render and --record with a video"),
         (("reach_site", "--episodes", "0"), "--episodes"),
         (("reach_site", "--seed", "-1"), "--seed"),
+        (("reach_site", "--noise", "0.1"), "give --expert too"),
+        (("reach_site", "--mistakes", "1"), "give --expert too"),
+        (("reach_site", "--expert", "--noise", "nan"), "noise must be finite"),
     ],
 )
 def test_mistakes_are_sentences_and_leave_no_file(
@@ -208,6 +213,18 @@ def test_a_folder_that_cannot_be_written_to_is_told_before_an_episode_runs(run: 
 def test_the_exit_code_tells_whether_the_expert_solved_every_episode(run: Run) -> None:
     assert run("task", "reach_site", "--expert").code == 1
     assert run("task", "reach_site").code == 0
+
+
+@pytest.mark.usefixtures("short")
+def test_an_expert_with_noise_acts_otherwise_and_repeats(run: Run, tmp_path: Path) -> None:
+    found = []
+    for number, words in enumerate(((), ("--noise", "0.1", "--mistakes", "1"), ("--noise", "0.1", "--mistakes", "1"))):
+        path = tmp_path / f"{number}.npz"
+        run("task", "lift_brick", "--expert", *words, "--record", str(path))
+        with np.load(path) as arrays:
+            found.append(arrays["action"])
+    assert not np.array_equal(found[0], found[1])
+    np.testing.assert_array_equal(found[1], found[2])
 
 
 @pytest.mark.usefixtures("short")

@@ -23,7 +23,7 @@ from tests.tasks.families_sample import slow_but
 
 ROOT = Path(__file__).resolve().parents[2]
 QUICK = ("reach_site", "place_cradle", "stack_2_of_3_bricks_random_order")
-CONTROLS = ("joint_velocity", "tool_velocity", "tool_pose")
+CONTROLS = ("joint_velocity", "joint_position", "tool_velocity", "tool_pose")
 SEED, STEPS = 11, 6
 # The folder of the tests comes last: the installed package is what gets tested.
 PROGRAM = """
@@ -92,10 +92,10 @@ def exception(environment: Any, cause: str) -> None:
             environment.step(environment.action_space.sample())
     else:
         task = environment.task
-        place, task._place_tool = task._place_tool, fail
+        place, task.place_tool = task.place_tool, fail
         with pytest.raises(JacokinError, match="none"):
             environment.reset(seed=3)
-        task._place_tool = place
+        task.place_tool = place
 
 
 def fail(*arguments: Any, **options: Any) -> Any:

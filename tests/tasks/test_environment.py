@@ -37,8 +37,9 @@ def same(one: dm_env.TimeStep, other: dm_env.TimeStep) -> bool:
 
 
 def test_names_and_tags() -> None:
-    assert len(jacokin.tasks.names()) == 25 + 8
-    assert len(jacokin.tasks.names("features")) == 13 + 4
+    ours = [name for name in jacokin.tasks.names() if "/" not in name]  # other tests register tasks of their own
+    assert len(ours) == 25 + 8
+    assert len([name for name in jacokin.tasks.names("features") if "/" not in name]) == 13 + 4
     assert set(jacokin.tasks.names("easy")) > {"reach_site_features", "reach_duplo_vision"}
     with pytest.raises(UnknownNameError, match="unknown tag 'hard'"):
         jacokin.tasks.names("hard")

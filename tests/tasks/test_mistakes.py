@@ -15,7 +15,7 @@ from jacokin.errors import InvalidInputError, PhysicsError, UnknownNameError, in
 from jacokin.tasks.gym.registration import IDS
 
 gymnasium.register_envs(jacokin.tasks)
-CONTROLS = ("joint_velocity", "tool_velocity", "tool_pose")
+CONTROLS = ("joint_velocity", "joint_position", "joint_delta", "tool_velocity", "tool_pose")
 SKINS = ("dm_env", *CONTROLS)
 
 

@@ -87,6 +87,8 @@ def command_site_velocity(physics: Physics, arm: JacoArm, site: mujoco.MjsSite |
 def _checked_arm(arm: JacoArm) -> JacoArm:
     if not isinstance(arm, RobotArm) or not hasattr(arm, "actuators"):
         raise InvalidInputError(f"arm must be an arm with actuators such as a JacoArm, got {shown(arm)}")
+    if getattr(arm, "actuation", "velocity") != "velocity":
+        raise InvalidInputError(f"arm must take velocities, this one takes a {arm.actuation}; write its ctrl instead")
     return arm
 
 

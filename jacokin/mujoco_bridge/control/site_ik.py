@@ -27,6 +27,7 @@ from jacokin.arrays import Array
 from jacokin.errors import ModelError, PhysicsError
 from jacokin.ik import targets
 from jacokin.ik.closed_form import NearestBranch
+from jacokin.ik.local_search import LocalSearch
 from jacokin.ik.options import ORIENTATION_TOLERANCE, POSITION_TOLERANCE, SolverOptions
 from jacokin.ik.solver import IKSolver
 from jacokin.ik.verification import Verifier
@@ -94,13 +95,14 @@ class SiteSolver:
         self._check_finite()
         self._chain = scene_chain(self._model, self._data.qpos, self._joints, self._site)
         robot = self._chain.robot
-        self._solver = IKSolver(robot, SITE)
+        self._solver = IKSolver(robot, SITE, collision="ignore")
         self._has_families = self._solver.has_families
         self.has_closed_form = self._has_families or self._solver.has_closed_form
         if not self.has_closed_form:
-            from jacokin.ik.qp import QPSearch  # imports mink, which arms with a closed form do not need
+            from jacokin.ik.qp import QPDescents  # imports mink, which arms with a closed form do not need
 
-            self._qp = QPSearch(Verifier(robot, SITE, None, SolverOptions()))
+            verifier = Verifier(robot, SITE, None, SolverOptions(collision="ignore"))
+            self._qp = LocalSearch(verifier, QPDescents(verifier))
         with_branches = self.has_closed_form and not self._has_families
         self._nearest = self._solver.closed_form().nearest_branch() if with_branches else None
         self._T = np.eye(4) if self._nearest is None else self._nearest.T

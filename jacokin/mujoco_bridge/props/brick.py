@@ -148,7 +148,8 @@ class Brick(FreeProp):
                     rgba=workspaces.RED,
                     group=workspaces.SITE_GROUP,
                 )
-        self._vertices = add_vertex_sites(world, self._bounding_box)
+        self._vertices = add_vertex_sites(world, self._bounding_box.pos, self._bounding_box.size)
+        self.height_above_lowest = float(self._bounding_box.size[2] - self._bounding_box.pos[2])
         self._add_sensors(self._bounding_box, {**primitive.SENSORS, "force": mujoco.mjtSensor.mjSENS_FORCE})
 
     def _add(
@@ -225,11 +226,6 @@ class Brick(FreeProp):
     def bounding_box(self) -> mujoco.MjsSite:
         """The site that encloses the brick."""
         return self._bounding_box
-
-    @property
-    def vertices(self) -> list[mujoco.MjsSite]:
-        """The eight sites at the corners of the bounding box."""
-        return self._vertices
 
     @property
     def force(self) -> mujoco.MjsSensor:

@@ -13,8 +13,10 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
-from jacokin.errors import InvalidInputError, shown
+from jacokin.arrays import Array
+from jacokin.errors import InvalidInputError, ModelError, shown
 from jacokin.model import checks
+from jacokin.model.mujoco_twin import mesh_vertices
 from jacokin.mujoco_bridge import workspaces
 from jacokin.mujoco_bridge.entity import Entity, new_spec
 from jacokin.mujoco_bridge.observables.observable import MJCFFeature, Observable, Observables, observable
@@ -42,6 +44,9 @@ class FreeProp(Entity):
     """A prop with sensors of the pose and the velocity of one of its parts, in the world."""
 
     _sensors: dict[str, mujoco.MjsSensor]
+    _vertices: list[mujoco.MjsSite]
+    height_above_lowest: float
+    """[m] of the origin above the lowest point of what collides, when the prop is upright."""
 
     def _add_sensors(
         self, part: mujoco.MjsGeom | mujoco.MjsSite, sensors: Mapping[str, mujoco.mjtSensor] = SENSORS
@@ -54,8 +59,19 @@ class FreeProp(Entity):
             for name, sensor in sensors.items()
         }
 
+    def _add_vertices(self) -> None:
+        """Add sites at the corners of the box that encloses all that collides; `_build` may call this last."""
+        lower, upper = bounds(self._mjcf_root)
+        self.height_above_lowest = -float(lower[2])
+        self._vertices = add_vertex_sites(self._mjcf_root.worldbody, (lower + upper) / 2.0, (upper - lower) / 2.0)
+
     def _build_observables(self) -> Observables:
         return FreePropObservables(self)
+
+    @property
+    def vertices(self) -> list[mujoco.MjsSite]:
+        """The eight sites at the corners of the bounding box."""
+        return self._vertices
 
     @property
     def sensors(self) -> Mapping[str, mujoco.MjsSensor]:
@@ -156,8 +172,9 @@ class Primitive(FreeProp):
                 **geom_options,
             )
         except (TypeError, ValueError) as error:
-            raise InvalidInputError(f"MuJoCo refuses the attributes {geom_options} of a geom: {error}") from error
+            raise refused_attributes(geom_options, error) from error
         self._add_sensors(self._geom)
+        self._add_vertices()
 
     @property
     def geom(self) -> mujoco.MjsGeom:
@@ -166,7 +183,7 @@ class Primitive(FreeProp):
 
 
 class BoxProp(Primitive):
-    """A box with a site at each corner."""
+    """A box."""
 
     def _build(  # type: ignore[override]  # the shape is given
         self,
@@ -190,12 +207,6 @@ class BoxProp(Primitive):
             InvalidInputError: an argument is malformed.
         """
         super()._build("box", half_size, mass, rgba, "box" if name is None else name, density=density)
-        self._vertices = add_vertex_sites(self._mjcf_root.worldbody, self.geom)
-
-    @property
-    def vertices(self) -> list[mujoco.MjsSite]:
-        """The eight sites at the corners."""
-        return self._vertices
 
 
 def large_box(name: str | None = None, observable_options: Mapping[str, object] | None = None) -> BoxProp:
@@ -209,25 +220,62 @@ def large_box(name: str | None = None, observable_options: Mapping[str, object] 
     return BoxProp(row["half_size"], row["mass"], _GREY, name=name, observable_options=observable_options)
 
 
-def add_vertex_sites(body: mujoco.MjsBody, box: mujoco.MjsGeom | mujoco.MjsSite) -> list[mujoco.MjsSite]:
+def refused_attributes(options: Mapping[str, Any], error: Exception) -> InvalidInputError:
+    """The error about attributes that a geom of MuJoCo does not take, without the list of its overloads."""
+    reason = str(error).partition(" The following argument types")[0]
+    return InvalidInputError(f"MuJoCo refuses the attributes {dict(options)} of a geom: {reason}")
+
+
+def add_vertex_sites(body: mujoco.MjsBody, centre: Array, half_size: Array) -> list[mujoco.MjsSite]:
     """Add a site ``vertex_0`` .. ``vertex_7`` at each corner of a box whose axes are those of its body.
 
     Args:
         body: the body of the box.
-        box: a geom or site of type box.
+        centre: (3,) of the box [m].
+        half_size: (3,) half-lengths [m].
     """
     corners = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
     radius = load_sizes()["vertices"]["site_radius"]
     return [
         body.add_site(
             name=f"vertex_{number}",
-            pos=box.pos + corner * box.size,
+            pos=centre + corner * half_size,
             size=[radius] * 3,
             rgba=workspaces.RED,
             group=workspaces.SITE_GROUP,
         )
         for number, corner in enumerate(corners)
     ]
+
+
+def bounds(spec: mujoco.MjSpec) -> tuple[Array, Array]:
+    """The corners (3,) of the box that encloses the geoms of a spec that collide, in its initial state [m].
+
+    Raises:
+        ModelError: MuJoCo refuses the spec.
+        InvalidInputError: nothing in it collides, or a plane does, which has no end.
+    """
+    try:
+        model = spec.copy().compile()
+    except (ValueError, mujoco.FatalError) as error:
+        raise ModelError(f"MuJoCo cannot compile {spec.modelname!r}: {error}") from error
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    points = []
+    for geom in np.flatnonzero(model.geom_contype | model.geom_conaffinity).tolist():
+        kind = mujoco.mjtGeom(int(model.geom_type[geom]))
+        if kind in (mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtGeom.mjGEOM_HFIELD):
+            raise InvalidInputError(f"{spec.modelname!r} holds a plane or a height field, which cannot be handled")
+        if kind == mujoco.mjtGeom.mjGEOM_MESH:
+            local = mesh_vertices(model, int(model.geom_dataid[geom]))
+        else:
+            centre, half = model.geom_aabb[geom].reshape(2, 3)
+            local = centre + np.array(list(itertools.product((-1.0, 1.0), repeat=3))) * half
+        points.append(data.geom_xpos[geom] + local @ data.geom_xmat[geom].reshape(3, 3).T)
+    if not points:
+        raise InvalidInputError(f"nothing in {spec.modelname!r} collides, so it cannot be handled")
+    every = np.concatenate(points)
+    return every.min(axis=0), every.max(axis=0)
 
 
 @functools.cache

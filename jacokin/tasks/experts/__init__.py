@@ -2,6 +2,7 @@
 
 expert         `expert(name)`, and the scripts that reach and lift
 place, stack   the scripts that place and stack
+disturbance    noise and mistakes that scripts have to mend
 driver         the arm as a script sees it, and its motions
 grasps         where the hand takes a brick
 """

@@ -62,7 +62,7 @@ class ArmDriver:
     def __init__(self) -> None:
         """Load the robot and its solver."""
         self.robot = jacokin.load_robot()
-        self.solver = jacokin.IKSolver(self.robot, FRAME)
+        self.solver = jacokin.IKSolver(self.robot, FRAME, collision="ignore")
         self.tracker = jacokin.Tracker(self.robot, FRAME, dt=CONTROL_TIMESTEP)
         self.lag, self.is_stuck = 0.0, False
         self.grip: Array = np.full(3, CLOSED)
@@ -103,7 +103,11 @@ class ArmDriver:
     @property
     def pose(self) -> pin.SE3:
         """T_world_tool, the pose of the pinch site."""
-        T_base_tool = self.robot.forward_kinematics(self.q, FRAME)
+        return self.pose_at(self.q)
+
+    def pose_at(self, q: Array) -> pin.SE3:
+        """T_world_tool at a configuration (6,) [rad]."""
+        T_base_tool = self.robot.forward_kinematics(q, FRAME)
         return pin.SE3(T_base_tool.rotation, T_base_tool.translation + robots.ARM_OFFSET)
 
     def prop(self, prefix: str) -> pin.SE3:

@@ -7,19 +7,28 @@ from functools import partial
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
+from jacokin.errors import InvalidInputError
 from jacokin.model import checks
+from jacokin.tasks import registry
 from jacokin.tasks.experts import grasps
-from jacokin.tasks.experts.driver import BRICK, CLOSE, OPEN, SQUEEZE, ArmDriver, Script, shift, up
+from jacokin.tasks.experts.disturbance import SIZE, Disturbance
+from jacokin.tasks.experts.driver import BRICK, CLOSE, CLOSED, OPEN, RELEASE, SQUEEZE, ArmDriver, Script, shift, up
 from jacokin.tasks.experts.grasps import point_down
 from jacokin.tasks.experts.place import IN_CRADLE, ON_BRICK, place
 from jacokin.tasks.experts.stack import stack
+from jacokin.tasks.gym.controls import FRAME
 from jacokin.tasks.registry import FEATURES, TASKS
+from jacokin.tasks.task import CONTROL_TIMESTEP
 
 DOWN = point_down(np.array((0.0, 1.0, 0.0)))
 _ABOVE = 0.036  # [m] the middle of a brick: near enough, and the fingers do not push it away
 HEIGHT = 0.33  # [m] by which things are lifted
+LYING = 0.05  # [m] below which the middle of a brick is that lies or stands on the table
+LOST = 0.06  # [m] of a brick from the middle of the grip: it has fallen
+MOVES, FALL_STEPS = 0.02, 25  # [m/s] of a brick that does not lie still, and how many steps it is waited for
 BOX = "unnamed_model/"  # prefix of the observations of the large box
 HALF_BOX = 0.09  # [m]
 OVER_BOX, AROUND_BOX = 0.1, -0.02  # [m] of the pinch site above the top of the box
@@ -39,25 +48,45 @@ def reach(arm: ArmDriver) -> Script:
 
 
 def lift_brick(arm: ArmDriver) -> Script:
-    """Grasp a brick and lift it; again if it falls."""
+    """Grasp a brick and lift it; again if it falls, and on from where it is if the hand has it."""
     while True:
-        grasp = grasps.plan(arm, arm.prop(BRICK), [up(HEIGHT)]) or grasps.plan(arm, arm.prop(BRICK))
-        if grasp is None:
-            yield from arm.stay(0.0)
-            return
-        yield from grasps.take(arm, grasp)
-        yield from arm.move(shift(grasp.pose, up(HEIGHT)), SQUEEZE)
+        brick = arm.prop(BRICK)
+        height = float(brick.translation[2])
+        if height > LYING and grasps.holds(arm, brick):
+            top = shift(arm.pose, up(max(0.0, HEIGHT - height)))
+        else:
+            yield from _let_fall(arm)
+            grasp = grasps.plan(arm, arm.prop(BRICK), [up(HEIGHT)]) or grasps.plan(arm, arm.prop(BRICK))
+            if grasp is None:
+                yield from arm.stay(0.0)
+                return
+            yield from grasps.take(arm, grasp)
+            top = shift(grasp.pose, up(HEIGHT))
+        for action in arm.move(top, SQUEEZE):
+            yield action
+            if not grasps.holds(arm, arm.prop(BRICK), LOST):
+                break
         q = arm.q.copy()
         while grasps.holds(arm, arm.prop(BRICK)):
             yield arm.towards(q, CLOSE)
 
 
+def _let_fall(arm: ArmDriver) -> Script:
+    """Open the hand around a brick in the air, and wait until it lies still."""
+    q = arm.q.copy()
+    for _ in range(FALL_STEPS):
+        is_still = np.linalg.norm(arm.get(f"{BRICK}linear_velocity", 3)) < MOVES
+        if arm.prop(BRICK).translation[2] < LYING and is_still:
+            return
+        yield arm.towards(q, RELEASE)
+
+
 def lift_large_box(arm: ArmDriver) -> Script:
     """Try to lift the large box by one of its edges.
 
-    The open hand is 0.17 m wide and the box 0.18 m, so no two opposite sides can be pinched. What can be is an upright
-    edge, the thumb on one side and two fingers on the other. That needs friction of more than 1, and there is 1: the
-    script is a try, and the record of the experts has what comes of it.
+    The open hand is 0.1765 m wide and the box 0.18 m, so all fingers do not go around it. What can be held is an
+    upright edge, the thumb on one side and two fingers on the other. That needs friction of more than 1, and there is
+    1: the script is a try, and the record of the experts has what comes of it.
     """
     box = arm.prop(BOX)
     best, cost = None, np.inf
@@ -91,45 +120,142 @@ SCRIPTS: dict[str, Callable[[ArmDriver], Script]] = {
 }
 
 
+def _joint_delta(arm: ArmDriver, velocities: Array) -> Array:
+    return velocities * CONTROL_TIMESTEP
+
+
+def _joint_position(arm: ArmDriver, velocities: Array) -> Array:
+    return np.concatenate((arm.q, arm.fingers)) + velocities * CONTROL_TIMESTEP
+
+
+def _tool_velocity(arm: ArmDriver, velocities: Array) -> Array:
+    twist = arm.robot.jacobian(arm.q, FRAME) @ velocities[: arm.robot.dof]
+    return np.append(twist, velocities[arm.robot.dof :].mean())
+
+
+def _tool_pose(arm: ArmDriver, velocities: Array) -> Array:
+    angles = _joint_position(arm, velocities)
+    pose = arm.pose_at(np.clip(angles[: arm.robot.dof], arm.robot.lower, arm.robot.upper))
+    x, y, z, w = pin.Quaternion(pose.rotation).coeffs()
+    closed = (angles[arm.robot.dof :].mean() - OPEN) / (CLOSED - OPEN)
+    return np.concatenate((pose.translation, (w, x, y, z, np.clip(closed, 0.0, 1.0))))
+
+
+CONTROLS: dict[str, Callable[[ArmDriver, Array], Array]] = {
+    "joint_velocity": lambda arm, velocities: velocities,
+    "joint_position": _joint_position,
+    "joint_delta": _joint_delta,
+    "tool_velocity": _tool_velocity,
+    "tool_pose": _tool_pose,
+}
+"""The actions of each control that move joints and fingers with velocities (9,) [rad/s], for the next control step."""
+
+
 class Expert:
     """A scripted policy; call it with an observation of features by name to get an action.
 
     It goes by what it has seen since `reset`, and by nothing but observations.
+
+    Attributes:
+        disturbance: noise and mistakes, None without.
+        control: what its actions mean: one of `CONTROLS`.
     """
 
-    def __init__(self, script: Callable[[ArmDriver], Script]) -> None:
-        """Follow a script."""
+    def __init__(
+        self,
+        script: Callable[[ArmDriver], Script],
+        disturbance: Disturbance | None = None,
+        control: str = "joint_velocity",
+    ) -> None:
+        """Follow a script, disturbed by something."""
         self._script = script
+        self.disturbance, self.control = disturbance, control
         self._arm = ArmDriver()
         self._actions: Script | None = None
+        self._episode = 0
 
-    def reset(self) -> None:
-        """Begin anew, at the start of an episode."""
+    @property
+    def name(self) -> str:
+        """What tells it from other experts of its task."""
+        return "Expert" if self.disturbance is None else f"Expert, {self.disturbance}"
+
+    def __reduce__(self) -> tuple[type[Expert], tuple[object, ...]]:
+        """Pickle and copy the script; a copy begins anew."""
+        return Expert, (self._script, self.disturbance, self.control)
+
+    def reset(self, seed: int | None = None) -> None:
+        """Begin anew, at the start of an episode.
+
+        Args:
+            seed: of the episode, which together with that of the expert determines the noise; None for another noise in
+                each episode.
+
+        Raises:
+            InvalidInputError: not a whole number from 0.
+        """
+        self._episode = self._episode + 1 if seed is None else checks.whole_number("seed", seed)
         self._actions = None
 
     def __call__(self, observation: object) -> Array:
-        """The action (9,) for an observation [rad/s].
+        """The action for an observation, in the units of the control.
 
         Args:
             observation: the features by name, with or without the leading axis of dm_control's buffers.
 
         Raises:
-            InvalidInputError: something else.
+            InvalidInputError: something else, or a script of your own that gives no velocities (9,), which other
+                controls than that of joint velocities need.
         """
         self._arm.observe(observation)
         if self._actions is None:
-            self._actions = self._script(self._arm)
-        return np.asarray(next(self._actions))
+            self._actions = self._begin()
+        action = np.asarray(next(self._actions))
+        if self.control == "joint_velocity":
+            return action
+        if action.shape != (SIZE,):
+            raise InvalidInputError(
+                f"an expert of actions of shape {action.shape} is not one of velocities ({SIZE},), which control="
+                f"{self.control!r} is computed of"
+            )
+        return CONTROLS[self.control](self._arm, action)
+
+    def _begin(self) -> Script:
+        if self.disturbance is None:
+            return self._script(self._arm)
+        random_state = np.random.default_rng((self.disturbance.seed, self._episode))
+        return self.disturbance.disturbed(self._script, self._arm, random_state)
 
 
-def expert(name: str) -> Expert:
+def expert(
+    name: str,
+    *,
+    control: str = "joint_velocity",
+    noise: ArrayLike = 0.0,
+    mistakes: int = 0,
+    rng: np.random.Generator | None = None,
+) -> Expert:
     """A scripted policy for a task, which uses nothing but observations, the solver and the robot.
 
+    With noise and mistakes it is a teacher that a learner sees mend what went wrong. Actions are those that are
+    applied: record them as they are. Not every episode is solved then.
+
     Args:
-        name: of the task or its environment, such as "lift_brick" or "lift_brick_features".
+        name: of the task or its environment, such as "lift_brick" or "lift_brick_features", or the id of a task of your
+            own that was registered with an expert.
+        control: what actions mean, as in ``gymnasium.make(..., control=control)``. Scripts think in velocities of the
+            joints; other controls follow them less exactly.
+        noise: standard deviation of normal noise on the velocities of the joints and the fingers [rad/s], one number or
+            nine; it is correlated over 0.2 s. Joints move at most 0.63 and 0.84 rad/s, fingers 5 rad/s.
+        mistakes: how many times in the first 4 s of an episode the arm moves somewhere for 0.4 s, at up to half its
+            speed, the fingers opening in every second of them; then the script begins anew.
+        rng: random numbers of noise and mistakes; None for a fixed seed, so that results repeat.
 
     Raises:
-        UnknownNameError: there is no expert for this task; lists the experts.
+        UnknownNameError: there is no expert for this task, or no such control; lists the valid ones.
+        InvalidInputError: noise, mistakes or rng are impossible.
     """
-    task = name.removesuffix(f"_{FEATURES}") if isinstance(name, str) else name
-    return Expert(SCRIPTS[checks.choice("expert", task, SCRIPTS)])
+    plain = registry.imported(name)
+    task = plain.removesuffix(f"_{FEATURES}") if isinstance(plain, str) else plain
+    scripts = {**SCRIPTS, **{own: entry.expert for own, entry in registry.TASKS.items() if entry.expert is not None}}
+    script = scripts[checks.choice("expert", task, scripts)]
+    return Expert(script, Disturbance.of(noise, mistakes, rng), checks.choice("control", control, CONTROLS))

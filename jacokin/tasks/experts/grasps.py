@@ -70,7 +70,7 @@ LONG = Side(
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Grasp:
+class BrickGrasp:
     """Where the hand goes.
 
     Attributes:
@@ -100,7 +100,7 @@ def turn_upright(rotation: Array) -> Array:
 
 def plan(
     arm: ArmDriver, brick: pin.SE3, ways: Sequence[Array] = (), scene: Scene | None = None, height: float = 0.0
-) -> Grasp | None:
+) -> BrickGrasp | None:
     """The grasp that is quick to reach, and leaves room between the arm and obstacles; None if none is possible.
 
     Args:
@@ -127,7 +127,7 @@ def plan(
                     if value < cost:
                         value += HINDRANCE * max(0.0, ROOM - min(room, _room(arm, opened, arm.q, *way)))
                     if value < cost:
-                        best, cost = Grasp((*way, stops[0]), at, room, side), value
+                        best, cost = BrickGrasp((*way, stops[0]), at, room, side), value
     return best
 
 
@@ -161,7 +161,7 @@ def _ways_to(arm: ArmDriver, before: pin.SE3, q: Array, height: float) -> list[t
     return [(q,)] if higher is None else [(q,), (higher[0], q)]
 
 
-def take(arm: ArmDriver, grasp: Grasp) -> Script:
+def take(arm: ArmDriver, grasp: BrickGrasp) -> Script:
     """Go there and close the fingers."""
     stops = list(zip(reversed(grasp.way), TOLERANCES, strict=False))
     for q, tolerance in reversed(stops):
@@ -169,9 +169,9 @@ def take(arm: ArmDriver, grasp: Grasp) -> Script:
     yield from arm.close(grasp.side.steps)
 
 
-def holds(arm: ArmDriver, brick: pin.SE3) -> bool:
-    """Whether a brick is between the fingers."""
-    return bool(np.linalg.norm(arm.pose.act(CENTRE) - brick.translation) < SLIPPED)
+def holds(arm: ArmDriver, brick: pin.SE3, distance: float = SLIPPED) -> bool:
+    """Whether a brick is between the fingers, within some distance of the middle of the grip [m]."""
+    return bool(np.linalg.norm(arm.pose.act(CENTRE) - brick.translation) < distance)
 
 
 def point_down(across: Array, tilt: float = 0.0, lean: float = 0.0) -> Array:

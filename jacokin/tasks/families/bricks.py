@@ -24,7 +24,8 @@ from jacokin.tasks import features
 from jacokin.tasks.features import Feature, StateView, ids, length, take_rows
 from jacokin.tasks.task import ANY_YAW, BRICK, Task
 
-BRICK_BOX = BoundingBox((-0.1, -0.1, 1e-6), (0.1, 0.1, 1e-6))
+TOUCHING = 1e-6  # [m] above the table
+BRICK_BOX = BoundingBox((-0.1, -0.1, TOUCHING), (0.1, 0.1, TOUCHING))
 CLOSE, CLOSE_MARGIN = 0.01, 0.1  # [m]
 CLICK, CLICK_MARGIN = 0.001, 0.001  # [m]
 _HINT_POSITION = (0.2, 0.1, 0.0)  # [m]
@@ -69,7 +70,8 @@ class BrickTask(Task):
         self._placers: dict[int, PropPlacer] = {}
         super().__init__()
 
-    def _add_props(self) -> None:
+    def build(self) -> None:
+        """Add the bricks, and translucent ones that show the wanted stack."""
         # dm_control numbers bricks and hints in turn, and observes the former.
         names = [BRICK, *(f"{BRICK}_{number}" for number in range(1, 2 * self.count))]
         self.bricks: list[Brick] = []
@@ -77,15 +79,16 @@ class BrickTask(Task):
         for number in range(self.count):
             prop = Brick(name=names[2 * number], color=_COLORS[number])
             if number == 0 and self._is_base_fixed:
-                self._add_fixed(prop)
+                self.add_fixed(prop)
             else:
-                self._add_free(prop)
+                self.add_free(prop)
             hint = Brick(name=names[2 * number + 1], color=_COLORS[number], hint=True)
-            self._add_fixed(hint)
+            self.add_fixed(hint)
             self.bricks.append(prop)
             self.hints.append(hint)
 
-    def _features(self, own: list[Feature]) -> list[Feature]:
+    def observe(self, own: list[Feature]) -> list[Feature]:
+        """Those of the bricks by their roles, and the wanted order where it varies."""
         physics = self.physics
         self._studs, self._holes = (
             np.array([ids(physics, [grid[0, 0], grid[-1, -1]]) for grid in grids], dtype=np.intp)
@@ -191,7 +194,8 @@ class Stack(BrickTask):
 
     close_weight = 0.1
 
-    def _initialize(self, random_state: RandomState) -> Asking[Array]:
+    def initialize(self, random_state: RandomState) -> Asking[Array]:
+        """Scatter the bricks, place the robot, show the wanted stack."""
         order = np.arange(self.height)
         if self._order_varies:
             order = random_state.choice(self.count, self.height, replace=False)
@@ -203,7 +207,7 @@ class Stack(BrickTask):
                 roles, uniform_box(*BRICK_BOX), ANY_YAW, settle_physics=True
             )
         placer(self.physics, random_state)
-        yield from self._place_robot(random_state)
+        yield from self.place_robot(random_state)
         self._show_hints(order, random_state)
         return goal
 
@@ -214,7 +218,8 @@ class Reassemble(BrickTask):
     def _usual_order(self) -> Indices:
         return _rebuilt(np.arange(self.count))
 
-    def _initialize(self, random_state: RandomState) -> Asking[Array]:
+    def initialize(self, random_state: RandomState) -> Asking[Array]:
+        """Build a stack, show the wanted one, place the robot."""
         initial = np.arange(self.count)
         if self._order_varies:
             random_state.shuffle(initial)
@@ -226,7 +231,7 @@ class Reassemble(BrickTask):
         quat_wxyz = np.asarray(ANY_YAW(random_state=random_state))
         self._build_stack([self.bricks[slots[k]] for k in initial], position, quat_wxyz, random_state)
         self._show_hints(wanted, random_state)
-        yield from self._place_robot(random_state)
+        yield from self.place_robot(random_state)
         return goal
 
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from jacokin.arrays import Array
-from jacokin.mujoco_bridge import BoxProp, Brick, PropPlacer, large_box
+from jacokin.model import checks
+from jacokin.mujoco_bridge import Brick, PropPlacer, large_box
 from jacokin.mujoco_bridge.base import RandomState
 from jacokin.mujoco_bridge.control.site_ik import Asking
 from jacokin.mujoco_bridge.distributions import uniform_box
+from jacokin.mujoco_bridge.props import FreeProp
 from jacokin.mujoco_bridge.rewards import fall_beyond
-from jacokin.mujoco_bridge.workspaces import BoundingBox
-from jacokin.tasks import features
-from jacokin.tasks.features import Feature, StateView, ids
+from jacokin.tasks.features import StateView, ids
 from jacokin.tasks.task import ANY_YAW, BRICK, Task
 
 DISTANCE = 0.3  # [m] to lift
@@ -20,30 +20,38 @@ _HALF_BOX = 0.09  # [m] height of the middle of the large box
 _BOX_NAME = "unnamed_model"  # of the large box in dm_control's observations
 
 
-class _Lift(Task):
-    """Lift a prop by 0.3 m, measured at its lowest corner."""
+class Lift(Task):
+    """Lift a prop by 0.3 m, measured at its lowest corner.
+
+    Attributes:
+        prop: what is lifted.
+    """
 
     goal_size = 1  # the height to reach [m]
-    tool_box = BoundingBox((-0.1, -0.1, 0.2), (0.1, 0.1, 0.4))
-    prop: Brick | BoxProp
-    height: float  # [m] of the prop's origin when it is placed
 
-    def _add_prop(self, prop: Brick | BoxProp) -> None:
+    def __init__(self, prop: FreeProp, *, height: float | None = None) -> None:
+        """Compile the scene.
+
+        Args:
+            prop: what is to be lifted, such as a `Mesh`.
+            height: of its origin when it is placed [m]; None for that at which it lies on the table.
+        """
+        if not isinstance(prop, FreeProp):
+            raise checks.refusal("prop", "a prop, such as a Mesh", prop)
         self.prop = prop
-        self._add_free(prop)
-        lower, upper = (-0.1, -0.1, self.height), (0.1, 0.1, self.height)
+        z = prop.height_above_lowest if height is None else checks.non_negative("height", height, "m")
+        lower, upper = (-0.1, -0.1, z), (0.1, 0.1, z)
         self._place_prop = PropPlacer(
             [prop], uniform_box(lower, upper), ANY_YAW, ignore_collisions=True, settle_physics=True
         )
+        super().__init__(props=[prop])
+        self._corners = ids(self.physics, prop.vertices)
 
-    def _features(self, own: list[Feature]) -> list[Feature]:
-        self._corners = ids(self.physics, self.prop.vertices)
-        return own + features.prop_features(self.physics, self.prop)
-
-    def _initialize(self, random_state: RandomState) -> Asking[Array]:
+    def initialize(self, random_state: RandomState) -> Asking[Array]:
+        """Open the hand, place the prop, then the tool; the goal is the height to reach."""
         self.hand.set_grasp(self.physics, float(random_state.uniform()))
         self._place_prop(self.physics, random_state)
-        yield from self._place_tool(random_state)
+        yield from self.place_tool(random_state)
         return self._lowest(StateView.of(self.physics.data))[None] + DISTANCE
 
     def _lowest(self, view: StateView) -> Array:
@@ -66,19 +74,17 @@ class _Lift(Task):
         return np.asarray((achieved >= desired)[..., 0])
 
 
-class LiftBrick(_Lift):
+class LiftBrick(Lift):
     """Lift a brick."""
 
-    height = 0.0
+    def __init__(self) -> None:
+        """Compile the scene."""
+        super().__init__(Brick(name=BRICK), height=0.0)
 
-    def _add_props(self) -> None:
-        self._add_prop(Brick(name=BRICK))
 
-
-class LiftLargeBox(_Lift):
+class LiftLargeBox(Lift):
     """Lift a box that is too wide to be pinched."""
 
-    height = _HALF_BOX
-
-    def _add_props(self) -> None:
-        self._add_prop(large_box(_BOX_NAME))
+    def __init__(self) -> None:
+        """Compile the scene."""
+        super().__init__(large_box(_BOX_NAME), height=_HALF_BOX)

@@ -5,16 +5,17 @@ from __future__ import annotations
 import numpy as np
 
 from jacokin.arrays import Array
+from jacokin.model import checks
 from jacokin.mujoco_bridge import Brick, Cradle, Pedestal, PropPlacer
 from jacokin.mujoco_bridge.base import RandomState
 from jacokin.mujoco_bridge.control.site_ik import Asking
 from jacokin.mujoco_bridge.distributions import uniform_box
 from jacokin.mujoco_bridge.entity import Entity
+from jacokin.mujoco_bridge.props import FreeProp
 from jacokin.mujoco_bridge.rewards import fall_beyond
 from jacokin.mujoco_bridge.workspaces import BoundingBox
-from jacokin.tasks import features
-from jacokin.tasks.families.bricks import BRICK_BOX
-from jacokin.tasks.features import Feature, StateView, length
+from jacokin.tasks.families.bricks import BRICK_BOX, TOUCHING
+from jacokin.tasks.features import StateView, length
 from jacokin.tasks.task import ANY_YAW, BRICK, Task, position_in_qpos
 
 RADIUS = 0.05  # [m] of the target
@@ -26,30 +27,40 @@ _ATTEMPTS = 50
 _PEDESTAL_BOX = BoundingBox((-0.1, -0.1, 0.07), (0.1, 0.1, 0.17))
 
 
-class _Place(Task):
-    """Put a brick on a pedestal and take the hand away."""
+class Place(Task):
+    """Put a prop on a pedestal and take the hand away."""
 
     tool_box = BoundingBox((-0.1, -0.1, 0.17), (0.1, 0.1, 0.4))
 
-    def _add_pedestal(self, top: Entity) -> None:
-        self.brick = Brick(name=BRICK)
-        self._add_free(self.brick)
+    def __init__(self, prop: FreeProp, top: Entity | None = None, *, height: float | None = None) -> None:
+        """Compile the scene.
+
+        Args:
+            prop: what is to be placed, such as a `Mesh`; its origin is to be near the top of the pedestal.
+            top: what is on the pedestal, such as a `Cradle`; None for nothing.
+            height: of the prop's origin when it is placed [m]; None for that at which it lies on the table.
+        """
+        if not isinstance(prop, FreeProp):
+            raise checks.refusal("prop", "a prop, such as a Mesh", prop)
         self.pedestal = Pedestal(top)
-        self._add_fixed(self.pedestal)
-        self._place_brick = PropPlacer(
-            [self.brick], uniform_box(*BRICK_BOX), ANY_YAW, settle_physics=True, max_attempts_per_prop=_ATTEMPTS
+        z = prop.height_above_lowest + TOUCHING if height is None else checks.non_negative("height", height, "m")
+        (x, y, _), (to_x, to_y, _) = BRICK_BOX
+        self._place_prop = PropPlacer(
+            [prop],
+            uniform_box((x, y, z), (to_x, to_y, z)),
+            ANY_YAW,
+            settle_physics=True,
+            max_attempts_per_prop=_ATTEMPTS,
         )
         self._place_pedestal = PropPlacer([self.pedestal], uniform_box(*_PEDESTAL_BOX))
+        super().__init__(props=[prop], fixtures=[self.pedestal])
+        self._position = position_in_qpos(self.physics, prop)
 
-    def _features(self, own: list[Feature]) -> list[Feature]:
-        self._position = position_in_qpos(self.physics, self.brick)
-        position = Feature(f"{self.pedestal.prefix}position", (3,), lambda view, goal: self._target(view))
-        return [*own, *features.prop_features(self.physics, self.brick), position]
-
-    def _initialize(self, random_state: RandomState) -> Asking[Array]:
-        self._place_pedestal(self.physics, random_state, ignore_contacts_with_entities=[self.brick])
-        yield from self._place_robot(random_state)
-        self._place_brick(self.physics, random_state)
+    def initialize(self, random_state: RandomState) -> Asking[Array]:
+        """Place the pedestal, the robot, then the prop."""
+        self._place_pedestal(self.physics, random_state, ignore_contacts_with_entities=self.props)
+        yield from self.place_robot(random_state)
+        self._place_prop(self.physics, random_state)
         return np.empty(0)
 
     def achieved(self, view: StateView, goal: Array) -> Array:
@@ -81,15 +92,17 @@ class _Place(Task):
         return np.asarray((length(prop - target) <= RADIUS) & (length(tool - target) >= AWAY))
 
 
-class PlaceBrick(_Place):
+class PlaceBrick(Place):
     """Put a brick on a pedestal that carries another brick."""
 
-    def _add_props(self) -> None:
-        self._add_pedestal(Brick(name=BRICK))
+    def __init__(self) -> None:
+        """Compile the scene."""
+        super().__init__(Brick(name=BRICK), Brick(name=BRICK), height=TOUCHING)
 
 
-class PlaceCradle(_Place):
+class PlaceCradle(Place):
     """Put a brick into a cradle of three spheres."""
 
-    def _add_props(self) -> None:
-        self._add_pedestal(Cradle())
+    def __init__(self) -> None:
+        """Compile the scene."""
+        super().__init__(Brick(name=BRICK), Cradle(), height=TOUCHING)

@@ -1,7 +1,7 @@
-"""`CONTROLS`, what actions may mean: velocities of the joints, a velocity of the tool, or a pose of the tool.
+"""`CONTROLS`, what actions may mean: velocities or angles of the joints, a velocity or a pose of the tool.
 
-Those of the tool move a reference configuration within the limits of the joints, which the arm follows with velocities;
-gravity is compensated.
+All but velocities of joints move a reference configuration within the limits of the joints, which the arm follows with
+velocities; gravity is compensated.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ import jacokin
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.model.angles import nearest_copy
+from jacokin.model.descriptions import bundled
 from jacokin.model.robot import Robot
 from jacokin.mujoco_bridge import Physics
 from jacokin.mujoco_bridge.control.commands import GAIN
 from jacokin.tasks.features import StateView
-from jacokin.tasks.task import CONTROL_TIMESTEP
 
 FRAME = "pinchsite"
 SPEED = 0.25  # [m/s] of the tool at most
@@ -35,6 +35,8 @@ _SMALLEST = 1e-3  # norm of a quaternion
 
 class Control(abc.ABC):
     """Turns actions into velocities; one for each environment. Pickles.
+
+    Each is made of lower and upper bounds (9,) of the velocities of the actuators [rad/s], and of the control step [s].
 
     Attributes:
         bounds: lower and upper bounds of actions.
@@ -64,7 +66,7 @@ class JointVelocity(Control):
         bounds: of the actions, (9,) [rad/s].
     """
 
-    def __init__(self, lower: Array, upper: Array) -> None:
+    def __init__(self, lower: Array, upper: Array, dt: float) -> None:
         """Allow velocities between two bounds (9,) [rad/s]."""
         self.bounds = lower, upper
 
@@ -73,13 +75,13 @@ class JointVelocity(Control):
         return action
 
 
-class _ToolControl(Control):
+class _Following(Control):
     """A reference configuration, and velocities that follow it."""
 
-    def __init__(self, lower: Array, upper: Array) -> None:
-        self._lower, self._upper = lower, upper
+    def __init__(self, lower: Array, upper: Array, dt: float) -> None:
+        self._lower, self._upper, self._dt = lower, upper, dt
         self._robot = _robot()
-        self._tracker = jacokin.Tracker(self._robot, FRAME, dt=CONTROL_TIMESTEP)
+        self._tracker = jacokin.Tracker(self._robot, FRAME, dt=dt)
         self._joints = self._robot.dof
 
     def start(self, physics: Physics) -> None:
@@ -97,10 +99,23 @@ class _ToolControl(Control):
 
     def _follow(self, view: StateView, speed: Array, fingers: Array) -> Array:
         """Velocities of all actuators, for the arm to be at the reference at the end of the control step."""
-        error = self._tracker.q - speed * CONTROL_TIMESTEP - view.qpos[: self._joints]
+        error = self._tracker.q - speed * self._dt - view.qpos[: self._joints]
         found = np.concatenate((speed + GAIN * error, fingers))
         found += (view.qfrc_bias - view.qfrc_passive)[: len(found)] / self._gain
         return np.asarray(np.minimum(np.maximum(found, self._lower), self._upper))
+
+    def _approach(self, q: Array) -> Array:
+        """Move the reference towards a configuration, all joints together; returns its velocities [rad/s]."""
+        before = self._tracker.q
+        way = nearest_copy(q, before, self._robot.unlimited) - before
+        longest = float(np.max(np.abs(way) / (self._tracker.velocity_limit * self._dt)))
+        self._tracker.reset(self._within(before + way / max(1.0, longest)))
+        return np.asarray((self._tracker.q - before) / self._dt)
+
+    def _close(self, view: StateView, angles: Array) -> Array:
+        """Velocities that move the fingers to angles."""
+        fingers = view.qpos[self._joints : self._joints + FINGERS]
+        return np.asarray(GAIN * (np.clip(angles, *self._fingers) - fingers))
 
     def _keep_near(self, view: StateView) -> None:
         """Put the reference back to an arm that something has stopped."""
@@ -109,16 +124,58 @@ class _ToolControl(Control):
             self._tracker.reset(self._within(q))
 
 
-class ToolVelocity(_ToolControl):
+class JointPosition(_Following):
+    """Actions are angles of the joints and the fingers; the joints move there together, as fast as they may.
+
+    Attributes:
+        bounds: of the actions, (9,) [rad]: the limits of the joints, a turn to each side for those without.
+    """
+
+    def __init__(self, lower: Array, upper: Array, dt: float) -> None:
+        """Allow velocities of actuators between two bounds (9,) [rad/s]."""
+        super().__init__(lower, upper, dt)
+        free = self._robot.unlimited
+        low = np.where(free, -2.0 * np.pi, self._robot.lower)
+        high = np.where(free, 2.0 * np.pi, self._robot.upper)
+        fingers = bundled.robot_table()["finger"]
+        self.bounds = np.append(low, [fingers["lower"]] * FINGERS), np.append(high, [fingers["upper"]] * FINGERS)
+
+    def velocities(self, view: StateView, action: Array) -> Array:
+        """Move the reference towards the angles, and follow it."""
+        self._keep_near(view)
+        speed = self._approach(self._within(action[: self._joints]))
+        return self._follow(view, speed, self._close(view, action[self._joints :]))
+
+
+class JointDelta(_Following):
+    """Actions are by how much the reference of the joints, and the fingers, move in the control step.
+
+    Attributes:
+        bounds: of the actions, (9,) [rad]: what velocities allow in a step.
+    """
+
+    def __init__(self, lower: Array, upper: Array, dt: float) -> None:
+        """Allow velocities of actuators between two bounds (9,) [rad/s]."""
+        super().__init__(lower, upper, dt)
+        self.bounds = lower * dt, upper * dt
+
+    def velocities(self, view: StateView, action: Array) -> Array:
+        """Move the reference, and follow it."""
+        self._keep_near(view)
+        speed = self._approach(self._within(self._tracker.q + action[: self._joints]))
+        return self._follow(view, speed, action[self._joints :] / self._dt)
+
+
+class ToolVelocity(_Following):
     """Actions are velocities of the pinch site in world axes and of the fingers; the `Tracker` keeps all limits.
 
     Attributes:
         bounds: of the actions, (7,): [m/s], [rad/s], and one velocity of all fingers [rad/s].
     """
 
-    def __init__(self, lower: Array, upper: Array) -> None:
+    def __init__(self, lower: Array, upper: Array, dt: float) -> None:
         """Allow velocities of actuators between two bounds (9,) [rad/s]."""
-        super().__init__(lower, upper)
+        super().__init__(lower, upper, dt)
         bound = np.array([SPEED] * 3 + [TURN] * 3 + [upper[-1]])
         self.bounds = -bound, bound
 
@@ -130,7 +187,7 @@ class ToolVelocity(_ToolControl):
         return self._follow(view, step.v, np.full(FINGERS, action[6]))
 
 
-class ToolPose(_ToolControl):
+class ToolPose(_Following):
     """Actions are poses of the pinch site in the world, and how far the fingers are to be closed.
 
     The solver finds the nearest configuration, to which the joints move together; without one the `Tracker` goes as
@@ -140,14 +197,14 @@ class ToolPose(_ToolControl):
         bounds: of the actions, (8,): position [m], quaternion wxyz of any norm but 0, close factor 0..1.
     """
 
-    def __init__(self, lower: Array, upper: Array) -> None:
+    def __init__(self, lower: Array, upper: Array, dt: float) -> None:
         """Allow velocities of actuators between two bounds (9,) [rad/s]."""
-        super().__init__(lower, upper)
+        super().__init__(lower, upper, dt)
         middle = np.array((0.0, 0.0, _HEIGHT))
         low = np.concatenate((middle - _REACH, -np.ones(4), (0.0,)))
         high = np.concatenate((middle + _REACH, np.ones(4), (1.0,)))
         self.bounds = low, high
-        self._solver = jacokin.IKSolver(self._robot, FRAME)
+        self._solver = jacokin.IKSolver(self._robot, FRAME, collision="ignore")
 
     def check(self, actions: Array) -> None:
         """Check quaternions.
@@ -170,8 +227,7 @@ class ToolPose(_ToolControl):
         speed = self._speed(target)
         lower, upper = self._fingers
         closed = lower + action[7] * (upper - lower)
-        closing = GAIN * (closed - view.qpos[self._joints : self._joints + FINGERS])
-        return self._follow(view, speed, closing)
+        return self._follow(view, speed, self._close(view, closed))
 
     def _speed(self, target: pin.SE3) -> Array:
         """Move the reference; returns its velocities [rad/s]."""
@@ -179,15 +235,13 @@ class ToolPose(_ToolControl):
         result = self._solver.solve(target, seed=before, closest=False)
         if not result.success:
             return self._tracker.step(target).v
-        way = nearest_copy(result.q, before, self._robot.unlimited) - before
-        longest = float(np.max(np.abs(way) / (self._tracker.velocity_limit * CONTROL_TIMESTEP)))
-        after = before + way / max(1.0, longest)
-        self._tracker.reset(self._within(after))
-        return (self._tracker.q - before) / CONTROL_TIMESTEP
+        return self._approach(result.q)
 
 
-CONTROLS: dict[str, Callable[[Array, Array], Control]] = {
+CONTROLS: dict[str, Callable[[Array, Array, float], Control]] = {
     "joint_velocity": JointVelocity,
+    "joint_position": JointPosition,
+    "joint_delta": JointDelta,
     "tool_velocity": ToolVelocity,
     "tool_pose": ToolPose,
 }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import inspect
+import itertools
 from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -12,25 +13,27 @@ import gymnasium
 import mujoco
 import numpy as np
 from gymnasium import spaces
+from gymnasium.envs.registration import EnvSpec
 from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
-from jacokin.errors import InvalidInputError, PhysicsError
+from jacokin.errors import InvalidInputError, PhysicsError, shown
 from jacokin.model import checks
 from jacokin.mujoco_bridge.control import site_ik
 from jacokin.mujoco_bridge.control.site_ik import Asking
 from jacokin.tasks import registry
-from jacokin.tasks.episode import STEPS, Episode, Snapshot, clip_action
+from jacokin.tasks.episode import DEPTH, Episode, Snapshot, clip_action
 from jacokin.tasks.features import ids
 from jacokin.tasks.gym.controls import CONTROLS, Control
-from jacokin.tasks.gym.packing import EnvOptions, Observation, Packing, add_picture
+from jacokin.tasks.gym.packing import EnvOptions, Observation, Packing, add_pictures
 from jacokin.tasks.gym.window import Window, check_display, is_usable
-from jacokin.tasks.randomization import Randomization, Variation, latency_steps
-from jacokin.tasks.task import CONTROL_TIMESTEP, Task
+from jacokin.tasks.randomization import FEATURE_BIAS, Randomization, Variation, delay, has_offsets
+from jacokin.tasks.task import CONTROL_TIMESTEP, Measure, State, Task, check_rewards, measured
 
 RENDER_MODES = ("rgb_array", "human", "depth_array")
 NO_EPISODE = "there is no episode, or the last step was not completed: call reset() before step()"
 SIZE = 480  # rows and columns of rendered pictures [pixels]
+DELAY = "observation_delay"
 _METADATA = {"render_modes": list(RENDER_MODES), "render_fps": round(1.0 / CONTROL_TIMESTEP)}
 
 Info = dict[str, Any]
@@ -39,8 +42,8 @@ Info = dict[str, Any]
 class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
     """A task; made by ``gymnasium.make("jacokin/ReachSite-v0")``.
 
-    Nothing ends an episode but the time limit of 10 s, so ``terminated`` is always False. Observations are new arrays.
-    Pickles and copies, in the middle of an episode too.
+    Nothing ends an episode but the time limit, ours after 10 s, so ``terminated`` is always False. Observations are new
+    arrays. Pickles and copies, in the middle of an episode too.
     """
 
     metadata: dict[str, Any] = _METADATA  # each environment has the render modes that work on this machine
@@ -50,10 +53,12 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
         task: str,
         *,
         control: str = "joint_velocity",
-        reward: str = "dense",
+        reward: str | Measure = "dense",
         goal: bool = False,
         observations: str = registry.FEATURES,
         flatten: bool = True,
+        cameras: Mapping[str, tuple[int, int]] | None = None,
+        control_timestep: float = CONTROL_TIMESTEP,
         randomization: Randomization | Mapping[str, Any] | None = None,
         render_mode: str | None = None,
         width: int = SIZE,
@@ -62,12 +67,20 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
         """Compile the scene.
 
         Args:
-            task: name of the task.
-            control: what actions mean: "joint_velocity", "tool_velocity" or "tool_pose".
-            reward: "dense", as in dm_control, or "sparse": 1 when the task is solved, else 0.
+            task: name of the task, or the id under which it was registered.
+            control: what actions mean: one of `controls.CONTROLS`, such as "joint_velocity" or "tool_pose".
+            reward: "dense", as in dm_control; "sparse": 1 when the task is solved, else 0; or a function of a `State`,
+                of one or many, which a specification cannot keep as JSON. With goals it is given ``state.achieved`` and
+                ``state.desired`` only, by `compute_reward`.
             goal: give observations with ``achieved_goal`` and ``desired_goal``.
             observations: "features" or "vision".
             flatten: give the features as one array; False for a dictionary by name.
+            cameras: with "vision": which cameras observe, "front_close" or "wrist", and the sizes (height, width) of
+                their pictures [pixels], at most 480; None for ``{"front_close": (84, 84)}``. "wrist/depth" is the
+                depth, (height, width, 1) float32 [m], "wrist/segmentation" the number of the geom that is seen,
+                (height, width, 1) int32, -1 for none; ``env.unwrapped.model.geom(number)`` tells which.
+            control_timestep: time between two actions [s], a multiple of 0.002 s. Episodes last as long as before;
+                ``gymnasium.make`` ends ours after 250 steps all the same, unless it is given ``max_episode_steps=-1``.
             randomization: what is drawn at each reset beside the initial state, or the fields of a `Randomization` by
                 name, as a specification in JSON has them; ``info["randomization"]`` has the values,
                 ``reset(options={"randomization": values})`` uses them again.
@@ -80,19 +93,24 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
             InvalidInputError: options that do not go together.
             PhysicsError: "human" without a display.
         """
-        self.options = EnvOptions(task, control, reward, goal, observations, flatten)
-        self.randomization = None if randomization is None else Randomization.of(randomization)
+        self._spec: EnvSpec | None = None
+        self.options = EnvOptions(task, control, reward, goal, observations, flatten, cameras, control_timestep)
+        self._randomization = None if randomization is None else Randomization.of(randomization)
         if render_mode is not None:
             checks.choice("render_mode", render_mode, RENDER_MODES)
         if render_mode == "human":
             check_display()
         self.render_mode = render_mode
         usable = [mode for mode in RENDER_MODES if mode == render_mode or is_usable(mode)]
-        self.metadata = {**_METADATA, "render_modes": usable}
+        rate = max(1, round(1.0 / self.options.control_timestep))
+        self.metadata = {**_METADATA, "render_modes": usable, "render_fps": rate}
         self._size = checks.whole_number("height", height, 1), checks.whole_number("width", width, 1)
-        self._episode = Episode(task)
+        self._episode = Episode(self.options.task, self.options.control_timestep)
         self._packing = Packing(self._episode.task, self.options)
-        self._control: Control = CONTROLS[control](self._episode.lower, self._episode.upper)
+        self._control: Control = CONTROLS[control](
+            self._episode.lower, self._episode.upper, self.options.control_timestep
+        )
+        self._episode.action = np.zeros(len(self._control.bounds[0]))
         self.observation_space = self._packing.space
         self.action_space = spaces.Box(*self._control.bounds, dtype=np.float64)
         self._window: Window | None = None
@@ -101,7 +119,35 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
         # Apart from the numbers of initial states, which a seed then determines with and without randomization.
         self._variation_random: np.random.Generator | None = None
         self._values: dict[str, float] = {}
-        self._delayed: deque[Array] = deque()
+        self._delayed: deque[Array] = deque()  # actions
+        self._seen: deque[Observation] = deque()  # observations that are to be given late
+        self._bias: Array = np.zeros(0)
+        values = {} if self._randomization is None else dict.fromkeys(self._randomization.names, 0.0)
+        self._packing.deviations(values, FEATURE_BIAS)  # refuses what is not observed
+        self._deviations: Array = self._packing.deviations(values)
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """How ``gymnasium.make`` made it, None otherwise."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        self._spec = checked_spec(spec)
+
+    @property
+    def randomization(self) -> Randomization | None:
+        """What is drawn at each reset; another one with the same fields may be set, from the next reset on."""
+        return self._randomization
+
+    @randomization.setter
+    def randomization(self, value: Randomization | Mapping[str, Any] | None) -> None:
+        before = self._randomization
+        after = None if value is None else Randomization.of(value)
+        if before is None or after is None or before.names != after.names:
+            fields = [] if before is None else before.names
+            raise InvalidInputError(f"another randomization must draw the same quantities, which are {fields}")
+        self._randomization = after
 
     @property
     def task(self) -> Task:
@@ -121,7 +167,7 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
     @property
     def dt(self) -> float:
         """Time between two actions [s]."""
-        return CONTROL_TIMESTEP
+        return self.options.control_timestep
 
     def reset(self, *, seed: int | None = None, options: Mapping[str, Any] | None = None) -> tuple[Observation, Info]:
         """Start an episode.
@@ -161,16 +207,23 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
             if seed is not None or self._variation_random is None:
                 self._variation_random = self.np_random.spawn(1)[0]
             drawn = self.randomization.draw(self._variation_random)
-            self._apply(drawn if replayed is None else replayed)
+            self._apply(drawn if replayed is None else replayed, is_starting=True)
         yield from self._episode.starting(self.np_random)
+        if has_offsets(self._values):
+            self._apply(self._values)
+            self._episode.physics.after_reset()
         self._control.start(self._episode.physics)
         self._delayed.clear()
-        observation, _, success = self._outcome()
+        self._seen.clear()
+        self._deviations = self._packing.deviations(self._values)
+        if self._variation_random is not None:
+            self._bias = self._packing.draw_bias(self._values, self._variation_random)
+        observation, _, success = self._outcome(" at the start of an episode")
         self._show()
         return observation, self._info(success)
 
     def step(self, action: ArrayLike) -> tuple[Observation, float, bool, bool, Info]:
-        """Apply an action for 0.04 s.
+        """Apply an action for a control step.
 
         A simulation that diverges ends the episode: the step is truncated, with the last observation and reward 0, and
         ``info["error"]`` says why. A step that is interrupted (Ctrl-C) ends it too: call `reset`.
@@ -179,7 +232,8 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
             action: of the action space; values beyond its bounds are put on them.
 
         Raises:
-            InvalidInputError: wrong shape, not numbers, or NaN; nothing is simulated.
+            InvalidInputError: wrong shape, not numbers, or NaN; nothing is simulated. Or a reward of your own is not
+                finite: call `reset`.
             PhysicsError: there is no episode: call `reset`.
         """
         episode = self._episode
@@ -189,15 +243,19 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
         values = clip_action(action, *self._control.bounds)
         self._control.check(values)
         episode.steps = None  # until the step is complete
+        episode.action = values
         try:
             velocities = self._control.velocities(episode.view, values)
-            episode.advance(self._late(velocities) if self._values else velocities)
+            if "action_noise" in self._values:
+                assert self._variation_random is not None
+                velocities = self._disturbed(velocities, self._values, self._variation_random)
+            self._simulate(velocities)
         except PhysicsError as error:
             return copy.deepcopy(self._last), 0.0, False, True, {"is_success": False, "error": str(error)}
-        observation, reward, success = self._outcome()
+        observation, reward, success = self._outcome(f" after step {steps + 1}")
         self._show()
         episode.steps = steps + 1
-        return observation, reward, False, episode.steps >= STEPS, self._info(success)
+        return observation, reward, False, episode.is_over, self._info(success)
 
     @property
     def compute_reward(self) -> Callable[..., float | Array]:
@@ -224,7 +282,8 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
             raise InvalidInputError(
                 f"achieved_goal and desired_goal must be as many, got shapes {achieved.shape} and {desired.shape}"
             ) from error
-        found = self._rewards(achieved, desired)
+        found = self._rewards(State.of_goals(achieved, desired))
+        check_rewards(self.options.task, found)
         return float(found) if np.ndim(found) == 0 else found
 
     def compute_terminated(self, achieved_goal: ArrayLike, desired_goal: ArrayLike, info: object = None) -> bool:
@@ -233,7 +292,7 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
 
     def compute_truncated(self, achieved_goal: ArrayLike, desired_goal: ArrayLike, info: object = None) -> bool:
         """Whether the time limit is reached."""
-        return self._episode.steps is not None and self._episode.steps >= STEPS
+        return self._episode.is_over
 
     def render(self) -> NDArray[Any] | None:
         """A picture, (height, width, 3) uint8, or the depth, (height, width) float32 [m]; None in a window.
@@ -245,7 +304,9 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
             self._show()
             return None
         height, width = self._size
-        return self._episode.picture(height, width, depth=self.render_mode == "depth_array")
+        if self.render_mode == "depth_array":
+            return self._episode.picture(height, width, kind=DEPTH)[..., 0]
+        return self._episode.picture(height, width)
 
     def close(self) -> None:
         """Free what pictures need."""
@@ -254,42 +315,94 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
             self._window.close()
             self._window = None
 
-    def _rewards(self, achieved: Array, desired: Array) -> Array:
-        task = self._episode.task
-        if self.options.reward == "dense":
-            return task.reward(achieved, desired)
-        return task.success(achieved, desired).astype(np.float64)
+    def _rewards(self, state: State) -> Array:
+        """The rewards (...) of states, as they were asked for."""
+        task, reward = self._episode.task, self.options.reward
+        if callable(reward):
+            return measured("reward", reward, state)
+        return task.score(state) if reward == "dense" else task.is_solved(state).astype(np.float64)
 
-    def _outcome(self) -> tuple[Observation, float, bool]:
-        """The observation, the reward, and whether the task is solved."""
-        episode = self._episode
-        task, view, goal = episode.task, episode.view, episode.goal
-        achieved, desired = task.achieved(view, goal), task.desired(view, goal)
-        observation = self._packing.pack(view, goal, achieved, desired)
-        if self.options.has_camera:
-            observation = add_picture(observation, episode.picture())
+    def _outcome(self, when: str) -> tuple[Observation, float, bool]:
+        """The observation, the reward, and whether the task is solved.
+
+        Raises:
+            InvalidInputError: the reward is not finite; says `when`.
+        """
+        state = self._episode.state
+        if DELAY in self._values:
+            if not self._seen:  # the episode begins
+                self._seen.append(self._observe(state))
+            late, _ = delay(self._values, DELAY, self._episode.substeps)
+            observation = copy.deepcopy(self._seen[max(0, len(self._seen) - 1 - late)])
+        else:
+            observation = self._observe(state)
+        if len(self._bias):
+            self._packing.add_bias(observation, self._bias)
+        if len(self._deviations):
+            assert self._variation_random is not None
+            noise = self._deviations * self._variation_random.normal(size=len(self._deviations))
+            self._packing.add_bias(observation, noise)
         if "observation_noise" in self._values:
             assert self._variation_random is not None
             self._packing.add_noise(observation, self._values["observation_noise"], self._variation_random)
         self._last = observation
-        return observation, float(self._rewards(achieved, desired)), bool(task.success(achieved, desired))
+        reward = float(self._rewards(state))
+        check_rewards(self.options.task, reward, when)
+        return observation, reward, bool(self._episode.task.is_solved(state))
+
+    def _observe(self, state: State) -> Observation:
+        """The observation of now, without noise."""
+        observation = self._packing.pack(state)
+        return add_pictures(observation, self._pictures()) if self.options.has_camera else observation
+
+    def _simulate(self, velocities: Array) -> None:
+        """Simulate a control step; what comes late changes in the middle of it."""
+        before, now = self._late(velocities)
+        substeps = self._episode.substeps
+        _, changed = delay(self._values, "latency", substeps)
+        late, early = delay(self._values, DELAY, substeps)
+        for start, stop in itertools.pairwise(sorted({0, changed, substeps - early, substeps})):
+            self._episode.advance(before if start < changed else now, stop - start)
+            if DELAY in self._values and stop == substeps - early:
+                self._seen.append(self._observe(self._episode.state))
+                if len(self._seen) > late + 1:
+                    self._seen.popleft()
+
+    def _pictures(self, data: mujoco.MjData | None = None) -> dict[str, NDArray[np.generic]]:
+        """What the cameras see, of this simulation or of another of the model."""
+        found = {}
+        for name, size in self.options.sizes.items():
+            camera, _, kind = name.partition("/")
+            found[name] = self._episode.picture(*size, camera=camera, kind=kind, data=data)
+        return found
 
     def _info(self, success: bool) -> Info:
         if self.randomization is None:
             return {"is_success": success}
         return {"is_success": success, "randomization": dict(self._values)}
 
-    def _apply(self, values: dict[str, float]) -> None:
-        """Give the model these values."""
+    def _apply(self, values: dict[str, float], *, is_starting: bool = False) -> None:
+        """Give the model these values; those that count from the start of an episode on, while that is drawn."""
         assert self._variation is not None
         self._values = values
-        self._variation.apply(values)
+        self._variation.apply(values, is_starting=is_starting)
 
-    def _late(self, velocities: Array) -> Array:
-        """The velocities asked for some steps ago; none at first."""
-        self._delayed.append(velocities)
-        late = len(self._delayed) > latency_steps(self._values)
-        return self._delayed.popleft() if late else np.zeros_like(velocities)
+    def _disturbed(self, velocities: Array, values: Mapping[str, float], random_state: np.random.Generator) -> Array:
+        """Velocities (n,) with noise, within the limits of the actuators."""
+        noisy = velocities + random_state.normal(0.0, values["action_noise"], velocities.shape)
+        return np.asarray(np.clip(noisy, self._episode.lower, self._episode.upper))
+
+    def _late(self, velocities: Array) -> tuple[Array, Array]:
+        """The velocities asked for some steps ago, and before; none at first."""
+        steps, _ = delay(self._values, "latency", self._episode.substeps)
+        delayed = self._delayed
+        delayed.append(velocities)
+        if len(delayed) > steps + 2:
+            delayed.popleft()
+        before, now = (
+            delayed[-1 - ago] if len(delayed) > ago else np.zeros_like(velocities) for ago in (steps + 1, steps)
+        )
+        return before, now
 
     def _show(self) -> None:
         if self.render_mode != "human":
@@ -311,18 +424,25 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
             "randomization": self.randomization,
             "values": self._values,
             "delayed": deque(self._delayed),
+            "bias": self._bias,
+            "seen": copy.deepcopy(self._seen),
+            "deviations": self._deviations,
             "last": getattr(self, "_last", None),
+            "entry": registry.own_entry(self.options.task),
         }
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Compile the scene and go on."""
         options: EnvOptions = state["options"]
+        registry.receive(options.task, state["entry"])
         fields = {name: getattr(options, name) for name in options.__slots__}
         self.__init__(**fields, randomization=state["randomization"], **state["render"])  # type: ignore[misc]  # an object without state is made as usual
         self._np_random, self._np_random_seed, self._variation_random = state["random"]
         self.spec = state["spec"]
         self._control = state["control"]
         self._delayed = state["delayed"]
+        self._bias, self._deviations = state["bias"], state["deviations"]
+        self._seen = state["seen"]
         if self.randomization is not None and state["values"]:
             self._apply(state["values"])
         snapshot: Snapshot = state["snapshot"]
@@ -339,6 +459,30 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
     def __copy__(self) -> TaskEnv:
         """The same as `copy.deepcopy`: two environments cannot share a simulation."""
         return self.__deepcopy__({})
+
+
+class FunctionSpec(EnvSpec):
+    """The specification of an environment whose reward is a function."""
+
+    def to_json(self) -> str:
+        """Refuse.
+
+        Raises:
+            InvalidInputError: always: JSON keeps no functions.
+        """
+        raise InvalidInputError(
+            f"the specification of {self.id} holds a function, reward={shown(self.kwargs['reward'])}, which JSON "
+            "cannot keep: register a task with this reward, or pickle the environment"
+        )
+
+
+def checked_spec(spec: EnvSpec | None) -> EnvSpec | None:
+    """The specification, as one that says why JSON cannot keep it if it holds a function."""
+    if spec is None or not callable(spec.kwargs.get("reward")):
+        return spec
+    found = copy.copy(spec)
+    found.__class__ = FunctionSpec
+    return found
 
 
 def _goals(name: str, value: ArrayLike, size: int) -> Array:

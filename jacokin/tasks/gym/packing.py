@@ -17,13 +17,18 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.model import checks
 from jacokin.tasks import registry
-from jacokin.tasks.episode import PICTURE
+from jacokin.tasks.episode import DEPTH, PICTURE, SEGMENTATION
 from jacokin.tasks.features import StateView
 from jacokin.tasks.gym.controls import CONTROLS
-from jacokin.tasks.task import CAMERA, Task
+from jacokin.tasks.randomization import FEATURE_BIAS, FEATURE_NOISE
+from jacokin.tasks.task import CAMERA, CAMERAS, CONTROL_TIMESTEP, PHYSICS_TIMESTEP, Measure, State, Task
 
 Observation = Array | dict[str, NDArray[Any]]
 REWARDS = ("dense", "sparse")
+LONGEST_STEP = 1.0  # [s]
+_ROUNDING = 1e-9  # [s] of multiples of the physics step
+LARGEST = 480  # rows and columns of pictures that MuJoCo's buffer has room for
+PICTURES = tuple(f"{name}{kind}" for kind in ("", f"/{DEPTH}", f"/{SEGMENTATION}") for name in CAMERAS)
 PROPRIOCEPTION = "proprioception"  # key of the features of the robot beside a picture
 
 
@@ -33,30 +38,37 @@ class EnvOptions:
 
     Attributes:
         task: name of the task.
-        control: what actions mean: "joint_velocity", "tool_velocity" or "tool_pose".
-        reward: "dense", the reference's, or "sparse", 1 when the task is solved and 0 otherwise.
+        control: what actions mean: one of `controls.CONTROLS`, such as "joint_velocity" or "tool_pose".
+        reward: "dense", the task's, "sparse", 1 when it is solved and 0 otherwise, or a function of a `State`.
         goal: whether observations contain what is achieved and desired.
         observations: "features", or "vision": a picture, and of the features those of the robot.
         flatten: whether the features are one array; otherwise a dictionary by name.
+        cameras: sizes (height, width) of the pictures by the name of the camera, with "/depth" or "/segmentation" after
+            it for those; None for the reference's.
+        control_timestep: time between two actions [s].
     """
 
     task: str
     control: str = "joint_velocity"
-    reward: str = "dense"
+    reward: str | Measure = "dense"
     goal: bool = False
     observations: str = registry.FEATURES
     flatten: bool = True
+    cameras: Mapping[str, tuple[int, int]] | None = None
+    control_timestep: float = CONTROL_TIMESTEP
 
     def __post_init__(self) -> None:
         """Check the options.
 
         Raises:
             UnknownNameError: an unknown task or option; lists the valid ones.
-            InvalidInputError: options that do not go together.
+            InvalidInputError: options that do not go together, or the module of the task cannot be imported.
         """
+        object.__setattr__(self, "task", registry.imported(self.task))
         entry = registry.TASKS[checks.choice("task", self.task, registry.TASKS)]
         checks.choice("control", self.control, CONTROLS)
-        checks.choice("reward", self.reward, REWARDS)
+        if not callable(self.reward):
+            checks.choice("reward", self.reward, REWARDS)
         checks.flag("goal", self.goal)
         checks.flag("flatten", self.flatten)
         checks.choice("observations", self.observations, registry.OBSERVATIONS)
@@ -67,6 +79,26 @@ class EnvOptions:
             )
         if self.goal and not (self.flatten and self.observations == registry.FEATURES):
             raise InvalidInputError("goal=True needs observations='features' and flatten=True")
+
+        timestep = checks.positive("control_timestep", self.control_timestep, "s")
+        substeps = round(timestep / PHYSICS_TIMESTEP)
+        if abs(timestep - substeps * PHYSICS_TIMESTEP) > _ROUNDING or not PHYSICS_TIMESTEP <= timestep <= LONGEST_STEP:
+            raise checks.refusal(
+                "control_timestep", f"a multiple of {PHYSICS_TIMESTEP:g} s up to {LONGEST_STEP:g} s", timestep, "s"
+            )
+        object.__setattr__(self, "control_timestep", timestep)
+        if self.cameras is not None:
+            if not self.has_camera:
+                raise InvalidInputError("cameras need observations='vision'")
+            given = checks.mapping("cameras", self.cameras, "a dict of sizes by name")
+            object.__setattr__(self, "cameras", {name: _size(name, size) for name, size in given.items()})
+
+    @property
+    def sizes(self) -> Mapping[str, tuple[int, int]]:
+        """Sizes (height, width) of the pictures that are observed, by the name of the camera [pixels]."""
+        if not self.has_camera:
+            return {}
+        return {CAMERA: (PICTURE, PICTURE)} if self.cameras is None else self.cameras
 
     @property
     def has_camera(self) -> bool:
@@ -92,6 +124,8 @@ class Packing:
         self._size = ends[-1]
         view, goal = StateView.of(task.physics.data), np.zeros(task.goal_size)
         self.goal_size = int(task.achieved(view, goal).shape[-1])
+        if options.goal and not self.goal_size:
+            raise InvalidInputError(f"goal=True needs a task with achieved= and desired=, which {options.task!r} lacks")
         self.space = self._space()
 
     def _space(self) -> spaces.Space[Any]:
@@ -104,24 +138,26 @@ class Packing:
         if options.flatten and not options.has_camera:
             return flat
         found: dict[str, spaces.Space[Any]] = {}
-        if options.has_camera:
-            found[CAMERA] = spaces.Box(0, 255, (PICTURE, PICTURE, 3), np.uint8)
+        for name, size in options.sizes.items():
+            found[name] = self._picture_space(name, size)
         if options.flatten:
             found[PROPRIOCEPTION] = flat
         else:
             found.update({each.name: _box(*each.shape) for each in self._features})
-        return spaces.Dict(found)
+        # Of a dictionary Gymnasium sorts the names, of pairs it keeps their order, which is that of `pack`.
+        return spaces.Dict(list(found.items()) if options.has_camera else found)
 
-    def pack(self, view: StateView, goal: Array, achieved: Array, desired: Array) -> Observation:
-        """The observation, as new arrays, without the picture.
+    def _picture_space(self, name: str, size: tuple[int, int]) -> spaces.Box:
+        kind = name.partition("/")[2]
+        if kind == DEPTH:
+            return spaces.Box(0.0, np.inf, (*size, 1), np.float32)
+        if kind == SEGMENTATION:
+            return spaces.Box(-1, int(self._task.physics.model.ngeom) - 1, (*size, 1), np.int32)
+        return spaces.Box(0, 255, (*size, 3), np.uint8)
 
-        Args:
-            view: of one simulation, or of n.
-            goal: (goal_size,), or (n, goal_size).
-            achieved: what is achieved.
-            desired: what is desired.
-        """
-        options = self._options
+    def pack(self, state: State) -> Observation:
+        """The observation, as new arrays, without the picture, of one simulation or of n."""
+        options, view, goal = self._options, state.view, state.goal
         if not options.flatten:
             return {each.name: np.array(each.read(view, goal)) for each in self._features}
         leading = view.qpos.shape[:-1]
@@ -130,23 +166,73 @@ class Packing:
             value = each.read(view, goal)
             flat[..., where] = value if len(each.shape) == 1 else value.reshape(*leading, -1)
         if options.goal:
-            return {"observation": flat, "achieved_goal": np.array(achieved), "desired_goal": np.array(desired)}
+            return {
+                "observation": flat,
+                "achieved_goal": np.array(state.achieved),
+                "desired_goal": np.array(state.desired),
+            }
         return {PROPRIOCEPTION: flat} if options.has_camera else flat
 
     def add_noise(self, observation: Observation, deviation: float, random_state: np.random.Generator) -> None:
         """Add normal noise to the features of one environment and to what it achieves, in place."""
+        for values in self._noisy(observation):
+            values += random_state.normal(0.0, deviation, values.shape)
+
+    def draw_bias(self, values: Mapping[str, float], random_state: np.random.Generator) -> Array:
+        """What `add_bias` adds all through an episode with these values; (0,) for nothing."""
+        size, found = self._size + self.goal_size * self._options.goal, np.zeros(0)
+        if "observation_bias" in values:
+            found = random_state.normal(0.0, values["observation_bias"], size)
+        deviations = self.deviations(values, FEATURE_BIAS)
+        if len(deviations):
+            found = (found if len(found) else np.zeros(size)) + deviations * random_state.normal(size=size)
+        return np.asarray(found)
+
+    def add_bias(self, observation: Observation, bias: Array) -> None:
+        """Add something to the features of one environment and to what it achieves, in place."""
+        start = 0
+        for values in self._noisy(observation):
+            values += bias[start : start + values.size].reshape(values.shape)
+            start += values.size
+
+    def deviations(self, values: Mapping[str, float], field: str = FEATURE_NOISE) -> Array:
+        """Deviations of the noise, or the bias, of single features, for as many normal numbers; (0,) without any.
+
+        Raises:
+            UnknownNameError: that of something that is not observed; lists what is.
+        """
+        prefix = f"{field}/"
+        noisy = {name.removeprefix(prefix): value for name, value in values.items() if name.startswith(prefix)}
+        if not noisy:
+            return np.zeros(0)
+        slices = {each.name: where for each, where in zip(self._features, self._slices, strict=True)}
+        if self._options.goal:
+            slices["achieved_goal"] = slice(self._size, self._size + self.goal_size)
+        found = np.zeros(self._size + self.goal_size * self._options.goal)
+        for name, value in noisy.items():
+            found[slices[checks.choice("feature", name, slices)]] = value
+        return found
+
+    def _noisy(self, observation: Observation) -> list[NDArray[Any]]:
+        """The arrays of an observation that are measured."""
         if isinstance(observation, np.ndarray):
-            observation += random_state.normal(0.0, deviation, observation.shape)
-            return
+            return [observation]
         names = ["observation", "achieved_goal"] if self._options.goal else [PROPRIOCEPTION]
-        for name in names if self._options.flatten else [each.name for each in self._features]:
-            observation[name] += random_state.normal(0.0, deviation, observation[name].shape)
+        return [observation[name] for name in (names if self._options.flatten else [f.name for f in self._features])]
 
 
-def add_picture(observation: Observation, picture: NDArray[Any]) -> Observation:
-    """The observation with the picture in front."""
+def add_pictures(observation: Observation, pictures: Mapping[str, NDArray[Any]]) -> Observation:
+    """The observation with the pictures in front."""
     assert isinstance(observation, dict)
-    return {CAMERA: picture, **observation}
+    return {**pictures, **observation}
+
+
+def _size(name: str, size: Any) -> tuple[int, int]:
+    checks.choice("camera", name, PICTURES)
+    if not isinstance(size, tuple | list) or len(size) != 2:
+        raise checks.refusal(f"the size of camera {name!r}", "(height, width)", size, "pixels")
+    height, width = (checks.whole_number(f"the size of camera {name!r}", each, 1, LARGEST) for each in size)
+    return height, width
 
 
 def _box(*shape: int) -> spaces.Box:

@@ -56,13 +56,25 @@ class _Kwargs(dict[str, Any]):
 
 
 def register() -> None:
-    """Make the tasks known to ``gymnasium.make``; again has no effect."""
+    """Make our tasks known to ``gymnasium.make``; again has no effect."""
     for task, name in IDS.items():
         if name not in gymnasium.registry:
-            gymnasium.register(
-                name,
-                entry_point="jacokin.tasks.gym.environment:make_environment",
-                vector_entry_point="jacokin.tasks.gym.vector:VectorTaskEnv",
-                max_episode_steps=EPISODE_STEPS,
-                kwargs=_Kwargs(task=task),
-            )
+            register_one(task, name, EPISODE_STEPS)
+
+
+def register_one(task: str, name: str, steps: int | None = None) -> None:
+    """Make a task known to ``gymnasium.make`` by an id.
+
+    Args:
+        task: its name.
+        name: the id.
+        steps: of an episode; None where only the task itself knows, which truncates episodes in any case.
+    """
+    gymnasium.registry.pop(name, None)
+    gymnasium.register(
+        name,
+        entry_point="jacokin.tasks.gym.environment:make_environment",
+        vector_entry_point="jacokin.tasks.gym.vector:VectorTaskEnv",
+        max_episode_steps=steps,
+        kwargs=_Kwargs(task=task),
+    )

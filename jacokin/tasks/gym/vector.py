@@ -9,6 +9,8 @@ computed one by one. Episodes start in the simulation of a single environment, i
 from __future__ import annotations
 
 import copy
+import itertools
+from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -16,6 +18,7 @@ from typing import Any, cast
 
 import mujoco
 import numpy as np
+from gymnasium.envs.registration import EnvSpec
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space, create_empty_array
 from mujoco.batch import Batch, SimulationError
@@ -25,14 +28,14 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, PhysicsError
 from jacokin.model import checks
 from jacokin.mujoco_bridge.control import site_ik
-from jacokin.tasks.episode import PICTURE, STEPS, clip_action
+from jacokin.tasks.episode import clip_action
 from jacokin.tasks.features import StateView
 from jacokin.tasks.gym import packing
 from jacokin.tasks.gym.controls import CONTROLS
-from jacokin.tasks.gym.environment import NO_EPISODE, OPTIONS, Info, TaskEnv
-from jacokin.tasks.gym.packing import Observation, add_picture
-from jacokin.tasks.randomization import MAX_LATENCY, SIMULATED, latency_steps
-from jacokin.tasks.task import CONTROL_TIMESTEP, SUBSTEPS
+from jacokin.tasks.gym.environment import DELAY, NO_EPISODE, OPTIONS, Info, TaskEnv, checked_spec
+from jacokin.tasks.gym.packing import Observation, add_pictures
+from jacokin.tasks.randomization import FEATURE_BIAS, MAX_LATENCY, SIMULATED, Randomization, delay
+from jacokin.tasks.task import State, check_rewards
 
 Flags = NDArray[np.bool_]
 Indices = NDArray[np.intp]
@@ -85,6 +88,7 @@ class VectorTaskEnv(VectorEnv[Observation, Any, NDArray[Any]]):
             UnknownNameError: an unknown option or mode; lists the valid ones.
             InvalidInputError: a wrong number, or an option that vectors do not have.
         """
+        self._spec: EnvSpec | None = None
         if options.pop("render_mode", None) is not None:
             raise InvalidInputError("a vector of environments does not render; make a single one with the same seed")
         for name in options:
@@ -94,9 +98,9 @@ class VectorTaskEnv(VectorEnv[Observation, Any, NDArray[Any]]):
         value = autoreset_mode.value if isinstance(autoreset_mode, AutoresetMode) else autoreset_mode
         self.autoreset_mode = AutoresetMode(checks.choice("autoreset_mode", value, AUTORESET_MODES))
         first = self._first = TaskEnv(**options)
-        steps = STEPS
+        steps = first._episode.most_steps
         if max_episode_steps not in (None, -1):
-            steps = min(STEPS, checks.whole_number("max_episode_steps", max_episode_steps, 1))
+            steps = min(steps, checks.whole_number("max_episode_steps", max_episode_steps, 1))
         self._simulations = Simulations(first, num_envs, threads, steps)
         self.metadata = {**first.metadata, "autoreset_mode": self.autoreset_mode, "render_modes": []}
         self.num_envs = num_envs
@@ -110,6 +114,24 @@ class VectorTaskEnv(VectorEnv[Observation, Any, NDArray[Any]]):
         self._is_over = np.zeros(num_envs, dtype=bool)
         self._has_begun = np.zeros(num_envs, dtype=bool)
         self._last = cast(Observation, create_empty_array(first.observation_space, num_envs))
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """How ``gymnasium.make_vec`` made it, None otherwise."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        self._spec = checked_spec(spec)
+
+    @property
+    def randomization(self) -> Randomization | None:
+        """What is drawn at each reset; see `TaskEnv.randomization`."""
+        return self._first.randomization
+
+    @randomization.setter
+    def randomization(self, value: Randomization | Mapping[str, Any] | None) -> None:
+        self._first.randomization = value
 
     def reset(
         self,
@@ -148,7 +170,8 @@ class VectorTaskEnv(VectorEnv[Observation, Any, NDArray[Any]]):
             values: (num_envs, ...) actions.
 
         Raises:
-            InvalidInputError: wrong shape, not numbers, or NaN; nothing is simulated.
+            InvalidInputError: wrong shape, not numbers, or NaN; nothing is simulated. Or a reward of your own is not
+                finite: call `reset`.
             PhysicsError: an environment has no episode: call `reset`.
         """
         if not self._has_begun.all():
@@ -286,7 +309,8 @@ class Simulations:
             steps: after which an episode is over.
         """
         self._first, self._count, self._most_steps = first, count, steps
-        model, control = first.model, first.options.control
+        model, control, dt = first.model, first.options.control, first.options.control_timestep
+        self._substeps = first._episode.substeps
         flags = model.opt.disableflags
         # MuJoCo would put a diverged simulation back to its reference state, and go on as if nothing had happened.
         model.opt.disableflags = flags | int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
@@ -300,14 +324,22 @@ class Simulations:
         self._random: list[tuple[np.random.Generator | None, np.random.Generator | None]] = [(None, None)] * count
         self._values: list[Values] = [{}] * count
         self._states: Array = np.zeros_like(self._batch.state)  # of episodes that are being started
-        self._controls = [CONTROLS[control](first._episode.lower, first._episode.upper) for _ in range(count)]
+        self._controls = [CONTROLS[control](first._episode.lower, first._episode.upper, dt) for _ in range(count)]
         self._rows = [] if control == "joint_velocity" else [self._view.row(index) for index in range(count)]
         names = () if first.randomization is None else first.randomization.names
         self._constants: dict[str, Array] = {name: self._batch.expand(name) for name in SIMULATED if names}
-        self._is_noisy = "observation_noise" in names
-        delays = round(MAX_LATENCY / CONTROL_TIMESTEP) + 1 if "latency" in names else 0
+        self._is_noisy, self._is_disturbed = "observation_noise" in names, "action_noise" in names
+        self._biases: list[Array] = [np.zeros(0)] * count
+        self._is_biased = any(name.startswith(("observation_bias", FEATURE_BIAS)) for name in names)
+        self._deviations: list[Array] = [np.zeros(0)] * count
+        self._has_deviations = len(first._deviations) > 0
+        delays = round(MAX_LATENCY / dt) + 2 if "latency" in names else 0
         self._delayed = np.zeros((delays, *self._ctrl.shape))
-        self._delays = np.zeros(count, dtype=np.intp)
+        self._delays = np.zeros(count, dtype=np.intp)  # of actions, in control steps
+        self._changes = np.zeros(count, dtype=np.intp)  # physics steps after which the action changes
+        self._is_late = DELAY in names
+        self._seen: list[deque[Observation]] = [deque()] * count
+        self._looks = np.full(count, self._substeps, dtype=np.intp)  # physics steps after which observations are taken
         self._pictured = mujoco.MjData(model) if first.options.has_camera else None
 
     def begin(self, ids: Indices, seeds: Sequence[int | None], replayed: Sequence[Values | None]) -> Begun:
@@ -343,14 +375,18 @@ class Simulations:
         (first._np_random, first._variation_random), first._control = self._random[index], self._controls[index]
         if is_waiting:
             if self._constants:
-                first._apply(self._values[index])
+                first._apply(self._values[index], is_starting=True)
             physics.set_state(self._states[index])
         try:
             yield
         finally:
             self._random[index] = first.np_random, first._variation_random
         self._states[index] = physics.get_state()
-        self._values[index], self._delays[index] = first._values, latency_steps(first._values)
+        self._values[index] = first._values
+        self._delays[index], self._changes[index] = delay(first._values, "latency", self._substeps)
+        self._biases[index], self._deviations[index] = first._bias, first._deviations
+        _, early = delay(first._values, DELAY, self._substeps)
+        self._seen[index], self._looks[index] = deque(first._seen), self._substeps - early
         for name, constants in self._constants.items():
             constants[index] = getattr(first.model, name)
         if first._episode.steps is not None:  # the start is complete
@@ -366,20 +402,36 @@ class Simulations:
         first, view, goals = self._first, self._view, self._goals
         errors = self._simulate(actions, ids) if len(ids) else {}
         self._steps[ids] += 1
-        achieved, desired = first.task.achieved(view, goals), first.task.desired(view, goals)
-        observations = first._packing.pack(view, goals, achieved, desired)
+        state = State(first.task, view, goals, actions)
+        observations = first._packing.pack(state)
         going = [index for index in ids.tolist() if index not in errors]
         if self._pictured is not None:
-            observations = add_picture(observations, self._pictures(going))
+            observations = add_pictures(observations, self._pictures([] if self._is_late else going))
+        for index in going if self._is_late else ():
+            late, _ = delay(self._values[index], DELAY, self._substeps)
+            packing.put(observations, index, self._seen[index][max(0, len(self._seen[index]) - 1 - late)])
+        for index in going if self._is_biased else ():
+            first._packing.add_bias(packing.row(observations, index), self._biases[index])
+        for index in going if self._has_deviations else ():
+            _, random_state = self._random[index]
+            assert random_state is not None
+            noise = self._deviations[index] * random_state.normal(size=len(self._deviations[index]))
+            first._packing.add_bias(packing.row(observations, index), noise)
         for index in going if self._is_noisy else ():
             _, random_state = self._random[index]
             assert random_state is not None
             deviation = self._values[index]["observation_noise"]
             first._packing.add_noise(packing.row(observations, index), deviation, random_state)
+        rewards = np.array(first._rewards(state))
+        if not np.isfinite(rewards[going]).all():
+            index = next(index for index in going if not np.isfinite(rewards[index]))
+            check_rewards(
+                first.options.task, rewards[index], f" after step {self._steps[index]} of environment {index}"
+            )
         outcome = StepOutcome(
             observations,
-            np.array(first._rewards(achieved, desired)),
-            np.array(first.task.success(achieved, desired)),
+            rewards,
+            np.array(first.task.is_solved(state)),
             self._steps >= self._most_steps,
             errors,
         )
@@ -393,11 +445,21 @@ class Simulations:
         velocities = actions[ids]
         if self._rows:
             velocities = np.array([self._controls[i].velocities(self._rows[i], actions[i]) for i in ids.tolist()])
-        self._ctrl[ids] = self._late(velocities, ids) if len(self._delayed) else velocities
-        try:
-            batch.step(None if len(ids) == self._count else ids, SUBSTEPS, _VELOCITIES)
-        except SimulationError as error:
-            errors.update({int(index): f"MuJoCo gave up: {batch.error(int(index))}" for index in error.ids})
+        if self._is_disturbed:
+            velocities = np.array(
+                [self._disturbed(index, each) for index, each in zip(ids.tolist(), velocities, strict=True)]
+            )
+        before, now = self._late(velocities, ids) if len(self._delayed) else (velocities, velocities)
+        changes, looks = self._changes[ids], self._looks[ids]
+        for start, stop in itertools.pairwise(sorted({0, self._substeps, *changes.tolist(), *looks.tolist()})):
+            self._ctrl[ids] = np.where((start < changes)[:, None], before, now)
+            going = np.array([index for index in ids.tolist() if index not in errors], dtype=np.intp)
+            try:
+                batch.step(None if len(going) == self._count else going, stop - start, _VELOCITIES)
+            except SimulationError as error:
+                errors.update({int(index): f"MuJoCo gave up: {batch.error(int(index))}" for index in error.ids})
+            for index in ids[looks == stop].tolist() if self._is_late else ():
+                self._look(index, actions[index])
         # NaN is not below the bound either.
         is_well = (np.abs(view.qpos).max(axis=1) < _HUGE) & (np.abs(view.qvel).max(axis=1) < _HUGE)
         is_well &= ~batch.warning[..., 1].any(axis=1)
@@ -407,23 +469,51 @@ class Simulations:
             errors.setdefault(index, "; ".join(found) or "the simulation is unstable")
         return errors
 
-    def _late(self, velocities: Array, ids: Indices) -> Array:
-        """The velocities asked for some steps ago; none at first."""
+    def _disturbed(self, index: int, velocities: Array) -> Array:
+        _, random_state = self._random[index]
+        assert random_state is not None
+        return self._first._disturbed(velocities, self._values[index], random_state)
+
+    def _look(self, index: int, action: Array) -> None:
+        """Keep an observation that is to be given late."""
+        first, seen = self._first, self._seen[index]
+        state = State(first.task, self._view.row(index), self._goals[index], action)
+        observation = first._packing.pack(state)
+        if self._pictured is not None:
+            observation = add_pictures(observation, self._pictures_of(index))
+        seen.append(observation)
+        if len(seen) > delay(self._values[index], DELAY, self._substeps)[0] + 1:
+            seen.popleft()
+
+    def _late(self, velocities: Array, ids: Indices) -> tuple[Array, Array]:
+        """The velocities asked for some steps ago, and before; none at first."""
         steps, delayed = self._steps[ids], self._delayed
         delayed[steps % len(delayed), ids] = velocities
         asked = steps - self._delays[ids]
-        return np.where((asked >= 0)[:, None], delayed[asked % len(delayed), ids], 0.0)
 
-    def _pictures(self, ids: Sequence[int]) -> NDArray[np.generic]:
-        """What the cameras of some environments see; black elsewhere."""
-        found = np.zeros((self._count, PICTURE, PICTURE, 3), dtype=np.uint8)
+        def at(step: Indices) -> Array:
+            return np.where((step >= 0)[:, None], delayed[step % len(delayed), ids], 0.0)
+
+        return at(asked - 1), at(asked)
+
+    def _pictures(self, ids: Sequence[int]) -> dict[str, NDArray[Any]]:
+        """What the cameras of some environments see; 0 elsewhere."""
+        spaces = cast(Mapping[str, Any], self._first.observation_space)
+        found = {
+            name: np.zeros((self._count, *spaces[name].shape), dtype=spaces[name].dtype)
+            for name in self._first.options.sizes
+        }
         for index in ids:
-            if self._constants:
-                self._first._apply(self._values[index])
-            self._first.task.show_goal(self._goals[index])
-            self._batch.get_data(index, self._pictured)
-            found[index] = self._first._episode.picture(data=self._pictured)
+            for name, picture in self._pictures_of(index).items():
+                found[name][index] = picture
         return found
+
+    def _pictures_of(self, index: int) -> dict[str, NDArray[np.generic]]:
+        if self._constants:
+            self._first._apply(self._values[index])
+        self._first.task.show_goal(self._goals[index])
+        self._batch.get_data(index, self._pictured)
+        return self._first._pictures(self._pictured)
 
     def close(self) -> None:
         """Free what pictures need."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from pathlib import Path
 from typing import Any
 
 import mujoco
@@ -12,6 +13,7 @@ import pytest
 import jacokin
 from jacokin.errors import EpisodeInitializationError, InvalidInputError, PhysicsError, UnknownNameError
 from jacokin.ik import IKSolver
+from jacokin.model import MeasuredArm
 from jacokin.mujoco_bridge import DOWN_QUATERNION, Arena, JacoArm, JacoHand, Physics
 from jacokin.mujoco_bridge.control.initializers import BRANCHES, TcpInitializer, ToolCenterPointInitializer
 from jacokin.mujoco_bridge.distributions import QuaternionFromAxisAngle, Uniform, uniform_box
@@ -266,8 +268,14 @@ def test_the_numerical_solver_starts_from_random_configurations() -> None:
     """A robot without a closed form: its last two joints turn about one axis."""
 
     class Bent(JacoArm):
-        def _build(self, name: str | None = None, robot: str = "j2n6s300") -> None:
-            super()._build(name, robot)
+        def _build(
+            self,
+            name: str | None = None,
+            robot: str = "j2n6s300",
+            calibration: str | Path | MeasuredArm | None = None,
+            actuation: str = "velocity",
+        ) -> None:
+            super()._build(name, robot, calibration, actuation)
             self._mjcf_root.body("link_6").pos, self._mjcf_root.body("link_6").quat = (0, 0, 0), (1, 0, 0, 0)
 
     arm, arena = Bent(), Arena()

@@ -3,15 +3,23 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+import pickle
+from collections.abc import Iterable, Iterator
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 import jacokin.tasks
 from jacokin.errors import InvalidInputError, UnknownNameError
-from jacokin.tasks.experts.expert import SCRIPTS
+from jacokin.tasks import Expert
+from jacokin.tasks.experts.driver import ArmDriver
+from jacokin.tasks.experts.expert import CONTROLS, SCRIPTS
+from jacokin.tasks.gym.controls import CONTROLS as ENV_CONTROLS
+from jacokin.tasks.registry import make
 
 RECORD = Path(__file__).resolve().parents[3] / "docs" / "tasks_experts.json"
 PROMISED = {
@@ -23,12 +31,12 @@ PROMISED = {
 }
 
 
-def solved(name: str, seeds: Iterable[int]) -> int:
-    environment = jacokin.tasks.TaskEnv(name, flatten=False)
-    expert, count = jacokin.tasks.expert(name), 0
+def solved(name: str, seeds: Iterable[int], control: str = "joint_velocity", **disturbance: Any) -> int:
+    environment = jacokin.tasks.TaskEnv(name, control=control, flatten=False)
+    expert, count = jacokin.tasks.expert(name, control=control, **disturbance), 0
     for seed in seeds:
         observation, info = environment.reset(seed=seed)
-        expert.reset()
+        expert.reset(seed=seed)
         is_over = False
         while not is_over:
             observation, _, _, is_over, info = environment.step(expert(observation))
@@ -54,6 +62,113 @@ def test_experts_solve_most_episodes(name: str, least: int) -> None:
 def test_bricks_close_to_the_pedestal_are_placed() -> None:
     beside = (7, 10, 11, 16, 43, 65)  # seeds whose brick leaves no room between it and the pedestal for the fingers
     assert solved("place_cradle", beside) >= 5
+
+
+def test_a_brick_that_was_dropped_is_lifted_again() -> None:
+    assert solved("lift_brick", (0, 8), mistakes=1) == 2  # seeds in which the hand opens high above the table
+
+
+@pytest.mark.slow
+def test_noise_and_mistakes_are_mended() -> None:
+    assert solved("lift_brick", range(5), noise=0.1) >= 4
+    assert solved("lift_brick", range(5), noise=0.05, mistakes=1) >= 4
+
+
+OTHERS = tuple(name for name in CONTROLS if name != "joint_velocity")
+
+
+@pytest.mark.parametrize("control", OTHERS)
+def test_experts_act_by_every_control(control: str) -> None:
+    assert set(CONTROLS) == set(ENV_CONTROLS)
+    assert solved("reach_site", range(2), control) == 2
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("control", OTHERS)
+def test_bricks_are_lifted_by_every_control(control: str) -> None:
+    assert solved("lift_brick", range(5), control) >= 4
+
+
+@pytest.mark.parametrize("control", OTHERS)
+def test_an_action_of_another_control_moves_the_joints_as_the_velocities_do(control: str) -> None:
+    """In the same direction, and after a start from rest at least half as far: positions are followed with a lag."""
+    moved = {}
+    for name in ("joint_velocity", control):
+        environment = jacokin.tasks.TaskEnv("reach_site", control=name, flatten=False)
+        observation, _ = environment.reset(seed=1)
+        expert = jacokin.tasks.expert("reach_site", control=name)
+        before = environment.data.qpos[:6].copy()
+        for _ in range(5):
+            observation, *_ = environment.step(expert(observation))
+        moved[name] = environment.data.qpos[:6] - before
+    size, other = np.linalg.norm(moved["joint_velocity"]), np.linalg.norm(moved[control])
+    assert size > 0.05
+    assert moved[control] @ moved["joint_velocity"] > 0.97 * size * other
+    assert 0.5 * size < other < 1.1 * size
+
+
+def test_an_own_script_of_other_actions_has_one_control() -> None:
+    def script(arm: ArmDriver) -> Iterator[NDArray[np.float64]]:
+        yield np.zeros(7)
+
+    observation = jacokin.tasks.load("reach_site", seed=0).reset().observation
+    assert Expert(script)(observation).shape == (7,)
+    with pytest.raises(
+        InvalidInputError, match=r"shape \(7,\) is not one of velocities \(9,\), which control='tool_pose'"
+    ):
+        Expert(script, control="tool_pose")(observation)
+    with pytest.raises(UnknownNameError, match="unknown control 'force'"):
+        jacokin.tasks.expert("reach_site", control="force")
+
+
+def actions(expert: Expert, observation: Any, count: int = 110) -> NDArray[np.float64]:
+    return np.stack([expert(observation) for _ in range(count)])
+
+
+def test_noise_has_the_deviation_that_was_asked_for() -> None:
+    def wait(arm: ArmDriver) -> Iterator[NDArray[np.float64]]:
+        while True:
+            yield np.zeros(9)
+
+    jacokin.tasks.register(partial(make, "reach_site"), id="mine/Wait-v0", expert=wait)
+    observation, _ = jacokin.tasks.TaskEnv("reach_site", flatten=False).reset(seed=0)
+    deviation = np.array([0.01, 0.02, 0.03, 0.04, 0.05, 0.06, 0.1, 0.2, 0.0])
+    found = actions(jacokin.tasks.expert("mine/Wait-v0", noise=deviation), observation, 4000)
+    np.testing.assert_allclose(found.std(axis=0), deviation, rtol=0.15)
+    assert not found[:, 8].any()
+    one_step = np.mean(found[1:, 3] * found[:-1, 3]) / found[:, 3].var()
+    assert one_step == pytest.approx(np.exp(-0.04 / 0.2), abs=0.05)
+    wrong = actions(jacokin.tasks.expert("mine/Wait-v0", mistakes=1), observation)
+    moves = np.flatnonzero(wrong.any(axis=1))
+    assert len(moves) == 10  # 0.4 s
+    assert np.ptp(moves) == 9
+    assert np.abs(wrong[:, :6]).max() <= 0.5 * 0.84
+
+
+def test_the_noise_of_an_episode_follows_from_its_seed() -> None:
+    observation, _ = jacokin.tasks.TaskEnv("lift_brick", flatten=False).reset(seed=0)
+    expert = jacokin.tasks.expert("lift_brick", noise=0.1, mistakes=2)
+
+    def played(expert: Expert, seed: int | None) -> NDArray[np.float64]:
+        expert.reset(seed=seed)
+        return actions(expert, observation, 20)
+
+    first, second = played(expert, 4), played(expert, 5)
+    assert not np.array_equal(first, second)
+    np.testing.assert_array_equal(played(expert, 4), first)
+    np.testing.assert_array_equal(played(pickle.loads(pickle.dumps(expert)), 5), second)
+    other = jacokin.tasks.expert("lift_brick", noise=0.1, mistakes=2, rng=np.random.default_rng(1))
+    assert not np.array_equal(played(other, 4), first)
+    assert not np.array_equal(played(expert, None), played(expert, None))
+
+
+def test_disturbed_actions_are_those_that_are_applied() -> None:
+    environment = jacokin.tasks.TaskEnv("lift_brick", flatten=False)
+    expert = jacokin.tasks.expert("lift_brick", noise=2.0)
+    found = actions(expert, environment.reset(seed=0)[0])
+    assert environment.action_space.contains(found.min(axis=0))
+    assert environment.action_space.contains(found.max(axis=0))
+    assert (found[:, 0] == environment._control.bounds[1][0]).any()  # on its bound, not beyond
 
 
 def test_the_record_holds_every_expert_and_what_is_promised_of_them() -> None:
@@ -91,3 +206,12 @@ def test_mistakes() -> None:
     assert set(SCRIPTS) <= {name.removesuffix("_features") for name in jacokin.tasks.names("features")}
     with pytest.raises(InvalidInputError, match=r"features by name.*got an array of shape \(42,\)$"):
         jacokin.tasks.expert("reach_site")(np.zeros(42))
+    for noise, words in (((0.1, 0.2), "one number or 9"), (-0.1, "not negative"), (np.nan, "finite"), ("a", "noise")):
+        with pytest.raises(InvalidInputError, match=words):
+            jacokin.tasks.expert("lift_brick", noise=noise)
+    with pytest.raises(InvalidInputError, match="mistakes must be a whole number"):
+        jacokin.tasks.expert("lift_brick", mistakes=0.5)  # type: ignore[arg-type]
+    with pytest.raises(InvalidInputError, match="rng must be a numpy.random.Generator"):
+        jacokin.tasks.expert("lift_brick", rng=3)  # type: ignore[arg-type]
+    with pytest.raises(InvalidInputError, match="seed must be a whole number"):
+        jacokin.tasks.expert("lift_brick").reset(seed=-1)

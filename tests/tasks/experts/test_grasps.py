@@ -12,18 +12,18 @@ import jacokin.tasks
 from jacokin.tasks.experts import grasps
 from jacokin.tasks.experts.driver import BRICK, SQUEEZE, ArmDriver, Script, shift, up
 from jacokin.tasks.experts.expert import Expert
-from jacokin.tasks.experts.grasps import LONG, SHORT, Grasp, Side
+from jacokin.tasks.experts.grasps import LONG, SHORT, BrickGrasp, Side
 
 RISE = up(0.1)
 
 
-def grasp_at(arm: ArmDriver, side: Side, at: pin.SE3) -> Grasp | None:
+def grasp_at(arm: ArmDriver, side: Side, at: pin.SE3) -> BrickGrasp | None:
     """A grasp where the arm may be, if it reaches that far."""
     before = shift(at, -grasps.ABOVE * at.rotation[:, 2])
     for q in arm.configurations(before):
         stops = arm.chain([at, shift(at, RISE)], q, grasps.LONGEST_STEP)
         if stops is not None:
-            return Grasp((q, stops[0]), at, np.inf, side)
+            return BrickGrasp((q, stops[0]), at, np.inf, side)
     return None
 
 

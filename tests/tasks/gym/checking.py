@@ -21,6 +21,8 @@ gymnasium.register_envs(jacokin.tasks)
 FEATURE_OPTIONS: dict[str, dict[str, Any]] = {
     "plain": {},
     "sparse": {"reward": "sparse"},
+    "joint_position": {"control": "joint_position"},
+    "joint_delta": {"control": "joint_delta"},
     "tool_velocity": {"control": "tool_velocity"},
     "tool_pose": {"control": "tool_pose"},
     "goal": {"goal": True},

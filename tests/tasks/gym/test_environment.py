@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import pickle
+import subprocess
 import sys
 import warnings
 from typing import Any
@@ -9,24 +12,28 @@ from typing import Any
 import gymnasium
 import numpy as np
 import pytest
+from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils.env_checker import check_env
 
 import jacokin.tasks
 from jacokin.errors import InvalidInputError, PhysicsError
 from jacokin.ik.closest import ClosestSearch
+from jacokin.model.angles import nearest_copy
 from jacokin.tasks import Environment, TaskEnv
 from jacokin.tasks.episode import STEPS, Episode
+from jacokin.tasks.gym.controls import CONTROLS
 from jacokin.tasks.gym.environment import RENDER_MODES
 from jacokin.tasks.gym.packing import Packing
 from jacokin.tasks.gym.registration import EPISODE_STEPS, IDS
-from jacokin.tasks.registry import TASKS
+from jacokin.tasks.registry import OURS, TASKS
+from tests.rendering import backends
 from tests.tasks.gym.checking import make
 
 
 def test_ids() -> None:
     ids = [name for name in gymnasium.registry if name.startswith("jacokin/")]
-    assert len(ids) == len(TASKS) == 17
-    assert list(IDS) == list(TASKS)
+    assert len(ids) == len(OURS) == 17
+    assert set(IDS) == OURS
     assert {"jacokin/ReachSite-v0", "jacokin/ReachBrick-v0", "jacokin/LiftBrick-v0", "jacokin/LiftBox-v0"} <= set(ids)
     assert {"jacokin/PlaceBrick-v0", "jacokin/PlaceCradle-v0", "jacokin/Stack2-v0", "jacokin/Stack3-v0"} <= set(ids)
 
@@ -141,7 +148,7 @@ def test_gymnasium_checks_without_a_display(monkeypatch: pytest.MonkeyPatch) -> 
         check_env(make("reach_site").unwrapped)
 
 
-@pytest.mark.parametrize("control", ["tool_velocity", "tool_pose"])
+@pytest.mark.parametrize("control", ["joint_position", "joint_delta", "tool_velocity", "tool_pose"])
 def test_the_arm_keeps_its_limits_under_control_of_the_tool(control: str) -> None:
     environment: Any = make("reach_site", control=control).unwrapped
     environment.reset(seed=1)
@@ -178,7 +185,7 @@ def test_the_tool_moves_as_it_is_told() -> None:
     np.testing.assert_allclose(environment.data.qpos[6:9], fingers.mean(axis=1), rtol=0.0, atol=0.02)
 
 
-@pytest.mark.parametrize("control", ["joint_velocity", "tool_velocity", "tool_pose"])
+@pytest.mark.parametrize("control", CONTROLS)
 def test_an_arm_that_is_moved_between_two_steps_goes_on_from_fresh_data(control: str) -> None:
     observations = []
     for forward in (False, True):
@@ -191,6 +198,121 @@ def test_an_arm_that_is_moved_between_two_steps_goes_on_from_fresh_data(control:
         environment.action_space.seed(0)
         observations.append(environment.step(environment.action_space.sample())[0])
     np.testing.assert_array_equal(*observations)
+
+
+def test_joints_go_where_they_are_told() -> None:
+    environment: Any = make("reach_site", control="joint_position").unwrapped
+    environment.reset(seed=0)
+    goal = np.concatenate((jacokin.load_robot().home, (0.4, 0.8, 1.2)))
+    start = environment.data.qpos[:6].copy()
+    way = nearest_copy(goal[:6], start, jacokin.load_robot().unlimited) - start
+    steps = int(np.ceil(np.abs(way / (jacokin.load_robot().velocity_limit * 0.04)).max()))
+    for number in range(steps + 25):
+        environment.step(goal)
+        if number == steps // 2:  # all joints together: halfway they are on the line between start and goal
+            half = environment.data.qpos[:6] - start
+            np.testing.assert_allclose(half, way * (half @ way) / (way @ way), atol=0.06)
+    np.testing.assert_allclose(environment.data.qpos[:6] - start, way, rtol=0.0, atol=4e-3)
+    np.testing.assert_allclose(environment.data.qpos[6:9], goal[6:], atol=0.02)
+    np.testing.assert_allclose(environment.action_space.low[6:], environment.model.jnt_range[6:9, 0], atol=1e-9)
+    np.testing.assert_allclose(environment.action_space.high[6:], environment.model.jnt_range[6:9, 1], atol=1e-9)
+
+
+def test_changes_of_joints_add_up() -> None:
+    environment: Any = make("reach_site", control="joint_delta").unwrapped
+    environment.reset(seed=0)
+    start = environment.data.qpos[:6].copy()
+    change = np.array([0.01, -0.005, 0.004, 0.02, -0.02, 0.01, 0.0, 0.0, 0.0])
+    for _ in range(20):
+        environment.step(change)
+    for _ in range(25):
+        environment.step(np.zeros(9))  # stays, against gravity too
+    np.testing.assert_allclose(environment.data.qpos[:6] - start, 20 * change[:6], rtol=0.0, atol=4e-3)
+
+
+def test_the_wrist_camera_sees_what_the_hand_reaches_for() -> None:
+    """It moves with the hand; the pinch point is in the upper half of its picture, what lies below it in the lower."""
+    physics = TaskEnv("lift_brick").task.physics
+    model, data = physics.model, physics.data
+    (camera,) = [number for number in range(model.ncam) if model.camera(number).name.endswith("wrist")]
+    site, rng, seen = model.site("jaco_arm/jaco_hand/pinchsite").id, np.random.default_rng(0), []
+    for _ in range(5):
+        data.qpos[:6] = rng.uniform(-3.0, 3.0, 6)
+        physics.forward()
+        seen.append(data.cam_xmat[camera].reshape(3, 3).T @ (data.site_xpos[site] - data.cam_xpos[camera]))
+    np.testing.assert_allclose(seen, seen[:1] * 5, atol=1e-12)
+    right, up, backwards = seen[0]
+    half = np.tan(np.deg2rad(model.cam_fovy[camera] / 2.0))
+    assert abs(right) < 1e-9
+    assert 0.0 < up / -backwards < half  # the fingers close in the upper half, things lie below
+    assert 0.1 < -backwards < 0.25
+
+
+@pytest.mark.parametrize("control", CONTROLS)
+def test_actions_mean_the_same_motion_at_every_frequency(control: str) -> None:
+    """An arm that is told for 0.4 s to go with a velocity, or to a place, is then nearly where other steps lead it."""
+    ends = []
+    for dt in (0.02, 0.04, 0.08):
+        environment = TaskEnv("reach_site", control=control, control_timestep=dt)
+        assert environment.dt == dt
+        environment.reset(seed=5)
+        q = np.append(environment.data.qpos[:6], np.full(3, 0.5))
+        pose = np.append(
+            environment.task.tool(environment._episode.view) + np.array((0.0, 0.0, 0.05)), (0.0, 1.0, 0.0, 0.0, 0.5)
+        )
+        action = {
+            "joint_velocity": np.full(9, 0.2),
+            "joint_delta": np.full(9, 0.2 * dt),
+            "joint_position": q + np.append(np.full(6, 0.06), np.zeros(3)),
+            "tool_velocity": np.full(7, 0.05),
+            "tool_pose": pose,
+        }[control]
+        before = environment.data.qpos[:6].copy()
+        for _ in range(round(0.4 / dt)):
+            environment.step(action)
+        assert environment.data.time == pytest.approx(0.4)
+        ends.append(environment.data.qpos[:6] - before)
+    assert np.linalg.norm(ends[1]) > 0.03
+    for end in ends:
+        assert np.linalg.norm(end - ends[1]) < 0.2 * np.linalg.norm(ends[1])
+
+
+def test_episodes_last_as_long_at_every_frequency() -> None:
+    environment: Any = gymnasium.make("jacokin/ReachSite-v0", control_timestep=0.5, max_episode_steps=-1)
+    environment.reset(seed=0)
+    ends = [environment.step(np.zeros(9))[3] for _ in range(20)]
+    assert ends == 19 * [False] + [True]
+    assert environment.metadata["render_fps"] == 2
+    again: Any = gymnasium.make(EnvSpec.from_json(environment.spec.to_json()))
+    assert again.unwrapped.dt == 0.5
+    assert pickle.loads(pickle.dumps(environment.unwrapped)).dt == 0.5
+    wrong: Any
+    for wrong in (0.0, 0.003, -0.04, 2.0, np.nan, "fast"):
+        with pytest.raises(InvalidInputError, match="control_timestep must be"):
+            TaskEnv("reach_site", control_timestep=wrong)
+
+
+def test_cameras_are_chosen_by_name_and_size() -> None:
+    sizes = {"wrist": (32, 48), "front_close": (24, 24), "wrist/depth": (8, 9), "front_close/segmentation": (7, 8)}
+    made: Any = gymnasium.make("jacokin/LiftBrick-v0", observations="vision", cameras=sizes)
+    shapes = {name: made.observation_space[name].shape for name in sizes}
+    assert shapes == {
+        "wrist": (32, 48, 3),
+        "front_close": (24, 24, 3),
+        "wrist/depth": (8, 9, 1),
+        "front_close/segmentation": (7, 8, 1),
+    }
+    again: Any = gymnasium.make(EnvSpec.from_json(made.spec.to_json()))
+    assert again.observation_space == made.observation_space
+    for wrong, words in (
+        ({"cameras": sizes}, "cameras need observations='vision'"),
+        ({"observations": "vision", "cameras": {"behind": (8, 8)}}, "Valid: front_close, wrist"),
+        ({"observations": "vision", "cameras": {"wrist/heat": (8, 8)}}, "unknown camera 'wrist/heat'"),
+        ({"observations": "vision", "cameras": {"wrist": 84}}, "the size of camera 'wrist' must be"),
+        ({"observations": "vision", "cameras": {"wrist": (84, 1000)}}, "the size of camera 'wrist'"),
+    ):
+        with pytest.raises(InvalidInputError, match=words):
+            TaskEnv("lift_brick", **wrong)
 
 
 def test_poses_out_of_reach_are_followed_without_a_search(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -229,3 +351,39 @@ def test_a_quaternion_of_zeros_is_refused() -> None:
     tool.reset(seed=0)
     with pytest.raises(InvalidInputError, match="quaternion"):
         tool.step(np.zeros(8))
+
+
+RAYS = """
+import mujoco, numpy as np
+from jacokin.tasks import TaskEnv
+rows, columns = 30, 40
+cameras = {"wrist": (8, 8), "wrist/depth": (rows, columns), "wrist/segmentation": (rows, columns)}
+env = TaskEnv("lift_brick", observations="vision", cameras=cameras)
+seen, _ = env.reset(seed=2)
+assert env.observation_space.contains(seen)
+model, data = env.model, env.data
+camera = next(k for k in range(model.ncam) if model.camera(k).name.endswith("wrist"))
+height = np.tan(np.deg2rad(model.cam_fovy[camera]) / 2.0)
+axes, equal = data.cam_xmat[camera].reshape(3, 3), []
+shown = np.zeros(mujoco.mjNGROUP, dtype=np.uint8)
+shown[:3] = 1  # the groups that are drawn
+for row in range(1, rows, 3):
+    for column in range(1, columns, 3):
+        y, x = height * (1.0 - 2.0 * (row + 0.5) / rows), height * (2.0 * (column + 0.5) - columns) / rows
+        ray, geom = axes @ (x, y, -1.0), np.full(1, -1, dtype=np.int32)
+        length = mujoco.mj_ray(model, data, data.cam_xpos[camera], ray, shown, 1, -1, geom)
+        depth, number = seen["wrist/depth"][row, column, 0], seen["wrist/segmentation"][row, column, 0]
+        equal.append(number == geom[0] and (length < 0.0 or abs(depth - length) < 0.01 * length))
+bodies = {int(model.geom_bodyid[k]) for k in np.unique(seen["wrist/segmentation"]) if k >= 0}
+print(len(equal), sum(equal), sorted(model.body(k).name for k in bodies)[:3])
+assert sum(equal) > 0.93 * len(equal)  # but for pixels on edges
+"""
+
+
+@pytest.mark.skipif(not backends(), reason="no rendering back end works here")
+def test_depth_and_segmentation_are_what_rays_meet() -> None:
+    """A ray through the middle of a pixel, by MuJoCo's collision geometry instead of OpenGL."""
+    environment = {**os.environ, "MUJOCO_GL": backends()[0]}
+    command = [sys.executable, "-P", "-W", "ignore", "-c", RAYS]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr

@@ -18,10 +18,10 @@ from jacokin.errors import EpisodeInitializationError, InvalidInputError, Physic
 from jacokin.ik import IKSolver
 from jacokin.mujoco_bridge.distributions import Uniform
 from jacokin.tasks import Randomization, TaskEnv
-from jacokin.tasks.gym import environment
-from jacokin.tasks.gym import vector as vectors
+from jacokin.tasks.gym.controls import CONTROLS
 from jacokin.tasks.gym.vector import Simulations, VectorTaskEnv
 from jacokin.tasks.registry import TASKS
+from jacokin.tasks.task import CONTROL_TIMESTEP, Task
 from tests.rendering import backends
 from tests.tasks.gym.randomizations import ALL
 
@@ -68,6 +68,8 @@ def assert_same(found: Any, wanted: Any) -> None:
         ("place_cradle", {"goal": True, "reward": "sparse"}, 12),
         ("stack_3_bricks_random_order", {}, 12),
         ("reach_site", {"control": "tool_velocity", "randomization": ALL}, 12),
+        ("reach_site", {"control": "joint_position", "randomization": ALL}, 12),
+        ("reach_site", {"control": "joint_delta"}, 12),
         ("reach_duplo", {"control": "tool_pose", "randomization": Randomization(base_pose=0.1)}, 12),
     ],
 )
@@ -116,11 +118,16 @@ def check_equal_to_single_ones(task: str, options: dict[str, Any], steps: int) -
     vector.close()
 
 
+@pytest.mark.parametrize("control", CONTROLS)
+def test_other_control_steps_are_those_of_single_environments(control: str) -> None:
+    """Delays of fractions of a control step, and noise, included."""
+    check_equal_to_single_ones("reach_site", {"control": control, "control_timestep": 0.03, "randomization": ALL}, 5)
+
+
 @pytest.mark.parametrize("mode", AutoresetMode)
 def test_resets_are_those_of_gymnasium(mode: AutoresetMode, monkeypatch: pytest.MonkeyPatch) -> None:
     """With every mode all that is returned is what Gymnasium's own vector returns, types of infos included."""
-    for module in (environment, vectors):
-        monkeypatch.setattr(module, "STEPS", 5)
+    monkeypatch.setattr(Task, "time_limit", 5 * CONTROL_TIMESTEP)
     options: dict[str, Any] = {"goal": True, "randomization": Randomization(mass=Uniform(0.5, 2.0), camera=0.1)}
     theirs: Any = SyncVectorEnv([lambda: TaskEnv("lift_brick", **options)] * 3, autoreset_mode=mode)
     ours: Any = VectorTaskEnv(3, threads=2, task="lift_brick", autoreset_mode=mode, **options)
@@ -309,7 +316,9 @@ def test_pictures_of_many() -> None:
         "from jacokin.mujoco_bridge.distributions import Uniform\n"
         "from jacokin.tasks.gym.vector import VectorTaskEnv\n"
         "varied = Randomization(camera=0.05, lights=Uniform(0.5, 1.5), base_pose=0.01, observation_noise=0.1)\n"
-        "for task, more in (('place_brick', {'randomization': varied}), ('reassemble_3_bricks_fixed_order', {})):\n"
+        "for task, more in (('place_brick', {'randomization': varied}), ('reassemble_3_bricks_fixed_order', {}),\n"
+        "    ('lift_brick', {'cameras': {'wrist': (32, 48), 'front_close': (24, 24),\n"
+        "    'wrist/depth': (24, 32), 'front_close/segmentation': (40, 24)}})):\n"
         "    v = VectorTaskEnv(2, task=task, threads=2, observations='vision', **more); f = v.reset(seed=0)[0]\n"
         "    e = TaskEnv(task, observations='vision', **more); g = e.reset(seed=1)[0]; assert list(f) == list(g)\n"
         "    o, p = v.step(np.ones((2, 9)))[0], e.step(np.ones(9))[0]; assert v.observation_space.contains(o)\n"
@@ -319,7 +328,7 @@ def test_pictures_of_many() -> None:
     environment = {**os.environ, "MUJOCO_GL": backends()[0]}
     command = [sys.executable, "-P", "-W", "ignore", "-c", code]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
-    assert done.stdout == "closed\nclosed\n", done.stderr
+    assert done.stdout == 3 * "closed\n", done.stderr
 
 
 def test_mistakes_in_options() -> None:

@@ -12,8 +12,8 @@ from jacokin.arrays import Array
 from jacokin.mujoco_bridge import Entity
 from jacokin.tasks import Environment
 from jacokin.tasks.families.bricks import BrickTask
-from jacokin.tasks.families.lift import _Lift
-from jacokin.tasks.families.place import _Place
+from jacokin.tasks.families.lift import Lift
+from jacokin.tasks.families.place import Place
 from jacokin.tasks.families.reach import ReachBrick, ReachSite
 from tests.optional import make_dm_control_run
 
@@ -70,11 +70,11 @@ def take_over(reference: Any, ours: Environment) -> Array:
 
     if isinstance(task, ReachSite):
         data.mocap_pos[0] = their_physics.bind(their_task._target).pos
-    elif isinstance(task, ReachBrick | _Place):
-        move(task.brick, their_task._prop)
-        if isinstance(task, _Place):
+    elif isinstance(task, ReachBrick | Place):
+        move(task.props[0], their_task._prop)
+        if isinstance(task, Place):
             move(task.pedestal, their_task._pedestal)
-    elif isinstance(task, _Lift):
+    elif isinstance(task, Lift):
         move(task.prop, their_task._prop)
         goal = np.array([their_task._target_height])
     elif isinstance(task, BrickTask):

@@ -1,0 +1,227 @@
+"""`jacokin calibrate FILE`: the arm behind some measurements; `jacokin calibrate plan`: what to measure."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+import click
+
+from jacokin import calibration
+from jacokin.cli import display, options
+from jacokin.cli.command import Argument, Command
+from jacokin.cli.options import RobotOptions, Vector3
+from jacokin.cli.outputs import keep_apart
+from jacokin.cli.units import Units
+from jacokin.errors import InvalidInputError
+from jacokin.files import replacing
+
+FIT = "fit"
+
+
+class FitUnlessNamed(click.Group):
+    """A group whose first command needs no name: `jacokin calibrate m.csv`."""
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """The command that is named, or the first one."""
+        return super().resolve_command(ctx, args if args[0] in self.commands else [FIT, *args])
+
+
+@click.group(cls=FitUnlessNamed, context_settings={"ignore_unknown_options": True}, no_args_is_help=True)
+def calibrate() -> None:
+    """Find your arm from measured points.
+
+    `jacokin calibrate FILE` is `jacokin calibrate fit FILE`.
+    """
+
+
+unknown_base = click.option("--unknown-base", is_flag=True, help="The instrument does not measure in the arm's base.")
+unknown_tool = click.option("--unknown-tool", is_flag=True, help="The measured point is not the origin of --frame.")
+sigma = click.option("--sigma", type=float, metavar="M", help="Error of the instrument [m]; of a plan 0.0003.")
+sigma_angle = click.option("--sigma-angle", type=float, metavar="A", help="Of poses: its error in angles [rad].")
+
+
+@calibrate.command(FIT, cls=Command, no_args_is_help=True)
+@click.argument(
+    "files", cls=Argument, nargs=-1, type=options.FILE, metavar="FILE...", text="Measurements: .csv, .npz or .parquet."
+)
+@click.option("--output", type=options.FILE, metavar="FILE.toml", help="What --calibration takes.")
+@click.option("--report", type=options.FILE, metavar="FILE.html", help="A page with pictures.")
+@click.option("--urdf", type=options.FILE, metavar="FILE", help="The arm for other programs.")
+@click.option("--mjcf", type=options.FILE, metavar="FILE", help="The arm for MuJoCo.")
+@sigma
+@sigma_angle
+@unknown_base
+@unknown_tool
+@click.option("--contact", metavar="plane|point", help="The point touched one plane, or one point, every time.")
+@click.option("--kinova", is_flag=True, help="The files have millimetres and degrees, as Kinova's software.")
+@click.option(
+    "--estimate",
+    multiple=True,
+    metavar="WHAT",
+    help="What may be off: geometry, offset (these two by default), scale, compliance. Repeatable.",
+)
+@options.frame
+@options.degrees
+@options.json
+@options.robot()
+def fit(
+    files: Sequence[Path],
+    output: Path | None,
+    report: Path | None,
+    urdf: Path | None,
+    mjcf: Path | None,
+    sigma: float | None,
+    sigma_angle: float | None,
+    unknown_base: bool,
+    unknown_tool: bool,
+    contact: str | None,
+    kinova: bool,
+    estimate: Sequence[str],
+    frame: str | None,
+    units: Units,
+    json: bool,
+    source: RobotOptions,
+) -> None:
+    """Find the arm behind some measurements.
+
+    Columns of the files: joint_1, joint_2, ... as the arm reports them, x, y, z [m], for poses also qw, qx, qy, qz or
+    roll, pitch, yaw; for distances `distance`, px, py, pz. Rows that are grossly off are left out and named.
+
+    Examples:
+      jacokin calibrate m.csv --sigma 0.0003 --output my_arm.toml --report report.html
+      jacokin calibrate poses.csv --sigma 0.001 --sigma-angle 0.002 --unknown-base --unknown-tool
+      jacokin calibrate touched.csv --contact plane --sigma 0.0005 --output my_arm.toml
+      jacokin ik --calibration my_arm.toml --position 0.3 -0.2 0.5 --down
+    """
+    if not files:
+        raise InvalidInputError("give a file of measurements")
+    outputs = {"--output": output, "--report": report, "--urdf": urdf, "--mjcf": mjcf}
+    keep_apart(outputs, {f"FILE {path}": path for path in files} | {"--robot": source.robot}, source.package_dirs)
+    if sigma_angle is not None and sigma is None:
+        raise InvalidInputError("--sigma-angle needs --sigma")
+    given = None if sigma is None else sigma if sigma_angle is None else (sigma, sigma_angle)
+    sets = [
+        calibration.Measurements.load(
+            path,
+            sigma=given,
+            frame=frame,
+            base="unknown" if unknown_base else "known",
+            tool="unknown" if unknown_tool else "known",
+            contact=contact,
+            degrees=units.degrees,
+            kinova=kinova,
+        )
+        for path in files
+    ]
+    found = calibration.calibrate(source.load(), sets, estimate or "auto")
+    if output is not None:
+        found.save(output)
+    if report is not None:
+        found.report(report)
+    if urdf is not None:
+        found.write_urdf(urdf)
+    if mjcf is not None:
+        found.write_mjcf(mjcf)
+    if json:
+        display.print_json(
+            {
+                "facts": dict(found.measured_arm.facts),
+                "noise": found.noise,
+                "p_value": found.p_value,
+                "parameters": {name: asdict(each) for name, each in found.parameters.items()},
+                "rejected": [asdict(each) for each in found.rejected],
+                "unidentified": found.unidentified,
+                "residuals": found.residuals,
+                "trends": [asdict(each) for each in found.trends],
+            }
+        )
+    else:
+        display.echo(str(found))
+    for path in outputs.values():
+        if path is not None:
+            display.say(f"written to {path}")
+
+
+@calibrate.command(cls=Command)
+@click.option("--points", type=click.IntRange(min=1), default=30, metavar="N", help="How many configurations.")
+@click.option("--output", type=options.FILE, metavar="FILE.csv", help="The configurations, with x, y, z to fill in.")
+@click.option("--poses", is_flag=True, help="Poses are measured, not positions.")
+@sigma
+@sigma_angle
+@unknown_base
+@unknown_tool
+@click.option("--lower", type=options.VECTOR, metavar="X Y Z", help="Lower corner of what is seen [m].")
+@click.option("--upper", type=options.VECTOR, metavar="X Y Z", help="Upper corner of what is seen [m].")
+@options.scene
+@click.option("--clearance", default=0.02, metavar="D", help="The arm stays this far from contact [m].")
+@options.frame
+@options.degrees
+@options.json
+@options.robot()
+def plan(
+    points: int,
+    output: Path | None,
+    poses: bool,
+    sigma: float | None,
+    sigma_angle: float | None,
+    unknown_base: bool,
+    unknown_tool: bool,
+    lower: Vector3 | None,
+    upper: Vector3 | None,
+    scene: Path | None,
+    clearance: float,
+    frame: str | None,
+    units: Units,
+    json: bool,
+    source: RobotOptions,
+) -> None:
+    """Say which configurations to measure, and how good the result will be.
+
+    They are clear of contact, those that say most come first.
+
+    Examples:
+      jacokin calibrate plan --points 30 --output m.csv
+      jacokin calibrate plan --points 40 --poses --unknown-base --unknown-tool --degrees
+      jacokin calibrate plan --scene table.yaml --lower -0.8 -0.8 0 --upper 0.8 0 1
+    """
+    if (lower is None) != (upper is None):
+        raise InvalidInputError("--lower and --upper go together")
+    if sigma_angle is not None and sigma is None:
+        raise InvalidInputError("--sigma-angle needs --sigma")
+    keep_apart({"--output": output}, {"--scene": scene, "--robot": source.robot}, source.package_dirs)
+    arm = source.load()
+    error = None if sigma is None else (sigma, 1e-3 if sigma_angle is None else sigma_angle) if poses else sigma
+    base, tool = "unknown" if unknown_base else "known", "unknown" if unknown_tool else "known"
+    measured = "pose" if poses else "position"
+    q = calibration.plan_measurements(
+        arm,
+        points,
+        measured=measured,
+        sigma=error,
+        frame=frame,
+        base=base,
+        tool=tool,
+        scene=options.load_scene(scene),
+        within=None if lower is None or upper is None else (lower, upper),
+        clearance=clearance,
+    )
+    promised = calibration.predict_accuracy(arm, q, measured=measured, sigma=error, frame=frame, base=base, tool=tool)
+    rows = [units.for_joints(arm).from_si(row) for row in q]
+    if output is not None:
+        columns = [*arm.joint_names, "x", "y", "z", *(("qw", "qx", "qy", "qz") if poses else ())]
+        empty = "," * (len(columns) - arm.dof)
+        lines = [",".join(columns), *(",".join(map(repr, row)) + empty for row in rows)]
+        with replacing(output) as temporary:
+            temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    if json:
+        display.print_json({"q": rows, "angle_unit": units.angle, "accuracy": asdict(promised)})
+    else:
+        heading = units.for_joints(arm).labels(arm.joint_names)
+        display.show_table(None, heading, [[display.number(value) for value in row] for row in rows], text=0)
+        display.echo(str(promised))
+    if output is not None:
+        display.say(f"written to {output}")

@@ -1,0 +1,91 @@
+"""`replay`: the episodes of a data set again, compared with what was recorded."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+from jacokin.errors import InvalidInputError
+from jacokin.model import checks
+from jacokin.tasks import registry
+from jacokin.tasks.datasets.recording import FORMATS, FUNCTION, Recorded, run_episode
+from jacokin.tasks.gym.environment import TaskEnv
+from jacokin.tasks.gym.registration import IDS
+
+
+@dataclass(frozen=True, slots=True)
+class Replayed:
+    """How an episode of a data set went when it was run again."""
+
+    episode: int
+    """Its number."""
+    seed: int
+    """From which it was reset."""
+    success: bool
+    """Whether it was solved at its end, now."""
+    is_equal: bool
+    """Whether observations, rewards, success and states are those of the recording, bit by bit."""
+    largest_difference: float
+    """Of the states; infinite where there are more or fewer of them."""
+
+
+def replay(
+    path: str | Path,
+    *,
+    env: gymnasium.Env[Any, Any] | None = None,
+    render_mode: str | None = None,
+    watch: Callable[[TaskEnv], None] | None = None,
+) -> list[Replayed]:
+    """Run the episodes of a data set again: from their seeds, by their actions.
+
+    On the version of MuJoCo and of jacokin that recorded them, they are equal bit by bit.
+
+    Args:
+        path: what `record` wrote.
+        env: the environment; None to make it as the data set says.
+        render_mode: of the environment that is made.
+        watch: called with the environment after each reset and each step, to render it, for example.
+
+    Raises:
+        InvalidInputError: no such data set; or its environment has a function as its reward, and env is None.
+        UnknownNameError: the task of the data set is not registered.
+    """
+    source = checks.path("path", path)
+    if source.suffix not in FORMATS or not source.exists():
+        raise InvalidInputError(f"path must be a data set that is there, ending in {', '.join(FORMATS)}, got {source}")
+    description, episodes = importlib.import_module(f"jacokin.tasks.datasets.{FORMATS[source.suffix]}").read(source)
+    if env is None:
+        made = _make(description, render_mode)
+    elif isinstance(env, gymnasium.Env) and isinstance(env.unwrapped, TaskEnv):
+        made = env.unwrapped
+    else:
+        raise checks.refusal("env", "an environment that gymnasium.make made of a task of jacokin", env)
+    look = (lambda: None) if watch is None else (lambda: watch(made))
+    return [_again(number, each, made, look) for number, each in enumerate(episodes)]
+
+
+def _make(description: dict[str, Any], render_mode: str | None) -> TaskEnv:
+    kwargs = dict(description["kwargs"])
+    if kwargs["reward"] == FUNCTION:
+        raise InvalidInputError("the reward of this data set is a function, which it does not hold: give env=...")
+    name = description["id"]
+    task = {identifier: task for task, identifier in IDS.items()}.get(name, name)
+    checks.choice("task", task, registry.TASKS)
+    return TaskEnv(task, render_mode=render_mode, **kwargs)
+
+
+def _again(number: int, recorded: Recorded, env: TaskEnv, look: Callable[[], None]) -> Replayed:
+    actions = iter(recorded.actions)
+    now = run_episode(env, lambda observation: next(actions), recorded.seed, look)
+    pairs = [(getattr(recorded, name), getattr(now, name)) for name in ("rewards", "success", "states")]
+    pairs += [(values, now.observations.get(name)) for name, values in recorded.observations.items()]
+    is_equal = all(before is not None and np.array_equal(before, after) for before, after in pairs)
+    same = recorded.states.shape == now.states.shape
+    difference = float(np.abs(recorded.states - now.states).max()) if same else np.inf
+    return Replayed(number, recorded.seed, bool(now.success[-1]), is_equal, difference)

@@ -1,0 +1,175 @@
+"""`jacokin teleop`: made and recorded hands, the keys of a terminal, a task's simulation, and what is refused."""
+
+from __future__ import annotations
+
+import json
+import os
+import pty
+import signal
+import sys
+import threading
+import time
+import urllib.request
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import jacokin
+from jacokin.motion import Trajectory
+from jacokin.teleop import make_stream
+from tests.cli.run import Run, leave, start
+
+
+def test_a_recorded_hand_leads_the_arm_to_where_it_ends(run: Run, tmp_path: Path) -> None:
+    robot = jacokin.load_robot()
+    stream = make_stream(robot, "smooth", np.random.default_rng(3))
+    stream.save(tmp_path / "hand.npz")
+    out = tmp_path / "motion.csv"
+    words = ("teleop", "--stream", str(tmp_path / "hand.npz"), "--fast", "--output", str(out))
+    answer = run(*words, "--json")
+    assert answer.code == 0
+    motion = Trajectory.load(out)
+    home, tool = (robot.forward_kinematics(q).translation for q in (robot.home, motion.q[-1]))
+    np.testing.assert_allclose(tool - home, stream.hand[-1, :3] - stream.hand[0, :3], atol=1e-3)
+    assert all(robot.within_limits(q) for q in motion.q)
+    assert (np.abs(np.diff(motion.v, axis=0)) <= 4.0 * 0.01 + 1e-9).all()
+    assert answer.document["q_end"] == motion.q[-1].tolist()
+    assert answer.document["within_limits"]
+    shown = run(*words).out
+    assert "tool off target" in shown
+    assert "kept in every tick" in shown
+
+
+def test_a_hand_that_is_never_caught_up_with_ends_with_one(run: Run) -> None:
+    answer = run("teleop", "--stream", "out_of_reach", "--fast", "--seconds", "7", "--scale", "3")
+    assert answer.code == 1
+    assert "held back by" in answer.out
+
+
+def test_a_task_gives_its_reward(run: Run) -> None:
+    answer = run("teleop", "--task", "reach_site", "--fast", "--seconds", "1", "--json")
+    assert answer.code == 0
+    assert answer.document["return"] >= 0.0
+    assert answer.document["solved"] in (False, True)
+    assert answer.document["ticks"] >= 25
+    assert answer.document["lag"] < 0.05
+
+
+def test_the_command_is_one_that_the_motors_of_a_task_can_follow(run: Run) -> None:
+    """Those of the wrist, whose rotors weigh 2 kg m^2, take 2.9 rad/s^2: at 4 they fell behind by 0.15 rad."""
+    words = ("teleop", "--task", "lift_brick", "--stream", "jerky", "--random-seed", "2", "--fast", "--json")
+    assert run(*words).document["lag"] < 0.03
+    assert run(*words, "--acceleration-limit", "4").document["lag"] > 0.1  # as it was asked for
+
+
+def test_fingers_close_in_a_task(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    from jacokin.tasks import TaskEnv
+    from jacokin.teleop import Player
+
+    angles = list[float]()
+    stepped = TaskEnv.step
+
+    def step(self: TaskEnv, action: list[float]) -> object:
+        angles.append(float(action[-1]))
+        return stepped(self, np.asarray(action))
+
+    monkeypatch.setattr(TaskEnv, "step", step)
+    monkeypatch.setattr(Player, "fingers", 1.0, raising=False)
+    assert leave("teleop", "--task", "reach_site", "--fast", "--seconds", "1", "--json") == 0
+    assert np.allclose(np.diff(angles[:10]), 0.8 * 0.04)
+    assert angles[-1] < 1.35 + 1e-9
+
+
+def test_a_page_leads_the_arm() -> None:
+    process = start("teleop", "--device", "page", "--port", "0", "--seconds", "4", "--json")
+    try:
+        assert process.stderr is not None
+        address, rest = process.stderr.readline().split(maxsplit=1)
+        assert rest == "shows j2n6s300; Ctrl-C ends it\n"
+        report = address.replace("/?", "/hand?")
+        for keys in ["r"] * 30 + ["space"] * 3:
+            with urllib.request.urlopen(f"{report}&keys={keys}", timeout=20.0) as answer:
+                assert answer.status == 200
+            time.sleep(0.03)
+        out, err = process.communicate(timeout=60.0)
+    finally:
+        process.kill()
+        process.communicate()
+    assert (process.returncode, err) == (0, "")
+    found = json.loads(out)
+    robot = jacokin.load_robot()
+    tools = [robot.forward_kinematics(q).translation for q in (robot.home, found["q_end"])]
+    assert 0.01 < tools[1][2] - tools[0][2] < 4 * 0.1  # no faster than the keys' 0.1 m/s; a busy machine reports late
+    assert found["statuses"]["HOLDING"] > 0  # the space bar opened the clutch
+
+
+def test_ctrl_c_brakes_the_arm_and_then_says_what_happened() -> None:
+    process = start("teleop", "--stream", "smooth", "--view", "--port", "0", "--json")
+    try:
+        assert process.stderr is not None
+        process.stderr.readline()  # the address
+        time.sleep(3.0)
+        process.send_signal(signal.SIGINT)
+        out, _ = process.communicate(timeout=60.0)
+    finally:
+        process.kill()
+        process.communicate()
+    found = json.loads(out)
+    assert found["duration"] < 10.0  # of 12
+    assert found["statuses"]["HOLDING"] > 0
+    assert found["within_limits"]
+
+
+def test_a_recording_is_shown_in_the_browser(capsys: pytest.CaptureFixture[str]) -> None:
+    assert leave("teleop", "--fast", "--seconds", "1", "--view", "--port", "0", "--json") == 0
+    said = capsys.readouterr()
+    assert said.err.startswith("http://127.0.0.1:")
+    assert json.loads(said.out)["ticks"] >= 100
+
+
+def test_keys_of_a_terminal_move_the_arm(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    ours, theirs = pty.openpty()
+
+    def type_keys() -> None:
+        for key in b"w" * 20 + b" q":
+            time.sleep(0.02)
+            os.write(ours, bytes([key]))
+
+    with os.fdopen(theirs, "r") as terminal:
+        monkeypatch.setattr(sys, "stdin", terminal)
+        typist = threading.Thread(target=type_keys)
+        typist.start()
+        answer = run("teleop", "--device", "keyboard", "--seconds", "5", "--json")
+        typist.join()
+    os.close(ours)
+    robot = jacokin.load_robot()
+    tools = [robot.forward_kinematics(q).translation for q in (robot.home, answer.document["q_end"])]
+    assert answer.code == 0
+    assert answer.document["duration"] < 4.0
+    assert 0.005 < tools[1][0] - tools[0][0] < 0.06
+    assert answer.document["statuses"]["HOLDING"] > 0
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--stream", "jery"), "Did you mean 'jerky'"),
+        (("--stream", "missing.npz"), "missing.npz: cannot be read: No such file"),
+        (("--device", "keyboard", "--fast"), "--stream and --fast are for --device player"),
+        (("--device", "keyboard"), "needs a terminal"),
+        (("--device", "glove"), "'glove' is not one of"),
+        (("--output", "motion.txt"), "--output must end in"),
+        (("--seconds", "0"), "--seconds must be"),
+        (("--task", "reach_sight"), "reach_site"),
+        (("--task", "reach_site", "--dt", "0.01"), "--task has its robot"),
+        (("--task", "reach_site", "--robot", "j2s7s300"), "--task has its robot"),
+        (("--acceleration-limit", "-1"), "--acceleration-limit must be"),
+        (("--view", "--port", "70000"), "--port must be"),
+    ],
+)
+def test_what_is_refused(run: Run, words: tuple[str, ...], message: str) -> None:
+    answer = run("teleop", *words)
+    assert answer.code == 2
+    assert message in " ".join(answer.err.split())
+    assert "Traceback" not in answer.err

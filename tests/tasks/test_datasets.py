@@ -1,0 +1,364 @@
+"""Recorded episodes: what others read is what was simulated, a kill loses none, and they are replayed bit by bit."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import jacokin.tasks
+from jacokin.chunks.execution import worker_processes
+from jacokin.errors import InvalidInputError
+from jacokin.mujoco_bridge.distributions import Uniform
+from jacokin.tasks import Randomization, Task, TaskEnv
+from jacokin.tasks.datasets import recording, video
+from jacokin.tasks.datasets.recording import Recorded, run_episode
+from jacokin.tasks.task import CONTROL_TIMESTEP
+from tests import rendering
+from tests.cli.run import leave
+
+h5py = pytest.importorskip("h5py", reason="the extra data is not installed")
+parquet = pytest.importorskip("pyarrow.parquet", reason="the extra data is not installed")
+
+ROOT = Path(__file__).resolve().parents[2]
+STEPS, EPISODES, SEED = 6, 3, 4
+VARIED = Randomization(mass=Uniform(0.5, 2.0), latency=0.04, observation_noise=0.01)
+FORMATS = tuple(recording.FORMATS)
+
+
+@pytest.fixture
+def short(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Episodes of a few steps."""
+    monkeypatch.setattr(Task, "time_limit", STEPS * CONTROL_TIMESTEP)
+
+
+class Wave:
+    """Some policy: actions that depend on the time since the reset, and on what is seen."""
+
+    def reset(self) -> None:
+        self.time = 0
+
+    def __call__(self, observation: Any) -> NDArray[np.float64]:
+        self.time += 1
+        return np.asarray(np.sin(np.arange(9.0) * self.time) + observation["duplo2x4/position"][0])
+
+
+def make(**options: Any) -> TaskEnv:
+    return TaskEnv("lift_brick", flatten=False, randomization=VARIED, **options)
+
+
+def expected(**options: Any) -> list[Recorded]:
+    """The episodes, run without recording them."""
+    environment, policy = make(**options), Wave()
+    return [run_episode(environment, policy, SEED + index) for index in range(EPISODES)]
+
+
+def check_equal(found: Recorded, wanted: Recorded, *, observed: bool = True) -> None:
+    for name in ("seed", "actions", "rewards", "success", "states", "error"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(wanted, name))
+    assert found.randomization == wanted.randomization
+    if observed:
+        assert set(found.observations) == set(wanted.observations)
+        for name, values in wanted.observations.items():
+            np.testing.assert_array_equal(found.observations[name], values)
+
+
+def read(path: Path) -> list[Recorded]:
+    module = __import__(f"jacokin.tasks.datasets.{recording.FORMATS[path.suffix]}", fromlist=["read"])
+    return list(module.read(path)[1])
+
+
+@pytest.mark.usefixtures("short")
+@pytest.mark.parametrize("ending", FORMATS)
+def test_episodes_are_kept_bit_by_bit_and_replayed(ending: str, tmp_path: Path) -> None:
+    path = tmp_path / f"demos{ending}"
+    told: list[int] = []
+    summary = jacokin.tasks.record(
+        make(), Wave(), path, episodes=EPISODES, seed=SEED, progress=lambda made: told.append(made.done)
+    )
+    wanted = expected()
+    assert (summary.path, summary.episodes, summary.solved, summary.steps) == (path, EPISODES, 0, EPISODES * STEPS)
+    assert summary.mean_return == pytest.approx(np.mean([each.rewards.sum() for each in wanted]))
+    assert told == [1, 2, 3]
+    assert [each.name for each in tmp_path.iterdir()] == [path.name]
+    found = read(path)
+    assert len(found) == EPISODES
+    for one, other in zip(found, wanted, strict=True):
+        check_equal(one, other, observed=ending != ".lerobot")
+    replayed = jacokin.tasks.replay(path)
+    assert [(each.episode, each.seed, each.is_equal, each.largest_difference) for each in replayed] == [
+        (index, SEED + index, True, 0.0) for index in range(EPISODES)
+    ]
+    others = jacokin.tasks.replay(path, env=TaskEnv("lift_brick", flatten=False))  # another mass, no latency
+    assert not any(each.is_equal for each in others)
+    assert all(each.largest_difference > 1e-6 for each in others)
+
+
+@pytest.mark.usefixtures("short")
+def test_the_layout_is_that_of_robomimic(tmp_path: Path) -> None:
+    """As its `SequenceDataset` and `get_env_metadata_from_dataset` read."""
+    jacokin.tasks.record(make(), Wave(), tmp_path / "demos.hdf5", episodes=EPISODES, seed=SEED)
+    wanted = expected()
+    with h5py.File(tmp_path / "demos.hdf5", "r", swmr=True, libver="latest") as file:
+        arguments = json.loads(file["data"].attrs["env_args"])
+        assert set(arguments) == {"env_name", "type", "env_kwargs"}
+        again: Any = gymnasium.make(arguments["env_name"], **arguments["env_kwargs"])
+        assert again.unwrapped.randomization == VARIED
+        assert file["data"].attrs["total"] == EPISODES * STEPS
+        assert sorted(file["data"], key=lambda name: int(name[5:])) == [f"demo_{index}" for index in range(EPISODES)]
+        assert list(file["mask/solved"]) == []
+        for index, each in enumerate(wanted):
+            demo = file[f"data/demo_{index}"]
+            assert demo.attrs["num_samples"] == STEPS
+            np.testing.assert_array_equal(demo["obs/duplo2x4_position"], each.observations["duplo2x4/position"][:-1])
+            np.testing.assert_array_equal(
+                demo["next_obs/jaco_arm_joints_pos"], each.observations["jaco_arm/joints_pos"][1:]
+            )
+            np.testing.assert_array_equal(demo["actions"], each.actions)
+            np.testing.assert_array_equal(demo["states"], each.states[:-1])
+            assert demo["dones"][:].tolist() == [0] * (STEPS - 1) + [1]
+
+
+@pytest.mark.usefixtures("short")
+@pytest.mark.parametrize("flatten", [False, True])
+def test_minari_reads_its_data_sets(flatten: bool, tmp_path: Path) -> None:
+    minari = pytest.importorskip("minari", reason="it is no dependency")
+    path, env = tmp_path / "demos.minari", TaskEnv("reach_site", flatten=flatten)
+    rng = np.random.default_rng(0)
+    jacokin.tasks.record(env, lambda observation: rng.uniform(-1.0, 1.0, 9), path, episodes=2, seed=SEED)
+    data = minari.MinariDataset(path)
+    assert (data.total_episodes, data.total_steps) == (2, 2 * STEPS)
+    for episode, wanted in zip(data.iterate_episodes(), read(path), strict=True):
+        assert episode.actions.shape == (STEPS, 9)
+        np.testing.assert_array_equal(episode.actions, wanted.actions)
+        np.testing.assert_array_equal(episode.rewards, wanted.rewards)
+        assert episode.truncations.tolist() == [False] * (STEPS - 1) + [True]
+        seen = {"observation": episode.observations} if flatten else episode.observations
+        for name, values in wanted.observations.items():
+            np.testing.assert_array_equal(seen[name.replace("/", "_")], values)
+    assert data.recover_environment().unwrapped.options == env.options
+
+
+@pytest.mark.usefixtures("short")
+def test_the_layout_is_that_of_lerobot(tmp_path: Path) -> None:
+    path = tmp_path / "demos.lerobot"
+    jacokin.tasks.record(make(), Wave(), path, episodes=EPISODES, seed=SEED)
+    wanted = expected()
+    info = json.loads((path / "meta/info.json").read_text())
+    assert (info["codebase_version"], info["fps"]) == ("v3.0", 25)
+    assert (info["total_episodes"], info["total_frames"]) == (EPISODES, EPISODES * STEPS)
+    table = parquet.read_table(path / info["data_path"].format(chunk_index=0, file_index=0))
+    assert set(table.column_names) == set(info["features"])
+    columns = {name: np.array(table[name].to_pylist()) for name in table.column_names}
+    for name, feature in info["features"].items():
+        assert str(table.schema.field(name).type).startswith(
+            feature["dtype"].replace("float32", "float") if feature["shape"] == [1] else "fixed_size_list"
+        )
+        if feature["names"]:
+            assert len(feature["names"]) == feature["shape"][0] == columns[name].shape[1]
+    actions = np.concatenate([each.actions for each in wanted])
+    np.testing.assert_array_equal(columns["action"], actions.astype(np.float32))
+    assert info["features"]["action"]["names"][0] == "jaco_arm/joint_1"
+    place = info["features"]["observation.environment_state"]["names"].index("duplo2x4/position.2")
+    heights = np.concatenate([each.observations["duplo2x4/position"][:-1, 2] for each in wanted])
+    np.testing.assert_array_equal(
+        columns["observation.environment_state"][:, place], heights.astype(np.float32).astype(np.float64)
+    )
+    np.testing.assert_array_equal(columns["index"], np.arange(EPISODES * STEPS))
+    np.testing.assert_array_equal(columns["episode_index"], np.repeat(np.arange(EPISODES), STEPS))
+    np.testing.assert_allclose(columns["timestamp"], np.tile(np.arange(STEPS) * 0.04, EPISODES), atol=1e-7)
+    episodes = parquet.read_table(path / "meta/episodes/chunk-000/file-000.parquet").to_pylist()
+    assert [(each["dataset_from_index"], each["dataset_to_index"]) for each in episodes] == [(0, 6), (6, 12), (12, 18)]
+    stats = json.loads((path / "meta/stats.json").read_text())["action"]
+    exact = actions.astype(np.float32).astype(np.float64)
+    for kind, value in (("mean", exact.mean(0)), ("std", exact.std(0)), ("min", exact.min(0)), ("max", exact.max(0))):
+        np.testing.assert_allclose(stats[kind], value, rtol=1e-9, atol=1e-12)
+    tasks = parquet.read_table(path / "meta/tasks.parquet").to_pylist()
+    assert tasks == [{"task_index": 0, "__index_level_0__": "Lift a brick."}]
+    last = path / "meta/jacokin" / f"{EPISODES - 1:06d}.npz"
+    last.write_bytes(last.read_bytes()[:1000])
+    with pytest.raises(InvalidInputError, match="is not an episode, or damaged"):
+        jacokin.tasks.replay(path)
+    last.unlink()
+    with pytest.raises(InvalidInputError, match=f"{EPISODES - 1} of its {EPISODES} episodes"):
+        jacokin.tasks.replay(path)
+
+
+PICTURES = """
+import sys, numpy as np
+from pathlib import Path
+from jacokin.tasks import TaskEnv, Task, record, replay
+Task.time_limit = 0.12
+env = TaskEnv("lift_brick", observations="vision")
+env.model.vis.quality.shadowsize = 256
+record(env, lambda seen: np.zeros(9), sys.argv[1], episodes=2)
+np.save(sys.argv[2], np.stack([env.reset(seed=s)[0]["front_close"] for s in (0, 1)]))
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not rendering.backends(), reason="MuJoCo cannot draw here")
+def test_pictures_are_videos(tmp_path: Path) -> None:
+    path, firsts = tmp_path / "demos.lerobot", tmp_path / "first.npy"
+    environment = {**os.environ, "MUJOCO_GL": rendering.backends()[0]}
+    command = [sys.executable, "-P", "-c", PICTURES, str(path), str(firsts)]
+    subprocess.run(command, env=environment, check=True)
+    info = json.loads((path / "meta/info.json").read_text())
+    name = "observation.images.front_close"
+    assert info["features"][name]["shape"] == [84, 84, 3]
+    file = path / info["video_path"].format(video_key=name, chunk_index=0, file_index=0)
+    raw = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-"]
+    done = subprocess.run(
+        [video.find_ffmpeg(), "-loglevel", "error", "-i", str(file), *raw], capture_output=True, check=True
+    )
+    pictures = np.frombuffer(done.stdout, dtype=np.uint8).reshape(-1, 84, 84, 3)
+    assert len(pictures) == 6
+    difference = np.abs(pictures[[0, 3]].astype(int) - np.load(firsts).astype(int))
+    assert difference.mean() < 4.0  # of 255: the video loses some
+    row = parquet.read_table(path / "meta/episodes/chunk-000/file-000.parquet").to_pylist()[1]
+    assert row[f"videos/{name}/from_timestamp"] == pytest.approx(3 / 25)
+
+
+KILLED = """
+import os, signal, sys
+sys.path[:0] = sys.argv[2:]
+from tests.tasks.test_datasets import *
+Task.time_limit = STEPS * CONTROL_TIMESTEP
+class Deadly(Wave):
+    __qualname__ = "Wave"
+    calls = 0
+    def __call__(self, observation):
+        Deadly.calls += 1
+        if Deadly.calls == 2 * STEPS + 3:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return super().__call__(observation)
+jacokin.tasks.record(make(), Deadly(), sys.argv[1], episodes=EPISODES, seed=SEED)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("short")
+def test_a_kill_loses_no_finished_episode(tmp_path: Path) -> None:
+    path = tmp_path / "demos.hdf5"
+    command = [sys.executable, "-P", "-c", KILLED, str(path), str(ROOT), *sys.path]
+    done = subprocess.run(command, check=False, capture_output=True)
+    assert done.returncode == -signal.SIGKILL, done.stderr
+    assert not path.exists()
+    assert len(list((tmp_path / "demos.hdf5.episodes").glob("*.npz"))) == 2
+    told: list[int] = []
+    jacokin.tasks.record(
+        make(), Wave(), path, episodes=EPISODES, seed=SEED, progress=lambda made: told.append(made.done)
+    )
+    assert told == [3]  # only the one that was lost is run
+    for one, other in zip(read(path), expected(), strict=True):
+        check_equal(one, other)
+
+
+@pytest.mark.slow
+def test_workers_record_the_same(tmp_path: Path) -> None:
+    paths = tmp_path / "one.hdf5", tmp_path / "two.hdf5"
+    env, policy = TaskEnv("reach_site", flatten=False), jacokin.tasks.expert("reach_site")
+    with worker_processes(2) as executor:
+        summary = jacokin.tasks.record(env, policy, paths[0], episodes=2, executor=executor)
+    jacokin.tasks.record(env, policy, paths[1], episodes=2)
+    assert summary.solved == 2
+    for one, other in zip(read(paths[0]), read(paths[1]), strict=True):
+        check_equal(one, other)
+    with h5py.File(paths[0]) as file:
+        assert [name.decode() for name in file["mask/solved"]] == ["demo_0", "demo_1"]
+
+
+@pytest.mark.usefixtures("short")
+def test_actions_are_kept_as_they_are_applied(tmp_path: Path) -> None:
+    env = TaskEnv("lift_brick", flatten=False)
+    env.reset(seed=0)
+    recorded = run_episode(env, lambda observation: np.full(9, 10.0), 0)
+    np.testing.assert_array_equal(recorded.actions, np.tile(env._control.bounds[1], (STEPS, 1)))
+    # The noise of an episode follows from its seed: from whichever episode a recording is started again.
+    expert = jacokin.tasks.expert("lift_brick", noise=0.05)
+    path = tmp_path / "a.hdf5"
+    jacokin.tasks.record(env, expert, path, episodes=2, seed=SEED)
+    expert.reset()
+    second = run_episode(env, jacokin.tasks.expert("lift_brick", noise=0.05), SEED + 1)
+    check_equal(read(path)[1], second)
+    assert all(each.is_equal for each in jacokin.tasks.replay(path))
+
+
+@pytest.mark.usefixtures("short")
+def test_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = str(tmp_path / "demos.hdf5")
+    assert leave("task", "reach_site", "--episodes", "2", "--seed", "3", "--record", path) == 0
+    assert "0 of 2 solved" in capsys.readouterr().out
+    assert leave("task", "replay", path) == 0
+    assert "episode 2, seed 4: equal\n2 of 2 equal bit by bit" in capsys.readouterr().out
+    with h5py.File(path, "r+") as file:
+        file["data/demo_0/actions"][2, 0] += 0.1
+    assert leave("task", "replay", path) == 1
+    assert "seed 3: states differ by" in capsys.readouterr().out
+    for words in (
+        ["replay"],
+        ["reach_site", path],
+        ["replay", path, "--expert"],
+        ["replay", str(tmp_path / "no.hdf5")],
+    ):
+        assert leave("task", *words) == 2
+
+
+@pytest.mark.usefixtures("short")
+@pytest.mark.parametrize("ending", FORMATS)
+def test_control_steps_of_another_length_are_kept(ending: str, tmp_path: Path) -> None:
+    path = tmp_path / f"demos{ending}"
+    jacokin.tasks.record(make(control_timestep=0.02), Wave(), path, seed=SEED)
+    assert read(path)[0].actions.shape == (2 * STEPS, 9)
+    assert [each.is_equal for each in jacokin.tasks.replay(path)] == [True]
+    if ending == ".lerobot":
+        assert json.loads((path / "meta/info.json").read_text())["fps"] == 50
+        times = parquet.read_table(path / "data/chunk-000/file-000.parquet")["timestamp"].to_numpy()
+        np.testing.assert_allclose(times, 0.02 * np.arange(2 * STEPS), atol=1e-6)
+        with pytest.raises(InvalidInputError, match="a whole number of steps a second, not 33.33"):
+            jacokin.tasks.record(make(control_timestep=0.03), Wave(), tmp_path / "odd.lerobot")
+
+
+def test_mistakes(tmp_path: Path) -> None:
+    env = TaskEnv("reach_site")
+    for path, words in ((tmp_path / "a.txt", "path must end in"), (tmp_path / "no" / "a.hdf5", "there is no folder")):
+        with pytest.raises(InvalidInputError, match=words):
+            jacokin.tasks.record(env, len, path)
+    for ending in FORMATS:  # the same for files and folders
+        there = tmp_path / f"there{ending}"
+        there.touch()
+        with pytest.raises(InvalidInputError, match="is there already"):
+            jacokin.tasks.record(env, len, there)
+        assert there.read_bytes() == b""
+    seeing = TaskEnv("lift_brick", observations="vision", cameras={"wrist/depth": (8, 8)})
+    with pytest.raises(InvalidInputError, match=r"keeps videos of colours, not wrist/depth: use \.hdf5"):
+        jacokin.tasks.record(seeing, len, tmp_path / "seen.lerobot")
+    with pytest.raises(InvalidInputError, match="env must be"):
+        jacokin.tasks.record(3, len, tmp_path / "a.hdf5")  # type: ignore[arg-type]
+    with pytest.raises(InvalidInputError, match="policy must be"):
+        jacokin.tasks.record(env, 3, tmp_path / "a.hdf5")  # type: ignore[arg-type]
+    strange = TaskEnv("reach_site", randomization=Randomization(mass=lambda *_: 1.0))
+    with pytest.raises(InvalidInputError, match="mass: data sets keep numbers"):
+        jacokin.tasks.record(strange, len, tmp_path / "a.hdf5")
+    (tmp_path / "b.hdf5").write_bytes(b"no data set")
+    with pytest.raises(InvalidInputError, match="is not a data set that jacokin wrote"):
+        jacokin.tasks.replay(tmp_path / "b.hdf5")
+
+
+@pytest.mark.usefixtures("short")
+def test_a_function_as_a_reward_needs_the_environment(tmp_path: Path) -> None:
+    env = TaskEnv("reach_site", reward=lambda state: state["target_position"][..., 0])
+    path = tmp_path / "demos.minari"
+    jacokin.tasks.record(env, lambda observation: np.zeros(9), path)
+    with pytest.raises(InvalidInputError, match="give env="):
+        jacokin.tasks.replay(path)
+    assert jacokin.tasks.replay(path, env=env)[0].is_equal
