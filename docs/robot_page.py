@@ -255,11 +255,19 @@ def _dynamics(numbers: Row) -> list[str]:
             ),
         ),
         f"{origin(dynamics)} A URDF cannot carry armature, so mass matrices are compared without it.",
-        "The bridge adds velocity actuators; the files in `urdf/` hold none.",
+        "The bridge adds actuators; the files in `urdf/` hold none. `kp` is for an arm that takes positions.",
         grid(
-            ("joints", "gain kv [N m s/rad]", "command", "force [N m]", "source", "doubt"),
+            ("joints", "kp [N m/rad]", "gain kv [N m s/rad]", "command", "force [N m]", "source", "doubt"),
             (
-                (joints[g], value(row["kv"]), _command(g), value(row["force_range"]), row["source"], row["doubt"])
+                (
+                    joints[g],
+                    value(row["kp"]) if "kp" in row else "",
+                    value(row["kv"]),
+                    _command(g),
+                    value(row["force_range"]),
+                    row["source"],
+                    row["doubt"],
+                )
                 for g, row in actuators.items()
             ),
         ),

@@ -32,6 +32,17 @@ IMAGES = FOLDER / "images" / "tasks"
 EXPERTS = FOLDER / "tasks_experts.json"
 HEIGHT, WIDTH, DRAWN = 240, 300, 2  # pixels, and how many times larger it is drawn before
 SEED = 0  # of the episodes that are shown
+REMARKS = {
+    "lift_large_box": (
+        "We know of no way to solve this task, and have no proof that there is none. Opposite faces of the box are "
+        "0.18 m apart, the ends of the fully open fingers 0.1765 m, so thumb and fingers do not go around it. With "
+        "one finger beside the box, the other and the thumb are 0.184 m apart at their very ends: they would hold the "
+        "uppermost 3 mm of the faces, which no one has tried. Two faces that meet in an upright edge push the fingers "
+        "off: with normal forces N and N', the horizontal friction on one face must balance the normal force on the "
+        "other, so both friction forces are N = N' where the coefficient is 1, as it is here; nothing is left against "
+        "the weight of 12.8 N (1.3 kg). The bottom lies on the table. The expert tries an edge, and loses it."
+    ),
+}
 
 
 def page() -> str:
@@ -114,6 +125,7 @@ def _section(name: str, environment: jacokin.tasks.Environment, own: Sequence[st
                 ["tool at the start", f"{box} m, fingers anywhere"],
             ],
         ),
+        *([REMARKS[name]] if name in REMARKS else []),
         grid(("key", "shape", "type"), rows),
     ]
 

@@ -54,7 +54,7 @@ class Kitchen:
         self.robot = jacokin.load_robot()
         self.shape = Box("cup", CUP, [*FROM, 0.5 * CUP[2] + ABOVE])
         self.scene = Scene([Floor(0.0), Box("crate", CRATE, [0.45, 0.0, 0.5 * CRATE[2]]), self.shape])
-        self.solver = jacokin.IKSolver(self.robot, scene=self.scene, collision="reject")
+        self.solver = jacokin.IKSolver(self.robot, scene=self.scene)
 
     @property
     def q(self) -> NDArray[np.float64]:

@@ -25,11 +25,13 @@ SMOOTHING = 2  # rendered larger by this factor and averaged
 GHOST = (0.25, 0.5, 0.9, 0.08)
 OBSTACLE = (0.85, 0.65, 0.35, 1.0)
 LINE = (0.9, 0.3, 0.1, 1.0)
+ELLIPSOID = (0.9, 0.3, 0.1, 0.45)
 AXES = ((0.8, 0.1, 0.1, 1.0), (0.1, 0.6, 0.1, 1.0), (0.1, 0.2, 0.8, 1.0))  # x, y, z
 THICKNESS = 0.004  # [m] radius of a line
 LOOK_AT = (0.05, -0.12, 0.35)  # [m]
 LEVEL = -15.0  # [deg] elevation of the camera
 DISTANCE = 1.5  # [m] of the camera
+COLOURS = 48  # of a moving picture
 
 
 def draw(
@@ -41,6 +43,7 @@ def draw(
     line: ArrayLike = (),
     axes: Iterable[NDArray[np.float64]] = (),
     words: Iterable[tuple[str, ArrayLike]] = (),
+    ellipsoids: Iterable[tuple[ArrayLike, ArrayLike]] = (),
     azimuth: float = 60.0,
     elevation: float = LEVEL,
     distance: float = DISTANCE,
@@ -57,6 +60,7 @@ def draw(
         line: (n, 3) points of a line [m].
         axes: poses (4, 4) in the base, drawn as lines of 10 cm: x red, y green, z blue.
         words: texts, each with its place (3,) [m].
+        ellipsoids: each a centre (3,) [m] and a matrix (3, n): where that takes the unit sphere [m].
         azimuth: direction that the camera looks in [deg].
         elevation: the same, negative from above [deg].
         distance: of the camera [m].
@@ -85,6 +89,8 @@ def draw(
             for direction, color in zip(pose[:3, :3].T, AXES, strict=True):
                 tip = pose[:3, 3] + 0.1 * direction
                 _add_line(renderer.scene, pose[:3, 3], tip, color)
+        for centre, matrix in ellipsoids:
+            _add_ellipsoid(renderer.scene, centre, matrix)
         for text, place in words:
             _add_word(renderer.scene, text, np.asarray(place, dtype=float))
         save(file, renderer.render(), SMOOTHING)
@@ -124,9 +130,42 @@ def _add_line(scene: mujoco.MjvScene, start: ArrayLike, end: ArrayLike, color: S
     scene.ngeom += 1
 
 
+def _add_ellipsoid(scene: mujoco.MjvScene, centre: ArrayLike, matrix: ArrayLike) -> None:
+    geom, kind = scene.geoms[scene.ngeom], mujoco.mjtGeom.mjGEOM_ELLIPSOID
+    axes, sizes, _ = np.linalg.svd(np.asarray(matrix, dtype=float))
+    axes[:, 2] *= np.sign(np.linalg.det(axes))
+    sizes, place = np.maximum(sizes, THICKNESS), np.asarray(centre, dtype=float)
+    mujoco.mjv_initGeom(geom, kind, sizes, place, axes.ravel(), np.asarray(ELLIPSOID, dtype=np.float32))
+    geom.transparent = 1
+    scene.ngeom += 1
+
+
 def _add_word(scene: mujoco.MjvScene, text: str, place: NDArray[np.float64]) -> None:
     geom = scene.geoms[scene.ngeom]
     size, rotation = np.full(3, 0.001), np.eye(3).ravel()
     mujoco.mjv_initGeom(geom, mujoco.mjtGeom.mjGEOM_LABEL, size, place, rotation, np.ones(4, np.float32))
     geom.label = text
     scene.ngeom += 1
+
+
+class Film:
+    """A moving picture of a simulation."""
+
+    def __init__(self, model: mujoco.MjModel, look_at: ArrayLike = LOOK_AT) -> None:
+        """Begin without pictures of a place [m]."""
+        self._renderer = mujoco.Renderer(model, 240, 320)
+        self._camera = mujoco.MjvCamera()
+        self._camera.lookat[:] = look_at
+        self._camera.distance, self._camera.azimuth, self._camera.elevation = 1.7, 120.0, LEVEL
+        self._frames: list[Image.Image] = []
+
+    def take(self, data: mujoco.MjData) -> None:
+        """Take one picture."""
+        self._renderer.update_scene(data, camera=self._camera)
+        self._frames.append(Image.fromarray(self._renderer.render()).quantize(COLOURS))
+
+    def save(self, file: str | Path, seconds: float) -> None:
+        """Write a GIF that shows each picture for so long [s]."""
+        first, *rest = self._frames
+        Path(file).parent.mkdir(parents=True, exist_ok=True)
+        first.save(file, save_all=True, append_images=rest, duration=round(1000 * seconds), loop=0)

@@ -31,7 +31,7 @@ def make_targets() -> list[list[str]]:
 
 def _folded(robot: jacokin.Robot, rng: np.random.Generator, count: int) -> list[Array]:
     """Configurations with a folded elbow whose pose no other branch reaches within the limits either."""
-    solver = jacokin.IKSolver(robot)
+    solver = jacokin.IKSolver(robot, collision="ignore")
     found: list[Array] = []
     while len(found) < count:
         q = robot.sample(rng)

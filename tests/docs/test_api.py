@@ -12,7 +12,7 @@ import pytest
 PAGES = Path(__file__).parents[2] / "docs" / "api"
 DIRECTIVE = re.compile(r"^::: (\S+)((?:\n +.*)*)", re.MULTILINE)
 MEMBERS = re.compile(r"members: \[(.*?)\]")
-ROOMS = ("ik", "model", "mujoco_bridge", "mujoco_bridge.props", "reachability", "tasks", "viewer")
+ROOMS = ("calibration", "ik", "model", "mujoco_bridge", "mujoco_bridge.props", "reachability", "tasks", "viewer")
 
 
 def shown() -> set[str]:

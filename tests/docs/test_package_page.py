@@ -47,7 +47,9 @@ def test_links_of_the_page_work_away_from_the_repository(metadata: ProjectMetada
 
 
 def test_the_page_says_where_the_clone_comes_from(metadata: ProjectMetadata[PluginManager]) -> None:
-    clone = f"```bash\ngit clone {REPOSITORY} jacokin && cd jacokin\npip install .  # with Python"
+    clone = (
+        f"```bash\ngit clone {REPOSITORY} jacokin && cd jacokin\npython3 -m venv .venv && . .venv/bin/activate\npip "
+    )
     assert clone in metadata.core.readme
     with pytest.raises(ValueError, match="in a clone"):
         with_clone("pip install jacokin")
