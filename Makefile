@@ -12,7 +12,7 @@ JOBS ?= 2
 
 .PHONY: demo test test-all lint format type docs build test-oldest bench fuzz release-check address clean
 
-demo: $(VENV)/demo.stamp  ## solve the example targets and draw the arm at a solution
+demo: $(VENV)/demo.stamp  ## show branches, a motion around a crate, advice; draw it
 	$(BIN)/jacokin demo --output out/jaco.png
 
 test: $(VENV)/test.stamp  ## the quick tests, against the built wheel: at most 4 minutes on two cores
@@ -48,9 +48,10 @@ fuzz: $(VENV)/test.stamp  ## random targets, arguments and files for at most hal
 
 release-check: address $(VENV)/release.stamp  ## build what would be uploaded, and check it; uploads nothing
 	rm -rf build/release
-	$(BIN)/python -m build --outdir build/release .
+	CC="python -m ziglang cc -target $(shell uname -m)-linux-gnu.2.17" $(BIN)/python -m build --outdir build/release .
 	$(BIN)/python -m twine check --strict build/release/*
 	$(BIN)/check-wheel-contents build/release/*.whl
+	$(BIN)/python -m release_check build/release
 	$(BIN)/python -m pip install --quiet --force-reinstall --no-deps build/release/*.whl
 	tar -xzf build/release/*.tar.gz -C build/release
 	cd build/release/jacokin-*/ && $(abspath $(BIN))/pytest -n $(JOBS) -m "not slow"

@@ -15,8 +15,8 @@ from hatchling.metadata.plugin.interface import MetadataHookInterface
 REPOSITORY = "https://repository-address.invalid/jacokin"
 BRANCH = "main"
 #: README begins in a clone; who reads the page in an index has to make one first.
-IN_A_CLONE = "pip install .  # in a clone, with "
-CLONING = f"git clone {REPOSITORY} jacokin && cd jacokin\npip install .  # with "
+IN_A_CLONE = "python3 -m venv .venv && . .venv/bin/activate  # in a clone\n"
+CLONING = f"git clone {REPOSITORY} jacokin && cd jacokin\npython3 -m venv .venv && . .venv/bin/activate\n"
 
 
 def with_clone(text: str) -> str:

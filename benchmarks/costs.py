@@ -17,6 +17,7 @@ import pinocchio as pin
 import jacokin
 from benchmarks import report, targets
 from jacokin import Robot
+from jacokin.arrays import Array
 from jacokin.model import to_mujoco
 
 QP_TARGETS = 150
@@ -27,6 +28,8 @@ BLOCKS = 15
 BATCH = 20_000  # poses
 BATCHES = 3
 STARTS = 5  # of each command
+LOOKING = "ignore", "prefer"
+SOLVED_POSES, CALLS_OF_A_POSE = 300, 20
 FIRST_ANSWER = (
     "import jacokin; robot = jacokin.load_robot(); solver = jacokin.IKSolver(robot);"
     "solver.solve(robot.forward_kinematics(robot.home)).raise_for_status()"
@@ -40,7 +43,7 @@ def qp_iteration(robot: Robot) -> tuple[float, float]:
     The bare loop is what a user writes: limits built once, errors compared, a step, until 1e-8 or 60 iterations, from
     home and then from random starts. Both take the same targets in turns.
     """
-    solver = jacokin.IKSolver(robot, method="qp")
+    solver = jacokin.IKSolver(robot, method="qp", collision="ignore")
     model = to_mujoco(robot)
     configuration = mink.Configuration(model)
     limits = [mink.ConfigurationLimit(model)]
@@ -114,17 +117,57 @@ def _in_turns(first: Callable[[], object], second: Callable[[], object]) -> tupl
     return best[0], best[1]
 
 
-def batch(robot: Robot) -> list[tuple[int, float]]:
-    """Workers and poses a second of `solve_batch`, the best of some runs."""
-    solver = jacokin.IKSolver(robot)
+def solve_parts(robot: Robot) -> list[tuple[str, float, float]]:
+    """What a solve is made of: calls, each with more in it than the one before, their seconds, and how much more.
+
+    Medians over poses, of each the best of some calls. The first is a floor: Pinocchio at one configuration.
+    """
+    solvers = {collision: jacokin.IKSolver(robot, collision=collision) for collision in LOOKING}
+    model, data, frame = robot.pin_model, robot.pin_model.createData(), robot.frame_id()
+    form, q = solvers["ignore"].closed_form(), np.array(robot.home)
+    nearest = form.nearest_branch()
+    nearest.seed[:] = q
+
+    def pinocchio(pose: Array) -> None:
+        pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL_WORLD_ALIGNED)
+        pin.updateFramePlacement(model, data, frame)
+
+    def kernel(pose: Array) -> None:
+        nearest.T[:] = pose
+        nearest()
+
+    calls: dict[str, Callable[[Array], object]] = {
+        "Pinocchio, a Jacobian and a pose: the floor": pinocchio,
+        "the kernel: all branches of a pose": kernel,
+        "`ClosedForm.solve_all`: their rows": lambda pose: form.solve_all(pose, q),
+        "`solve_all`: target and seed checked": solvers["ignore"].solve_all,
+    }
+    for name, solver in solvers.items():
+        calls[f'`solve`, collision="{name}"'] = solver.solve
+    poses = targets.random_configurations(robot, np.random.default_rng(5), SOLVED_POSES).poses
+    best = np.full((len(calls), len(poses)), np.inf)
+    for _ in range(CALLS_OF_A_POSE):
+        for row, call in enumerate(calls.values()):
+            for column, pose in enumerate(poses):
+                begin = time.perf_counter()
+                call(pose)
+                best[row, column] = min(best[row, column], time.perf_counter() - begin)
+    medians = np.median(best, axis=1)
+    return list(zip(calls, medians.tolist(), np.diff(medians, prepend=0.0).tolist(), strict=True))
+
+
+def batch(robot: Robot) -> list[tuple[int, str, float]]:
+    """Workers, collision and poses a second of `solve_batch`, the best of some runs."""
     poses = targets.random_configurations(robot, np.random.default_rng(4), BATCH).poses
-    rates = {1: 0.0, 2: 0.0}
+    solvers = {collision: jacokin.IKSolver(robot, collision=collision) for collision in LOOKING}
+    rates = {(workers, collision): 0.0 for workers in (1, 2) for collision in LOOKING}
     for _ in range(BATCHES):
-        for workers in rates:
+        for workers, collision in rates:
             begin = time.perf_counter()
-            solver.solve_batch(poses, workers=workers)
-            rates[workers] = max(rates[workers], BATCH / (time.perf_counter() - begin))
-    return list(rates.items())
+            solvers[collision].solve_batch(poses, workers=workers)
+            rate = BATCH / (time.perf_counter() - begin)
+            rates[workers, collision] = max(rates[workers, collision], rate)
+    return [(workers, collision, rate) for (workers, collision), rate in rates.items()]
 
 
 def cold_starts() -> list[tuple[str, float]]:
@@ -155,12 +198,15 @@ def section(robot: Robot) -> report.Section:
     ours, bare = qp_iteration(robot)
     rows = [("one QP iteration, beside a bare mink loop", ours, bare), *wrappers(robot)]
     calls = [(name, report.seconds(a), report.seconds(b), report.seconds(a - b), f"{a / b:.2f}") for name, a, b in rows]
-    rates = [(f"{workers}", f"{rate:,.0f}") for workers, rate in batch(robot)]
+    solves = [(name, report.seconds(each), report.seconds(more)) for name, each, more in solve_parts(robot)]
+    rates = [(f"{workers}", f'"{collision}"', f"{rate:,.0f}") for workers, collision, rate in batch(robot)]
     starts = [(f"`{title}`", report.seconds(value)) for title, value in cold_starts()]
     parts = [
         report.table(("call", "jacokin", "bare", "difference", "ratio"), calls),
+        "What a solve is made of, on random poses:",
+        report.table(("call", "jacokin", "more than the line above"), solves),
         f"`solve_batch` on {BATCH:,} random poses, one result for each:",
-        report.table(("workers", "poses a second"), rates),
+        report.table(("workers", "collision", "poses a second"), rates),
         "A new process, wall time, with bytecode on disk:",
         report.table(("command", "time"), starts),
     ]

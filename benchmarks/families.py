@@ -143,7 +143,7 @@ def enter(
 
 def free_axes(size: int) -> list[Tally]:
     """Random free axes on six joints: across the tool, along the last joint, skew."""
-    solver, rng = IKSolver(jacokin.load_robot()), np.random.default_rng(0)
+    solver, rng = IKSolver(jacokin.load_robot(), collision="ignore"), np.random.default_rng(0)
     tallies = [Tally(f"six joints, axis {name}") for name in ("across the tool", "of joint 6", "skew")]
     form, seed = solver.closed_form(), np.tile(solver.robot.home, (SCANNED, 1))
     for number in range(size):
@@ -161,7 +161,7 @@ def free_axes(size: int) -> list[Tally]:
 
 def seven_joints(size: int) -> list[Tally]:
     """Random poses of seven joints, and half as many structured ones."""
-    solver, rng = IKSolver(jacokin.load_robot("j2s7s300")), np.random.default_rng(0)
+    solver, rng = IKSolver(jacokin.load_robot("j2s7s300"), collision="ignore"), np.random.default_rng(0)
     robot, scanner = solver.robot, Scan(solver.robot)
     shares = {"random": size, "stretched": size // 6, "on a limit": size // 6, "tool vertical": size // 6}
     tallies = {name: Tally(f"seven joints, {name}") for name in shares}

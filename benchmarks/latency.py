@@ -39,7 +39,7 @@ def solves() -> Array:
     """`IKSolver.solve` on poses of random configurations, from the first call after building on."""
     robot = jacokin.load_robot()
     poses = [robot.forward_kinematics(q) for q in robot.sample(np.random.default_rng(1), POSES)]
-    solver = jacokin.IKSolver(robot, warm=True)
+    solver = jacokin.IKSolver(robot)
     return durations(lambda i: solver.solve(poses[i % POSES]), lambda done: done < CALLS)
 
 

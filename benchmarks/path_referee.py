@@ -11,7 +11,7 @@ import jacokin
 from jacokin import FreeAxis, Robot
 from jacokin.arrays import Array
 from jacokin.model import to_mujoco
-from jacokin.motion import PathResult
+from jacokin.motion import Trajectory
 
 TOLERANCE = 1e-6  # [m] and [rad]
 ROUNDING = 1e-8  # [rad/s]
@@ -30,7 +30,7 @@ class Referee:
         self._data = mujoco.MjData(self._model)
         self._site = self._model.site(frame or robot.default_frame).id
 
-    def faults(self, result: PathResult, targets: Targets) -> list[str]:
+    def faults(self, result: Trajectory, targets: Targets) -> list[str]:
         """What is wrong."""
         robot, found = self._robot, []
         if (result.q < robot.lower).any() or (result.q > robot.upper).any():
@@ -41,7 +41,7 @@ class Referee:
             found.append("off the lines")
         return found
 
-    def _far(self, result: PathResult, targets: Targets) -> float:
+    def _far(self, result: Trajectory, targets: Targets) -> float:
         """Largest error [m] or [rad] against the nearest place of the line that each tick belongs to."""
         poses = [target.pose if isinstance(target, FreeAxis) else target for target in targets]
         worst = part = 0.0

@@ -19,7 +19,7 @@ from benchmarks.report import seconds
 from jacokin import IKSolver, Robot
 from jacokin.arrays import Array
 from jacokin.ik import Box, FreeAxis, Scene
-from jacokin.motion import PathResult, plan_path, track_path
+from jacokin.motion import Trajectory, plan_path, track_path
 
 DT = 0.02  # [s]
 SPEED = 0.1  # [m/s]
@@ -66,7 +66,7 @@ def line(robot: Robot, rng: np.random.Generator) -> list[pin.SE3]:
     return [start, pin.SE3(start.rotation @ pin.exp3(turn), start.translation + way)]
 
 
-def best_of(call: Callable[[], PathResult]) -> tuple[float, PathResult]:
+def best_of(call: Callable[[], Trajectory]) -> tuple[float, Trajectory]:
     """Processor time of the quickest of a few rounds [s], and the result."""
     times = []
     for _ in range(ROUNDS):
@@ -76,7 +76,7 @@ def best_of(call: Callable[[], PathResult]) -> tuple[float, PathResult]:
     return min(times), result
 
 
-def verdict(result: PathResult, faults: list[str]) -> str:
+def verdict(result: Trajectory, faults: list[str]) -> str:
     """In words."""
     return f"{len(result)} ticks, success {result.success}, faults: {', '.join(faults) or 'none'}"
 
@@ -84,7 +84,11 @@ def verdict(result: PathResult, faults: list[str]) -> str:
 def timed(robot: Robot) -> None:
     """Print how long plans of 200 waypoints take on an arm."""
     poses: Targets = loop(robot)
-    solver, referee, surveyor = IKSolver(robot, warm=True), Referee(robot), Surveyor(robot.name, BOXES)
+    solver, referee, surveyor = (
+        IKSolver(robot, collision="ignore"),
+        Referee(robot),
+        Surveyor(robot.name, BOXES),
+    )
     scene = Scene([Box(f"box_{number}", *box) for number, box in enumerate(BOXES)])
     careful = IKSolver(robot, scene=scene, collision="reject", clearance=CLEARANCE)
     kinds: list[tuple[str, IKSolver, Targets, str, float | None]] = [
@@ -109,7 +113,7 @@ def timed(robot: Robot) -> None:
 def compared(robot: Robot, paths: int) -> Tally:
     """Plan and track random lines; print those that only the tracker follows."""
     rng = np.random.default_rng(0)
-    solver, referee = IKSolver(robot), Referee(robot)
+    solver, referee = IKSolver(robot, collision="ignore"), Referee(robot)
     tally = Tally()
     for index in range(paths):
         corners = line(robot, rng)
@@ -148,7 +152,7 @@ def too_fast(solver: IKSolver, corners: list[pin.SE3]) -> float:
 def across_the_base_axis(robot: Robot) -> None:
     """The wrist through the axis of joint 1, at 10 cm/s."""
     rotation = robot.forward_kinematics(robot.home, "link_6").rotation
-    solver, referee = IKSolver(robot, "link_6"), Referee(robot, "link_6")
+    solver, referee = IKSolver(robot, "link_6", collision="ignore"), Referee(robot, "link_6")
     for offset in (0.0, 2e-3, 0.02):
         corners: Targets = [pin.SE3(rotation, _at(side, offset)) for side in (0.12, -0.12)]
         tracked = track_path(robot, corners, speed=SPEED, frame="link_6").success

@@ -41,7 +41,7 @@ from jacokin.reachability import Grid, ReachabilityMap, build
 
 RUN = (
     "import sys, jacokin, time; from jacokin.ik import solve_file;"
-    "solver = jacokin.IKSolver(jacokin.load_robot());"
+    "solver = jacokin.IKSolver(jacokin.load_robot(), collision='ignore');"
     "print('ready', flush=True); cpu = time.process_time();"
     "done = solve_file(solver, *sys.argv[1:3], workers=2);"
     "status = dict(line.split(':') for line in open('/proc/self/status'));"  # the resource module counts the parent
@@ -76,7 +76,7 @@ def in_memory(rows: int) -> tuple[float, float]:
     robot = jacokin.load_robot()
     samples = robot.sample(np.random.default_rng(3), min(rows, DIFFERENT))
     targets = np.array([robot.forward_kinematics(q).homogeneous for q in samples])
-    solver = IKSolver(robot)
+    solver = IKSolver(robot, collision="ignore")
     solver.solve_batch(targets[:5000], workers=2)
     begin, cpu = time.perf_counter(), time.process_time()
     for _ in range(3):
@@ -119,7 +119,7 @@ def coordinator(rows: int = 4 * ROWS) -> list[str]:
     """What each chunk costs the process that hands out and joins, and how many workers that keeps busy."""
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-        source, solver = folder / "in.parquet", IKSolver(jacokin.load_robot())
+        source, solver = folder / "in.parquet", IKSolver(jacokin.load_robot(), collision="ignore")
         write(source, rows)
         begin = time.process_time()
         solve_file(solver, source, folder / "out.parquet", workers=1)
@@ -233,7 +233,8 @@ def fine_map(samples: int) -> list[str]:
     robot = jacokin.load_robot()
     with tempfile.TemporaryDirectory() as name:
         begin, cpu = time.perf_counter(), time.process_time()
-        reach = build(robot, folder=Path(name) / "map", grid=Grid.around(robot, 0.02), orientations=200)
+        grid = Grid.around(robot, 0.02)
+        reach = build(robot, folder=Path(name) / "map", grid=grid, orientations=200, collision="ignore")
         assert reach is not None
         seconds, cpu = time.perf_counter() - begin, time.process_time() - cpu
         size = sum(path.stat().st_size for path in (Path(name) / "map").iterdir())
@@ -267,7 +268,7 @@ def agreement(reach: ReachabilityMap, count: int) -> float:
         roll = np.eye(3) if axis is None else pin.exp3(rng.uniform(-np.pi, np.pi) * axis)
         targets[row, :3, 3] = turn @ position
         targets[row, :3, :3] = turn @ samples.orientations.rotations[chosen[row]] @ roll
-    solved = IKSolver(reach.robot).solve_batch(targets, closest=False).success
+    solved = IKSolver(reach.robot, collision="ignore").solve_batch(targets, closest=False).success
     return float((solved == (reach.counts[cells, chosen] > 0)).mean())
 
 

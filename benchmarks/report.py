@@ -31,8 +31,8 @@ limits. A failure searches on for the closest configuration, a hundred descents 
 `closest=False` leaves that out. The peers above search until their restarts are used up, and the targets here are
 reachable for that reason.
 
-**From Python only.** There is no C++ interface and no ROS plugin: a program in another language pays for a process
-or a service of its own, which is not measured here.
+**From Python, but for one part.** The C library answers with the same bits; its part below has both. The peers are
+called from Python, too.
 """
 
 

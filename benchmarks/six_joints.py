@@ -1,4 +1,4 @@
-"""Arms of any structure: branches lost, times and preparation, exact and with every joint moved by a little.
+"""Arms of any structure: branches lost, closure, times and preparation, exact and with every joint moved by a little.
 
 python -m benchmarks.six_joints [--quick]
 
@@ -62,7 +62,9 @@ class Score:
     preparation: float
     """[s]"""
     times: Array
-    """(n,) of one pose each, the better of two calls [s]."""
+    """(n,) of one random pose each, the better of two calls [s]."""
+    round_times: Array
+    """(m,) of one pose of round angles each [s]."""
     lost: int
     """Regular branches that brute force knows and the solver does not."""
     wrong: int
@@ -73,6 +75,8 @@ class Score:
     """Regular configurations that poses were made from and that are not found."""
     incomplete: int
     """Poses of which `complete` is not said."""
+    closure: float
+    """Largest distance of a regular branch from its target, by Pinocchio [m] and [rad]."""
 
 
 def placements(name: str) -> Array:
@@ -119,6 +123,10 @@ class BruteForce:
         """Of the tool at q (6,)."""
         pin.framesForwardKinematics(self.model, self.data, q)
         return self.data.oMf[self.frame].copy()
+
+    def miss(self, q: Array, target: pin.SE3) -> float:
+        """How far the tool at q (6,) is from a pose [m] and [rad]."""
+        return float(np.abs(pin.log6(self.pose(q).actInv(target)).vector).max())
 
     def regular(self, q: Array) -> bool:
         """Whether the Jacobian at q (6,) is far from singular."""
@@ -167,6 +175,7 @@ def measure(chain: Array, count: int, checked: int, starts: int) -> Score:
     preparation = time.perf_counter() - begin
     times, home = np.empty(count), np.zeros(6)
     lost = wrong = known = own_lost = incomplete = 0
+    closure = 0.0
     for i, q in enumerate(configurations(rng, count)):
         target = judge.pose(q)
         T = np.ascontiguousarray(target.homogeneous)
@@ -178,25 +187,44 @@ def measure(chain: Array, count: int, checked: int, starts: int) -> Score:
         times[i] = min(durations)
         incomplete += not branches.complete
         own_lost += judge.regular(q) and not contains(branches.q, q, SAME)
+        closure = max([closure, *(judge.miss(row, target) for row in branches.q if judge.regular(row))])
         if i < checked:
             there = judge.branches(target, starts, rng)
             missing = sum(not contains(branches.q, other, SAME) for other in there)
             lost, known, wrong = lost + missing, known + len(there), wrong + (missing > 0 and branches.complete)
-    return Score(preparation, times, lost, wrong, known, own_lost, incomplete)
+    rounded = np.arange(count) % 5 == 1
+    return Score(preparation, times[~rounded], times[rounded], lost, wrong, known, own_lost, incomplete, closure)
 
 
 def row_of(title: str, score: Score) -> tuple[str, ...]:
     """A row of the table."""
-    median, slow = float(np.median(score.times)), float(np.quantile(score.times, 0.99))
+    slow, slow_round = (float(np.quantile(times, 0.99)) for times in (score.times, score.round_times))
     return (
         title,
         f"{score.own_lost}",
         f"{score.lost} of {score.known}",
         f"{score.wrong}",
-        report.percent(score.incomplete / len(score.times)),
-        report.seconds(median),
+        report.percent(score.incomplete / (len(score.times) + len(score.round_times))),
+        f"{score.closure:.1e}",
+        report.seconds(float(np.median(score.times))),
         report.seconds(slow),
+        report.seconds(slow_round),
         report.seconds(score.preparation),
+    )
+
+
+def all_of(scores: list[Score]) -> Score:
+    """Figures of several arms together, the worst of what is not counted."""
+    return Score(
+        max(score.preparation for score in scores),
+        np.concatenate([score.times for score in scores]),
+        np.concatenate([score.round_times for score in scores]),
+        sum(score.lost for score in scores),
+        sum(score.wrong for score in scores),
+        sum(score.known for score in scores),
+        sum(score.own_lost for score in scores),
+        sum(score.incomplete for score in scores),
+        max(score.closure for score in scores),
     )
 
 
@@ -205,24 +233,32 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="few poses, two sizes of the moves")
     quick = parser.parse_args().quick
-    count, checked, starts = (50, 1, 50) if quick else (1000, 4, 150)
-    header = ("own lost", "branches lost", "wrongly complete", "incomplete", "median", "p99", "preparation")
+    count, checked, starts = (50, 1, 50) if quick else (1000, 24, 250)
+    header = (
+        "own lost",
+        "branches lost",
+        "wrongly complete",
+        "incomplete",
+        "closure",
+        "median",
+        "p99",
+        "p99, round",
+        "preparation",
+    )
     names = (*ARMS, *BUNDLED)
     chains = {name: placements(name) for name in names}
-    print(f"Exact arms, {count:,} poses each, a fifth of round angles; {checked} of them by brute force:\n")
+    print(f"Exact arms, {count:,} poses each, a fifth of round angles; {checked} of them by brute force.")
+    print("Times of random poses, and of those of round angles:\n")
     print(
         report.table(("arm", *header), [row_of(name, measure(chains[name], count, checked, starts)) for name in names])
     )
     print("\nThe same arms together, every joint moved at random by about so much (m and rad):\n")
     rows = []
     for size in MOVES[1::6] if quick else MOVES[1:]:
-        scores = [measure(moved(chains[name], size), max(count // 5, 20), 1, starts) for name in names]
-        sums = [
-            sum(getattr(score, field) for score in scores)
-            for field in ("lost", "wrong", "known", "own_lost", "incomplete")
+        scores = [
+            measure(moved(chains[name], size), max(count // 5, 20), max(checked // 8, 1), starts) for name in names
         ]
-        together = Score(max(s.preparation for s in scores), np.concatenate([s.times for s in scores]), *sums)
-        rows.append(row_of(f"{size:g}", together))
+        rows.append(row_of(f"{size:g}", all_of(scores)))
     print(report.table(("moved by", *header), rows))
 
 

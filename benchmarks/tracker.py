@@ -1,5 +1,8 @@
 """Cost of one tick of the tracker beside a bare mink loop with the same limits, interleaved tick by tick.
 
+After it, ticks among twenty obstacles that stand, and of which some move, with and without acceleration limits:
+processor time, which other programs disturb less, and time by the clock, which is what a deadline sees.
+
 Run from the repository: ``python benchmarks/tracker.py``.
 """
 
@@ -14,12 +17,14 @@ import pinocchio as pin
 
 import jacokin
 from jacokin import Robot
+from jacokin.ik import Box, Capsule, Obstacle, Scene, Sphere
 from jacokin.model import poses, to_mujoco
 from jacokin.motion import Tracker
 
 DT = 0.01  # [s]
 TICKS = 2000
 SPEED = 0.05  # [m/s]
+CROWD = 20  # obstacles
 
 
 def line(robot: Robot) -> list[pin.SE3]:
@@ -72,8 +77,49 @@ def tracker(robot: Robot, collision: str, clearance: float | None = None) -> Cal
     return tick
 
 
+def crowd(robot: Robot, rng: np.random.Generator) -> Scene:
+    """Twenty boxes, balls and rods around the arm."""
+    shapes = list[Obstacle]()
+    while len(shapes) < CROWD:
+        centre = rng.uniform([-0.8, -0.8, 0.0], [0.8, 0.8, 1.0])
+        pose, name = pin.SE3(pin.exp3(rng.normal(size=3)), centre), f"shape_{len(shapes)}"
+        kinds = (
+            Box(name, rng.uniform(0.04, 0.2, 3), pose),
+            Sphere(name, float(rng.uniform(0.03, 0.1)), centre),
+            Capsule(name, 0.03, 0.2, pose),
+        )
+        shape = kinds[len(shapes) % 3]
+        if robot.clearance(robot.home, Scene([shape])) > 0.05:
+            shapes.append(shape)
+    return Scene(shapes)
+
+
+def among_obstacles(robot: Robot, *, moving: bool, acceleration: float | None) -> None:
+    """Print the cost of ticks at 500 Hz on a circle among obstacles."""
+    scene, step = crowd(robot, np.random.default_rng(0)), 0.002
+    following = Tracker(robot, dt=step, scene=scene, acceleration_limit=acceleration)
+    start = robot.forward_kinematics(robot.home)
+    balls = [shape for shape in scene if isinstance(shape, Sphere)]
+    clock, processor = list[float](), list[float]()
+    for tick in range(TICKS):
+        angle = 2.0 * np.pi * 0.08 * tick * step
+        way = 0.06 * np.array([np.sin(angle), 0.0, 1.0 - np.cos(angle)])
+        shift, rate = 0.02 * np.sin(np.pi * tick * step), 0.02 * np.pi * np.cos(np.pi * tick * step)
+        twist = [rate, 0.0, 0.0, 0.0, 0.0, 0.0]
+        told = {ball.name: (np.add(ball.position, [shift, 0.0, 0.0]), twist) for ball in balls}
+        before, used = time.perf_counter(), time.thread_time()
+        following.step(pin.SE3(start.rotation, start.translation + way), obstacles=told if moving else None)
+        clock.append(time.perf_counter() - before)
+        processor.append(time.thread_time() - used)
+    name = f"{len(balls) if moving else 'none'} of {CROWD} move"
+    if acceleration is not None:
+        name += f", {acceleration:g} rad/s^2"
+    for kind, times in (("processor", processor), ("clock", clock)):
+        print(f"{name:28}{kind:10}" + "".join(f"{1e6 * x:10.0f}" for x in np.percentile(times, [50, 99, 99.9])))
+
+
 def main() -> None:
-    """Print median and 99th percentile of each loop, and the ratio to mink."""
+    """Print median and 99th percentile of each loop, and the ratio to mink; then ticks among obstacles."""
     robot = jacokin.load_robot()
     loops = {
         "bare mink.solve_ik": bare_solve(robot),
@@ -92,6 +138,10 @@ def main() -> None:
     for name, values in times.items():
         median, high = np.median(values) * 1e6, np.percentile(values, 99) * 1e6
         print(f"{name:36} {median:10.1f} {high:8.1f} {np.median(values) / base:8.2f}")
+    print(f"{'among obstacles':38}{'median us':>10}{'p99':>10}{'p99.9':>10}")
+    for moving in (False, True):
+        for acceleration in (None, 4.0):
+            among_obstacles(robot, moving=moving, acceleration=acceleration)
 
 
 if __name__ == "__main__":

@@ -36,7 +36,7 @@ DOORS = (
 # Made by jacokin alone, and known to compile or to run for as long as they are told to.
 RESULTS = {
     "BasePlacement", "BatchResult", "BranchReport", "Branches", "CrossCheckReport", "Deviation", "Expert", "Family",
-    "IKResult", "Inspector", "Interval", "JointMotion", "PathResult", "ReachabilityMap", "Robot", "Source",
+    "IKResult", "Inspector", "Interval", "ReachabilityMap", "Robot", "Source", "Trajectory",
     "TargetFile", "TrackerStep", "View", "Viewer",
 }  # fmt: skip
 SKIPPED = {"warmup", "Physics.disable"}

@@ -5,12 +5,14 @@ from __future__ import annotations
 import faulthandler
 import json
 import resource
+import signal
 import sys
 
 from fuzz import arguments, files, own_answers, targets
 
 KINDS = {"targets": targets.run, "own": own_answers.run, "arguments": arguments.run, "files": files.run}
-HANG = 60.0  # [s] for one case; then the process prints where it is and ends
+HANG = 60.0  # [s] of processor time for one case; then the process prints where it is and ends
+STUCK = 10.0 * HANG  # [s] the same on the wall, however busy the machine is
 MEMORY = 12 * 2**30  # [bytes] of address space; libraries reserve far more than they use
 
 
@@ -22,11 +24,18 @@ def main() -> None:
     out = sys.stdout
     sys.stdout = sys.stderr  # whatever the code under test prints
     faulthandler.enable()
-    faulthandler.dump_traceback_later(HANG, exit=True)
+    faulthandler.register(signal.SIGPROF, chain=True)  # then the default: the process ends
+    _start_anew()
     for index, size, findings in KINDS[kind](seed, first, cases):
-        faulthandler.dump_traceback_later(HANG, exit=True)  # starts anew
+        _start_anew()
         out.write(json.dumps([index, size, findings]) + "\n")
         out.flush()
+
+
+def _start_anew() -> None:
+    """Give the next case all its time."""
+    signal.setitimer(signal.ITIMER_PROF, HANG)
+    faulthandler.dump_traceback_later(STUCK, exit=True)
 
 
 if __name__ == "__main__":

@@ -29,7 +29,7 @@ def build(folder: Path) -> Examples:
     robot = jacokin.load_robot()
     target = robot.forward_kinematics(HOME)
     near = robot.forward_kinematics(np.add(HOME, 0.05))
-    solver = jacokin.IKSolver(robot)
+    solver = jacokin.IKSolver(robot, collision="ignore")
     scene = ik.Scene([ik.Floor(-0.2)])
     path = motion.track_path(robot, [target, near], speed=0.5, angular_speed=1.0, seed=HOME)
     arm = robots.make_arm(observations.PERFECT_FEATURES)
@@ -136,7 +136,7 @@ def build(folder: Path) -> Examples:
         "IKSolver": solver,
         "IKResult": solver.solve(target),
         "Tracker": jacokin.Tracker(robot, q=HOME, scene=scene),
-        "PathResult": path,
+        "Trajectory": path,
         "SelfContact": model.SelfContact(robot),
         "CrossCheckReport": jacokin.crosscheck(robot, samples=2),
         "Arena": arena,

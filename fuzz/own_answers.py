@@ -7,12 +7,16 @@ from collections.abc import Callable, Iterator
 from functools import cache
 
 import numpy as np
+import pinocchio as pin
 
 from fuzz.findings import Finding
 from jacokin import FreeAxis, IKSolver, load_robot, pose
 from jacokin.arrays import Array
 from jacokin.errors import JacokinError
 from jacokin.ik import Family
+from jacokin.ik.geometry import ArmGeometry, measure_seven
+from jacokin.ik.targets import TargetPose
+from jacokin.kernels.self_motion.seven_joints import MOST_AT_Q3, solve_at_q3
 from jacokin.model import NAMES, Robot
 from jacokin.model.angles import wrap_to_pi
 
@@ -21,6 +25,11 @@ REGULAR, SINGULAR = 1e-6, 1e-4  # [rad] distance of the answer from the configur
 SMALLEST = 1e-4  # smallest singular value of a regular configuration
 MOVED = 1e-3  # [rad] distance of a seed from the configuration
 ROUNDING = 1e-9  # [rad]
+SCANNED = 0.34  # share of the families that are held against branches at many values of the parameter
+SCAN = 12  # values anywhere, and next to the configuration's at either side
+CLOSES = 1e-13  # [m] and [rad] of branches that are asked for: others are not quite at the target
+INSIDE = 1e-6  # [rad] from every limit
+ON_CURVE = 1e-3  # [rad] from a member
 
 Maker = Callable[[Robot, np.random.Generator], Array]
 
@@ -89,7 +98,7 @@ def run(seed: int, first: int, cases: int) -> Iterator[tuple[int, int, list[Find
 
 @cache
 def _solver(name: str, with_tool: bool) -> IKSolver:
-    return IKSolver(load_robot(name), tool=pose([0.5, 0.0, 0.0]) if with_tool else None)
+    return IKSolver(load_robot(name), tool=pose([0.5, 0.0, 0.0]) if with_tool else None, collision="ignore")
 
 
 def check(solver: IKSolver, kind: str, q: Array, rng: np.random.Generator) -> Iterator[Finding]:
@@ -97,7 +106,7 @@ def check(solver: IKSolver, kind: str, q: Array, rng: np.random.Generator) -> It
     robot, T = solver.robot, solver.verifier.tool_pose(q)
     singular_value = float(np.linalg.svd(robot.jacobian(q), compute_uv=False)[-1])
     near = REGULAR if singular_value > SMALLEST else SINGULAR
-    targets: list[object] = [T]
+    targets: list[FreeAxis | pin.SE3] = [T]
     if robot.dof == 6:
         targets.append(FreeAxis(T, axis=np.eye(3)[int(rng.integers(3))] if rng.random() < 0.7 else rng.normal(size=3)))
     away = rng.normal(size=robot.dof)
@@ -109,6 +118,9 @@ def check(solver: IKSolver, kind: str, q: Array, rng: np.random.Generator) -> It
             own, moved = solver.solve(target, seed=q), solver.solve(target, seed=seed)
             everything = solver.solve_all(target)  # not told where to look
             held = _is_held(everything, q, near) if isinstance(everything, Family) else True
+            (scan_rng,) = rng.spawn(1)  # whether it scans changes no case
+            scan = isinstance(everything, Family) and scan_rng.random() < SCANNED
+            missed = find_missing(solver, everything, target, q, scan_rng) if scan else None
         except JacokinError as error:
             yield Finding("raw", where, f"{error}; {given}")
             continue
@@ -121,8 +133,44 @@ def check(solver: IKSolver, kind: str, q: Array, rng: np.random.Generator) -> It
             yield Finding(
                 "wrong", where, f"{_apart(moved.q, seed):.3g} rad from a seed near by; {given}, {seed.tolist()}"
             )
+        if missed is not None:
+            yield Finding("lost", where, f"complete, without {missed.tolist()}; {given}")
         if not held:
             yield Finding("lost", where, f"in no interval, complete {everything.complete}; {given}")
+
+
+def find_missing(
+    solver: IKSolver, family: Family, target: FreeAxis | pin.SE3, q: Array, rng: np.random.Generator
+) -> Array | None:
+    """A branch (dof,) at some value of the parameter that a complete family lacks, most likely near q (dof,)."""
+    robot, own = solver.robot, float(q[2]) if solver.robot.dof == 7 else 0.0
+    limited = ~robot.unlimited
+    middle = np.zeros(robot.dof)
+    middle[limited] = 0.5 * (robot.lower[limited] + robot.upper[limited])
+    apart = 10.0 ** rng.uniform(-6.0, -0.5, 2 * SCAN) * np.repeat([1.0, -1.0], SCAN)
+    places = (*(own + apart), *rng.uniform(-math.pi, math.pi, SCAN)) if family.complete else ()
+    is_seven = robot.dof == 7
+    geometry = measure_seven(robot.pin_model, solver.verifier.frame_id, solver.verifier.tool) if is_seven else None
+    for p in map(float, places):
+        T = target.at(p) if isinstance(target, FreeAxis) else target
+        members = [interval.at(p) for interval in family if interval.contains(p)]
+        for branch in solver.solve_all(T).q if geometry is None else _at_joint_3(geometry, T, p):
+            row = middle + wrap_to_pi(branch - middle)
+            margin = np.minimum(row - robot.lower, robot.upper - row).min()
+            if margin < INSIDE or max(solver.verifier.measure(row, TargetPose(T.homogeneous))) > CLOSES:
+                continue
+            if any(_apart(member, row) <= ON_CURVE for member in members):
+                continue
+            if not any(_apart(interval.nearest(row), row) <= ON_CURVE for interval in family):  # where one ends, too
+                return np.asarray(row)
+    return None
+
+
+def _at_joint_3(geometry: ArmGeometry, T: pin.SE3, q3: float) -> Array:
+    """Rows (k, 7) with joint 3 at an angle [rad]."""
+    rows = np.empty((MOST_AT_Q3, 7))
+    solve_at_q3(geometry.chain, geometry.arm, T.homogeneous, q3, rows)
+    return rows[~np.isnan(rows[:, 0])]
 
 
 def _is_held(family: Family, q: Array, near: float) -> bool:

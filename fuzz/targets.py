@@ -119,7 +119,7 @@ def case(rng: np.random.Generator, joints: str = "6") -> Case:
     tool = np.eye(4)
     if rng.random() < 0.3:
         tool = placement(rng.uniform(-0.3, 0.3, 3), rng.uniform(-math.pi, math.pi, 3))
-    solver = IKSolver(robot, frame, tool=None if np.array_equal(tool, np.eye(4)) else tool)
+    solver = IKSolver(robot, frame, tool=None if np.array_equal(tool, np.eye(4)) else tool, collision="ignore")
     return Case(solver, bundled_chain(urdf_folder(), name, frame), tool)
 
 

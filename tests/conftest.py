@@ -31,9 +31,7 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 
 def pytest_sessionstart() -> None:
     """Kernels that were changed and not compiled would pass tests that they should not."""
-    from build_kernels.library import sources_key  # in the folder appended above
-
-    if library.load().about.sources != sources_key():
+    if library.Library(library.PATH).about.sources != library.sources_key():
         raise pytest.UsageError(f"{library.PATH} was built from other sources: run `python -m build_kernels`")
 
 

@@ -7,6 +7,7 @@ import stat
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from jacokin import files
@@ -92,3 +93,21 @@ def test_a_pipe_is_written_to_as_it_is(tmp_path: Path) -> None:
     with files.replacing(pipe) as path:
         assert path == pipe
     assert stat.S_ISFIFO(pipe.stat().st_mode)
+
+
+def test_archives_of_arrays_are_read_or_refused(tmp_path: Path) -> None:
+    file = tmp_path / "a.npz"
+    np.savez(file, first=np.arange(1000.0), second=np.array(["one", "two"]))
+    read = files.read_arrays(file, "is not ours")
+    assert list(read) == ["first", "second"]
+    assert np.array_equal(read["first"], np.arange(1000.0))
+    whole = file.read_bytes()
+    for content in (b"", b"PK\x03\x04 nothing", whole[: len(whole) // 2], whole[:4000] + b"x" + whole[4001:]):
+        file.write_bytes(content)
+        with pytest.raises(InvalidInputError, match="is not ours"):
+            files.read_arrays(file, "is not ours")
+    np.savez(file, objects=np.array([{}], dtype=object))
+    with pytest.raises(InvalidInputError, match="is not ours"):
+        files.read_arrays(file, "is not ours")
+    with pytest.raises(InvalidInputError, match="cannot be read: No such file"):
+        files.read_arrays(tmp_path / "missing.npz", "is not ours")

@@ -16,7 +16,7 @@ class Peer:
     def __init__(self, setup):
         self.robot = jacokin.load_robot(setup["robot"])
         self.variant = setup["variant"]
-        self.solver = jacokin.IKSolver(self.robot, method="qp" if self.variant == "qp" else "auto")
+        self.solver = jacokin.IKSolver(self.robot, method="qp" if self.variant == "qp" else "auto", collision="ignore")
         self.call = self.solver.solve_all if self.variant == "solve_all" else self.solver.solve
 
     def forward(self, q):
