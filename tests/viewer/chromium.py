@@ -171,10 +171,14 @@ def showing(viewer: Viewer, folder: Path) -> Iterator[Tab]:
     with browsing(viewer.url, folder) as tab:
         assert until(lambda: set(viewer.server.get_clients()) - known, STARTING), "the page did not connect"
         assert until(lambda: tab.value("document.querySelectorAll('[role=slider]').length"), STARTING), "no panel"
-        (client,) = (page for number, page in viewer.server.get_clients().items() if number not in known)
-        # A page first says where it looks by itself, then where it was told to.
         told = viewer.server.initial_camera.position
-        assert until(lambda: np.allclose(client.camera.position, told), STARTING), "the camera is not in its place"
+
+        def placed() -> bool:
+            """A page first says where it looks by itself, then where it was told to."""
+            pages = [page for number, page in viewer.server.get_clients().items() if number not in known]
+            return any(np.allclose(page.camera.position, told) for page in pages)
+
+        assert until(placed, STARTING), "the camera is not in its place"
         yield tab
 
 
