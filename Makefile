@@ -43,7 +43,7 @@ test-oldest: .venv-oldest/test.stamp  ## the quick tests with the oldest support
 bench: $(VENV)/test.stamp  ## jacokin beside its peers; writes docs/performance.md
 	$(BIN)/python -m benchmarks.run
 
-fuzz: $(VENV)/test.stamp  ## random targets, arguments and files for at most half an hour; OPTIONS="--seed 1 files"
+fuzz: $(VENV)/test.stamp  ## random targets, arms, files, motions, ... for at most half an hour; OPTIONS="--seed 1 files"
 	$(BIN)/python -m fuzz $(OPTIONS)
 
 release-check: address $(VENV)/release.stamp  ## build what would be uploaded, and check it; uploads nothing

@@ -27,8 +27,7 @@ from jacokin.arrays import Array
 from jacokin.model.angles import nearest_copy
 from jacokin.model.contact import Contact
 from jacokin.motion.blending import fit_time, round_corners
-from jacokin.motion.free_motion.goals import GoalFinder
-from jacokin.motion.free_motion.plan_motion import search_of
+from jacokin.motion.free_motion.plan_motion import GoalFinder, search_of
 
 WAYS = (1, 2, 4, 16)
 

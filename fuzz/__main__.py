@@ -1,4 +1,4 @@
-"""`python -m fuzz`: random targets, own answers, arguments and files for a bounded time; exit code 1 for any finding.
+"""`python -m fuzz`: random targets, arguments, files, motions, ... for a bounded time; exit code 1 for any finding.
 
 The seed is printed. The same seed, from the same first case on, runs the same cases.
 """
@@ -17,8 +17,29 @@ from collections.abc import Iterator
 
 from fuzz.findings import Finding
 
-GOALS = {"targets": 1_000_000, "own": 200_000, "arguments": 100_000, "files": 10_000}
-IN_ONE_PROCESS = {"targets": 400, "own": 200, "arguments": 4000, "files": 500}  # cases; a fresh process bounds memory
+GOALS = {
+    "targets": 1_000_000,
+    "own": 200_000,
+    "six": 50_000,
+    "arguments": 100_000,
+    "files": 10_000,
+    "c": 1_000_000,
+    "motions": 1000,
+    "calibration": 1000,
+    "data": 100,
+}
+IN_ONE_PROCESS = {  # cases; a fresh process bounds memory
+    "targets": 400,
+    "own": 200,
+    "six": 500,
+    "arguments": 4000,
+    "files": 500,
+    "c": 500,
+    "motions": 50,
+    "calibration": 100,
+    "data": 20,
+}
+SECONDS = 200.0  # for each kind: half an hour for all
 SHOWN = 3  # examples of each finding
 
 
@@ -86,7 +107,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument("kinds", nargs="*", choices=[[], *GOALS], help="what to run; everything by default")
     parser.add_argument("--seed", type=int, default=secrets.randbelow(10**6))
     parser.add_argument("--first", type=int, default=0, help="case to begin with")
-    parser.add_argument("--seconds", type=float, default=600.0, help="at most so long for each kind")
+    parser.add_argument("--seconds", type=float, default=SECONDS, help="at most so long for each kind")
     for kind, goal in GOALS.items():
         parser.add_argument(f"--{kind}", type=int, default=goal, metavar="N", help=f"default {goal}")
     return parser.parse_args()

@@ -6,12 +6,10 @@ estimation        `calibrate`: the most probable arm, gross errors left out and 
 measurements      what an instrument, or none, says: positions, poses, distances, contact
 arm_model         the numbers that may be off, and what they make of a measurement
 alignment         where base, tool and touched places are, to start from
-identifiability   what measurements can tell apart, in words
-findings          what a fit says, what is sure about it and what is not
-calibration       the arm that was found, to load, to write and to report
+findings          what a fit says, what is sure about it and what is not; what measurements can tell apart
+calibration       the arm that was found, to load, to write and to report, and the page of that report
 comparison        whether two calibrations found the same arm
 design            which configurations to measure, and how good the result will be
-report            a page about it, with pictures
 """
 
 from jacokin import lazy

@@ -1,21 +1,30 @@
-"""`Calibration`: the arm that was found, to load, to write and to report."""
+"""`Calibration`: the arm that was found, to load, to write and to report on a page with pictures."""
 
 from __future__ import annotations
 
+import base64
+import html
+import io
+from collections.abc import Iterable, Sequence
 from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
+from jacokin import files
 from jacokin.calibration.arm_model import ArmKinematics
 from jacokin.calibration.findings import Findings
-from jacokin.calibration.report import write_report
+from jacokin.errors import needed
 from jacokin.model import checks
 from jacokin.model.loading import load_robot
 from jacokin.model.robot import Robot
 from jacokin.model.written_descriptions import write_mjcf, write_urdf
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 class Calibration(Findings):
@@ -75,3 +84,146 @@ class Calibration(Findings):
             MissingExtraError: matplotlib is not installed.
         """
         write_report(self, checks.path("path", path))
+
+
+BEFORE, AFTER = "#b0b0b0", "#1f5fa8"
+STYLE = (
+    "body{font:16px/1.5 sans-serif;max-width:60em;margin:2em auto;padding:0 1em}"
+    "td,th{padding:.1em .8em;text-align:right;font-variant-numeric:tabular-nums}"
+    "td:first-child,th:first-child{text-align:left}img{max-width:100%}"
+)
+SHOWN = {"m": (1e3, "mm"), "rad": (1e3, "mrad"), "1": (1.0, ""), "rad/(N m)": (1e3, "mrad/(N m)")}
+
+
+def write_report(findings: Findings, path: Path) -> None:
+    """Write the page. Errors as `Calibration.report`."""
+    pictures = [_picture(figure) for figure in (_rows(findings), _by_joint(findings), _by_place(findings))]
+    arm = findings.measured_arm
+    page = "\n".join(
+        [
+            "<!DOCTYPE html>",
+            f"<html lang='en'><head><meta charset='utf-8'><title>Calibration of {_text(arm.robot)}</title>",
+            f"<style>{STYLE}</style></head><body>",
+            f"<h1>Calibration of {_text(arm.robot)}</h1>",
+            _table(("", ""), _facts(findings)),
+            "<h2>To look at</h2>",
+            _list(findings.warnings()[: len(findings.warnings()) - len(findings.unidentified)] or ("Nothing.",)),
+            "<h2>Measured points, before (grey) and after (blue)</h2>",
+            *pictures,
+            "<h2>Numbers</h2>",
+            _table(("number", "value", "± 95 %", "before ± 95 %", "unit"), _numbers(findings)),
+            "<h2>What these measurements cannot tell apart</h2>",
+            "<p>These combinations keep the description's values; no prediction depends on them.</p>",
+            _list(findings.unidentified or ("Nothing: every number shows.",)),
+            "</body></html>",
+        ]
+    )
+    with files.replacing(path) as temporary:
+        temporary.write_text(page, encoding="utf-8")
+
+
+def _facts(findings: Findings) -> list[tuple[str, str]]:
+    used = findings.used > 0.0
+    before, after = findings.residuals_before[used], findings.residuals[used]
+    fit = findings.fit
+    facts = [
+        ("measurements used", f"{used.sum()} of {len(used)}"),
+        ("before, root mean square", _mm(float(np.sqrt(np.mean(before**2))))),
+        ("after, root mean square", _mm(float(np.sqrt(np.mean(after**2))))),
+        (
+            "left out and predicted by the others, mean",
+            f"{_mm(findings.cross_validated)}, instrument's error included",
+        ),
+        ("expected at poses that were not measured, mean", _mm(findings.expected_error)),
+        ("residuals over the stated sigma", f"{findings.noise:.2f} (p = {findings.p_value:.2g})"),
+        ("combinations of numbers that show", f"{fit.identifiability.rank} of {len(findings.parameters)}"),
+    ]
+    for name, pose in [("base in the instrument's frame", findings.base), *findings.tools.items()]:
+        if pose is not None:
+            xyz = ", ".join(f"{value:.5f}" for value in pose.translation)
+            facts.append((name if isinstance(name, str) else "tool", f"({xyz}) m"))
+    return facts
+
+
+def _numbers(findings: Findings) -> Iterable[tuple[str, ...]]:
+    for name, each in findings.parameters.items():
+        factor, unit = SHOWN[each.unit]
+        low, high = each.interval
+        half = 0.5 * (high - low)
+        numbers = [factor * each.value, factor * half, factor * half * each.prior / each.sigma]
+        yield name, *(f"{number:.4g}" for number in numbers), unit
+
+
+def _rows(findings: Findings) -> Figure:
+    figure = _figure(9.0, 2.8)
+    axes = figure.add_subplot()
+    numbers = np.arange(len(findings.residuals))
+    axes.bar(numbers, 1e3 * findings.residuals_before, color=BEFORE)
+    axes.bar(numbers, 1e3 * findings.residuals, color=AFTER)
+    out = numbers[findings.used == 0.0]
+    axes.plot(out, np.full(len(out), 1e3 * np.nanmin(findings.residuals)), "x", color="red", label="not used")
+    axes.set(xlabel="measurement", ylabel="residual [mm]", yscale="log")
+    if len(out):
+        axes.legend()
+    return figure
+
+
+def _by_joint(findings: Findings) -> Figure:
+    names = [name for name, _ in findings.measured_arm.joints]
+    q = np.vstack([each.q for each in findings.model.sets])
+    figure = _figure(9.0, 1.6 * ((len(names) + 2) // 3) + 0.6)
+    for k, name in enumerate(names):
+        axes = figure.add_subplot((len(names) + 2) // 3, 3, k + 1)
+        axes.plot(q[:, k], 1e3 * findings.residuals_before, ".", color=BEFORE)
+        axes.plot(q[:, k], 1e3 * findings.residuals, ".", color=AFTER)
+        axes.set(title=f"{name} (p = {findings.trends[k].p_value:.2f})", yscale="log")
+        axes.set(xlabel="[rad]", ylabel="[mm]" if k % 3 == 0 else "")
+    return figure
+
+
+def _by_place(findings: Findings) -> Figure:
+    model, fit = findings.model, findings.fit
+    places = [model.kinematics(rows.q, rows.frame, fit.x).position for rows in model.sets]
+    x, y, z = np.vstack(places).T
+    figure = _figure(9.0, 4.0)
+    for k, (across, up, labels) in enumerate(
+        ((x, y, ("x [m]", "y [m]")), (np.hypot(x, y), z, ("from joint 1 [m]", "z [m]")))
+    ):
+        axes = figure.add_subplot(1, 2, k + 1)
+        good = findings.used > 0.0
+        dots = axes.scatter(across[good], up[good], c=1e3 * findings.residuals[good], cmap="viridis", s=30)
+        axes.set(xlabel=labels[0], ylabel=labels[1], aspect="equal")
+        figure.colorbar(dots, ax=axes, label="residual after [mm]", shrink=0.8)
+    return figure
+
+
+def _figure(width: float, height: float) -> Figure:
+    with needed("matplotlib", "plot"):
+        from matplotlib.figure import Figure
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def _picture(figure: Figure) -> str:
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=110)
+    return f"<img alt='' src='data:image/png;base64,{base64.b64encode(buffer.getvalue()).decode()}'>"
+
+
+def _table(heading: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    lines = ["<table>"]
+    if any(heading):
+        lines.append("<tr>" + "".join(f"<th>{_text(cell)}</th>" for cell in heading) + "</tr>")
+    lines += ["<tr>" + "".join(f"<td>{_text(cell)}</td>" for cell in row) + "</tr>" for row in rows]
+    return "\n".join([*lines, "</table>"])
+
+
+def _list(sentences: Iterable[str]) -> str:
+    return "<ul>" + "".join(f"<li>{_text(sentence)}</li>" for sentence in sentences) + "</ul>"
+
+
+def _text(value: str) -> str:
+    return html.escape(value)
+
+
+def _mm(length: float) -> str:
+    return f"{1e3 * length:.3f} mm"

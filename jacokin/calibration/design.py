@@ -228,12 +228,7 @@ def _information(
 
 def _choose(rows: Array, count: int) -> list[int]:
     """Indices of the configurations with the largest determinant, the most telling first."""
-    chosen: list[int] = []
-    covariance = np.eye(rows.shape[2])
-    for _ in range(count):
-        best, _ = _best(rows, covariance, chosen)
-        chosen.append(best)
-        covariance = _with(covariance, rows[best])
+    chosen, covariance = _greedy(rows, range(len(rows)), count)
     for _ in range(EXCHANGES):
         changed = False
         for k, old in enumerate(list(chosen)):
@@ -244,14 +239,17 @@ def _choose(rows: Array, count: int) -> list[int]:
                 covariance = _with(without, rows[best])
         if not changed:
             break
-    ordered: list[int] = []
-    covariance = np.eye(rows.shape[2])
-    while chosen:
-        best = max(chosen, key=lambda index: float(_gain(rows[[index]], covariance)[0]))
-        chosen.remove(best)
+    return _greedy(rows, chosen, count)[0]
+
+
+def _greedy(rows: Array, among: Iterable[int], count: int) -> tuple[list[int], Array]:
+    """The most telling of some configurations, one after another, and the covariance when all are measured."""
+    left, ordered, covariance = list(among), [], np.eye(rows.shape[2])
+    for _ in range(count):
+        best = left.pop(int(np.argmax(_gain(rows[left], covariance))))
         ordered.append(best)
         covariance = _with(covariance, rows[best])
-    return ordered
+    return ordered, covariance
 
 
 def _gain(rows: Array, covariance: Array) -> Array:

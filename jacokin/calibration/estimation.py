@@ -17,8 +17,7 @@ from scipy.stats import chi2
 from jacokin.arrays import Array
 from jacokin.calibration.arm_model import AUTO, GROUPS, ArmModel, Prior
 from jacokin.calibration.calibration import Calibration
-from jacokin.calibration.findings import Fit, Rejected
-from jacokin.calibration.identifiability import identify
+from jacokin.calibration.findings import Fit, Rejected, identify
 from jacokin.calibration.measurements import CONTACTS, Measurements, checked_measurements
 from jacokin.errors import InvalidInputError
 from jacokin.model import checks

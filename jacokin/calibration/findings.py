@@ -1,9 +1,9 @@
-"""`Findings`: what a fit says about an arm, what is sure about it, and what the measurements do not say."""
+"""`Findings`: what a fit says about an arm, what is sure about it, and what the measurements cannot tell apart."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
@@ -13,8 +13,8 @@ import pinocchio as pin
 from scipy.stats import chi2
 
 from jacokin.arrays import Array
-from jacokin.calibration.arm_model import ArmModel
-from jacokin.calibration.identifiability import Identifiability
+from jacokin.calibration.arm_model import ArmModel, Parameter
+from jacokin.model import checks
 from jacokin.model.measured_arm import MeasuredArm, joints_fingerprint
 from jacokin.model.robot import Robot
 
@@ -260,3 +260,69 @@ def _trend(findings: Findings, joint: int, name: str) -> Trend:
         return Trend(name, 0.0, 1.0)
     noise = max(findings.noise, 1.0) ** 2 if math.isfinite(findings.noise) else 1.0
     return Trend(name, math.sqrt(explained / count), float(chi2.sf(explained / noise, freedom)))
+
+
+IDENTIFIED = 1e-10  # of the largest singular value of the scaled Jacobian: rounding leaves 1e-15, real ones have 1e-5
+NAMED = 4  # parameters of a combination that a sentence names
+SMALL = 0.02  # of the largest part of a combination: smaller parts are not named
+EQUAL = 1e-6  # of a size: what differs by less is equal, and comes in the order of the arm
+USUAL = 1e-2  # [m], [rad] that numbers are off at most: what a user places has a wider prior, to be free
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Identifiability:
+    """Which combinations of the numbers show in some measurements; arrays are read-only."""
+
+    singular_values: Array
+    """(p,) of the Jacobian, rows over their noise and columns times the prior: above 1, data know more than it."""
+    rank: int
+    """How many combinations show at all."""
+    known: Array
+    """(rank, p) those combinations, in parameters over their priors; orthonormal rows."""
+    unidentified: tuple[str, ...]
+    """A sentence for each of the others."""
+
+
+def identify(jacobian: Array, prior: Array, parameters: Sequence[Parameter]) -> Identifiability:
+    """Judge a Jacobian.
+
+    Args:
+        jacobian: (m, p) rows over their noise.
+        prior: (p,) standard deviations.
+        parameters: the p numbers.
+    """
+    count = len(prior)
+    scaled = np.vstack([jacobian * prior, np.zeros((max(count - len(jacobian), 0), count))])
+    _, values, rows = np.linalg.svd(scaled, full_matrices=False)
+    rank = int(np.sum(values > IDENTIFIED * values[0])) if values[0] > 0.0 else 0
+    usual = prior / np.minimum(prior, USUAL)
+    sentences = tuple(_sentence(row * usual, parameters) for row in _sparse(rows[rank:]))
+    return Identifiability(checks.read_only(values), rank, checks.read_only(rows[:rank]), sentences)
+
+
+def _sparse(basis: Array) -> Array:
+    """Rows that span the same and have few parts: each has a number that the others have not.
+
+    Which numbers these are, the largest of what is left one after another, does not depend on the basis, which is
+    another one on another machine.
+    """
+    left, own = basis.copy(), []
+    for _ in basis:
+        sizes = np.linalg.norm(left, axis=0)
+        own.append(int(np.argmax(sizes > (1.0 - EQUAL) * sizes.max(initial=0.0))))
+        unit = left[:, own[-1]] / sizes[own[-1]]
+        left -= np.outer(unit, unit @ left)
+    return np.asarray(np.linalg.solve(basis[:, own], basis))
+
+
+def _sentence(row: Array, parameters: Sequence[Parameter]) -> str:
+    """What one combination says in words."""
+    size = np.abs(row)
+    order = np.argsort(-np.round(size / (EQUAL * size.max())), kind="stable")
+    parts = [int(k) for k in order if size[k] > SMALL * size.max()]
+    named = [parameters[k].words for k in parts[:NAMED]]
+    if len(parts) > NAMED:
+        named.append(f"{len(parts) - NAMED} more")
+    if len(named) == 1:
+        return f"{named[0]} does not show in the measurements"
+    return f"{', '.join(named[:-1])} and {named[-1]} cannot be told apart"

@@ -11,8 +11,7 @@ import click
 from jacokin import calibration
 from jacokin.cli import display, options
 from jacokin.cli.command import Argument, Command
-from jacokin.cli.options import RobotOptions, Vector3
-from jacokin.cli.outputs import keep_apart
+from jacokin.cli.options import RobotOptions, Vector3, keep_apart
 from jacokin.cli.units import Units
 from jacokin.errors import InvalidInputError
 from jacokin.files import replacing

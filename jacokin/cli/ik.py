@@ -14,8 +14,7 @@ import jacokin.ik
 import jacokin.model
 from jacokin.cli import options
 from jacokin.cli.command import Command, option_group
-from jacokin.cli.options import Vector3, Vector4, Vector6
-from jacokin.cli.outputs import keep_apart
+from jacokin.cli.options import Vector3, Vector4, Vector6, keep_apart
 from jacokin.cli.process import NOT_SOLVED
 from jacokin.cli.units import Units, warn_of_degrees, warn_of_millimetres
 from jacokin.errors import InvalidInputError

@@ -15,7 +15,7 @@ from jacokin.cli import display, options
 from jacokin.cli.command import Command, NumberList
 from jacokin.cli.display import number, show_facts
 from jacokin.cli.ik import TargetOptions, target_options
-from jacokin.cli.outputs import keep_apart
+from jacokin.cli.options import keep_apart
 from jacokin.cli.process import NOT_SOLVED
 from jacokin.cli.units import Units
 from jacokin.errors import InvalidInputError, MissingExtraError

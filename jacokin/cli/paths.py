@@ -15,7 +15,7 @@ from jacokin import files, ik, model, motion
 from jacokin.cli import display, options
 from jacokin.cli.command import Command, NumberList, option_group
 from jacokin.cli.display import number, progress_bar, show_facts, show_table, small
-from jacokin.cli.outputs import keep_apart
+from jacokin.cli.options import keep_apart
 from jacokin.cli.process import NOT_SOLVED
 from jacokin.cli.units import Units, warn_of_degrees
 from jacokin.errors import InvalidInputError, MissingExtraError

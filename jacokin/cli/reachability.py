@@ -16,8 +16,7 @@ from jacokin.chunks.execution import dask_executor, worker_processes
 from jacokin.cli import display, options
 from jacokin.cli.command import Argument, Command
 from jacokin.cli.display import progress_bar
-from jacokin.cli.options import RobotOptions, Vector3, Vector4
-from jacokin.cli.outputs import keep_apart
+from jacokin.cli.options import RobotOptions, Vector3, Vector4, keep_apart
 from jacokin.cli.process import NOT_SOLVED
 from jacokin.errors import InvalidInputError, UnknownNameError
 from jacokin.model import NAMES
@@ -291,7 +290,7 @@ def place(
         if not is_reached
     ]
     if plot is not None:
-        from jacokin.reachability.placement_picture import draw_placement
+        from jacokin.reachability.placement import draw_placement
 
         draw_placement(plot, found[0], wanted, reach.robot, obstacles)
     if json:

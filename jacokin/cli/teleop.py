@@ -19,7 +19,7 @@ from jacokin import files, model, motion
 from jacokin.cli import display, options
 from jacokin.cli.command import Command
 from jacokin.cli.display import number, show_facts
-from jacokin.cli.outputs import keep_apart
+from jacokin.cli.options import keep_apart
 from jacokin.cli.process import NOT_SOLVED
 from jacokin.errors import InvalidInputError
 from jacokin.model.descriptions import bundled

@@ -4,10 +4,9 @@ robot, jacobians        the arm, its limits, kinematics and Jacobians
 dynamics                payloads, tilted bases, and the wrench behind joint torques
 contact_observer        contact noticed from joint torques
 identification          payload and friction from a log
-loading, descriptions   from a name, a URDF or an MJCF to the arm; the bundled robots and their table of numbers
+loading, descriptions   from a name, a URDF or an MJCF to the arm and its home; the bundled robots and their numbers
 measured_arm            how far one arm is from its description, and the file that says so
 written_descriptions    the URDF or MJCF of a calibrated arm
-home                    a configuration to start from
 poses, angles, checks   building and checking poses, full turns, checks of arguments
 many_configurations     kinematics of many configurations at once
 mujoco_twin             the same arm in MuJoCo

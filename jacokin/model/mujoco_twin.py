@@ -18,8 +18,8 @@ import pinocchio as pin
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, ModelError
 from jacokin.model import checks, poses
-from jacokin.model.descriptions import bundled, meshes, mjcf, urdf
-from jacokin.model.descriptions.shapes import Shape
+from jacokin.model.descriptions import bundled, mjcf, urdf
+from jacokin.model.descriptions.shapes import Shape, embed_meshes
 from jacokin.model.robot import Robot, Source, checked_robot
 
 UNLIMITED = 1e6  # [rad] stands for an open side
@@ -281,7 +281,7 @@ def with_shapes(robot: Robot) -> mujoco.MjModel:
         _replace_inertial(link)
         for visual in link.findall("visual"):
             link.remove(visual)
-    return _compile(tree, meshes.embed(tree, source.path, source.package_dirs), source)
+    return _compile(tree, embed_meshes(tree, source.path, source.package_dirs), source)
 
 
 def with_masses(robot: Robot) -> mujoco.MjModel:

@@ -7,8 +7,7 @@ free_motion        `plan_motion`: from a configuration to a goal without contact
 blending           corners that are passed without stopping, and time for them
 grasps             ways to grasp boxes, cylinders and spheres
 joint_motion       `move_joints`: from one configuration to another in the least time
-path, timing       lines between poses, and when each place of them is passed
-torques            as slow as limits of torque ask for
+path, timing       lines between poses, and when each place of them is passed, within limits of torque, too
 trajectory, files  joint angles over time, and their files
 clearance, plot    how far a trajectory stays from a scene; its picture
 """

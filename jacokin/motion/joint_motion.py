@@ -16,8 +16,7 @@ from jacokin.errors import InvalidInputError, needed
 from jacokin.ik.seeds import checked_start
 from jacokin.model import angles, checks
 from jacokin.model.robot import Robot, checked_robot, velocity_limits
-from jacokin.motion.timing import MAX_TICKS
-from jacokin.motion.torques import TooHeavy, slow_down, torque_limits
+from jacokin.motion.timing import MAX_TICKS, TooHeavy, slow_down, torque_limits
 from jacokin.motion.trajectory import MotionStatus, Trajectory
 
 if TYPE_CHECKING:
@@ -83,7 +82,7 @@ def move_joints(
         raise InvalidInputError(f"no motion found within these limits: it ends {np.abs(q[-1] - end).max():.3g} rad off")
     # Rounding may pass the ends by one unit in the last place, and an end may be a limit.
     q = np.clip(q, np.minimum(start, end), np.maximum(start, end))
-    q[0], q[-1] = start, end
+    q[0], q[-1], v[0], v[-1] = start, end, 0.0, 0.0
     return Trajectory.of(robot, velocity, (times, q, v, a))
 
 

@@ -2,14 +2,11 @@
 
 Everything public is imported from here.
 
-building               `build`: a grid of positions times a set of orientations
-samples, orientations  which poses a map is made of, and what makes most of them superfluous
-chunk                  what is kept of each pose
-folder, map            what is read from a map
-bound                  how far from a reached sample the tool can be
-placement              where to put the base for given targets
-placement_picture      such a place from above and from the side
-pictures, outlines     maps as PNG and as a page that turns them, with the arm and obstacles
+building      `build`: a grid of positions times a set of orientations; how far from a sample the tool can be
+samples       which poses a map is made of, their orientations, and what makes most of them superfluous
+folder, map   what is kept of each pose, and what is read from a map
+placement     where to put the base for given targets, and its picture
+pictures      maps as PNG and as a page that turns them, with the arm and obstacles
 """
 
 from jacokin import lazy

@@ -10,32 +10,41 @@ with the SHA-256 of each.
 
 from __future__ import annotations
 
+import math
 import pickle
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import ExitStack
 from pathlib import Path
 
+import numpy as np
 import orjson
 import pinocchio as pin
 from numpy.typing import ArrayLike
+from scipy.spatial import ConvexHull, QhullError
 
 import jacokin
 from jacokin import files
+from jacokin.arrays import Array
 from jacokin.chunks.execution import Progress, checked_executor, reporter, run_jobs, usable_cores
 from jacokin.chunks.folder import RECIPE, ChunkFolder, Keeper, file_digest
 from jacokin.errors import InvalidInputError
 from jacokin.ik.solver import IKSolver
 from jacokin.model import checks
+from jacokin.model.many_configurations import Chain
 from jacokin.model.poses import FreeAxis
 from jacokin.model.robot import Robot
 from jacokin.model.scene import Scene
-from jacokin.reachability.bound import derive_bound
-from jacokin.reachability.chunk import MapJob, make
-from jacokin.reachability.folder import MANIFEST, load, make_recipe
+from jacokin.reachability.folder import MANIFEST, MapJob, load, make, make_recipe
 from jacokin.reachability.map import ReachabilityMap
-from jacokin.reachability.orientations import NO_SYMMETRIES, Orientations, checked_orientations, find_symmetries
-from jacokin.reachability.samples import Grid, Samples
+from jacokin.reachability.samples import (
+    NO_SYMMETRIES,
+    Grid,
+    Orientations,
+    Samples,
+    checked_orientations,
+    find_symmetries,
+)
 
 SPACING = 0.05  # [m] of the grid where none is given
 COUNT = 200  # of orientations where none are given
@@ -163,3 +172,55 @@ def _shard(shard: str | None) -> tuple[int, int]:
         if 1 <= number <= count:
             return number - 1, count
     raise checks.refusal("shard", "'i/n' with 1 <= i <= n", shard)
+
+
+PARALLEL = 1e-9  # sine of an angle between axes that do not meet
+
+
+def derive_bound(samples: Samples, solver: IKSolver) -> float | None:
+    """The bound [m]; None where the orientations are some that were chosen and not spread over all."""
+    angle = covering_angle(samples.orientations, samples.symmetries.tool_axis)
+    if angle is None:
+        return None
+    half = 0.5 * samples.grid.spacing * math.sqrt(len(samples.shape))
+    return 2.0 * half + 2.0 * lever(solver) * math.sin(0.5 * angle)
+
+
+def covering_angle(orientations: Orientations, tool_axis: Array | None) -> float | None:
+    """The largest angle [rad] from any orientation to the nearest one of the set; None if half a turn is not covered.
+
+    Exact: the directions farthest from points on a sphere are the normals of the faces of their convex hull. Rotations
+    are points on the sphere of unit quaternions, two for each, at half their angles.
+
+    Args:
+        orientations: the set.
+        tool_axis: (3,) where only the direction of this axis counts; None where all of the rotation does.
+    """
+    if orientations.axes is not None:
+        return None
+    if tool_axis is not None:
+        points = orientations.rotations @ tool_axis
+    else:
+        quats = orientations.quats_wxyz / np.linalg.norm(orientations.quats_wxyz, axis=1, keepdims=True)
+        points = np.concatenate([quats, -quats])
+    try:
+        nearest = -ConvexHull(points).equations[:, -1].max()
+    except (QhullError, ValueError):  # too few, or all in one plane
+        return None
+    if nearest <= 0.0:
+        return None
+    return (1.0 if tool_axis is not None else 2.0) * math.acos(min(1.0, nearest))
+
+
+def lever(solver: IKSolver) -> float:
+    """Distance [m] from the tool to where the last two axes meet, or come nearest to each other."""
+    robot = solver.robot
+    chain = Chain(robot, robot.frame_id(solver.frame), solver.tool)
+    tool, _, linear, angular = (column[0] for column in chain.placements(robot.home[None]))
+    axes = angular[-2:]
+    points = tool + np.cross(axes, linear[-2:])  # nearest to the tool on each axis
+    across = np.cross(axes[0], axes[1])
+    if np.linalg.norm(across) < PARALLEL:
+        return float(np.linalg.norm(np.cross(axes[1], tool - points[1])))
+    along = float(np.cross(points[0] - points[1], axes[0]) @ np.cross(axes[1], axes[0])) / float(across @ across)
+    return float(np.linalg.norm(tool - (points[1] + along * axes[1])))

@@ -18,10 +18,8 @@ from jacokin.model import checks, poses
 from jacokin.model.loading import load_robot
 from jacokin.model.robot import Robot, fingerprint
 from jacokin.model.scene import Scene, checked_scene
-from jacokin.reachability.orientations import Orientations
-from jacokin.reachability.outlines import outline_arm, outline_scene
-from jacokin.reachability.pictures import draw
-from jacokin.reachability.samples import NOWHERE, Grid, Samples, turn_about_z
+from jacokin.reachability.pictures import draw, outline_arm, outline_scene
+from jacokin.reachability.samples import NOWHERE, Grid, Orientations, Samples, turn_about_z
 
 RADIAN = 0.1  # [m] that a radian counts when distances of poses are compared, as for closest configurations
 

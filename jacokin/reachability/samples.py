@@ -8,17 +8,22 @@ an orientation stands for all that turn the axis of the tool into the same direc
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
+from jacokin.ik.files.targets import rotations_from_quats
+from jacokin.ik.solver import IKSolver
 from jacokin.model import checks
+from jacokin.model.many_configurations import Chain
+from jacokin.model.poses import DOWN_QUAT_WXYZ, FreeAxis, quat_wxyz, unit_vector
 from jacokin.model.robot import Robot
-from jacokin.reachability.orientations import Orientations, Symmetries
 
 MOST_CELLS = 10**9  # one number for each is 8 GB
 NOWHERE = -1  # the cell of a position outside the grid
@@ -203,3 +208,227 @@ def turn_about_base(rotations: Array, angles: Array) -> Array:
 def turn_about_z(angle: float) -> Array:
     """The rotation (3, 3) by an angle [rad] about the z axis."""
     return np.asarray(turn_about_base(np.eye(3)[None], np.array([angle]))[0])
+
+
+GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))  # [rad]
+PHI = math.sqrt(2.0)  # the constants of Alexa, section 3: psi solves psi^4 = psi + 4
+PSI = 1.533751168755204288118041413
+MOST = 100_000
+FULL = (-math.pi, math.pi)  # [rad]
+SAME_AXIS = 1e-9  # sine; as exact as symmetries are
+TOLERANCE = 1e-9  # [m] and [rad] that an axis may be off: a thousandth of the tolerance of a solution
+
+
+class Orientations:
+    """Orientations of the tool in the base frame; immutable.
+
+    Attributes:
+        name: how they were made.
+        quats_wxyz: (m, 4) unit quaternions.
+        rotations: (m, 3, 3) the same as matrices.
+        axes: (m, 3) axis in the tool frame about which each may turn, a unit vector; None where they are fixed.
+        ranges: (m, 2) least and largest angle about it [rad]; None where they are fixed.
+    """
+
+    __slots__ = ("axes", "name", "quats_wxyz", "ranges", "rotations")
+
+    def __init__(
+        self,
+        quats_wxyz: ArrayLike,
+        name: str = "given",
+        *,
+        axes: ArrayLike | None = None,
+        ranges: ArrayLike | None = None,
+    ) -> None:
+        """Take quaternions (m, 4) whose norm is within 1 % of one.
+
+        Args:
+            quats_wxyz: quaternions.
+            name: how they were made.
+            axes: (m, 3) axes in the tool frame about which they may turn; a position is reached when one of the
+                orientations that come from turning is. See also `free`.
+            ranges: (m, 2) angles about the axes [rad]; None for full turns.
+
+        Raises:
+            InvalidInputError: malformed, none, more than 100,000, a wrong norm, or ranges without axes.
+        """
+        quats = checks.matrix("quats_wxyz", quats_wxyz, 4, "wxyz")
+        if len(quats) > MOST:
+            raise InvalidInputError(f"at most {MOST} orientations, got {len(quats)}")
+        rotations, wrong = rotations_from_quats(quats)
+        if len(wrong):
+            raise InvalidInputError(f"quats_wxyz[{wrong[0]}] must have norm 1 (within 1 %), got {quats[wrong[0]]}")
+        self.name = name
+        self.quats_wxyz = checks.read_only(quats)
+        self.rotations = checks.read_only(rotations)
+        self.axes = self.ranges = None
+        if axes is None:
+            if ranges is not None:
+                raise InvalidInputError("ranges are of axes; give axes too")
+            return
+        free = [
+            FreeAxis(np.eye(4), axis=axis, range=limits)
+            for axis, limits in zip(
+                _rows("axes", axes, 3, len(quats)),
+                _rows("ranges", FULL if ranges is None else ranges, 2, len(quats)),
+                strict=True,
+            )
+        ]
+        self.axes = checks.read_only(np.array([each.axis for each in free]))
+        self.ranges = checks.read_only(np.array([each.range for each in free]))
+
+    def __len__(self) -> int:
+        """How many."""
+        return len(self.quats_wxyz)
+
+    @classmethod
+    def even(cls, count: int) -> Orientations:
+        """Rotations spread evenly over all of them, by a super-Fibonacci spiral."""
+        count = checks.whole_number("count", count, 1, MOST)
+        s = np.arange(count) + 0.5
+        inner, outer = np.sqrt(s / count), np.sqrt(1.0 - s / count)
+        alpha, beta = 2.0 * np.pi * s / PHI, 2.0 * np.pi * s / PSI
+        spiral = [inner * np.sin(alpha), inner * np.cos(alpha), outer * np.sin(beta), outer * np.cos(beta)]
+        return cls(np.stack(spiral, axis=1), f"{count} rotations, super-Fibonacci")
+
+    @classmethod
+    def free(cls, targets: FreeAxis | Sequence[FreeAxis], name: str | None = None) -> Orientations:
+        """Those of targets that may turn about an axis; their positions are not used.
+
+        Raises:
+            InvalidInputError: none, or one that is not a `FreeAxis`.
+        """
+        each = [targets] if isinstance(targets, FreeAxis) else checks.listed("targets", targets)
+        if not each or not all(isinstance(target, FreeAxis) for target in each):
+            raise checks.refusal("targets", "a FreeAxis, or a sequence of them", targets)
+        return cls(
+            np.array([quat_wxyz(target.matrix[:3, :3]) for target in each]),
+            f"{len(each)} free about an axis" if name is None else name,
+            axes=np.array([target.axis for target in each]),
+            ranges=np.array([target.range for target in each]),
+        )
+
+    @classmethod
+    def directions(cls, count: int, axis: ArrayLike = (0.0, 0.0, 1.0), *, free_roll: bool = False) -> Orientations:
+        """Rotations that turn `axis` of the tool into directions spread evenly over the sphere.
+
+        Args:
+            count: how many.
+            axis: (3,) in the tool frame.
+            free_roll: whether the tool may turn about the axis; otherwise the roll of each is an arbitrary one.
+        """
+        checks.flag("free_roll", free_roll)
+        count = checks.whole_number("count", count, 1, MOST)
+        number = np.arange(count)
+        z = 1.0 - (2.0 * number + 1.0) / count
+        radius, angle = np.sqrt(1.0 - z * z), number * GOLDEN_ANGLE
+        return cls(
+            shortest_turns(
+                unit_vector("axis", axis), np.stack([radius * np.cos(angle), radius * np.sin(angle), z], axis=1)
+            ),
+            f"{count} directions, spherical Fibonacci{', any roll' if free_roll else ''}",
+            axes=np.tile(unit_vector("axis", axis), (len(number), 1)) if free_roll else None,
+        )
+
+    @classmethod
+    def down(cls, yaws: int = 1) -> Orientations:
+        """The tool pointing vertically down, turned about the vertical in equal steps."""
+        yaws = checks.whole_number("yaws", yaws, 1, MOST)
+        half = np.pi * np.arange(yaws) / yaws
+        w, x, y, z = DOWN_QUAT_WXYZ
+        c, s = np.cos(half), np.sin(half)  # Rz(2 half) times the tool pointing down
+        quats = np.stack([c * w - s * z, c * x - s * y, c * y + s * x, c * z + s * w], axis=1)
+        return cls(quats, f"tool down, {yaws} yaws")
+
+    def free_axis(self, index: int, pose: pin.SE3 | ArrayLike) -> FreeAxis:
+        """A pose with one of these orientations as a target that may turn about the axis of that; there are axes."""
+        assert self.axes is not None
+        assert self.ranges is not None
+        return FreeAxis(pose, axis=self.axes[index], range=self.ranges[index])
+
+    def without_roll(self, axis: ArrayLike) -> Orientations:
+        """One of those that turn `axis` of the tool into the same direction."""
+        directions = self.rotations @ unit_vector("axis", axis)
+        _, first = np.unique(np.round(directions, 9), axis=0, return_index=True)
+        return Orientations(self.quats_wxyz[np.sort(first)], self.name)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Symmetries:
+    """What does not matter.
+
+    Attributes:
+        turns: whether poses may be turned about the z axis of the base.
+        tool_axis: (3,) axis of the tool about which poses may be turned, a unit vector in its frame; None if none.
+    """
+
+    turns: bool
+    tool_axis: Array | None
+
+
+NO_SYMMETRIES = Symmetries(turns=False, tool_axis=None)
+
+
+def find_symmetries(solver: IKSolver) -> Symmetries:
+    """The symmetries of an arm, frame and tool; obstacles, and the shapes of hand and base, do not have them."""
+    robot = solver.robot
+    chain = Chain(robot, robot.frame_id(solver.frame), solver.tool)
+    position, rotation, velocity, angular = (column[0] for column in chain.placements(robot.home[None]))
+    # A joint whose axis passes through a point moves it by the cross product of the axis with the way to the tool.
+    about_z = np.cross(angular[0], position)[:2]
+    turns = bool(
+        robot.unlimited[0]
+        and np.abs(angular[0, :2]).max() < TOLERANCE
+        and np.abs(velocity[0, :2] - about_z).max() < TOLERANCE
+        and np.abs(velocity[0, 2]) < TOLERANCE
+    )
+    rolls = bool(robot.unlimited[-1] and not robot.sliding[-1] and np.abs(velocity[-1]).max() < TOLERANCE)
+    return Symmetries(turns, np.asarray(rotation.T @ angular[-1]) if rolls else None)
+
+
+def shortest_turns(axis: Array, directions: Array) -> Array:
+    """Quaternions (m, 4) of the smallest rotations from a unit vector to others (m, 3)."""
+    quats = np.concatenate([1.0 + directions @ axis[:, None], np.cross(axis, directions)], axis=1)
+    opposite = quats[:, 0] < 1e-12
+    if opposite.any():  # half a turn about anything perpendicular
+        across = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
+        quats[opposite] = [0.0, *(across / np.linalg.norm(across))]
+    return np.asarray(quats / np.linalg.norm(quats, axis=1, keepdims=True))
+
+
+def checked_orientations(
+    value: Orientations | FreeAxis | Sequence[FreeAxis] | int, symmetries: Symmetries
+) -> tuple[Orientations, Symmetries]:
+    """A set of orientations, and the symmetries that a map with them has.
+
+    Of a number, so many rotations, or directions of an axis about which the last joint rolls the tool freely. Tools
+    that may turn about that very axis are nothing else; about another axis, turning and roll are two different things.
+
+    Raises:
+        InvalidInputError: neither a set nor a number.
+    """
+    axis = symmetries.tool_axis
+    if isinstance(value, FreeAxis | list | tuple):
+        value = Orientations.free(value)
+    if isinstance(value, Orientations):
+        if axis is None:
+            return value, symmetries
+        if value.axes is None or np.linalg.norm(np.cross(value.axes, axis), axis=1).max() < SAME_AXIS:
+            return value.without_roll(axis), symmetries
+        return value, Symmetries(symmetries.turns, None)
+    if not isinstance(value, int | np.integer) or isinstance(value, bool):
+        raise checks.refusal("orientations", "an Orientations, one or several FreeAxis, or a number of them", value)
+    count = checks.whole_number("orientations", value, lowest=1)
+    return Orientations.even(count) if axis is None else Orientations.directions(count, axis), symmetries
+
+
+def _rows(name: str, values: ArrayLike, width: int, count: int) -> Array:
+    """One row for each of so many orientations; a single one is for all.
+
+    Raises:
+        InvalidInputError: another number of them, or malformed.
+    """
+    rows = checks.matrix(name, np.atleast_2d(checks.array(name, values, f"rows of {width} numbers")), width, "")
+    if len(rows) not in (1, count):
+        raise InvalidInputError(f"{name} must have one row for each of the {count} orientations, got {len(rows)}")
+    return np.asarray(np.broadcast_to(rows, (count, width)))

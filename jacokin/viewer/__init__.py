@@ -4,10 +4,9 @@ Everything public is imported from here. Read `view` first.
 
 view, inspector       what to show for a target, as data, and how it is found
 texts, paste          what a view says in words; text to paste, which is tried first
-drawing, map_slices   meshes of the arm and of obstacles; slices of a reachability map
+drawing               meshes of the arm and of obstacles
 playback              trajectories that are played
-serving, contents     `serve`, and what a page offers and solves for
-results               `show`, which results call to be looked at
+serving, contents     `serve`, and `show`, which results call; what a page offers, slices of a map among it
 viewer                the running viewer, between pages and inspector
 browser               the only part that imports viser: scene, panel and the guarded web server
 """

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from jacokin.arrays import Array
 from jacokin.errors import ModelError
 from jacokin.model import poses
-from jacokin.model.descriptions import meshes as mesh_files
 from jacokin.model.descriptions import mjcf
+from jacokin.model.descriptions.shapes import find_mesh
 from jacokin.model.mujoco_twin import to_mujoco
 from jacokin.model.robot import Robot
 from jacokin.model.scene import Scene
@@ -45,7 +45,7 @@ class Triangles:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Piece:
+class ColouredMesh:
     """Triangles of one colour."""
 
     mesh: Triangles
@@ -62,7 +62,7 @@ class ArmPart:
 
     name: str
     """Of the joint; "base" for the base."""
-    pieces: tuple[Piece, ...] = ()
+    pieces: tuple[ColouredMesh, ...] = ()
     """What is drawn, each colour once."""
     shapes: dict[str, Triangles] = field(default_factory=dict)
     """The collision shapes by name. What is drawn of them has rounded edges, some millimetres inside."""
@@ -119,7 +119,7 @@ def build_sticks(robot: Robot) -> tuple[ArmPart, ...]:
         if length > 1e-6:  # [m] below that there is nothing to see
             along = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), end)
             meshes.append(move(cylinder(BONE_RADIUS, 0.5 * length), pin.SE3(along, 0.5 * end)))
-        parts.append(ArmPart(name, by_colour([Piece(mesh, smooth=True) for mesh in meshes])))
+        parts.append(ArmPart(name, by_colour([ColouredMesh(mesh, smooth=True) for mesh in meshes])))
     return tuple(parts)
 
 
@@ -142,10 +142,10 @@ def load_visuals(robot: Robot) -> tuple[ArmPart, ...] | None:
     return tuple(ArmPart(name, by_colour(drawn.get(number, []))) for number, name in enumerate(names))
 
 
-def _read_urdf(robot: Robot, text: str) -> dict[int, list[Piece]]:
+def _read_urdf(robot: Robot, text: str) -> dict[int, list[ColouredMesh]]:
     """Pieces by the number of the joint that moves them, in its frame."""
     read: dict[Path, Triangles] = {}
-    drawn: dict[int, list[Piece]] = {}
+    drawn: dict[int, list[ColouredMesh]] = {}
     tree = ET.fromstring(text)
     looks = {each.get("name", ""): each for each in tree.findall("material")}
     for link in tree.findall("link"):
@@ -156,7 +156,7 @@ def _read_urdf(robot: Robot, text: str) -> dict[int, list[Piece]]:
         for visual in link.findall("visual"):
             mesh = _read_visual(robot, visual, read)
             if mesh is not None:
-                piece = Piece(move(mesh, frame.placement * _origin(visual)), _look(visual, looks))
+                piece = ColouredMesh(move(mesh, frame.placement * _origin(visual)), _look(visual, looks))
                 drawn.setdefault(frame.parentJoint, []).append(piece)
     return drawn
 
@@ -184,7 +184,7 @@ def _read_visual(robot: Robot, visual: ET.Element, read: dict[Path, Triangles]) 
             return cylinder(float(_numbers(shape, "radius")[0]), 0.5 * float(_numbers(shape, "length")[0]))
         if shape.tag == "mesh":
             source = robot.source
-            found = mesh_files.find(shape.get("filename", ""), source.path, source.package_dirs)
+            found = find_mesh(shape.get("filename", ""), source.path, source.package_dirs)
             if found not in read:
                 read[found] = _load(found, source.path)
             scale = _numbers(shape, "scale", "1 1 1")
@@ -211,9 +211,9 @@ def _load(file: Path, description: Path) -> Triangles:
     return Triangles(vertices.astype(np.float32), faces.astype(np.uint32))
 
 
-def _read_mjcf(robot: Robot, model: mujoco.MjModel) -> dict[int, list[Piece]]:
+def _read_mjcf(robot: Robot, model: mujoco.MjModel) -> dict[int, list[ColouredMesh]]:
     """As `_read_urdf`; empty where every geom that is shown collides."""
-    drawn: dict[int, list[Piece]] = {}
+    drawn: dict[int, list[ColouredMesh]] = {}
     decorative = False
     for geom in range(model.ngeom):
         body = int(model.geom_bodyid[geom])
@@ -224,7 +224,7 @@ def _read_mjcf(robot: Robot, model: mujoco.MjModel) -> dict[int, list[Piece]]:
         mesh = read_geom(model, geom)
         if mesh is not None:
             frame = robot.pin_model.frames[robot.frame_id(name)]
-            piece = Piece(move(mesh, frame.placement), to_colour(_rgba(model, geom)))
+            piece = ColouredMesh(move(mesh, frame.placement), to_colour(_rgba(model, geom)))
             drawn.setdefault(frame.parentJoint, []).append(piece)
             decorative |= not (model.geom_contype[geom] or model.geom_conaffinity[geom])
     return drawn if decorative else {}
@@ -253,13 +253,13 @@ def _rgba(model: mujoco.MjModel, geom: int) -> Array:
     return np.array(model.geom_rgba[geom] if material < 0 else model.mat_rgba[material], dtype=np.float64)
 
 
-def by_colour(pieces: list[Piece]) -> tuple[Piece, ...]:
+def by_colour(pieces: list[ColouredMesh]) -> tuple[ColouredMesh, ...]:
     """Pieces with those of one look merged."""
     groups: dict[tuple[Colour, bool], list[Triangles]] = {}
     for piece in pieces:
         groups.setdefault((piece.colour, piece.smooth), []).append(piece.mesh)
     merged = [(merge(meshes), *look) for look, meshes in groups.items()]
-    return tuple(Piece(mesh, colour, smooth) for mesh, colour, smooth in merged if mesh is not None)
+    return tuple(ColouredMesh(mesh, colour, smooth) for mesh, colour, smooth in merged if mesh is not None)
 
 
 def rounded_box(half: Array) -> Triangles:
@@ -358,11 +358,11 @@ def move(mesh: Triangles, place: pin.SE3) -> Triangles:
     return Triangles((mesh.vertices @ place.rotation.T + place.translation).astype(np.float32), mesh.faces)
 
 
-def draw_geom(model: mujoco.MjModel, geom: int) -> Piece | None:
+def draw_geom(model: mujoco.MjModel, geom: int) -> ColouredMesh | None:
     """One shape as it is drawn: in its colour, boxes and cylinders with rounded edges."""
     mesh = read_geom(model, geom, rounded=True)
     smooth = model.geom_type[geom] != mujoco.mjtGeom.mjGEOM_MESH
-    return None if mesh is None else Piece(mesh, to_colour(_rgba(model, geom)), smooth)
+    return None if mesh is None else ColouredMesh(mesh, to_colour(_rgba(model, geom)), smooth)
 
 
 def read_geom(model: mujoco.MjModel, geom: int, *, rounded: bool = False) -> Triangles | None:

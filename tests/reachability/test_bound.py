@@ -12,7 +12,7 @@ import pytest
 from jacokin import IKSolver, Robot
 from jacokin.arrays import Array
 from jacokin.reachability import Grid, Orientations, ReachabilityMap, build, bundled
-from jacokin.reachability.bound import covering_angle, lever
+from jacokin.reachability.building import covering_angle, lever
 
 NAMES = ("j2n6s300", "j2s6s300", "m1n6s300", "j2s7s300")
 

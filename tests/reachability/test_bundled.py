@@ -12,7 +12,7 @@ from jacokin import IKSolver, Robot
 from jacokin.errors import UnknownNameError
 from jacokin.model.descriptions.bundled import NAMES
 from jacokin.reachability import Grid, build, bundled
-from jacokin.reachability.chunk import count_reaching
+from jacokin.reachability.folder import count_reaching
 from tests.reachability.poses import random_samples_at
 
 

@@ -11,8 +11,7 @@ import pytest
 import jacokin
 from jacokin.arrays import Array
 from jacokin.reachability import Grid, Orientations, bundled
-from jacokin.reachability.orientations import NO_SYMMETRIES, Symmetries
-from jacokin.reachability.samples import NOWHERE, Samples, turn_about_base
+from jacokin.reachability.samples import NO_SYMMETRIES, NOWHERE, Samples, Symmetries, turn_about_base
 
 GRID = Grid([-0.3, -0.2, 0.0], [0.3, 0.4, 0.5], 0.1)
 COUNT = 300

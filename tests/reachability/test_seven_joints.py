@@ -10,7 +10,7 @@ import pytest
 
 from jacokin import IKSolver, Robot
 from jacokin.reachability import Grid, ReachabilityMap, build, place_base
-from jacokin.reachability.chunk import count_reaching
+from jacokin.reachability.folder import count_reaching
 from tests.reachability.poses import random_samples
 
 

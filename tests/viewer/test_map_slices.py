@@ -11,7 +11,7 @@ import jacokin
 from jacokin import reachability
 from jacokin.errors import InvalidInputError
 from jacokin.viewer import serve
-from jacokin.viewer.map_slices import COLOURS, MapSlices, colour_fractions
+from jacokin.viewer.contents import COLOURS, MapSlices, colour_fractions
 from tests.viewer.page import opened
 
 

@@ -2,7 +2,7 @@
 
 chain     what a description holds, and the chain of joints from base to tip taken from it
 bundled   the bundled robots and their table of numbers
-urdf      URDF files; `meshes` finds the meshes that they name
-shapes    collision shapes, and those of bundled robots
+urdf      URDF files
+shapes    collision shapes, those of bundled robots, and the mesh files that a URDF names
 mjcf      MJCF files, as MuJoCo compiles them
 """

@@ -1,7 +1,7 @@
 """Free motions: from one configuration to a goal without contact. Read `plan_motion` first.
 
-plan_motion   `plan_motion`: the straight motion to the nearest goal, or a way around, shortened and timed
+plan_motion   `plan_motion`: the straight motion to the nearest goal, or a way around, shortened and timed;
+              configurations that reach what is asked for
 plan_pick     `plan_pick`: to an object, with a straight line to a grasp at the end
-goals         configurations that reach what is asked for
 search        straight motions, and ways around what blocks them, by the kernels
 """

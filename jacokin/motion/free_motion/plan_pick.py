@@ -18,8 +18,7 @@ from jacokin.ik.solver import IKSolver
 from jacokin.model import checks
 from jacokin.model.obstacles import pose_of
 from jacokin.model.scene import Scene
-from jacokin.motion.free_motion.goals import GoalFinder
-from jacokin.motion.free_motion.plan_motion import plan_motion
+from jacokin.motion.free_motion.plan_motion import GoalFinder, plan_motion
 from jacokin.motion.grasps import Grasp
 from jacokin.motion.joint_motion import ACCELERATION
 from jacokin.motion.planning.plan import plan_path

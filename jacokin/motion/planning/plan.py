@@ -8,9 +8,10 @@ from the first to the last (`search`); then it computes every tick exactly on th
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
@@ -18,16 +19,19 @@ from jacokin.errors import InvalidInputError, StructureError
 from jacokin.ik import diagnosis, seeds
 from jacokin.ik.solver import IKSolver
 from jacokin.ik.targets import Target, TargetPose
+from jacokin.ik.verification import Verifier
 from jacokin.model import checks
 from jacokin.model.many_configurations import Chain
+from jacokin.model.poses import FreeAxis, rotation_angle
 from jacokin.model.robot import velocity_limits
+from jacokin.motion.free_motion.plan_motion import plan_motion
+from jacokin.motion.joint_motion import ACCELERATION
 from jacokin.motion.path import MOST_FAMILIES, MOST_PLACES, CartesianPath
-from jacokin.motion.planning.lead_in import is_away, lead_in
 from jacokin.motion.planning.manifold import Curve, Manifold, Pace
-from jacokin.motion.planning.search import Climb, Ladder, Rung, Search
+from jacokin.motion.planning.search import Climb, Ladder, PathSearch, Rung
 from jacokin.motion.timing import check_ticks, fit_ticks, sample_lines
 from jacokin.motion.track import ANGULAR_SPEED, SPEED
-from jacokin.motion.trajectory import Trajectory
+from jacokin.motion.trajectory import LEAD_IN, Trajectory, changes
 
 TIMINGS = ("keep", "slow")
 FINEST = 0.01  # [rad] between members of a family: more of them take minutes
@@ -137,7 +141,7 @@ def plan_path(
     pace = Pace(times, velocity)
     ladder = Ladder(solver, manifold, pace, free_step, keep=timing == "keep")
     places = path.places(SPACING, TURNING, MOST_FAMILIES if manifold.has_families else MOST_PLACES)
-    search = Search(ladder, places, near, exactly=start is not None)
+    search = PathSearch(ladder, places, near, exactly=start is not None)
     found = Climb(search, dt).find()
     writer = _Writer(
         solver=solver,
@@ -313,7 +317,7 @@ def _explain_rung(rung: Rung, solver: IKSolver, manifold: Manifold) -> str:
     return diagnosis.explain_branches(rows, solver.robot.joint_names).message
 
 
-def _explain_end(search: Search, reached: float, q: Array, blocked: str, solver: IKSolver) -> str:
+def _explain_end(search: PathSearch, reached: float, q: Array, blocked: str, solver: IKSolver) -> str:
     """Why the best way ends at a place, which is that of a rung, in a configuration (dof,)."""
     manifold, robot = search.ladder.manifold, solver.robot
     index = [rung.u for rung in search.rungs].index(reached)
@@ -333,3 +337,78 @@ def _explain_end(search: Search, reached: float, q: Array, blocked: str, solver:
     if margin[tight] < TIGHT:
         return f"{where}: {robot.joint_names[tight]} runs into its limit, and no branch within the limits follows"
     return f"{where}: a gap between branches, {abs(float(nearest[joint])):.3g} rad in {robot.joint_names[joint]}"
+
+
+THERE = 1e-3  # [m] and [rad] an arm this near to the first pose is at it
+
+
+def is_away(verifier: Verifier, q: Array, target: pin.SE3 | FreeAxis) -> bool:
+    """Whether the tool at `q` (dof,) is elsewhere than at a target, whatever the angle about its free axis."""
+    tool = verifier.tool_pose(q)
+    pose = target.at(0.0) if isinstance(target, FreeAxis) else target
+    if np.linalg.norm(tool.translation - pose.translation) > THERE:
+        return True
+    if not isinstance(target, FreeAxis):
+        return rotation_angle(tool.rotation.T @ pose.rotation) > THERE
+    return float(np.linalg.norm(tool.rotation @ target.axis - pose.rotation @ target.axis)) > THERE
+
+
+def lead_in(solver: IKSolver, start: Array, path: Trajectory, dt: float, acceleration: Array | None) -> Trajectory:
+    """A path with the motion to its first row before it, in rows of `dt` [s] whose status is "LEAD_IN".
+
+    Args:
+        solver: knows the arm and its scene.
+        start: (dof,) where the arm is [rad].
+        path: a path that begins elsewhere.
+        dt: control step [s].
+        acceleration: (dof,) limits [rad/s^2]; None for those of `plan_motion`.
+    """
+    motion = plan_motion(
+        solver,
+        start,
+        path.q[0],
+        dt=dt,
+        velocity_limit=path.velocity_limit,
+        acceleration_limit=ACCELERATION if acceleration is None else acceleration,
+    )
+    if not motion.success:
+        status = ("HELD",) * len(path)
+        q = checks.read_only(np.tile(start, (len(path), 1)))
+        away = checks.read_only(np.full(len(path), np.nan))
+        message = f"there is no way from the start to where the path would begin: {motion.message}"
+        still = checks.read_only(np.zeros_like(q))
+        return replace(
+            path,
+            q=q,
+            v=still,
+            a=still,
+            status=status,
+            limiting=(message,) * len(path),
+            position_error=away,
+            orientation_error=away,
+            clearance=away,
+            message=message,
+        )
+    # All but its last row are whole steps; the last one is reached within the step after them.
+    count = len(motion) - 1
+    q = np.vstack([motion.q[:-1], path.q])
+    v = np.zeros_like(q)
+    v[1:] = np.diff(q, axis=0) / dt
+    unknown = np.full(count, np.nan)
+    clear = motion.clearance[:-1] if not np.isnan(path.clearance).all() else unknown
+    t = checks.read_only(np.arange(len(q)) * dt)
+    return replace(
+        path,
+        t=t,
+        q=checks.read_only(q),
+        v=checks.read_only(v),
+        a=changes(t, v),
+        status=(LEAD_IN,) * count + path.status,
+        limiting=("",) * count + path.limiting,
+        segment=checks.sealed(np.concatenate([np.full(count, -1, dtype=np.intp), path.segment])),
+        position_error=checks.read_only(np.concatenate([unknown, path.position_error])),
+        orientation_error=checks.read_only(np.concatenate([unknown, path.orientation_error])),
+        clearance=checks.read_only(np.concatenate([clear, path.clearance])),
+        start_distance=0.0,
+        message=f"{path.message.partition(';')[0]}, after a motion of {motion.duration:.4g} s to where it begins",
+    )

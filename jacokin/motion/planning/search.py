@@ -5,8 +5,8 @@ Two solutions do when the straight motion between them stays near the line of th
 line by no more than `DEVIATION` and `TILT`, and by a little more where the parameter of a family changes. What is on
 the line exactly is found later (`manifold.Curve`).
 
-`Search` finds the cheapest way by dynamic programming, and makes steps smaller where no way leads on. `Climb` looks at
-that way closely and cuts what does not hold, until a way passes.
+`PathSearch` finds the cheapest way by dynamic programming, and makes steps smaller where no way leads on. `Climb` looks
+at that way closely and cuts what does not hold, until a way passes.
 """
 
 from __future__ import annotations
@@ -235,7 +235,7 @@ class _Look(NamedTuple):
 class Climb:
     """Changes the way until it passes."""
 
-    def __init__(self, search: Search, dt: float) -> None:
+    def __init__(self, search: PathSearch, dt: float) -> None:
         """Take what finds the best way, and the control step [s]."""
         self._search, self._verifier = search, search.ladder.verifier
         self._manifold, self._pace = search.ladder.manifold, search.ladder.pace
@@ -339,7 +339,7 @@ class Climb:
         return found
 
 
-class Search:
+class PathSearch:
     """The ladder of one path, and the best way up; links are made when they are needed and can be cut."""
 
     def __init__(self, ladder: Ladder, places: Array, near: Array, *, exactly: bool) -> None:

@@ -16,9 +16,8 @@ from jacokin.ik.options import COLLISION
 from jacokin.model import checks, poses
 from jacokin.model.robot import Robot
 from jacokin.viewer import texts
-from jacokin.viewer.contents import Setup
+from jacokin.viewer.contents import COLOURS, MapSlices, Setup
 from jacokin.viewer.inspector import FULL_TURN, Inspector
-from jacokin.viewer.map_slices import COLOURS, MapSlices
 from jacokin.viewer.playback import SPEEDS, Playback
 from jacokin.viewer.view import Free
 

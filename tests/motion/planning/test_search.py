@@ -12,7 +12,7 @@ from jacokin import FreeAxis, IKSolver, Robot
 from jacokin.model.many_configurations import Chain
 from jacokin.motion.path import CartesianPath
 from jacokin.motion.planning.manifold import Manifold, Pace
-from jacokin.motion.planning.search import Ladder, Search
+from jacokin.motion.planning.search import Ladder, PathSearch
 
 
 def make_ladder(robot: Robot, path: CartesianPath, *, keep: bool = True) -> Ladder:
@@ -27,7 +27,7 @@ def line(robot: Robot, q_from: list[float], q_to: list[float], *, free: bool = F
     return CartesianPath(targets, robot.default_frame)
 
 
-def cheapest_of_all(search: Search) -> float:
+def cheapest_of_all(search: PathSearch) -> float:
     """The cost of the best of all ways, by trying each: first solution, then any link that leads on."""
     links = search.ladder.link(search.rungs)
     steps = [dict(zip(zip(a.first, a.second, strict=True), a.cost, strict=True)) for a in links]
@@ -42,7 +42,7 @@ def cheapest_of_all(search: Search) -> float:
     return float(best)
 
 
-def cost_of(search: Search, way: list[int]) -> float:
+def cost_of(search: PathSearch, way: list[int]) -> float:
     q = search.rungs[0].x[way[0], :6]
     cost = 0.1 * (((q - search.near) / search.ladder.pace.scale) ** 2).sum()
     for link, pair in zip(search.ladder.link(search.rungs), itertools.pairwise(way), strict=True):
@@ -56,7 +56,7 @@ def test_the_way_is_the_cheapest_of_all(robot: Robot, free: bool) -> None:
     path = line(robot, home.tolist(), (home + 0.05).tolist(), free=free)
     ladder = make_ladder(robot, path)
     near = home + np.array([0.0, 0.3, -0.2, 0.0, 0.4, 0.0])  # on a joint that turns endlessly, the copy is the nearest
-    search = Search(ladder, np.array([0.0, 0.5, 1.0]), near, exactly=False)
+    search = PathSearch(ladder, np.array([0.0, 0.5, 1.0]), near, exactly=False)
     way = search.best()
     assert len(way) == len(search.rungs) == 3  # no step had to be made smaller
     assert min(len(rung.x) for rung in search.rungs) > 3
@@ -65,7 +65,7 @@ def test_the_way_is_the_cheapest_of_all(robot: Robot, free: bool) -> None:
 
 def test_what_is_cut_or_made_dearer_is_not_taken_again(robot: Robot) -> None:
     home = robot.home
-    search = Search(
+    search = PathSearch(
         make_ladder(robot, line(robot, home.tolist(), (home + 0.05).tolist())),
         np.array([0.0, 0.5, 1.0]),
         home,
@@ -84,9 +84,9 @@ def test_what_is_cut_or_made_dearer_is_not_taken_again(robot: Robot) -> None:
 def test_a_way_that_must_begin_at_a_configuration_does(robot: Robot) -> None:
     home = robot.home
     path = line(robot, home.tolist(), (home + 0.05).tolist())
-    search = Search(make_ladder(robot, path), np.array([0.0, 1.0]), home, exactly=True)
+    search = PathSearch(make_ladder(robot, path), np.array([0.0, 1.0]), home, exactly=True)
     assert np.abs(search.rungs[0].x[search.best()[0]] - home).max() < 1e-9
-    away = Search(make_ladder(robot, path), np.array([0.0, 1.0]), home + 0.1, exactly=True)
+    away = PathSearch(make_ladder(robot, path), np.array([0.0, 1.0]), home + 0.1, exactly=True)
     assert away.best() == []
 
 
@@ -95,7 +95,7 @@ def test_steps_are_made_smaller_where_no_way_leads_on(robot: Robot) -> None:
     start = robot.forward_kinematics(robot.home)
     end = pin.SE3(start.rotation @ pin.exp3(np.array([0.0, 0.0, 2.5])), start.translation)
     path = CartesianPath([start, end], robot.default_frame)
-    search = Search(make_ladder(robot, path), np.array([0.0, 1.0]), robot.home, exactly=False)
+    search = PathSearch(make_ladder(robot, path), np.array([0.0, 1.0]), robot.home, exactly=False)
     way = search.best()
     places = [rung.u for rung in search.rungs]
     assert len(way) == len(places) > 2

@@ -13,8 +13,8 @@ from jacokin import Robot, Status
 from jacokin.errors import InvalidInputError
 from jacokin.ik import Box, Cylinder, IKSolver, Scene, Sphere
 from jacokin.viewer import Viewer, serve
-from jacokin.viewer.browser import building
-from jacokin.viewer.browser.building import ADD, MOST, WAITING
+from jacokin.viewer.browser import panel
+from jacokin.viewer.browser.panel import ADD, MOST, WAITING
 from tests.viewer.page import Page, opened, until
 
 EYE = (1.0, -1.0, 1.0)
@@ -112,7 +112,7 @@ def test_a_wrong_size_changes_nothing(viewer: Viewer, page: Page, size: tuple[fl
     assert until(lambda: viewer.view.note.startswith("Ignored: size"))
     assert viewer.scene is before
     with opened(viewer) as other:
-        assert until(lambda: np.allclose(other.value("Size [m]"), building.SIZE))
+        assert until(lambda: np.allclose(other.value("Size [m]"), panel.SIZE))
 
 
 def test_a_click_beside_the_floor_is_refused(viewer: Viewer, page: Page) -> None:
@@ -123,8 +123,8 @@ def test_a_click_beside_the_floor_is_refused(viewer: Viewer, page: Page) -> None
     assert names(viewer) == ("table",)
     for origin, direction in (((0, 0, 1), (0, 0, float("nan"))), ((0, 0, 1), (1, 0, -0.01)), ((0, 0, 1), (0, 0, 1))):
         with pytest.raises(InvalidInputError):
-            building.on_floor(np.array(origin, dtype=float), np.array(direction, dtype=float))
-    assert np.array_equal(building.on_floor(np.array([0.0, 0.5, 1.0]), np.array([0.5, 0.0, -1.0])), [0.5, 0.5, 0.0])
+            panel.on_floor(np.array(origin, dtype=float), np.array(direction, dtype=float))
+    assert np.array_equal(panel.on_floor(np.array([0.0, 0.5, 1.0]), np.array([0.5, 0.0, -1.0])), [0.5, 0.5, 0.0])
 
 
 def test_a_page_cannot_add_without_end(viewer: Viewer, page: Page) -> None:
@@ -144,7 +144,7 @@ def test_without_a_scene_the_first_obstacle_makes_one(robot: Robot) -> None:
         assert until(lambda: not page.control("Obstacles").props["disabled"])
         page.change("Obstacles", False)
         assert until(lambda: not page.names("/scene/"))
-        viewer.show(jacokin.pose(building.PLACE, down=True))
+        viewer.show(jacokin.pose(panel.PLACE, down=True))
         assert until(lambda: viewer.view.target.translation[1] == -0.3 and not viewer.view.pending)
         assert viewer.view.status is Status.OK  # what is unticked is not there
         page.click("Remove")

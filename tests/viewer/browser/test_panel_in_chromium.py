@@ -15,8 +15,8 @@ from jacokin.ik import Box, Scene
 from jacokin.model import urdf_folder
 from jacokin.motion import Trajectory, track_path
 from jacokin.viewer import Inspector, Viewer, serve
-from jacokin.viewer.drawing import ArmPart, Piece, load_parts, load_visuals
-from jacokin.viewer.map_slices import MapSlices
+from jacokin.viewer.contents import MapSlices
+from jacokin.viewer.drawing import ArmPart, ColouredMesh, load_parts, load_visuals
 from tests.viewer.chromium import (
     EYE,
     FOV,
@@ -151,7 +151,7 @@ def test_what_touches_is_orange_and_nothing_else(viewer: Viewer, tab: Tab, robot
     places = inspector.places([view.q])
     shapes = load_parts(robot)[0]
     only = [
-        ArmPart(part.name, tuple(Piece(mesh) for name, mesh in part.shapes.items() if name in touching))
+        ArmPart(part.name, tuple(ColouredMesh(mesh) for name, mesh in part.shapes.items() if name in touching))
         for part in shapes
     ]
     wanted, whole = silhouette(tuple(only), places, 0), silhouette(shapes, places, 0)
