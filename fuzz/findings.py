@@ -6,11 +6,12 @@ from typing import NamedTuple
 
 
 class Finding(NamedTuple):
-    """One broken promise."""
+    """One broken promise, or nearly one."""
 
     kind: str
     """"wrong" (an untrue answer), "lost" (a solution not found), "raw" (an exception that is not jacokin's), "crash"
-    (the process died) or "slow" (longer than a case may take)."""
+    (the process died), "slow" (longer than a case may take), or "unsure" (a family that says it is not complete lacks a
+    member, which breaks no promise)."""
     where: str
     """What was called."""
     what: str

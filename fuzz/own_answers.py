@@ -188,7 +188,7 @@ def check(solver: IKSolver, kind: str, q: Array, rng: np.random.Generator) -> It
         if missed is not None:
             yield Finding("lost", where, f"complete, without {missed.tolist()}; {given}")
         if not held:
-            yield Finding("lost", where, f"in no interval, complete {everything.complete}; {given}")
+            yield Finding("lost" if everything.complete else "unsure", where, f"in no interval; {given}")
 
 
 def find_missing(

@@ -9,15 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.kernels.chain import Newton, errors, make_newton, newton_step
+from jacokin.kernels.chain import Newton, errors, least_squares, make_newton, newton_step
 from jacokin.kernels.closed_form.folds import KNOWN_FOLD, NEW_FOLD, FoldWork, is_known_fold, make_folds, solve_fold
 from jacokin.kernels.limits import fit_to_limits, hold_on_limits, same_configuration
 from jacokin.kernels.tolerances import (
     CLOSURE,
     FOLD_FACTOR,
     MAX_POLISH_ERROR,
+    NEAR_SEED,
     POLISHED_CLOSURE,
     SAME_BRANCH,
+    SEED_FACTOR,
     TANGENCY_CLOSURE,
 )
 
@@ -26,6 +28,8 @@ POSITION_ERROR, ORIENTATION_ERROR, DISTANCE, WITHIN_LIMITS, FAMILY, COLUMNS = 12
 #: 16 is the most a 6R arm can have; families add members, and a fold may be cut in two by rounding.
 MAX_BRANCHES = 24
 POLISH_STEPS = 16
+#: Gauss-Newton steps from a seed.
+SEED_STEPS = 8
 
 
 class PoseQuery(NamedTuple):
@@ -89,6 +93,30 @@ def add_branch(query: PoseQuery, work: BranchWork, family: float) -> bool:
     row[FAMILY] = family
     insert(work)
     return True
+
+
+def add_beside_seed(query: PoseQuery, work: BranchWork) -> None:
+    """Append the branch beside a seed that nearly is one, where no known branch is as near.
+
+    Next to configurations that are singular in several ways, many far apart close the target to rounding.
+    """
+    position, orientation = errors(query.chain, query.T, query.seed)
+    miss = max(position, orientation)
+    if miss > NEAR_SEED:
+        return
+    for i in range(work.filled[0]):
+        if work.rows[i, DISTANCE] <= SEED_FACTOR * miss + SAME_BRANCH:
+            return
+    q, held = work.newton.q, work.newton.held
+    for j in range(6):
+        q[j], held[j] = query.seed[j], 0.0
+    for _ in range(SEED_STEPS):
+        if miss <= POLISHED_CLOSURE or not least_squares(query.chain, query.T, work.newton, 1):
+            break
+        position, orientation = errors(query.chain, query.T, q)
+        miss = max(position, orientation)
+    if miss <= CLOSURE:
+        add_branch(query, work, 0.0)
 
 
 def polish(query: PoseQuery, work: BranchWork) -> bool:

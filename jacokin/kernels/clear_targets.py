@@ -15,6 +15,7 @@ from jacokin.kernels.branches import (
     WITHIN_LIMITS,
     BranchWork,
     PoseQuery,
+    add_beside_seed,
     sort_rows,
 )
 from jacokin.kernels.closed_form.arm import unpack_arm
@@ -52,6 +53,7 @@ def solve_clear_targets(work: ClearWork) -> int:
     for i in range(best.shape[0]):
         query = PoseQuery(targets.chain, targets.limits, targets.T[i], targets.seed[i])
         solve_pose(targets.arm, k, query, targets.pose)
+        add_beside_seed(query, targets.pose.branches)
         choose_branch(branches, best[i])
         touching = is_answer(best[i], work.tolerances) and not stands_clear(work.contact, best[i])
         if touching and work.avoids[0] > 0:

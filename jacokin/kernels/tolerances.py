@@ -86,6 +86,11 @@ CLOSURE = 1e-9
 POLISHED_CLOSURE = 1e-13
 #: [m] and [rad]; candidates with a larger closure are not worth such a step.
 MAX_POLISH_ERROR = 2e-2
+#: [m] and [rad]; a seed that misses its target by less may be beside a branch.
+NEAR_SEED = 1e-2
+#: So many times farther from the seed than it misses the target is too far for a branch, unless it is singular: most
+#: singular values of Jacobians are larger than the inverse.
+SEED_FACTOR = 10.0
 #: Smaller pivots mean a singular Jacobian.
 SMALLEST_PIVOT = 1e-14
 #: Added to the diagonal of the normal equations, relative to its sum: directions that do not move the tool stay put,

@@ -53,6 +53,9 @@ NO_CHANGE = 1e-8
 NO_MOTION, LAST_STEPS = 1e-4, 10
 #: Smallest singular value along curves that reach targets no farther from the edge than ON_EDGE, and where it is taken.
 STUCK, ALONG_ARC = 1e-3, 5
+#: The second smallest one, where the tool nearly cannot move in two directions: members are nearly a surface there, and
+#: small curves may be missed. Smaller ones are rounding.
+STUCK_TWICE = 1e-8, 1e-3
 #: The same of a singular member, as a share of that along the curves.
 SINGULAR = 0.1
 #: [rad] a joint past its limit by no more may be on it.
@@ -144,6 +147,17 @@ class Edge:
         rows = [_spread(arc, ALONG_ARC) for arc in arcs]
         return not rows or bool((self.mobility(np.vstack(rows), problem) < STUCK).all())
 
+    def nearly_stuck_twice(self, x: Array, problem: CurveProblem) -> bool:
+        """Whether the tool nearly cannot move in two directions at any of the rows (k, 7), though not exactly there."""
+        if not len(x):
+            return False
+        second = self._freedoms(x, axis_in_base(problem))[:, 4]
+        exact = x[second <= STUCK_TWICE[0]]  # others may be the same, known to the root of rounding
+        return any(
+            not (np.abs(angles.wrap_to_pi(exact - row)).max(axis=1) <= SAME_POINT).any()
+            for row in x[(second > STUCK_TWICE[0]) & (second < STUCK_TWICE[1])]
+        )
+
     def meeting_points(self, x: Array, problem: CurveProblem) -> Array:
         """Points near rows (k, 7) of curves in which two curves of a target meet."""
         points, axis = x[:0], axis_in_base(problem)
@@ -191,8 +205,12 @@ class Edge:
 
     def _mobility(self, x: Array, axis: Array | None) -> Array:
         """See `mobility`."""
+        return self._freedoms(x, axis)[:, 5]
+
+    def _freedoms(self, x: Array, axis: Array | None) -> Array:
+        """Singular values (k, 6), largest first."""
         placed = self.chain.placements(x[:, : self.chain.dof])
-        return np.asarray(np.linalg.svd(_jacobian(placed, axis), compute_uv=False)[:, 5])
+        return np.asarray(np.linalg.svd(_jacobian(placed, axis), compute_uv=False))
 
     def _missed(self, x: Array, T: Array, axis: Array | None) -> list[float]:
         """Parameters on curves about a free axis that were missed between two slices; from rows (k, 7) near by."""

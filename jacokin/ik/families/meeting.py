@@ -53,12 +53,14 @@ def follow_curves(problem: CurveProblem, edge: Edge, wrist: StraightWrist, also:
     """The curves of a target, also where they meet; `also` are parameters to solve at too [rad]."""
     found = problem.find(also)
     doubtful = edge.doubtful(found.at_quarters, found.motion_at_quarters, found.arcs, problem)
-    if found.complete and found.cut and not len(doubtful):
+    regular = not len(doubtful) or bool((edge.mobility(doubtful, problem) > STUCK).all())  # on a limit, no more
+    none = doubtful[:0]
+    if found.complete and found.cut and regular:
         near = found.straight if problem.arm.sees_straight_wrists else wrist.starts(found.arcs, TOUCHING)
         circles = wrist.circles(near, problem)
-        if not circles:
-            return Followed(found, [], doubtful)
-        followed = _joined(found, circles, doubtful, problem, edge)
+        if not circles and not len(doubtful):
+            return Followed(found, [], none)
+        followed = _joined(found, circles, none, problem, edge) if circles else Followed(found, [], none)
     else:
         followed = _follow_singular(found, doubtful, problem, edge, wrist, also)
     if not followed.found.complete and problem.free_axis is None:
@@ -69,7 +71,11 @@ def follow_curves(problem: CurveProblem, edge: Edge, wrist: StraightWrist, also:
     lost = [x for x in np.vstack([followed.points, doubtful]) if not _is_passed(x, followed, problem, edge)]
     points = np.array(lost).reshape(-1, 7)
     beside = edge.beside(points, problem)
-    if _is_any_missed(points, followed.found.arcs, problem, edge) or not are_counted(beside, followed.found, problem):
+    if (
+        edge.nearly_stuck_twice(np.vstack([doubtful, followed.points, followed.found.singular]), problem)
+        or _is_any_missed(points, followed.found.arcs, problem, edge)
+        or not are_counted(beside, followed.found, problem)
+    ):
         followed = followed._replace(found=followed.found._replace(complete=False))
     return followed._replace(points=points)
 

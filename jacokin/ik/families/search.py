@@ -161,7 +161,8 @@ class FamilySearch:
                 circles = with_others(circles, self._wrist.circles(rows, problem))
                 beside = [point for point in seen if not any(circle.passes(point.q) for circle in circles)]
                 rows = np.array([[*point.q, point.parameter][:DIMENSIONS] for point in beside]).reshape(-1, DIMENSIONS)
-                complete = stuck and not sight.parameters and not len(edge.beside(rows, problem, ASIDE))
+                surface = edge.nearly_stuck_twice(rows, problem)
+                complete = stuck and not surface and not sight.parameters and not len(edge.beside(rows, problem, ASIDE))
                 points = _on_edge(beside, circles, members, seen[0] if seen else None, complete=complete)
                 if not (sight.parameters and found.arcs) and (len(points.family) or (points.family.branches and stuck)):
                     return points

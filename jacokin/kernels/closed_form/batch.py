@@ -7,7 +7,16 @@ from typing import NamedTuple
 import numpy as np
 
 from jacokin.arrays import Array
-from jacokin.kernels.branches import COLUMNS, DISTANCE, MAX_BRANCHES, WITHIN_LIMITS, BranchWork, PoseQuery, sort_rows
+from jacokin.kernels.branches import (
+    COLUMNS,
+    DISTANCE,
+    MAX_BRANCHES,
+    WITHIN_LIMITS,
+    BranchWork,
+    PoseQuery,
+    add_beside_seed,
+    sort_rows,
+)
 from jacokin.kernels.closed_form.arm import ARM_CONSTANTS, unpack_arm
 from jacokin.kernels.closed_form.pose import Work, make_work, solve_pose
 
@@ -52,7 +61,9 @@ def solve_targets(work: TargetWork) -> int:
     """
     k, branches, best = unpack_arm(work.arm), work.pose.branches, work.best
     for i in range(work.T.shape[0]):
-        solve_pose(work.arm, k, PoseQuery(work.chain, work.limits, work.T[i], work.seed[i]), work.pose)
+        query = PoseQuery(work.chain, work.limits, work.T[i], work.seed[i])
+        solve_pose(work.arm, k, query, work.pose)
+        add_beside_seed(query, branches)
         if i < best.shape[0]:
             choose_branch(branches, best[i])
     if best.shape[0] == 0:

@@ -37,7 +37,7 @@ def test_a_configuration_is_its_own_answer(name: str, kind: str, rng: np.random.
     for _ in range(8 if kind == "multiples of 90 degrees" else 20):
         q = np.clip(own_answers.CLASSES[kind](robot, rng), robot.lower, robot.upper)
         findings.extend(own_answers.check(solver, kind, q, rng))
-    assert findings == []
+    assert [finding for finding in findings if finding.kind != "unsure"] == []
 
 
 @pytest.mark.parametrize(
@@ -441,3 +441,44 @@ def test_a_branch_on_its_limit_is_found_of_a_stretched_arm() -> None:
     assert np.abs(wrap_to_pi(branches.q_within_limits[0] - own)).max() < 1e-4
     seed = own + np.array((1.5e-4, 3.6e-4, 1.1e-4, 5.2e-4, 0.0, -2.8e-4))
     assert np.linalg.norm(solver.solve(solver.verifier.tool_pose(own), seed=seed).q - seed) < 1e-3
+
+
+@pytest.mark.parametrize(
+    ("tool", "q"),
+    [
+        (False, (-2.61799384, 1.57079631, 3.14159273, -1.04719755, 3.14159261, -2.09439509)),
+        (True, (0.52359899, 0.82030475, 3.14159261, 2.09439528, 3.14159265, -1.04719755)),
+        (True, (4e-8, 4.71238889, 3.14159278, 1.57079645, 3.14159265, 0.0)),
+    ],
+)
+def test_a_seed_next_to_a_stretched_arm_with_a_straight_wrist_is_its_own_answer(
+    tool: bool, q: tuple[float, ...]
+) -> None:
+    """Many configurations far apart close such a pose to rounding."""
+    solver = IKSolver(jacokin.load_robot("j2s6s300"), tool=jacokin.pose((0.5, 0.0, 0.0)) if tool else None)
+    own = np.array(q)
+    T = solver.verifier.tool_pose(own)
+    assert np.abs(solver.solve(T, seed=own).q - own).max() < 1e-6
+    assert np.abs(solver.solve_batch([T], own).q[0] - own).max() < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("name", "q", "axis"),
+    [
+        ("j2s7s300", (-1.5707963, 3.1415849, 3.1415915, 3.1415927, 1.5707963, 1.1344640137963142, 3.1415927), None),
+        (
+            "j2n6s300",
+            (-3.141592653589793, 4.71239033, 3.141592653589793, 3.14159304, 3.14159098, 4.6e-7),
+            (0.0, 0.0, 1.0),
+        ),
+    ],
+)
+def test_a_family_is_not_called_complete_where_the_tool_nearly_cannot_move_in_two_directions(
+    name: str, q: tuple[float, ...], axis: tuple[float, float, float] | None
+) -> None:
+    solver = IKSolver(jacokin.load_robot(name), tool=jacokin.pose((0.5, 0.0, 0.0)), collision="ignore")
+    own = np.array(q)
+    T = solver.verifier.tool_pose(own)
+    target = T if axis is None else FreeAxis(T, axis=axis)
+    assert np.abs(solver.solve(target, seed=own).q - own).max() < 1e-4
+    assert not solver.solve_all(target).complete
