@@ -27,7 +27,7 @@ tenth of the random poses, `--only costs qp` some of the parts; only a complete 
 Afterwards `python -m docs.readme_table` brings the table to the README.
 
 **Poses that cannot be reached take longer.** A success ends when the branches are known and one is within the
-limits. A failure searches on for the closest configuration, a hundred descents in some hundredths of a second;
+limits. A failure searches on for the closest configuration, a hundred descents in some milliseconds;
 `closest=False` leaves that out. The peers above search until their restarts are used up, and the targets here are
 reachable for that reason.
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from jacokin.errors import StructureError
 from jacokin.kernels.tolerances import SMALLEST_LENGTH, SMALLEST_TWIST, SPHERICAL_TOLERANCE, STRUCTURE_TOLERANCE
+from jacokin.kernels.vector import Vec, cross, norm
 from jacokin.model import checks
 
 WORDS = {6: "six", 7: "seven"}
@@ -75,9 +76,12 @@ def _align_z(joint: pin.JointModel, name: str) -> NDArray[np.float64]:
 
 def frame_with_z(z: NDArray[np.float64]) -> NDArray[np.float64]:
     """A rotation (3, 3) whose third column is a unit vector (3,)."""
-    x = np.cross(z, np.eye(3)[int(np.argmin(np.abs(z)))])
-    x /= np.linalg.norm(x)
-    return np.column_stack([x, np.cross(z, x), z])
+    c: Vec = (float(z[0]), float(z[1]), float(z[2]))
+    least = min(range(3), key=lambda i: abs(c[i]))
+    across = cross(c, (float(least == 0), float(least == 1), float(least == 2)))
+    length = norm(across)
+    x: Vec = (across[0] / length, across[1] / length, across[2] / length)
+    return np.array([x, cross(c, x), c]).T.copy()
 
 
 def frames_at_zero(chain: NDArray[np.float64]) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:

@@ -15,7 +15,6 @@ import numpy as np
 import pinocchio as pin
 
 from jacokin.arrays import Array
-from jacokin.ik.closest import bounded_step
 from jacokin.ik.preferences import copies_to_try, with_ties
 from jacokin.ik.targets import Request, TargetPose
 from jacokin.ik.verification import Verifier
@@ -40,6 +39,10 @@ STARTS, STEPS = 96, 40
 DAMPING, LEAST_DAMPING, MOST_DAMPING, LESS_DAMPING, MORE_DAMPING = 1e-6, 1e-14, 1e2, 0.1, 8.0
 #: Steps that shrink errors by a smaller part help no more, after so many of them.
 SETTLED, PATIENCE = 1e-3, 6
+#: Times that joints which pass a limit are held there and the others solved again.
+BOUND_PASSES = 2
+#: [rad] of a step: a quadratic model says nothing beyond.
+LONGEST_STEP = 1.0
 #: Errors up to this many times the tolerances are weighed anew: where one is too large, the other may be small.
 UNEQUAL = 1.5
 
@@ -177,3 +180,34 @@ class NearMisses:
         if target.position_only:
             error[:, 3:] = jacobian[:, 3:] = 0.0
         return error, jacobian
+
+
+def bounded_step(q: Array, gradient: Array, curvature: Array, damping: Array, lower: Array, upper: Array) -> Array:
+    """Steps (k, dof) from q (k, dof) to the minimum of a quadratic model; joints that would pass a limit end on it.
+
+    Args:
+        q: (k, dof) within the limits.
+        gradient: (k, dof).
+        curvature: (k, dof, dof) positive semidefinite.
+        damping: (k,) added to its diagonal.
+        lower: (dof,) limits; -inf for none.
+        upper: (dof,) limits; inf for none.
+    """
+    unit = np.eye(q.shape[1])
+    matrix = curvature + damping[:, None, None] * unit
+    held = ((q <= lower) & (gradient > 0.0)) | ((q >= upper) & (gradient < 0.0))
+    step = np.zeros_like(q)
+    for _ in range(BOUND_PASSES):
+        given = np.where(held, step, 0.0)
+        rest = gradient + (matrix @ given[:, :, None])[:, :, 0]
+        free = ~held
+        reduced = np.where(free[:, :, None] & free[:, None], matrix, unit)
+        solved = np.linalg.solve(reduced, np.where(held, 0.0, -rest)[:, :, None])[:, :, 0]
+        step = np.where(held, given, solved)
+        past = ((q + step < lower) | (q + step > upper)) & free
+        if not past.any():
+            break
+        step = np.where(past, np.clip(q + step, lower, upper) - q, step)
+        held = held | past
+    longest = np.abs(step).max(axis=1, keepdims=True)
+    return np.asarray(step * np.minimum(1.0, LONGEST_STEP / np.maximum(longest, 1e-300)))

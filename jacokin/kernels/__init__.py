@@ -8,6 +8,7 @@ self_motion                          self-motions: all configurations with one f
 contact                              contact, distances and certain motions of an arm among obstacles
 free_motion                          ways around what blocks a straight joint motion
 clear_targets                        many targets, each answered by the nearest branch clear of contact
+closest                              what comes closest to a target that is not reached
 speeds                               the least time along a path
 branches                             a branch verified, polished, put within the limits; duplicates
 entries, library                     what is compiled; the library loaded and called

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 from jacokin.kernels.clear_targets import make_clear_work, solve_clear_targets
 from jacokin.kernels.closed_form.batch import make_target_work, solve_targets
+from jacokin.kernels.closest import find_closest, make_closest_work
 from jacokin.kernels.contact.run import make_contact_work, run_contact
 from jacokin.kernels.free_motion.run import make_motion_work, run_free_motion
 from jacokin.kernels.self_motion.intervals import make_curve_work, run_curves
@@ -32,4 +33,5 @@ ENTRIES = (
     Entry(run_free_motion, make_motion_work),
     Entry(solve_clear_targets, make_clear_work),
     Entry(fit_speeds, make_speed_work),
+    Entry(find_closest, make_closest_work),
 )

@@ -75,6 +75,17 @@ class Chain:
         self._joints = int(frame.parentJoint)
         self._tip = frame.placement if tool is None else frame.placement * tool
 
+    @property
+    def constants(self) -> tuple[Array, Array, int]:
+        """Of the joints (dof, 34), the tool after the last one (3, 4), and how many joints there are up to it.
+
+        Columns: of the rotation at zero and of what the cosine and the sine of the angle add, rows one after another;
+        the offset [m]; the axis; 1 for a joint that slides.
+        """
+        rotations = np.stack([self._fixed, self._cosine, self._sine], axis=1).reshape(self.dof, 27)
+        rows = np.column_stack([rotations, self._offsets, self._axes, self._sliding])
+        return rows, self._tip.homogeneous[:3], self._joints
+
     def placements(self, q: Array) -> Placements:
         """Of the tool, and its velocities, at configurations (k, dof)."""
         angle = q[:, :, None, None]

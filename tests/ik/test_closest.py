@@ -12,10 +12,12 @@ import pytest
 
 import jacokin
 from jacokin import IKSolver, Robot, Status
+from jacokin.arrays import Array
 from jacokin.ik import targets
-from jacokin.ik.closest import ClosestSearch, Duals, Measure, duals_after
+from jacokin.ik.closest import ClosestSearch
 from jacokin.ik.options import SolverOptions
 from jacokin.ik.verification import Verifier
+from jacokin.kernels import closest as kernel
 from jacokin.model.many_configurations import Chain
 
 sys.path.append(str(Path(__file__).resolve().parents[2]))  # last: the installed package is what gets tested
@@ -59,33 +61,65 @@ def test_the_chain_is_that_of_pinocchio(robot: Robot, rng: np.random.Generator, 
         np.testing.assert_allclose(placed.linear[index].T, jacobian[:3] - pin.skew(lever) @ jacobian[3:], atol=1e-14)
 
 
+def make_work(robot: Robot, target: targets.TargetPose) -> kernel.ClosestWork:
+    """What the kernel works on, for one configuration."""
+    search = ClosestSearch(Verifier(robot, robot.default_frame, None, SolverOptions()))
+    work = kernel.make_closest_work(robot.dof, 1)
+    search.fill(work, target)
+    return work
+
+
+def measured(work: kernel.ClosestWork, q: Array, smoothing: float) -> tuple[float, Array, Array, Array]:
+    """By plain Python: the measure of a configuration (dof,), its gradient, Hessian, and the unit vectors (8,)."""
+    work.here.q[:] = q
+    kernel.measure(work, work.here, smoothing)
+    m, state = work.here.measured, np.zeros(kernel.STATE_COLUMNS)
+    state[kernel.U : kernel.U + 3] = m[kernel.TOWARDS : kernel.TOWARDS + 3]
+    state[kernel.V : kernel.V + 3] = m[kernel.TURN : kernel.TURN + 3]
+    kernel.fill_hessian(work, work.here, state, False)
+    return float(m[kernel.VALUE]), work.here.gradient.copy(), work.here.hessian.reshape(len(q), -1).copy(), state
+
+
 @pytest.mark.parametrize("position_only", [False, True])
 @pytest.mark.parametrize("name", ["j2n6s300", "crane"])
 def test_derivatives_are_those_of_the_measure(
     bundled: Callable[[str], Robot], crane: Robot, rng: np.random.Generator, name: str, position_only: bool
 ) -> None:
     robot = crane if name == "crane" else bundled(name)
-    chain = Chain(robot, robot.frame_id(), None)
     target = targets.checked_target([0.2, 0.1, 0.3]) if position_only else a_target(rng)
-    measure = Measure(chain, target)
-    q, h = robot.sample(rng, 8), 1e-6
-    points = measure.points(q, 1e-2)
-    for joint in range(robot.dof):
-        step = h * np.eye(robot.dof)[joint]
-        ahead, behind = measure.points(q + step, 1e-2), measure.points(q - step, 1e-2)
-        np.testing.assert_allclose(points.gradient[:, joint], (ahead.value - behind.value) / (2 * h), atol=1e-8)
-        np.testing.assert_allclose(points.hessian[:, joint], (ahead.gradient - behind.gradient) / (2 * h), atol=1e-7)
-    np.testing.assert_allclose(measure.points(q, 1e-12).value, measure.exact(q), rtol=1e-10)
+    work, h = make_work(robot, target), 1e-6
+    for q in robot.sample(rng, 4):
+        _, gradient, hessian, _ = measured(work, q, 1e-2)
+        for joint in range(robot.dof):
+            step = h * np.eye(robot.dof)[joint]
+            ahead, behind = measured(work, q + step, 1e-2), measured(work, q - step, 1e-2)
+            assert gradient[joint] == pytest.approx((ahead[0] - behind[0]) / (2 * h), abs=1e-8)
+            np.testing.assert_allclose(hessian[joint], (ahead[1] - behind[1]) / (2 * h), atol=1e-7)
+        T = robot.forward_kinematics(q)
+        own = np.linalg.norm(T.translation - target.position)
+        if not position_only:
+            own += targets.RADIAN_IN_METRES * np.linalg.norm(pin.log3(T.rotation @ target.rotation.T))
+        assert measured(work, q, 1e-12)[0] == pytest.approx(own, rel=1e-10)
 
 
 def test_the_unit_vectors_follow_a_small_step(robot: Robot, rng: np.random.Generator) -> None:
-    measure = Measure(Chain(robot, robot.frame_id(), None), a_target(rng))
-    q = robot.sample(rng, 8)
-    step = 1e-5 * rng.standard_normal(q.shape)
-    points, ahead = measure.points(q, 1e-2), measure.points(q + step, 1e-2)
-    duals = duals_after(points, Duals(points.position, points.rotation), step)
-    np.testing.assert_allclose(duals.position, ahead.position, atol=1e-7)
-    np.testing.assert_allclose(duals.rotation, ahead.rotation, atol=1e-7)
+    work = make_work(robot, a_target(rng))
+    for q in robot.sample(rng, 4):
+        step = 1e-5 * rng.standard_normal(q.shape)
+        ahead = measured(work, q + step, 1e-2)[3]
+        moved = measured(work, q, 1e-2)[3]
+        kernel.move_duals(work.here, step, moved)
+        np.testing.assert_allclose(moved, ahead, atol=1e-7)
+
+
+def test_negative_eigenvalues_become_positive(robot: Robot, rng: np.random.Generator) -> None:
+    work = make_work(robot, a_target(rng))
+    for _ in range(5):
+        root = rng.standard_normal((6, 6))
+        work.here.hessian[:] = (root + root.T).ravel()
+        kernel.fill_curvature(work, False)
+        values, vectors = np.linalg.eigh(root + root.T)
+        np.testing.assert_allclose(work.curvature.reshape(6, 6), vectors * np.abs(values) @ vectors.T, atol=1e-9)
 
 
 @pytest.mark.slow
@@ -118,9 +152,11 @@ def test_the_search_repeats_and_takes_the_callers_randomness(robot: Robot, rng: 
     first, second = (search.find(target, [robot.home], np.random.default_rng(3)) for _ in range(2))
     np.testing.assert_array_equal(first[0], second[0])
     assert first[1] == second[1]
-    values = [
-        Measure(search._chain, target).exact(search.find(target, [robot.home], rng)[0][None])[0] for _ in range(3)
-    ]
+    values = []
+    for _ in range(3):
+        T = robot.forward_kinematics(search.find(target, [robot.home], rng)[0])
+        turn = np.linalg.norm(pin.log3(T.rotation @ target.rotation.T))
+        values.append(np.linalg.norm(T.translation - target.position) + targets.RADIAN_IN_METRES * turn)
     assert max(values) - min(values) < 1e-6
 
 

@@ -351,12 +351,12 @@ def read_curves(work: CurveWork, count: int) -> FoundCurves:
     arcs = [nodes[first:end] for first, end, _, _ in table.tolist()]
     ends = [(left, right) for _, _, left, right in table.tolist()]
     by_arc: dict[int, list[Piece]] = {}
-    for row in work.cuts.intervals[:count]:
-        arc, a, b = int(row[0]), int(row[1]), int(row[2])
-        piece = Piece(
-            arc, nodes[a : b + 2], row[7:21].reshape(2, 7).copy(), (int(row[3]), int(row[4])), (row[5], row[6])
-        )
-        by_arc.setdefault(arc, []).append(piece)
+    rows = work.cuts.intervals[:count]
+    for (arc, a, b, *codes, start, stop), both in zip(
+        rows[:, :7].tolist(), rows[:, 7:21].copy().reshape(count, 2, 7), strict=True
+    ):
+        piece = Piece(int(arc), nodes[int(a) : int(b) + 2], both, (int(codes[0]), int(codes[1])), (start, stop))
+        by_arc.setdefault(piece.branch, []).append(piece)
     pieces = [part for group in by_arc.values() for part in join_parts(group, parameter)]
     full = size == NODES or number == ARCS or count == INTERVALS
     singular = work.slices.singular[: min(int(work.counts[2]), SINGULAR)].copy()
@@ -391,8 +391,8 @@ def join_parts(pieces: list[Piece], parameter: int) -> list[Piece]:
 
 def cut_turns(piece: Piece, parameter: int) -> list[Piece]:
     """A piece of a curve that goes round several times, cut at nodes into pieces of a turn at most."""
-    parts = []
-    while piece.ends[1, parameter] - piece.ends[0, parameter] > TURN + SAME_PARAMETER:
+    parts: list[Piece] = []
+    while piece.ends.item(1, parameter) - piece.ends.item(0, parameter) > TURN + SAME_PARAMETER:
         wall = piece.ends[0, parameter] + TURN + SAME_PARAMETER
         cut = int(np.searchsorted(piece.nodes[:, parameter], wall, side="right")) - 1
         point = piece.nodes[cut, :7]

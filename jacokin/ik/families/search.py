@@ -167,8 +167,12 @@ class FamilySearch:
                 if not (sight.parameters and found.arcs) and (len(points.family) or (points.family.branches and stuck)):
                     return points
         intervals = []
-        for piece in sorted(found.pieces, key=lambda piece: (piece.branch, piece.ends[0, parameter])):
-            ends = (_end(piece.codes[0], robot), _end(piece.codes[1], robot))
+        known: dict[int, IntervalEnd] = {}  # by their codes
+        for piece in found.pieces:
+            for code in piece.codes:
+                if code not in known:
+                    known[code] = _end(code, robot)
+            ends = known[piece.codes[0]], known[piece.codes[1]]
             intervals.append(Interval(members, CurveTrack(problem, piece), piece.branch, ends))
         intervals += _at_range_ends(found, problem, members)
         intervals.sort(key=lambda interval: (interval.branch, interval.start))
@@ -393,12 +397,12 @@ def _turns_of_joint_6(
 
 def _is_small(arcs: Sequence[Array], parameter: int, length: float) -> bool:
     """Whether all curves are shorter than a length [rad] of the parameter."""
-    return all(abs(nodes[-1, parameter] - nodes[0, parameter]) < length for nodes in arcs)
+    return all(abs(nodes.item(len(nodes) - 1, parameter) - nodes.item(0, parameter)) < length for nodes in arcs)
 
 
 def _is_long(piece: Piece, parameter: int) -> bool:
     """Whether a piece is more than a point that limits cut out of a curve."""
-    return bool(abs(piece.ends[1, parameter] - piece.ends[0, parameter]) >= SMALL)
+    return abs(piece.ends.item(1, parameter) - piece.ends.item(0, parameter)) >= SMALL
 
 
 def _closes(piece: Piece, members: Members, parameter: int) -> bool:

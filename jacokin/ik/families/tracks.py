@@ -63,8 +63,8 @@ class CurveTrack(Track):
         """Take a piece; on a closed circle of parameters the start is moved into [-pi, pi)."""
         self._problem, self._piece = problem, piece
         self._parameter = problem.arm.parameter
-        start, stop = piece.ends[:, self._parameter].tolist()
-        turns = -TURN * np.floor((start + np.pi) / TURN) if problem.closed else 0.0
+        start, stop = piece.ends.item(0, self._parameter), piece.ends.item(1, self._parameter)
+        turns = -TURN * math.floor((start + math.pi) / TURN) if problem.closed else 0.0
         self._turns = turns
         self.start, self.stop = start + turns, max(start, stop) + turns
 

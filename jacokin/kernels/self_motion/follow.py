@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jacokin.arrays import Array
-from jacokin.kernels.chain import bordered_newton, tangent7
+from jacokin.kernels.chain import bordered_newton, null_tangent, tangent7
 
 #: [rad] longest step along a curve.
 LONGEST_STEP = 0.1
@@ -33,6 +33,10 @@ POINT_CLOSURE = 1e-14
 #: [rad] how far p may be off.
 PARAMETER_ACCURACY = 1e-14
 BISECTIONS = 60
+#: [m] and [rad]; a place that Newton's method leads to from the cubic is taken where it closes so well and, as a share
+#: of the chord, is no farther from there.
+PLACE_CLOSURE, PLACE_CORRECTION = 1e-13, 0.01
+CUBIC_STEPS = 4
 
 
 class Walk(NamedTuple):
@@ -44,14 +48,15 @@ class Walk(NamedTuple):
     ty: Array  # (7,)
     z: Array  # (7,) a point between them
     tz: Array  # (7,)
+    bend: Array  # (7,) how the tangent turned on the last step, for a distance of 1
     border: Array  # (7,)
     system: Array  # (7, 8)
 
 
 def make_walk() -> Walk:
     """Fresh arrays."""
-    a, b, c, d, e, f, g = (np.empty(7) for _ in range(7))
-    return Walk(a, b, c, d, e, f, g, np.empty((7, 8)))
+    a, b, c, d, e, f, g, h = (np.empty(7) for _ in range(8))
+    return Walk(a, b, c, d, e, f, g, h, np.empty((7, 8)))
 
 
 def advance(chain: Array, T: Array, walk: Walk, h: float, y: Array, ty: Array, sign: float) -> bool:
@@ -62,25 +67,45 @@ def advance(chain: Array, T: Array, walk: Walk, h: float, y: Array, ty: Array, s
     x, t = walk.x, walk.t
     offset = h
     for j in range(7):
-        y[j] = x[j] + h * t[j]
+        y[j] = x[j] + h * (t[j] + 0.5 * h * walk.bend[j])
         offset += t[j] * x[j]
     # Where two curves nearly meet, points between them close to 1e-10 as well.
-    if not bordered_newton(chain, T, y, t, offset, walk.system, 6, STEP_CLOSURE) <= CURVE_CLOSURE:
+    closure = bordered_newton(chain, T, y, t, offset, walk.system, 6, STEP_CLOSURE)
+    if not closure <= CURVE_CLOSURE:
         return False
     correction, cosine = 0.0, 0.0
     for j in range(7):
         d = y[j] - x[j] - h * t[j]
         correction += d * d
-    if correction > CORRECTION * h * h or tangent7(chain, T, y, t, ty, walk.system) != sign:
+    if correction > CORRECTION * h * h or tangent_at(chain, T, y, closure, STEP_CLOSURE, t, ty, walk) != sign:
         return False
     for j in range(7):
         cosine += t[j] * ty[j]
     return cosine >= TURNING
 
 
+def tangent_at(
+    chain: Array, T: Array, x: Array, closure: float, tolerance: float, border: Array, t: Array, walk: Walk
+) -> float:
+    """As `tangent7`, where `bordered_newton` with this tolerance came to x and returned this closure.
+
+    Where that was good enough, the Jacobian of x is in walk.system already.
+    """
+    if closure <= tolerance:
+        return null_tangent(border, t, walk.system)
+    return tangent7(chain, T, x, border, t, walk.system)
+
+
+def fill_bend(walk: Walk, t: Array, way: float) -> None:
+    """Fill walk.bend from the tangents walk.t and t, so far apart along the curve."""
+    for j in range(7):
+        walk.bend[j] = (t[j] - walk.t[j]) / way
+
+
 def find_fold(chain: Array, T: Array, walk: Walk, h: float, parameter: int, sign: float) -> float:
     """Fill walk.z and walk.tz with the point between walk.x and walk.y where dp/ds = 0; returns its distance, or -1."""
     a, fa, b, fb = 0.0, walk.t[parameter], h, walk.ty[parameter]
+    fill_bend(walk, walk.ty, h)
     for _ in range(FOLD_STEPS):
         s = b - fb * (b - a) / (fb - fa) if fb != fa else 0.5 * (a + b)
         if not min(a, b) < s < max(a, b):
@@ -102,7 +127,8 @@ def reach_wall(chain: Array, T: Array, walk: Walk, way: float, parameter: int, w
     """Fill walk.z and walk.tz with the point between walk.x and a distance way ahead where p = wall."""
     for j in range(7):
         walk.border[j] = 1.0 if j == parameter else 0.0
-    if not bordered_newton(chain, T, walk.z, walk.border, wall, walk.system, 12, CURVE_CLOSURE) <= CURVE_CLOSURE:
+    closure = bordered_newton(chain, T, walk.z, walk.border, wall, walk.system, 12, CURVE_CLOSURE)
+    if not closure <= CURVE_CLOSURE:
         return False
     along, across = 0.0, 0.0
     for j in range(7):
@@ -112,7 +138,7 @@ def reach_wall(chain: Array, T: Array, walk: Walk, way: float, parameter: int, w
         across += d * d
     if not -1e-9 <= along <= way + 1e-6 or across > CORRECTION * way * way + 1e-18:
         return False
-    return tangent7(chain, T, walk.z, walk.t, walk.tz, walk.system) == sign
+    return tangent_at(chain, T, walk.z, closure, CURVE_CLOSURE, walk.t, walk.tz, walk) == sign
 
 
 def record(traced: Array, n: int, x: Array, t: Array, fold: float) -> None:
@@ -157,6 +183,7 @@ def follow(
     for j in range(7):
         x[j] = x0[j]
         t[j] = t0[j] if forward else -t0[j]
+        walk.bend[j] = 0.0
     sign = tangent7(chain, T, x, t, tz, walk.system)
     low, high = min(here, there), max(here, there)
     rising = there > here
@@ -180,8 +207,10 @@ def follow(
             share = (wall - x[parameter]) / (end - x[parameter]) if end != x[parameter] else 0.0
             if fold:  # p is a parabola up to the fold
                 share = 1.0 - math.sqrt(max(0.0, 1.0 - share))
+            fill_bend(walk, ty, h)
+            s = way_to(wall - x[parameter], t[parameter], walk.bend[parameter], share * way, way)
             for j in range(7):
-                z[j] = x[j] + share * way * t[j]
+                z[j] = x[j] + s * (t[j] + 0.5 * s * walk.bend[j])
             if not reach_wall(chain, T, walk, way, parameter, wall, sign):
                 h *= 0.5
                 continue
@@ -193,16 +222,26 @@ def follow(
             rising = not rising
             wall = high if rising else low
             if (y[parameter] >= wall) == rising:  # the wall behind the fold is nearer than y: go on from the fold
+                fill_bend(walk, tz, way)
                 for j in range(7):
                     x[j], t[j] = z[j], tz[j]
                 h = max(0.5 * (h - way), 16.0 * SHORTEST_STEP)
                 continue
         record(traced, n, y, ty, 0.0)
         n += 1
+        fill_bend(walk, ty, h)
         for j in range(7):
             x[j], t[j] = y[j], ty[j]
         h = min(1.6 * h, LONGEST_STEP)
     return n - first, -1
+
+
+def way_to(rise: float, slope: float, bend: float, straight: float, farthest: float) -> float:
+    """Where slope s + bend s^2 / 2 has risen so far; `straight` if that is not between 0 and the farthest."""
+    square = slope * slope + 2.0 * bend * rise
+    bottom = slope + math.copysign(math.sqrt(square), slope) if square >= 0.0 else 0.0
+    s = 2.0 * rise / bottom if bottom != 0.0 else -1.0
+    return s if 0.0 <= s <= farthest else straight
 
 
 def chord_length(a: Array, b: Array) -> float:
@@ -222,34 +261,89 @@ def share_of(a: Array, b: Array, x: Array) -> float:
     return along / square if square > 0.0 else 0.0
 
 
-def between(chain: Array, T: Array, a: Array, b: Array, share: float, x: Array, walk: Walk) -> bool:
-    """Fill x with the curve's point across the chord between two nodes (14,) at a share of it; False if not found."""
+def cubic_between(a: Array, b: Array, length: float, u: float, j: int) -> float:
+    """Joint j at a share u of the chord between two nodes (14,), by the cubic through both."""
+    v = 1.0 - u
+    return float(
+        (1.0 + 2.0 * u) * v * v * a[j]
+        + u * v * v * length * a[7 + j]
+        + u * u * (3.0 - 2.0 * u) * b[j]
+        - u * u * v * length * b[7 + j]
+    )
+
+
+def closure_between(chain: Array, T: Array, a: Array, b: Array, share: float, x: Array, walk: Walk) -> float:
+    """Fill x with the curve's point across the chord between two nodes (14,) at a share of it; how well it closes."""
     length = chord_length(a, b)
     if length == 0.0:
         for j in range(7):
             x[j] = a[j]
-        return True
-    u = share
-    v = 1.0 - u
+        return WORST_CLOSURE
     offset = 0.0
     for j in range(7):
         walk.border[j] = (b[j] - a[j]) / length
-        x[j] = (
-            (1.0 + 2.0 * u) * v * v * a[j]
-            + u * v * v * length * a[7 + j]
-            + u * u * (3.0 - 2.0 * u) * b[j]
-            - u * u * v * length * b[7 + j]
+        x[j] = cubic_between(a, b, length, share, j)
+        offset += walk.border[j] * (a[j] + share * (b[j] - a[j]))
+    return bordered_newton(chain, T, x, walk.border, offset, walk.system, 8, POINT_CLOSURE)
+
+
+def between(chain: Array, T: Array, a: Array, b: Array, share: float, x: Array, walk: Walk) -> bool:
+    """As `closure_between`; False if the point was not found."""
+    return closure_between(chain, T, a, b, share, x, walk) <= WORST_CLOSURE
+
+
+def node_between(chain: Array, T: Array, a: Array, b: Array, share: float, walk: Walk) -> float:
+    """As `between`, with the point in walk.x and its tangent in walk.t; the sign of `tangent7`, 0 if not found."""
+    closure = closure_between(chain, T, a, b, share, walk.x, walk)
+    if not closure <= WORST_CLOSURE:
+        return 0.0
+    return tangent_at(chain, T, walk.x, closure, POINT_CLOSURE, walk.border, walk.t, walk)
+
+
+def place_joint(chain: Array, T: Array, a: Array, b: Array, j: int, value: float, x: Array, walk: Walk) -> float:
+    """As `where_joint_is`, by Newton's method from the cubic; -1 where that leads away from there."""
+    length = chord_length(a, b)
+    rise = b[j] - a[j]
+    share = (value - a[j]) / rise
+    for _ in range(CUBIC_STEPS):
+        slope = (
+            rise
+            + (1.0 - 2.0 * share) * ((1.0 - share) * (length * a[7 + j] - rise) - share * (length * b[7 + j] - rise))
+            - share * (1.0 - share) * (length * (a[7 + j] + b[7 + j]) - 2.0 * rise)
         )
-        offset += walk.border[j] * (a[j] + u * (b[j] - a[j]))
-    return bordered_newton(chain, T, x, walk.border, offset, walk.system, 8, POINT_CLOSURE) <= WORST_CLOSURE
+        if slope * rise <= 0.0:
+            return -1.0
+        share -= (cubic_between(a, b, length, share, j) - value) / slope
+        if not 0.0 <= share <= 1.0:
+            return -1.0
+    for m in range(7):
+        walk.border[m] = 1.0 if m == j else 0.0
+        walk.y[m] = cubic_between(a, b, length, share, m)
+        x[m] = walk.y[m]
+    closure = bordered_newton(chain, T, x, walk.border, value, walk.system, 6, POINT_CLOSURE)
+    correction = 0.0
+    for m in range(7):
+        walk.border[m] = (b[m] - a[m]) / length
+        correction += (x[m] - walk.y[m]) * (x[m] - walk.y[m])
+    if not (closure <= PLACE_CLOSURE and correction <= PLACE_CORRECTION * PLACE_CORRECTION * length * length):
+        return -1.0
+    share = share_of(a, b, x)
+    return share if 0.0 < share < 1.0 else -1.0
 
 
 def where_joint_is(chain: Array, T: Array, a: Array, b: Array, j: int, value: float, x: Array, walk: Walk) -> float:
-    """Fill x with the point between two nodes where joint j has a value that lies between theirs; its share, or -1."""
+    """Fill x with the point between two nodes where joint j has a value that lies between theirs; its share, or -1.
+
+    Leaves the direction of the chord in walk.border.
+    """
     low, f_low, high, f_high = 0.0, a[j] - value, 1.0, b[j] - value
     if f_low == 0.0 or f_high == 0.0:
         share = 0.0 if f_low == 0.0 else 1.0
         return share if between(chain, T, a, b, share, x, walk) else -1.0
+    if f_low * f_high < 0.0:
+        share = place_joint(chain, T, a, b, j, value, x, walk)
+        if share >= 0.0:
+            return share
     for _ in range(BISECTIONS):
         share = high - f_high * (high - low) / (f_high - f_low) if f_high != f_low else 0.5 * (low + high)
         if not min(low, high) <= share <= max(low, high):

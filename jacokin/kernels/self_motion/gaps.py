@@ -7,15 +7,17 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.kernels.closed_form.arm import pose_of, unpack_arm
 from jacokin.kernels.closed_form.resultant import DEGREE, fourier_of_F
 from jacokin.kernels.limits import TURN
-from jacokin.kernels.self_motion.seven_joints import discriminant, wrist_from_shoulder
+from jacokin.kernels.self_motion.seven_joints import discriminants, elbow_discriminant, wrist_from_shoulder
 from jacokin.kernels.self_motion.slices import (
     EDGES,
     SLICES,
+    WINDOW_SAMPLES,
     WINDOWS,
     SevenJoints,
     SixJoints,
@@ -25,8 +27,6 @@ from jacokin.kernels.self_motion.slices import (
 )
 from jacokin.kernels.vector import Vec
 
-#: Samples from one slice to the next.
-WINDOW_SAMPLES = 4
 #: Steps towards a maximum; each takes a third off the bracket.
 MAXIMUM_STEPS = 24
 #: A minimum that the parabola through three samples puts above this share of the middle one is not looked at.
@@ -39,8 +39,8 @@ SAME_SLICE = 1e-9
 
 def lower_discriminant(chain: Array, arm7: Array, D0: Vec, q3: float, sign: float) -> float:
     """The discriminant that decides: for joint 4 where that is negative, else for joint 2."""
-    first, second = discriminant(chain, arm7, D0, q3, sign)
-    return first if first < 0.0 else second
+    first, plus, minus = discriminants(chain, arm7, D0, q3)
+    return first if first < 0.0 else plus if sign > 0.0 else minus
 
 
 def find_maximum(chain: Array, arm7: Array, D0: Vec, low: float, high: float, sign: float) -> tuple[float, float]:
@@ -89,16 +89,19 @@ def add_windows(chain: Array, seven: SevenJoints, T: Array, n: int, closed: bool
         return total
     first, step = slices.p[0], (slices.p[1] - slices.p[0]) / WINDOW_SAMPLES
     gaps = n if closed else n - 1
+    for i in range(gaps * WINDOW_SAMPLES + 3):
+        at_4, plus, minus = discriminants(chain, arm7, D0, first + (i - 1) * step)
+        seven.samples[i, 0], seven.samples[i, 1], seven.samples[i, 2] = at_4, plus, minus
     total = n
-    for k in range(2):
-        sign = 1.0 if k == 0 else -1.0
+    for k in range(1, 3):
+        sign = 1.0 if k == 1 else -1.0
         seen = False  # whether the window at hand has a slice
         peak, peak_at = -math.inf, 0.0
-        before = lower_discriminant(chain, arm7, D0, first - step, sign) if closed else math.inf
-        here = lower_discriminant(chain, arm7, D0, first, sign)
+        before = lower_sample(seven.samples[0], k) if closed else math.inf
+        here = lower_sample(seven.samples[1], k)
         for i in range(gaps * WINDOW_SAMPLES + 1):
             p = first + i * step
-            after = lower_discriminant(chain, arm7, D0, p + step, sign)
+            after = lower_sample(seven.samples[i + 2], k)
             if here > 0.0:
                 seen = seen or i % WINDOW_SAMPLES == 0
                 if here > peak:
@@ -112,13 +115,20 @@ def add_windows(chain: Array, seven: SevenJoints, T: Array, n: int, closed: bool
                 if value > 0.0:
                     total = insert_slice(slices, total, at)
             before, here = here, after
-    return add_dips(chain, arm7, D0, first, step, gaps * WINDOW_SAMPLES, total, slices)
+    return add_dips(chain, seven, D0, first, step, gaps * WINDOW_SAMPLES, total, slices)
+
+
+def lower_sample(sample: Array, kind: int) -> float:
+    """As `lower_discriminant`, from a row of seven.samples; the sign of joint 4 by its column."""
+    return float(sample[0] if sample[0] < 0.0 else sample[kind])
 
 
 def one_discriminant(chain: Array, arm7: Array, D0: Vec, q3: float, kind: int) -> float:
     """The discriminant of joint 4 for kind 0, of joint 2 with either sign of joint 4 for kinds 1 and 2."""
-    first, second = discriminant(chain, arm7, D0, q3, -1.0 if kind == 2 else 1.0)
-    return first if kind == 0 else second
+    if kind == 0:
+        return elbow_discriminant(chain, arm7, D0, q3)
+    _, plus, minus = discriminants(chain, arm7, D0, q3)
+    return plus if kind == 1 else minus
 
 
 def find_dip(chain: Array, arm7: Array, D0: Vec, low: float, high: float, kind: int, flip: float) -> float:
@@ -145,7 +155,7 @@ def insert_new(slices: Slices, n: int, p: float) -> int:
 
 
 def add_dips(
-    chain: Array, arm7: Array, D0: Vec, first: float, step: float, samples: int, total: int, slices: Slices
+    chain: Array, seven: SevenJoints, D0: Vec, first: float, step: float, samples: int, total: int, slices: Slices
 ) -> int:
     """Add a slice where two configurations meet and part again, so that between there are none and no slice sees it.
 
@@ -153,7 +163,7 @@ def add_dips(
 
     Args:
         chain: (8, 3, 4).
-        arm7: see `solve_at_q3`.
+        seven: the arm, and its samples.
         D0: what `wrist_from_shoulder` returned.
         first: first sample of joint 3, at a slice [rad].
         step: from sample to sample, WINDOW_SAMPLES to a slice [rad].
@@ -166,11 +176,10 @@ def add_dips(
     """
     for kind in range(3):
         seen, length, lowest = False, 0, 0.0  # of the run of samples that are not positive: whether it has a slice
-        before = one_discriminant(chain, arm7, D0, first - step, kind)
-        here = one_discriminant(chain, arm7, D0, first, kind)
+        before, here = seven.samples[0, kind], seven.samples[1, kind]
         for i in range(samples):
             p = first + i * step
-            after = one_discriminant(chain, arm7, D0, p + step, kind)
+            after = seven.samples[i + 2, kind]
             if not here > 0.0:
                 seen = (length > 0 and seen) or i % WINDOW_SAMPLES == 0
                 length += 1
@@ -182,7 +191,7 @@ def add_dips(
             elif here <= before and here <= after:
                 bend = after + before - 2.0 * here
                 if (after - before) * (after - before) > 8.0 * (1.0 - HIGH_MINIMUM) * here * bend:
-                    at = find_dip(chain, arm7, D0, p - step, p + step, kind, 1.0)
+                    at = find_dip(chain, seven.arm, D0, p - step, p + step, kind, 1.0)
                     if at == at:
                         total = insert_new(slices, total, at)
             before, here = here, after
@@ -202,10 +211,10 @@ def add_edge(chain: Array, arm7: Array, D0: Vec, low: float, high: float, seven:
     """Add the edge between two values of joint 3; returns how many there are then."""
     if count == EDGES:
         return count
-    rises = one_discriminant(chain, arm7, D0, high, 0) > 0.0
+    rises = elbow_discriminant(chain, arm7, D0, high) > 0.0
     for _ in range(EDGE_HALVINGS):
         middle = 0.5 * (low + high)
-        if (one_discriminant(chain, arm7, D0, middle, 0) > 0.0) == rises:
+        if (elbow_discriminant(chain, arm7, D0, middle) > 0.0) == rises:
             high = middle
         else:
             low = middle
@@ -216,12 +225,12 @@ def add_edge(chain: Array, arm7: Array, D0: Vec, low: float, high: float, seven:
 def find_edges(chain: Array, D0: Vec, seven: SevenJoints) -> int:
     """Fill seven.edges with where the discriminant of joint 4 changes its sign, the first one where it rises."""
     arm7, step, count = seven.arm, TURN / EDGE_SAMPLES, 0
-    before = one_discriminant(chain, arm7, D0, FIRST_SAMPLE - step, 0)
-    here = one_discriminant(chain, arm7, D0, FIRST_SAMPLE, 0)
+    before = elbow_discriminant(chain, arm7, D0, FIRST_SAMPLE - step)
+    here = elbow_discriminant(chain, arm7, D0, FIRST_SAMPLE)
     begins_inside = here > 0.0
     for i in range(EDGE_SAMPLES):
         p = FIRST_SAMPLE + i * step
-        after = one_discriminant(chain, arm7, D0, p + step, 0)
+        after = elbow_discriminant(chain, arm7, D0, p + step)
         at = math.nan
         if here > 0.0 and before > here and after >= here:
             at = find_dip(chain, arm7, D0, p - step, p + step, 0, 1.0)
@@ -250,7 +259,8 @@ def loop_place(low: float, high: float, angle: float) -> tuple[float, float]:
 def loop_discriminant(chain: Array, arm7: Array, D0: Vec, low: float, high: float, angle: float) -> float:
     """The discriminant of joint 2 at an angle round the loop, in which it is smooth."""
     q3, sign = loop_place(low, high, angle)
-    return discriminant(chain, arm7, D0, q3, sign)[1]
+    _, plus, minus = discriminants(chain, arm7, D0, q3)
+    return plus if sign > 0.0 else minus
 
 
 def add_extremum(
@@ -336,6 +346,8 @@ class Loops(NamedTuple):
     polynomial: Array  # (2, 17, 2) z^8 F and its derivative by the parameter, z = exp(i q6); real and imaginary parts
     roots: Array  # (2, 16, 2) z at the last slice and at this one
     height: Array  # (2, 16, 4) y^2 there, -1 where it is not looked at, and its derivative; dz/dp / z
+    rate: Array  # (16, 2) dz/dp / z at the slice before the last one
+    moving: NDArray[np.int64]  # (16,) 1 for roots that are still improved
     found: Array  # (SLICES,) values of the parameter to add
 
 
@@ -346,6 +358,8 @@ def make_loops() -> Loops:
         np.empty((2, ALL_ROOTS + 1, 2)),
         np.empty((2, ALL_ROOTS, 2)),
         np.empty((2, ALL_ROOTS, 4)),
+        np.empty((ALL_ROOTS, 2)),
+        np.zeros(ALL_ROOTS, np.int64),
         np.empty(SLICES),
     )
 
@@ -397,11 +411,15 @@ def slope_at(polynomial: Array, degree: int, z: complex) -> complex:
     return slope
 
 
-def improve_roots(polynomial: Array, degree: int, roots: Array, steps: int) -> None:
+def improve_roots(polynomial: Array, degree: int, roots: Array, steps: int, moving: NDArray[np.int64]) -> None:
     """Improve the first 2 degree roots all at once, each kept apart from the others (Aberth, 1973)."""
+    for i in range(2 * degree):
+        moving[i] = 1
     for _ in range(steps):
         settled = True
         for i in range(2 * degree):
+            if moving[i] == 0:
+                continue
             x, y = roots[i, 0], roots[i, 1]
             # Horner's rule for value and slope, real and imaginary parts.
             a, b, c, d = 0.0, 0.0, 0.0, 0.0
@@ -415,8 +433,9 @@ def improve_roots(polynomial: Array, degree: int, roots: Array, steps: int) -> N
                 u, v = x - roots[j, 0], y - roots[j, 1]
                 square = u * u + v * v
                 if square > 0.0:
-                    e += u / square
-                    f -= v / square
+                    inverse = 1.0 / square
+                    e += u * inverse
+                    f -= v * inverse
             # The step is value / (slope - value * sum).
             c -= a * e - b * f
             d -= a * f + b * e
@@ -427,6 +446,8 @@ def improve_roots(polynomial: Array, degree: int, roots: Array, steps: int) -> N
             roots[i, 0], roots[i, 1] = x - u, y - v
             if u * u + v * v > ALL_ROOTS_ACCURACY * ALL_ROOTS_ACCURACY * (x * x + y * y):
                 settled = False
+            else:
+                moving[i] = 0
         if settled:
             return
 
@@ -530,23 +551,30 @@ def add_loops(T: Array, n: int, closed: bool, slices: Slices, six: SixJoints, lo
     """Add a slice in each gap between the first n slices that a curve is closed in; returns how many there are then."""
     count = 0
     steps = FIRST_STEPS
-    before = 0
+    before, known = 0, 0  # degree at the last slice, and how many slices in a row have had it
     for i in range(n + 1 if closed else n):
         p = slices.p[i] if i < n else slices.p[0] + TURN
         fill_polynomial(T, p, six, loops)
         degree = degree_of(loops.polynomial)
         if i == 0 or degree != before:
-            steps = FIRST_STEPS
+            steps, known = FIRST_STEPS, 0
             for k in range(ALL_ROOTS):
                 z = cmath.rect(1.0 + 0.1 * math.cos(3.0 * k), 0.4 + TURN * k / max(2 * degree, 1))
                 loops.roots[1, k, 0], loops.roots[1, k, 1] = z.real, z.imag
         else:
+            h = p - slices.p[i - 1]
             for k in range(2 * degree):
-                move = (p - slices.p[i - 1]) * complex(loops.height[0, k, 2], loops.height[0, k, 3])
+                rate = complex(loops.height[0, k, 2], loops.height[0, k, 3])
+                move = h * rate
+                if known > 1:  # as the rate changed before, unless a root turns just there
+                    change = rate - complex(loops.rate[k, 0], loops.rate[k, 1])
+                    if abs(change) < abs(rate):
+                        move += 0.5 * h * h / (slices.p[i - 1] - slices.p[i - 2]) * change
                 move /= max(1.0, abs(move) / LONGEST_MOVE)
                 z = complex(loops.roots[0, k, 0], loops.roots[0, k, 1]) * cmath.exp(move)
                 loops.roots[1, k, 0], loops.roots[1, k, 1] = z.real, z.imag
-        improve_roots(loops.polynomial, degree, loops.roots[1], steps)
+        known += 1
+        improve_roots(loops.polynomial, degree, loops.roots[1], steps, loops.moving)
         fill_heights(loops.polynomial, degree, loops.roots[1], loops.height[1])
         if i > 0 and degree == before:
             low = slices.p[i - 1]
@@ -566,6 +594,7 @@ def add_loops(T: Array, n: int, closed: bool, slices: Slices, six: SixJoints, lo
                     count += 1
         steps, before = ALL_ROOTS_STEPS, degree
         for k in range(ALL_ROOTS):
+            loops.rate[k, 0], loops.rate[k, 1] = loops.height[0, k, 2], loops.height[0, k, 3]
             loops.roots[0, k, 0], loops.roots[0, k, 1] = loops.roots[1, k, 0], loops.roots[1, k, 1]
             for m in range(4):
                 loops.height[0, k, m] = loops.height[1, k, m]

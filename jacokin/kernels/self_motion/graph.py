@@ -12,7 +12,7 @@ from jacokin.arrays import Array
 from jacokin.kernels.chain import tangent7
 from jacokin.kernels.limits import TURN
 from jacokin.kernels.self_motion.follow import Walk, follow, make_walk, record
-from jacokin.kernels.self_motion.seven_joints import solve_at_q3
+from jacokin.kernels.self_motion.seven_joints import solve_rows_at_q3
 from jacokin.kernels.self_motion.slices import POINTS, SLICES, SevenJoints, Slices, add_point, wrapped
 
 #: [rad] longest way in one joint between two slices that is joined without following the curve.
@@ -110,7 +110,7 @@ def bridge(
         for n in range(1, parts + 1):
             row = traced[first + n - 1]
             if n < parts:
-                solve_at_q3(chain, seven.arm, T, low + n * h, seven.rows)
+                solve_rows_at_q3(chain, seven.arm, T, low + n * h, label, label + 1, seven.rows)
                 if math.isnan(seven.rows[label, 0]):
                     return 0
                 for j in range(7):

@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.kernels.chain import tangent7
 from jacokin.kernels.limits import TURN
 from jacokin.kernels.self_motion.arcs import Arcs
-from jacokin.kernels.self_motion.follow import Walk, between, chord_length, share_of, where_joint_is
+from jacokin.kernels.self_motion.follow import Walk, between, chord_length, node_between, share_of, where_joint_is
 from jacokin.kernels.self_motion.slices import wrapped
 
 #: [rad] where a joint comes to its limit just as another leaves its own, rounding may put the point past one of them.
@@ -107,13 +106,7 @@ def add_crossings(
         length = chord_length(a, b)
         v0, v1 = a[j] - level, b[j] - level
         open_ = doubtful(v0, v1, a[7 + j] * length, b[7 + j] * length, DOUBT * length * length)
-        if (
-            open_
-            and length > SHORTEST_CHORD
-            and half[28] < HALVINGS
-            and between(chain, T, a, b, 0.5, walk.x, walk)
-            and tangent7(chain, T, walk.x, walk.border, walk.t, walk.system) != 0.0
-        ):
+        if open_ and length > SHORTEST_CHORD and half[28] < HALVINGS and node_between(chain, T, a, b, 0.5, walk) != 0.0:
             divide(stack, top, walk.x, walk.t)
             top += 1
             continue

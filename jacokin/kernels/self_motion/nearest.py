@@ -16,7 +16,7 @@ from jacokin.arrays import Array
 from jacokin.kernels.chain import tangent7
 from jacokin.kernels.limits import TURN
 from jacokin.kernels.self_motion.arcs import Arcs
-from jacokin.kernels.self_motion.follow import Walk, between, chord_length, where_joint_is
+from jacokin.kernels.self_motion.follow import Walk, chord_length, node_between, where_joint_is
 from jacokin.kernels.self_motion.limit_cuts import CORNER, DOUBT, HALVINGS, SHORTEST_CHORD, divide, doubtful
 from jacokin.kernels.self_motion.slices import POINTS, SLICES, wrapped
 
@@ -117,9 +117,7 @@ def offer_between(
         share = high - f_b * (high - low) / (f_b - f_a) if f_b != f_a else 0.5 * (low + high)
         if not min(low, high) < share < max(low, high):
             share = 0.5 * (low + high)
-        if not between(chain, T, a, b, share, walk.x, walk):
-            return False
-        if tangent7(chain, T, walk.x, walk.border, walk.t, walk.system) == 0.0:
+        if node_between(chain, T, a, b, share, walk) == 0.0:
             return False
         f = descent(nearest, walk.x, walk.t)
         if abs(f) <= STATIONARY or abs(high - low) * length < STATIONARY:
@@ -203,10 +201,7 @@ def search_chord(chain: Array, T: Array, nearest: Nearest, walk: Walk) -> bool:
         elif j < 0:
             halve = halve or side == 2 or wavy(nearest, a, b, length, f_a, f_b)
         if halve and top + 1 < PARTS:
-            if (
-                between(chain, T, a, b, 0.5, walk.x, walk)
-                and tangent7(chain, T, walk.x, walk.border, walk.t, walk.system) == sign
-            ):
+            if sign != 0.0 and node_between(chain, T, a, b, 0.5, walk) == sign:
                 divide(stack, top, walk.x, walk.t)
                 top += 1
                 continue

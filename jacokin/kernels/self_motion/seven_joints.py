@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 
 from jacokin.arrays import Array
+from jacokin.kernels.trigonometry import angle_of, sin_cos
 from jacokin.kernels.vector import Vec, dot
 
 MOST_AT_Q3 = 8
@@ -79,7 +80,14 @@ def wrist_after_joint_2(chain: Array, arm7: Array, u: Vec, c3: float, s3: float,
     return (u[0] + d[0], u[1] + d[1], u[2] + d[2])
 
 
-def discriminant(chain: Array, arm7: Array, D0: Vec, q3: float, sign: float) -> tuple[float, float]:
+def elbow_discriminant(chain: Array, arm7: Array, D0: Vec, q3: float) -> float:
+    """The first of the `discriminants`."""
+    s3, c3 = sin_cos(q3)
+    a, b, c = elbow_equation(chain, arm7, D0, elbow(chain, arm7, c3, s3), c3, s3)
+    return a * a + b * b - c * c
+
+
+def discriminants(chain: Array, arm7: Array, D0: Vec, q3: float) -> tuple[float, float, float]:
     """How far from vanishing the configurations with this joint 3 are, < 0 where there are none.
 
     Args:
@@ -87,24 +95,32 @@ def discriminant(chain: Array, arm7: Array, D0: Vec, q3: float, sign: float) -> 
         arm7: (12,) see `solve_at_q3`.
         D0: what `wrist_from_shoulder` returned.
         q3: [rad].
-        sign: 1 or -1, which of the two values of joint 4.
 
     Returns:
-        For joint 4, and for joint 2; the second one is -1 where the first one is negative.
+        For joint 4, and for joint 2 with either value of joint 4; the others are -1 where the first one is negative.
     """
-    c3, s3 = math.cos(q3), math.sin(q3)
+    s3, c3 = sin_cos(q3)
     u = elbow(chain, arm7, c3, s3)
     a, b, c = elbow_equation(chain, arm7, D0, u, c3, s3)
-    first = a * a + b * b - c * c
+    square = a * a + b * b
+    first = square - c * c
     if not first > 0.0:
-        return first, -1.0
-    q4 = math.atan2(b, a) + sign * math.acos(c / math.sqrt(a * a + b * b))
-    v = wrist_after_joint_2(chain, arm7, u, c3, s3, math.cos(q4), math.sin(q4))
-    a, b, c = plane_equation(row_of(chain, 1, 2), v, D0[2])
-    return first, a * a + b * b - c * c
+        return first, -1.0, -1.0
+    root = math.sqrt(first)
+    return (
+        first,
+        _second(chain, arm7, D0, u, c3, s3, (a * c - b * root) / square, (b * c + a * root) / square),
+        _second(chain, arm7, D0, u, c3, s3, (a * c + b * root) / square, (b * c - a * root) / square),
+    )
 
 
-def solve_at_q3(chain: Array, arm7: Array, T: Array, q3: float, rows: Array) -> int:
+def _second(chain: Array, arm7: Array, D0: Vec, u: Vec, c3: float, s3: float, c4: float, s4: float) -> float:
+    """The discriminant for joint 2, with cosines and sines of joints 3 and 4."""
+    a, b, c = plane_equation(row_of(chain, 1, 2), wrist_after_joint_2(chain, arm7, u, c3, s3, c4, s4), D0[2])
+    return a * a + b * b - c * c
+
+
+def solve_at_q3(chain: Array, arm7: Array, T: Array, q3: float, rows: Array) -> None:
     """Fill rows (8, 7) with the configurations that reach T with this joint 3; row 4 a + 2 b + c has signs a, b, c.
 
     Args:
@@ -113,42 +129,48 @@ def solve_at_q3(chain: Array, arm7: Array, T: Array, q3: float, rows: Array) -> 
         T: (4, 4) target.
         q3: [rad].
         rows: filled; NaN in the first column where there is none.
-
-    Returns:
-        How many there are.
     """
-    for i in range(MOST_AT_Q3):
+    solve_rows_at_q3(chain, arm7, T, q3, 0, MOST_AT_Q3, rows)
+
+
+def solve_rows_at_q3(chain: Array, arm7: Array, T: Array, q3: float, low: int, high: int, rows: Array) -> None:
+    """As `solve_at_q3`, the rows from low up to high alone."""
+    for i in range(low, high):
         rows[i, 0] = math.nan
     D0 = wrist_from_shoulder(chain, arm7, T)
     x = turned_back(chain, 0, of_target(T, row_of(chain, 7, 0)))
     y = turned_back(chain, 0, of_target(T, row_of(chain, 7, 1)))
     z = turned_back(chain, 0, of_target(T, row_of(chain, 7, 2)))
-    towards = math.atan2(D0[1], D0[0])
-    c3, s3 = math.cos(q3), math.sin(q3)
+    towards = angle_of(D0[1], D0[0])
+    s3, c3 = sin_cos(q3)
     u = elbow(chain, arm7, c3, s3)
     a, b, c = elbow_equation(chain, arm7, D0, u, c3, s3)
     r4 = math.sqrt(a * a + b * b)
     if not abs(c) <= r4 or r4 == 0.0:
-        return 0
-    middle4, half4 = math.atan2(b, a), math.acos(c / r4)
-    count = 0
+        return
+    middle4, half4 = angle_of(b, a), angle_of(math.sqrt((r4 - c) * (r4 + c)), c)
     for i in range(2):
+        if 4 * i >= high or 4 * i + 4 <= low:
+            continue
         q4 = middle4 + (half4 if i == 0 else -half4)
-        c4, s4 = math.cos(q4), math.sin(q4)
+        s4, c4 = sin_cos(q4)
         v = wrist_after_joint_2(chain, arm7, u, c3, s3, c4, s4)
         a, b, c = plane_equation(row_of(chain, 1, 2), v, D0[2])
         r2 = math.sqrt(a * a + b * b)
         if not abs(c) <= r2 or r2 == 0.0:
             continue
-        middle2, half2 = math.atan2(b, a), math.acos(c / r2)
+        middle2, half2 = angle_of(b, a), angle_of(math.sqrt((r2 - c) * (r2 + c)), c)
         for k in range(2):
-            q2 = middle2 + (half2 if k == 0 else -half2)
-            c2, s2 = math.cos(q2), math.sin(q2)
-            D1 = turned(chain, 1, about_z(c2, s2, v))
-            q1 = towards - math.atan2(D1[1], D1[0])
-            c1, s1 = math.cos(q1), math.sin(q1)
             n = 4 * i + 2 * k
-            for m in range(n, n + 2):
+            if n >= high or n + 2 <= low:
+                continue
+            q2 = middle2 + (half2 if k == 0 else -half2)
+            s2, c2 = sin_cos(q2)
+            D1 = turned(chain, 1, about_z(c2, s2, v))
+            q1 = towards - angle_of(D1[1], D1[0])
+            s1, c1 = sin_cos(q1)
+            first, last = max(n, low), min(n + 2, high)
+            for m in range(first, last):
                 rows[m, 0], rows[m, 1], rows[m, 2], rows[m, 3] = q1, q2, q3, q4
             solve_wrist(
                 chain,
@@ -156,27 +178,27 @@ def solve_at_q3(chain: Array, arm7: Array, T: Array, q3: float, rows: Array) -> 
                 after_joint_4(chain, c1, s1, c2, s2, c3, s3, c4, s4, y),
                 after_joint_4(chain, c1, s1, c2, s2, c3, s3, c4, s4, z),
                 rows,
-                n,
+                first,
+                last,
             )
-            count += 2
-    return count
 
 
-def solve_wrist(chain: Array, x: Vec, y: Vec, z: Vec, rows: Array, n: int) -> None:
-    """Joints 5, 6 and 7 of rows n and n + 1, from the axes of the tool as seen before joint 5."""
+def solve_wrist(chain: Array, x: Vec, y: Vec, z: Vec, rows: Array, first: int, last: int) -> None:
+    """Joints 5, 6 and 7 of rows from first up to last, from the axes of the tool as seen before joint 5."""
     axis = column_of(chain, 6, 2)
     a, b, c = plane_equation(row_of(chain, 5, 2), axis, z[2])
-    middle6, half6 = math.atan2(b, a), math.acos(min(1.0, max(-1.0, c / math.sqrt(a * a + b * b))))
-    towards = math.atan2(z[1], z[0])
-    for k in range(2):
-        q6 = middle6 + (half6 if k == 0 else -half6)
-        c6, s6 = math.cos(q6), math.sin(q6)
+    r6 = math.sqrt(a * a + b * b)
+    middle6, half6 = angle_of(b, a), angle_of(math.sqrt(max((r6 - c) * (r6 + c), 0.0)), c)
+    towards = angle_of(z[1], z[0])
+    for n in range(first, last):
+        q6 = middle6 + (half6 if n % 2 == 0 else -half6)
+        s6, c6 = sin_cos(q6)
         e = turned(chain, 5, about_z(c6, s6, axis))
-        q5 = towards - math.atan2(e[1], e[0])
-        c5, s5 = math.cos(q5), math.sin(q5)
+        q5 = towards - angle_of(e[1], e[0])
+        s5, c5 = sin_cos(q5)
         f = turned_back(chain, 6, about_z(c6, -s6, turned_back(chain, 5, about_z(c5, -s5, x))))
         g = turned_back(chain, 6, about_z(c6, -s6, turned_back(chain, 5, about_z(c5, -s5, y))))
-        rows[n + k, 4], rows[n + k, 5], rows[n + k, 6] = q5, q6, math.atan2(f[1] - g[0], f[0] + g[1])
+        rows[n, 4], rows[n, 5], rows[n, 6] = q5, q6, angle_of(f[1] - g[0], f[0] + g[1])
 
 
 def after_joint_4(

@@ -188,6 +188,7 @@ def add_seven(chain: Array, T: Array, shoulder: Vec, q4: float, rows: Array, str
         after_joint_4(chain, c1, s1, c2, s2, c3, s3, c4, s4, z),
         rows,
         0,
+        2,
     )
     keep(straight, rows[0], 4)
 

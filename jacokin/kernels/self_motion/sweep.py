@@ -14,11 +14,11 @@ from jacokin.arrays import Array
 from jacokin.kernels.chain import tangent7
 from jacokin.kernels.limits import TURN
 from jacokin.kernels.self_motion.follow import Walk, follow
-from jacokin.kernels.self_motion.gaps import WINDOW_SAMPLES, find_elbow_windows, find_maximum, lower_discriminant
+from jacokin.kernels.self_motion.gaps import find_elbow_windows, find_maximum, lower_discriminant
 from jacokin.kernels.self_motion.graph import bridge
 from jacokin.kernels.self_motion.nearest import Nearest, least_distance, offer, search_chord
 from jacokin.kernels.self_motion.seven_joints import MOST_AT_Q3, solve_at_q3, wrist_from_shoulder
-from jacokin.kernels.self_motion.slices import SevenJoints, Slices, wrapped
+from jacokin.kernels.self_motion.slices import WINDOW_SAMPLES, SevenJoints, Slices, wrapped
 
 #: Slices to a full turn; the one at the seed comes first.
 SWEEP = 48

@@ -1,0 +1,568 @@
+"""The configuration within the limits that comes closest to a target: Newton's method from many starts.
+
+The measure is |p| + w |a|: position error p [m], weight w [m/rad], rotation vector a of the orientation error [rad]. It
+has a kink where either vanishes, and its minima often lie there: the position exactly met, the orientation not, or the
+other way round. With |x| = sqrt(x x + e e) the kinks are smooth but sharp, and Newton's method overshoots. So the unit
+vectors u = p / |p| and v = a / |a| are kept as unknowns of their own, in which the equations u |p| = p are nearly
+linear: the primal-dual Newton method of Chan, Golub and Mulet (A nonlinear primal-dual method for total variation-based
+image restoration, SIAM J. Sci. Comput. 20(6), 1999). At a kink u and v are the multipliers.
+
+Second derivatives, for joint i at or before joint j (axes z, linear velocities l of the tool, both at unit rate):
+
+    of the position                 z_i x l_j
+    of the rotation, composed       (z_i x z_j) / 2, from the product of exponentials
+    of the angle, by a rotation     (1 - n n^T) cot(angle / 2) / 2
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jacokin.arrays import Array
+from jacokin.kernels.trigonometry import angle_of, sin_cos
+from jacokin.kernels.vector import Vec, cross, dot, minus, mix, norm
+
+SMALL_ANGLE = 1e-4  # [rad] below it the series of x cot(x) is exact in double precision
+TINY = 1e-300
+DAMPING = 3e-3  # of the first step, in the unit of the Hessian [m / rad^2]
+LEAST_DAMPING, MOST_DAMPING = 1e-7, 1e4
+LESS_DAMPING, MORE_DAMPING = 0.2, 4.0  # factors after a step that the model predicted well, and badly
+GOOD_MODEL, BAD_MODEL = 0.7, 0.25  # parts of the predicted progress that were made
+LONGEST_STEP = 1.0  # [rad] a quadratic model says nothing beyond
+BOUND_PASSES = 2  # times that joints which pass a limit are held there and the others solved again
+SETTLED = 1e-8  # [m] less progress in `PATIENCE` steps ends a descent
+PATIENCE = 8
+#: Sweeps of Jacobi's method, and the size of what is left beside the diagonal, squared and relative, that ends it.
+SWEEPS, DIAGONAL = 12, 1e-20
+#: Of the mean of the diagonal: pivots above this are of a matrix without negative eigenvalues.
+LEAST_PIVOT = 1e-9
+
+STARTS = 112  # nearest ones of those drawn that descend
+COARSE = 1e-2  # [m] smoothing of the first stage, which only gets near
+FINE = 1e-6  # [m] smoothing of the others: as much may be missing in the end
+SAME = 1e-2  # [rad] descents nearer than this to each other have met
+
+#: Columns of a joint: its rotation at zero, as rows (3, 3), and what the cosine and the sine of its angle add; where it
+#: is after the one before; its axis after its rotation; 1 if it slides; 1 if turns make no difference; its limits.
+FIXED, COSINE, SINE, OFFSET, AXIS, SLIDES, CIRCULAR, LOWER, UPPER, JOINT_COLUMNS = 0, 9, 18, 27, 30, 33, 34, 35, 36, 37
+#: Columns of what a start goes on with: the unit vectors u and v, damping, and 1 once it has been through a stage.
+U, V, DAMPED, BEGUN, STATE_COLUMNS = 0, 3, 6, 7, 8
+#: What a configuration is measured as: value, |p| and p / |p|, |a| and a / |a|, the axis of a, x cot(x) at |a| / 2.
+VALUE, DISTANCE, TOWARDS, ANGLE, TURN, ABOUT, HALF_COTANGENT, MEASURED = 0, 1, 2, 5, 6, 9, 12, 13
+
+
+class Point(NamedTuple):
+    """A configuration, the measure and its derivatives."""
+
+    q: Array  # (dof,) [rad]
+    measured: Array  # (13,)
+    gradient: Array  # (dof,)
+    hessian: Array  # (dof * dof,)
+    linear: Array  # (dof, 3) velocities of the tool at unit rates
+    angular: Array  # (dof, 3)
+
+
+class ClosestWork(NamedTuple):
+    """What a call reads and writes."""
+
+    counts: NDArray[np.int64]  # (3,) joints up to the frame; starts that descend in any case; steps that were taken
+    weight: Array  # (1,) w [m/rad]; 0 where the position alone counts
+    joints: Array  # (dof, 37)
+    tip: Array  # (3, 4) the tool after the last joint
+    T: Array  # (4, 4) target
+    starts: Array  # (n * dof,) configurations; the first one is the answer
+    values: Array  # (n,) their measures [m]
+    states: Array  # (n, 8)
+    here: Point
+    there: Point
+    curvature: Array  # (dof * dof,)
+    vectors: Array  # (dof * dof,) to work in
+    matrix: Array  # (dof * dof,)
+    step: Array  # (dof,)
+    held: Array  # (dof,) 1 for joints on a limit
+    best: Array  # (8,) values of the last steps
+
+
+def make_closest_work(dof: int = 0, starts: int = 0) -> ClosestWork:
+    """Fresh work arrays for an arm, and so many starts."""
+    return ClosestWork(
+        np.zeros(3, np.int64),
+        np.zeros(1),
+        np.zeros((dof, JOINT_COLUMNS)),
+        np.zeros((3, 4)),
+        np.eye(4),
+        np.zeros(starts * dof),
+        np.zeros(starts),
+        np.zeros((starts, STATE_COLUMNS)),
+        make_point(dof),
+        make_point(dof),
+        np.zeros(dof * dof),
+        np.zeros(dof * dof),
+        np.zeros(dof * dof),
+        np.zeros(dof),
+        np.zeros(dof),
+        np.zeros(PATIENCE),
+    )
+
+
+def make_point(dof: int) -> Point:
+    """Fresh arrays."""
+    return Point(
+        np.zeros(dof),
+        np.zeros(MEASURED),
+        np.zeros(dof),
+        np.zeros(dof * dof),
+        np.zeros((dof, 3)),
+        np.zeros((dof, 3)),
+    )
+
+
+def find_closest(work: ClosestWork) -> int:
+    """Bring the closest configuration to the front of work.starts; returns how many starts descended.
+
+    After each stage the worse ones are dropped, and those that have met.
+    """
+    dof, number = len(work.joints), len(work.values)
+    for i in range(number):
+        work.states[i, BEGUN] = 0.0
+        for j in range(dof):
+            work.here.q[j] = work.starts[i * dof + j]
+        place(work, work.here)
+        work.values[i] = exact(work, work.here)
+    work.counts[2] = 0
+    first = int(work.counts[1])
+    count = min(number, first + STARTS)
+    for i in range(first, count):
+        bring_least(work, i, number)
+    begun = count
+    count = run_stage(work, count, True, COARSE, 6, 36)
+    count = run_stage(work, count, False, FINE, 10, 12)
+    count = run_stage(work, count, False, FINE, 25, 3)
+    run_stage(work, count, False, FINE, 80, 1)
+    return begun
+
+
+def bring_least(work: ClosestWork, i: int, number: int) -> None:
+    """Exchange start i with the least of those from it up to a number."""
+    dof, least = len(work.joints), i
+    for k in range(i + 1, number):
+        if work.values[k] < work.values[least]:
+            least = k
+    if least == i:
+        return
+    value = work.values[i]
+    work.values[i] = work.values[least]
+    work.values[least] = value
+    for j in range(dof):
+        q = work.starts[i * dof + j]
+        work.starts[i * dof + j] = work.starts[least * dof + j]
+        work.starts[least * dof + j] = q
+    for j in range(STATE_COLUMNS):
+        state = work.states[i, j]
+        work.states[i, j] = work.states[least, j]
+        work.states[least, j] = state
+
+
+def run_stage(work: ClosestWork, count: int, convex: bool, smoothing: float, steps: int, kept: int) -> int:
+    """Let the first starts descend and bring the best to the front, each apart from the others; returns how many.
+
+    Args:
+        work: the starts.
+        count: how many there are.
+        convex: descend on a bound of the measure that is quadratic in the errors: robust, and slow near the end.
+        smoothing: of the measure [m].
+        steps: at most.
+        kept: how many go on at most.
+    """
+    dof = len(work.joints)
+    for i in range(count):
+        work.counts[2] += descend(work, i, convex, smoothing, steps)
+        place(work, work.here)
+        work.values[i] = exact(work, work.here)
+    chosen = 0
+    last = count
+    while chosen < min(kept, last):
+        bring_least(work, chosen, last)
+        if has_met(work, chosen):  # out of the way
+            last -= 1
+            value = work.values[last]
+            work.values[last] = work.values[chosen]
+            work.values[chosen] = value
+            for j in range(dof):
+                work.starts[chosen * dof + j] = work.starts[last * dof + j]
+            for j in range(STATE_COLUMNS):
+                work.states[chosen, j] = work.states[last, j]
+        else:
+            chosen += 1
+    return chosen
+
+
+def has_met(work: ClosestWork, i: int) -> bool:
+    """Whether a start is one of those before it."""
+    dof = len(work.joints)
+    for k in range(i):
+        same = True
+        for j in range(dof):
+            away = work.starts[i * dof + j] - work.starts[k * dof + j]
+            if work.joints[j, CIRCULAR] > 0.0:
+                away -= 2.0 * math.pi * math.floor(away / (2.0 * math.pi) + 0.5)
+            if abs(away) > SAME:
+                same = False
+        if same:
+            return True
+    return False
+
+
+def place(work: ClosestWork, point: Point) -> None:
+    """Fill the velocities at point.q, and in point.measured the errors: |p| and p, the angle of a and its axis."""
+    x, y, z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+    p = (0.0, 0.0, 0.0)
+    joints, linear, angular = work.joints, point.linear, point.angular
+    for j in range(len(joints)):
+        for i in range(3):
+            linear[j, i] = 0.0
+            angular[j, i] = 0.0
+        if j >= work.counts[0]:
+            continue
+        row = joints[j]
+        p = added(p, mix(x, row[OFFSET], y, row[OFFSET + 1], z, row[OFFSET + 2]))
+        s, c = sin_cos(point.q[j])
+        x, y, z = (
+            turned(x, y, z, row, 0, c, s),
+            turned(x, y, z, row, 1, c, s),
+            turned(x, y, z, row, 2, c, s),
+        )
+        axis = mix(x, row[AXIS], y, row[AXIS + 1], z, row[AXIS + 2])
+        if row[SLIDES] > 0.0:
+            p = added(p, mix(axis, point.q[j], axis, 0.0, axis, 0.0))
+        for i in range(3):
+            angular[j, i] = axis[i]
+            linear[j, i] = p[i]
+    tip = work.tip
+    p = added(p, mix(x, tip[0, 3], y, tip[1, 3], z, tip[2, 3]))
+    for j in range(work.counts[0]):
+        axis = (angular[j, 0], angular[j, 1], angular[j, 2])
+        v = cross(axis, minus(p, (linear[j, 0], linear[j, 1], linear[j, 2])))
+        for i in range(3):
+            if joints[j, SLIDES] > 0.0:
+                linear[j, i] = axis[i]
+                angular[j, i] = 0.0
+            else:
+                linear[j, i] = v[i]
+    x, y, z = (
+        mix(x, tip[0, 0], y, tip[1, 0], z, tip[2, 0]),
+        mix(x, tip[0, 1], y, tip[1, 1], z, tip[2, 1]),
+        mix(x, tip[0, 2], y, tip[1, 2], z, tip[2, 2]),
+    )
+    measure_errors(work.T, x, y, z, p, point.measured)
+
+
+def added(a: Vec, b: Vec) -> Vec:
+    """Sum."""
+    return (a[0] + b[0], a[1] + b[1], a[2] + b[2])
+
+
+def turned(x: Vec, y: Vec, z: Vec, row: Array, k: int, c: float, s: float) -> Vec:
+    """Column k of the rotation with columns x, y, z followed by a joint, by the cosine and sine of its angle."""
+    return mix(
+        x,
+        row[FIXED + k] + c * row[COSINE + k] + s * row[SINE + k],
+        y,
+        row[FIXED + 3 + k] + c * row[COSINE + 3 + k] + s * row[SINE + 3 + k],
+        z,
+        row[FIXED + 6 + k] + c * row[COSINE + 6 + k] + s * row[SINE + 6 + k],
+    )
+
+
+def measure_errors(T: Array, x: Vec, y: Vec, z: Vec, p: Vec, measured: Array) -> None:
+    """Fill columns DISTANCE to ABOUT of measured, without smoothing, for the tool with axes x, y, z at p."""
+    away = minus(p, (T[0, 3], T[1, 3], T[2, 3]))
+    tx, ty, tz = (T[0, 0], T[1, 0], T[2, 0]), (T[0, 1], T[1, 1], T[2, 1]), (T[0, 2], T[1, 2], T[2, 2])
+    axis = added(cross(tx, x), added(cross(ty, y), cross(tz, z)))
+    sine = norm(axis)
+    measured[ANGLE] = angle_of(sine, dot(x, tx) + dot(y, ty) + dot(z, tz) - 1.0)
+    measured[DISTANCE] = norm(away)
+    for i in range(3):
+        measured[TOWARDS + i] = away[i]
+        measured[ABOUT + i] = axis[i] / max(sine, TINY)
+
+
+def exact(work: ClosestWork, point: Point) -> float:
+    """The measure without smoothing, of a point that was placed [m]."""
+    return float(point.measured[DISTANCE] + work.weight[0] * point.measured[ANGLE])
+
+
+def measure(work: ClosestWork, point: Point, smoothing: float) -> None:
+    """Fill the smoothed measure at point.q, its gradient, and what the Hessian is made of."""
+    place(work, point)
+    m = point.measured
+    angle = m[ANGLE]
+    half = 0.5 * angle
+    m[HALF_COTANGENT] = 1.0 - half * half / 3.0 if angle < SMALL_ANGLE else half / math.tan(half)
+    m[DISTANCE] = math.sqrt(m[DISTANCE] * m[DISTANCE] + smoothing * smoothing)
+    weight = work.weight[0]
+    rest = smoothing / weight if weight > 0.0 else smoothing
+    m[ANGLE] = math.sqrt(angle * angle + rest * rest)
+    for i in range(3):
+        m[TOWARDS + i] /= m[DISTANCE]
+        m[TURN + i] = m[ABOUT + i] * (angle / m[ANGLE])
+    m[VALUE] = m[DISTANCE] + weight * m[ANGLE]
+    for j in range(len(point.q)):
+        point.gradient[j] = along(point.linear[j], m, TOWARDS) + weight * along(point.angular[j], m, TURN)
+
+
+def along(row: Array, vectors: Array, first: int) -> float:
+    """Component of a row (3,) along the vector that begins at a column."""
+    return float(row[0] * vectors[first] + row[1] * vectors[first + 1] + row[2] * vectors[first + 2])
+
+
+def fill_hessian(work: ClosestWork, point: Point, state: Array, convex: bool) -> None:
+    """Fill point.hessian of a point that was measured, with the unit vectors of a state.
+
+    Convex: without what makes it indefinite, a bound from above that is quadratic in the errors.
+    """
+    dof, m, weight = len(point.q), point.measured, work.weight[0]
+    u, v = (state[U], state[U + 1], state[U + 2]), (state[V], state[V + 1], state[V + 2])
+    for i in range(dof):
+        li, ai = vector_of(point.linear, i), vector_of(point.angular, i)
+        across_u, across_v = cross(u, ai), cross(v, ai)
+        for j in range(i, dof):
+            lj, aj = vector_of(point.linear, j), vector_of(point.angular, j)
+            h_position, h_rotation = dot(li, lj), dot(ai, aj)
+            if convex:
+                h = h_position / m[DISTANCE] + weight * h_rotation / m[ANGLE]
+            else:
+                to_i, to_j = along(point.linear[i], m, TOWARDS), along(point.linear[j], m, TOWARDS)
+                h_position -= 0.5 * (dot(li, u) * to_j + dot(lj, u) * to_i)
+                h_position = h_position / m[DISTANCE] + dot(across_u, lj)
+                about = along(point.angular[i], m, ABOUT) * along(point.angular[j], m, ABOUT)
+                to_i, to_j = along(point.angular[i], m, TURN), along(point.angular[j], m, TURN)
+                h_rotation = m[HALF_COTANGENT] * (h_rotation - about) + about
+                h_rotation -= 0.5 * (dot(ai, v) * to_j + dot(aj, v) * to_i)
+                h_rotation = h_rotation / m[ANGLE] + 0.5 * dot(across_v, aj)
+                h = h_position + weight * h_rotation
+            point.hessian[i * dof + j] = h
+            point.hessian[j * dof + i] = h
+
+
+def vector_of(rows: Array, i: int) -> Vec:
+    """A row."""
+    return (rows[i, 0], rows[i, 1], rows[i, 2])
+
+
+def move_duals(point: Point, step: Array, state: Array) -> None:
+    """The unit vectors of a state after a step from a point, by their linearised equations; kept in the unit ball."""
+    m = point.measured
+    moved, turned_by = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    for j in range(len(step)):
+        linear, angular = vector_of(point.linear, j), vector_of(point.angular, j)
+        moved = added(moved, mix(linear, step[j], linear, 0.0, linear, 0.0))
+        turned_by = added(turned_by, mix(angular, step[j], angular, 0.0, angular, 0.0))
+    n, turn = (m[ABOUT], m[ABOUT + 1], m[ABOUT + 2]), (m[TURN], m[TURN + 1], m[TURN + 2])
+    part = dot(n, turned_by)
+    half_cotangent = m[HALF_COTANGENT]
+    bent = mix(turned_by, half_cotangent, n, part * (1.0 - half_cotangent), cross(turn, turned_by), -0.5 * m[ANGLE])
+    move_dual(state, U, (m[TOWARDS], m[TOWARDS + 1], m[TOWARDS + 2]), m[DISTANCE], moved)
+    move_dual(state, V, turn, m[ANGLE], bent)
+
+
+def move_dual(state: Array, first: int, unit: Vec, length: float, change: Vec) -> None:
+    """One of them, from p / |p|, |p| and the change of p."""
+    dual = (state[first], state[first + 1], state[first + 2])
+    new = added(unit, mix(change, 1.0 / length, dual, -dot(unit, change) / length, dual, 0.0))
+    size = max(1.0, norm(new))
+    for i in range(3):
+        state[first + i] = new[i] / size
+
+
+def descend(work: ClosestWork, i: int, convex: bool, smoothing: float, steps: int) -> int:
+    """Let start i descend; returns how many steps it took. It ends in work.here."""
+    dof, here, there, state, best = len(work.joints), work.here, work.there, work.states[i], work.best
+    for j in range(dof):
+        here.q[j] = work.starts[i * dof + j]
+    measure(work, here, smoothing)
+    if state[BEGUN] == 0.0:
+        state[BEGUN], state[DAMPED] = 1.0, DAMPING
+        for k in range(3):
+            state[U + k], state[V + k] = here.measured[TOWARDS + k], here.measured[TURN + k]
+    fill_hessian(work, here, state, convex)
+    fill_curvature(work, convex)
+    for k in range(PATIENCE):
+        best[k] = math.inf
+    taken = 0
+    while taken < steps:
+        value = here.measured[VALUE]
+        if best[taken % PATIENCE] - value < SETTLED:
+            break
+        best[taken % PATIENCE] = value
+        fill_step(work, state[DAMPED])
+        predicted = 0.0
+        for j in range(dof):
+            there.q[j] = min(max(here.q[j] + work.step[j], work.joints[j, LOWER]), work.joints[j, UPPER])
+            work.step[j] = there.q[j] - here.q[j]
+        for j in range(dof):
+            bent = 0.0
+            for k in range(dof):
+                bent += work.curvature[j * dof + k] * work.step[k]
+            predicted -= work.step[j] * (here.gradient[j] + 0.5 * bent)
+        move_duals(here, work.step, state)
+        measure(work, there, smoothing)
+        ratio = (value - there.measured[VALUE]) / max(predicted, TINY)
+        if there.measured[VALUE] < value:
+            copy_point(there, here)
+            fill_hessian(work, here, state, convex)
+            fill_curvature(work, convex)
+        if ratio > GOOD_MODEL:
+            state[DAMPED] = max(LESS_DAMPING * state[DAMPED], LEAST_DAMPING)
+        elif ratio < BAD_MODEL:
+            state[DAMPED] = min(MORE_DAMPING * state[DAMPED], MOST_DAMPING)
+        taken += 1
+    if convex:  # its damping and vectors mean little to the measure itself
+        state[BEGUN] = 0.0
+    for j in range(dof):
+        work.starts[i * dof + j] = here.q[j]
+    return taken
+
+
+def copy_point(a: Point, b: Point) -> None:
+    """All but the Hessian."""
+    for j in range(len(a.q)):
+        b.q[j], b.gradient[j] = a.q[j], a.gradient[j]
+        for i in range(3):
+            b.linear[j, i], b.angular[j, i] = a.linear[j, i], a.angular[j, i]
+    for k in range(MEASURED):
+        b.measured[k] = a.measured[k]
+
+
+def fill_step(work: ClosestWork, damping: float) -> None:
+    """Fill work.step with the way to the minimum of the quadratic model; joints that would pass a limit end on it."""
+    dof, here, step, held = len(work.joints), work.here, work.step, work.held
+    for j in range(dof):
+        on_lower = here.q[j] <= work.joints[j, LOWER] and here.gradient[j] > 0.0
+        on_upper = here.q[j] >= work.joints[j, UPPER] and here.gradient[j] < 0.0
+        held[j], step[j] = 1.0 if on_lower or on_upper else 0.0, 0.0
+    for _ in range(BOUND_PASSES):
+        solve_model(work, damping)
+        past = False
+        for j in range(dof):
+            inside = min(max(here.q[j] + step[j], work.joints[j, LOWER]), work.joints[j, UPPER])
+            if held[j] == 0.0 and inside != here.q[j] + step[j]:
+                past, held[j], step[j] = True, 1.0, inside - here.q[j]
+        if not past:
+            break
+    longest = 0.0
+    for j in range(dof):
+        longest = max(longest, abs(step[j]))
+    if longest > LONGEST_STEP:
+        for j in range(dof):
+            step[j] *= LONGEST_STEP / longest
+
+
+def solve_model(work: ClosestWork, damping: float) -> None:
+    """Fill work.step for the joints that are not held, those that are moving as it says; Cholesky's method."""
+    dof, matrix, step, held = len(work.joints), work.matrix, work.step, work.held
+    for i in range(dof):
+        if held[i] > 0.0:
+            continue
+        right = -work.here.gradient[i]
+        for j in range(dof):
+            if held[j] > 0.0:
+                right -= work.curvature[i * dof + j] * step[j]
+        for j in range(i + 1):
+            if held[j] > 0.0:
+                continue
+            product = work.curvature[i * dof + j] + (damping if i == j else 0.0)
+            for k in range(j):
+                if held[k] == 0.0:
+                    product -= matrix[i * dof + k] * matrix[j * dof + k]
+            matrix[i * dof + j] = math.sqrt(max(product, TINY)) if i == j else product / matrix[j * dof + j]
+        for k in range(i):
+            if held[k] == 0.0:
+                right -= matrix[i * dof + k] * step[k]
+        step[i] = right / matrix[i * dof + i]
+    for i in range(dof - 1, -1, -1):
+        if held[i] > 0.0:
+            continue
+        value = step[i]
+        for k in range(i + 1, dof):
+            if held[k] == 0.0:
+                value -= matrix[k * dof + i] * step[k]
+        step[i] = value / matrix[i * dof + i]
+
+
+def fill_curvature(work: ClosestWork, convex: bool) -> None:
+    """Fill work.curvature with the Hessian of work.here, its eigenvalues made positive: saddle points repel."""
+    dof, hessian, curvature = len(work.joints), work.here.hessian, work.curvature
+    for k in range(dof * dof):
+        curvature[k] = hessian[k]
+    if convex or is_positive(hessian, work.matrix, dof):
+        return
+    diagonalise(curvature, work.vectors, dof)
+    for i in range(dof):
+        work.step[i] = abs(curvature[i * dof + i])
+    for i in range(dof):
+        for j in range(dof):
+            value = 0.0
+            for k in range(dof):
+                value += work.vectors[i * dof + k] * work.step[k] * work.vectors[j * dof + k]
+            curvature[i * dof + j] = value
+
+
+def is_positive(hessian: Array, matrix: Array, dof: int) -> bool:
+    """Whether all pivots of Cholesky's method are positive."""
+    least = 0.0
+    for i in range(dof):
+        least += LEAST_PIVOT * abs(hessian[i * dof + i]) / dof
+    for i in range(dof):
+        for j in range(i + 1):
+            product = hessian[i * dof + j]
+            for k in range(j):
+                product -= matrix[i * dof + k] * matrix[j * dof + k]
+            if i > j:
+                matrix[i * dof + j] = product / matrix[j * dof + j]
+            elif product > least:
+                matrix[i * dof + i] = math.sqrt(product)
+            else:
+                return False
+    return True
+
+
+def diagonalise(a: Array, vectors: Array, dof: int) -> None:
+    """Leave the eigenvalues of a symmetric matrix on its diagonal, and its eigenvectors in the columns (Jacobi)."""
+    for i in range(dof):
+        for j in range(dof):
+            vectors[i * dof + j] = 1.0 if i == j else 0.0
+    for _ in range(SWEEPS):
+        size, beside = 0.0, 0.0
+        for i in range(dof):
+            for j in range(dof):
+                size += a[i * dof + j] * a[i * dof + j]
+                if i != j:
+                    beside += a[i * dof + j] * a[i * dof + j]
+        if beside <= DIAGONAL * size:
+            return
+        for p in range(dof):
+            for q in range(p + 1, dof):
+                if a[p * dof + q] != 0.0:
+                    rotate(a, vectors, p, q, dof)
+
+
+def rotate(a: Array, vectors: Array, p: int, q: int, dof: int) -> None:
+    """One rotation of Jacobi's method, which makes entry (p, q) vanish."""
+    theta = 0.5 * (a[q * dof + q] - a[p * dof + p]) / a[p * dof + q]
+    t = math.copysign(1.0, theta) / (abs(theta) + math.sqrt(theta * theta + 1.0))
+    c = 1.0 / math.sqrt(t * t + 1.0)
+    s = t * c
+    for k in range(dof):
+        x, y = a[k * dof + p], a[k * dof + q]
+        a[k * dof + p], a[k * dof + q] = c * x - s * y, s * x + c * y
+    for k in range(dof):
+        x, y = a[p * dof + k], a[q * dof + k]
+        a[p * dof + k], a[q * dof + k] = c * x - s * y, s * x + c * y
+    for k in range(dof):
+        x, y = vectors[k * dof + p], vectors[k * dof + q]
+        vectors[k * dof + p], vectors[k * dof + q] = c * x - s * y, s * x + c * y
