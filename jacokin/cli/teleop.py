@@ -53,9 +53,9 @@ CLUTCH, LEAVE = " ", ("q", "\x1b", "\x04")
 @click.option(
     "--filter",
     "constant",
-    default=0.0,
+    type=float,
     metavar="T",
-    help="Smooth the hand by this time [s]; for one slower than the control step, one of its periods.",
+    help="Time constant of a low-pass on the hand [s], 0 for none; without it, gaps between its poses are smoothed.",
 )
 @click.option(
     "--recover", type=float, metavar="T", help="Held off its target this long [s], the tool takes another branch."
@@ -89,7 +89,7 @@ def teleop(
     rate: float,
     random_seed: int | None,
     scale: float,
-    constant: float,
+    constant: float | None,
     recover: float | None,
     seconds: float | None,
     fast: bool,
@@ -133,6 +133,7 @@ def teleop(
     if task is not None and (dt is not None or source != options.RobotOptions(robot=model.DEFAULT_ROBOT)):
         raise InvalidInputError(f"--task has its robot, {model.DEFAULT_ROBOT}, and its control step: leave them out")
     from jacokin.teleop import Fingers, Player, SpaceMouse, Teleop, lead
+    from jacokin.teleop.teleop import AUTO
 
     with contextlib.ExitStack() as stack:
         writable = None if output is None else stack.enter_context(files.replacing(output))
@@ -149,7 +150,7 @@ def teleop(
             clearance=clearance,
             acceleration_limit=possible if acceleration_limit is None else acceleration_limit,
         )
-        led = Teleop(tracker, clutch=True, scale=scale, filter=constant, recover=recover)
+        led = Teleop(tracker, clutch=True, scale=scale, filter=AUTO if constant is None else constant, recover=recover)
         shown = None
         if view or device == "page":
             shown = stack.enter_context(_page(tracker, around, clearance, port))
