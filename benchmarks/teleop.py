@@ -39,6 +39,7 @@ ARRIVED = 1e-3  # [m]
 SLOW = 0.3  # [rad/s] no joint of the exact answer, nearest to the arm, is faster when the hand is slow
 PATIENCE = 2.5  # periods of a slow hand until it counts as silent
 RECENT = 200  # ticks for which it must have been slow, beside those that the joints need to get there at full speed
+FAR = 0.01  # [m] off its target, a tool may be asked for what is out of reach
 BRANCH = 0.3  # [rad] an answer farther away is on another branch
 EVERY = 5  # ticks, after which contact and the exact answer are looked at
 ROUNDING = 1e-9  # [rad/s] a velocity may be over by
@@ -184,6 +185,10 @@ def judge(robot: Robot, played: Played, acceleration: float | None, motion: Stre
         touched |= contact.touches(q)
         if asked is None or None in played.asked[max(tick - EVERY, 0) : tick]:
             slow, exact = 0, None
+            continue
+        is_far = _off(robot, q, asked) > FAR
+        if is_far and not solver.solve_all(asked, seed=q).within_limits.any():
+            slow, exact = 0, None  # quicker than the closest pose that `solve` looks for
             continue
         answer = solver.solve(asked, seed=q)
         near = answer.success and exact is not None and np.abs(answer.q - exact).max() < SLOW * DT * EVERY
