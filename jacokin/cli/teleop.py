@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 import os
+import re
 import select
 import signal
 import sys
@@ -38,6 +39,10 @@ MOTOR_PART = 0.8  # of the acceleration that simulated motors are strong enough 
 FINGERS = 3
 STREAM = ".npz"
 CLUTCH, LEAVE = " ", ("q", "\x1b", "\x04")
+SPECIAL_KEY = r"\x1b[\[o][0-9;]*[a-z~]"  # arrows and others are sequences that begin with the character of Esc
+MOST_TYPED = 256  # characters that are read at once
+HINT = """w s, a d, r f move along x, y, z; j l, i k, u o turn about them; g h close and open the fingers;
+space opens and closes the clutch, q ends"""
 
 
 @click.command(cls=Command)
@@ -270,14 +275,14 @@ class _Keys:
 
     def read(self, time: float) -> Array:
         """The twist of the keys that are pressed."""
-        while select.select([sys.stdin], [], [], 0.0)[0]:
-            key = os.read(sys.stdin.fileno(), 1).decode("ascii", errors="replace")
-            if key == CLUTCH:
-                self._led.clutch(not self._led.engaged)
-            self._keyboard.press(key, time)
-            if not key or key in LEAVE:
-                self.ended = True
-                break
+        while not self.ended and select.select([sys.stdin], [], [], 0.0)[0]:
+            typed = os.read(sys.stdin.fileno(), MOST_TYPED).decode("ascii", errors="replace").lower()
+            self.ended = not typed
+            for key in re.sub(SPECIAL_KEY, "", typed):
+                if key == CLUTCH:
+                    self._led.clutch(not self._led.engaged)
+                self._keyboard.press(key, time)
+                self.ended |= key in LEAVE
         return self._keyboard.read(time)
 
 
@@ -298,6 +303,7 @@ def _keys(led: Teleop) -> Iterator[_Keys]:
     before = termios.tcgetattr(sys.stdin)
     try:
         tty.setcbreak(sys.stdin)
+        click.echo(HINT, err=True)
         yield _Keys(led, Keyboard())
     finally:
         termios.tcsetattr(sys.stdin, termios.TCSADRAIN, before)
