@@ -37,12 +37,15 @@ CLEARANCE = 0.005  # [m]
 END = 12.0  # [s] after the stream, in which a tool must be back
 ARRIVED = 1e-3  # [m]
 SLOW = 0.3  # [rad/s] no joint of the exact answer, nearest to the arm, is faster when the hand is slow
+PATIENCE = 2.5  # periods of a slow hand until it counts as silent
 RECENT = 200  # ticks for which it must have been slow, beside those that the joints need to get there at full speed
+FAR = 0.01  # [m] off its target, a tool may be asked for what is out of reach
 BRANCH = 0.3  # [rad] an answer farther away is on another branch
 EVERY = 5  # ticks, after which contact and the exact answer are looked at
 ROUNDING = 1e-9  # [rad/s] a velocity may be over by
 PEER_ROUNDING = 1e-3  # [rad/s] that of others, whose QP solvers have tolerances: mink's is over by 1e-4
-RATES = (20.0, 60.0, 90.0, 200.0)  # [1/s] of the hands
+RATES = (10.0, 20.0, 60.0, 90.0, 200.0)  # [1/s] of the hands
+FINE = 1000.0  # [1/s] of the motion that a hand's poses are samples of
 SSIK = {"j2n6s300": "jaco2_ik", "j2s7s300": "j2s7s300_ik"}  # the arms that it ships, by the names of ours
 
 Array = NDArray[np.float64]
@@ -57,6 +60,8 @@ class Played(NamedTuple):
     """T_base_tool that the loop follows; None where it follows nothing."""
     seconds: Array
     """(n,) processor time of each tick [s]."""
+    latency: Array
+    """(n,) by how much the loop says that it lags behind the hand [s]."""
 
 
 Loop = Callable[[Robot, list[Array | None], float], Played]
@@ -69,18 +74,18 @@ def ticks_of(stream: Stream) -> list[Array | None]:
     return [stream.hand[-1] if player.ended else player.read(tick * DT) for tick in ticks]
 
 
-def unfiltered(robot: Robot, heard: list[Array | None], rate: float) -> Played:
+def smoothed(robot: Robot, heard: list[Array | None], rate: float) -> Played:
     """Teleoperation, clear of the floor and of itself."""
-    return ours(robot, heard, 0.0)
+    return ours(robot, heard, rate, "auto")
 
 
-def filtered(robot: Robot, heard: list[Array | None], rate: float) -> Played:
-    """The same with a filter of one period of the hand, where that is slower than the ticks."""
-    return ours(robot, heard, 1.0 / rate if rate * DT < 1.0 else 0.0)
+def unfiltered(robot: Robot, heard: list[Array | None], rate: float) -> Played:
+    """The same with the steps of hands that are slower than the ticks."""
+    return ours(robot, heard, rate, None)
 
 
-def ours(robot: Robot, heard: list[Array | None], constant: float) -> Played:
-    """Teleoperation with a filter [s]."""
+def ours(robot: Robot, heard: list[Array | None], rate: float, smoothing: str | None) -> Played:
+    """Teleoperation by a hand of some rate [1/s]."""
     tracker = Tracker(
         robot,
         dt=DT,
@@ -89,15 +94,16 @@ def ours(robot: Robot, heard: list[Array | None], constant: float) -> Played:
         acceleration_limit=ACCELERATION,
         objectives=(LimitDistance(), Manipulability()) if robot.dof > 6 else (),
     )
-    teleop = Teleop(tracker, clutch=True, recover=0.5, filter=constant)
-    q, asked, seconds = list[Array](), list[pin.SE3 | None](), list[float]()
+    teleop = Teleop(tracker, clutch=True, recover=0.5, filter=smoothing, watchdog=max(0.1, PATIENCE / rate))
+    q, asked, seconds, latency = list[Array](), list[pin.SE3 | None](), list[float](), list[float]()
     for hand in heard:
         began = time.thread_time()
         step = teleop.step(hand)
         seconds.append(time.thread_time() - began)
         q.append(step.q)
         asked.append(step.target if step.status is TeleopStatus.FOLLOWING else None)
-    return Played(np.array(q), asked, np.array(seconds))
+        latency.append(step.latency)
+    return Played(np.array(q), asked, np.array(seconds), np.array(latency))
 
 
 def targets_of(robot: Robot, heard: list[Array | None]) -> list[pin.SE3]:
@@ -129,7 +135,7 @@ def bare_mink(robot: Robot, heard: list[Array | None], rate: float) -> Played:
         configuration.integrate_inplace(velocity, DT)
         seconds.append(time.thread_time() - began)
         q.append(configuration.q.copy())
-    return Played(np.array(q), list[pin.SE3 | None](targets), np.array(seconds))
+    return Played(np.array(q), list[pin.SE3 | None](targets), np.array(seconds), np.zeros(len(q)))
 
 
 def ssik_loop(robot: Robot, worker: Worker) -> Loop:
@@ -151,13 +157,17 @@ def ssik_loop(robot: Robot, worker: Worker) -> Loop:
         q = np.concatenate(answers)
         free = robot.unlimited
         q[:, free] = np.unwrap(np.vstack([robot.home, q])[:, free], axis=0)[1:]
-        return Played(q, list[pin.SE3 | None](targets), seconds[:, 1])
+        return Played(q, list[pin.SE3 | None](targets), seconds[:, 1], np.zeros(len(q)))
 
     return play
 
 
-def judge(robot: Robot, played: Played, acceleration: float | None) -> dict[str, object]:
-    """Limits at every tick, contact and errors at some of them, from outside; no acceleration limit for a peer."""
+def judge(robot: Robot, played: Played, acceleration: float | None, motion: Stream | None = None) -> dict[str, object]:
+    """Limits at every tick, contact and errors at some of them, from outside; no acceleration limit for a peer.
+
+    With the motion of the hand, of which the loop heard some poses, the errors to where the hand was, too: as long ago
+    as the loop says that it lags, and at that time.
+    """
     scene = Scene([Floor(-0.01)])
     contact = scene.contact(robot)
     solver = jacokin.IKSolver(robot, scene=scene, clearance=CLEARANCE, collision="reject")
@@ -168,13 +178,17 @@ def judge(robot: Robot, played: Played, acceleration: float | None) -> dict[str,
     if acceleration is not None:
         change = np.diff(v, axis=0, prepend=np.zeros((1, robot.dof)))
         is_broken |= bool((np.abs(change) > acceleration * DT + ROUNDING).any())
-    touched, errors, slow = False, list[float](), 0
+    touched, errors, late, now, slow = False, list[float](), list[float](), list[float](), 0
     exact: Array | None = None
     for tick in range(0, len(played.q), EVERY):
         q, asked = played.q[tick], played.asked[tick]
         touched |= contact.touches(q)
         if asked is None or None in played.asked[max(tick - EVERY, 0) : tick]:
             slow, exact = 0, None
+            continue
+        is_far = _off(robot, q, asked) > FAR
+        if is_far and not solver.solve_all(asked, seed=q).within_limits.any():
+            slow, exact = 0, None  # quicker than the closest pose that `solve` looks for
             continue
         answer = solver.solve(asked, seed=q)
         near = answer.success and exact is not None and np.abs(answer.q - exact).max() < SLOW * DT * EVERY
@@ -183,6 +197,11 @@ def judge(robot: Robot, played: Played, acceleration: float | None) -> dict[str,
         exact = answer.q if answer.success else None
         if slow > RECENT and np.abs(answer.q - q).max() < BRANCH:
             errors.append(_off(robot, q, asked))
+            if motion is not None:
+                tool = robot.forward_kinematics(q).translation
+                for ago, found in ((float(played.latency[tick]), late), (0.0, now)):
+                    row = round((tick * DT - ago) * FINE)
+                    found.append(float(np.linalg.norm(tool - motion.hand[min(max(row, 0), len(motion) - 1), :3])))
     last = next((target for target in reversed(played.asked) if target is not None), None)
     return {
         "stopped": last is None or _off(robot, played.q[-1], last) > ARRIVED,
@@ -191,6 +210,9 @@ def judge(robot: Robot, played: Played, acceleration: float | None) -> dict[str,
         "slow_ticks": len(errors),
         "slow_p99": float(np.percentile(errors, 99)) if errors else None,
         "slow_worst": max(errors) if errors else None,
+        "hand_late_worst": max(late) if late else None,
+        "hand_now_worst": max(now) if now else None,
+        "latency": float(played.latency.max()),
         "tick_median": float(np.median(played.seconds)),
         "tick_p999": float(np.percentile(played.seconds, 99.9)),
     }
@@ -208,21 +230,20 @@ def rows(path: Path | None) -> Iterator[dict[str, object]]:
 
 
 def show(found: list[dict[str, object]]) -> None:
-    """Print a row for each kind of stream and loop."""
-    heads = ("streams", 8), ("stops", 7), ("limits", 8), ("contact", 9), ("slow: p99, max mm", 20), ("us", 7)
-    print(f"{'robot':10}{'stream':14}{'loop':16}" + "".join(f"{head:>{width}}" for head, width in heads))
+    """Print a row for each kind of stream and loop; errors in mm at slow ticks, the worst of all streams."""
+    names = "slow_p99", "slow_worst", "hand_late_worst", "hand_now_worst"
+    heads = "streams", "stops", "limits", "contact", "p99", "worst", "hand late", "hand now", "lag ms", "us"
+    print(f"{'robot':10}{'stream':14}{'loop':22}" + "".join(f"{head:>10}" for head in heads))
     groups = dict.fromkeys((row["robot"], row["kind"], row["loop"]) for row in found)
     for group in sorted(groups, key=str):
         those = [row for row in found if (row["robot"], row["kind"], row["loop"]) == group]
         robot, kind, loop = group
-        counts = [sum(bool(row[name]) for row in those) for name in ("stopped", "broken", "touched")]
-        slow = [[row[name] for row in those if row[name] is not None] for name in ("slow_p99", "slow_worst")]
-        p99, worst = (1e3 * np.array(values or [np.nan], dtype=float).max() for values in slow)
-        median = 1e6 * np.median([float(str(row["tick_median"])) for row in those])
-        print(
-            f"{robot:10}{kind:14}{loop:16}{len(those):8}{counts[0]:7}{counts[1]:8}{counts[2]:9}"
-            f"{p99:12.3f}{worst:8.3f}{median:7.0f}"
-        )
+        counts = [len(those), *(sum(bool(row[name]) for row in those) for name in ("stopped", "broken", "touched"))]
+        errors = [[float(str(row[name])) for row in those if row[name] is not None] for name in names]
+        numbers = [f"{1e3 * max(values):10.3f}" if values else f"{'-':>10}" for values in errors]
+        numbers.append(f"{1e3 * max(float(str(row['latency'])) for row in those):10.0f}")
+        numbers.append(f"{1e6 * np.median([float(str(row['tick_median'])) for row in those]):10.0f}")
+        print(f"{robot:10}{kind:14}{loop:22}" + "".join(f"{count:10}" for count in counts) + "".join(numbers))
 
 
 def main() -> None:
@@ -232,7 +253,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--kinds", nargs="+", choices=list(KINDS), default=list(KINDS))
     parser.add_argument("--robot", default="j2n6s300")
-    parser.add_argument("--filter", action="store_true", help="smooth slow hands by one of their periods")
+    parser.add_argument("--unfiltered", action="store_true", help="with the steps of slow hands, too")
     parser.add_argument("--peers", nargs="*", choices=["mink", "ssik"], default=["mink", "ssik"])
     parser.add_argument("--output", type=Path, help="keep a line for each stream here, and go on from what it has")
     arguments = parser.parse_args()
@@ -240,12 +261,9 @@ def main() -> None:
     found = list(rows(arguments.output))
     done = {(row["robot"], row["kind"], row["seed"], row["number"], row["loop"]) for row in found}
     with ExitStack() as stack:
-        loops: dict[str, tuple[Loop, float | None]] = {
-            "jacokin, filter" if arguments.filter else "jacokin.teleop": (
-                filtered if arguments.filter else unfiltered,
-                ACCELERATION,
-            )
-        }
+        loops: dict[str, tuple[Loop, float | None]] = {"jacokin.teleop": (smoothed, ACCELERATION)}
+        if arguments.unfiltered:
+            loops["jacokin, filter=None"] = unfiltered, ACCELERATION
         if "mink" in arguments.peers:
             loops["mink.solve_ik"] = bare_mink, None
         if "ssik" in arguments.peers and robot.name in SSIK:
@@ -254,15 +272,19 @@ def main() -> None:
             loops["ssik.tracker"] = ssik_loop(robot, worker), None
         for number in range(-(-arguments.streams // len(arguments.kinds))):
             for kind in arguments.kinds:
-                rng = np.random.default_rng([arguments.seed, number])
+                rng, again = (np.random.default_rng([arguments.seed, number]) for _ in range(2))
                 rate = float(rng.choice(RATES))
                 heard = ticks_of(make_stream(robot, kind, rng, rate=rate))
+                again.choice(RATES)
+                # After missing poses the tool is tied to the hand anew, elsewhere.
+                motion = None if kind == "dropouts" else make_stream(robot, kind, again, rate=FINE)
                 for name, (loop, acceleration) in loops.items():
                     key = (robot.name, kind, arguments.seed, number, name)
                     if key in done:
                         continue
                     row: dict[str, object] = dict(zip(("robot", "kind", "seed", "number", "loop"), key, strict=True))
-                    row |= judge(robot, loop(robot, heard, rate), acceleration)
+                    row |= {"rate": rate}
+                    row |= judge(robot, loop(robot, heard, rate), acceleration, motion)
                     found.append(row)
                     if arguments.output is not None:
                         with arguments.output.open("a") as file:

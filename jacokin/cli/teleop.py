@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 import os
+import re
 import select
 import signal
 import sys
@@ -38,6 +39,10 @@ MOTOR_PART = 0.8  # of the acceleration that simulated motors are strong enough 
 FINGERS = 3
 STREAM = ".npz"
 CLUTCH, LEAVE = " ", ("q", "\x1b", "\x04")
+SPECIAL_KEY = r"\x1b[\[o][0-9;]*[a-z~]"  # arrows and others are sequences that begin with the character of Esc
+MOST_TYPED = 256  # characters that are read at once
+HINT = """w s, a d, r f move along x, y, z; j l, i k, u o turn about them; g h close and open the fingers;
+space opens and closes the clutch, q ends"""
 
 
 @click.command(cls=Command)
@@ -53,9 +58,9 @@ CLUTCH, LEAVE = " ", ("q", "\x1b", "\x04")
 @click.option(
     "--filter",
     "constant",
-    default=0.0,
+    type=float,
     metavar="T",
-    help="Smooth the hand by this time [s]; for one slower than the control step, one of its periods.",
+    help="Time constant of a low-pass on the hand [s], 0 for none; without it, gaps between its poses are smoothed.",
 )
 @click.option(
     "--recover", type=float, metavar="T", help="Held off its target this long [s], the tool takes another branch."
@@ -89,7 +94,7 @@ def teleop(
     rate: float,
     random_seed: int | None,
     scale: float,
-    constant: float,
+    constant: float | None,
     recover: float | None,
     seconds: float | None,
     fast: bool,
@@ -133,6 +138,7 @@ def teleop(
     if task is not None and (dt is not None or source != options.RobotOptions(robot=model.DEFAULT_ROBOT)):
         raise InvalidInputError(f"--task has its robot, {model.DEFAULT_ROBOT}, and its control step: leave them out")
     from jacokin.teleop import Fingers, Player, SpaceMouse, Teleop, lead
+    from jacokin.teleop.teleop import AUTO
 
     with contextlib.ExitStack() as stack:
         writable = None if output is None else stack.enter_context(files.replacing(output))
@@ -149,7 +155,7 @@ def teleop(
             clearance=clearance,
             acceleration_limit=possible if acceleration_limit is None else acceleration_limit,
         )
-        led = Teleop(tracker, clutch=True, scale=scale, filter=constant, recover=recover)
+        led = Teleop(tracker, clutch=True, scale=scale, filter=AUTO if constant is None else constant, recover=recover)
         shown = None
         if view or device == "page":
             shown = stack.enter_context(_page(tracker, around, clearance, port))
@@ -269,14 +275,14 @@ class _Keys:
 
     def read(self, time: float) -> Array:
         """The twist of the keys that are pressed."""
-        while select.select([sys.stdin], [], [], 0.0)[0]:
-            key = os.read(sys.stdin.fileno(), 1).decode("ascii", errors="replace")
-            if key == CLUTCH:
-                self._led.clutch(not self._led.engaged)
-            self._keyboard.press(key, time)
-            if not key or key in LEAVE:
-                self.ended = True
-                break
+        while not self.ended and select.select([sys.stdin], [], [], 0.0)[0]:
+            typed = os.read(sys.stdin.fileno(), MOST_TYPED).decode("ascii", errors="replace").lower()
+            self.ended = not typed
+            for key in re.sub(SPECIAL_KEY, "", typed):
+                if key == CLUTCH:
+                    self._led.clutch(not self._led.engaged)
+                self._keyboard.press(key, time)
+                self.ended |= key in LEAVE
         return self._keyboard.read(time)
 
 
@@ -297,6 +303,7 @@ def _keys(led: Teleop) -> Iterator[_Keys]:
     before = termios.tcgetattr(sys.stdin)
     try:
         tty.setcbreak(sys.stdin)
+        click.echo(HINT, err=True)
         yield _Keys(led, Keyboard())
     finally:
         termios.tcsetattr(sys.stdin, termios.TCSADRAIN, before)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
+import math
+import sys
 from collections.abc import Iterable
 from types import TracebackType
 from typing import Any, Protocol, Self
@@ -15,6 +18,7 @@ from jacokin.model import checks
 from jacokin.teleop.streams import Stream
 
 KEY_HOLD = 0.15  # [s] a key counts as pressed after it was heard: terminals repeat keys, and do not say when it ends
+MOST_REPORTS = 64  # that are read at once: hidapi keeps no more
 REOPEN = 1.0  # [s] until an unplugged device is looked for again
 KEYS = {  # key -> axis of the twist and its sign
     "w": (0, 1.0),
@@ -241,15 +245,15 @@ class SpaceMouse:
             self._device = _open_space_mouse()
         except Exception as error:  # the package's own, hidapi's, the system's
             raise JacokinError(f"no space mouse can be opened: {error}") from error
+        self._heard = -math.inf  # [s] of the last report, by the package's clock
         self._retry = 0.0  # [s] when an unplugged one is looked for again
 
     def read(self, time: float) -> Array | None:
-        """The twist, None where the device says nothing: the watchdog sees that it was unplugged.
+        """The twist of the newest report, which holds until the next; None where the mouse is unplugged.
 
         An unplugged one is looked for again once a second.
         """
-        # Afterwards it repeats what it last heard.
-        if not self._device.connected:
+        if self._device is None:
             if time < self._retry:
                 return None
             self._retry = time + REOPEN
@@ -258,10 +262,29 @@ class SpaceMouse:
             except Exception:  # still unplugged
                 return None
         try:
-            state = self._device.read()
-        except Exception:  # unplugged
+            state = self._newest()
+        except Exception:  # unplugged, whichever of the packages below says so
+            state = None
+        if state is None or not self._device.connected:  # which repeats its last state
+            self._let_go()
             return None
-        return twist_of_space_mouse(state, self._size) if self._device.connected else None
+        return twist_of_space_mouse(state, self._size)
+
+    def _newest(self) -> Any:
+        """The state after all reports that wait: a call of the package reads one, the mouse may send more in a tick."""
+        for _ in range(MOST_REPORTS):
+            state = self._device.read()
+            before, self._heard = self._heard, state.t
+            if self._heard == before:
+                break
+        return state
+
+    def _let_go(self) -> None:
+        """Close the device, which may be gone."""
+        device, self._device = self._device, None
+        if device is not None:
+            with contextlib.suppress(Exception):
+                device.close()
 
     def __enter__(self) -> Self:
         """Itself."""
@@ -271,15 +294,17 @@ class SpaceMouse:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         """Close the device."""
-        self._device.close()
+        self._let_go()
 
 
 def _open_space_mouse() -> Any:  # Any: of a package that is not always there
     """The first one that is plugged in; raises what the package, hidapi and the system raise."""
     import pyspacemouse
 
-    # Its older conventions turn about other axes than they move along.
-    return pyspacemouse.open(axis_convention=pyspacemouse.AxisConvention.HID_Z_UP)
+    # It prints what it found, and standard output is the program's. Its older conventions turn about other axes than
+    # they move along.
+    with contextlib.redirect_stdout(sys.stderr):
+        return pyspacemouse.open(axis_convention=pyspacemouse.AxisConvention.HID_Z_UP)
 
 
 def twist_of_space_mouse(state: Any, size: Array) -> Array:

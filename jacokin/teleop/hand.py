@@ -13,6 +13,8 @@ from jacokin.errors import InvalidInputError
 from jacokin.model import checks, poses
 
 LARGEST = 1e6  # [m], [m/s] or [rad/s] that a hand may say: squares of more could overflow
+FORGETTING = 1.0  # [s] time constant by which a long gap between poses is forgotten
+ROUNDING = 1e-6  # of times: gaps are sums of control steps
 WALL_SOFTNESS = 0.05  # [m] before a wall, from which the target slows
 
 
@@ -80,13 +82,12 @@ class Mapping:
     """From motions of the hand to motions of the target, from the place where the clutch closed.
 
     Attributes:
-        target: T_base_tool that is asked for.
-        filtered: the same through the filter.
+        target: T_base_tool that the hand asks for.
     """
 
     def __init__(self, tool: pin.SE3, axes: Array, scale: float, rotation_scale: float) -> None:
         """Begin at the tool's pose; `axes` (3, 3) turns vectors of the hand's frame into the base."""
-        self.target = self.filtered = tool
+        self.target = tool
         self._axes, self._scale, self._rotation_scale = axes, scale, rotation_scale
 
     def shift(self, way: Array, turn: Array, walls: tuple[Array, Array] | None) -> None:
@@ -104,15 +105,63 @@ class Mapping:
         turn, away = turn - _shortened(turn, angular), away - _shortened(away, linear)
         self.target = pin.SE3(pin.exp3(turn) @ tool.rotation, tool.translation + away)
 
-    def filter(self, part: float) -> pin.SE3:
-        """Bring the filtered target nearer to the target by a part of the way."""
-        if part >= 1.0:
-            self.filtered = self.target
-        else:
-            turn = part * pin.log3(self.target.rotation @ self.filtered.rotation.T)
-            away = part * (self.target.translation - self.filtered.translation)
-            self.filtered = pin.SE3(pin.exp3(turn) @ self.filtered.rotation, self.filtered.translation + away)
-        return self.filtered
+
+class LowPass:
+    """The target through a first-order low-pass.
+
+    Attributes:
+        latency: by which a target that moves steadily lags [s]: the time constant.
+    """
+
+    def __init__(self, pose: pin.SE3, constant: float, dt: float) -> None:
+        """Begin at a pose, with a time constant [s], 0 for none, and the control step [s]."""
+        self._pose, self.latency = pose, constant
+        self._part = 1.0 if constant == 0.0 else -math.expm1(-dt / constant)
+
+    def move(self, target: pin.SE3, is_new: bool) -> pin.SE3:
+        """A tick nearer to the target."""
+        self._pose = _between(self._pose, target, self._part)
+        return self._pose
+
+
+class Approach:
+    """The target without the steps of a hand that speaks more seldom than the arm ticks.
+
+    Each new pose is approached straight, at the speed that leads there in two gaps between poses, the longest ones of
+    about the last second. The next pose comes half way, so a hand that moves steadily is followed steadily. Where none
+    comes, the second half of the way takes ever longer: the arm comes to rest without going too far.
+    """
+
+    def __init__(self, pose: pin.SE3, dt: float, longest: float) -> None:
+        """Begin at a pose, with the control step [s]; a hand had paused in gaps that are longer than `longest` [s]."""
+        self._pose, self._dt, self._longest = pose, dt, longest
+        self._gap = self._left = dt
+        self._since = -dt  # [s] since the last new pose; the tick in which it begins is the next one
+
+    @property
+    def latency(self) -> float:
+        """By how much a hand that moves steadily is ahead [s]: two gaps, none where it speaks in every tick."""
+        return 2.0 * self._gap - self._dt if self._gap > (1.0 + ROUNDING) * self._dt else 0.0
+
+    def move(self, target: pin.SE3, is_new: bool) -> pin.SE3:
+        """A tick nearer to the target, which `is_new` if the hand has moved since the last tick."""
+        self._since += self._dt
+        if is_new:
+            if self._since <= self._longest + ROUNDING:
+                self._gap = max(self._since, self._gap * math.exp(-self._since / FORGETTING))
+            self._since = 0.0
+            self._left = self._dt + self.latency
+        self._pose = _between(self._pose, target, min(self._dt / self._left, 1.0))
+        self._left = max(self._left - self._dt, 0.5 * (self._dt + self.latency))
+        return self._pose
+
+
+def _between(start: pin.SE3, end: pin.SE3, part: float) -> pin.SE3:
+    """A pose on the straight way from one to another."""
+    if part >= 1.0:
+        return end
+    turn = pin.exp3(part * pin.log3(end.rotation @ start.rotation.T))
+    return pin.SE3(turn @ start.rotation, start.translation + part * (end.translation - start.translation))
 
 
 def soften(position: Array, way: Array, lower: Array, upper: Array) -> Array:

@@ -4,7 +4,8 @@ A tick takes what the hand device said last, moves the tool's target by it, and 
 keeps limits and distances; what is done here is whether there is something to follow, and what:
 
 - The clutch: closing it ties the tool, where it is, to the hand, wherever that is. So nothing ever jumps.
-- The target moves by differences of the hand's poses, or by its twist. Walls slow it; a filter smooths it.
+- The target moves by differences of the hand's poses, or by its twist. Walls slow it; the steps of a hand that is
+  slower than the ticks are smoothed.
 - Without input for a while, with input that is malformed or with time that runs backwards, the arm brakes within its
   limits. When good input returns, the tool is tied to it anew.
 - Another branch is reached by a planned motion without contact, which the tracker follows joint by joint.
@@ -32,8 +33,10 @@ from jacokin.motion.tracking.steps import TrackerStatus, TrackerStep
 from jacokin.motion.tracking.targets import JointTarget
 from jacokin.motion.tracking.tracker import Tracker
 from jacokin.motion.trajectory import Trajectory
-from jacokin.teleop.hand import Mapping, Play, checked_walls, dead, read_hand
+from jacokin.teleop.hand import Approach, LowPass, Mapping, Play, checked_walls, dead, read_hand
 
+AUTO = "auto"
+SAME = 1e-12  # relative: a hand that repeats its pose moves the target by rounding only
 STILL = 1e-5  # [rad/s] a slower arm stands still
 STAYS = 5e-3  # [rad] an arm that stays this near to where it was, and off its target by more than this, is stuck
 FAR_OFF = 1e-3, 0.01  # [m], [rad]
@@ -70,6 +73,8 @@ class TeleopStep:
     """Why the arm does not follow, with numbers; empty when it does."""
     target: pin.SE3 | None
     """T_base_tool that the tracker was asked for; None when the arm does not follow."""
+    latency: float
+    """By how much `target` lags behind a hand that moves steadily, because of `filter` [s]."""
     tracking: TrackerStep
     """What the tracker says."""
 
@@ -95,7 +100,7 @@ class Teleop:
         axes: ArrayLike | None = None,
         clutch: bool = False,
         deadband: tuple[float, float] = (0.0, 0.0),
-        filter: float = 0.0,  # noqa: A002 - the field's word
+        filter: float | str | None = AUTO,  # noqa: A002 - the field's word
         workspace: tuple[ArrayLike, ArrayLike] | None = None,
         watchdog: float = 0.1,
         recover: float | None = None,
@@ -109,7 +114,10 @@ class Teleop:
             axes: R_base_hand (3, 3), how the device's frame is turned against the base; None for not at all.
             clutch: whether the clutch is closed from the start.
             deadband: of poses [m], [rad], of twists [m/s], [rad/s]: smaller motions of the hand move nothing.
-            filter: time constant of a low-pass on the target [s]; a target that moves steadily lags by that time.
+            filter: "auto" smooths the steps of a hand whose poses come more seldom than ticks: the target lags by two
+                gaps between them, the longest of about the last second, and not at all where a pose comes in every
+                tick. A number is the time constant of a low-pass [s], by which a target that moves steadily lags. 0 or
+                None for neither.
             workspace: lower and upper corner (3,) [m] of a box in the base that the target does not leave. It slows
                 down in the last 5 cm; started outside, it may only go inwards.
             watchdog: without input for this long, the arm brakes [s].
@@ -127,8 +135,7 @@ class Teleop:
         if len(bands) != 2:
             raise checks.refusal("deadband", "two numbers, linear and angular", deadband)
         self._bands = checks.non_negative("deadband", bands[0]), checks.non_negative("deadband", bands[1])
-        constant = checks.non_negative("filter", filter, "s")
-        self._part = 1.0 if constant == 0.0 else -math.expm1(-tracker.dt / constant)
+        self._constant = _checked_filter(filter)
         self._walls = checked_walls(workspace)
         self._watchdog = checks.positive("watchdog", watchdog, "s")
         self._patience = math.inf if recover is None else checks.positive("recover", recover, "s")
@@ -137,6 +144,7 @@ class Teleop:
         self._heard = 0.0
         self._rest: Array | None = None
         self._mapping: Mapping | None = None
+        self._smooth: Approach | LowPass | None = None
         self._play: Play | None = None
         self._twist: Array | None = None
         self._switch: _Switch | None = None
@@ -298,7 +306,7 @@ class Teleop:
 
     def _let_go(self) -> None:
         """Untie the tool from the hand; it is tied again by the next input."""
-        self._mapping = self._play = self._twist = None
+        self._mapping = self._smooth = self._play = self._twist = None
         self._rest = None
         self._lost = False
 
@@ -306,20 +314,27 @@ class Teleop:
         self, heard: pin.SE3 | Array | None, obstacles: MappingType[str, Motion] | None, budget: float | None
     ) -> TeleopStep:
         """Move the target by what the hand did, and the arm towards it."""
-        if self._mapping is None:
+        if self._mapping is None or self._smooth is None:
             self._mapping = Mapping(self.tool, self._axes, self._scale, self._rotation_scale)
+            self._smooth = (
+                Approach(self._mapping.target, self.tracker.dt, self._watchdog)
+                if self._constant is None
+                else LowPass(self._mapping.target, self._constant, self.tracker.dt)
+            )
+        before = self._mapping.target
         self._hear(heard)
         if self._twist is not None:
             moved = self.tracker.dt * self._twist
             self._mapping.shift(moved[:3], moved[3:], self._walls)
             self._mapping.stay_near(self.tool, *LEASH)
-        target = self._mapping.filter(self._part)
+        is_new = not self._mapping.target.isApprox(before, SAME)
+        target = self._smooth.move(self._mapping.target, is_new)
         tracking = self.tracker.step(target, obstacles=obstacles, budget=budget)
         self._rest = None
         self._held = self._held + self.tracker.dt if self._is_stuck(tracking) else 0.0
         if self._held > self._patience:
             self._recover(target)
-        return TeleopStep(tracking.q, tracking.v, TeleopStatus.FOLLOWING, "", target, tracking)
+        return TeleopStep(tracking.q, tracking.v, TeleopStatus.FOLLOWING, "", target, self._smooth.latency, tracking)
 
     def _hear(self, heard: pin.SE3 | Array | None) -> None:
         """Move the target by how far the hand went since its last pose; keep a twist."""
@@ -364,7 +379,7 @@ class Teleop:
             if self._rest is None:
                 self._rest = self.tracker.q
             tracking = self.tracker.step(JointTarget(self._rest), obstacles=obstacles, budget=budget)
-        return TeleopStep(tracking.q, tracking.v, status, message, None, tracking)
+        return TeleopStep(tracking.q, tracking.v, status, message, None, 0.0, tracking)
 
     def _go_on_switching(
         self, switch: _Switch, obstacles: MappingType[str, Motion] | None, budget: float | None
@@ -384,7 +399,20 @@ class Teleop:
             message = f"the way to the other branch is blocked after {message}: given up"
             self._switch = None
             self._let_go()
-        return TeleopStep(tracking.q, tracking.v, TeleopStatus.SWITCHING, message, None, tracking)
+        return TeleopStep(tracking.q, tracking.v, TeleopStatus.SWITCHING, message, None, 0.0, tracking)
+
+
+def _checked_filter(given: object) -> float | None:
+    """A time constant [s], 0 for none; None for "auto".
+
+    Raises:
+        InvalidInputError: neither "auto" nor a number that is not negative.
+    """
+    if isinstance(given, str):
+        if given != AUTO:
+            raise checks.refusal("filter", '"auto", a time constant [s], or 0 or None for no filter', given)
+        return None
+    return 0.0 if given is None else checks.non_negative("filter", given, "s")
 
 
 @dataclass(slots=True)

@@ -15,14 +15,14 @@ from jacokin.teleop import make_stream
 
 sys.path.append(str(Path(__file__).resolve().parents[2]))  # last: the installed package is what gets tested
 
-from benchmarks.teleop import ACCELERATION, DT, Played, judge, ticks_of, unfiltered
+from benchmarks.teleop import ACCELERATION, DT, Played, judge, smoothed, ticks_of
 
 
 def still(robot: Robot, way: float = 0.0, ticks: int = 400) -> Played:
     """The arm at home, asked to be some metres higher."""
     target = robot.forward_kinematics(robot.home)
     target = pin.SE3(target.rotation, target.translation + np.array([0.0, 0.0, way]))
-    return Played(np.tile(robot.home, (ticks, 1)), [target] * ticks, np.full(ticks, 1e-4))
+    return Played(np.tile(robot.home, (ticks, 1)), [target] * ticks, np.full(ticks, 1e-4), np.zeros(ticks))
 
 
 def changed(played: Played, tick: int, q: Array) -> Played:
@@ -62,6 +62,6 @@ def test_a_hand_is_heard_at_its_own_rate_and_its_last_pose_to_the_end(robot: Rob
     assert sum(hand is None for hand in heard) > len(stream)  # four ticks of five
     assert len(spoken) > len(stream)
     assert np.array_equal(spoken[-1], stream.hand[-1])
-    played = unfiltered(robot, heard[:60], 20.0)
+    played = smoothed(robot, heard[:60], 20.0)
     assert played.q.shape == (60, 6)
     assert not judge(robot, played, ACCELERATION)["broken"]

@@ -7,6 +7,7 @@ import os
 import pty
 import signal
 import sys
+import termios
 import threading
 import time
 import urllib.request
@@ -132,9 +133,12 @@ def test_keys_of_a_terminal_move_the_arm(run: Run, monkeypatch: pytest.MonkeyPat
     ours, theirs = pty.openpty()
 
     def type_keys() -> None:
-        for key in b"w" * 20 + b" q":
+        until = time.monotonic() + 60.0  # [s]
+        while termios.tcgetattr(ours)[3] & termios.ICANON and time.monotonic() < until:
+            time.sleep(0.01)  # what is typed before the program listens is lost
+        for key in [b"\x1b[A", b"\x1bOB", b"\x1b[3~", *[b"w"] * 10, *[b"W"] * 10, b" ", b"Q"]:  # arrows do nothing
             time.sleep(0.02)
-            os.write(ours, bytes([key]))
+            os.write(ours, key)
 
     with os.fdopen(theirs, "r") as terminal:
         monkeypatch.setattr(sys, "stdin", terminal)

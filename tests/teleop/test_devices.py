@@ -181,19 +181,50 @@ def test_a_space_mouse_is_a_twist() -> None:
 
 
 class FakeMouse:
-    """What pyspacemouse 2.1 gives: after it is unplugged, it repeats its last state."""
+    """What pyspacemouse 2.1 gives: a call reads one report, at most; unplugged, it stays connected and raises."""
 
-    connected, closed = True, False
-    state = SimpleNamespace(x=0.0, y=0.0, z=1.0, roll=0.0, pitch=0.0, yaw=0.0)
+    connected, closed, plugged = True, False, True
+
+    def __init__(self) -> None:
+        self.state = SimpleNamespace(t=-1.0, x=0.0, y=0.0, z=1.0, roll=0.0, pitch=0.0, yaw=0.0)
+        self.waiting = list[dict[str, float]]()
 
     def read(self) -> SimpleNamespace:
+        if not self.plugged:
+            raise OSError("Failed to read from HID device: -1")
+        if self.waiting:
+            vars(self.state).update(t=self.state.t + 0.01, **self.waiting.pop(0))
         return self.state
 
     def close(self) -> None:
         self.closed = True
+        if not self.plugged:
+            raise OSError("gone")
 
 
-def test_a_space_mouse_that_is_unplugged_says_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_space_mouse_is_read_to_its_newest_report(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A mouse sends moves and turns one after the other, and both more often than an arm ticks."""
+    fake = FakeMouse()
+
+    def open_mouse(axis_convention: object) -> FakeMouse:
+        print("SpaceNavigator found")
+        return fake
+
+    module = SimpleNamespace(open=open_mouse, AxisConvention=SimpleNamespace(HID_Z_UP="hid_z_up"))
+    monkeypatch.setitem(sys.modules, "pyspacemouse", module)
+    mouse = SpaceMouse(speed=0.1, turn=1.0)
+    assert not capsys.readouterr().out  # of a program that may print JSON
+    fake.waiting = [{"x": 0.5, "z": 0.0}, {"yaw": -0.5}, {"x": 1.0}]
+    for time in (0.0, 0.01):  # the newest holds
+        assert np.allclose(np.asarray(mouse.read(time)), [0.1, 0.0, 0.0, 0.0, 0.0, -0.5])
+    fake.waiting = [{"x": 0.0}, {"yaw": 0.0}]
+    assert np.allclose(np.asarray(mouse.read(0.02)), 0.0)
+
+
+@pytest.mark.parametrize("says", [True, False])
+def test_a_space_mouse_that_is_unplugged_says_nothing(monkeypatch: pytest.MonkeyPatch, says: bool) -> None:
     fake, asked = FakeMouse(), list[object]()
 
     def open_mouse(axis_convention: object) -> FakeMouse:
@@ -207,19 +238,68 @@ def test_a_space_mouse_that_is_unplugged_says_nothing(monkeypatch: pytest.Monkey
     monkeypatch.setitem(sys.modules, "pyspacemouse", module)
     with SpaceMouse(speed=0.2) as mouse:
         assert np.allclose(np.asarray(mouse.read(0.0)), [0.0, 0.0, 0.2, 0.0, 0.0, 0.0])
-        fake.connected = False
+        gone = fake
+        if says:
+            fake.connected = False
+        else:
+            fake.plugged = False
         module.open = refuse
         assert mouse.read(0.1) is None
+        assert gone.closed
+        assert mouse.read(0.2) is None
         fake = FakeMouse()  # plugged in again
         module.open = open_mouse
         assert mouse.read(0.5) is None  # looked for once a second
-        assert np.allclose(np.asarray(mouse.read(1.2)), [0.0, 0.0, 0.2, 0.0, 0.0, 0.0])
+        assert np.allclose(np.asarray(mouse.read(1.3)), [0.0, 0.0, 0.2, 0.0, 0.0, 0.0])
     assert fake.closed
     assert asked == ["hid_z_up"] * 2
 
     module.open = refuse
     with pytest.raises(JacokinError, match="no space mouse can be opened: No connected"):
         SpaceMouse()
+
+
+def test_pyspacemouse_itself_reads_the_reports_of_a_mouse(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Bytes as a SpaceNavigator sends them, by USB's table: x to the right, y towards the hand, z down."""
+    api = pytest.importorskip("pyspacemouse.api")
+
+    class Navigator:
+        """What easyhid gives."""
+
+        vendor_id, product_id, product_string, manufacturer_string = 0x046D, 0xC626, "SpaceNavigator", "3Dconnexion"
+        release_number, serial_number, path = 1, "", "/dev/hidraw0"
+        is_there, waiting = True, list[bytearray]()
+
+        def open(self) -> None:
+            pass
+
+        def set_nonblocking(self, is_on: bool) -> None:
+            assert is_on
+
+        def close(self) -> None:
+            pass
+
+        def read(self, size: int) -> bytearray:
+            if not self.is_there:
+                raise OSError("Failed to read from HID device: -1")
+            return self.waiting.pop(0)[:size] if self.waiting else bytearray()
+
+    hid = Navigator()
+    monkeypatch.setattr(api, "Enumeration", lambda: SimpleNamespace(find=lambda: [hid] if hid.is_there else []))
+
+    def report(channel: int, *numbers: int) -> bytearray:
+        return bytearray([channel]) + b"".join(number.to_bytes(2, "little", signed=True) for number in numbers)
+
+    with SpaceMouse(speed=0.1, turn=1.0) as mouse:
+        assert np.allclose(np.asarray(mouse.read(0.0)), 0.0)
+        for number in range(20):
+            hid.waiting += [report(1, 10 * number, 0, 0), report(2, 0, 0, 0)]
+        hid.waiting += [report(1, 350, -175, -70), report(2, 35, -70, 105)]
+        assert np.allclose(np.asarray(mouse.read(0.01)), [0.1, 0.05, 0.02, 0.1, 0.2, -0.3])
+        hid.is_there = False
+        assert mouse.read(0.02) is None
+        hid.is_there = True
+        assert np.allclose(np.asarray(mouse.read(1.5)), 0.0)
 
 
 def test_without_its_package_a_space_mouse_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -119,6 +119,47 @@ def test_a_filter_lags_by_its_time_constant(robot: Robot) -> None:
     assert last.tracking.status is TrackerStatus.OK
 
 
+@pytest.mark.parametrize(("rate", "watchdog", "latency"), [(10, 0.15, 0.19), (20, 0.1, 0.09), (50, 0.1, 0.03)])
+def test_steps_of_a_slow_hand_are_smoothed_with_a_lag_that_is_stated(
+    robot: Robot, rate: int, watchdog: float, latency: float
+) -> None:
+    step, speed, period = make(robot, clutch=True, watchdog=watchdog), 0.04, round(1.0 / rate / DT)
+    start, top = step.tool.translation[2], 0.0
+    for tick in range(200):
+        last = step(hand(0.0, 0.0, speed * tick * DT) if tick % period == 0 else None)
+        top = speed * tick * DT if tick % period == 0 else top
+        if tick > 100:  # steadily behind the moving hand, between its poses too
+            assert last.latency == pytest.approx(latency)
+            assert step.tool.translation[2] - start == pytest.approx(speed * (tick * DT - last.latency), abs=1e-4)
+            assert last.tracking.status is TrackerStatus.OK
+    for _ in range(100):  # it falls silent: the tool does not go past where it was last
+        last = step()
+        assert step.tool.translation[2] - start < top + 1e-3
+    assert last.status is TeleopStatus.NO_INPUT
+    assert last.latency == 0.0
+
+
+def test_a_hand_in_every_tick_and_one_that_is_not_smoothed_are_commanded_at_once(robot: Robot) -> None:
+    for smoothing, every in (("auto", 1), (None, 5), (0, 5)):
+        step = make(robot, clutch=True, filter=smoothing)
+        start = step.tool.translation[2]
+        for tick in range(60):
+            last = step(hand(0.0, 0.0, 4e-4 * tick) if tick % every == 0 else None)
+            assert last.target is not None
+            assert last.target.translation[2] - start == pytest.approx(4e-4 * (tick // every * every), abs=1e-9)
+        assert last.latency == 0.0
+
+
+def test_a_hand_that_repeats_its_pose_between_moves_is_a_slow_hand(robot: Robot) -> None:
+    """As devices do that are asked in every tick, and measure more seldom."""
+    told, repeated = make(robot, clutch=True), make(robot, clutch=True)
+    for tick in range(100):
+        pose = hand(0.0, 0.0, 4e-4 * (tick // 5 * 5))
+        told(pose if tick % 5 == 0 else None)
+        repeated(pose)
+        assert np.allclose(told.q, repeated.q, atol=1e-9)
+
+
 def test_twists_lead_while_they_last_and_wind_nothing_up(robot: Robot) -> None:
     step = make(robot, clutch=True)
     start = step.tool
@@ -406,6 +447,7 @@ def test_obstacles_and_budgets_are_handed_on(robot: Robot) -> None:
         ({"deadband": 0.1}, "deadband must be"),
         ({"deadband": (0.1,)}, "deadband must be two numbers"),
         ({"filter": -1.0}, "filter must be"),
+        ({"filter": "none"}, 'filter must be "auto", a time constant'),
         ({"workspace": ([0.0] * 3, [0.0] * 3)}, "lower .* must be below upper"),
         ({"workspace": [[0.0] * 3]}, "workspace must be two corners"),
         ({"watchdog": 0.0}, "watchdog must be a positive number"),
