@@ -89,7 +89,7 @@ def test_a_page_leads_the_arm() -> None:
         assert rest == "shows j2n6s300; Ctrl-C ends it\n"
         report = address.replace("/?", "/hand?")
         for keys in ["r"] * 30 + ["space"] * 3:
-            with urllib.request.urlopen(f"{report}&keys={keys}", timeout=20.0) as answer:
+            with urllib.request.urlopen(f"{report}&keys={keys}", timeout=60.0) as answer:
                 assert answer.status == 200
             time.sleep(0.03)
         out, err = process.communicate(timeout=60.0)
