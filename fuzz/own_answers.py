@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import cache
+from unittest import mock
 
 import numpy as np
 import pinocchio as pin
@@ -14,6 +15,11 @@ from jacokin import FreeAxis, IKSolver, load_robot, pose
 from jacokin.arrays import Array
 from jacokin.errors import JacokinError
 from jacokin.ik import Family
+from jacokin.ik.families import search
+from jacokin.ik.families.curves import CurveProblem
+from jacokin.ik.families.edge import Edge
+from jacokin.ik.families.meeting import Followed, follow_curves
+from jacokin.ik.families.straight_wrist import StraightWrist
 from jacokin.ik.geometry import ArmGeometry, measure_seven
 from jacokin.ik.targets import TargetPose
 from jacokin.kernels.self_motion.seven_joints import MOST_AT_Q3, solve_at_q3
@@ -25,7 +31,10 @@ REGULAR, SINGULAR = 1e-6, 1e-4  # [rad] distance of the answer from the configur
 SMALLEST = 1e-4  # smallest singular value of a regular configuration
 MOVED = 1e-3  # [rad] distance of a seed from the configuration
 ROUNDING = 1e-9  # [rad]
-SCANNED = 0.34  # share of the families that are held against branches at many values of the parameter
+SCANNED = 0.05  # share of the families that are held against branches at many values of the parameter
+FOLLOWED_ANEW = 0.05  # share of the cases in which each call follows the curves of its target itself
+OWN_LIMITS = 0.2  # share of the cases whose arm has limits of its own
+NOISE = 1e-9, 3e-2  # [rad]
 SCAN = 12  # values anywhere, and next to the configuration's at either side
 CLOSES = 1e-13  # [m] and [rad] of branches that are asked for: others are not quite at the target
 INSIDE = 1e-6  # [rad] from every limit
@@ -71,6 +80,14 @@ def stretched(robot: Robot, rng: np.random.Generator) -> Array:
     return q
 
 
+def nearly(robot: Robot, rng: np.random.Generator) -> Array:
+    """Any of the structured ones and noise of any size."""
+    structured = [make for make in CLASSES.values() if make not in (anywhere, nearly)]
+    q = structured[int(rng.integers(len(structured)))](robot, rng)
+    low, high = np.log10(NOISE)
+    return np.asarray(q + 10.0 ** rng.uniform(low, high) * rng.normal(size=robot.dof))
+
+
 CLASSES: dict[str, Maker] = {
     "random": anywhere,
     "multiples of 30 degrees": multiples(30.0),
@@ -78,6 +95,7 @@ CLASSES: dict[str, Maker] = {
     "on a limit": on_a_limit,
     "straight wrist": straight_wrist,
     "stretched": stretched,
+    "nearly structured": nearly,
 }
 
 
@@ -86,19 +104,53 @@ def run(seed: int, first: int, cases: int) -> Iterator[tuple[int, int, list[Find
     for case in range(first, first + cases):
         rng = np.random.default_rng([seed, case])
         name = NAMES[int(rng.integers(len(NAMES)))]
-        solver = _solver(name, bool(rng.random() < 0.5))
+        with_tool = bool(rng.random() < 0.5)
+        solver = _with_own_limits(name, rng) if rng.random() < OWN_LIMITS else _solver(name, with_tool)
         kind = list(CLASSES)[int(rng.integers(len(CLASSES)))]
+        follow = follow_curves if rng.random() < FOLLOWED_ANEW else _follower()
         found: list[Finding] = []
-        for _ in range(BATCH):
-            robot = solver.robot
-            q = np.clip(CLASSES[kind](robot, rng), robot.lower, robot.upper)
-            found.extend(check(solver, kind, q, rng))
+        with mock.patch.object(search, "follow_curves", follow):
+            for _ in range(BATCH):
+                robot = solver.robot
+                q = np.clip(CLASSES[kind](robot, rng), robot.lower, robot.upper)
+                found.extend(check(solver, kind, q, rng))
         yield case, BATCH, found
 
 
 @cache
 def _solver(name: str, with_tool: bool) -> IKSolver:
     return IKSolver(load_robot(name), tool=pose([0.5, 0.0, 0.0]) if with_tool else None, collision="ignore")
+
+
+def _with_own_limits(name: str, rng: np.random.Generator) -> IKSolver:
+    """Limits of some joints anywhere or at tens of degrees, less than a turn or more than one apart; any tool."""
+    robot, limits = load_robot(name), {}
+    for joint in robot.joint_names:
+        if rng.random() < 0.5:
+            low, length = (
+                rng.uniform(-2.0 * math.pi, 0.0),
+                rng.uniform(1.0, 4.0 * math.pi if rng.random() < 0.3 else 6.0),
+            )
+            ends = np.degrees([low, low + length])
+            ends = np.round(ends, -1) if rng.random() < 0.5 else ends
+            limits[joint] = float(math.radians(ends[0])), float(math.radians(ends[1]))
+    tool = pose(rng.uniform(-0.3, 0.3, 3), rpy=rng.uniform(-math.pi, math.pi, 3))
+    return IKSolver(load_robot(name, limits=limits), tool=tool, collision="ignore")
+
+
+def _follower() -> Callable[..., Followed]:
+    """`follow_curves`, which remembers its last answer: solves of one target with different seeds have the same."""
+    last: list[tuple[object, Followed]] = []
+
+    def follow(problem: CurveProblem, edge: Edge, wrist: StraightWrist, also: Sequence[float] = ()) -> Followed:
+        free = problem.free_axis
+        about = None if free is None else (free.axis.tobytes(), free.range)
+        given = problem.T.tobytes(), about, tuple(also), id(problem.arm)
+        if not last or last[0][0] != given:
+            last[:] = [(given, follow_curves(problem, edge, wrist, also))]
+        return last[0][1]
+
+    return follow
 
 
 def check(solver: IKSolver, kind: str, q: Array, rng: np.random.Generator) -> Iterator[Finding]:
@@ -109,8 +161,8 @@ def check(solver: IKSolver, kind: str, q: Array, rng: np.random.Generator) -> It
     targets: list[FreeAxis | pin.SE3] = [T]
     if robot.dof == 6:
         targets.append(FreeAxis(T, axis=np.eye(3)[int(rng.integers(3))] if rng.random() < 0.7 else rng.normal(size=3)))
-    away = rng.normal(size=robot.dof)
-    seed = np.clip(q + MOVED * away / np.linalg.norm(away), robot.lower, robot.upper)
+    way = rng.normal(size=robot.dof)
+    seed = np.clip(q + MOVED * way / np.linalg.norm(way), robot.lower, robot.upper)
     for target in targets:
         where = f"{robot.name}, {kind}, {'FreeAxis' if isinstance(target, FreeAxis) else 'pose'}"
         given = f"q = {q.tolist()}, {target if isinstance(target, FreeAxis) else 'its own pose'}"
@@ -126,13 +178,13 @@ def check(solver: IKSolver, kind: str, q: Array, rng: np.random.Generator) -> It
             continue
         if not own.success:
             yield Finding("lost", where, f"{own.status.name}: {own.message}; {given}")
-        elif _apart(own.q, q) > near:
-            yield Finding("wrong", where, f"the answer is {_apart(own.q, q):.3g} rad away; {given}")
-        limit = _apart(seed, q) + max(near, ROUNDING)
-        if moved.success and _apart(moved.q, seed) > limit:
-            yield Finding(
-                "wrong", where, f"{_apart(moved.q, seed):.3g} rad from a seed near by; {given}, {seed.tolist()}"
-            )
+        elif (away := float(np.linalg.norm(own.q - q))) > near:
+            yield Finding("wrong", where, f"the answer is {away:.3g} rad away; {given}")
+        away, limit = float(np.linalg.norm(moved.q - seed)), float(np.linalg.norm(seed - q)) + max(near, ROUNDING)
+        if not moved.success:
+            yield Finding("lost", where, f"{moved.status.name} from a seed near by; {given}, {seed.tolist()}")
+        elif away > limit:
+            yield Finding("wrong", where, f"{away:.3g} rad from a seed near by; {given}, {seed.tolist()}")
         if missed is not None:
             yield Finding("lost", where, f"complete, without {missed.tolist()}; {given}")
         if not held:

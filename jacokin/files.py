@@ -5,9 +5,7 @@ from __future__ import annotations
 import math
 import os
 import secrets
-import shutil
 import stat
-import zipfile
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -17,6 +15,8 @@ from typing import TYPE_CHECKING
 from jacokin.errors import InvalidInputError
 
 if TYPE_CHECKING:
+    import zipfile
+
     import numpy as np
     from numpy.typing import NDArray
 
@@ -48,7 +48,7 @@ def replacing(path: Path) -> Iterator[Path]:
         yield temporary
         try:
             if final.exists():
-                shutil.copymode(final, temporary)
+                temporary.chmod(stat.S_IMODE(final.stat().st_mode))
             temporary.replace(final)
         except OSError as error:
             raise InvalidInputError(f"{path}: cannot be written: {error.strerror}") from error
@@ -77,7 +77,10 @@ def replacing_folder(path: Path) -> Iterator[Path]:
         except OSError as error:
             raise InvalidInputError(f"{path}: cannot be written: {error.strerror}") from error
     finally:
-        shutil.rmtree(temporary, ignore_errors=True)
+        if temporary.exists():
+            import shutil  # which brings every compression
+
+            shutil.rmtree(temporary, ignore_errors=True)
 
 
 def is_device(path: Path) -> bool:
@@ -124,7 +127,9 @@ def read_arrays(path: Path, otherwise: str) -> dict[str, NDArray[np.generic]]:
     Raises:
         InvalidInputError: unreadable, or not an archive of plain arrays.
     """
-    import numpy as np  # not for the command line's help
+    import zipfile  # like NumPy, not for the command line's help
+
+    import numpy as np
 
     try:
         with zipfile.ZipFile(path) as archive:

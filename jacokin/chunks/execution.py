@@ -5,17 +5,19 @@ from __future__ import annotations
 import contextlib
 import functools
 import logging
-import multiprocessing
 import os
 import signal
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from jacokin.errors import InvalidInputError, JacokinError, needed, shown
+
+if TYPE_CHECKING:
+    from concurrent.futures import ProcessPoolExecutor
 
 Job = TypeVar("Job")
 Made = TypeVar("Made")
@@ -109,6 +111,9 @@ def worker_processes(
         prepare: called in each of them before it works; None for nothing.
         arguments: what it is called with.
     """
+    import multiprocessing  # not for who solves in this process: some hundredths of a second
+    from concurrent.futures import ProcessPoolExecutor
+
     context = multiprocessing.get_context("spawn")
     return ProcessPoolExecutor(count, mp_context=context, initializer=functools.partial(_begin, prepare, *arguments))
 
@@ -122,7 +127,9 @@ def _begin(prepare: Callable[..., object] | None, *arguments: object) -> None:
 
 def _end_with_parent() -> None:
     """End this process when its parent has ended: a killed one cannot tell, and this would wait for work for ever."""
-    parent = multiprocessing.parent_process()
+    from multiprocessing import parent_process
+
+    parent = parent_process()
     if parent is not None:
         parent.join()
         os._exit(1)

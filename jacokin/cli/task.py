@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 ARRAYS, VIDEO = ".npz", ".mp4"
 DATA_SETS = (".hdf5", ".minari", ".lerobot")
 REPLAY = "replay"
+CONTROL = "joint_velocity"
 
 
 @click.command(cls=Command, no_args_is_help=True)
@@ -41,6 +42,11 @@ REPLAY = "replay"
     "data_set", cls=Argument, metavar="[FILE]", type=options.FILE, required=False, text="After `replay`: a data set."
 )
 @click.option("--expert", is_flag=True, help="Let the scripted expert act; otherwise actions are random.")
+@click.option(
+    "--control",
+    metavar="NAME",
+    help=f"What actions are: {CONTROL} (as if not given), joint_position, joint_delta, tool_velocity or tool_pose.",
+)
 @click.option(
     "--noise",
     type=click.FloatRange(min=0.0),
@@ -66,6 +72,7 @@ def task(
     name: str,
     data_set: Path | None,
     expert: bool,
+    control: str | None,
     noise: float | None,
     mistakes: int | None,
     episodes: int,
@@ -77,7 +84,7 @@ def task(
 
     Needs the extra `tasks`, for videos ffmpeg or the extra `video`, and `data` for data sets: .hdf5 in the layout of
     robomimic, folders .minari and .lerobot. Their episodes have the seeds N, N + 1, ...; a run that was killed goes on
-    when it is started again. Episodes take 10 s of simulated time.
+    when it is started again. Episodes take 10 s of simulated time, and so do their videos.
     Exit code: 1 where the expert does not solve every episode, or a replay differs, else 0.
 
     Examples:
@@ -85,6 +92,7 @@ def task(
       jacokin task lift_brick --expert --episodes 10 --record episodes.npz
       jacokin task place_brick --expert --record video.mp4
       jacokin task lift_brick --expert --episodes 200 --record demos.hdf5
+      jacokin task lift_brick --expert --control tool_velocity --record demos.hdf5
       jacokin task lift_brick --expert --noise 0.05 --mistakes 1 --episodes 200 --record demos.hdf5
       jacokin task replay demos.hdf5 --record video.mp4
     """
@@ -100,12 +108,15 @@ def task(
     if data_set is not None or name == REPLAY:
         if data_set is None or name != REPLAY or expert:
             raise InvalidInputError("a data set is played back by `jacokin task replay FILE`, which takes no --expert")
+        if control is not None:
+            raise InvalidInputError("--control is that of the data set: leave it out")
         _replay(data_set, record, render)
         return
+    control = control or CONTROL
     if record is not None and record.suffix in DATA_SETS:
         if render:
             raise InvalidInputError("give one of --render and --record with a data set, not both")
-        _record_data(name, expert, noise or 0.0, mistakes or 0, episodes, seed, record)
+        _record_data(name, expert, control, noise or 0.0, mistakes or 0, episodes, seed, record)
         return
     with contextlib.ExitStack() as stack:
         recorder = None if record is None else stack.enter_context(record_to(record))
@@ -113,9 +124,12 @@ def task(
 
         if ":" in name:
             sys.path.insert(0, "")  # the module before the colon may be in the present folder, as for Python itself
-        policy = tasks.expert(name, noise=noise or 0.0, mistakes=mistakes or 0) if expert else None
+        policy = None
+        if expert:
+            policy = tasks.expert(name, control=control, noise=noise or 0.0, mistakes=mistakes or 0)
         mode = "human" if render else "rgb_array" if has_pictures else None
-        environment = stack.enter_context(contextlib.closing(tasks.TaskEnv(name, flatten=False, render_mode=mode)))
+        environment = tasks.TaskEnv(name, control=control, flatten=False, render_mode=mode)
+        stack.enter_context(contextlib.closing(environment))
         environment.action_space.seed(seed)
         solved, returns = 0, []
         for episode in range(episodes):
@@ -132,16 +146,18 @@ def task(
         raise SystemExit(NOT_SOLVED)
 
 
-def _record_data(name: str, expert: bool, noise: float, mistakes: int, episodes: int, seed: int, path: Path) -> None:
+def _record_data(
+    name: str, expert: bool, control: str, noise: float, mistakes: int, episodes: int, seed: int, path: Path
+) -> None:
     from jacokin import tasks
 
     if ":" in name:
         sys.path.insert(0, "")
-    with contextlib.closing(tasks.TaskEnv(name, flatten=False)) as environment:
+    with contextlib.closing(tasks.TaskEnv(name, control=control, flatten=False)) as environment:
         environment.action_space.seed(seed)
         policy: Callable[[object], ArrayLike] = lambda observation: environment.action_space.sample()  # noqa: E731
         if expert:
-            policy = tasks.expert(name, noise=noise, mistakes=mistakes)
+            policy = tasks.expert(name, control=control, noise=noise, mistakes=mistakes)
         with progress_bar("episode") as progress:
             found = tasks.record(
                 environment,
@@ -168,9 +184,10 @@ def _replay(path: Path, record: Path | None, render: bool) -> None:
         recorder = None if record is None else stack.enter_context(record_to(record))
 
         def watch(environment: TaskEnv) -> None:
-            picture = environment.render() if mode is not None else None
-            if picture is not None and not isinstance(recorder, ArrayRecorder | None):
-                recorder.add(picture)
+            if not isinstance(recorder, ArrayRecorder | None):
+                recorder.film(environment)
+            elif render:
+                environment.render()
 
         found = tasks.replay(path, render_mode=mode, watch=watch)
     for each in found:
@@ -202,9 +219,7 @@ def _run(
         action = environment.action_space.sample() if policy is None else policy(observation)
         following, reward, _, is_over, info = environment.step(action)
         if isinstance(recorder, VideoRecorder):
-            picture = environment.render()
-            assert picture is not None  # render_mode
-            recorder.add(picture)
+            recorder.film(environment)
         elif recorder is not None:
             assert isinstance(observation, dict)
             recorder.add(episode=episode, action=action, reward=reward, success=info["is_success"], **observation)

@@ -1,15 +1,15 @@
-"""`Randomization`: masses, friction, gains, delays, noise, lights and poses that differ between episodes."""
+"""`Randomization`: masses, friction, gains, delays, noise, pushes, lights and poses that differ between episodes."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import mujoco
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
@@ -41,7 +41,11 @@ _LARGEST_FACTOR = 1e3
 _CAMERA = ("camera_x", "camera_y", "camera_z")
 _BASE = ("base_x", "base_y", "base_z", "base_yaw")
 _COLOR = ("color_red", "color_green", "color_blue")
+_AXIS = ("camera_axis_x", "camera_axis_y", "camera_axis_z")
+ARM_PUSH, PROP_PUSH = "arm_push", "prop_push"
+PUSH_RATE, PUSH_DURATION = 0.5, 0.2  # [1/s], [s] of pushes where nothing else is said
 MAX_OFFSET = 0.5  # [rad] of a joint's zero
+MAX_TURN = 0.5  # [rad] of the camera
 _JOINTS, _ACTUATORS = range(1, 7), range(1, 10)
 _EACH = {  # fields with a number for each joint or actuator, or for each direction
     "base_pose": _BASE,
@@ -49,7 +53,7 @@ _EACH = {  # fields with a number for each joint or actuator, or for each direct
     "joint_gains": tuple(f"joint_gain_{number}" for number in _ACTUATORS),
     "link_masses": tuple(f"link_mass_{number}" for number in _JOINTS),
 }
-_DIRECTIONS = {"camera": _CAMERA, "colors": _COLOR}  # of fields that are lengths of a vector
+_DIRECTIONS = {"camera": _CAMERA, "colors": _COLOR, "camera_turn": _AXIS}  # of fields that are lengths of a vector
 _VALUES = {**_EACH, **{field: (field, *names) for field, names in _DIRECTIONS.items()}}
 _NEUTRAL = (*FACTORS, "joint_gains", "link_masses")  # whose neutral value is 1; of others it is 0
 
@@ -93,6 +97,13 @@ class Randomization:
             ``{"duplo2x4/position": 0.005}``; "achieved_goal" may be one. Each a number, a sampler or its arguments.
         feature_bias: likewise, of what is added to a feature all through an episode, to each of its numbers its own.
         textures: factor of how many tiles of the floor there are on a metre.
+        camera_turn: angle by which the camera is turned about an axis that is drawn too [rad], at most 0.5.
+        arm_push: force on the centre of mass of one of the six links of the arm [N], now and then: link, direction and
+            beginning of each push are drawn.
+        prop_push: likewise, on one of the things that move freely. A brick weighs 0.12 N.
+        push_rate: how many pushes of the arm, and of things, begin in a second, on average, while there is none [1/s];
+            0.5 if None.
+        push_duration: how long a push lasts [s], in whole control steps, at least one; 0.2 s if None.
     """
 
     friction: Choice = None
@@ -119,6 +130,11 @@ class Randomization:
     feature_noise: Mapping[str, Choice] | None = None
     feature_bias: Mapping[str, Choice] | None = None
     textures: Choice = None
+    camera_turn: Choice = None
+    arm_push: Choice = None
+    prop_push: Choice = None
+    push_rate: Choice = None
+    push_duration: Choice = None
 
     def __post_init__(self) -> None:
         """Check what can be checked before anything is drawn.
@@ -298,7 +314,9 @@ def check_value(name: str, value: object) -> float:
         raise InvalidInputError(f"camera must be at most {MAX_SHIFT:g} m, got {number:g}")
     if name == "colors" and number > 1.0:
         raise InvalidInputError(f"colors must be at most 1, got {number:g}")
-    if name in (*_BASE, *_CAMERA, *_COLOR, *_EACH["joint_offsets"]):
+    if name == "camera_turn" and number > MAX_TURN:
+        raise InvalidInputError(f"camera_turn must be at most {MAX_TURN:g} rad, got {number:g}")
+    if name in (*_BASE, *_CAMERA, *_COLOR, *_AXIS, *_EACH["joint_offsets"]):
         largest = {"base_yaw": math.pi}.get(name, MAX_SHIFT if name in _BASE else 1.0)
         largest = MAX_OFFSET if name in _EACH["joint_offsets"] else largest
         if abs(number) > largest:
@@ -328,7 +346,7 @@ def delay(values: Mapping[str, float], name: str, substeps: int) -> tuple[int, i
 
 SIMULATED = (
     *("geom_friction", "body_mass", "body_inertia", "actuator_gainprm", "actuator_biasprm", "dof_damping"),
-    *("body_pos", "body_quat", "cam_pos", "dof_armature", "dof_frictionloss", "cam_fovy"),
+    *("body_pos", "body_quat", "cam_pos", "cam_quat", "dof_armature", "dof_frictionloss", "cam_fovy"),
 )
 """What a `Variation` changes of a model that `mujoco.MjData` depends on; constants that follow from it change too."""
 
@@ -389,6 +407,12 @@ class Variation:
         self._apply_each(values, is_starting)
         if "camera" in values:
             self._model.cam_pos[self._camera] += values["camera"] * np.array([values[name] for name in _CAMERA])
+        if "camera_turn" in values:
+            axis = np.array([values[name] for name in _AXIS])
+            turn = np.concatenate(
+                ((math.cos(values["camera_turn"] / 2.0),), math.sin(values["camera_turn"] / 2.0) * axis)
+            )
+            self._model.cam_quat[self._camera] = quaternion_product(self._model.cam_quat[self._camera], turn)
         if _BASE[0] in values:
             x, y, z, yaw = (values[name] for name in _BASE)
             turn = np.array((math.cos(yaw / 2.0), 0.0, 0.0, math.sin(yaw / 2.0)))
@@ -429,3 +453,56 @@ class Variation:
     def _scale_gains(self, factor: float) -> None:
         self._scale("actuator_gainprm", factor, (slice(None), 0))
         self._scale("actuator_biasprm", factor, (slice(None), 2))
+
+
+class Pushes:
+    """Forces on links of the arm, and on what moves freely, that come and go."""
+
+    def __init__(self, model: mujoco.MjModel, dt: float) -> None:
+        """Find what may be pushed.
+
+        Args:
+            model: the model, the joints of the arm first.
+            dt: control step [s].
+        """
+        free = model.jnt_bodyid[model.jnt_type == mujoco.mjtJoint.mjJNT_FREE]
+        links = model.jnt_bodyid[: len(_EACH["joint_offsets"])]
+        self._bodies = {ARM_PUSH: np.asarray(links, dtype=np.intp), PROP_PUSH: np.asarray(free, dtype=np.intp)}
+        self._dt = dt
+
+    @property
+    def none(self) -> NDArray[np.intp]:
+        """For how many control steps the push of each kind goes on, at the start of an episode."""
+        return np.zeros(len(self._bodies), dtype=np.intp)
+
+    def advance(
+        self, values: Mapping[str, float], left: NDArray[np.intp], forces: Array, random_state: np.random.Generator
+    ) -> None:
+        """Begin and end pushes, before a control step.
+
+        Args:
+            values: of the episode.
+            left: for how many control steps the push of each kind goes on; changed in place.
+            forces: (nbody, 6) MuJoCo's forces on bodies; changed in place.
+            random_state: where pushes come from.
+        """
+        begins = values.get("push_rate", PUSH_RATE) * self._dt
+        steps = max(1, round(values.get("push_duration", PUSH_DURATION) / self._dt))
+        for kind, (name, bodies) in enumerate(self._bodies.items()):
+            if name not in values or not len(bodies):
+                continue
+            if left[kind]:
+                left[kind] -= 1
+            if left[kind]:
+                continue
+            forces[bodies, :3] = 0.0
+            if random_state.uniform() < begins:
+                direction = random_state.normal(size=3)
+                body = bodies[random_state.integers(len(bodies))]
+                forces[body, :3] = values[name] * direction / max(float(np.linalg.norm(direction)), 1e-12)
+                left[kind] = steps
+
+
+def has_pushes(names: Collection[str]) -> bool:
+    """Whether something is pushed, by the names of values."""
+    return ARM_PUSH in names or PROP_PUSH in names

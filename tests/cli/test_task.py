@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import signal
 import subprocess
 import sys
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+import jacokin.tasks
 from jacokin.arrays import Array
 from jacokin.cli import display, task
 from jacokin.errors import InvalidInputError
+from jacokin.tasks import TaskEnv
 from jacokin.tasks.datasets import video
 from jacokin.tasks.datasets.video import find_ffmpeg
 from jacokin.tasks.task import CONTROL_TIMESTEP, Task
@@ -184,6 +188,9 @@ def test_a_window_without_a_display_is_a_sentence(run: Run) -> None:
         (("reach_site", "--episodes", "0"), "--episodes"),
         (("reach_site", "--seed", "-1"), "--seed"),
         (("reach_site", "--noise", "0.1"), "give --expert too"),
+        (("reach_site", "--control", "tool_velocty"), "unknown control 'tool_velocty'. Did you mean 'tool_velocity'"),
+        (("reach_site", "--expert", "--control", "joints"), "unknown control 'joints'"),
+        (("replay", "demos.hdf5", "--control", "tool_pose"), "--control is that of the data set"),
         (("reach_site", "--mistakes", "1"), "give --expert too"),
         (("reach_site", "--expert", "--noise", "nan"), "noise must be finite"),
     ],
@@ -225,6 +232,41 @@ def test_an_expert_with_noise_acts_otherwise_and_repeats(run: Run, tmp_path: Pat
             found.append(arrays["action"])
     assert not np.array_equal(found[0], found[1])
     np.testing.assert_array_equal(found[1], found[2])
+
+
+@pytest.mark.usefixtures("short")
+@pytest.mark.parametrize(("control", "size"), [("joint_delta", 9), ("tool_velocity", 7), ("tool_pose", 8)])
+def test_actions_are_those_of_the_control(run: Run, tmp_path: Path, control: str, size: int) -> None:
+    arrays_file, data_set = tmp_path / "a.npz", tmp_path / "a.hdf5"
+    assert run("task", "reach_site", "--control", control, "--record", str(arrays_file)).code == 0
+    with np.load(arrays_file) as arrays:
+        assert arrays["action"].shape == (STEPS, size)
+    words = ["task", "lift_brick", "--expert", "--control", control, "--record", str(data_set)]
+    assert "0 of 1 solved" in run(*words).out
+    with h5py.File(data_set) as file:
+        recorded = np.asarray(file["data/demo_0/actions"])
+    bounds = TaskEnv("lift_brick", control=control)._control.bounds
+    acted = jacokin.tasks.expert("lift_brick", control=control)
+    environment = TaskEnv("lift_brick", control=control, flatten=False)
+    np.testing.assert_array_equal(recorded[0], np.clip(acted(environment.reset(seed=0)[0]), *bounds))
+    assert "1 of 1 equal bit by bit" in run("task", "replay", str(data_set)).out
+
+
+def test_a_film_takes_as_long_as_what_it_shows(tmp_path: Path) -> None:
+    """Short control steps leave pictures out; ffmpeg says how long the video is."""
+    for dt, pictures in ((0.01, 13), (0.03, 17), (0.08, 6)):
+        file = tmp_path / f"{dt}.mp4"
+        environment = TaskEnv("reach_site", control_timestep=dt)
+        environment.render = lambda: np.zeros((64, 64, 3), dtype=np.uint8)  # type: ignore[method-assign]  # needs no OpenGL
+        with task.record_to(file) as recorder:
+            assert isinstance(recorder, video.VideoRecorder)
+            for _ in range(round(0.5 / dt)):
+                recorder.film(environment)
+        assert len(decoded(file, 64, 64)) == pictures
+        said = subprocess.run([find_ffmpeg(), "-i", str(file)], capture_output=True, text=True, check=False).stderr
+        hours, minutes, seconds = re.search(r"Duration: (\d+):(\d+):([\d.]+)", said).groups()  # type: ignore[union-attr]  # else it fails
+        assert (hours, minutes) == ("00", "00")
+        assert float(seconds) == pytest.approx(0.5, abs=0.07)
 
 
 @pytest.mark.usefixtures("short")

@@ -9,7 +9,7 @@ import os
 import pickle
 import signal
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures.process import BrokenProcessPool
+from concurrent.futures import BrokenExecutor
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -214,7 +214,7 @@ def _one_by_one(single: Single, jobs: list[_Job], workers: int) -> Iterator[tupl
         finally:
             signal.pthread_sigmask(signal.SIG_SETMASK, before)
         yield from results
-    except BrokenProcessPool as error:
+    except BrokenExecutor as error:
         raise JacokinError(
             "the worker processes did not start: a script that uses workers > 1 must do so under "
             "`if __name__ == '__main__':`, because each worker imports it"

@@ -9,28 +9,33 @@ import subprocess
 import tempfile
 from importlib.util import find_spec
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.errors import InvalidInputError, MissingExtraError
 
-RATE = 25  # pictures a second, one for each control step
+if TYPE_CHECKING:
+    from jacokin.tasks.gym.environment import TaskEnv
+
+RATE = 25  # pictures a second, about, of a film: one for each control step of 0.04 s
 
 
 class VideoRecorder:
     """Hands pictures to ffmpeg."""
 
-    def __init__(self, path: Path, ffmpeg: str, *, keys_every: int | None = None, rate: int = RATE) -> None:
+    def __init__(self, path: Path, ffmpeg: str, *, keys_every: int | None = None, rate: float = RATE) -> None:
         """Encode to a file, as soon as the first picture tells the size.
 
         Args:
             path: the file.
             ffmpeg: the program.
             keys_every: pictures from one that stands for itself to the next; None for the encoder's choice.
-            rate: pictures a second.
+            rate: pictures a second; `film` chooses its own.
         """
         self._path, self._ffmpeg, self._rate = path, ffmpeg, rate
+        self._looks = 0  # of `film`
         self._keys = [] if keys_every is None else ["-g", str(keys_every)]
         self._complaints = tempfile.TemporaryFile()  # noqa: SIM115 - closed by `close`
         self._process: subprocess.Popen[bytes] | None = None
@@ -57,6 +62,22 @@ class VideoRecorder:
             self._process.stdin.write(picture.tobytes())
         except OSError:
             self._fail()
+
+    def film(self, env: TaskEnv) -> None:
+        """Add what an environment draws, so that a second of the video is one of the simulation; call it in each step.
+
+        Of control steps shorter than 0.04 s only so many are drawn that about 25 pictures a second are left.
+
+        Raises:
+            InvalidInputError: ffmpeg does not go on.
+        """
+        every = max(1, round(1.0 / (RATE * env.dt)))
+        if self._looks % every == 0:
+            picture = env.render()
+            assert picture is not None  # render_mode
+            self._rate = 1.0 / (every * env.dt)
+            self.add(picture)
+        self._looks += 1
 
     def finish(self) -> None:
         """Wait until the file is complete.

@@ -27,7 +27,7 @@ from jacokin.tasks.features import ids
 from jacokin.tasks.gym.controls import CONTROLS, Control
 from jacokin.tasks.gym.packing import EnvOptions, Observation, Packing, add_pictures
 from jacokin.tasks.gym.window import Window, check_display, is_usable
-from jacokin.tasks.randomization import FEATURE_BIAS, Randomization, Variation, delay, has_offsets
+from jacokin.tasks.randomization import FEATURE_BIAS, Pushes, Randomization, Variation, delay, has_offsets, has_pushes
 from jacokin.tasks.task import CONTROL_TIMESTEP, Measure, State, Task, check_rewards, measured
 
 RENDER_MODES = ("rgb_array", "human", "depth_array")
@@ -116,6 +116,8 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
         self._window: Window | None = None
         base = int(ids(self._episode.physics, self.task.arm.root_body)[0])
         self._variation = None if self.randomization is None else Variation(self.model, base)
+        self._pushes = Pushes(self.model, self.dt)
+        self._pushed = self._pushes.none
         # Apart from the numbers of initial states, which a seed then determines with and without randomization.
         self._variation_random: np.random.Generator | None = None
         self._values: dict[str, float] = {}
@@ -215,6 +217,7 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
         self._control.start(self._episode.physics)
         self._delayed.clear()
         self._seen.clear()
+        self._pushed = self._pushes.none
         self._deviations = self._packing.deviations(self._values)
         if self._variation_random is not None:
             self._bias = self._packing.draw_bias(self._values, self._variation_random)
@@ -246,6 +249,9 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
         episode.action = values
         try:
             velocities = self._control.velocities(episode.view, values)
+            if has_pushes(self._values):
+                assert self._variation_random is not None
+                self._pushes.advance(self._values, self._pushed, self.data.xfrc_applied, self._variation_random)
             if "action_noise" in self._values:
                 assert self._variation_random is not None
                 velocities = self._disturbed(velocities, self._values, self._variation_random)
@@ -427,6 +433,7 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
             "bias": self._bias,
             "seen": copy.deepcopy(self._seen),
             "deviations": self._deviations,
+            "pushed": self._pushed.copy(),
             "last": getattr(self, "_last", None),
             "entry": registry.own_entry(self.options.task),
         }
@@ -442,7 +449,7 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
         self._control = state["control"]
         self._delayed = state["delayed"]
         self._bias, self._deviations = state["bias"], state["deviations"]
-        self._seen = state["seen"]
+        self._seen, self._pushed = state["seen"], state["pushed"]
         if self.randomization is not None and state["values"]:
             self._apply(state["values"])
         snapshot: Snapshot = state["snapshot"]

@@ -34,7 +34,7 @@ from jacokin.tasks.gym import packing
 from jacokin.tasks.gym.controls import CONTROLS
 from jacokin.tasks.gym.environment import DELAY, NO_EPISODE, OPTIONS, Info, TaskEnv, checked_spec
 from jacokin.tasks.gym.packing import Observation, add_pictures
-from jacokin.tasks.randomization import FEATURE_BIAS, MAX_LATENCY, SIMULATED, Randomization, delay
+from jacokin.tasks.randomization import FEATURE_BIAS, MAX_LATENCY, SIMULATED, Randomization, delay, has_pushes
 from jacokin.tasks.task import State, check_rewards
 
 Flags = NDArray[np.bool_]
@@ -328,6 +328,8 @@ class Simulations:
         self._rows = [] if control == "joint_velocity" else [self._view.row(index) for index in range(count)]
         names = () if first.randomization is None else first.randomization.names
         self._constants: dict[str, Array] = {name: self._batch.expand(name) for name in SIMULATED if names}
+        self._forces: Array | None = self._batch.bind("xfrc_applied") if has_pushes(names) else None
+        self._pushed = np.array([first._pushes.none] * count)
         self._is_noisy, self._is_disturbed = "observation_noise" in names, "action_noise" in names
         self._biases: list[Array] = [np.zeros(0)] * count
         self._is_biased = any(name.startswith(("observation_bias", FEATURE_BIAS)) for name in names)
@@ -385,6 +387,7 @@ class Simulations:
         self._values[index] = first._values
         self._delays[index], self._changes[index] = delay(first._values, "latency", self._substeps)
         self._biases[index], self._deviations[index] = first._bias, first._deviations
+        self._pushed[index] = first._pushed
         _, early = delay(first._values, DELAY, self._substeps)
         self._seen[index], self._looks[index] = deque(first._seen), self._substeps - early
         for name, constants in self._constants.items():
@@ -445,6 +448,8 @@ class Simulations:
         velocities = actions[ids]
         if self._rows:
             velocities = np.array([self._controls[i].velocities(self._rows[i], actions[i]) for i in ids.tolist()])
+        if self._forces is not None:
+            self._push(self._forces, ids)
         if self._is_disturbed:
             velocities = np.array(
                 [self._disturbed(index, each) for index, each in zip(ids.tolist(), velocities, strict=True)]
@@ -468,6 +473,12 @@ class Simulations:
             found = [text for kind, text in _WARNINGS.items() if int(kind) < len(counts) and counts[int(kind)]]
             errors.setdefault(index, "; ".join(found) or "the simulation is unstable")
         return errors
+
+    def _push(self, forces: Array, ids: Indices) -> None:
+        for index in ids.tolist():
+            _, random_state = self._random[index]
+            assert random_state is not None
+            self._first._pushes.advance(self._values[index], self._pushed[index], forces[index], random_state)
 
     def _disturbed(self, index: int, velocities: Array) -> Array:
         _, random_state = self._random[index]

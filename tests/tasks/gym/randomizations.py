@@ -29,4 +29,9 @@ ALL = Randomization(
     feature_noise={"jaco_arm/joints_pos": Uniform(0.0, 0.01), "jaco_arm/joints_vel": Uniform(0.0, 0.1)},
     feature_bias={"jaco_arm/joints_pos": Uniform(0.0, 0.01)},
     textures=Uniform(0.5, 2.0),
+    camera_turn=Uniform(0.0, 0.1),
+    arm_push=Uniform(0.0, 20.0),
+    prop_push=Uniform(0.0, 0.2),
+    push_rate=Uniform(2.0, 10.0),
+    push_duration=Uniform(0.04, 0.2),
 )

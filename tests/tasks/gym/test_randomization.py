@@ -109,7 +109,9 @@ def test_observations_come_late(delay: float) -> None:
 
 
 def test_copies_see_late_too() -> None:
-    varied = Randomization(latency=0.05, observation_delay=0.09, feature_noise={"target_position": 0.1})
+    varied = Randomization(
+        latency=0.05, observation_delay=0.09, feature_noise={"target_position": 0.1}, arm_push=20.0, push_rate=15.0
+    )
     environment = TaskEnv("reach_site", randomization=varied)
     environment.reset(seed=0)
     for _ in range(3):
@@ -299,6 +301,57 @@ def test_actions_are_noisy_within_the_limits_of_the_actuators() -> None:
     assert (environment.data.ctrl <= environment.model.actuator_ctrlrange[:, 1]).all()
 
 
+def test_pushes_have_their_force_and_last_their_time() -> None:
+    varied = Randomization(arm_push=10.0, prop_push=0.05, push_rate=2.0, push_duration=0.12)
+    environment = TaskEnv("lift_brick", randomization=varied)
+    environment.reset(seed=0)
+    model = environment.model
+    links, brick = set(model.jnt_bodyid[:6].tolist()), model.body("duplo2x4/").id
+    assert not environment.data.xfrc_applied.any()  # none goes on from an episode to the next, or begins at a reset
+    begun, lasted, pushed = {10.0: 0, 0.05: 0}, list[int](), set[int]()
+    before: dict[int, Any] = {}
+    for _ in range(500):
+        if environment._episode.is_over:
+            environment.reset()
+            before = {}
+        environment.step(np.zeros(9))
+        forces = environment.data.xfrc_applied
+        assert not forces[:, 3:].any()
+        now = {}
+        for body in np.flatnonzero(forces.any(axis=1)).tolist():
+            size, (force, count) = 10.0 if body in links else 0.05, before.get(body, (None, 0))
+            assert body in links or body == brick
+            np.testing.assert_allclose(np.linalg.norm(forces[body]), size)
+            is_same = force is not None and np.array_equal(force, forces[body])
+            begun[size] += not is_same
+            now[body] = forces[body].copy(), count + 1 if is_same else 1
+        for body, (force, count) in before.items():
+            if body not in now or not np.array_equal(force, now[body][0]):
+                lasted.append(count)
+                pushed.add(body)
+        before = now
+    assert set(lasted) == {3}
+    # 20 s with a push of 0.12 s every 0.5 s + 0.12 s on average: 32.
+    assert all(18 <= count <= 48 for count in begun.values())
+    assert len(pushed & links) >= 5
+
+
+def test_a_push_moves_what_it_pushes() -> None:
+    """A brick that is pushed upwards by more than its weight leaves the table."""
+    environment = TaskEnv("lift_brick", randomization=Randomization(prop_push=1.0, push_rate=25.0, push_duration=0.04))
+    environment.reset(seed=0)
+    brick = environment.model.body("duplo2x4/").id
+    mass, physics = float(environment.model.body_mass[brick]), environment.task.physics
+    velocity = physics.data.qvel[-6:-3]
+    before = velocity.copy()
+    while environment.data.xfrc_applied[brick, 2] < 0.5:
+        before = velocity.copy()
+        environment.step(np.zeros(9))
+    gained = (velocity - before)[2]
+    force = environment.data.xfrc_applied[brick, 2] - 9.81 * mass
+    assert gained == pytest.approx(force * environment.dt / mass, rel=0.2)
+
+
 def test_a_bias_stays_all_through_an_episode() -> None:
     biased = TaskEnv("reach_site", goal=True, randomization=Randomization(observation_bias=0.1))
     clean = TaskEnv("reach_site", goal=True)
@@ -343,7 +396,7 @@ def test_the_bias_of_a_feature_is_on_that_alone() -> None:
 
 
 def test_what_is_drawn_of_pictures_does_not_touch_the_simulation() -> None:
-    varied = Randomization(ambient=0.5, field_of_view=0.9, colors=0.3, textures=2.0)
+    varied = Randomization(ambient=0.5, field_of_view=0.9, colors=0.3, textures=2.0, camera_turn=0.1)
     one, other = TaskEnv("lift_brick", randomization=varied), TaskEnv("lift_brick")
     np.testing.assert_array_equal(one.reset(seed=0)[0], other.reset(seed=0)[0])
     np.testing.assert_allclose(one.model.vis.headlight.ambient, 0.5 * other.model.vis.headlight.ambient)
@@ -351,6 +404,8 @@ def test_what_is_drawn_of_pictures_does_not_touch_the_simulation() -> None:
     assert (other.model.mat_texrepeat > 0.0).any()
     camera = one.model.camera("front_close").id
     assert one.model.cam_fovy[camera] == pytest.approx(0.9 * other.model.cam_fovy[camera])
+    cosine = abs(float(one.model.cam_quat[camera] @ other.model.cam_quat[camera]))
+    assert 2.0 * np.arccos(cosine) == pytest.approx(0.1)
     moved = np.flatnonzero((one.model.geom_rgba != other.model.geom_rgba).any(axis=1))
     bodies = {one.model.body(int(one.model.geom_bodyid[geom])).name for geom in moved}
     assert bodies <= {"duplo2x4/", "world"}
@@ -397,6 +452,7 @@ def test_what_physics_does_not_allow_is_refused() -> None:
         *({"base_pose": np.full(4, np.inf)}, {"mass": ((1.0,), (1.0, 1.0))}, {"camera": -0.1}, {"lights": np.inf}),
         *({"camera": 5.0}, {"joint_offsets": 0.6}, {"joint_offsets": np.zeros(5)}, {"joint_gains": 0.0}),
         *({"link_masses": -1.0}, {"colors": 1.5}, {"action_noise": -0.1}, {"armature": 0.0}),
+        *({"camera_turn": 0.6}, {"arm_push": -1.0}, {"push_duration": np.inf}),
     ):
         with pytest.raises(InvalidInputError):
             Randomization(**wrong)
