@@ -56,6 +56,11 @@ def test_every_command_is_listed_with_its_whole_sentence(
     assert "..." not in text
 
 
+def test_the_page_of_the_command_line_lists_every_command() -> None:
+    page = (Path(__file__).resolve().parents[2] / "docs" / "command_line.md").read_text(encoding="utf-8")
+    assert sorted(re.findall(r"^\| `jacokin ([\w-]+)` \|", page, re.MULTILINE)) == sorted(COMMANDS)
+
+
 def test_the_version_is_that_of_the_package(run: Run) -> None:
     assert run("--version").out == f"jacokin {jacokin.__version__}\n"
 

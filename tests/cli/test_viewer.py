@@ -35,10 +35,10 @@ def test_it_prints_its_address_and_ends_cleanly_without_any_browser(number: sign
     with viewing("--target", "0.3", "-0.2", "0.5") as (process, line):
         address, rest = line.split(maxsplit=1)
         assert rest == "shows j2n6s300; Ctrl-C ends it\n"
-        with urllib.request.urlopen(address, timeout=20.0) as page:
+        with urllib.request.urlopen(address, timeout=60.0) as page:
             assert page.status == 200
         process.send_signal(number)
-        out, err = process.communicate(timeout=30.0)
+        out, err = process.communicate(timeout=60.0)
     assert (process.returncode, out) == (code, "")
     assert err.splitlines() == (["closed"] if code == 0 else [])
 

@@ -11,11 +11,13 @@ import pytest
 
 sys.path.append(str(Path(__file__).resolve().parents[2]))  # last: the installed package is what gets tested
 
-from fuzz import arguments, examples, files, targets, values
+from fuzz import arguments, calibrations, examples, files, motions, six_joints, targets, values
 from fuzz.kinematics import bundled_chain, rotation_error, urdf_chain
 from jacokin import IKSolver, Robot
-from jacokin.ik import BatchResult
-from jacokin.model import NAMES, urdf_folder
+from jacokin.calibration import Measurements, calibrate
+from jacokin.ik import BatchResult, Branches
+from jacokin.model import NAMES, Scene, Sphere, load_robot, urdf_folder
+from jacokin.motion import move_joints
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -98,6 +100,41 @@ def test_a_file_that_is_read_wrongly_is_noticed(tmp_path: Path, monkeypatch: pyt
             patch.setattr(Robot, "forward_kinematics", lambda self, q: forward(self, np.add(q, 1e-3)))
             (finding,) = files.check(name, path, np.random.default_rng(0))
         assert finding.kind == "wrong"
+
+
+def test_a_motion_that_touches_or_is_too_quick_is_noticed(robot: Robot) -> None:
+    limits = {"velocity_limit": None, "acceleration_limit": 1.0, "jerk_limit": None, "torque_limit": None}
+    motion = move_joints(robot, robot.home, robot.home + 0.3, acceleration_limit=1.0)
+    assert list(motions.check_motion(robot, motion, robot.home, limits, "")) == []
+    found = motions.check_motion(robot, motion, robot.home + 0.1, {**limits, "acceleration_limit": 0.9}, "")
+    kinds = {finding.where for finding in found}
+    assert {"a motion breaks the limits of acceleration", "a motion breaks its start"} <= kinds
+    assert motions.Referee(robot, Scene()).distance(robot.home, 0.01) > 0.0
+    ball = Sphere("ball", 0.05, robot.forward_kinematics(robot.home).translation)
+    assert motions.Referee(robot, Scene([ball])).distance(robot.home, 0.01) < 0.0
+
+
+def test_a_calibration_that_is_too_sure_is_noticed(robot: Robot, rng: np.random.Generator) -> None:
+    arm, numbers = calibrations.hidden_arm(robot, rng)
+    q = robot.sample(rng, 20)
+    places = [arm.forward_kinematics(row).translation + rng.normal(0.0, 1e-3, 3) for row in q]
+    found = calibrate(robot, Measurements(q, positions=places, sigma=1e-3))
+    assert [*calibrations.check_covariance(found, ""), *calibrations.check_truth(found, numbers, "")] == []
+    (finding,) = calibrations.check_truth(found, 10.0 * numbers, "")
+    assert finding.where == "calibrate: too sure"
+
+
+def test_a_branch_that_is_lost_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(1)
+    path = tmp_path / "arm.urdf"
+    path.write_text(six_joints.random_arm(rng))
+    robot = load_robot(path)
+    solver, q = IKSolver(robot, collision="ignore"), robot.sample(rng)
+    assert list(six_joints.check_branches(solver, q)) == []
+    found = solver.solve_all(robot.forward_kinematics(q), q).q  # the nearest first, which is q
+    monkeypatch.setattr(Branches, "q", property(lambda branches: found[1:]))
+    (finding,) = six_joints.check_branches(solver, q)
+    assert finding.kind == "lost"
 
 
 @pytest.mark.parametrize("kind", [targets.run, files.run])

@@ -31,7 +31,7 @@ def say(viewer: Viewer, query: str, token: str | None = None) -> int:
     page = urlsplit(viewer.url)
     given = page.query if token is None else token
     try:
-        with urllib.request.urlopen(f"http://{page.netloc}/hand?{given}&{query}", timeout=20.0) as answer:
+        with urllib.request.urlopen(f"http://{page.netloc}/hand?{given}&{query}", timeout=60.0) as answer:
             return int(answer.status)
     except urllib.error.HTTPError as error:
         return error.code

@@ -50,7 +50,7 @@ def test_keys_and_a_gamepad_of_the_page_lead_the_arm(robot: Robot, tmp_path: Pat
             assert until(lambda: steps[-1].status.name == "NO_INPUT")
             time.sleep(0.1)
             tab.click("End")
-        leader.join(timeout=30.0)
+        leader.join(timeout=60.0)
         (session,) = sessions
         assert session.within_limits
         assert abs(steps[-1].v).max() < 1e-4

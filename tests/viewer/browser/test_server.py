@@ -38,7 +38,7 @@ def ask(
 ) -> tuple[int, Message]:
     """Status and headers of the answer to a request for a websocket, or for the page where there is no Origin."""
     name, port = address(viewer)
-    connection = http.client.HTTPConnection(name, port, timeout=20)
+    connection = http.client.HTTPConnection(name, port, timeout=60)
     headers = {"Host": f"{name}:{port}" if host is None else host}
     headers |= {} if cookie is None else {"Cookie": cookie}
     if origin is not None:
@@ -73,7 +73,7 @@ def test_the_page_is_served_to_this_machine_only(viewer: Viewer) -> None:
     outward = [a[4][0] for a in socket.getaddrinfo(socket.gethostname(), None, socket.AF_INET)]
     for place in {*outward, "127.0.0.2"} - {"127.0.0.1"}:  # all of 127/8 comes here, but not to one address of it
         with socket.socket() as caller:
-            caller.settimeout(2.0)
+            caller.settimeout(5.0)
             assert caller.connect_ex((place, listening)) != 0
 
 
@@ -198,7 +198,7 @@ def test_closing_does_not_wait_for_who_does_not_answer(robot: Robot, kind: str) 
             assert caller.recv(1_000_000, socket.MSG_WAITALL).startswith(b"HTTP/1.1 101")
         began = time.monotonic()
         viewer.close()
-        assert time.monotonic() - began < 2.0
+        assert time.monotonic() - began < 9.0  # a connection by itself waits 10 s for its reader
 
 
 def test_a_message_of_wrong_types_is_one_line(robot: Robot, caplog: pytest.LogCaptureFixture) -> None:
