@@ -9,7 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.kernels.chain import Newton, errors, least_squares, make_newton, newton_step
+from jacokin.kernels.chain import (
+    Newton,
+    errors,
+    linearise,
+    make_newton,
+    newton_step,
+    normal_equations,
+    solve_normal,
+)
 from jacokin.kernels.closed_form.folds import KNOWN_FOLD, NEW_FOLD, FoldWork, is_known_fold, make_folds, solve_fold
 from jacokin.kernels.limits import fit_to_limits, hold_on_limits, same_configuration
 from jacokin.kernels.tolerances import (
@@ -19,6 +27,7 @@ from jacokin.kernels.tolerances import (
     NEAR_SEED,
     POLISHED_CLOSURE,
     SAME_BRANCH,
+    SEED_DAMPING,
     SEED_FACTOR,
     TANGENCY_CLOSURE,
 )
@@ -28,8 +37,8 @@ POSITION_ERROR, ORIENTATION_ERROR, DISTANCE, WITHIN_LIMITS, FAMILY, COLUMNS = 12
 #: 16 is the most a 6R arm can have; families add members, and a fold may be cut in two by rounding.
 MAX_BRANCHES = 24
 POLISH_STEPS = 16
-#: Gauss-Newton steps from a seed.
-SEED_STEPS = 8
+#: Damped Gauss-Newton steps from a seed.
+SEED_STEPS = 12
 
 
 class PoseQuery(NamedTuple):
@@ -98,24 +107,37 @@ def add_branch(query: PoseQuery, work: BranchWork, family: float) -> bool:
 def add_beside_seed(query: PoseQuery, work: BranchWork) -> None:
     """Append the branch beside a seed that nearly is one, where no known branch is as near.
 
-    Next to configurations that are singular in several ways, many far apart close the target to rounding.
+    Next to configurations that are singular in several ways, many far apart close the target to rounding. Damped steps
+    leave alone what hardly moves the tool.
     """
     position, orientation = errors(query.chain, query.T, query.seed)
     miss = max(position, orientation)
     if miss > NEAR_SEED:
         return
+    nearest = math.inf
     for i in range(work.filled[0]):
-        if work.rows[i, DISTANCE] <= SEED_FACTOR * miss + SAME_BRANCH:
-            return
-    q, held = work.newton.q, work.newton.held
+        nearest = min(nearest, work.rows[i, DISTANCE])
+    newton, normal, way = work.newton, work.newton.normal, 0.0
     for j in range(6):
-        q[j], held[j] = query.seed[j], 0.0
-    for _ in range(SEED_STEPS):
-        if miss <= POLISHED_CLOSURE or not least_squares(query.chain, query.T, work.newton, 1):
-            break
-        position, orientation = errors(query.chain, query.T, q)
-        miss = max(position, orientation)
-    if miss <= CLOSURE:
+        newton.q[j], newton.held[j] = query.seed[j], 0.0
+    for step in range(SEED_STEPS):
+        if miss > POLISHED_CLOSURE:
+            linearise(query.chain, query.T, newton.q, newton.system)
+            normal_equations(newton.system, newton.held, normal)
+            for j in range(6):
+                normal[j, j] += SEED_DAMPING
+            if not solve_normal(normal):
+                return
+            way = 0.0
+            for j in range(6):
+                newton.q[j] += normal[j, 6]
+                way += (newton.q[j] - query.seed[j]) ** 2
+            way = math.sqrt(way)
+            position, orientation = errors(query.chain, query.T, newton.q)
+            miss = max(position, orientation)
+        if step == 0 and nearest <= SEED_FACTOR * way + SAME_BRANCH:
+            return
+    if miss <= CLOSURE and way < nearest:
         add_branch(query, work, 0.0)
 
 

@@ -88,9 +88,10 @@ POLISHED_CLOSURE = 1e-13
 MAX_POLISH_ERROR = 2e-2
 #: [m] and [rad]; a seed that misses its target by less may be beside a branch.
 NEAR_SEED = 1e-2
-#: So many times farther from the seed than it misses the target is too far for a branch, unless it is singular: most
-#: singular values of Jacobians are larger than the inverse.
-SEED_FACTOR = 10.0
+#: [m^2] and [rad^2]; damping of the steps from there: directions with singular values below 1e-2 stay, others converge.
+SEED_DAMPING = 1e-4
+#: A branch that is so many times as far from the seed as the first step leads is another one.
+SEED_FACTOR = 1.1
 #: Smaller pivots mean a singular Jacobian.
 SMALLEST_PIVOT = 1e-14
 #: Added to the diagonal of the normal equations, relative to its sum: directions that do not move the tool stay put,

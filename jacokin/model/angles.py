@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from jacokin.arrays import Array
 
 TURN = 2.0 * math.pi
+#: [rad] past a limit by rounding.
+SNAP = 1e-9
 
 
 def wrap_to_turn(angles: Array | float) -> Array:
@@ -52,15 +54,16 @@ def circular_distance(q: Array, near: Array, unlimited: NDArray[np.bool_] | bool
 def into_limits(q: Array, lower: Array, upper: Array) -> Array:
     """The copies of the angles inside their limits, any number of turns away; without one, the nearer limit.
 
-    Of several copies inside the limits, the one nearest to the angle itself. The result is inside the limits exactly.
+    Of several copies inside the limits, the one nearest to the angle itself. The result is inside the limits exactly:
+    an angle past a limit by no more than SNAP is put on it, not a turn away.
 
     Args:
         q: (..., n) finite angles.
         lower: (n,) lower limits; -inf for none.
         upper: (n,) upper limits, not below the lower ones; inf for none.
     """
-    fewest = np.ceil((lower - q) / TURN)  # turns that reach the lower limit
-    most = np.floor((upper - q) / TURN)  # turns that stay below the upper limit
+    fewest = np.ceil((lower - SNAP - q) / TURN)  # turns that reach the lower limit
+    most = np.floor((upper + SNAP - q) / TURN)  # turns that stay below the upper limit
     between = fewest > most  # no copy inside: one below the lower limit, the next above the upper limit
     inside = np.clip(0.0, fewest, np.maximum(fewest, most))
     low = q + TURN * np.where(between, most, inside)

@@ -68,7 +68,7 @@ def test_into_limits_finds_the_copy_that_brute_force_finds(q: float, lower: floa
         assert min(abs(result - lower), abs(result - upper)) == 0.0
         assert on_circle(result, q) == pytest.approx(min(gaps), abs=ROUNDING)
     else:
-        assert on_circle(result, q) < ROUNDING
+        assert on_circle(result, q) < ROUNDING + angles.SNAP
         clear = [copy for copy in copies if lower + ROUNDING < copy < upper - ROUNDING]
         if clear:
             assert abs(result - q) <= min(abs(copy - q) for copy in clear) + ROUNDING
@@ -88,3 +88,10 @@ def test_into_limits_with_open_sides() -> None:
 @given(st.floats(0.9, 5.4), TURNS)
 def test_an_angle_inside_comes_back_from_any_number_of_turns(angle: float, turns: int) -> None:
     assert into_limits(angle + turns * angles.TURN, 0.82, 5.46) == pytest.approx(angle, abs=ROUNDING)
+
+
+def test_an_angle_past_a_limit_by_rounding_is_put_on_it_and_not_moved_by_a_turn() -> None:
+    lower, upper = np.array([-6.0, -1.0]), np.array([4.0, 1.0])
+    past = np.array([-6.0 - 1e-10, 1.0 + 1e-10])
+    assert np.array_equal(angles.into_limits(past, lower, upper), [-6.0, 1.0])
+    assert np.allclose(angles.into_limits(np.array([-6.0 - 1e-8, 0.0]), lower, upper), [angles.TURN - 6.0, 0.0])

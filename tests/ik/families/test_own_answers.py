@@ -460,6 +460,8 @@ def test_a_seed_next_to_a_stretched_arm_with_a_straight_wrist_is_its_own_answer(
     T = solver.verifier.tool_pose(own)
     assert np.abs(solver.solve(T, seed=own).q - own).max() < 1e-6
     assert np.abs(solver.solve_batch([T], own).q[0] - own).max() < 1e-6
+    seed = own + 1e-3 * np.array((0.5, -0.5, 0.5, 0.0, 0.5, 0.0))
+    assert np.linalg.norm(solver.solve(T, seed=seed).q - seed) < 1e-3 + 1e-6
 
 
 @pytest.mark.parametrize(
