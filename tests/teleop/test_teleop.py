@@ -150,6 +150,18 @@ def test_a_hand_in_every_tick_and_one_that_is_not_smoothed_are_commanded_at_once
         assert last.latency == 0.0
 
 
+def test_twists_with_pauses_are_commanded_at_once(robot: Robot) -> None:
+    step, height = make(robot, clutch=True), 0.0
+    start = step.tool.translation[2]
+    for tick in range(80):
+        twist = [0.0, 0.0, 0.05 * (tick % 10 < 5), 0.0, 0.0, 0.0]
+        last = step(twist)
+        height += DT * twist[2]
+        assert last.target is not None
+        assert last.target.translation[2] - start == pytest.approx(height, abs=1e-9)
+        assert last.latency == 0.0
+
+
 def test_a_hand_that_repeats_its_pose_between_moves_is_a_slow_hand(robot: Robot) -> None:
     """As devices do that are asked in every tick, and measure more seldom."""
     told, repeated = make(robot, clutch=True), make(robot, clutch=True)
