@@ -20,6 +20,7 @@ from jacokin.motion.trajectory import SPEED_ROUNDING, Trajectory, changes
 from jacokin.teleop.devices import Device
 from jacokin.teleop.teleop import STILL, Teleop, TeleopStatus, TeleopStep
 
+SETTLED = 1e-6  # relative, of a target that moves no more
 HOLD = 5.0  # [s] for which the last pose of a recording holds at most
 
 
@@ -43,6 +44,14 @@ class Session(Frozen):
     """Ticks that began later than a tick after their time; 0 without pacing."""
     within_limits: bool
     """Whether every commanded configuration is within the joint limits, and no joint faster than its limit."""
+
+    def __str__(self) -> str:
+        """The session on one line."""
+        counts = ", ".join(f"{name} {count}" for name, count in self.statuses.items()) or "no ticks"
+        off = f"; at most {self.position_error.max():.2g} m off its target" if len(self.position_error) else ""
+        faults = "".join(f"; {fault} ({count} ticks)" for fault, count in self.faults.items())
+        limits = "kept" if self.within_limits else "broken"
+        return f"{self.motion.duration:.2f} s: {counts}{off}; limits {limits}{faults}"
 
 
 def lead(
@@ -71,6 +80,9 @@ def lead(
     Raises:
         InvalidInputError: a malformed argument.
     """
+    checks.instance("teleop", teleop, Teleop, "a Teleop")
+    if not callable(getattr(device, "read", None)):
+        raise checks.refusal("device", "something with read(time), such as a Player", device)
     if seconds != math.inf:
         checks.positive("seconds", seconds, "s")
     dt = teleop.tracker.dt
@@ -89,6 +101,7 @@ def lead(
             late += -ahead > dt
         heard, fault = (last, "") if held > 0.0 else _read(device, now)
         last = last if heard is None else heard
+        asked = steps[-1].target if steps else None
         step = teleop.step(heard if is_led else None)
         if fault or step.status is TeleopStatus.BAD_INPUT:
             faults[(fault or step.message).partition(", got")[0]] += 1  # without the numbers, which differ
@@ -96,7 +109,10 @@ def lead(
         steps.append(step)
         goes_on = act is None or act(step)
         if getattr(device, "ended", False):
-            is_closing_in = step.target is not None and step.tracking.status is TrackerStatus.LIMITED
+            is_closing_in = step.target is not None and (
+                step.tracking.status is TrackerStatus.LIMITED
+                or not (asked is None or step.target.isApprox(asked, SETTLED))  # smoothed, it is still on its way
+            )
             held = held + dt if is_closing_in and last is not None and len(last) == 7 else math.inf
         if is_led and (now + 1.5 * dt > seconds or held > HOLD or (stop is not None and stop.is_set())):
             is_led = False

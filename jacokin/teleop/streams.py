@@ -75,7 +75,7 @@ def make_stream(robot: Robot, kind: str, rng: np.random.Generator, *, rate: floa
             quaternions; "shoulder": through the axis of the first joint; "wrist_flips": turns by up to half a turn;
             "out_of_reach": beyond the reach and back.
         rng: randomness.
-        rate: poses in a second [1/s], 10 to 200.
+        rate: poses in a second [1/s]; those of hand devices are 10 to 200.
 
     Raises:
         UnknownNameError: an unknown kind.

@@ -327,7 +327,7 @@ class Teleop:
             moved = self.tracker.dt * self._twist
             self._mapping.shift(moved[:3], moved[3:], self._walls)
             self._mapping.stay_near(self.tool, *LEASH)
-        is_new = not self._mapping.target.isApprox(before, SAME)
+        is_new = self._twist is not None or not self._mapping.target.isApprox(before, SAME)
         target = self._smooth.move(self._mapping.target, is_new)
         tracking = self.tracker.step(target, obstacles=obstacles, budget=budget)
         self._rest = None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import threading
 import time
 
@@ -64,6 +65,18 @@ def test_the_last_pose_of_a_recording_holds_until_the_tool_is_there(robot: Robot
     away = lead(made(robot), Player(moved(robot, np.array([3.0, 0.0, 0.0]))), paced=False)
     assert away.motion.duration < 7.0
     assert away.position_error[-1] > 1.0
+
+
+@pytest.mark.parametrize("smoothing", ["auto", 0.2])
+def test_a_recording_that_ends_in_motion_is_followed_to_its_last_pose(robot: Robot, smoothing: str | float) -> None:
+    time = np.arange(0.0, 1.0, 0.05)
+    hand = np.tile([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0], (len(time), 1))
+    hand[:, 2] = 0.04 * time
+    teleop = Teleop(Tracker(robot, dt=0.02, acceleration_limit=ACCELERATION), clutch=True, filter=smoothing)
+    session = lead(teleop, Player(Stream(time, hand)), paced=False)
+    rise = teleop.tool.translation - robot.forward_kinematics(robot.home).translation
+    assert rise == pytest.approx([0.0, 0.0, hand[-1, 2]], abs=1e-4)
+    assert session.motion.duration < 4.0
 
 
 def test_time_paces_and_an_action_ends_a_session(robot: Robot) -> None:
@@ -138,6 +151,18 @@ def test_a_device_that_fails_brakes_the_arm_says_why_and_goes_on(
     ((said, count),) = session.faults.items()
     assert reason in said
     assert 38 <= count <= 40
+
+
+def test_a_session_on_one_line(robot: Robot) -> None:
+    session = lead(made(robot), Player(moved(robot, np.array([0.02, 0.0, 0.0]))), seconds=1.0, paced=False)
+    assert re.match(r"\d\.\d\d s: .*FOLLOWING \d+.*; at most \S+ m off its target; limits kept$", str(session))
+
+
+def test_what_cannot_lead_is_refused(robot: Robot) -> None:
+    with pytest.raises(InvalidInputError, match="teleop must be a Teleop"):
+        lead(robot, Keyboard(), seconds=1.0)  # type: ignore[arg-type]  # wrong on purpose
+    with pytest.raises(InvalidInputError, match=r"device must be something with read\(time\)"):
+        lead(made(robot), None, seconds=1.0)  # type: ignore[arg-type]  # wrong on purpose
 
 
 def test_a_wrong_time_is_refused(robot: Robot) -> None:

@@ -150,6 +150,18 @@ def test_a_hand_in_every_tick_and_one_that_is_not_smoothed_are_commanded_at_once
         assert last.latency == 0.0
 
 
+def test_twists_with_pauses_are_commanded_at_once(robot: Robot) -> None:
+    step, height = make(robot, clutch=True), 0.0
+    start = step.tool.translation[2]
+    for tick in range(80):
+        twist = [0.0, 0.0, 0.05 * (tick % 10 < 5), 0.0, 0.0, 0.0]
+        last = step(twist)
+        height += DT * twist[2]
+        assert last.target is not None
+        assert last.target.translation[2] - start == pytest.approx(height, abs=1e-9)
+        assert last.latency == 0.0
+
+
 def test_a_hand_that_repeats_its_pose_between_moves_is_a_slow_hand(robot: Robot) -> None:
     """As devices do that are asked in every tick, and measure more seldom."""
     told, repeated = make(robot, clutch=True), make(robot, clutch=True)
@@ -375,7 +387,7 @@ def test_a_tool_held_off_recovers_by_another_branch(robot: Robot) -> None:
         assert last.status is TeleopStatus.FOLLOWING
 
 
-def play(robot: Robot, stream: Stream) -> tuple[Watch, TeleopStep]:
+def play(robot: Robot, stream: Stream, smoothing: str | None = "auto") -> tuple[Watch, TeleopStep]:
     """A whole stream, limits checked at every tick and contact at every fifth, and a while after it."""
     scene = Scene([Floor(-0.01)])
     tracker = Tracker(
@@ -386,7 +398,8 @@ def play(robot: Robot, stream: Stream) -> tuple[Watch, TeleopStep]:
         clearance=0.005,
         objectives=(LimitDistance(), Manipulability()) if robot.dof > 6 else (),
     )
-    step, contact, player = Watch(Teleop(tracker, clutch=True, recover=0.5)), scene.contact(robot), Player(stream)
+    step = Watch(Teleop(tracker, clutch=True, recover=0.5, filter=smoothing))
+    contact, player = scene.contact(robot), Player(stream)
     for tick in range(round(stream.time[-1] / DT) + 1_200):
         last = step(stream.hand[-1] if player.ended else player.read(tick * DT))
         if tick % 5 == 0:
@@ -406,9 +419,9 @@ def test_streams_end_on_target(robot: Robot, kind: str) -> None:
     [("j2n6s300", "jerky", [0, 14]), ("j2s6s300", "shoulder", [1, 2]), ("j2s6s300", "shoulder", [1, 4])],
 )
 def test_an_arm_that_leans_against_itself_recovers(bundled: Any, name: str, kind: str, seed: list[int]) -> None:
-    """Streams that end with links at their clearance, in corners from which the tracker sees no way, or creeps."""
+    """Streams whose steps end with links at their clearance, in corners from which the tracker sees no way."""
     rng, robot = np.random.default_rng(seed), bundled(name)
-    _, last = play(robot, make_stream(robot, kind, rng, rate=float(rng.choice([20.0, 60.0, 90.0, 200.0]))))
+    _, last = play(robot, make_stream(robot, kind, rng, rate=float(rng.choice([20.0, 60.0, 90.0, 200.0]))), None)
     assert last.tracking.position_error < 1e-3
 
 
