@@ -180,7 +180,7 @@ def test_a_window_without_a_display_is_a_sentence(run: Run) -> None:
         (("reach_sit",), "unknown task 'reach_sit'. Did you mean 'reach_site'"),
         (("reach_sit", "--expert"), "unknown expert 'reach_sit'. Did you mean 'reach_site'"),
         (("reach_sit", "--record", "a.npz"), "unknown task 'reach_sit'"),
-        (("reassemble_3_bricks_fixed_order", "--expert"), "unknown expert 'reassemble_3_bricks_fixed_order'"),
+        (("reassemble_5_bricks_random_order", "--expert"), "unknown expert 'reassemble_5_bricks_random_order'"),
         (("reach_site", "--record", "episodes.csv"), "must end in .npz, .mp4, .hdf5"),
         (("reach_site", "--record", "none/a.npz"), "there is no folder"),
         (("reach_site", "--record", "folder.npz"), "folder.npz"),

@@ -18,7 +18,7 @@ from jacokin.tasks.experts.disturbance import SIZE, Disturbance
 from jacokin.tasks.experts.driver import BRICK, CLOSE, CLOSED, OPEN, RELEASE, SQUEEZE, ArmDriver, Script, shift, up
 from jacokin.tasks.experts.grasps import point_down
 from jacokin.tasks.experts.place import IN_CRADLE, ON_BRICK, place
-from jacokin.tasks.experts.stack import stack
+from jacokin.tasks.experts.stack import reassemble, stack
 from jacokin.tasks.gym.controls import FRAME
 from jacokin.tasks.registry import FEATURES, TASKS
 from jacokin.tasks.task import CONTROL_TIMESTEP
@@ -115,6 +115,7 @@ SCRIPTS: dict[str, Callable[[ArmDriver], Script]] = {
     "lift_brick": lift_brick,
     "lift_large_box": lift_large_box,
     **{name: stack for name in TASKS if name.startswith("stack")},
+    "reassemble_3_bricks_fixed_order": reassemble,
     "place_brick": partial(place, rest=ON_BRICK),
     "place_cradle": partial(place, rest=IN_CRADLE),
 }

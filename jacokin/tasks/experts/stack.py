@@ -1,4 +1,4 @@
-"""`stack`: take brick after brick, and click it onto the one below."""
+"""`stack` and `reassemble`: take brick after brick, and click it onto the one below; take off what is in the way."""
 
 from __future__ import annotations
 
@@ -17,19 +17,26 @@ HEIGHT = 0.0192  # [m] from a brick to the one that clicks onto it
 HOVER = 0.02  # [m] above that, where a brick is aligned
 DEEPER = 0.006  # [m] below the place where it clicks, where the hand goes to press
 OVER = 0.1  # [m] of the hand while it goes somewhere
-HIGH = 0.06  # [m] of a brick on its way
+HIGH = 0.045  # [m] of a brick on its way
 CLICK = 0.0008  # [m] sum of distances of two holes from their places, below which a brick has clicked
 HOLE = np.array((0.008, 0.024, -0.0073))  # [m] one of the outermost holes, from the middle of a brick
+HOLES = (HOLE, HOLE * (-1.0, 1.0, 1.0), HOLE * (1.0, -1.0, 1.0), HOLE * (-1.0, -1.0, 1.0))
 BESIDE = 0.02  # [m] the same sum, above which a brick cannot be pressed into its place
 ALIGNMENTS = 3
+PUSHES, PUSH_STEPS = 4, 2  # how often a brick is turned while it is pressed on; steps until it gives way
 ALIGNED = 0.0005  # [m] the same sum, below which a brick above its place may be pressed down
 REGULAR, SINGULAR_COST = 0.08, 30.0  # least singular value of a configuration without penalty; [s] per what is missing
+YIELDING = 1.3  # of a tilt by which the hand turns back: the grip gives way
+ON = 0.012  # [m] sideways, within which a brick stands on another
+HIGHER = 0.01  # [m] that a brick is held higher when it is pulled off another
+LIES = 0.012  # [m] the middle of a brick that lies on the table
+ASIDE, APART = np.linspace(-0.2, 0.2, 9), 0.09  # [m] where bricks are put aside, and how far from others
 RELEASED = 0.75  # [rad] of fingers that do not touch a brick
 FIST = 0.012  # [m] of the pinch site above what the closed fingers press on
 PRESS = 0.025  # [m] deeper than its surface, for the force
 END, LEVEL = np.array((0.0, 0.016, 0.0)), 0.0003  # [m] where to press on a brick that is not level
 PRESSES, LIFTED = 3, 0.015  # how often; [m] of the closed fingers between
-RELEASE_STEPS, FIST_STEPS = 9, 9
+RELEASE_STEPS, FIST_STEPS = 6, 9
 RELIEF, RELIEF_STEPS = 0.003, 3  # [m] that the hand goes up before it releases a brick that has not clicked
 
 
@@ -46,6 +53,71 @@ def stack(arm: ArmDriver) -> Script:
                 break
         else:
             yield arm.towards(arm.q, arm.fingers_to(OPEN))
+
+
+def reassemble(arm: ArmDriver) -> Script:
+    """Take a stack apart as far as it is in the way, and build the wanted one: its reverse unless it is observed."""
+    names = bricks(arm)
+    order = [0, *range(len(names) - 1, 0, -1)]
+    if arm.find("desired_order"):
+        order = [int(k) for k in arm.whole("desired_order")]
+    wanted = [names[k] for k in order]
+    while True:
+        for below, above in itertools.pairwise(wanted):
+            if has_clicked(arm, below, above):
+                continue
+            burden = _top(arm, above) if _top(arm, above) != above else _top(arm, below)
+            yield from _click(arm, below, above) if burden == below else _put_aside(arm, burden)
+            break
+        else:
+            yield arm.towards(arm.q, arm.fingers_to(OPEN))
+
+
+def _top(arm: ArmDriver, brick: str) -> str:
+    """The uppermost of the bricks that stand on a brick, or that brick itself."""
+    for other in bricks(arm):
+        way = arm.prop(other).translation - arm.prop(brick).translation
+        if other != brick and 0.5 * HEIGHT < way[2] < 1.5 * HEIGHT and np.linalg.norm(way[:2]) < ON:
+            return _top(arm, other)
+    return brick
+
+
+def _put_aside(arm: ArmDriver, name: str) -> Script:
+    """Pull a brick off the one below it, and put it on the table where there is room around it."""
+    brick = arm.prop(name)
+    rise = up(HIGH)
+    grasp = grasps.plan(arm, shift(brick, up(HIGHER)), [rise], _others(arm, name), OVER)
+    grasp = grasp or grasps.plan(arm, shift(brick, up(HIGHER)))
+    if grasp is None:
+        yield arm.towards(arm.robot.home, arm.fingers_to(OPEN))
+        return
+    yield from grasps.take(arm, grasp)
+    yield from arm.move(shift(arm.pose, rise), SQUEEZE, tolerance=0.03)
+    brick = arm.prop(name)
+    held = grasps.holds(arm, brick)
+    spot = _free_spot(arm, name) if held else None
+    if spot is not None:
+        over = pin.SE3(arm.pose.rotation, arm.pose.translation + np.append((spot - brick.translation)[:2], 0.0))
+        yield from arm.move(over, SQUEEZE, tolerance=0.01, settle=4)
+        yield from arm.move(
+            shift(arm.pose, up(LIES - arm.prop(name).translation[2])), SQUEEZE, tolerance=0.005, settle=6
+        )
+    yield from arm.release(RELEASE_STEPS)
+    yield from arm.move(shift(arm.pose, up(HIGH)), OPEN, tolerance=0.03)
+
+
+def _free_spot(arm: ArmDriver, name: str) -> Array | None:
+    """A place on the table (3,), the nearest to a held brick of those with room around them, within reach."""
+    others = [arm.prop(other).translation for other in bricks(arm) if other != name]
+    here = arm.prop(name).translation
+    spots = [np.array((x, y, LIES)) for x in ASIDE for y in ASIDE]
+    for spot in sorted(spots, key=lambda spot: float(np.linalg.norm((spot - here)[:2]))):
+        if min(float(np.linalg.norm((spot - other)[:2])) for other in others) < APART:
+            continue
+        over = shift(arm.pose, np.append((spot - here)[:2], 0.0))
+        if arm.chain([over, shift(over, up(spot[2] - here[2]))], arm.q, grasps.LONGEST_STEP) is not None:
+            return spot
+    return None
 
 
 def bricks(arm: ArmDriver) -> list[str]:
@@ -127,7 +199,14 @@ def _click(arm: ArmDriver, below: str, above: str) -> Script:
             break
         tool = wanted * arm.prop(above).inverse() * tool
         yield from arm.move(tool, SQUEEZE, tolerance=0.0, settle=6)
-    yield from arm.move(shift(tool, up(-HOVER - DEEPER)), SQUEEZE, speed=0.08, settle=6)
+    tool = shift(tool, up(-HOVER - DEEPER))
+    for left in reversed(range(PUSHES)):
+        yield from arm.move(tool, SQUEEZE, speed=0.08, settle=PUSH_STEPS)
+        brick = arm.prop(above)
+        if _is_in(goal, brick) or not left or _apart(goal, brick) > BESIDE:
+            break
+        tilt = pin.log3(goal.rotation @ brick.rotation.T)
+        tool = shift(_turn_about(tool, brick.translation, pin.exp3(YIELDING * tilt)), up(-DEEPER))
     if has_clicked(arm, below, above):
         yield from arm.release(RELEASE_STEPS)
         yield from arm.move(shift(arm.pose, up(HIGH)), OPEN, tolerance=0.03)
@@ -135,7 +214,20 @@ def _click(arm: ArmDriver, below: str, above: str) -> Script:
     # What presses on something jumps when it is let go.
     yield from arm.move(shift(arm.pose, up(RELIEF)), SQUEEZE, settle=RELIEF_STEPS)
     yield from arm.release(RELEASE_STEPS)
+    if has_clicked(arm, below, above):
+        yield from arm.move(shift(arm.pose, up(HIGH)), OPEN, tolerance=0.03)
+        return
     yield from _press(arm, below, above)
+
+
+def _is_in(goal: pin.SE3, brick: pin.SE3) -> bool:
+    """Whether a brick that is pressed on is as deep as it goes, at both ends."""
+    return all((goal.act(hole) - brick.act(hole))[2] > -0.0002 for hole in HOLES)
+
+
+def _turn_about(pose: pin.SE3, centre: Array, rotation: Array) -> pin.SE3:
+    """A pose turned about a point in the world."""
+    return pin.SE3(rotation @ pose.rotation, centre + rotation @ (pose.translation - centre))
 
 
 def _press(arm: ArmDriver, below: str, above: str) -> Script:
