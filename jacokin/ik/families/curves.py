@@ -138,14 +138,14 @@ class CurveProblem(NamedTuple):
             room: how far from there they are solved for, at both sides [rad].
             quarters: about a free axis, solve at QUARTER_TURNS too.
         """
-        call = self._prepare(also, crossings, room, quarters=quarters)
+        call, heeded = self._prepare(also, crossings, room, quarters=quarters)
         found = read_curves(call.work, call())
         self.arm.put_back(call)
-        return found
+        return found if heeded == len(crossings) else found._replace(full=True, complete=False)
 
     def points_at(self, parameters: Array) -> tuple[Array, NDArray[np.int64]]:
         """Points (k, 7) of all curves at values (m,) of the parameter [rad], and at which one each of them is (k,)."""
-        call, points, numbers = self._prepare(), [np.empty((0, 7))], [np.empty(0, np.int64)]
+        (call, _), points, numbers = self._prepare(), [np.empty((0, 7))], [np.empty(0, np.int64)]
         call.work.options[0] = FILL_SLICES
         for first in range(0, len(parameters), SLICES):
             some = parameters[first : first + SLICES]
@@ -166,7 +166,7 @@ class CurveProblem(NamedTuple):
         choice of copies.
         """
         return (
-            self._nearest(self._prepare(quarters=self.free_axis is not None), FIND_NEAREST, seed)
+            self._nearest(self._prepare(quarters=self.free_axis is not None)[0], FIND_NEAREST, seed)
             if self.arm.circular
             else None
         )
@@ -245,14 +245,14 @@ class CurveProblem(NamedTuple):
 
     def _prepare(
         self, also: Sequence[float] = (), crossings: Sequence[float] = (), room: float = 0.0, *, quarters: bool = False
-    ) -> Call[CurveWork]:
-        """A call with everything filled in that finding intervals takes."""
+    ) -> tuple[Call[CurveWork], int]:
+        """A call with everything filled in that finding intervals takes, and how many crossings there was room for."""
         arm, free = self.arm, self.free_axis
         call = self._take()
         work = call.work
         limits = None if free is None or self.closed else free.range
         values = _add(_slices(SLICES_SEVEN if free is None else SLICES_SIX, limits, quarters=quarters), also)
-        values, crossed = _make_room(values, self.closed, crossings, room)
+        values, crossed, heeded = _make_room(values, self.closed, crossings, room)
         if free is not None:
             work.six.chain[:] = arm.chain
             work.six.arm[:] = arm.constants
@@ -265,7 +265,7 @@ class CurveProblem(NamedTuple):
         work.slices.p[: len(values)] = values
         work.slices.crossed[: len(values)] = crossed
         work.options[:] = FIND_INTERVALS, arm.parameter, len(values), int(self.closed)
-        return call
+        return call, heeded
 
 
 class Piece(NamedTuple):
@@ -423,15 +423,19 @@ def _add(values: Array, also: Sequence[float]) -> Array:
     return values
 
 
-def _make_room(values: Array, closed: bool, crossings: Sequence[float], room: float) -> tuple[Array, NDArray[np.int64]]:
-    """Rising values with one at either side of each crossing, and 1 for each that a crossing follows."""
+def _make_room(
+    values: Array, closed: bool, crossings: Sequence[float], room: float
+) -> tuple[Array, NDArray[np.int64], int]:
+    """Rising values with one at either side of each crossing, 1 for each that a crossing follows, and how many fit."""
     crossed = np.zeros(len(values), np.int64)
-    for p in crossings:
+    for heeded, p in enumerate(crossings):
         moved = p - TURN * math.floor((p - values[0]) / TURN)
         if not closed and not values[0] < moved < values[-1]:
             continue
         near = np.abs(values - moved) < 2.0 * room
         near |= closed & (np.abs(values + TURN - moved) < 2.0 * room)
+        if len(values) - near.sum() + 2 > SLICES:
+            return values, crossed, heeded
         values, crossed = values[~near], crossed[~near]
         pair = np.array([moved - room, moved + room])
         if closed:
@@ -439,4 +443,4 @@ def _make_room(values: Array, closed: bool, crossings: Sequence[float], room: fl
         values, crossed = np.concatenate([values, pair]), np.concatenate([crossed, [1, 0]])
         order = np.argsort(values)
         values, crossed = values[order], crossed[order]
-    return values, crossed
+    return values, crossed, len(crossings)

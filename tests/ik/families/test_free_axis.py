@@ -14,6 +14,8 @@ from jacokin import FreeAxis, IKSolver, Robot, Status
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, StructureError
 from jacokin.ik import Family
+from jacokin.ik.families.curves import FREE_AXIS, CurveArm
+from jacokin.ik.targets import interpret
 from jacokin.model.angles import wrap_to_pi
 
 AXES = {"tool x": (1.0, 0.0, 0.0), "last joint": (0.0, 0.0, -1.0), "skew": (0.3, -0.5, 0.4)}
@@ -262,3 +264,15 @@ def test_two_joints_on_their_limits_are_a_member(solver: IKSolver, rng: np.rando
         np.testing.assert_allclose(solver.solve(target, seed=q).q, q, atol=1e-7)
         assert all(robot.within_limits(interval.at(interval.start)) for interval in family)
     assert points > 3
+
+
+@pytest.mark.parametrize("count", [4, 60])
+def test_more_crossings_than_there_is_room_for_leave_a_family_incomplete(solver: IKSolver, count: int) -> None:
+    chain, constants, _ = solver.closed_form().constants
+    arm = CurveArm(FREE_AXIS, chain, constants, solver.robot.lower, solver.robot.upper)
+    pose = solver.robot.forward_kinematics([0.3, 2.5, 1.2, -0.4, 1.1, 0.7])
+    problem = arm.problem(interpret(FreeAxis(pose, axis=AXES["skew"]), solver.frame))
+    plain, found = problem.find(), problem.find(crossings=np.linspace(-3.0, 3.0, count).tolist(), room=1e-3)
+    assert plain.complete
+    assert found.complete == (count == 4)
+    assert sum(map(len, found.arcs)) > 0
