@@ -24,6 +24,7 @@ HOLES = (HOLE, HOLE * (-1.0, 1.0, 1.0), HOLE * (1.0, -1.0, 1.0), HOLE * (-1.0, -
 BESIDE = 0.02  # [m] the same sum, above which a brick cannot be pressed into its place
 ALIGNMENTS = 3
 PUSHES, PUSH_STEPS = 4, 2  # how often a brick is turned while it is pressed on; steps until it gives way
+LONG_PUSH_STEPS = 6  # of one push alone
 ALIGNED = 0.0005  # [m] the same sum, below which a brick above its place may be pressed down
 REGULAR, SINGULAR_COST = 0.08, 30.0  # least singular value of a configuration without penalty; [s] per what is missing
 YIELDING = 1.3  # of a tilt by which the hand turns back: the grip gives way
@@ -49,7 +50,7 @@ def stack(arm: ArmDriver) -> Script:
     while True:
         for below, above in itertools.pairwise([names[k] for k in order]):
             if not has_clicked(arm, below, above):
-                yield from _click(arm, below, above)
+                yield from _click(arm, below, above, hurried=len(order) > 2)
                 break
         else:
             yield arm.towards(arm.q, arm.fingers_to(OPEN))
@@ -67,7 +68,7 @@ def reassemble(arm: ArmDriver) -> Script:
             if has_clicked(arm, below, above):
                 continue
             burden = _top(arm, above) if _top(arm, above) != above else _top(arm, below)
-            yield from _click(arm, below, above) if burden == below else _put_aside(arm, burden)
+            yield from _click(arm, below, above, hurried=True) if burden == below else _put_aside(arm, burden)
             break
         else:
             yield arm.towards(arm.q, arm.fingers_to(OPEN))
@@ -171,8 +172,12 @@ def _hover(arm: ArmDriver, below: str, above: str) -> tuple[Array, pin.SE3] | No
     return best
 
 
-def _click(arm: ArmDriver, below: str, above: str) -> Script:
-    """Take a brick, and press it onto another."""
+def _click(arm: ArmDriver, below: str, above: str, *, hurried: bool) -> Script:
+    """Take a brick, and press it onto another.
+
+    Hurried, the hand goes on pressing while it turns a brick that tilts, which is quicker and loses more bricks;
+    else it lets go and presses with the fist.
+    """
     brick = arm.prop(above)
     rise = up(arm.prop(below).translation[2] + HEIGHT + HIGH - brick.translation[2])
     scene = _others(arm, above)
@@ -200,8 +205,8 @@ def _click(arm: ArmDriver, below: str, above: str) -> Script:
         tool = wanted * arm.prop(above).inverse() * tool
         yield from arm.move(tool, SQUEEZE, tolerance=0.0, settle=6)
     tool = shift(tool, up(-HOVER - DEEPER))
-    for left in reversed(range(PUSHES)):
-        yield from arm.move(tool, SQUEEZE, speed=0.08, settle=PUSH_STEPS)
+    for left in reversed(range(PUSHES if hurried else 1)):
+        yield from arm.move(tool, SQUEEZE, speed=0.08, settle=PUSH_STEPS if hurried else LONG_PUSH_STEPS)
         brick = arm.prop(above)
         if _is_in(goal, brick) or not left or _apart(goal, brick) > BESIDE:
             break
