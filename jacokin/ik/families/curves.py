@@ -49,6 +49,8 @@ FARTHEST_END = 0.6
 SETTLING_STEPS, NO_MOTION = 20, 1e-6
 #: Index of the parameter among the seven joints of a chain: the free axis comes last, and joint 3 is in the middle.
 FREE_AXIS, JOINT_3 = 6, 2
+#: [rad] a joint that stays on its limit while others turn is past it by rounding, here and there.
+ON_LIMIT = 1e-12
 #: How many values of the parameter there may be: room is left for those of `gaps`.
 MOST_SLICES = SLICES - 16
 
@@ -261,7 +263,7 @@ class CurveProblem(NamedTuple):
             work.six.seed[:] = 0.0
         else:
             work.seven.arm[:] = arm.constants
-        work.cuts.limits[:] = arm.limits
+        work.cuts.limits[0], work.cuts.limits[1] = arm.limits[0] - ON_LIMIT, arm.limits[1] + ON_LIMIT
         work.slices.p[: len(values)] = values
         work.slices.crossed[: len(values)] = crossed
         work.options[:] = FIND_INTERVALS, arm.parameter, len(values), int(self.closed)

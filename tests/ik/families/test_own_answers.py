@@ -260,6 +260,16 @@ def test_a_joint_may_touch_its_limit_just_where_another_passes_its_own() -> None
     assert len(near) == 1
 
 
+def test_a_joint_that_stays_on_its_limit_while_others_turn_is_within_it() -> None:
+    solver = IKSolver(jacokin.load_robot("j2s7s200"), collision="ignore")
+    own = np.array((-0.5, 0.5, 0.0, 1.0 / 6.0, -1.0, 1.0, -1.0)) * math.pi
+    own[:3] += (-2.0287507e-07, 5.1548963e-08, -1.21843294e-07)
+    own[4:] += (-2.9503957e-08, -4.2921536e-09, -1.33997666e-07)
+    own[3] = solver.robot.lower[3]
+    family = solver.solve_all(solver.robot.forward_kinematics(own))
+    assert min(np.abs(wrap_to_pi(each.nearest(own) - own)).max() for each in family) < 1e-6
+
+
 @pytest.mark.parametrize("limits", [(0.01, 1.0), (-2.0, -0.01)])
 def test_a_straight_wrist_outside_the_range_is_no_member(limits: tuple[float, float], rng: np.random.Generator) -> None:
     solver = solver_of("j2s6s300")
