@@ -203,8 +203,10 @@ def judge(robot: Robot, played: Played, acceleration: float | None, motion: Stre
                     row = round((tick * DT - ago) * FINE)
                     found.append(float(np.linalg.norm(tool - motion.hand[min(max(row, 0), len(motion) - 1), :3])))
     last = next((target for target in reversed(played.asked) if target is not None), None)
+    is_off = last is None or _off(robot, played.q[-1], last) > ARRIVED
     return {
-        "stopped": last is None or _off(robot, played.q[-1], last) > ARRIVED,
+        # Tied to the hand anew after missing poses, the tool may be asked for what is out of reach.
+        "stopped": is_off and (last is None or solver.solve(last, seed=played.q[-1]).success),
         "broken": is_broken,
         "touched": touched,
         "slow_ticks": len(errors),
