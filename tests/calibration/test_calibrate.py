@@ -164,6 +164,7 @@ def test_what_calibrate_refuses(robot: Robot, found: Calibration) -> None:
         Prior(position=-1.0)
 
 
+@pytest.mark.slow
 def test_little_and_odd_data_give_an_answer(robot: Robot) -> None:
     """One row, an instrument without error, a distance of nothing, a row beyond all numbers: no warnings, no NaN."""
     q, seen = seen_positions(hidden_arm(robot, 12), 8, 12)
@@ -324,6 +325,7 @@ def test_other_arms(rng: np.random.Generator) -> None:
         assert mean_error(arm, found.robot) < 1.5 * found.expected_error < 7.5e-4
 
 
+@pytest.mark.slow
 def test_the_report_is_one_page(robot: Robot, tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     q, seen = seen_positions(hidden_arm(robot, 1), 20, 1)

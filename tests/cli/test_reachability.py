@@ -14,6 +14,7 @@ from jacokin.reachability import load
 from tests.cli.run import Run
 
 
+@pytest.mark.slow
 def test_a_map_is_built_in_shards_asked_and_drawn(run: Run, tmp_path: Path) -> None:
     words = ["map", "build", str(tmp_path / "map"), "--spacing", "0.15", "--orientations", "2000", "--workers", "2"]
     assert "others are missing" in run(*words, "--shard", "1/2").out
@@ -88,6 +89,7 @@ def test_processes_build_the_same_map(run: Run, tmp_path: Path) -> None:
     assert names[0] == names[1]
 
 
+@pytest.mark.slow
 def test_a_base_is_placed(run: Run, tmp_path: Path) -> None:
     robot = jacokin.load_robot()
     lines = ["x,y,z,qw,qx,qy,qz"]

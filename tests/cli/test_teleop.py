@@ -82,6 +82,7 @@ def test_fingers_close_in_a_task(monkeypatch: pytest.MonkeyPatch, capsys: pytest
     assert angles[-1] < 1.35 + 1e-9
 
 
+@pytest.mark.slow
 def test_a_page_leads_the_arm() -> None:
     process = start("teleop", "--device", "page", "--port", "0", "--json")
     try:
@@ -107,6 +108,7 @@ def test_a_page_leads_the_arm() -> None:
     assert found["statuses"]["HOLDING"] > 0  # the space bar opened the clutch
 
 
+@pytest.mark.slow
 def test_ctrl_c_brakes_the_arm_and_then_says_what_happened() -> None:
     process = start("teleop", "--stream", "smooth", "--view", "--port", "0", "--json")
     try:

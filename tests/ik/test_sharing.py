@@ -61,6 +61,7 @@ FORKING = """
 """
 
 
+@pytest.mark.slow
 def test_forked_processes_solve_with_the_solvers_of_their_parent() -> None:
     words = [sys.executable, "-P", "-W", "ignore::DeprecationWarning", "-c", textwrap.dedent(FORKING)]
     done = subprocess.run(words, capture_output=True, text=True, timeout=120, check=False)

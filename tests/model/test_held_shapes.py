@@ -36,12 +36,12 @@ def test_what_is_held_counts_against_other_links_only(robot: Robot, rng: np.rand
     inside = Scene().attach(Sphere("ball", 0.08, IN_HAND), to="hand")
     assert Contact(robot, inside.surroundings).touching(robot.home) == []
     large = Scene().attach(Sphere("ball", 0.25, IN_HAND), to="hand")
-    rows = robot.sample(rng, 100)
+    rows, verifier = robot.sample(rng, 100), IKSolver(robot, collision="report").verifier
     touching = [Contact(robot, large.surroundings).touching(q) for q in rows]
     assert any("ball" in pair for pairs in touching for pair in pairs)
     for q, pairs in zip(rows, touching, strict=True):
         centre = robot.forward_kinematics(q, frame="hand").act(np.array(IN_HAND))
-        alone = IKSolver(robot, collision="report").verifier.distances(q[None])[0]
+        alone = verifier.distances(q[None])[0]
         apart = float(robot.clearance(q, Scene([Sphere("ball", 0.25, centre)], allow=[("link_6", "ball")])))
         if abs(apart) > 1e-5 and abs(alone) > 1e-5:
             assert bool(pairs) == (apart < 0.0 or alone < 0.0)

@@ -197,6 +197,7 @@ def test_the_base_that_targets_were_made_from_is_found(
     assert standing.reached <= count
 
 
+@pytest.mark.slow
 def test_a_small_spot_from_which_all_targets_that_are_clear_are_reached_is_found(robot: Robot) -> None:
     rng = np.random.default_rng(2)
     hidden = jacokin.pose([0.7, -0.3, 0.4], rpy=[0.0, 0.0, 1.0])

@@ -133,6 +133,7 @@ def test_a_reassembled_stack_is_built_at_first() -> None:
 
 
 @pytest.mark.skipif(not backends(), reason="no rendering back end works here")
+@pytest.mark.slow
 def test_pictures_instead_of_props() -> None:
     code = (
         "import numpy as np, jacokin.tasks; e = jacokin.tasks.load('stack_2_bricks_vision', seed=0); o = e.reset();"
@@ -152,6 +153,7 @@ def test_pictures_instead_of_props() -> None:
 
 
 @pytest.mark.skipif(not backends(), reason="no rendering back end works here")
+@pytest.mark.slow
 def test_pictures_of_gymnasium() -> None:
     code = (
         "import copy, gymnasium, numpy as np, jacokin.tasks; make = gymnasium.make\n"

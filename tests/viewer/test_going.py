@@ -51,6 +51,7 @@ def go(page: Page) -> None:
     page.click("Go")
 
 
+@pytest.mark.slow
 def test_the_arm_goes_to_what_is_shown_and_the_next_motion_begins_there(
     viewer: Viewer, page: Page, robot: Robot
 ) -> None:
@@ -105,6 +106,7 @@ def test_the_arm_stands_where_it_is_stopped(viewer: Viewer, page: Page, robot: R
     assert np.allclose(viewer.view.q, goal, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_gizmo_that_is_moved_stops_the_arm_there(viewer: Viewer, page: Page, robot: Robot) -> None:
     raise_target(viewer, robot, 0.15)
     go(page)
@@ -188,6 +190,7 @@ def test_without_a_way_a_sentence_says_why(robot: Robot, collision: str) -> None
         assert says(viewer, "Moving")
 
 
+@pytest.mark.slow
 def test_a_search_that_was_stopped_does_not_begin_again(robot: Robot) -> None:
     with serve(robot, scene=parted(robot), port=0) as viewer, opened(viewer) as page:
         page.change("joint_1", float(np.remainder(robot.home[0] + TURN, TURN) - np.pi))

@@ -291,6 +291,7 @@ def test_show_moves_the_gizmo(viewer: Viewer) -> None:
     assert at(viewer, NEAR)
 
 
+@pytest.mark.slow
 def test_messages_do_not_pile_up_and_tabs_leave_nothing_behind(viewer: Viewer) -> None:
     def round_of_tabs() -> int:
         """The messages that a page is sent when it opens after many others came and went."""

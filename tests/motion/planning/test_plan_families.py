@@ -183,6 +183,7 @@ def test_each_waypoint_has_an_axis_and_a_range_of_its_own(robot: Robot) -> None:
         np.testing.assert_allclose(rotation, target.rotation, atol=1e-7)
 
 
+@pytest.mark.slow
 def test_the_joints_move_steadily(robot: Robot, seven: Robot) -> None:
     """Free angles are tried in steps, and followed without: no tick is much faster than its neighbours."""
     corners = [at(0.4, -0.4, 0.3), at(0.4, 0.0, 0.3)]

@@ -218,6 +218,7 @@ def test_limits_that_coincide_have_no_middle_to_go_to() -> None:
     assert LimitDistance().velocity(robot, "end_effector", robot.home)[1] == 0.0
 
 
+@pytest.mark.slow
 def test_later_priorities_use_what_is_left_and_cost_the_first_nothing(robot: Robot) -> None:
     goal = robot.forward_kinematics(robot.home + np.array([0.2, -0.1, 0.1, 0.8, 0.5, 0.1]))
     tool, there = goal.translation, goal.rotation[:, 0]

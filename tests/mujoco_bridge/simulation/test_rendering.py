@@ -106,6 +106,7 @@ print("seen")
 """
 
 
+@pytest.mark.slow
 def test_colours_depth_and_segmentation() -> None:
     assert run(SCENE + PICTURES, MUJOCO_GL="egl") == "seen\n"
 

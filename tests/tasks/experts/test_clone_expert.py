@@ -50,6 +50,7 @@ def test_half_a_turn_of_the_brick_is_not_seen() -> None:
     assert np.abs(clone_expert.look(turned[1]) - before).max() > 0.5
 
 
+@pytest.mark.slow
 def test_what_is_fitted_comes_near_the_expert(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(clone_expert, "NOISE", 0.0)  # which nothing could be fitted to
     monkeypatch.setattr(clone_expert, "WIDTH", 64)

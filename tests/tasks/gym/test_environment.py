@@ -381,6 +381,7 @@ assert sum(equal) > 0.93 * len(equal)  # but for pixels on edges
 
 
 @pytest.mark.skipif(not backends(), reason="no rendering back end works here")
+@pytest.mark.slow
 def test_depth_and_segmentation_are_what_rays_meet() -> None:
     """A ray through the middle of a pixel, by MuJoCo's collision geometry instead of OpenGL."""
     environment = {**os.environ, "MUJOCO_GL": backends()[0]}
