@@ -525,7 +525,7 @@ class IKSolver:
         member = self._seven.nearest(pose, seed)
         return None if member is None else member[0]
 
-    def _compiled(self, matrices: Array, seeds: Array, workers: int) -> batch.Settled:
+    def _compiled(self, matrices: Array, seeds: Array, workers: int) -> batch.CompiledAnswers:
         """The best branch of each of many poses, which of them are answers, and which are in contact."""
         verifier, form, options = self._verifier, self.closed_form(), self._options
         if verifier.looks_for_contact:
@@ -548,7 +548,7 @@ class IKSolver:
             for row in np.flatnonzero(touching).tolist():
                 sentence = diagnosis.explain_contact(ALL_IN_CONTACT, verifier.pairs_in_contact(found.q[row]))
                 said[row] = verifier.status_in_contact, sentence
-        return batch.Settled(found, good, touching, said)
+        return batch.CompiledAnswers(found, good, touching, said)
 
 
 def _rebuild(robot: Robot, frame: str, tool: pin.SE3 | None, options: SolverOptions) -> IKSolver:

@@ -37,7 +37,7 @@ MAX_CHUNK = 4  # targets that a worker process takes at once: an interrupted bat
 Single = Callable[..., IKResult]
 
 
-class Settled(NamedTuple):
+class CompiledAnswers(NamedTuple):
     """What compiled code says about n poses."""
 
     found: BestBranches
@@ -50,7 +50,7 @@ class Settled(NamedTuple):
 
 
 #: Solves poses (n, 4, 4) from seeds (n, dof) on so many threads.
-Compiled = Callable[[Array, Array, int], Settled]
+Compiled = Callable[[Array, Array, int], CompiledAnswers]
 _Job = tuple[int, Array | FreeAxis, Array, bool]
 _single_in_process: list[Single] = []
 

@@ -31,7 +31,7 @@ SAME_POINT = 1e-4
 ON_CURVE = 1e-3
 
 
-class Census(NamedTuple):
+class Missing(NamedTuple):
     """Where something is missing."""
 
     curves: list[float]
@@ -40,7 +40,7 @@ class Census(NamedTuple):
     """Curves that have fewer pieces somewhere than there are configurations within the limits, perhaps."""
 
 
-def take_census(found: FoundCurves, problem: CurveProblem, singular: Iterable[float]) -> Census:
+def take_census(found: FoundCurves, problem: CurveProblem, singular: Iterable[float]) -> Missing:
     """Count configurations and curves.
 
     Args:
@@ -59,7 +59,7 @@ def take_census(found: FoundCurves, problem: CurveProblem, singular: Iterable[fl
     lines = _covering(arcs, at)
     fewer = within > _covering(pieces, at).sum(axis=0)
     branches = np.flatnonzero((lines[:, fewer] > 0).any(axis=1))
-    return Census(at[there > lines.sum(axis=0)].tolist(), branches.tolist())
+    return Missing(at[there > lines.sum(axis=0)].tolist(), branches.tolist())
 
 
 def lacks_any(found: FoundCurves, problem: CurveProblem, singular: Iterable[float]) -> bool:
