@@ -179,6 +179,6 @@ def written(folder: Path) -> list[Path]:
 
 if __name__ == "__main__":
     try:
-        main(Path(sys.argv[1]))
+        main(Path(sys.argv[1]).resolve())
     except ReleaseError as error:
         sys.exit(f"release_check: {error}")
