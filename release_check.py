@@ -57,7 +57,7 @@ def main(folder: Path) -> None:
             print(f"Python {version}: untried, there is none here")
             continue
         python = folder / f"python-{version}" / "bin" / "python"
-        subprocess.run([program, "-m", "venv", "--without-pip", str(python.parents[1])], check=True)
+        subprocess.run([program, "-m", "venv", "--clear", "--without-pip", str(python.parents[1])], check=True)
         requirements = folder / f"requirements-{version}.txt"
         requirements.write_text(locked(wheel, python), encoding="utf-8")
         pip(python, "install", "--quiet", "--require-hashes", "--no-deps", "-r", str(requirements))
