@@ -35,7 +35,7 @@ from tests.tasks.gym.test_vector import check_equal_to_single_ones
 
 MUG = "mine/LiftMug-v0"
 LIMIT = 2.0  # [s]
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(jacokin.__file__).parents[1]
 
 
 def near_and_high(state: State) -> Any:
