@@ -110,6 +110,8 @@ def writable(path: Path) -> Path:
         final = path.resolve()
     except (OSError, RuntimeError, ValueError) as error:  # a loop of links, a null byte
         raise InvalidInputError(f"{path}: cannot be written: {error}") from error
+    if final.is_symlink():  # as Python 3.13 leaves a loop
+        raise InvalidInputError(f"{path}: cannot be written: its links lead in a circle")
     if final.is_dir():
         raise InvalidInputError(f"{path}: cannot be written: it is a folder")
     if final.exists() and not os.access(final, os.W_OK):
