@@ -35,7 +35,7 @@ from jacokin.ik.batches import batch
 from jacokin.ik.closed_form import Branches, ClosedForm
 from jacokin.ik.closest import ClosestSearch
 from jacokin.ik.families.family import Family
-from jacokin.ik.families.search import FamilySearch, SixJointFamilies, seven_joint_families
+from jacokin.ik.families.search import FamilySearch, Scattered, SixJointFamilies, seven_joint_families
 from jacokin.ik.fixed_joints import FixedJoints, checked_values
 from jacokin.ik.local_search import LocalSearch
 from jacokin.ik.near_misses import NearMisses
@@ -323,6 +323,15 @@ class IKSolver:
         if self._families(interpret(target, self.frame)) is None:
             raise InvalidInputError("only a FreeAxis, or a pose of a seven-joint arm, has a family; use solve_all")
         return cast(Family, self.solve_all(target, seed))
+
+    def scatter(self, target: Target, step: float) -> Scattered | None:
+        """Members of a family for a first look, a step of the parameter apart [rad]: many times sooner than `family`.
+
+        What lies between two of them wholly is missing. None where there would be too many, or the target has none.
+        """
+        wanted = interpret(target, self.frame)
+        families = self._families(wanted)
+        return None if families is None else families.scatter(wanted, step)
 
     def solve_batch(
         self,

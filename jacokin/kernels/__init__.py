@@ -9,6 +9,7 @@ contact                              contact, distances and certain motions of a
 free_motion                          ways around what blocks a straight joint motion
 clear_targets                        many targets, each answered by the nearest branch clear of contact
 closest                              what comes closest to a target that is not reached
+rung_links                           which solutions of neighbouring places of a path follow each other
 speeds                               the least time along a path
 branches                             a branch verified, polished, put within the limits; duplicates
 entries, library                     what is compiled; the library loaded and called

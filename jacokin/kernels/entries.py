@@ -13,6 +13,7 @@ from jacokin.kernels.closed_form.batch import make_target_work, solve_targets
 from jacokin.kernels.closest import find_closest, make_closest_work
 from jacokin.kernels.contact.run import make_contact_work, run_contact
 from jacokin.kernels.free_motion.run import make_motion_work, run_free_motion
+from jacokin.kernels.rung_links import link_rungs, make_link_work
 from jacokin.kernels.self_motion.intervals import make_curve_work, run_curves
 from jacokin.kernels.six_joints.ranking import make_rank_work, rank_labellings
 from jacokin.kernels.speeds import fit_speeds, make_speed_work
@@ -32,6 +33,7 @@ ENTRIES = (
     Entry(run_contact, make_contact_work),
     Entry(run_free_motion, make_motion_work),
     Entry(solve_clear_targets, make_clear_work),
+    Entry(link_rungs, make_link_work),
     Entry(fit_speeds, make_speed_work),
     Entry(find_closest, make_closest_work),
 )

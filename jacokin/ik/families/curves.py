@@ -27,6 +27,7 @@ from jacokin.kernels.self_motion.intervals import (
     FIND_NEAREST_ON_RUN,
     FIRST_SLICE,
     SAME_SLICE,
+    SCATTER,
     SLICES_SEVEN,
     SLICES_SIX,
     CurveWork,
@@ -34,6 +35,7 @@ from jacokin.kernels.self_motion.intervals import (
     run_curves,
 )
 from jacokin.kernels.self_motion.limit_cuts import INTERVALS
+from jacokin.kernels.self_motion.members import GUESSED
 from jacokin.kernels.self_motion.slices import SAME_PARAMETER, SINGULAR, SLICES
 from jacokin.model import checks
 from jacokin.model.angles import TURN
@@ -160,6 +162,24 @@ class CurveProblem(NamedTuple):
             points = [np.vstack(points)]  # copied
         self.arm.put_back(call)
         return points[0], np.concatenate(numbers)
+
+    def scatter(self, parameters: Array) -> tuple[Array, NDArray[np.bool_], bool]:
+        """Points within the limits for a first look: all at rising values of the parameter, and guesses between them.
+
+        Args:
+            parameters: (m,) at most SLICES values [rad]; all round if the parameter goes round.
+
+        Returns:
+            Points (k, 7) [rad]; which (k,) are guesses, of limits that are passed and of folds; and whether there is
+            any point at the values, within the limits or not.
+        """
+        (call, _), n = self._prepare(), len(parameters)
+        call.work.slices.p[:n] = parameters
+        call.work.options[0], call.work.options[2] = SCATTER, n
+        rows = call.work.arcs.nodes[: call()].copy()
+        reached = bool(call.work.slices.filled[:n].any())
+        self.arm.put_back(call)
+        return rows[:, :7], rows[:, GUESSED] > 0.0, reached
 
     def nearest(self, seed: Array) -> Array | None:
         """The point (7,) within the limits nearest to a seed (dof,), joints in the copies nearest to it.

@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.ik import diagnosis
@@ -38,7 +39,7 @@ from jacokin.ik.preferences import Cost, copies_to_try, with_ties
 from jacokin.ik.results import IKResult
 from jacokin.ik.targets import Request, TargetPose, combined_error
 from jacokin.ik.verification import Candidate, Verifier
-from jacokin.kernels.self_motion.slices import SAME_PARAMETER
+from jacokin.kernels.self_motion.slices import SAME_PARAMETER, SLICES
 from jacokin.model import angles
 from jacokin.model.angles import TURN
 from jacokin.model.poses import FreeAxis
@@ -100,6 +101,19 @@ class FamilyFindings(NamedTuple):
                 value, interval = float(parameters[index]), self.family.intervals[numbers[index]]
                 exact = rows[index] if interval.start == interval.stop else interval.at(value)  # `walk` is not exact
                 yield members.candidate(angles.nearest_copy(exact, rows[index]), value)
+
+
+class Scattered(NamedTuple):
+    """Configurations of a family for a first look."""
+
+    q: Array
+    """(k, dof) within the limits [rad]."""
+    parameters: Array
+    """(k,) [rad]."""
+    guessed: NDArray[np.bool_]
+    """(k,) which are near members, about where intervals end; others are members."""
+    reached: bool
+    """Whether anything was found, within the limits or not."""
 
 
 class FamilySearch:
@@ -187,6 +201,22 @@ class FamilySearch:
 
         complete = found.complete
         return FamilyFindings(family, members, lambda: _find_least_excess(tracks(), robot, exact=complete), tracks)
+
+    def scatter(self, target: TargetPose, step: float) -> Scattered | None:
+        """Members at whole multiples of a step [rad] and at the ends of the range, and guesses where intervals end.
+
+        What lies between two of them wholly is not seen. None where there are too many.
+        """
+        free, robot = target.free_axis, self._verifier.robot
+        low, high = (-math.pi, math.pi) if free is None or free.full_turn else free.range
+        if high - low > (SLICES - 2) * step:
+            return None
+        parameters = step * np.arange(math.ceil(low / step), math.ceil(high / step), dtype=np.float64)
+        if free is not None and not free.full_turn:
+            parameters = np.unique(np.append(parameters, [low, high]))
+        x, guessed, reached = self._arm.problem(target).scatter(parameters)
+        q = angles.into_limits(x[:, : robot.dof], robot.lower, robot.upper)
+        return Scattered(q, x[:, self._arm.parameter], guessed, reached)
 
     def nearest(self, target: TargetPose, seed: Array) -> tuple[Array, float] | None:
         """The member (dof,) nearest to a seed and its parameter [rad]; None where only `find` can tell."""

@@ -9,4 +9,5 @@ arcs, limit_cuts       cutting the curves where the parameter turns back, and wh
 census                 whether they are all that there is, counted in closed form
 straight_wrist         where the outer axes of the wrist are one line, from equations of its own
 nearest, sweep         the member nearest to a seed
+members                a first look, at some values of the parameter alone
 """

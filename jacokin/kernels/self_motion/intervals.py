@@ -8,6 +8,7 @@ arcs         pieces of the curves along which the parameter rises, from fold to 
 limit_cuts   what is left of them within the joint limits
 census       whether they are all that there is
 nearest      the one point that is nearest to a seed, without the rest
+members      members for a first look, at values of the parameter and about where curves end
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from jacokin.kernels.self_motion.follow import between, where_joint_is
 from jacokin.kernels.self_motion.gaps import Loops, add_loops, add_windows, insert_slice, make_loops
 from jacokin.kernels.self_motion.graph import Graph, join, make_graph
 from jacokin.kernels.self_motion.limit_cuts import Cuts, cut, make_cuts
+from jacokin.kernels.self_motion.members import scatter
 from jacokin.kernels.self_motion.nearest import Nearest, make_nearest, search_arcs, search_run
 from jacokin.kernels.self_motion.slices import (
     Quarters,
@@ -48,8 +50,9 @@ from jacokin.kernels.self_motion.straight_wrist import (
 from jacokin.kernels.self_motion.sweep import SweepWork, sweep
 
 #: What to do: find the intervals; find a point at a share of a chord; find a point where the parameter has a value;
-#: find the member nearest to the seed; find the nearest one on the first nodes of the arcs; solve at the slices alone.
-FIND_INTERVALS, FIND_AT_SHARE, FIND_AT_PARAMETER, FIND_NEAREST, FIND_NEAREST_ON_RUN, FILL_SLICES = 0, 1, 2, 3, 4, 5
+#: find the member nearest to the seed; find the nearest one on the first nodes of the arcs; solve at the slices alone;
+#: fill the nodes with members at the slices and guesses between them.
+FIND_INTERVALS, FIND_AT_SHARE, FIND_AT_PARAMETER, FIND_NEAREST, FIND_NEAREST_ON_RUN, FILL_SLICES, SCATTER = range(7)
 
 # What callers choose the slices by.
 
@@ -109,7 +112,7 @@ def make_curve_work() -> CurveWork:
 
 
 def run_curves(work: CurveWork) -> int:
-    """Do what work.options[0] asks for; returns the number of intervals, or 1 if the point was found, else 0.
+    """Do what work.options[0] asks for; returns the number of intervals or rows, or 1 if the point was found, else 0.
 
     A nearest point is in work.nearest; 0 where a curve was lost or the wrist may be straight: others may be nearer.
     """
@@ -125,6 +128,9 @@ def run_curves(work: CurveWork) -> int:
     if task == FILL_SLICES:
         work.counts[2] = fill_slices(chain, T, parameter, n, work.slices, work.six, work.seven, walk)
         return 1
+    if task == SCATTER:
+        work.counts[2] = fill_slices(chain, T, parameter, n, work.slices, work.six, work.seven, walk)
+        return scatter(parameter, n, closed, work.slices, work.cuts.limits, work.graph, work.arcs.nodes)
     if parameter != 6:
         straight = find_straight_seven(chain, T, work.seven, work.straight)
     else:

@@ -226,16 +226,3 @@ class Pace:
         """Times (n - 1,) from each of the places (n,) to the next [s]."""
         line = np.clip(u[:-1].astype(np.intp), 0, len(self.times) - 1)
         return np.asarray(np.maximum(np.diff(u) * self.times[line], 1e-9))
-
-    def cost(self, away: Array, start: float, end: float, keep: bool) -> Array:
-        """Of motions (m, dof) [rad] between two places: squared joint speeds as parts of their limits, times the time.
-
-        More where the time does not suffice, if the speed is to be kept.
-        """
-        time = float(self.between(np.array([start, end]))[0])
-        speed = np.abs(away) / self.scale / time
-        cost = time * (speed**2).sum(axis=1)
-        if keep:
-            fastest = speed.max(axis=1, initial=0.0)
-            cost += np.where(fastest > 1.0, TOO_FAST * time * fastest, 0.0)
-        return np.asarray(cost)

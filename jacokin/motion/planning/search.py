@@ -2,7 +2,7 @@
 
 `Ladder` makes rungs of all solutions at places of the path, and tells which of neighbouring rungs follow each other.
 Two solutions do when the straight motion between them stays near the line of the tool: half way, the tool misses the
-line by no more than `DEVIATION` and `TILT`, and by a little more where the parameter of a family changes. What is on
+line by no more than `MISSED` and `TILTED`, and by a little more where the parameter of a family changes. What is on
 the line exactly is found later (`manifold.Curve`).
 
 `PathSearch` finds the cheapest way by dynamic programming, and makes steps smaller where no way leads on. `Climb` looks
@@ -22,6 +22,19 @@ from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.ik.solver import IKSolver
+from jacokin.kernels.library import Call
+from jacokin.kernels.rung_links import (
+    BEND,
+    DEVIATION,
+    FARTHEST,
+    FARTHEST_PARAMETER,
+    HASTE,
+    JOINTS,
+    PARAMETER,
+    TILT,
+    link_rungs,
+    make_link_work,
+)
 from jacokin.model import angles
 from jacokin.model.angles import TURN
 from jacokin.model.poses import FreeAxis
@@ -30,22 +43,22 @@ from jacokin.motion.planning.smoothing import Smoothing
 from jacokin.motion.timing import sample_lines
 
 PLACES_TOGETHER = 256  # places whose members are corrected in one go
-DEVIATION = 2e-3  # [m] of the tool from its line half way between two steps, the joints moving straight
-TILT = 2e-2  # [rad] the same of its orientation
-BEND = 0.15  # [m] and [rad], times the squared change of the parameter: how much more that may be
+MISSED = 2e-3  # [m] of the tool from its line half way between two steps, the joints moving straight
+TILTED = 2e-2  # [rad] the same of its orientation
+BENT = 0.15  # [m] and [rad], times the squared change of the parameter: how much more that may be
 NEAR = 1.0  # [rad] no joint moves farther between two steps
-MANY = 256  # pairs of solutions that are worth a look at single joints first
 FREE_STEPS = 2.5  # steps of the parameter from one step of the path to the next, at most
 
 FINEST = 2e-5  # [m] and [rad / 5] no step of the path is made smaller
 MOST_RUNGS = 6000  # more than the path began with: steps that are halved cost time
-TOGETHER = 20_000  # pairs of solutions that are looked at in one go
+TOGETHER = 300_000  # pairs of solutions that are looked at in one go
 MOST_REFINED = 24  # steps that are halved at once, the last ones first
 RESOLUTION = 0.02  # [rad] no joint moves farther between two places at which contact is looked for
 AT_START = 1e-3  # [rad] a solution this near to `start` is the one the arm is on
 FROM_SEED = 0.1  # cost of a first solution's squared distance to the seed, beside that of the motion
 SMOOTHINGS = 4  # times a way is smoothed, with what got worse by it left alone
 MOST_ROUNDS = 100  # times the way is changed because a closer look found a gap or an obstacle
+FEW_ROUNDS = 20  # the same on a first look at families, before whole ones are looked at
 MOST_FASTER = 12  # times another way is tried because joints would be too fast on the best one
 SPEED_ROUNDING = 1e-9  # relative to a velocity limit
 
@@ -82,8 +95,30 @@ class Links:
     cost: Array
 
 
+class _Members(NamedTuple):
+    """Points of the family of one place."""
+
+    x: Array
+    """(k, width)."""
+    guessed: NDArray[np.bool_]
+    """(k,) which are only near the curves."""
+    solutions: int
+    """How many branches there are, whatever the limits; of a first look 1 for any."""
+
+
+def _all_guessed(x: Array, solutions: int) -> _Members:
+    return _Members(x, np.ones(len(x), dtype=np.bool_), solutions)
+
+
 class Ladder:
-    """Makes the rungs of one path, and the links between neighbours."""
+    """Makes the rungs of one path, and the links between neighbours.
+
+    Attributes:
+        manifold: the configurations on the path.
+        pace: what motion costs.
+        keep: whether motions that need more than the time of their line are the last resort.
+        thorough: whether rungs have members of whole families; else of a first look, which misses short intervals.
+    """
 
     def __init__(self, solver: IKSolver, manifold: Manifold, pace: Pace, step: float, *, keep: bool) -> None:
         """Prepare.
@@ -97,12 +132,13 @@ class Ladder:
         """
         self.manifold, self.pace = manifold, pace
         self._solver, self._step, self.keep = solver, step, keep
+        self.thorough = not manifold.has_families
         self._robot, self.verifier = solver.robot, solver.verifier
         # Limited joints with more than a turn of room stand for several configurations.
         self._wide = np.flatnonzero(~self._robot.unlimited & (self._robot.upper - self._robot.lower > TURN))
 
     def make_rungs(self, places: Array, near: Array | None = None) -> list[Rung]:
-        """The solutions at places (n,); of families also the members nearest to a configuration (dof,)."""
+        """The solutions at places (n,); of whole families, with the members nearest to a configuration (dof,)."""
         manifold = self.manifold
         if not manifold.has_families:
             poses = manifold.path.at(places)
@@ -111,15 +147,17 @@ class Ladder:
         return [rung for part in parts for rung in self._family_rungs(part, near)]
 
     def _family_rungs(self, places: Array, near: Array | None) -> list[Rung]:
-        """Members of families, all corrected together."""
+        """Members of families, guesses corrected all together."""
         manifold = self.manifold
         found = [self._members(u, manifold.path.target(u), near) for u in places.tolist()]
-        counts = [len(rows) for rows, _ in found]
-        x, good = manifold.project(np.repeat(places, counts), np.concatenate([rows for rows, _ in found]))
+        counts = [len(members.x) for members in found]
+        x, good = np.concatenate([members.x for members in found]), np.ones(sum(counts), dtype=np.bool_)
+        rows = np.flatnonzero(np.concatenate([members.guessed for members in found]))
+        x[rows], good[rows] = manifold.project(np.repeat(places, counts)[rows], x[rows])
         ends = np.cumsum([0, *counts]).tolist()
         return [
-            self._rung(u, x[start:end][good[start:end]], solutions)
-            for u, (start, end), (_, solutions) in zip(places.tolist(), itertools.pairwise(ends), found, strict=True)
+            self._rung(u, x[start:end][good[start:end]], members.solutions)
+            for u, (start, end), members in zip(places.tolist(), itertools.pairwise(ends), found, strict=True)
         ]
 
     def _branches(self, u: float, T: Array) -> Rung:
@@ -127,13 +165,17 @@ class Ladder:
         rows = self._solver.closed_form().solve_all(T, self._robot.home)
         return self._rung(u, rows.q[self.verifier.reached_rows(rows)], len(rows))
 
-    def _members(self, u: float, target: pin.SE3 | FreeAxis, near: Array | None) -> tuple[Array, int]:
-        """Points (k, width) of a family, to about 1e-4 rad, and how many branches it has in all."""
+    def _members(self, u: float, target: pin.SE3 | FreeAxis, near: Array | None) -> _Members:
+        """Points of a family."""
         if not isinstance(target, FreeAxis) and self.manifold.path.free:  # six joints, at one value of the free angle
             branches = self._solver.closed_form().solve_all(target.homogeneous, self._robot.home)
             angle = float(self.manifold.path.window(np.array([u]))[0][0])
             rows = branches.q[self.verifier.reached_rows(branches)]
-            return self.manifold.points(rows, target, angle), len(branches)
+            return _all_guessed(self.manifold.points(rows, target, angle), len(branches))
+        seen = None if self.thorough or near is not None else self._solver.scatter(target, self._step)
+        if seen is not None:
+            x = np.column_stack([seen.q, seen.parameters]) if self.manifold.path.free else seen.q
+            return _Members(x, seen.guessed, int(seen.reached))
         family = self._solver.family(target)
         found = [np.empty((0, self.manifold.width))]
         for interval in family:
@@ -143,7 +185,7 @@ class Ladder:
         if near is not None:  # the member nearest to it, and the configuration itself, which may be a member
             nearest = family.nearest(near)
             found.append(self.manifold.points(np.array([near] if nearest is None else [nearest, near]), target))
-        return np.concatenate(found), family.branches
+        return _all_guessed(np.concatenate(found), family.branches)
 
     def _rung(self, u: float, x: Array, solutions: int) -> Rung:
         """The rung of points (k, width): without those in contact, and with their copies."""
@@ -169,41 +211,27 @@ class Ladder:
 
     def link(self, rungs: Sequence[Rung]) -> list[Links]:
         """Which solutions of each rung, the second to the last, follow which of the rung before, and at what cost."""
-        manifold = self.manifold
-        pairs = [np.nonzero(self._plausible(a, b)) for a, b in itertools.pairwise(rungs)]
-        counts = [len(first) for first, _ in pairs]
-        start = np.concatenate([a.x[first] for a, (first, _) in zip(rungs, pairs, strict=False)])
-        away = manifold.difference(
-            start, np.concatenate([b.x[second] for b, (_, second) in zip(rungs[1:], pairs, strict=True)])
-        )
-        middles = np.repeat([0.5 * (a.u + b.u) for a, b in itertools.pairwise(rungs)], counts)
-        good = np.abs(away[:, : manifold.dof]).max(axis=1, initial=0.0) <= NEAR
-        position, tilt = manifold.chain.errors(start[good] + 0.5 * away[good], manifold.goal(middles[good]))
-        more = np.zeros(len(position)) if manifold.column is None else BEND * away[good, manifold.column] ** 2
-        good[good] = (position <= DEVIATION + more) & (tilt <= TILT + more)
-        found = []
-        ends = np.cumsum([0, *counts]).tolist()
-        rows = zip(itertools.pairwise(rungs), pairs, itertools.pairwise(ends), strict=True)
-        for (a, b), (first, second), (start_row, end_row) in rows:
-            keep = good[start_row:end_row]
-            cost = self.pace.cost(away[start_row:end_row][keep, : manifold.dof], a.u, b.u, self.keep)
-            found.append(Links(first[keep], second[keep], cost))
-        return found
-
-    def _plausible(self, a: Rung, b: Rung) -> NDArray[np.bool_]:
-        """(k, l) False where single coordinates already show that two solutions do not follow each other."""
-        good = np.ones((len(a.x), len(b.x)), dtype=np.bool_)
-        manifold = self.manifold
-        most = np.full(manifold.width, NEAR)
-        if manifold.column is not None:
-            most[manifold.column] = FREE_STEPS * self._step
-        many = len(a.x) * len(b.x) > MANY
-        for column in range(manifold.width) if many else [] if manifold.column is None else [manifold.column]:
-            away = b.x[None, :, column] - a.x[:, None, column]
-            if manifold.circular[column]:
-                away -= TURN * np.round(away / TURN)
-            good &= np.abs(away) <= most[column]
-        return good
+        manifold, u = self.manifold, np.array([rung.u for rung in rungs])
+        sizes = [len(rung.x) for rung in rungs]
+        room = sum(a * b for a, b in itertools.pairwise(sizes))
+        work = make_link_work(manifold.dof, manifold.width, len(rungs), sum(sizes), room)
+        work.joints[:], work.tip[:], work.counts[JOINTS] = manifold.chain.constants
+        work.counts[PARAMETER] = -1 if manifold.column is None else manifold.column
+        work.numbers[[FARTHEST, FARTHEST_PARAMETER]] = NEAR, FREE_STEPS * self._step
+        work.numbers[[DEVIATION, TILT, BEND]] = MISSED, TILTED, BENT
+        work.numbers[HASTE] = TOO_FAST if self.keep else 0.0
+        work.circular[:], work.scale[:] = manifold.circular, self.pace.scale
+        work.sizes[:], work.x[:] = sizes, np.concatenate([rung.x for rung in rungs]).ravel()
+        goal = manifold.goal(0.5 * (u[:-1] + u[1:]))
+        work.T[:], work.times[:] = goal.T, self.pace.between(u)
+        if goal.axis is not None:
+            work.axis[:] = goal.axis
+        Call(link_rungs, work)()
+        ends = np.cumsum([0, *work.made])
+        return [
+            Links(work.first[start:end].copy(), work.second[start:end].copy(), work.cost[start:end].copy())
+            for start, end in itertools.pairwise(ends.tolist())
+        ]
 
 
 @dataclass(frozen=True, slots=True)
@@ -248,8 +276,9 @@ class Climb:
         """The best way; None when it does not even begin."""
         search, blocked = self._search, ""
         best: tuple[float, ClimbResult] | None = None
-        faster = 0
-        for rounds in range(MOST_ROUNDS):
+        faster = rounds = 0
+        while rounds < MOST_ROUNDS:
+            rounds += 1
             way = search.best()
             if not way:
                 return None
@@ -263,10 +292,16 @@ class Climb:
                 late, dearer = self._charge_haste(done.curve, way, curve) if search.ladder.keep else (0.0, False)
                 if best is None or (done.reached, -late) > (best[1].reached, -best[0]):
                     best = late, done
+                if late and search.look_thoroughly():
+                    rounds = 0
+                    continue
                 faster += 1
                 if not dearer or faster > MOST_FASTER:
                     return best[1]
-            elif rounds == MOST_ROUNDS - 1 and best is None:
+            elif rounds > FEW_ROUNDS and best is None and search.look_thoroughly():
+                rounds = 0
+                continue
+            elif rounds == MOST_ROUNDS and best is None:
                 last = look.wrong[-1]
                 return ClimbResult(self._curve(way[: last + 1]), float(curve.u[last]), blocked)
             for interval in look.wrong:  # from the end: numbers of the others stay as they are
@@ -352,18 +387,34 @@ class PathSearch:
             exactly: whether it must begin there.
         """
         self.ladder, self.near, self.exactly = ladder, near, exactly
-        self.rungs = [*ladder.make_rungs(places[:1], near), *ladder.make_rungs(places[1:])]
+        self._places = places
+        self._make_rungs()
+
+    def _make_rungs(self) -> None:
+        """Begin, or begin anew."""
+        places = self._places
+        self.rungs = [*self.ladder.make_rungs(places[:1], self.near), *self.ladder.make_rungs(places[1:])]
         self._links: list[Links | None] = [None] * len(self.rungs)  # from the rung before
         self._most = len(self.rungs) + MOST_RUNGS
         self._costs: list[Array] = []
         self._back: list[NDArray[np.intp]] = []
         self._valid = 0  # rungs whose costs are still right
 
+    def look_thoroughly(self) -> bool:
+        """Begin anew with whole families; False if that is how it began."""
+        if self.ladder.thorough:
+            return False
+        self.ladder.thorough = True
+        self._make_rungs()
+        return True
+
     def best(self) -> list[int]:
         """Solutions of the cheapest way, rung by rung: to the end, or else to the last rung that can be reached."""
         while True:
             reached = self._climb()
-            if reached == len(self.rungs) - 1 or not self._refine(reached):
+            if reached == len(self.rungs) - 1:
+                return self._trace(reached)
+            if not self.look_thoroughly() and not self._refine(reached):
                 return self._trace(reached)
 
     def cut(self, rung: int, first: int, second: int) -> None:

@@ -9,6 +9,7 @@ import pinocchio as pin
 import pytest
 
 from jacokin import FreeAxis, IKSolver, Robot
+from jacokin.ik.families.search import Scattered
 from jacokin.model.many_configurations import Chain
 from jacokin.motion.path import CartesianPath
 from jacokin.motion.planning.manifold import Manifold, Pace
@@ -102,3 +103,39 @@ def test_steps_are_made_smaller_where_no_way_leads_on(robot: Robot) -> None:
     assert places == sorted(places)
     q = np.array([rung.x[node] for rung, node in zip(search.rungs, way, strict=True)])
     assert np.abs(search.ladder.manifold.difference(q[:-1], q[1:])).max() <= 1.0
+
+
+def test_links_are_what_stays_near_the_line_half_way(robot: Robot) -> None:
+    home = robot.home
+    path = line(robot, home.tolist(), (home + 0.05).tolist(), free=True)
+    for keep in (True, False):
+        ladder = make_ladder(robot, path, keep=keep)
+        manifold = ladder.manifold
+        a, b = ladder.make_rungs(np.array([0.0, 0.3]))
+        found = ladder.link([a, b])[0]
+        first, second = np.divmod(np.arange(len(a.x) * len(b.x)), len(b.x))
+        away = manifold.difference(a.x[first], b.x[second])
+        where = np.full(len(away), 0.15)
+        position, tilt = manifold.chain.errors(a.x[first] + 0.5 * away, manifold.goal(where))
+        more = 0.15 * away[:, 6] ** 2
+        good = (position <= 2e-3 + more) & (tilt <= 2e-2 + more) & (np.abs(away[:, :6]).max(axis=1) <= 1.0)
+        good &= np.abs(away[:, 6]) <= 2.5 * 0.5
+        assert 3 < good.sum() < len(good)
+        np.testing.assert_array_equal(found.first, first[good])
+        np.testing.assert_array_equal(found.second, second[good])
+        time = 0.3 * ladder.pace.times[0]
+        speed = np.abs(away[good, :6]) / ladder.pace.scale / time
+        cost = time * (speed**2).sum(axis=1)
+        if keep:
+            cost += np.where(speed.max(axis=1) > 1.0, 1e3 * time * speed.max(axis=1), 0.0)
+        np.testing.assert_allclose(found.cost, cost, rtol=1e-9)
+
+
+def test_what_a_first_look_does_not_see_is_found(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    blind = Scattered(np.empty((0, 6)), np.empty(0), np.empty(0, dtype=np.bool_), reached=True)
+    monkeypatch.setattr(IKSolver, "scatter", lambda solver, target, step: blind)
+    path = line(robot, robot.home.tolist(), (robot.home + 0.05).tolist(), free=True)
+    search = PathSearch(make_ladder(robot, path), np.array([0.0, 0.5, 1.0]), robot.home, exactly=False)
+    assert [len(rung.x) for rung in search.rungs[1:]] == [0, 0]
+    assert len(search.best()) == 3
+    assert not search.look_thoroughly()  # it did
