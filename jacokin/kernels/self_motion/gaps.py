@@ -325,6 +325,8 @@ FARTHEST = 0.7
 #: Steps of all roots at a slice at most, and at the first one.
 ALL_ROOTS_STEPS, FIRST_STEPS = 12, 100
 ALL_ROOTS_ACCURACY = 1e-8
+#: Or a share of the distance to the nearest root: convergence is cubic, so that a millionth of it is left at most.
+ALL_ROOTS_SHARE = 1e-3
 #: Leading coefficients below this share of the largest one are rounding: with a spherical wrist the degree is 4.
 NO_COEFFICIENT = 1e-11
 #: A minimum of y^2 that the cubic puts above this share of the values at the slices stays above zero.
@@ -337,6 +339,9 @@ MINIMUM_STEPS, ONE_ROOT_STEPS = 12, 12
 ONE_ROOT_ACCURACY = 1e-13
 #: Share of a bracket that a step leaves at either end.
 CLOSEST = 0.01
+#: Where the lanes of all roots begin, real parts and then imaginary ones: the roots, values and slopes of the
+#: polynomial there, sums over the other roots, and the squared distance to the nearest.
+REAL_PART, IMAGINARY, VALUE, SLOPE, OTHERS, NEAREST, LANES = (n * ALL_ROOTS for n in (0, 1, 2, 4, 6, 8, 9))
 
 
 class Loops(NamedTuple):
@@ -348,6 +353,7 @@ class Loops(NamedTuple):
     height: Array  # (2, 16, 4) y^2 there, -1 where it is not looked at, and its derivative; dz/dp / z
     rate: Array  # (16, 2) dz/dp / z at the slice before the last one
     moving: NDArray[np.int64]  # (16,) 1 for roots that are still improved
+    lanes: Array  # (LANES,) to work in: what is computed of all roots at once
     found: Array  # (SLICES,) values of the parameter to add
 
 
@@ -360,6 +366,7 @@ def make_loops() -> Loops:
         np.empty((2, ALL_ROOTS, 4)),
         np.empty((ALL_ROOTS, 2)),
         np.zeros(ALL_ROOTS, np.int64),
+        np.empty(LANES),
         np.empty(SLICES),
     )
 
@@ -385,13 +392,17 @@ def degree_of(polynomial: Array) -> int:
     """How many coefficients on either side of the middle one are more than rounding."""
     largest = 0.0
     for n in range(DEGREE + 1):
-        largest = max(largest, math.hypot(polynomial[0, DEGREE + n, 0], polynomial[0, DEGREE + n, 1]))
+        largest = max(largest, squared_size(polynomial, n))
     degree = DEGREE
-    while degree > 0:
-        if math.hypot(polynomial[0, DEGREE + degree, 0], polynomial[0, DEGREE + degree, 1]) > NO_COEFFICIENT * largest:
-            break
+    while degree > 0 and squared_size(polynomial, degree) <= NO_COEFFICIENT * NO_COEFFICIENT * largest:
         degree -= 1
     return degree
+
+
+def squared_size(polynomial: Array, n: int) -> float:
+    """The squared size of coefficient n after the middle one."""
+    a, b = polynomial[0, DEGREE + n, 0], polynomial[0, DEGREE + n, 1]
+    return float(a * a + b * b)
 
 
 def value_at(polynomial: Array, n: int, degree: int, z: complex) -> complex:
@@ -411,63 +422,111 @@ def slope_at(polynomial: Array, degree: int, z: complex) -> complex:
     return slope
 
 
-def improve_roots(polynomial: Array, degree: int, roots: Array, steps: int, moving: NDArray[np.int64]) -> None:
+def take_roots(degree: int, roots: Array, lanes: Array) -> None:
+    """Fill the lanes with the first 2 degree roots, the others with zero."""
+    for i in range(ALL_ROOTS):
+        lanes[REAL_PART + i] = roots[i, 0] if i < 2 * degree else 0.0
+        lanes[IMAGINARY + i] = roots[i, 1] if i < 2 * degree else 0.0
+
+
+def evaluate(polynomial: Array, n: int, degree: int, lanes: Array, at: int) -> None:
+    """Fill the lanes from `at` on with the values of polynomial n at the roots, by Horner's rule for all at once."""
+    for i in range(ALL_ROOTS):
+        lanes[at + i], lanes[at + ALL_ROOTS + i] = 0.0, 0.0
+    for m in range(DEGREE + degree, DEGREE - degree - 1, -1):
+        real, imaginary = polynomial[n, m, 0], polynomial[n, m, 1]
+        for i in range(ALL_ROOTS):
+            x, y, a, b = lanes[REAL_PART + i], lanes[IMAGINARY + i], lanes[at + i], lanes[at + ALL_ROOTS + i]
+            lanes[at + i] = a * x - b * y + real
+            lanes[at + ALL_ROOTS + i] = a * y + b * x + imaginary
+
+
+def evaluate_slopes(polynomial: Array, degree: int, lanes: Array) -> None:
+    """The same of polynomial 0, and its derivative by z."""
+    for i in range(4 * ALL_ROOTS):
+        lanes[VALUE + i] = 0.0
+    for m in range(DEGREE + degree, DEGREE - degree - 1, -1):
+        real, imaginary = polynomial[0, m, 0], polynomial[0, m, 1]
+        for i in range(ALL_ROOTS):
+            x, y = lanes[i], lanes[IMAGINARY + i]
+            a, b = lanes[VALUE + i], lanes[VALUE + ALL_ROOTS + i]
+            c, d = lanes[SLOPE + i], lanes[SLOPE + ALL_ROOTS + i]
+            lanes[SLOPE + i] = c * x - d * y + a
+            lanes[SLOPE + ALL_ROOTS + i] = c * y + d * x + b
+            lanes[VALUE + i] = a * x - b * y + real
+            lanes[VALUE + ALL_ROOTS + i] = a * y + b * x + imaginary
+
+
+def separate(count: int, lanes: Array) -> None:
+    """Fill the lanes with the sums of 1 / (z - other) over so many roots, and squared distances to the nearest one."""
+    for i in range(ALL_ROOTS):
+        lanes[OTHERS + i], lanes[OTHERS + ALL_ROOTS + i], lanes[NEAREST + i] = 0.0, 0.0, math.inf
+    for j in range(count):
+        x, y = lanes[j], lanes[IMAGINARY + j]
+        for i in range(ALL_ROOTS):
+            u, v = lanes[i] - x, lanes[IMAGINARY + i] - y
+            square = u * u + v * v
+            inverse = 1.0 / square if square > 0.0 else 0.0
+            lanes[OTHERS + i] += u * inverse
+            lanes[OTHERS + ALL_ROOTS + i] -= v * inverse
+            lanes[NEAREST + i] = min(lanes[NEAREST + i], square if square > 0.0 else math.inf)
+
+
+def improve_roots(polynomial: Array, degree: int, roots: Array, steps: int, loops: Loops) -> None:
     """Improve the first 2 degree roots all at once, each kept apart from the others (Aberth, 1973)."""
+    lanes, moving = loops.lanes, loops.moving
+    take_roots(degree, roots, lanes)
     for i in range(2 * degree):
         moving[i] = 1
     for _ in range(steps):
         settled = True
+        evaluate_slopes(polynomial, degree, lanes)
+        separate(2 * degree, lanes)
         for i in range(2 * degree):
-            if moving[i] == 0:
+            a, b = lanes[VALUE + i], lanes[VALUE + ALL_ROOTS + i]
+            if moving[i] == 0 or (a == 0.0 and b == 0.0):
                 continue
-            x, y = roots[i, 0], roots[i, 1]
-            # Horner's rule for value and slope, real and imaginary parts.
-            a, b, c, d = 0.0, 0.0, 0.0, 0.0
-            for m in range(DEGREE + degree, DEGREE - degree - 1, -1):
-                c, d = c * x - d * y + a, c * y + d * x + b
-                a, b = a * x - b * y + polynomial[0, m, 0], a * y + b * x + polynomial[0, m, 1]
-            if a == 0.0 and b == 0.0:
-                continue
-            e, f = 0.0, 0.0  # the sum of 1 / (z - other)
-            for j in range(2 * degree):
-                u, v = x - roots[j, 0], y - roots[j, 1]
-                square = u * u + v * v
-                if square > 0.0:
-                    inverse = 1.0 / square
-                    e += u * inverse
-                    f -= v * inverse
             # The step is value / (slope - value * sum).
-            c -= a * e - b * f
-            d -= a * f + b * e
+            e, f = lanes[OTHERS + i], lanes[OTHERS + ALL_ROOTS + i]
+            c = lanes[SLOPE + i] - (a * e - b * f)
+            d = lanes[SLOPE + ALL_ROOTS + i] - (a * f + b * e)
             square = c * c + d * d
             if square == 0.0:
                 continue
             u, v = (a * c + b * d) / square, (b * c - a * d) / square
-            roots[i, 0], roots[i, 1] = x - u, y - v
-            if u * u + v * v > ALL_ROOTS_ACCURACY * ALL_ROOTS_ACCURACY * (x * x + y * y):
-                settled = False
-            else:
+            x, y = lanes[i], lanes[IMAGINARY + i]
+            lanes[i], lanes[IMAGINARY + i] = x - u, y - v
+            square = u * u + v * v
+            settles = square <= ALL_ROOTS_ACCURACY * ALL_ROOTS_ACCURACY * (x * x + y * y)
+            if settles or square <= ALL_ROOTS_SHARE * ALL_ROOTS_SHARE * lanes[NEAREST + i]:
                 moving[i] = 0
+            else:
+                settled = False
         if settled:
-            return
+            break
+    for i in range(2 * degree):
+        roots[i, 0], roots[i, 1] = lanes[i], lanes[IMAGINARY + i]
 
 
-def fill_heights(polynomial: Array, degree: int, roots: Array, height: Array) -> None:
+def fill_heights(polynomial: Array, degree: int, roots: Array, height: Array, lanes: Array) -> None:
     """Fill height with y^2 of each root and its derivative by the parameter, -1 where it is real or far from it."""
+    take_roots(degree, roots, lanes)
+    evaluate_slopes(polynomial, degree, lanes)
+    evaluate(polynomial, 1, degree, lanes, OTHERS)
     for i in range(ALL_ROOTS):
         height[i, 0], height[i, 2], height[i, 3] = -1.0, 0.0, 0.0
         if i >= 2 * degree:
             continue
-        z = complex(roots[i, 0], roots[i, 1])
-        size = abs(z)
-        slope = slope_at(polynomial, degree, z)
-        if size == 0.0 or slope == 0.0:
+        u, v, c, d = lanes[i], lanes[IMAGINARY + i], lanes[SLOPE + i], lanes[SLOPE + ALL_ROOTS + i]
+        e, f = lanes[OTHERS + i], lanes[OTHERS + ALL_ROOTS + i]
+        c, d = c * u - d * v, c * v + d * u
+        square = c * c + d * d
+        if square == 0.0:
             continue
-        y = -math.log(size)
-        rate = -value_at(polynomial, 1, degree, z) / slope / z
-        height[i, 2], height[i, 3] = rate.real, rate.imag
+        y = -0.5 * math.log(u * u + v * v)
+        height[i, 2], height[i, 3] = -(e * c + f * d) / square, (e * d - f * c) / square
         if REAL < abs(y) < FARTHEST:
-            height[i, 0], height[i, 1] = y * y, -2.0 * y * rate.real
+            height[i, 0], height[i, 1] = y * y, -2.0 * y * height[i, 2]
 
 
 def lowest(a: float, da: float, b: float, db: float, h: float) -> float:
@@ -571,11 +630,12 @@ def add_loops(T: Array, n: int, closed: bool, slices: Slices, six: SixJoints, lo
                     if abs(change) < abs(rate):
                         move += 0.5 * h * h / (slices.p[i - 1] - slices.p[i - 2]) * change
                 move /= max(1.0, abs(move) / LONGEST_MOVE)
-                z = complex(loops.roots[0, k, 0], loops.roots[0, k, 1]) * cmath.exp(move)
+                growth = 1.0 + move * (1.0 + move * (0.5 + move / 6.0))  # nearly its exponential
+                z = complex(loops.roots[0, k, 0], loops.roots[0, k, 1]) * growth
                 loops.roots[1, k, 0], loops.roots[1, k, 1] = z.real, z.imag
         known += 1
-        improve_roots(loops.polynomial, degree, loops.roots[1], steps, loops.moving)
-        fill_heights(loops.polynomial, degree, loops.roots[1], loops.height[1])
+        improve_roots(loops.polynomial, degree, loops.roots[1], steps, loops)
+        fill_heights(loops.polynomial, degree, loops.roots[1], loops.height[1], loops.lanes)
         if i > 0 and degree == before:
             low = slices.p[i - 1]
             h = p - low
