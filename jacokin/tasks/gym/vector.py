@@ -45,7 +45,7 @@ Steps = tuple[Observation, Array, Flags, Flags, Info]
 
 AUTORESET_MODES = tuple(mode.value for mode in AutoresetMode)
 _WITHOUT_WINDOW = [name for name in OPTIONS if name not in ("render_mode", "width", "height")]
-_OPTIONS = ("threads", "max_episode_steps", "autoreset_mode", *_WITHOUT_WINDOW)
+_OPTIONS = ("threads", "sleep", "max_episode_steps", "autoreset_mode", *_WITHOUT_WINDOW)
 _VELOCITIES = int(mujoco.mjtStage.mjSTAGE_VEL)
 _HUGE = 1e10  # where MuJoCo takes a simulation for unstable
 _WARNINGS = {
@@ -61,7 +61,8 @@ _WARNINGS = {
 class VectorTaskEnv(VectorEnv[Observation, Any, NDArray[Any]]):
     """Environments that are stepped together, and reset as one of Gymnasium's `AutoresetMode` says.
 
-    Environment i equals a single one that was reset with the same seed, bit for bit on one version of MuJoCo.
+    Environment i equals a single one that was reset with the same seed, bit for bit on one version of MuJoCo, unless
+    what rests may sleep.
     """
 
     def __init__(
@@ -69,6 +70,7 @@ class VectorTaskEnv(VectorEnv[Observation, Any, NDArray[Any]]):
         num_envs: int = 1,
         *,
         threads: int = 1,
+        sleep: bool = False,
         max_episode_steps: int | None = None,
         autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
         **options: Any,
@@ -78,6 +80,8 @@ class VectorTaskEnv(VectorEnv[Observation, Any, NDArray[Any]]):
         Args:
             num_envs: how many.
             threads: how many threads simulate.
+            sleep: let MuJoCo leave out props that rest until something touches them: quicker, and no longer equal to a
+                single environment bit for bit.
             max_episode_steps: after which episodes are truncated, if that is before the time limit; None or -1 for the
                 time limit alone.
             autoreset_mode: when an environment whose episode has ended starts another: Gymnasium's "NextStep",
@@ -95,13 +99,14 @@ class VectorTaskEnv(VectorEnv[Observation, Any, NDArray[Any]]):
             checks.choice("option of a vector", name, _OPTIONS)
         checks.whole_number("num_envs", num_envs, 1)
         checks.whole_number("threads", threads, 1)
+        checks.flag("sleep", sleep)
         value = autoreset_mode.value if isinstance(autoreset_mode, AutoresetMode) else autoreset_mode
         self.autoreset_mode = AutoresetMode(checks.choice("autoreset_mode", value, AUTORESET_MODES))
         first = self._first = TaskEnv(**options)
         steps = first._episode.most_steps
         if max_episode_steps not in (None, -1):
             steps = min(steps, checks.whole_number("max_episode_steps", max_episode_steps, 1))
-        self._simulations = Simulations(first, num_envs, threads, steps)
+        self._simulations = Simulations(first, num_envs, threads, steps, sleep=sleep)
         self.metadata = {**first.metadata, "autoreset_mode": self.autoreset_mode, "render_modes": []}
         self.num_envs = num_envs
         self.single_observation_space = first.observation_space
@@ -299,7 +304,7 @@ class StepOutcome:
 class Simulations:
     """Simulations of the task of an environment, each with its own random numbers and constants of the model."""
 
-    def __init__(self, first: TaskEnv, count: int, threads: int, steps: int) -> None:
+    def __init__(self, first: TaskEnv, count: int, threads: int, steps: int, *, sleep: bool) -> None:
         """Make the batch.
 
         Args:
@@ -307,15 +312,17 @@ class Simulations:
             count: how many simulations.
             threads: how many threads simulate.
             steps: after which an episode is over.
+            sleep: whether props that rest are left out.
         """
         self._first, self._count, self._most_steps = first, count, steps
         model, control, dt = first.model, first.options.control, first.options.control_timestep
         self._substeps = first._episode.substeps
-        flags = model.opt.disableflags
+        disabled, enabled = model.opt.disableflags, model.opt.enableflags
         # MuJoCo would put a diverged simulation back to its reference state, and go on as if nothing had happened.
-        model.opt.disableflags = flags | int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+        model.opt.disableflags = disabled | int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+        model.opt.enableflags = enabled | (int(mujoco.mjtEnableBit.mjENBL_SLEEP) if sleep else 0)
         self._batch = Batch(model, count, threads, persistent=True)
-        model.opt.disableflags = flags
+        model.opt.disableflags, model.opt.enableflags = disabled, enabled
         self._ctrl: Array = self._batch.bind("ctrl")
         self._view = StateView.of(self._batch)
         self._goals = np.zeros((count, first.task.goal_size))

@@ -275,6 +275,26 @@ def test_a_diverged_simulation_leaves_the_others_alone() -> None:
     np.testing.assert_array_equal(observations[2], single.step(np.zeros(9))[0])
 
 
+def test_props_that_rest_sleep_until_something_touches_them() -> None:
+    awake, asleep = (VectorTaskEnv(2, task="lift_brick", flatten=False, sleep=sleep) for sleep in (False, True))
+    found, wanted = asleep.reset(seed=0)[0], awake.reset(seed=0)[0]
+    assert_same(found, wanted)
+    for _ in range(5):
+        found, wanted = (each.step(np.full((2, 9), 0.1))[0] for each in (asleep, awake))
+    trees = asleep._simulations._batch.bind("tree_asleep")
+    np.testing.assert_array_equal(trees >= 0, [[False, True]] * 2)  # the arm, the brick
+    for name, values in found.items():
+        if not name.startswith("duplo2x4/"):
+            np.testing.assert_array_equal(values, wanted[name])
+    np.testing.assert_allclose(found["duplo2x4/position"], wanted["duplo2x4/position"], rtol=0.0, atol=1e-6)
+    np.testing.assert_allclose(found["duplo2x4/linear_velocity"], 0.0, rtol=0.0, atol=1e-4)
+    asleep._simulations._batch.bind("xfrc_applied")[0, -1, 2] = 1.0  # upwards, and a brick weighs 0.12 N
+    after = asleep.step(np.zeros((2, 9)))[0]["duplo2x4/position"][:, 2]
+    assert after[0] > found["duplo2x4/position"][0, 2] + 0.001
+    assert after[1] == found["duplo2x4/position"][1, 2]
+    assert_same(asleep.reset(seed=0)[0], awake.reset(seed=0)[0])
+
+
 def test_mistakes() -> None:
     vector: Any = VectorTaskEnv(2, threads=2, task="reach_site")
     with pytest.raises(PhysicsError, match=r"call reset\(\) before step\(\)"):
@@ -336,6 +356,8 @@ def test_mistakes_in_options() -> None:
         VectorTaskEnv(2, task="reach_site", render_mode="rgb_array")
     with pytest.raises(InvalidInputError, match="threads"):
         VectorTaskEnv(2, task="reach_site", threads=0)
+    with pytest.raises(InvalidInputError, match="sleep must be True or False"):
+        VectorTaskEnv(2, task="reach_site", sleep="deep")  # type: ignore[arg-type]
     with pytest.raises(UnknownNameError, match="Valid: NextStep, SameStep, Disabled"):
         VectorTaskEnv(2, task="reach_site", autoreset_mode="Never")
     vector: Any = VectorTaskEnv(2, task="reach_site", randomization=Randomization(base_pose=(0.5, 0.5, 0.5, 0.0)))
