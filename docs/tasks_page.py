@@ -42,6 +42,27 @@ REMARKS = {
         "other, so both friction forces are N = N' where the coefficient is 1, as it is here; nothing is left against "
         "the weight of 12.8 N (1.3 kg). The bottom lies on the table. The expert tries an edge, and loses it."
     ),
+    "stack_3_bricks": (
+        "Most episodes of the expert are too long. In 600 steps it solved 18 of the seeds 0 to 19 at least for a "
+        "moment: 4 within 250, the others after 255 to 465. Joints at their speed limits, from where each motion of"
+        " these episodes starts to where it ends and without accelerating, would take 110 to 143 steps in the 4, "
+        "and 138 to 224 in the 14, so speed limits alone do not forbid to solve them in 250. Of the steps of the "
+        "14, in the mean, lines of the tool take 134 (limits: 54), motions of the joints 143 (112), fingers that "
+        "open and close 33 (4). The 14 have 15 lines in the mean, the 4 have 9: a brick is aligned, or pressed on, "
+        "once more. What is left to gain is there."
+    ),
+    "reassemble_3_bricks_fixed_order": (
+        "Three bricks are to be carried, of which two are pulled off another first. In 600 steps the expert solves "
+        "3 of 20 (seeds 0 to 19), after 358 to 467 steps, in the median after 385 (`python -m benchmarks.experts "
+        "reassemble_3_bricks_fixed_order --episodes 20 --steps 600`). What fails is the pull: the fingers slide off"
+        " the brick, and try again. In the first 200 steps of the seeds 0 to 7 the brick was in the hand after 5 of"
+        " 24 pulls. Gripping 1 cm lower made it 7 of 28; tilting the brick by 0.2 rad first, 5 of 16 about one axis"
+        " of the hand and 0 of 24 about the other."
+    ),
+    "reassemble_5_bricks_random_order": (
+        "There is no expert. The script for three bricks would take five too, but has to pull off up to four bricks"
+        " where it mostly fails to pull off two."
+    ),
 }
 
 
