@@ -1,10 +1,12 @@
 """Learn by reinforcement with Stable-Baselines3, in a vector of environments.
 
 python -m examples.learn_with_sb3 reach
+python -m examples.learn_with_sb3 lift
 python -m examples.learn_with_sb3 lift_her
 
-`pip install stable-baselines3` brings it, and PyTorch. A recipe is a row of `RECIPES`: its task, its algorithm and the
-settings that differ from the library's. It prints what is reached on fresh seeds, and draws the learning curve.
+`pip install stable-baselines3` brings it, and PyTorch; `lift` needs jacokin[data] too. A recipe is a row of `RECIPES`:
+its task, its algorithm and the settings that differ from the library's. `lift` begins with a policy that is cloned from
+the expert. It prints what is reached on fresh seeds, and draws the learning curve.
 """
 
 from __future__ import annotations
@@ -25,11 +27,13 @@ from stable_baselines3 import PPO, SAC, HerReplayBuffer
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
+from examples import clone_expert
 from jacokin.arrays import Array
 
 FRESH_SEED = 1_000_000  # of the episodes on which policies are compared; training uses smaller ones
 FRESH = 50  # episodes
 POINTS = 4  # of the learning curve
+FITS, FIT_BATCH, FIT_RATE = 6_000, 256, 1e-3  # steps of cloning
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +48,8 @@ class Recipe:
         count: environments in the vector.
         episode: control steps of an episode while learning.
         steps: control steps of all environments.
+        cloned: task of `clone_expert` whose expert the policy is fitted to before; "" for none.
+        values: control steps at the start in which only values are learned: a cloned policy is lost by wrong ones.
     """
 
     task: str
@@ -53,6 +59,8 @@ class Recipe:
     count: int
     episode: int
     steps: int
+    cloned: str = ""
+    values: int = 0
 
 
 RECIPES = {
@@ -64,6 +72,24 @@ RECIPES = {
         count=32,
         episode=100,
         steps=300_000,
+    ),
+    "lift": Recipe(
+        "jacokin/LiftBrick-v0",
+        {"control": "tool_velocity", "flatten": False},
+        PPO,
+        {
+            "n_steps": 250,
+            "batch_size": 1_000,
+            "n_epochs": 8,
+            "learning_rate": 2e-4,
+            "target_kl": 0.03,
+            "policy_kwargs": {"net_arch": [256, 256], "activation_fn": torch.nn.ReLU, "log_std_init": -2.0},
+        },
+        count=32,
+        episode=250,
+        steps=600_000,
+        cloned="lift",
+        values=48_000,
     ),
     "lift_her": Recipe(
         "jacokin/LiftBrick-v0",
@@ -102,7 +128,8 @@ class Vector(VecEnv):  # type: ignore[misc]  # Stable-Baselines3 is not installe
         )
         space: Any = self._envs.single_action_space
         self._low, self._range = space.low, space.high - space.low
-        super().__init__(count, _single(self._envs.single_observation_space), spaces.Box(-1, 1, space.shape))
+        seen = _single(self._envs.single_observation_space)
+        super().__init__(count, seen, spaces.Box(-1, 1, space.shape))
         self._seed: int | None = seed
         self._actions = np.zeros((count, *space.shape))
 
@@ -116,13 +143,17 @@ class Vector(VecEnv):  # type: ignore[misc]  # Stable-Baselines3 is not installe
         """Keep the actions in -1..1."""
         self._actions = self._low + (np.asarray(actions, dtype=np.float64) + 1.0) / 2.0 * self._range
 
+    def scaled(self, actions: Array) -> Array:
+        """Actions of the environments in -1..1."""
+        return np.asarray(2.0 * (actions - self._low) / self._range - 1.0)
+
     def step_wait(self) -> Any:
         """Apply them."""
         observations, rewards, _, truncated, found = self._envs.step(self._actions)
         infos = [{"is_success": bool(each)} for each in found.get("is_success", np.zeros(self.num_envs))]
         for index in np.flatnonzero(truncated).tolist():
             infos[index] = {
-                "terminal_observation": _cast(found["final_obs"][index]),
+                "terminal_observation": _last(found["final_obs"][index]),
                 "TimeLimit.truncated": True,
                 "is_success": bool(found["final_info"]["is_success"][index]),
             }
@@ -149,16 +180,33 @@ class Vector(VecEnv):  # type: ignore[misc]  # Stable-Baselines3 is not installe
         self._envs.close()
 
 
-def _cast(observation: Any) -> Any:
-    if isinstance(observation, dict):
-        return {name: _cast(each) for name, each in observation.items()}
-    return np.asarray(observation, dtype=np.float32)
+def _cast(observations: Any) -> Any:
+    """Observations of many in single precision; features by name become what a cloned network sees."""
+    if not isinstance(observations, dict):
+        return np.asarray(observations, dtype=np.float32)
+    if "observation" in observations:  # with goals
+        return {name: _cast(each) for name, each in observations.items()}
+    return clone_expert.look(observations)
+
+
+def _last(observation: Any) -> Any:
+    """The same of one."""
+    if not isinstance(observation, dict):
+        return _cast(observation)
+    found = _cast({name: each[None] for name, each in observation.items()})
+    return {name: each[0] for name, each in found.items()} if isinstance(found, dict) else found[0]
 
 
 def _single(space: Any) -> Any:
-    if isinstance(space, spaces.Dict):
-        return spaces.Dict({name: _single(each) for name, each in space.spaces.items()})
-    return spaces.Box(-np.inf, np.inf, space.shape, np.float32)
+    """The space of what `_last` gives."""
+    found = _last(space.sample())
+    if isinstance(found, dict):
+        return spaces.Dict({name: _box(each) for name, each in found.items()})
+    return _box(found)
+
+
+def _box(values: Array) -> Any:
+    return spaces.Box(-np.inf, np.inf, values.shape, np.float32)
 
 
 def evaluate(recipe: Recipe, act: Callable[[Any], Array], episodes: int = FRESH) -> tuple[Array, Array]:
@@ -180,7 +228,7 @@ class Progress(BaseCallback):  # type: ignore[misc]  # likewise
         super().__init__()
         self._recipe, self._normal, self._path = recipe, normal, path
         self.curve: list[tuple[int, float, float]] = []
-        self._started = time.perf_counter()
+        self._started = time.process_time()
         self._next = 0
 
     def _on_step(self) -> bool:
@@ -194,7 +242,7 @@ class Progress(BaseCallback):  # type: ignore[misc]  # likewise
         total, solved = evaluate(self._recipe, self.act)
         self.curve.append((self.num_timesteps, float(total.mean()), float(solved.mean())))
         print(
-            f"{self.num_timesteps} steps, {time.perf_counter() - self._started:.0f} s: "
+            f"{self.num_timesteps} steps, {time.process_time() - self._started:.0f} s of processor time: "
             f"mean return {total.mean():.1f}, solved {100.0 * solved.mean():.0f} %",
             flush=True,
         )
@@ -220,6 +268,26 @@ def draw(curve: Sequence[tuple[int, float, float]], path: Path) -> None:
     figure.savefig(path, dpi=150)
 
 
+def clone(model: Any, vector: Vector, normal: VecNormalize, task: str, path: Path) -> None:
+    """Fit a policy to what the expert of a task does, and keep observations normalized by what was seen there."""
+    clone_expert.record(task, path, 200)
+    inputs, outputs = (np.concatenate(each) for each in zip(*clone_expert.demonstrations(path), strict=True))
+    normal.obs_rms.update(inputs)
+    normal.training = False
+    x = torch.as_tensor(normal.normalize_obs(inputs), dtype=torch.float32)
+    y = torch.as_tensor(vector.scaled(outputs), dtype=torch.float32)
+    optimizer = torch.optim.Adam(model.policy.parameters(), FIT_RATE)
+    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, FITS)
+    for _ in range(FITS):
+        rows = torch.randint(len(x), (FIT_BATCH,))
+        mean = model.policy.get_distribution(x[rows]).distribution.mean
+        loss = torch.nn.functional.huber_loss(mean, y[rows], delta=0.2)
+        optimizer.zero_grad()
+        loss.backward()
+        optimizer.step()
+        schedule.step()
+
+
 def learn(recipe: Recipe, path: Path, seed: int) -> None:
     """Learn a task, and write the policy and its curve to a path without ending."""
     torch.set_num_threads(1)  # networks are small, and the simulation has the other cores
@@ -228,7 +296,16 @@ def learn(recipe: Recipe, path: Path, seed: int) -> None:
     policy = "MultiInputPolicy" if recipe.options.get("goal") else "MlpPolicy"
     model = recipe.algorithm(policy, normal, seed=seed, device="cpu", **recipe.settings)
     progress = Progress(recipe, normal, path)
-    model.learn(recipe.steps, callback=progress)
+    if recipe.cloned:
+        clone(model, vector, normal, recipe.cloned, path.with_suffix(".hdf5"))
+        layers = model.policy.mlp_extractor.policy_net, model.policy.action_net
+        actor = [model.policy.log_std, *layers[0].parameters(), *layers[1].parameters()]
+        for each in actor:
+            each.requires_grad_(False)
+        model.learn(recipe.values, callback=progress)
+        for each in actor:
+            each.requires_grad_(True)
+    model.learn(recipe.steps - recipe.values, callback=progress, reset_num_timesteps=not recipe.cloned)
     progress.look()
     normal.save(str(path.with_suffix(".normal")))
 

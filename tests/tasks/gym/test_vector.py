@@ -276,7 +276,8 @@ def test_a_diverged_simulation_leaves_the_others_alone() -> None:
 
 
 def test_props_that_rest_sleep_until_something_touches_them() -> None:
-    awake, asleep = (VectorTaskEnv(2, task="lift_brick", flatten=False, sleep=sleep) for sleep in (False, True))
+    awake: Any = VectorTaskEnv(2, task="lift_brick", flatten=False)
+    asleep: Any = VectorTaskEnv(2, task="lift_brick", flatten=False, sleep=True)
     found, wanted = asleep.reset(seed=0)[0], awake.reset(seed=0)[0]
     assert_same(found, wanted)
     for _ in range(5):
