@@ -37,7 +37,6 @@ from jacokin.kernels.closed_form.batch import (
     BRANCHES,
     BRANCHES_WITHIN_LIMITS,
     LARGEST_MARGIN,
-    LEAST_DISTANCE,
     TargetWork,
     make_target_work,
     solve_targets,
@@ -56,7 +55,7 @@ class BranchTable:
     """Branches, one row each, as the kernels computed them. Arrays are read-only.
 
     Attributes:
-        rows: (k, 17) or (k, 21), the columns that ``kernels.closed_form.pose`` and ``batch`` name.
+        rows: (k, 17) or (k, 20), the columns that ``kernels.closed_form.pose`` and ``batch`` name.
     """
 
     __slots__ = ("rows",)
@@ -193,11 +192,6 @@ class BestBranches(BranchTable):
         """(n,) distance to the nearest limit [rad] of the branch that keeps farthest from them; negative outside."""
         return self.rows[:, LARGEST_MARGIN]
 
-    @property
-    def least_distance(self) -> NDArray[np.float64]:
-        """(n,) distance to the seed [rad] of the nearest branch, within the limits or not; inf without any."""
-        return self.rows[:, LEAST_DISTANCE]
-
 
 class ClosedForm:
     """The closed form of one arm and one frame; immutable.
@@ -313,7 +307,7 @@ class ClosedForm:
     def _call(
         self, T: NDArray[np.float64], seed: NDArray[np.float64], best: NDArray[np.float64] | None = None
     ) -> Call[TargetWork]:
-        """A call of the kernels for n targets (n, 4, 4) and seeds (n, 6), with rows (n, 21) for the best branches."""
+        """A call of the kernels for n targets (n, 4, 4) and seeds (n, 6), with rows (n, 20) for the best branches."""
         work = self._work(T, seed)
         return Call(solve_targets, work if best is None else work._replace(best=best))
 

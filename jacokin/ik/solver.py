@@ -18,7 +18,6 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import itertools
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -53,12 +52,9 @@ from jacokin.ik.results import BatchResult, IKResult
 from jacokin.ik.seeds import seed_within_limits
 from jacokin.ik.targets import PartialTarget, Request, Target, TargetPose, interpret
 from jacokin.ik.verification import Candidate, Verifier
-from jacokin.kernels.branches import DISTANCE
 from jacokin.kernels.closed_form.batch import BRANCHES, LARGEST_MARGIN
-from jacokin.kernels.tolerances import CLOSURE
 from jacokin.model import checks, poses
 from jacokin.model.loading import load_robot
-from jacokin.model.many_configurations import Chain, TargetRows
 from jacokin.model.poses import FreeAxis
 from jacokin.model.robot import Robot, checked_robot
 
@@ -66,8 +62,6 @@ if TYPE_CHECKING:
     from jacokin.model.scene import Scene
 
 MOVE, WAYS = 30.0, 3  # of near misses: those cross a fold unless it lies along all three ways to a thirtieth
-#: [rad] a branch so far from the seed may stand for it, on a multiple root.
-NEAR_SEED = 1e-7, 1e-2
 SEVEN = 7  # joints of an arm whose poses have families
 ALL_IN_CONTACT = "every branch within the limits is in contact; the best"
 HELD = 16  # values of joints that are held, whose preparation is kept
@@ -413,11 +407,6 @@ class IKSolver:
         return holding
 
     @functools.cached_property
-    def _chain(self) -> Chain:
-        """The arm and the tool, for many configurations at once."""
-        return Chain(self.robot, self._frame_id, self._verifier.tool)
-
-    @functools.cached_property
     def _six(self) -> SixJointFamilies:
         return SixJointFamilies(self.closed_form(), self._verifier)
 
@@ -457,8 +446,6 @@ class IKSolver:
             Candidate(q, target, f"branch {index + 1} of {len(rows)}")
             for index, q in _in_order(branches, request.cost, request.seed, robot)
         )
-        if request.cost is None and self._may_be_seed(branches, request):
-            candidates = itertools.chain([Candidate(request.seed, target, "the seed")], candidates)
         result = self._verifier.select(candidates, request, ALL_IN_CONTACT)
         if result is not None:
             return result
@@ -480,12 +467,6 @@ class IKSolver:
         if len(branches):
             rows.append(branches.q[branches.margin.min(axis=1) >= near])
         return np.vstack(rows) if rows else np.empty((0, 6))
-
-    def _may_be_seed(self, branches: Branches, request: Request) -> bool:
-        """Whether the seed is on a multiple root, where rounding leaves the nearest branch undecided."""
-        if not (len(branches) and NEAR_SEED[0] < branches.rows[0, DISTANCE] < NEAR_SEED[1]):
-            return False
-        return max(self._verifier.measure(request.seed, request.target)) <= CLOSURE
 
     def _solve_by_qp(self, request: Request) -> IKResult:
         """One configuration by descents from many starts, or why there is none.
@@ -546,11 +527,6 @@ class IKSolver:
         else:
             found, touching = form.solve_batch(matrices, seeds, workers), np.zeros(len(seeds), dtype=np.bool_)
         good = verifier.reached_rows(found) & found.within_limits
-        least = found.least_distance  # where the seed itself may be the answer, see `_may_be_seed`, `solve` decides
-        near = np.flatnonzero((least > NEAR_SEED[0]) & (least < NEAR_SEED[1]))
-        if len(near):
-            position, orientation = self._chain.errors(seeds[near], TargetRows(matrices[near]))
-            good[near[np.maximum(position, orientation) <= 2.0 * CLOSURE]] = False  # twice: `solve` measures otherwise
         touching &= good
         said = {}
         if verifier.avoids_contact:

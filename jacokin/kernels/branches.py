@@ -21,14 +21,19 @@ from jacokin.kernels.chain import (
 from jacokin.kernels.closed_form.folds import KNOWN_FOLD, NEW_FOLD, FoldWork, is_known_fold, make_folds, solve_fold
 from jacokin.kernels.limits import fit_to_limits, hold_on_limits, same_configuration
 from jacokin.kernels.tolerances import (
+    ALONE_PIVOT,
+    ALONE_WAY,
     CLOSURE,
+    FIRST_SEED_WEIGHT,
     FOLD_FACTOR,
+    LEAST_SEED_WEIGHT,
     MAX_POLISH_ERROR,
     NEAR_SEED,
     POLISHED_CLOSURE,
+    SAME_AS_SEED,
     SAME_BRANCH,
-    SEED_DAMPING,
-    SEED_FACTOR,
+    SEED_STEP,
+    SEED_WEIGHT_FACTOR,
     TANGENCY_CLOSURE,
 )
 
@@ -37,8 +42,8 @@ POSITION_ERROR, ORIENTATION_ERROR, DISTANCE, WITHIN_LIMITS, FAMILY, COLUMNS = 12
 #: 16 is the most a 6R arm can have; families add members, and a fold may be cut in two by rounding.
 MAX_BRANCHES = 24
 POLISH_STEPS = 16
-#: Damped Gauss-Newton steps from a seed.
-SEED_STEPS = 12
+#: Gauss-Newton steps from a seed with each weight, at most.
+SEED_STEPS = 3
 
 
 class PoseQuery(NamedTuple):
@@ -105,40 +110,107 @@ def add_branch(query: PoseQuery, work: BranchWork, family: float) -> bool:
 
 
 def add_beside_seed(query: PoseQuery, work: BranchWork) -> None:
-    """Append the branch beside a seed that nearly is one, where no known branch is as near.
+    """Add the branch beside a seed that nearly is one, where no known branch is as near.
 
-    Next to configurations that are singular in several ways, many far apart close the target to rounding. Damped steps
-    leave alone what hardly moves the tool.
+    Next to configurations that are singular in several ways, many far apart close the target to rounding. What makes
+    the square of the deviation and a weight times that of the way from the seed least is no farther from the seed than
+    any of them, and the smaller the weight, the nearer it is to the target.
     """
     position, orientation = errors(query.chain, query.T, query.seed)
-    miss = max(position, orientation)
-    if miss > NEAR_SEED:
-        return
-    nearest = math.inf
+    miss, nearest = max(position, orientation), math.inf
     for i in range(work.filled[0]):
         nearest = min(nearest, work.rows[i, DISTANCE])
-    newton, normal, way = work.newton, work.newton.normal, 0.0
+    if miss > NEAR_SEED or nearest <= SAME_AS_SEED:
+        return
+    newton, row, weight = work.newton, work.row, FIRST_SEED_WEIGHT
     for j in range(6):
         newton.q[j], newton.held[j] = query.seed[j], 0.0
-    for step in range(SEED_STEPS):
-        if miss > POLISHED_CLOSURE:
-            linearise(query.chain, query.T, newton.q, newton.system)
-            normal_equations(newton.system, newton.held, normal)
-            for j in range(6):
-                normal[j, j] += SEED_DAMPING
-            if not solve_normal(normal):
-                return
-            way = 0.0
-            for j in range(6):
-                newton.q[j] += normal[j, 6]
-                way += (newton.q[j] - query.seed[j]) ** 2
-            way = math.sqrt(way)
-            position, orientation = errors(query.chain, query.T, newton.q)
-            miss = max(position, orientation)
-        if step == 0 and nearest <= SEED_FACTOR * way + SAME_BRANCH:
+    if miss > POLISHED_CLOSURE and is_alone(query, newton, weight, nearest):
+        return
+    while miss > POLISHED_CLOSURE and weight >= LEAST_SEED_WEIGHT:
+        for j in range(6):
+            newton.held[j] = 0.0
+        for _ in range(SEED_STEPS):
+            if step_from_seed(query, newton, weight) < SEED_STEP:
+                break
+        if nearest <= way_from_seed(query.seed, newton.q) + SAME_AS_SEED:
             return
-    if miss <= CLOSURE and way < nearest:
-        add_branch(query, work, 0.0)
+        position, orientation = errors(query.chain, query.T, newton.q)
+        miss = max(position, orientation)
+        weight *= SEED_WEIGHT_FACTOR
+    if miss > CLOSURE and not polish(query, work):
+        return
+    row[DISTANCE], within = fit_to_limits(newton.q, query.seed, query.limits, row)
+    row[POSITION_ERROR], row[ORIENTATION_ERROR] = errors(query.chain, query.T, row)
+    row[WITHIN_LIMITS] = 1.0 if within else 0.0
+    row[FAMILY] = 0.0
+    if within and row[DISTANCE] < nearest:
+        put_first(work)
+
+
+def is_alone(query: PoseQuery, newton: Newton, weight: float, nearest: float) -> bool:
+    """Take the first step from the seed; whether the nearest known branch is where it leads, and others are not near.
+
+    Where the smallest singular value is large beside the way, the next branch is farther than that.
+    """
+    if math.isinf(step_from_seed(query, newton, weight)):
+        return True
+    way = way_from_seed(query.seed, newton.q)
+    pivot = math.inf
+    for j in range(6):
+        pivot = min(pivot, newton.normal[j, j])
+    return nearest <= ALONE_WAY * way + SAME_AS_SEED and pivot >= ALONE_PIVOT * (weight + way * way)
+
+
+def step_from_seed(query: PoseQuery, newton: Newton, weight: float) -> float:
+    """A Gauss-Newton step of newton.q for the deviation and a weight on the way from the seed, within the limits.
+
+    Returns:
+        The length of the step [rad]; inf where there is none.
+    """
+    q, normal = newton.q, newton.normal
+    linearise(query.chain, query.T, q, newton.system)
+    normal_equations(newton.system, newton.held, normal)
+    for j in range(6):
+        if newton.held[j] == 0.0:
+            normal[j, j] += weight
+            normal[j, 6] += weight * (query.seed[j] - q[j])
+    if not solve_normal(normal):
+        return math.inf
+    square = 0.0
+    for j in range(6):
+        angle = min(max(q[j] + normal[j, 6], query.limits[0, j]), query.limits[1, j])
+        if angle != q[j] + normal[j, 6]:
+            newton.held[j] = 1.0
+        square += (angle - q[j]) ** 2
+        q[j] = angle
+    return math.sqrt(square)
+
+
+def way_from_seed(seed: Array, q: Array) -> float:
+    """The distance of angles from a seed [rad]."""
+    square = 0.0
+    for j in range(6):
+        square += (q[j] - seed[j]) ** 2
+    return math.sqrt(square)
+
+
+def put_first(work: BranchWork) -> None:
+    """Append the row at hand, the nearest to the seed, in place of those that are the same, or of the farthest."""
+    row, rows, farthest = work.row, work.rows, 0
+    i = 0
+    while i < work.filled[0]:
+        if is_same(rows[i], row):
+            work.filled[0] -= 1
+            copy_row(rows[work.filled[0]], rows[i])
+        else:
+            if rows[i, DISTANCE] > rows[farthest, DISTANCE]:
+                farthest = i
+            i += 1
+    count = work.filled[0]
+    note_full(work, count, MAX_BRANCHES)
+    copy_row(row, rows[count if count < MAX_BRANCHES else farthest])
+    work.filled[0] = min(count + 1, MAX_BRANCHES)
 
 
 def polish(query: PoseQuery, work: BranchWork) -> bool:
@@ -165,13 +237,11 @@ def polish(query: PoseQuery, work: BranchWork) -> bool:
 def insert(work: BranchWork) -> None:
     """Append the row at hand; of those that are the same on the circle one stays: within limits, then the closer."""
     row, rows = work.row, work.rows
-    here = max(row[POSITION_ERROR], row[ORIENTATION_ERROR])
     i = 0
     while i < work.filled[0]:
-        there = max(rows[i, POSITION_ERROR], rows[i, ORIENTATION_ERROR])
-        if same_configuration(rows[i], row, SAME_BRANCH + FOLD_FACTOR * math.sqrt(max(here, there))):
+        if is_same(rows[i], row):
             better = row[WITHIN_LIMITS] > rows[i, WITHIN_LIMITS]
-            if not better and (row[WITHIN_LIMITS] < rows[i, WITHIN_LIMITS] or here >= there):
+            if not better and (row[WITHIN_LIMITS] < rows[i, WITHIN_LIMITS] or closure_of(row) >= closure_of(rows[i])):
                 return
             work.filled[0] -= 1
             copy_row(rows[work.filled[0]], rows[i])
@@ -182,6 +252,16 @@ def insert(work: BranchWork) -> None:
     if count < MAX_BRANCHES:
         copy_row(row, rows[count])
         work.filled[0] = count + 1
+
+
+def is_same(a: Array, b: Array) -> bool:
+    """Whether two branches are one on the circle: as near to each other as folds with their closures would be."""
+    return same_configuration(a, b, SAME_BRANCH + FOLD_FACTOR * math.sqrt(max(closure_of(a), closure_of(b))))
+
+
+def closure_of(row: Array) -> float:
+    """How far a branch is from its target [m or rad]."""
+    return float(max(row[POSITION_ERROR], row[ORIENTATION_ERROR]))
 
 
 def copy_row(source: Array, target: Array) -> None:

@@ -88,10 +88,17 @@ POLISHED_CLOSURE = 1e-13
 MAX_POLISH_ERROR = 2e-2
 #: [m] and [rad]; a seed that misses its target by less may be beside a branch.
 NEAR_SEED = 1e-2
-#: [m^2] and [rad^2]; damping of the steps from there: directions with singular values below 1e-2 stay, others converge.
-SEED_DAMPING = 1e-4
-#: A branch that is so many times as far from the seed as the first step leads is another one.
-SEED_FACTOR = 1.1
+#: [m^2] and [rad^2]; weights on the way from the seed, each so many times the one before, down to the least. With
+#: that, a branch 1e-3 rad from the seed promises a closure of 1e-9, and smaller ones drown in rounding.
+FIRST_SEED_WEIGHT, SEED_WEIGHT_FACTOR, LEAST_SEED_WEIGHT = 1e-4, 1e-2, 0.9e-12
+#: [rad]; steps with one weight end with one this short.
+SEED_STEP = 1e-9
+#: [rad]; a branch this near to the seed is not looked for once more.
+SAME_AS_SEED = 1e-7
+#: A branch at most so many times as far from the seed as the first step leads is the one it leads to,
+ALONE_WAY = 1.1
+#: and the only one, if the smallest pivot is so many times the sum of the weight and the square of the way.
+ALONE_PIVOT = 10.0
 #: Smaller pivots mean a singular Jacobian.
 SMALLEST_PIVOT = 1e-14
 #: Added to the diagonal of the normal equations, relative to its sum: directions that do not move the tool stay put,

@@ -9,6 +9,7 @@ tracks           what an interval runs along, and the least of a cost there
 edge, meeting    where curves have shrunk to points, and where they meet
 recut            limits that are passed just there
 census           whether anything is missing
+beside_seed      the member beside a seed that nearly is one
 stretched        where the elbow is all but straight
 straight_wrist   where the wrist is straight and two of its joints turn against each other
 """

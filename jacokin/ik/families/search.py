@@ -15,6 +15,7 @@ from jacokin.ik import diagnosis
 from jacokin.ik.closed_form import ClosedForm
 from jacokin.ik.closest import ClosestSearch
 from jacokin.ik.diagnosis import LimitExcess
+from jacokin.ik.families.beside_seed import find_beside_seed
 from jacokin.ik.families.curves import (
     FOLD,
     FREE_AXIS,
@@ -51,8 +52,8 @@ SAME_AXIS = 1e-10
 SMALL, SMALL_LOST = 1e-5, 1e-3
 #: [rad] how far from single points curves are looked for that would lead on from them.
 ASIDE = 0.05
-#: [m] and [rad] by which a seed misses the target that nearly is a member; joints and the free axis.
-NEAR_SEED, DIMENSIONS = 1e-2, 7
+#: Joints and the free axis.
+DIMENSIONS = 7
 #: [rad] between members that are looked at where the best one is in contact.
 TRIED = 0.03
 #: Of an interval along which the parameter stands still, how many are; and so many are looked at together.
@@ -253,35 +254,27 @@ class FamilySearch:
         return _whole_arcs(problem, problem.find().arcs)
 
     def _with_beside_seed(self, candidates: Iterator[Candidate], members: Members) -> Iterator[Candidate]:
-        """The member beside a seed that nearly is one before the candidates, if it is nearer.
-
-        Where curves meet, what they are joined by may miss the nearest member by little.
-        """
-        best, beside = next(candidates, None), self._beside_seed(members)
+        """The member beside a seed that nearly is one before the candidates, if it is nearer."""
+        best = next(candidates, None)
+        beside = self._beside_seed(members, math.inf if best is None else float(np.linalg.norm(best.q - members.seed)))
         if beside is not None:
-            apart = [
-                np.inf if each is None else float(np.linalg.norm(each.q - members.seed)) for each in (beside, best)
-            ]
-            if apart[0] < apart[1]:
-                yield beside
+            yield beside
         if best is not None:
             yield best
             yield from candidates
 
-    def _beside_seed(self, members: Members) -> Candidate | None:
+    def _beside_seed(self, members: Members, nearest: float) -> Candidate | None:
+        """The member beside a seed that nearly is one, if no member known is as near [rad]."""
         target, seed, parameter = members.target, members.seed, self._arm.parameter
-        x = np.append(seed, members.parameter(seed))[:DIMENSIONS]
-        x[parameter] = target.nearest_angle(float(x[parameter]))
-        if max(members.verifier.measure(seed, target.at(float(x[parameter])))) > NEAR_SEED:
-            return None
-        settled = self._arm.problem(target).settled(x, None)
-        if settled is None:
-            return None
-        p = float(settled[parameter])
-        if abs(math.remainder(target.nearest_angle(p) - p, TURN)) > SAME_PARAMETER:  # beyond the range
+        robot, free = members.robot, target.free_axis
+        p = target.nearest_angle(members.parameter(seed))
+        ends = (-math.inf, math.inf) if free is None or free.full_turn else free.range
+        limits = np.array([np.append(robot.lower, ends[0]), np.append(robot.upper, ends[1])])[:, :DIMENSIONS]
+        x = find_beside_seed(self._arm.problem(target), np.append(seed, p)[:DIMENSIONS], limits, nearest)
+        if x is None:
             return None
         try:
-            return members.candidate(members.verified(members.copies(settled[: len(seed)], seed), p), p)
+            return members.candidate(members.verified(x[: len(seed)], float(x[parameter])), float(x[parameter]))
         except LostMemberError:
             return None
 

@@ -23,6 +23,8 @@ MINIMA = 3
 STEPS = 60
 #: Share of a chord at which a minimum is found: rounding allows no more.
 ACCURACY = 1e-9
+#: [rad] or share of a chord at which a cost ceases to be finite.
+EDGE = 1e-12
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 #: [rad] distance in joint space between guesses along a track.
 GUESS_SPACING = 0.05
@@ -219,18 +221,39 @@ def minima(values: Array) -> NDArray[np.int64]:
 def refine(
     cost: Callable[[Array], Array], coordinates: Array, index: int, exact: Callable[[float], Array]
 ) -> tuple[float, float]:
-    """The least cost between the neighbours of a guess, and its coordinate."""
+    """The least cost between the neighbours of a guess, and its coordinate.
+
+    The cost is infinite from where a joint passes its limit on: there the least may be just this side of it.
+    """
 
     def at(coordinate: float) -> float:
         return float(cost(exact(coordinate)[np.newaxis])[0])
 
-    low, high = coordinates[[max(index - 1, 0), min(index + 1, len(coordinates) - 1)]].tolist()
     middle = float(coordinates[index])
     known = (at(middle), middle)
+    neighbours = coordinates[[max(index - 1, 0), min(index + 1, len(coordinates) - 1)]].tolist()
+    ends = [_last_finite(at, known, end) for end in neighbours]
+    (_, low), (_, high) = ends
     found = (
         brent(at, low, known[1], high, known[0]) if low < middle < high else brent(at, low, 0.5 * (low + high), high)
     )
-    return min(known, found)
+    return min(known, found, *ends)
+
+
+def _last_finite(at: Callable[[float], float], known: tuple[float, float], end: float) -> tuple[float, float]:
+    """The end if the cost is finite there, else where it last is between a place that is known and the end."""
+    value = at(end) if end != known[1] else known[0]
+    if math.isfinite(value) or not math.isfinite(known[0]):
+        return value, end
+    (value, inside), outside = known, end
+    while abs(outside - inside) > EDGE * (1.0 + abs(inside)):
+        middle = 0.5 * (inside + outside)
+        at_middle = at(middle)
+        if math.isfinite(at_middle):
+            value, inside = at_middle, middle
+        else:
+            outside = middle
+    return value, inside
 
 
 def brent(

@@ -21,7 +21,7 @@ from jacokin.kernels.closed_form.arm import ARM_CONSTANTS, unpack_arm
 from jacokin.kernels.closed_form.pose import Work, make_work, solve_pose
 
 #: Columns of a batch result: 0:17 the chosen branch, then these.
-BRANCHES, BRANCHES_WITHIN_LIMITS, LARGEST_MARGIN, LEAST_DISTANCE, BATCH_COLUMNS = 17, 18, 19, 20, 21
+BRANCHES, BRANCHES_WITHIN_LIMITS, LARGEST_MARGIN, BATCH_COLUMNS = 17, 18, 19, 20
 
 
 class TargetWork(NamedTuple):
@@ -33,7 +33,7 @@ class TargetWork(NamedTuple):
     T: Array  # (n, 4, 4) targets, T_base_frame
     seed: Array  # (n, 6) seeds [rad]
     pose: Work  # its rows (24, 17) are filled with the branches of the last target, nearest to its seed first
-    best: Array  # (n, 21) filled with one row for each target, or (0, 21) for the branches of one target only
+    best: Array  # (n, 20) filled with one row for each target, or (0, 20) for the branches of one target only
 
 
 def make_target_work() -> TargetWork:
@@ -75,12 +75,11 @@ def solve_targets(work: TargetWork) -> int:
 def choose_branch(work: BranchWork, best: Array) -> None:
     """Copy the nearest branch within the limits, or else the one least outside them, to a row of the batch."""
     rows, count = work.rows, work.filled[0]
-    chosen, within, largest, least = -1, 0, np.nan, np.inf
+    chosen, within, largest = -1, 0, np.nan
     for i in range(count):
         margin = smallest_margin(rows[i])
         if i == 0 or margin > largest:
             largest = margin
-        least = min(least, rows[i, DISTANCE])
         if rows[i, WITHIN_LIMITS] > 0.0:
             within += 1
         if chosen < 0 or is_better(rows[i], rows[chosen]):
@@ -90,7 +89,6 @@ def choose_branch(work: BranchWork, best: Array) -> None:
     best[BRANCHES] = count
     best[BRANCHES_WITHIN_LIMITS] = within
     best[LARGEST_MARGIN] = largest
-    best[LEAST_DISTANCE] = least
 
 
 def is_better(a: Array, b: Array) -> bool:

@@ -494,3 +494,58 @@ def test_a_family_is_not_called_complete_where_the_tool_nearly_cannot_move_in_tw
     target = T if axis is None else FreeAxis(T, axis=axis)
     assert np.abs(solver.solve(target, seed=own).q - own).max() < 1e-4
     assert not solver.solve_all(target).complete
+
+
+@pytest.mark.parametrize("size", [1e-7, 1e-6, 1e-5, 1e-4])
+def test_the_answer_beside_a_singularity_is_no_farther_from_the_seed_than_the_configuration(
+    size: float, rng: np.random.Generator
+) -> None:
+    """Stretched arms with a straight wrist, but for little: many configurations far apart are answers there."""
+    solver = IKSolver(jacokin.load_robot("j2s6s300"), tool=jacokin.pose((0.5, 0.0, 0.0)), collision="ignore")
+    robot = solver.robot
+    for _ in range(40):
+        q = robot.sample(rng)
+        q[[2, 4]] = math.pi
+        q = np.clip(q + size * rng.normal(size=6), robot.lower, robot.upper)
+        T = solver.verifier.tool_pose(q)
+        assert np.linalg.norm(solver.solve(T, seed=q).q - q) < 1e-4
+        way = rng.normal(size=6)
+        seed = np.clip(q + 1e-3 * way / np.linalg.norm(way), robot.lower, robot.upper)
+        single, batch = solver.solve(T, seed=seed), solver.solve_batch([T], seed)
+        assert single.success
+        assert np.linalg.norm(single.q - seed) < np.linalg.norm(q - seed) + 1e-6
+        np.testing.assert_array_equal(batch.q[0], single.q)
+
+
+@pytest.mark.parametrize(
+    ("name", "q", "seed"),
+    [
+        (
+            "j2s6s300",
+            (-3.14157070732, 4.71230073614, 3.14163359681, 2.98316656e-5, 3.14164075073, -3.14155453603),
+            (-3.14236488968, 4.71211642605, 3.14180284816, 5.69580052e-4, 3.14172031958, -3.14164939714),
+        ),
+        (
+            "j2n6s300",
+            (1.57207864013, 1.57144152480, 3.14196178271, 5.327588e-4, 3.14191940462, 4.0201684e-4),
+            (1.57202813600, 1.57095473993, 3.14192857297, 3.259894e-4, 3.14257941130, -1.2810061e-4),
+        ),
+    ],
+)
+def test_the_member_beside_a_singularity_is_no_farther_from_the_seed_than_the_configuration(
+    name: str, q: tuple[float, ...], seed: tuple[float, ...]
+) -> None:
+    solver = IKSolver(jacokin.load_robot(name), tool=jacokin.pose((0.5, 0.0, 0.0)), collision="ignore")
+    own, start = np.array(q), np.array(seed)
+    T = solver.verifier.tool_pose(own)
+    for target in (T, FreeAxis(T, axis=(0.0, 0.0, 1.0))):
+        answer = solver.solve(target, seed=start)
+        assert np.linalg.norm(answer.q - start) < np.linalg.norm(own - start) + 1e-6
+
+
+def test_a_member_on_a_limit_of_a_joint_with_more_than_a_turn_of_room_is_in_its_interval() -> None:
+    """The joint's next copy is within the limits just beyond it: the distance jumps there."""
+    solver = solver_of("j2s7s200", joint_5=(-5.8, 1.3), joint_7=(-2.3, 6.269))
+    own = np.array((0.5 * math.pi, 0.5 * math.pi, 0.0, 0.5 * math.pi, 0.03, math.pi, 6.269))
+    family = solver.solve_all(solver.robot.forward_kinematics(own))
+    assert min(np.abs(interval.nearest(own) - own).max() for interval in family) < 1e-6  # not a turn away
