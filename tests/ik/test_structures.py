@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import jacokin
+from fuzz.six_joints import random_arm
 from jacokin import Robot
 from jacokin.errors import StructureError
 from jacokin.ik import IKSolver, Status, solve_file, structure
@@ -146,3 +147,20 @@ def test_targets_far_away_have_no_branches(metres: float, ur5: Robot) -> None:
     T = np.eye(4)
     T[0, 3] = metres
     assert len(IKSolver(ur5).closed_form().solve_all(T, np.zeros(6))) == 0
+
+
+@pytest.mark.parametrize(
+    ("number", "q"),
+    [
+        (26, (0.0, 0.0, 0.5 * np.pi, 0.5 * np.pi, -5.946242, -0.5 * np.pi)),
+        (43, (-0.5 * np.pi, -0.5 * np.pi, -0.5 * np.pi, 0.0, -np.pi, -np.pi)),
+        (112, (-0.5 * np.pi, 0.0, -0.5 * np.pi, 1.5 * np.pi, 0.0, 0.0)),
+    ],
+)
+def test_two_branches_that_meet_in_one_are_found(number: int, q: tuple[float, ...], tmp_path: Path) -> None:
+    """F touches zero there, but for rounding, and neighbours of the arm may not reach the pose."""
+    path = tmp_path / "arm.urdf"
+    path.write_text(random_arm(np.random.default_rng([77, number])))
+    solver = IKSolver(jacokin.load_robot(path), collision="ignore")
+    branches = solver.solve_all(solver.verifier.tool_pose(np.array(q)))  # not told where to look
+    assert min(distance(row, np.array(q)) for row in branches.q) < 1e-6

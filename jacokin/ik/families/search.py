@@ -48,7 +48,7 @@ from jacokin.model.robot import Robot
 
 #: Sine and [m]: a free axis this near to the axis of the last joint is that axis. Members close to 1e-9 all the same.
 SAME_AXIS = 1e-10
-#: [rad] of the parameter: curves that are all shorter are looked at as points; the second one where some were lost.
+#: [rad] curves along which no angle changes by more are looked at as points; the second one where some were lost.
 SMALL, SMALL_LOST = 1e-5, 1e-3
 #: [rad] how far from single points curves are looked for that would lead on from them.
 ASIDE = 0.05
@@ -135,8 +135,11 @@ class FamilySearch:
         if request.cost is None:  # the kernels find the nearest member at once
             member = self.nearest(request.target, request.seed)
             if member is not None:
-                candidate = Members(verifier, request.target, request.seed).candidate(*member)
-                result = verifier.select([candidate], request, "")
+                members = Members(verifier, request.target, request.seed)
+                candidates = iter([members.candidate(*member)])
+                if not self._sees_loops:
+                    candidates = self._with_beside_seed(candidates, members)
+                result = verifier.select(candidates, request, "")
                 if result is not None and not (result.touching and verifier.avoids_contact):
                     return result
         found = self.find(request.target, request.seed)
@@ -160,7 +163,7 @@ class FamilySearch:
         reaching = [each for each in found.pieces if _is_long(each, parameter) or _closes(each, members, parameter)]
         if len(reaching) < len(found.pieces):
             found = found._replace(pieces=reaching, complete=False)
-        small = _is_small(found.arcs, parameter, SMALL if found.complete else SMALL_LOST)
+        small = _is_small(found.arcs, SMALL if found.complete else SMALL_LOST)
         if small or not found.complete:
             stuck = edge.holds(found.arcs, problem)
             kept = [piece for piece in found.pieces if _closes(piece, members, parameter)]
@@ -176,8 +179,9 @@ class FamilySearch:
                 circles = with_others(circles, self._wrist.circles(rows, problem))
                 beside = [point for point in seen if not any(circle.passes(point.q) for circle in circles)]
                 rows = np.array([[*point.q, point.parameter][:DIMENSIONS] for point in beside]).reshape(-1, DIMENSIONS)
-                surface = edge.nearly_stuck_twice(rows, problem)
-                complete = stuck and not surface and not sight.parameters and not len(edge.beside(rows, problem, ASIDE))
+                surface = edge.nearly_stuck_twice(np.vstack([rows, *(arc[:, :7] for arc in found.arcs)]), problem)
+                complete = stuck and self._sees_loops and not surface and not sight.parameters
+                complete = complete and not len(edge.beside(rows, problem, ASIDE))
                 points = _on_edge(beside, circles, members, seen[0] if seen else None, complete=complete)
                 if not (sight.parameters and found.arcs) and (len(points.family) or (points.family.branches and stuck)):
                     return points
@@ -418,9 +422,9 @@ def _turns_of_joint_6(
     return found
 
 
-def _is_small(arcs: Sequence[Array], parameter: int, length: float) -> bool:
-    """Whether all curves are shorter than a length [rad] of the parameter."""
-    return all(abs(nodes.item(len(nodes) - 1, parameter) - nodes.item(0, parameter)) < length for nodes in arcs)
+def _is_small(arcs: Sequence[Array], size: float) -> bool:
+    """Whether along every curve (m, 14) no angle changes by more than a size [rad]."""
+    return all(float(np.ptp(nodes[:, :7], axis=0).max()) < size for nodes in arcs)
 
 
 def _is_long(piece: Piece, parameter: int) -> bool:

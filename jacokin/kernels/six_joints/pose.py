@@ -66,7 +66,8 @@ def solve_six_joints(arm: SixArm, query: PoseQuery, work: SixWork, branches: Bra
     the arm itself first. Where F has more than single roots that stand apart, by the arm's structure or the target's,
     branches may hide behind each other: there a neighbour is solved as well, an arm with each link moved by so little
     that Newton's method leads from its branches to those of the arm. One that is not in doubt itself and adds no branch
-    settles the matter; where none of three does, branches.filled says that some may be missing.
+    to those that are there settles the matter; where none of three does, branches.filled says that some may be missing.
+    Where no branch is there, it may be that two which meet in one are none of the neighbours'.
     """
     branches.fold.filled[0] = 0
     if arm.form == SPHERICAL_WRIST:
@@ -79,7 +80,7 @@ def solve_six_joints(arm: SixArm, query: PoseQuery, work: SixWork, branches: Bra
         for n in range(NEIGHBOURS):
             before = branches.filled[0]
             in_doubt = branches_of_labelling(arm.scale, arm.neighbours, n, query, work, branches)
-            settled = not in_doubt and branches.filled[0] == before
+            settled = not in_doubt and 0 < branches.filled[0] == before
             if settled:
                 break
         settle_continua(query, branches)

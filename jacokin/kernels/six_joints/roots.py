@@ -97,8 +97,10 @@ def find_six_roots(e: Equations, work: SixRoots) -> int:
         add_root(work, rough[i, 0], noise / abs(slope) if slope != 0.0 else 0.0)
     i = 0
     while i < filled[1]:
-        before = filled[0]
+        before, stretches = filled[0], filled[1]
         look_closer(e, work, i)
+        if filled[0] == before and filled[1] == stretches:  # F may touch zero there: from so near it is seen to miss it
+            add_root(work, work.stretches[i, 0], -work.stretches[i, 1])
         # One look that shows roots settles a stretch. Where it takes more, or shows none, many roots may be together,
         # of which rounding says little.
         filled[3] += work.stretches[i, 2] > 0.0 or filled[0] == before

@@ -549,3 +549,11 @@ def test_a_member_on_a_limit_of_a_joint_with_more_than_a_turn_of_room_is_in_its_
     own = np.array((0.5 * math.pi, 0.5 * math.pi, 0.0, 0.5 * math.pi, 0.03, math.pi, 6.269))
     family = solver.solve_all(solver.robot.forward_kinematics(own))
     assert min(np.abs(interval.nearest(own) - own).max() for interval in family) < 1e-6  # not a turn away
+
+
+def test_a_curve_that_hardly_moves_the_tool_is_no_point() -> None:
+    """Its parameter changes by 4e-9 rad, its joints by 6e-4 rad."""
+    solver = IKSolver(jacokin.load_robot("j2s6s200"), tool=jacokin.pose((0.5, 0.0, 0.0)), collision="ignore")
+    own = np.array((1.5707930118, 3.1416003616, 3.1415913169, -1.5708040645, 4.7124078680, 1.3813341522e-5))
+    family = solver.solve_all(FreeAxis(solver.verifier.tool_pose(own), axis=(0.0, 1.0, 0.0)))
+    assert min(np.abs(wrap_to_pi(interval.nearest(own) - own)).max() for interval in family) < 1e-6
