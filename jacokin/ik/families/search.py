@@ -180,8 +180,8 @@ class FamilySearch:
                 beside = [point for point in seen if not any(circle.passes(point.q) for circle in circles)]
                 rows = np.array([[*point.q, point.parameter][:DIMENSIONS] for point in beside]).reshape(-1, DIMENSIONS)
                 surface = edge.nearly_stuck_twice(np.vstack([rows, *(arc[:, :7] for arc in found.arcs)]), problem)
-                complete = stuck and self._sees_loops and not surface and not sight.parameters
-                complete = complete and not len(edge.beside(rows, problem, ASIDE))
+                complete = stuck and self._sees_loops and _is_small(found.arcs, SMALL) and not surface
+                complete = complete and not sight.parameters and not len(edge.beside(rows, problem, ASIDE))
                 points = _on_edge(beside, circles, members, seen[0] if seen else None, complete=complete)
                 if not (sight.parameters and found.arcs) and (len(points.family) or (points.family.branches and stuck)):
                     return points
