@@ -369,7 +369,7 @@ class SixJointFamilies(FamilySearch):
                 spun = SpunWristTrack(q, turn, sign, limits, *free.range)
                 intervals.append(Interval(members, spun, number, (end, end)))
                 continue
-            complete = complete and turn is None
+            complete = complete and not self._wrist.is_nearly_straight(q)
             for start, stop, ends in _turns_of_joint_6(q[5], sign, free, robot.lower[5], robot.upper[5]):
                 reasons = (_end(ends[0], robot), _end(ends[1], robot))
                 intervals.append(Interval(members, CircleTrack(q, sign, start, stop), number, reasons))

@@ -25,6 +25,8 @@ from jacokin.model.poses import FreeAxis
 EXACT = 1e-9
 #: Sine of the middle joint's angle from straight, up to which points of curves are brought to a straight wrist.
 NEARLY_STRAIGHT = 0.6
+#: The same of a wrist that is bent by little more than rounding: how its outer joints turn is uncertain then.
+ALMOST_STRAIGHT = 1e-6
 #: The same where no curve was lost.
 TOUCHING = 0.05
 #: Starts at most, steps of each, and the longest one [rad].
@@ -75,6 +77,10 @@ class StraightWrist:
         half = round((float(q[-2]) - self._straight) / math.pi)
         straight = abs(float(q[-2]) - self._straight - half * math.pi) < EXACT
         return self._turns[half % 2] if straight else None
+
+    def is_nearly_straight(self, q: Array) -> bool:
+        """Whether the wrist of a configuration (dof,) is straight but for rounding: many turns of it close."""
+        return self._straight is not None and abs(math.sin(float(q[-2]) - self._straight)) < ALMOST_STRAIGHT
 
     def starts(self, arcs: Sequence[Array], farthest: float) -> Array:
         """Nodes (k, 7) of curves where they come nearest to straight, to a sine that is no larger than the farthest."""

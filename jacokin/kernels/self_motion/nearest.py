@@ -137,11 +137,14 @@ def where_outside(nearest: Nearest, a: Array, b: Array, length: float) -> tuple[
     for j in range(7):
         if not nearest.limits[0, j] > -math.inf:
             continue
-        start = nearest.seed[j] + apart(nearest, a, j)
+        start, end, way = nearest.seed[j] + apart(nearest, a, j), nearest.seed[j] + apart(nearest, b, j), b[j] - a[j]
+        middle = 0.5 * (nearest.limits[0, j] + nearest.limits[1, j])
+        if abs(end - middle) < abs(start - middle):  # the other end may be beside the next copy of the limits
+            start = end - way
         for side in range(2):
             flip = -1.0 if side == 0 else 1.0
             v0 = flip * (start - nearest.limits[side, j])
-            v1 = v0 + flip * (b[j] - a[j])
+            v1 = v0 + flip * way
             d0, d1 = flip * a[7 + j] * length, flip * b[7 + j] * length
             v0 = 0.0 if abs(v0) <= ON_LIMIT else v0
             v1 = 0.0 if abs(v1) <= ON_LIMIT else v1

@@ -557,3 +557,16 @@ def test_a_curve_that_hardly_moves_the_tool_is_no_point() -> None:
     own = np.array((1.5707930118, 3.1416003616, 3.1415913169, -1.5708040645, 4.7124078680, 1.3813341522e-5))
     family = solver.solve_all(FreeAxis(solver.verifier.tool_pose(own), axis=(0.0, 1.0, 0.0)))
     assert min(np.abs(wrap_to_pi(interval.nearest(own) - own)).max() for interval in family) < 1e-6
+
+
+def test_the_member_beside_a_seed_is_found_on_limits_that_are_nearly_a_turn_apart() -> None:
+    """What is beyond one limit may be nearer to the other one, in another copy."""
+    solver = solver_of("j2s7s300", joint_6=(-3.53, 2.34))
+    robot, rng = solver.robot, np.random.default_rng(1)
+    for _ in range(30):
+        q = robot.sample(rng)
+        q[5] = 2.34
+        way = rng.normal(size=7)
+        seed = np.clip(q + 1e-3 * way / np.linalg.norm(way), robot.lower, robot.upper)
+        answer = solver.solve(robot.forward_kinematics(q), seed=seed)
+        assert np.linalg.norm(answer.q - seed) < 1e-3 + 1e-6
