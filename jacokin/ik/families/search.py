@@ -127,7 +127,7 @@ class FamilySearch:
         self._verifier, self._arm = verifier, arm
         self._edge, self._closest = Edge(verifier), ClosestSearch(verifier)
         self._wrist, self._near_misses = StraightWrist(self._edge), NearMisses(verifier, MOVE, WAYS)
-        self._sees_loops = True  # whether small closed curves are found for certain
+        self._sees_loops = True  # whether small closed curves, and branches that meet in one, are found for certain
 
     def solve(self, request: Request) -> IKResult:
         """The member of the least cost, or why there is none."""
@@ -357,7 +357,7 @@ class SixJointFamilies(FamilySearch):
         """Joint 6 takes up every turn, the others stay: the branches of one pose, and a range of joint 6 for each."""
         robot, members = self._verifier.robot, Members(self._verifier, target, seed)
         branches = self._form.solve_all(target.matrix, seed)
-        complete = not branches.dropped
+        complete = not branches.dropped and self._sees_loops
         intervals, tracks = [], []
         for number, (q, margin) in enumerate(zip(branches.q, branches.margin, strict=True)):
             tracks.append(CircleTrack(q, sign, *free.range))
