@@ -40,7 +40,7 @@ from jacokin.ik.preferences import Cost, copies_to_try, with_ties
 from jacokin.ik.results import IKResult
 from jacokin.ik.targets import Request, TargetPose, combined_error
 from jacokin.ik.verification import Candidate, Verifier
-from jacokin.kernels.self_motion.slices import SAME_PARAMETER, SLICES
+from jacokin.kernels.self_motion.slices import SLICES
 from jacokin.model import angles
 from jacokin.model.angles import TURN
 from jacokin.model.poses import FreeAxis
