@@ -139,9 +139,9 @@ def find_closest(work: ClosestWork) -> int:
     for i in range(first, count):
         bring_least(work, i, number)
     begun = count
-    count = run_stage(work, count, True, COARSE, 6, 36)
-    count = run_stage(work, count, False, FINE, 10, 12)
-    count = run_stage(work, count, False, FINE, 25, 3)
+    count = run_stage(work, count, True, COARSE, 6, 90)
+    count = run_stage(work, count, False, FINE, 10, 36)
+    count = run_stage(work, count, False, FINE, 25, 8)
     run_stage(work, count, False, FINE, 80, 1)
     return begun
 
