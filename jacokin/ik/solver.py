@@ -319,11 +319,21 @@ class IKSolver:
         return cast(Family, self.solve_all(target, seed))
 
     def scatter(self, target: Target, step: float) -> Scattered | None:
-        """Members of a family for a first look, a step of the parameter apart [rad]: many times sooner than `family`.
+        """Members of a family for a first look, a step of the parameter apart: many times sooner than `family`.
 
-        What lies between two of them wholly is missing. None where there would be too many, or the target has none.
+        What lies between two of them wholly is missing, and contact is not looked for.
+
+        Args:
+            target: as for `solve`.
+            step: of the parameter [rad].
+
+        Returns:
+            The members within the limits; None where there would be too many, or the target has no family.
+
+        Raises:
+            InvalidInputError: malformed target or step.
         """
-        wanted = interpret(target, self.frame)
+        wanted, step = interpret(target, self.frame), checks.positive("step", step, "rad")
         families = self._families(wanted)
         return None if families is None else families.scatter(wanted, step)
 

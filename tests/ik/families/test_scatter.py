@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
 
 from jacokin import FreeAxis, IKSolver, Robot
 from jacokin.arrays import Array
+from jacokin.errors import InvalidInputError
 from jacokin.ik.families.family import Family
 from jacokin.model.angles import wrap_to_pi
 
@@ -67,3 +69,9 @@ def test_more_values_than_there_is_room_for_are_not_looked_at(robot: Robot) -> N
     assert solver.scatter(FreeAxis(pose, axis=(1, 0, 0)), 0.01) is None
     assert solver.scatter(FreeAxis(pose, axis=(1, 0, 0), range=(-0.2, 0.2)), 0.01) is not None
     assert solver.scatter(pose, STEP) is None  # no parameter is free
+
+
+@pytest.mark.parametrize("step", [0.0, -0.1, math.nan, "wide"])
+def test_a_step_is_a_positive_number(robot: Robot, step: Any) -> None:
+    with pytest.raises(InvalidInputError, match="step"):
+        IKSolver(robot).scatter(FreeAxis(robot.forward_kinematics(robot.home), axis=(0, 0, 1)), step)
