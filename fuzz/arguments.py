@@ -36,13 +36,17 @@ DOORS = (
 # Made by jacokin alone, and known to compile or to run for as long as they are told to.
 RESULTS = {
     "BasePlacement", "BatchResult", "BranchReport", "Branches", "CrossCheckReport", "Deviation", "Expert", "Family",
-    "IKResult", "Inspector", "Interval", "ReachabilityMap", "Robot", "Source", "Trajectory",
-    "TargetFile", "TrackerStep", "View", "Viewer",
+    "IKResult", "Inspector", "Interval", "JointMotion", "PathResult", "ReachabilityMap", "Robot", "Source",
+    "TargetFile", "TrackerStep", "Trajectory", "View", "Viewer",
 }  # fmt: skip
 SKIPPED = {"warmup", "Physics.disable"}
 # Trusted arguments, by their documentation.
 INTERNAL = {
-    "Robot.placement", "SelfContact.touching", "quat_wxyz", "Box.add_to", "Capsule.add_to", "Floor.add_to",
+    "Robot.placement", "quat_wxyz", "Box.add_to", "Capsule.add_to", "Floor.add_to",
+    "SelfContact.all_touching", "SelfContact.distances", "SelfContact.first_touching", "SelfContact.in_the_way",
+    "SelfContact.list_touching", "SelfContact.nearest", "SelfContact.nearest_between", "SelfContact.ordered",
+    "SelfContact.pair_numbers", "SelfContact.touches", "SelfContact.touches_at", "SelfContact.touching_from",
+    "Observables.take_over", "Orientations.free_axis", "Trajectory.of", "fall_beyond", "sin_cos",
     "Sphere.add_to", "LimitDistance.velocity", "Manipulability.velocity", "Posture.velocity",
     "Observable()", "ReachabilityMap.count_at",
     "TaskEnv.get_wrapper_attr", "TaskEnv.has_wrapper_attr", "TaskEnv.set_wrapper_attr",  # Gymnasium's own

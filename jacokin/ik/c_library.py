@@ -19,6 +19,7 @@ from jacokin.files import replacing
 from jacokin.ik.geometry import measure_seven
 from jacokin.ik.solver import IKSolver
 from jacokin.kernels import library
+from jacokin.model import checks
 
 #: The folder with the headers.
 INCLUDE = Path(__file__).parents[1] / "include"
@@ -56,7 +57,7 @@ endif()
 """
 
 
-def export_c(solver: IKSolver, folder: Path) -> Path:
+def export_c(solver: IKSolver, folder: str | Path) -> Path:
     """Fill a folder with all that a C program needs to solve with the same numbers.
 
     Args:
@@ -67,9 +68,11 @@ def export_c(solver: IKSolver, folder: Path) -> Path:
         The solver's file: ``<robot>.jacokin``. Beside it are ``include``, ``lib`` and in it the CMake package.
 
     Raises:
-        InvalidInputError: the solver looks for contact or solves by the QP only; a file cannot be written.
+        InvalidInputError: no solver, or one that looks for contact or solves by the QP only; a file cannot be written.
         StructureError: the robot has no closed form.
     """
+    solver = checks.instance("solver", solver, IKSolver, "an IKSolver")
+    folder = checks.path("folder", folder)
     contents = solver_file(solver)
     versions = {"library": library.PATH.name, "version": __version__}
     texts = {

@@ -60,7 +60,7 @@ class MeasuredJoint:
     def __post_init__(self) -> None:
         """Check the numbers; lists of a file become tuples."""
         for name, unit in (("position", "m"), ("axis", "")):
-            vector = tuple(checks.vector(name, np.asarray(getattr(self, name)), 3, unit).tolist())
+            vector = tuple(checks.vector(name, getattr(self, name), 3, unit).tolist())
             object.__setattr__(self, name, vector)
         for name, unit in (("offset", "rad"), ("scale", ""), ("compliance", "rad/(N m)")):
             object.__setattr__(self, name, checks.number(name, getattr(self, name), unit))

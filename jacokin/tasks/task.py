@@ -171,7 +171,10 @@ class Task:
     def __new__(cls, *args: Any, **kwargs: Any) -> Task:
         """Remember how the task is made: its scene cannot be copied."""
         task = object.__new__(cls)
-        task._recipe = copy.deepcopy((args, kwargs))
+        try:
+            task._recipe = copy.deepcopy((args, kwargs))
+        except TypeError as error:
+            raise InvalidInputError(f"a task is made again for each copy, and one of its arguments: {error}") from error
         return task
 
     def __init__(

@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable
 from ctypes import byref, c_int, c_void_p
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ import jacokin
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.ik import IKSolver, Status
-from jacokin.ik.c_library import INCLUDE, check_sum, solver_file
+from jacokin.ik.c_library import INCLUDE, check_sum, export_c, solver_file
 from tests.c import binding
 from tests.c.binding import C, CSolver
 
@@ -245,3 +246,12 @@ def test_only_solvers_that_c_can_serve_are_exported() -> None:
         solver_file(IKSolver(robot, collision="reject"))
     with pytest.raises(InvalidInputError, match="closed form only"):
         solver_file(IKSolver(robot, method="qp", collision="ignore"))
+
+
+def test_what_is_no_solver_or_no_folder_is_refused(tmp_path: Path) -> None:
+    nothing: Any = None
+    with pytest.raises(InvalidInputError, match="solver must be an IKSolver"):
+        export_c(nothing, tmp_path / "arm")
+    with pytest.raises(InvalidInputError, match="folder"):
+        export_c(IKSolver(jacokin.load_robot("j2n6s300")), nothing)
+    assert not any(tmp_path.iterdir())

@@ -419,3 +419,9 @@ def test_so_does_that_of_a_dm_env_environment(mug_file: Path) -> None:
     env.reset()
     with pytest.raises(InvalidInputError, match=r"reward of mine/Infinite-v0 after step 1 must be a finite .* got inf"):
         env.step(np.full(9, 0.6))
+
+
+def test_arguments_that_cannot_be_copied_are_refused() -> None:
+    module: Any = np
+    with pytest.raises(InvalidInputError, match="cannot pickle 'module' object"):
+        Lift(Primitive("box", name="cube"), height=module)
