@@ -62,6 +62,9 @@ TRIED_STANDING, AT_ONCE = 16, 64
 AIMS = 4
 #: [rad] a target turned by less than this is the same.
 SAME_AIM = 1e-3
+#: A member farther from the seed than this [rad], and than so many times what the seed misses the target by [m, rad],
+#: may not be the nearest: there may be a singular one beside the seed.
+FAR_FROM_SEED, FAR_FOR_MISS = 1e-2, 100.0
 #: Moves of near misses, in tolerances, and ways: curves must be long enough to be found between two slices.
 MOVE, WAYS = 1000.0, 2
 #: Configurations of each branch next to the target that are within the limits, and outside, to start from at most.
@@ -137,7 +140,7 @@ class FamilySearch:
             if member is not None:
                 members = Members(verifier, request.target, request.seed)
                 candidates = iter([members.candidate(*member)])
-                if not self._sees_loops:
+                if not self._sees_loops or self._skips_seed(request, member[0]):
                     candidates = self._with_beside_seed(candidates, members)
                 result = verifier.select(candidates, request, "")
                 if result is not None and not (result.touching and verifier.avoids_contact):
@@ -256,6 +259,13 @@ class FamilySearch:
         """The branches of a target that is moved to a pose (4, 4)."""
         problem = self._arm.problem(target)._replace(T=T)
         return _whole_arcs(problem, problem.find().arcs)
+
+    def _skips_seed(self, request: Request, q: Array) -> bool:
+        """Whether a member (dof,) is much farther from the seed than the seed from the target: one may be beside it."""
+        away = float(np.linalg.norm(q - request.seed))
+        if away <= FAR_FROM_SEED or request.target.free_axis is not None:
+            return False
+        return away > FAR_FOR_MISS * max(self._verifier.measure(request.seed, request.target))
 
     def _with_beside_seed(self, candidates: Iterator[Candidate], members: Members) -> Iterator[Candidate]:
         """The member beside a seed that nearly is one before the candidates, if it is nearer."""

@@ -570,3 +570,14 @@ def test_the_member_beside_a_seed_is_found_on_limits_that_are_nearly_a_turn_apar
         seed = np.clip(q + 1e-3 * way / np.linalg.norm(way), robot.lower, robot.upper)
         answer = solver.solve(robot.forward_kinematics(q), seed=seed)
         assert np.linalg.norm(answer.q - seed) < 1e-3 + 1e-6
+
+
+def test_a_seed_beside_a_singular_member_on_a_limit_is_not_left() -> None:
+    limits = {"joint_1": (-1.5 * math.pi, -1.9198621771937625), "joint_5": (-5.27, -0.33)}
+    tool = jacokin.pose([-0.160438, -0.141815, -0.125791], rpy=[-1.6642, 0.0392, -3.0640])
+    q = np.array([-1.9198621771937625, math.pi, -math.pi / 2, math.pi, -math.pi / 2, 1.5 * math.pi, math.pi])
+    moved = np.array([0.0, -2.4086e-4, -6.0825e-4, -1.6551e-4, 1.3507e-4, -2.2597e-4, 6.8195e-4])
+    solver = IKSolver(jacokin.load_robot("j2s7s200", limits=limits), tool=tool, collision="ignore")
+    result = solver.solve(solver.verifier.tool_pose(q), seed=q + moved)
+    assert result.success
+    assert np.linalg.norm(result.q - q - moved) <= np.linalg.norm(moved) + 1e-6
