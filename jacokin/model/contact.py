@@ -186,7 +186,7 @@ class Contact:
         return sorted(pairs)
 
     def distances(self, rows: Array, *, self_collision: bool = False) -> Array:
-        """Smallest distances (n,) [m]; arguments and errors as of `nearest`."""
+        """Smallest distances (n,) [m] of checked configurations; arguments and errors as of `nearest`."""
         found = [
             self._run_rows(LEAST_DISTANCE, some, len(some), self_collision).value[: len(some), 0].copy()
             for some in self._parts(rows)
@@ -342,7 +342,7 @@ class Contact:
         return call()
 
     def ordered(self, a: int, b: int, *, by_kind: bool = False) -> Pair:
-        """Names of two shapes: obstacles first, then in the order of the description; or the simpler kind first."""
+        """Names of two shapes by their numbers: obstacles first, then as described; or the simpler kind first."""
         rank, names = self._rank_by_kind if by_kind else self._rank, self._names
         return (names[a], names[b]) if rank[a] <= rank[b] else (names[b], names[a])
 

@@ -258,8 +258,8 @@ class Trajectory(_Looking):
     ) -> Self:
         """A motion of a robot within velocity limits (dof,) [rad/s], from times, angles, velocities, accelerations.
 
-        With `look`, which gives the distances [m] of configurations (n, dof), its clearance is measured when it is
-        first asked for.
+        All of them are checked already. With `look`, which gives the distances [m] of configurations (n, dof), its
+        clearance is measured when it is first asked for.
         """
         t, q, v, a = map(checks.read_only, rows)
         made = cls(

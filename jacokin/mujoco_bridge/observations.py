@@ -112,7 +112,7 @@ def make_options(obs_settings: ObservationSettings, obs_names: ObservableNames) 
 
 
 def sin_cos(angles: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Pairs (sin, cos) of angles (...) [rad], (..., 2); `angles_from_sin_cos` undoes it."""
+    """Pairs (sin, cos) of checked angles (...) [rad], (..., 2); `angles_from_sin_cos` undoes it."""
     pairs = np.empty((*angles.shape, 2))
     np.sin(angles, out=pairs[..., 0])
     np.cos(angles, out=pairs[..., 1])

@@ -341,7 +341,7 @@ class Orientations:
         return cls(quats, f"tool down, {yaws} yaws")
 
     def free_axis(self, index: int, pose: pin.SE3 | ArrayLike) -> FreeAxis:
-        """A pose with one of these orientations as a target that may turn about the axis of that; there are axes."""
+        """A pose with one of these orientations as a target that may turn about its axis; index and axes are there."""
         assert self.axes is not None
         assert self.ranges is not None
         return FreeAxis(pose, axis=self.axes[index], range=self.ranges[index])

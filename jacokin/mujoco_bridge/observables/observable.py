@@ -348,6 +348,8 @@ class Observables:
     def take_over(self, former: Observables, replaced: Callable[[Any], Any]) -> Self:
         """Take the options of the entity's former observables, and those that were added to them; returns self.
 
+        Nothing is checked: it is called by the entity.
+
         Args:
             former: the observables the entity had before its elements were replaced.
             replaced: gives the present element for each former one.
