@@ -203,7 +203,7 @@ class WristTrack(Track):
     def _cut(
         self, part: tuple[float, float, int, int], j: int, lower: float, upper: float
     ) -> list[tuple[float, float, int, int]]:
-        """What is left of a part where joint j is within its limits in some copy."""
+        """What is left of a part where joint j is within its limits in some copy, if by rounding: a single member."""
         first, last, code, end = part
         sign = float(self._turn[j])
         a, b = sorted((sign * (lower - self._q[j]), sign * (upper - self._q[j])))
@@ -211,8 +211,8 @@ class WristTrack(Track):
         if last - first >= TURN:  # a whole circle has no ends of its own
             return [(a, b, *codes)]
         left = []
-        for k in range(math.ceil((first - b) / TURN), math.floor((last - a) / TURN) + 1):
-            low, high = a + k * TURN, b + k * TURN
+        for k in range(math.ceil((first - b - EXACT) / TURN), math.floor((last - a + EXACT) / TURN) + 1):
+            low, high = min(a + k * TURN, last), max(b + k * TURN, first)
             left.append(
                 (
                     max(low, first),
