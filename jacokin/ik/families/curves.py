@@ -47,8 +47,8 @@ FOLD, RANGE, SEAM, LOST = -1 - FOLD_END, -1 - RANGE_END, -1 - SEAM_END, -1 - LOS
 QUARTER_TURNS = (-0.5 * math.pi, 0.0, 0.5 * math.pi, math.pi)
 #: [rad] a curve that was lost this near to where curves meet ends there.
 FARTHEST_END = 0.6
-#: Gauss-Newton steps where curves meet, and the relative size of motions that they leave out.
-SETTLING_STEPS, NO_MOTION = 20, 1e-6
+#: Gauss-Newton steps where curves meet, the relative size of motions that they leave out, and the farthest way [rad].
+SETTLING_STEPS, NO_MOTION, FARTHEST_WAY = 20, 1e-6, 0.3
 #: Index of the parameter among the seven joints of a chain: the free axis comes last, and joint 3 is in the middle.
 FREE_AXIS, JOINT_3 = 6, 2
 #: [rad] a joint that stays on its limit while others turn is past it by rounding, here and there.
@@ -200,7 +200,7 @@ class CurveProblem(NamedTuple):
         call = self._take()
         call.work.arcs.nodes[: len(nodes)] = nodes
         call.work.options[:] = 0, self.arm.parameter, len(nodes), 0
-        return self._nearest(call, FIND_NEAREST_ON_RUN, seed)
+        return self._nearest(call, FIND_NEAREST_ON_RUN, seed, slack=ON_LIMIT)
 
     def at_share(self, chord: Array, share: float) -> Array | None:
         """The point (7,) of a curve across the chord between two nodes (2, 14), at a share of it."""
@@ -236,18 +236,19 @@ class CurveProblem(NamedTuple):
 
     def settled(self, x: Array, held: int | None) -> Array | None:
         """A point (7,) that closes, near one that nearly does, with one joint held; None where there is none."""
-        x, system = x.copy(), np.empty((7, 8))
+        start, x, system = x, x.copy(), np.empty((7, 8))
         for _ in range(SETTLING_STEPS):
             if linearise7(self.chain, self.T, x, system) <= POINT_CLOSURE:
                 break
             if held is not None:
                 system[:6, held] = 0.0
             x += np.linalg.pinv(system[:6, :7], rcond=NO_MOTION) @ system[:6, 7]
-        return x if linearise7(self.chain, self.T, x, system) <= WORST_CLOSURE else None
+        near = np.abs(x - start).max() <= FARTHEST_WAY
+        return x if near and linearise7(self.chain, self.T, x, system) <= WORST_CLOSURE else None
 
-    def _nearest(self, call: Call[CurveWork], task: int, seed: Array) -> Array | None:
+    def _nearest(self, call: Call[CurveWork], task: int, seed: Array, slack: float = 0.0) -> Array | None:
         nearest = call.work.nearest
-        nearest.limits[:] = self.arm.limits
+        nearest.limits[0], nearest.limits[1] = self.arm.limits[0] - slack, self.arm.limits[1] + slack
         nearest.weights[:] = 1.0
         nearest.weights[len(seed) :] = 0.0
         nearest.seed[: len(seed)] = seed

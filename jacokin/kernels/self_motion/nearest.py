@@ -131,9 +131,13 @@ def offer_between(
     return True
 
 
-def where_outside(nearest: Nearest, a: Array, b: Array, length: float) -> tuple[int, int]:
-    """What the limits mean for a chord: (-1, 0) inside, (-1, 1) outside, (-1, 2) in doubt, (j, side) crosses that."""
+def where_outside(nearest: Nearest, a: Array, b: Array, length: float, decided: bool) -> tuple[int, int]:
+    """What the limits mean for a chord: (-1, 0) inside, (-1, 1) outside, (-1, 2) in doubt, (j, side) crosses that.
+
+    If it is decided, a joint comes no nearer to its limit between the nodes than there, but for rounding.
+    """
     crossed, side_crossed, doubt = -1, 0, False
+    on_limit = CORNER if decided else ON_LIMIT
     for j in range(7):
         if not nearest.limits[0, j] > -math.inf:
             continue
@@ -146,9 +150,9 @@ def where_outside(nearest: Nearest, a: Array, b: Array, length: float) -> tuple[
             v0 = flip * (start - nearest.limits[side, j])
             v1 = v0 + flip * way
             d0, d1 = flip * a[7 + j] * length, flip * b[7 + j] * length
-            v0 = 0.0 if abs(v0) <= ON_LIMIT else v0
-            v1 = 0.0 if abs(v1) <= ON_LIMIT else v1
-            if length > SHORTEST_CHORD and doubtful(v0, v1, d0, d1, DOUBT * length * length):
+            v0 = 0.0 if abs(v0) <= on_limit else v0
+            v1 = 0.0 if abs(v1) <= on_limit else v1
+            if not decided and length > SHORTEST_CHORD and doubtful(v0, v1, d0, d1, DOUBT * length * length):
                 doubt = True
             elif (v0 > 0.0 and v1 >= 0.0) or (v0 >= 0.0 and v1 > 0.0):
                 return -1, 1
@@ -189,18 +193,19 @@ def search_chord(chain: Array, T: Array, nearest: Nearest, walk: Walk) -> bool:
         if 0.5 * (least_distance(nearest, a) + least_distance(nearest, b) - way) >= nearest.best[0]:
             top -= 1
             continue
-        j, side = where_outside(nearest, a, b, length)
+        decided = part[28] >= HALVINGS
+        if decided:  # a joint may touch its limit just there
+            offer(nearest, a[0:7])
+            offer(nearest, b[0:7])
+        j, side = where_outside(nearest, a, b, length, decided)
         if j < 0 and side == 1:
             top -= 1
             continue
         f_a, f_b = descent(nearest, a, a[7:14]), descent(nearest, b, b[7:14])
         halve = turning > 1.0 - CHORD_TURN or length > LONGEST_CHORD or passes_antipode(nearest, a, b)
-        if part[28] >= HALVINGS:
+        if decided:
             found = found and not halve
             halve = False
-            if side == 2:  # a joint that only touches its limit
-                offer(nearest, a[0:7])
-                offer(nearest, b[0:7])
         elif j < 0:
             halve = halve or side == 2 or wavy(nearest, a, b, length, f_a, f_b)
         if halve and top + 1 < PARTS:
