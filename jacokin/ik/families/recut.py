@@ -57,10 +57,15 @@ def _with_exact_ends(piece: Piece, problem: CurveProblem) -> Piece:
     """The same piece; where it ends on a limit just where curves meet, its end may be 1e-7 off."""
     ends = piece.ends.copy()
     for side, code in enumerate(piece.codes):
-        exact = problem.settled(ends[side], code // 2) if code >= 0 else None
-        if exact is not None and np.abs(exact - ends[side]).max() < SAME_END:
-            ends[side] = exact
+        if code >= 0:
+            ends[side] = _settled(ends[side], code // 2, problem)
     return piece._replace(ends=ends)
+
+
+def _settled(x: Array, joint: int, problem: CurveProblem) -> Array:
+    """The point (7,) that closes next to one where a joint is on its limit; that itself where there is none."""
+    exact = problem.settled(x, joint)
+    return x if exact is None or np.abs(exact - x).max() >= SAME_END else exact
 
 
 def _samples(piece: Piece, problem: CurveProblem, edge: Edge, *, everywhere: bool) -> tuple[Array, Array]:
@@ -113,7 +118,7 @@ def _ended(piece: Piece, problem: CurveProblem, inside: float, outside: float, l
     level = float(limits[upper, joint])
     x = x.copy()
     x[joint] = level + TURN * round((float(x[joint]) - level) / TURN)
-    x = x if (exact := problem.settled(x, joint)) is None else exact  # the last halves may be of other curves
+    x = _settled(x, joint, problem)  # the last halves may be of other curves
     chord = min(int(inside), len(piece.nodes) - 2)
     code, share = 2 * joint + upper, inside - chord
     if side:
