@@ -315,6 +315,7 @@ def choose(intervals: Sequence[Interval], cost: Cost, seed: Array) -> tuple[Arra
         coordinates, rows = interval._track.guesses()
         for copies in copies_to_try(cost.copies, rows, seed, members.robot):
             looks += _places_to_look(number, coordinates, rows, copies, cost)
+        looks += _glances(number, interval, coordinates, rows, seed)
 
     def look(place: _Look) -> tuple[float, float]:
         track, turns = intervals[place.interval]._track, TURN * place.turns
@@ -376,6 +377,31 @@ def _places_to_look(number: int, coordinates: Array, rows: Array, copies: Array,
         _Look(float(bound), number, int(index), coordinates, turns[index])
         for bound, index in zip(bounds, chosen, strict=True)
     ]
+
+
+def _glances(number: int, interval: Interval, coordinates: Array, rows: Array, seed: Array) -> Iterator[_Look]:
+    """Where a joint with more than a turn of room is within its limits in another copy, between two guesses only."""
+    members, track = interval._members, interval._track
+    robot, snap = members.robot, members.verifier.options.limit_snap
+    turns = np.round((members.copies(rows, seed) - rows) / TURN)
+    for j in np.flatnonzero(members.wide).tolist():
+        for sign, limit in ((1.0, float(robot.upper[j])), (-1.0, float(robot.lower[j]))):
+
+            def beyond(q: Array, sign: float = sign, limit: float = limit, j: int = j) -> Array:
+                return np.asarray(angles.wrap_to_pi(sign * (q[:, j] - limit)))
+
+            here = beyond(rows)
+            padded = np.concatenate([here[1:2], here, here[-2:-1]])
+            left, right = padded[:-2], padded[2:]
+            local = (here > 0.0) & (here <= left) & (here <= right) & (here <= np.maximum(left, right) - here)
+            for index in np.flatnonzero(local).tolist():
+                excess, coordinate = refine(beyond, coordinates, index, track.joints)
+                if excess <= snap:
+                    around = coordinates[[max(index - 1, 0), 0, min(index + 1, len(rows) - 1)]]
+                    around[1] = coordinate
+                    copies = turns[index].copy()
+                    copies[j] = np.round((limit - track.joints(coordinate)[j]) / TURN)
+                    yield _Look(-math.inf, number, 1, around, copies)
 
 
 def _cost_or_inf(cost: Cost, rows: Array) -> Array:
