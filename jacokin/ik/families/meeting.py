@@ -17,7 +17,7 @@ from jacokin.ik.families.census import are_counted, lacks_any, take_census
 from jacokin.ik.families.curves import CurveProblem, FoundCurves, whole_piece
 from jacokin.ik.families.edge import STUCK, Edge
 from jacokin.ik.families.recut import cut_again, cut_whole
-from jacokin.ik.families.straight_wrist import NEARLY_STRAIGHT, TOUCHING, StraightWrist, WristTrack
+from jacokin.ik.families.straight_wrist import NEARLY_STRAIGHT, TOUCHING, StraightWrist, WristTrack, nearly_meet
 from jacokin.ik.families.stretched import walk_to_folds
 from jacokin.ik.families.tracks import CurveTrack
 from jacokin.kernels.self_motion.slices import SAME_PARAMETER
@@ -73,6 +73,7 @@ def follow_curves(problem: CurveProblem, edge: Edge, wrist: StraightWrist, also:
     beside = edge.beside(points, problem)
     if (
         edge.nearly_stuck_twice(np.vstack([doubtful, followed.points, followed.found.singular]), problem)
+        or nearly_meet(followed.circles)
         or _is_any_missed(points, followed.found.arcs, problem, edge)
         or not are_counted(beside, followed.found, problem)
     ):

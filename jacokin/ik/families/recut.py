@@ -14,6 +14,7 @@ import numpy as np
 from jacokin.arrays import Array
 from jacokin.ik.families.curves import CurveProblem, FoundCurves, Piece, join_parts, whole_piece
 from jacokin.ik.families.edge import Edge
+from jacokin.kernels.self_motion.limit_cuts import SINGLE
 from jacokin.model import angles
 from jacokin.model.angles import TURN
 
@@ -37,6 +38,9 @@ def cut_whole(found: FoundCurves, branch: int, problem: CurveProblem, edge: Edge
 def cut_again(piece: Piece, problem: CurveProblem, edge: Edge, *, everywhere: bool = False) -> Iterator[Piece]:
     """What is left of a piece within the limits; chords that are regular are looked at too if `everywhere` says so."""
     limits = problem.arm.limits
+    if np.abs(piece.ends[1] - piece.ends[0]).max() <= SINGLE:
+        yield piece
+        return
     piece = _with_exact_ends(piece, problem)
     coordinates, excess = _samples(piece, problem, edge, everywhere=everywhere)
     outside = excess.max(axis=1) > SLACK

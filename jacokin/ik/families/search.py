@@ -165,7 +165,10 @@ class FamilySearch:
         found, circles, alone = follow_curves(problem, edge, self._wrist)
         reaching = [each for each in found.pieces if _is_long(each, parameter) or _closes(each, members, parameter)]
         if len(reaching) < len(found.pieces):
-            found = found._replace(pieces=reaching, complete=False)
+            found = found._replace(complete=False)
+        found = found._replace(
+            pieces=[each for each in reaching if _is_long(each, parameter) or _is_member(each, members, parameter)]
+        )
         small = _is_small(found.arcs, SMALL if found.complete else SMALL_LOST)
         if small or not found.complete:
             stuck = edge.holds(found.arcs, problem)
@@ -367,7 +370,9 @@ class SixJointFamilies(FamilySearch):
         """Joint 6 takes up every turn, the others stay: the branches of one pose, and a range of joint 6 for each."""
         robot, members = self._verifier.robot, Members(self._verifier, target, seed)
         branches = self._form.solve_all(target.matrix, seed)
-        complete = not branches.dropped and self._sees_loops
+        rows = np.column_stack([branches.q, np.zeros(len(branches.q))])
+        many = self._edge.nearly_stuck_twice(rows, self._arm.problem(target))
+        complete = not branches.dropped and self._sees_loops and not many
         intervals, tracks = [], []
         for number, (q, margin) in enumerate(zip(branches.q, branches.margin, strict=True)):
             tracks.append(CircleTrack(q, sign, *free.range))
@@ -447,6 +452,16 @@ def _closes(piece: Piece, members: Members, parameter: int) -> bool:
     dof = members.robot.dof
     errors = [members.verifier.measure(x[:dof], members.target.at(float(x[parameter]))) for x in piece.ends]
     return max(map(max, errors)) <= MEMBER_CLOSURE
+
+
+def _is_member(piece: Piece, members: Members, parameter: int) -> bool:
+    """Whether a piece that is a point, where joints pass their limits at once, is within them but for rounding."""
+    x = piece.ends[0]
+    try:
+        members.verified(members.copies(x[: members.robot.dof], members.seed), float(x[parameter]))
+    except LostMemberError:
+        return False
+    return True
 
 
 def _on_circles(circles: Sequence[WristTrack], members: Members, first: int) -> list[Interval]:

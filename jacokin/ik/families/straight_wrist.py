@@ -37,8 +37,9 @@ FIRST_STEPS, FAR, NEAR = 6, 1.0, 1e-4
 CIRCLE_CLOSURE = 1e-12
 #: Relative size of motions that do not move the tool, and [m] and [rad] where steps end.
 NO_MOTION, CLOSED = 1e-9, 1e-14
-#: [rad] circles that differ by less are one, and a joint past its limit by no more may be on it.
-SAME_CIRCLE, NEAR_LIMIT = 1e-4, 1e-5
+#: [rad] circles that differ by less are one, or curves between them turn too quickly to be seen; and a joint past its
+#: limit by no more may be on it.
+SAME_CIRCLE, NEARLY_SAME, NEAR_LIMIT = 1e-4, 1e-2, 1e-5
 
 
 class StraightWrist:
@@ -160,6 +161,15 @@ def with_others(circles: list[WristTrack], others: Sequence[WristTrack]) -> list
     return [*circles, *new]
 
 
+def nearly_meet(circles: Sequence[WristTrack]) -> bool:
+    """Whether two circles are nearly the same: curves that lead from the one to the other may not have been seen."""
+    return any(
+        circle.distance(other.at(other.start)) < NEARLY_SAME
+        for number, circle in enumerate(circles)
+        for other in circles[:number]
+    )
+
+
 def _in_range(x: Array, free: FreeAxis | None) -> NDArray[np.bool_]:
     """Which of the rows (k, 7) have an angle about the free axis that its range allows."""
     if free is None or free.full_turn:
@@ -184,7 +194,11 @@ class WristTrack(Track):
 
     def passes(self, q: Array) -> bool:
         """Whether a configuration (dof,) is on the circle."""
-        return bool(np.abs(angles.wrap_to_pi(q - self._q))[self._turn == 0.0].max() < SAME_CIRCLE)
+        return self.distance(q) < SAME_CIRCLE
+
+    def distance(self, q: Array) -> float:
+        """How far the joints that do not turn are from those of a configuration (dof,), the farthest one [rad]."""
+        return float(np.abs(angles.wrap_to_pi(q - self._q))[self._turn == 0.0].max())
 
     def within(self, lower: Array, upper: Array) -> list[tuple[WristTrack, tuple[int, int]]]:
         """Its parts within limits (dof,), and what ends them: 2 j and 2 j + 1 for the limits of joint j, or -1."""

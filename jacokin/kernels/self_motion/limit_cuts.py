@@ -16,6 +16,8 @@ from jacokin.kernels.self_motion.slices import wrapped
 
 #: [rad] where a joint comes to its limit just as another leaves its own, rounding may put the point past one of them.
 CORNER = 1e-10
+#: [rad] the same of a single point, which callers look at again: nearly singular curves are known no better.
+SINGLE = 1e-7
 #: Share of the square of a chord: an extremum this near to a limit is looked at on halves of the chord.
 DOUBT = 2e-3
 #: [rad] shorter chords are not halved.
@@ -214,32 +216,37 @@ def cut(chain: Array, T: Array, arcs: Arcs, cuts: Cuts, walk: Walk) -> int:
         n = events_of_arc(chain, T, arcs, arc, cuts, walk)
         before = False  # whether the part before is within the limits, or a single point that is
         for i in range(n + 1):
-            inside = point_between(chain, T, arcs, arc, i, n, cuts, walk) and is_within(walk.x, cuts.limits, 0.0)
-            keep = inside
-            if not inside and not before and 0 < i < n and is_within(walk.x, cuts.limits, CORNER):
+            keep = point_between(chain, T, arcs, arc, i, n, cuts, walk) and is_within(walk.x, cuts.limits, 0.0)
+            first, last = i - 1, i
+            if not keep and not before and 0 < i < n:
                 # A single point, unless it is the end of the part after it.
-                keep = not (
+                single = is_within(walk.x, cuts.limits, SINGLE)
+                if not single:
+                    for event in range(i - 1, i + 1):
+                        if not single and is_within(cuts.events[event, POINT : POINT + 7], cuts.limits, SINGLE):
+                            first, last, single = event, event, True
+                keep = single and not (
                     point_between(chain, T, arcs, arc, i + 1, n, cuts, walk) and is_within(walk.x, cuts.limits, 0.0)
                 )
             before = keep
             if keep and found < INTERVALS:
-                enter_interval(arcs, arc, i, n, cuts, found)
+                enter_interval(arcs, arc, first, last, n, cuts, found)
                 found += 1
     return found
 
 
-def enter_interval(arcs: Arcs, arc: int, i: int, n: int, cuts: Cuts, found: int) -> None:
-    """Fill a row of cuts.intervals with what lies between events i - 1 and i of n."""
+def enter_interval(arcs: Arcs, arc: int, start: int, stop: int, n: int, cuts: Cuts, found: int) -> None:
+    """Fill a row of cuts.intervals with what lies between two of n events; -1 and n are the ends of the arc."""
     first, last = arcs.arcs[arc, 0], arcs.arcs[arc, 1] - 2
     row = cuts.intervals[found]
     row[0], row[1], row[3], row[5] = arc, first, -1 - arcs.arcs[arc, 2], 0.0
     row[2], row[4], row[6] = last, -1 - arcs.arcs[arc, 3], 1.0
-    if i > 0:
-        event = cuts.events[i - 1]
+    if start >= 0:
+        event = cuts.events[start]
         row[1], row[3], row[5] = event[NODE], event[CODE], event[SHARE]
-    if i < n:
-        event = cuts.events[i]
+    if stop < n:
+        event = cuts.events[stop]
         row[2], row[4], row[6] = event[NODE], event[CODE], event[SHARE]
     for m in range(7):
-        row[7 + m] = cuts.events[i - 1, POINT + m] if i > 0 else arcs.nodes[first, m]
-        row[14 + m] = cuts.events[i, POINT + m] if i < n else arcs.nodes[last + 1, m]
+        row[7 + m] = cuts.events[start, POINT + m] if start >= 0 else arcs.nodes[first, m]
+        row[14 + m] = cuts.events[stop, POINT + m] if stop < n else arcs.nodes[last + 1, m]
