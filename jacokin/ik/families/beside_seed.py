@@ -24,8 +24,8 @@ from jacokin.kernels.tolerances import (
     SEED_WEIGHT_FACTOR,
 )
 
-#: Gauss-Newton steps with each weight, at most.
-STEPS = 4
+#: Gauss-Newton steps with each weight, at most; and without one, where each may halve no more than the way left.
+STEPS, LAST_STEPS = 4, 8
 
 
 def find_beside_seed(problem: CurveProblem, seed: Array, limits: Array, nearest: float) -> Array | None:
@@ -46,17 +46,28 @@ def find_beside_seed(problem: CurveProblem, seed: Array, limits: Array, nearest:
         counts[problem.arm.parameter] = 0.0  # the turn about a free axis is no joint
     weight = FIRST_SEED_WEIGHT
     while miss > POLISHED_CLOSURE and weight >= LEAST_SEED_WEIGHT:
-        free, root = np.ones(7, dtype=np.bool_), np.sqrt(weight) * counts
-        for _ in range(STEPS):
-            rows, rest = np.vstack([system[:6, :7], np.diag(root)]), np.append(system[:6, 7], root * (seed - x))
-            moved = x.copy()
-            moved[free] += np.linalg.lstsq(rows[:, free], rest, rcond=None)[0]
-            last, x = x, np.clip(moved, *limits)
-            free &= x == moved
-            miss = linearise7(problem.chain, problem.T, x, system)
-            if np.linalg.norm(x - last) < SEED_STEP:
-                break
+        x, miss = _descended(problem, x, seed, np.sqrt(weight) * counts, limits, STEPS)
         if nearest <= np.linalg.norm(counts * (x - seed)) + SAME_AS_SEED:
             return None
         weight *= SEED_WEIGHT_FACTOR
-    return x if miss <= CLOSURE else None
+    if miss > CLOSURE:
+        x, miss = _descended(problem, x, seed, 0.0 * counts, limits, LAST_STEPS)
+    return x if miss <= CLOSURE and np.linalg.norm(counts * (x - seed)) < nearest else None
+
+
+def _descended(
+    problem: CurveProblem, x: Array, seed: Array, root: Array, limits: Array, steps: int
+) -> tuple[Array, float]:
+    """A point (7,) after Gauss-Newton steps, as far as limits let it, and its deviation; roots (7,) of weights."""
+    system, free = np.empty((7, 8)), np.ones(7, dtype=np.bool_)
+    miss = linearise7(problem.chain, problem.T, x, system)
+    for _ in range(steps):
+        rows, rest = np.vstack([system[:6, :7], np.diag(root)]), np.append(system[:6, 7], root * (seed - x))
+        moved = x.copy()
+        moved[free] += np.linalg.lstsq(rows[:, free], rest, rcond=None)[0]
+        last, x = x, np.clip(moved, *limits)
+        free &= x == moved
+        miss = linearise7(problem.chain, problem.T, x, system)
+        if np.linalg.norm(x - last) < SEED_STEP or (not root.any() and miss <= CLOSURE):
+            break
+    return x, miss

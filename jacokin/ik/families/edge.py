@@ -33,7 +33,8 @@ from jacokin.model.many_configurations import Chain, Placements, angle_and_axis,
 #: edge from near it only; those about a free axis must be long enough to be found between two slices.
 MOVE_SEVEN, MOVE_FREE_AXIS = 1e-4, 1e-3
 #: Directions that no structured target has, so that each crosses the edge, besides the way from the shoulder; and how
-#: many nodes of each curve to start from. The second one is for where the first one leads to no point.
+#: many nodes of each curve to start from. The second one is for where the first one leads to no point, or runs along
+#: the edge.
 MOVES = (((0.42, -0.28, 0.52, 0.35, 0.54, -0.25), 5), ((-0.17, 0.62, 0.23, 0.49, -0.33, 0.43), 8))
 TINY_MOVE = 1e-9  # [m] and [rad]: for points on curves of the target itself
 #: [m] and [rad]: curves that pass each other at a distance d nearly meet with an error of its square.
@@ -118,7 +119,7 @@ class Edge:
                         return Sight([], missed)
                     found[-1] = self._shrunk(found[-1], move, problem.T, axis)
             points = self.fitted(np.vstack(found), problem) if found else []
-            if points or not found:
+            if points:
                 break
         return Sight(points, [])
 

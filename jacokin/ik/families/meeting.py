@@ -59,7 +59,7 @@ def follow_curves(problem: CurveProblem, edge: Edge, wrist: StraightWrist, also:
         near = found.straight if problem.arm.sees_straight_wrists else wrist.starts(found.arcs, TOUCHING)
         circles = wrist.circles(near, problem)
         if not circles and not len(doubtful):
-            return Followed(found, [], none)
+            return Followed(found._replace(complete=not wrist.hides_any(near, problem)), [], none)
         followed = _joined(found, circles, none, problem, edge) if circles else Followed(found, [], none)
     else:
         followed = _follow_singular(found, doubtful, problem, edge, wrist, also)
@@ -74,6 +74,7 @@ def follow_curves(problem: CurveProblem, edge: Edge, wrist: StraightWrist, also:
     if (
         edge.nearly_stuck_twice(np.vstack([doubtful, followed.points, followed.found.singular]), problem)
         or nearly_meet(followed.circles)
+        or wrist.hides_any(np.vstack([found.straight, doubtful]), problem)
         or _is_any_missed(points, followed.found.arcs, problem, edge)
         or not are_counted(beside, followed.found, problem)
     ):

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.ik.families.curves import CurveProblem
-from jacokin.ik.families.edge import Edge, axis_in_base
+from jacokin.ik.families.edge import STUCK, Edge, axis_in_base
 from jacokin.ik.families.tracks import GUESS_SPACING, Track
 from jacokin.kernels.self_motion.slices import SAME_PARAMETER
 from jacokin.model import angles
@@ -35,6 +35,8 @@ STARTS, STEPS, LONGEST_STEP = 24, 40, 0.3
 FIRST_STEPS, FAR, NEAR = 6, 1.0, 1e-4
 #: [m] and [rad]: rounding. A wrist that is straight but for 1e-9 rad has no circle, but curves that turn quickly there.
 CIRCLE_CLOSURE = 1e-12
+#: The same where there is nearly a circle.
+ALMOST_CIRCLE = 1e-7
 #: Relative size of motions that do not move the tool, and [m] and [rad] where steps end.
 NO_MOTION, CLOSED = 1e-9, 1e-14
 #: [rad] circles that differ by less are one, or curves between them turn too quickly to be seen; and a joint past its
@@ -99,13 +101,10 @@ class StraightWrist:
         if self._straight is None or not len(x):
             return []
         middle = self._edge.chain.dof - 2
-        x = x.copy()  # moved in place
-        x[:, middle] = self._straight + math.pi * np.round((x[:, middle] - self._straight) / math.pi)
+        x, closure = self._straightened(x, problem)
+        x = x[(closure <= CIRCLE_CLOSURE) & _in_range(x, problem.free_axis)]
         held = np.zeros(x.shape, dtype=np.bool_)
         held[:, middle] = True
-        x, closure = self._close(x, held, problem)
-        closed = (closure <= CIRCLE_CLOSURE) & _in_range(x, problem.free_axis)
-        x, held = x[closed], held[closed]
         # Joints that are on a limit all along are so but for rounding, or for what a double root leaves.
         inside = self._edge.inside(x)
         over = np.abs(angles.wrap_to_pi(x - inside))
@@ -121,6 +120,27 @@ class StraightWrist:
             p = float(angles.wrap_to_pi(row[problem.arm.parameter]))
             found = with_others(found, [WristTrack(row[: middle + 2], self._turns[half], p, 0.0, TURN)])
         return found
+
+    def hides_any(self, x: Array, problem: CurveProblem) -> bool:
+        """Whether members near rows (k, 7) may not be seen: nearly on circles, and the tool can hardly move otherwise.
+
+        Curves turn quickly there, and may do so where no others lead.
+        """
+        if self._straight is None or not len(x):
+            return False
+        x, closure = self._straightened(x, problem)
+        x = x[(closure > CIRCLE_CLOSURE) & (closure <= ALMOST_CIRCLE)]
+        return len(x) > 0 and bool((self._edge.mobility(x, problem) < STUCK).any())
+
+    def _straightened(self, x: Array, problem: CurveProblem) -> tuple[Array, Array]:
+        """Rows (k, 7) with straight wrists as near to the target as they come, and their closures (k,)."""
+        assert self._straight is not None  # what callers look at
+        middle = self._edge.chain.dof - 2
+        x = x.copy()  # moved in place
+        x[:, middle] = self._straight + math.pi * np.round((x[:, middle] - self._straight) / math.pi)
+        held = np.zeros(x.shape, dtype=np.bool_)
+        held[:, middle] = True
+        return self._close(x, held, problem)
 
     def _away(self, nodes: Array) -> Array:
         """Sines (m,) of the angles from straight at nodes (m, 14); 1 where the wrist is never straight."""

@@ -581,3 +581,183 @@ def test_a_seed_beside_a_singular_member_on_a_limit_is_not_left() -> None:
     result = solver.solve(solver.verifier.tool_pose(q), seed=q + moved)
     assert result.success
     assert np.linalg.norm(result.q - q - moved) <= np.linalg.norm(moved) + 1e-6
+
+
+@pytest.mark.parametrize(
+    ("name", "limits", "q", "tool"),
+    [
+        # A joint touches its limit from outside and turns back;
+        ("j2s7s200", {}, (-120.0, 180.0, -150.0, 90.0, 90.0, 65.0, 120.0), False),
+        ("j2s7s300", {}, (180.0, 180.0, -150.0, 330.0, 90.0, 65.0, 60.0), False),
+        # it has more than a turn of room, and is within its limits in that copy between two guesses only;
+        (
+            "j2s7s300",
+            {4: (-140.0, 480.0), 7: (-140.0, 540.0)},
+            (-30.0, 180.0, -150.0, -120.0, 30.0, 240.0, 540.0),
+            False,
+        ),
+        ("j2s7s200", {2: (-123.0, 221.0), 4: (-255.0, 110.0)}, (141.0, 106.0, 92.0, 110.0, -250.0, 68.5, 210.0), False),
+        # two joints of a straight wrist are on their limits at once;
+        (
+            "j2s7s300",
+            {4: (-304.0, -98.8), 5: (-86.0, 15.0), 7: (-159.0, -22.5)},
+            (90.0, 90.0, 90.0, -270.0, -86.0, 180.0, -159.0),
+            True,
+        ),
+        # one joint comes to its limit just as another leaves its own, and the tool can hardly move in some direction.
+        (
+            "j2s7s200",
+            {1: (-80.0, 0.0), 3: (-292.0, -193.039463234)},
+            (0.0, 180.000051484, -193.039463234, 90.0001073, 540.000026727, 180.000087984, -5.6748e-05),
+            False,
+        ),
+        (
+            "j2s7s200",
+            {1: (-80.0, 0.0), 7: (-120.0, 160.0)},
+            (0.0, 180.002781774, -269.998097578, 179.971376663, 269.996371723, 180.013639208, 160.0),
+            True,
+        ),
+    ],
+)
+def test_a_member_at_one_point_within_the_limits_alone_is_its_own_answer(
+    name: str, limits: dict[int, tuple[float, float]], q: tuple[float, ...], tool: bool
+) -> None:
+    robot = jacokin.load_robot(
+        name, limits={f"joint_{j}": (low * DEGREES, high * DEGREES) for j, (low, high) in limits.items()} or None
+    )
+    placed = jacokin.pose((0.1, -0.2, 0.15), rpy=(0.3, -0.5, 1.0)) if tool else None
+    solver, own = (
+        IKSolver(robot, tool=placed, collision="ignore"),
+        np.clip(np.array(q) * DEGREES, robot.lower, robot.upper),
+    )
+    for seed in range(6):
+        findings = own_answers.check(solver, "on limits", own, np.random.default_rng(seed))
+        assert [finding for finding in findings if finding.kind != "unsure"] == []
+
+
+@pytest.mark.parametrize(
+    ("name", "q", "axis"),
+    [
+        # A straight wrist that reaches the target but for 1e-12, or two of them that are nearly one,
+        (
+            "j2s7s200",
+            (
+                -3.141592655557089,
+                1.5707963263177107,
+                -1.129821450283641e-11,
+                3.1415926498525018,
+                1.5707963265333935,
+                3.141592653852006,
+                -1.5707963267580982,
+            ),
+            None,
+        ),
+        # and two free motions, but for 1e-5, beside the turn about the last axis.
+        (
+            "j2n6s300",
+            (
+                8.53005582027811e-05,
+                3.141644433263592,
+                3.141589696573811,
+                3.1416369564296076,
+                -6.37703309499424e-05,
+                -3.141606319376479,
+            ),
+            (0, 0, 1),
+        ),
+    ],
+)
+def test_a_family_with_members_that_nearly_form_a_surface_is_not_called_complete(
+    name: str, q: tuple[float, ...], axis: tuple[int, int, int] | None
+) -> None:
+    own = np.array(q)
+    for tool in (None, jacokin.pose((0.5, 0.0, 0.0))):
+        solver = IKSolver(jacokin.load_robot(name), tool=tool, collision="ignore")
+        T = solver.verifier.tool_pose(own)
+        family = solver.solve_all(T if axis is None else FreeAxis(T, axis=axis))
+        assert not family.complete
+
+
+def test_least_squares_where_curves_meet_stay_near() -> None:
+    """A point on a limit led ten turns away, and a piece of a curve had no nodes: none but these numbers show it."""
+    limits = {
+        "joint_2": (-4.292096036745463, -3.215074959557145),
+        "joint_3": (-5.934119456780721, 5.061454830783556),
+        "joint_4": (-4.4630870547359445, 0.8200020781821378),
+        "joint_7": (-2.872243201257263, 1.8468997836327348),
+    }
+    tool = np.array(
+        [
+            [0.9808870547888071, 0.0788295574058149, 0.1778945941476106, 0.03565931536502981],
+            [-0.1931294351819364, 0.505779733087338, 0.8407662474578813, 0.197137333791711],
+            [-0.0236982491768062, -0.8590534107244464, 0.5113371006573351, -0.2105719690853758],
+            [0.0, 0.0, 0.0, 1.0],
+        ]
+    )
+    own = np.array(
+        (
+            1.9256030604300314,
+            -3.3706299051213984,
+            -5.251363632347237,
+            -4.083637115078659,
+            1.1202368801474378,
+            math.pi,
+            -0.02484680955797458,
+        )
+    )
+    solver = IKSolver(jacokin.load_robot("j2s7s200", limits=limits), tool=pin.SE3(tool), collision="ignore")
+    result = solver.solve(solver.verifier.tool_pose(own), seed=own)
+    assert result.success
+    assert np.linalg.norm(result.q - own) < 1e-6
+
+
+def test_a_folded_arm_is_found_though_a_move_runs_along_the_edge_of_reach() -> None:
+    limits = {"joint_2": (-3.532, 1.608), "joint_4": (0.0, 4.014), "joint_6": (-1.5551476115283194, -0.397)}
+    tool = jacokin.pose((0.076, 0.015, -0.181), rpy=(2.58, -0.355, 2.316))
+    solver = IKSolver(jacokin.load_robot("j2s7s200", limits=limits), tool=tool, collision="ignore")
+    own = np.array((0.5 * math.pi, 0.0, 0.0, 0.0, 0.5 * math.pi, -1.5551476115283194, -math.pi))
+    family = solver.solve_all(solver.verifier.tool_pose(own))
+    assert not family.complete or any(np.abs(interval.nearest(own) - own).max() < 1e-6 for interval in family)
+
+
+@pytest.mark.parametrize(
+    ("name", "own"),
+    [
+        (
+            "j2s6s200",
+            (
+                -1.0108666656069204e-05,
+                3.1415846114233132,
+                3.1415998723501377,
+                -1.5708179808491258,
+                4.712395133908651,
+                1.5707916528869783,
+            ),
+        ),
+        (
+            "m1n6s200",
+            (
+                -1.966041469885605e-05,
+                3.1415535762514595,
+                3.1415735590043186,
+                3.141566606315403,
+                3.1415702268774046,
+                3.141592561218088,
+            ),
+        ),
+    ],
+)
+def test_the_member_beside_a_seed_is_found_where_members_nearly_form_a_surface(
+    name: str, own: tuple[float, ...], rng: np.random.Generator
+) -> None:
+    solver, q = (
+        IKSolver(jacokin.load_robot(name), tool=jacokin.pose((0.5, 0.0, 0.0)), collision="ignore"),
+        np.array(own),
+    )
+    target = FreeAxis(solver.verifier.tool_pose(q), axis=(0.0, 0.0, 1.0))
+    for _ in range(10):
+        way = rng.normal(size=6)
+        seed = q + 1e-3 * way / np.linalg.norm(way)
+        result = solver.solve(target, seed=seed)
+        assert result.success
+        assert np.linalg.norm(result.q - seed) < 1e-3 + 1e-4
