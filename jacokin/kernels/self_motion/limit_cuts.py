@@ -96,7 +96,7 @@ def add_crossings(
     chain: Array, T: Array, arcs: Arcs, node: int, j: int, level: float, code: int, n: int, cuts: Cuts, walk: Walk
 ) -> int:
     """Append the places where joint j crosses a level on the chord that begins at a node; returns the new count."""
-    stack = cuts.stack
+    stack, side = cuts.stack, code - 2 * j
     for m in range(14):
         stack[0, m] = arcs.nodes[node, m]
         stack[0, 14 + m] = arcs.nodes[node + 1, m]
@@ -107,7 +107,7 @@ def add_crossings(
         a, b = half[0:14], half[14:28]
         length = chord_length(a, b)
         v0, v1 = a[j] - level, b[j] - level
-        open_ = doubtful(v0, v1, a[7 + j] * length, b[7 + j] * length, DOUBT * length * length)
+        open_ = doubtful(v0, v1, a[7 + j] * length, b[7 + j] * length, max(DOUBT * length * length, SINGLE))
         if open_ and length > SHORTEST_CHORD and half[28] < HALVINGS and node_between(chain, T, a, b, 0.5, walk) != 0.0:
             divide(stack, top, walk.x, walk.t)
             top += 1
@@ -123,7 +123,7 @@ def add_crossings(
                 event[POINT + m] = walk.x[m]
             event[POINT + j] = level
             n += 1
-        elif open_ and abs(v0) < CORNER and abs(v1) < CORNER:
+        elif open_ and is_touching(v0, side) and is_touching(v1, side):
             # At the extremum itself: another joint may pass its limit just there.
             d0, d1 = a[7 + j], b[7 + j]
             share = d0 / (d0 - d1) if d0 * d1 < 0.0 else 0.0
@@ -132,6 +132,11 @@ def add_crossings(
             n = add_touch(arcs, node, j, level, code, walk.x if exact else nearer, n, cuts)
         top -= 1
     return n
+
+
+def is_touching(v: float, side: int) -> bool:
+    """Whether a joint this far above its lower (0) or upper (1) limit is on it: by more outside, for a single point."""
+    return abs(v) < CORNER or 0.0 < (v if side > 0 else -v) < SINGLE
 
 
 def add_touch(arcs: Arcs, node: int, j: int, level: float, code: int, x: Array, n: int, cuts: Cuts) -> int:
@@ -149,7 +154,8 @@ def add_touch(arcs: Arcs, node: int, j: int, level: float, code: int, x: Array, 
         event[NODE], event[SHARE], event[CODE] = node, share, code
         for m in range(7):
             event[POINT + m] = x[m]
-        event[POINT + j] = level
+        if abs(x[j] - level) < CORNER:
+            event[POINT + j] = level
     return n + 2
 
 
