@@ -117,7 +117,7 @@ def add_crossings(
             cuts.lost[0] += 1
         elif crosses:
             event = cuts.events[n]
-            whole = share_of(arcs.nodes[node], arcs.nodes[node + 1], walk.x)
+            whole = min(max(share_of(arcs.nodes[node], arcs.nodes[node + 1], walk.x), 0.0), 1.0)
             event[NODE], event[SHARE], event[CODE] = node, whole, code
             for m in range(7):
                 event[POINT + m] = walk.x[m]
@@ -141,7 +141,7 @@ def is_touching(v: float, side: int) -> bool:
 
 def add_touch(arcs: Arcs, node: int, j: int, level: float, code: int, x: Array, n: int, cuts: Cuts) -> int:
     """Append two events where joint j comes to a level and leaves it on the same side; returns the new count."""
-    share = share_of(arcs.nodes[node], arcs.nodes[node + 1], x)
+    share = min(max(share_of(arcs.nodes[node], arcs.nodes[node + 1], x), 0.0), 1.0)
     if n + 2 > EVENTS or (
         n > 0
         and cuts.events[n - 1, NODE] == node

@@ -311,10 +311,13 @@ def search_windows(work: SweepWork, low: int, high: int, sign: float) -> bool:
 
 def search_elbow_window(work: SweepWork, low: int, high: int, at: float, sign: float) -> bool:
     """Look at the curves in a window between edges of joint 3, with one of the two signs of joint 4; 0 for none."""
-    seed = work.nearest.seed[JOINT_3]
+    seed, slices = work.nearest.seed[JOINT_3], work.slices
     at = seed + wrapped(at - seed)
     i = SWEEP // 2 + math.floor((at - seed) / STEP)
-    if sign == 0.0 or not low <= i < high or abs(at - seed) >= work.nearest.best[0]:
+    if sign == 0.0 or not low <= i < high:
+        return True
+    # The window may reach as far as the slices on both sides.
+    if min(abs(slices.p[i] - seed), abs(slices.p[i + 1] - seed)) >= work.nearest.best[0]:
         return True
     return search_window(work, at, i, 0 if sign > 0.0 else 4)
 

@@ -717,6 +717,53 @@ def test_least_squares_where_curves_meet_stay_near() -> None:
     assert np.linalg.norm(result.q - own) < 1e-6
 
 
+def test_a_joint_that_touches_its_limit_at_a_node_is_its_own_answer() -> None:
+    """The share of a touch between two nodes is rounded to less than none: a piece of a curve had no nodes."""
+    limits = {"joint_5": (-2.6179938779914944, 2.443460952792061), "joint_7": (-4.71238898038469, -1.2217304763960306)}
+    tool = np.array(
+        [
+            [-0.0937886179045464, 0.7719895656783411, 0.6286778234002858, 0.2217308494542916],
+            [-0.11470985656397276, -0.6356349933654579, 0.763419808504054, -0.24678601289051694],
+            [0.9889617505033385, -0.0005154542266485596, 0.14817013986735827, -0.06565151031054958],
+            [0.0, 0.0, 0.0, 1.0],
+        ]
+    )
+    own = np.array((0.0, math.pi, math.pi, math.pi, 0.5 * math.pi, 1.5 * math.pi, -1.5 * math.pi))
+    solver = IKSolver(jacokin.load_robot("j2s7s300", limits=limits), tool=pin.SE3(tool), collision="ignore")
+    result = solver.solve(solver.verifier.tool_pose(own), seed=own)
+    assert result.success
+    assert np.linalg.norm(result.q - own) < 1e-6
+
+
+def test_the_nearest_member_is_found_where_its_curve_reaches_right_up_to_the_seed() -> None:
+    own = np.array(
+        (
+            -0.00016509552159824103,
+            3.141807365355563,
+            -3.1415492050061613,
+            3.1411315876960595,
+            0.0006933148820752567,
+            1.5710371076001037,
+            3.1411368940172832,
+        )
+    )
+    seed = np.array(
+        (
+            -0.0005816437595464634,
+            3.142612948805533,
+            -3.1417170004628288,
+            3.1413421842911777,
+            0.0007901610159867197,
+            1.5711302457863767,
+            3.1414317884628855,
+        )
+    )
+    solver = IKSolver(jacokin.load_robot("j2s7s300"), tool=jacokin.pose((0.5, 0.0, 0.0)), collision="ignore")
+    result = solver.solve(solver.verifier.tool_pose(own), seed=seed)
+    assert result.success
+    assert np.linalg.norm(wrap_to_pi(result.q - seed)) < np.linalg.norm(own - seed) + 1e-6
+
+
 def test_a_folded_arm_is_found_though_a_move_runs_along_the_edge_of_reach() -> None:
     limits = {"joint_2": (-3.532, 1.608), "joint_4": (0.0, 4.014), "joint_6": (-1.5551476115283194, -0.397)}
     tool = jacokin.pose((0.076, 0.015, -0.181), rpy=(2.58, -0.355, 2.316))
