@@ -80,6 +80,15 @@ def stretched(robot: Robot, rng: np.random.Generator) -> Array:
     return q
 
 
+def on_several_limits(robot: Robot, rng: np.random.Generator) -> Array:
+    """Any of the others but the noisy ones, and two or three joints on a limit."""
+    others = [make for make in CLASSES.values() if make not in (on_several_limits, nearly)]
+    q = others[int(rng.integers(len(others)))](robot, rng)
+    for joint in rng.permutation(np.flatnonzero(~robot.unlimited))[: rng.integers(2, 4)]:
+        q[joint] = rng.choice([robot.lower[joint], robot.upper[joint]])
+    return q
+
+
 def nearly(robot: Robot, rng: np.random.Generator) -> Array:
     """Any of the structured ones and noise of any size."""
     structured = [make for make in CLASSES.values() if make not in (anywhere, nearly)]
@@ -95,6 +104,7 @@ CLASSES: dict[str, Maker] = {
     "on a limit": on_a_limit,
     "straight wrist": straight_wrist,
     "stretched": stretched,
+    "on several limits": on_several_limits,
     "nearly structured": nearly,
 }
 

@@ -53,6 +53,9 @@ SETTLING_STEPS, NO_MOTION, FARTHEST_WAY = 20, 1e-6, 0.3
 FREE_AXIS, JOINT_3 = 6, 2
 #: [rad] a joint that stays on its limit while others turn is past it by rounding, here and there.
 ON_LIMIT = 1e-12
+#: [rad] the same on a piece that is within the limits: its points are put on limits, and nearly singular curves are
+#: known no better.
+PAST_LIMIT = 3e-10
 #: How many values of the parameter there may be: room is left for those of `gaps`.
 MOST_SLICES = SLICES - 16
 
@@ -200,7 +203,7 @@ class CurveProblem(NamedTuple):
         call = self._take()
         call.work.arcs.nodes[: len(nodes)] = nodes
         call.work.options[:] = 0, self.arm.parameter, len(nodes), 0
-        return self._nearest(call, FIND_NEAREST_ON_RUN, seed, slack=ON_LIMIT)
+        return self._nearest(call, FIND_NEAREST_ON_RUN, seed, slack=PAST_LIMIT)
 
     def at_share(self, chord: Array, share: float) -> Array | None:
         """The point (7,) of a curve across the chord between two nodes (2, 14), at a share of it."""

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, JacokinError
-from jacokin.ik.families.tracks import GUESS_SPACING, Track, refine
+from jacokin.ik.families.tracks import GUESS_SPACING, Track, last_finite, refine
 from jacokin.ik.preferences import Cost, by_distance, by_margin, copies_to_try
 from jacokin.ik.seeds import seed_within_limits
 from jacokin.ik.targets import TargetPose
@@ -316,6 +316,7 @@ def choose(intervals: Sequence[Interval], cost: Cost, seed: Array) -> tuple[Arra
         for copies in copies_to_try(cost.copies, rows, seed, members.robot):
             looks += _places_to_look(number, coordinates, rows, copies, cost)
         looks += _glances(number, interval, coordinates, rows, seed)
+        looks += _corners(number, interval, coordinates, rows, seed)
 
     def look(place: _Look) -> tuple[float, float]:
         track, turns = intervals[place.interval]._track, TURN * place.turns
@@ -402,6 +403,39 @@ def _glances(number: int, interval: Interval, coordinates: Array, rows: Array, s
                     copies = turns[index].copy()
                     copies[j] = np.round((limit - track.joints(coordinate)[j]) / TURN)
                     yield _Look(-math.inf, number, 1, around, copies)
+
+
+def _corners(number: int, interval: Interval, coordinates: Array, rows: Array, seed: Array) -> Iterator[_Look]:
+    """Where one joint with more than a turn of room passes a limit just as another passes its own, or touches it."""
+    members, track = interval._members, interval._track
+    robot, snap, wide = members.robot, members.verifier.options.limit_snap, np.flatnonzero(members.wide)
+    if len(wide) < 2 or len(rows) < 2:
+        return
+    joints, limits = np.tile(wide, 2), np.concatenate([robot.lower[wide], robot.upper[wide]])
+    excess = angles.wrap_to_pi(rows[:, joints] - limits).T
+    passed = (excess[:, 1:] * excess[:, :-1] <= 0.0) & (np.abs(np.diff(excess)) < math.pi)
+    near = np.abs(excess) < 2.0 * GUESS_SPACING
+    turns = np.round((members.copies(rows, seed) - rows) / TURN)
+    for a, chord in np.argwhere(passed).tolist():
+        if not (near[:, chord] & (joints != joints[a])).any():
+            continue
+        around = coordinates[[max(chord - 1, 0), chord, min(chord + 2, len(rows) - 1)]]
+
+        def beyond(coordinate: float, a: int = a) -> float:
+            return float(angles.wrap_to_pi(track.joints(coordinate)[joints[a]] - limits[a]))
+
+        first = beyond(float(around[0]))
+
+        def not_passed(coordinate: float, first: float = first) -> float:
+            return 0.0 if beyond(coordinate) * first >= 0.0 else math.inf
+
+        around[1] = last_finite(not_passed, (0.0, float(around[0])), float(around[2]))[1]
+        q = track.joints(float(around[1]))
+        at = [k for k, joint in enumerate(joints) if abs(angles.wrap_to_pi(q[joint] - limits[k])) <= snap]
+        if len(set(joints[at].tolist())) >= 2:
+            copies = turns[chord].copy()
+            copies[joints[at]] = np.round((limits[at] - q[joints[at]]) / TURN)
+            yield _Look(-math.inf, number, 1, around, copies)
 
 
 def _cost_or_inf(cost: Cost, rows: Array) -> Array:

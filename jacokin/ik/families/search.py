@@ -163,12 +163,7 @@ class FamilySearch:
         members, problem = Members(self._verifier, target, seed), self._arm.problem(target)
         edge, robot, parameter = self._edge, self._verifier.robot, self._arm.parameter
         found, circles, alone = follow_curves(problem, edge, self._wrist)
-        reaching = [each for each in found.pieces if _is_long(each, parameter) or _closes(each, members, parameter)]
-        if len(reaching) < len(found.pieces):
-            found = found._replace(complete=False)
-        found = found._replace(
-            pieces=[each for each in reaching if _is_long(each, parameter) or _is_member(each, members, parameter)]
-        )
+        found = _reaching(found, members, parameter)
         small = _is_small(found.arcs, SMALL if found.complete else SMALL_LOST)
         if small or not found.complete:
             stuck = edge.holds(found.arcs, problem)
@@ -178,6 +173,7 @@ class FamilySearch:
                 sight = edge.look(problem)
                 if sight.parameters:
                     found, circles, alone = follow_curves(problem, edge, self._wrist, sight.parameters)
+                    found = _reaching(found, members, parameter)
                 beside = edge.fitted(alone, problem) if len(alone) else []  # known best
                 seen = [*beside, *(point for point in sight.points if not _is_among(point, beside))]
                 seen.sort(key=lambda point: float(point.excess.max()))
@@ -440,6 +436,13 @@ def _turns_of_joint_6(
 def _is_small(arcs: Sequence[Array], size: float) -> bool:
     """Whether along every curve (m, 14) no angle changes by more than a size [rad]."""
     return all(float(np.ptp(nodes[:, :7], axis=0).max()) < size for nodes in arcs)
+
+
+def _reaching(found: FoundCurves, members: Members, parameter: int) -> FoundCurves:
+    """The same without points, cut out of curves by limits, that miss the target or are no members."""
+    reaching = [each for each in found.pieces if _is_long(each, parameter) or _closes(each, members, parameter)]
+    kept = [each for each in reaching if _is_long(each, parameter) or _is_member(each, members, parameter)]
+    return found._replace(pieces=kept, complete=found.complete and len(reaching) == len(found.pieces))
 
 
 def _is_long(piece: Piece, parameter: int) -> bool:

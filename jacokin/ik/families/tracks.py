@@ -232,7 +232,7 @@ def refine(
     middle = float(coordinates[index])
     known = (at(middle), middle)
     neighbours = coordinates[[max(index - 1, 0), min(index + 1, len(coordinates) - 1)]].tolist()
-    ends = [_last_finite(at, known, end) for end in neighbours]
+    ends = [last_finite(at, known, end) for end in neighbours]
     (_, low), (_, high) = ends
     found = (
         brent(at, low, known[1], high, known[0]) if low < middle < high else brent(at, low, 0.5 * (low + high), high)
@@ -240,7 +240,7 @@ def refine(
     return min(known, found, *ends)
 
 
-def _last_finite(at: Callable[[float], float], known: tuple[float, float], end: float) -> tuple[float, float]:
+def last_finite(at: Callable[[float], float], known: tuple[float, float], end: float) -> tuple[float, float]:
     """The end if the cost is finite there, else where it last is between a place that is known and the end."""
     value = at(end) if end != known[1] else known[0]
     if math.isfinite(value) or not math.isfinite(known[0]):

@@ -17,7 +17,7 @@ from jacokin.kernels.chain import tangent7
 from jacokin.kernels.limits import TURN
 from jacokin.kernels.self_motion.arcs import Arcs
 from jacokin.kernels.self_motion.follow import Walk, chord_length, node_between, where_joint_is
-from jacokin.kernels.self_motion.limit_cuts import CORNER, DOUBT, HALVINGS, SHORTEST_CHORD, divide, doubtful
+from jacokin.kernels.self_motion.limit_cuts import CORNER, DOUBT, HALVINGS, SHORTEST_CHORD, SINGLE, divide, doubtful
 from jacokin.kernels.self_motion.slices import POINTS, SLICES, wrapped
 
 #: [rad] a joint this near to a limit is on it.
@@ -82,21 +82,28 @@ def least_distance(nearest: Nearest, x: Array) -> float:
     return math.sqrt(square)
 
 
-def offer(nearest: Nearest, x: Array) -> None:
-    """Keep a point of a curve if it is within the limits and nearer than the best one."""
-    square = 0.0
+def offer(nearest: Nearest, x: Array) -> bool:
+    """Keep a point of a curve if it is within the limits and nearer than the best one.
+
+    False where it would be, but is outside by so little that only a closer look can tell: see `limit_cuts.SINGLE`.
+    """
+    square, past = 0.0, 0.0
     for j in range(7):
         d = apart(nearest, x, j)
         angle = nearest.seed[j] + d
-        if angle < nearest.limits[0, j] - CORNER or angle > nearest.limits[1, j] + CORNER:
-            return
+        past = max(past, nearest.limits[0, j] - angle, angle - nearest.limits[1, j])
+        if past > SINGLE:
+            return True
         square += nearest.weights[j] * d * d
     distance = math.sqrt(square)
     if distance < nearest.best[0]:
+        if past > CORNER:
+            return False
         nearest.best[0] = distance
         for j in range(7):
             angle = nearest.seed[j] + apart(nearest, x, j)
             nearest.x[j] = min(max(angle, nearest.limits[0, j]), nearest.limits[1, j])
+    return True
 
 
 def descent(nearest: Nearest, x: Array, t: Array) -> float:
@@ -127,8 +134,7 @@ def offer_between(
         else:
             f_a *= 0.5
         high, f_b = share, f
-    offer(nearest, walk.x)
-    return True
+    return offer(nearest, walk.x)
 
 
 def where_outside(nearest: Nearest, a: Array, b: Array, length: float, decided: bool) -> tuple[int, int]:
@@ -174,9 +180,8 @@ def search_chord(chain: Array, T: Array, nearest: Nearest, walk: Walk) -> bool:
         walk.t[m] = stack[0, 7 + m]
     sign = tangent7(chain, T, stack[0, 0:7], walk.t, walk.tz, walk.system)
     top = 0
-    found = True
-    offer(nearest, stack[0, 0:7])
-    offer(nearest, stack[0, 14:21])
+    found = offer(nearest, stack[0, 0:7])
+    found = offer(nearest, stack[0, 14:21]) and found
     while top >= 0:
         part = stack[top]
         a, b = part[0:14], part[14:28]
@@ -195,8 +200,8 @@ def search_chord(chain: Array, T: Array, nearest: Nearest, walk: Walk) -> bool:
             continue
         decided = part[28] >= HALVINGS
         if decided:  # a joint may touch its limit just there
-            offer(nearest, a[0:7])
-            offer(nearest, b[0:7])
+            found = offer(nearest, a[0:7]) and found
+            found = offer(nearest, b[0:7]) and found
         j, side = where_outside(nearest, a, b, length, decided)
         if j < 0 and side == 1:
             top -= 1
@@ -222,7 +227,7 @@ def search_chord(chain: Array, T: Array, nearest: Nearest, walk: Walk) -> bool:
                 and tangent7(chain, T, walk.x, walk.border, walk.t, walk.system) == sign
             ):
                 walk.x[j] = level
-                offer(nearest, walk.x)
+                found = offer(nearest, walk.x) and found
                 divide(stack, top, walk.x, walk.t)
                 top += 1
                 continue

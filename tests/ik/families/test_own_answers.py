@@ -717,6 +717,118 @@ def test_least_squares_where_curves_meet_stay_near() -> None:
     assert np.linalg.norm(result.q - own) < 1e-6
 
 
+@pytest.mark.parametrize(
+    ("name", "limits", "q"),
+    [
+        (
+            "j2s7s300",
+            {4: (-5.422306039970768, 6.844000610033633), 5: (-2.0943951023931953, 9.773843811168245)},
+            (2.682115, 1.410773, 2.540799, -5.422306039970768, 9.773843811168245, 1.279748, -1.812396),
+        ),
+        (
+            "j2s7s300",
+            {1: (-0.598629691157246, 6.249246792336187), 3: (-1.5905290789462665, 6.571047543039205)},
+            (-0.598629691157246, 2.920466, -1.5905290789462665, 3.353790, 1.814578, 1.941845, 3.063297),
+        ),
+        (
+            "j2s6s300",
+            {1: (-1.2, 5.3), 4: (-3.0, 4.0), 5: (-2.0, 6.0)},
+            (-1.2, 2.9, 1.4, 4.0, 6.0, 0.4),
+        ),
+        # Or as another one touches its own.
+        (
+            "j2s7s200",
+            {
+                1: (-4.71238898038469, -1.5707963267948966),
+                2: (-0.32222475218229896, 10.972113019595843),
+                6: (-4.155094893763243, 5.46793850334962),
+            },
+            (-2.689221, 10.972113019595843, -1.635142, math.pi, -0.167275, 5.46793850334962, -2.742402),
+        ),
+    ],
+)
+def test_a_member_with_several_joints_of_more_than_a_turn_on_limits_is_its_own_answer(
+    name: str, limits: dict[int, tuple[float, float]], q: tuple[float, ...]
+) -> None:
+    """One joint comes in just as another leaves: in these copies, only one point of the curve is within the limits."""
+    robot = jacokin.load_robot(name, limits={f"joint_{joint}": pair for joint, pair in limits.items()})
+    solver, own = IKSolver(robot, collision="ignore"), np.array(q)
+    T = robot.forward_kinematics(own)
+    family = solver.solve_all(T if robot.dof == 7 else FreeAxis(T, axis=(0.0, 0.0, 1.0)))
+    assert min(np.abs(interval.nearest(own) - own).max() for interval in family) < 1e-6
+
+
+@pytest.mark.parametrize("tool", [None, jacokin.pose((0.5, 0.0, 0.0))])
+@pytest.mark.parametrize(
+    "q",
+    [
+        (-1.2118686565871135, 0.0, -1.8470310561498215, math.pi, -1.3409945252104594, 1.2883433803055213, 0.053277199),
+        (1.6937101376542207, 0.0, 1.526320735332635, math.pi, -2.782009516775983, 4.906909096306035, 2.627312661),
+    ],
+)
+def test_a_stretched_arm_with_joint_2_on_its_limit_is_a_member(q: tuple[float, ...], tool: pin.SE3 | None) -> None:
+    solver = IKSolver(jacokin.load_robot("j2s7s300"), tool=tool, collision="ignore")
+    own = np.maximum(np.array(q), solver.robot.lower)
+    family = solver.solve_all(solver.verifier.tool_pose(own))
+    assert min(np.abs(interval.nearest(own) - own).max() for interval in family) < 1e-6
+
+
+def test_three_joints_on_limits_at_a_fold_are_their_own_answer() -> None:
+    """Joint 1 only touches its limit there, and joints 3 and 6 pass theirs: one node of the curve is within them."""
+    limits = {
+        "joint_1": (-math.pi, 1.0471975511965976),
+        "joint_2": (0.8726646259971648, 5.410520681182422),
+        "joint_3": (-2.6179938779914944, 0.6981317007977318),
+        "joint_6": (-2.6179938779914944, 2.0943951023931953),
+    }
+    tool = np.array(
+        [
+            [0.05273025958062838, 0.9205038764794213, -0.3871590540216225, 0.040449274135015756],
+            [0.8588985351601837, 0.15597222922476595, 0.48781755812019295, 0.159616485629817],
+            [0.5094240139846671, -0.35825309084083995, -0.7823949749830543, 0.1400119525938185],
+            [0.0, 0.0, 0.0, 1.0],
+        ]
+    )
+    own = np.array(
+        (
+            1.0471975511965976,
+            3.1415904861343344,
+            0.6981317007977318,
+            -1.9525731286734417e-06,
+            2.6496369570388468e-06,
+            -2.6179938779914944,
+        )
+    )
+    solver = IKSolver(jacokin.load_robot("m1n6s300", limits=limits), tool=pin.SE3(tool), collision="ignore")
+    T = solver.verifier.tool_pose(own)
+    target = FreeAxis(T, axis=(0.656033200628699, -0.7243498938583456, -0.21198507244678522))
+    result = solver.solve(target, seed=own)
+    assert result.success
+    assert np.linalg.norm(wrap_to_pi(result.q - own)) < 1e-4
+
+
+def test_a_straight_wrist_with_three_joints_on_limits_has_members_that_are_nearest() -> None:
+    """A point that the limits cut out of a curve misses the target by 1e-9 m: `nearest` raised an error."""
+    limits = {
+        "joint_1": (-3.5959082218516176, -1.838331078543257),
+        "joint_3": (-0.030503994267768064, 1.2649994263117912),
+        "joint_4": (-0.3490658503988659, math.pi),
+        "joint_5": (-1.3962634015954636, 2.443460952792061),
+    }
+    tool = np.array(
+        [
+            [0.4317814703556667, 0.28535115325873184, 0.8556514951727778, 0.030738823441611607],
+            [-0.9019782418119546, 0.13671964407020154, 0.40956439081435353, -0.2941115107221278],
+            [-0.00011469661557228505, -0.9486213460908568, 0.3164135404584596, 0.19532497113859448],
+            [0.0, 0.0, 0.0, 1.0],
+        ]
+    )
+    own = np.array((-1.838331078543257, math.pi, 1.2649994263117912, 0.5 * math.pi, 0.0, 0.0))
+    solver = IKSolver(jacokin.load_robot("j2s6s200", limits=limits), tool=pin.SE3(tool), collision="ignore")
+    family = solver.solve_all(FreeAxis(solver.verifier.tool_pose(own), axis=(1.0, 0.0, 0.0)))
+    assert min(np.abs(wrap_to_pi(interval.nearest(own) - own)).max() for interval in family) < 1e-4
+
+
 def test_a_joint_that_touches_its_limit_at_a_node_is_its_own_answer() -> None:
     """The share of a touch between two nodes is rounded to less than none: a piece of a curve had no nodes."""
     limits = {"joint_5": (-2.6179938779914944, 2.443460952792061), "joint_7": (-4.71238898038469, -1.2217304763960306)}
