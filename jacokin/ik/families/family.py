@@ -406,35 +406,45 @@ def _glances(number: int, interval: Interval, coordinates: Array, rows: Array, s
 
 
 def _corners(number: int, interval: Interval, coordinates: Array, rows: Array, seed: Array) -> Iterator[_Look]:
-    """Where one joint with more than a turn of room passes a limit just as another passes its own, or touches it."""
+    """Where a joint with more than a turn of room comes in, and another leaves, between two guesses only."""
     members, track = interval._members, interval._track
     robot, snap, wide = members.robot, members.verifier.options.limit_snap, np.flatnonzero(members.wide)
-    if len(wide) < 2 or len(rows) < 2:
+    if len(wide) < 2:
         return
     joints, limits = np.tile(wide, 2), np.concatenate([robot.lower[wide], robot.upper[wide]])
     excess = angles.wrap_to_pi(rows[:, joints] - limits).T
     passed = (excess[:, 1:] * excess[:, :-1] <= 0.0) & (np.abs(np.diff(excess)) < math.pi)
-    near = np.abs(excess) < 2.0 * GUESS_SPACING
-    turns = np.round((members.copies(rows, seed) - rows) / TURN)
+
+    def turns(q: Array, on: NDArray[np.bool_]) -> Array:
+        some = np.round((members.copies(q, seed) - q) / TURN)
+        some[joints[on]] = np.round((limits[on] - q[joints[on]]) / TURN)
+        return np.asarray(some)
+
+    def is_seen(chord: int, turns: Array) -> bool:
+        q = (rows[chord : chord + 2] + TURN * turns)[:, wide]
+        return bool(((robot.lower[wide] <= q) & (q <= robot.upper[wide])).all(axis=1).any())
+
     for a, chord in np.argwhere(passed).tolist():
-        if not (near[:, chord] & (joints != joints[a])).any():
+        first, last = excess[a, chord : chord + 2].tolist()
+        guess = rows[chord] + (first / (first - last) if first != last else 0.0) * (rows[chord + 1] - rows[chord])
+        on = np.arange(len(joints)) == a
+        near = on | ((np.abs(excess[:, chord]) < 2.0 * GUESS_SPACING) & (joints != joints[a]))
+        if is_seen(chord, turns(guess, on)) and is_seen(chord, turns(guess, near)):
             continue
         around = coordinates[[max(chord - 1, 0), chord, min(chord + 2, len(rows) - 1)]]
 
         def beyond(coordinate: float, a: int = a) -> float:
             return float(angles.wrap_to_pi(track.joints(coordinate)[joints[a]] - limits[a]))
 
-        first = beyond(float(around[0]))
+        start = beyond(float(around[0]))
 
-        def not_passed(coordinate: float, first: float = first) -> float:
-            return 0.0 if beyond(coordinate) * first >= 0.0 else math.inf
+        def not_passed(coordinate: float, start: float = start) -> float:
+            return 0.0 if beyond(coordinate) * start >= 0.0 else math.inf
 
         around[1] = last_finite(not_passed, (0.0, float(around[0])), float(around[2]))[1]
         q = track.joints(float(around[1]))
-        at = [k for k, joint in enumerate(joints) if abs(angles.wrap_to_pi(q[joint] - limits[k])) <= snap]
-        if len(set(joints[at].tolist())) >= 2:
-            copies = turns[chord].copy()
-            copies[joints[at]] = np.round((limits[at] - q[joints[at]]) / TURN)
+        copies = turns(q, on | (np.abs(angles.wrap_to_pi(q[joints] - limits)) <= snap))
+        if not is_seen(chord, copies):
             yield _Look(-math.inf, number, 1, around, copies)
 
 

@@ -16,7 +16,7 @@ from jacokin.arrays import Array
 from jacokin.ik.families.census import are_counted, lacks_any, take_census
 from jacokin.ik.families.curves import CurveProblem, FoundCurves, whole_piece
 from jacokin.ik.families.edge import STUCK, Edge
-from jacokin.ik.families.recut import cut_again, cut_whole
+from jacokin.ik.families.recut import SLACK, cut_again, cut_whole, excess_of
 from jacokin.ik.families.straight_wrist import NEARLY_STRAIGHT, TOUCHING, StraightWrist, WristTrack, nearly_meet
 from jacokin.ik.families.stretched import walk_to_folds
 from jacokin.ik.families.tracks import CurveTrack
@@ -147,9 +147,9 @@ def _joined(
     for room in ROOM:
         if places:
             found = problem.find(crossings=_distinct(places), room=room)
-        ended = found if found.complete else found.ended_at(np.vstack([singular, found.singular]), parameter)
+        ended = found if found.complete else _ended(found, np.vstack([singular, found.singular]), problem, edge)
         if not all(any(_distance(nodes, x) <= NEARBY for nodes in found.arcs) for x in middles):
-            found = first.ended_at(np.vstack([singular, first.singular]), parameter)._replace(complete=False)
+            found = _ended(first, np.vstack([singular, first.singular]), problem, edge)._replace(complete=False)
             break  # curves so short that they lie between both sides
         if ended.complete:
             found = ended
@@ -157,6 +157,21 @@ def _joined(
         met = edge.meeting_points(np.vstack([found.lost_ends, found.singular]), problem)
         places = [*places, *met[:, parameter].tolist()]
     return Followed(found, circles, singular)
+
+
+def _ended(found: FoundCurves, points: Array, problem: CurveProblem, edge: Edge) -> FoundCurves:
+    """The curves that were lost near points (k, 7) end there; cut anew where one comes within the limits on that way."""
+    ended = found.ended_at(points, problem.arm.parameter)
+    pieces = ended.pieces
+    for branch, (short, nodes) in enumerate(zip(found.arcs, ended.arcs, strict=True)):
+        sides = [side for side in (0, 1) if found.ends[branch][side] != ended.ends[branch][side]]
+        inside = excess_of(nodes[[0, -1], :7], problem.arm.limits).max(axis=1) <= SLACK
+        if len(nodes) > len(short) and any(
+            inside[side] and not any(piece.is_lost(branch, side) for piece in found.pieces) for side in sides
+        ):
+            others = [piece for piece in pieces if piece.branch != branch]
+            pieces = [*others, *cut_whole(ended, branch, problem, edge)]
+    return ended._replace(pieces=pieces)
 
 
 def _is_passed(x: Array, followed: Followed, problem: CurveProblem, edge: Edge) -> bool:

@@ -745,6 +745,16 @@ def test_least_squares_where_curves_meet_stay_near() -> None:
             },
             (-2.689221, 10.972113019595843, -1.635142, math.pi, -0.167275, 5.46793850334962, -2.742402),
         ),
+        # Or 0.01 rad before it.
+        (
+            "j2s7s300",
+            {
+                2: (-0.17453292519943295, 7.67944870877505),
+                5: (-1.0471975511965976, 8.377580409572781),
+                6: (-2.443460952792061, 1.0471975511965976),
+            },
+            (1.053328, -0.17453292519943295, -1.080414, 1.975824, 8.364124, -0.948034, -0.125073),
+        ),
     ],
 )
 def test_a_member_with_several_joints_of_more_than_a_turn_on_limits_is_its_own_answer(
@@ -827,6 +837,38 @@ def test_a_straight_wrist_with_three_joints_on_limits_has_members_that_are_neare
     solver = IKSolver(jacokin.load_robot("j2s6s200", limits=limits), tool=pin.SE3(tool), collision="ignore")
     family = solver.solve_all(FreeAxis(solver.verifier.tool_pose(own), axis=(1.0, 0.0, 0.0)))
     assert min(np.abs(wrap_to_pi(interval.nearest(own) - own)).max() for interval in family) < 1e-4
+
+
+def test_curves_that_come_within_the_limits_just_before_they_meet_are_members() -> None:
+    """At 1e-5 rad of the parameter joint 6 is within its limit, where no node of the curve is but the one they meet at."""
+    limits = {
+        "joint_1": (-4.545743923475949, -0.9154804098388749),
+        "joint_2": (-1.7453292519943295, 1.3962634015954636),
+        "joint_3": (-0.23112458138122974, 9.545668689255672),
+        "joint_6": (-2.2407393374292974, 0.005414864572249378),
+    }
+    tool = np.array(
+        [
+            [-0.2815281226095405, 0.7634123302325191, -0.5813291066417564, 0.2589448285000517],
+            [-0.13024840337637827, 0.5698231482491667, 0.8113796479683925, 0.017146148992494115],
+            [0.9506720094742728, 0.30414337699243654, -0.060988004015419595, 0.27114375881429714],
+            [0.0, 0.0, 0.0, 1.0],
+        ]
+    )
+    meeting = np.array((-4.545743923475949, -0.5 * math.pi, math.pi, 0.5 * math.pi, math.pi, -0.5 * math.pi))
+    member = np.array(
+        (
+            -4.545742412657071,
+            -1.5699079222103767,
+            3.143668241489028,
+            -0.0026548388034672854,
+            3.1427834084197146,
+            0.0026427906742565455,
+        )
+    )
+    solver = IKSolver(jacokin.load_robot("j2s6s200", limits=limits), tool=pin.SE3(tool), collision="ignore")
+    family = solver.solve_all(FreeAxis(solver.verifier.tool_pose(meeting), axis=(1.0, 0.0, 0.0)))
+    assert min(np.abs(interval.nearest(member) - member).max() for interval in family) < 1e-6
 
 
 def test_a_joint_that_touches_its_limit_at_a_node_is_its_own_answer() -> None:
