@@ -160,7 +160,7 @@ def _joined(
 
 
 def _ended(found: FoundCurves, points: Array, problem: CurveProblem, edge: Edge) -> FoundCurves:
-    """The curves that were lost near points (k, 7) end there; cut anew where one comes within the limits on that way."""
+    """The curves that were lost near points (k, 7) end there, cut anew where that brings one within the limits."""
     ended = found.ended_at(points, problem.arm.parameter)
     pieces = ended.pieces
     for branch, (short, nodes) in enumerate(zip(found.arcs, ended.arcs, strict=True)):
