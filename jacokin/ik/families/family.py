@@ -34,6 +34,8 @@ MEMBER_CLOSURE = 1e-9
 SETTLING_STEPS, NO_MOTION = 16, 1e-4
 #: [m] and [rad] where they end.
 SETTLED = 1e-13
+#: [rad] joints that nearly pass their limits at once are looked at.
+AT_ONCE = 0.01
 #: [rad] a value of the parameter this far outside an interval is at its end.
 PARAMETER_SLACK = 1e-9
 
@@ -417,7 +419,10 @@ def _corners(number: int, interval: Interval, coordinates: Array, rows: Array, s
 
     def turns(q: Array, on: NDArray[np.bool_]) -> Array:
         some = np.round((members.copies(q, seed) - q) / TURN)
-        some[joints[on]] = np.round((limits[on] - q[joints[on]]) / TURN)
+        for joint, limit in zip(joints[on].tolist(), limits[on].tolist(), strict=True):
+            at_limit = np.round((limit - q[joint]) / TURN)
+            copies = q[joint] + TURN * np.array([at_limit, some[joint]])
+            some[joint] = (at_limit, some[joint])[int(np.abs(copies - seed[joint]).argmin())]
         return np.asarray(some)
 
     def is_seen(chord: int, turns: Array) -> bool:
@@ -428,8 +433,13 @@ def _corners(number: int, interval: Interval, coordinates: Array, rows: Array, s
         first, last = excess[a, chord : chord + 2].tolist()
         guess = rows[chord] + (first / (first - last) if first != last else 0.0) * (rows[chord + 1] - rows[chord])
         on = np.arange(len(joints)) == a
-        near = on | ((np.abs(excess[:, chord]) < 2.0 * GUESS_SPACING) & (joints != joints[a]))
-        if is_seen(chord, turns(guess, on)) and is_seen(chord, turns(guess, near)):
+        away = np.abs(angles.wrap_to_pi(guess[joints] - limits))
+        near = on | ((away < GUESS_SPACING) & (joints != joints[a]))
+        if (
+            is_seen(chord, turns(guess, on))
+            and is_seen(chord, turns(guess, near))
+            and not (near & ~on & (away < AT_ONCE)).any()
+        ):
             continue
         around = coordinates[[max(chord - 1, 0), chord, min(chord + 2, len(rows) - 1)]]
 
@@ -443,9 +453,9 @@ def _corners(number: int, interval: Interval, coordinates: Array, rows: Array, s
 
         around[1] = last_finite(not_passed, (0.0, float(around[0])), float(around[2]))[1]
         q = track.joints(float(around[1]))
-        copies = turns(q, on | (np.abs(angles.wrap_to_pi(q[joints] - limits)) <= snap))
-        if not is_seen(chord, copies):
-            yield _Look(-math.inf, number, 1, around, copies)
+        on |= np.abs(angles.wrap_to_pi(q[joints] - limits)) <= snap
+        if len(set(joints[on].tolist())) > 1 or not is_seen(chord, turns(q, on)):
+            yield _Look(-math.inf, number, 1, around, turns(q, on))
 
 
 def _cost_or_inf(cost: Cost, rows: Array) -> Array:

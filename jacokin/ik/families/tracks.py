@@ -28,6 +28,8 @@ EDGE = 1e-12
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 #: [rad] distance in joint space between guesses along a track.
 GUESS_SPACING = 0.05
+#: Share of it that is left at the ends at least: nearer than they are exact, guesses would hide a minimum between them.
+LEAST_SPACING = 0.1
 
 
 class Track(Protocol):
@@ -120,7 +122,8 @@ class CurveTrack(Track):
         within = np.arange(len(chord)) - np.repeat(np.cumsum(counts) - counts, counts)
         coordinates = chord + within / counts[chord]
         first, last = self._coordinates()
-        inside = (coordinates > first) & (coordinates < last)
+        apart = LEAST_SPACING / counts[chord]
+        inside = (coordinates > first + apart) & (coordinates < last - apart)
         coordinates, chord = coordinates[inside], chord[inside]
         u = (coordinates - chord)[:, np.newaxis]
         v, length = 1.0 - u, lengths[chord][:, np.newaxis]
