@@ -763,6 +763,41 @@ def test_least_squares_where_curves_meet_stay_near() -> None:
             },
             (1.053328, -0.17453292519943295, -1.080414, 1.975824, 8.364124, -0.948034, -0.125073),
         ),
+        # Both limits of joint 7 are one angle.
+        (
+            "j2s7s300",
+            {
+                1: (-5.9311239711004875, 2.3570469149015816),
+                2: (-2.0 * math.pi, 2.0 * math.pi),
+                3: (-1.0352100821823722, 5.762943828516763),
+                5: (-1.7442389488135106, 8.462469561039754),
+                6: (-7.0, 7.0),
+                7: (-2.0 * math.pi, 2.0 * math.pi),
+            },
+            (-1.47817, -2.208119, -1.0352100821823722, 1.179334, 4.913026, 2.050284, -2.0 * math.pi),
+        ),
+        # Joint 6 is past its limit until 1e-9 rad before joint 2 is.
+        (
+            "j2s7s200",
+            {
+                1: (-7.0, 7.0),
+                2: (-2.0 * math.pi, 2.0 * math.pi),
+                3: (-7.0, 7.0),
+                4: (-2.391009232898522, 4.889453306765528),
+                5: (-2.8037503390869043, 4.548875464674434),
+                6: (-2.052953940684508, 6.261629363576686),
+                7: (-7.0, 7.0),
+            },
+            (
+                -2.4862705244030145,
+                -2.0 * math.pi,
+                -0.2938241182069792,
+                2.51830675859976,
+                -1.7414962566788286,
+                6.261629363576686,
+                -0.4404231059456025,
+            ),
+        ),
     ],
 )
 def test_a_member_with_several_joints_of_more_than_a_turn_on_limits_is_its_own_answer(
@@ -845,6 +880,39 @@ def test_a_straight_wrist_with_three_joints_on_limits_has_members_that_are_neare
     solver = IKSolver(jacokin.load_robot("j2s6s200", limits=limits), tool=pin.SE3(tool), collision="ignore")
     family = solver.solve_all(FreeAxis(solver.verifier.tool_pose(own), axis=(1.0, 0.0, 0.0)))
     assert min(np.abs(wrap_to_pi(interval.nearest(own) - own)).max() for interval in family) < 1e-4
+
+
+def test_the_nearest_member_just_before_the_end_of_an_interval_is_found() -> None:
+    """Between two guesses, one of them nearer to the end than guesses are exact."""
+    limits = {
+        "joint_1": (-1.8514226660400306, 1.5588631592954594),
+        "joint_2": (-2.2689280275926285, 2.6179938779914944),
+        "joint_3": (-4.021813083987388, 0.9234636851330231),
+        "joint_4": (-1.027971658869542, 5.902414922828304),
+        "joint_7": (-4.014257279586958, 1.0471975511965976),
+    }
+    tool = np.array(
+        [
+            [-0.3097775728673706, 0.53672849959932, 0.7848314297135814, -0.1330177214708575],
+            [0.2808940407222505, 0.840253228469207, -0.4637596898543481, 0.2539360403153819],
+            [-0.9083701851311106, 0.07679212046126435, -0.4110554427324069, -0.12130471493097467],
+            [0.0, 0.0, 0.0, 1.0],
+        ]
+    )
+    own = np.array(
+        (
+            -1.6092325309082203,
+            -1.2484846994787528,
+            0.8262345555138515,
+            0.8239992878160416,
+            -1.5371995143526338,
+            5.148692187360998,
+            0.8435343215877767,
+        )
+    )
+    solver = IKSolver(jacokin.load_robot("j2s7s200", limits=limits), tool=pin.SE3(tool), collision="ignore")
+    family = solver.solve_all(solver.verifier.tool_pose(own))
+    assert min(np.abs(interval.nearest(own) - own).max() for interval in family) < 1e-6
 
 
 def test_curves_that_come_within_the_limits_just_before_they_meet_are_members() -> None:
