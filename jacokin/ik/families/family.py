@@ -385,77 +385,90 @@ def _places_to_look(number: int, coordinates: Array, rows: Array, copies: Array,
 def _glances(number: int, interval: Interval, coordinates: Array, rows: Array, seed: Array) -> Iterator[_Look]:
     """Where a joint with more than a turn of room is within its limits in another copy, between two guesses only."""
     members, track = interval._members, interval._track
-    robot, snap = members.robot, members.verifier.options.limit_snap
-    turns = np.round((members.copies(rows, seed) - rows) / TURN)
-    for j in np.flatnonzero(members.wide).tolist():
-        for sign, limit in ((1.0, float(robot.upper[j])), (-1.0, float(robot.lower[j]))):
+    snap = members.verifier.options.limit_snap
+    for joint, limit, side in _wide_limits(members):
 
-            def beyond(q: Array, sign: float = sign, limit: float = limit, j: int = j) -> Array:
-                return np.asarray(angles.wrap_to_pi(sign * (q[:, j] - limit)))
+        def beyond(q: Array, joint: int = joint, limit: float = limit, side: float = side) -> Array:
+            return np.asarray(angles.wrap_to_pi(side * (q[:, joint] - limit)))
 
-            here = beyond(rows)
-            padded = np.concatenate([here[1:2], here, here[-2:-1]])
-            left, right = padded[:-2], padded[2:]
-            local = (here > 0.0) & (here <= left) & (here <= right) & (here <= np.maximum(left, right) - here)
-            for index in np.flatnonzero(local).tolist():
-                excess, coordinate = refine(beyond, coordinates, index, track.joints)
-                if excess <= snap:
-                    around = coordinates[[max(index - 1, 0), 0, min(index + 1, len(rows) - 1)]]
-                    around[1] = coordinate
-                    copies = turns[index].copy()
-                    copies[j] = np.round((limit - track.joints(coordinate)[j]) / TURN)
-                    yield _Look(-math.inf, number, 1, around, copies)
+        here = beyond(rows)
+        padded = np.concatenate([here[1:2], here, here[-2:-1]])
+        left, right = padded[:-2], padded[2:]
+        local = (here > 0.0) & (here <= left) & (here <= right) & (here <= np.maximum(left, right) - here)
+        for index in np.flatnonzero(local).tolist():
+            excess, coordinate = refine(beyond, coordinates, index, track.joints)
+            if excess <= snap:
+                around = coordinates[[max(index - 1, 0), 0, min(index + 1, len(rows) - 1)]]
+                around[1] = coordinate
+                q = track.joints(coordinate)
+                copies = _turns(members, q, seed, snap)
+                copies[joint] = np.round((limit - q[joint]) / TURN)
+                yield _Look(-math.inf, number, 1, around, copies)
 
 
 def _corners(number: int, interval: Interval, coordinates: Array, rows: Array, seed: Array) -> Iterator[_Look]:
     """Where a joint with more than a turn of room comes in, and another leaves, between two guesses only."""
     members, track = interval._members, interval._track
-    robot, snap, wide = members.robot, members.verifier.options.limit_snap, np.flatnonzero(members.wide)
+    wide, snap, limits = np.flatnonzero(members.wide), members.verifier.options.limit_snap, _wide_limits(members)
     if len(wide) < 2:
         return
-    joints, limits = np.tile(wide, 2), np.concatenate([robot.lower[wide], robot.upper[wide]])
-    excess = angles.wrap_to_pi(rows[:, joints] - limits).T
-    passed = (excess[:, 1:] * excess[:, :-1] <= 0.0) & (np.abs(np.diff(excess)) < math.pi)
-
-    def turns(q: Array, on: NDArray[np.bool_]) -> Array:
-        some = np.round((members.copies(q, seed) - q) / TURN)
-        for joint, limit in zip(joints[on].tolist(), limits[on].tolist(), strict=True):
-            at_limit = np.round((limit - q[joint]) / TURN)
-            copies = q[joint] + TURN * np.array([at_limit, some[joint]])
-            some[joint] = (at_limit, some[joint])[int(np.abs(copies - seed[joint]).argmin())]
-        return np.asarray(some)
+    lower, upper = members.robot.lower[wide], members.robot.upper[wide]
 
     def is_seen(chord: int, turns: Array) -> bool:
         q = (rows[chord : chord + 2] + TURN * turns)[:, wide]
-        return bool(((robot.lower[wide] <= q) & (q <= robot.upper[wide])).all(axis=1).any())
+        return bool(((lower <= q) & (q <= upper)).all(axis=1).any())
 
-    for a, chord in np.argwhere(passed).tolist():
-        first, last = excess[a, chord : chord + 2].tolist()
-        guess = rows[chord] + (first / (first - last) if first != last else 0.0) * (rows[chord + 1] - rows[chord])
-        on = np.arange(len(joints)) == a
-        away = np.abs(angles.wrap_to_pi(guess[joints] - limits))
-        near = on | ((away < GUESS_SPACING) & (joints != joints[a]))
-        if (
-            is_seen(chord, turns(guess, on))
-            and is_seen(chord, turns(guess, near))
-            and not (near & ~on & (away < AT_ONCE)).any()
-        ):
-            continue
-        around = coordinates[[max(chord - 1, 0), chord, min(chord + 2, len(rows) - 1)]]
+    def on_limits(q: Array, slack: float) -> set[int]:
+        return {joint for joint, limit, _ in limits if abs(angles.wrap_to_pi(q[joint] - limit)) <= slack}
 
-        def beyond(coordinate: float, a: int = a) -> float:
-            return float(angles.wrap_to_pi(track.joints(coordinate)[joints[a]] - limits[a]))
+    for joint, limit, _ in limits:
+        excess = np.asarray(angles.wrap_to_pi(rows[:, joint] - limit))
+        passed = (excess[1:] * excess[:-1] <= 0.0) & (np.abs(np.diff(excess)) < math.pi)
+        for chord in np.flatnonzero(passed).tolist():
+            first, last = excess[chord : chord + 2].tolist()
+            q = rows[chord] + (first / (first - last) if first != last else 0.0) * (rows[chord + 1] - rows[chord])
+            alone = on_limits(q, AT_ONCE) <= {joint}
+            if alone and all(is_seen(chord, _turns(members, q, seed, slack)) for slack in (AT_ONCE, GUESS_SPACING)):
+                continue
+            around = coordinates[[max(chord - 1, 0), chord, min(chord + 2, len(rows) - 1)]]
 
-        start = beyond(float(around[0]))
+            def beyond(coordinate: float, joint: int = joint, limit: float = limit) -> float:
+                return float(angles.wrap_to_pi(track.joints(coordinate)[joint] - limit))
 
-        def not_passed(coordinate: float, start: float = start) -> float:
-            return 0.0 if beyond(coordinate) * start >= 0.0 else math.inf
+            start = beyond(float(around[0]))
 
-        around[1] = last_finite(not_passed, (0.0, float(around[0])), float(around[2]))[1]
-        q = track.joints(float(around[1]))
-        on |= np.abs(angles.wrap_to_pi(q[joints] - limits)) <= snap
-        if len(set(joints[on].tolist())) > 1 or not is_seen(chord, turns(q, on)):
-            yield _Look(-math.inf, number, 1, around, turns(q, on))
+            def not_passed(coordinate: float, start: float = start) -> float:
+                return 0.0 if beyond(coordinate) * start >= 0.0 else math.inf
+
+            around[1] = last_finite(not_passed, (0.0, float(around[0])), float(around[2]))[1]
+            q = track.joints(float(around[1]))
+            turns = _turns(members, q, seed, snap)
+            if not on_limits(q, snap) <= {joint} or not is_seen(chord, turns):
+                yield _Look(-math.inf, number, 1, around, turns)
+
+
+def _wide_limits(members: Members) -> list[tuple[int, float, float]]:
+    """Joints with more than a turn of room: each with its limits [rad], the lower one with -1, the upper one with 1."""
+    robot = members.robot
+    return [
+        (joint, float(limits[joint]), side)
+        for joint in np.flatnonzero(members.wide).tolist()
+        for limits, side in ((robot.lower, -1.0), (robot.upper, 1.0))
+    ]
+
+
+def _turns(members: Members, q: Array, seed: Array, slack: float) -> Array:
+    """Turns (dof,) to add to q (dof,) for the copies nearest to a seed: within the limits, but for a slack [rad].
+
+    Only joints with more than a turn of room are given that slack.
+    """
+    turns = np.round((members.copies(q, seed) - q) / TURN)
+    for joint, limit, _ in _wide_limits(members):
+        at_limit = np.round((limit - q[joint]) / TURN)
+        if abs(q[joint] + TURN * at_limit - limit) <= slack:
+            choices = (at_limit, turns[joint])
+            turns[joint] = min(choices, key=lambda turn: abs(q[joint] + TURN * turn - seed[joint]))
+    return np.asarray(turns)
 
 
 def _cost_or_inf(cost: Cost, rows: Array) -> Array:
