@@ -22,7 +22,7 @@ from jacokin.arrays import Array
 from jacokin.ik.closest import ReachBound
 from jacokin.ik.diagnosis import LimitExcess
 from jacokin.ik.families.curves import CurveProblem
-from jacokin.ik.families.family import MEMBER_CLOSURE
+from jacokin.ik.families.members import MEMBER_CLOSURE
 from jacokin.ik.options import ORIENTATION_TOLERANCE, POSITION_TOLERANCE
 from jacokin.ik.targets import TargetPose
 from jacokin.ik.verification import Verifier

@@ -30,10 +30,12 @@ from jacokin.ik.families.curves import (
     whole_piece,
 )
 from jacokin.ik.families.edge import ON_EDGE, SAME_POINT, Edge
-from jacokin.ik.families.family import MEMBER_CLOSURE, Family, Interval, IntervalEnd, LostMemberError, Members
+from jacokin.ik.families.family import Family, Interval, IntervalEnd
+from jacokin.ik.families.least import least, minima
 from jacokin.ik.families.meeting import follow_curves
+from jacokin.ik.families.members import MEMBER_CLOSURE, LostMemberError, Members
 from jacokin.ik.families.straight_wrist import SpunWristTrack, StraightWrist, WristTrack, with_others
-from jacokin.ik.families.tracks import CircleTrack, CurveTrack, Track, least, minima
+from jacokin.ik.families.tracks import CircleTrack, CurveTrack, Track
 from jacokin.ik.geometry import measure_seven
 from jacokin.ik.near_misses import NearMisses
 from jacokin.ik.preferences import Cost, copies_to_try, with_ties

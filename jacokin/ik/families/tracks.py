@@ -6,26 +6,15 @@ A track is walked by a coordinate of its own, in which it is smooth also where t
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.ik.families.curves import CurveProblem, Piece
 from jacokin.kernels.self_motion.slices import SAME_PARAMETER
 from jacokin.model.angles import TURN
 
-#: Local minima among the guesses that are looked at exactly.
-MINIMA = 3
-#: Steps towards a minimum at most.
-STEPS = 60
-#: Share of a chord at which a minimum is found: rounding allows no more.
-ACCURACY = 1e-9
-#: [rad] or share of a chord at which a cost ceases to be finite.
-EDGE = 1e-12
-GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 #: [rad] distance in joint space between guesses along a track.
 GUESS_SPACING = 0.05
 #: Share of it that is left at the ends at least: nearer than they are exact, guesses would hide a minimum between them.
@@ -199,100 +188,3 @@ class CircleTrack(Track):
     def polyline(self) -> tuple[Array, Array]:
         """See `Track`."""
         return self.guesses()
-
-
-def least(cost: Callable[[Array], Array], coordinates: Array, rows: Array, exact: Callable[[float], Array]) -> float:
-    """The coordinate of the least cost along a track.
-
-    Args:
-        cost: of rows.
-        coordinates: (m,) in order.
-        rows: (m, dof) configurations there, roughly.
-        exact: the configuration (dof,) at a coordinate.
-    """
-    ends = [refine(cost, coordinates, end, exact) for end in minima(cost(rows))[:MINIMA]]
-    return min(ends, key=lambda end: end[0])[1]
-
-
-def minima(values: Array) -> NDArray[np.int64]:
-    """Indices of the local minima, best first, ends included."""
-    padded = np.concatenate([[np.inf], values, [np.inf]])
-    local = np.flatnonzero((values <= padded[:-2]) & (values <= padded[2:]))
-    return local[np.argsort(values[local], kind="stable")]
-
-
-def refine(
-    cost: Callable[[Array], Array], coordinates: Array, index: int, exact: Callable[[float], Array]
-) -> tuple[float, float]:
-    """The least cost between the neighbours of a guess, and its coordinate.
-
-    The cost is infinite from where a joint passes its limit on: there the least may be just this side of it.
-    """
-
-    def at(coordinate: float) -> float:
-        return float(cost(exact(coordinate)[np.newaxis])[0])
-
-    middle = float(coordinates[index])
-    known = (at(middle), middle)
-    neighbours = coordinates[[max(index - 1, 0), min(index + 1, len(coordinates) - 1)]].tolist()
-    ends = [last_finite(at, known, end) for end in neighbours]
-    (_, low), (_, high) = ends
-    found = (
-        brent(at, low, known[1], high, known[0]) if low < middle < high else brent(at, low, 0.5 * (low + high), high)
-    )
-    return min(known, found, *ends)
-
-
-def last_finite(at: Callable[[float], float], known: tuple[float, float], end: float) -> tuple[float, float]:
-    """The end if the cost is finite there, else where it last is between a place that is known and the end."""
-    value = at(end) if end != known[1] else known[0]
-    if math.isfinite(value) or not math.isfinite(known[0]):
-        return value, end
-    (value, inside), outside = known, end
-    while abs(outside - inside) > EDGE * (1.0 + abs(inside)):
-        middle = 0.5 * (inside + outside)
-        at_middle = at(middle)
-        if math.isfinite(at_middle):
-            value, inside = at_middle, middle
-        else:
-            outside = middle
-    return value, inside
-
-
-def brent(
-    at: Callable[[float], float], low: float, x: float, high: float, fx: float | None = None
-) -> tuple[float, float]:
-    """The minimum of a function between low and high, and where it is.
-
-    Parabolas through the three best points, golden section where they fail (Brent, 1973, chapter 5). SciPy has the
-    method too, in `scipy.optimize`: the first solve with a preference would wait a second for that import.
-    """
-    w = v = x
-    fx = at(x) if fx is None else fx
-    fw = fv = fx
-    step = before = high - low
-    for _ in range(STEPS):
-        middle, tolerance = 0.5 * (low + high), ACCURACY * (1.0 + abs(x))
-        if abs(x - middle) <= 2.0 * tolerance - 0.5 * (high - low):
-            break
-        r, q = (x - w) * (fx - fv), (x - v) * (fx - fw)
-        p = (x - v) * q - (x - w) * r
-        q = 2.0 * (q - r)
-        p, q = (-p, q) if q > 0.0 else (p, -q)
-        if abs(p) < abs(0.5 * q * before) and q * (low - x) < p < q * (high - x):
-            before, step = step, p / q
-        else:
-            before = (high if x < middle else low) - x
-            step = (1.0 - GOLDEN) * before
-        u = x + (step if abs(step) >= tolerance else math.copysign(tolerance, step))
-        fu = at(u)
-        if fu <= fx:
-            low, high = (x, high) if u >= x else (low, x)
-            v, fv, w, fw, x, fx = w, fw, x, fx, u, fu
-        else:
-            low, high = (u, high) if u < x else (low, u)
-            if fu <= fw or w == x:
-                v, fv, w, fw = w, fw, u, fu
-            elif fu <= fv or v in (x, w):
-                v, fv = u, fu
-    return fx, x
