@@ -46,7 +46,10 @@ def find_beside_seed(problem: CurveProblem, seed: Array, limits: Array, nearest:
         counts[problem.arm.parameter] = 0.0  # the turn about a free axis is no joint
     weight = FIRST_SEED_WEIGHT
     while miss > POLISHED_CLOSURE and weight >= LEAST_SEED_WEIGHT:
-        x, miss = _descended(problem, x, seed, np.sqrt(weight) * counts, limits, STEPS)
+        descended, deviation = _descended(problem, x, seed, np.sqrt(weight) * counts, limits, STEPS)
+        if miss <= CLOSURE < deviation:
+            break  # rounding: no weight brings it nearer
+        x, miss = descended, deviation
         if nearest <= np.linalg.norm(counts * (x - seed)) + SAME_AS_SEED:
             return None
         weight *= SEED_WEIGHT_FACTOR

@@ -33,6 +33,8 @@ SAME_PLACE = 3.0 * max(ROOM)
 AROUND_LOST = (-0.06, -0.03, -0.01, 0.01, 0.03, 0.06)
 #: [rad] of the parameter: shorter curves may lie between two slices.
 SHORT = 0.1
+#: Where to look for others beside one that is: from its start, in its lengths.
+BESIDE_SHORT = (-1.0, -0.5, -0.1, 1.1, 1.5, 2.0)
 #: [rad] a point nearer to a node of a curve is on it.
 ON_CURVE = 0.05
 #: [rad] one this near is on it, none so far from all nodes is, and a joint so far past its limit is outside.
@@ -51,7 +53,7 @@ class Followed(NamedTuple):
 
 def follow_curves(problem: CurveProblem, edge: Edge, wrist: StraightWrist, also: Sequence[float] = ()) -> Followed:
     """The curves of a target, also where they meet; `also` are parameters to solve at too [rad]."""
-    found = problem.find(also)
+    found = _with_neighbours(problem.find(also), problem, also)
     doubtful = edge.doubtful(found.at_quarters, found.motion_at_quarters, found.arcs, problem)
     regular = not len(doubtful) or bool((edge.mobility(doubtful, problem) > STUCK).all())  # on a limit, no more
     none = doubtful[:0]
@@ -80,6 +82,18 @@ def follow_curves(problem: CurveProblem, edge: Edge, wrist: StraightWrist, also:
     ):
         followed = followed._replace(found=followed.found._replace(complete=False))
     return followed._replace(points=points)
+
+
+def _with_neighbours(found: FoundCurves, problem: CurveProblem, also: Sequence[float]) -> FoundCurves:
+    """The same with what is beside its short curves: near two singularities there may be others as short."""
+    places, parameter = [], problem.arm.parameter
+    for nodes in found.arcs:
+        if SAME_PARAMETER < (length := _length(nodes, parameter)) < SHORT:
+            places += [float(nodes[0, parameter]) + away * length for away in BESIDE_SHORT]
+    if not places:
+        return found
+    more = problem.find([*also, *_distinct(places)])
+    return more if len(more.arcs) > len(found.arcs) else found
 
 
 def _cut_again(followed: Followed, problem: CurveProblem, edge: Edge) -> Followed:

@@ -882,6 +882,59 @@ def test_a_straight_wrist_with_three_joints_on_limits_has_members_that_are_neare
     assert min(np.abs(wrap_to_pi(interval.nearest(own) - own)).max() for interval in family) < 1e-4
 
 
+@pytest.mark.parametrize("tool", [None, jacokin.pose((0.5, 0.0, 0.0))])
+def test_a_curve_as_short_as_another_beside_it_is_no_less_a_curve(tool: pin.SE3 | None) -> None:
+    """Next to two singularities: one from -0.006 to 0.001, another from 0.0005 to 0.026 rad of the parameter."""
+    own = (
+        0.0016622089111947664,
+        1.569267626623348,
+        3.138581052883136,
+        0.00017961155487508917,
+        3.1397644987501976,
+        -6.812621267204873e-05,
+    )
+    other = np.array(
+        (
+            0.001660028139703229,
+            1.5731581605787244,
+            3.1435997234746544,
+            0.004683099236325816,
+            3.1390979026102404,
+            0.0034939044781281403,
+        )
+    )
+    solver = IKSolver(jacokin.load_robot("m1n6s300"), tool=tool, collision="ignore")
+    family = solver.solve_all(FreeAxis(solver.verifier.tool_pose(np.array(own)), axis=(1.0, 0.0, 0.0)))
+    assert min(np.abs(interval.nearest(other) - other).max() for interval in family) < 1e-6
+
+
+def test_the_member_beside_a_seed_is_found_next_to_three_singularities() -> None:
+    own = np.array(
+        (
+            0.00011459947446109122,
+            3.1417249170006243,
+            3.141662848697171,
+            -3.141629427065557,
+            3.141559467336457,
+            -3.8599123366389974e-05,
+        )
+    )
+    seed = np.array(
+        (
+            -0.0003509705658231811,
+            3.1413902162102922,
+            3.1410940206463747,
+            -3.1413304603780188,
+            3.1412008148203245,
+            -0.00039865725698178146,
+        )
+    )
+    solver = IKSolver(jacokin.load_robot("m1n6s200"), collision="ignore")
+    result = solver.solve(FreeAxis(solver.verifier.tool_pose(own), axis=(1.0, 0.0, 0.0)), seed=seed)
+    assert result.success
+    assert np.linalg.norm(result.q - seed) < np.linalg.norm(own - seed) + 1e-4
+
+
 def test_the_nearest_member_just_before_the_end_of_an_interval_is_found() -> None:
     """Between two guesses, one of them nearer to the end than guesses are exact."""
     limits = {
