@@ -138,6 +138,14 @@ def add_beside_seed(query: PoseQuery, work: BranchWork) -> None:
         position, orientation = errors(query.chain, query.T, newton.q)
         miss = max(position, orientation)
         weight *= SEED_WEIGHT_FACTOR
+    for joint in range(6):  # two joints that came to their limits may hide that one of them can leave its own
+        if miss > CLOSURE and newton.held[joint] > 0.0:
+            newton.held[joint] = 0.0
+            for _ in range(SEED_STEPS):
+                if step_from_seed(query, newton, LEAST_SEED_WEIGHT) < SEED_STEP:
+                    break
+            position, orientation = errors(query.chain, query.T, newton.q)
+            miss = max(position, orientation)
     if miss > CLOSURE and not polish(query, work):
         return
     row[DISTANCE], within = fit_to_limits(newton.q, query.seed, query.limits, row)

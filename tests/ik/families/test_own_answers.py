@@ -935,6 +935,48 @@ def test_the_member_beside_a_seed_is_found_next_to_three_singularities() -> None
     assert np.linalg.norm(result.q - seed) < np.linalg.norm(own - seed) + 1e-4
 
 
+def test_the_branch_beside_a_seed_is_found_though_two_joints_come_to_their_limits_on_the_way() -> None:
+    """One of them leaves its limit again: with both held there, the nearest point misses the pose by 1.5e-9 m."""
+    limits = {
+        "joint_1": (-2.0434415671624038, 9.753598085064171),
+        "joint_2": (-math.pi, -1.3962634015954636),
+        "joint_3": (0.33161255787892263, 5.951572749300664),
+        "joint_4": (-2.9670597283903604, -1.2217304763960306),
+    }
+    tool = np.array(
+        [
+            [-0.26463057317650884, 0.7378412724430669, -0.6209355171190231, -0.21043570136552536],
+            [-0.6118625539502686, -0.626152903512575, -0.4832771011502891, 0.030538027648068677],
+            [-0.7453823681934845, 0.2520372950623935, 0.6171566471195986, 0.21740171456258034],
+            [0.0, 0.0, 0.0, 1.0],
+        ]
+    )
+    own = np.array(
+        (
+            3.6696613566908436,
+            -3.1415672921829674,
+            3.1416261820600675,
+            -2.651212185920564,
+            5.759551005503238,
+            1.125283235740444,
+        )
+    )
+    seed = np.array(
+        (
+            3.6691825273084984,
+            -3.141171868509289,
+            3.140939617021604,
+            -2.650862190036186,
+            5.759586531581287,
+            1.1251964413511406,
+        )
+    )
+    solver = IKSolver(jacokin.load_robot("j2s6s300", limits=limits), tool=pin.SE3(tool), collision="ignore")
+    result = solver.solve(solver.verifier.tool_pose(own), seed=seed)
+    assert result.success
+    assert np.linalg.norm(result.q - seed) < np.linalg.norm(own - seed) + 1e-6
+
+
 def test_the_nearest_member_just_before_the_end_of_an_interval_is_found() -> None:
     """Between two guesses, one of them nearer to the end than guesses are exact."""
     limits = {
