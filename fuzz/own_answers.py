@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from functools import cache
+from functools import cache, lru_cache
 from unittest import mock
 
 import numpy as np
@@ -21,6 +21,7 @@ from jacokin.ik.families.edge import Edge
 from jacokin.ik.families.meeting import Followed, follow_curves
 from jacokin.ik.families.straight_wrist import StraightWrist
 from jacokin.ik.geometry import ArmGeometry, measure_seven
+from jacokin.ik.preferences import cost_of
 from jacokin.ik.targets import TargetPose
 from jacokin.kernels.self_motion.seven_joints import MOST_AT_Q3, solve_at_q3
 from jacokin.model import NAMES, Robot
@@ -35,6 +36,9 @@ SCANNED = 0.05  # share of the families that are held against branches at many v
 FOLLOWED_ANEW = 0.05  # share of the cases in which each call follows the curves of its target itself
 OWN_LIMITS = 0.2  # share of the cases whose arm has limits of its own
 NOISE = 1e-9, 3e-2  # [rad]
+OTHERWISE = 0.1  # share of the configurations that other ways of asking are tried on
+TIGHT = 1e-3, 0.02, 0.05  # [rad] limits around a configuration
+RANGES = (-0.1, 0.1), (-math.pi, 0.0), (-0.7, 0.0), (0.0, 2.0), (-1.0, 2.5)  # [rad] of a free axis
 SCAN = 12  # values anywhere, and next to the configuration's at either side
 CLOSES = 1e-13  # [m] and [rad] of branches that are asked for: others are not quite at the target
 INSIDE = 1e-6  # [rad] from every limit
@@ -195,10 +199,67 @@ def check(solver: IKSolver, kind: str, q: Array, rng: np.random.Generator) -> It
             yield Finding("lost", where, f"{moved.status.name} from a seed near by; {given}, {seed.tolist()}")
         elif away > limit:
             yield Finding("wrong", where, f"{away:.3g} rad from a seed near by; {given}, {seed.tolist()}")
+        (other_rng,) = rng.spawn(1)
+        if other_rng.random() < OTHERWISE:
+            yield from (
+                Finding(kind_of, where, f"{what}; {given}")
+                for kind_of, what in otherwise(solver, target, q, near, other_rng)
+            )
         if missed is not None:
             yield Finding("lost", where, f"complete, without {missed.tolist()}; {given}")
         if not held:
             yield Finding("lost" if everything.complete else "unsure", where, f"in no interval; {given}")
+
+
+def otherwise(
+    solver: IKSolver, target: FreeAxis | pin.SE3, q: Array, near: float, rng: np.random.Generator
+) -> Iterator[tuple[str, str]]:
+    """Kinds of findings, and what breaks the law where it is asked for in another way, at one configuration (dof,)."""
+    robot, way = solver.robot, int(rng.integers(5))
+    seeds = {"": q}
+    if way == 0:  # in a batch, from whole turns away
+        turned = q + 2.0 * math.pi * np.where(robot.unlimited, rng.integers(-2, 3, robot.dof), 0.0)
+        rows = solver.solve_batch([target, target], seeds=np.array([q, turned]))
+        for row, seed, good in zip(rows.q, (q, turned), rows.success, strict=True):
+            if not good or np.linalg.norm(row - seed) > near + ROUNDING:
+                yield "wrong", f"in a batch {np.linalg.norm(row - seed):.3g} rad away, from {seed.tolist()}"
+        return
+    if way == 1:  # with limits close by
+        room = float(rng.choice(TIGHT)) * rng.integers(0, 2, (2, robot.dof))
+        room[:, (room == 0.0).all(axis=0)] = TIGHT[0]
+        limits = {
+            name: (float(q[j] - room[0, j]), float(q[j] + room[1, j])) for j, name in enumerate(robot.joint_names)
+        }
+        solver = IKSolver(load_robot(robot.name, limits=limits), tool=solver.tool, collision="ignore")
+        seeds["limits close by, "] = solver.robot.home
+    elif way == 2:  # where contact is avoided
+        solver = _avoiding(solver)
+        if solver.verifier.touches(q):
+            return
+    elif way == 3 and isinstance(target, FreeAxis):  # at the end of a range
+        target = FreeAxis(target.pose, axis=target.axis, range=RANGES[int(rng.integers(len(RANGES)))])
+        everything = solver.solve_all(target)
+        if not _is_held(everything, q, near):
+            yield "lost" if everything.complete else "unsure", f"in no interval of {target.range}"
+    elif way == 4:  # with a preference
+        for prefer in ("margin", "manipulability"):
+            cost = cost_of(prefer, robot, solver.frame)
+            result = solver.solve(target, seed=q, prefer=prefer)
+            assert cost is not None
+            if not result.success or cost(result.q[np.newaxis]).item() > cost(q[np.newaxis]).item() + near:
+                yield "wrong", f"prefer={prefer} is worse: {result.status.name}, {result.q.tolist()}"
+    for name, seed in seeds.items():
+        result = solver.solve(target, seed=seed, closest=False)
+        if not result.success:
+            yield "lost", f"{name}{result.status.name}"
+        elif name == "" and (away := float(np.linalg.norm(result.q - q))) > near:
+            yield "wrong", f"{away:.3g} rad away in way {way}"
+
+
+@lru_cache(maxsize=32)
+def _avoiding(solver: IKSolver) -> IKSolver:
+    """The same, avoiding contact as users do who say nothing of it."""
+    return IKSolver(solver.robot, tool=solver.tool)
 
 
 def find_missing(

@@ -18,6 +18,8 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import heapq
+import itertools
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -52,6 +54,7 @@ from jacokin.ik.results import BatchResult, IKResult
 from jacokin.ik.seeds import seed_within_limits
 from jacokin.ik.targets import PartialTarget, Request, Target, TargetPose, interpret
 from jacokin.ik.verification import Candidate, Verifier
+from jacokin.kernels.branches import FAMILY
 from jacokin.kernels.closed_form.batch import BRANCHES, LARGEST_MARGIN
 from jacokin.model import checks, poses
 from jacokin.model.loading import load_robot
@@ -456,6 +459,7 @@ class IKSolver:
             Candidate(q, target, f"branch {index + 1} of {len(rows)}")
             for index, q in _in_order(branches, request.cost, request.seed, robot)
         )
+        candidates = self._with_straight_wrists(candidates, branches, request)
         result = self._verifier.select(candidates, request, ALL_IN_CONTACT)
         if result is not None:
             return result
@@ -466,6 +470,23 @@ class IKSolver:
             return result
         outcome = diagnosis.explain_branches(branches, robot.joint_names)
         return self._closest.solve(request, outcome, [np.clip(q, robot.lower, robot.upper) for q in branches.q])
+
+    def _with_straight_wrists(
+        self, candidates: Iterator[Candidate], branches: Branches, request: Request
+    ) -> Iterator[Candidate]:
+        """The branches, and in their places among them what those that stand for a whole self-motion stand for."""
+        if request.cost is None:
+            yield from itertools.islice(candidates, 1)  # the nearest of all is a branch; who asks on avoids contact
+        if branches.singular.any():
+            several, target, seed = self._verifier.avoids_contact, request.target, request.seed
+            found = self._six.straight_wrists(target, seed, branches.q[branches.singular])
+            members = (
+                Candidate(member.q, target, "a member of a self-motion")
+                for member in found.candidates(request.cost, several=several)
+            )
+            wish = preferences.with_ties(request.cost, seed)
+            candidates = heapq.merge(candidates, members, key=lambda each: float(wish(each.q[np.newaxis])[0]))
+        yield from candidates
 
     def _almost_reaching(self, form: ClosedForm, request: Request, branches: Branches) -> Array:
         """Branches (k, 6) [rad] of a target that are not far outside the limits, and such beyond a fold next to it."""
@@ -537,6 +558,8 @@ class IKSolver:
         else:
             found, touching = form.solve_batch(matrices, seeds, workers), np.zeros(len(seeds), dtype=np.bool_)
         good = verifier.reached_rows(found) & found.within_limits
+        if verifier.avoids_contact:
+            good &= ~touching | (found.rows[:, FAMILY] == 0.0)  # others of a self-motion may be clear
         touching &= good
         said = {}
         if verifier.avoids_contact:

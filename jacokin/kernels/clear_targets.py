@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from jacokin.arrays import Array
 from jacokin.kernels.branches import (
     COLUMNS,
+    FAMILY,
     ORIENTATION_ERROR,
     POSITION_ERROR,
     WITHIN_LIMITS,
@@ -70,7 +71,10 @@ def is_answer(row: Array, tolerances: Array) -> bool:
 
 
 def take_clear(branches: BranchWork, contact: ContactWork, tolerances: Array, best: Array) -> bool:
-    """Copy the nearest clear answer to a row of the batch; False, with nothing done, where there is none."""
+    """Copy the nearest clear answer to a row of the batch; False where there is none.
+
+    Where a branch stands for a whole self-motion, others of which may be clear, the row is marked as one that does.
+    """
     sort_rows(branches)
     for i in range(branches.filled[0]):
         row = branches.rows[i]
@@ -78,4 +82,6 @@ def take_clear(branches: BranchWork, contact: ContactWork, tolerances: Array, be
             for j in range(COLUMNS):
                 best[j] = row[j]
             return True
+    for i in range(branches.filled[0]):
+        best[FAMILY] = max(best[FAMILY], branches.rows[i, FAMILY])
     return False

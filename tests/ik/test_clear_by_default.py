@@ -16,7 +16,7 @@ from jacokin.errors import InvalidInputError
 from jacokin.ik import solve_file
 from jacokin.ik.batches import batch
 from jacokin.ik.c_library import solver_file
-from jacokin.model import Floor, Scene, SelfContact
+from jacokin.model import Floor, Scene, SelfContact, Sphere
 from tests.robot_files import urdf_text
 
 
@@ -236,3 +236,25 @@ def test_a_position_is_reached_without_contact(robot: Robot, solver: IKSolver, c
             left += bool(solver.solve(position).touching)  # some positions are inside the arm's own column
     assert left <= touched // 2
     assert touched >= 2
+
+
+@pytest.mark.parametrize(
+    ("q", "ball"),
+    [
+        ((1.12611634, 2.70570983, 0.80931216, -2.18257924, np.pi, 2.36807194), (0.02299425, 0.0868969, 0.57355935)),
+        ((0.60451997, 3.12501644, 5.32463678, 1.35399394, np.pi, -0.92245612), (0.21231388, -0.10052966, 0.57400907)),
+    ],
+)
+def test_a_straight_wrist_turns_out_of_contact(q: tuple[float, ...], ball: tuple[float, float, float]) -> None:
+    """Every branch that is listed touches the ball; others of the self-motion that it stands for do not."""
+    robot = jacokin.load_robot("j2s6s300")
+    solver, own = IKSolver(robot, scene=Scene([Sphere("ball", 0.03, ball)])), np.array(q)
+    target = robot.forward_kinematics(own)
+    branches = solver.solve_all(target, seed=own)
+    assert all(solver.verifier.touches(each) for each in branches.q_within_limits)
+    result = solver.solve(target, seed=own)
+    assert result.success
+    assert not solver.verifier.touches(result.q)
+    batch_result = solver.solve_batch([target, target], seeds=own)
+    assert batch_result.success.all()
+    np.testing.assert_allclose(batch_result.q, np.tile(result.q, (2, 1)), rtol=0.0, atol=1e-12)

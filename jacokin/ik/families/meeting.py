@@ -20,6 +20,7 @@ from jacokin.ik.families.recut import SLACK, cut_again, cut_whole, excess_of
 from jacokin.ik.families.straight_wrist import NEARLY_STRAIGHT, TOUCHING, StraightWrist, WristTrack, nearly_meet
 from jacokin.ik.families.stretched import walk_to_folds
 from jacokin.ik.families.tracks import CurveTrack
+from jacokin.kernels.self_motion.intervals import SAME_SLICE
 from jacokin.kernels.self_motion.slices import SAME_PARAMETER
 from jacokin.model import angles
 from jacokin.model.angles import TURN
@@ -86,13 +87,13 @@ def follow_curves(problem: CurveProblem, edge: Edge, wrist: StraightWrist, also:
 
 def _with_neighbours(found: FoundCurves, problem: CurveProblem, also: Sequence[float]) -> FoundCurves:
     """The same with what is beside its short curves: near two singularities there may be others as short."""
-    places, parameter = [], problem.arm.parameter
-    for nodes in found.arcs:
-        if SAME_PARAMETER < (length := _length(nodes, parameter)) < SHORT:
-            places += [float(nodes[0, parameter]) + away * length for away in BESIDE_SHORT]
-    if not places:
+    parameter = problem.arm.parameter
+    spans = [(float(nodes[0, parameter]), _length(nodes, parameter)) for nodes in found.arcs]
+    short = [(start, length) for start, length in spans if SAME_PARAMETER < length < SHORT]
+    if not short:
         return found
-    more = problem.find([*also, *_distinct(places)])
+    places = [start + away * length for away in BESIDE_SHORT for start, length in short]
+    more = problem.find([*also, *_distinct(places, SAME_SLICE)])
     return more if len(more.arcs) > len(found.arcs) else found
 
 

@@ -176,7 +176,8 @@ class FamilySearch:
                 if sight.parameters:
                     found, circles, alone = follow_curves(problem, edge, self._wrist, sight.parameters)
                     found = _reaching(found, members, parameter)
-                beside = edge.fitted(alone, problem) if len(alone) else []  # known best
+                known_best = np.vstack([alone, *(arc[[0, -1], :7] for arc in found.arcs if small)])
+                beside = edge.fitted(known_best, problem) if len(known_best) else []
                 seen = [*beside, *(point for point in sight.points if not _is_among(point, beside))]
                 seen.sort(key=lambda point: float(point.excess.max()))
                 rows = np.array([[*point.q, point.parameter][:DIMENSIONS] for point in seen]).reshape(-1, DIMENSIONS)
@@ -327,6 +328,16 @@ class SixJointFamilies(FamilySearch):
         """See `FamilySearch`."""
         axis, sign = self._last_axis(target)
         return super().find(target, seed) if sign == 0.0 else self._about_last_axis(target, axis, seed, sign)
+
+    def straight_wrists(self, target: TargetPose, seed: Array, q: Array) -> FamilyFindings:
+        """What reaches a pose beside branches (k, 6) that stand for the turns of a straight wrist."""
+        members, circles = Members(self._verifier, target, seed), list[WristTrack]()
+        for row in q:
+            turn = self._wrist.turn(row)
+            circles = circles if turn is None else with_others(circles, [WristTrack(row, turn, 0.0, 0.0, TURN)])
+        intervals = tuple(_on_circles(circles, members, 0))
+        family = Family(intervals, members, branches=len(circles), complete=self._sees_loops)
+        return FamilyFindings(family, members, lambda: None, lambda: circles)
 
     def nearest(self, target: TargetPose, seed: Array) -> tuple[Array, float] | None:
         """See `FamilySearch`."""

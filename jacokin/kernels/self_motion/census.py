@@ -14,7 +14,7 @@ import numpy as np
 from jacokin.arrays import Array
 from jacokin.kernels.limits import TURN
 from jacokin.kernels.self_motion.arcs import ARCS, Arcs
-from jacokin.kernels.self_motion.limit_cuts import Cuts, is_within
+from jacokin.kernels.self_motion.limit_cuts import Cuts, excess
 from jacokin.kernels.self_motion.seven_joints import MOST_AT_Q3, solve_at_q3
 from jacokin.kernels.self_motion.slices import SevenJoints, SixJoints, Slices, solve_six
 
@@ -149,6 +149,6 @@ def count_at(
             for j in range(7):
                 census.x[j] = seven.rows[k, j]
         there += 1
-        if is_within(census.x, cuts.limits, -ON_LIMIT):
+        if excess(census.x, cuts.limits) <= -ON_LIMIT:
             within += 1
     return there, within

@@ -61,7 +61,7 @@ SLICES_SIX, SLICES_SEVEN = 96, 48
 #: [rad] where they begin: no structured pose has a fold or a limit just there, nor a window in the gap before it.
 FIRST_SLICE = -math.pi + 1.2345
 #: [rad] values nearer to each other are solved at once.
-SAME_SLICE = 1e-3
+SAME_SLICE = 1e-5
 
 
 class CurveWork(NamedTuple):

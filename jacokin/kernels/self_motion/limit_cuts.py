@@ -18,6 +18,9 @@ from jacokin.kernels.self_motion.slices import wrapped
 CORNER = 1e-10
 #: [rad] the same of a single point, which callers look at again: nearly singular curves are known no better.
 SINGLE = 1e-7
+#: [rad] a part this far outside is within the limits but for rounding, however long; others that SINGLE lets pass are
+#: no longer than the second one: of longer ones the ends alone may be within.
+SNAP, LONGEST_POINT = 1e-9, 1e-5
 #: Share of the square of a chord: an extremum this near to a limit is looked at on halves of the chord.
 DOUBT = 2e-3
 #: [rad] shorter chords are not halved.
@@ -54,14 +57,14 @@ def make_cuts() -> Cuts:
     )
 
 
-def is_within(x: Array, limits: Array, slack: float) -> bool:
-    """Whether a 2 pi copy of every joint is within its limits, or outside by no more than slack [rad]."""
+def excess(x: Array, limits: Array) -> float:
+    """How far joints are past their limits, in their nearest 2 pi copies [rad]; < 0 within them, -inf without any."""
+    most = -math.inf
     for j in range(7):
         if limits[0, j] > -math.inf:
             middle, half = 0.5 * (limits[0, j] + limits[1, j]), 0.5 * (limits[1, j] - limits[0, j])
-            if abs(wrapped(x[j] - middle)) > half + slack:
-                return False
-    return True
+            most = max(most, abs(wrapped(x[j] - middle)) - half)
+    return most
 
 
 def doubtful(v0: float, v1: float, d0: float, d1: float, slack: float) -> bool:
@@ -222,23 +225,33 @@ def cut(chain: Array, T: Array, arcs: Arcs, cuts: Cuts, walk: Walk) -> int:
         n = events_of_arc(chain, T, arcs, arc, cuts, walk)
         before = False  # whether the part before is within the limits, or a single point that is
         for i in range(n + 1):
-            keep = point_between(chain, T, arcs, arc, i, n, cuts, walk) and is_within(walk.x, cuts.limits, 0.0)
+            keep = point_between(chain, T, arcs, arc, i, n, cuts, walk) and excess(walk.x, cuts.limits) <= 0.0
             first, last = i - 1, i
             if not keep and not before and 0 < i < n:
                 # A single point, unless it is the end of the part after it.
-                single = is_within(walk.x, cuts.limits, SINGLE)
+                start, stop = cuts.events[i - 1, POINT : POINT + 7], cuts.events[i, POINT : POINT + 7]
+                past = excess(walk.x, cuts.limits)
+                single = past <= SINGLE and (past <= SNAP or way_between(start, stop) <= LONGEST_POINT)
                 if not single:
-                    for event in range(i - 1, i + 1):
-                        if not single and is_within(cuts.events[event, POINT : POINT + 7], cuts.limits, SINGLE):
-                            first, last, single = event, event, True
+                    event = i - 1 if excess(start, cuts.limits) <= excess(stop, cuts.limits) else i
+                    first, last = event, event
+                    single = excess(cuts.events[event, POINT : POINT + 7], cuts.limits) <= SINGLE
                 keep = single and not (
-                    point_between(chain, T, arcs, arc, i + 1, n, cuts, walk) and is_within(walk.x, cuts.limits, 0.0)
+                    point_between(chain, T, arcs, arc, i + 1, n, cuts, walk) and excess(walk.x, cuts.limits) <= 0.0
                 )
             before = keep
             if keep and found < INTERVALS:
                 enter_interval(arcs, arc, first, last, n, cuts, found)
                 found += 1
     return found
+
+
+def way_between(a: Array, b: Array) -> float:
+    """How far two points are apart in the joint that is farthest [rad]."""
+    most = 0.0
+    for j in range(7):
+        most = max(most, abs(a[j] - b[j]))
+    return most
 
 
 def enter_interval(arcs: Arcs, arc: int, start: int, stop: int, n: int, cuts: Cuts, found: int) -> None:

@@ -18,7 +18,7 @@ from jacokin.kernels.self_motion.follow import CURVE_CLOSURE, WORST_CLOSURE, Wal
 from jacokin.kernels.self_motion.seven_joints import MOST_AT_Q3, solve_at_q3
 
 #: Values of the parameter at most, and points at each.
-SLICES, POINTS = 128, 24
+SLICES, POINTS = 192, 24
 #: Samples of joint 3 from one slice to the next, see `gaps`.
 WINDOW_SAMPLES = 4
 #: Edges of joint 3 of seven joints, and windows between them, at most.

@@ -1139,3 +1139,38 @@ def test_the_member_beside_a_seed_is_found_where_members_nearly_form_a_surface(
         result = solver.solve(target, seed=seed)
         assert result.success
         assert np.linalg.norm(result.q - seed) < 1e-3 + 1e-4
+
+
+def test_a_piece_past_a_limit_all_along_is_no_interval() -> None:
+    """Joint 6 is 4e-8 rad past its limit and more, from one touch of joint 7 at its own to the next."""
+    solver = solver_of(
+        "j2s7s200",
+        joint_2=(math.radians(-240.0), math.radians(-120.0)),
+        joint_3=(-4.557307001930109, -3.2769251948700596),
+        joint_5=(-3.5612092449232165, -0.054990871346361825),
+        joint_7=(math.radians(-70.0), math.radians(30.0)),
+    )
+    own = np.array(
+        (
+            0.5 * math.pi,
+            -math.pi,
+            -4.557307001930109,
+            1.5 * math.pi,
+            -0.054990871346361825,
+            math.radians(295.0),
+            math.radians(-70.0),
+        )
+    )
+    solver = IKSolver(solver.robot, tool=jacokin.pose((0.5, 0.0, 0.0)), collision="ignore")
+    family = solver.solve_all(solver.verifier.tool_pose(own))
+    members = np.array([interval.nearest(own) for interval in family])
+    assert np.abs(members - own).max(axis=1).min() < 1e-9
+
+
+@pytest.mark.parametrize("range_", [(-math.pi, 0.0), (-0.5, 0.0), (-0.1, 0.1), (0.0, math.pi)])
+def test_a_curve_that_is_a_point_but_for_rounding_is_a_member_at_the_end_of_a_range(
+    range_: tuple[float, float],
+) -> None:
+    solver, own = solver_of("j2s6s300"), np.array((-90.0, 180.0, 180.0, 0.0, 270.0, -90.0)) * DEGREES
+    family = solver.solve_all(FreeAxis(solver.verifier.tool_pose(own), axis=(1.0, 0.0, 0.0), range=range_))
+    assert min(np.abs(wrap_to_pi(interval.nearest(own) - own)).max() for interval in family) < 1e-5
