@@ -23,7 +23,7 @@ FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fvisibility=hidden")
 CONSTANTS = {
     arm: ("ARM_CONSTANTS",),
     branches: ("COLUMNS", "DISTANCE", "WITHIN_LIMITS", "FAMILY"),
-    slices: ("SLICES",),
+    slices: ("SLICES", "SLICES_SIX", "SLICES_SEVEN"),
     arcs: ("NODES", "ARCS", "SEAM_END"),
     limit_cuts: ("INTERVALS", "INTERVAL_COLUMNS"),
     intervals: (
@@ -31,8 +31,6 @@ CONSTANTS = {
         "FIND_AT_PARAMETER",
         "FIND_NEAREST",
         "FIND_NEAREST_ON_RUN",
-        "SLICES_SIX",
-        "SLICES_SEVEN",
         "FIRST_SLICE",
         "SAME_SLICE",
     ),

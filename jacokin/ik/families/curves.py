@@ -28,16 +28,14 @@ from jacokin.kernels.self_motion.intervals import (
     FIRST_SLICE,
     SAME_SLICE,
     SCATTER,
-    SLICES_SEVEN,
-    SLICES_SIX,
     CurveWork,
     make_curve_work,
     run_curves,
 )
 from jacokin.kernels.self_motion.limit_cuts import INTERVALS
 from jacokin.kernels.self_motion.members import GUESSED
-from jacokin.kernels.self_motion.slices import SAME_PARAMETER, SINGULAR, SLICES
-from jacokin.model import checks
+from jacokin.kernels.self_motion.slices import SAME_PARAMETER, SINGULAR, SLICES, SLICES_SEVEN, SLICES_SIX
+from jacokin.model import angles, checks
 from jacokin.model.angles import TURN
 from jacokin.model.poses import FreeAxis
 
@@ -277,7 +275,8 @@ class CurveProblem(NamedTuple):
         call = self._take()
         work = call.work
         limits = None if free is None or self.closed else free.range
-        values = _add(_slices(SLICES_SEVEN if free is None else SLICES_SIX, limits, quarters=quarters), also)
+        number = SLICES_SEVEN if free is None else SLICES_SIX
+        values = _add(_slices(number, limits, quarters=quarters), also, self.closed)
         values, crossed, heeded = _make_room(values, self.closed, crossings, room)
         if free is not None:
             work.six.chain[:] = arm.chain
@@ -437,14 +436,15 @@ def _slices(number: int, limits: tuple[float, float] | None, *, quarters: bool) 
         values = np.asarray(FIRST_SLICE + TURN / number * np.arange(number))
     else:
         values = np.linspace(*limits, 2 + math.ceil(number * (limits[1] - limits[0]) / TURN))
-    return checks.read_only(_add(values, QUARTER_TURNS if quarters else ()))
+    return checks.read_only(_add(values, QUARTER_TURNS if quarters else (), limits is None))
 
 
-def _add(values: Array, also: Sequence[float]) -> Array:
-    """Rising values with some more between them, in their copies there, as many as there is room for."""
+def _add(values: Array, also: Sequence[float], closed: bool) -> Array:
+    """Rising values with some more between them, or on the circle, in their copies there, as far as there is room."""
     for p in also:
         moved = p - TURN * math.floor((p - values[0]) / TURN)
-        if moved < values[-1] and np.abs(values - moved).min() > SAME_SLICE and len(values) < MOST_SLICES:
+        fits = (closed or moved < values[-1]) and len(values) < MOST_SLICES
+        if fits and np.abs(angles.wrap_to_pi(values - moved)).min() > SAME_SLICE:
             values = np.sort(np.append(values, moved))
     return values
 

@@ -16,8 +16,8 @@ from jacokin.kernels.limits import TURN
 from jacokin.kernels.self_motion.seven_joints import discriminants, elbow_discriminant, wrist_from_shoulder
 from jacokin.kernels.self_motion.slices import (
     EDGES,
+    SAMPLES,
     SLICES,
-    WINDOW_SAMPLES,
     WINDOWS,
     SevenJoints,
     SixJoints,
@@ -73,8 +73,8 @@ def insert_slice(slices: Slices, n: int, p: float) -> int:
     return n + 1
 
 
-def add_windows(chain: Array, seven: SevenJoints, T: Array, n: int, closed: bool, slices: Slices) -> int:
-    """Add a slice in each window that none of the first n slices, evenly apart, lies in, and in each gap between two.
+def add_windows(chain: Array, seven: SevenJoints, T: Array, n: int, slices: Slices) -> int:
+    """Add a slice in each window that none of the first n slices lies in, and in each gap between two.
 
     Returns how many slices there are then.
     """
@@ -84,38 +84,33 @@ def add_windows(chain: Array, seven: SevenJoints, T: Array, n: int, closed: bool
     if windows >= 0:
         total = n
         for i in range(windows):
-            p = seven.windows[i, 0]
-            total = insert_new(slices, total, p - TURN * math.floor((p - slices.p[0]) / TURN))
+            total = insert_new(slices, total, seven.windows[i, 0])
         return total
-    first, step = slices.p[0], (slices.p[1] - slices.p[0]) / WINDOW_SAMPLES
-    gaps = n if closed else n - 1
-    for i in range(gaps * WINDOW_SAMPLES + 3):
+    first, step = slices.p[0], TURN / SAMPLES
+    for i in range(SAMPLES + 3):
         at_4, plus, minus = discriminants(chain, arm7, D0, first + (i - 1) * step)
         seven.samples[i, 0], seven.samples[i, 1], seven.samples[i, 2] = at_4, plus, minus
     total = n
     for k in range(1, 3):
         sign = 1.0 if k == 1 else -1.0
-        seen = False  # whether the window at hand has a slice
-        peak, peak_at = -math.inf, 0.0
-        before = lower_sample(seven.samples[0], k) if closed else math.inf
-        here = lower_sample(seven.samples[1], k)
-        for i in range(gaps * WINDOW_SAMPLES + 1):
+        begin, peak, peak_at = 0.0, -math.inf, 0.0  # of the window at hand
+        before, here = lower_sample(seven.samples[0], k), lower_sample(seven.samples[1], k)
+        for i in range(SAMPLES + 1):
             p = first + i * step
             after = lower_sample(seven.samples[i + 2], k)
             if here > 0.0:
-                seen = seen or i % WINDOW_SAMPLES == 0
+                if i == 0 or not before > 0.0:
+                    begin, peak = p, -math.inf
                 if here > peak:
                     peak, peak_at = here, p
-                if not after > 0.0:
-                    if not seen:
-                        total = insert_slice(slices, total, peak_at)
-                    seen, peak = False, -math.inf
-            elif here >= before and here >= after and i < gaps * WINDOW_SAMPLES:
+                if not after > 0.0 and not has_slice(slices, total, begin, p):
+                    total = insert_new(slices, total, peak_at)
+            elif here >= before and here >= after and i < SAMPLES:
                 at, value = find_maximum(chain, arm7, D0, p - step, p + step, sign)
                 if value > 0.0:
-                    total = insert_slice(slices, total, at)
+                    total = insert_new(slices, total, at)
             before, here = here, after
-    return add_dips(chain, seven, D0, first, step, gaps * WINDOW_SAMPLES, total, slices)
+    return add_dips(chain, seven, D0, first, step, total, slices)
 
 
 def lower_sample(sample: Array, kind: int) -> float:
@@ -146,17 +141,22 @@ def find_dip(chain: Array, arm7: Array, D0: Vec, low: float, high: float, kind: 
     return math.nan
 
 
-def insert_new(slices: Slices, n: int, p: float) -> int:
-    """As `insert_slice`, unless the value is there."""
+def has_slice(slices: Slices, n: int, low: float, high: float) -> bool:
+    """Whether one of the first n slices, which close a circle, lies between two values of joint 3."""
     for i in range(n):
-        if abs(slices.p[i] - p) < SAME_SLICE:
-            return n
-    return insert_slice(slices, n, p)
+        on = slices.p[i] - TURN * math.floor((slices.p[i] - low + SAME_SLICE) / TURN)
+        if on <= high + SAME_SLICE:
+            return True
+    return False
 
 
-def add_dips(
-    chain: Array, seven: SevenJoints, D0: Vec, first: float, step: float, samples: int, total: int, slices: Slices
-) -> int:
+def insert_new(slices: Slices, n: int, p: float) -> int:
+    """As `insert_slice`, in the copy that is among the values on the circle, unless that is there."""
+    p -= TURN * math.floor((p - slices.p[0]) / TURN)
+    return n if has_slice(slices, n, p, p) else insert_slice(slices, n, p)
+
+
+def add_dips(chain: Array, seven: SevenJoints, D0: Vec, first: float, step: float, total: int, slices: Slices) -> int:
     """Add a slice where two configurations meet and part again, so that between there are none and no slice sees it.
 
     The slopes at the slices on both sides do not tell of it.
@@ -166,8 +166,7 @@ def add_dips(
         seven: the arm, and its samples.
         D0: what `wrist_from_shoulder` returned.
         first: first sample of joint 3, at a slice [rad].
-        step: from sample to sample, WINDOW_SAMPLES to a slice [rad].
-        samples: how many.
+        step: from sample to sample [rad].
         total: how many slices there are.
         slices: what they are added to.
 
@@ -175,19 +174,17 @@ def add_dips(
         How many slices there are then.
     """
     for kind in range(3):
-        seen, length, lowest = False, 0, 0.0  # of the run of samples that are not positive: whether it has a slice
+        begin, lowest = 0.0, 0.0  # of the run of samples that are not positive
         before, here = seven.samples[0, kind], seven.samples[1, kind]
-        for i in range(samples):
+        for i in range(SAMPLES):
             p = first + i * step
             after = seven.samples[i + 2, kind]
             if not here > 0.0:
-                seen = (length > 0 and seen) or i % WINDOW_SAMPLES == 0
-                length += 1
+                if i == 0 or before > 0.0:
+                    begin, lowest = p, 0.0
                 lowest = min(lowest, here)
-                if after > 0.0:
-                    if not seen and lowest < -SHALLOW:
-                        total = insert_new(slices, total, p - 0.5 * (length - 1) * step)
-                    length, lowest = 0, 0.0
+                if after > 0.0 and lowest < -SHALLOW and not has_slice(slices, total, begin, p):
+                    total = insert_new(slices, total, 0.5 * (begin + p))
             elif here <= before and here <= after:
                 bend = after + before - 2.0 * here
                 if (after - before) * (after - before) > 8.0 * (1.0 - HIGH_MINIMUM) * here * bend:

@@ -56,8 +56,6 @@ FIND_INTERVALS, FIND_AT_SHARE, FIND_AT_PARAMETER, FIND_NEAREST, FIND_NEAREST_ON_
 
 # What callers choose the slices by.
 
-#: Values of the parameter that are solved at, for a full turn: about a free axis, and of seven joints.
-SLICES_SIX, SLICES_SEVEN = 96, 48
 #: [rad] where they begin: no structured pose has a fold or a limit just there, nor a window in the gap before it.
 FIRST_SLICE = -math.pi + 1.2345
 #: [rad] values nearer to each other are solved at once.
@@ -141,7 +139,7 @@ def run_curves(work: CurveWork) -> int:
         sweeping = SweepWork(chain, T, work.seven, work.slices, work.graph.traced, work.nearest, walk)
         return 1 if sweep(sweeping) else 0
     if parameter != 6:
-        n = add_windows(chain, work.seven, T, n, closed, work.slices)
+        n = add_windows(chain, work.seven, T, n, work.slices)
     elif unpack_arm(work.six.arm).six.scale == 0.0:  # F is that of an arm built like a Jaco
         n = add_loops(T, n, closed, work.slices, work.six, work.loops)
     if task == FIND_NEAREST:

@@ -19,8 +19,11 @@ from jacokin.kernels.self_motion.seven_joints import MOST_AT_Q3, solve_at_q3
 
 #: Values of the parameter at most, and points at each.
 SLICES, POINTS = 192, 24
-#: Samples of joint 3 from one slice to the next, see `gaps`.
+#: Values of the parameter that are solved at, for a full turn: about a free axis, and of seven joints.
+SLICES_SIX, SLICES_SEVEN = 96, 48
+#: Samples of joint 3 from one slice to the next, see `gaps`, and of a full turn.
 WINDOW_SAMPLES = 4
+SAMPLES = WINDOW_SAMPLES * SLICES_SEVEN
 #: Edges of joint 3 of seven joints, and windows between them, at most.
 EDGES, WINDOWS = 8, 32
 #: Points without a tangent that are kept.
@@ -47,7 +50,7 @@ class SevenJoints(NamedTuple):
     arm: Array  # (12,) as `seven_joints.solve_at_q3` needs it
     rows: Array  # (8, 7)
     edges: Array  # (EDGES,) joint 3 where both values of joint 4 are one, see `gaps`
-    samples: Array  # (WINDOW_SAMPLES * SLICES + 3, 3) `seven_joints.discriminants` at values evenly apart
+    samples: Array  # (SAMPLES + 3, 3) `seven_joints.discriminants` at values evenly apart
     windows: Array  # (WINDOWS, 2) joint 3 in windows between them, and the sign of joint 4; sign 0 in gaps between two
 
 
@@ -82,8 +85,8 @@ def make_six_joints() -> SixJoints:
 
 def make_seven_joints() -> SevenJoints:
     """Fresh arrays."""
-    samples = np.empty((WINDOW_SAMPLES * SLICES + 3, 3))
-    return SevenJoints(np.zeros(12), np.empty((MOST_AT_Q3, 7)), np.empty(EDGES), samples, np.empty((WINDOWS, 2)))
+    samples, windows = np.empty((SAMPLES + 3, 3)), np.empty((WINDOWS, 2))
+    return SevenJoints(np.zeros(12), np.empty((MOST_AT_Q3, 7)), np.empty(EDGES), samples, windows)
 
 
 def make_slices() -> Slices:

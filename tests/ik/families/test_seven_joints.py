@@ -167,9 +167,18 @@ def test_windows_are_found_wherever_the_slices_begin(solver: IKSolver) -> None:
     work.T[:] = solver.robot.forward_kinematics(q).homogeneous
     for start in np.linspace(-0.13, 0.13, 27):
         work.slices.p[:48] = math.pi + start + TURN / 48 * np.arange(48)
-        n = gaps.add_windows(work.chain, work.seven, work.T, 48, True, work.slices)
+        n = gaps.add_windows(work.chain, work.seven, work.T, 48, work.slices)
         assert np.abs(wrap_to_pi(work.slices.p[:n] - math.pi)).min() < 0.004
         assert (np.diff(work.slices.p[:n]) >= 0.0).all()
+
+
+def test_short_curves_are_found_once(solver: IKSolver, rng: np.random.Generator) -> None:
+    """Beside short curves there are more slices; a window between them was put a turn on, and its curves came twice."""
+    folded = np.array([6.5455, 2.272, 0.0697, 0.7833, 5.9445, 3.8786, 5.0877])
+    for q in folded + rng.normal(scale=0.02, size=(12, 7)):
+        family = solver.family(solver.robot.forward_kinematics(q))
+        assert family.branches == 16  # eight closed curves, from fold to fold and back
+        assert not any(interval.start == interval.stop for interval in family)
 
 
 @pytest.mark.parametrize(
